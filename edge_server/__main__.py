@@ -1,12 +1,16 @@
 """Command line: `python -m edge_server [serve|relay|migrate|backup|dead-letters|keys|audit]`.
 
-Without a word, server and relay together.
+Without a command: server and relay.
 """
+
+import signal
+
+if __name__ == "__main__":  # Ctrl-C while the rest is loaded ends the program without a traceback
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 import argparse
 import logging
 import os
-import signal
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -14,7 +18,7 @@ from typing import Final
 
 from edge_server.config import SETTINGS, Config, ConfigError, load
 from edge_server.observability import logs
-from edge_server.process.exit_codes import FAILED, OK, WRONG_SETUP
+from edge_server.process.exit_codes import FAILED, INTERRUPTED, OK, WRONG_SETUP
 from edge_server.process.supervisor import PARENT_VARIABLE, Supervisor
 from edge_server.security import redaction
 
@@ -35,19 +39,25 @@ def main(arguments: list[str]) -> int:
     if options.command is None:
         return Supervisor(arguments, config).run()
     if parent := os.environ.get(PARENT_VARIABLE):
-        from edge_server.process import children  # noqa: PLC0415  # only a part needs it
+        from edge_server.process import children  # noqa: PLC0415  # for child processes only
 
-        children.die_with(int(parent))
+        children.exit_with_parent(int(parent))
     command: Callable[[Config, argparse.Namespace], int] = options.run
-    return command(config, options)
+    if command in _PROCESSES:
+        return command(config, options)
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # A command cleans up behind itself
+    try:
+        return command(config, options)
+    except KeyboardInterrupt:
+        return INTERRUPTED
 
 
 def _serve(config: Config, _options: argparse.Namespace) -> int:
-    from edge_server.process import server  # noqa: PLC0415  # each command loads what it needs
+    from edge_server.process import server  # noqa: PLC0415  # each command loads only its modules
 
     try:
         server.serve(config)
-    except (server.PortTakenError, server.WrongDoorError) as error:
+    except (server.PortTakenError, server.TlsSetupError) as error:
         print(f"edge server: {error}", file=sys.stderr)
         return WRONG_SETUP
     except server.UnpreparedError as error:
@@ -65,19 +75,19 @@ def _relay(config: Config, _options: argparse.Namespace) -> int:
         print(f"edge server: {error}", file=sys.stderr)
         return WRONG_SETUP
     except RelayError as error:
-        LOG.error("the relay cannot go on: %s", error)  # noqa: TRY400  # the sentence is enough
+        LOG.error("the relay cannot continue: %s", error)  # noqa: TRY400  # the sentence is enough
         return FAILED
     return OK
 
 
 def _migrate(config: Config, _options: argparse.Namespace) -> int:
     from edge_server.process import preparation  # noqa: PLC0415  # as above
-    from edge_server.security.key_files import OpenSecretError  # noqa: PLC0415  # as above
+    from edge_server.security.key_files import SecretFileError  # noqa: PLC0415  # as above
     from edge_server.store.migrate import HEAD, StoreError  # noqa: PLC0415  # as above
 
     try:
         preparation.prepare(config)
-    except (OpenSecretError, StoreError) as error:
+    except (SecretFileError, StoreError) as error:
         print(f"edge server: {error}", file=sys.stderr)
         return FAILED
     print(f"{config.database_name} is at {HEAD}")
@@ -85,12 +95,12 @@ def _migrate(config: Config, _options: argparse.Namespace) -> int:
 
 
 def _back_up(config: Config, options: argparse.Namespace) -> int:
-    from edge_server.store import backup  # noqa: PLC0415  # as above
+    from edge_server.store.files import backup  # noqa: PLC0415  # as above
 
     if config.database_url is not None:
         print(
-            f"edge server: {config.database_name} is copied by PostgreSQL's own pg_dump, "
-            "while it is in use; there is no file here to copy",
+            f"edge server: there is no database file to copy: {config.database_name} is backed up "
+            "with pg_dump",
             file=sys.stderr,
         )
         return WRONG_SETUP
@@ -133,10 +143,12 @@ def _access(config: Config, options: argparse.Namespace) -> int:
         return FAILED
 
 
+_PROCESSES: Final = (_serve, _relay)
+"""Commands that handle signals themselves."""
 _COMMANDS: Final = (
     ("serve", _serve, "serve the API"),
-    ("relay", _relay, "send what is due to the cloud"),
-    ("migrate", _migrate, "make or update the database, then end"),
+    ("relay", _relay, "send records to the cloud"),
+    ("migrate", _migrate, "create or migrate the database, then exit"),
 )
 
 
@@ -149,22 +161,22 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(dest="command")
     for name, run, meaning in _COMMANDS:
         commands.add_parser(name, help=meaning).set_defaults(run=run)
-    copy = commands.add_parser("backup", help="copy the database while it is in use")
+    copy = commands.add_parser("backup", help="back up the database while it is in use")
     copy.add_argument("target", type=Path, help="the new file")
     copy.set_defaults(run=_back_up)
-    letters = commands.add_parser("dead-letters", help="what the cloud has rejected")
+    letters = commands.add_parser("dead-letters", help="reports that the cloud has rejected")
     actions = letters.add_subparsers(dest="action", required=True)
     for name, meaning in (
-        ("list", "one line each"),
-        ("export", "all of each, a JSON object a line"),
-        ("retry-all", "send all of them once more"),
+        ("list", "list them, one line each"),
+        ("export", "export them as NDJSON"),
+        ("retry-all", "retry all of them"),
     ):
         actions.add_parser(name, help=meaning).set_defaults(run=_dead_letters, id=[], file=None)
-    edit = actions.add_parser("edit", help="correct one and send it")
+    edit = actions.add_parser("edit", help="correct one and retry it")
     edit.add_argument("id", type=int, nargs=1)
     edit.add_argument("file", type=Path, help="JSON file with the corrected report")
     edit.set_defaults(run=_dead_letters)
-    for name, meaning in (("retry", "send once more"), ("discard", "give up for good")):
+    for name, meaning in (("retry", "retry them"), ("discard", "discard them")):
         action = actions.add_parser(name, help=meaning)
         action.add_argument("id", type=int, nargs="+")
         action.set_defaults(run=_dead_letters, file=None)
@@ -176,28 +188,31 @@ def _add_access(commands: "argparse._SubParsersAction[argparse.ArgumentParser]")
     keys = commands.add_parser("keys", help="access keys").add_subparsers(
         dest="access", required=True
     )
-    keys.add_parser("show-paths", help="where the roles' first keys lie")
+    keys.add_parser("show-paths", help="paths of the key files")
     keys.add_parser("list", help="all keys, without their secrets")
-    create = keys.add_parser("create", help="make a key; its secret is shown once")
+    create = keys.add_parser("create", help="create a key; its secret is shown once")
     create.add_argument("role")
     create.add_argument("name")
     create.add_argument("--scope", action="append", default=[], help="read, report or metrics")
-    create.add_argument("--vehicle", type=int, action="append", default=[], help="its vehicle_id")
-    create.add_argument("--hours", type=float, help="how long it opens anything")
-    rotate = keys.add_parser("rotate", help="make a new key in the place of an old one")
-    rotate.add_argument("key", help="a role, whose file is meant, or a key's name or prefix")
-    rotate.add_argument("--overlap-hours", type=float, default=0.0, help="the old one's last ones")
-    revoke = keys.add_parser("revoke", help="let a key open nothing any more")
+    create.add_argument(
+        "--vehicle", type=int, action="append", default=[], help="vehicle_id it is restricted to"
+    )
+    create.add_argument("--hours", type=float, help="hours it is valid")
+    rotate = keys.add_parser("rotate", help="replace a key by a new one")
+    rotate.add_argument("key", help="a role (its key file), or a key's name or prefix")
+    rotate.add_argument(
+        "--overlap-hours", type=float, default=0.0, help="hours the old one stays valid"
+    )
+    revoke = keys.add_parser("revoke", help="revoke a key")
     revoke.add_argument("key", help="its name or prefix")
-    log = commands.add_parser("audit", help="who did what").add_subparsers(
+    log = commands.add_parser("audit", help="audit log").add_subparsers(
         dest="access", required=True
     )
-    log.add_parser("export", help="the whole log, a JSON object a line")
-    log.add_parser("verify", help="whether it is as it was written; names the first broken row")
+    log.add_parser("export", help="export the log as NDJSON")
+    log.add_parser("verify", help="verify the hash chain; names the first broken row")
     for parser in (*keys.choices.values(), *log.choices.values()):
         parser.set_defaults(run=_access)
 
 
 if __name__ == "__main__":
-    signal.signal(signal.SIGINT, signal.default_int_handler)
     sys.exit(main(sys.argv[1:]))

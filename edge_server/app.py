@@ -1,49 +1,51 @@
-"""Where configuration, store, services and routes meet."""
+"""Application factory: joins configuration, database, services and routes."""
 
 import time
 from collections.abc import Callable
 from typing import Any
 
-from apiflask import APIFlask
+from flask import Flask
 from flask.json.provider import DefaultJSONProvider
 from flask_sqlalchemy import SQLAlchemy
 
 from edge_server.api import (
-    audit,
+    audit_trail,
     auth,
     bodies,
+    errors,
+    headers,
+    request_log,
+    signatures,
+    urls,
+)
+from edge_server.api.limits import Limits
+from edge_server.api.routes import (
+    audit,
     broker,
     bulk,
     dead_letters,
     documentation,
-    errors,
     events,
     fields,
-    headers,
     health,
     keys,
     metrics,
     plan_files,
     plans,
-    request_log,
-    signatures,
     surveys,
     telemetry,
-    trails,
-    urls,
     vehicles,
 )
-from edge_server.api.limits import Limits
 from edge_server.config import Config
 from edge_server.observability.metrics import Metrics
 from edge_server.services.context import Context
-from edge_server.store.database import Database
-from edge_server.store.engines import engine_options, prepare_engine
-from edge_server.store.tables import METADATA
+from edge_server.store.connection.database import Database
+from edge_server.store.connection.engines import engine_options, prepare_engine
+from edge_server.store.rows.tables import METADATA
 
 
 class _Json(DefaultJSONProvider):
-    """Answers without NaN, in the order in which we write them."""
+    """JSON without NaN; members stay in the order of the code."""
 
     sort_keys = False
     compact = True
@@ -52,7 +54,7 @@ class _Json(DefaultJSONProvider):
         return super().dumps(obj, allow_nan=False, **options)
 
 
-_PARTS = (
+_MODULES = (
     plans,
     plan_files,
     events,
@@ -69,16 +71,12 @@ _PARTS = (
     metrics,
     documentation,
 )
-"""Whoever makes routes."""
+"""Modules with a blueprint."""
 
 
-def create_app(config: Config, *, clock: Callable[[], float] = time.time) -> APIFlask:
+def create_app(config: Config, *, clock: Callable[[], float] = time.time) -> Flask:
     """Build the WSGI application; the database must have been prepared."""
-    app = APIFlask(
-        "edge_server",
-        enable_openapi=False,
-        static_folder=None,  # type: ignore[arg-type]  # Flask takes it; the type says otherwise
-    )
+    app = Flask("edge_server", static_folder=None)
     app.json = _Json(app)
     app.config.update(
         SQLALCHEMY_DATABASE_URI=config.database,
@@ -98,11 +96,12 @@ def create_app(config: Config, *, clock: Callable[[], float] = time.time) -> API
     context.space.count = figures.dropped
     app.extensions[metrics.EXTENSION] = figures
     request_log.install(app, figures)
-    trails.install(app, context)
+    audit_trail.install(app, context)
     ring = auth.KeyRing(database, clock)
     limits = Limits(config)
     app.extensions[keys.KEY_RING] = ring
-    app.before_request(lambda: auth.check_caller(ring, limits, context))
+    app.before_request(documentation.greet_browser)
+    app.before_request(lambda: auth.authorize(ring, limits, context))
     if config.cloud_jws_key_file is not None:
         from edge_server.api import jws  # noqa: PLC0415  # it costs memory
 
@@ -110,12 +109,12 @@ def create_app(config: Config, *, clock: Callable[[], float] = time.time) -> API
     app.before_request(bodies.refuse_encoded)
     app.before_request(signatures.check_request)
     headers.install(app, config)
-    for part in _PARTS:
-        app.register_blueprint(part.blueprint())
+    for module in _MODULES:
+        app.register_blueprint(module.blueprint())
     return app
 
 
-def context_of(app: APIFlask) -> Context:
-    """Give what the services of an app share."""
+def context_of(app: Flask) -> Context:
+    """Give the context that the services of an app share."""
     found: Context = app.extensions["edge_context"]
     return found

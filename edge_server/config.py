@@ -1,9 +1,9 @@
-"""What an operator may set: read once, frozen, passed to whoever needs it.
+"""Settings of the edge server: read once, frozen, passed to whoever needs them.
 
-Each setting is one row of `SETTINGS`; flags beat environment variables, these beat the TOML
-file's table `[edge_server]`, and that beats the default.
+Each setting is a field of `Config` and a row of `SETTINGS`. A flag takes precedence over the
+environment variable, that over the TOML file's table `[edge_server]`, that over the default.
 
-ConfigError  a setting that cannot be used; the message names it and says why
+ConfigError  a setting that cannot be used; the message names it and says what it must be
 """
 
 import os
@@ -14,6 +14,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 from urllib.parse import unquote, urlsplit
+
+_SCHEMES: Final = frozenset({"http", "https", "mqtt", "mqtts"})
+_TOPIC_ROOT: Final = re.compile(r"/*+(?!\$)[^+#\x00-\x1f\x7f-\x9f]{0,200}")
+_NAME: Final = re.compile(r"[A-Za-z0-9._-]{1,64}")
 
 
 class ConfigError(Exception):
@@ -30,11 +34,11 @@ class Config:
     port: int = 8000
     cloud_url: str = "http://127.0.0.1:8100"
     cloud_key_file: Path | None = None
-    cloud_ca_file: Path | None = None  # The only authority that speaks for the cloud
+    cloud_ca_file: Path | None = None  # No other authority is trusted
     cloud_fingerprint: str | None = None  # SHA-256 of its certificate, hex
     cloud_client_certificate_file: Path | None = None  # Certificate and key, PEM
-    mqtt_confirm: str = "cloud"  # Whose word lets a record be deleted
-    mqtt_client_id: str | None = None  # Drawn and kept when it is not set
+    mqtt_confirm: str = "cloud"  # Whose acknowledgement deletes a record
+    mqtt_client_id: str | None = None  # None: drawn once and kept
     mqtt_keep_alive_s: int = 30
     threads: int = 32
     connections: int = 2000
@@ -45,7 +49,7 @@ class Config:
     longest_leg_m: float = 0.0
     backoff_base_s: float = 0.5
     backoff_cap_s: float = 10.0
-    probe_interval_s: float = 15.0  # While the cloud refuses our key
+    probe_interval_s: float = 15.0  # While the cloud refuses the key
     connect_timeout_s: float = 5.0
     read_timeout_s: float = 15.0
     relay_workers: int = 4
@@ -57,11 +61,11 @@ class Config:
     database_url: str | None = field(default=None, repr=False)  # It may hold a password
     requests_per_minute: int = 12_000  # Of one key of a person or the cloud
     broker_requests_per_minute: int = 600_000
-    failures_per_minute: int = 600  # Wrong keys from one address
+    failures_per_minute: int = 600  # Unknown keys from one address
     tls_certificate_file: Path | None = None
     tls_key_file: Path | None = None
     tls_client_ca_file: Path | None = None
-    allow_plain_http: bool = False  # Beyond this machine
+    allow_plain_http: bool = False  # For other machines
     edge_id: str = "edge"
     cloud_jws_key_file: Path | None = None
     cloud_may_dispatch: bool = False
@@ -78,12 +82,12 @@ class Config:
 
     @property
     def database(self) -> str:
-        """The URL of the database: PostgreSQL's as it was set, else that of our own file."""
+        """URL of the database: PostgreSQL's where it is set, else that of the SQLite file."""
         return self.database_url or f"sqlite:///{self.database_path}"
 
     @property
     def database_name(self) -> str:
-        """What to call the database before people: no password in it."""
+        """Name of the database for messages; it holds no password."""
         if self.database_url is None:
             return str(self.database_path)
         parts = urlsplit(self.database_url)
@@ -91,37 +95,37 @@ class Config:
 
     @property
     def database_path(self) -> Path:
-        """The SQLite file; its -wal and -shm lie beside it."""
+        """SQLite file; its -wal and -shm are in the same folder."""
         return self.edge_dir / "edge.sqlite3"
 
     @property
     def server_tally_path(self) -> Path:
-        """What the server has counted."""
+        """Counts of the server."""
         return self.edge_dir / "server.tally"
 
     @property
     def relay_tally_path(self) -> Path:
-        """What the relay has counted."""
+        """Counts of the relay."""
         return self.edge_dir / "relay.tally"
 
     @property
     def supervisor_tally_path(self) -> Path:
-        """What the supervisor of both has counted."""
+        """Counts of the supervisor of both."""
         return self.edge_dir / "supervisor.tally"
 
     @property
     def relay_lock_path(self) -> Path:
-        """Held by the one relay of this state folder."""
+        """Lock that the relay of this state folder holds."""
         return self.edge_dir / "relay.lock"
 
     @property
     def ballast_path(self) -> Path:
-        """Room held for the relay on a disk that is full."""
+        """File that reserves room for the relay on a full disk."""
         return self.edge_dir / "ballast"
 
     @property
     def wake_path(self) -> Path:
-        """The pipe by which the server tells the relay that a record is due."""
+        """Pipe through which the server wakes the relay when a record is due."""
         return self.edge_dir / "relay.wake"
 
 
@@ -135,33 +139,61 @@ class Setting(NamedTuple):
 
 
 def _whole(low: int, high: int) -> Callable[[Any], int]:
+    """Make the reader of a whole number; a file may write 8000.0."""
+    refusal = f"must be a whole number from {low} to {high}"
+
     def read(value: Any) -> int:
-        is_whole = not isinstance(value, bool) and (
-            not isinstance(value, float) or value.is_integer()
-        )
-        if not is_whole or not low <= (number := int(value)) <= high:
-            raise ValueError(f"must be a whole number from {low} to {high}")
+        is_fraction = isinstance(value, float) and not value.is_integer()
+        if isinstance(value, bool) or is_fraction:
+            raise ValueError(refusal)
+        try:
+            number = int(value)
+        except (TypeError, ValueError):
+            raise ValueError(refusal) from None
+        if not low <= number <= high:
+            raise ValueError(refusal)
+        return number
+
+    return read
+
+
+def _real(low: float, high: float, unit: str) -> Callable[[Any], float]:
+    """Make the reader of a number with a unit."""
+    refusal = f"must be {low:g} to {high:g} {unit}"
+
+    def read(value: Any) -> float:
+        try:
+            number = float("nan") if isinstance(value, bool) else float(value)
+        except (TypeError, ValueError):
+            raise ValueError(refusal) from None
+        if not low <= number <= high:
+            raise ValueError(refusal)
         return number
 
     return read
 
 
 def _seconds(low: float, high: float) -> Callable[[Any], float]:
-    def read(value: Any) -> float:
-        if isinstance(value, bool) or not low <= (number := float(value)) <= high:
-            raise ValueError(f"must be {low:g} to {high:g} seconds")
-        return number
+    return _real(low, high, "seconds")
+
+
+def _choice(*choices: str) -> Callable[[Any], str]:
+    """Make the reader of one of several words, in capitals or not."""
+
+    def read(value: Any) -> str:
+        for choice in choices:
+            if str(value).lower() == choice.lower():
+                return choice
+        raise ValueError(f"must be {', '.join(choices[:-1])} or {choices[-1]}")
 
     return read
 
 
-def _metres(low: float, high: float) -> Callable[[Any], float]:
-    def read(value: Any) -> float:
-        if isinstance(value, bool) or not low <= (number := float(value)) <= high:
-            raise ValueError(f"must be {low:g} to {high:g} metres")
-        return number
-
-    return read
+def _flag(value: Any) -> bool:
+    found = {"true": True, "1": True, "false": False, "0": False}.get(str(value).lower())
+    if found is None:
+        raise ValueError("must be true or false")
+    return found
 
 
 def _url(value: Any) -> str:
@@ -177,12 +209,6 @@ def _url(value: Any) -> str:
     return str(value).rstrip("/")
 
 
-def _confirm(value: Any) -> str:
-    if (word := str(value).lower()) not in {"cloud", "broker"}:
-        raise ValueError("must be cloud or broker")
-    return word
-
-
 def _database_url(value: Any) -> str:
     parts = urlsplit(str(value))
     known = parts.scheme in {"postgresql", "postgresql+psycopg"}
@@ -191,25 +217,10 @@ def _database_url(value: Any) -> str:
     return f"postgresql+psycopg{str(value)[len(parts.scheme) :]}"
 
 
-def _days(value: Any) -> float:
-    if isinstance(value, bool) or not 0.001 <= (number := float(value)) <= 36_500:
-        raise ValueError("must be 0.001 to 36500 days")
-    return number
-
-
-def _flag(value: Any) -> bool:
-    if isinstance(value, bool):
-        return value
-    found = {"true": True, "1": True, "false": False, "0": False}.get(str(value).lower())
-    if found is None:
-        raise ValueError("must be true or false")
-    return found
-
-
-def _word(value: Any) -> str:
-    if _WORD.fullmatch(word := str(value)) is None:
+def _name(value: Any) -> str:
+    if _NAME.fullmatch(name := str(value)) is None:
         raise ValueError("must be 1 to 64 letters, digits, dots, dashes or underscores")
-    return word
+    return name
 
 
 def _fingerprint(value: Any) -> str:
@@ -219,42 +230,47 @@ def _fingerprint(value: Any) -> str:
     return digits
 
 
-def _level(value: Any) -> str:
-    if (name := str(value).upper()) not in {"DEBUG", "INFO", "WARNING", "ERROR"}:
-        raise ValueError("must be DEBUG, INFO, WARNING or ERROR")
-    return name
-
-
-def _log_format(value: Any) -> str:
-    if (name := str(value).lower()) not in {"auto", "json", "text"}:
-        raise ValueError("must be auto, json or text")
-    return name
-
-
-_SCHEMES: Final = frozenset({"http", "https", "mqtt", "mqtts"})
-_TOPIC_ROOT: Final = re.compile(r"/*+(?!\$)[^+#\x00-\x1f\x7f-\x9f]{0,200}")
-_WORD: Final = re.compile(r"[A-Za-z0-9._-]{1,64}")
+_DAYS: Final = _real(0.001, 36_500, "days")
+_METRES: Final = _real(0, 1e6, "metres")
+_MIB: Final = _whole(1, 2**20)
 _PER_MINUTE: Final = _whole(1, 10_000_000)
+
 
 SETTINGS: Final = (
     Setting("state_dir", "STATE_DIR", Path, "folder of database, keys and pipe"),
-    Setting("keys_folder", "KEYS_DIR", Path, "folder of the key files, if they lie elsewhere"),
-    Setting("database_url", "DATABASE_URL", _database_url, "a PostgreSQL database in its place"),
+    Setting("keys_folder", "KEYS_DIR", Path, "folder of key files; default: STATE_DIR/keys"),
+    Setting(
+        "database_url",
+        "DATABASE_URL",
+        _database_url,
+        "PostgreSQL database in place of the SQLite file",
+    ),
     Setting("host", "EDGE_HOST", str, "address to listen on"),
     Setting("port", "EDGE_PORT", _whole(1, 65535), "port to listen on"),
-    Setting("cloud_url", "CLOUD_URL", _url, "where records go"),
-    Setting("cloud_key_file", "CLOUD_KEY_FILE", Path, "file with the key shown to the cloud"),
-    Setting("cloud_ca_file", "CLOUD_CA_FILE", Path, "who may vouch for the cloud, nobody else"),
-    Setting("cloud_fingerprint", "CLOUD_FINGERPRINT", _fingerprint, "the cloud's certificate"),
+    Setting("cloud_url", "CLOUD_URL", _url, "address of the cloud: HTTP or MQTT"),
+    Setting("cloud_key_file", "CLOUD_KEY_FILE", Path, "file with the key that the cloud asks for"),
+    Setting("cloud_ca_file", "CLOUD_CA_FILE", Path, "the only authority of the cloud, PEM"),
+    Setting(
+        "cloud_fingerprint",
+        "CLOUD_FINGERPRINT",
+        _fingerprint,
+        "SHA-256 of the cloud's certificate, hex",
+    ),
     Setting(
         "cloud_client_certificate_file",
         "CLOUD_CLIENT_CERTIFICATE_FILE",
         Path,
-        "our certificate and key for the cloud, PEM",
+        "client certificate and key for the cloud, PEM",
     ),
-    Setting("mqtt_confirm", "MQTT_CONFIRM", _confirm, "whose word confirms: cloud or broker"),
-    Setting("mqtt_client_id", "MQTT_CLIENT_ID", _word, "our name at the broker"),
-    Setting("mqtt_keep_alive_s", "MQTT_KEEP_ALIVE_S", _whole(5, 3600), "a sign of life, at least"),
+    Setting(
+        "mqtt_confirm", "MQTT_CONFIRM", _choice("cloud", "broker"), "cloud or broker: who confirms"
+    ),
+    Setting(
+        "mqtt_client_id", "MQTT_CLIENT_ID", _name, "MQTT client id; default: drawn once and kept"
+    ),
+    Setting(
+        "mqtt_keep_alive_s", "MQTT_KEEP_ALIVE_S", _whole(5, 3600), "MQTT keep-alive interval [s]"
+    ),
     Setting("threads", "EDGE_THREADS", _whole(12, 256), "requests served at once"),
     Setting("connections", "EDGE_CONNECTIONS", _whole(16, 7000), "open connections"),
     Setting(
@@ -263,43 +279,71 @@ SETTINGS: Final = (
         _whole(8, 7000),
         "open connections of one address",
     ),
-    Setting("plan_lifetime_s", "PLAN_LIFETIME_S", _seconds(1, 30 * 86400), "default expires_at"),
+    Setting(
+        "plan_lifetime_s",
+        "PLAN_LIFETIME_S",
+        _seconds(1, 30 * 86400),
+        "default lifetime of a plan",
+    ),
     Setting("queue_limit", "QUEUE_LIMIT", _whole(1, 1000), "unfinished missions per vehicle"),
-    Setting("farthest_m", "FARTHEST_M", _metres(0, 1e6), "places from the first; 0: no limit"),
-    Setting("longest_leg_m", "LONGEST_LEG_M", _metres(0, 1e6), "place to place; 0: no limit"),
-    Setting("backoff_base_s", "RELAY_BACKOFF_BASE_S", _seconds(0.01, 60), "first retry, at most"),
-    Setting("backoff_cap_s", "RELAY_BACKOFF_CAP_S", _seconds(0.01, 3600), "any retry, at most"),
-    Setting("probe_interval_s", "RELAY_PROBE_S", _seconds(0.05, 3600), "probe of a refused uplink"),
-    Setting("connect_timeout_s", "RELAY_CONNECT_S", _seconds(0.1, 60), "reaching the cloud"),
-    Setting("read_timeout_s", "RELAY_READ_S", _seconds(0.1, 600), "the cloud's answer"),
+    Setting("farthest_m", "FARTHEST_M", _METRES, "from the first position; 0: no limit"),
+    Setting("longest_leg_m", "LONGEST_LEG_M", _METRES, "from position to position; 0: no limit"),
+    Setting(
+        "backoff_base_s",
+        "RELAY_BACKOFF_BASE_S",
+        _seconds(0.01, 60),
+        "longest first retry delay",
+    ),
+    Setting("backoff_cap_s", "RELAY_BACKOFF_CAP_S", _seconds(0.01, 3600), "longest retry delay"),
+    Setting(
+        "probe_interval_s",
+        "RELAY_PROBE_S",
+        _seconds(0.05, 3600),
+        "interval of probes of a refused uplink",
+    ),
+    Setting("connect_timeout_s", "RELAY_CONNECT_S", _seconds(0.1, 60), "timeout of a connection"),
+    Setting("read_timeout_s", "RELAY_READ_S", _seconds(0.1, 600), "timeout of an answer"),
     Setting("relay_workers", "RELAY_WORKERS", _whole(2, 32), "requests to the cloud at once"),
-    Setting("data_budget_mib", "DATA_BUDGET_MIB", _whole(1, 2**20), "MiB of records, at most"),
-    Setting("picture_budget_mib", "PICTURE_BUDGET_MIB", _whole(1, 2**20), "MiB of pictures"),
+    Setting("data_budget_mib", "DATA_BUDGET_MIB", _MIB, "MiB of records"),
+    Setting("picture_budget_mib", "PICTURE_BUDGET_MIB", _MIB, "MiB of pictures"),
+    Setting("dead_letter_budget_mib", "DEAD_LETTER_BUDGET_MIB", _MIB, "MiB of dead letters"),
     Setting(
-        "dead_letter_budget_mib", "DEAD_LETTER_BUDGET_MIB", _whole(1, 2**20), "MiB of dead letters"
+        "log_level",
+        "LOG_LEVEL",
+        _choice("DEBUG", "INFO", "WARNING", "ERROR"),
+        "DEBUG, INFO, WARNING or ERROR",
     ),
-    Setting("log_level", "LOG_LEVEL", _level, "DEBUG, INFO, WARNING or ERROR"),
-    Setting("requests_per_minute", "EDGE_REQUESTS_PER_MINUTE", _PER_MINUTE, "of one key"),
     Setting(
-        "broker_requests_per_minute", "EDGE_BROKER_REQUESTS_PER_MINUTE", _PER_MINUTE, "of a broker"
+        "requests_per_minute",
+        "EDGE_REQUESTS_PER_MINUTE",
+        _PER_MINUTE,
+        "requests per minute of a key",
     ),
-    Setting("failures_per_minute", "EDGE_FAILURES_PER_MINUTE", _PER_MINUTE, "wrong keys, address"),
     Setting(
-        "tls_certificate_file", "EDGE_TLS_CERTIFICATE_FILE", Path, "our certificate chain, PEM"
+        "broker_requests_per_minute",
+        "EDGE_BROKER_REQUESTS_PER_MINUTE",
+        _PER_MINUTE,
+        "requests per minute of a broker's key",
     ),
-    Setting("tls_key_file", "EDGE_TLS_KEY_FILE", Path, "its private key, PEM, mode 0600"),
-    Setting("tls_client_ca_file", "EDGE_TLS_CLIENT_CA_FILE", Path, "who may connect at all, PEM"),
-    Setting("allow_plain_http", "EDGE_ALLOW_PLAIN_HTTP", _flag, "beyond this machine without TLS"),
-    Setting("edge_id", "EDGE_ID", _word, "our name in what the cloud signs"),
-    Setting("cloud_jws_key_file", "CLOUD_JWS_KEY_FILE", Path, "what checks the cloud's signatures"),
-    Setting("cloud_may_dispatch", "CLOUD_MAY_DISPATCH", _flag, "the cloud's plans fly unattended"),
     Setting(
-        "retain_telemetry_days", "RETAIN_TELEMETRY_DAYS", _days, "reports nobody could deliver"
+        "failures_per_minute", "EDGE_FAILURES_PER_MINUTE", _PER_MINUTE, "unknown keys of an address"
     ),
-    Setting("retain_images_days", "RETAIN_IMAGES_DAYS", _days, "pictures nobody could deliver"),
-    Setting("retain_plans_days", "RETAIN_PLANS_DAYS", _days, "plans that have ended"),
-    Setting("retain_audit_days", "RETAIN_AUDIT_DAYS", _days, "the audit log"),
-    Setting("log_format", "LOG_FORMAT", _log_format, "auto, json or text"),
+    Setting("tls_certificate_file", "EDGE_TLS_CERTIFICATE_FILE", Path, "certificate chain, PEM"),
+    Setting("tls_key_file", "EDGE_TLS_KEY_FILE", Path, "private key, PEM, mode 0600"),
+    Setting("tls_client_ca_file", "EDGE_TLS_CLIENT_CA_FILE", Path, "authority of clients, PEM"),
+    Setting("allow_plain_http", "EDGE_ALLOW_PLAIN_HTTP", _flag, "serve other machines without TLS"),
+    Setting("edge_id", "EDGE_ID", _name, "name of this server in signatures (aud)"),
+    Setting("cloud_jws_key_file", "CLOUD_JWS_KEY_FILE", Path, "verifies the cloud's signatures"),
+    Setting(
+        "cloud_may_dispatch", "CLOUD_MAY_DISPATCH", _flag, "fly the cloud's plans undispatched"
+    ),
+    Setting(
+        "retain_telemetry_days", "RETAIN_TELEMETRY_DAYS", _DAYS, "days to keep undelivered reports"
+    ),
+    Setting("retain_images_days", "RETAIN_IMAGES_DAYS", _DAYS, "days to keep undelivered pictures"),
+    Setting("retain_plans_days", "RETAIN_PLANS_DAYS", _DAYS, "days to keep ended plans"),
+    Setting("retain_audit_days", "RETAIN_AUDIT_DAYS", _DAYS, "days to keep the audit log"),
+    Setting("log_format", "LOG_FORMAT", _choice("auto", "json", "text"), "auto, json or text"),
 )
 
 
@@ -327,12 +371,9 @@ def load(
 def _check_tls(found: Mapping[str, Any]) -> None:
     has_certificate, has_key = "tls_certificate_file" in found, "tls_key_file" in found
     if has_certificate != has_key:
-        raise ConfigError("EDGE_TLS_CERTIFICATE_FILE and EDGE_TLS_KEY_FILE belong together")
+        raise ConfigError("set EDGE_TLS_CERTIFICATE_FILE and EDGE_TLS_KEY_FILE both, or neither")
     if "tls_client_ca_file" in found and not has_key:
-        raise ConfigError("EDGE_TLS_CLIENT_CA_FILE needs EDGE_TLS_CERTIFICATE_FILE beside it")
-
-
-_SETTING: Final = {setting.name: setting for setting in SETTINGS}
+        raise ConfigError("EDGE_TLS_CLIENT_CA_FILE needs EDGE_TLS_CERTIFICATE_FILE as well")
 
 
 def _read(setting: Setting, raw: Any, where: str) -> Any:
@@ -349,6 +390,6 @@ def _toml_table(path: Path) -> dict[str, Any]:
         raise ConfigError(f"{path}: {error}") from None
     if not isinstance(table, dict):
         raise ConfigError(f"{path}: edge_server must be a table")
-    if unknown := table.keys() - _SETTING.keys():
+    if unknown := table.keys() - {setting.name for setting in SETTINGS}:
         raise ConfigError(f"{path}: unknown setting {', '.join(sorted(unknown))}")
     return table

@@ -1,1 +1,1 @@
-"""The HTTP surface: who may call, what comes in, what goes out, what can fail."""
+"""The HTTP API: authorization, input, errors, documentation; the endpoints are in `routes`."""

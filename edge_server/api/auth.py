@@ -1,7 +1,8 @@
-"""Who may call: a key has a role, a route names its roles, everything else is refused.
+"""Authentication and authorization: a key has a role, and a route names its roles.
 
-The caller is known before the route is looked at, so nothing but health answers a stranger, not
-even a 404. A key may be narrowed by scopes (edge_server.api.scopes), never widened.
+The key is checked before the route, so that a client without one receives 401, even for a path
+that does not exist; only health checks and the page at `/` need no key. Scopes restrict a key
+further (edge_server.api.scopes).
 """
 
 import hmac
@@ -16,43 +17,47 @@ from flask import current_app, g, request
 from werkzeug.datastructures import WWWAuthenticate
 from werkzeug.exceptions import Forbidden, HTTPException, Unauthorized
 
-from edge_server.api import scopes, trails
+from edge_server.api import audit_trail, scopes
 from edge_server.api.errors import RequestError
 from edge_server.api.limits import Limits
 from edge_server.services.context import Caller, Context
-from edge_server.store import keys
-from edge_server.store.database import Database
-from edge_server.store.keys import Role, StoredKey
+from edge_server.store.connection.database import Database
+from edge_server.store.rows import keys
+from edge_server.store.rows.keys import Role, StoredKey
 
 AUDIT = logging.getLogger("edge_server.audit")
-KEYS_STAY_FRESH_S: Final = 1.0
-
-
+KEYS_CACHED_S: Final = 1.0
+"""A revoked key is refused after so long at most, in every process."""
 PEOPLE: Final = frozenset({Role.FARMER, Role.OPERATOR, Role.ADMIN, Role.CLOUD})
-"""Those who look: everybody but the broker."""
+"""Every role but the broker."""
 READERS: Final = PEOPLE | {Role.BROKER}
 PLANNERS: Final = frozenset({Role.OPERATOR, Role.ADMIN})
 BROKER: Final = frozenset({Role.BROKER})
 ADMIN: Final = frozenset({Role.ADMIN})
 PUBLIC: Final[frozenset[Role]] = frozenset()
 
-PAGES: Final = frozenset({"/docs", "/openapi.json"})
-"""What people open in a browser, which asks for a name and a key: any name will do."""
+BROWSER_PAGES: Final = frozenset({"/docs", "/openapi.json"})
+"""Paths that a browser opens: it asks for a user name, which may be any, and the key."""
 KEY_RULE: Final = "must be 1 to 64 visible ASCII characters"
 _KEY_SHAPE: Final = re.compile(r"[!-~]{1,64}")
 _ATTRIBUTE: Final = "edge_roles"
 _NO_DIGEST: Final = b"\0" * 32
+_NO_KEY: Final = "an access key is needed: send Authorization: Bearer <key> or X-API-Key: <key>"
+_UNKNOWN_KEY: Final = (
+    "unknown key: it was never issued, has expired or was revoked; "
+    "ask an administrator of this edge server for a new one"
+)
 _View = TypeVar("_View", bound=Callable[..., object])
 
 
 def roles_of(view: object) -> frozenset[Role] | None:
-    """Give the roles that may use a view; None when it has no mark."""
+    """Give the roles that may use a view; None for a view without `allow`."""
     found: frozenset[Role] | None = getattr(view, _ATTRIBUTE, None)
     return found
 
 
 def allow(roles: frozenset[Role]) -> Callable[[_View], _View]:
-    """Say who may call a view; PUBLIC means anybody, and no mark means nobody."""
+    """Set the roles of a view: PUBLIC needs no key; a view without this decorator refuses all."""
 
     def mark(view: _View) -> _View:
         setattr(view, _ATTRIBUTE, roles)
@@ -62,7 +67,7 @@ def allow(roles: frozenset[Role]) -> Callable[[_View], _View]:
 
 
 class KeyRing:
-    """The active keys, read again when they are older than a second."""
+    """Cache of the active keys, read again after `KEYS_CACHED_S`."""
 
     def __init__(self, database: Database, clock: Callable[[], float] = time.time) -> None:
         self._database = database
@@ -72,42 +77,42 @@ class KeyRing:
         self._read_at = float("-inf")
 
     def find(self, key: str) -> StoredKey | None:
-        """Find what is known of a key, None for one that opens nothing."""
+        """Find an active key by its secret; None if there is none."""
         prefix = keys.prefix_of(key)
         if prefix is None:
             return None
-        known = self._fresh().get(prefix)
+        known = self._cached().get(prefix)
         expected = _NO_DIGEST if known is None else known.sha256
         if not hmac.compare_digest(expected, keys.digest(key)) or known is None:
             return None
-        return known if known.opens(self._clock()) else None
+        return known if known.is_valid(self._clock()) else None
 
     def is_known(self, key: str) -> bool:
-        """Whether a key was active when the keys were read last; waits for nothing.
+        """Whether a key was active when the keys were last read; never blocks.
 
-        Before they have been read every key is known.
+        Every key is known before the first read.
         """
         known = self._keys.get(keys.prefix_of(key) or "")
         return not self._keys or (
             known is not None and hmac.compare_digest(known.sha256, keys.digest(key))
         )
 
-    def forget(self) -> None:
-        """Read the keys again at the next request: they have been changed."""
+    def invalidate(self) -> None:
+        """Read the keys again at the next request."""
         with self._lock:
             self._read_at = float("-inf")
 
-    def _fresh(self) -> Mapping[str, StoredKey]:
+    def _cached(self) -> Mapping[str, StoredKey]:
         with self._lock:
-            if time.monotonic() - self._read_at > KEYS_STAY_FRESH_S:
+            if time.monotonic() - self._read_at > KEYS_CACHED_S:
                 with self._database.read() as connection:
                     self._keys = {key.prefix: key for key in keys.active(connection)}
                 self._read_at = time.monotonic()
             return self._keys
 
 
-def check_caller(ring: KeyRing, limits: Limits, context: Context) -> None:
-    """Let a request pass or raise 401, 403 or 429; runs before every view."""
+def authorize(ring: KeyRing, limits: Limits, context: Context) -> None:
+    """Raise 401, 403 or 429 unless the caller may use the view; runs before every view."""
     view = current_app.view_functions.get(request.endpoint or "")
     allowed = roles_of(view)
     if allowed == PUBLIC and allowed is not None:
@@ -116,61 +121,65 @@ def check_caller(ring: KeyRing, limits: Limits, context: Context) -> None:
     role = Role(key.role)
     g.key, g.role = key, role
     limits.count(key)
-    trails.begin(context, key)
+    audit_trail.begin(context, key)
     if isinstance(request.routing_exception, HTTPException):
         return  # 404 or 405, which the dispatcher raises next
     if allowed is None or role not in allowed:
-        raise refusal(f"the role {role} may not do this")
+        raise refusal(f"the role {role} may not use this endpoint")
     if not scopes.covers(key.scopes, request.endpoint or "", request.method):
-        raise refusal("this key is narrowed to other things: " + ", ".join(sorted(key.scopes)))
+        raise refusal("the scopes of this key do not allow this: " + ", ".join(sorted(key.scopes)))
 
 
 def _identify(ring: KeyRing, limits: Limits) -> StoredKey:
-    """Find the key that is shown; raises 401, or 429 to who shows wrong ones again and again."""
-    shown = _offered_key()
-    key = ring.find(shown)
+    """Find the key of the request; raises 401, or 429 for an address with many unknown keys."""
+    secret = _secret_of_request()
+    key = ring.find(secret)
     if key is not None:
         return key
-    if shown:
-        # A key that opens is never shut out by others who fail at the same address.
+    if secret:
+        # Counted after the look-up: unknown keys of an address do not block its valid keys
         limits.count_failure(request.remote_addr)
-    scheme = "basic" if request.path.rstrip("/") in PAGES else "bearer"
-    wrong = "this access key opens nothing: it is unknown, has expired or was revoked"
+    scheme = "basic" if request.path.rstrip("/") in BROWSER_PAGES else "bearer"
     raise Unauthorized(
-        wrong if shown else "an access key is needed: Authorization: Bearer <key>",
+        _UNKNOWN_KEY if secret else _NO_KEY,
         www_authenticate=WWWAuthenticate(scheme, {"realm": "edge server"}),
     )
 
 
 def refusal(reason: str) -> Forbidden:
-    """Make the 403 for a key that may not do what is asked, and note it in the log."""
+    """Make the 403 for a key without the permission, and log it."""
     AUDIT.warning("refused %s %s %s: %s", g.key.name, request.method, request.path, reason)
     return Forbidden(reason)
 
 
 def caller() -> Caller:
-    """Give who asks, and under which idempotency key; raises 422 for one that is no key."""
+    """Give the caller and its idempotency key; raises 422 for a malformed one."""
     key = request.headers.get("Idempotency-Key")
     if key is not None and not is_idempotency_key(key):
         raise RequestError(422, f"Idempotency-Key {KEY_RULE}")
     return Caller(g.role, key, g.key.name)
 
 
+def key_owner() -> str:
+    """Return the owner of the key of this request: its role and name."""
+    return Caller(g.role, None, g.key.name).owner
+
+
 def is_idempotency_key(key: object) -> bool:
-    """Whether a text may be an idempotency key."""
+    """Whether a value is a well-formed idempotency key."""
     return isinstance(key, str) and _KEY_SHAPE.fullmatch(key) is not None
 
 
 def audit(action: str) -> None:
-    """Note a write by a person or the cloud."""
+    """Log a write by a person or the cloud."""
     AUDIT.info("%s %s from %s", g.role, action, request.remote_addr)
 
 
-def _offered_key() -> str:
-    """The key that is shown; where there is an Authorization, it alone counts."""
-    shown = request.headers.get("Authorization")
-    if shown is not None:
-        scheme, _, token = shown.partition(" ")
+def _secret_of_request() -> str:
+    """The access key of a request, "" without one; Authorization takes precedence if present."""
+    header = request.headers.get("Authorization")
+    if header is not None:
+        scheme, _, token = header.partition(" ")
         if scheme.lower() == "bearer":
             return token.strip()
         # The parser raises ValueError for what is not ASCII

@@ -1,4 +1,4 @@
-"""What comes in: JSON bodies of a bounded size, and query parameters."""
+"""Input of requests: JSON bodies of bounded size and depth, and query parameters."""
 
 import re
 from datetime import datetime
@@ -29,13 +29,13 @@ _Model = TypeVar("_Model", bound=Model)
 
 
 def context() -> Context:
-    """Give what the services of this app need."""
+    """Give the context of the services of this app."""
     found: Context = current_app.extensions["edge_context"]
     return found
 
 
 def extension(name: str) -> Any:
-    """Give something that this app shares, None when it has none of this name."""
+    """Give an extension of this app by name; None if there is none."""
     return current_app.extensions.get(name)
 
 
@@ -50,47 +50,47 @@ def json_body(limit: int = MAXIMUM_BODY_BYTES) -> Any:
     if not request.is_json:
         raise RequestError(415, "the body must be application/json")
     parsed = wire.parse_json(raw_body(limit))
-    if not _is_flat(parsed, MAXIMUM_DEPTH):
+    if not _nests_within(parsed, MAXIMUM_DEPTH):
         raise SyntaxFaultError((Fault("", f"nests deeper than {MAXIMUM_DEPTH}"),))
     return parsed
 
 
-def _is_flat(value: Any, levels: int) -> bool:
-    """Whether nothing nests deeper than so many levels."""
+def _nests_within(value: Any, levels: int) -> bool:
+    """Whether a value nests at most so many levels deep."""
     if isinstance(value, dict):
         value = value.values()
     elif not isinstance(value, list):
         return True
     return levels > 0 and all(
-        _is_flat(one, levels - 1) for one in value if one.__class__ in _NESTING
+        _nests_within(one, levels - 1) for one in value if one.__class__ in _NESTING
     )
 
 
 def raw_body(limit: int = MAXIMUM_BODY_BYTES, *, keep: bool = False) -> bytes:
-    """Read the body; one in chunks has no length to refuse it by and is cut after the limit.
+    """Read the body; raises 413 beyond the limit, also for one in chunks, which names no length.
 
-    It can be read again only if it is kept.
+    It can be read again only with `keep`.
     """
     request.max_content_length = limit + 1
     too_long = Fault("", f"must be at most {limit} bytes")
-    refusal = RequestError(413, "the body is too large", (too_long,), where="json")
+    too_large = RequestError(413, "the body is too large", (too_long,), where="json")
     try:
         raw = request.get_data(cache=keep)
     except RequestEntityTooLarge:
-        raise refusal from None
+        raise too_large from None
     if len(raw) > limit:
-        raise refusal
+        raise too_large
     return raw
 
 
 def document(kind: Kind) -> Model:
-    """Read a document of a kind, in its envelope or bare; raises DocumentError."""
+    """Read a document of this kind, with or without its envelope; raises DocumentError."""
     limit = MAXIMUM_IMAGE_BODY_BYTES if kind is Kind.IMAGE else MAXIMUM_BODY_BYTES
     return wire.read(kind, json_body(limit))
 
 
 def model(kind: type[_Model]) -> _Model:
-    """Read a body that is not AFarCloud's but the broker's; raises DocumentError."""
+    """Read a body that AFarCloud does not define; raises DocumentError."""
     return wire.read_as(kind, json_body())
 
 
@@ -122,7 +122,7 @@ def query_integer(name: str, default: int, low: int, high: int) -> int:
 
 
 def query_vehicle() -> int | None:
-    """Read `vehicle_id` from the query; None when all vehicles are meant."""
+    """Read `vehicle_id` from the query; None without one: all vehicles."""
     return query_integer("vehicle_id", 0, 1, INT32_MAX) or None
 
 
@@ -147,7 +147,7 @@ def _epoch(raw: str) -> float:
 
 
 def _rfc3339(raw: str) -> float:
-    moment = datetime.fromisoformat(raw.replace(" ", "+"))  # A plus that nobody escaped
+    moment = datetime.fromisoformat(raw.replace(" ", "+"))  # A plus that was not escaped
     if moment.tzinfo is None:
         raise ValueError(raw)
     return moment.timestamp()

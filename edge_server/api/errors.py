@@ -1,17 +1,14 @@
-"""One shape for every error: message, faulty fields by path, AFarCloud's codes where there are any.
+"""Error answers, all of one shape: message, faulty fields by path, AFarCloud's codes if any.
 
-`{"message": ..., "detail": {"json": {path: [what, ...]}}, "errors": [{code, name, path}],
-"request_id": ...}`. What was sent is never echoed, and no answer tells of our insides.
+`{"message": ..., "detail": {"json": {path: [fault, ...]}}, "errors": [{code, name, path}],
+"request_id": ...}`. An error never echoes the request, nor shows internals of the server.
 """
 
 import logging
 from collections.abc import Iterable
 from typing import Any, Final
 
-from apiflask import APIFlask
-from apiflask.exceptions import HTTPError
-from apiflask.types import ResponseReturnValueType
-from flask import current_app, g
+from flask import Flask, current_app, g
 from flask.typing import ResponseReturnValue
 from gunicorn.http.errors import (  # type: ignore[import-untyped]  # it has no types
     ParseException,
@@ -31,8 +28,8 @@ from edge_server.services.errors import (
     SpentError,
     TooMuchError,
 )
-from edge_server.store.failures import is_busy, is_full, is_lost
-from edge_server.store.integrity import is_broken, note_fault
+from edge_server.store.connection.failures import is_busy, is_full, is_lost
+from edge_server.store.files.integrity import is_broken, note_fault
 
 LOG = logging.getLogger(__name__)
 
@@ -49,9 +46,10 @@ RETRY_SOON: Final = {"Retry-After": "1"}
 
 
 class RequestError(Exception):
-    """A request that is refused before any service sees it.
+    """A request that is refused before it reaches a service.
 
-    `status` is the HTTP status; `where` says whether the faults are in the query or the body.
+    `status` is the HTTP status; `where` is the part of the request with the faults: query, json
+    or form.
     """
 
     def __init__(
@@ -79,26 +77,21 @@ def body(message: str, faults: Iterable[Fault] = (), where: str = "json") -> dic
     return shape
 
 
-def install(app: APIFlask) -> None:
-    """Answer every error of the app in the one shape."""
-    app.error_processor(_http)
+def install(app: Flask) -> None:
+    """Register the handlers of all errors."""
     app.register_error_handler(DocumentError, _document)
     app.register_error_handler(ServiceError, _service)
     app.register_error_handler(RequestError, _request)
-    app.register_error_handler(ParseException, _no_http)
+    app.register_error_handler(ParseException, _invalid_http)
     app.register_error_handler(DBAPIError, _database)
     app.register_error_handler(PoolTimeoutError, _overloaded)
     app.register_error_handler(HTTPException, _werkzeug)
     app.register_error_handler(500, _unexpected)
 
 
-def _told(message: str, faults: Iterable[Fault] = (), where: str = "json") -> dict[str, Any]:
-    """The body of an answer: the error, and by which id our log tells of it."""
+def _answer(message: str, faults: Iterable[Fault] = (), where: str = "json") -> dict[str, Any]:
+    """Make the body of an error answer with the request's id, which the log has too."""
     return body(message, faults, where) | {"request_id": g.get("request_id", "")}
-
-
-def _http(error: HTTPError) -> ResponseReturnValueType:
-    return _told(error.message or "error"), error.status_code, error.headers
 
 
 def _werkzeug(error: HTTPException) -> ResponseReturnValue:
@@ -106,60 +99,60 @@ def _werkzeug(error: HTTPException) -> ResponseReturnValue:
         return error.response
     status = error.code or 500
     headers = {name: value for name, value in error.get_headers() if name.lower() != "content-type"}
-    return _told(_SENTENCES.get(status) or error.description or error.name), status, headers
+    return _answer(_SENTENCES.get(status) or error.description or error.name), status, headers
 
 
 _SENTENCES: Final = {
     400: "the request cannot be understood",
-    404: "there is nothing at this address",
-    405: "this address does not take this method",
+    404: "there is nothing at this path",
+    405: "this path does not support this method",
     413: "the body is too large",
-    500: "an error in the edge server; its log tells more",
+    500: "internal error; the edge server's log has the details",
 }
 
 
 def _document(error: DocumentError) -> ResponseReturnValue:
     broken = isinstance(error, SyntaxFaultError)
     message = "the body is not JSON" if broken else "the document cannot be used"
-    return _told(message, error.faults), 400 if broken else 422
+    return _answer(message, error.faults), 400 if broken else 422
 
 
 def _service(error: ServiceError) -> ResponseReturnValue:
     headers = RETRY_SOON if isinstance(error, TooMuchError) else {}
-    return _told(str(error), error.faults), STATUS[type(error)], headers
+    return _answer(str(error), error.faults), STATUS[type(error)], headers
 
 
 def _request(error: RequestError) -> ResponseReturnValue:
-    return _told(str(error), error.faults, where=error.where), error.status
+    return _answer(str(error), error.faults, where=error.where), error.status
 
 
-def _no_http(error: Exception) -> ResponseReturnValue:
-    """Answer a body that the server's parser refuses while the application reads it."""
-    LOG.warning("the body of a request is no HTTP (%s)", type(error).__name__)
-    return _told(_SENTENCES[400]), 400
+def _invalid_http(error: Exception) -> ResponseReturnValue:
+    """Answer a body that gunicorn's parser refuses while the application reads it."""
+    LOG.warning("the body of a request is not valid HTTP (%s)", type(error).__name__)
+    return _answer(_SENTENCES[400]), 400
 
 
 def _database(error: DBAPIError) -> ResponseReturnValue:
     if is_broken(error):
         LOG.critical("the database is broken: %s", error.orig)
         note_fault(current_app.extensions["edge_context"].config.database_path, str(error.orig))
-        return _told("the database is broken and is being replaced"), 503, RETRY_SOON
+        return _answer("the database is broken and is being replaced"), 503, RETRY_SOON
     if is_full(error):
         LOG.error("the disk is full: %s", error.orig)
-        return _told("the disk is full; nothing was stored"), 507
+        return _answer("the disk is full; nothing was stored"), 507
     if is_lost(error):
         LOG.error("the database does not answer: %s", error.orig)
-        return _told("the database does not answer; try again"), 503, RETRY_SOON
+        return _answer("the database does not answer; try again"), 503, RETRY_SOON
     if is_busy(error):
         return _overloaded(error)
     return _unexpected(error)
 
 
 def _overloaded(_error: Exception) -> ResponseReturnValue:
-    return _told("the database is busy; try again"), 503, RETRY_SOON
+    return _answer("the database is busy; try again"), 503, RETRY_SOON
 
 
 def _unexpected(error: Exception) -> ResponseReturnValue:
-    if getattr(error, "original_exception", None) is None:  # Else Flask has told of it
+    if getattr(error, "original_exception", None) is None:  # Else Flask has logged it
         LOG.error("unexpected error", exc_info=error)
-    return _told(_SENTENCES[500]), 500
+    return _answer(_SENTENCES[500]), 500

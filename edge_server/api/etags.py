@@ -1,7 +1,7 @@
-"""`ETag`, `If-Match` and `If-None-Match`: nobody overwrites what he has not seen (RFC 9110, 8.8).
+"""`ETag`, `If-Match` and `If-None-Match`: no lost updates (RFC 9110 section 8.8).
 
-A tag is the hash of what a GET shows, live status included: a plan that has begun to fly since
-the caller looked is another plan.
+A tag is the hash of the representation, live status included: it changes when a mission of the plan
+starts.
 """
 
 import hashlib
@@ -12,22 +12,22 @@ from flask.typing import ResponseReturnValue
 from werkzeug.datastructures import ETags
 
 from edge_server.services.errors import ChangedError
-from edge_server.store.database import to_json
+from edge_server.store.connection.database import to_json
 
 _LENGTH = 32
 FORMS = ("geojson",)
-"""Other forms than our own JSON; a tag of any form is good for a change."""
+"""Representations other than JSON; `If-Match` accepts the tag of any of them."""
 
 
 def tag_of(shown: dict[str, Any]) -> str:
-    """Tag a thing as it is shown; "" for one that is not there."""
+    """Make the tag of a representation; "" if the resource does not exist."""
     return hashlib.sha256(to_json(shown).encode()).hexdigest()[:_LENGTH] if shown else ""
 
 
 def tagged(shown: dict[str, Any], status: int = 200, form: str = "") -> ResponseReturnValue:
-    """Answer with a thing and its tag; 304 without a body when the caller has it already.
+    """Answer with a representation and its tag; 304 without a body if the caller has it.
 
-    A `form` other than our own JSON has tags of its own: they stand for other bytes.
+    A `form` other than JSON has other tags, since its bytes differ.
     """
     tag = tag_of(shown) + (f"-{form}" if form else "")
     if request.method == "GET" and request.if_none_match.contains(tag):
@@ -39,7 +39,7 @@ def tagged(shown: dict[str, Any], status: int = 200, form: str = "") -> Response
 
 
 def check_match(shown: dict[str, Any]) -> None:
-    """Hold a thing against the request's `If-Match`; raises ChangedError."""
+    """Evaluate the request's `If-Match`; raises ChangedError if it does not hold."""
     wanted: ETags = request.if_match
     if not wanted:
         return

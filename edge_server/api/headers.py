@@ -1,12 +1,11 @@
-"""Headers of every answer: what a browser may do with it, and that nobody keeps a copy.
+"""Security headers of every answer: what a browser may do with it, and that it is not cached.
 
-The server's name is gunicorn's and bears no version.
+The server's name is gunicorn's, without a version.
 """
 
 from typing import Final
 
-from apiflask import APIFlask
-from flask import Response
+from flask import Flask, Response
 
 from edge_server.config import Config
 
@@ -22,12 +21,12 @@ HEADERS: Final = {
     "Cross-Origin-Resource-Policy": "same-origin",
     "Cache-Control": "no-store",
 }
-"""A view that knows better sets its own; these fill in what is not said."""
+"""Defaults: a header that a view has set takes precedence."""
 STRICT_TRANSPORT: Final = "max-age=31536000"
 
 
-def install(app: APIFlask, config: Config) -> None:
-    """Put the headers on every answer of an app."""
+def install(app: Flask, config: Config) -> None:
+    """Add the headers to every answer of an app."""
     headers = dict(HEADERS)
     if config.tls_certificate_file is not None:
         headers["Strict-Transport-Security"] = STRICT_TRANSPORT

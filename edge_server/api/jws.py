@@ -1,11 +1,11 @@
-"""Checks a detached JWS (RFC 7515 appendix F, RFC 7797) over the bytes of a body. Pure.
+"""Verification of a detached JWS (RFC 7515 appendix F, RFC 7797) over the bytes of a body. Pure.
 
-`<protected header>..<signature>`, and the protected header bears `alg`, `aud` (our EDGE_ID), `exp`
-[epoch seconds] and `jti`, which is worth one effect; where there is no body, also `htu`, the path
-that is meant. The algorithm is the key's, whatever the header says: a header that names another,
-or `none`, or brings a key of its own, is refused.
+`<protected header>..<signature>`, and the protected header has `alg`, `aud` (our EDGE_ID), `exp`
+[epoch seconds] and `jti`, which may be used once; without a body also `htu`, the path of the
+request. The key determines the algorithm: a header that names another one, or `none`, or contains a
+key, is refused.
 
-SignatureKeyError  the key file holds nothing that can check a signature
+SignatureKeyError  the key file holds no key that can verify a signature
 """
 
 import json
@@ -24,7 +24,7 @@ from werkzeug.exceptions import Forbidden
 
 from afarcloud.wire import unique_members
 from edge_server.api.errors import RequestError
-from edge_server.api.signatures import unsigned
+from edge_server.api.signatures import invalid_signature
 from edge_server.services.audit import Token
 
 LONGEST_LIFE_S: Final = 7 * 86_400.0
@@ -38,11 +38,11 @@ _Key = OKPKey | OctKey
 
 
 class SignatureKeyError(Exception):
-    """The key file holds nothing that can check a signature."""
+    """The key file holds no key that can verify a signature."""
 
 
 class _Registry(JWSRegistry):
-    """Takes the algorithm that was held against the key; a name's age is no reason to warn."""
+    """Accepts the algorithm of the key; does not warn of deprecated names."""
 
     max_header_length = _LONGEST_HEADER
     max_payload_length = _LONGEST_BODY
@@ -56,30 +56,30 @@ _REGISTRY: Final = _Registry(strict_check_header=False)
 
 
 class Signatures:
-    """The cloud's keys; checks what bears its signature."""
+    """The cloud's keys; verifies its signatures."""
 
     def __init__(self, keys: Mapping[str | None, _Key], edge_id: str) -> None:
-        """Take keys by their `kid`, and our own name."""
+        """Take keys by their `kid`, and the audience that a signature must name."""
         self._keys = keys
         self._edge_id = edge_id
 
-    def check(self, shown: str, body: bytes, path: str, now: float) -> Token:
-        """Check a signature of a body; returns what it uses up.
+    def check(self, signature: str, body: bytes, path: str, now: float) -> Token:
+        """Verify the signature of a body; returns its token, which may be used once.
 
         Raises:
-            Unauthorized: if it is none, or not by the cloud.
-            Forbidden: if it is for somebody else, or not for now.
-            RequestError: if its claims are missing or make no sense.
+            Unauthorized: if it is malformed, or not by the cloud.
+            Forbidden: if its audience is another server, or it is not valid now.
+            RequestError: if a claim is missing or malformed.
         """
-        protected = _protected(shown)
+        protected = _protected(signature)
         key = self._key(protected)
         algorithms = _algorithms(key)
         if protected.get("alg") not in algorithms:
-            raise unsigned(f"the algorithm must be {' or '.join(algorithms)}")
+            raise invalid_signature(f"the algorithm must be {' or '.join(algorithms)}")
         try:
-            jws.deserialize_compact(shown, key, registry=_REGISTRY, payload=body)
+            jws.deserialize_compact(signature, key, registry=_REGISTRY, payload=body)
         except (JoseError, ValueError):
-            raise unsigned("the signature does not fit the body and the key") from None
+            raise invalid_signature("the signature does not fit the body and the key") from None
         return self._claims(protected, path, now, needs_path=not body)
 
     def _key(self, protected: Mapping[str, Any]) -> _Key:
@@ -89,28 +89,28 @@ class Signatures:
         if isinstance(kid, str) and kid in self._keys:
             return self._keys[kid]
         if None in self._keys and isinstance(kid, str):
-            return self._keys[None]  # One key without a name answers to any
-        raise unsigned("kid names no key of the cloud")
+            return self._keys[None]  # A key without a kid verifies any kid
+        raise invalid_signature("kid names no key of the cloud")
 
     def _claims(
         self, protected: Mapping[str, Any], path: str, now: float, *, needs_path: bool
     ) -> Token:
         audience, expires_at, jti = (protected.get(name) for name in ("aud", "exp", "jti"))
         if not isinstance(jti, str) or _JTI.fullmatch(jti) is None:
-            raise _senseless("jti", "must be 1 to 128 visible ASCII characters")
+            raise _invalid_claim("jti", "must be 1 to 128 visible ASCII characters")
         if expires_at is None or not _is_time(expires_at):
-            raise _senseless("exp", "must be epoch seconds")
-        meant = audience if isinstance(audience, list) else [audience]
-        if not all(isinstance(one, str) for one in meant) or not meant:
-            raise _senseless("aud", "must name the edge servers that are meant")
-        if self._edge_id not in meant:
-            raise Forbidden("the signature is meant for another edge server (aud)")
+            raise _invalid_claim("exp", "must be epoch seconds")
+        audiences = audience if isinstance(audience, list) else [audience]
+        if not all(isinstance(one, str) for one in audiences) or not audiences:
+            raise _invalid_claim("aud", "must name the edge servers that it is for")
+        if self._edge_id not in audiences:
+            raise Forbidden("the signature is for another edge server (aud)")
         if now >= expires_at:
             raise Forbidden("the signature has expired (exp)")
         if expires_at > now + LONGEST_LIFE_S:
-            raise Forbidden("the signature is good for too long: 7 days at most (exp)")
+            raise Forbidden("the signature is valid for too long: 7 days at most (exp)")
         if "nbf" in protected and not (_is_time(protected["nbf"]) and protected["nbf"] <= now):
-            raise Forbidden("the signature is not good yet (nbf)")
+            raise Forbidden("the signature is not valid yet (nbf)")
         if protected.get("htu") not in {path, path + "/"} and (needs_path or "htu" in protected):
             raise Forbidden("the signature must be for this path (htu)")
         return Token(jti, float(expires_at))
@@ -120,7 +120,7 @@ def load(path: Path, edge_id: str) -> Signatures:
     """Read the cloud's keys: a JWK, a JWK set, or a public key in PEM.
 
     Raises:
-        SignatureKeyError: if there is none that we use: Ed25519, or a secret of 32 bytes or more.
+        SignatureKeyError: if there is no Ed25519 key, and no secret of 32 bytes or more.
     """
     try:
         raw = path.read_text(encoding="utf-8")
@@ -156,23 +156,23 @@ def _check_key(path: Path, key: object) -> None:
     )
 
 
-def _protected(shown: str) -> dict[str, Any]:
-    """Read the protected header, which nobody has vouched for yet."""
-    parts = shown.split(".")
-    if len(shown) > _LONGEST_HEADER or len(parts) != 3 or parts[1] or not all(parts[::2]):
-        raise unsigned("the signature must be a detached JWS: header..signature")
+def _protected(signature: str) -> dict[str, Any]:
+    """Read the protected header, which is not verified yet."""
+    parts = signature.split(".")
+    if len(signature) > _LONGEST_HEADER or len(parts) != 3 or parts[1] or not all(parts[::2]):
+        raise invalid_signature("the signature must be a detached JWS: header..signature")
     try:
         protected = json.loads(
             urlsafe_b64decode(parts[0].encode()), object_pairs_hook=unique_members
         )
     except (ValueError, Base64Error, RecursionError):
-        raise unsigned("the signature's header is not JSON in base64url") from None
+        raise invalid_signature("the signature's header is not JSON in base64url") from None
     if not isinstance(protected, dict) or not isinstance(protected.get("alg"), str):
-        raise unsigned("the signature's header must be an object with alg")
+        raise invalid_signature("the signature's header must be an object with alg")
     if not _FOREIGN_KEYS.isdisjoint(protected):
-        raise unsigned("a signature that brings a key of its own is not taken")
+        raise invalid_signature("a signature that contains a key is not accepted")
     if not set(_strings(protected.get("crit", []))) <= {"b64"}:
-        raise unsigned("the signature's header has a crit that is not known")
+        raise invalid_signature("the signature's header has an unsupported crit")
     return protected
 
 
@@ -192,5 +192,5 @@ def _is_time(value: object) -> bool:
     return -_LATEST_S <= value <= _LATEST_S  # Neither NaN nor infinity
 
 
-def _senseless(claim: str, reason: str) -> RequestError:
+def _invalid_claim(claim: str, reason: str) -> RequestError:
     return RequestError(422, f"the signature's {claim} {reason}")

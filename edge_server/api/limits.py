@@ -1,7 +1,7 @@
-"""How often a key may call, and how often an address may show wrong keys.
+"""Rate limits: requests of a key, and unknown keys from an address.
 
-Counted in memory by sliding windows of a minute, in each server by itself. What vehicles report
-has a generous limit of its own, so that people and vehicles cannot starve each other.
+Counted in memory by sliding windows of one minute, in each server process separately. The broker
+has a limit of its own, so that people and vehicles cannot starve each other.
 """
 
 import math
@@ -15,27 +15,27 @@ from limits.strategies import SlidingWindowCounterRateLimiter
 from werkzeug.exceptions import TooManyRequests
 
 from edge_server.config import Config
-from edge_server.front.client_address import network_of
-from edge_server.store.keys import Role, StoredKey
+from edge_server.connections.client_address import network_of
+from edge_server.store.rows.keys import Role, StoredKey
 
-_FORGETTING_S: Final = 60.0
+_CLEANUP_INTERVAL_S: Final = 60.0
 
 
 class _Counts(MemoryStorage):
-    """Forgets what has expired once a minute, not in a thread of its own for every request."""
+    """Deletes expired windows once a minute; the base class starts a thread for every request."""
 
     @property  # type: ignore[override]  # the base class has an attribute
-    def timer(self) -> "_Rarely":
-        """What stands for the next thread that forgets."""
+    def timer(self) -> "_ThrottledTimer":
+        """The timer of the next cleanup."""
         return self._timer
 
     @timer.setter
     def timer(self, made: threading.Timer) -> None:
-        self._timer = _Rarely(made)
+        self._timer = _ThrottledTimer(made)
 
 
-class _Rarely:
-    """A timer that counts as alive for a minute after its start, so that none follows it soon."""
+class _ThrottledTimer:
+    """A timer that reports itself alive for a minute after its start, which delays the next one."""
 
     def __init__(self, timer: threading.Timer) -> None:
         self._timer = timer
@@ -45,7 +45,7 @@ class _Rarely:
         """Start it."""
         self._timer.daemon = True
         self._timer.start()
-        self._alive_until = time.monotonic() + _FORGETTING_S
+        self._alive_until = time.monotonic() + _CLEANUP_INTERVAL_S
 
     def is_alive(self) -> bool:
         """Whether it is too early for the next one."""
@@ -53,7 +53,7 @@ class _Rarely:
 
 
 class Limits:
-    """Counts; safe to share between threads."""
+    """Counts requests; safe to use from several threads."""
 
     def __init__(self, config: Config) -> None:
         self._limiter = SlidingWindowCounterRateLimiter(_Counts())
@@ -64,11 +64,11 @@ class Limits:
     def count(self, key: StoredKey) -> None:
         """Count a request of a key; raises 429 beyond its limit."""
         limit = self._of_broker if key.role == Role.BROKER else self._of_people
-        self._hit(limit, key.prefix, "this key asks too often")
+        self._hit(limit, key.prefix, "too many requests with this key")
 
     def count_failure(self, address: str | None) -> None:
-        """Count a wrong key from an address; raises 429 beyond the limit."""
-        self._hit(self._of_failures, network_of(address), "too many wrong keys from this address")
+        """Count an unknown key from an address; raises 429 beyond the limit."""
+        self._hit(self._of_failures, network_of(address), "too many unknown keys from this address")
 
     def _hit(self, limit: RateLimitItem, who: str, reason: str) -> None:
         if self._limiter.hit(limit, who):

@@ -1,38 +1,42 @@
-"""The OpenAPI 3.1 document, made from the routes, their contracts and the vocabulary. Pure."""
+"""The OpenAPI 3.1 document, made from the routes, their contracts and their types. Pure."""
 
 import re
 from collections.abc import Iterable
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any, Final, NamedTuple
 
+from pydantic import BaseModel
+from pydantic.json_schema import models_json_schema
+
 from afarcloud.wire import TELEMETRY
 from edge_server.api import schemas
 from edge_server.api.contract import Contract
 from edge_server.exchange import geojson
 
+REFERENCE: Final = "#/components/schemas/{model}"
 CONVERTER: Final = re.compile(r"<(?:(?P<kind>[^:<>]+):)?(?P<name>\w+)>")
 _ERRORS: Final = {
-    304: "What the caller has is what is here",
+    304: "Not modified",
     400: "The body is not JSON",
-    401: "No key, or a wrong one",
-    403: "The key's role may not do this",
-    404: "There is no such thing",
-    409: "Not in the state that it is in",
-    412: "It has changed since it was read",
+    401: "No access key, or an unknown one",
+    403: "The key has no permission for this",
+    404: "Not found",
+    409: "Not possible in the present state",
+    412: "Changed since it was read",
     413: "The body is too large",
     415: "The body is not application/json",
-    422: "It breaks the model or a rule",
+    422: "A field violates the model or a rule",
     429: "Too many requests, or a bounded queue is full",
-    503: "The database is busy or away",
+    503: "The database is busy or unavailable",
     507: "The disk is full",
 }
 _INTEGER: Final = {"type": "integer", "minimum": 0, "maximum": 2**63 - 1}
 _VEHICLE: Final = {"type": "integer", "minimum": 1, "maximum": 2**31 - 1}
 _QUERY: Final[dict[str, tuple[str, dict[str, Any]]]] = {
-    "after": ("Only what came after this id", _INTEGER),
-    "limit": ("At most so many", {"type": "integer", "minimum": 1, "maximum": 1000}),
+    "after": ("Only items after this id", _INTEGER),
+    "limit": ("Number of items, at most", {"type": "integer", "minimum": 1, "maximum": 1000}),
     "since": (
-        "Only what was received from this time: RFC 3339, or epoch seconds",
+        "Only items received since this time: RFC 3339, or epoch seconds",
         {
             "anyOf": [
                 {"type": "string", "format": "date-time"},
@@ -40,19 +44,19 @@ _QUERY: Final[dict[str, tuple[str, dict[str, Any]]]] = {
             ]
         },
     ),
-    "vehicle_id": ("Only of this vehicle", _VEHICLE),
-    "kind": ("Only of this kind", {"enum": [kind.value for kind in TELEMETRY]}),
-    "vehicle_id:required": ("Whose mission it is", _VEHICLE),
-    "dispatch": ("Fly it; else it is held", {"type": "boolean"}),
+    "vehicle_id": ("Only items of this vehicle", _VEHICLE),
+    "kind": ("Only items of this kind", {"enum": [kind.value for kind in TELEMETRY]}),
+    "vehicle_id:required": ("Vehicle of the mission", _VEHICLE),
+    "dispatch": ("Queue it; else it is held", {"type": "boolean"}),
     "mission_id": ("Number of the mission", {"type": "integer", "minimum": 0}),
     "maximum_speed": (
-        "In place of the file's own [m/s]",
+        "Replaces the file's [m/s]",
         {"type": "number", "exclusiveMinimum": 0},
     ),
     "name": ("Name of the plan", {"type": "string", "minLength": 1, "maxLength": 255}),
-    "format:plan": ("As JSON, or as a file of QGroundControl", {"enum": ["json", "plan"]}),
-    "format:geojson": ("As JSON or as GeoJSON", {"enum": ["json", "geojson"]}),
-    "preview": ("Only plan, keep nothing", {"type": "boolean"}),
+    "format:plan": ("JSON, or a .plan file of QGroundControl", {"enum": ["json", "plan"]}),
+    "format:geojson": ("JSON or GeoJSON", {"enum": ["json", "geojson"]}),
+    "preview": ("Plan only, store nothing", {"type": "boolean"}),
     "wait": ("Seconds to wait for work", {"type": "number", "minimum": 0, "maximum": 25}),
 }
 _TAG: Final = {"type": "string"}
@@ -60,7 +64,7 @@ _KEY: Final = {"type": "string", "pattern": "^[!-~]{1,64}$"}
 
 
 class Route(NamedTuple):
-    """One method of one address; `roles` is empty where no key is needed."""
+    """One method of one path; `roles` is empty where no key is needed."""
 
     rule: str
     method: str
@@ -72,6 +76,7 @@ class Route(NamedTuple):
 
 def document(routes: Iterable[Route]) -> dict[str, Any]:
     """Write the document of these routes."""
+    routes = list(routes)
     paths: dict[str, dict[str, Any]] = {}
     for route in routes:
         path = CONVERTER.sub(lambda found: f"{{{found['name']}}}", route.rule)
@@ -85,11 +90,11 @@ def document(routes: Iterable[Route]) -> dict[str, Any]:
         "info": {
             "title": "Edge server",
             "version": _version(),
-            "description": "Plans in; what vehicles report, kept until the cloud has it.",
+            "description": "Flight plans, and vehicles' reports, stored until the cloud has them.",
         },
         "paths": paths,
         "components": {
-            "schemas": schemas.components(),
+            "schemas": _components(routes),
             "securitySchemes": {
                 "bearer": {"type": "http", "scheme": "bearer"},
                 "header": {"type": "apiKey", "in": "header", "name": "X-API-Key"},
@@ -98,8 +103,21 @@ def document(routes: Iterable[Route]) -> dict[str, Any]:
     }
 
 
+def _components(routes: Iterable[Route]) -> dict[str, Any]:
+    """Schemas of all bodies, and of the types in them, by name."""
+    models: dict[type[BaseModel], None] = {schemas.Error: None, schemas.GeoJson: None}
+    for route in routes:
+        bodies = [route.contract.body, *route.contract.answers.values()]
+        models |= dict.fromkeys(model for model in bodies if model is not None)
+    _, found = models_json_schema(
+        [(model, "validation") for model in models], ref_template=REFERENCE
+    )
+    definitions: dict[str, Any] = found["$defs"]
+    return definitions
+
+
 def _allow_either(operation: dict[str, Any], earlier: dict[str, Any]) -> None:
-    """One address that names a thing in two ways: what is in the path may be either."""
+    """Join two routes of one path, whose parameter may be of either type."""
     for new, old in zip(operation["parameters"], earlier["parameters"], strict=True):
         if new["schema"] != old["schema"]:
             new["schema"] = {"anyOf": [old["schema"], new["schema"]]}
@@ -134,24 +152,24 @@ def _operation(route: Route) -> dict[str, Any]:
 
 
 def _files(contract: Contract) -> dict[str, Any]:
-    """Bodies that are files of other programs, alone or in a form."""
+    """Media types of files: as the body, or in a form."""
     if not contract.files:
         return {}
     file = {"type": "string", "format": "binary"}
     form = {"type": "object", "properties": {"file": file}, "required": ["file"]}
     alone: dict[str, Any] = {media_type: {"schema": file} for media_type in contract.files}
     if geojson.MEDIA_TYPE in alone:
-        alone[geojson.MEDIA_TYPE] = {"schema": _reference("GeoJson")}
+        alone[geojson.MEDIA_TYPE] = {"schema": _reference(schemas.GeoJson)}
     return {**alone, "multipart/form-data": {"schema": form}}
 
 
 def _responses(route: Route) -> dict[str, Any]:
     contract = route.contract
     answers: dict[str, Any] = {}
-    for status, name in contract.answers.items():
+    for status, model in contract.answers.items():
         answers[str(status)] = {"description": "Done" if status < 300 else "Not now"}
-        if name is not None:
-            schema = _reference(name)
+        if model is not None:
+            schema = _reference(model)
             if contract.is_list:
                 schema = {"type": "array", "items": schema}
             content: dict[str, Any] = {"application/json": {"schema": schema}}
@@ -181,7 +199,7 @@ def _error_statuses(route: Route) -> set[int]:
 def _answer(status: int, *, with_body: bool) -> dict[str, Any]:
     answer: dict[str, Any] = {"description": _ERRORS[status]}
     if with_body:
-        answer["content"] = {"application/json": {"schema": _reference("Error")}}
+        answer["content"] = {"application/json": {"schema": _reference(schemas.Error)}}
     return answer
 
 
@@ -207,5 +225,5 @@ def _other_parameters(route: Route) -> Iterable[dict[str, Any]]:
         yield {"name": "Idempotency-Key", "in": "header", "schema": _KEY}
 
 
-def _reference(name: str) -> dict[str, Any]:
-    return {"$ref": schemas.REFERENCE.format(model=name)}
+def _reference(model: type[BaseModel]) -> dict[str, Any]:
+    return {"$ref": REFERENCE.format(model=model.__name__)}

@@ -1,310 +1,368 @@
-"""JSON Schemas of what comes in and goes out: the vocabulary's own, and what we add to it. Pure."""
+"""Types of answers and of foreign files, from which the OpenAPI document is made.
 
-from collections.abc import Mapping
-from typing import Any, Final
+Services build the answers; these types describe them and check nothing. An answer may gain members:
+a client ignores those that it does not know.
+"""
 
-from pydantic.json_schema import models_json_schema
+from datetime import datetime
+from typing import Annotated, Any, Final, Literal, Union
 
-from afarcloud.model import Model
-from afarcloud.state import Report
+from pydantic import BaseModel, ConfigDict, RootModel, WithJsonSchema, conlist, create_model
+from pydantic import Field as Member
+
+from afarcloud.enumerations import Status
+from afarcloud.plan import Event, Plan
+from afarcloud.state import (
+    Alarm,
+    Battery,
+    Image,
+    MissionReport,
+    ObservationList,
+    Pose,
+    StateVector,
+)
 from afarcloud.wire import MODELS, TELEMETRY, Kind
-from edge_server.api import field_schemas
-from edge_server.api.broker import Acknowledged
-from edge_server.api.plans import Closing
-from edge_server.api.vehicles import Release
 from edge_server.exchange.field import Field
 from edge_server.services.event_states import State
-from edge_server.services.keys import KeyRequest
 from edge_server.services.vehicles import VehicleState
-from edge_server.survey.request import SurveyOrder
+from edge_server.store.rows.keys import Role, Scope
 
-REFERENCE: Final = "#/components/schemas/{model}"
-_TIME: Final = {"type": "string", "format": "date-time"}
-_ID: Final = {"type": "integer", "minimum": 1}
-_TEXT: Final = {"type": "string"}
-_STATUS: Final = {"$ref": REFERENCE.format(model="Status")}
+Id = Annotated[int, Member(ge=1)]
+WorkItemState = Literal["queued", "accepted", "closed"]
+_KINDS_OF_DEAD_LETTERS: Final = [*(kind.value for kind in TELEMETRY), "gap"]
+_KEY: Final = r"^[!-~]{1,64}$"
 
-_HELD: Final = {
-    "type": ["object", "null"],
-    "description": "Why its missions wait for an operator; null: they do not.",
-    "properties": {
-        "reason": _TEXT,
-        "since": _TIME,
-        "mission_id": {"type": ["integer", "null"]},
-        "plan_id": {"type": ["string", "null"]},
-    },
-    "required": ["reason", "since", "mission_id", "plan_id"],
+
+def _optional(**limits: Any) -> Any:
+    """A member that may be absent, and is never null."""
+    return Member(default_factory=lambda: None, **limits)
+
+
+class Answer(BaseModel):
+    """Base of the types; built when the document is first asked for, to save memory."""
+
+    model_config = ConfigDict(extra="ignore", defer_build=True)
+
+
+class ErrorCode(Answer):
+    """An error code of AFarCloud, for one field."""
+
+    code: int
+    name: str
+    path: str
+
+
+class Error(Answer):
+    """What is wrong, with each faulty field by its path."""
+
+    message: str
+    detail: dict[str, dict[str, list[str]]]
+    errors: list[ErrorCode] = _optional()
+    request_id: str = _optional()
+
+
+class Record(Answer):
+    """Receipt of a report."""
+
+    id: Id
+    message_id: str
+    received_at: datetime
+
+
+def _stored(kind: Kind) -> type[BaseModel]:
+    """A report with its receipt; lists of images leave `frame` out."""
+    model = MODELS[kind]
+    members: dict[str, Any] = {}
+    if "frame" in model.model_fields:
+        members["frame"] = (model.model_fields["frame"].rebuild_annotation(), _optional())
+    name = f"Stored{model.__name__}"
+    return create_model(name, __base__=(model, Record), __doc__=model.__doc__, **members)
+
+
+STORED_REPORTS: Final = {kind: _stored(kind) for kind in TELEMETRY}
+
+
+class PlanWarning(Answer):
+    """Something in a plan that is allowed and may be a mistake."""
+
+    path: str = _optional()
+    message: str = _optional()
+
+
+class CommandState(Answer):
+    """Live status of a command."""
+
+    command_id: int
+    command_status_id: Status
+    command_status_name: str
+    message: str = _optional()
+
+
+class MissionState(Answer):
+    """Live status of a mission and of its commands."""
+
+    mission_id: int
+    vehicle_id: int
+    dispatch_state: Literal["held", "queued", "accepted", "closed"]
+    waiting: str = _optional(description="Why the broker has not received it yet.")
+    mission_status_id: Status
+    mission_status_name: str = _optional()
+    message: str = _optional()
+    command_array: list[CommandState] = _optional()
+
+
+class StoredPlan(Plan, Answer):
+    """A plan with the live status of its missions."""
+
+    id: Id
+    plan_id: str
+    received_at: datetime
+    expires_at: datetime
+    plan_status_id: Status
+    plan_status_name: str
+    missions: list[MissionState]  # type: ignore[assignment]  # not as they are received
+    warnings: list[PlanWarning]
+
+
+class StoredEvent(Event, Answer):
+    """An event with its live state."""
+
+    id: Id
+    event_type_name: str
+    received_at: datetime
+    expires_at: datetime
+    state: State
+
+
+class Hold(Answer):
+    """Why a vehicle's missions wait for an operator."""
+
+    reason: str
+    since: datetime
+    mission_id: int | None
+    plan_id: str | None
+
+
+class Vehicle(VehicleState, Answer):
+    """A vehicle as its broker reported it last; `held` is null unless its missions wait."""
+
+    vehicle_id: Id
+    held: Hold | None
+    registered_at: datetime
+    updated_at: datetime
+
+
+class Receipt(Answer):
+    """Outcome for one report: its receipt or its error."""
+
+    status: Literal[201, 403, 409, 422, 507]
+
+
+class Receipts(Answer):
+    """Outcomes, in the order of the reports."""
+
+    records: list[Receipt]
+
+
+def _envelope(kind: Kind) -> type[BaseModel]:
+    members: dict[str, Any] = {
+        kind.value: (MODELS[kind], ...),
+        "idempotency_key": (str, _optional(pattern=_KEY)),
+    }
+    closed = ConfigDict(extra="forbid", defer_build=True)
+    return create_model(f"{MODELS[kind].__name__}Envelope", __config__=closed, **members)
+
+
+_AnyOther = Annotated[Any, Member(description="Anything else: it spoils nothing but its entry.")]
+_ENVELOPES: Final = tuple(_envelope(kind) for kind in TELEMETRY)
+_OneReport: Any = Union[(*_ENVELOPES, _AnyOther)]
+Reports: Final = create_model(
+    "Reports",
+    __config__=ConfigDict(extra="forbid", defer_build=True),
+    __doc__="Up to 500 reports, each in its envelope.",
+    records=(conlist(_OneReport, min_length=1, max_length=500), ...),
+)
+
+
+class AnyReport(
+    RootModel[Pose | Battery | Image | ObservationList | StateVector | MissionReport | Alarm]
+):
+    """A report of any kind."""
+
+
+class DeadLetter(Answer):
+    """A report that the cloud has rejected."""
+
+    id: Id
+    kind: Annotated[str, Member(json_schema_extra={"enum": [*_KINDS_OF_DEAD_LETTERS]})]
+    vehicle_id: Id
+    attempts: Annotated[int, Member(ge=0)]
+    reason: str
+    report: Record
+
+
+class Retried(Answer):
+    """How many dead letters are sent again."""
+
+    retried: Annotated[int, Member(ge=0)]
+
+
+class AccessKey(Answer):
+    """An access key without its secret."""
+
+    prefix: str
+    name: str
+    role: Role
+    scopes: list[Scope]
+    vehicle_ids: list[Id] | None
+    state: Literal["active", "expired", "revoked"]
+    created_at: datetime
+    expires_at: datetime | None
+    revoked_at: datetime | None
+
+
+class NewAccessKey(AccessKey):
+    """An access key with its secret, which is shown once."""
+
+    key: str
+
+
+class Work(Answer):
+    """Work for the broker; `cursor` is the `after` of the next request."""
+
+    cursor: Annotated[int, Member(ge=0)]
+    commands: list[dict[str, Any]]
+
+
+class WorkState(Answer):
+    """State of a work item after its acknowledgement."""
+
+    id: Id
+    state: WorkItemState
+
+
+class StateVectorRequest(Answer):
+    """A request for a fresh state vector."""
+
+    id: Id
+    expires_at: datetime
+
+
+class Health(Answer):
+    """State of the server, of its database and, in `/readyz`, of its relay."""
+
+    status: str
+    database: str
+    uplink: Literal["stopped", "open", "blocked", "paused"] = _optional()
+    relay_deaths: Annotated[int, Member(ge=0)] = _optional()
+
+
+class OpenApi(Answer):
+    """This document."""
+
+
+class Survey(Answer):
+    """Figures of a survey, and its plans in the order of flight."""
+
+    area_m2: float
+    angle_deg: float
+    lines: int
+    line_spacing_m: float = _optional()
+    picture_spacing_m: float | None = _optional()
+    pictures: int = _optional()
+    flights: int
+    length_m: float
+    duration_s: float
+    plans: list[dict[str, Any]]
+
+
+_Corner = Annotated[list[float], Member(min_length=2, max_length=2)]
+_Ring = Annotated[list[_Corner], Member(min_length=3)]
+
+
+class StoredField(Field, Answer):
+    """A field as it is kept."""
+
+    boundary: _Ring  # type: ignore[assignment]  # as it is answered: lists
+    holes: list[_Ring]  # type: ignore[assignment]  # as above
+    exclusions: list[_Ring]  # type: ignore[assignment]  # as above
+    id: Id
+    area_m2: float
+    received_at: datetime
+    updated_at: datetime
+
+
+class SeveralFields(Answer):
+    """The fields of a file."""
+
+    fields: Annotated[list[StoredField], Member(min_length=2)]
+
+
+class StoredFields(RootModel[StoredField | SeveralFields]):
+    """The field that was posted, or all fields of a file."""
+
+
+_POSITION: Final = {
+    "type": "array",
+    "prefixItems": [
+        {"type": "number", "minimum": -180, "maximum": 180},
+        {"type": "number", "minimum": -90, "maximum": 90},
+    ],
+    "minItems": 2,
 }
-
-ERROR: Final[dict[str, Any]] = {
-    "type": "object",
-    "description": "What is wrong, with each faulty field by its path.",
-    "properties": {
-        "message": _TEXT,
-        "detail": {
-            "type": "object",
-            "additionalProperties": {
-                "type": "object",
-                "additionalProperties": {"type": "array", "items": _TEXT},
-            },
-        },
-        "errors": {
-            "type": "array",
-            "items": {
-                "type": "object",
-                "properties": {"code": {"type": "integer"}, "name": _TEXT, "path": _TEXT},
-                "required": ["code", "name", "path"],
-            },
-        },
-        "request_id": _TEXT,
-    },
-    "required": ["message", "detail"],
-}
+_Position = Annotated[list[float], WithJsonSchema(_POSITION)]
+_ClosedRing = Annotated[list[_Position], Member(min_length=4, max_length=1001)]
+_Rings = Annotated[list[_ClosedRing], Member(min_length=1, max_length=51)]
 
 
-def name_of(kind: Kind) -> str:
-    """Name of the schema of a kind."""
-    return MODELS[kind].__name__
+class Polygon(Answer):
+    """A geometry of GeoJSON."""
+
+    type: Literal["Polygon"]
+    coordinates: _Rings
 
 
-def stored_name(kind: Kind) -> str:
-    """Name of the schema of a kind as it is answered."""
-    return f"Stored{name_of(kind)}"
+class MultiPolygon(Answer):
+    """A geometry of GeoJSON."""
+
+    type: Literal["MultiPolygon"]
+    coordinates: Annotated[list[_Rings], Member(min_length=1, max_length=100)]
 
 
-def components() -> dict[str, Any]:
-    """Give every schema by name."""
-    own: list[type[Model]] = [
-        Field,
-        KeyRequest,
-        VehicleState,
-        Release,
-        Closing,
-        Acknowledged,
-        SurveyOrder,
-    ]
-    _, document = models_json_schema(
-        [(model, "validation") for model in [*MODELS.values(), *own]], ref_template=REFERENCE
-    )
-    found: dict[str, Any] = document["$defs"]
-    found["Error"] = ERROR
-    found |= {stored_name(kind): _stored_report(found[name_of(kind)]) for kind in TELEMETRY}
-    found["StoredPlan"] = _stored_plan(found["Plan"])
-    found["StoredEvent"] = _stored_event(found["Event"])
-    found["Vehicle"] = _with(
-        found["VehicleState"],
-        {"vehicle_id": _ID, "held": _HELD, "registered_at": _TIME, "updated_at": _TIME},
-        closed=False,
-    )
-    found |= _bulk() | _work() | _dead_letters()
-    found |= _keys()
-    found |= field_schemas.components(found["Field"], REFERENCE)
-    return found
+class Feature(Answer):
+    """A feature of GeoJSON."""
+
+    type: Literal["Feature"]
+    geometry: Polygon | MultiPolygon
 
 
-def _with(
-    schema: Mapping[str, Any], properties: Mapping[str, Any], *, closed: bool = True
-) -> dict[str, Any]:
-    """A schema with more properties, all of them required; open unless `closed`."""
-    joined = {
-        **schema,
-        "properties": {**schema["properties"], **properties},
-        "required": list(dict.fromkeys([*schema.get("required", []), *properties])),
-    }
-    if not closed:
-        joined.pop("additionalProperties", None)
-    return joined
+class FeatureCollection(Answer):
+    """Features of GeoJSON."""
+
+    type: Literal["FeatureCollection"]
+    features: Annotated[list[Feature], Member(min_length=1, max_length=100)]
 
 
-def _stored_report(schema: Mapping[str, Any]) -> dict[str, Any]:
-    stored = _with(schema, {"id": _ID, "message_id": _TEXT, "received_at": _TIME}, closed=False)
-    if "frame" in stored["properties"]:  # Lists of pictures leave it out
-        stored["required"] = [name for name in stored["required"] if name != "frame"]
-    return stored
+class GeoJson(RootModel[Polygon | MultiPolygon | Feature | FeatureCollection]):
+    """A boundary as in RFC 7946: longitude first, rings closed."""
 
 
-def _stored_plan(schema: Mapping[str, Any]) -> dict[str, Any]:
-    warning = {"type": "object", "properties": {"path": _TEXT, "message": _TEXT}}
-    command = {
-        "type": "object",
-        "properties": {
-            "command_id": {"type": "integer"},
-            "command_status_id": _STATUS,
-            "command_status_name": _TEXT,
-            "message": _TEXT,
-        },
-        "required": ["command_id", "command_status_id", "command_status_name"],
-    }
-    mission = {
-        "type": "object",
-        "properties": {
-            "mission_id": {"type": "integer"},
-            "vehicle_id": {"type": "integer"},
-            "dispatch_state": {"enum": ["held", "queued", "accepted", "closed"]},
-            "waiting": {**_TEXT, "description": "Why it is not handed out to the broker."},
-            "mission_status_id": _STATUS,
-            "mission_status_name": _TEXT,
-            "message": _TEXT,
-            "command_array": {"type": "array", "items": command},
-        },
-        "required": ["mission_id", "vehicle_id", "dispatch_state", "mission_status_id"],
-    }
-    return _with(
-        schema,
-        {
-            "id": _ID,
-            "plan_id": _TEXT,
-            "received_at": _TIME,
-            "expires_at": _TIME,
-            "plan_status_id": _STATUS,
-            "plan_status_name": _TEXT,
-            "missions": {"type": "array", "items": mission},
-            "warnings": {"type": "array", "items": warning},
-        },
-        closed=False,
-    )
+class FieldOrGeoJson(RootModel[Field | GeoJson]):
+    """A field, as our own document or as GeoJSON."""
 
 
-def _stored_event(schema: Mapping[str, Any]) -> dict[str, Any]:
-    return _with(
-        schema,
-        {
-            "id": _ID,
-            "event_type_name": _TEXT,
-            "received_at": _TIME,
-            "expires_at": _TIME,
-            "state": {"enum": [state.value for state in State]},
-        },
-        closed=False,
-    )
+class QGroundControlMission(Answer):
+    """The mission of a `.plan` file."""
+
+    version: Literal[2]
+    items: Annotated[list[dict[str, Any]], Member(min_length=1)]
 
 
-def _bulk() -> dict[str, Any]:
-    """Schemas of `/telemetry/`."""
-    envelopes = [
-        {
-            "type": "object",
-            "properties": {
-                kind.value: {"$ref": REFERENCE.format(model=name_of(kind))},
-                "idempotency_key": {"type": "string", "pattern": "^[!-~]{1,64}$"},
-            },
-            "required": [kind.value],
-            "additionalProperties": False,
-        }
-        for kind in TELEMETRY
-        if issubclass(MODELS[kind], Report)
-    ]
-    judged_alone = {"description": "Anything else: it spoils nothing but its own entry."}
-    receipt = {
-        "type": "object",
-        "properties": {"status": {"enum": [201, 403, 409, 422, 507]}},
-        "required": ["status"],
-    }
-    return {
-        "Reports": {
-            "type": "object",
-            "properties": {
-                "records": {
-                    "type": "array",
-                    "items": {"anyOf": [*envelopes, judged_alone]},
-                    "minItems": 1,
-                    "maxItems": 500,
-                }
-            },
-            "required": ["records"],
-            "additionalProperties": False,
-        },
-        "Receipts": {
-            "type": "object",
-            "properties": {"records": {"type": "array", "items": receipt}},
-            "required": ["records"],
-        },
-    }
+class QGroundControlPlan(Answer):
+    """A `.plan` file of QGroundControl, as far as it is read here."""
 
-
-def _keys() -> dict[str, Any]:
-    """Schemas of `/keys/`."""
-    moment = {"type": ["string", "null"], "format": "date-time"}
-    key: dict[str, Any] = {
-        "type": "object",
-        "properties": {
-            "prefix": _TEXT,
-            "name": _TEXT,
-            "role": {"$ref": REFERENCE.format(model="Role")},
-            "scopes": {"type": "array", "items": {"$ref": REFERENCE.format(model="Scope")}},
-            "vehicle_ids": {"type": ["array", "null"], "items": _ID},
-            "state": {"enum": ["active", "expired", "revoked"]},
-            "created_at": _TIME,
-            "expires_at": moment,
-            "revoked_at": moment,
-        },
-    }
-    key["required"] = list(key["properties"])
-    return {"AccessKey": key, "NewAccessKey": _with(key, {"key": _TEXT}, closed=False)}
-
-
-def _dead_letters() -> dict[str, Any]:
-    """Schemas of `/dead_letters/`."""
-    record = {
-        "type": "object",
-        "properties": {"id": _ID, "message_id": _TEXT, "received_at": _TIME},
-        "required": ["id", "message_id", "received_at"],
-    }
-    letter = {
-        "type": "object",
-        "properties": {
-            "id": _ID,
-            "kind": {"enum": [*(kind.value for kind in TELEMETRY), "gap"]},
-            "vehicle_id": _ID,
-            "attempts": {"type": "integer", "minimum": 0},
-            "reason": _TEXT,
-            "report": {"$ref": REFERENCE.format(model="Record")},
-        },
-        "required": ["id", "kind", "vehicle_id", "attempts", "reason", "report"],
-    }
-    names = [name_of(kind) for kind in TELEMETRY]
-    return {
-        "Record": record,
-        "DeadLetter": letter,
-        "AnyReport": {"anyOf": [{"$ref": REFERENCE.format(model=name)} for name in names]},
-        "Retried": {
-            "type": "object",
-            "properties": {"retried": {"type": "integer", "minimum": 0}},
-            "required": ["retried"],
-        },
-    }
-
-
-def _work() -> dict[str, Any]:
-    """Schemas of the broker's door and of health."""
-    return {
-        "Work": {
-            "type": "object",
-            "properties": {
-                "cursor": {"type": "integer", "minimum": 0},
-                "commands": {"type": "array", "items": {"type": "object"}},
-            },
-            "required": ["cursor", "commands"],
-        },
-        "WorkState": {
-            "type": "object",
-            "properties": {"id": _ID, "state": {"enum": ["queued", "accepted", "closed"]}},
-            "required": ["id", "state"],
-        },
-        "StateVectorRequest": {
-            "type": "object",
-            "properties": {"id": _ID, "expires_at": _TIME},
-            "required": ["id", "expires_at"],
-        },
-        "Health": {
-            "type": "object",
-            "properties": {
-                "status": _TEXT,
-                "database": _TEXT,
-                "uplink": {"type": "string", "enum": ["stopped", "open", "blocked", "paused"]},
-                "relay_deaths": {"type": "integer", "minimum": 0},
-            },
-            "required": ["status", "database"],
-        },
-        "OpenApi": {"type": "object"},
-    }
+    file_type: Literal["Plan"] = Member(alias="fileType")
+    version: Literal[1]
+    mission: QGroundControlMission
+    geo_fence: dict[str, Any] = _optional(alias="geoFence")
+    rally_points: dict[str, Any] = _optional(alias="rallyPoints")

@@ -1,7 +1,7 @@
-"""What the cloud writes is signed, in the header `X-JWS-Signature` (edge_server.api.jws).
+"""Signatures of the cloud's writes, in the header `X-JWS-Signature` (edge_server.api.jws).
 
-Every write under `/plans/` and `/events/` asks here, once the caller is known: a route of these
-blueprints cannot forget it. A signature is used up in the transaction that it has let through.
+Checked before every write under `/plans/` and `/events/`, whatever the route, once the caller is
+authenticated. The transaction of the write also marks the signature as used.
 """
 
 from typing import Final, Protocol
@@ -10,48 +10,49 @@ from flask import g, request
 from werkzeug.datastructures import WWWAuthenticate
 from werkzeug.exceptions import Forbidden, Unauthorized
 
-from edge_server.api import bodies, trails
+from edge_server.api import audit_trail, bodies
 from edge_server.api.scopes import SAFE_METHODS
 from edge_server.services.audit import Token
-from edge_server.store.keys import Role
+from edge_server.store.rows.keys import Role
 
 HEADER: Final = "X-JWS-Signature"
 SIGNED: Final = frozenset({"plans", "events"})
-"""Blueprints whose writes the cloud must sign, and anybody may."""
+"""Blueprints whose writes the cloud must sign; other roles may."""
 EXTENSION: Final = "edge_cloud_signatures"
 
 
 class Signatures(Protocol):
-    """Who can check a signature."""
+    """Verifier of signatures."""
 
-    def check(self, shown: str, body: bytes, path: str, now: float) -> Token:
-        """Check a signature of a body; raises 401, 403 or 422."""
+    def check(self, signature: str, body: bytes, path: str, now: float) -> Token:
+        """Verify the signature of a body; raises 401, 403 or 422."""
 
 
 def check_request() -> None:
-    """Hold what the cloud writes against its signature; raises 401, 403 or 422.
+    """Verify the signature of a write; raises 401, 403 or 422.
 
-    Call it when the caller is known. Others need no signature, but one that is there must be good.
+    Call it after authentication. Other roles need no signature, but one that is present must be
+    valid.
     """
     if request.method in SAFE_METHODS or request.blueprint not in SIGNED:
         return
     signatures: Signatures | None = bodies.extension(EXTENSION)
-    shown = request.headers.get(HEADER)
+    signature = request.headers.get(HEADER)
     if signatures is None:
         if g.role == Role.CLOUD:
             raise Forbidden("the cloud may not write here: CLOUD_JWS_KEY_FILE is not set")
         return
-    if shown is None:
+    if signature is None:
         if g.role == Role.CLOUD:
-            raise unsigned(f"what the cloud writes must be signed: {HEADER}")
+            raise invalid_signature(f"what the cloud writes must be signed: {HEADER}")
         return
     body = bodies.raw_body(keep=True)
-    token = signatures.check(shown, body, request.path.rstrip("/"), bodies.context().clock())
-    if (trail := trails.current()) is not None:
+    token = signatures.check(signature, body, request.path.rstrip("/"), bodies.context().clock())
+    if (trail := audit_trail.current()) is not None:
         trail.token = token
 
 
-def unsigned(reason: str) -> Unauthorized:
-    """Make the 401 for what bears no good signature."""
+def invalid_signature(reason: str) -> Unauthorized:
+    """Make the 401 for a missing or invalid signature."""
     challenge = WWWAuthenticate("bearer", {"realm": "edge server", "error": "invalid_request"})
     return Unauthorized(reason, www_authenticate=challenge)

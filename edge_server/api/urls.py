@@ -1,9 +1,9 @@
-"""How addresses are written: both with and without the slash at the end, and no redirect."""
+"""Paths: each with and without a slash at the end, never a redirect."""
 
 from collections.abc import Callable, Sequence
 from typing import Final
 
-from apiflask import APIBlueprint, APIFlask
+from flask import Blueprint, Flask
 from flask.typing import ResponseReturnValue
 from werkzeug.routing import BaseConverter
 
@@ -11,28 +11,28 @@ _LAST: Final = 2**63 - 1
 
 
 class Int64Converter(BaseConverter):
-    """An id as the database can hold it."""
+    """Converter of ids, which the database holds in 63 bits."""
 
     regex = r"\d{1,19}"
 
     def to_python(self, value: str) -> int:
-        """Read an id; one beyond 63 bits is that of nothing, like the last one that we can hold.
+        """Read an id; one beyond 63 bits becomes the largest one, which no resource has.
 
-        To refuse it here would answer 405 to all methods but one: the others' rules match.
+        A refusal here would answer 405 for other methods than this rule's, instead of 404.
         """
         return min(int(value), _LAST)
 
 
-def install(app: APIFlask) -> None:
-    """Teach an app our addresses; call before the routes are added."""
+def install(app: Flask) -> None:
+    """Configure the URL map of an app; call it before routes are added."""
     app.url_map.converters["int64"] = Int64Converter
-    app.url_map.strict_slashes = True  # Both forms are routes of their own
+    app.url_map.strict_slashes = True  # Both forms are separate routes
     app.url_map.merge_slashes = False
 
 
 def add(
-    routes: APIBlueprint,
-    words: Sequence[str],
+    routes: Blueprint,
+    names: Sequence[str],
     endpoint: str,
     view: Callable[..., ResponseReturnValue],
     method: str,
@@ -40,12 +40,12 @@ def add(
     item: str = "",
     action: str = "",
 ) -> None:
-    """Add a view under each word, as collection or as item (`item` is its converter).
+    """Add a view under each name, as collection or as item (`item` is its converter).
 
-    An `action` is something done to an item: `/plans/5/dispatch`.
+    An `action` follows the item: `/plans/5/dispatch`.
     """
     below = "".join([f"/<{item}>" if item else "", f"/{action}" if action else ""])
-    for word in words:
+    for name in names:
         for slash in ("/", ""):
-            place = f"/{word}{below}{slash}"
+            place = f"/{name}{below}{slash}"
             routes.add_url_rule(place, endpoint, view, methods=[method])

@@ -1,1 +1,1 @@
-"""The commands of the program at a terminal: keys, audit, dead-letters."""
+"""Commands on the terminal: keys, audit, dead-letters."""

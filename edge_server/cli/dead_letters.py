@@ -1,4 +1,4 @@
-"""`python -m edge_server dead-letters`: what the API does with them, at the shell.
+"""`python -m edge_server dead-letters`: the API's operations on dead letters, on the terminal.
 
 NoDatabaseError    there is no database, or one of another version
 UnreadableError    the file with the corrected report cannot be used
@@ -17,10 +17,10 @@ from afarcloud.wire import Kind
 from edge_server.config import Config
 from edge_server.process import preparation
 from edge_server.services import dead_letters
-from edge_server.services.audit import at_the_shell, on_trail
+from edge_server.services.audit import shell_trail, use_trail
 from edge_server.services.context import Context
 from edge_server.services.errors import NotFoundError, ServiceError
-from edge_server.store.database import to_json
+from edge_server.store.connection.database import to_json
 from edge_server.store.migrate import is_ready
 
 AUDIT = logging.getLogger("edge_server.audit")
@@ -42,7 +42,7 @@ class UnreadableError(Exception):
 def run(
     config: Config, action: str, record_ids: Sequence[int], file: Path | None = None
 ) -> Iterator[str | ServiceError]:
-    """Do it; yields what is to be told. A record that is missing is told, and the rest goes on.
+    """Run an action; yields lines to print. A missing record is an error line; the rest continues.
 
     Raises:
         NoDatabaseError: if the state folder has no database of this version.
@@ -53,9 +53,9 @@ def run(
     database = preparation.open_database(config)
     context = Context(config, database, time.time)
     subject = "/".join(["dead_letters", *(str(one) for one in record_ids)])
-    trail = at_the_shell(f"dead_letters.{action}", subject, time.time)
+    trail = shell_trail(f"dead_letters.{action}", subject, time.time)
     try:
-        with on_trail(trail):
+        with use_trail(trail):
             if file is not None:
                 yield from _edited(context, record_ids[0], file)
             elif action in _OF_ALL:
@@ -102,7 +102,7 @@ def _edited(context: Context, record_id: int, file: Path) -> Iterator[str | Serv
         kind = Kind(dead_letters.find(context, record_id)["kind"])
         report = wire.read(kind, wire.parse_json(file.read_bytes()))
         if not isinstance(report, Report):
-            raise UnreadableError(f"{file}: a {kind.value} is no report")
+            raise UnreadableError(f"{file}: {kind.value} is not a kind of report")
         dead_letters.edit(context, record_id, report)
     except (DocumentError, OSError, ValueError) as error:
         raise UnreadableError(f"{file}: {error}") from None

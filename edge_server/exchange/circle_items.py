@@ -22,12 +22,12 @@ def orbit(state: Translation, item: Item) -> None:
     if kind is None:
         raise Refusal(f"has a yaw behaviour that no orbit_type says: {behaviour:g}")
     turns = (angle or 0.0) / math.tau
-    told = {"orbit_type": int(kind)}
+    named = {"orbit_type": int(kind)}
     if speed is not None:
         rate = orbits.angular_velocity_deg_s(speed, abs(radius))
-        _circle(state, item, radius, turns, angular_velocity=rate, **told)
+        _circle(state, item, radius, turns, angular_velocity=rate, **named)
     else:
-        _circle(state, item, radius, turns, **told)
+        _circle(state, item, radius, turns, **named)
 
 
 def loiter_turns(state: Translation, item: Item) -> None:
@@ -41,7 +41,7 @@ def loiter_turns(state: Translation, item: Item) -> None:
 
 
 def follow(state: Translation, item: Item) -> None:
-    """A bare waypoint just before says where the target is first expected."""
+    """A bare waypoint just before is the place where the target is first expected."""
     if state.place is None:
         raise Refusal("follows from no place")
     place = state.place
@@ -76,7 +76,7 @@ def _circle(
 
 
 def _take_beginning(state: Translation, centre: Place, radius_m: float) -> StartPoint:
-    """A bare waypoint on the circle, just before, says where it begins."""
+    """A bare waypoint on the circle, just before, is the place where it begins."""
     start = None
     if state.bare and state.place is not None:
         start = orbits.start_point(centre, radius_m, state.place)

@@ -19,7 +19,7 @@ Rings = Annotated[tuple[Polygon, ...], Bounds(max_length=50)]
 class Field(Model):
     """The boundary of a field: rings of (latitude, longitude), the first corner not repeated.
 
-    A hole is no part of the field; an exclusion is, but nobody may fly there.
+    A hole is not part of the field; an exclusion is, but no vehicle may fly there.
     """
 
     name: ShortText | None = None
@@ -29,7 +29,7 @@ class Field(Model):
 
 
 def check(field: Field, path: str = "") -> None:
-    """Hold a field against what no type can say; raises InvalidError with every fault."""
+    """Check what the types cannot express; raises InvalidError with every fault."""
     if found := tuple(_faults(field)):
         raise InvalidError(tuple(one._replace(path=f"{path}{one.path}") for one in found))
 

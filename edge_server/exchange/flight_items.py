@@ -125,14 +125,14 @@ def _go(
     control: float | None = None,
 ) -> None:
     pictures_on_the_way(state, item, place)
-    told = {"acceptance_radius": radius} if radius else {}
+    named = {"acceptance_radius": radius} if radius else {}
     state.add(
         item,
         CommandType.NAV_WAYPOINT,
         hold_time=hold_s,
         trajectory_control=control or 0.0,
         desired_yaw_angle=heading,
-        **told,
+        **named,
         **place.as_parameters(),
     )
     state.place, state.has_flown = place, True

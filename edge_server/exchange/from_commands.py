@@ -1,7 +1,7 @@
 """AFarCloud commands to mission items, the inverse of `to_commands`. Pure.
 
-The mission's speed comes first. A parameter that MAVLink has no place for stands in the item's
-own member (`mission_item.EXTRA`), so that nothing is lost on the way out and in again.
+The mission's speed comes first. A parameter without a MAVLink parameter is kept in a
+member of the item (`mission_item.EXTRA`), so that an export that is imported again loses nothing.
 """
 
 import math
@@ -50,7 +50,7 @@ class _Situation(NamedTuple):
 
 
 def home_of(mission: Mission) -> Home:
-    """Where a mission starts: at its first place; nobody says how high home is."""
+    """Return where a mission starts: at its first place; the height of home is unknown."""
     places = (spot_of(command) for command in mission.command_array)
     first = next((place for place in places if place is not None), None)
     if first is None:
@@ -115,7 +115,7 @@ def _waypoint(command: NavWaypoint, _: _Situation) -> Iterator[_Raw]:
 
 
 def _bare(place: Place) -> _Raw:
-    """A waypoint that says no more than its place: it belongs to the command behind it."""
+    """A waypoint with no more than its place: it belongs to the command behind it."""
     return _placed(Cmd.NAV_WAYPOINT, (0.0, 0.0, 0.0, None), place)
 
 

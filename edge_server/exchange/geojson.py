@@ -1,7 +1,7 @@
 """Field boundaries as GeoJSON (RFC 7946): longitude first, rings closed, WGS-84. Pure.
 
 Every polygon is a field. A feature's own name becomes the field's; a MultiPolygon of several
-becomes several fields, numbered. Exclusions, which GeoJSON has no word for, stand in the
+becomes several fields, numbered. Exclusions, for which GeoJSON has no type, are in the
 property `exclusions` as rings like those of a polygon.
 """
 
@@ -35,7 +35,7 @@ _NAMES: Final = ("name", "Name", "title", "id")
 
 
 def is_geojson(document: Any) -> bool:
-    """Whether a parsed document says that it is GeoJSON."""
+    """Whether a parsed document claims to be GeoJSON."""
     kind = document.get("type") if isinstance(document, dict) else None
     return isinstance(kind, str) and kind in TYPES
 
@@ -64,7 +64,7 @@ def read(document: Any) -> list[Boundary]:
 
 
 def _check_reference_system(document: Mapping[str, Any]) -> None:
-    """The member of 2008 is gone from RFC 7946; what says the same as it is taken."""
+    """Check the `crs` of GeoJSON 2008, which RFC 7946 has dropped; its default is accepted."""
     system = document.get("crs")
     if system is None:
         return
@@ -176,7 +176,7 @@ def write(fields: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 def write_one(field: Mapping[str, Any]) -> dict[str, Any]:
     """Write one field as a Feature; everything but its rings becomes a property.
 
-    The outer ring runs anticlockwise and holes clockwise, as RFC 7946 wants it.
+    The outer ring runs anticlockwise and holes clockwise, as RFC 7946 requires.
     """
     rings = [_closed(field["boundary"], anticlockwise=True)]
     rings += [_closed(ring, anticlockwise=False) for ring in field.get("holes", ())]

@@ -25,7 +25,7 @@ MEDIA_TYPES: Final = frozenset(
 ZIPPED_MEDIA_TYPE: Final = "application/vnd.google-earth.kmz"
 DEEPEST: Final = 40
 LARGEST_BYTES: Final = 4 * 1024 * 1024
-"""Of KML that comes out of a KMZ, whatever the archive says of itself."""
+"""Size of the KML that a KMZ unpacks to, whatever size the archive states."""
 MOST_MEMBERS: Final = 200
 _ZIP: Final = b"PK\x03\x04"
 _GEOMETRIES: Final = frozenset(
@@ -102,7 +102,7 @@ def _document_of(members: list[zipfile.ZipInfo]) -> zipfile.ZipInfo:
 
 
 def _parsed(raw: bytes) -> Element:
-    """Parse XML that nobody vouches for."""
+    """Parse untrusted XML."""
     depth = 0
     root: Element | None = None
     try:
@@ -187,7 +187,7 @@ def _text(element: Element, tag: str) -> str | None:
 
 
 def _tag(element: Element) -> str:
-    """Name of an element, whatever version of KML its namespace says."""
+    """Name of an element, whatever version of KML its namespace names."""
     return str(element.tag).rpartition("}")[2]
 
 

@@ -1,4 +1,4 @@
-"""What any file with a mission says, once it is read."""
+"""The content of a mission file of any format."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
@@ -12,7 +12,7 @@ class MissionFile(NamedTuple):
 
     items: list[Item]
     home: Home | None
-    speed_m_s: float | None = None  # Where no item says one
+    speed_m_s: float | None = None  # Where no item has one
     zero_yaw_is_unset: bool = False
     geofence: dict[str, Any] | None = None
     rally_points: Sequence[Mapping[str, Any]] = ()

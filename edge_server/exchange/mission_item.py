@@ -10,7 +10,7 @@ from afarcloud.geometry import METRES_PER_DEGREE
 
 Parameters: TypeAlias = tuple[float | None, ...]
 EXTRA: Final = "afarcloud"
-"""Member of an item with what a command says and MAVLink cannot; other programs pass it over."""
+"""Member of an item with parameters that MAVLink lacks; other programs ignore it."""
 
 
 class Cmd(IntEnum):
@@ -80,13 +80,13 @@ class Item:
 
     @property
     def title(self) -> str:
-        """How to speak of it."""
+        """Its name in messages."""
         known = {cmd.value: cmd.name for cmd in Cmd}
         return f"item {self.number} ({known.get(self.command, f'MAV_CMD {self.command}')})"
 
 
 class Home(NamedTuple):
-    """Where a file says that the mission starts; the altitude is above mean sea level."""
+    """Where a mission starts by its file; the altitude is above mean sea level."""
 
     latitude_deg: float
     longitude_deg: float

@@ -1,4 +1,4 @@
-"""Where the nose points on a circle, and where the circle begins: AFarCloud's words and MAVLink's.
+"""Where the nose points on a circle, and where the circle begins: AFarCloud's terms and MAVLink's.
 
 ORBIT_YAW_BEHAVIOUR has no value for looking backwards or outwards; 6 and 7 are those of this
 project's own autopilot.
@@ -50,5 +50,5 @@ def start_point(centre: Place, radius_m: float, place: Place) -> StartPoint | No
 
 
 def angular_velocity_deg_s(speed_m_s: float, radius_m: float) -> float:
-    """Of a flight along the circle; rounded, so that there and back gives the same."""
+    """Of a flight along the circle; rounded, so that converting there and back yields the same."""
     return round(math.degrees(speed_m_s / radius_m), 9)

@@ -15,7 +15,7 @@ _RALLY: Final = ("latitude", "longitude", "altitude")
 
 
 def read(fence: Any) -> tuple[dict[str, Any] | None, list[Fault]]:
-    """Give a geofence as document, None for none; and what is done otherwise than it says.
+    """Return a geofence as a document, None for none; and warnings about what is changed.
 
     Raises:
         InvalidError: naming each part that is wrong.
@@ -73,8 +73,8 @@ def _polygon(area: Mapping[str, Any], path: str) -> Any:
 def _circle(area: Mapping[str, Any], path: str, *, is_inner: bool) -> list[list[float]]:
     """Corners on the circle where one stays inside, around it where one stays outside."""
     circle = area.get("circle")
-    told = circle if isinstance(circle, dict) else {}
-    centre, radius = told.get("center"), told.get("radius")
+    given = circle if isinstance(circle, dict) else {}
+    centre, radius = given.get("center"), given.get("radius")
     if not _is_place(centre) or not _is_number(radius) or not _SMALLEST_M <= radius <= _LARGEST_M:
         message = "must have a center of latitude and longitude and a radius [m]"
         raise InvalidError((Fault(f"{path}.circle", message),))

@@ -24,7 +24,7 @@ _LONGEST_NAME: Final = 40
 
 
 def is_plan(document: Any) -> bool:
-    """Whether a parsed document says that it is such a file."""
+    """Whether a parsed document claims to be such a file."""
     return isinstance(document, dict) and "fileType" in document
 
 
@@ -113,7 +113,7 @@ def _flat(raw: list[Any], faults: list[Fault], missing: list[Fault]) -> Iterator
 
 
 def _inside(item: Mapping[str, Any]) -> list[Any] | None:
-    """The items that a complex one expands to; None when it does not say them."""
+    """Return the items that a complex one expands to; None if it does not list them."""
     if _kind(item) not in EXPANDED:
         return None
     transects = item.get("TransectStyleComplexItem")

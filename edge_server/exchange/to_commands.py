@@ -33,7 +33,7 @@ def translate(
     speed_m_s: float | None = None,
     zero_yaw_is_unset: bool = False,
 ) -> Translated:
-    """Translate a mission; `speed_m_s` holds where no item says one.
+    """Translate a mission; `speed_m_s` applies where no item has one.
 
     Raises:
         InvalidError: with every item that cannot be translated.
@@ -70,7 +70,7 @@ def _take(state: Translation, item: Item) -> None:
 
 
 def _left_over(state: Translation) -> list[tuple[Item, str]]:
-    """What was said for a command that never came."""
+    """Return the settings that no following command uses, each with the reason."""
     found = []
     if state.heading is not None:
         found.append((state.heading[0], "turns the vehicle at no place that follows"))

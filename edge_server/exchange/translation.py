@@ -1,6 +1,6 @@
 """What is known between two mission items while they become commands.
 
-Refusal  why an item cannot be told in commands; becomes a fault at the item's place
+Refusal  why an item cannot be translated; becomes a fault at the item's place
 """
 
 from dataclasses import dataclass, field
@@ -15,7 +15,7 @@ MOST_COMMANDS: Final = 700
 
 
 class Refusal(Exception):  # noqa: N818  # it is no error of ours
-    """Why an item cannot be told in commands."""
+    """Why an item cannot be translated to commands."""
 
 
 @dataclass(slots=True)
@@ -36,7 +36,7 @@ class Translation:
     gimbal_is_used: bool = True
     picture_spacing_m: float | None = None
     since_picture_m: float = 0.0
-    bare: bool = False  # The last command is a waypoint that says no more than its place
+    bare: bool = False  # The last command is a waypoint with no more than its place
     hold: Item | None = None  # The mission ended here
 
     def add(self, item: Item, kind: CommandType, **parameters: Any) -> None:
@@ -57,13 +57,13 @@ class Translation:
         self.bare = False
 
     def take_back(self) -> dict[str, Any]:
-        """Remove the last command; gives its parameters."""
+        """Remove the last command; returns its parameters."""
         self.paths.pop()
         parameters: dict[str, Any] = self.commands.pop()["parameters"]
         return parameters
 
     def warn(self, item: Item, message: str) -> None:
-        """Say what is done otherwise than the item says."""
+        """Warn about what is done differently from the item."""
         self.warnings.append(Fault(item.path, f"{item.title}: {message}"))
 
     def relative_altitude_m(self, item: Item) -> float:
@@ -91,7 +91,7 @@ class Translation:
         return Place(latitude, longitude, self.relative_altitude_m(item))
 
     def heading_of(self, value: float | None) -> float | None:
-        """Heading at a place: what the item says, or a turn that was asked for before it."""
+        """Heading at a place: that of the item, or of a turn that was requested before it."""
         if self.heading is not None:
             (_, heading), self.heading = self.heading, None
             return heading
@@ -110,5 +110,5 @@ def whole(value: float | None, what: str, otherwise: int) -> int:
 
 
 def unset(*values: float | None) -> bool:
-    """Whether none of them says anything; autopilots read 0 so."""
+    """Whether none of them has a value; autopilots read 0 as none."""
     return not any(values)

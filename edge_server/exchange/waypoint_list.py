@@ -52,7 +52,7 @@ def read(raw: bytes) -> MissionFile:
 
 
 def _lines(raw: bytes) -> Iterator[tuple[int, str]]:
-    """Lines that say something, with their number."""
+    """Lines that are not empty, with their number."""
     try:
         text = raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -101,8 +101,8 @@ def _number(text: str) -> float | None:
 def _home(rows: list[Item]) -> Home | None:
     """Home out of the first row, when that is what it is: nothing of it is flown.
 
-    Some tools write it in a frame above home, where its height says nothing; a waypoint before the
-    take-off can be nothing else.
+    Some tools write it in a frame above home, where its height has no meaning; a waypoint before
+    the take-off can be nothing else.
     """
     if not rows or rows[0].command != Cmd.NAV_WAYPOINT:
         return None

@@ -1,1 +1,1 @@
-"""Logs, metrics, and whether the relay runs."""
+"""Logs, metrics, and the health of the relay."""

@@ -1,8 +1,7 @@
-"""Log lines: sentences on a terminal, one JSON object per line elsewhere.
+"""Log lines: text on a terminal, one JSON object per line elsewhere.
 
-Every line that is written while a request is served carries its id. What must not be in a log
-(keys, above all) is taken out of the finished line, wherever it came from: whoever knows what a
-secret looks like says so with `redact_with`.
+Every line of a request has its id. Redactors registered with `redact_with` remove secrets, such as
+keys, from the finished line, whatever its origin.
 """
 
 import logging
@@ -18,31 +17,31 @@ from pythonjsonlogger.json import JsonFormatter
 
 FORMATS: Final = ("auto", "json", "text")
 REQUEST_ID: Final[ContextVar[str | None]] = ContextVar("request_id", default=None)
-"""The request that is being served in this thread."""
+"""Id of the request that this thread serves."""
 
 Redactor = Callable[[str], str]
 _redactors: Final[list[Redactor]] = []
 _RENAMED: Final = {"asctime": "time", "levelname": "level", "name": "logger"}
 _FIELDS: Final = "%(asctime)s %(levelname)s %(name)s %(process)d %(message)s"
 _QUIET: Final = ("alembic", "urllib3", "requests")
-_FOR_PROGRAMS: Final = "edge_server.access"
-"""One line for every request is nothing that people read."""
+_JSON_ONLY: Final = "edge_server.access"
+"""The access log is written as JSON only."""
 
 
 def redact_with(redactor: Redactor) -> None:
-    """Pass every finished line through this function before it is written."""
+    """Register a function that every finished line passes."""
     if redactor not in _redactors:
         _redactors.append(redactor)
 
 
 def configure(level: str, form: str, stream: TextIO | None = None) -> None:
-    """Set up the process's log; `form` is one of FORMATS, the stream is stderr."""
+    """Configure logging of the process; `form` is one of FORMATS; default stream: stderr."""
     target = stream or sys.stderr
     as_json = form == "json" or (form == "auto" and not target.isatty())
     handler = logging.StreamHandler(target)
     handler.addFilter(_add_request_id)
     if not as_json:
-        handler.addFilter(lambda record: record.name != _FOR_PROGRAMS)
+        handler.addFilter(lambda record: record.name != _JSON_ONLY)
     handler.setFormatter(_JsonLine() if as_json else _TextLine())
     root = logging.getLogger()
     for old in root.handlers[:]:
@@ -69,7 +68,7 @@ def _redacted(line: str) -> str:
 
 
 class _JsonLine(JsonFormatter):
-    """Time in UTC to the millisecond, level, logger, process, message, then what the line adds."""
+    """Time in UTC to the millisecond, level, logger, process, message, then extra fields."""
 
     def __init__(self) -> None:
         super().__init__(_FIELDS, rename_fields=_RENAMED)
@@ -85,7 +84,7 @@ class _JsonLine(JsonFormatter):
 
 
 class _TextLine(logging.Formatter):
-    """One sentence for people; the request's id at its end."""
+    """A line of text; the request's id at its end."""
 
     def __init__(self) -> None:
         super().__init__("%(asctime)s edge %(levelname)s %(message)s")
@@ -100,16 +99,13 @@ class _TextLine(logging.Formatter):
 def _on_exception(
     kind: type[BaseException], error: BaseException, trace: TracebackType | None
 ) -> None:
-    """Tell of an exception that ends the process as of anything else."""
-    if issubclass(kind, KeyboardInterrupt):
-        sys.__excepthook__(kind, error, trace)
-        return
-    logging.getLogger("edge_server").critical("the program fails", exc_info=(kind, error, trace))
+    """Log an exception that ends the process."""
+    logging.getLogger("edge_server").critical("the program failed", exc_info=(kind, error, trace))
 
 
 def _on_thread_exception(failed: threading.ExceptHookArgs) -> None:
     if failed.exc_value is None or issubclass(failed.exc_type, SystemExit):
         return
     logging.getLogger("edge_server").critical(
-        "a thread fails", exc_info=(failed.exc_type, failed.exc_value, failed.exc_traceback)
+        "a thread failed", exc_info=(failed.exc_type, failed.exc_value, failed.exc_traceback)
     )

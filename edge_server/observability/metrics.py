@@ -1,9 +1,12 @@
-"""What this edge server tells of itself, in Prometheus' words.
+"""Metrics of this edge server for Prometheus.
 
-Three sources: what this process has seen of its requests, what server and relay have counted in
-their tallies, and what the database holds now. A count of a large backlog is a pass over an
-index; it is made again only after a hundred times the time it took, so that watching costs at
-most one percent, and a small backlog is always told as it is.
+Three sources: requests of this process, counts of server and relay in their tallies, and the
+database. Counting a large backlog scans an index; the result is cached for a hundred times the
+duration of the scan, so that scrapes cost one percent of the time at most, and the count of a small
+backlog is current.
+
+`prometheus_client.multiprocess` does not replace the tallies: on a full disk its sparse files kill
+the process that counts (SIGBUS), while a tally allocates its blocks first.
 """
 
 import shutil
@@ -26,34 +29,33 @@ from prometheus_client.registry import Collector
 from sqlalchemy import text
 
 from edge_server.config import Config
-from edge_server.front.counts import COUNTS
+from edge_server.connections.counts import COUNTS
 from edge_server.observability import relay_health
-from edge_server.outbox import figures
-from edge_server.outbox.counting import DELIVERY_BUCKETS_S
-from edge_server.outbox.figures import Waiting
+from edge_server.outbox import counts
+from edge_server.outbox.counts import DELIVERY_BUCKETS_S, Waiting
 from edge_server.outbox.queue import PRIORITY
-from edge_server.store import tally
-from edge_server.store.database import Database
-from edge_server.store.tally import Labels, Tally
+from edge_server.store.connection.database import Database
+from edge_server.store.files import tally
+from edge_server.store.files.tally import Labels, Tally
 
-REST: Final = 100.0
-"""A count is good for so many times as long as it took."""
+CACHE_FACTOR: Final = 100.0
+"""A count is cached for this multiple of its duration."""
 _REQUEST_BUCKETS_S: Final = (0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1, 5, 30)
 _COUNTED: Final = {
     "fm_delivered": ("Records that the cloud has confirmed", ["kind"]),
-    "fm_retries": ("Tries that were no confirmation and no rejection", ["reason"]),
+    "fm_retries": ("Attempts without confirmation or rejection", ["reason"]),
     "fm_rejected": ("Records that the cloud has rejected: dead letters made", ["kind", "status"]),
-    "fm_dropped": ("Records given up to keep within the disk budget", ["kind", "reason"]),
-    "fm_part_deaths": ("Times that a process of the edge server ended by itself", ["part"]),
-    "fm_ingest_rejected": ("Reports that were not taken, by the status of the answer", ["code"]),
+    "fm_dropped": ("Records dropped to keep within the disk budget", ["kind", "reason"]),
+    "fm_part_deaths": ("Times that a process of the edge server exited by itself", ["part"]),
+    "fm_ingest_rejected": ("Reports that were refused, by the status of the answer", ["code"]),
 }
-"""Name of a count, as in the tallies, what it says, and its labels."""
+"""Name of a count, as in the tallies, its description and its labels."""
 
 _Counts = Mapping[str, Mapping[Labels, float]]
 
 
 class Metrics:
-    """The figures of one edge server; made once per process."""
+    """Metrics of one edge server; made once per process."""
 
     def __init__(self, config: Config, database: Database, clock: Callable[[], float]) -> None:
         self.registry = CollectorRegistry()
@@ -81,11 +83,11 @@ class Metrics:
         self._durations.labels(method, route).observe(duration_s)
 
     def rejected(self, status: int, records: int = 1) -> None:
-        """Count reports that were not taken."""
+        """Count refused reports."""
         self._tally.add("fm_ingest_rejected", str(status), amount=records)
 
     def dropped(self, kind: str, reason: str, records: int) -> None:
-        """Count records that were given up."""
+        """Count dropped records."""
         self._tally.add("fm_dropped", kind, reason, amount=records)
 
     def page(self) -> bytes:
@@ -94,21 +96,21 @@ class Metrics:
 
 
 class _EdgeCollector(Collector):
-    """Asks database, tallies and disk when somebody looks."""
+    """Reads database, tallies and disk at each scrape."""
 
     def __init__(self, config: Config, database: Database, clock: Callable[[], float]) -> None:
         self._config = config
         self._database = database
         self._clock = clock
         self._waiting = Waiting({}, {})
-        self._good_until = float("-inf")
+        self._cached_until = float("-inf")
 
     def describe(self) -> Iterable[Metric]:
-        """Name nothing beforehand: registering must not ask the database."""
+        """Describe nothing: registration must not read the database."""
         return ()
 
     def collect(self) -> Iterator[Metric]:
-        """Give all figures as they are now."""
+        """Give the current metrics."""
         counts = _sum(
             tally.read(path)
             for path in (
@@ -122,20 +124,20 @@ class _EdgeCollector(Collector):
         yield _delivery_seconds(counts)
         yield _gauge(
             "fm_uplink_state",
-            "0 no relay runs, 1 open, 2 blocked: the cloud is away, 3 paused: it refuses our key",
-            relay_health.look(self._config).uplink,
+            "0 no relay runs, 1 open, 2 blocked: the cloud is away, 3 paused: it refuses the key",
+            relay_health.read(self._config).uplink,
         )
         yield from self._storage()
-        yield from _front()
+        yield from _connections()
 
     def _outbox(self) -> Iterator[Metric]:
         with self._database.read() as connection:
-            if time.monotonic() >= self._good_until:
+            if time.monotonic() >= self._cached_until:
                 began = time.monotonic()
-                self._waiting = figures.count(connection)
+                self._waiting = counts.count_waiting(connection)
                 ended = time.monotonic()
-                self._good_until = ended + REST * (ended - began)
-            oldest = figures.oldest_received_at(connection)
+                self._cached_until = ended + CACHE_FACTOR * (ended - began)
+            oldest = counts.oldest_received_at(connection)
         depth = GaugeMetricFamily("fm_outbox_depth", "Records to be sent", labels=["kind"])
         for kind in {**dict.fromkeys(PRIORITY, 0), **self._waiting.queued}:
             depth.add_metric([kind], self._waiting.queued.get(kind, 0))
@@ -153,9 +155,9 @@ class _EdgeCollector(Collector):
         size = self._database_bytes()
         yield _gauge("fm_db_bytes", "Size of the database and its log of changes", size)
         free = shutil.disk_usage(self._config.edge_dir).free
-        yield _gauge("fm_disk_free_bytes", "Room on the disk that holds the database", free)
+        yield _gauge("fm_disk_free_bytes", "Free space on the disk of the database", free)
         quarantined = len(list((self._config.edge_dir / "quarantine").glob("*.sqlite3")))
-        yield _gauge("fm_quarantined_databases", "Broken databases set aside", quarantined)
+        yield _gauge("fm_quarantined_databases", "Broken databases in quarantine", quarantined)
 
     def _database_bytes(self) -> int:
         if self._database.is_shared:
@@ -167,11 +169,11 @@ class _EdgeCollector(Collector):
         return sum(file.stat().st_size for file in files if file.exists())
 
 
-def _front() -> Iterator[Metric]:
+def _connections() -> Iterator[Metric]:
     yield _gauge("fm_http_connections", "Connections that are open", COUNTS.open)
     closed = CounterMetricFamily(
         "fm_http_connections_closed",
-        "Connections closed before a request was whole, or for want of room",
+        "Connections closed before a request was complete, or for lack of room",
         labels=["reason"],
     )
     for reason, number in sorted(COUNTS.closed().items()):

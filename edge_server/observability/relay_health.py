@@ -1,39 +1,39 @@
-"""How the relay is, seen from another process: by its lock, its tally and its supervisor's."""
+"""Health of the relay, from other processes: by its lock, its tally and the supervisor's tally."""
 
 import fcntl
 import os
 from typing import Final, NamedTuple
 
 from edge_server.config import Config
-from edge_server.outbox.counting import UPLINK, Uplink
-from edge_server.store import tally
-from edge_server.store.tally import PART_DEATHS
+from edge_server.outbox.counts import UPLINK, UplinkState
+from edge_server.store.files import tally
+from edge_server.store.files.tally import PART_DEATHS
 
 _RELAY: Final = "relay"
 
 
 class RelayHealth(NamedTuple):
-    """The state of the uplink, and how often a relay of this state folder has died."""
+    """State of the uplink, and the number of exits of the relay."""
 
-    uplink: Uplink
+    uplink: UplinkState
     deaths: int
 
 
-def look(config: Config) -> RelayHealth:
-    """See how the relay is now."""
+def read(config: Config) -> RelayHealth:
+    """Read the health of the relay."""
     deaths = tally.read(config.supervisor_tally_path).get(PART_DEATHS, {}).get((_RELAY,), 0.0)
     return RelayHealth(_uplink(config), int(deaths))
 
 
-def _uplink(config: Config) -> Uplink:
+def _uplink(config: Config) -> UplinkState:
     if not _runs(config):
-        return Uplink.STOPPED
-    said = tally.read(config.relay_tally_path).get(UPLINK, {}).get((), Uplink.OPEN)
-    return Uplink(int(said)) if said in set(Uplink) else Uplink.OPEN
+        return UplinkState.STOPPED
+    state = tally.read(config.relay_tally_path).get(UPLINK, {}).get((), UplinkState.OPEN)
+    return UplinkState(int(state)) if state in set(UplinkState) else UplinkState.OPEN
 
 
 def _runs(config: Config) -> bool:
-    """Whether somebody holds the relay's lock; a free one is held here for a moment."""
+    """Whether a relay holds the lock; a free one is taken for a moment."""
     try:
         descriptor = os.open(config.relay_lock_path, os.O_RDONLY | os.O_CLOEXEC)
     except FileNotFoundError:

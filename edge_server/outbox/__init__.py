@@ -1,1 +1,1 @@
-"""Store and forward: every record reaches the cloud at least once, in order, or is kept."""
+"""Store and forward: every record is kept until the cloud has it, at least once and in order."""

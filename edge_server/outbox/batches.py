@@ -5,41 +5,41 @@
 
     {"results": [{"message_id": "01K9...", "status": 200}, {"message_id": ..., "status": 422}]}
 
-A result is what the record alone would have been answered, `retry_after_s` and `outcome` included.
-The cloud takes the records of one stream in their order: after one that it wants again, it answers
-the later ones of that stream in the batch with 424.
+A result has the status that the record alone would have been answered with, `retry_after_s` and
+`outcome` included. The cloud takes the records of one stream in their order: after a record that
+has to be retried, it answers the later records of that stream in the batch with 424.
 """
 
 import json
 from collections.abc import Sequence
 from typing import Any, Final
 
-from edge_server.outbox.answers import Answer, Meaning, Reply, judge
-from edge_server.outbox.queue import Parcel
+from edge_server.outbox.answers import Answer, Outcome, Reply, classify
+from edge_server.outbox.queue import OutboxRecord
 
 MEDIA_TYPE: Final = "application/x-ndjson"
 JSON: Final = "application/json"
 
 
-def write(parcels: Sequence[Parcel]) -> bytes:
-    """Write the body of a batch."""
-    lines = [f'{{"kind":"{p.stream.kind}","record":{p.payload}}}\n' for p in parcels]
+def write(records: Sequence[OutboxRecord]) -> bytes:
+    """Return the body of a batch."""
+    lines = [f'{{"kind":"{one.stream.kind}","record":{one.payload}}}\n' for one in records]
     return "".join(lines).encode()
 
 
-def read(reply: Reply, parcels: Sequence[Parcel]) -> list[Reply] | None:
-    """Give each record its reply; None when a good answer does not fit what was sent.
+def read(reply: Reply, records: Sequence[OutboxRecord]) -> list[Reply] | None:
+    """Return a reply for each record; None if a confirming answer does not fit the batch.
 
-    An answer that is no confirmation speaks for all of them.
+    A reply that confirms nothing is the reply to each of the records.
     """
-    if not isinstance(reply, Answer) or judge(reply).meaning is not Meaning.CONFIRMED:
-        return [reply] * len(parcels)
+    if not isinstance(reply, Answer) or classify(reply).outcome is not Outcome.CONFIRMED:
+        return [reply] * len(records)
     results = _results(reply.body)
-    if results is None or len(results) != len(parcels):
+    if results is None or len(results) != len(records):
         return None
-    replies = [_reply(result, parcel) for result, parcel in zip(results, parcels, strict=True)]
+    replies = [_reply(result, record) for result, record in zip(results, records, strict=True)]
     found = [one for one in replies if one is not None]
-    return found if len(found) == len(parcels) else None
+    return found if len(found) == len(records) else None
 
 
 def _results(body: bytes) -> list[Any] | None:
@@ -48,8 +48,8 @@ def _results(body: bytes) -> list[Any] | None:
     return results if isinstance(results, list) else None
 
 
-def _reply(result: Any, parcel: Parcel) -> Reply | None:
-    if not isinstance(result, dict) or result.get("message_id") != parcel.message_id:
+def _reply(result: Any, record: OutboxRecord) -> Reply | None:
+    if not isinstance(result, dict) or result.get("message_id") != record.message_id:
         return None
     status = result.get("status")
     if isinstance(status, bool) or not isinstance(status, int) or not 200 <= status <= 599:
@@ -58,8 +58,8 @@ def _reply(result: Any, parcel: Parcel) -> Reply | None:
     return Answer(status, JSON, body, _seconds(result.get("retry_after_s")))
 
 
-def _seconds(wish: object) -> float | None:
-    """A wait that can be used; NaN fails the comparison."""
-    if isinstance(wish, bool) or not isinstance(wish, int | float) or not 0 <= wish <= 1e9:
+def _seconds(value: object) -> float | None:
+    """Return a usable wait [s], else None; NaN fails the comparison."""
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value <= 1e9:
         return None
-    return float(wish)
+    return float(value)

@@ -1,9 +1,9 @@
-"""Gaps: what could not be kept is declared, in the transaction that drops it.
+"""Gaps: dropped records are declared to the cloud, in the transaction that drops them.
 
 A gap is a record of its own, delivered to `{cloud}/gap` and kept until the cloud has confirmed it.
-While a gap waits, what goes next of the same stream for the same reason is added to it, so an
-outage of any length leaves a few. It keeps its `gap_id` then and becomes a new message: a cloud
-that has got the smaller one already replaces it.
+While a gap waits, records of the same stream that are dropped for the same reason are added to it,
+so an outage of any length leaves few gaps. It keeps its `gap_id` then and becomes a new message: a
+cloud that has received the smaller gap replaces it.
 """
 
 import json
@@ -18,9 +18,9 @@ from ulid import ULID
 from afarcloud.numbers import format_time
 from edge_server.outbox import queue
 from edge_server.outbox.queue import Stream
-from edge_server.store import telemetry as records
-from edge_server.store.database import to_json
-from edge_server.store.tables import outbox, telemetry
+from edge_server.store.connection.database import to_json
+from edge_server.store.rows import telemetry as telemetry_rows
+from edge_server.store.rows.tables import outbox, telemetry
 
 KIND: Final = "gap"
 _LOOK_BACK: Final = 64
@@ -28,7 +28,7 @@ _CHUNK: Final = 500
 
 
 class Reason(StrEnum):
-    """Why a record was given up."""
+    """Why a record was dropped."""
 
     THINNED = "thinned"
     BUDGET = "budget"
@@ -36,8 +36,8 @@ class Reason(StrEnum):
     DEAD_LETTERS = "dead_letters"
 
 
-class Lost(NamedTuple):
-    """A record that goes."""
+class DroppedRecord(NamedTuple):
+    """A record that is to be dropped."""
 
     record_id: int
     message_id: str
@@ -49,17 +49,17 @@ class Lost(NamedTuple):
 
 
 def drop(
-    connection: Connection, lost: Sequence[Lost], reason: Reason, now: float
+    connection: Connection, records: Sequence[DroppedRecord], reason: Reason, now: float
 ) -> dict[str, int]:
-    """Delete records, and declare a gap for each of their streams; returns how many by kind.
+    """Delete records and declare a gap for each of their streams; returns how many by kind.
 
-    One that was delivered or changed since it was chosen is left out.
+    A record that was delivered or changed since it was chosen is left out.
     """
-    streams: dict[Stream, list[Lost]] = {}
-    for start in range(0, len(lost), _CHUNK):
-        chunk = lost[start : start + _CHUNK]
+    streams: dict[Stream, list[DroppedRecord]] = {}
+    for start in range(0, len(records), _CHUNK):
+        chunk = records[start : start + _CHUNK]
         messages = [one.message_id for one in chunk]
-        gone = set(
+        deleted = set(
             connection.execute(
                 delete(telemetry)
                 .where(telemetry.c.message_id.in_(messages))
@@ -67,19 +67,23 @@ def drop(
             ).scalars()
         )
         for one in chunk:
-            if one.message_id in gone:
+            if one.message_id in deleted:
                 streams.setdefault(one.stream, []).append(one)
     dropped: dict[str, int] = {}
-    for stream, going in streams.items():
-        _declare(connection, stream, going, reason, now)
-        dropped[stream.kind] = dropped.get(stream.kind, 0) + len(going)
+    for stream, of_stream in streams.items():
+        _declare(connection, stream, of_stream, reason, now)
+        dropped[stream.kind] = dropped.get(stream.kind, 0) + len(of_stream)
     return dropped
 
 
 def _declare(
-    connection: Connection, stream: Stream, gone: Sequence[Lost], reason: Reason, now: float
+    connection: Connection,
+    stream: Stream,
+    dropped: Sequence[DroppedRecord],
+    reason: Reason,
+    now: float,
 ) -> None:
-    body = _body(stream, gone, reason, now)
+    body = _body(stream, dropped, reason, now)
     message_id = str(ULID())
     earlier = _waiting(connection, stream, reason)
     if earlier is not None:
@@ -87,10 +91,10 @@ def _declare(
         body |= {name: value for name, value in before.items() if name.startswith("from_")}
         body |= {"gap_id": before["gap_id"], "count": body["count"] + before["count"]}
         payload = to_json({**body, "message_id": message_id})
-        records.replace(connection, record_id, message_id=message_id, payload=payload)
+        telemetry_rows.replace(connection, record_id, message_id=message_id, payload=payload)
         return
     body["gap_id"] = message_id
-    record_id = records.add(
+    record_id = telemetry_rows.add(
         connection,
         kind=KIND,
         vehicle_id=stream.vehicle_id,
@@ -101,8 +105,10 @@ def _declare(
     queue.enqueue(connection, record_id, Stream(stream.vehicle_id, KIND))
 
 
-def _body(stream: Stream, gone: Sequence[Lost], reason: Reason, now: float) -> dict[str, Any]:
-    first, last = gone[0], gone[-1]
+def _body(
+    stream: Stream, dropped: Sequence[DroppedRecord], reason: Reason, now: float
+) -> dict[str, Any]:
+    first, last = dropped[0], dropped[-1]
     return {
         "stream": f"{stream.vehicle_id}/{stream.kind}",
         "vehicle_id": stream.vehicle_id,
@@ -115,7 +121,7 @@ def _body(stream: Stream, gone: Sequence[Lost], reason: Reason, now: float) -> d
         "to_message_id": last.message_id,
         "to_id": last.record_id,
         "to_received_at": _time(last.received_at),
-        "count": len(gone),
+        "count": len(dropped),
         "reason": reason.value,
         "recorded_at": _time(now),
     }
@@ -124,7 +130,7 @@ def _body(stream: Stream, gone: Sequence[Lost], reason: Reason, now: float) -> d
 def _waiting(
     connection: Connection, stream: Stream, reason: Reason
 ) -> tuple[int, dict[str, Any]] | None:
-    """Find the gap of a stream that the cloud has not confirmed; nobody else can settle it now."""
+    """Find the unconfirmed gap of a stream and lock its row."""
     rows = connection.execute(
         select(telemetry.c.id, telemetry.c.payload)
         .join(outbox, outbox.c.record_id == telemetry.c.id)

@@ -1,13 +1,26 @@
-"""The outbox on the caller's transaction: put in, look at the heads, settle."""
+"""The outbox as rows, and the states of a row; every function works in the caller's transaction.
 
+    QUEUED --> IN_FLIGHT: sent
+    IN_FLIGHT --> GONE: confirmed
+    IN_FLIGHT --> DEAD: rejected
+    IN_FLIGHT --> QUEUED: put off, refused, crashed
+
+A confirmed row is deleted from the database together with its record. IN_FLIGHT is never stored:
+the relay knows it while it waits for an answer, so a crash leaves the row QUEUED and the record is
+sent again under the same key.
+"""
+
+import json
 from collections.abc import Mapping, Sequence
+from enum import StrEnum
 from typing import Final, NamedTuple
 
 from sqlalchemy import Connection, bindparam, delete, func, insert, select, update
 
-from edge_server.store import locks
-from edge_server.store.database import insert_new
-from edge_server.store.tables import outbox, telemetry, tombstone
+from edge_server.store.connection import locks
+from edge_server.store.connection.database import insert_new
+from edge_server.store.rows.tables import outbox, telemetry, tombstone
+from edge_server.transitions import TransitionTable
 
 PRIORITY: Final[Mapping[str, int]] = {
     "alarm": 0,
@@ -19,7 +32,42 @@ PRIORITY: Final[Mapping[str, int]] = {
     "observation": 3,
     "image": 4,
 }
-"""Lower goes first."""
+"""Priority by kind; lower is sent first."""
+MISSION_REPORT: Final = "mission_report"
+OVERTAKEN: Final = "corrected while it was sent; a later report of its mission was sent before"
+
+
+class State(StrEnum):
+    """State of a row."""
+
+    QUEUED = "queued"
+    IN_FLIGHT = "in flight"
+    DEAD = "dead"
+    GONE = "gone"
+
+
+class Trigger(StrEnum):
+    """What changes the state of a row."""
+
+    SENT = "sent"
+    CONFIRMED = "confirmed"
+    PUT_OFF = "put off"
+    REFUSED = "refused"
+    REJECTED = "rejected"
+    CRASHED = "crashed"
+
+
+ROW_STATES: Final = TransitionTable(
+    "a row",
+    {
+        (State.QUEUED, Trigger.SENT): State.IN_FLIGHT,
+        (State.IN_FLIGHT, Trigger.CONFIRMED): State.GONE,
+        (State.IN_FLIGHT, Trigger.PUT_OFF): State.QUEUED,
+        (State.IN_FLIGHT, Trigger.REFUSED): State.QUEUED,
+        (State.IN_FLIGHT, Trigger.REJECTED): State.DEAD,
+        (State.IN_FLIGHT, Trigger.CRASHED): State.QUEUED,
+    },
+)
 
 
 class Stream(NamedTuple):
@@ -29,8 +77,8 @@ class Stream(NamedTuple):
     kind: str
 
 
-class Parcel(NamedTuple):
-    """One record on its way."""
+class OutboxRecord(NamedTuple):
+    """A record that has to be sent, with its outbox row."""
 
     outbox_id: int
     record_id: int
@@ -41,15 +89,15 @@ class Parcel(NamedTuple):
 
     @property
     def size_bytes(self) -> int:
-        """What it takes among others: its JSON and some words about it."""
+        """Its size within a batch: its JSON and an allowance for the text around it."""
         payload = self.payload
         return 64 + (len(payload) if payload.isascii() else len(payload.encode()))
 
 
 class Delivered(NamedTuple):
-    """A parcel that the cloud has confirmed."""
+    """A record that the cloud has confirmed."""
 
-    parcel: Parcel
+    record: OutboxRecord
     status: int
 
 
@@ -57,7 +105,7 @@ _ENQUEUE: Final = insert(outbox)
 
 
 def enqueue(connection: Connection, record_id: int, stream: Stream) -> None:
-    """Make a record due; it follows whatever of its stream is committed before."""
+    """Queue a record behind everything of its stream that is committed before."""
     locks.take(connection, [locks.of_stream(*stream)])
     connection.execute(
         _ENQUEUE,
@@ -65,20 +113,20 @@ def enqueue(connection: Connection, record_id: int, stream: Stream) -> None:
     )
 
 
-def enqueue_all(connection: Connection, due: Sequence[tuple[int, Stream]]) -> None:
-    """Make many records due, in this order."""
-    locks.take(connection, {locks.of_stream(*stream) for _, stream in due})
+def enqueue_all(connection: Connection, records: Sequence[tuple[int, Stream]]) -> None:
+    """Queue many records, given by id and stream, in this order."""
+    locks.take(connection, {locks.of_stream(*stream) for _, stream in records})
     connection.execute(
         insert(outbox),
         [
             {"record_id": record_id, "vehicle_id": stream.vehicle_id, "kind": stream.kind}
-            for record_id, stream in due
+            for record_id, stream in records
         ],
     )
 
 
 def requeue(connection: Connection, record_id: int) -> None:
-    """Make a record due again, as if it had never been tried."""
+    """Queue a record again in its old place, with no attempt counted."""
     connection.execute(
         update(outbox)
         .where(outbox.c.record_id == record_id)
@@ -87,7 +135,7 @@ def requeue(connection: Connection, record_id: int) -> None:
 
 
 def streams_after(connection: Connection, outbox_id: int) -> tuple[set[Stream], int]:
-    """Streams that got rows after this one, and the newest row's id."""
+    """Return the streams that have rows after this one, and the newest row's id."""
     newest = connection.execute(select(func.max(outbox.c.id))).scalar_one() or 0
     if newest <= outbox_id:
         return set(), outbox_id
@@ -97,8 +145,10 @@ def streams_after(connection: Connection, outbox_id: int) -> tuple[set[Stream], 
     return {Stream(*row) for row in rows}, newest
 
 
-def heads(connection: Connection, stream: Stream, after_id: int, limit: int) -> list[Parcel]:
-    """The next records of a stream in order."""
+def read_queued(
+    connection: Connection, stream: Stream, after_id: int, limit: int
+) -> list[OutboxRecord]:
+    """Return the next queued records of a stream in order."""
     rows = connection.execute(
         select(
             outbox.c.id,
@@ -117,7 +167,7 @@ def heads(connection: Connection, stream: Stream, after_id: int, limit: int) -> 
         .order_by(outbox.c.id)
         .limit(limit)
     )
-    return [Parcel(r[0], r[1], r[2], stream, r[3], r[4]) for r in rows]
+    return [OutboxRecord(r[0], r[1], r[2], stream, r[3], r[4]) for r in rows]
 
 
 _DELETE_RECORDS: Final = (
@@ -127,58 +177,92 @@ _DELETE_RECORDS: Final = (
 )
 
 
-def settle(
+def delete_delivered(
     connection: Connection, delivered: Sequence[Delivered], delivered_at: float
-) -> list[Parcel]:
+) -> list[OutboxRecord]:
     """Delete confirmed records with their outbox rows and leave tombstones.
 
-    Returns the parcels whose record was changed meanwhile: what the cloud got is not what is
-    kept now, so the record stays and is due again under its new message_id.
+    Returns the records that were changed while they were sent: the cloud has not received their
+    present content, so they stay and are queued under a new message_id.
     """
     if not delivered:
         return []
-    messages = [one.parcel.message_id for one in delivered]
-    gone = set(connection.execute(_DELETE_RECORDS, {"messages": messages}).scalars())
+    messages = [one.record.message_id for one in delivered]
+    deleted = set(connection.execute(_DELETE_RECORDS, {"messages": messages}).scalars())
     insert_new(
         connection,
         tombstone,
         [
             {
-                "message_id": parcel.message_id,
-                "kind": parcel.stream.kind,
-                "vehicle_id": parcel.stream.vehicle_id,
-                "record_id": parcel.record_id,
+                "message_id": record.message_id,
+                "kind": record.stream.kind,
+                "vehicle_id": record.stream.vehicle_id,
+                "record_id": record.record_id,
                 "http_status": status,
-                "attempts": parcel.attempts + 1,
+                "attempts": record.attempts + 1,
                 "delivered_at": delivered_at,
             }
-            for parcel, status in delivered
+            for record, status in delivered
         ],
     )
-    return [one.parcel for one in delivered if one.parcel.message_id not in gone]
+    return [one.record for one in delivered if one.record.message_id not in deleted]
 
 
-def note_failure(connection: Connection, parcel: Parcel, attempts: int, reason: str) -> None:
-    """Keep how often and why a record was put off."""
+def note_failure(connection: Connection, record: OutboxRecord, attempts: int, reason: str) -> None:
+    """Store how often a record was put off, and why."""
     connection.execute(
         update(outbox)
-        .where(outbox.c.id == parcel.outbox_id)
+        .where(outbox.c.id == record.outbox_id)
         .values(attempts=attempts, last_error=reason)
     )
 
 
-def bury(connection: Connection, parcel: Parcel, attempts: int, reason: str) -> None:
-    """Make a dead letter of a record, unless it was changed meanwhile."""
-    current = select(telemetry.c.id).where(telemetry.c.message_id == parcel.message_id)
+def mark_dead(connection: Connection, record: OutboxRecord, attempts: int, reason: str) -> bool:
+    """Make a record a dead letter, unless it was changed while it was sent; returns whether."""
+    current = select(telemetry.c.id).where(telemetry.c.message_id == record.message_id)
     if connection.execute(current.with_for_update()).first() is None:
-        return
+        return False
+    _mark_dead(connection, record, attempts, reason)
+    return True
+
+
+def _mark_dead(connection: Connection, record: OutboxRecord, attempts: int, reason: str) -> None:
     connection.execute(
         update(outbox)
-        .where(outbox.c.id == parcel.outbox_id)
+        .where(outbox.c.id == record.outbox_id)
         .values(state="dead", attempts=attempts, last_error=reason)
     )
 
 
-def forget_tombstones(connection: Connection, before: float) -> None:
-    """Drop tombstones that are too old to matter."""
+def hold_back_correction(
+    connection: Connection, record: OutboxRecord, sent: Sequence[OutboxRecord]
+) -> bool:
+    """Make a dead letter of a mission report that was corrected too late; returns whether.
+
+    `record` is the report as it was sent. If a later report of its mission is queued or among those
+    that were `sent`, the correction would reach the cloud behind it, and after the end of a mission
+    the cloud would receive RUNNING again.
+    """
+    if record.stream.kind != MISSION_REPORT:
+        return False
+    later = select(telemetry.c.payload).where(
+        telemetry.c.kind == MISSION_REPORT,
+        telemetry.c.vehicle_id == record.stream.vehicle_id,
+        telemetry.c.id > record.record_id,
+    )
+    payloads = list(connection.execute(later).scalars())
+    payloads += [
+        one.payload
+        for one in sent
+        if one.stream == record.stream and one.record_id > record.record_id
+    ]
+    mission_id = json.loads(record.payload)["mission_id"]
+    if all(json.loads(payload)["mission_id"] != mission_id for payload in payloads):
+        return False
+    _mark_dead(connection, record, record.attempts + 1, OVERTAKEN)
+    return True
+
+
+def delete_tombstones(connection: Connection, before: float) -> None:
+    """Delete tombstones of deliveries before a time."""
     connection.execute(delete(tombstone).where(tombstone.c.delivered_at < before))

@@ -1,4 +1,4 @@
-"""The relay's loop: read what is due, decide, hand to the crew, write what was answered.
+"""The relay's loop: read queued records, choose, hand them to the senders, write the results.
 
 RelayError  the relay cannot go on
 """
@@ -13,23 +13,20 @@ from typing import Final
 from sqlalchemy.exc import DBAPIError
 
 from edge_server.outbox import queue, wakeup
-from edge_server.outbox.answers import Meaning, Verdict
-from edge_server.outbox.counting import RelayCounts
-from edge_server.outbox.counting import Uplink as UplinkState
-from edge_server.outbox.crew import Crew, WorkerDiedError
-from edge_server.outbox.lanes import held_back_behind
-from edge_server.outbox.ledger import Entry, Ledger
-from edge_server.outbox.queue import Parcel
-from edge_server.outbox.schedule import Schedule
-from edge_server.outbox.states import Happening
-from edge_server.outbox.streams import ReplacedError, Situation, Streams
+from edge_server.outbox.answers import Outcome, Result
+from edge_server.outbox.counts import RelayCounts, UplinkState
+from edge_server.outbox.queue import OutboxRecord, Trigger
+from edge_server.outbox.result_writer import RecordResult, ResultWriter
+from edge_server.outbox.schedule import Schedule, only_behind_others
+from edge_server.outbox.senders import SenderEndedError, SenderPool
+from edge_server.outbox.streams import RelayStatus, ReplacedError, Streams
 from edge_server.outbox.uplink import Uplink
-from edge_server.store.database import Database
-from edge_server.store.failures import is_full
+from edge_server.store.connection.database import Database
+from edge_server.store.connection.failures import is_full
 
 LOG = logging.getLogger(__name__)
 
-TICK_S: Final = 1.0  # Looks by itself this often, should a wake-up be lost
+TICK_S: Final = 1.0  # Looks by itself this often, in case a wake-up is lost
 STOP_WAIT_S: Final = 3.0
 
 
@@ -38,7 +35,7 @@ class RelayError(Exception):
 
 
 class Relay:
-    """Sends what is due until it is stopped."""
+    """Sends queued records until it is stopped."""
 
     def __init__(
         self,
@@ -57,125 +54,125 @@ class Relay:
         self._schedule = schedule
         self._uplink = uplink
         self._counts = counts
-        self._crew = Crew(uplink, workers)
-        self._ledger = Ledger(database, ballast_path)
+        self._senders = SenderPool(uplink, workers)
+        self._writer = ResultWriter(database, ballast_path, schedule.is_overtaken)
         self._wake = wake
         self._look_at = 0.0
         self._stopping = threading.Event()
-        self._uplink_was = UplinkState.OPEN
+        self._last_state = UplinkState.OPEN
 
     def stop(self) -> None:
         """End `run` soon; may be called from a signal handler or another thread."""
         self._stopping.set()
-        self._crew.ring()
+        self._senders.wake()
 
     def run(self) -> None:
         """Relay until `stop`."""
-        self._crew.start()
+        self._senders.start()
         if self._counts is not None:
-            self._counts.uplink(self._uplink_was)
+            self._counts.set_uplink(self._last_state)
         try:
             while not self._stopping.is_set():
-                self._turn(time.monotonic())
+                self._step(time.monotonic())
             self._finish(time.monotonic() + STOP_WAIT_S)
-        except (WorkerDiedError, ReplacedError) as error:
+        except (SenderEndedError, ReplacedError) as error:
             raise RelayError(str(error)) from error
         finally:
-            self._crew.dismiss()
+            self._senders.close()
             self._streams.close()
             wakeup.close(self._wake)
 
-    def _turn(self, now: float) -> None:
+    def _step(self, now: float) -> None:
         self._collect(now)
         self._look_unless_full(now)
-        if not self._ledger.is_full:
-            for shipment in self._schedule.take(now, self._uplink.offer()):
-                self._crew.send(shipment)
-        if self._ledger.is_due(now, idle=not self._schedule.flying):
+        if not self._writer.is_full:
+            for batch in self._schedule.take(now, self._uplink.batch_limit()):
+                self._senders.send(batch)
+        if self._writer.is_due(now, idle=not self._schedule.batches_in_flight):
             self._write(now)
         self._wait()
 
     def _finish(self, deadline: float) -> None:
-        """Wait a little for answers under way, so that they need not be asked for again."""
-        while self._schedule.flying and (left := deadline - time.monotonic()) > 0:
-            select.select([self._crew.bell], [], [], left)
+        """Wait briefly for answers in flight, so that these records need not be sent again."""
+        while self._schedule.batches_in_flight and (left := deadline - time.monotonic()) > 0:
+            select.select([self._senders.descriptor], [], [], left)
             self._collect(time.monotonic())
         self._write(time.monotonic())
 
     def _collect(self, now: float) -> None:
         wall_clock = time.time()
-        for shipment, said in self._crew.answers():
-            verdicts = held_back_behind(shipment.parcels, said)
-            happenings = self._schedule.settle(shipment, verdicts, now)
-            for entry in map(Entry, shipment.parcels, happenings, verdicts):
-                self._ledger.note(entry, now)
+        for batch, answered in self._senders.take_sent():
+            results = only_behind_others(batch.records, answered)
+            triggers = self._schedule.settle(batch, results, now)
+            for one in map(RecordResult, batch.records, triggers, results):
+                self._writer.add(one, now)
                 if self._counts is not None:
-                    self._counts.answered(entry.parcel, entry.verdict, wall_clock)
-                if entry.happening is Happening.REJECTED:
-                    _tell_of_dead_letter(entry.parcel, entry.verdict)
-            self._tell(verdicts)
+                    self._counts.count(one.record, one.result, wall_clock)
+                if one.trigger is Trigger.REJECTED:
+                    _log_dead_letter(one.record, one.result)
+            self._log_state(results)
 
     def _look_unless_full(self, now: float) -> None:
-        """Read what has come; on a full disk even that may need room, which we then make."""
+        """Read new records; on a full disk even reading may need room, which is made then."""
         try:
             self._look(now)
         except DBAPIError as error:
             if not is_full(error):
                 raise
             LOG.warning("the disk is full, nothing can be read: %s", error.orig)
-            self._ledger.give_way()
+            self._writer.make_room()
             self._look_at = now + TICK_S
 
     def _look(self, now: float) -> None:
-        """Read what has come; a wake-up that says so makes us forget what we had read ahead."""
+        """Read new records; after a change of existing rows, read everything again."""
         signals = wakeup.drain(self._wake)
         if wakeup.CHANGED in signals:
             self._write(now)
             self._schedule.rewind()
         if signals or now >= self._look_at:
             self._look_at = now + TICK_S
-            news, gone = self._streams.look(self._situation(now))
+            new, gone = self._streams.look(self._status(now))
             self._schedule.forget(gone)
-            self._schedule.announce(news)
-        if hungry := self._schedule.hungry():
+            self._schedule.announce(new)
+        if to_read := self._schedule.to_read():
             with self._database.read() as connection:
-                for stream, after_id, limit in hungry:
-                    parcels = queue.heads(connection, stream, after_id, limit)
-                    self._schedule.feed(stream, parcels, limit)
+                for stream, after_id, limit in to_read:
+                    records = queue.read_queued(connection, stream, after_id, limit)
+                    self._schedule.feed(stream, records, limit)
 
-    def _situation(self, now: float) -> Situation:
-        unwritten = self._ledger.streams
-        flying = self._schedule.in_flight() | unwritten
+    def _status(self, now: float) -> RelayStatus:
+        unwritten = self._writer.streams
+        in_flight = self._schedule.in_flight() | unwritten
         busy = self._schedule.busy() | unwritten
-        return Situation(now, not self._schedule.blocked, busy, flying)
+        return RelayStatus(now, not self._schedule.blocked, busy, in_flight)
 
     def _write(self, now: float) -> None:
-        if self._ledger.write(now, time.time()):
+        if self._writer.write(now, time.time()):
             self._schedule.rewind()
 
     def _wait(self) -> None:
         now = time.monotonic()
-        times = [self._look_at, self._schedule.next_due(now), self._ledger.due_at()]
+        times = [self._look_at, self._schedule.next_due(now), self._writer.due_at()]
         soonest = min(moment for moment in times if moment is not None)
         # A `stop` whose byte has been drained already is seen here; a later one ends the select.
         timeout = 0.0 if self._stopping.is_set() else max(soonest - now, 0.0)
-        select.select([self._wake, self._crew.bell], [], [], timeout)
+        select.select([self._wake, self._senders.descriptor], [], [], timeout)
 
-    def _tell(self, verdicts: list[Verdict]) -> None:
-        """Log what an operator should know: once per change, not once per record."""
-        uplink = self._uplink_state()
-        if uplink == self._uplink_was:
+    def _log_state(self, results: list[Result]) -> None:
+        """Log the state of the uplink: once per change, not once per record."""
+        state = self._uplink_state()
+        if state == self._last_state:
             return
         if self._counts is not None:
-            self._counts.uplink(uplink)
-        reason = next((v.reason for v in verdicts if v.meaning is not Meaning.HELD_BACK), "")
-        if uplink is UplinkState.PAUSED:
+            self._counts.set_uplink(state)
+        reason = next((one.reason for one in results if one.outcome is not Outcome.HELD_BACK), "")
+        if state is UplinkState.PAUSED:
             LOG.error("uplink paused: %s; check the cloud's key", reason)
-        elif uplink is UplinkState.BLOCKED:
+        elif state is UplinkState.BLOCKED:
             LOG.warning("cloud not reachable: %s; records are kept", reason)
         else:
             LOG.info("cloud reachable again")
-        self._uplink_was = uplink
+        self._last_state = state
 
     def _uplink_state(self) -> UplinkState:
         if self._schedule.paused:
@@ -183,6 +180,6 @@ class Relay:
         return UplinkState.BLOCKED if self._schedule.blocked else UplinkState.OPEN
 
 
-def _tell_of_dead_letter(parcel: Parcel, verdict: Verdict) -> None:
-    name = f"{parcel.stream.kind} {parcel.record_id}"
-    LOG.error("dead letter: %s of vehicle %d: %s", name, parcel.stream.vehicle_id, verdict.reason)
+def _log_dead_letter(record: OutboxRecord, result: Result) -> None:
+    name = f"{record.stream.kind} {record.record_id}"
+    LOG.error("dead letter: %s of vehicle %d: %s", name, record.stream.vehicle_id, result.reason)

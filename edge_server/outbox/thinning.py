@@ -1,8 +1,8 @@
-"""Picks what goes when there is too much, oldest first; reads only, so it holds no writer up.
+"""Chooses the records to drop, oldest first; it only reads, so it delays no writer.
 
-Each call takes a bounded number of rows. A bookmark says how far the backlog has been looked
-through: what stays is not looked at twice. Of a record only what a gap says of it is read, never
-its payload: a thousand pictures are hundreds of megabytes.
+Each call takes a bounded number of rows. A bookmark says how far the backlog has been examined:
+records that stay are not examined twice. Only the fields that a gap declares are read, never the
+payload: a thousand pictures are hundreds of megabytes.
 """
 
 from collections.abc import Sequence
@@ -13,54 +13,58 @@ from sqlalchemy import JSON, ColumnElement, Connection, Integer, Select, cast, f
 
 from edge_server.outbox import budget
 from edge_server.outbox.budget import Sample
-from edge_server.outbox.gaps import KIND, Lost
+from edge_server.outbox.gaps import KIND, DroppedRecord
 from edge_server.outbox.queue import Stream
-from edge_server.store.tables import outbox, telemetry
+from edge_server.store.rows.tables import outbox, telemetry
 
 QUEUED: Final = "queued"
 DEAD: Final = "dead"
 
 
 class Pass(NamedTuple):
-    """What one call has found: what goes, where to go on, whether that is the end."""
+    """Result of one call: what to drop, where to continue, whether the backlog ends."""
 
-    going: list[Lost]
+    to_drop: list[DroppedRecord]
     bookmark: int
     at_end: bool
 
 
 Intervals = dict[Stream, float | None]
-"""The interval of the last record that stayed, by stream."""
+"""The interval of the last record that was kept, by stream."""
 
 
 def to_thin(connection: Connection, bookmark: int, limit: int, intervals: Intervals) -> Pass:
     """Thin the next rows of the backlog to one record per stream and interval."""
     rows = _rows(connection, _backlog(connection, budget.THINNED, bookmark, limit))
-    streams: dict[Stream, list[tuple[int, Lost]]] = {}
-    for row, lost in rows:
-        streams.setdefault(lost.stream, []).append((row, lost))
-    going: list[Lost] = []
+    streams: dict[Stream, list[tuple[int, DroppedRecord]]] = {}
+    for row, record in rows:
+        streams.setdefault(record.stream, []).append((row, record))
+    to_drop: list[DroppedRecord] = []
     for stream, found in streams.items():
-        samples = [Sample(row, _taken_at(lost)) for row, lost in found]
-        out, intervals[stream] = budget.superfluous(samples, intervals.get(stream))
-        gone = set(out)
-        going += [lost for row, lost in found if row in gone]
-    return Pass(going, rows[-1][0] if rows else bookmark, len(rows) < limit)
+        samples = [Sample(row, _recorded_at(record)) for row, record in found]
+        dropped, intervals[stream] = budget.superfluous(samples, intervals.get(stream))
+        rows_to_drop = set(dropped)
+        to_drop += [record for row, record in found if row in rows_to_drop]
+    return Pass(to_drop, rows[-1][0] if rows else bookmark, len(rows) < limit)
 
 
-def oldest(connection: Connection, limit: int) -> list[Lost]:
-    """Find the oldest records that may be missed."""
-    return [lost for _, lost in _rows(connection, _backlog(connection, budget.DROPPED, 0, limit))]
+def oldest(connection: Connection, limit: int) -> list[DroppedRecord]:
+    """Find the oldest records of the kinds that may be dropped."""
+    return [
+        record for _, record in _rows(connection, _backlog(connection, budget.DROPPED, 0, limit))
+    ]
 
 
-def aged(connection: Connection, kind: str, before: float, limit: int) -> list[Lost]:
-    """Find those of the oldest records of a kind that were received before a time."""
+def aged(connection: Connection, kind: str, before: float, limit: int) -> list[DroppedRecord]:
+    """Find the oldest records of a kind that were received before a time."""
     of_kind = _query(connection).where(telemetry.c.kind == kind)
     found = _rows(connection, of_kind.order_by(telemetry.c.id).limit(limit))
-    return [lost for _, lost in found if lost.received_at < before]
+    return [record for _, record in found if record.received_at < before]
 
 
-def excess_dead_letters(connection: Connection, budget_bytes: int, limit: int) -> list[Lost]:
+def excess_dead_letters(
+    connection: Connection, budget_bytes: int, limit: int
+) -> list[DroppedRecord]:
     """Find the oldest dead letters while all of them take more than their budget."""
     dead = (outbox.c.state == DEAD) & (outbox.c.kind != KIND)
     used = connection.execute(
@@ -69,15 +73,15 @@ def excess_dead_letters(connection: Connection, budget_bytes: int, limit: int) -
         .where(dead)
     ).scalar_one()
     excess = used - budget_bytes
-    going: list[Lost] = []
-    for _, lost in _rows(
+    to_drop: list[DroppedRecord] = []
+    for _, record in _rows(
         connection, _query(connection).where(dead).order_by(outbox.c.id).limit(limit)
     ):
         if excess <= 0:
             break
-        excess -= lost.size_bytes
-        going.append(lost)
-    return going
+        excess -= record.size_bytes
+        to_drop.append(record)
+    return to_drop
 
 
 def _query(connection: Connection) -> Select[Any]:
@@ -95,7 +99,7 @@ def _query(connection: Connection) -> Select[Any]:
 
 
 def _member(connection: Connection, name: str) -> ColumnElement[Any]:
-    """A member of a payload, which the engine reads out of it."""
+    """A member of a payload, as the database extracts it."""
     if connection.dialect.name == "sqlite":
         return func.json_extract(telemetry.c.payload, f"$.{name}")
     member: ColumnElement[Any] = cast(telemetry.c.payload, JSON)[name].as_string()
@@ -114,18 +118,18 @@ def _backlog(
     )
 
 
-def _rows(connection: Connection, query: Select[Any]) -> list[tuple[int, Lost]]:
+def _rows(connection: Connection, query: Select[Any]) -> list[tuple[int, DroppedRecord]]:
     return [
-        (row[0], Lost(row[1], row[2], Stream(row[3], row[4]), *row[5:]))
+        (row[0], DroppedRecord(row[1], row[2], Stream(row[3], row[4]), *row[5:]))
         for row in connection.execute(query)
     ]
 
 
-def _taken_at(lost: Lost) -> float:
-    """When a record was taken: as its vehicle says, else when it was received."""
-    if not isinstance(lost.recorded_at, str):
-        return lost.received_at
+def _recorded_at(record: DroppedRecord) -> float:
+    """Return `recorded_at` of a record [s since 1970], or when it was received if it has none."""
+    if not isinstance(record.recorded_at, str):
+        return record.received_at
     try:
-        return datetime.fromisoformat(lost.recorded_at).timestamp()
+        return datetime.fromisoformat(record.recorded_at).timestamp()
     except (ValueError, OverflowError):
-        return lost.received_at
+        return record.received_at

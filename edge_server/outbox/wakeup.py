@@ -1,6 +1,6 @@
 """How the server wakes the relay: a named pipe in the state folder.
 
-A byte means "look"; a byte lost costs only the time until the relay looks by itself.
+A byte makes the relay look at the database. A lost byte delays it until it looks by itself.
 """
 
 import errno
@@ -13,13 +13,13 @@ from typing import Final
 
 LOG = logging.getLogger(__name__)
 CHANGED: Final = b"!"
-"""Rows that were there before have been changed or deleted."""
+"""Existing rows have been changed or deleted."""
 _ADDED: Final = b"+"
-_NOBODY_LISTENS: Final = {errno.ENXIO, errno.ENOENT, errno.EPIPE, errno.EAGAIN}
+_NO_READER: Final = {errno.ENXIO, errno.ENOENT, errno.EPIPE, errno.EAGAIN}
 
 
 def open_for_reading(path: Path) -> int:
-    """Make the pipe if needed and open our end; it stays readable when all writers leave."""
+    """Make the pipe if needed and open its reading end, which stays open without any writer."""
     if path.exists() and not stat.S_ISFIFO(path.stat().st_mode):
         path.unlink()
     with suppress(FileExistsError):
@@ -28,12 +28,12 @@ def open_for_reading(path: Path) -> int:
 
 
 def open_pair() -> tuple[int, int]:
-    """Make a pipe without a name, for notices that come from a database: (ours, theirs)."""
+    """Make a pipe without a name, for notifications of a database: (reading, writing end)."""
     return os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
 
 
 def drain(descriptor: int) -> bytes:
-    """Take all bytes that lie in a pipe."""
+    """Read all bytes that are in a pipe."""
     taken = b""
     with suppress(BlockingIOError):
         while chunk := os.read(descriptor, 4096):
@@ -42,9 +42,9 @@ def drain(descriptor: int) -> bytes:
 
 
 def wake(path: Path, *, changed: bool = False) -> None:
-    """Notify the relay that something is due, or has changed; harmless when there is no relay.
+    """Notify the relay that records were added, or changed; harmless if there is no relay.
 
-    It never raises: what it is about is committed, and whoever asked for it must get its answer.
+    It never raises: the change is committed, and the request that made it must be answered.
     """
     try:
         descriptor = os.open(path, os.O_WRONLY | os.O_NONBLOCK | os.O_CLOEXEC)
@@ -53,19 +53,19 @@ def wake(path: Path, *, changed: bool = False) -> None:
         finally:
             os.close(descriptor)
     except OSError as error:
-        if error.errno not in _NOBODY_LISTENS:
-            LOG.warning("the relay cannot be notified, it looks by itself later: %s", error)
+        if error.errno not in _NO_READER:
+            LOG.warning("cannot notify the relay, it looks by itself later: %s", error)
 
 
 def write(descriptor: int, *, changed: bool) -> None:
-    """Put a byte into an open pipe; harmless when it is full or nobody reads it any more."""
+    """Put a byte into an open pipe; harmless if the pipe is full or has no reader."""
     try:
         os.write(descriptor, CHANGED if changed else _ADDED)
     except OSError as error:
-        if error.errno not in _NOBODY_LISTENS:
+        if error.errno not in _NO_READER:
             raise
 
 
 def close(descriptor: int) -> None:
-    """Let go of our end; bytes that are written now wake nobody."""
+    """Close an end of the pipe."""
     os.close(descriptor)

@@ -1,1 +1,1 @@
-"""The processes of the edge server: web server, relay, their supervisor, and tasks beside them."""
+"""Processes of the edge server: web server, relay and supervisor; periodic tasks."""

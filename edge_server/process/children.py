@@ -1,4 +1,4 @@
-"""Child processes that do not outlive their parent, however it ends."""
+"""Child processes that exit with their parent, however it ends."""
 
 import ctypes
 import os
@@ -9,10 +9,10 @@ from typing import Final
 _PR_SET_PDEATHSIG: Final = 1
 
 
-def die_with(parent: int) -> None:
-    """Let the kernel kill this process when its parent is gone (Linux; prctl(2)).
+def exit_with_parent(parent: int) -> None:
+    """Have the kernel kill this process when its parent exits (Linux; prctl(2)).
 
-    Nothing is lost by it: whatever was acknowledged is on the disk.
+    No data is lost: whatever was acknowledged is on the disk.
     """
     if sys.platform != "linux":
         return

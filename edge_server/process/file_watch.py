@@ -1,4 +1,4 @@
-"""Looks after the database's file while the server runs: is it whole, is it there."""
+"""Watches the database file while the server runs: integrity and presence."""
 
 import logging
 import sqlite3
@@ -8,19 +8,19 @@ from pathlib import Path
 from typing import Final
 
 from edge_server.services.context import Context
-from edge_server.store import integrity
+from edge_server.store.files import integrity
 
 LOG = logging.getLogger(__name__)
 CHECK_AFTER_S: Final = 2.0
-"""The first requests have the disk to themselves."""
+"""Delay of the integrity check, which would slow down the first requests."""
 LOOK_S: Final = 1.0
 
 
-def run(context: Context, stopping: threading.Event, start_again: Callable[[], None]) -> None:
-    """Check the whole file once, then see to it that it is there and that nobody finds a fault.
+def run(context: Context, stopping: threading.Event, restart: Callable[[], None]) -> None:
+    """Check the whole file once, then watch for its removal and for faults that others note.
 
-    On a fault the server ends; the next start sets the file aside. A file that was taken away or
-    replaced holds nothing of what we would still write into it, so that is a fault too.
+    On a fault the server restarts, and the start quarantines the file. A file that was removed or
+    replaced is a fault too: writes to the open one would be lost.
     """
     path = context.config.database_path
     if context.config.database_url is not None or not path.exists():
@@ -32,12 +32,12 @@ def run(context: Context, stopping: threading.Event, start_again: Callable[[], N
     while _is(path, known) and integrity.noted_fault(path) is None:
         if stopping.wait(LOOK_S):
             return
-    LOG.critical("the database %s cannot be used any more; the server starts anew", path)
-    start_again()
+    LOG.critical("the database %s cannot be used any more; the server restarts", path)
+    restart()
 
 
 def check(path: Path) -> None:
-    """Look at all of the file; a fault is noted."""
+    """Check the integrity of the file; a fault is noted."""
     try:
         fault = integrity.fault_of(path)
     except sqlite3.Error as error:

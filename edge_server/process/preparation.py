@@ -1,4 +1,4 @@
-"""Brings the state folder into order: database, tables, keys."""
+"""Prepares the state folder: database, tables, keys."""
 
 import logging
 import sqlite3
@@ -8,20 +8,21 @@ from sqlalchemy.exc import DBAPIError
 
 from edge_server.config import Config
 from edge_server.security import key_files
-from edge_server.store import ballast, migrate
-from edge_server.store.database import Database
-from edge_server.store.engines import open_engine
-from edge_server.store.failures import is_full_disk
+from edge_server.store import migrate
+from edge_server.store.connection.database import Database
+from edge_server.store.connection.engines import open_engine
+from edge_server.store.connection.failures import is_full_disk
+from edge_server.store.files import ballast
 
 LOG = logging.getLogger(__name__)
 
 
 def prepare(config: Config) -> None:
-    """Make what is missing and update what is old; harmless when all is well.
+    """Create what is missing and migrate what is old; no effect on a prepared folder.
 
     Raises:
         StoreError: if the database cannot be used.
-        OpenSecretError: if a secret that was given to us cannot be used, or others can read it.
+        SecretFileError: if a configured secret cannot be used, or others can read it.
     """
     key_files.check_given(config)
     _check_signature_key(config)
@@ -35,27 +36,27 @@ def prepare(config: Config) -> None:
 
 
 def _prepare_database(config: Config) -> None:
-    """Prepare the database; on a full disk with the room that is held for such a case."""
+    """Prepare the database; on a full disk release the ballast for it."""
     try:
         migrate.prepare(config.database)
     except (DBAPIError, sqlite3.OperationalError) as error:
         if not is_full_disk(error) or not ballast.release(config.ballast_path):
             raise
-        LOG.warning("the disk is full; the ballast %s is given up", config.ballast_path)
+        LOG.warning("the disk is full; the ballast %s is released", config.ballast_path)
         migrate.prepare(config.database)
 
 
 def _check_signature_key(config: Config) -> None:
     if config.cloud_jws_key_file is None:
         return
-    from edge_server.api import jws  # noqa: PLC0415  # loads what else nobody needs
+    from edge_server.api import jws  # noqa: PLC0415  # loaded only where it is needed
 
     try:
         jws.load(config.cloud_jws_key_file, config.edge_id)
     except jws.SignatureKeyError as error:
-        raise key_files.OpenSecretError(f"CLOUD_JWS_KEY_FILE: {error}") from None
+        raise key_files.SecretFileError(f"CLOUD_JWS_KEY_FILE: {error}") from None
 
 
 def open_database(config: Config) -> Database:
-    """Open the database of a state folder, outside Flask."""
+    """Open the database of a state folder, without Flask."""
     return Database(open_engine(config.database))

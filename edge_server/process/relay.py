@@ -1,6 +1,6 @@
 """The relay as a process: waits for the database, takes the lock, relays until stopped.
 
-LockedError  another relay serves this state folder
+LockedError  another relay runs on this state folder
 """
 
 import contextlib
@@ -19,34 +19,35 @@ from sqlalchemy.exc import DBAPIError
 
 from edge_server.config import Config
 from edge_server.outbox import wakeup
-from edge_server.outbox.counting import RelayCounts
+from edge_server.outbox.counts import RelayCounts
 from edge_server.outbox.relay import Relay, RelayError
 from edge_server.outbox.retry import Backoff
 from edge_server.outbox.schedule import Schedule
-from edge_server.outbox.streams import AllStreams, Streams
-from edge_server.store import integrity, migrate
-from edge_server.store.database import Database, Topic
-from edge_server.store.engines import open_engine
-from edge_server.store.failures import is_lost
-from edge_server.store.tally import Tally
+from edge_server.outbox.streams import AllStreams, SharedStreams, Streams
+from edge_server.store import migrate
+from edge_server.store.connection.database import Database, Topic
+from edge_server.store.connection.engines import open_engine
+from edge_server.store.connection.failures import is_lost
+from edge_server.store.files import integrity
+from edge_server.store.files.tally import Tally
 from edge_server.uplinks.cloud_http import HttpUplink
 from edge_server.uplinks.mqtt import MqttUplink
-from edge_server.uplinks.mqtt_topics import is_mqtt
+from edge_server.uplinks.mqtt_protocol import is_mqtt
 
 LOG = logging.getLogger(__name__)
 LOCK_PATIENCE_S: Final = 3.0
 SHARED_PATIENCE_S: Final = 0.5
 RETAKE_S: Final = 1.0
-"""After so long at most a relay that lives on holds the lock of one that died."""
+"""A surviving relay takes the lock of one that has exited within this time."""
 _LOOK_S: Final = 0.1
 
 
 class LockedError(Exception):
-    """Another relay serves this state folder; two would send records out of order."""
+    """Another relay runs on this state folder; two would send records out of order."""
 
 
 def run(config: Config) -> None:
-    """Relay until SIGTERM or SIGINT; a database server that is away is waited for.
+    """Relay until SIGTERM or SIGINT; waits for a database server that does not answer.
 
     Raises:
         LockedError: if another relay runs.
@@ -66,11 +67,11 @@ def run(config: Config) -> None:
 
 
 class StateFolderLock:
-    """The state folder's lock, which shows that a relay runs here.
+    """The lock of the state folder, which shows that a relay runs here.
 
-    Of relays on PostgreSQL, which share the streams, one has it and the others take it over within
-    `RETAKE_S` when that one dies. A look at the lock holds it for a moment (`relay_health`), so
-    they try for longer than that at first.
+    Relays on PostgreSQL share the streams: one holds the lock, and another takes it within
+    `RETAKE_S` when that one exits. `relay_health` takes the lock for a moment, so the first attempt
+    lasts longer than that.
     """
 
     def __init__(self, config: Config) -> None:
@@ -93,16 +94,16 @@ class StateFolderLock:
 
     @property
     def is_held(self) -> bool:
-        """Whether it is ours."""
+        """Whether this process holds it."""
         return self._descriptor is not None
 
     def keep_trying(self, stopping: threading.Event) -> None:
-        """Take it in a thread as soon as it is free, unless it is ours already."""
+        """Take it in a thread as soon as it is free, unless it is held."""
         if not self.is_held:
             threading.Thread(target=self._take_over, args=(stopping,), daemon=True).start()
 
     def try_again(self) -> bool:
-        """Take it if it is free; returns whether it is ours."""
+        """Take it if it is free; returns whether it is held."""
         with self._guard:
             if not self.is_held and not self._is_closed:
                 with contextlib.suppress(LockedError, OSError):  # Or no descriptor is left
@@ -120,12 +121,12 @@ class StateFolderLock:
     def _take_over(self, stopping: threading.Event) -> None:
         while not stopping.wait(RETAKE_S):
             if self.try_again():
-                LOG.info("the relay that held %s is gone; this one holds it now", self._path)
+                LOG.info("the relay that held %s has exited; this one holds it now", self._path)
                 return
 
 
 def _relay_once(config: Config, stopping: threading.Event) -> None:
-    """Relay until we are told to stop, or the database server hangs up."""
+    """Relay until stopped, or until the connection to the database is lost."""
     database = Database(open_engine(config.database))
     try:
         relay = build(config, database)
@@ -144,7 +145,7 @@ def _relay_once(config: Config, stopping: threading.Event) -> None:
 
 
 def _stop_with(relay: Relay, stopping: threading.Event) -> None:
-    """End a relay when we are told to stop, now or later."""
+    """Stop a relay at a signal, which may have come already."""
 
     def stop() -> None:
         stopping.set()
@@ -157,7 +158,7 @@ def _stop_with(relay: Relay, stopping: threading.Event) -> None:
 
 
 def _at_first_signal(end: Callable[[], None]) -> None:
-    """End in order at the first signal; the second one finds no handler and ends us at once."""
+    """Shut down at the first signal; the second one kills the process."""
 
     def handle(*_: object) -> None:
         for number in (signal.SIGTERM, signal.SIGINT):
@@ -169,7 +170,7 @@ def _at_first_signal(end: Callable[[], None]) -> None:
 
 
 def build(config: Config, database: Database) -> Relay:
-    """Put a relay together."""
+    """Build a relay."""
     schedule = Schedule(
         backoff=Backoff(config.backoff_base_s, config.backoff_cap_s),
         probe_interval_s=config.probe_interval_s,
@@ -191,13 +192,11 @@ def build(config: Config, database: Database) -> Relay:
 def _streams(config: Config, database: Database) -> Streams:
     if not database.is_shared:
         return AllStreams(database, config.database_path)
-    from edge_server.outbox.sharing import SharedStreams  # noqa: PLC0415  # only PostgreSQL needs it
-
     return SharedStreams(database.engine)
 
 
 def _wake(config: Config, database: Database) -> int:
-    """Give the descriptor at which the relay is woken: the pipe, or what the notices come to."""
+    """Give the descriptor that wakes the relay: the server's pipe, or one for notices."""
     if not database.is_shared:
         return wakeup.open_for_reading(config.wake_path)
     read_end, write_end = wakeup.open_pair()
@@ -209,9 +208,9 @@ def _wake(config: Config, database: Database) -> int:
 
 
 def take_lock(path: Path, patience_s: float) -> int:
-    """Take the lock of the state folder; it goes with the process.
+    """Take the lock of the state folder; the kernel releases it with the process.
 
-    One that our own killed predecessor still holds is free in a moment, hence the patience.
+    A killed predecessor may still hold it for a moment, hence `patience_s`.
 
     Raises:
         LockedError: if another relay holds it for longer than `patience_s`.
@@ -225,7 +224,7 @@ def take_lock(path: Path, patience_s: float) -> int:
             if time.monotonic() > deadline:
                 os.close(descriptor)
                 raise LockedError(
-                    f"another relay serves this state folder ({path} is locked)"
+                    f"another relay runs on this state folder ({path} is locked)"
                 ) from None
             time.sleep(_LOOK_S)
         else:
@@ -233,12 +232,12 @@ def take_lock(path: Path, patience_s: float) -> int:
 
 
 def _wait_for_database(url: str, stopping: threading.Event) -> bool:
-    """Wait until a server has made the tables; false when we should stop instead."""
-    told = time.monotonic() + 5.0
+    """Wait until a server has created the tables; false if stopped before."""
+    log_at = time.monotonic() + 5.0
     while not migrate.is_ready(url):
         if stopping.wait(_LOOK_S):
             return False
-        if time.monotonic() > told:
+        if time.monotonic() > log_at:
             LOG.info("waiting for the server to prepare the database")
-            told = float("inf")
+            log_at = float("inf")
     return True

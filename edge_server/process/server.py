@@ -1,13 +1,11 @@
-"""The web server: gunicorn's process and parser, our own front, started from here.
+"""Starts the web server: gunicorn's processes and parser, with our own loop for connections.
 
-One worker, because SQLite has one writer and the broker's long polls are woken inside one
-process.
+One worker, because SQLite has one writer and the broker's long polls are woken within one process.
+The parent process supervises the worker and loads neither the application nor the database.
 
-The server's parent process loads neither the application nor the database: it only watches.
-
-PortTakenError   another program listens on our port
+PortTakenError   another program listens on the port
+TlsSetupError    other machines could connect without TLS, or certificate or key is invalid
 UnpreparedError  the state folder cannot be used
-WrongDoorError   what we are told to serve with would let others in, or nobody
 """
 
 import logging
@@ -23,7 +21,7 @@ from gunicorn.app.base import BaseApplication  # type: ignore[import-untyped]  #
 from gunicorn.arbiter import Arbiter  # type: ignore[import-untyped]  # as above
 
 from edge_server.config import Config
-from edge_server.front.admission import KEEP_ALIVE_S, Limits
+from edge_server.connections.admission import KEEP_ALIVE_S, Limits
 from edge_server.process import children, workers
 from edge_server.process.exit_codes import FAILED, OK, WRONG_SETUP
 from edge_server.security import tls
@@ -34,7 +32,7 @@ if TYPE_CHECKING:
 LOG = logging.getLogger(__name__)
 BIND_PATIENCE_S: Final = 3.0
 KEPT_MIB: Final = 64
-"""Of requests that are not whole yet, all together; and as much of whole ones without an answer."""
+"""Memory for incomplete requests; and as much again for complete ones without an answer."""
 BACKLOG: Final = 1024
 DATABASE_LOOK_S: Final = 0.5
 GRACE_S: Final = 5
@@ -42,37 +40,37 @@ _WsgiApp = Callable[[dict[str, Any], Any], Iterable[bytes]]
 
 
 class PortTakenError(Exception):
-    """Another program listens on our port."""
+    """Another program listens on the port."""
 
 
-class WrongDoorError(Exception):
-    """What we are told to serve with would let others in, or nobody."""
+class TlsSetupError(Exception):
+    """Other machines could connect without TLS, or certificate or key is invalid."""
 
 
 def serve(config: Config) -> None:
     """Prepare the database and the keys, then serve until a signal ends it.
 
     Raises:
-        PortTakenError: if the port is taken.
-        WrongDoorError: if it could be reached without TLS, or certificate or key are no good.
+        PortTakenError: if the port is in use.
+        TlsSetupError: if others could connect without TLS, or certificate or key is invalid.
         UnpreparedError: if the state folder cannot be used; the reason has been logged.
     """
     try:
         tls.check_exposure(config)
         context = tls.context_for(config)
     except (tls.ExposedError, tls.CertificateError) as error:
-        raise WrongDoorError(str(error)) from None
+        raise TlsSetupError(str(error)) from None
     listener = listen(config.host, config.port, BIND_PATIENCE_S)
-    _prepare_apart(config)
+    _prepare_in_child(config)
     workers.run(_Application(config, listener, context))
 
 
-def _prepare_apart(config: Config) -> None:
-    """Prepare in a process of its own, so that what it loads does not stay in memory."""
+def _prepare_in_child(config: Config) -> None:
+    """Prepare in a child process, so that the modules it loads do not stay in memory."""
     parent = os.getpid()
     child = os.fork()
     if child == 0:
-        children.die_with(parent)
+        children.exit_with_parent(parent)
         os._exit(_prepare(config))
     _, status = os.waitpid(child, 0)
     if (code := os.waitstatus_to_exitcode(status)) != OK:
@@ -80,12 +78,12 @@ def _prepare_apart(config: Config) -> None:
 
 
 def _prepare(config: Config) -> int:
-    from edge_server.security.key_files import OpenSecretError  # noqa: PLC0415  # stays in the child
+    from edge_server.security.key_files import SecretFileError  # noqa: PLC0415  # stays in the child
     from edge_server.store.migrate import StoreError  # noqa: PLC0415  # as above
 
     try:
-        _prepare_when_it_answers(config)
-    except (OpenSecretError, StoreError) as error:
+        _prepare_when_available(config)
+    except (SecretFileError, StoreError) as error:
         LOG.error("%s", error)  # noqa: TRY400  # the sentence is enough
         return WRONG_SETUP
     except OSError:
@@ -94,18 +92,18 @@ def _prepare(config: Config) -> int:
     return OK
 
 
-def _prepare_when_it_answers(config: Config) -> None:
-    """Prepare; a database server that is not up yet is waited for."""
+def _prepare_when_available(config: Config) -> None:
+    """Prepare; waits for a database server that does not answer yet."""
     from edge_server.process.preparation import prepare  # noqa: PLC0415  # stays in the child
     from edge_server.store.migrate import UnreachableError  # noqa: PLC0415  # as above
 
-    told = ""
+    logged = ""
     while True:
         try:
             prepare(config)
         except UnreachableError as error:
-            if told != str(error):
-                told = str(error)
+            if logged != str(error):
+                logged = str(error)
                 LOG.warning("waiting for the database: %s", error)
             time.sleep(DATABASE_LOOK_S)
         else:
@@ -113,10 +111,10 @@ def _prepare_when_it_answers(config: Config) -> None:
 
 
 def listen(host: str, port: int, patience_s: float) -> socket.socket:
-    """Take the port; one that our own killed predecessor holds is free in a moment.
+    """Listen on the port; waits for one that a killed predecessor still holds.
 
     Raises:
-        PortTakenError: if it is still taken after that.
+        PortTakenError: if it is in use after `patience_s`.
     """
     deadline = time.monotonic() + patience_s
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
@@ -147,7 +145,7 @@ class UnpreparedError(Exception):
 
 
 class _Application(BaseApplication):  # type: ignore[misc]  # gunicorn has no types
-    """Gunicorn, configured by our configuration."""
+    """Gunicorn's application, configured by `Config`."""
 
     def __init__(
         self, config: Config, listener: socket.socket, context: ssl.SSLContext | None
@@ -159,18 +157,18 @@ class _Application(BaseApplication):  # type: ignore[misc]  # gunicorn has no ty
         super().__init__()
 
     @property
-    def front_limits(self) -> Limits:
-        """How many connections there may be, and how much of their requests is kept."""
+    def connection_limits(self) -> Limits:
+        """Limits of connections and of the memory for their requests."""
         config = self._config
         return Limits(config.connections, config.connections_per_address, KEPT_MIB * 1024 * 1024)
 
     def is_known_key(self, key: str) -> bool:
-        """Whether an access key was active when the keys were read last; waits for nothing."""
+        """Whether an access key was active when the keys were last read; never blocks."""
         return self._ring is None or self._ring.is_known(key)
 
     def load_config(self) -> None:
         if self._context is not None:
-            # Gunicorn takes the presence of a file as the wish for TLS
+            # Gunicorn uses TLS if these files are set
             self.cfg.set("certfile", str(self._config.tls_certificate_file))
             self.cfg.set("keyfile", str(self._config.tls_key_file))
             self.cfg.set("ssl_context", lambda _config, _default: self._context)
@@ -182,8 +180,8 @@ class _Application(BaseApplication):  # type: ignore[misc]  # gunicorn has no ty
             "logger_class": workers.EdgeLogger,
             "worker_tmp_dir": "/dev/shm" if os.path.isdir("/dev/shm") else None,  # noqa: PTH112, S108  # gunicorn's heartbeat file, made safely
             "keepalive": int(KEEP_ALIVE_S),
-            "timeout": 0,  # A slow machine is no reason to kill a worker with what it serves
-            "sendfile": False,  # An answer goes through its exchange, which has a deadline
+            "timeout": 0,  # A slow machine must not kill a worker with its requests
+            "sendfile": False,  # Exchange.sendall enforces the time budget
             "graceful_timeout": GRACE_S,
             "control_socket_disable": True,
             "loglevel": "warning",
@@ -192,9 +190,9 @@ class _Application(BaseApplication):  # type: ignore[misc]  # gunicorn has no ty
             self.cfg.set(name, value)
 
     def load(self) -> _WsgiApp:
-        from edge_server.api.keys import KEY_RING  # noqa: PLC0415  # as above
+        from edge_server.api.routes.keys import KEY_RING  # noqa: PLC0415  # as above
         from edge_server.app import context_of, create_app  # noqa: PLC0415  # as above
-        from edge_server.process import (  # noqa: PLC0415  # only the worker needs them
+        from edge_server.process import (  # noqa: PLC0415  # loaded in the worker only
             file_watch,
             housekeeping,
         )
@@ -202,18 +200,18 @@ class _Application(BaseApplication):  # type: ignore[misc]  # gunicorn has no ty
         app = create_app(self._config)
         context = context_of(app)
         self._ring = app.extensions[KEY_RING]
-        workers.on_stop.append(context.bell.close)
-        context.database.listen(context.hear)
-        chores: list[Callable[[], None]] = [
+        workers.on_stop.append(context.work_signal.close)
+        context.database.listen(context.receive_notice)
+        tasks: list[Callable[[], None]] = [
             lambda: housekeeping.run(context, workers.stopping),
-            lambda: file_watch.run(context, workers.stopping, workers.start_again),
+            lambda: file_watch.run(context, workers.stopping, workers.restart),
         ]
-        for chore in chores:
-            threading.Thread(target=chore, daemon=True).start()
+        for task in tasks:
+            threading.Thread(target=task, daemon=True).start()
         scheme = "http" if self._context is None else "https"
         LOG.info("serving on %s://%s:%d", scheme, self._config.host, self._config.port)
         return app
 
 
 def _post_fork(server: Arbiter, _worker: object) -> None:
-    children.die_with(server.pid)
+    children.exit_with_parent(server.pid)

@@ -1,9 +1,8 @@
-"""Gunicorn's parts as this server needs them: one worker, and an end in order.
+"""Gunicorn's arbiter and worker, adapted: one worker, and a graceful shutdown.
 
-The end: `/readyz` turns to 503 and long polls are answered; requests are taken for a moment
-longer, so that whoever asks for readiness sees it first; what is being served is finished; then
-the process ends with 0. A second signal ends it where it stands: whatever was acknowledged is on
-the disk.
+Shutdown: `/readyz` answers 503 and long polls are answered; for `DRAIN_S` the server still accepts
+requests, so that a load balancer sees the 503 first; requests in progress are completed; then the
+process exits with 0. A second signal exits at once: whatever was acknowledged is on the disk.
 """
 
 import json
@@ -24,19 +23,19 @@ from gunicorn.http import errors  # type: ignore[import-untyped]  # as above
 from gunicorn.sock import ssl_context  # type: ignore[import-untyped]  # as above
 from gunicorn.workers.gthread import ThreadWorker  # type: ignore[import-untyped]  # as above
 
-from edge_server.front import loop
-from edge_server.front.admission import Limits
-from edge_server.front.counts import COUNTS
-from edge_server.front.exchange import Exchange
+from edge_server.connections import loop
+from edge_server.connections.admission import Limits
+from edge_server.connections.counts import COUNTS
+from edge_server.connections.exchange import Exchange
 from edge_server.process.exit_codes import FAILED, OK
 
 LOG = logging.getLogger(__name__)
 IDLE_LINGER_S: Final = 2.0
-"""How long a server that ends keeps connections open that may bring one more request."""
+"""How long a server that shuts down keeps idle connections open for one more request."""
 DRAIN_S: Final = 0.5
-"""How long requests are still taken after the server has said that it is not ready."""
-START_AGAIN: Final = signal.SIGUSR2
-"""The worker's word to its parent: end, and let the supervisor start us anew."""
+"""How long the server accepts requests after `/readyz` has turned to 503."""
+RESTART: Final = signal.SIGUSR2
+"""Signal of the worker to its parent: exit, so that the supervisor restarts the server."""
 _ENDING: Final = frozenset({signal.SIGTERM, signal.SIGINT, signal.SIGQUIT})
 _MULTIPLYING: Final = (signal.SIGHUP, signal.SIGTTIN, signal.SIGTTOU, signal.SIGWINCH)
 _STATUS: Final[dict[type[Exception], tuple[int, str]]] = {
@@ -47,28 +46,28 @@ _STATUS: Final[dict[type[Exception], tuple[int, str]]] = {
 }
 _SENTENCES: Final = {
     400: "the request cannot be understood",
-    408: "the request was not complete in time, or gave way to others",
+    408: "the request was not complete in time, or was closed in favour of others",
     413: "the body is too large, or is in too many small chunks",
     414: "the address is too long",
     417: "what the request expects cannot be met",
     431: "the headers are too large",
-    500: "an error in the edge server; its log tells more",
-    501: "this transfer coding is not known here",
-    505: "this server knows HTTP/1.0 and HTTP/1.1",
-    503: "too many requests wait for their answers; try again",
+    500: "internal error; the edge server's log has the details",
+    501: "this transfer coding is not supported",
+    505: "this server supports HTTP/1.0 and HTTP/1.1",
+    503: "too many requests are waiting; try again",
 }
 
 stopping: Final = threading.Event()
-"""Set in the worker when the server has been told to end."""
+"""Set in the worker when the shutdown begins."""
 on_stop: Final[list[Callable[[], None]]] = []
-"""What the worker does then, at once."""
+"""Callbacks of the worker at that moment."""
 
 
 class EdgeLogger(Logger):  # type: ignore[misc]  # gunicorn has no types
-    """Passes gunicorn's words to our own log."""
+    """Passes gunicorn's log lines to the root logger."""
 
     def setup(self, cfg: Any) -> None:
-        """Let the lines rise to the root, which knows how we write."""
+        """Propagate to the root logger."""
         super().setup(cfg)
         for log in (self.error_log, self.access_log):
             log.handlers.clear()
@@ -76,20 +75,21 @@ class EdgeLogger(Logger):  # type: ignore[misc]  # gunicorn has no types
 
 
 class EdgeWorker(ThreadWorker):  # type: ignore[misc]  # gunicorn has no types
-    """Serves whole requests that the front hands over; ends in the order that the module describes.
+    """Serves complete requests that the loop dispatches; shuts down as the module describes.
 
-    Of gunicorn's worker with threads it has the life of a process and the calling of the
-    application. It neither beats time for the parent nor is killed by it: a processor that is busy
-    elsewhere is no reason to kill a worker with every request in it.
+    It uses the process handling and the WSGI call of gunicorn's threaded worker. It sends no
+    heartbeat to the parent and is not killed by it: on a busy processor that would lose requests.
     """
 
+    _connections: loop.ConnectionLoop | None = None
+
     def init_process(self) -> None:
-        """Begin to serve; returns when the worker has ended."""
+        """Serve; returns when the worker has shut down."""
         super(ThreadWorker, self).init_process()
 
     def run(self) -> None:
-        """Serve until told to end, then see through what has begun."""
-        limits: Limits = self.app.front_limits
+        """Serve until the shutdown, then complete the requests in progress."""
+        limits: Limits = self.app.connection_limits
         room = loop.raise_descriptor_limit(limits.connections)
         options = loop.Options(
             threads=self.cfg.threads,
@@ -99,25 +99,30 @@ class EdgeWorker(ThreadWorker):  # type: ignore[misc]  # gunicorn has no types
             is_known=self.app.is_known_key,
         )
         listeners = [listener.sock for listener in self.sockets]
-        self._front = front = loop.Front(listeners, self._serve, options, COUNTS)
-        front.start()
+        self._connections = connections = loop.ConnectionLoop(
+            listeners, self._serve, options, COUNTS
+        )
+        connections.start()
         while self.alive and self.is_parent_alive():
-            front.turn(time.monotonic())
-        front.stop_accepting()
+            connections.turn(time.monotonic())
+        connections.stop_accepting()
         began = time.monotonic()
-        while not front.is_quiet and (now := time.monotonic()) < began + self.cfg.graceful_timeout:
+        while (
+            not connections.is_quiet
+            and (now := time.monotonic()) < began + self.cfg.graceful_timeout
+        ):
             if now >= began + IDLE_LINGER_S:
-                front.close_idle()
-            front.turn(now)
-        front.close()
+                connections.close_idle()
+            connections.turn(now)
+        connections.close()
 
     def _serve(self, exchange: Exchange) -> bool:
-        """Serve one request; returns whether its connection may be used again."""
+        """Serve one request; returns whether its connection may be reused."""
         request = None
         try:
             if exchange.refusal is not None:
                 LOG.warning("a request of %s cannot be framed", exchange.client[0])
-                exchange.sendall(_refusal(exchange.refusal, exchange.why))
+                exchange.sendall(_refusal(exchange.refusal, exchange.reason))
                 return False
             request = next(http.get_parser(self.cfg, exchange, exchange.client))
             if not request:
@@ -130,12 +135,12 @@ class EdgeWorker(ThreadWorker):  # type: ignore[misc]  # gunicorn has no types
                 self.handle_error(request, exchange, exchange.client, errors.LimitRequestHeaders())
         except OSError as error:
             LOG.debug("%s got no answer: %s", exchange.client[0], error)
-        except Exception as error:  # noqa: BLE001  # whatever it was, it is logged and answered
+        except Exception as error:  # noqa: BLE001  # logged and answered
             self.handle_error(request, exchange, exchange.client, error)
         return False
 
     def handle_exit(self, _signal: int, _frame: object) -> None:
-        """Begin the end, at the second signal complete it."""
+        """Begin the shutdown; at the second signal exit at once."""
         if stopping.is_set():
             os._exit(FAILED)
         stopping.set()
@@ -147,36 +152,37 @@ class EdgeWorker(ThreadWorker):  # type: ignore[misc]  # gunicorn has no types
 
     def _end(self) -> None:
         self.alive = False
-        self._front.wake()
+        if self._connections is not None:  # None while the application is loaded
+            self._connections.wake()
 
     handle_quit = handle_exit
 
     def handle_error(
         self, req: Any, client: Exchange, addr: tuple[str, int] | None, exc: Exception
     ) -> None:
-        """Answer what is no HTTP in the shape of every error."""
+        """Answer invalid HTTP in the shape of every error."""
         status, reason = _STATUS.get(type(exc), (400, "Bad Request"))
         if not isinstance(exc, (errors.ParseException, errors.InvalidChunkSize)):
             status, reason = 500, "Internal Server Error"
-            LOG.error("a request failed outside of its view", exc_info=exc)
+            LOG.error("a request failed outside its view", exc_info=exc)
         else:
-            sender = addr[0] if addr else "somebody"
-            LOG.warning("what %s sent is no HTTP (%s)", sender, type(exc).__name__)
+            sender = addr[0] if addr else "an unknown client"
+            LOG.warning("a request of %s is not valid HTTP (%s)", sender, type(exc).__name__)
         try:
             client.sendall(_answer(status, reason))
         except OSError as error:
-            LOG.debug("%s is gone: %s", req, error)
+            LOG.debug("no answer to %s: %s", req, error)
 
 
-def _refusal(status: int, why: str | None = None) -> bytes:
-    return _answer(status, HTTPStatus(status).phrase, why)
+def _refusal(status: int, message: str | None = None) -> bytes:
+    return _answer(status, HTTPStatus(status).phrase, message)
 
 
-def _answer(status: int, reason: str, why: str | None = None) -> bytes:
+def _answer(status: int, reason: str, message: str | None = None) -> bytes:
     request_id = os.urandom(8).hex()
-    body = {"message": why or _SENTENCES[status], "detail": {}, "request_id": request_id}
+    body = {"message": message or _SENTENCES[status], "detail": {}, "request_id": request_id}
     content = json.dumps(body).encode()
-    from edge_server.api.errors import RETRY_SOON  # noqa: PLC0415  # only the worker has loaded it
+    from edge_server.api.errors import RETRY_SOON  # noqa: PLC0415  # loaded in the worker only
     from edge_server.api.headers import HEADERS  # noqa: PLC0415  # as above
 
     headers = HEADERS if status != HTTPStatus.SERVICE_UNAVAILABLE else HEADERS | RETRY_SOON
@@ -189,7 +195,7 @@ def _answer(status: int, reason: str, why: str | None = None) -> bytes:
 
 
 class EdgeArbiter(Arbiter):  # type: ignore[misc]  # gunicorn has no types
-    """Watches the one worker; a second signal to end is an order to end now."""
+    """Supervises the one worker; a second termination signal exits at once."""
 
     def __init__(self, app: Any) -> None:
         super().__init__(app)
@@ -197,9 +203,9 @@ class EdgeArbiter(Arbiter):  # type: ignore[misc]  # gunicorn has no types
         self._exit_code = OK
 
     def signal(self, sig: int, frame: object) -> None:
-        """Take a signal; the worker dies with us (prctl)."""
+        """Handle a signal; the worker exits with this process (prctl)."""
         if sig in _MULTIPLYING:
-            return  # More workers, or fewer, is what this server cannot have
+            return  # This server has exactly one worker
         if sig in _ENDING:
             if self._ending:
                 os._exit(FAILED)
@@ -207,22 +213,22 @@ class EdgeArbiter(Arbiter):  # type: ignore[misc]  # gunicorn has no types
         super().signal(sig, frame)
 
     def handle_usr2(self) -> None:
-        """End because the worker cannot go on with this database."""
+        """Exit because the worker cannot continue with this database."""
         self._exit_code = FAILED
         raise StopIteration
 
     def halt(self, reason: str | None = None, exit_status: int = OK) -> None:
-        """End with the code that says why."""
+        """Exit with the code of the reason."""
         super().halt(reason, exit_status or self._exit_code)
 
 
-def start_again() -> None:
-    """Ask the parent to end the server in order, so that it is prepared and started anew."""
-    os.kill(os.getppid(), START_AGAIN)
+def restart() -> None:
+    """Ask the parent to shut the server down, so that the supervisor restarts it."""
+    os.kill(os.getppid(), RESTART)
 
 
 def run(app: Any) -> None:
-    """Serve until told to end; raises SystemExit with the exit code."""
+    """Serve until a signal; raises SystemExit with the exit code."""
     try:
         EdgeArbiter(app).run()
     except RuntimeError as error:

@@ -1,1 +1,1 @@
-"""Files with secrets, TLS, and what must not be in a log."""
+"""Secret files, TLS, and redaction of log lines."""

@@ -1,13 +1,12 @@
-"""Files with secrets: the first keys on their way to those who use them, and those of others.
+"""Files with secrets: the first access key of each role, and configured files such as a TLS key.
 
-`STATE_DIR/keys/<role>.key` is written once, with mode 0600. An operator may take it away; its key
-stays valid, and `keys rotate` makes a new one and revokes the old.
+`STATE_DIR/keys/<role>.key` is written once, with mode 0600. An operator may remove it; its key
+stays valid, and `keys rotate` makes a new one and revokes the old one.
 
-A secret that others can read is none. What we have made ourselves is closed again, with a warning;
-a file that was given to us (a TLS key, say) is refused, because only who gave it knows who has
-read it.
+A file of this server that others can read gets mode 0600 again, with a warning. A configured file
+that others can read is refused, because the server cannot know who has read it.
 
-OpenSecretError  a secret that was given to us cannot be used, or can be read by others
+SecretFileError  a configured secret cannot be used, or others can read it
 """
 
 import logging
@@ -19,34 +18,34 @@ from typing import Final
 from edge_server.config import Config
 from edge_server.services import audit
 from edge_server.services import keys as service
-from edge_server.store import keys
-from edge_server.store.database import Database
-from edge_server.store.keys import Role
-from edge_server.store.locks import KEYS
+from edge_server.store.connection.database import Database
+from edge_server.store.connection.locks import KEYS
+from edge_server.store.rows import keys
+from edge_server.store.rows.keys import Role
 
 LOG = logging.getLogger(__name__)
 _OTHERS: Final = 0o077
 _ROOTS_OTHERS: Final = 0o037
-"""A secret of root's may be readable by the group that we run as, as Debian keeps its TLS keys."""
+"""A file of root may be readable by a group, as Debian's TLS keys are."""
 
 
-class OpenSecretError(Exception):
-    """A secret that was given to us cannot be used, or can be read by others."""
+class SecretFileError(Exception):
+    """A configured secret cannot be used, or others can read it."""
 
 
 def path_of(keys_dir: Path, role: Role) -> Path:
-    """Where a role's key lies."""
+    """Path of a role's key file."""
     return keys_dir / f"{role.value}.key"
 
 
 def ensure(database: Database, keys_dir: Path, now: float) -> None:
-    """Make what is missing: a key per role, or in a new database the keys that lie there."""
+    """Create the missing keys, one per role; a new database adopts the keys in the files."""
     keys_dir.mkdir(parents=True, exist_ok=True, mode=0o700)
     with database.write(KEYS) as connection:
         have_key = {key.role for key in keys.active(connection) if key.in_file}
         for role in Role:
             path = path_of(keys_dir, role)
-            close(path)
+            restrict(path)
             key = read(path)
             if key is None and path.exists():
                 LOG.error("%s holds no access key; remove it or rotate the key", path)
@@ -61,9 +60,9 @@ def ensure(database: Database, keys_dir: Path, now: float) -> None:
 def rotate(
     database: Database, keys_dir: Path, role: Role, now: float, overlap_s: float = 0.0
 ) -> Path:
-    """Make a new key for a role's file; the old one opens for `overlap_s` [s] more.
+    """Make a new key for a role's file; the old one stays valid for `overlap_s` [s].
 
-    Keys of the same role that lie in no file stay as they are. Returns the file.
+    Other keys of the role stay as they are. Returns the file.
     """
     path = path_of(keys_dir, role)
     keys_dir.mkdir(parents=True, exist_ok=True, mode=0o700)
@@ -84,7 +83,7 @@ def _filed(key: str, role: Role, now: float) -> keys.StoredKey:
 
 
 def read(path: Path) -> str | None:
-    """Read a key file; None when it is missing or holds something else."""
+    """Read a key file; None if it is missing or holds no key."""
     try:
         key = path.read_text(encoding="ascii").strip()
     except (FileNotFoundError, UnicodeDecodeError):
@@ -104,24 +103,26 @@ def write(path: Path, key: str) -> None:
     draft.replace(path)
 
 
-def close(path: Path) -> None:
-    """Take a file of ours away from all but its owner, if it is there and open to others."""
+def restrict(path: Path) -> None:
+    """Make a file of this server readable by its owner only, if it exists."""
     try:
         mode = stat.S_IMODE(path.stat().st_mode)
         if mode & _OTHERS:
             path.chmod(mode & ~_OTHERS)
-            LOG.warning("%s could be read by others (mode %04o); it is closed now", path, mode)
+            LOG.warning(
+                "%s could be read by others (mode %04o); its mode is restricted now", path, mode
+            )
     except FileNotFoundError:
         return
     except OSError:  # Another's file, or a read-only mount
-        LOG.error("%s can be read by others, and it is not ours to close", path)  # noqa: TRY400  # the sentence is enough
+        LOG.error("%s can be read by others, and its mode cannot be changed", path)  # noqa: TRY400  # the sentence is enough
 
 
 def check_given(config: Config) -> None:
-    """Look at the secrets that were given to us.
+    """Check the configured secrets.
 
     Raises:
-        OpenSecretError: if one is missing, cannot be read by us, or can be read by others.
+        SecretFileError: if one is missing, unreadable, or readable by others.
     """
     given = {
         "EDGE_TLS_KEY_FILE": config.tls_key_file,
@@ -137,13 +138,13 @@ def _check_private(variable: str, path: Path) -> None:
     try:
         found = path.stat()
     except OSError as error:
-        raise OpenSecretError(f"{variable}: {path}: {error.strerror}") from None
+        raise SecretFileError(f"{variable}: {path}: {error.strerror}") from None
     if not os.access(path, os.R_OK):
-        raise OpenSecretError(f"{variable}: {path} cannot be read by us")
+        raise SecretFileError(f"{variable}: {path} cannot be read by this process")
     of_root = found.st_uid == 0 and os.getuid() != 0
     if stat.S_IMODE(found.st_mode) & (_ROOTS_OTHERS if of_root else _OTHERS):
         mode = stat.S_IMODE(found.st_mode)
-        raise OpenSecretError(
+        raise SecretFileError(
             f"{variable}: {path} can be read by others (mode {mode:04o}); "
-            f"use `chmod 600` if nobody has read it, a new secret otherwise"
+            f"use `chmod 600` if no one has read it, or a new secret"
         )

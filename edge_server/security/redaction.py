@@ -1,7 +1,7 @@
-"""What must not be in a log is taken out of each finished line, however it came in.
+"""Redacts secrets in finished log lines. Pure.
 
-Access keys keep their prefix, by which an operator finds them; credentials, signatures and the
-queries of addresses go altogether. Pure.
+Access keys keep their prefix, by which an operator finds them; credentials, signatures and query
+strings are removed.
 """
 
 import re
@@ -27,7 +27,7 @@ _RULES: Final = (
 
 
 def redact(line: str) -> str:
-    """Take secrets out of a line."""
-    for pattern, put in _RULES:
-        line = pattern.sub(put, line)
+    """Remove secrets from a line."""
+    for pattern, replacement in _RULES:
+        line = pattern.sub(replacement, line)
     return line

@@ -1,6 +1,6 @@
-"""The door: who may reach it, and how what passes through it is kept from others.
+"""TLS of the server, and the refusal to serve other machines without it.
 
-ExposedError      other machines could reach us, and all on the way could read the keys
+ExposedError      other machines could connect without TLS
 CertificateError  certificate, key or authority cannot be used
 """
 
@@ -12,7 +12,7 @@ from edge_server.config import Config
 
 
 class ExposedError(Exception):
-    """Other machines could reach us without TLS, and nobody has said that this is meant."""
+    """Other machines could connect without TLS, and EDGE_ALLOW_PLAIN_HTTP is not set."""
 
 
 class CertificateError(Exception):
@@ -24,14 +24,14 @@ def check_exposure(config: Config) -> None:
     if config.tls_certificate_file or config.allow_plain_http or is_this_machine(config.host):
         return
     raise ExposedError(
-        f"other machines can reach {config.host or 'all addresses'}, and without TLS all on the "
-        "way can read the keys: give EDGE_TLS_CERTIFICATE_FILE and EDGE_TLS_KEY_FILE, or say "
-        "EDGE_ALLOW_PLAIN_HTTP=true where the network is guarded otherwise"
+        f"other machines can connect to {config.host or 'all addresses'} without TLS, so that the "
+        "keys can be read on the network: set EDGE_TLS_CERTIFICATE_FILE and EDGE_TLS_KEY_FILE, or "
+        "EDGE_ALLOW_PLAIN_HTTP=true where the network is protected otherwise"
     )
 
 
 def is_this_machine(host: str) -> bool:
-    """Whether only programs of this machine reach an address."""
+    """Whether an address is a loopback address."""
     try:
         found = socket.getaddrinfo(host, None) if host else []
     except (OSError, UnicodeError):
@@ -41,7 +41,7 @@ def is_this_machine(host: str) -> bool:
 
 
 def context_for(config: Config) -> ssl.SSLContext | None:
-    """Make what connections are wrapped in: TLS 1.2 or newer; None where we speak plain text.
+    """Make the TLS context, TLS 1.2 or newer; None without a certificate.
 
     Raises:
         CertificateError: if a file cannot be used.
@@ -51,18 +51,18 @@ def context_for(config: Config) -> ssl.SSLContext | None:
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     context.minimum_version = ssl.TLSVersion.TLSv1_2
     try:
-        # A key with a password would ask for it at a terminal that nobody watches
+        # Without this a key with a passphrase would ask for it on the terminal
         context.load_cert_chain(config.tls_certificate_file, config.tls_key_file, password="")
     except (OSError, ssl.SSLError) as error:
         raise CertificateError(
             f"{config.tls_certificate_file} and {config.tls_key_file} cannot be used: {error}"
         ) from None
     if config.tls_client_ca_file is not None:
-        _demand_certificates(context, config)
+        _require_client_certificates(context, config)
     return context
 
 
-def _demand_certificates(context: ssl.SSLContext, config: Config) -> None:
+def _require_client_certificates(context: ssl.SSLContext, config: Config) -> None:
     try:
         context.load_verify_locations(config.tls_client_ca_file)
     except (OSError, ssl.SSLError) as error:

@@ -1,9 +1,9 @@
 """Who did what: every write by a person or the cloud, in the transaction that makes it.
 
-A trail is set for the time of a request (or of a command at the shell). It is the witness of every
-writing transaction of its thread: when the change is made, the trail writes its rows and the
-transaction commits both, or neither. So no service can forget it; a service only says which thing
-it has made (`about`), where the address of the request does not tell.
+A trail is set for the duration of a request (or of a command at the shell). It is the hook of every
+writing transaction of its thread: after the change the trail writes its rows, and the transaction
+commits both or neither. So no service can omit it; a service only names the object that it has made
+(`about`) if the address of the request does not name it.
 """
 
 import getpass
@@ -15,16 +15,16 @@ from sqlalchemy import Connection
 
 from edge_server.services.context import show_time
 from edge_server.services.errors import SpentError
-from edge_server.store import audit, tokens
-from edge_server.store.audit import Entry, Row
-from edge_server.store.database import WITNESS, Database
+from edge_server.store.connection.database import TRANSACTION_HOOK, Database
+from edge_server.store.rows import audit, tokens
+from edge_server.store.rows.audit import Entry, Row
 
 DONE: Final = "done"
 PAGE: Final = 500
 PROGRAM: Final = "system"
-"""Role of what the program does by itself."""
+"""Role of what the program does without a request."""
 SHELL: Final = "shell"
-"""Role of who works at the machine's command line, which no key guards."""
+"""Role of a user at the machine's command line, which needs no key."""
 
 
 class Actor(NamedTuple):
@@ -38,20 +38,20 @@ class Actor(NamedTuple):
 
 
 class Token(NamedTuple):
-    """A signature of the cloud that this write uses up."""
+    """A signature of the cloud that this write uses."""
 
     jti: str
     expires_at: float
 
 
 class Trail:
-    """What one request leaves in the log; also its transactions' witness."""
+    """The audit rows of one request, and the hook of its transactions."""
 
     def __init__(self, actor: Actor, action: str, subject: str, clock: Callable[[], float]) -> None:
         self.actor = actor
         self.action = action
         self.token: Token | None = None
-        self.is_told = False
+        self.is_recorded = False
         self._subject = subject
         self._clock = clock
         self._made: list[str] = []
@@ -60,7 +60,7 @@ class Trail:
 
     @contextmanager
     def __call__(self, connection: Connection) -> Iterator[None]:
-        """Stand by a transaction and write what it did as its last act; raises SpentError."""
+        """Write the audit rows as the last step of a transaction; raises SpentError."""
         self._made.clear()
         self._changes_nothing = False
         yield
@@ -69,32 +69,32 @@ class Trail:
         self._spend(connection)
         for subject in self._made or [self._subject]:
             audit.append(connection, self._entry(subject, DONE))
-        self.is_told = True
+        self.is_recorded = True
 
-    def refused(self, database: Database, result: str, *, is_audited: bool) -> None:
-        """Tell of a write that was refused, in a transaction of its own.
+    def record_refusal(self, database: Database, result: str, *, is_audited: bool) -> None:
+        """Record a write that was refused, in a transaction of its own.
 
-        Its signature is used up like that of a write that was done: an order that was refused must
-        not be carried out later, when somebody repeats it.
+        Its signature is used too: a refused order must not be carried out when it is repeated
+        later.
         """
         with database.write() as connection:
-            self._changes_nothing = True  # As its own witness
+            self._changes_nothing = True  # This transaction has the trail as its hook too
             if self.token is not None:
                 tokens.spend(connection, self.token.jti, self.token.expires_at)
             if is_audited:
                 audit.append(connection, self._entry(self._subject, result))
 
     def about(self, subject: str) -> None:
-        """Name a thing that the present transaction makes or changes."""
+        """Name an object that the present transaction makes or changes."""
         self._made.append(subject)
 
     def made(self, identifier: int) -> None:
-        """Name what the present transaction makes by its id, unless it is named already."""
+        """Name the object that the present transaction makes by its id, unless it has a name."""
         if not self._made:
             self._made.append(f"{self._subject}/{identifier}")
 
-    def nothing_new(self) -> None:
-        """Say that the present transaction changes nothing: it repeats an answer."""
+    def changes_nothing(self) -> None:
+        """Note that the present transaction changes nothing: it repeats an answer."""
         self._changes_nothing = True
 
     def _spend(self, connection: Connection) -> None:
@@ -112,53 +112,53 @@ class Trail:
 
 
 def current() -> Trail | None:
-    """Give the trail of this thread's request, None where nobody is to be told of."""
-    witness = WITNESS.get()
-    return witness if isinstance(witness, Trail) else None
+    """Return the trail of this thread's request, None if it is not audited."""
+    hook = TRANSACTION_HOOK.get()
+    return hook if isinstance(hook, Trail) else None
 
 
 def about(subject: str) -> None:
-    """Name a thing that the present transaction makes, such as `plans/5`."""
+    """Name an object that the present transaction makes, such as `plans/5`."""
     if (trail := current()) is not None:
         trail.about(subject)
 
 
 def made(identifier: int) -> None:
-    """Name what the present transaction makes by its id, unless it is named already."""
+    """Name the object that the present transaction makes by its id, unless it has a name."""
     if (trail := current()) is not None:
         trail.made(identifier)
 
 
-def nothing_new() -> None:
-    """Say that the present transaction changes nothing."""
+def changes_nothing() -> None:
+    """Note that the present transaction changes nothing."""
     if (trail := current()) is not None:
-        trail.nothing_new()
+        trail.changes_nothing()
 
 
 @contextmanager
-def on_trail(trail: Trail | None) -> Iterator[None]:
-    """Follow a trail, or none, for a while."""
-    token = WITNESS.set(trail)
+def use_trail(trail: Trail | None) -> Iterator[None]:
+    """Set the trail, or none, of this thread for the duration of a block."""
+    token = TRANSACTION_HOOK.set(trail)
     try:
         yield
     finally:
-        WITNESS.reset(token)
+        TRANSACTION_HOOK.reset(token)
 
 
-def at_the_shell(action: str, subject: str, clock: Callable[[], float]) -> Trail:
-    """Make the trail of a command at the machine itself."""
+def shell_trail(action: str, subject: str, clock: Callable[[], float]) -> Trail:
+    """Return the trail of a command at the machine's command line."""
     return Trail(Actor(getpass.getuser(), SHELL), action, subject, clock)
 
 
-class Verdict(NamedTuple):
-    """What a look at the whole log has found."""
+class Verification(NamedTuple):
+    """Result of checking the whole log."""
 
     rows: int
     fault: str | None  # What is wrong, and with which row; None: nothing
     row_id: int | None = None
 
 
-def verify(database: Database) -> Verdict:
+def verify(database: Database) -> Verification:
     """Check the whole chain; names the first row that is not as it was written."""
     with database.read() as connection:
         audit.freeze(connection)
@@ -166,13 +166,15 @@ def verify(database: Database) -> Verdict:
         count, before, expected = 0, chain.first_hash, chain.first_id + 1
         for row in audit.rows(connection):
             if (fault := _fault(row, expected, before)) is not None:
-                return Verdict(count, fault, min(row.id, expected))
+                return Verification(count, fault, min(row.id, expected))
             count, before, expected = count + 1, row.hash, row.id + 1
     if expected != chain.last_id + 1:
-        return Verdict(count, f"row {expected} is missing, and all after it", expected)
+        return Verification(count, f"row {expected} is missing, and all after it", expected)
     if before != chain.last_hash:
-        return Verdict(count, f"row {chain.last_id} is not the one that was written", chain.last_id)
-    return Verdict(count, None)
+        return Verification(
+            count, f"row {chain.last_id} is not the one that was written", chain.last_id
+        )
+    return Verification(count, None)
 
 
 def _fault(row: Row, expected_id: int, before: bytes) -> str | None:
@@ -187,10 +189,10 @@ def _fault(row: Row, expected_id: int, before: bytes) -> str | None:
     return None
 
 
-def exported(
+def export(
     database: Database, after_id: int = 0, since_s: float = 0.0
 ) -> Iterator[dict[str, object]]:
-    """Give the rows as they are exported, a page and a transaction at a time."""
+    """Return the rows as they are exported, a page and a transaction at a time."""
     while True:
         with database.read() as connection:
             found = audit.page(connection, after_id=after_id, limit=PAGE, since_s=since_s)
@@ -201,7 +203,7 @@ def exported(
 
 
 def show(row: Row) -> dict[str, object]:
-    """Give a row as it is exported; `at` [s] is what was hashed, `time` is for people."""
+    """Return a row as it is exported; `at` [s] is what was hashed, `time` is for people."""
     return {
         "id": row.id,
         **row.entry._asdict(),

@@ -1,4 +1,4 @@
-"""The broker's work: handed out in order, acknowledged, never after it has expired."""
+"""The broker's work: published in order, acknowledged, never after it has expired."""
 
 import time
 from collections.abc import Mapping
@@ -13,34 +13,35 @@ from afarcloud.numbers import INT32_MAX
 from afarcloud.plan import LatestStateVector, Mission
 from afarcloud.wire import Kind, write
 from edge_server.services import event_states, progress, telemetry, vehicle_holds
-from edge_server.services.attempts import repeatable
 from edge_server.services.context import Context, show_time
 from edge_server.services.errors import ConflictError, NotFoundError, TooMuchError
-from edge_server.services.event_states import Happening, State
+from edge_server.services.event_states import EVENT_STATES, State, Trigger
+from edge_server.services.retries import retry_on_conflict
 from edge_server.services.vehicles import find as find_vehicle
-from edge_server.store import plans, work
-from edge_server.store.locks import WORK
-from edge_server.store.work import Work
+from edge_server.store.connection.locks import WORK
+from edge_server.store.rows import plans, work
+from edge_server.store.rows.work import Work
+from edge_server.transitions import IllegalTransitionError
 
 REQUEST_LIFETIME_S: Final = 10.0
 REQUEST_LIMIT: Final = 32
 PAGE: Final = 100
-LOOK_S: Final = 5.0  # A waiting broker looks this often, should another server's ring be lost
+LOOK_S: Final = 5.0  # A long poll looks this often, in case another server's notice is lost
 EXPIRED: Final = "expired before dispatch"
 EXPIRED_EVENT: Final = "expired before the broker accepted it"
 
 
 class Acknowledgement(StrEnum):
-    """What the broker says of a piece of work."""
+    """Status of a piece of work that the broker reports."""
 
     ACCEPTED = "accepted"
     REFUSED = "refused"
     DONE = "done"
 
 
-@repeatable
-def ask_for_state_vector(context: Context, request: LatestStateVector) -> dict[str, Any]:
-    """Queue a request for a fresh state vector; it is worth nothing after 10 s.
+@retry_on_conflict
+def request_state_vector(context: Context, request: LatestStateVector) -> dict[str, Any]:
+    """Queue a request for a fresh state vector; it expires after 10 s.
 
     Raises:
         NotFoundError: if the vehicle is not registered.
@@ -61,16 +62,16 @@ def ask_for_state_vector(context: Context, request: LatestStateVector) -> dict[s
             now=now,
             expires_at=now + REQUEST_LIFETIME_S,
         )
-    context.bell.ring()
+    context.work_signal.notify()
     return {"id": identifier, "expires_at": show_time(now + REQUEST_LIFETIME_S), **write(request)}
 
 
 def poll(
     context: Context, after_id: int, wait_s: float, vehicle_ids: frozenset[int] | None = None
 ) -> dict[str, Any]:
-    """Give the unfinished work after a cursor, waiting for some if there is none.
+    """Return the unfinished work after a cursor, waiting for some if there is none.
 
-    Of several vehicles' work only theirs is given; None means every vehicle's.
+    `vehicle_ids` restricts it to the work of these vehicles; None means every vehicle.
 
     Raises:
         TooMuchError: if too many callers wait already.
@@ -87,22 +88,22 @@ def _poll(
     context: Context, after_id: int, deadline: float, vehicle_ids: frozenset[int] | None
 ) -> dict[str, Any]:
     while True:
-        rings = context.bell.rings
+        seen = context.work_signal.count
         answer = _look(context, after_id, vehicle_ids)
         if not answer["commands"] and answer["cursor"] > after_id:
             after_id = answer["cursor"]  # A page full of work for others
             continue
         left = deadline - time.monotonic()
-        if answer["commands"] or left <= 0 or context.bell.closed:
+        if answer["commands"] or left <= 0 or context.work_signal.closed:
             return answer
-        context.bell.wait(rings, min(left, LOOK_S))
+        context.work_signal.wait(seen, min(left, LOOK_S))
 
 
 def _look(context: Context, after_id: int, vehicle_ids: frozenset[int] | None) -> dict[str, Any]:
-    """Give events first, then the rest in order."""
+    """Return events first, then the rest in order."""
     expire_if_due(context)
     with context.database.read() as connection:
-        # A cursor beyond all work comes from a database that is gone: begin again.
+        # A cursor beyond all work belongs to a database that was replaced: begin again.
         cursor = after_id if after_id <= work.newest_id(connection) else 0
         events = work.live_events(connection, context.clock(), after_id=cursor)
         found = work.unfinished(connection, after_id=cursor, limit=PAGE, may_fly=True)
@@ -112,7 +113,7 @@ def _look(context: Context, after_id: int, vehicle_ids: frozenset[int] | None) -
             if vehicle_ids is None or item.vehicle_id is None or item.vehicle_id in vehicle_ids
         ]
     context.note_handed_out(max((one["id"] for one in commands), default=0))
-    # Of a full page the rest is still to come; an event behind it will be given once more.
+    # The rest follows a full page; an event behind it is then returned again.
     seen = found if len(found) == PAGE else [*events, *found]
     return {"cursor": max((item.id for item in seen), default=cursor), "commands": commands}
 
@@ -127,7 +128,7 @@ def _show(connection: Connection, item: Work) -> dict[str, Any]:
     if item.kind == work.STATE_VECTOR:
         return {**shown, "sequence_number": item.sequence_number}
     if item.kind == work.EVENT:
-        # With one time of expiry, the one that holds
+        # With the time of expiry that applies
         event = {**(item.body or {}), "expires_at": shown["expires_at"]}
         return {**shown, "state": item.state, "event": event}
     plan = plans.find(connection, item.plan) if item.plan is not None else None
@@ -144,10 +145,10 @@ def _show(connection: Connection, item: Work) -> dict[str, Any]:
 
 
 def _whole_report(connection: Connection, item: Work) -> dict[str, Any] | None:
-    """Give the last report of a mission with all of its commands.
+    """Return the last report of a mission with all of its commands.
 
-    That of a long mission lists what has changed alone; a broker that was restarted goes on from
-    all of it.
+    The report of a long mission lists only the commands that have changed; a restarted broker needs
+    all of them.
     """
     known = work.commands(connection, item.id)
     if item.report is None or len(item.report["command_report_array"]) == len(known):
@@ -163,7 +164,7 @@ def _whole_report(connection: Connection, item: Work) -> dict[str, Any] | None:
 def _as_flown(
     connection: Connection, mission: dict[str, Any] | None, item: Work
 ) -> dict[str, Any] | None:
-    """Give a mission the speed that an event has changed it to, for a broker that starts anew."""
+    """Return a mission with the speed to which an event has changed it, for a restarted broker."""
     changed = work.newest_event_about(connection, item) if item.state == work.ACCEPTED else None
     if mission is None or changed is None or changed.body is None:
         return mission
@@ -171,28 +172,32 @@ def _as_flown(
 
 
 def _in_seconds(item: Work, plan: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Give the mission with its hold times in seconds, whatever profile it was posted under."""
+    """Return the mission with its hold times in seconds, whatever its profile."""
     if plan.get("profile") != Profile.ANNEX:
         return item.body
     return write(in_seconds(Mission.model_validate(item.body)))
 
 
-@repeatable
+@retry_on_conflict
 def vehicle_of(context: Context, identifier: int) -> int | None:
-    """Give the vehicle that a piece of work is for; None for any, or when there is no such work."""
+    """Return the vehicle of a piece of work; None for any, or if there is no such work."""
     with context.database.read() as connection:
         item = work.get(connection, identifier)
     return item.vehicle_id if item else None
 
 
 def acknowledge(
-    context: Context, identifier: int, said: Acknowledgement, message: str | None
+    context: Context,
+    identifier: int,
+    status: Acknowledgement,
+    message: str | None,
+    broker: str | None = None,
 ) -> dict[str, Any]:
-    """Take in what the broker says of a piece of work; saying it twice changes nothing.
+    """Apply an acknowledgement of a piece of work; repeating it changes nothing.
 
     Raises:
-        NotFoundError: if there is no such work: it was cancelled; do not fly it.
-        ConflictError: if it has ended otherwise or expired; do not fly it.
+        NotFoundError: if there is no such work because it was cancelled; it must not be flown.
+        ConflictError: if it has ended differently or expired; it must not be flown.
     """
     with context.database.write(WORK) as connection:
         now = context.clock()
@@ -201,30 +206,32 @@ def acknowledge(
         if item is None:
             raise NotFoundError(f"there is no work {identifier}; it may have been cancelled")
         if item.kind == work.MISSION:
-            _acknowledge_mission(connection, item, said, message, now)
+            _acknowledge_mission(connection, item, status, message, now)
         elif item.kind == work.EVENT:
-            _acknowledge_event(connection, item, said, message)
+            _acknowledge_event(connection, item, status, message)
         elif item.state != work.CLOSED:
-            state = work.ACCEPTED if said is Acknowledgement.ACCEPTED else work.CLOSED
+            state = work.ACCEPTED if status is Acknowledgement.ACCEPTED else work.CLOSED
             work.change(connection, identifier, state=state)
         changed = work.get(connection, identifier)
+    if broker is not None and item.vehicle_id is not None:
+        context.contacts.note(broker, [item.vehicle_id])
     context.not_flown.clear()
     context.wake_relay()
     return {"id": identifier, "state": changed.state if changed else work.CLOSED}
 
 
 def _acknowledge_mission(
-    connection: Connection, item: Work, said: Acknowledgement, message: str | None, now: float
+    connection: Connection, item: Work, status: Acknowledgement, message: str | None, now: float
 ) -> None:
     if item.held:
-        raise ConflictError(f"work {item.id} is of a plan that nobody has dispatched")
-    if said is Acknowledgement.DONE:
-        raise ConflictError("a mission is done when its report says so")
-    if said is Acknowledgement.REFUSED:
+        raise ConflictError(f"work {item.id} is of a plan that has not been dispatched")
+    if status is Acknowledgement.DONE:
+        raise ConflictError("a mission is done by its report, not by an acknowledgement")
+    if status is Acknowledgement.REFUSED:
         if item.state != work.CLOSED:
             end(connection, item, Status.FAILED, message or "refused by the broker", now)
         elif item.status_id != Status.FAILED:
-            raise ConflictError(f"work {item.id} has ended otherwise")
+            raise ConflictError(f"work {item.id} has ended differently")
     elif item.state == work.CLOSED:
         raise ConflictError(f"work {item.id} has ended: {item.message or 'see the plan'}")
     elif item.state == work.QUEUED:
@@ -233,12 +240,12 @@ def _acknowledge_mission(
 
 
 def _acknowledge_event(
-    connection: Connection, item: Work, said: Acknowledgement, message: str | None
+    connection: Connection, item: Work, status: Acknowledgement, message: str | None
 ) -> None:
     state = event_states.state_of(item.status_id or Status.NOT_STARTED)
     try:
-        following = event_states.follow(state, Happening(said.value))
-    except event_states.IllegalTransitionError as error:
+        following = EVENT_STATES.follow(state, Trigger(status.value))
+    except IllegalTransitionError as error:
         raise ConflictError(f"work {item.id}: {error}") from None
     if following != state:
         _move_event(connection, item, following, message)
@@ -247,7 +254,7 @@ def _acknowledge_event(
 
 
 def _note_flown(connection: Connection, item: Work) -> None:
-    """Remember which mission flies at the new speed: the first that the broker has."""
+    """Store which mission flies at the new speed: the first that the broker has accepted."""
     missions = work.unfinished(connection, vehicle_id=item.vehicle_id)
     flown = (m for m in missions if m.kind == work.MISSION and m.state == work.ACCEPTED)
     first = next(flown, None)
@@ -265,9 +272,9 @@ def _move_event(connection: Connection, item: Work, state: State, message: str |
     )
 
 
-@repeatable
+@retry_on_conflict
 def expire_if_due(context: Context) -> None:
-    """End what has expired; costs one look when nothing has."""
+    """End what has expired; costs one read if nothing has."""
     now = context.clock()
     with context.database.read() as connection:
         if not (work.overdue(connection, now) or work.from_the_future(connection, now)):
@@ -278,24 +285,24 @@ def expire_if_due(context: Context) -> None:
 
 
 def expire(connection: Connection, now: float) -> None:
-    """End queued work whose time is over; nothing stale is ever flown."""
+    """End queued work that has expired; it is never flown."""
     for item in work.from_the_future(connection, now):
         _count_from_now(connection, item, now)
     for item in work.overdue(connection, now):
         if item.kind == work.MISSION:
             end(connection, item, Status.ABORTED, EXPIRED, now)
         elif item.kind == work.EVENT:
-            state = event_states.follow(State.QUEUED, Happening.TOO_LATE)
+            state = EVENT_STATES.follow(State.QUEUED, Trigger.TOO_LATE)
             _move_event(connection, item, state, EXPIRED_EVENT)
         else:
             work.change(connection, item.id, state=work.CLOSED)
 
 
 def _count_from_now(connection: Connection, item: Work, now: float) -> None:
-    """Take a mission as received now that came while the clock was ahead.
+    """Set the receipt of a mission to now that was received while the clock was ahead.
 
-    Its life would be longer by as much as the clock was wrong. A time of expiry that the plan
-    itself names is right, whatever our clock has said.
+    Otherwise it would expire too late by the clock's error. An `expires_at` in the plan itself is
+    right in any case.
     """
     plan = plans.find(connection, item.plan) if item.plan is not None else None
     expires_at = item.expires_at
@@ -306,7 +313,7 @@ def _count_from_now(connection: Connection, item: Work, now: float) -> None:
 
 
 def end(connection: Connection, item: Work, status: Status, message: str, now: float) -> None:
-    """End a mission that nobody flies, and tell the cloud as the vehicle's broker would."""
+    """End a mission that no broker flies, with a report to the cloud as its broker would send."""
     progress.close(connection, item, status, message, now)
     if status == Status.FAILED:
         vehicle_holds.note_fault(connection, item, message, now)
@@ -327,6 +334,6 @@ def end(connection: Connection, item: Work, status: Status, message: str, now: f
     telemetry.store(connection, Kind.MISSION_REPORT, body, now)
 
 
-def forget_old(connection: Connection, now: float) -> None:
-    """Drop requests that ended long ago."""
-    work.forget_requests(connection, now - 3600.0)
+def delete_old(connection: Connection, now: float) -> None:
+    """Delete requests that ended long ago."""
+    work.delete_requests(connection, now - 3600.0)

@@ -1,4 +1,4 @@
-"""What every service needs: the database, the clock, whom to wake."""
+"""What every service needs: configuration, database, clock and what it wakes."""
 
 import threading
 import time
@@ -12,21 +12,22 @@ from afarcloud.numbers import LAST_YEAR, format_time
 from afarcloud.vehicle import VehicleLimits
 from edge_server.config import Config
 from edge_server.outbox import wakeup
-from edge_server.services.bell import Bell
+from edge_server.services.contacts import BrokerContacts
 from edge_server.services.space import Space
-from edge_server.store import high_water
-from edge_server.store.database import Database, Topic
-from edge_server.store.high_water import HighWater
-from edge_server.store.work import Work
+from edge_server.services.work_signal import WorkSignal
+from edge_server.store.connection.database import Database, Topic
+from edge_server.store.files import high_water
+from edge_server.store.files.high_water import HighWater
+from edge_server.store.rows.work import Work
 
 WAITING_LIMIT = 8
 CACHED_S: Final = 0.5
 
 
 class Caller(NamedTuple):
-    """Who asks, and with which idempotency key.
+    """The sender of a request and its idempotency key.
 
-    `name` is that of the access key: a rotated key keeps it, and another broker has another one.
+    `name` is that of the access key: a rotated key keeps it, and each broker has its own.
     """
 
     role: str
@@ -35,20 +36,20 @@ class Caller(NamedTuple):
 
     @property
     def owner(self) -> str:
-        """Whose idempotency keys are meant: those of another sender are other keys."""
+        """Owner of the idempotency keys: the same key of another sender is another key."""
         return f"{self.role}/{self.name or self.role}"
 
 
 Precondition = Callable[[dict[str, Any]], None]
-"""Looks at a thing as it is shown, in the transaction that will change it; raises ChangedError."""
+"""Checks an object as it is shown, in the transaction that will change it; raises ChangedError."""
 
 
 def unconditionally(_shown: dict[str, Any]) -> None:
-    """Change it however it is."""
+    """Accept any state."""
 
 
 class BriefCache:
-    """Missions as they were read a moment ago, until something of them is changed here."""
+    """Missions as they were read less than `CACHED_S` ago, until one is changed here."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -57,19 +58,19 @@ class BriefCache:
         self._until_s = 0.0
 
     def get(self, read: Callable[[], Iterable[Work]]) -> tuple[Work, ...]:
-        """Give what was read last; read it again when another server may have changed it."""
+        """Return what was read last; read it again when another server may have changed it."""
         with self._lock:
             changes = self._changes
             if time.monotonic() < self._until_s:
                 return self._missions
         missions = tuple(read())
         with self._lock:
-            if changes == self._changes:  # Else this may be what was there before
+            if changes == self._changes:  # Else this may be the state before the change
                 self._missions, self._until_s = missions, time.monotonic() + CACHED_S
         return missions
 
     def clear(self) -> None:
-        """Forget it; call after the commit of a change."""
+        """Clear the cache; call after the commit of a change."""
         with self._lock:
             self._changes += 1
             self._until_s = 0.0
@@ -82,28 +83,30 @@ class Context:
     config: Config
     database: Database
     clock: Callable[[], float]
-    bell: Bell = field(init=False)
+    work_signal: WorkSignal = field(init=False)
     space: Space = field(init=False)
+    contacts: BrokerContacts = field(init=False)
     high_water: HighWater | None = field(init=False)
-    judging: threading.Lock = field(default_factory=threading.Lock)
-    """Held while a plan is judged against its geofence: the interpreter is shared with aborts."""
+    fence_check: threading.Lock = field(default_factory=threading.Lock)
+    """Held while a plan is checked against its geofence: aborts share the interpreter."""
     not_flown: BriefCache = field(default_factory=BriefCache)
-    """Missions that were accepted and have not been seen to fly."""
+    """Missions that were accepted and are not known to have flown."""
     places_to_wait: threading.BoundedSemaphore = field(
         default_factory=lambda: threading.BoundedSemaphore(WAITING_LIMIT)
     )
 
     def __post_init__(self) -> None:
-        bell = Bell(lambda: self.database.announce(Topic.WORK))
-        object.__setattr__(self, "bell", bell)
+        signal = WorkSignal(lambda: self.database.announce(Topic.WORK))
+        object.__setattr__(self, "work_signal", signal)
         space = Space(self.config, self.database, self.clock, lambda: self.wake_relay(changed=True))
         object.__setattr__(self, "space", space)
+        object.__setattr__(self, "contacts", BrokerContacts(self.database, self.clock))
         mark = HighWater(high_water.path_of(self.config.database_path))
         object.__setattr__(self, "high_water", None if self.database.is_shared else mark)
 
     @property
     def vehicle_limits(self) -> VehicleLimits:
-        """What a vehicle may be asked for."""
+        """Limits of what a plan may ask of a vehicle."""
         return VehicleLimits(
             farthest_m=self.config.farthest_m, longest_leg_m=self.config.longest_leg_m
         )
@@ -114,26 +117,26 @@ class Context:
         return self.config.wake_path
 
     def wake_relay(self, *, changed: bool = False) -> None:
-        """Tell the relay that records have come, or have been changed; call after commit."""
+        """Notify the relay that records were added, or changed; call after the commit."""
         if self.database.is_shared:
             self.database.announce(Topic.CHANGED if changed else Topic.DUE)
         else:
             wakeup.wake(self.wake_path, changed=changed)
 
     def note_acknowledged(self, record_id: int) -> None:
-        """Remember apart from the database that a record was committed; call before the answer."""
+        """Store outside the database that a record was committed; call before the answer."""
         if self.high_water is not None:
             self.high_water.raise_to(record_id)
 
     def note_handed_out(self, work_id: int) -> None:
-        """Remember apart from the database which work there is; call before it is given."""
+        """Store outside the database which work was published; call before the answer."""
         if self.high_water is not None:
             self.high_water.raise_work_to(work_id)
 
-    def hear(self, topic: str) -> None:
-        """Take in what another server on the same database tells."""
+    def receive_notice(self, topic: str) -> None:
+        """Handle a notice of another server on the same database."""
         if topic == Topic.WORK:
-            self.bell.ring_here()
+            self.work_signal.notify_here()
 
 
 _FIRST_S: Final = datetime.min.replace(tzinfo=UTC).timestamp()
@@ -141,7 +144,7 @@ _LAST_S: Final = datetime(LAST_YEAR, 12, 31, 23, 59, 59, tzinfo=UTC).timestamp()
 
 
 def moment(epoch_s: float) -> datetime:
-    """Turn epoch seconds into a time in UTC; what no calendar has becomes its first or last day."""
+    """Convert epoch seconds to UTC, limited to the first and last day of the calendar."""
     return datetime.fromtimestamp(min(max(epoch_s, _FIRST_S), _LAST_S), UTC)
 
 

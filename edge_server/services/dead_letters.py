@@ -1,4 +1,4 @@
-"""What the cloud has rejected: looked at, sent once more, or given up. One transaction each."""
+"""Records that the cloud has rejected: listed, retried, corrected or discarded."""
 
 from collections.abc import Iterator
 from typing import Any, Final
@@ -8,13 +8,13 @@ from sqlalchemy import Connection
 from afarcloud.state import Report
 from edge_server.outbox import queue
 from edge_server.services import listing, telemetry
-from edge_server.services.attempts import repeatable
 from edge_server.services.context import Context
 from edge_server.services.errors import NotFoundError
 from edge_server.services.listing import Listing
-from edge_server.store import dead_letters
-from edge_server.store import telemetry as records
-from edge_server.store.dead_letters import DeadLetter
+from edge_server.services.retries import retry_on_conflict
+from edge_server.store.rows import dead_letters
+from edge_server.store.rows import telemetry as records
+from edge_server.store.rows.dead_letters import DeadLetter
 
 _EXPORTED_AT_ONCE: Final = 4  # Pictures are large
 _RETRIED_AT_ONCE: Final = 500
@@ -38,14 +38,14 @@ def _show_without_frame(letter: DeadLetter) -> dict[str, Any]:
 
 
 def find(context: Context, record_id: int) -> dict[str, Any]:
-    """Give one; raises NotFoundError."""
+    """Return one; raises NotFoundError."""
     with context.database.read() as connection:
         return show(_find(connection, record_id))
 
 
-@repeatable
+@retry_on_conflict
 def retry(context: Context, record_id: int) -> dict[str, Any]:
-    """Make a dead letter due again, in its old place in its stream; raises NotFoundError."""
+    """Queue a dead letter again, in its old place in its stream; raises NotFoundError."""
     with context.database.write() as connection:
         letter = _find(connection, record_id, to_change=True)
         queue.requeue(connection, record_id)
@@ -54,7 +54,7 @@ def retry(context: Context, record_id: int) -> dict[str, Any]:
 
 
 def retry_all(context: Context, *, kind: str | None, vehicle_id: int | None) -> int:
-    """Make all dead letters due again, or those of a kind or vehicle; returns how many."""
+    """Queue all dead letters again, or those of a kind or vehicle; returns how many."""
     retried, last = 0, _last(context)
     after_id = 0
     while found := _retry_some(context, after_id, last, kind, vehicle_id):
@@ -66,12 +66,12 @@ def retry_all(context: Context, *, kind: str | None, vehicle_id: int | None) -> 
 
 
 def _last(context: Context) -> int:
-    """The newest dead letter: one that is rejected again while we go on is not retried twice."""
+    """The newest dead letter: a letter that is rejected again meanwhile is not retried twice."""
     with context.database.read() as connection:
         return dead_letters.newest(connection)
 
 
-@repeatable
+@retry_on_conflict
 def _retry_some(
     context: Context, after_id: int, up_to_id: int, kind: str | None, vehicle_id: int | None
 ) -> list[int]:
@@ -85,9 +85,9 @@ def _retry_some(
     return found
 
 
-@repeatable
+@retry_on_conflict
 def edit(context: Context, record_id: int, report: Report) -> dict[str, Any]:
-    """Correct a dead letter and make it due as a new message, in its old place in its stream.
+    """Correct a dead letter and queue it as a new message, in its old place in its stream.
 
     Raises:
         NotFoundError: if it is no dead letter.
@@ -103,7 +103,7 @@ def edit(context: Context, record_id: int, report: Report) -> dict[str, Any]:
 def export(
     context: Context, *, kind: str | None, vehicle_id: int | None
 ) -> Iterator[dict[str, Any]]:
-    """Give all dead letters whole, oldest first, a few at a time."""
+    """Return all dead letters in full, oldest first, a few at a time."""
     after_id = 0
     while True:
         with context.database.read() as connection:
@@ -122,9 +122,9 @@ def export(
         after_id = found[-1].record.id
 
 
-@repeatable
+@retry_on_conflict
 def discard(context: Context, record_id: int) -> None:
-    """Forget a dead letter for good; raises NotFoundError."""
+    """Delete a dead letter; raises NotFoundError."""
     with context.database.write() as connection:
         letter = _find(connection, record_id, to_change=True)
         records.remove(connection, letter.record.kind, record_id)
@@ -132,7 +132,7 @@ def discard(context: Context, record_id: int) -> None:
 
 
 def show(letter: DeadLetter) -> dict[str, Any]:
-    """Give a dead letter as the API shows it."""
+    """Return a dead letter as the API shows it."""
     return {
         "id": letter.record.id,
         "kind": letter.record.kind,

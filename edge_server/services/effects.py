@@ -1,6 +1,6 @@
-"""What follows from a report besides keeping it: missions move, vehicles are held.
+"""The effects of a report besides storing it: it changes missions and holds vehicles.
 
-It happens in the transaction that keeps the report, under the locks that are asked for here.
+They happen in the transaction that stores the report, under the locks of `locks_of`.
 """
 
 from collections.abc import Collection, Iterable
@@ -9,26 +9,27 @@ from sqlalchemy import Connection
 
 from afarcloud.state import Alarm, MissionReport, Report, StateVector
 from afarcloud.wire import Kind
-from edge_server.services import once, progress, vehicle_holds
+from edge_server.services import idempotency as post_idempotency
+from edge_server.services import progress, vehicle_holds
 from edge_server.services.context import Context
 from edge_server.services.progress import Change
-from edge_server.store import work
-from edge_server.store.idempotency import Answered
-from edge_server.store.locks import WORK, Lock, of_stream
-from edge_server.store.work import Work
+from edge_server.store.connection.locks import WORK, Lock, of_stream
+from edge_server.store.rows import work
+from edge_server.store.rows.idempotency import Answered
+from edge_server.store.rows.work import Work
 
 
 def locks_of(report: Report, kind: Kind, flights: Collection[int]) -> tuple[Lock, ...]:
-    """What a report needs: the end of its stream, and what it may move besides."""
+    """Return the locks of a report: the end of its stream, and work that it may change."""
     stream = of_stream(report.vehicle_id, kind.value)
     return (WORK, stream) if moves_work(report, flights) else (stream,)
 
 
 def new_flights(context: Context, reports: Iterable[Report], now: float) -> frozenset[int]:
-    """Vehicles whose state vectors among these show a flight that is not known so far.
+    """Return the vehicles whose state vectors among these show a flight that is not known yet.
 
-    State vectors are many and hardly one is news, so this is looked at before the transaction. A
-    mission that is accepted meanwhile is none that they were measured on.
+    State vectors are many and few show something new, so this is checked before the transaction.
+    They were not measured during a mission that is accepted in between.
     """
     in_the_air = [
         one for one in reports if isinstance(one, StateVector) and vehicle_holds.is_in_the_air(one)
@@ -40,9 +41,9 @@ def new_flights(context: Context, reports: Iterable[Report], now: float) -> froz
 
 
 def _read_not_flown(context: Context, now: float) -> list[Work]:
-    """Read the missions that a state vector may show to fly, however late it comes."""
+    """Read the missions that a state vector may show in flight, however late it arrives."""
     with context.database.read() as connection:
-        return work.not_flown(connection, ended_since=now - once.KEPT_S)
+        return work.not_flown(connection, ended_since=now - post_idempotency.KEPT_S)
 
 
 def moves_work(report: Report, flights: Collection[int]) -> bool:
@@ -56,10 +57,10 @@ def moves_work(report: Report, flights: Collection[int]) -> bool:
 def apply(
     connection: Connection, report: Report, now: float, flights: Collection[int]
 ) -> Change | None:
-    """Do what follows from a report; gives what a mission report has been taken for.
+    """Apply the effects of a report; returns the change that a mission report has made.
 
     Raises:
-        InvalidError, ConflictError: nothing being done.
+        InvalidError, ConflictError: as `progress.apply`; nothing has changed.
     """
     if isinstance(report, MissionReport):
         change = progress.apply(connection, report, now)
@@ -73,13 +74,13 @@ def apply(
 
 
 def apply_refused(connection: Connection, report: Report, now: float) -> None:
-    """Do what follows from a report even though it was refused."""
+    """Apply the effects that a report has even if it is refused."""
     if isinstance(report, MissionReport):
         vehicle_holds.after_refused_report(connection, report, now)
 
 
 def end_of(mission: Work, kind: str, sha256: bytes) -> Answered | None:
-    """Give what the report that ended a mission was answered, to a repetition of it."""
+    """Return the answer to the report that ended a mission, for a repetition of it."""
     if mission.end_record is None or mission.ended_at is None:
         return None
     return Answered(kind, sha256, mission.end_record, mission.end_message_id, mission.ended_at)

@@ -1,11 +1,11 @@
-"""Why a request cannot be met, apart from a faulty document (afarcloud.faults).
+"""Why a request fails, apart from a faulty document (afarcloud.faults).
 
 ServiceError
-  +- NotFoundError      there is no such thing
-  +- ConflictError      not in the state that it is in
-  +- TooMuchError       a bounded queue is full; later it may be met
+  +- NotFoundError      there is no such object
+  +- ConflictError      not possible in the present state
+  +- TooMuchError       a bounded queue is full; a later request may succeed
   +- KeyReusedError     the idempotency key has been used for something else
-  +- ChangedError       it is not as the caller last saw it
+  +- ChangedError       the object has changed since the caller read it
   +- SpentError         the signature has been used for something else
   +- FullError          there is no room for it on the disk, or within its budget
 """
@@ -22,11 +22,11 @@ class ServiceError(Exception):
 
 
 class NotFoundError(ServiceError):
-    """There is no such thing."""
+    """There is no such object."""
 
 
 class ConflictError(ServiceError):
-    """Not in the state that it is in."""
+    """Not possible in the present state."""
 
 
 class TooMuchError(ServiceError):
@@ -42,7 +42,7 @@ class FullError(ServiceError):
 
 
 class ChangedError(ServiceError):
-    """It is not as the caller last saw it."""
+    """The object has changed since the caller read it."""
 
 
 class SpentError(ServiceError):

@@ -1,6 +1,16 @@
-"""The life of an event: one table. Pure.
+"""The states of an event: one table; pure.
 
-The status of its row of work says where it is, so that a state is never written twice.
+    QUEUED --> ACCEPTED: accepted
+    QUEUED --> DONE: done
+    QUEUED --> REFUSED: refused
+    QUEUED --> EXPIRED: too late
+    ACCEPTED --> ACCEPTED: accepted
+    ACCEPTED --> DONE: done
+    ACCEPTED --> REFUSED: refused
+    DONE --> DONE: done
+    REFUSED --> REFUSED: refused
+
+The state is stored as the status of the event's row of work, and nowhere else.
 """
 
 from collections.abc import Mapping
@@ -8,10 +18,11 @@ from enum import StrEnum
 from typing import Final
 
 from afarcloud.enumerations import Status
+from edge_server.transitions import TransitionTable
 
 
 class State(StrEnum):
-    """Where an event is; the last three are ends."""
+    """State of an event; the last three are final."""
 
     QUEUED = "queued"
     ACCEPTED = "accepted"
@@ -20,8 +31,8 @@ class State(StrEnum):
     EXPIRED = "expired"
 
 
-class Happening(StrEnum):
-    """What moves it."""
+class Trigger(StrEnum):
+    """What changes the state of an event."""
 
     ACCEPTED = "accepted"
     DONE = "done"
@@ -29,22 +40,21 @@ class Happening(StrEnum):
     TOO_LATE = "too late"
 
 
-class IllegalTransitionError(Exception):
-    """A happening that the state does not know; nothing has changed."""
-
-
-TRANSITIONS: Final[Mapping[tuple[State, Happening], State]] = {
-    (State.QUEUED, Happening.ACCEPTED): State.ACCEPTED,
-    (State.QUEUED, Happening.DONE): State.DONE,
-    (State.QUEUED, Happening.REFUSED): State.REFUSED,
-    (State.QUEUED, Happening.TOO_LATE): State.EXPIRED,
-    (State.ACCEPTED, Happening.ACCEPTED): State.ACCEPTED,  # Said twice
-    (State.ACCEPTED, Happening.DONE): State.DONE,
-    (State.ACCEPTED, Happening.REFUSED): State.REFUSED,
-    (State.DONE, Happening.DONE): State.DONE,  # Said twice
-    (State.REFUSED, Happening.REFUSED): State.REFUSED,  # Said twice
-}
-"""What is not here is a conflict: an event ends once."""
+EVENT_STATES: Final = TransitionTable(
+    "an event",
+    {
+        (State.QUEUED, Trigger.ACCEPTED): State.ACCEPTED,
+        (State.QUEUED, Trigger.DONE): State.DONE,
+        (State.QUEUED, Trigger.REFUSED): State.REFUSED,
+        (State.QUEUED, Trigger.TOO_LATE): State.EXPIRED,
+        (State.ACCEPTED, Trigger.ACCEPTED): State.ACCEPTED,  # Repeated
+        (State.ACCEPTED, Trigger.DONE): State.DONE,
+        (State.ACCEPTED, Trigger.REFUSED): State.REFUSED,
+        (State.DONE, Trigger.DONE): State.DONE,  # Repeated
+        (State.REFUSED, Trigger.REFUSED): State.REFUSED,  # Repeated
+    },
+)
+"""Any other transition is a conflict: an event ends once."""
 
 STATUS: Final[Mapping[State, Status]] = {
     State.QUEUED: Status.NOT_STARTED,
@@ -53,19 +63,11 @@ STATUS: Final[Mapping[State, Status]] = {
     State.REFUSED: Status.FAILED,
     State.EXPIRED: Status.ABORTED,
 }
-"""How a state is written in the row of work."""
+"""How a state is stored in the row of work."""
 
 _STATES: Final = {status: state for state, status in STATUS.items()}
 
 
 def state_of(status_id: int) -> State:
-    """Read a state from a row of work."""
+    """Return the state that a row of work stores."""
     return _STATES[Status(status_id)]
-
-
-def follow(state: State, happening: Happening) -> State:
-    """Give the next state; raises IllegalTransitionError."""
-    try:
-        return TRANSITIONS[state, happening]
-    except KeyError:
-        raise IllegalTransitionError(f"an event that is {state} cannot be {happening}") from None

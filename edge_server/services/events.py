@@ -1,8 +1,8 @@
 """Events: they interrupt a mission now or not at all; one transaction each.
 
-An event is work for the broker, handed out before every mission. It is worth seconds: what
-nobody has accepted by `expires_at` has expired, and is never handed out again. An abort empties
-the vehicle's queue in the transaction that keeps it, so that no later mission starts behind it.
+An event is work for the broker, published before every mission. It expires within seconds: if no
+broker has accepted it by `expires_at`, it is never published again. An abort empties the vehicle's
+queue in the transaction that stores it, so that no later mission starts behind it.
 """
 
 from typing import Any, Final
@@ -14,8 +14,8 @@ from afarcloud.faults import Fault, InvalidError
 from afarcloud.flyable import speed_fault
 from afarcloud.plan import Event
 from afarcloud.wire import Kind, write
-from edge_server.services import broker_work, once
-from edge_server.services.attempts import repeatable
+from edge_server.services import broker_work
+from edge_server.services import idempotency as post_idempotency
 from edge_server.services.context import (
     Caller,
     Context,
@@ -25,62 +25,65 @@ from edge_server.services.context import (
 )
 from edge_server.services.errors import ConflictError, NotFoundError, TooMuchError
 from edge_server.services.event_states import state_of
-from edge_server.store import events, vehicles, work
-from edge_server.store.database import to_json
-from edge_server.store.events import StoredEvent
-from edge_server.store.idempotency import Answered
-from edge_server.store.locks import WORK
+from edge_server.services.retries import retry_on_conflict
+from edge_server.store.connection.database import to_json
+from edge_server.store.connection.locks import WORK
+from edge_server.store.rows import events, vehicles, work
+from edge_server.store.rows.events import StoredEvent
+from edge_server.store.rows.idempotency import Answered
 
 LIFETIME_S: Final = 10.0
-"""Longest life of an event, whatever `expires_at` asks for."""
-PATIENCE_S: Final = 600.0
-"""After its life, for the broker to say how an accepted event has ended."""
+"""Longest lifetime of an event, whatever its `expires_at`."""
+RESULT_TIMEOUT_S: Final = 600.0
+"""After its expiry, for the broker to report how an accepted event has ended."""
 EVENT_LIMIT: Final = 64
-"""Of all vehicles, waiting at once."""
+"""Queued events of all vehicles, at most."""
 
 
-@repeatable
+@retry_on_conflict
 def create(context: Context, event: Event, caller: Caller) -> dict[str, Any]:
-    """Keep an event and wake the broker; returns it as stored.
+    """Store an event and wake the broker; returns it as stored.
 
     Raises:
         NotFoundError: if the vehicle is not registered.
-        ConflictError: if the vehicle has nothing that could be interrupted.
-        InvalidError: if it has expired already, or asks for more than the vehicle can.
+        ConflictError: if the vehicle has no active mission.
+        InvalidError: if it has expired already, or exceeds the vehicle's limits.
         TooMuchError: if too many events wait.
         KeyReusedError: if the idempotency key belongs to another request.
     """
-    body_sha256 = once.hash_body(write(event))
+    body_sha256 = post_idempotency.hash_body(write(event))
     route = Kind.EVENT.value
     with context.database.write(WORK) as connection:
         now = context.clock()
         broker_work.expire(connection, now)
-        answered = once.earlier(connection, caller, route, body_sha256)
+        answered = post_idempotency.find_answer(connection, caller, route, body_sha256)
         if answered is None:
             work_id = _queue(connection, context, event, now)
             identifier = events.add(connection, work_id=work_id, received_at=now)
             _empty_queue(connection, event, identifier, now)
             shown = show(_find(connection, identifier))
             answered = Answered(route, body_sha256, identifier, None, now, to_json(shown))
-            once.remember(connection, caller, answered)
+            post_idempotency.store_answer(connection, caller, answered)
         else:
-            shown = once.repeated(answered, lambda: show(_find(connection, answered.object_id)))
-    context.bell.ring()
+            shown = post_idempotency.first_answer(
+                answered, lambda: show(_find(connection, answered.object_id))
+            )
+    context.work_signal.notify()
     context.wake_relay()
     return shown
 
 
-@repeatable
+@retry_on_conflict
 def replace(
     context: Context, identifier: int, event: Event, precondition: Precondition = unconditionally
 ) -> dict[str, Any]:
-    """Put another event in the place of one that the broker has not accepted; its id stays.
+    """Replace an event that the broker has not accepted; its id stays.
 
-    It is a new order: its time begins anew, and the broker gets it as new work.
+    The new event has a lifetime of its own, and the broker receives it as new work.
 
     Raises:
         NotFoundError: if there is none.
-        ChangedError: if the precondition says so.
+        ChangedError: if the precondition fails.
         ConflictError, InvalidError: as for `create`; and if it is no longer queued.
     """
     with context.database.write(WORK) as connection:
@@ -99,13 +102,13 @@ def replace(
         work.remove(connection, old.work_id)
         _empty_queue(connection, event, identifier, now)
         shown = show(_find(connection, identifier))
-    context.bell.ring()
+    context.work_signal.notify()
     context.wake_relay()
     return shown
 
 
 def find(context: Context, identifier: int) -> dict[str, Any]:
-    """Give an event with its live state; raises NotFoundError."""
+    """Return an event with its live state; raises NotFoundError."""
     broker_work.expire_if_due(context)
     with context.database.read() as connection:
         return show(_find(connection, identifier))
@@ -128,31 +131,31 @@ def page(
     return [show(item) for item in found]
 
 
-@repeatable
+@retry_on_conflict
 def remove(context: Context, identifier: int) -> None:
-    """Cancel an event that waits, or forget one that has ended.
+    """Cancel a queued event, or delete one that has ended.
 
     Raises:
         NotFoundError: if there is none.
-        ConflictError: if the broker is at work on it.
+        ConflictError: if the broker is carrying it out.
     """
     with context.database.write(WORK) as connection:
         now = context.clock()
         broker_work.expire(connection, now)
         stored = _find(connection, identifier)
-        if stored.state == work.ACCEPTED and now < stored.expires_at + PATIENCE_S:
+        if stored.state == work.ACCEPTED and now < stored.expires_at + RESULT_TIMEOUT_S:
             raise ConflictError(f"event {identifier} is being carried out")
         events.remove(connection, identifier)
         work.remove(connection, stored.work_id)
 
 
-def forget_before(connection: Connection, moment: float) -> None:
-    """Drop events that are too old to be looked at again."""
-    work.forget_events(connection, moment)
+def delete_before(connection: Connection, moment: float) -> None:
+    """Delete events from before a time."""
+    work.delete_events(connection, moment)
 
 
 def show(stored: StoredEvent) -> dict[str, Any]:
-    """Give an event as the API shows it."""
+    """Return an event as the API shows it."""
     shown = {
         "id": stored.id,
         **stored.body,
@@ -165,7 +168,7 @@ def show(stored: StoredEvent) -> dict[str, Any]:
 
 
 def _queue(connection: Connection, context: Context, event: Event, now: float) -> int:
-    """Check an event and make it work; returns the id of the work."""
+    """Check an event and queue it as work; returns the id of the work."""
     expires_at = _end_of_life(event, now)
     _check_speed(context, event)
     _check_vehicle(connection, event)
@@ -175,7 +178,7 @@ def _queue(connection: Connection, context: Context, event: Event, now: float) -
 
 
 def _end_of_life(event: Event, now: float) -> float:
-    """When it expires: as it says, but never later than the longest life."""
+    """When an event expires: at its `expires_at`, but at most after the longest lifetime."""
     if event.expires_at is None:
         return now + LIFETIME_S
     wanted = event.expires_at.timestamp()
@@ -192,7 +195,7 @@ def _check_speed(context: Context, event: Event) -> None:
 
 
 def _check_vehicle(connection: Connection, event: Event) -> None:
-    """An event interrupts something: a mission here, or a flight that only the vehicle knows."""
+    """Check that there is something to interrupt: a mission here, or a flight of the vehicle."""
     known = vehicles.get(connection, event.vehicle_id)
     if known is None:
         raise NotFoundError(
@@ -208,7 +211,7 @@ def _check_vehicle(connection: Connection, event: Event) -> None:
 
 
 def _empty_queue(connection: Connection, event: Event, identifier: int, now: float) -> None:
-    """End what waits behind an aborted mission; what the broker has, the broker ends."""
+    """End the queued missions behind an aborted one; the broker ends those that it has accepted."""
     if event.event_type_id == EventType.DRONE_SPEED:
         return
     for item in _missions(connection, event.vehicle_id):

@@ -1,4 +1,4 @@
-"""Fields: their boundaries, kept under a number that plans and surveys may name."""
+"""Fields: their boundaries, stored under a number that plans and surveys may name."""
 
 from collections.abc import Sequence
 from typing import Any, Final
@@ -7,8 +7,7 @@ from sqlalchemy import Connection
 
 from afarcloud.wire import write
 from edge_server.exchange.field import Field, area_m2
-from edge_server.services import once
-from edge_server.services.attempts import repeatable
+from edge_server.services import idempotency as post_idempotency
 from edge_server.services.context import (
     Caller,
     Context,
@@ -17,53 +16,56 @@ from edge_server.services.context import (
     unconditionally,
 )
 from edge_server.services.errors import NotFoundError
-from edge_server.store import fields
-from edge_server.store.database import to_json
-from edge_server.store.fields import StoredField
-from edge_server.store.idempotency import Answered
+from edge_server.services.retries import retry_on_conflict
+from edge_server.store.connection.database import to_json
+from edge_server.store.rows import fields
+from edge_server.store.rows.fields import StoredField
+from edge_server.store.rows.idempotency import Answered
 
 _ROUTE: Final = "field"
 
 
-@repeatable
+@retry_on_conflict
 def create_all(
     context: Context, documents: Sequence[Field], caller: Caller
 ) -> list[dict[str, Any]]:
-    """Keep the fields of one request, all or none; returns them as stored.
+    """Store the fields of one request, all or none; returns them as stored.
 
     Raises:
         KeyReusedError: if the idempotency key belongs to another request.
     """
     bodies = [write(document) for document in documents]
-    body_sha256 = once.hash_body({"fields": bodies})
+    body_sha256 = post_idempotency.hash_body({"fields": bodies})
     with context.database.write() as connection:
-        answered = once.earlier(connection, caller, _ROUTE, body_sha256)
+        answered = post_idempotency.find_answer(connection, caller, _ROUTE, body_sha256)
         if answered is None:
             now = context.clock()
             first, *_ = [fields.add(connection, body, now) for body in bodies]
             shown = _of_moment(connection, first, now, len(bodies))
             answered = Answered(_ROUTE, body_sha256, first, None, now, to_json(shown))
-            once.remember(connection, caller, answered)
+            post_idempotency.store_answer(connection, caller, answered)
             return shown
         first, now = answered.object_id, answered.created_at
-        return once.repeated(answered, lambda: _of_moment(connection, first, now, len(bodies)))
+        return post_idempotency.first_answer(
+            answered, lambda: _of_moment(connection, first, now, len(bodies))
+        )
 
 
 def _of_moment(
     connection: Connection, first: int, received_at: float, count: int
 ) -> list[dict[str, Any]]:
-    """Give the fields of one request."""
+    """Return the fields of one request."""
     return [show(stored) for stored in fields.of_moment(connection, first, received_at, count)]
 
 
 def find(context: Context, identifier: int) -> dict[str, Any]:
-    """Give a field; raises NotFoundError."""
+    """Return a field; raises NotFoundError."""
     with context.database.read() as connection:
         return show(_known(fields.get(connection, identifier), identifier))
 
 
 def outline(context: Context, identifier: int) -> Field | None:
-    """Give a field as a document, None when there is none."""
+    """Return a field as a document, None if there is none."""
     with context.database.read() as connection:
         stored = fields.get(connection, identifier)
     return None if stored is None else Field.model_validate(stored.body)
@@ -78,14 +80,14 @@ def page(
     return [show(stored) for stored in found]
 
 
-@repeatable
+@retry_on_conflict
 def replace(
     context: Context,
     identifier: int,
     document: Field,
     precondition: Precondition = unconditionally,
 ) -> dict[str, Any]:
-    """Give a field another boundary; raises NotFoundError, or ChangedError by precondition."""
+    """Replace a field's boundary; raises NotFoundError, or ChangedError by the precondition."""
     with context.database.write() as connection:
         old = _known(fields.get(connection, identifier), identifier)
         precondition(show(old))
@@ -93,16 +95,16 @@ def replace(
         return show(_known(fields.get(connection, identifier), identifier))
 
 
-@repeatable
+@retry_on_conflict
 def remove(context: Context, identifier: int) -> None:
-    """Forget a field; plans that name it stay as they are. Raises NotFoundError."""
+    """Delete a field; plans that name it stay as they are. Raises NotFoundError."""
     with context.database.write() as connection:
         if not fields.remove(connection, identifier):
             raise NotFoundError(f"there is no field {identifier}")
 
 
 def show(stored: StoredField) -> dict[str, Any]:
-    """Give a field as the API shows it."""
+    """Return a field as the API shows it."""
     return {
         "id": stored.id,
         **stored.body,

@@ -1,6 +1,6 @@
-"""Many reports into one transaction with a handful of statements, however many there are.
+"""Stores many reports in one transaction with few statements, however many there are.
 
-Record by record it would be four statements each, and on a database server four journeys there.
+Singly each record would take four statements, and on a database server four round trips.
 """
 
 from collections.abc import Sequence
@@ -11,26 +11,27 @@ from ulid import ULID
 
 from edge_server.outbox import queue
 from edge_server.outbox.queue import Stream
-from edge_server.services import audit, once
+from edge_server.services import audit
+from edge_server.services import idempotency as post_idempotency
 from edge_server.services.errors import KeyReusedError
-from edge_server.store import idempotency, telemetry
-from edge_server.store.database import to_json
-from edge_server.store.idempotency import Answered
-from edge_server.store.telemetry import Draft
+from edge_server.store.connection.database import to_json
+from edge_server.store.rows import idempotency, telemetry
+from edge_server.store.rows.idempotency import Answered
+from edge_server.store.rows.telemetry import Draft
 
 
 class Entry(NamedTuple):
-    """A report as it came, and the key under which its sender may repeat it."""
+    """A report as it was received, and the key under which its sender may repeat it."""
 
     kind: str
     body: dict[str, Any]
     key: str | None
     sha256: bytes
-    """By which a repetition is known."""
+    """Identifies a repetition."""
 
 
 class Kept(NamedTuple):
-    """What became of an entry: an answer, new or given before, or the refusal of its key."""
+    """Result of an entry: an answer, new or earlier, or the refusal of its key."""
 
     answer: Answered | KeyReusedError
     is_new: bool
@@ -39,7 +40,7 @@ class Kept(NamedTuple):
 def keep_all(
     connection: Connection, entries: Sequence[Entry], owner: str, now: float
 ) -> list[Kept]:
-    """Store what has not been stored under its key, in order; gives an outcome for each."""
+    """Store entries that are not stored under their key yet, in order; returns their results."""
     known = idempotency.find_all(connection, [one.key for one in entries if one.key], owner)
     drafts: list[Draft] = []
     places: list[int | None] = []  # Of each entry among the drafts
@@ -58,7 +59,7 @@ def keep_all(
             continue
         places.append(waiting.get(entry.key or ""))
         same = (earlier.route, earlier.body_sha256) == (answered.route, answered.body_sha256)
-        outcomes.append(Kept(earlier if same else once.reused(), is_new=False))
+        outcomes.append(Kept(earlier if same else post_idempotency.key_reused(), is_new=False))
     ids = _insert(connection, drafts)
     found = [_with_id(kept, place, ids) for kept, place in zip(outcomes, places, strict=True)]
     _remember(connection, entries, found, owner)

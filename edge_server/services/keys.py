@@ -1,4 +1,4 @@
-"""Access keys: made, listed, replaced, revoked; one transaction each. The secret is told once."""
+"""Access keys: made, listed, replaced, revoked; one transaction each. A secret is shown once."""
 
 from typing import Annotated, Any, Final
 
@@ -11,17 +11,17 @@ from afarcloud.numbers import Time, VehicleId
 from edge_server.services import audit
 from edge_server.services.context import show_time
 from edge_server.services.errors import ConflictError, NotFoundError
-from edge_server.store import keys
-from edge_server.store.database import Database
-from edge_server.store.keys import Role, Scope, StoredKey
-from edge_server.store.locks import KEYS
+from edge_server.store.connection.database import Database
+from edge_server.store.connection.locks import KEYS
+from edge_server.store.rows import keys
+from edge_server.store.rows.keys import Role, Scope, StoredKey
 
 MOST_KEYS: Final = 1000
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$")]
 
 
 class KeyRequest(Model):
-    """A key that is wanted; what is not said narrows nothing."""
+    """Request for a key; fields that are not given restrict nothing."""
 
     name: Name
     role: Role
@@ -31,11 +31,11 @@ class KeyRequest(Model):
 
 
 def create(database: Database, request: KeyRequest, now: float) -> tuple[StoredKey, str]:
-    """Make a key; returns what is kept of it, and the key itself, which nobody can tell again.
+    """Make a key; returns what is stored of it, and the key itself, which is not stored.
 
     Raises:
-        InvalidError: if it would have expired before it is made.
-        ConflictError: if there are too many, or one of this name is in use.
+        InvalidError: if `expires_at` is in the past.
+        ConflictError: if there are too many, or a key of this name is in use.
     """
     expires_at = request.expires_at.timestamp() if request.expires_at else None
     if expires_at is not None and expires_at <= now:
@@ -54,10 +54,10 @@ def create(database: Database, request: KeyRequest, now: float) -> tuple[StoredK
 
 
 def replace(database: Database, prefix: str, overlap_s: float, now: float) -> tuple[StoredKey, str]:
-    """Make a key that opens the same; the old one opens for `overlap_s` [s] more.
+    """Make a key with the same rights; the old one stays valid for `overlap_s` [s].
 
     Raises:
-        NotFoundError: if no key of this prefix opens anything.
+        NotFoundError: if no key of this prefix is valid.
     """
     secret = keys.generate()
     with database.write(KEYS) as connection:
@@ -72,7 +72,7 @@ def replace(database: Database, prefix: str, overlap_s: float, now: float) -> tu
 
 
 def retire(connection: Connection, key: StoredKey, overlap_s: float, now: float) -> None:
-    """Let a key open nothing any more, now or after an overlap [s]."""
+    """End a key, now or after an overlap [s]."""
     if overlap_s > 0:
         keys.end(connection, key.prefix, now + overlap_s)
     else:
@@ -80,11 +80,11 @@ def retire(connection: Connection, key: StoredKey, overlap_s: float, now: float)
 
 
 def revoke(database: Database, prefix: str, now: float, *, last_admin_too: bool = False) -> None:
-    """Let a key open nothing any more.
+    """Revoke a key.
 
     Raises:
-        NotFoundError: if no key of this prefix opens anything.
-        ConflictError: if nobody could administer after that.
+        NotFoundError: if no key of this prefix is valid.
+        ConflictError: if it is the last key of an admin that does not expire.
     """
     with database.write(KEYS) as connection:
         key = _active(connection, prefix, now)
@@ -104,20 +104,20 @@ def everything(database: Database) -> list[StoredKey]:
 
 
 def find(database: Database, prefix: str) -> StoredKey:
-    """Give one key; raises NotFoundError."""
+    """Return one key; raises NotFoundError."""
     with database.read() as connection:
         return _find(connection, prefix)
 
 
 def state_of(key: StoredKey, now: float) -> str:
-    """Say in a word whether a key opens anything."""
+    """Return whether a key is active, revoked or expired."""
     if key.revoked_at is not None:
         return "revoked"
-    return "active" if key.opens(now) else "expired"
+    return "active" if key.is_valid(now) else "expired"
 
 
 def show(key: StoredKey, now: float) -> dict[str, Any]:
-    """Give a key as the API shows it, without its secret."""
+    """Return a key as the API shows it, without its secret."""
     return {
         "prefix": key.prefix,
         "name": key.name,
@@ -132,7 +132,7 @@ def show(key: StoredKey, now: float) -> dict[str, Any]:
 
 
 def _check_name(connection: Connection, key: StoredKey, now: float) -> None:
-    in_use = [other for other in keys.active(connection) if other.opens(now)]
+    in_use = [other for other in keys.active(connection) if other.is_valid(now)]
     if any(other.name == key.name for other in in_use):
         taken = (Fault("name", "is the name of a key that is in use"),)
         raise ConflictError(f"there is a key {key.name} already", taken)
@@ -149,6 +149,6 @@ def _find(connection: Connection, prefix: str) -> StoredKey:
 
 def _active(connection: Connection, prefix: str, now: float) -> StoredKey:
     key = _find(connection, prefix)
-    if not key.opens(now):
-        raise NotFoundError(f"the key {prefix} opens nothing any more")
+    if not key.is_valid(now):
+        raise NotFoundError(f"the key {prefix} is expired or revoked")
     return key

@@ -5,18 +5,18 @@ from collections.abc import Callable, Iterable
 from typing import Any, Final, TypeVar
 
 MOST_BYTES: Final = 8 * 1024 * 1024
-"""Of what a page shows; a single thing is always shown, whatever its size."""
+"""Size of a page, at most; a single object is always shown, whatever its size."""
 _T = TypeVar("_T")
 
 
 class Listing(list[dict[str, Any]]):
-    """Things as the API shows them, ordered by id; `is_cut` when the page ends for its size."""
+    """Objects as the API shows them, ordered by id; `is_cut` if its size ended the page."""
 
     is_cut = False
 
 
 def fill(found: Iterable[_T], show: Callable[[_T], dict[str, Any]]) -> Listing:
-    """Show one thing after the other until the page is full; none is kept in another form."""
+    """Show one object after the other until the page is full; only the shown form is kept."""
     listing, room = Listing(), MOST_BYTES
     for one in found:
         shown = show(one)

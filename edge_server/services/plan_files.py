@@ -1,4 +1,4 @@
-"""Plans out of other programs' mission files, and back into one."""
+"""Plans imported from other programs' mission files, and exported to one."""
 
 import re
 from collections.abc import Sequence
@@ -17,15 +17,15 @@ from edge_server.exchange.to_commands import Translated
 from edge_server.services import plans
 from edge_server.services.context import Caller, Context
 from edge_server.services.errors import NotFoundError
-from edge_server.store import plans as stored_plans
-from edge_server.store import work
+from edge_server.store.rows import plans as stored_plans
+from edge_server.store.rows import work
 
 _OF_COMMAND: Final = re.compile(r"missions\.0\.command_array\.(\d+)(?:\.(.+))?")
 _OF_MISSION: Final = "missions.0."
 
 
 class ImportOrder(Model):
-    """What a file does not say: whose mission it is, and whether it is to be flown."""
+    """What a mission file does not contain: the vehicle, and whether to dispatch the plan."""
 
     vehicle_id: VehicleId
     dispatch: Boolean = False
@@ -37,17 +37,17 @@ class ImportOrder(Model):
 def create(
     context: Context, file: MissionFile, order: ImportOrder, caller: Caller
 ) -> dict[str, Any]:
-    """Keep the plan that a file tells; returns it as stored.
+    """Store the plan of a mission file; returns it as stored.
 
     Raises:
-        InvalidError: if an item of it cannot be told in commands, or the plan breaks a rule.
+        InvalidError: if an item has no command for it, or the plan breaks a rule.
         ConflictError: as for a plan.
         KeyReusedError: if the idempotency key belongs to another request.
     """
     translated = to_commands.translate(
         file.items, file.home, speed_m_s=file.speed_m_s, zero_yaw_is_unset=file.zero_yaw_is_unset
     )
-    asked = {
+    source = {
         "commands": translated.commands,
         "maximum_speed": translated.maximum_speed_m_s,
         "geofence": file.geofence,
@@ -61,7 +61,7 @@ def create(
             context,
             [plan],
             caller,
-            asked,
+            source,
             warnings,
             numbered_here=order.mission_id is None,
             missing=file.missing,
@@ -94,7 +94,7 @@ def _document(
 
 
 def _placed(faults: Sequence[Fault], paths: Sequence[str]) -> tuple[Fault, ...]:
-    """Name places of the file where the faults name places of the plan made from it."""
+    """Replace paths in the plan by the places in the file from which they were made."""
     return tuple(_place(fault, paths) for fault in faults)
 
 
@@ -109,11 +109,11 @@ def _place(fault: Fault, paths: Sequence[str]) -> Fault:
 def export(
     context: Context, reference: int | str, vehicle_id: int | None
 ) -> tuple[dict[str, Any], int]:
-    """Give one mission of a plan as a `.plan`, of several the vehicle's; and whose it is.
+    """Return one mission of a plan as a `.plan`, of several the vehicle's, and its vehicle.
 
     Raises:
         NotFoundError: if there is no such plan, or no mission of the vehicle in it.
-        InvalidError: if it does not say which of several missions.
+        InvalidError: if the plan has several missions and no vehicle is given.
     """
     with context.database.read() as connection:
         stored = stored_plans.find(connection, reference)
@@ -133,8 +133,8 @@ def export(
 def _chosen(missions: Sequence[Mission], vehicle_id: int | None) -> Mission:
     vehicles = [mission.vehicle_id for mission in missions]
     if vehicle_id is None and len(missions) > 1:
-        told = ", ".join(map(str, vehicles))
-        message = f"must be given: the plan has missions of vehicles {told}"
+        listed = ", ".join(map(str, vehicles))
+        message = f"must be given: the plan has missions of vehicles {listed}"
         raise InvalidError((Fault("vehicle_id", message),))
     if vehicle_id is not None and vehicle_id not in vehicles:
         raise NotFoundError(f"the plan has no mission of vehicle {vehicle_id}")

@@ -1,13 +1,13 @@
-"""A plan as the API shows it: what was posted, with the live status beside it. Pure."""
+"""A plan as the API shows it: what was posted, with the live status; pure."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Final
 
 from afarcloud.enumerations import Status
 from edge_server.services.context import show_time
-from edge_server.store.plans import StoredPlan
-from edge_server.store.vehicle_holds import VehicleHold
-from edge_server.store.work import QUEUED, CommandProgress, Work
+from edge_server.store.rows.plans import StoredPlan
+from edge_server.store.rows.vehicle_holds import VehicleHold
+from edge_server.store.rows.work import QUEUED, CommandProgress, Work
 
 HELD: Final = "held"
 
@@ -34,7 +34,7 @@ def show(
 
 
 def overall(statuses: Iterable[Status]) -> Status:
-    """Sum up: RUNNING while anything is under way, then the worst end."""
+    """Return the status of a plan: RUNNING until all missions have ended, then the worst."""
     seen = set(statuses)
     if seen <= {Status.NOT_STARTED}:
         return Status.NOT_STARTED
@@ -61,7 +61,7 @@ def _mission(
 
 
 def _waiting(item: Work, holds: Mapping[int, VehicleHold]) -> dict[str, str]:
-    """Say why a mission in the queue is not handed out."""
+    """Explain why a queued mission is not published."""
     hold = holds.get(item.vehicle_id or 0)
     if hold is None or item.state != QUEUED or item.held:
         return {}
@@ -69,7 +69,7 @@ def _waiting(item: Work, holds: Mapping[int, VehicleHold]) -> dict[str, str]:
 
 
 def explain(hold: VehicleHold) -> str:
-    """Say why a vehicle is held, and what lets it fly again."""
+    """Explain why a vehicle is held, and how to release it."""
     after = "" if hold.mission_id is None else f" after mission {hold.mission_id}"
     return (
         f"vehicle {hold.vehicle_id} is held since {show_time(hold.since)}{after}: {hold.reason}; "

@@ -1,7 +1,7 @@
-"""Plans: validated, kept, their missions queued for the broker; one transaction each.
+"""Plans: validated, stored, their missions queued for the broker; one transaction each.
 
-A geofence is judged before the transaction: that takes up to seconds, and an abort must not wait.
-One is judged at a time, so that an abort has half of the interpreter however many are posted.
+A geofence is checked before the transaction: that takes up to seconds, and an abort must not wait.
+One is checked at a time, so that an abort gets half of the interpreter however many are posted.
 """
 
 from collections.abc import Sequence
@@ -18,78 +18,80 @@ from afarcloud.numbers import INT32_MAX
 from afarcloud.plan import Mission, Plan
 from afarcloud.rules import FenceVerdict
 from afarcloud.wire import Kind, write
-from edge_server.services import audit, broker_work, once
-from edge_server.services.attempts import repeatable
+from edge_server.services import audit, broker_work
+from edge_server.services import idempotency as post_idempotency
 from edge_server.services.context import Caller, Context, Precondition, moment, unconditionally
 from edge_server.services.errors import ConflictError, NotFoundError
 from edge_server.services.plan_view import show
-from edge_server.store import plans, vehicle_holds, vehicles, work
-from edge_server.store.database import to_json
-from edge_server.store.idempotency import Answered
-from edge_server.store.locks import WORK
-from edge_server.store.plans import StoredPlan
+from edge_server.services.retries import retry_on_conflict
+from edge_server.store.connection.database import to_json
+from edge_server.store.connection.locks import WORK
+from edge_server.store.rows import plans, vehicle_holds, vehicles, work
+from edge_server.store.rows.idempotency import Answered
+from edge_server.store.rows.plans import StoredPlan
 
 _SEVERAL = "plans"
 MISSING: Final = "missing"
-"""With this a warning begins that keeps a draft from being dispatched; a PUT completes it."""
+"""Prefix of a warning that prevents the dispatch of a draft; a PUT completes the draft."""
 SILENT_S: Final = 300.0
-"""So long nothing was said of a vehicle whose accepted mission an operator may close; a broker
-that lives says something every 30 s even of a vehicle that is lost."""
+"""An operator may close an accepted mission once no broker has made a request about its vehicle for
+so long; a live broker updates even a lost vehicle every 30 s."""
 
 
-@repeatable
+@retry_on_conflict
 def create(context: Context, plan: Plan, caller: Caller) -> dict[str, Any]:
-    """Keep a plan and queue its missions; returns it as stored.
+    """Store a plan and queue its missions; returns it as stored.
 
     Raises:
         InvalidError: if it breaks a rule.
-        ConflictError: if a mission of the same name is unfinished or a vehicle's queue is full.
+        ConflictError: if a mission of the same number is unfinished or a vehicle's queue is full.
         KeyReusedError: if the idempotency key belongs to another request.
     """
-    body_sha256 = once.hash_body(write(plan))
+    body_sha256 = post_idempotency.hash_body(write(plan))
     route = Kind.PLAN.value
-    fence = _judged(context, plan)
+    fence = _check_fence(context, plan)
     with context.database.write(WORK) as connection:
-        answered = once.earlier(connection, caller, route, body_sha256)
+        answered = post_idempotency.find_answer(connection, caller, route, body_sha256)
         if answered is None:
             now = context.clock()
             row = _create(connection, context, plan, fence, now)
             shown = _show(connection, _find(connection, row))
             answered = Answered(route, body_sha256, row, None, now, to_json(shown))
-            once.remember(connection, caller, answered)
+            post_idempotency.store_answer(connection, caller, answered)
         else:
-            shown = once.repeated(
+            shown = post_idempotency.first_answer(
                 answered, lambda: _show(connection, _find(connection, answered.object_id))
             )
-    context.bell.ring()
+    context.work_signal.notify()
     return shown
 
 
-@repeatable
+@retry_on_conflict
 def create_all(
     context: Context,
     documents: Sequence[Plan],
     caller: Caller,
-    asked: dict[str, Any],
+    source: dict[str, Any],
     warnings: Sequence[Fault] = (),
     *,
     numbered_here: bool = False,
     missing: Sequence[Fault] | None = None,
 ) -> list[dict[str, Any]]:
-    """Keep several plans in one transaction, in their order; returns them as stored.
+    """Store several plans in one transaction, in their order; returns them as stored.
 
-    `asked` is what they were made from, by which a repeated request is known; `warnings` of the
-    making are kept with each. With `numbered_here` nobody has asked for their mission_ids: they
-    get the next ones that no mission here has. `missing` is what drafts lack by their source, None
-    if they must be whole: a draft is kept with all that it lacks, and dispatched when it is whole.
+    `source` is what they were made from and identifies a repeated request; the `warnings` of the
+    conversion are stored with each plan. With `numbered_here` the request gives no mission_ids:
+    the plans get the next ones that are free here. `missing` lists what drafts lack because of
+    their source, None if they must be complete: a draft is stored with all that it lacks, and
+    dispatched once it is complete.
 
     Raises:
-        as `create`; then none of them is kept.
+        as `create`; then none of them is stored.
     """
-    body_sha256 = once.hash_body(asked)
-    fences = [_judged(context, plan) for plan in documents]  # Other mission_ids change nothing
+    body_sha256 = post_idempotency.hash_body(source)
+    fences = [_check_fence(context, plan) for plan in documents]  # Independent of mission_ids
     with context.database.write(WORK) as connection:
-        answered = once.earlier(connection, caller, _SEVERAL, body_sha256)
+        answered = post_idempotency.find_answer(connection, caller, _SEVERAL, body_sha256)
         if answered is None:
             now = context.clock()
             if numbered_here:
@@ -100,22 +102,22 @@ def create_all(
             ]
             shown = [_show(connection, _find(connection, row)) for row in rows]
             answered = Answered(_SEVERAL, body_sha256, rows[0], None, now, to_json(shown))
-            once.remember(connection, caller, answered)
+            post_idempotency.store_answer(connection, caller, answered)
         else:
             first, count = answered.object_id, len(documents)
-            shown = once.repeated(
+            shown = post_idempotency.first_answer(
                 answered,
                 lambda: [_show(connection, _find(connection, first + n)) for n in range(count)],
             )
-    context.bell.ring()
+    context.work_signal.notify()
     return shown
 
 
-def _judged(context: Context, plan: Plan) -> FenceVerdict:
-    """Hold a plan against its own geofence, when no other one is being judged."""
+def _check_fence(context: Context, plan: Plan) -> FenceVerdict:
+    """Check a plan against its own geofence, while no other plan is checked."""
     if plan.geofence is None:
         return rules.check_fence(plan)
-    with context.judging:
+    with context.fence_check:
         return rules.check_fence(plan)
 
 
@@ -162,22 +164,22 @@ def _create(
     return row
 
 
-@repeatable
+@retry_on_conflict
 def replace(
     context: Context,
     reference: int | str,
     plan: Plan,
     precondition: Precondition = unconditionally,
 ) -> dict[str, Any]:
-    """Put another plan in the place of one that nobody has begun; its id and plan_id stay.
+    """Replace a plan of which the broker has no mission; its id and plan_id stay.
 
     Raises:
         NotFoundError: if there is none.
-        ChangedError: if the precondition says so.
+        ChangedError: if the precondition fails.
         InvalidError: if the new one breaks a rule.
         ConflictError: if the broker has a mission of it, or as for `create`.
     """
-    fence = _judged(context, plan)
+    fence = _check_fence(context, plan)
     with context.database.write(WORK) as connection:
         now = context.clock()
         broker_work.expire(connection, now)
@@ -196,25 +198,25 @@ def replace(
         plans.replace(connection, new)
         _queue(connection, context, plan, new, now)
         shown = _show(connection, new)
-    context.bell.ring()
+    context.work_signal.notify()
     return shown
 
 
-@repeatable
+@retry_on_conflict
 def dispatch(context: Context, reference: int | str) -> dict[str, Any]:
-    """Let a held plan be flown; one that is not held stays as it is.
+    """Queue the missions of a held plan; a plan that is not held stays as it is.
 
     Raises:
         NotFoundError: if there is none.
-        InvalidError: if it breaks a rule by now: a vehicle is gone, its limits have changed.
-        ConflictError: if it has expired or is changed meanwhile, or as for `create`.
+        InvalidError: if it breaks a rule now: a vehicle was deleted, or its limits have changed.
+        ConflictError: if it has expired or is changed at the same time, or as for `create`.
     """
     with context.database.read() as connection:
         stored = _find(connection, reference)
         missions = work.of_plan(connection, stored.id)
     waits = any(item.held for item in missions)
-    judged = _dispatched(stored, missions) if waits else None
-    fence = None if judged is None else _judged(context, judged)
+    checked = _dispatched(stored, missions) if waits else None
+    fence = None if checked is None else _check_fence(context, checked)
     with context.database.write(WORK) as connection:
         now = context.clock()
         broker_work.expire(connection, now)
@@ -225,26 +227,26 @@ def dispatch(context: Context, reference: int | str) -> dict[str, Any]:
             if any(item.state == work.CLOSED for item in missions):
                 raise ConflictError(f"plan {stored.id} has ended: {missions[0].message}")
             plan = _dispatched(stored, missions)
-            if plan != judged or fence is None:
-                raise ConflictError(f"plan {stored.id} has just been changed; look at it again")
-            stored = _let_go(connection, context, stored, plan, fence, now)
+            if plan != checked or fence is None:
+                raise ConflictError(f"plan {stored.id} has just been changed; read it again")
+            stored = _queue_dispatched(connection, context, stored, plan, fence, now)
         shown = _show(connection, stored)
-    context.bell.ring()
+    context.work_signal.notify()
     return shown
 
 
 def _check_whole(stored: StoredPlan) -> None:
-    """Let a draft pass that lacks nothing; raises InvalidError with what it lacks."""
+    """Check that a draft is complete; raises InvalidError with what it lacks."""
     lacks = [one for one in stored.warnings if one["message"].startswith(f"{MISSING}: ")]
     if lacks:
         raise InvalidError(tuple(Fault(one["path"], one["message"]) for one in lacks))
 
 
 def _dispatched(stored: StoredPlan, missions: Sequence[work.Work]) -> Plan:
-    """Give a stored plan as it is queued when somebody dispatches it.
+    """Return a stored plan as it is when it is dispatched.
 
     Raises:
-        InvalidError: if the model has become narrower since the plan was stored.
+        InvalidError: if the model has become stricter since the plan was stored.
     """
     bodies = [item.body for item in missions]
     try:
@@ -256,7 +258,7 @@ def _dispatched(stored: StoredPlan, missions: Sequence[work.Work]) -> Plan:
         ) from None
 
 
-def _let_go(
+def _queue_dispatched(
     connection: Connection,
     context: Context,
     stored: StoredPlan,
@@ -264,7 +266,7 @@ def _let_go(
     fence: FenceVerdict,
     now: float,
 ) -> StoredPlan:
-    """Queue a held plan's missions anew: the broker's cursor is past their old places."""
+    """Queue a held plan's missions as new work: the broker's cursor is past their old ids."""
     work.remove_of_plan(connection, stored.id, now)
     checked = _checked(connection, context, plan, fence, now)
     dispatched = stored._replace(body=checked.body, warnings=checked.warnings)
@@ -274,7 +276,7 @@ def _let_go(
 
 
 def find(context: Context, reference: int | str) -> dict[str, Any]:
-    """Give a plan with its live status; raises NotFoundError."""
+    """Return a plan with its live status; raises NotFoundError."""
     broker_work.expire_if_due(context)
     with context.database.read() as connection:
         return _show(connection, _find(connection, reference))
@@ -303,13 +305,13 @@ def page(
         ]
 
 
-@repeatable
+@retry_on_conflict
 def remove(context: Context, reference: int | str) -> None:
-    """Forget a plan; what still waits of it is cancelled.
+    """Delete a plan; its queued missions are cancelled.
 
     Raises:
         NotFoundError: if there is none.
-        ConflictError: if the broker is at work on it.
+        ConflictError: if the broker has accepted a mission of it.
     """
     with context.database.write(WORK) as connection:
         stored = _find(connection, reference)
@@ -319,18 +321,18 @@ def remove(context: Context, reference: int | str) -> None:
         plans.remove(connection, stored.id)
 
 
-@repeatable
+@retry_on_conflict
 def close(
     context: Context, reference: int | str, reason: str, vehicle_id: int | None = None
 ) -> dict[str, Any]:
-    """End missions that a broker has accepted and will never end: it does not come back.
+    """End accepted missions of a broker that does not come back.
 
-    Of a plan for several vehicles `vehicle_id` says whose; without it all that are accepted.
-    What has ended stays as it ended, and what waits in the queue waits on.
+    `vehicle_id` selects the missions of one vehicle; without it all that are accepted are ended.
+    Ended and queued missions stay as they are.
 
     Raises:
         NotFoundError: if there is no such plan.
-        ConflictError: if something was said lately of a vehicle, so that its broker lives.
+        ConflictError: if a broker has made a request about a vehicle recently.
     """
     with context.database.write(WORK) as connection:
         now = context.clock()
@@ -347,26 +349,33 @@ def close(
         if missions:
             audit.about(f"plans/{stored.id}: {reason}")
         else:
-            audit.nothing_new()
+            audit.changes_nothing()
         shown = _show(connection, stored)
     context.wake_relay()
     return shown
 
 
 def _check_silent(connection: Connection, item: work.Work, now: float) -> None:
-    """Let a mission pass whose vehicle nobody speaks for; raises ConflictError.
+    """Check that no broker has made a request about a mission's vehicle for `SILENT_S`.
 
-    A time of the last word that lies ahead is one of a clock that was wrong: a broker that lives
-    would have said something since.
+    A time in the future comes from a clock that was wrong: a live broker would have made a request
+    since.
+
+    Raises:
+        ConflictError: if one has.
     """
-    known = vehicles.get(connection, item.vehicle_id or 0)
-    if known is None or abs(now - known.updated_at) >= SILENT_S:
+    vehicle_id = item.vehicle_id or 0
+    known = vehicles.get(connection, vehicle_id)
+    times = [vehicles.last_contact(connection, vehicle_id), known.updated_at if known else None]
+    ages = [abs(now - time_s) for time_s in times if time_s is not None]
+    age_s = min(ages, default=SILENT_S)
+    if age_s >= SILENT_S:
         return
     raise ConflictError(
-        f"the broker of vehicle {item.vehicle_id} is there: it said something "
-        f"{abs(now - known.updated_at):.0f} s ago; a mission can be closed after "
-        f"{SILENT_S:.0f} s of silence, until then abort it by an event",
-        (Fault("vehicle_id", "is not silent"),),
+        f"the broker of vehicle {vehicle_id} is connected: its last request was {age_s:.0f} s ago;"
+        f" a mission can be closed {SILENT_S:.0f} s after the last request, until then abort it by"
+        " an event",
+        (Fault("vehicle_id", "has a broker that is connected"),),
     )
 
 
@@ -378,15 +387,15 @@ def _checked(
     now: float,
     missing: Sequence[Fault] | None = None,
 ) -> StoredPlan:
-    """Hold a plan against the rules; raises InvalidError with every fault.
+    """Check a plan against the rules; raises InvalidError with every fault.
 
-    Given what a draft lacks, it may lack more, such as a take-off; all of it is noted.
+    A draft (`missing` is given) may lack more, such as a take-off; all of it becomes warnings.
     """
     registered = vehicles.known(connection, {item.vehicle_id for item in plan.missions})
     limits = dict.fromkeys(registered, context.vehicle_limits)
-    verdict = rules.check(plan, limits, moment(now), fence)
-    lacks = () if missing is None else (*missing, *verdict.missing)
-    faults = tuple(fault for fault in verdict.faults if fault not in lacks)
+    checked = rules.check(plan, limits, moment(now), fence)
+    lacks = () if missing is None else (*missing, *checked.missing)
+    faults = tuple(fault for fault in checked.faults if fault not in lacks)
     if faults or (lacks and plan.dispatch):
         raise InvalidError(faults or lacks)
     lifetime_end = now + context.config.plan_lifetime_s
@@ -401,7 +410,7 @@ def _checked(
         expires_at=expires_at,
         warnings=[
             *({"path": one.path, "message": f"{MISSING}: {one.message}"} for one in lacks),
-            *({"path": one.path, "message": one.message} for one in verdict.warnings),
+            *({"path": one.path, "message": one.message} for one in checked.warnings),
         ],
     )
 

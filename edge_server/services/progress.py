@@ -1,8 +1,8 @@
-"""How mission reports move missions and commands; pure but for `apply`.
+"""How mission reports change the status of missions and commands; pure except for `apply`.
 
-A status only grows: NOT_STARTED, RUNNING, then one terminal status for good. A repeated report
-changes nothing, and one that contradicts a terminal status is refused (`report_matching`). When a
-mission ends, commands that nobody reported ended are ABORTED.
+A status only advances: NOT_STARTED, RUNNING, then one terminal status, which is final. A repeated
+report changes nothing, and one that contradicts a terminal status is refused (`report_matching`).
+When a mission ends, its commands without a terminal status become ABORTED.
 """
 
 from collections.abc import Iterable, Mapping
@@ -17,12 +17,12 @@ from edge_server.services import report_matching
 from edge_server.services.errors import ConflictError
 from edge_server.services.plan_view import explain
 from edge_server.services.report_matching import Known
-from edge_server.store import plans, vehicle_holds, work
-from edge_server.store.work import CommandProgress, Work
+from edge_server.store.rows import plans, vehicle_holds, work
+from edge_server.store.rows.work import CommandProgress, Work
 
 
 class Change(NamedTuple):
-    """What a report has been taken for."""
+    """What a report has changed."""
 
     mission: Work  # As it was before
     commands: Mapping[int, CommandProgress]  # As they were before
@@ -31,14 +31,14 @@ class Change(NamedTuple):
 
 
 def advances(current: int, reported: int) -> bool:
-    """Whether a reported status takes the place of the current one."""
+    """Whether a reported status replaces the current one."""
     return not Status(current).is_terminal and reported > current
 
 
 def advance_commands(
     current: Mapping[int, CommandProgress], reports: Iterable[CommandReport]
 ) -> dict[int, CommandProgress]:
-    """Give the commands that a report changes; command_ids that are not known are left out."""
+    """Return the commands that a report changes, without unknown command_ids."""
     changed = {}
     for report in reports:
         known = current.get(report.command_id)
@@ -58,7 +58,7 @@ def advance_commands(
 def abort_the_rest(
     current: Mapping[int, CommandProgress], message: str | None
 ) -> dict[int, CommandProgress]:
-    """Give the commands that are still open, as ABORTED."""
+    """Return the commands without a terminal status, as ABORTED."""
     return {
         identifier: CommandProgress(identifier, Status.ABORTED, known.message or message)
         for identifier, known in current.items()
@@ -67,11 +67,11 @@ def abort_the_rest(
 
 
 def apply(connection: Connection, report: MissionReport, now: float) -> Change | None:
-    """Move the mission that a report is about; None when no such mission is known here.
+    """Change the mission that a report is about; None if no such mission is known here.
 
     Raises:
         InvalidError: if it names a command that the mission does not have.
-        ConflictError: if it must not be said of the mission; nothing has changed.
+        ConflictError: if it contradicts the mission's state; nothing has changed.
     """
     mission = find(connection, report)
     if mission is None:
@@ -96,14 +96,14 @@ def find(connection: Connection, report: MissionReport) -> Work | None:
 
 
 def _known(connection: Connection, report: MissionReport) -> Known:
-    """Give what is known of the work that a report names; no more than it takes to judge it."""
+    """Read the work that a report names, as far as it is needed to match the report."""
     if report.work_id is not None:
         named = work.get(connection, report.work_id)
         if named is not None:
             return Known(work=named)
     plan = None if report.plan_id is None else plans.find(connection, report.plan_id)
     of_plan = [] if plan is None else work.of_plan(connection, plan.id)
-    if of_plan:  # Else the missions of the plan are lost
+    if of_plan:  # Otherwise the missions of the plan are lost
         return Known(of_plan=of_plan)
     missions = work.missions_of(connection, report.vehicle_id, report.mission_id)
     if missions:
@@ -123,10 +123,10 @@ def _known(connection: Connection, report: MissionReport) -> Known:
 
 
 def _check_free(connection: Connection, mission: Work, report: MissionReport) -> None:
-    """Let a report pass unless it begins a mission in the queue of a held vehicle; a refusal may.
+    """Check that a report does not begin a queued mission of a held vehicle; it may refuse one.
 
     Raises:
-        ConflictError: why the vehicle is held.
+        ConflictError: if it does, with the reason why the vehicle is held.
     """
     if mission.state != work.QUEUED or report.mission_status_id == Status.FAILED:
         return

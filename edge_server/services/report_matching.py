@@ -1,10 +1,10 @@
-"""Which mission a report is about, and whether that mission may still take it. Pure.
+"""Which mission a report is about, and whether the mission's state accepts it; pure.
 
-A `mission_id` may be flown again, so the number alone does not say which flight is meant. A report
-names its piece of work (`work_id`, `plan_id`), and every number that it gives has to fit that one.
-Without these it is about the mission that the broker has accepted. What is known here to be
-cancelled, replaced, not accepted or another vehicle's is reported on by nobody; of a mission that
-only waits in the queue a broker may report, by its `work_id`, that it refuses it.
+A `mission_id` may be flown again, so it alone does not identify a flight. A report names its piece
+of work (`work_id`, `plan_id`), and every number in it has to fit that work. Without these it is
+about the mission that the broker has accepted. A report on work that is known to be cancelled,
+replaced, not accepted or another vehicle's is refused; on a queued mission a broker may only
+report, by its `work_id`, that it refuses it.
 """
 
 from collections.abc import Mapping, Sequence
@@ -15,7 +15,7 @@ from afarcloud.faults import Fault, InvalidError
 from afarcloud.state import MissionReport
 from afarcloud.wire import write
 from edge_server.services.errors import ConflictError
-from edge_server.store.work import ACCEPTED, CLOSED, MISSION, QUEUED, CommandProgress, Work
+from edge_server.store.rows.work import ACCEPTED, CLOSED, MISSION, QUEUED, CommandProgress, Work
 
 _STATUS = "mission_status_id"
 _BEGUN = frozenset({Status.RUNNING, Status.FINISHED})
@@ -23,7 +23,7 @@ _GONE = "was cancelled or replaced"
 
 
 class Known(NamedTuple):
-    """What is known here of the work that a report names."""
+    """The stored work that a report may name."""
 
     missions: Sequence[Work] = ()
     """Of its vehicle and `mission_id`, oldest first, drafts among them."""
@@ -32,7 +32,7 @@ class Known(NamedTuple):
     of_plan: Sequence[Work] = ()
     """Of its `plan_id`."""
     withdrawn: str | None = None
-    """Field by which it names a mission that was cancelled or replaced, and no other."""
+    """Field of the report that names a cancelled or replaced mission, if it names no other."""
     is_of_others: bool = False
     """Whether other vehicles have, or had, a mission of its `mission_id`."""
 
@@ -40,10 +40,10 @@ class Known(NamedTuple):
 def find(known: Known, report: MissionReport) -> Work | None:
     """Find the mission that a report is about.
 
-    None means that nothing of what it names is known here, as after the loss of a database.
+    None means that none of the named work is known here, as after the loss of a database.
 
     Raises:
-        ConflictError: if what it names does not fit together, or was cancelled or replaced.
+        ConflictError: if its numbers do not fit together, or the work was cancelled or replaced.
     """
     if known.work is not None:
         return _of_work(known.work, report)
@@ -110,7 +110,7 @@ def _of_number(missions: Sequence[Work], report: MissionReport) -> Work:
 
 
 def check(mission: Work, commands: Mapping[int, CommandProgress], report: MissionReport) -> None:
-    """Hold a report against what is known of its mission, by `command_id`.
+    """Check a report against the state of its mission; `commands` are by `command_id`.
 
     Raises:
         InvalidError: if it names a command that the mission does not have.
@@ -148,24 +148,24 @@ def check(mission: Work, commands: Mapping[int, CommandProgress], report: Missio
             )
 
 
-def _contradicts(said: Status, known: Status, *, has_ended: bool) -> bool:
-    """Whether a status speaks against a terminal one.
+def _contradicts(reported: Status, known: Status, *, has_ended: bool) -> bool:
+    """Whether a reported status contradicts a terminal one.
 
-    The end of a mission ends the commands that nobody reported as ended: the report that ended it
-    may say of these that they are open, and may be repeated.
+    The end of a mission ends its remaining commands: the report that ended it may report these as
+    open, and may be repeated.
     """
-    return said != known and (said.is_terminal or not has_ended)
+    return reported != known and (reported.is_terminal or not has_ended)
 
 
 def _check_accepted(mission: Work, report: MissionReport) -> None:
-    """Let pass what is about a mission that a broker has, and a refusal of one in the queue."""
+    """Check that the mission is accepted, or that the report refuses a queued one."""
     if mission.state != QUEUED:
         return
     field = "mission_id" if report.plan_id is None else "plan_id"
     field = field if report.work_id is None else "work_id"
     name = f"mission {mission.mission_id} of vehicle {mission.vehicle_id}"
     if mission.held:
-        raise _conflict(f"{name} is of a plan that nobody has dispatched", field, "is of a draft")
+        raise _conflict(f"{name} is of a plan that has not been dispatched", field, "is of a draft")
     begins = any(one.command_status_id in _BEGUN for one in report.command_report_array)
     if field == "work_id" and report.mission_status_id == Status.FAILED and not begins:
         return
@@ -181,10 +181,10 @@ def _was_ended_by_report(mission: Work) -> bool:
 
 
 def _is_repetition(report: MissionReport, mission: Work) -> bool:
-    """Whether an ended mission has been told this very report; one without a mark may be new."""
+    """Whether this report has ended the mission; without session or time it may be a new one."""
     has_mark = report.session_id is not None or report.recorded_at is not None
-    said: dict[str, Any] = write(report)
-    return has_mark and mission.report == said
+    document: dict[str, Any] = write(report)
+    return has_mark and mission.report == document
 
 
 def _path(index: int) -> str:

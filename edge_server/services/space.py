@@ -1,7 +1,7 @@
-"""Keeps within the disk budget: refuses what has no room, thins and drops the backlog.
+"""Keeps within the disk budget: refuses records without room, thins and drops the backlog.
 
-How full it is is measured once per turn of the housekeeping, and whenever a hundredth of the
-budget has come in since; in between, what comes in is only added up.
+The use is measured in each cycle of the housekeeping, and whenever a hundredth of the budget has
+been stored since; in between, the sizes of stored records are added up.
 """
 
 import logging
@@ -11,41 +11,41 @@ from collections.abc import Callable, Sequence
 from typing import Final
 
 from edge_server.config import Config
-from edge_server.outbox import budget, gaps, thinning, usage
+from edge_server.outbox import budget, gaps, thinning
 from edge_server.outbox.budget import Level, Usage
-from edge_server.outbox.gaps import Lost, Reason
+from edge_server.outbox.gaps import DroppedRecord, Reason
 from edge_server.outbox.queue import PRIORITY
 from edge_server.outbox.thinning import Intervals
 from edge_server.services.errors import FullError
-from edge_server.store import ballast, upkeep
-from edge_server.store.database import Database
-from edge_server.store.upkeep import Outcome
+from edge_server.store.connection.database import Database
+from edge_server.store.files import ballast, upkeep
+from edge_server.store.files.upkeep import CheckpointResult
 
 LOG = logging.getLogger(__name__)
-RECORD_BYTES: Final = 500  # What a record takes with its indexes, about
+RECORD_BYTES: Final = 500  # Size of a record with its indexes, about
 RECEIPTS_KEPT_S: Final = 3600.0  # Even when it is full
 MOST_ROWS: Final = 2000  # Per transaction
-STEPS: Final = 40  # Transactions per turn
+STEPS: Final = 40  # Transactions per cycle
 STEADY_S: Final = 3600.0
-"""So long a clock must have run evenly before anything is called too old."""
+"""The clock must have run steadily for so long before a record counts as too old."""
 _JUMP_S: Final = 60.0
 _LOOK_AGAIN_S: Final = 1.0
-"""So long after nothing could be dropped, nothing is looked for."""
+"""Pause after nothing could be dropped."""
 _MEASURE_SHARE: Final = 0.01
 _CALM_SHARE: Final = 0.7
 _TIMES_BALLAST: Final = 2
 _DATA_PART: Final = 0.4
 _PICTURE_PART: Final = 0.3
-"""Of the disk, at most, whatever the settings allow."""
+"""Shares of the disk, at most, whatever the settings allow."""
 _MIB: Final = 1024 * 1024
 Counter = Callable[[str, str, int], None]
 """Takes kind, reason and number of dropped records."""
 
 
 def budgets(config: Config, is_shared: bool) -> tuple[int, int]:  # noqa: FBT001  # of a database
-    """Give what records and pictures may take [bytes]: as set, and no more than the disk has.
+    """Return the budgets of records and pictures [bytes]: as set, limited by the disk.
 
-    The rest of a small disk is for the log of changes, the ballast and what is about to be deleted.
+    The rest of a small disk is for the write-ahead log, the ballast and rows until their deletion.
     """
     data, pictures = config.data_budget_mib * _MIB, config.picture_budget_mib * _MIB
     if is_shared:
@@ -72,19 +72,19 @@ class Space:
         self._lock = threading.Lock()
         self._making_room = threading.Lock()
         self._usage: Usage | None = None
-        self._come_bytes = 0
-        self._looked_at_disk = False
+        self._added_bytes = 0
+        self._has_checked_disk = False
         self._has_free_pages = False
         self._nothing_left_until = 0.0
         self._thinned_to = 0
         self._intervals: Intervals = {}
         self._clock_was: tuple[float, float] | None = None
-        self._level_was = Level.ROOMY
+        self._level_was = Level.NORMAL
         self.count: Counter = _count_nothing
         self.rows_at_once = max(100, min(MOST_ROWS, self._data_budget // 100 // RECORD_BYTES))
 
     def admit(self, kind: str, picture_bytes: int = 0) -> None:
-        """Let a record come in, making room if that is needed and can be done.
+        """Admit a record, making room if that is needed and possible.
 
         Raises:
             FullError: if there is no room for it.
@@ -101,85 +101,88 @@ class Space:
             pictures = used.picture_bytes + picture_bytes
             if picture_bytes and pictures > self._picture_budget:
                 raise FullError("the budget for pictures is used up; nothing was stored")
-            self._come_bytes += RECORD_BYTES + picture_bytes
+            self._added_bytes += RECORD_BYTES + picture_bytes
             self._usage = Usage(used.data_bytes + RECORD_BYTES, pictures)
 
     def _disk_is_full(self) -> bool:
-        """Whether the relay has given the ballast up: what is left is for it and for the urgent.
+        """Whether the relay has released the ballast: the rest is for it and for urgent records.
 
-        Pages that are free in the file are room too, where the file cannot give them back.
+        Free pages of the file are room too if the file cannot return them to the disk.
         """
-        return self._looked_at_disk and not (
+        return self._has_checked_disk and not (
             self._config.ballast_path.exists() or self._has_free_pages
         )
 
     def level(self) -> Level:
-        """How full it is, by the last measurement and what has come in since."""
+        """Return how full the budget is, by the last measurement and what was stored since."""
         with self._lock:
             found = self._usage
-            stale = self._come_bytes > _MEASURE_SHARE * self._data_budget
+            stale = self._added_bytes > _MEASURE_SHARE * self._data_budget
         return self._level_of(self.measure() if found is None or stale else found)
 
     def _level_of(self, found: Usage) -> Level:
         return budget.level(found.data_bytes, self._data_budget)
 
     def measure(self) -> Usage:
-        """Ask the database."""
+        """Measure the use in the database."""
         with self._database.read() as connection:
-            found = usage.measure(connection)
+            found = budget.measure(connection)
         with self._lock:
             self._usage = found
-            self._come_bytes = 0
+            self._added_bytes = 0
         return found
 
-    def keep(self, monotonic: float) -> None:
-        """One turn: hold the ballast, forget, thin and drop what has to go."""
+    def maintain(self, monotonic: float) -> None:
+        """One cycle: hold the ballast; delete receipts, thin and drop records as needed."""
         if not self._database.is_shared:
             self._hold_room()
-        self._tell(self.measure())
+        self._log_level(self.measure())
         for _ in range(1 if self._database.is_shared else STEPS):
-            if self.level() < Level.THINNING or not (self._forget() or self._thin()):
+            if self.level() < Level.THINNING or not (self._delete_receipts() or self._thin()):
                 break
         if self.level() >= Level.DROPPING:
             self._make_room()
         self._watch_clock(monotonic)
 
     def _hold_room(self) -> None:
-        """Hold the ballast; where the disk has little room, get free pages back from the file."""
+        """Hold the ballast; on a disk with little room return free pages of the file to it."""
         path = self._config.ballast_path
         free = shutil.disk_usage(self._config.edge_dir).free
         if not ballast.hold(path) or free < ballast.size_on(path):
-            if upkeep.checkpoint(self._database) is Outcome.FULL and ballast.release(path):
-                LOG.warning("the disk is full; the ballast %s is given up", path)
+            if upkeep.checkpoint(self._database) is CheckpointResult.FULL and ballast.release(path):
+                LOG.warning("the disk is full; the ballast %s is released", path)
                 upkeep.checkpoint(self._database)
-            if not upkeep.give_back(self._database, STEPS) and self._may_lend_ballast():
-                LOG.info("the ballast %s is lent to free pages that need room to go", path)
+            if not upkeep.release_pages(self._database, STEPS) and self._may_release_ballast():
+                LOG.info(
+                    "the ballast %s is released, since returning free pages to the disk needs room",
+                    path,
+                )
                 ballast.release(path)
-                upkeep.give_back(self._database, STEPS)
+                upkeep.release_pages(self._database, STEPS)
             self._has_free_pages = not ballast.hold(path) and upkeep.look(
                 self._database
             ).free_bytes > _TIMES_BALLAST * ballast.size_on(path)
-        self._looked_at_disk = True
+        self._has_checked_disk = True
 
-    def _may_lend_ballast(self) -> bool:
-        """Whether pages are free that no longer fit the log, and that are more than the ballast."""
+    def _may_release_ballast(self) -> bool:
+        """Whether the free pages of the file exceed the ballast."""
         path = self._config.ballast_path
         if not path.exists():
             return False
         return upkeep.look(self._database).free_bytes > _TIMES_BALLAST * ballast.size_on(path)
 
-    def keep_age(self, monotonic: float) -> None:
-        """Drop what is too old, and dead letters beyond their own budget."""
+    def drop_aged(self, monotonic: float) -> None:
+        """Drop records that are too old, and dead letters beyond their budget."""
         now = self._clock()
         if self._clock_is_steady(monotonic):
             for kind in PRIORITY.keys() - {gaps.KIND}:
-                while self._drop_aged(kind, now):
+                while self._drop_aged_of(kind, now):
                     continue
         while self._drop_dead_letters():
             continue
 
     def trusts_clock(self, monotonic: float) -> bool:
-        """Whether the wall clock has run evenly for so long that things may be called old."""
+        """Whether the wall clock has run steadily for so long that records may count as old."""
         return self._clock_is_steady(monotonic)
 
     def _watch_clock(self, monotonic: float) -> None:
@@ -190,72 +193,72 @@ class Space:
             self._clock_was = (now, monotonic)
 
     def _clock_is_steady(self, monotonic: float) -> bool:
-        """A clock that has just been set may be wrong by years: nothing is old by such a clock."""
+        """No record counts as old by a clock that was just set, which may be wrong by years."""
         self._watch_clock(monotonic)
         return self._clock_was is not None and monotonic - self._clock_was[1] >= STEADY_S
 
     def _make_room(self) -> Level:
-        """Drop the oldest records that may be missed until there is room, or none is left."""
+        """Drop the oldest droppable records until there is room, or none is left."""
         with self._making_room:
             now = self._level_of(self.measure())
             if self._clock() < self._nothing_left_until <= self._clock() + _LOOK_AGAIN_S:
                 return now
             while now >= Level.DROPPING:
-                if not (self._forget() or self._drop_oldest()):
+                if not (self._delete_receipts() or self._drop_oldest()):
                     self._nothing_left_until = self._clock() + _LOOK_AGAIN_S
                     break
                 now = self._level_of(self.measure())
                 if self._database.is_shared:
-                    break  # Its statistics lag behind; the next turn sees what this one has done
+                    break  # Its statistics lag behind; the next cycle sees the result
             return now
 
-    def _forget(self) -> bool:
-        """Forget receipts of long ago, which only the audit would miss."""
+    def _delete_receipts(self) -> bool:
+        """Delete old receipts; returns whether there were any."""
         with self._database.write() as connection:
             before = self._clock() - RECEIPTS_KEPT_S
-            gone = usage.forget_receipts(connection, before, self.rows_at_once)
+            gone = budget.delete_receipts(connection, before, self.rows_at_once)
         if gone:
             self.measure()
         return gone > 0
 
     def _thin(self) -> bool:
-        """Thin the next part of the backlog; false when all of it has been looked through."""
+        """Thin the next part of the backlog; returns whether there is more to examine."""
         with self._database.read() as connection:
             found = thinning.to_thin(
                 connection, self._thinned_to, self.rows_at_once, self._intervals
             )
         self._thinned_to = found.bookmark
-        self._drop(found.going, Reason.THINNED)
+        self._drop(found.to_drop, Reason.THINNED)
         return not found.at_end
 
     def _drop_oldest(self) -> bool:
         with self._database.read() as connection:
-            going = thinning.oldest(connection, self.rows_at_once)
-        return self._drop(going, Reason.BUDGET)
+            chosen = thinning.oldest(connection, self.rows_at_once)
+        return self._drop(chosen, Reason.BUDGET)
 
-    def _drop_aged(self, kind: str, now: float) -> bool:
+    def _drop_aged_of(self, kind: str, now: float) -> bool:
         is_picture = kind == "image"
         days = self._config.retain_images_days if is_picture else self._config.retain_telemetry_days
         with self._database.read() as connection:
-            going = thinning.aged(connection, kind, now - days * 86400.0, self.rows_at_once)
-        return self._drop(going, Reason.AGE)
+            chosen = thinning.aged(connection, kind, now - days * 86400.0, self.rows_at_once)
+        return self._drop(chosen, Reason.AGE)
 
     def _drop_dead_letters(self) -> bool:
         most = self._config.dead_letter_budget_mib * _MIB
         with self._database.read() as connection:
-            going = thinning.excess_dead_letters(connection, most, self.rows_at_once)
-        return self._drop(going, Reason.DEAD_LETTERS)
+            chosen = thinning.excess_dead_letters(connection, most, self.rows_at_once)
+        return self._drop(chosen, Reason.DEAD_LETTERS)
 
-    def _drop(self, going: Sequence[Lost], reason: Reason) -> bool:
-        """Drop what was found to go; says whether anything went."""
-        if not going:
+    def _drop(self, records: Sequence[DroppedRecord], reason: Reason) -> bool:
+        """Drop records and declare them; returns whether any were dropped."""
+        if not records:
             return False
         with self._database.write() as connection:
-            dropped = gaps.drop(connection, going, reason, self._clock())
+            dropped = gaps.drop(connection, records, reason, self._clock())
         return self._note_dropped(dropped, reason)
 
     def _note_dropped(self, dropped: dict[str, int], reason: Reason) -> bool:
-        """Count what was dropped; says whether anything was."""
+        """Count dropped records; returns whether there were any."""
         for kind, number in dropped.items():
             self.count(kind, reason.value, number)
         if dropped:
@@ -263,8 +266,8 @@ class Space:
             self.measure()
         return bool(dropped)
 
-    def _tell(self, found: Usage) -> None:
-        """Log how full it is, once per change; what swings about a bound is told once."""
+    def _log_level(self, found: Usage) -> None:
+        """Log how full the budget is, once per change; swings about a bound are logged once."""
         now = self._level_of(found)
         calm = found.data_bytes < _CALM_SHARE * self._data_budget
         if now > self._level_was:
@@ -277,13 +280,13 @@ class Space:
 
 
 _WORDS: Final = {
-    Level.ROOMY: "there is room",
+    Level.NORMAL: "there is room",
     Level.THINNING: "more than 80 % used, state vectors and poses are thinned",
     Level.NO_PICTURES: "more than 95 % used, pictures are refused",
     Level.DROPPING: "used up, the oldest state vectors, poses and batteries are dropped",
-    Level.FULL: "used up with its reserve, nothing is taken in",
+    Level.FULL: "used up with its reserve, every record is refused",
 }
 
 
 def _count_nothing(_kind: str, _reason: str, _number: int) -> None:
-    """Stand in until somebody counts."""
+    """Default of `Space.count`."""

@@ -1,4 +1,4 @@
-"""Surveys: planned over a field, and kept as plans; all of them or none."""
+"""Surveys: planned over a field, and stored as plans; all of them or none."""
 
 from typing import Any
 
@@ -9,19 +9,19 @@ from afarcloud.wire import read_as, write
 from edge_server.exchange.field import Field
 from edge_server.services import fields, plans
 from edge_server.services.context import Caller, Context
-from edge_server.store import vehicles
+from edge_server.store.rows import vehicles
 from edge_server.survey.planner import NoSurveyError, Survey, survey
 from edge_server.survey.request import Place, SurveyOrder, SurveyRequest, SurveyTerms
 
 
 def preview(context: Context, order: SurveyOrder) -> dict[str, Any]:
-    """Plan a survey and keep nothing; raises InvalidError."""
+    """Plan a survey and store nothing; raises InvalidError."""
     planned = _planned(context, order, _field_of(context, order))
     return {**planned.figures, "plans": planned.plans}
 
 
 def create(context: Context, order: SurveyOrder, caller: Caller) -> dict[str, Any]:
-    """Plan a survey and keep its plans, in the order of flight.
+    """Plan a survey and store its plans, in the order of flight.
 
     Raises:
         InvalidError: if it cannot be flown, or a plan breaks a rule.
@@ -31,15 +31,15 @@ def create(context: Context, order: SurveyOrder, caller: Caller) -> dict[str, An
     field = _field_of(context, order)
     planned = _planned(context, order, field)
     documents = [Plan.model_validate(plan) for plan in planned.plans]
-    asked = {**write(order), "field": None if field is None else write(field)}
+    source = {**write(order), "field": None if field is None else write(field)}
     kept = plans.create_all(
-        context, documents, caller, asked, numbered_here=order.first_mission_id is None
+        context, documents, caller, source, numbered_here=order.first_mission_id is None
     )
     return {**planned.figures, "plans": kept}
 
 
 def _field_of(context: Context, order: SurveyOrder) -> Field | None:
-    """The field that an order names; raises InvalidError when there is none."""
+    """Return the field that an order names; raises InvalidError if there is none."""
     if order.field_id is None:
         return None
     field = fields.outline(context, order.field_id)
@@ -70,7 +70,7 @@ def _planned(context: Context, order: SurveyOrder, field: Field | None) -> Surve
 
 
 def _request(order: SurveyOrder, field: Field | None) -> SurveyRequest:
-    """An order with the outline of its field."""
+    """Return an order with the outline of its field."""
     terms = {name: getattr(order, name) for name in SurveyTerms.model_fields}
     outline: dict[str, Any] = {
         "boundary": order.boundary,
@@ -88,7 +88,7 @@ def _request(order: SurveyOrder, field: Field | None) -> SurveyRequest:
 
 
 def _home(context: Context, request: SurveyRequest) -> Place:
-    """Where the vehicles start: as said, else where the first one is, else the field's corner."""
+    """Where the vehicles start: as given, else where the first one is, else the field's corner."""
     if request.home is not None:
         return request.home
     with context.database.read() as connection:

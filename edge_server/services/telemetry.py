@@ -1,4 +1,4 @@
-"""Reports of vehicles: kept until the cloud has them. One transaction, then 201."""
+"""Reports of vehicles: stored until the cloud has them; one transaction, then 201."""
 
 import json
 from collections.abc import Collection, Mapping, Sequence
@@ -13,8 +13,8 @@ from afarcloud.state import Image, MissionReport, Report
 from afarcloud.wire import Kind, write
 from edge_server.outbox import queue
 from edge_server.outbox.queue import Stream
-from edge_server.services import effects, intake, listing, once, progress
-from edge_server.services.attempts import repeatable
+from edge_server.services import effects, intake, listing, progress
+from edge_server.services import idempotency as post_idempotency
 from edge_server.services.context import (
     Caller,
     Context,
@@ -31,46 +31,48 @@ from edge_server.services.errors import (
 from edge_server.services.intake import Entry
 from edge_server.services.listing import Listing
 from edge_server.services.progress import Change
-from edge_server.store import idempotency, telemetry, work
-from edge_server.store.database import to_json
-from edge_server.store.idempotency import Answered
-from edge_server.store.locks import WORK, Lock
-from edge_server.store.telemetry import Record
+from edge_server.services.retries import retry_on_conflict
+from edge_server.store.connection.database import to_json
+from edge_server.store.connection.locks import WORK, Lock
+from edge_server.store.rows import idempotency, telemetry, work
+from edge_server.store.rows.idempotency import Answered
+from edge_server.store.rows.telemetry import Record
 
 _COMMANDS: Final = "command_report_array"
 _FAULT: Final = ("mission_id", "alarm_type_id", "alarm_code_id")
-"""By which an alarm is another fault; one that is worded otherwise is the same."""
+"""Fields that identify the fault of an alarm; another `message` is the same fault."""
 _MOST_BEHIND: Final = 100_000
 
 Refusal = KeyReusedError | FullError | ConflictError | InvalidError
-"""Why one report of many is not kept."""
+"""Why one report of many is refused."""
 
 
 class Arrival(NamedTuple):
-    """A report that has come in, and the key under which its sender may repeat it."""
+    """A received report, and the key under which its sender may repeat it."""
 
     kind: Kind
     report: Report
     idempotency_key: str | None
 
 
-@repeatable
+@retry_on_conflict
 def ingest(context: Context, kind: Kind, report: Report, caller: Caller) -> dict[str, Any]:
-    """Keep a report and make it due; returns it as stored.
+    """Store a report and queue it for the cloud; returns it as stored.
 
     Raises:
         KeyReusedError: if the idempotency key belongs to another request.
         FullError: if there is no room for it.
-        InvalidError, ConflictError: if its mission cannot take it (`progress.apply`).
+        InvalidError, ConflictError: if it does not fit its mission's state (`progress.apply`).
     """
     document: dict[str, Any] = write(report)
-    body_sha256, body = once.hash_body(document), _for_cloud(document)
+    body_sha256, body = post_idempotency.hash_body(document), _for_cloud(document)
+    context.contacts.note(caller.owner, [report.vehicle_id])
     context.space.admit(kind.value, _picture_bytes(report))
     now = context.clock()
     flights = effects.new_flights(context, [report], now)
     try:
         answered = context.database.write_together(
-            lambda connection: _keep(
+            lambda connection: _store(
                 connection, kind, report, body, body_sha256, caller, now, flights
             ),
             *effects.locks_of(report, kind, flights),
@@ -84,51 +86,54 @@ def ingest(context: Context, kind: Kind, report: Report, caller: Caller) -> dict
     return {"id": answered.object_id, **body, **_receipt(answered)}
 
 
-@repeatable
+@retry_on_conflict
 def ingest_all(
     context: Context, arrivals: Sequence[Arrival], owner: str
 ) -> list[dict[str, Any] | Refusal]:
-    """Keep many reports in one transaction, in their order; returns a receipt or fault for each.
+    """Store many reports in one transaction, in their order; returns a receipt or fault for each.
 
-    A key that belongs to another request spoils its own report only, and so do a lack of room and
-    a report that must not be said of its mission.
+    A key that belongs to another request, a lack of room, and a report that does not fit its
+    mission's state affect only their own report.
     """
+    context.contacts.note(owner, {one.report.vehicle_id for one in arrivals})
     flights = effects.new_flights(context, [one.report for one in arrivals], context.clock())
     wanted = {lock for one in arrivals for lock in effects.locks_of(one.report, one.kind, flights)}
-    without_room = _without_room(context, arrivals)  # Makes room by transactions of its own
+    without_room = _without_room(context, arrivals)  # Makes room in transactions of its own
     with context.database.write(*wanted) as connection:
         now = context.clock()
-        judged = _apply_all(connection, arrivals, without_room, owner, now, flights)
+        effects_of_batch = _apply_all(connection, arrivals, without_room, owner, now, flights)
         admitted = [
             number
             for number in range(len(arrivals))
-            if number not in judged.refused and number not in judged.repeats
+            if number not in effects_of_batch.refused and number not in effects_of_batch.repeats
         ]
         entries = [_entry(arrivals[number]) for number in admitted]
         kept = intake.keep_all(connection, entries, owner, now)
         answers = {number: one.answer for number, one in zip(admitted, kept, strict=True)}
-        _note_ends(connection, judged.ends, answers)
-        answers |= _answer_repeats(connection, arrivals, judged.repeats, owner)
+        _note_ends(connection, effects_of_batch.ends, answers)
+        answers |= _answer_repeats(connection, arrivals, effects_of_batch.repeats, owner)
     acknowledged = [one.answer.object_id for one in kept if isinstance(one.answer, Answered)]
     context.note_acknowledged(max(acknowledged, default=0))
     context.wake_relay()
     return [
-        judged.refused[number] if number in judged.refused else _told(answers[number])
+        effects_of_batch.refused[number]
+        if number in effects_of_batch.refused
+        else _result(answers[number])
         for number in range(len(arrivals))
     ]
 
 
-class _Judged(NamedTuple):
-    """What becomes of the reports of a batch, by their place in it; the others are kept as well."""
+class _BatchEffects(NamedTuple):
+    """What happens to some reports of a batch, by their index; the others are stored too."""
 
     refused: dict[int, Refusal]
     ends: dict[int, int]
-    """Those that end a mission, with its work."""
+    """Reports that end a mission, with its work id."""
     repeats: dict[int, int]
-    """Those that repeat the end of a mission and are not kept again, with its work."""
+    """Reports that repeat the end of a mission and are not stored again, with its work id."""
 
     def note(self, number: int, change: Change | None) -> None:
-        """Take down what a report was taken for; the cloud gets the end of a mission once."""
+        """Note the change of a report; the cloud receives the end of a mission once."""
         if change is None or not (change.ended or change.is_repetition):
             return
         mission = change.mission
@@ -144,34 +149,34 @@ def _apply_all(
     owner: str,
     now: float,
     flights: Collection[int],
-) -> _Judged:
-    """Do what follows from the reports that are new; gives what becomes of each."""
+) -> _BatchEffects:
+    """Apply the effects of the reports that are new; returns what happens to each."""
     keys = [one.idempotency_key for one in arrivals if one.idempotency_key]
     known = set(idempotency.find_all(connection, keys, owner))
-    repeated: dict[str, int] = {}  # Places, by their keys
-    judged = _Judged(dict(refused), {}, {})
+    repeated: dict[str, int] = {}  # Index by key
+    effects_of_batch = _BatchEffects(dict(refused), {}, {})
     for number, (_, report, key) in enumerate(arrivals):
         if number in refused or key in known:
             continue
         if key in repeated:
             first = repeated[key]
             if _entry(arrivals[first]) == _entry(arrivals[number]):
-                judged.repeats[number] = judged.repeats[first]
+                effects_of_batch.repeats[number] = effects_of_batch.repeats[first]
             else:
-                judged.refused[number] = once.reused()
+                effects_of_batch.refused[number] = post_idempotency.key_reused()
             continue
         try:
             change = effects.apply(connection, report, now, flights)
         except (InvalidError, ConflictError) as error:
-            judged.refused[number] = error
+            effects_of_batch.refused[number] = error
             effects.apply_refused(connection, report, now)
             continue
-        judged.note(number, change)
-        if key is not None and number in judged.repeats:
+        effects_of_batch.note(number, change)
+        if key is not None and number in effects_of_batch.repeats:
             repeated[key] = number
         elif key is not None:
             known.add(key)
-    return judged
+    return effects_of_batch
 
 
 def _note_ends(
@@ -188,7 +193,7 @@ def _note_ends(
 def _answer_repeats(
     connection: Connection, arrivals: Sequence[Arrival], repeats: Mapping[int, int], owner: str
 ) -> dict[int, Answered]:
-    """Give the receipt of the report that ended a mission to those that repeat it."""
+    """Return the receipt of the report that ended a mission for those that repeat it."""
     answers = {}
     keyed = {}
     for number, work_id in repeats.items():
@@ -207,18 +212,18 @@ def _answer_repeats(
 
 def _entry(arrival: Arrival) -> Entry:
     document: dict[str, Any] = write(arrival.report)
-    sha256 = once.hash_body(document)
+    sha256 = post_idempotency.hash_body(document)
     return Entry(arrival.kind.value, _for_cloud(document), arrival.idempotency_key, sha256)
 
 
-def _told(answer: Answered | KeyReusedError) -> dict[str, Any] | KeyReusedError:
+def _result(answer: Answered | KeyReusedError) -> dict[str, Any] | KeyReusedError:
     if isinstance(answer, KeyReusedError):
         return answer
     return {"id": answer.object_id, **_receipt(answer)}
 
 
 def _without_room(context: Context, arrivals: Sequence[Arrival]) -> dict[int, FullError]:
-    """Which of these cannot come in, by their place."""
+    """Return the reports for which there is no room, by index."""
     refused = {}
     for number, arrival in enumerate(arrivals):
         try:
@@ -233,11 +238,11 @@ def _picture_bytes(report: Report) -> int:
 
 
 def _for_cloud(document: dict[str, Any]) -> dict[str, Any]:
-    """A report as the cloud gets it: the number of our own piece of work is nothing to it."""
+    """Return a report as the cloud receives it: without the id of our piece of work."""
     return {name: value for name, value in document.items() if name != "work_id"}
 
 
-def _keep(  # a record, who sent it and when
+def _store(  # a record, its sender and its time
     connection: Connection,
     kind: Kind,
     report: Report,
@@ -248,7 +253,7 @@ def _keep(  # a record, who sent it and when
     flights: Collection[int],
 ) -> Answered:
     """Store a report unless it has been stored under this key; raises KeyReusedError."""
-    answered = once.earlier(connection, caller, kind.value, body_sha256)
+    answered = post_idempotency.find_answer(connection, caller, kind.value, body_sha256)
     if answered is not None:
         return answered
     change = effects.apply(connection, report, now, flights)
@@ -259,7 +264,7 @@ def _keep(  # a record, who sent it and when
         answered = Answered(kind.value, body_sha256, record.id, record.message_id, now)
         if change is not None and (change.ended or change.is_repetition):
             work.note_end(connection, change.mission.id, record.id, record.message_id)
-    once.remember(connection, caller, answered)
+    post_idempotency.store_answer(connection, caller, answered)
     return answered
 
 
@@ -296,7 +301,7 @@ def page(  # each narrows the list
     vehicle_id: int | None,
     since_s: float,
 ) -> Listing:
-    """List what the cloud has not confirmed, oldest first; pictures without their frame."""
+    """List the reports that the cloud has not confirmed, oldest first; pictures without frame."""
     with context.database.read() as connection:
         records = telemetry.page(
             connection,
@@ -310,12 +315,12 @@ def page(  # each narrows the list
 
 
 def find(context: Context, kind: Kind, record_id: int) -> dict[str, Any]:
-    """Give one report; raises NotFoundError, also when the cloud has it by now."""
+    """Return one report; raises NotFoundError, also if the cloud has it already."""
     with context.database.read() as connection:
         return show(_find(connection, kind, record_id))
 
 
-@repeatable
+@retry_on_conflict
 def replace(
     context: Context,
     kind: Kind,
@@ -323,13 +328,13 @@ def replace(
     report: Report,
     precondition: Precondition = unconditionally,
 ) -> dict[str, Any]:
-    """Correct a report that is still here; to the cloud it is a new message.
+    """Correct a report that is still stored; for the cloud it is a new message.
 
     Raises:
-        NotFoundError: if it is not here, or the cloud has it by now.
-        ChangedError: if the precondition says so.
-        InvalidError, ConflictError: if it is about another vehicle, mission or plan than it was,
-            or its mission cannot take it.
+        NotFoundError: if there is none, or the cloud has it already.
+        ChangedError: if the precondition fails.
+        InvalidError, ConflictError: if it is about another vehicle, mission or plan than before,
+            or it does not fit its mission's state.
     """
     with context.database.write(*locks_to_correct(report)) as connection:
         record = _find(connection, kind, record_id, to_change=True)
@@ -340,12 +345,12 @@ def replace(
 
 
 def locks_to_correct(report: Report) -> tuple[Lock, ...]:
-    """What a correction needs besides the record."""
+    """Return the locks of a correction."""
     return (WORK,) if effects.moves_work(report, ()) else ()
 
 
 def correct(connection: Connection, old: Record, report: Report, now: float) -> Record:
-    """Put another report in the place of a record that is here, due or a dead letter.
+    """Replace the report of a stored record, queued or dead letter.
 
     Raises:
         InvalidError, ConflictError: as `replace`.
@@ -367,7 +372,7 @@ def correct(connection: Connection, old: Record, report: Report, now: float) -> 
 
 
 def _check_about_the_same(old: Mapping[str, Any], new: Mapping[str, Any]) -> None:
-    """Let a correction pass that names what the report named; raises ConflictError."""
+    """Check that a correction is about the same objects; raises ConflictError."""
     wrong = [
         name
         for name in ("vehicle_id", "mission_id", "plan_id")
@@ -383,22 +388,24 @@ def _check_about_the_same(old: Mapping[str, Any], new: Mapping[str, Any]) -> Non
 def _apply_correction(
     connection: Connection, old: Record, new: Record, report: MissionReport, now: float
 ) -> None:
-    """Do what follows from other statuses than a report had, as from a new report.
+    """Apply the effects of changed statuses, as of a new report.
 
     Raises:
-        InvalidError, ConflictError: if the mission cannot take them, a later report has been taken,
-            or another one has reported its end.
+        InvalidError, ConflictError: if they do not fit the mission's state, a later report was
+            accepted, or another one has reported its end.
     """
     work.note_new_end(connection, report.vehicle_id, report.mission_id, old.id, new.message_id)
     before, after = old.body(), new.body()
     if all(before[name] == after[name] for name in ("mission_status_id", _COMMANDS)):
         if report.work_id is not None or before.get("plan_id") != report.plan_id:
-            progress.find(connection, report)  # It names more than it did: that has to fit
+            progress.find(connection, report)  # It names more than before, which has to fit
         return
     change = effects.apply(connection, report, now, ())
     was = Status(before["mission_status_id"])
-    if change is None:
-        is_allowed = not was.is_terminal or was == report.mission_status_id
+    if change is None and was.is_terminal:
+        is_allowed = was == report.mission_status_id
+    elif change is None:
+        is_allowed = _is_last(connection, old, report.mission_id)
     elif change.is_repetition:
         is_allowed = change.mission.end_record in {old.id, None}
     else:
@@ -413,7 +420,7 @@ def _apply_correction(
 
 
 def _is_last(connection: Connection, record: Record, mission_id: int) -> bool:
-    """Whether no later report that waits for the cloud is about a mission."""
+    """Whether no later stored report is about a mission."""
     behind = telemetry.page(
         connection,
         record.kind,
@@ -425,9 +432,9 @@ def _is_last(connection: Connection, record: Record, mission_id: int) -> bool:
     return all(one.body()["mission_id"] != mission_id for one in behind)
 
 
-@repeatable
+@retry_on_conflict
 def remove(context: Context, kind: Kind, record_id: int) -> None:
-    """Forget a report, sent or not; raises NotFoundError."""
+    """Delete a report, sent or not; raises NotFoundError."""
     with context.database.write() as connection:
         if not telemetry.remove(connection, kind.value, record_id):
             raise _missing(kind, record_id)
@@ -435,14 +442,14 @@ def remove(context: Context, kind: Kind, record_id: int) -> None:
 
 
 def show_without_frame(record: Record) -> dict[str, Any]:
-    """Give a record as a list shows it."""
+    """Return a record as a list shows it."""
     shown = show(record)
     shown.pop("frame", None)
     return shown
 
 
 def show(record: Record) -> dict[str, Any]:
-    """Give a record as the API shows it."""
+    """Return a record as the API shows it."""
     return {
         "id": record.id,
         **json.loads(record.payload),

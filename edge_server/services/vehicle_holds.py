@@ -1,10 +1,10 @@
-"""Holds: after a mission that a fault ended in flight, the queue of its vehicle waits for a person.
+"""Holds: after a fault has ended a mission in flight, its vehicle's queue waits for an operator.
 
-What has failed may fail again at the next take-off. Two facts are kept of each mission: that it has
-flown, and the fault that ended it or has to end it. Records come in any order; in the transaction
-that keeps the record which completes the two, the vehicle is held, once for each fault. Until an
-operator releases it no mission of it is handed out, and none is accepted. A mission that failed
-before it left the ground holds nothing.
+The same fault may occur again at the next take-off. Two facts are stored of each mission: that it
+has flown, and the fault that ended it or will end it. Records arrive in any order; the transaction
+that stores the second of the two facts holds the vehicle, once for each fault. Until an operator
+releases it, none of its missions is published or accepted. A mission that failed before take-off
+holds nothing.
 """
 
 from collections.abc import Iterable, Mapping
@@ -16,30 +16,30 @@ from afarcloud.commands import FLYING
 from afarcloud.enumerations import Status
 from afarcloud.state import Alarm, MissionReport, StateVector
 from edge_server.services import audit, progress, vehicles
-from edge_server.services.attempts import repeatable
 from edge_server.services.context import Context
 from edge_server.services.errors import ConflictError
 from edge_server.services.plan_view import explain
 from edge_server.services.progress import Change
-from edge_server.store import vehicle_holds, work
-from edge_server.store.locks import WORK, of_vehicle
-from edge_server.store.vehicle_holds import VehicleHold
-from edge_server.store.work import Work
+from edge_server.services.retries import retry_on_conflict
+from edge_server.store.connection.locks import WORK, of_vehicle
+from edge_server.store.rows import vehicle_holds, work
+from edge_server.store.rows.vehicle_holds import VehicleHold
+from edge_server.store.rows.work import Work
 
 AIRBORNE_M: Final = 2.0
-"""Above home a vehicle flies; below, the drift of a barometer may have lifted it."""
+"""Height above home from which a vehicle flies; below, it may be the drift of a barometer."""
 _BEGUN: Final = frozenset({Status.RUNNING, Status.FINISHED})
 
 
 def after_report(
     connection: Connection, report: MissionReport, change: Change | None, now: float
 ) -> None:
-    """Learn from a report that has been taken: whether its mission flies, and if it has failed."""
+    """Note what an accepted report shows: whether its mission has flown, and whether it failed."""
     if change is None:
         return
     is_failure = change.ended and report.mission_status_id == Status.FAILED
     known = {number: one.status_id for number, one in change.commands.items()}
-    _learn(
+    _note(
         connection,
         change.mission,
         now,
@@ -49,17 +49,17 @@ def after_report(
 
 
 def after_refused_report(connection: Connection, report: MissionReport, now: float) -> None:
-    """Learn from a report that came too late to be taken that its mission has flown."""
+    """Note what a report that arrived too late shows: whether its mission has flown."""
     try:
         mission = progress.find(connection, report)
     except ConflictError:
         return
     if mission is not None and mission.state != work.QUEUED:
-        _learn(connection, mission, now, flown=_shows_flight(mission, report, {}))
+        _note(connection, mission, now, flown=_shows_flight(mission, report, {}))
 
 
 def after_alarm(connection: Connection, alarm: Alarm, now: float) -> None:
-    """Learn from an alarm of the fault in the mission that it names, under way or ended."""
+    """Note the fault of an alarm for the mission that it names, under way or ended."""
     if alarm.mission_id is None:
         return
     named = work.missions_of(connection, alarm.vehicle_id, alarm.mission_id)
@@ -68,7 +68,7 @@ def after_alarm(connection: Connection, alarm: Alarm, now: float) -> None:
     for mission in (under_way or ended)[-1:]:
         name = f"alarm {int(alarm.alarm_type_id)}/{alarm.alarm_code_id}"
         reason = f"{name}: {alarm.message}" if alarm.message else name
-        _learn(connection, mission, now, fault=reason)
+        _note(connection, mission, now, fault=reason)
 
 
 def is_in_the_air(state: StateVector) -> bool:
@@ -79,7 +79,7 @@ def is_in_the_air(state: StateVector) -> bool:
 def new_flights(
     missions: Iterable[Work], states: Iterable[StateVector], now: float
 ) -> frozenset[int]:
-    """Vehicles that some of these places in the air show on a mission not known to have flown."""
+    """Return vehicles that these states show in flight on a mission not known to have flown."""
     of_vehicle: dict[int | None, list[Work]] = {}
     for mission in missions:
         of_vehicle.setdefault(mission.vehicle_id, []).append(mission)
@@ -91,12 +91,12 @@ def new_flights(
 
 
 def after_state_vector(connection: Connection, state: StateVector, now: float) -> None:
-    """Learn from a place in the air which mission has flown: what was under way at that time."""
+    """Note that the mission that was under way when a state in flight was measured has flown."""
     if not is_in_the_air(state):
         return
     for mission in work.not_flown(connection, vehicle_id=state.vehicle_id):
         if _was_under_way(mission, state, now):
-            _learn(connection, mission, now, flown=True)
+            _note(connection, mission, now, flown=True)
 
 
 def _was_under_way(mission: Work, state: StateVector, now: float) -> bool:
@@ -110,12 +110,12 @@ def _was_under_way(mission: Work, state: StateVector, now: float) -> bool:
 
 
 def note_fault(connection: Connection, mission: Work, reason: str, now: float) -> None:
-    """Learn of the fault by which a mission is ended here."""
-    _learn(connection, mission, now, fault=reason)
+    """Note the fault that ends a mission."""
+    _note(connection, mission, now, fault=reason)
 
 
 def _shows_flight(mission: Work, report: MissionReport, known: Mapping[int, int]) -> bool:
-    """Whether a command that moves the vehicle, or one behind it, has begun by these statuses."""
+    """Whether a command that moves the vehicle, or a later one, has begun by these statuses."""
     begun = {number for number, status in known.items() if status in _BEGUN}
     begun |= {
         one.command_id for one in report.command_report_array if one.command_status_id in _BEGUN
@@ -128,7 +128,7 @@ def _shows_flight(mission: Work, report: MissionReport, known: Mapping[int, int]
     return False
 
 
-def _learn(
+def _note(
     connection: Connection,
     mission: Work,
     now: float,
@@ -136,17 +136,17 @@ def _learn(
     flown: bool = False,
     fault: str | None = None,
 ) -> None:
-    """Keep what is new of a mission; hold its vehicle if that makes it a flight with a fault."""
+    """Store new facts of a mission; hold its vehicle if it has flown and has a fault."""
     has_flown, reason = mission.flown or flown, mission.fault or fault
     if (has_flown, reason) == (mission.flown, mission.fault):
         return
     work.change(connection, mission.id, flown=has_flown, fault=reason)
     if has_flown and reason is not None:
-        _place(connection, mission, reason, now)
+        _hold(connection, mission, reason, now)
 
 
 def check_free(connection: Connection, item: Work) -> None:
-    """Let a mission pass whose vehicle is not held; raises ConflictError."""
+    """Check that a mission's vehicle is not held; raises ConflictError."""
     if item.vehicle_id is None:
         return
     hold = vehicle_holds.get(connection, item.vehicle_id)
@@ -154,9 +154,9 @@ def check_free(connection: Connection, item: Work) -> None:
         raise ConflictError(explain(hold))
 
 
-@repeatable
+@retry_on_conflict
 def release(context: Context, vehicle_id: int, reason: str) -> dict[str, Any]:
-    """Let a held vehicle fly again; one that is not held stays as it is.
+    """Release a held vehicle; one that is not held stays as it is.
 
     Raises:
         NotFoundError: if the vehicle is not registered.
@@ -164,19 +164,23 @@ def release(context: Context, vehicle_id: int, reason: str) -> dict[str, Any]:
     with context.database.write(WORK, of_vehicle(vehicle_id)) as connection:
         vehicles.shown(connection, vehicle_id)
         if vehicle_holds.get(connection, vehicle_id) is None:
-            audit.nothing_new()
+            audit.changes_nothing()
         else:
             audit.about(f"vehicles/{vehicle_id}: {reason}")
             vehicle_holds.remove(connection, vehicle_id)
-            _forget_faults(connection, vehicle_id)
+            _clear_faults(connection, vehicle_id)
             _queue_anew(connection, vehicle_id, context.clock())
         shown = vehicles.shown(connection, vehicle_id)
-    context.bell.ring()
+    context.work_signal.notify()
     return shown
 
 
-def _place(connection: Connection, mission: Work, reason: str, now: float) -> None:
-    """Hold a vehicle; a mission behind that one which has not begun waits in the queue again."""
+def _hold(connection: Connection, mission: Work, reason: str, now: float) -> None:
+    """Hold a vehicle; an accepted mission behind that one returns to the queue if it has not begun.
+
+    A mission that was accepted after that one had ended stays with its broker, which may be about
+    to fly it: the fault of an earlier mission that becomes known late does not concern it.
+    """
     if mission.vehicle_id is None:
         return
     hold = VehicleHold(mission.vehicle_id, reason, now, mission.mission_id, mission.plan_id)
@@ -184,19 +188,30 @@ def _place(connection: Connection, mission: Work, reason: str, now: float) -> No
     for item in work.unfinished(connection, vehicle_id=mission.vehicle_id):
         is_behind = item.kind == work.MISSION and item.id > mission.id
         has_begun = item.report is not None or item.flown
-        if is_behind and item.state == work.ACCEPTED and not has_begun:
+        if (
+            is_behind
+            and item.state == work.ACCEPTED
+            and not (has_begun or _came_later(item, mission))
+        ):
             work.change(connection, item.id, state=work.QUEUED, accepted_at=None)
 
 
-def _forget_faults(connection: Connection, vehicle_id: int) -> None:
-    """Forget known faults, so that the next one of a mission under way holds its vehicle again."""
+def _came_later(item: Work, mission: Work) -> bool:
+    """Whether a mission was accepted after another one had ended."""
+    if item.accepted_at is None or mission.ended_at is None:
+        return False
+    return item.accepted_at >= mission.ended_at
+
+
+def _clear_faults(connection: Connection, vehicle_id: int) -> None:
+    """Clear known faults, so that the next fault of a mission under way holds its vehicle again."""
     for item in work.unfinished(connection, vehicle_id=vehicle_id):
         if item.kind == work.MISSION and item.fault is not None:
             work.change(connection, item.id, fault=None)
 
 
 def _queue_anew(connection: Connection, vehicle_id: int, now: float) -> None:
-    """Give the missions that wait new places in the feed: the broker's cursor is past the old."""
+    """Queue waiting missions as new work: the broker's cursor is past their old ids."""
     for item in work.unfinished(connection, vehicle_id=vehicle_id):
         if item.kind == work.MISSION and item.state == work.QUEUED:
             work.queue_anew(connection, item, now)

@@ -1,4 +1,4 @@
-"""The registry: which vehicles there are and what was last said of each."""
+"""The registry: which vehicles there are, and the last reported state of each."""
 
 from typing import Annotated, Any, Literal
 
@@ -17,22 +17,22 @@ from afarcloud.numbers import (
     Time,
     json_number,
 )
-from edge_server.services.attempts import repeatable
 from edge_server.services.context import Context, Precondition, show_time, unconditionally
 from edge_server.services.errors import ConflictError, NotFoundError
-from edge_server.store import vehicle_holds, vehicles, work
-from edge_server.store.locks import WORK, of_vehicle
-from edge_server.store.vehicle_holds import VehicleHold
-from edge_server.store.vehicles import StoredVehicle
+from edge_server.services.retries import retry_on_conflict
+from edge_server.store.connection.locks import WORK, of_vehicle
+from edge_server.store.rows import vehicle_holds, vehicles, work
+from edge_server.store.rows.vehicle_holds import VehicleHold
+from edge_server.store.rows.vehicles import StoredVehicle
 
 Age = Annotated[float, Field(ge=0), BeforeValidator(json_number)]
 
 
 class VehicleState(Model):
-    """What a broker says of a vehicle; altitude in metres above home.
+    """State of a vehicle that a broker reports; altitude in metres above home.
 
-    `position_age` is how old the position was then, in seconds; `stale` names what has not been
-    told for some time.
+    `position_age` is the age of the position at that time, in seconds; `stale` names what has not
+    been received for some time.
     """
 
     link_state: Literal["connected", "stale", "lost"]
@@ -52,7 +52,7 @@ class VehicleState(Model):
     recorded_at: Time | None = None
 
 
-@repeatable
+@retry_on_conflict
 def put(
     context: Context,
     vehicle_id: int,
@@ -61,15 +61,15 @@ def put(
 ) -> tuple[dict[str, Any], bool]:
     """Register or update a vehicle; returns it and whether it is new.
 
-    What is not said stays as it was; a null is said. Raises ChangedError if the precondition
-    does; a vehicle that is new is shown to it as an empty object.
+    A field that is not given stays as it was; null is a value. Raises ChangedError if the
+    precondition fails; for a new vehicle it is checked against an empty object.
     """
-    said = state.model_dump(mode="json", exclude_unset=True)
+    given = state.model_dump(mode="json", exclude_unset=True)
     now = context.clock()
     with context.database.write(of_vehicle(vehicle_id)) as connection:
         known = vehicles.get(connection, vehicle_id)
         precondition(shown(connection, vehicle_id) if known else {})
-        merged = {**known.state, **said} if known else said
+        merged = {**known.state, **given} if known else given
         vehicles.put(connection, vehicle_id, merged, now)
         return shown(connection, vehicle_id), known is None
 
@@ -82,22 +82,22 @@ def everyone(context: Context) -> list[dict[str, Any]]:
 
 
 def find(context: Context, vehicle_id: int) -> dict[str, Any]:
-    """Give one vehicle; raises NotFoundError."""
+    """Return one vehicle; raises NotFoundError."""
     with context.database.read() as connection:
         return shown(connection, vehicle_id)
 
 
 def shown(connection: Connection, vehicle_id: int) -> dict[str, Any]:
-    """Give one vehicle inside a transaction; raises NotFoundError."""
+    """Return one vehicle inside a transaction; raises NotFoundError."""
     known = vehicles.get(connection, vehicle_id)
     if known is None:
         raise NotFoundError(f"vehicle {vehicle_id} is not registered")
     return show(known, vehicle_holds.get(connection, vehicle_id))
 
 
-@repeatable
+@retry_on_conflict
 def remove(context: Context, vehicle_id: int) -> None:
-    """Forget a vehicle; raises NotFoundError, or ConflictError while it has missions."""
+    """Delete a vehicle; raises NotFoundError, or ConflictError while it has missions."""
     with context.database.write(WORK, of_vehicle(vehicle_id)) as connection:
         if vehicles.get(connection, vehicle_id) is None:
             raise NotFoundError(f"vehicle {vehicle_id} is not registered")
@@ -107,7 +107,7 @@ def remove(context: Context, vehicle_id: int) -> None:
 
 
 def show(stored: StoredVehicle, hold: VehicleHold | None = None) -> dict[str, Any]:
-    """Give a vehicle as the API shows it; `held` says why its queue waits, null if it does not."""
+    """Return a vehicle as the API shows it; `held` is why its queue waits, null if it does not."""
     return {
         "vehicle_id": stored.vehicle_id,
         **stored.state,

@@ -1,1 +1,1 @@
-"""What is kept: tables, transactions, migrations. Rows do not leave this package."""
+"""The database: tables, transactions, migrations. Rows do not leave this package."""

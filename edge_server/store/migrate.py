@@ -1,4 +1,4 @@
-"""Brings a database to the shape that this version of the program needs.
+"""Brings a database to the schema that this version of the program needs.
 
 StoreError
   +- NewerDatabaseError  made by a newer version; this one must not touch it
@@ -17,16 +17,24 @@ from typing import Final
 from sqlalchemy import Connection, Engine, inspect, make_url, text
 from sqlalchemy.exc import DBAPIError
 
-from edge_server.store import high_water, integrity, locks, recovery
-from edge_server.store.engines import WRITING, open_engine, sqlite_url
-from edge_server.store.failures import is_lost
+from edge_server.store.connection import locks
+from edge_server.store.connection.engines import WRITING, open_engine, sqlite_url
+from edge_server.store.connection.failures import is_lost
+from edge_server.store.files import high_water, integrity, recovery
 
 LOG = logging.getLogger(__name__)
-HEAD: Final = "0011"
+HEAD: Final = "0012"
 _SCRIPTS: Final = Path(__file__).parent / "migrations"
 _REPLACEMENT: Final = ".new"
-_PASSING: Final = ("starting up", "shutting down", "recovery", "too many", "not yet", "terminating")
-"""What a server says that will let us in later; a connection that fails carries no SQLSTATE."""
+_TEMPORARY: Final = (
+    "starting up",
+    "shutting down",
+    "recovery",
+    "too many",
+    "not yet",
+    "terminating",
+)
+"""Texts of a server that will accept us later; a failed connection carries no SQLSTATE."""
 _SIDE_FILES: Final = ("-wal", "-shm", "-journal")
 
 
@@ -50,7 +58,7 @@ def prepare(url: str) -> None:
     Raises:
         NewerDatabaseError: if a newer version has made it.
         UnreachableError: if it is PostgreSQL and does not answer now.
-        StoreError: if it will not let us in, or cannot hold our text.
+        StoreError: if it refuses us, or its encoding is not UTF-8.
     """
     path = _file_of(url)
     if path is None:
@@ -62,7 +70,7 @@ def prepare(url: str) -> None:
 
 
 def _file_of(url: str) -> Path | None:
-    """Give the file of a SQLite database, None for a server's."""
+    """Return the file of a SQLite database, None for a database server."""
     parsed = make_url(url)
     return Path(parsed.database or "") if parsed.get_backend_name() == "sqlite" else None
 
@@ -85,9 +93,9 @@ def _prepare_server(url: str) -> None:
 
 
 def _is_refused(error: DBAPIError) -> bool:
-    """Whether the server has answered, and it is not that it has just been started."""
-    said = str(error.orig)
-    return "FATAL" in said and not any(word in said for word in _PASSING)
+    """Whether the server has refused us for good, not only while it starts."""
+    message = str(error.orig)
+    return "FATAL" in message and not any(text in message for text in _TEMPORARY)
 
 
 @contextmanager
@@ -101,32 +109,32 @@ def _one_at_a_time(lock: Path) -> Iterator[None]:
 def _prepare_file(path: Path) -> None:
     replacement = path.with_name(path.name + _REPLACEMENT)
     if replacement.exists() and not path.exists():
-        replacement.rename(path)  # Finished, and killed before it stood in its place
+        replacement.rename(path)  # Finished, and killed before it was renamed
     if (fault := _absence_of(path)) is not None:
         path.touch(mode=0o600)
         _replace(path, fault)
     elif path.exists() and (fault := _fault_of(path)) is not None:
         _replace(path, fault)
-    integrity.forget_fault(path)
-    _bring_up(path)
-    _tell_of_lost(path)
+    integrity.clear_fault(path)
+    _create_or_migrate(path)
+    _log_lost_records(path)
 
 
 def _absence_of(path: Path) -> str | None:
-    """Say that a database is gone whose log of changes is still here.
+    """Return a fault if a database is missing whose write-ahead log still exists.
 
-    SQLite would make a new file and forget the log without a word.
+    SQLite would make a new file and delete the log without an error.
     """
     log = path.with_name(path.name + "-wal")
     if not log.exists() or not log.stat().st_size:
         return None
     if not path.exists():
-        return "it is gone, and its log of changes is still here"
-    return None if path.stat().st_size else "it is empty, and its log of changes is still here"
+        return "it is missing, and its write-ahead log still exists"
+    return None if path.stat().st_size else "it is empty, and its write-ahead log still exists"
 
 
-def _tell_of_lost(path: Path) -> None:
-    """Say which records were acknowledged and are unknown to the database; use no id twice."""
+def _log_lost_records(path: Path) -> None:
+    """Log which acknowledged records the database does not have; reuse no id."""
     marks = high_water.read(high_water.path_of(path))
     with closing(sqlite3.connect(path, isolation_level=None)) as connection:
         (withdrawn,) = connection.execute("SELECT max(work_id) FROM withdrawn").fetchone()
@@ -142,7 +150,7 @@ def _tell_of_lost(path: Path) -> None:
 
 
 def _count_from(connection: sqlite3.Connection, table: str, used: int) -> int:
-    """Give a table's next row an id beyond `used`; returns the largest that the database knew."""
+    """Make a table's next id larger than `used`; returns the largest that the database had used."""
     query = "SELECT seq FROM sqlite_sequence WHERE name = ?"
     row = connection.execute(query, (table,)).fetchone()
     newest = int(row[0]) if row else 0
@@ -152,8 +160,8 @@ def _count_from(connection: sqlite3.Connection, table: str, used: int) -> int:
     return newest
 
 
-def _bring_up(path: Path) -> None:
-    """Make a file that is missing; give it our shape."""
+def _create_or_migrate(path: Path) -> None:
+    """Create a missing file; bring it to our schema."""
     engine = open_engine(sqlite_url(path))
     try:
         if revision(engine) != HEAD:
@@ -164,14 +172,14 @@ def _bring_up(path: Path) -> None:
 
 
 def _replace(path: Path, fault: str) -> None:
-    """Put a new database in the place of a broken one, with all rows that can be saved.
+    """Replace a broken database by a new one with all rows that can be recovered.
 
-    The broken one stays in its place until the new one is finished: a kill loses neither.
+    The broken one stays until the new one is finished: a kill loses neither.
     """
     replacement = path.with_name(path.name + _REPLACEMENT)
     for end in ("", *_SIDE_FILES):
         replacement.with_name(replacement.name + end).unlink(missing_ok=True)
-    _bring_up(replacement)
+    _create_or_migrate(replacement)
     saved = recovery.recover(path, replacement)
     moved_to = set_aside(path, time.strftime("%Y%m%dT%H%M%S", time.gmtime()))
     replacement.rename(path)
@@ -197,7 +205,7 @@ def _loss(saved: recovery.Recovered) -> str:
 
 
 def is_ready(url: str) -> bool:
-    """Whether the database is there and in the shape that we need."""
+    """Whether the database exists and has our schema."""
     path = _file_of(url)
     if path is not None and (not path.exists() or integrity.noted_fault(path) is not None):
         return False
@@ -211,7 +219,7 @@ def is_ready(url: str) -> bool:
 
 
 def revision(engine: Engine) -> str | None:
-    """Give the shape of a database; None when it is empty."""
+    """Return the revision of a database's schema; None if it is empty."""
     with engine.connect() as connection:
         return _revision(connection)
 
@@ -226,8 +234,8 @@ def _revision(connection: Connection) -> str | None:
 
 
 def migrate(engine: Engine, target: str) -> None:
-    """Change the shape of a database, up or down ("base" empties it); all of it or nothing."""
-    # Alembic is needed once in a database's life; it would cost memory in every process.
+    """Change the schema of a database, up or down ("base" empties it), in one transaction."""
+    # Alembic is needed rarely, and would cost memory in every process.
     from alembic import command  # noqa: PLC0415  # see above
     from alembic.config import Config  # noqa: PLC0415  # see above
     from alembic.script import ScriptDirectory  # noqa: PLC0415  # see above
@@ -237,7 +245,7 @@ def migrate(engine: Engine, target: str) -> None:
     scripts = ScriptDirectory.from_config(config)
     known = [script.revision for script in scripts.walk_revisions()]
     with engine.execution_options(**WRITING).begin() as connection:
-        _let_it_take_its_time(connection)
+        _allow_long_waits(connection)
         locks.take(connection, [locks.MIGRATION])
         current = _revision(connection)
         if current is not None and current not in known:
@@ -251,7 +259,7 @@ def migrate(engine: Engine, target: str) -> None:
             command.upgrade(config, target)
 
 
-def _let_it_take_its_time(connection: Connection) -> None:
+def _allow_long_waits(connection: Connection) -> None:
     """Wait for other programs to prepare or to end their transactions, and copy large tables."""
     if connection.dialect.name == "postgresql":
         for setting in ("lock_timeout", "statement_timeout"):
@@ -277,7 +285,7 @@ def set_aside(path: Path, stamp: str) -> Path:
 
 
 def _fault_of(path: Path) -> str | None:
-    """Say what is wrong with a database file; None when it is whole, as far as a look tells."""
+    """Return what is wrong with a database file; None if a short check finds nothing."""
     if (noted := integrity.noted_fault(path)) is not None:
         return noted
     try:

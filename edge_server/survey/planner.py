@@ -109,7 +109,7 @@ def _ring(frame: Frame, polygon: Polygon) -> list[Point]:
 
 
 def _best_bearing(request: SurveyRequest) -> float:
-    """Along the edge that gives the fewest lines, each of which costs a turn."""
+    """Along the edge that results in the fewest lines, each of which costs a turn."""
     _, area = _laid_out(request, 0.0)
     edges = sorted(area.edges, key=lambda edge: -math.dist(*edge))[:MOST_ANGLES]
     bearings = {

@@ -1,4 +1,4 @@
-"""Who flies which part, and where a battery ends and the next flight goes on. Pure."""
+"""Which vehicle flies which part, and where a battery ends and the next flight continues; pure."""
 
 import itertools
 import math
@@ -70,7 +70,7 @@ def split(stops: Sequence[Stop], parts: int, flight: Flight) -> list[list[Stop]]
 
 
 def flights(stops: Sequence[Stop], flight: Flight) -> list[list[Stop]]:
-    """Cut a vehicle's part into flights; each goes on where the one before ended.
+    """Cut a vehicle's part into flights; each continues where the one before ended.
 
     Raises:
         TooFarError: if even one place is too much for a battery.

@@ -1,1 +1,1 @@
-"""The uplinks to the cloud, HTTP and MQTT 5; each gives the relay the answers of HTTP."""
+"""The uplinks to the cloud, HTTP and MQTT 5; each returns HTTP answers to the relay."""

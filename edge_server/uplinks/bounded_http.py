@@ -1,14 +1,14 @@
-"""HTTP connections on which an answer has one deadline and one size for the whole of it.
+"""HTTP connections on which a whole answer has one deadline and one maximum size.
 
-A timeout of a socket starts again with every byte, so a server that sends a byte now and then
-holds its client for ever. Here the timeout of a request counts from the moment at which the client
-begins to wait: status line, interim answers, headers and body must all be there when it ends, and
-must not be larger than `MAXIMUM_RAW_BYTES` on the line.
+A socket's timeout starts again with every byte, so a server that sends a byte from time to time
+blocks its client for ever. Here the timeout of a request runs from the moment at which the client
+begins to wait: status line, interim answers, headers and body must arrive before it ends, and must
+not be larger than `MAXIMUM_RAW_BYTES` on the wire.
 
-The deadline is kept by the reader of the answer, without a thread or timer per request: the relay
-sends thousands of small records a second on connections that stay open. The broker, which the edge
-server may not import, has a module of the same name for seldom and large exchanges: there a timer
-shuts the connection down, so that connecting, the TLS handshake and sending are bounded too.
+The reader of the answer keeps the deadline, without a thread or timer per request: the relay sends
+thousands of small records a second on connections that stay open. The broker, which the edge server
+may not import, has a module of the same name for rare and large exchanges: there a timer shuts the
+connection down, so that connecting, the TLS handshake and sending are bounded too.
 """
 
 import http.client
@@ -17,6 +17,7 @@ import socket
 import time
 from typing import Any, Final
 
+from requests.adapters import HTTPAdapter
 from urllib3.connection import HTTPConnection, HTTPSConnection
 from urllib3.connectionpool import HTTPConnectionPool, HTTPSConnectionPool
 
@@ -25,11 +26,11 @@ MAXIMUM_RAW_BYTES: Final = 1024 * 1024
 
 
 class AnswerTooLargeError(OSError):
-    """The answer is larger than any answer that a client of ours reads."""
+    """The answer is larger than `MAXIMUM_RAW_BYTES`."""
 
 
 class _BoundedReader(io.RawIOBase):
-    """What a connection receives, until the answer's deadline or size is reached."""
+    """The bytes of a connection, up to the answer's deadline or maximum size."""
 
     def __init__(self, raw: io.RawIOBase, sock: socket.socket) -> None:
         self._raw = raw
@@ -39,7 +40,7 @@ class _BoundedReader(io.RawIOBase):
         self._room_bytes = MAXIMUM_RAW_BYTES
 
     def readable(self) -> bool:
-        """Say that this can be read."""
+        """Return True."""
         return True
 
     def readinto(self, buffer: Any) -> int | None:
@@ -56,7 +57,7 @@ class _BoundedReader(io.RawIOBase):
             self._sock.settimeout(self._timeout_s)
 
     def close(self) -> None:
-        """Close what the bytes come from."""
+        """Close the underlying stream."""
         self._raw.close()
         super().close()
 
@@ -68,7 +69,7 @@ class _BoundedReader(io.RawIOBase):
 
 
 class _WholeLines(io.BufferedReader):
-    """Reads no line that is cut off: http.client takes an end of connection for a line."""
+    """Raises on a line that is cut off, which http.client would accept as a line."""
 
     def readline(self, size: int | None = -1, /) -> bytes:
         """Read a line with its end; raises IncompleteRead when the connection ends before that."""
@@ -79,7 +80,7 @@ class _WholeLines(io.BufferedReader):
 
 
 class _BoundedResponse(http.client.HTTPResponse):
-    """An answer that is read within the timeout which its socket has when it begins."""
+    """An answer that is read within the timeout that its socket has when it begins."""
 
     def __init__(self, sock: socket.socket, *arguments: Any, **options: Any) -> None:
         super().__init__(sock, *arguments, **options)
@@ -107,4 +108,34 @@ POOLS: Final[dict[str, type[HTTPConnectionPool]]] = {
     "http": _BoundedHTTPConnectionPool,
     "https": _BoundedHTTPSConnectionPool,
 }
-"""What a PoolManager of urllib3 makes its connections with, by scheme."""
+"""Connection pools for a PoolManager of urllib3, by scheme."""
+
+
+class PinnedAdapter(HTTPAdapter):
+    """One kept-alive bounded connection without retries, with a pinned certificate if one is given.
+
+    The pin is the SHA-256 of the certificate itself: with it, no certificate authority can vouch
+    for another server, nor can the portal of a guest network. The whole answer has to arrive within
+    the read timeout of the request.
+    """
+
+    def __init__(self, fingerprint: str | None) -> None:
+        self._pin = {"assert_fingerprint": fingerprint} if fingerprint else {}
+        super().__init__(pool_maxsize=1, max_retries=0)
+
+    def init_poolmanager(
+        self,
+        connections: int,
+        maxsize: int,
+        block: bool = False,  # noqa: FBT001, FBT002  # as requests calls it
+        **options: Any,
+    ) -> None:
+        """Make direct connections."""
+        super().init_poolmanager(connections, maxsize, block, **options, **self._pin)
+        self.poolmanager.pool_classes_by_scheme = POOLS
+
+    def proxy_manager_for(self, proxy: str, **options: Any) -> Any:
+        """Make connections through a proxy."""
+        manager = super().proxy_manager_for(proxy, **options, **self._pin)
+        manager.pool_classes_by_scheme = POOLS
+        return manager

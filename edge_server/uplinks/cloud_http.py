@@ -1,8 +1,8 @@
 """The cloud over HTTP: the only file that knows its addresses.
 
 One record per request: `POST {cloud}/<kind>`, the bare object with its message_id, the same id as
-`Idempotency-Key`, on connections that are kept alive. Many records per request where the cloud
-offers it: an answer with `Accept-Batch: 100` says that `POST {cloud}/batch` takes up to so many,
+`Idempotency-Key`, on connections that are kept alive. Many records per request if the cloud
+accepts it: an answer with `Accept-Batch: 100` states that `POST {cloud}/batch` takes up to so many,
 one JSON object per line, `{"kind": "pose", "record": {...}}`, and answers with
 `{"results": [{"message_id": ..., "status": 200}, ...]}`, one result per line in its order.
 """
@@ -24,14 +24,14 @@ from requests.utils import get_environ_proxies
 
 from edge_server.config import Config
 from edge_server.outbox import batches
-from edge_server.outbox.answers import Answer, Meaning, Reply, Unreachable, judge
-from edge_server.outbox.queue import Parcel, Stream
-from edge_server.outbox.uplink import HELD_BACK, MOST, ONE_BY_ONE, Offer
-from edge_server.uplinks.trust import PinnedAdapter
+from edge_server.outbox.answers import Answer, Outcome, Reply, Unreachable, classify
+from edge_server.outbox.queue import OutboxRecord, Stream
+from edge_server.outbox.uplink import HELD_BACK, MAXIMUM_BATCH, ONE_BY_ONE, BatchLimit
+from edge_server.uplinks.bounded_http import PinnedAdapter
 
 MAXIMUM_ANSWER_BYTES: Final = 65_536
 NO_BATCHES_S: Final = 600.0
-"""How long an offer of batches is not believed after a batch was refused as a whole."""
+"""How long no batch is sent after a batch was refused as a whole."""
 _BATCH_REFUSED: Final = frozenset({400, 404, 405, 410, 411, 413, 415, 422, 501})
 _BODILESS: Final = frozenset({204, 205, 304})
 _FAILURES: Final = (
@@ -41,14 +41,14 @@ _FAILURES: Final = (
     OSError,
     ValueError,
 )
-"""Whatever a network, or a server that speaks no proper HTTP, makes requests raise.
+"""What requests raises because of the network, or of a server that violates HTTP.
 
 `response.raw` raises urllib3's errors, not those of requests, and http.client's where a header
 cannot be read. A ValueError is a header or an address that cannot be decoded.
 """
 
 
-# It warns with a traceback of each header that it cannot read; the reason is in our own lines
+# It logs a traceback for each header that it cannot read; our own lines give the reason
 logging.getLogger("urllib3").setLevel(logging.ERROR)
 
 
@@ -58,60 +58,60 @@ class HttpUplink:
     def __init__(self, config: Config, *, monotonic: Callable[[], float] = time.monotonic) -> None:
         self._config = config
         self._monotonic = monotonic
-        self._offer = ONE_BY_ONE
+        self._batch_limit = ONE_BY_ONE
         self._no_batches_until = float("-inf")
         self._mine = threading.local()
         self._sessions: list[requests.Session] = []
 
-    def offer(self) -> Offer:
-        """What the cloud has announced, one by one until it has."""
-        return self._offer if self._monotonic() >= self._no_batches_until else ONE_BY_ONE
+    def batch_limit(self) -> BatchLimit:
+        """Return what the cloud has stated, single records until it has."""
+        return self._batch_limit if self._monotonic() >= self._no_batches_until else ONE_BY_ONE
 
-    def send(self, parcels: Sequence[Parcel]) -> list[Reply]:
-        """Send records; what the network does becomes an answer or a reason."""
-        if len(parcels) == 1:
-            return [self._post_one(parcels[0])]
-        answer = self._post("batch", batches.write(parcels), batches.MEDIA_TYPE, {})
+    def send(self, records: Sequence[OutboxRecord]) -> list[Reply]:
+        """Send records; whatever the network does becomes an answer or a reason."""
+        if len(records) == 1:
+            return [self._post_one(records[0])]
+        answer = self._post("batch", batches.write(records), batches.MEDIA_TYPE, {})
         if isinstance(answer, Answer) and answer.status in _BATCH_REFUSED:
             replies = None
         else:
-            replies = batches.read(answer, parcels)
+            replies = batches.read(answer, records)
         if replies is not None:
             return replies
         self._no_batches_until = self._monotonic() + NO_BATCHES_S
-        return self._send_one_by_one(parcels)
+        return self._send_one_by_one(records)
 
     def close(self) -> None:
         """Close the connections."""
         for session in self._sessions:
             session.close()
 
-    def _send_one_by_one(self, parcels: Sequence[Parcel]) -> list[Reply]:
-        """Send what was meant to go together, each record when the one before it is there."""
+    def _send_one_by_one(self, records: Sequence[OutboxRecord]) -> list[Reply]:
+        """Send the records of a batch singly, each after the one before it was delivered."""
         replies: list[Reply] = []
         waiting: set[Stream] = set()
-        silence: Unreachable | None = None
-        for parcel in parcels:
-            if parcel.stream in waiting:
+        unreachable: Unreachable | None = None
+        for record in records:
+            if record.stream in waiting:
                 replies.append(HELD_BACK)
                 continue
-            reply = silence or self._post_one(parcel)
+            reply = unreachable or self._post_one(record)
             replies.append(reply)
             if isinstance(reply, Unreachable):
-                silence = reply
-            if judge(reply).meaning not in {Meaning.CONFIRMED, Meaning.REJECTED}:
-                waiting.add(parcel.stream)
+                unreachable = reply
+            if classify(reply).outcome not in {Outcome.CONFIRMED, Outcome.REJECTED}:
+                waiting.add(record.stream)
         return replies
 
-    def _post_one(self, parcel: Parcel) -> Reply:
-        key = {"Idempotency-Key": parcel.message_id}
-        return self._post(parcel.stream.kind, parcel.payload.encode(), "application/json", key)
+    def _post_one(self, record: OutboxRecord) -> Reply:
+        key = {"Idempotency-Key": record.message_id}
+        return self._post(record.stream.kind, record.payload.encode(), "application/json", key)
 
     def _post(self, place: str, body: bytes, media_type: str, headers: Mapping[str, str]) -> Reply:
         try:
             with self._session().post(
                 f"{self._config.cloud_url}/{place}",
-                data=io.BytesIO(body),  # In pieces, each of which has the timeout for itself
+                data=io.BytesIO(body),  # Sent in pieces, each with the whole timeout
                 headers={**self._headers(media_type), **headers},
                 timeout=(self._config.connect_timeout_s, self._config.read_timeout_s),
                 allow_redirects=False,
@@ -131,7 +131,7 @@ class HttpUplink:
 
     def _new_session(self) -> requests.Session:
         session = requests.Session()
-        # The environment is asked once; requests would ask it, and .netrc, for every record.
+        # The environment is read once; requests would read it, and .netrc, for every record.
         session.trust_env = False
         session.proxies.update(get_environ_proxies(self._config.cloud_url))
         if self._config.cloud_ca_file is not None:
@@ -146,7 +146,7 @@ class HttpUplink:
         headers = {
             "Content-Type": media_type,
             "Accept": "application/json",
-            "Accept-Encoding": "identity",  # A small answer may not unfold into a large one
+            "Accept-Encoding": "identity",  # A small answer must not unpack into a large one
         }
         if self._config.cloud_key_file is not None:
             headers["Authorization"] = f"Bearer {_key(self._config.cloud_key_file)}"
@@ -158,7 +158,7 @@ class HttpUplink:
             body += chunk
             if len(body) > MAXIMUM_ANSWER_BYTES:
                 return Unreachable(f"{response.status_code} with an answer that is too long")
-        if not body and not _has_proved_end(response):
+        if not body and not _is_complete(response):
             return Unreachable(f"{response.status_code} with an answer that may be cut off")
         answer = Answer(
             response.status_code,
@@ -166,13 +166,13 @@ class HttpUplink:
             body,
             retry_after_s(response.headers.get("Retry-After"), datetime.now(UTC)),
         )
-        if judge(answer).meaning is Meaning.CONFIRMED:
-            self._offer = offer_of(response.headers.get("Accept-Batch"))
+        if classify(answer).outcome is Outcome.CONFIRMED:
+            self._batch_limit = read_accept_batch(response.headers.get("Accept-Batch"))
         return answer
 
 
 def _reason(error: Exception) -> str:
-    """Say what has failed, in words that are the same for every record that meets it."""
+    """Describe the failure with the same text for every record that meets it."""
     causes = _causes(error)
     if any(isinstance(one, requests.exceptions.SSLError) for one in causes):
         return "the cloud's certificate is not accepted"
@@ -182,12 +182,12 @@ def _reason(error: Exception) -> str:
         return "no answer in time"
     if any(isinstance(one, urllib3.exceptions.ReadTimeoutError) for one in causes):
         return "no answer in time"
-    if any(isinstance(one, _CUT) for one in causes):
+    if any(isinstance(one, _INCOMPLETE) for one in causes):
         return f"the answer is cut off or broken ({type(error).__name__})"
     return f"no connection ({type(error).__name__})"
 
 
-_CUT: Final = (
+_INCOMPLETE: Final = (
     http.client.HTTPException,
     urllib3.exceptions.ProtocolError,
     urllib3.exceptions.DecodeError,
@@ -197,7 +197,7 @@ _CUT: Final = (
 
 
 def _causes(error: BaseException | None) -> list[BaseException]:
-    """Give an error and what it was raised from."""
+    """Return an error and what it was raised from."""
     found: list[BaseException] = []
     while error is not None and error not in found:
         found.append(error)
@@ -205,19 +205,19 @@ def _causes(error: BaseException | None) -> list[BaseException]:
     return found
 
 
-def _has_proved_end(response: requests.Response) -> bool:
-    """Whether an empty body is known to be all: else a cut behind the headers looks the same."""
+def _is_complete(response: requests.Response) -> bool:
+    """Whether an empty body is complete; unframed, a cut after the headers looks the same."""
     framed = {"Content-Length", "Transfer-Encoding"} & {name.title() for name in response.headers}
     return bool(framed) or response.status_code in _BODILESS
 
 
-def offer_of(header: str | None) -> Offer:
-    """Read an Accept-Batch header: how many records; anything else offers nothing."""
+def read_accept_batch(header: str | None) -> BatchLimit:
+    """Read an Accept-Batch header, a number of records; anything else means single records."""
     text = (header or "").strip()
     if not (text.isascii() and text.isdigit() and len(text) < 7):
         return ONE_BY_ONE
-    records = min(int(text), MOST.records)
-    return Offer(records, MOST.size_bytes) if records > 1 else ONE_BY_ONE
+    records = min(int(text), MAXIMUM_BATCH.records)
+    return BatchLimit(records, MAXIMUM_BATCH.size_bytes) if records > 1 else ONE_BY_ONE
 
 
 def retry_after_s(header: str | None, now: datetime) -> float | None:
@@ -237,7 +237,7 @@ def retry_after_s(header: str | None, now: datetime) -> float | None:
 
 
 def _key(path: Path) -> str:
-    """The key is read for each record: it may be replaced while we run."""
+    """Read the key; it is read for each record, since it may be replaced while the relay runs."""
     try:
         return path.read_text(encoding="ascii").strip()
     except (OSError, UnicodeDecodeError):

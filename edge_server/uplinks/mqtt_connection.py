@@ -1,20 +1,25 @@
-"""One connection to the broker over paho-mqtt, driven by one thread; what happens becomes events.
+"""One connection to the broker over paho-mqtt, driven by one thread; it collects events.
 
-A session starts clean and ends with the connection, and each connection is a new paho client: what
-was under way is in the outbox, and nothing else may send it again.
+A session starts clean and ends with the connection, and each connection is a new paho client: the
+records in flight are in the outbox, and only the relay may send them again.
+
+LoginError  a file with our credentials or with certificates cannot be used
 """
 
 import json
 import logging
+import os
 import re
 import select
 import socket
 import ssl
+import stat
 import struct
 import time
 from hashlib import sha256
 from hmac import compare_digest
 from pathlib import Path
+from secrets import token_hex
 from typing import Any, Final, NamedTuple
 
 from paho.mqtt.client import (
@@ -30,25 +35,27 @@ from paho.mqtt.packettypes import PacketTypes
 from paho.mqtt.properties import Properties
 from paho.mqtt.reasoncodes import ReasonCode
 
-from edge_server.uplinks import mqtt_reasons
-from edge_server.uplinks.mqtt_answers import MAXIMUM_ANSWER_BYTES
-from edge_server.uplinks.mqtt_login import LoginError, read_login
-from edge_server.uplinks.mqtt_messages import (
+from edge_server.uplinks import mqtt_protocol
+from edge_server.uplinks.mqtt_protocol import (
     ACCEPT_BATCH,
     IDEMPOTENCY_KEY,
+    MAXIMUM_ANSWER_BYTES,
+    Limits,
+    MqttAddress,
+    RecordPacket,
+)
+from edge_server.uplinks.mqtt_session import (
     Accepted,
     Acknowledged,
     Answered,
     Event,
-    Limits,
     Lost,
-    RecordPacket,
     Refused,
     Subscribed,
 )
-from edge_server.uplinks.mqtt_topics import MqttAddress
 
 LOG = logging.getLogger(__name__)
+MAXIMUM_LOGIN_BYTES: Final = 32_768
 _HEADROOM_BYTES: Final = 1024  # Topic and properties beside an answer's payload
 _QOS: Final = 1
 _UNDECODABLE: Final = (
@@ -61,15 +68,68 @@ _UNDECODABLE: Final = (
     ValueError,
     struct.error,
 )
-"""What paho's decoder raises for bytes that are no MQTT 5; it checks few lengths itself."""
+"""What paho's decoder raises for bytes that are not MQTT 5; it checks few lengths itself."""
+
+
+class LoginError(Exception):
+    """A file with user and password or with certificates cannot be used; never quotes it."""
+
+
+class Login(NamedTuple):
+    """Our credentials at the broker."""
+
+    user: str
+    password: str
+
+
+def read_login(path: Path) -> Login:
+    """Read `user:password` from a file that only its owner may read.
+
+    It is read for each connection, since it may be replaced while the relay runs.
+
+    Raises:
+        LoginError: if the file cannot be read, others may access it, or it holds no
+            `user:password`.
+    """
+    try:
+        with path.open("rb") as file:
+            mode = os.fstat(file.fileno()).st_mode
+            text = file.read(MAXIMUM_LOGIN_BYTES + 1).decode().strip()
+    except (OSError, UnicodeDecodeError) as error:
+        raise LoginError(f"{path.name} cannot be read ({type(error).__name__})") from None
+    if stat.S_IMODE(mode) & 0o077:
+        raise LoginError(f"{path.name} is open to others: chmod 600 it")
+    user, colon, password = text.partition(":")
+    if not user or not colon or len(text) > MAXIMUM_LOGIN_BYTES:
+        raise LoginError(f"{path.name} does not hold user:password")
+    return Login(user, password)
+
+
+def own_client_id(path: Path) -> str:
+    """Return this gateway's client id, drawn once and kept in the state folder.
+
+    Of two gateways with one client id, each would end the other's connection.
+    """
+    try:
+        kept = path.read_text(encoding="ascii").strip()
+    except (FileNotFoundError, UnicodeDecodeError):
+        kept = ""
+    if kept.isalnum():
+        return kept
+    drawn = f"edge{token_hex(8)}"  # Every broker accepts up to 23 letters and digits
+    try:
+        path.write_text(f"{drawn}\n", encoding="ascii")
+    except OSError as error:
+        LOG.warning("the client id %s is used for this run only: %s", drawn, error)
+    return drawn
 
 
 class BrokerSettings(NamedTuple):
-    """What a connection needs to know."""
+    """Settings of a connection."""
 
     address: MqttAddress
     client_id: str
-    hears_answers: bool
+    reads_answers: bool  # False: the broker's acknowledgement confirms
     login_file: Path | None
     ca_file: Path | None
     fingerprint: str | None
@@ -80,7 +140,7 @@ class BrokerSettings(NamedTuple):
 
 
 class Connection:
-    """A connection from its opening to its end; `events` fill up as it is stepped."""
+    """A connection from its opening to its end; each `step` adds to `events`."""
 
     def __init__(self, settings: BrokerSettings) -> None:
         self._settings = settings
@@ -93,7 +153,7 @@ class Connection:
             reconnect_on_failure=False,
         )
         self._client.connect_timeout = settings.connect_timeout_s
-        # The session counts what is under way by the broker's own limit.
+        # The session limits the packets in flight to the broker's receive maximum.
         self._client.max_inflight_messages_set(0)
         self._client.on_connect = self._on_connect
         self._client.on_subscribe = self._on_subscribe
@@ -102,42 +162,42 @@ class Connection:
         self._client.on_disconnect = self._on_disconnect
 
     def open(self) -> None:
-        """Connect and greet the broker; its answer comes as an event.
+        """Connect and send CONNECT; the broker's answer comes as an event.
 
         Raises:
             LoginError: if a file with user and password or with certificates cannot be used.
-            OSError: if the broker cannot be reached, or is not the one we trust.
+            OSError: if the broker cannot be reached, or its certificate is not accepted.
         """
         settings = self._settings
         if settings.login_file is not None:
             login = read_login(settings.login_file)
             self._client.username_pw_set(login.user, login.password)
         if settings.address.tls:
-            self._client.tls_set_context(_trust(settings))
+            self._client.tls_set_context(_tls_context(settings))
         self._client.will_set(self._presence_topic, _presence("offline"), _QOS, retain=True)
-        hello = _properties(PacketTypes.CONNECT)
-        hello.SessionExpiryInterval = 0
-        hello.MaximumPacketSize = MAXIMUM_ANSWER_BYTES + _HEADROOM_BYTES
+        connect = _properties(PacketTypes.CONNECT)
+        connect.SessionExpiryInterval = 0
+        connect.MaximumPacketSize = MAXIMUM_ANSWER_BYTES + _HEADROOM_BYTES
         self._client.connect(
             settings.address.host,
             settings.address.port,
             keepalive=settings.keep_alive_s,
             clean_start=True,
-            properties=hello,
+            properties=connect,
         )
         opened = self._client.socket()
         if isinstance(opened, socket.socket):
-            # A record is small and waits for nothing (RFC 896 would have it wait).
+            # A small record is sent at once; Nagle's algorithm (RFC 896) would delay it.
             opened.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             _acknowledge_at_once(opened)
 
     def subscribe(self) -> None:
-        """Ask for the cloud's answers to this gateway."""
+        """Subscribe to the cloud's answers to this gateway."""
         topic = self._settings.address.answers_topic(self._settings.client_id)
         self._client.subscribe(topic, qos=_QOS)
 
     def announce(self) -> int:
-        """Tell that this gateway is online; the Will tells when it is not any more.
+        """Publish that this gateway is online; the Will publishes that it no longer is.
 
         Returns the packet identifier.
         """
@@ -159,13 +219,13 @@ class Connection:
         ).mid
 
     def step(self, wake: int, timeout_s: float) -> None:
-        """Read and write what is due; returns when something has happened, or in time."""
+        """Read and write what is due; returns after an event or the timeout."""
         sock = self._client.socket()
         if sock is None:
-            self.events.append(Lost("the connection is gone"))
+            self.events.append(Lost("the connection is closed"))
             return
         if isinstance(sock, ssl.SSLSocket) and sock.pending():
-            timeout_s = 0.0  # Bytes that select does not see any more
+            timeout_s = 0.0  # Bytes that TLS has read already, which select does not see
         writers = [sock] if self._client.want_write() else []
         readable, writable, _ = select.select([wake, sock], writers, [], timeout_s)
         try:
@@ -176,17 +236,17 @@ class Connection:
                 self._client.loop_write()
             self._client.loop_misc()
         except _UNDECODABLE as error:
-            LOG.debug("what the broker sends cannot be decoded", exc_info=error)
-            self.events.append(Lost(f"the broker sends no MQTT 5 ({type(error).__name__})"))
+            LOG.debug("cannot decode a packet of the broker", exc_info=error)
+            self.events.append(Lost(f"the broker does not send MQTT 5 ({type(error).__name__})"))
         self._check_packet(time.monotonic())
 
     def _check_packet(self, now: float) -> None:
-        """Give up a connection whose packet is too large, or takes too long to its last byte.
+        """End a connection whose incoming packet is too large or takes too long.
 
-        The greeting names our maximum packet size, but a broker may not keep to it, and paho keeps
-        whatever part of a packet it has.
+        CONNECT states our maximum packet size, but a broker may exceed it, and paho keeps whatever
+        part of a packet it has.
         """
-        packet = self._client._in_packet  # noqa: SLF001  # paho offers no other way to see a part
+        packet = self._client._in_packet  # noqa: SLF001  # paho has no other access to a partial packet
         if not packet["command"]:
             self._incomplete_since = None
             return
@@ -198,15 +258,15 @@ class Connection:
             self.events.append(Lost("a packet of the broker took too long"))
 
     def leave(self) -> None:
-        """Go in order: the broker publishes the Will, as we are offline from now on."""
+        """Disconnect in order; the broker publishes the Will, since we are offline from now on."""
         self._client.disconnect(ReasonCode(PacketTypes.DISCONNECT, "Disconnect with will message"))
 
     def cut(self) -> None:
-        """Close without ceremony, and leave nothing open."""
+        """Close the socket without a DISCONNECT and release everything."""
         sock = self._client.socket()
         if sock is not None:
             sock.close()
-        # The client holds us by its callbacks; without them it goes when we go, sockets and all.
+        # The client refers to us by its callbacks; without them both are freed, sockets included.
         self._client.on_connect = self._client.on_subscribe = self._client.on_publish = None
         self._client.on_message = self._client.on_disconnect = None
 
@@ -221,7 +281,7 @@ class Connection:
             self.events.append(Refused(reason.value, str(reason)))
         elif getattr(properties, "MaximumQoS", _QOS) < _QOS:
             text = "the broker acknowledges nothing (maximum QoS 0)"
-            self.events.append(Refused(mqtt_reasons.QOS_NOT_SUPPORTED, text))
+            self.events.append(Refused(mqtt_protocol.QOS_NOT_SUPPORTED, text))
         else:
             default = Limits()
             maximum = getattr(properties, "ReceiveMaximum", default.receive_maximum)
@@ -245,20 +305,20 @@ class Connection:
         self, _: Client, __: Any, flags: DisconnectFlags, reason: ReasonCode, ___: Any
     ) -> None:
         if flags.is_disconnect_packet_from_server:
-            self.events.append(Lost(f"the broker has closed: {reason}", reason.value))
-        elif reason.value == mqtt_reasons.PROTOCOL_ERROR:
-            self.events.append(Lost("the broker says what is no MQTT 5", reason.value))
+            self.events.append(Lost(f"the broker closed the connection: {reason}", reason.value))
+        elif reason.value == mqtt_protocol.PROTOCOL_ERROR:
+            self.events.append(Lost("the broker violates MQTT 5", reason.value))
         else:
             self.events.append(Lost("the connection to the broker broke"))
 
 
 def _properties(packet_type: int) -> Any:
-    """Properties of a packet; paho tells no types for them."""
+    """Properties of a packet; paho declares no types for them."""
     return Properties(packet_type)  # type: ignore[no-untyped-call]
 
 
 def _count(text: str | None) -> int | None:
-    """A number of records; None for nothing, and for what is no number."""
+    """Return a number of records; None if there is no text or it is not a number."""
     return int(text) if text is not None and re.fullmatch(r"[0-9]{1,6}", text) else None
 
 
@@ -267,18 +327,18 @@ def _presence(status: str) -> str:
 
 
 def _acknowledge_at_once(sock: Any) -> None:
-    """Where the kernel can, spare us its delayed acknowledgement.
+    """Switch off the kernel's delayed TCP acknowledgement where it allows that.
 
-    A broker that does not set TCP_NODELAY, as Mosquitto does not by itself, keeps an answer
-    back until its PUBACK, sent just before, is acknowledged: 40 ms for each record.
+    A broker that does not set TCP_NODELAY, as Mosquitto does not by default, delays an answer until
+    its PUBACK, sent just before, is acknowledged: 40 ms for each record.
     """
     is_open = isinstance(sock, socket.socket) and sock.fileno() >= 0
     if is_open and hasattr(socket, "TCP_QUICKACK"):
         sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_QUICKACK, 1)
 
 
-def _trust(settings: BrokerSettings) -> ssl.SSLContext:
-    """TLS 1.2 or newer with a verified peer; our own certificate if there is one.
+def _tls_context(settings: BrokerSettings) -> ssl.SSLContext:
+    """Return TLS 1.2 or newer with a verified peer, and our own certificate if there is one.
 
     Raises:
         LoginError: if a file of certificates cannot be used.
@@ -289,12 +349,12 @@ def _trust(settings: BrokerSettings) -> ssl.SSLContext:
             context.load_cert_chain(settings.certificate_file)
     except OSError as error:  # An SSLError is one
         raise LoginError(f"certificates cannot be used: {error.strerror or error}") from None
-    context.sslsocket_class = _checking(settings.fingerprint)
+    context.sslsocket_class = _pinned_socket(settings.fingerprint)
     return context
 
 
-def _checking(fingerprint: str | None) -> type[ssl.SSLSocket]:
-    """Sockets that look for the pin before anything is said, our password above all."""
+def _pinned_socket(fingerprint: str | None) -> type[ssl.SSLSocket]:
+    """Return sockets that check the pinned certificate before they send anything."""
 
     class CheckedSocket(ssl.SSLSocket):
         def do_handshake(self, block: bool = False) -> None:  # noqa: FBT001, FBT002  # as the base

@@ -1,4 +1,4 @@
-"""The thread that keeps the connection to the broker, for all workers of the relay.
+"""The thread that keeps the connection to the broker, for all sending threads of the relay.
 
 LinkEndedError  the thread has ended; the relay should start again
 """
@@ -18,27 +18,25 @@ from typing import Final, NamedTuple
 from edge_server.outbox import wakeup
 from edge_server.outbox.answers import Reply, Unreachable
 from edge_server.outbox.uplink import UplinkEndedError
-from edge_server.uplinks.mqtt_connection import BrokerSettings, Connection
-from edge_server.uplinks.mqtt_login import LoginError
-from edge_server.uplinks.mqtt_messages import (
+from edge_server.uplinks.mqtt_connection import BrokerSettings, Connection, LoginError
+from edge_server.uplinks.mqtt_protocol import BAD_LOGIN, SUCCESS, RecordPacket
+from edge_server.uplinks.mqtt_session import (
     Action,
     Announce,
     Cut,
     Event,
+    LinkState,
     Lost,
     Open,
     Publish,
-    RecordPacket,
     Refused,
+    Session,
     Subscribe,
     Subscribed,
 )
-from edge_server.uplinks.mqtt_reasons import BAD_LOGIN, SUCCESS
-from edge_server.uplinks.mqtt_session import Session
-from edge_server.uplinks.mqtt_states import LinkState
 
 LOG = logging.getLogger(__name__)
-LONGEST_STEP_S: Final = 1.0  # Keep-alive is looked after this often
+LONGEST_STEP_S: Final = 1.0  # paho's keep-alive is served this often
 STOP_WAIT_S: Final = 2.0
 
 
@@ -46,8 +44,8 @@ class LinkEndedError(UplinkEndedError):
     """The thread that keeps the connection has ended."""
 
 
-class _Order(NamedTuple):
-    """A record that a worker wants to be sent, and where it waits for the reply."""
+class _Submitted(NamedTuple):
+    """A record that a thread has submitted, and the future in which it waits for the reply."""
 
     packet: RecordPacket
     reply: "Future[Reply]"
@@ -61,9 +59,9 @@ class Link:
         self._session = session
         self._connection: Connection | None = None
         self._replies: dict[str, Future[Reply]] = {}
-        self._told = session.trouble
-        self._lock = threading.Lock()  # Of the orders and of whether we take any
-        self._orders: deque[_Order] = deque()
+        self._last_fault = session.fault
+        self._lock = threading.Lock()  # Guards the next three
+        self._submitted: deque[_Submitted] = deque()
         self._stopping = False
         self._ended = False
         self._wake_read, self._wake_write = os.pipe()
@@ -73,23 +71,23 @@ class Link:
         self._thread.start()
 
     def deliver(self, packets: Sequence[RecordPacket]) -> list[Reply]:
-        """Send packets and wait for what the cloud, or the broker, says to each.
+        """Send packets and wait for the reply of the cloud, or of the broker, to each.
 
         Raises:
             LinkEndedError: if the thread has died.
         """
-        orders = [_Order(packet, Future()) for packet in packets]
+        submitted = [_Submitted(packet, Future()) for packet in packets]
         with self._lock:
             if self._stopping:
-                return [Unreachable("the relay stops")] * len(orders)
+                return [Unreachable("the relay stops")] * len(submitted)
             if self._ended:
                 raise LinkEndedError("the thread of the MQTT connection has ended")
-            self._orders.extend(orders)
+            self._submitted.extend(submitted)
             self._wake()
-        return [order.reply.result() for order in orders]
+        return [one.reply.result() for one in submitted]
 
     def close(self) -> None:
-        """Leave the broker in order, if that is quick; what is under way gets a reason."""
+        """Disconnect in order if that is quick; every record in flight gets a reason."""
         with self._lock:
             if self._stopping:
                 return
@@ -101,37 +99,39 @@ class Link:
             os.close(self._wake_write)
 
     def _wake(self) -> None:
-        with suppress(BlockingIOError):  # So many wake-ups are there already
+        with suppress(BlockingIOError):  # The pipe is full of wake-ups already
             os.write(self._wake_write, b"\n")
 
     def _run(self) -> None:
-        """Keep the connection until `close`; whoever waits is told when we cannot go on."""
+        """Keep the connection until `close`; when the thread fails, every waiting caller raises."""
         try:
             while not self._stopping:
-                self._turn(time.monotonic())
+                self._cycle(time.monotonic())
             self._leave()
         finally:
             with self._lock:
                 self._ended = True
-                waiting = [*self._replies.values(), *(order.reply for order in self._orders)]
+                waiting = [*self._replies.values(), *(one.reply for one in self._submitted)]
             for reply in waiting:
                 reply.set_exception(LinkEndedError("the thread of the MQTT connection has ended"))
 
-    def _turn(self, now: float) -> None:
-        self._take_orders(now)
-        self._act(self._session.turn(now))
-        self._hand_back()
-        self._step(min(max(self._session.wake_at(now) - time.monotonic(), 0.0), LONGEST_STEP_S))
+    def _cycle(self, now: float) -> None:
+        self._take_submitted(now)
+        self._act(self._session.step(now))
+        self._resolve()
+        self._step(
+            min(max(self._session.next_step_at(now) - time.monotonic(), 0.0), LONGEST_STEP_S)
+        )
         self._take_events(time.monotonic())
-        self._hand_back()
-        self._tell()
+        self._resolve()
+        self._log_fault()
 
-    def _take_orders(self, now: float) -> None:
+    def _take_submitted(self, now: float) -> None:
         with self._lock:
-            orders, self._orders = self._orders, deque()
-        for order in orders:
-            self._replies[order.packet.key] = order.reply
-            self._session.offer(order.packet, now)
+            submitted, self._submitted = self._submitted, deque()
+        for one in submitted:
+            self._replies[one.packet.key] = one.reply
+            self._session.submit(one.packet, now)
 
     def _act(self, actions: Sequence[Action]) -> None:
         for action in actions:
@@ -141,21 +141,21 @@ class Link:
                 case Cut():
                     self._drop()
                 case _ if self._connection is not None:
-                    self._speak(self._connection, action)
+                    self._send(self._connection, action)
 
-    def _speak(self, connection: Connection, action: Action) -> None:
+    def _send(self, connection: Connection, action: Action) -> None:
         match action:
-            case Subscribe() if self._settings.hears_answers:
+            case Subscribe() if self._settings.reads_answers:
                 connection.subscribe()
             case Subscribe():
-                connection.events.append(Subscribed(SUCCESS, "nothing to hear"))
+                connection.events.append(Subscribed(SUCCESS, "nothing to subscribe to"))
             case Announce():
                 self._session.announced(connection.announce())
             case Publish(packet):
                 self._session.sent(packet.key, connection.publish(packet), time.monotonic())
 
     def _open(self) -> None:
-        """Connect; what prevents it is an event like any other."""
+        """Connect; a failure becomes an event."""
         self._connection = connection = Connection(self._settings)
         try:
             connection.open()
@@ -163,7 +163,7 @@ class Link:
             connection.events.append(Refused(BAD_LOGIN, str(error)))
         except ssl.SSLError:
             connection.events.append(Lost("the broker's certificate, or ours, is not accepted"))
-        except (OSError, ValueError) as error:  # A host's name may be none
+        except (OSError, ValueError) as error:  # The host name may be invalid
             connection.events.append(Lost(f"no connection to the broker ({type(error).__name__})"))
         else:
             self._session.opened(time.monotonic())
@@ -174,7 +174,7 @@ class Link:
         self._connection = None
 
     def _step(self, timeout_s: float) -> None:
-        """Let the network move, or just wait."""
+        """Serve the connection, or wait while there is none."""
         if self._connection is None:
             select.select([self._wake_read], [], [], timeout_s)
         elif not self._connection.events:
@@ -191,25 +191,25 @@ class Link:
         if self._session.state is LinkState.DOWN:
             self._drop()
 
-    def _hand_back(self) -> None:
-        for key, reply in self._session.settled():
+    def _resolve(self) -> None:
+        for key, reply in self._session.take_settled():
             self._replies.pop(key).set_result(reply)
 
-    def _tell(self) -> None:
-        """Log what an operator should know: once per change."""
-        trouble = self._session.trouble
-        if trouble == self._told:
+    def _log_fault(self) -> None:
+        """Log the state of the connection: once per change."""
+        fault = self._session.fault
+        if fault == self._last_fault:
             return
-        if trouble:
-            LOG.warning("MQTT: %s", trouble)
+        if fault:
+            LOG.warning("MQTT: %s", fault)
         else:
             LOG.info("MQTT: connected as %s", self._settings.client_id)
-        self._told = trouble
+        self._last_fault = fault
 
     def _leave(self) -> None:
-        self._take_orders(time.monotonic())
+        self._take_submitted(time.monotonic())
         if self._connection is not None:
             self._connection.leave()
         self._session.close(time.monotonic())
-        self._hand_back()
+        self._resolve()
         self._drop()

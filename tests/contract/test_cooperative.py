@@ -22,7 +22,8 @@ from typing import Any
 import pytest
 import requests
 
-from edge_server.store import locks, migrate
+from edge_server.store import migrate
+from edge_server.store.connection import locks
 from tests.support.databases import PostgresServer
 from tests.support.fake_cloud import FakeCloud, Handler, Received, running_cloud
 from tests.support.process_tree import descendants

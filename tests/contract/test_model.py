@@ -1,7 +1,7 @@
 """The outbox against a model of thirty lines: what was acknowledged, and what the cloud has.
 
 Senders post through the service, under keys of their own, and again when they got no answer. The
-uplink's decisions and its ledger are the real ones; the cloud is a list. A kill forgets everything
+uplink's decisions and its writer are the real ones; the cloud is a list. A kill forgets everything
 but the database and the cloud; the wall clock jumps as it likes; the disk is full for a while.
 """
 
@@ -24,17 +24,17 @@ from afarcloud.state import Report
 from afarcloud.wire import Kind, read
 from edge_server.config import Config
 from edge_server.outbox import queue
-from edge_server.outbox.answers import Answer, Reply, Unreachable, judge
-from edge_server.outbox.ledger import Entry, Ledger
+from edge_server.outbox.answers import Answer, Reply, Unreachable, classify
 from edge_server.outbox.queue import Stream
+from edge_server.outbox.result_writer import RecordResult, ResultWriter
 from edge_server.outbox.retry import Backoff
-from edge_server.outbox.schedule import Schedule, Shipment
-from edge_server.outbox.uplink import Offer
+from edge_server.outbox.schedule import Batch, Schedule
+from edge_server.outbox.uplink import BatchLimit
 from edge_server.process.preparation import open_database, prepare
 from edge_server.services import telemetry
 from edge_server.services.context import Caller, Context
 from edge_server.services.errors import FullError
-from edge_server.store.failures import is_full
+from edge_server.store.connection.failures import is_full
 from tests.support.databases import PostgresServer
 from tests.unit.edge_server import documents
 
@@ -103,8 +103,8 @@ class OutboxAgainstModel(RuleBasedStateMachine):
         self._schedule = Schedule(
             backoff=Backoff(1.0, 10.0), probe_interval_s=5.0, workers=3, random=Random(1)
         )
-        self._ledger = Ledger(self._database)
-        self._flying: list[Shipment] = []
+        self._writer = ResultWriter(self._database)
+        self._flying: list[Batch] = []
         self._newest_row = 0
 
     def _limit(self, connection: Any, _record: object, _proxy: object) -> None:
@@ -152,38 +152,38 @@ class OutboxAgainstModel(RuleBasedStateMachine):
         with self._database.read() as connection:
             streams, self._newest_row = queue.streams_after(connection, self._newest_row)
             self._schedule.announce(streams)
-            for stream, after_id, _ in self._schedule.hungry():
-                parcels = queue.heads(connection, stream, after_id, READ_AHEAD)
-                self._schedule.feed(stream, parcels, READ_AHEAD)
-        self._flying += self._schedule.take(self._now_s, Offer(4, 10_000))
+            for stream, after_id, _ in self._schedule.to_read():
+                records = queue.read_queued(connection, stream, after_id, READ_AHEAD)
+                self._schedule.feed(stream, records, READ_AHEAD)
+        self._flying += self._schedule.take(self._now_s, BatchLimit(4, 10_000))
 
     @precondition(lambda self: self._flying)
     @rule(data=st.data(), answered=st.booleans())
     def the_cloud_stores(self, data: Any, *, answered: bool) -> None:
         """It stores; its answer comes, or we have given up waiting for it."""
-        shipment: Shipment = data.draw(st.sampled_from(self._flying))
-        self._deliver(shipment, GOOD if answered else LOST)
+        batch: Batch = data.draw(st.sampled_from(self._flying))
+        self._deliver(batch, GOOD if answered else LOST)
 
     @precondition(lambda self: self._flying)
     @rule(data=st.data(), failure=st.sampled_from(FAILURES))
     def the_cloud_does_not_store(self, data: Any, failure: Reply) -> None:
         self._take_answer(data.draw(st.sampled_from(self._flying)), failure)
 
-    def _deliver(self, shipment: Shipment, reply: Reply) -> None:
-        for parcel in shipment.parcels:
-            self.model.arrive(parcel.stream, parcel.message_id)
-        self._take_answer(shipment, reply)
+    def _deliver(self, batch: Batch, reply: Reply) -> None:
+        for record in batch.records:
+            self.model.arrive(record.stream, record.message_id)
+        self._take_answer(batch, reply)
 
-    def _take_answer(self, shipment: Shipment, reply: Reply) -> None:
-        self._flying.remove(shipment)
-        verdicts = [judge(reply)] * len(shipment.parcels)
-        happenings = self._schedule.settle(shipment, verdicts, self._now_s)
-        for entry in map(Entry, shipment.parcels, happenings, verdicts):
-            self._ledger.note(entry, self._now_s)
+    def _take_answer(self, batch: Batch, reply: Reply) -> None:
+        self._flying.remove(batch)
+        results = [classify(reply)] * len(batch.records)
+        triggers = self._schedule.settle(batch, results, self._now_s)
+        for entry in map(RecordResult, batch.records, triggers, results):
+            self._writer.add(entry, self._now_s)
 
     @rule()
     def write_what_was_answered(self) -> None:
-        self._ledger.write(self._now_s, self._wall_s)
+        self._writer.write(self._now_s, self._wall_s)
 
     @rule()
     def kill(self) -> None:
@@ -220,12 +220,12 @@ class OutboxAgainstModel(RuleBasedStateMachine):
         for _ in range(10 * sum(self._numbers.values()) + 10):
             self._now_s += 20.0
             self.look_and_send()
-            for shipment in list(self._flying):
-                self._deliver(shipment, GOOD)
+            for batch in list(self._flying):
+                self._deliver(batch, GOOD)
             self.write_what_was_answered()
         assert self.model.arrived == {s: ids for s, ids in self.model.acknowledged.items() if ids}
         with self._database.read() as connection:
-            assert all(queue.heads(connection, stream, 0, 1) == [] for stream in STREAMS)
+            assert all(queue.read_queued(connection, stream, 0, 1) == [] for stream in STREAMS)
         self._database.close()
         self._folder.cleanup()
 

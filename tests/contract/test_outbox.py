@@ -22,8 +22,8 @@ from edge_server.process import relay
 from edge_server.process.preparation import prepare
 from edge_server.services import telemetry
 from edge_server.services.context import Caller, Context
-from edge_server.store.database import Database
-from edge_server.store.engines import open_engine
+from edge_server.store.connection.database import Database
+from edge_server.store.connection.engines import open_engine
 from tests.support import fake_cloud
 from tests.support.fake_cloud import FakeCloud, Fault, Handler, Received, running_cloud
 from tests.unit.edge_server import documents
@@ -117,7 +117,7 @@ def _with_cloud(config: Config, url: str) -> Config:
     return Config(**settings, read_timeout_s=config.read_timeout_s, cloud_url=url)
 
 
-def test_every_kind_reaches_its_place_and_is_gone_here(station: Station) -> None:
+def test_every_kind_reaches_the_cloud_and_is_deleted_here(station: Station) -> None:
     for kind in documents.TELEMETRY:
         station.ingest(kind, 7)
     station.relay()
@@ -169,7 +169,7 @@ def test_tb2157_first_seconds_of_outage(station: Station) -> None:
         pytest.param(fake_cloud.lose_answer, id="200_lost"),
     ],
 )
-def test_what_is_no_confirmation_is_tried_again_in_order(station: Station, fault: Fault) -> None:
+def test_an_unconfirmed_record_is_retried_in_order(station: Station, fault: Fault) -> None:
     station.cloud.store.faults.extend([fault, fault, fault])
     station.ingest("pose", 0, 1, 2)
     station.ingest("alarm", 0, 1)

@@ -14,18 +14,17 @@ from sim.cloud import mqtt_requests
 from sim.cloud.mqtt import MqttDoor
 from sim.cloud.store import Store
 from sim.launch.farm_client import rows
-from tests.support import fake_cloud
+from tests.support import fake_cloud, pages
 from tests.support.certificates import Authority
+from tests.support.cloud_links import MqttLink, mqtt_link
 from tests.support.fake_cloud import Handler, Received
 from tests.support.mosquitto import Mosquitto, password_file, running_mosquitto
 from tests.support.mqtt_cloud import running_mqtt_cloud
 from tests.support.station import Station, station_config
 from tests.support.system import PATIENCE_S, FarmSystem, wait_for
-from tests.support.ways import MqttWay, mqtt_way
 from tests.unit.edge_server import documents
 
 POSES = range(12)
-README = Path(__file__).parents[2] / "edge_server" / "uplinks" / "README.md"
 
 
 @contextmanager
@@ -41,17 +40,17 @@ def station_at(url: str, folder: Path, **settings: Any) -> Iterator[Station]:
 
 
 @pytest.fixture
-def over(tmp_path: Path) -> Iterator[MqttWay]:
-    with mqtt_way(tmp_path / "broker") as opened:
+def link(tmp_path: Path) -> Iterator[MqttLink]:
+    with mqtt_link(tmp_path / "broker") as opened:
         yield opened
 
 
-def test_a_record_is_published_for_others_to_read_too(over: MqttWay, tmp_path: Path) -> None:
-    with station_at(over.url, tmp_path) as station:
+def test_a_record_is_published_for_others_to_read_too(link: MqttLink, tmp_path: Path) -> None:
+    with station_at(link.url, tmp_path) as station:
         station.ingest("battery", 3, vehicle_id=7)
         station.relay()
         station.wait_empty()
-    (received,) = over.store.kept
+    (received,) = link.store.kept
     assert received.headers["Topic"] == "afarcloud/farm/battery/7"
     assert received.headers["Content-Type"] == "application/json"
     assert received.headers["Idempotency-Key"] == received.body["message_id"]
@@ -62,30 +61,30 @@ def test_a_record_is_published_for_others_to_read_too(over: MqttWay, tmp_path: P
 def test_restarts_of_the_broker_under_way(tmp_path: Path, how: str, *, keeps: bool) -> None:
     lines = (f"persistence_location {tmp_path}/broker/", "persistence true") if keeps else ()
     with (
-        mqtt_way(tmp_path / "broker", *lines) as over,
-        station_at(over.url, tmp_path) as station,
+        mqtt_link(tmp_path / "broker", *lines) as link,
+        station_at(link.url, tmp_path) as station,
     ):
         station.relay()
         for first in (0, 10):
             station.ingest("pose", *range(first, first + 10))
-            over.store.wait_for(first + 1, PATIENCE_S)
-            getattr(over.broker, how)()
-            over.broker.start()
+            link.store.wait_for(first + 1, PATIENCE_S)
+            getattr(link.broker, how)()
+            link.broker.start()
         station.wait_empty()
-        assert over.store.stream(1, "pose") == list(range(20))
+        assert link.store.stream(1, "pose") == list(range(20))
 
 
-def test_a_broker_that_hangs_and_comes_back(over: MqttWay, tmp_path: Path) -> None:
-    with station_at(over.url, tmp_path) as station:
+def test_a_broker_that_hangs_and_comes_back(link: MqttLink, tmp_path: Path) -> None:
+    with station_at(link.url, tmp_path) as station:
         station.relay()
         station.ingest("pose", 0)
         station.wait_empty()
-        over.broker.hang()
+        link.broker.hang()
         station.ingest("pose", *range(1, 6))
         station.wait_until(lambda: station.rows("outbox", "attempts >= 2") > 0)
-        over.broker.go_on()
+        link.broker.go_on()
         station.wait_empty()
-        assert over.store.stream(1, "pose") == list(range(6))
+        assert link.store.stream(1, "pose") == list(range(6))
 
 
 def test_without_a_subscriber_nothing_is_confirmed(tmp_path: Path) -> None:
@@ -102,22 +101,22 @@ def test_without_a_subscriber_nothing_is_confirmed(tmp_path: Path) -> None:
             assert cloud.store.stream(1, "pose") == list(POSES)
 
 
-def test_the_brokers_word_alone_does_not_confirm_unless_it_is_set_so(
-    over: MqttWay, tmp_path: Path
+def test_the_brokers_acknowledgement_confirms_only_if_configured(
+    link: MqttLink, tmp_path: Path
 ) -> None:
-    over.store.always = fake_cloud.lose_record  # Subscribed, acknowledged, never answered
-    with station_at(over.url, tmp_path) as station:
+    link.store.always = fake_cloud.lose_record  # Subscribed, acknowledged, never answered
+    with station_at(link.url, tmp_path) as station:
         station.ingest("pose", 0)
         station.relay()
         station.wait_until(lambda: station.rows("outbox", "attempts >= 2") > 0)
         station.stop()
         assert station.rows("telemetry") == 1
-    with station_at(over.url, tmp_path, mqtt_confirm="broker") as station:
+    with station_at(link.url, tmp_path, mqtt_confirm="broker") as station:
         station.relay()
         station.wait_empty()
 
 
-def test_the_broker_confirms_nothing_that_nobody_hears(tmp_path: Path) -> None:
+def test_the_broker_confirms_nothing_without_a_subscriber(tmp_path: Path) -> None:
     with (
         running_mosquitto(tmp_path / "broker") as broker,
         station_at(broker.url, tmp_path, mqtt_confirm="broker") as station,
@@ -170,26 +169,26 @@ def test_a_topic_that_is_forbidden_to_us_pauses(tmp_path: Path) -> None:
     rules = tmp_path / "rules"
     rules.write_text("topic read #\ntopic write afarcloud/farm/answers/#\n", encoding="utf-8")
     with (
-        mqtt_way(tmp_path / "broker", "allow_anonymous true", f"acl_file {rules}") as over,
-        station_at(over.url, tmp_path) as station,
+        mqtt_link(tmp_path / "broker", "allow_anonymous true", f"acl_file {rules}") as link,
+        station_at(link.url, tmp_path) as station,
     ):
         station.ingest("pose", *POSES)
         station.relay()
         station.wait_until(lambda: station.rows("outbox", "last_error LIKE '403%'") > 0)
         assert station.rows("outbox", "state = 'queued'") == len(POSES)
-        assert over.store.seen == []
-        over.broker.configure()
-        over.broker.kill()
-        over.broker.start()
+        assert link.store.seen == []
+        link.broker.configure()
+        link.broker.kill()
+        link.broker.start()
         station.wait_empty()
-        assert over.store.stream(1, "pose") == list(POSES)
+        assert link.store.stream(1, "pose") == list(POSES)
 
 
 def test_the_readmes_rules_let_only_the_cloud_confirm(tmp_path: Path) -> None:
     folder = tmp_path / "broker"
     folder.mkdir()
     rules = folder / "rules"
-    rules.write_text(README.read_text(encoding="utf-8").split("```acl\n")[1].split("```")[0])
+    rules.write_text(pages.text("reference/cloud-mqtt.md").split("```acl\n")[1].split("```")[0])
     users = password_file(folder, farm="one", cloud="two")
     lines = ("allow_anonymous false", f"password_file {users}", f"acl_file {rules}")
     login = login_file(tmp_path, "farm:one\n")
@@ -211,10 +210,12 @@ def test_the_readmes_rules_let_only_the_cloud_confirm(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("limit", ["max_packet_size 4000", "message_size_limit 4000"])
-def test_what_is_too_large_for_the_broker_is_a_dead_letter(tmp_path: Path, limit: str) -> None:
+def test_a_record_too_large_for_the_broker_becomes_a_dead_letter(
+    tmp_path: Path, limit: str
+) -> None:
     with (
-        mqtt_way(tmp_path / "broker", limit) as over,
-        station_at(over.url, tmp_path) as station,
+        mqtt_link(tmp_path / "broker", limit) as link,
+        station_at(link.url, tmp_path) as station,
     ):
         frame = base64.b64encode(b"\xff\xd8\xff\xe0" + bytes(6000)).decode()
         large = station.ingest_document("image", 0, frame=frame, image_size=6004)
@@ -223,32 +224,32 @@ def test_what_is_too_large_for_the_broker_is_a_dead_letter(tmp_path: Path, limit
         station.relay()
         station.wait_until(lambda: station.rows("outbox", "state <> 'dead'") == 0)
         assert station.rows("outbox", f"record_id = {large} AND last_error LIKE '413%'") == 1
-        assert over.store.stream(1, "image") == [1, 2]
-        assert over.store.stream(1, "pose") == list(POSES)
+        assert link.store.stream(1, "image") == [1, 2]
+        assert link.store.stream(1, "pose") == list(POSES)
 
 
-def test_presence_is_told_and_a_killed_gateway_is_told_by_its_will(
-    over: MqttWay, tmp_path: Path
+def test_presence_is_published_and_a_killed_gateway_is_reported_by_its_will(
+    link: MqttLink, tmp_path: Path
 ) -> None:
-    with station_at(over.url, tmp_path, mqtt_client_id="north-gate") as station:
+    with station_at(link.url, tmp_path, mqtt_client_id="north-gate") as station:
         station.relay()
-        wait_for(lambda: ("north-gate", "online") in over.cloud.presence, "online")
+        wait_for(lambda: ("north-gate", "online") in link.cloud.presence, "online")
         station.stop()
-        wait_for(lambda: over.cloud.presence[-1:] == [("north-gate", "offline")], "offline")
+        wait_for(lambda: link.cloud.presence[-1:] == [("north-gate", "offline")], "offline")
 
 
-def test_two_gateways_have_two_names_and_each_keeps_its_own(over: MqttWay, tmp_path: Path) -> None:
+def test_two_gateways_have_two_names_and_each_keeps_its_own(link: MqttLink, tmp_path: Path) -> None:
     for _ in range(2):
         for gateway in ("a", "b"):
-            with station_at(over.url, tmp_path / gateway) as station:
+            with station_at(link.url, tmp_path / gateway) as station:
                 station.relay()
                 station.ingest("pose", 0)
                 station.wait_empty()
-    wait_for(lambda: len(over.cloud.presence) == 8, "two times online and offline of each")
-    assert len({name for name, _ in over.cloud.presence}) == 2
+    wait_for(lambda: len(link.cloud.presence) == 8, "two times online and offline of each")
+    assert len({name for name, _ in link.cloud.presence}) == 2
 
 
-def test_hostile_answers_confirm_nothing(over: MqttWay, tmp_path: Path) -> None:
+def test_hostile_answers_confirm_nothing(link: MqttLink, tmp_path: Path) -> None:
     hostile = [
         b"",
         b"\xff\xfe",
@@ -264,13 +265,13 @@ def test_hostile_answers_confirm_nothing(over: MqttWay, tmp_path: Path) -> None:
     def says(handler: Handler, _: Received) -> None:
         handler.answer(200, hostile[len(handler.store.seen) - 1])
 
-    with station_at(over.url, tmp_path, read_timeout_s=20.0) as station:
-        over.store.always = says
+    with station_at(link.url, tmp_path, read_timeout_s=20.0) as station:
+        link.store.always = says
         station.ingest("pose", 0)
         station.relay()
-        over.store.wait_until(lambda: len(over.store.seen) >= len(hostile), PATIENCE_S)
+        link.store.wait_until(lambda: len(link.store.seen) >= len(hostile), PATIENCE_S)
         assert station.rows("telemetry") == 1
-        over.store.always = None
+        link.store.always = None
         station.wait_empty()
 
 

@@ -11,85 +11,90 @@ import pytest
 
 from edge_server.process.preparation import prepare
 from tests.support import fake_cloud
+from tests.support.cloud_links import CloudLink, cloud_link
 from tests.support.fake_cloud import Fault, Handler, Received
 from tests.support.station import Station, station_config
 from tests.support.system import PATIENCE_S
-from tests.support.ways import Way, way
 from tests.unit.edge_server import documents
 
 POSES = range(12)
 
 
 @pytest.fixture(params=["http", "mqtt"])
-def over(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Way]:
-    """A cloud that runs, and the way to it."""
-    with way(request.param, tmp_path / "broker") as opened:
+def link(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[CloudLink]:
+    """A running cloud and the link to it."""
+    with cloud_link(request.param, tmp_path / "broker") as opened:
         yield opened
 
 
 @pytest.fixture
-def station(over: Way, tmp_path: Path) -> Iterator[Station]:
+def station(link: CloudLink, tmp_path: Path) -> Iterator[Station]:
     """A station that has not begun to relay."""
-    config = station_config(tmp_path / "state", over.url)
+    config = station_config(tmp_path / "state", link.url)
     prepare(config)
     station = Station(config)
     yield station
     station.close()
 
 
-def effect(over: Way) -> list[int]:
+def effect(link: CloudLink) -> list[int]:
     """Sequence numbers of the poses of vehicle 1, as the cloud holds them."""
-    return over.store.stream(1, "pose")
+    return link.store.stream(1, "pose")
 
 
-def test_every_kind_reaches_its_place_and_is_gone_here(over: Way, station: Station) -> None:
+@pytest.mark.promise
+def test_every_kind_reaches_the_cloud_and_is_deleted_here(
+    link: CloudLink, station: Station
+) -> None:
     for kind in documents.TELEMETRY:
         station.ingest(kind, 7)
     station.relay()
     station.wait_empty()
     assert station.rows("telemetry") == 0
     assert station.rows("tombstone") == len(documents.TELEMETRY)
-    assert {received.path for received in over.store.kept} == {
+    assert {received.path for received in link.store.kept} == {
         f"/{kind}" for kind in documents.TELEMETRY
     }
-    for received in over.store.kept:
+    for received in link.store.kept:
         sent = documents.telemetry(received.path.strip("/"), 7)
         assert received.headers["Idempotency-Key"] == received.body["message_id"]
         assert received.headers["Content-Type"] == "application/json"
         assert {name: received.body[name] for name in sent} == sent
 
 
-def test_nothing_is_lost_and_the_order_holds_over_outages(over: Way, station: Station) -> None:
+def test_nothing_is_lost_and_the_order_holds_over_outages(
+    link: CloudLink, station: Station
+) -> None:
     station.relay()
     station.ingest("pose", *range(5))
-    over.store.wait_for(5, PATIENCE_S)
+    link.store.wait_for(5, PATIENCE_S)
     for first in (5, 15, 25):
-        over.cut()
+        link.cut()
         station.ingest("pose", *range(first, first + 5))
-        over.restore()
+        link.restore()
         station.ingest("pose", *range(first + 5, first + 10))
-        over.store.wait_for(first + 10, PATIENCE_S)
+        link.store.wait_for(first + 10, PATIENCE_S)
     station.wait_empty()
-    assert effect(over) == list(range(35))
+    assert effect(link) == list(range(35))
 
 
-def test_a_cloud_that_is_gone_for_long_gets_all_of_it(over: Way, station: Station) -> None:
-    over.cut()
+def test_a_cloud_that_is_gone_for_long_gets_all_of_it(link: CloudLink, station: Station) -> None:
+    link.cut()
     station.relay()
     station.ingest("pose", *POSES)
     station.wait_until(lambda: station.rows("outbox", "attempts >= 8") > 0)
-    over.restore()
+    link.restore()
     station.wait_empty()
-    assert effect(over) == list(POSES)
+    assert effect(link) == list(POSES)
 
 
-def test_200_lost(over: Way, station: Station) -> None:
-    over.store.faults.extend([fake_cloud.lose_answer, fake_cloud.lose_answer])
+def test_200_lost(link: CloudLink, station: Station) -> None:
+    link.store.faults.extend([fake_cloud.lose_answer, fake_cloud.lose_answer])
     station.ingest("pose", *POSES)
     station.relay()
     station.wait_empty()
-    assert effect(over) == list(POSES)
-    keys = [received.key for received in over.store.seen]
+    assert effect(link) == list(POSES)
+    keys = [received.key for received in link.store.seen]
     assert len(keys) >= len(POSES) + 2
     assert len(set(keys)) == len(POSES)
 
@@ -104,46 +109,46 @@ def test_200_lost(over: Way, station: Station) -> None:
         pytest.param(fake_cloud.lose_record, id="lost_before_store"),
     ],
 )
-def test_what_is_no_confirmation_is_tried_again_in_order(
-    over: Way, station: Station, fault: Fault
+def test_an_unconfirmed_record_is_retried_in_order(
+    link: CloudLink, station: Station, fault: Fault
 ) -> None:
-    over.store.faults.extend([fault, fault])
+    link.store.faults.extend([fault, fault])
     station.ingest("pose", 0, 1, 2)
     station.ingest("alarm", 0, 1)
     station.relay()
     station.wait_empty()
-    assert effect(over) == [0, 1, 2]
-    assert over.store.stream(1, "alarm") == [0, 1]
+    assert effect(link) == [0, 1, 2]
+    assert link.store.stream(1, "alarm") == [0, 1]
     assert station.rows("tombstone") == 5
-    assert len({received.key for received in over.store.seen}) == 5
+    assert len({received.key for received in link.store.seen}) == 5
 
 
 @pytest.mark.parametrize("status", [409, 413])
 def test_a_rejected_record_is_a_dead_letter_and_the_next_one_goes_on(
-    over: Way, station: Station, status: int
+    link: CloudLink, station: Station, status: int
 ) -> None:
-    over.store.faults.append(fake_cloud.status(status))
+    link.store.faults.append(fake_cloud.status(status))
     rejected, *_ = station.ingest("pose", 0, 1, 2)
     station.relay()
     station.wait_until(lambda: station.rows("outbox", "state <> 'dead'") == 0)
-    assert effect(over) == [1, 2]
+    assert effect(link) == [1, 2]
     assert station.rows("outbox", f"record_id = {rejected}") == 1
     assert station.rows("telemetry") == 1
 
 
-def test_while_our_key_is_refused_nothing_is_dead(over: Way, station: Station) -> None:
-    over.store.always = fake_cloud.status(401)
+def test_while_our_key_is_refused_nothing_is_dead(link: CloudLink, station: Station) -> None:
+    link.store.always = fake_cloud.status(401)
     station.ingest("pose", *POSES)
     station.relay()
-    over.store.wait_until(lambda: len(over.store.seen) >= 5, PATIENCE_S)
+    link.store.wait_until(lambda: len(link.store.seen) >= 5, PATIENCE_S)
     assert station.rows("outbox", "state = 'queued'") == len(POSES)
-    assert {received.body["sequence_number"] for received in over.store.seen} == {0}
-    over.store.always = None
+    assert {received.body["sequence_number"] for received in link.store.seen} == {0}
+    link.store.always = None
     station.wait_empty()
-    assert effect(over) == list(POSES)
+    assert effect(link) == list(POSES)
 
 
-def test_a_slow_cloud_gets_each_record_once_in_effect(over: Way, station: Station) -> None:
+def test_a_slow_cloud_gets_each_record_once_in_effect(link: CloudLink, station: Station) -> None:
     def slow(handler: Handler, received: Received) -> None:
         """Answer each record only when it has come a second time: the first answer is late."""
         times = sum(seen.key == received.key for seen in handler.store.seen)
@@ -153,45 +158,45 @@ def test_a_slow_cloud_gets_each_record_once_in_effect(over: Way, station: Statio
         else:
             handler.reset()
 
-    over.store.always = slow
+    link.store.always = slow
     station.ingest("pose", 0, 1, 2)
     station.relay()
     station.wait_empty()
-    assert effect(over) == [0, 1, 2]
-    assert len(over.store.kept) == 3
+    assert effect(link) == [0, 1, 2]
+    assert len(link.store.kept) == 3
 
 
-def test_a_stuck_stream_does_not_hold_up_the_others(over: Way, station: Station) -> None:
+def test_a_stuck_stream_does_not_hold_up_the_others(link: CloudLink, station: Station) -> None:
     release = threading.Event()
-    over.store.faults.append(fake_cloud.hold(release))
+    link.store.faults.append(fake_cloud.hold(release))
     station.relay()
     station.ingest("image", 0)
-    over.store.wait_until(lambda: len(over.store.seen) == 1, PATIENCE_S)
+    link.store.wait_until(lambda: len(link.store.seen) == 1, PATIENCE_S)
     station.ingest("pose", *POSES)
-    over.store.wait_for(len(POSES), PATIENCE_S)
-    assert effect(over) == list(POSES)
+    link.store.wait_for(len(POSES), PATIENCE_S)
+    assert effect(link) == list(POSES)
     release.set()
     station.wait_empty()
 
 
-def test_streams_keep_their_own_order_side_by_side(over: Way, station: Station) -> None:
+def test_streams_keep_their_own_order_side_by_side(link: CloudLink, station: Station) -> None:
     vehicles = range(1, 6)
     for number in POSES:
         for vehicle_id in vehicles:
             station.ingest("pose", number, vehicle_id=vehicle_id)
-    over.store.faults.extend([fake_cloud.status(503)] * 4)
+    link.store.faults.extend([fake_cloud.status(503)] * 4)
     station.relay()
     station.wait_empty()
     for vehicle_id in vehicles:
-        assert over.store.stream(vehicle_id, "pose") == list(POSES)
+        assert link.store.stream(vehicle_id, "pose") == list(POSES)
 
 
-def test_a_restarted_relay_goes_on_where_it_was(over: Way, station: Station) -> None:
+def test_a_restarted_relay_goes_on_where_it_was(link: CloudLink, station: Station) -> None:
     station.ingest("pose", *range(30))
     for _ in range(3):
         station.relay()
-        over.store.wait_until(lambda: bool(over.store.seen), PATIENCE_S)
+        link.store.wait_until(lambda: bool(link.store.seen), PATIENCE_S)
         station.stop()
     station.relay()
     station.wait_empty()
-    assert effect(over) == list(range(30))
+    assert effect(link) == list(range(30))

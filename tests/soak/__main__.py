@@ -15,6 +15,7 @@ Without it, all. `CYCLES` (200) says how often it is killed; `SEED` chooses orde
 """
 
 import os
+import shutil
 import sys
 import tempfile
 from collections.abc import Callable, Mapping
@@ -77,8 +78,13 @@ def _radio() -> None:
 def _hostile() -> None:
     minutes = float(os.environ.get("MINUTES") or 120.0)
     vehicles = int(os.environ.get("VEHICLES") or 20)
-    with tempfile.TemporaryDirectory() as folder:
-        hostile.run(Path(folder), vehicles, minutes, _seed(), _tell)
+    folder = Path(tempfile.mkdtemp(prefix="hostile-"))
+    try:
+        hostile.run(folder, vehicles, minutes, _seed(), _tell)
+    except BaseException:
+        _tell(f"logs and true tracks are kept in {folder}")
+        raise
+    shutil.rmtree(folder)
 
 
 def _spool() -> None:

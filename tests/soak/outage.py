@@ -13,7 +13,7 @@ from afarcloud.state import Report
 from afarcloud.wire import Kind, read
 from edge_server.config import Config
 from edge_server.outbox.queue import Stream
-from edge_server.outbox.uplink import MOST
+from edge_server.outbox.uplink import MAXIMUM_BATCH
 from edge_server.process.preparation import prepare
 from edge_server.services.telemetry import Arrival
 from tests.support.virtual_station import VirtualCloud, VirtualStation
@@ -70,7 +70,7 @@ class _Farm:
 def run(config: Config, burst_s: int) -> Outcome:
     """Live through the outage; each hour the vehicles report for so many seconds."""
     prepare(config)
-    station = VirtualStation(config, VirtualCloud(MOST))
+    station = VirtualStation(config, VirtualCloud(MAXIMUM_BATCH))
     station.cloud.is_there = False
     farm, largest, second = _Farm(), 0, 0
     for _ in range(HOURS):
@@ -81,7 +81,7 @@ def run(config: Config, burst_s: int) -> Outcome:
                 second += 1
             assert all(station.ingest_all(arrivals))
             station.pass_s(10.0)
-            station.context.space.keep(station.passed_s)
+            station.context.space.maintain(station.passed_s)
             largest = max(largest, station.context.space.measure().data_bytes)
         station.relay_for(_PROBED_S)
         station.pass_s(max(3600.0 - burst_s - _PROBED_S, 0.0))
@@ -95,13 +95,13 @@ def _judge(station: VirtualStation, farm: _Farm, largest_share: float) -> Outcom
     """Compare what was taken with what has arrived; raises AssertionError."""
     arrived: dict[Stream, set[int]] = {stream: set() for stream in farm.taken}
     latest = {}
-    for parcel in station.cloud.kept.values():
-        body = json.loads(parcel.payload)
-        if parcel.stream.kind == "gap":
+    for record in station.cloud.kept.values():
+        body = json.loads(record.payload)
+        if record.stream.kind == "gap":
             latest[body["gap_id"]] = body
             continue
-        assert body["sequence_number"] not in arrived[parcel.stream]
-        arrived[parcel.stream].add(body["sequence_number"])
+        assert body["sequence_number"] not in arrived[record.stream]
+        arrived[record.stream].add(body["sequence_number"])
     gaps, declared = list(latest.values()), 0
     for stream, number in farm.taken.items():
         lost = set(range(number)) - arrived[stream]

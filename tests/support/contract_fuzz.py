@@ -22,7 +22,7 @@ from edge_server.app import context_of, create_app
 from edge_server.config import Config
 from edge_server.process.preparation import prepare
 from edge_server.security import key_files
-from edge_server.store.keys import Role
+from edge_server.store.rows.keys import Role
 
 _NO_LIMIT: Final = 1_000_000
 SETTINGS: Final = Path(__file__).parent.parent.parent / "schemathesis.toml"

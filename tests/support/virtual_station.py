@@ -15,65 +15,65 @@ from afarcloud.state import Report
 from afarcloud.wire import Kind, read
 from edge_server.config import Config
 from edge_server.outbox import queue, wakeup
-from edge_server.outbox.answers import Answer, Reply, Unreachable, judge
-from edge_server.outbox.ledger import Entry, Ledger
-from edge_server.outbox.queue import Parcel, Stream
+from edge_server.outbox.answers import Answer, Reply, Unreachable, classify
+from edge_server.outbox.queue import OutboxRecord, Stream
+from edge_server.outbox.result_writer import RecordResult, ResultWriter
 from edge_server.outbox.retry import Backoff
-from edge_server.outbox.schedule import Schedule, Shipment
-from edge_server.outbox.uplink import ONE_BY_ONE, Offer
+from edge_server.outbox.schedule import Batch, Schedule
+from edge_server.outbox.uplink import ONE_BY_ONE, BatchLimit
 from edge_server.services import telemetry
 from edge_server.services.context import Context
 from edge_server.services.errors import FullError
 from edge_server.services.telemetry import Arrival
-from edge_server.store import telemetry as records
-from edge_server.store.database import Database
-from edge_server.store.engines import open_engine
+from edge_server.store.connection.database import Database
+from edge_server.store.connection.engines import open_engine
+from edge_server.store.rows import telemetry as records
 from tests.unit.edge_server import documents
 
 NOON = 1_795_262_400.0  # 2026-11-21T12:00:00Z
 STORED = Answer(200, "application/json", b"{}")
 AWAY = Unreachable("the cloud is away")
-Fault = Callable[["VirtualCloud", Parcel], Reply]
+Fault = Callable[["VirtualCloud", OutboxRecord], Reply]
 
 
 class VirtualCloud:
     """An uplink and what is behind it; `seen` are keys in order of arrival, kept or not."""
 
-    def __init__(self, together: Offer = ONE_BY_ONE) -> None:
+    def __init__(self, together: BatchLimit = ONE_BY_ONE) -> None:
         self.is_there = True
         self.faults: deque[Fault] = deque()
         self.seen: list[str] = []
-        self.kept: dict[str, Parcel] = {}
+        self.kept: dict[str, OutboxRecord] = {}
         self._together = together
 
-    def offer(self) -> Offer:
+    def batch_limit(self) -> BatchLimit:
         return self._together
 
-    def send(self, parcels: Sequence[Parcel]) -> list[Reply]:
-        return [self._answer(parcel) for parcel in parcels]
+    def send(self, records: Sequence[OutboxRecord]) -> list[Reply]:
+        return [self._answer(record) for record in records]
 
     def close(self) -> None:
         """There is no connection."""
 
-    def _answer(self, parcel: Parcel) -> Reply:
+    def _answer(self, record: OutboxRecord) -> Reply:
         if not self.is_there:
             return AWAY
-        self.seen.append(parcel.message_id)
+        self.seen.append(record.message_id)
         if self.faults:
-            return self.faults.popleft()(self, parcel)
-        return self.keep(parcel)
+            return self.faults.popleft()(self, record)
+        return self.keep(record)
 
-    def keep(self, parcel: Parcel) -> Reply:
-        self.kept.setdefault(parcel.message_id, parcel)
+    def keep(self, record: OutboxRecord) -> Reply:
+        self.kept.setdefault(record.message_id, record)
         return STORED
 
     def stream(self, vehicle_id: int, kind: str) -> list[int]:
         """Sequence numbers kept of a stream, in the order of their arrival."""
         stream = Stream(vehicle_id, kind)
         return [
-            json.loads(parcel.payload)["sequence_number"]
-            for parcel in self.kept.values()
-            if parcel.stream == stream
+            json.loads(record.payload)["sequence_number"]
+            for record in self.kept.values()
+            if record.stream == stream
         ]
 
 
@@ -82,9 +82,9 @@ def saying(status: int) -> Fault:
     return lambda _cloud, _parcel: Answer(status)
 
 
-def lose_answer(cloud: VirtualCloud, parcel: Parcel) -> Reply:
+def lose_answer(cloud: VirtualCloud, record: OutboxRecord) -> Reply:
     """Keep the record and say nothing."""
-    cloud.keep(parcel)
+    cloud.keep(record)
     return Unreachable("no answer in time")
 
 
@@ -109,7 +109,7 @@ class VirtualStation:
             workers=self.config.relay_workers,
             random=Random(1),
         )
-        self._ledger = Ledger(self.database)
+        self._writer = ResultWriter(self.database, is_overtaken=self._schedule.is_overtaken)
         self._newest_row = 0
 
     def _count(self, kind: str, reason: str, number: int) -> None:
@@ -146,7 +146,7 @@ class VirtualStation:
         outcomes = telemetry.ingest_all(self.context, arrivals, "broker")
         return [not isinstance(outcome, FullError) for outcome in outcomes]
 
-    def send_next(self) -> list[Shipment]:
+    def send_next(self) -> list[Batch]:
         """What the relay would hand to its threads now."""
         if wakeup.CHANGED in wakeup.drain(self._wake):
             self._write()
@@ -154,28 +154,28 @@ class VirtualStation:
         with self.database.read() as connection:
             streams, self._newest_row = queue.streams_after(connection, self._newest_row)
             self._schedule.announce(streams)
-            for stream, after_id, limit in self._schedule.hungry():
-                found = queue.heads(connection, stream, after_id, limit)
+            for stream, after_id, limit in self._schedule.to_read():
+                found = queue.read_queued(connection, stream, after_id, limit)
                 self._schedule.feed(stream, found, limit)
-        return self._schedule.take(self.passed_s, self.cloud.offer())
+        return self._schedule.take(self.passed_s, self.cloud.batch_limit())
 
-    def answered(self, shipment: Shipment, replies: Sequence[Reply]) -> None:
+    def answered(self, batch: Batch, replies: Sequence[Reply]) -> None:
         """Take in what the cloud has said."""
-        verdicts = [judge(reply) for reply in replies]
-        happenings = self._schedule.settle(shipment, verdicts, self.passed_s)
-        for entry in map(Entry, shipment.parcels, happenings, verdicts):
-            self._ledger.note(entry, self.passed_s)
+        results = [classify(reply) for reply in replies]
+        triggers = self._schedule.settle(batch, results, self.passed_s)
+        for entry in map(RecordResult, batch.records, triggers, results):
+            self._writer.add(entry, self.passed_s)
 
     def relay(self) -> bool:
         """One turn of the relay; says whether anything went out."""
-        shipments = self.send_next()
-        for shipment in shipments:
-            self.answered(shipment, self.cloud.send(shipment.parcels))
+        batches = self.send_next()
+        for batch in batches:
+            self.answered(batch, self.cloud.send(batch.records))
         self._write()
-        return bool(shipments)
+        return bool(batches)
 
     def _write(self) -> None:
-        if self._ledger.write(self.passed_s, NOON + self.passed_s):
+        if self._writer.write(self.passed_s, NOON + self.passed_s):
             self._schedule.rewind()
 
     def relay_for(self, seconds: float) -> None:

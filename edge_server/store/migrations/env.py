@@ -2,7 +2,7 @@
 
 from alembic import context
 
-from edge_server.store.tables import METADATA
+from edge_server.store.rows.tables import METADATA
 
 connection = context.config.attributes["connection"]
 # SQLite cannot alter most of a table in place; batch mode copies it.

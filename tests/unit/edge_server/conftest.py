@@ -1,4 +1,4 @@
-"""An edge server without a network: the application, a clock that we own, keys of all roles."""
+"""An edge server without a network: the application, a fake clock, keys of all roles."""
 
 import json
 import shutil
@@ -16,7 +16,7 @@ from edge_server.config import Config
 from edge_server.process.preparation import prepare
 from edge_server.security import key_files
 from edge_server.services.context import Context
-from edge_server.store.keys import Role
+from edge_server.store.rows.keys import Role
 from tests.support.databases import PostgresServer
 from tests.unit.edge_server import signing
 
@@ -25,7 +25,7 @@ CLOUD_JWS = "cloud-jws.json"
 
 
 class Clock:
-    """Epoch seconds that pass when told to."""
+    """Epoch seconds that pass by `pass_s` only."""
 
     def __init__(self, now: float = NOON) -> None:
         self.now = now
@@ -38,7 +38,7 @@ class Clock:
 
 
 class Edge:
-    """What a test does to the edge server."""
+    """Requests of a test to the edge server."""
 
     def __init__(self, client: FlaskClient, context: Context, clock: Clock) -> None:
         self.client = client
@@ -63,7 +63,7 @@ class Edge:
         return self.client.open(path, method=method, headers=headers, **options)
 
     def _sign(self, path: str, headers: dict[str, Any], options: dict[str, Any]) -> None:
-        """Sign as the cloud does, unless the test brings a signature of its own (or None)."""
+        """Sign as the cloud does, unless the test sets the signature (None: without one)."""
         if "json" in options:
             options["data"] = json.dumps(options.pop("json"))
             options["content_type"] = "application/json"
@@ -134,7 +134,7 @@ def prepared(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def prepared_on_postgres(prepared: Path, postgres: PostgresServer) -> str:
-    """Name of a PostgreSQL database that knows the keys of that folder."""
+    """Name of a PostgreSQL database with the keys of that folder."""
     name = postgres.create(name="prepared")
     prepare(Config(state_dir=prepared, database_url=postgres.url(name)))
     postgres.keep(name)
@@ -163,7 +163,7 @@ def config(
 
 @pytest.fixture
 def edge(config: Config) -> Iterator[Edge]:
-    """An edge server that knows vehicles 1 and 2."""
+    """An edge server with vehicles 1 and 2."""
     clock = Clock()
     app = create_app(config, clock=clock)
     context = context_of(app)

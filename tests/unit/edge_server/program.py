@@ -1,4 +1,4 @@
-"""The edge server as a program: started, asked, killed."""
+"""The edge server as a program: started, requested, killed."""
 
 import os
 import signal
@@ -55,7 +55,7 @@ class Program:
         self.wait_ready()
 
     def begin(self, *arguments: str) -> None:
-        """Start the program under watch; a file takes its log, which no full pipe may hold up."""
+        """Start the program; its log goes to a file, since a full pipe would block it."""
         with self._log.open("w", encoding="utf-8") as log:
             self.process = self.spawn(*arguments, stderr=log)
 

@@ -1,4 +1,4 @@
-"""Signs as a cloud would, written apart from the library that checks it."""
+"""Signs as a cloud does, without the library that verifies it."""
 
 import base64
 import hashlib
@@ -23,7 +23,7 @@ def encode(raw: bytes) -> str:
 
 
 def claims(now: float, **changes: Any) -> dict[str, Any]:
-    """A good protected header, with changes; a change to None takes the claim away."""
+    """A valid protected header, with changes; a change to None removes the claim."""
     good = {"alg": "HS256", "aud": "edge", "exp": int(now) + 60, "jti": f"jti-{next(_NUMBERS)}"}
     return {name: value for name, value in (good | changes).items() if value is not None}
 

@@ -1,4 +1,4 @@
-"""Settings: where they come from, which wins, how a bad one is refused."""
+"""Settings: sources, precedence, refusals."""
 
 from pathlib import Path
 
@@ -7,7 +7,7 @@ import pytest
 from edge_server.config import SETTINGS, Config, ConfigError, load
 
 
-def test_without_anything_there_are_defaults() -> None:
+def test_defaults() -> None:
     config = load({}, {})
     assert (config.host, config.port) == ("127.0.0.1", 8000)
     assert config.cloud_url == "http://127.0.0.1:8100"
@@ -22,7 +22,7 @@ def test_flags_beat_environment_beats_file_beats_default(tmp_path: Path) -> None
     assert (config.port, config.threads, config.host) == (1003, 21, "::1")
 
 
-def test_a_cloud_port_is_a_cloud_on_this_machine() -> None:
+def test_a_cloud_port_means_a_cloud_on_this_machine() -> None:
     assert load({}, {"CLOUD_PORT": "8200"}).cloud_url == "http://127.0.0.1:8200"
     both = {"CLOUD_PORT": "8200", "CLOUD_URL": "https://cloud.example/api/"}
     assert load({}, both).cloud_url == "https://cloud.example/api"
@@ -68,7 +68,7 @@ def test_every_setting_is_a_field_and_its_default_is_allowed() -> None:
     assert len({setting.variable for setting in SETTINGS}) == len(SETTINGS)
 
 
-def test_keys_lie_in_the_state_folder_unless_they_are_given_elsewhere(tmp_path: Path) -> None:
+def test_key_files_are_in_the_state_folder_unless_set_otherwise(tmp_path: Path) -> None:
     assert load({"state_dir": str(tmp_path)}, {}).keys_dir == tmp_path / "keys"
     given = load({"state_dir": str(tmp_path)}, {"KEYS_DIR": str(tmp_path / "secrets")})
     assert given.keys_dir == tmp_path / "secrets"
@@ -106,3 +106,24 @@ def test_a_whole_number_may_be_written_with_a_point(tmp_path: Path) -> None:
     file = tmp_path / "edge.toml"
     file.write_text("[edge_server]\nport = 8000.0\n", encoding="utf-8")
     assert load({}, {}, file).port == 8000
+
+
+@pytest.mark.parametrize(
+    ("flags", "environment", "message"),
+    [
+        ({"port": "eighty"}, {}, "--port: must be a whole number from 1 to 65535"),
+        ({}, {"RELAY_READ_S": "soon"}, "RELAY_READ_S: must be 0.1 to 600 seconds"),
+        ({}, {"LOG_FORMAT": "xml"}, "LOG_FORMAT: must be auto, json or text"),
+        (
+            {},
+            {"EDGE_TLS_KEY_FILE": "key.pem"},
+            "set EDGE_TLS_CERTIFICATE_FILE and EDGE_TLS_KEY_FILE both, or neither",
+        ),
+    ],
+)
+def test_an_error_names_the_setting_and_what_it_must_be(
+    flags: dict[str, str], environment: dict[str, str], message: str
+) -> None:
+    with pytest.raises(ConfigError) as refusal:
+        load(flags, environment)
+    assert str(refusal.value) == message

@@ -1,4 +1,4 @@
-"""An answer that is cut off, stalled, endless or broken is a put-off, whatever the byte."""
+"""An answer that is cut off, stalled, endless or malformed at any byte leads to a retry."""
 
 import json
 import queue
@@ -9,19 +9,20 @@ from collections.abc import Callable, Iterator, Sequence
 import pytest
 
 from edge_server.config import Config
-from edge_server.outbox.answers import Meaning, Reply, judge
-from edge_server.outbox.queue import Parcel, Stream
+from edge_server.outbox.answers import Outcome, Reply, classify
+from edge_server.outbox.queue import OutboxRecord, Stream
 from edge_server.uplinks.bounded_http import MAXIMUM_RAW_BYTES
 from edge_server.uplinks.cloud_http import HttpUplink
 from tests.support import scripted_answers
 from tests.support.scripted_answers import ScriptedAnswers, Speaker
 
 READ_TIMEOUT_S = 0.1
-PARCELS = [
-    Parcel(number, number, f"{number:026d}", Stream(number, "pose"), "{}", 0) for number in (1, 2)
+RECORDS = [
+    OutboxRecord(number, number, f"{number:026d}", Stream(number, "pose"), "{}", 0)
+    for number in (1, 2)
 ]
 RESULTS = json.dumps(
-    {"results": [{"message_id": parcel.message_id, "status": 200} for parcel in PARCELS]}
+    {"results": [{"message_id": one.message_id, "status": 200} for one in RECORDS]}
 ).encode()
 HEAD = b"HTTP/1.1 200 OK\r\nServer: cloud\r\nContent-Type: application/json\r\n"
 
@@ -43,10 +44,10 @@ def until_the_end(body: bytes) -> bytes:
 
 ONE = b'{"stored": true}'
 ANSWERS = {
-    "a length": (sized(ONE), PARCELS[:1]),
-    "chunks": (chunked(ONE), PARCELS[:1]),
-    "no length": (until_the_end(ONE), PARCELS[:1]),
-    "a batch in chunks": (chunked(RESULTS), PARCELS),
+    "a length": (sized(ONE), RECORDS[:1]),
+    "chunks": (chunked(ONE), RECORDS[:1]),
+    "no length": (until_the_end(ONE), RECORDS[:1]),
+    "a batch in chunks": (chunked(RESULTS), RECORDS),
 }
 
 
@@ -67,45 +68,45 @@ def uplink(server: ScriptedAnswers) -> Iterator[HttpUplink]:
     made.close()
 
 
-def meanings(
-    server: ScriptedAnswers, uplink: HttpUplink, speak: Speaker, parcels: Sequence[Parcel]
-) -> list[Meaning]:
+def outcomes(
+    server: ScriptedAnswers, uplink: HttpUplink, speak: Speaker, records: Sequence[OutboxRecord]
+) -> list[Outcome]:
     server.speak = speak
-    replies: list[Reply] = uplink.send(parcels)
-    assert len(replies) == len(parcels)
-    return [judge(reply).meaning for reply in replies]
+    replies: list[Reply] = uplink.send(records)
+    assert len(replies) == len(records)
+    return [classify(reply).outcome for reply in replies]
 
 
 @pytest.mark.parametrize("end", [scripted_answers.cut, scripted_answers.reset])
 @pytest.mark.parametrize("name", ANSWERS)
-def test_an_answer_cut_at_any_byte_is_a_put_off(
+def test_an_answer_cut_at_any_byte_is_retried(
     server: ScriptedAnswers,
     uplink: HttpUplink,
     name: str,
     end: Callable[[bytes], Speaker],
 ) -> None:
-    answer, parcels = ANSWERS[name]
+    answer, records = ANSWERS[name]
     needed = len(answer) - (2 if name.endswith("chunks") else 0)
     for length in range(len(answer)):
-        found = meanings(server, uplink, end(answer[:length]), parcels)
+        found = outcomes(server, uplink, end(answer[:length]), records)
         if length < needed:
-            assert set(found) == {Meaning.NO_CLOUD}, answer[:length]
+            assert set(found) == {Outcome.NO_CLOUD}, answer[:length]
         else:  # Only the line break behind the last chunk is missing
-            assert set(found) <= {Meaning.NO_CLOUD, Meaning.CONFIRMED}, answer[:length]
-    whole = meanings(server, uplink, scripted_answers.cut(answer), parcels)
-    assert set(whole) == {Meaning.CONFIRMED}
+            assert set(found) <= {Outcome.NO_CLOUD, Outcome.CONFIRMED}, answer[:length]
+    whole = outcomes(server, uplink, scripted_answers.cut(answer), records)
+    assert set(whole) == {Outcome.CONFIRMED}
 
 
 @pytest.mark.parametrize("name", ANSWERS)
-def test_an_answer_that_stalls_at_any_place_is_a_put_off(
+def test_an_answer_that_stalls_at_any_byte_is_retried(
     server: ScriptedAnswers, uplink: HttpUplink, name: str
 ) -> None:
-    answer, parcels = ANSWERS[name]
+    answer, records = ANSWERS[name]
     draw = random.Random(name)
     for length in (0, 9, *draw.sample(range(len(answer) - 5), 4)):
         gone: queue.SimpleQueue[bool] = queue.SimpleQueue()
-        found = meanings(server, uplink, scripted_answers.stall(answer[:length], gone.put), parcels)
-        assert set(found) == {Meaning.NO_CLOUD}, answer[:length]
+        found = outcomes(server, uplink, scripted_answers.stall(answer[:length], gone.put), records)
+        assert set(found) == {Outcome.NO_CLOUD}, answer[:length]
         assert gone.get(timeout=60.0), answer[:length]
 
 
@@ -132,24 +133,24 @@ CHUNKED = HEAD + b"Transfer-Encoding: chunked\r\n\r\n"
         sized(b'{"results": 1}') + b"and more that belongs to nothing",
     ],
 )
-def test_a_broken_answer_is_a_put_off(
+def test_a_malformed_answer_is_retried(
     server: ScriptedAnswers, uplink: HttpUplink, answer: bytes
 ) -> None:
-    found = meanings(server, uplink, scripted_answers.cut(answer), PARCELS[:1])
-    assert found in ([Meaning.NO_CLOUD], [Meaning.CONFIRMED])
-    assert (found == [Meaning.CONFIRMED]) == answer.startswith(sized(b'{"results": 1}'))
-    whole = meanings(server, uplink, scripted_answers.cut(sized(ONE)), PARCELS[:1])
-    assert whole == [Meaning.CONFIRMED]
+    found = outcomes(server, uplink, scripted_answers.cut(answer), RECORDS[:1])
+    assert found in ([Outcome.NO_CLOUD], [Outcome.CONFIRMED])
+    assert (found == [Outcome.CONFIRMED]) == answer.startswith(sized(b'{"results": 1}'))
+    whole = outcomes(server, uplink, scripted_answers.cut(sized(ONE)), RECORDS[:1])
+    assert whole == [Outcome.CONFIRMED]
 
 
-def test_random_bytes_are_a_put_off(server: ScriptedAnswers, uplink: HttpUplink) -> None:
+def test_random_bytes_are_retried(server: ScriptedAnswers, uplink: HttpUplink) -> None:
     draw = random.Random(12)
     for _ in range(200):
         answer = bytearray(draw.choice([sized(ONE), chunked(ONE), until_the_end(ONE)]))
         for _ in range(draw.randrange(1, 6)):
             answer[draw.randrange(len(answer))] = draw.randrange(256)
-        found = meanings(server, uplink, scripted_answers.cut(bytes(answer)), PARCELS[:1])
-        assert found[0] in set(Meaning)
+        found = outcomes(server, uplink, scripted_answers.cut(bytes(answer)), RECORDS[:1])
+        assert found[0] in set(Outcome)
 
 
 @pytest.mark.parametrize(
@@ -163,31 +164,33 @@ def test_random_bytes_are_a_put_off(server: ScriptedAnswers, uplink: HttpUplink)
         (CHUNKED + b"1;", b"x"),
     ],
 )
-def test_an_answer_without_end_has_a_deadline_for_the_whole(
+def test_an_endless_answer_times_out(
     server: ScriptedAnswers, uplink: HttpUplink, answer: bytes, forever: bytes
 ) -> None:
     enough = threading.Event()
     threading.Timer(20.0, enough.set).start()
     server_had = server.requests
-    found = meanings(server, uplink, scripted_answers.drip(answer, forever, enough), PARCELS[:1])
-    assert found == [Meaning.NO_CLOUD]
+    found = outcomes(server, uplink, scripted_answers.drip(answer, forever, enough), RECORDS[:1])
+    assert found == [Outcome.NO_CLOUD]
     assert not enough.is_set()
     assert server.requests == server_had + 1
 
 
 @pytest.mark.parametrize("start", [CHUNKED + b"1;", CHUNKED + b"2\r\n{}\r\n0\r\n", HEAD + b"\r\n"])
-def test_a_flood_is_not_kept(server: ScriptedAnswers, uplink: HttpUplink, start: bytes) -> None:
+def test_a_large_answer_is_not_stored(
+    server: ScriptedAnswers, uplink: HttpUplink, start: bytes
+) -> None:
     flood = start + b"x" * (4 * MAXIMUM_RAW_BYTES)
-    assert meanings(server, uplink, scripted_answers.cut(flood), PARCELS[:1]) == [Meaning.NO_CLOUD]
+    assert outcomes(server, uplink, scripted_answers.cut(flood), RECORDS[:1]) == [Outcome.NO_CLOUD]
 
 
 def test_a_large_record_has_its_timeout_for_each_piece(server: ScriptedAnswers) -> None:
     """A picture over a slow link takes longer than any timeout of ours, and arrives."""
     frame = "A" * 10_000_000  # More than the kernel's buffers take at once
-    picture = Parcel(3, 3, f"{3:026d}", Stream(1, "image"), f'{{"frame":"{frame}"}}', 0)
+    picture = OutboxRecord(3, 3, f"{3:026d}", Stream(1, "image"), f'{{"frame":"{frame}"}}', 0)
     uplink = HttpUplink(Config(cloud_url=server.url, connect_timeout_s=0.3, read_timeout_s=5.0))
     server.read_pause_s = 0.01
-    found = meanings(server, uplink, scripted_answers.cut(sized(ONE)), [picture])
+    found = outcomes(server, uplink, scripted_answers.cut(sized(ONE)), [picture])
     server.read_pause_s = 0.0
     uplink.close()
-    assert found == [Meaning.CONFIRMED]
+    assert found == [Outcome.CONFIRMED]

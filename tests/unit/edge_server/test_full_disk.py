@@ -15,15 +15,15 @@ from edge_server.app import context_of, create_app
 from edge_server.config import Config
 from edge_server.outbox import wakeup
 from edge_server.outbox.answers import Answer, Reply
-from edge_server.outbox.queue import Parcel
+from edge_server.outbox.queue import OutboxRecord
 from edge_server.outbox.relay import Relay
 from edge_server.outbox.retry import Backoff
 from edge_server.outbox.schedule import Schedule
 from edge_server.outbox.streams import AllStreams
-from edge_server.outbox.uplink import MOST, Offer
+from edge_server.outbox.uplink import MAXIMUM_BATCH, BatchLimit
 from edge_server.process.preparation import open_database, prepare
-from edge_server.store import upkeep
-from edge_server.store.tables import telemetry
+from edge_server.store.files import upkeep
+from edge_server.store.rows.tables import telemetry
 from tests.support.small_disk import NoSmallDiskError, fill_up, small_disk
 from tests.unit.edge_server import documents
 from tests.unit.edge_server.conftest import Clock, Edge
@@ -37,11 +37,11 @@ PICTURE = {"frame": base64.b64encode(JPEG).decode(), "image_size": len(JPEG)}
 class Confirming:
     """An uplink to a cloud that takes everything."""
 
-    def offer(self) -> Offer:
-        return MOST
+    def batch_limit(self) -> BatchLimit:
+        return MAXIMUM_BATCH
 
-    def send(self, parcels: Sequence[Parcel]) -> list[Reply]:
-        return [Answer(200)] * len(parcels)
+    def send(self, records: Sequence[OutboxRecord]) -> list[Reply]:
+        return [Answer(200)] * len(records)
 
     def close(self) -> None:
         """There is no connection."""
@@ -63,7 +63,7 @@ def edge(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Edge]:
 
 
 def drain(edge: Edge) -> None:
-    """Let a relay run and the house be kept until nothing waits."""
+    """Run relay and housekeeping until nothing is queued."""
     database = open_database(edge.config)
     relay = Relay(
         database=database,
@@ -82,7 +82,7 @@ def drain(edge: Edge) -> None:
         deadline = time.monotonic() + PATIENCE_S
         while edge.count("outbox"):
             assert time.monotonic() < deadline, f"{edge.count('outbox')} records are still here"
-            edge.context.space.keep(time.monotonic())
+            edge.context.space.maintain(time.monotonic())
             time.sleep(0.05)
     finally:
         relay.stop()
@@ -99,7 +99,7 @@ def report(edge: Edge, kind: str, number: int) -> int:
 
 
 def fill(edge: Edge, number: int, kinds: Sequence[str]) -> int:
-    """Report until nothing is taken in any more; returns the next number."""
+    """Report until reports are refused; returns the next number."""
     refused = 0
     while refused < 10 * len(kinds):
         status = report(edge, kinds[number % len(kinds)], number)
@@ -112,7 +112,7 @@ def test_it_recovers_by_itself_again_and_again(edge: Edge) -> None:
     number = 0
     filler = edge.config.state_dir / "another program"
     for _ in range(3):
-        edge.context.space.keep(time.monotonic())
+        edge.context.space.maintain(time.monotonic())
         number = fill(edge, number, ["image"])
         fill_up(filler)
         number = fill(edge, number, ["pose", "image", "battery"])
@@ -121,7 +121,7 @@ def test_it_recovers_by_itself_again_and_again(edge: Edge) -> None:
         assert disk.f_bavail * disk.f_frsize < PAGE_BYTES
         drain(edge)
         for _ in range(5):  # A turn gives back a bounded number of pages
-            edge.context.space.keep(time.monotonic())
+            edge.context.space.maintain(time.monotonic())
         assert edge.config.ballast_path.exists()
         for kind in ("pose", "image", "battery"):
             assert report(edge, kind, number) == 201
@@ -129,21 +129,21 @@ def test_it_recovers_by_itself_again_and_again(edge: Edge) -> None:
         filler.unlink()
 
 
-def test_what_another_program_has_filled_is_full_until_it_has_room(edge: Edge) -> None:
+def test_a_disk_that_another_program_filled_is_full_until_it_frees_room(edge: Edge) -> None:
     filler = edge.config.state_dir / "another program"
-    edge.context.space.keep(time.monotonic())
+    edge.context.space.maintain(time.monotonic())
     assert report(edge, "pose", 0) == 201
     fill_up(filler)
     edge.config.ballast_path.unlink()
     fill_up(filler)
     assert report(edge, "pose", 1) == 507
     filler.unlink()
-    edge.context.space.keep(time.monotonic())
+    edge.context.space.maintain(time.monotonic())
     assert report(edge, "pose", 2) == 201
 
 
-def test_a_start_on_a_full_disk_uses_the_room_that_is_held(edge: Edge) -> None:
-    edge.context.space.keep(time.monotonic())
+def test_a_start_on_a_full_disk_uses_the_ballast(edge: Edge) -> None:
+    edge.context.space.maintain(time.monotonic())
     assert report(edge, "pose", 0) == 201
     edge.context.database.close()
     fill_up(edge.config.state_dir / "another program")
@@ -152,9 +152,9 @@ def test_a_start_on_a_full_disk_uses_the_room_that_is_held(edge: Edge) -> None:
     assert edge.count("telemetry") == 1
 
 
-def test_the_held_room_is_lent_to_what_gives_room_back(edge: Edge) -> None:
+def test_the_ballast_is_released_for_what_frees_room(edge: Edge) -> None:
     """The backlog is gone, its pages are free in the file, and nothing else is free anywhere."""
-    edge.context.space.keep(time.monotonic())
+    edge.context.space.maintain(time.monotonic())
     number = fill(edge, 0, ["image"])
     with edge.context.database.write() as connection:
         connection.execute(delete(telemetry))
@@ -162,7 +162,7 @@ def test_the_held_room_is_lent_to_what_gives_room_back(edge: Edge) -> None:
     fill_up(edge.config.state_dir / "another program")
     assert edge.config.ballast_path.exists()
     for _ in range(5):
-        edge.context.space.keep(time.monotonic())
+        edge.context.space.maintain(time.monotonic())
     assert edge.config.ballast_path.exists()
     for kind in ("pose", "image", "battery"):
         assert report(edge, kind, number) == 201

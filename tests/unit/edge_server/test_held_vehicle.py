@@ -5,7 +5,7 @@ from collections.abc import Callable
 import pytest
 
 from mavlink_broker.edge.outbox import Post
-from mavlink_broker.edge.work import Verdict
+from mavlink_broker.edge.work import AcceptanceResult
 from mavlink_broker.mavlink.dialect import mavlink
 from tests.support.broker_world import World, first_flight
 from tests.support.fake_edge import FakeEdge
@@ -24,7 +24,8 @@ class RealEdge(FakeEdge):
         self.world: World | None = None
         self._cursor = 0
         self._look_at = 0.0
-        self._answers: list[Verdict] = []
+        self._answers: list[AcceptanceResult] = []
+        self.fails_acceptances = False
 
     def take_work(self) -> list[dict[str, object]]:
         assert self.world is not None
@@ -36,17 +37,23 @@ class RealEdge(FakeEdge):
         self._cursor = answer["cursor"]
         return list(answer["commands"])
 
-    def take_verdicts(self) -> list[Verdict]:
+    def take_acceptance_results(self) -> list[AcceptanceResult]:
         answers, self._answers = self._answers, []
         return answers
 
     def post(self, post: Post) -> None:
+        if self.fails_acceptances and post.accepted_work_id is not None:
+            failed = AcceptanceResult(post.accepted_work_id, False, "HTTP 500", has_failed=True)
+            self._answers.append(failed)
+            return
         headers = {"Idempotency-Key": post.idempotency_key} if post.idempotency_key else {}
         answer = self.real.ask(post.method, post.path, "broker", json=post.body, headers=headers)
         self.posts.append(post)
-        if post.accepts is not None:
+        if post.accepted_work_id is not None:
             holds = answer.status_code == 200
-            self._answers.append(Verdict(post.accepts, holds=holds, reason=answer.text))
+            self._answers.append(
+                AcceptanceResult(post.accepted_work_id, is_confirmed=holds, reason=answer.text)
+            )
         elif post.path == "/mission_report/":
             assert answer.status_code == 201, answer.json
 
@@ -63,6 +70,25 @@ def run_until(world: World, condition: Callable[[], bool]) -> None:
             return
         world.run(1.0)
     pytest.fail("it does not come")
+
+
+def test_a_mission_whose_acceptance_fails_has_failed_and_the_next_one_flies(
+    edge: Edge,
+) -> None:
+    world = World()
+    real = RealEdge(edge)
+    real.world = world
+    real.fails_acceptances = True
+    world.edge = real
+    world.app = world._new_app()
+    world.add_vehicle()
+    world.run(5.0)
+    assert edge.post_plan({"plan": {"missions": [first_flight(1)]}}).status_code == 201
+    run_until(world, lambda: status(edge, 1) == "FAILED")
+    real.fails_acceptances = False
+    assert edge.post_plan({"plan": {"missions": [first_flight(2)]}}).status_code == 201
+    run_until(world, lambda: status(edge, 2) == "FINISHED")
+    assert status(edge, 1) == "FAILED"
 
 
 def test_after_a_fault_in_flight_nothing_flies_until_an_operator_releases(

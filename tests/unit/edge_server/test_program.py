@@ -1,4 +1,4 @@
-"""The whole program: starts from nothing, ends in order, survives what kills it."""
+"""The whole program: first start, graceful shutdown, recovery from kills."""
 
 import contextlib
 import json
@@ -18,8 +18,8 @@ from typing import Any
 import pytest
 import requests
 
-from edge_server.process.supervisor import DEATHS
-from edge_server.store import integrity
+from edge_server.process.supervisor import MAXIMUM_EXITS
+from edge_server.store.files import integrity
 from tests.support.fake_cloud import running_cloud
 from tests.support.process_tree import descendants, gone
 from tests.support.system import PATIENCE_S, wait_for
@@ -63,13 +63,13 @@ def test_it_starts_from_nothing_and_ends_with_zero(program: Program) -> None:
     assert gone(children, PATIENCE_S)
 
 
-def test_ctrl_c_is_an_orderly_end_too(program: Program) -> None:
+def test_ctrl_c_is_a_graceful_shutdown_too(program: Program) -> None:
     program.start()
     code, errors = program.end(signal.SIGINT)
     assert (code, "Traceback" in errors) == (0, False)
 
 
-def test_a_waiting_broker_does_not_hold_up_the_end(program: Program) -> None:
+def test_a_long_poll_does_not_delay_the_shutdown(program: Program) -> None:
     program.start()
     answers: list[int] = []
 
@@ -90,7 +90,7 @@ def test_a_waiting_broker_does_not_hold_up_the_end(program: Program) -> None:
     assert (code, answers) == (0, [200]), errors
 
 
-def test_readiness_ends_before_the_server_does(program: Program) -> None:
+def test_readiness_ends_before_the_server(program: Program) -> None:
     program.start()
     assert program.process is not None
     program.process.send_signal(signal.SIGTERM)
@@ -104,7 +104,7 @@ def test_readiness_ends_before_the_server_does(program: Program) -> None:
     assert set(statuses) <= {200, 503}
 
 
-def test_what_is_being_served_is_finished(program: Program) -> None:
+def test_requests_in_progress_are_completed(program: Program) -> None:
     program.start()
     body = json.dumps(documents.telemetry("pose")).encode()
     head = (
@@ -131,7 +131,7 @@ def _readiness(program: Program) -> int:
         return 0
 
 
-def test_a_second_signal_forces_the_end(program: Program) -> None:
+def test_a_second_signal_exits_at_once(program: Program) -> None:
     program.start()
     assert program.process is not None
     children = descendants(program.process.pid)
@@ -162,7 +162,7 @@ def test_every_line_of_the_log_is_an_object_and_no_secret(program: Program) -> N
 
 
 def test_a_large_database_that_is_broken_is_found_while_it_serves(program: Program) -> None:
-    """What the short look at the start has missed is noted by whoever meets it."""
+    """A fault that the quick check at the start misses is noted by the request that meets it."""
     program.start()
     database = program.state_dir / "edge" / "edge.sqlite3"
     integrity.note_fault(database, "row 7 missing")
@@ -174,7 +174,7 @@ def test_a_large_database_that_is_broken_is_found_while_it_serves(program: Progr
 
 
 def _requests_in_flight(program: Program) -> str:
-    """Whether somebody else has connected; the poll is then on its way in."""
+    """Whether another client has connected; the poll is then in progress."""
     table = Path("/proc/net/tcp").read_text(encoding="ascii")
     established = f":{program.port:04X} "
     lines = [line for line in table.splitlines() if established in line and " 01 " in line]
@@ -191,7 +191,7 @@ def test_a_killed_parent_leaves_no_orphan_and_no_stale_port(program: Program) ->
     program.start()
 
 
-def test_a_killed_part_is_started_again(program: Program) -> None:
+def test_a_killed_process_is_restarted(program: Program) -> None:
     program.start()
     assert program.process is not None
     before = descendants(program.process.pid)
@@ -205,20 +205,20 @@ def test_a_killed_part_is_started_again(program: Program) -> None:
     assert not set(descendants(program.process.pid)) & set(before)
 
 
-def test_a_taken_port_is_told_in_one_sentence(program: Program) -> None:
+def test_a_port_in_use_is_one_sentence(program: Program) -> None:
     with socket.socket() as other:
         other.bind(("127.0.0.1", program.port))
         other.listen()
         program.begin()
         code, errors = program.wait()
     assert code == 2
-    told = [line for line in errors.splitlines() if "cannot listen" in line]
-    assert len(told) == 1
-    assert str(program.port) in told[0]
+    lines = [line for line in errors.splitlines() if "cannot listen" in line]
+    assert len(lines) == 1
+    assert str(program.port) in lines[0]
     assert "Traceback" not in errors
 
 
-def test_a_second_relay_is_turned_away(program: Program) -> None:
+def test_a_second_relay_is_refused(program: Program) -> None:
     program.start()
     second = program.spawn("relay")
     _, errors = second.communicate(timeout=PATIENCE_S)
@@ -239,12 +239,12 @@ def test_a_relay_started_first_waits_for_the_database(program: Program) -> None:
         program.end()
 
 
-def test_a_relay_that_dies_again_and_again_never_ends_the_server(program: Program) -> None:
-    """So many deaths of the server would end the program."""
+def test_a_relay_that_keeps_exiting_never_ends_the_server(program: Program) -> None:
+    """As many exits of the server would end the program."""
     blocked = program.state_dir / "edge" / "relay.wake"
     blocked.mkdir(parents=True)
     program.start()
-    wait_for(lambda: _readiness_of(program)["relay_deaths"] >= DEATHS, "the relay's deaths")
+    wait_for(lambda: _readiness_of(program)["relay_deaths"] >= MAXIMUM_EXITS, "the relay's deaths")
     ready = _readiness_of(program)
     assert (ready["status"], ready["uplink"]) == ("ready", "stopped")
     post(program, "pose", 0)
@@ -256,18 +256,18 @@ def test_a_relay_that_dies_again_and_again_never_ends_the_server(program: Progra
     wait_for(lambda: _readiness_of(program)["uplink"] == "blocked", "the relay at work again")
     code, errors = program.end()
     assert code == 0, errors
-    assert "started again in" in errors
+    assert "restarts in" in errors
 
 
 def _readiness_of(program: Program) -> dict[str, Any]:
-    """What /readyz says; the program must be up."""
+    """The answer of /readyz; the program must be running."""
     answer = requests.get(f"{program.url}/readyz", timeout=30.0)
     assert answer.status_code == 200
     found: dict[str, Any] = answer.json()
     return found
 
 
-def test_a_database_of_a_newer_version_is_told_in_one_sentence(program: Program) -> None:
+def test_a_database_of_a_newer_version_is_one_sentence(program: Program) -> None:
     program.start()
     program.end()
     database = sqlite3.connect(program.state_dir / "edge" / "edge.sqlite3")
@@ -374,10 +374,10 @@ def test_a_rotated_key_replaces_the_old_one(program: Program) -> None:
     program.start()
     old = program.key("farmer")
     rotation = program.spawn("keys", "rotate", "farmer")
-    said, errors = rotation.communicate(timeout=PATIENCE_S)
+    output, errors = rotation.communicate(timeout=PATIENCE_S)
     assert rotation.returncode == 0, errors
     assert program.key("farmer") != old
-    assert program.key("farmer") not in said + errors
+    assert program.key("farmer") not in output + errors
     deadline = time.monotonic() + 10.0
     while _status(program, old) != 401:
         assert time.monotonic() < deadline
@@ -390,7 +390,7 @@ def _status(program: Program, key: str) -> int:
     return requests.get(f"{program.url}/plans/", headers=headers, timeout=30.0).status_code
 
 
-def test_a_wrong_setting_is_told_by_name(tmp_path: Path) -> None:
+def test_an_invalid_setting_is_named(tmp_path: Path) -> None:
     ended = subprocess.run(
         [sys.executable, "-m", "edge_server", "--state-dir", str(tmp_path)],
         env=os.environ | {"EDGE_PORT": "high"},

@@ -1,4 +1,4 @@
-"""A secret that others can read is none: ours is closed again, one that was given is refused."""
+"""Secrets that others can read: the mode of our own is restricted, a configured one is refused."""
 
 import errno
 import logging
@@ -10,8 +10,8 @@ import pytest
 from edge_server.config import Config
 from edge_server.process.preparation import prepare
 from edge_server.security import key_files
-from edge_server.security.key_files import OpenSecretError
-from edge_server.store.keys import Role
+from edge_server.security.key_files import SecretFileError
+from edge_server.store.rows.keys import Role
 
 GIVEN = {
     "tls_key_file": "EDGE_TLS_KEY_FILE",
@@ -22,7 +22,7 @@ GIVEN = {
 
 @pytest.fixture
 def secret(tmp_path: Path) -> Path:
-    """A file that was given to us."""
+    """A configured secret."""
     path = tmp_path / "secret"
     path.write_text("secret", encoding="ascii")
     path.chmod(0o600)
@@ -31,31 +31,33 @@ def secret(tmp_path: Path) -> Path:
 
 @pytest.mark.parametrize("name", GIVEN)
 @pytest.mark.parametrize("mode", [0o644, 0o640, 0o604, 0o602, 0o610, 0o777])
-def test_what_was_given_and_is_open_is_refused(secret: Path, name: str, mode: int) -> None:
+def test_a_given_secret_that_others_can_read_is_refused(secret: Path, name: str, mode: int) -> None:
     secret.chmod(mode)
-    with pytest.raises(OpenSecretError, match=rf"{GIVEN[name]}.*{mode:04o}"):
+    with pytest.raises(SecretFileError, match=rf"{GIVEN[name]}.*{mode:04o}"):
         key_files.check_given(Config(**{name: secret}))  # type: ignore[arg-type]  # one of three
 
 
 @pytest.mark.parametrize("mode", [0o600, 0o400])
-def test_what_only_its_owner_reads_is_taken(secret: Path, mode: int) -> None:
+def test_a_secret_that_only_its_owner_can_read_is_accepted(secret: Path, mode: int) -> None:
     secret.chmod(mode)
     key_files.check_given(Config(tls_key_file=secret, cloud_key_file=secret))
 
 
-def test_what_is_missing_is_named(tmp_path: Path) -> None:
-    with pytest.raises(OpenSecretError, match=r"EDGE_TLS_KEY_FILE.*No such file"):
+def test_a_missing_secret_is_named(tmp_path: Path) -> None:
+    with pytest.raises(SecretFileError, match=r"EDGE_TLS_KEY_FILE.*No such file"):
         key_files.check_given(Config(tls_key_file=tmp_path / "none"))
 
 
-def test_a_signature_key_that_is_none_stops_the_start(secret: Path, tmp_path: Path) -> None:
+def test_an_invalid_signature_key_stops_the_start(secret: Path, tmp_path: Path) -> None:
     config = Config(state_dir=tmp_path / "state", cloud_jws_key_file=secret)
-    with pytest.raises(OpenSecretError, match="CLOUD_JWS_KEY_FILE"):
+    with pytest.raises(SecretFileError, match="CLOUD_JWS_KEY_FILE"):
         prepare(config)
     assert not config.keys_dir.exists()
 
 
-def test_our_own_is_closed_at_the_start(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_the_mode_of_our_own_files_is_restricted_at_the_start(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
     config = Config(state_dir=tmp_path)
     prepare(config)
     path = key_files.path_of(config.keys_dir, Role.ADMIN)
@@ -72,7 +74,7 @@ def test_our_own_is_closed_at_the_start(tmp_path: Path, caplog: pytest.LogCaptur
 
 
 @pytest.mark.parametrize("number", [errno.EPERM, errno.EROFS])
-def test_what_cannot_be_closed_is_told_and_the_start_goes_on(
+def test_a_file_mode_that_cannot_be_changed_is_logged_and_the_start_goes_on(
     tmp_path: Path,
     number: int,
     monkeypatch: pytest.MonkeyPatch,
@@ -85,5 +87,5 @@ def test_what_cannot_be_closed_is_told_and_the_start_goes_on(
         raise OSError(number, os.strerror(number))
 
     monkeypatch.setattr(Path, "chmod", refuse)
-    key_files.close(path)
-    assert f"{path} can be read by others, and it is not ours to close" in caplog.text
+    key_files.restrict(path)
+    assert f"{path} can be read by others, and its mode cannot be changed" in caplog.text

@@ -1,4 +1,4 @@
-"""One shape for every error, and nothing of our insides in it."""
+"""All errors have one shape and show no internals."""
 
 import base64
 import io
@@ -53,7 +53,7 @@ def test_errors_of_the_address(edge: Edge, method: str, path: str, status: int) 
     shape_of(answer)
 
 
-def test_a_refused_method_tells_which_there_are(edge: Edge) -> None:
+def test_a_refused_method_lists_the_allowed_ones(edge: Edge) -> None:
     assert "POST" in edge.ask("PATCH", "/plans/", "admin").headers["Allow"]
 
 
@@ -127,18 +127,18 @@ def test_a_body_that_is_too_large_is_a_413(edge: Edge) -> None:
     assert edge.count("plan") == 0
 
 
-def test_several_faults_are_told_at_once(edge: Edge) -> None:
+def test_several_faults_are_reported_at_once(edge: Edge) -> None:
     answer = edge.report("pose", telemetry("pose") | {"latitude": 91, "yaw": "north"})
     assert shape_of(answer)["detail"]["json"].keys() == {"latitude", "yaw"}
 
 
-def test_what_was_sent_is_not_echoed(edge: Edge) -> None:
+def test_an_error_does_not_echo_the_request(edge: Edge) -> None:
     answer = edge.report("pose", telemetry("pose") | {"latitude": "my secret"})
     assert answer.status_code == 422
     assert b"my secret" not in answer.data
 
 
-def test_an_error_of_ours_tells_nothing_and_logs_everything(
+def test_an_internal_error_is_logged_and_not_answered(
     edge: Edge, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     def fail(*_: object, **__: object) -> None:

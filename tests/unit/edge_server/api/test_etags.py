@@ -1,16 +1,16 @@
-"""Nobody overwrites what he has not seen."""
+"""Conditional requests prevent lost updates."""
 
 from typing import Any
 
 import pytest
 
-from edge_server.api.fields import EXAMPLE as FIELD
+from edge_server.api.routes.fields import EXAMPLE as FIELD
 from tests.unit.edge_server.conftest import Edge
 from tests.unit.edge_server.documents import mission, plan, telemetry
 
 
 def make(edge: Edge, kind: str) -> tuple[str, Any]:
-    """A thing of a kind: its path, and what a PUT may send."""
+    """A resource: its path, and a body for PUT."""
     if kind == "plan":
         posted = edge.post_plan(plan()).json or {}
         return f"/plans/{posted['id']}", plan(mission(mission_id=99))

@@ -1,10 +1,10 @@
-"""Values at the edge of what a database can hold: on no engine are they an error of ours."""
+"""Values at the edge of what a database can hold: no engine answers with an internal error."""
 
 from typing import Any
 
 import pytest
 
-from edge_server.store import keys
+from edge_server.store.rows import keys
 from tests.support.databases import BOTH_ENGINES
 from tests.unit.edge_server.conftest import Edge
 from tests.unit.edge_server.documents import mission, mission_report, plan, telemetry
@@ -111,7 +111,7 @@ def report_time(text: str) -> dict[str, str]:
         '{"altitude": 3, "alt\\u0069tude": 119}',
     ],
 )
-def test_a_member_that_stands_twice_is_refused(edge: Edge, raw: str) -> None:
+def test_a_duplicate_member_is_refused(edge: Edge, raw: str) -> None:
     options: dict[str, Any] = {"data": raw, "content_type": "application/json"}
     answer = edge.ask("PUT", "/vehicles/1", "broker", **options)
     assert answer.status_code == 400

@@ -1,4 +1,4 @@
-"""Lists that are narrowed by vehicle, by time and by cursor."""
+"""Lists filtered by vehicle, by time and by cursor."""
 
 from typing import Any
 
@@ -38,7 +38,7 @@ def vehicles_of(items: list[dict[str, Any]]) -> list[int]:
         ("?limit=3", [1, 2, 1]),
     ],
 )
-def test_a_narrowed_list(listed: Edge, path: str, query: str, vehicles: list[int]) -> None:
+def test_a_filtered_list(listed: Edge, path: str, query: str, vehicles: list[int]) -> None:
     assert vehicles_of(listed.get(path + query)) == vehicles
 
 

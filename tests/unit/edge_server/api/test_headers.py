@@ -1,4 +1,4 @@
-"""Every answer tells a browser what it may not do, and nothing of our insides."""
+"""Every answer has the security headers and shows no internals."""
 
 import json
 from dataclasses import replace
@@ -29,7 +29,7 @@ ASKED: list[tuple[str, str, str | None, Any]] = [
 
 
 @pytest.mark.parametrize(("method", "path", "role", "body"), ASKED)
-def test_every_answer_is_hardened(
+def test_every_answer_has_the_security_headers(
     edge: Edge, method: str, path: str, role: str | None, body: Any
 ) -> None:
     options = {} if body is None else {"json": body}
@@ -40,20 +40,20 @@ def test_every_answer_is_hardened(
     assert "Strict-Transport-Security" not in answer.headers
 
 
-def test_the_page_of_the_documentation_keeps_its_stricter_rule(edge: Edge) -> None:
+def test_the_documentation_page_keeps_its_stricter_policy(edge: Edge) -> None:
     rules = edge.ask("GET", "/docs", "operator").headers.getlist("Content-Security-Policy")
     assert len(rules) == 1
     assert "default-src 'none'" in rules[0]
 
 
-def test_with_tls_a_browser_is_to_come_back_with_it(config: Config) -> None:
+def test_with_tls_the_answer_has_strict_transport_security(config: Config) -> None:
     app = create_app(replace(config, tls_certificate_file=Path("certificate.pem")))
     answer = Edge(app.test_client(), context_of(app), Clock()).ask("GET", "/healthz", None)
     assert "max-age" in answer.headers["Strict-Transport-Security"]
     context_of(app).database.close()
 
 
-def test_a_fault_of_ours_tells_nothing_of_it(edge: Edge, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_internal_error_shows_no_internals(edge: Edge, monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(*_: object, **__: object) -> None:
         raise RuntimeError("secret words at /home/farm/edge.py")
 
@@ -66,7 +66,7 @@ def test_a_fault_of_ours_tells_nothing_of_it(edge: Edge, monkeypatch: pytest.Mon
 
 
 @pytest.mark.parametrize("number", ["NaN", "Infinity", "-Infinity", "1e999"])
-def test_no_number_comes_back_that_is_none(edge: Edge, number: str) -> None:
+def test_no_answer_has_nan_or_infinity(edge: Edge, number: str) -> None:
     raw = json.dumps(plan()).replace('"altitude": 5.0', f'"altitude": {number}', 1)
     answer = edge.ask("POST", "/plans/", "operator", data=raw, content_type="application/json")
     assert answer.status_code == 422
@@ -79,9 +79,9 @@ def test_a_number_that_would_become_0_is_refused_by_its_field(edge: Edge, number
     raw = json.dumps(plan()).replace('"altitude": 5.0', f'"altitude": {number}', 1)
     answer = edge.ask("POST", "/plans/", "operator", data=raw, content_type="application/json")
     assert answer.status_code == 422
-    ((path, told),) = (answer.json or {})["detail"]["json"].items()
+    ((path, faults),) = (answer.json or {})["detail"]["json"].items()
     assert path == "missions.0.command_array.0.parameters.altitude"
-    assert "closer to 0 than a double can represent" in str(told)
+    assert "closer to 0 than a double can represent" in str(faults)
 
 
 @pytest.mark.parametrize("zero", ["0.0", "-0.0", "0e-400", "0.000E5"])

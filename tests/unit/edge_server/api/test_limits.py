@@ -1,4 +1,4 @@
-"""Too many requests are refused with a time to wait; nobody is shut out by another's faults."""
+"""Too many requests are refused with a Retry-After; clients do not affect each other."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -7,7 +7,7 @@ import pytest
 
 from edge_server.app import context_of, create_app
 from edge_server.config import Config
-from edge_server.front.client_address import network_of
+from edge_server.connections.client_address import network_of
 from tests.unit.edge_server.conftest import Clock, Edge
 from tests.unit.edge_server.documents import telemetry
 
@@ -17,24 +17,24 @@ WRONG = {"X-API-Key": "fm_00000000_" + "0" * 64}
 @pytest.fixture
 def tight(config: Config) -> Iterator[Edge]:
     """An edge server with small limits."""
-    narrow = replace(
+    strict = replace(
         config, requests_per_minute=3, broker_requests_per_minute=5, failures_per_minute=2
     )
-    app = create_app(narrow, clock=Clock())
+    app = create_app(strict, clock=Clock())
     context = context_of(app)
     yield Edge(app.test_client(), context, Clock())
     context.database.close()
 
 
-def test_a_key_that_asks_too_often_is_told_when_to_come_back(tight: Edge) -> None:
+def test_too_many_requests_are_answered_with_a_retry_after(tight: Edge) -> None:
     found = [tight.ask("GET", "/plans/", "operator") for _ in range(4)]
     assert [answer.status_code for answer in found] == [200, 200, 200, 429]
     assert 1 <= int(found[-1].headers["Retry-After"]) <= 60
-    assert (found[-1].json or {})["message"] == "this key asks too often"
+    assert (found[-1].json or {})["message"] == "too many requests with this key"
     assert tight.ask("GET", "/plans/", "farmer").status_code == 200
 
 
-def test_what_vehicles_report_has_a_limit_of_its_own(tight: Edge) -> None:
+def test_the_broker_has_a_limit_of_its_own(tight: Edge) -> None:
     for _ in range(4):
         tight.ask("GET", "/plans/", "operator")
     found = [tight.report("pose", telemetry("pose", number)).status_code for number in range(6)]
@@ -52,7 +52,7 @@ def test_wrong_keys_are_counted_by_address(tight: Edge) -> None:
     assert [try_from(f"2001:db8::{number}") for number in range(3)] == [401, 401, 429]
 
 
-def test_a_good_key_is_never_shut_out_and_no_key_is_a_401(tight: Edge) -> None:
+def test_a_valid_key_is_never_limited_by_unknown_ones(tight: Edge) -> None:
     for _ in range(5):
         tight.ask("GET", "/plans/", None, headers=WRONG)
     assert tight.ask("GET", "/plans/", None, headers=WRONG).status_code == 429
@@ -72,5 +72,5 @@ def test_a_good_key_is_never_shut_out_and_no_key_is_a_401(tight: Edge) -> None:
         ("nonsense", "unknown"),
     ],
 )
-def test_whom_an_address_stands_for(address: str | None, network: str) -> None:
+def test_the_network_of_an_address(address: str | None, network: str) -> None:
     assert network_of(address) == network

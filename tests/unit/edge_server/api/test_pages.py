@@ -29,9 +29,9 @@ def walk(edge: Edge, path: str, headers: dict[str, str] | None = None) -> list[l
         after = pages[-1][-1]
 
 
-@pytest.mark.parametrize("is_narrowed", [False, True])
+@pytest.mark.parametrize("is_restricted", [False, True])
 def test_a_page_ends_for_its_size_and_the_next_one_goes_on(
-    edge: Edge, monkeypatch: pytest.MonkeyPatch, *, is_narrowed: bool
+    edge: Edge, monkeypatch: pytest.MonkeyPatch, *, is_restricted: bool
 ) -> None:
     monkeypatch.setattr(listing, "MOST_BYTES", 2000)
     ids = [
@@ -39,7 +39,7 @@ def test_a_page_ends_for_its_size_and_the_next_one_goes_on(
         for number in range(60)
     ]
     headers = None
-    if is_narrowed:
+    if is_restricted:
         body = {"name": "narrow", "role": "operator", "vehicle_ids": [1, 2, 3]}
         made = edge.post("/keys/", body, "admin").json
         assert made is not None
@@ -80,9 +80,9 @@ def test_of_many_faults_fifty_are_reported_and_the_rest_is_counted(edge: Edge) -
     answer = edge.report("pose", body)
     assert answer.status_code == 422
     assert answer.json is not None
-    told = answer.json["detail"]["json"]
-    assert len(told) == 51
-    assert told[""] == ["and 19950 more faults"]
+    faults = answer.json["detail"]["json"]
+    assert len(faults) == 51
+    assert faults[""] == ["and 19950 more faults"]
     assert len(answer.data) < 10_000
 
 

@@ -6,12 +6,12 @@ from typing import Any
 
 import pytest
 
-from edge_server.api.fields import EXAMPLE as FIELD
-from edge_server.api.plan_files import EXAMPLE as PLAN_FILE
-from edge_server.api.surveys import EXAMPLE as SURVEY
+from edge_server.api.routes.fields import EXAMPLE as FIELD
+from edge_server.api.routes.plan_files import EXAMPLE as PLAN_FILE
+from edge_server.api.routes.surveys import EXAMPLE as SURVEY
 from edge_server.app import context_of, create_app
 from edge_server.config import Config
-from edge_server.store.keys import Role
+from edge_server.store.rows.keys import Role
 from tests.unit.edge_server.conftest import Clock, Edge
 from tests.unit.edge_server.documents import TELEMETRY, event, plan, speed_event, telemetry
 
@@ -85,9 +85,9 @@ for _kind in TELEMETRY:
     ]
 OPEN = {("GET", "/healthz"), ("GET", "/readyz")}
 PLACES = (("int64", "1"), (r"string\(length=26\)", ULID), (r"string\(length=8\)", "0123abcd"))
-"""What stands in an address, by its converter."""
+"""Values in a path, by converter."""
 WITHOUT_VEHICLES = ("/openapi.json", "/docs", "/metrics", "/audit", "/keys", "/fields")
-"""Addresses of things that belong to no vehicle."""
+"""Paths of resources without a vehicle."""
 
 
 @pytest.mark.parametrize("row", MATRIX, ids=lambda row: f"{row[0]} {row[1]}")
@@ -101,7 +101,7 @@ def test_a_row_of_the_matrix(edge: Edge, row: tuple[str, str, set[str], Any]) ->
     assert edge.ask(method, path, None, **options).status_code == 401
 
 
-def test_every_route_stands_in_the_matrix(edge: Edge) -> None:
+def test_every_route_is_in_the_matrix(edge: Edge) -> None:
     rules = list(edge.client.application.url_map.iter_rules())
     adapter = edge.client.application.url_map.bind("localhost")
     covered = {
@@ -112,7 +112,7 @@ def test_every_route_stands_in_the_matrix(edge: Edge) -> None:
 
 
 def test_every_cell_of_every_spelling_of_every_route(edge: Edge) -> None:
-    """Each rule and method of the app by each role and by nobody, judged by the one table."""
+    """Each rule and method of the app by each role and without a key, against the table."""
     adapter = edge.client.application.url_map.bind("localhost")
     table: dict[tuple[str, str], set[str]] = {}
     for method, path, allowed, _ in MATRIX:
@@ -139,7 +139,7 @@ def test_every_cell_of_every_spelling_of_every_route(edge: Edge) -> None:
 
 
 def test_a_key_for_another_vehicle_reaches_nothing(edge: Edge) -> None:
-    """Every row of the table once more, by keys that are good for vehicle 9 alone."""
+    """Every row of the table once more, by keys that are restricted to vehicle 9."""
     edge.post_plan(plan())
     for kind in TELEMETRY:
         edge.report(kind, telemetry(kind))
@@ -166,7 +166,7 @@ def test_a_key_for_another_vehicle_reaches_nothing(edge: Edge) -> None:
     assert after == before
 
 
-def test_an_unmarked_route_is_nobodys(config: Config) -> None:
+def test_a_route_without_roles_refuses_all(config: Config) -> None:
     app = create_app(config)
     app.add_url_rule("/forgotten", "forgotten", lambda: "secret")
     edge = Edge(app.test_client(), context_of(app), Clock())
@@ -176,7 +176,7 @@ def test_an_unmarked_route_is_nobodys(config: Config) -> None:
 
 
 @pytest.mark.parametrize("path", ["/", "/nothing", "/plans/1", "/pose/", "/broker/commands"])
-def test_a_stranger_learns_nothing(edge: Edge, path: str) -> None:
+def test_without_a_key_every_path_is_a_401(edge: Edge, path: str) -> None:
     answer = edge.ask("GET", path, None)
     assert answer.status_code == 401
     assert answer.headers["WWW-Authenticate"].startswith("Bearer")
@@ -208,7 +208,7 @@ def test_both_headers_carry_a_key(edge: Edge) -> None:
         lambda _: "\xe9" * 40,
     ],
 )
-def test_almost_a_key_is_no_key(edge: Edge, spoil: Any) -> None:
+def test_an_altered_key_is_refused(edge: Edge, spoil: Any) -> None:
     headers = {"X-API-Key": spoil(edge.key("admin"))}
     assert edge.ask("GET", "/plans/", None, headers=headers).status_code == 401
 

@@ -1,4 +1,4 @@
-"""What the cloud signs is taken once; everything that only looks like it is refused."""
+"""A signature of the cloud is accepted once; any other is refused."""
 
 import hashlib
 import hmac
@@ -53,7 +53,7 @@ def test_a_plan_that_wants_to_start_by_itself_is_refused(edge: Edge) -> None:
     assert edge.count("plan") == 0
 
 
-def test_the_body_may_be_signed_as_it_is(edge: Edge) -> None:
+def test_the_body_may_be_signed_without_base64(edge: Edge) -> None:
     header = claims(NOON, b64=False, crit=["b64"])
     assert post(edge, sign(BODY, header)).status_code == 201
 
@@ -79,7 +79,7 @@ HOSTILE: list[tuple[int, str | None]] = [
     (401, sign(BODY, claims(NOON, jku="https://example.org/keys"))),
     (401, sign(BODY, claims(NOON, crit=["exp"]))),
     (401, sign(BODY, claims(NOON, crit="b64"))),
-    (401, sign(BODY, claims(NOON, b64=False))),  # Without crit nobody need heed it
+    (401, sign(BODY, claims(NOON, b64=False))),  # Without crit a verifier may ignore b64
     (401, encode(b"[1]") + "..AAAA"),
     (401, encode(b"\xff") + "..AAAA"),
     (401, encode(b"[" * 3000) + "..AAAA"),
@@ -116,7 +116,7 @@ def test_a_hostile_token_leaves_no_trace(edge: Edge) -> None:
     assert edge.count("plan") == edge.count("spent_token") == 0
 
 
-def test_a_signature_is_worth_one_effect(edge: Edge) -> None:
+def test_a_signature_is_used_once(edge: Edge) -> None:
     signature = sign(BODY, claims(NOON))
     assert post(edge, signature).status_code == 201
     answer = post(edge, signature)
@@ -125,7 +125,7 @@ def test_a_signature_is_worth_one_effect(edge: Edge) -> None:
     assert edge.count("plan") == edge.count("spent_token") == 1
 
 
-def test_an_answer_that_was_lost_is_given_again(edge: Edge) -> None:
+def test_a_lost_answer_is_repeated(edge: Edge) -> None:
     signature = sign(BODY, claims(NOON))
     first = post(edge, signature, key="once").json
     again = post(edge, signature, key="once")
@@ -134,7 +134,7 @@ def test_an_answer_that_was_lost_is_given_again(edge: Edge) -> None:
     assert edge.count("plan") == edge.count("audit") == 1
 
 
-def test_a_refused_plan_uses_its_signature_up(edge: Edge) -> None:
+def test_a_refused_plan_uses_up_its_signature(edge: Edge) -> None:
     unknown = json.dumps(plan(dispatch=False)).replace('"vehicle_id": 1', '"vehicle_id": 9')
     signature = sign(unknown.encode(), claims(NOON))
     assert post(edge, signature, unknown.encode()).status_code == 422
@@ -165,7 +165,7 @@ def test_a_refused_abort_cannot_be_repeated_when_there_is_something_to_abort(
     assert len(edge.work()) == 1
 
 
-def test_a_refusal_of_the_moment_leaves_the_signature_good(edge: Edge) -> None:
+def test_a_temporary_refusal_leaves_the_signature_valid(edge: Edge) -> None:
     edge.post_plan(plan())
     for number in range(EVENT_LIMIT):
         body = {"sequence_number": number, "vehicle_id": 1, "event_type_id": 3, "maximum_speed": 2}
@@ -225,7 +225,7 @@ def private() -> Ed25519PrivateKey:
 
 @pytest.fixture(scope="module")
 def pem(private: Ed25519PrivateKey) -> str:
-    """What we know of it."""
+    """Its public part."""
     form = serialization.PublicFormat.SubjectPublicKeyInfo
     return private.public_key().public_bytes(serialization.Encoding.PEM, form).decode()
 
@@ -283,6 +283,6 @@ def test_a_file_without_a_key_of_ours_is_refused(tmp_path: Path, content: object
 
 
 @given(shown=st.text(max_size=60) | st.from_regex(r"[A-Za-z0-9_-]{0,40}\.\.[A-Za-z0-9_-]{0,40}"))
-def test_no_text_is_taken_for_a_signature(shown: str) -> None:
+def test_malformed_signatures_are_refused(shown: str) -> None:
     with pytest.raises((HTTPException, RequestError)):
         jws.Signatures({None: _secret()}, "edge").check(shown, BODY, "/plans", NOON)

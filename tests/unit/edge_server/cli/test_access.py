@@ -1,4 +1,4 @@
-"""Keys and the audit log at the shell."""
+"""Keys and the audit log on the terminal."""
 
 import json
 from collections.abc import Callable
@@ -12,23 +12,23 @@ from edge_server.config import Config
 from edge_server.process import preparation
 from edge_server.process.exit_codes import FAILED, OK, WRONG_SETUP
 from edge_server.security import key_files
-from edge_server.store import keys
-from edge_server.store.keys import Role, StoredKey
+from edge_server.store.rows import keys
+from edge_server.store.rows.keys import Role, StoredKey
 
 Run = Callable[..., tuple[int, str, str]]
 
 
 @pytest.fixture
 def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
-    """Run a command over a state folder; gives exit code, output, complaints."""
+    """Run a command over a state folder; gives exit code, stdout, stderr."""
     monkeypatch.setattr("edge_server.observability.logs.configure", lambda *_: None)
     monkeypatch.setattr("edge_server.observability.logs.redact_with", lambda *_: None)
 
     def call(*arguments: str) -> tuple[int, str, str]:
         capsys.readouterr()
         code = main(["--state-dir", str(tmp_path), *arguments])
-        said = capsys.readouterr()
-        return code, said.out, said.err
+        captured = capsys.readouterr()
+        return code, captured.out, captured.err
 
     return call
 
@@ -41,7 +41,7 @@ def known(tmp_path: Path) -> dict[str, StoredKey]:
     return found
 
 
-def test_a_key_from_its_making_to_its_end(run: Run, tmp_path: Path) -> None:
+def test_the_life_of_a_key(run: Run, tmp_path: Path) -> None:
     code, secret, _ = run("keys", "create", "broker", "north", "--vehicle", "1", "--hours", "2")
     prefix = keys.prefix_of(secret.strip())
     assert code == OK
@@ -55,24 +55,24 @@ def test_a_key_from_its_making_to_its_end(run: Run, tmp_path: Path) -> None:
     assert run("keys", "revoke", "north")[0] == OK
     assert known(tmp_path)[prefix].revoked_at is not None
     code, _, complaint = run("keys", "revoke", "north")
-    assert (code, complaint) == (FAILED, "edge server: no key north opens anything\n")
+    assert (code, complaint) == (FAILED, "edge server: no active key north\n")
 
 
-def test_rotation_with_overlap_leaves_both_for_a_while(run: Run, tmp_path: Path) -> None:
+def test_rotation_with_overlap_leaves_both_keys_valid(run: Run, tmp_path: Path) -> None:
     old = keys.prefix_of(run("keys", "create", "farmer", "tablet", "--scope", "read")[1].strip())
     assert old is not None
-    code, said, complaint = run("keys", "rotate", "tablet", "--overlap-hours", "1")
-    new = keys.prefix_of(said.strip())
+    code, output, complaint = run("keys", "rotate", "tablet", "--overlap-hours", "1")
+    new = keys.prefix_of(output.strip())
     assert code == OK
     assert new is not None
-    assert "opens until" in complaint
+    assert "is valid until" in complaint
     found = known(tmp_path)
     assert found[new].scopes == found[old].scopes == frozenset({keys.Scope.READ})
     assert found[new].expires_at is None
     now = found[new].created_at
-    assert found[old].opens(now + 3590)
-    assert not found[old].opens(now + 3610)
-    assert run("keys", "revoke", "tablet")[2].endswith(f"say which: {old}, {new}\n")
+    assert found[old].is_valid(now + 3590)
+    assert not found[old].is_valid(now + 3610)
+    assert run("keys", "revoke", "tablet")[2].endswith(f"use a prefix: {old}, {new}\n")
 
 
 def test_a_roles_file_is_rotated_and_other_keys_of_the_role_stay(run: Run, tmp_path: Path) -> None:
@@ -98,7 +98,7 @@ def test_a_roles_file_is_rotated_and_other_keys_of_the_role_stay(run: Run, tmp_p
         (("create", "broker", "a", "--vehicle", "0"), "vehicle_ids"),
     ],
 )
-def test_what_makes_no_key_is_named(run: Run, arguments: tuple[str, ...], word: str) -> None:
+def test_an_invalid_key_request_is_named(run: Run, arguments: tuple[str, ...], word: str) -> None:
     code, _, complaint = run("keys", *arguments)
     assert code == WRONG_SETUP
     assert word in complaint
@@ -112,7 +112,7 @@ def test_the_log_is_exported_and_verified(run: Run, tmp_path: Path) -> None:
         ("shell", "keys.create"),
         ("shell", "keys.rotate"),
     ]
-    assert run("audit", "verify") == (OK, "2 rows, whole\n", "")
+    assert run("audit", "verify") == (OK, "2 rows, intact\n", "")
     database = preparation.open_database(Config(state_dir=tmp_path))
     with database.write() as connection:
         connection.execute(text("DROP TRIGGER audit_never_changes"))

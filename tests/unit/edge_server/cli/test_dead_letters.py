@@ -1,4 +1,4 @@
-"""Dead letters at the shell."""
+"""Dead letters on the terminal."""
 
 import json
 from pathlib import Path
@@ -7,7 +7,7 @@ import pytest
 
 from edge_server.__main__ import main
 from edge_server.process.exit_codes import FAILED, OK, WRONG_SETUP
-from tests.unit.edge_server.api.test_dead_letters import REASON, due, rejected
+from tests.unit.edge_server.api.routes.test_dead_letters import REASON, due, rejected
 from tests.unit.edge_server.conftest import Edge
 from tests.unit.edge_server.documents import telemetry
 
@@ -16,7 +16,9 @@ def run(edge: Edge, *words: str) -> int:
     return main(["--state-dir", str(edge.config.state_dir), "dead-letters", *words])
 
 
-def test_they_are_listed_with_their_reason(edge: Edge, capsys: pytest.CaptureFixture[str]) -> None:
+def test_dead_letters_are_listed_with_the_reason(
+    edge: Edge, capsys: pytest.CaptureFixture[str]
+) -> None:
     first, second = rejected(edge), rejected(edge, "battery", 2)
     assert run(edge, "list") == OK
     lines = capsys.readouterr().out.splitlines()
@@ -25,7 +27,7 @@ def test_they_are_listed_with_their_reason(edge: Edge, capsys: pytest.CaptureFix
     assert "battery" in lines[1]
 
 
-def test_they_are_sent_once_more_or_given_up(edge: Edge) -> None:
+def test_dead_letters_are_retried_or_discarded(edge: Edge) -> None:
     first, second = rejected(edge), rejected(edge)
     assert run(edge, "retry", str(first["id"])) == OK
     assert run(edge, "discard", str(second["id"])) == OK
@@ -33,7 +35,7 @@ def test_they_are_sent_once_more_or_given_up(edge: Edge) -> None:
     assert edge.get("/dead_letters/") == []
 
 
-def test_a_missing_one_is_told_and_the_rest_goes_on(
+def test_a_missing_one_is_reported_and_the_rest_goes_on(
     edge: Edge, capsys: pytest.CaptureFixture[str]
 ) -> None:
     letter = rejected(edge)
@@ -42,21 +44,21 @@ def test_a_missing_one_is_told_and_the_rest_goes_on(
     assert due(edge) == [letter["id"]]
 
 
-def test_without_a_database_it_says_so(
+def test_without_a_database_it_fails_with_a_message(
     tmp_path: object, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["--state-dir", str(tmp_path), "dead-letters", "list"]) == WRONG_SETUP
     assert "no database" in capsys.readouterr().err
 
 
-def test_all_are_sent_once_more(edge: Edge, capsys: pytest.CaptureFixture[str]) -> None:
+def test_all_are_retried(edge: Edge, capsys: pytest.CaptureFixture[str]) -> None:
     letters = [rejected(edge)["id"] for _ in range(3)]
     assert run(edge, "retry-all") == OK
     assert "3 done" in capsys.readouterr().out
     assert due(edge) == letters
 
 
-def test_they_are_exported_whole(edge: Edge, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_export_is_complete(edge: Edge, capsys: pytest.CaptureFixture[str]) -> None:
     picture = rejected(edge, "image")
     assert run(edge, "export") == OK
     (line,) = capsys.readouterr().out.splitlines()
@@ -64,7 +66,7 @@ def test_they_are_exported_whole(edge: Edge, capsys: pytest.CaptureFixture[str])
     assert "frame" in json.loads(line)["report"]
 
 
-def test_one_is_corrected_from_a_file(edge: Edge, tmp_path: Path) -> None:
+def test_a_dead_letter_is_corrected_from_a_file(edge: Edge, tmp_path: Path) -> None:
     letter = rejected(edge)
     file = tmp_path / "pose.json"
     file.write_text(json.dumps({"pose": telemetry("pose") | {"yaw": 12.5}}), encoding="utf-8")

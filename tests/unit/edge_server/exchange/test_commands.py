@@ -16,6 +16,7 @@ from afarcloud.wire import read_as, write
 from edge_server.exchange import from_commands, qgc_plan, to_commands
 from edge_server.exchange.mission_item import Place
 from edge_server.exchange.to_commands import HANDLERS, HARMLESS, Translated
+from tests.support.cases import failures
 from tests.unit.edge_server.exchange.missions import (
     HOME,
     TAKEOFF,
@@ -257,10 +258,7 @@ CASES = [
 ]
 
 
-@pytest.mark.parametrize(("reason", "items"), CASES)
-def test_what_no_command_tells_is_refused_by_number_and_reason(
-    reason: str, items: list[dict[str, Any]]
-) -> None:
+def check_refused(reason: str, items: list[dict[str, Any]]) -> None:
     if reason.startswith("more than 700"):
         items = [*items[:2], simple(16, 0, 0, 0, None, 40.4535, -3.7382, 10)]
     found = refusal(*items)
@@ -268,6 +266,10 @@ def test_what_no_command_tells_is_refused_by_number_and_reason(
     for path, message in found.items():
         number = int(path.rpartition(".")[2])
         assert message.startswith(f"item {number + 1} (")
+
+
+def test_an_item_without_a_command_is_refused_with_number_and_reason() -> None:
+    assert failures(check_refused, CASES) == []
 
 
 def test_all_refusals_are_told_at_once() -> None:

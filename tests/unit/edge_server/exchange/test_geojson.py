@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from afarcloud.faults import InvalidError
 from edge_server.exchange import geojson
 from edge_server.exchange.field import Field
+from tests.support.cases import failures
 
 OUTER = [[-3.74, 40.44], [-3.73, 40.44], [-3.73, 40.45], [-3.74, 40.45], [-3.74, 40.44]]
 HOLE = [[-3.736, 40.444], [-3.734, 40.444], [-3.734, 40.446], [-3.736, 40.444]]
@@ -79,60 +80,63 @@ def test_heights_and_what_others_add_are_passed_over() -> None:
     assert fields(document)[0].boundary[0] == (40.44, -3.74)
 
 
-@pytest.mark.parametrize(
-    ("document", "path"),
-    [
-        ([], ""),
-        ({"type": "Point", "coordinates": [1, 2]}, "type"),
-        ({"type": "GeometryCollection", "geometries": [POLYGON]}, "type"),
-        (feature({"type": "LineString", "coordinates": OUTER}), "geometry.type"),
-        ({"type": "Feature", "geometry": None, "properties": {}}, "geometry"),
-        ({"type": "FeatureCollection"}, "features"),
-        ({"type": "FeatureCollection", "features": []}, "features"),
-        ({"type": "FeatureCollection", "features": [feature(), 5]}, "features.1.type"),
-        ({"type": "FeatureCollection", "features": [POLYGON]}, "features.0.type"),
-        (
-            {
-                "type": "FeatureCollection",
-                "features": [feature(), feature({"type": "Point", "coordinates": [0, 0]})],
-            },
-            "features.1.geometry.type",
-        ),
-        ({"type": "Polygon"}, "coordinates"),
-        ({"type": "Polygon", "coordinates": []}, "coordinates"),
-        ({"type": "Polygon", "coordinates": [OUTER[:4]]}, "coordinates.0"),
-        ({"type": "Polygon", "coordinates": [OUTER[:2] + OUTER[:1]]}, "coordinates.0"),
-        ({"type": "Polygon", "coordinates": [[*OUTER[:-1], [-3.74]]]}, "coordinates.0.4"),
-        ({"type": "Polygon", "coordinates": [[["1", "2"], *OUTER]]}, "coordinates.0.0"),
-        ({"type": "Polygon", "coordinates": [[[True, 2], *OUTER]]}, "coordinates.0.0"),
-        ({"type": "Polygon", "coordinates": [[[float("nan"), 2], *OUTER]]}, "coordinates.0.0"),
-        ({"type": "Polygon", "coordinates": [[[181, 2], *OUTER]]}, "coordinates.0.0.0"),
-        ({"type": "Polygon", "coordinates": [[[40.0, -93.7], *OUTER]]}, "coordinates.0.0.1"),
-        ({"type": "Polygon", "coordinates": [OUTER, EAST]}, "coordinates.1"),
-        (
-            {
-                "type": "MultiPolygon",
-                "coordinates": [
-                    [OUTER],
-                    [[[0, 0], [0.01, 0.01], [0.01, 0], [0, 0.01], [0, 0]]],
-                ],
-            },
-            "coordinates.1.0",
-        ),
-        ({"type": "MultiPolygon", "coordinates": [[OUTER]] * 101}, "coordinates.0"),
-        ({"type": "MultiPolygon", "coordinates": []}, "coordinates"),
-        ({"type": "FeatureCollection", "features": [feature()] * 101}, "features"),
-        ({**POLYGON, "crs": {"type": "name", "properties": {"name": "EPSG:25830"}}}, "crs"),
-        ({**POLYGON, "crs": 5}, "crs"),
-        (feature(exclusions=[[[1, 2]]]), "properties.exclusions.0"),
-        (
-            feature({"type": "MultiPolygon", "coordinates": [[OUTER], [EAST]]}, exclusions=[HOLE]),
-            "properties.exclusions",
-        ),
-    ],
-)
-def test_what_is_no_boundary_is_refused_at_its_place(document: Any, path: str) -> None:
+INVALID: list[tuple[Any, str]] = [
+    ([], ""),
+    ({"type": "Point", "coordinates": [1, 2]}, "type"),
+    ({"type": "GeometryCollection", "geometries": [POLYGON]}, "type"),
+    (feature({"type": "LineString", "coordinates": OUTER}), "geometry.type"),
+    ({"type": "Feature", "geometry": None, "properties": {}}, "geometry"),
+    ({"type": "FeatureCollection"}, "features"),
+    ({"type": "FeatureCollection", "features": []}, "features"),
+    ({"type": "FeatureCollection", "features": [feature(), 5]}, "features.1.type"),
+    ({"type": "FeatureCollection", "features": [POLYGON]}, "features.0.type"),
+    (
+        {
+            "type": "FeatureCollection",
+            "features": [feature(), feature({"type": "Point", "coordinates": [0, 0]})],
+        },
+        "features.1.geometry.type",
+    ),
+    ({"type": "Polygon"}, "coordinates"),
+    ({"type": "Polygon", "coordinates": []}, "coordinates"),
+    ({"type": "Polygon", "coordinates": [OUTER[:4]]}, "coordinates.0"),
+    ({"type": "Polygon", "coordinates": [OUTER[:2] + OUTER[:1]]}, "coordinates.0"),
+    ({"type": "Polygon", "coordinates": [[*OUTER[:-1], [-3.74]]]}, "coordinates.0.4"),
+    ({"type": "Polygon", "coordinates": [[["1", "2"], *OUTER]]}, "coordinates.0.0"),
+    ({"type": "Polygon", "coordinates": [[[True, 2], *OUTER]]}, "coordinates.0.0"),
+    ({"type": "Polygon", "coordinates": [[[float("nan"), 2], *OUTER]]}, "coordinates.0.0"),
+    ({"type": "Polygon", "coordinates": [[[181, 2], *OUTER]]}, "coordinates.0.0.0"),
+    ({"type": "Polygon", "coordinates": [[[40.0, -93.7], *OUTER]]}, "coordinates.0.0.1"),
+    ({"type": "Polygon", "coordinates": [OUTER, EAST]}, "coordinates.1"),
+    (
+        {
+            "type": "MultiPolygon",
+            "coordinates": [
+                [OUTER],
+                [[[0, 0], [0.01, 0.01], [0.01, 0], [0, 0.01], [0, 0]]],
+            ],
+        },
+        "coordinates.1.0",
+    ),
+    ({"type": "MultiPolygon", "coordinates": [[OUTER]] * 101}, "coordinates.0"),
+    ({"type": "MultiPolygon", "coordinates": []}, "coordinates"),
+    ({"type": "FeatureCollection", "features": [feature()] * 101}, "features"),
+    ({**POLYGON, "crs": {"type": "name", "properties": {"name": "EPSG:25830"}}}, "crs"),
+    ({**POLYGON, "crs": 5}, "crs"),
+    (feature(exclusions=[[[1, 2]]]), "properties.exclusions.0"),
+    (
+        feature({"type": "MultiPolygon", "coordinates": [[OUTER], [EAST]]}, exclusions=[HOLE]),
+        "properties.exclusions",
+    ),
+]
+
+
+def check_invalid(document: Any, path: str) -> None:
     assert path in faults(document)
+
+
+def test_an_invalid_boundary_is_refused_with_its_path() -> None:
+    assert failures(check_invalid, INVALID) == []
 
 
 def test_all_faults_are_told_at_once() -> None:

@@ -14,6 +14,7 @@ from afarcloud.plan import Geofence, Mission
 from afarcloud.wire import read_as
 from edge_server.exchange import from_commands, qgc_plan
 from edge_server.exchange.mission_item import Home
+from tests.support.cases import failures
 from tests.unit.edge_server.exchange.missions import HOME, TAKEOFF, at, missions, plan_file
 
 
@@ -57,53 +58,56 @@ def test_what_a_survey_expands_to_is_read_in_its_place(kind: str) -> None:
     assert file.items[3].path == "mission.items.2"
 
 
-@pytest.mark.parametrize(
-    ("document", "path"),
-    [
-        ([], "fileType"),
-        (plan_file() | {"fileType": "GeoFence"}, "fileType"),
-        (plan_file() | {"version": 2}, "version"),
-        (plan_file() | {"mission": None}, "mission.version"),
-        (plan_file(version=1), "mission.version"),
-        (plan_file(items={}), "mission.items"),
-        (plan_file(plannedHomePosition=[1, 2]), "mission.plannedHomePosition"),
-        (plan_file(plannedHomePosition=[1, True, 3]), "mission.plannedHomePosition"),
-        (plan_file(5), "mission.items.0.type"),  # type: ignore[arg-type]  # as files may be
-        (plan_file(TAKEOFF, {"type": "Item"}), "mission.items.1.type"),
-        (plan_file(survey(at(16), kind="StructureScan")), "mission.items.0"),
-        (plan_file(survey(at(16), kind=[])), "mission.items.0"),  # type: ignore[arg-type]  # as above
-        (plan_file(at(16, params=[10**400] * 7)), "mission.items.0"),
-        (plan_file(plannedHomePosition=[10**400, 2, 3]), "mission.plannedHomePosition"),
-        (plan_file(survey(5)), "mission.items.0.TransectStyleComplexItem.Items.0"),
-        (plan_file(at(16) | {"command": "16"}), "mission.items.0"),
-        (plan_file(at(16) | {"command": True}), "mission.items.0"),
-        (plan_file(at(16, frame=-1)), "mission.items.0"),
-        (plan_file(at(16, params=[0] * 6)), "mission.items.0"),
-        (plan_file(at(16, params=[0] * 6 + ["x"])), "mission.items.0"),
-        (plan_file(at(16, params=[0] * 6 + [math.inf])), "mission.items.0"),
-        (fenced(version=3), "geoFence.version"),
-        (fenced(version=True), "geoFence.version"),
-        (plan_file(TAKEOFF) | {"geoFence": []}, "geoFence.version"),
-        (fenced(polygons={}), "geoFence.polygons"),
-        (fenced(polygons=[{"polygon": []}]), "geoFence.polygons.0.inclusion"),
-        (fenced(polygons=[{"inclusion": True}]), "geoFence.polygons.0.polygon"),
-        (fenced(circles=[{"inclusion": True}]), "geoFence.circles.0.circle"),
-        (
-            fenced(circles=[{"inclusion": True, "circle": {"center": [40, -3], "radius": -1}}]),
-            "geoFence.circles.0.circle",
-        ),
-        (
-            fenced(circles=[{"inclusion": True, "circle": {"center": [1, 2], "radius": 10**400}}]),
-            "geoFence.circles.0.circle",
-        ),
-        (
-            fenced(circles=[{"inclusion": True, "circle": {"center": [91, -3], "radius": 1}}]),
-            "geoFence.circles.0.circle",
-        ),
-    ],
-)
-def test_what_is_no_plan_is_refused_at_its_place(document: Any, path: str) -> None:
+INVALID: list[tuple[Any, str]] = [
+    ([], "fileType"),
+    (plan_file() | {"fileType": "GeoFence"}, "fileType"),
+    (plan_file() | {"version": 2}, "version"),
+    (plan_file() | {"mission": None}, "mission.version"),
+    (plan_file(version=1), "mission.version"),
+    (plan_file(items={}), "mission.items"),
+    (plan_file(plannedHomePosition=[1, 2]), "mission.plannedHomePosition"),
+    (plan_file(plannedHomePosition=[1, True, 3]), "mission.plannedHomePosition"),
+    (plan_file(5), "mission.items.0.type"),  # type: ignore[arg-type]  # as files may be
+    (plan_file(TAKEOFF, {"type": "Item"}), "mission.items.1.type"),
+    (plan_file(survey(at(16), kind="StructureScan")), "mission.items.0"),
+    (plan_file(survey(at(16), kind=[])), "mission.items.0"),  # type: ignore[arg-type]  # as above
+    (plan_file(at(16, params=[10**400] * 7)), "mission.items.0"),
+    (plan_file(plannedHomePosition=[10**400, 2, 3]), "mission.plannedHomePosition"),
+    (plan_file(survey(5)), "mission.items.0.TransectStyleComplexItem.Items.0"),
+    (plan_file(at(16) | {"command": "16"}), "mission.items.0"),
+    (plan_file(at(16) | {"command": True}), "mission.items.0"),
+    (plan_file(at(16, frame=-1)), "mission.items.0"),
+    (plan_file(at(16, params=[0] * 6)), "mission.items.0"),
+    (plan_file(at(16, params=[0] * 6 + ["x"])), "mission.items.0"),
+    (plan_file(at(16, params=[0] * 6 + [math.inf])), "mission.items.0"),
+    (fenced(version=3), "geoFence.version"),
+    (fenced(version=True), "geoFence.version"),
+    (plan_file(TAKEOFF) | {"geoFence": []}, "geoFence.version"),
+    (fenced(polygons={}), "geoFence.polygons"),
+    (fenced(polygons=[{"polygon": []}]), "geoFence.polygons.0.inclusion"),
+    (fenced(polygons=[{"inclusion": True}]), "geoFence.polygons.0.polygon"),
+    (fenced(circles=[{"inclusion": True}]), "geoFence.circles.0.circle"),
+    (
+        fenced(circles=[{"inclusion": True, "circle": {"center": [40, -3], "radius": -1}}]),
+        "geoFence.circles.0.circle",
+    ),
+    (
+        fenced(circles=[{"inclusion": True, "circle": {"center": [1, 2], "radius": 10**400}}]),
+        "geoFence.circles.0.circle",
+    ),
+    (
+        fenced(circles=[{"inclusion": True, "circle": {"center": [91, -3], "radius": 1}}]),
+        "geoFence.circles.0.circle",
+    ),
+]
+
+
+def check_invalid(document: Any, path: str) -> None:
     assert path in faults(document)
+
+
+def test_an_invalid_plan_is_refused_with_its_path() -> None:
+    assert failures(check_invalid, INVALID) == []
 
 
 def test_a_complex_item_without_its_items_is_named() -> None:

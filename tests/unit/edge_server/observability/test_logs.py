@@ -16,7 +16,7 @@ LOG = logging.getLogger("edge_server.tested")
 
 
 class Terminal(io.StringIO):
-    """A stream with a person behind it."""
+    """A stream that is a terminal."""
 
     def isatty(self) -> bool:
         return True
@@ -40,7 +40,7 @@ def lines_of(stream: io.StringIO) -> list[dict[str, Any]]:
     return [json.loads(line) for line in stream.getvalue().splitlines()]
 
 
-def test_away_from_a_terminal_each_line_is_an_object() -> None:
+def test_without_a_terminal_each_line_is_an_object() -> None:
     stream = io.StringIO()
     logs.configure("INFO", "auto", stream)
     LOG.warning("cloud %s\nis away", "A", extra={"vehicle_id": 3})
@@ -55,7 +55,7 @@ def test_away_from_a_terminal_each_line_is_an_object() -> None:
 
 
 @pytest.mark.parametrize(("form", "as_json"), [("auto", False), ("text", False), ("json", True)])
-def test_a_terminal_gets_sentences_unless_it_asks(form: str, *, as_json: bool) -> None:
+def test_a_terminal_gets_text_by_default(form: str, *, as_json: bool) -> None:
     stream = Terminal()
     logs.configure("INFO", form, stream)
     LOG.info("serving")
@@ -74,19 +74,19 @@ def test_a_failure_is_one_line_with_its_trace() -> None:
     assert "ValueError" in line["exc_info"]
 
 
-def test_a_thread_that_fails_is_told_like_anything_else() -> None:
+def test_a_failing_thread_is_logged_like_other_errors() -> None:
     stream = io.StringIO()
     logs.configure("INFO", "json", stream)
 
     def fail() -> None:
-        raise ValueError("nobody catches this")
+        raise ValueError("not caught")
 
     thread = threading.Thread(target=fail)
     thread.start()
     thread.join()
     (line,) = lines_of(stream)
     assert line["level"] == "CRITICAL"
-    assert "nobody catches this" in line["exc_info"]
+    assert "not caught" in line["exc_info"]
 
 
 @pytest.mark.parametrize("form", ["json", "text"])
@@ -103,7 +103,7 @@ def test_every_line_of_a_request_has_its_id(form: str) -> None:
 
 
 @pytest.mark.parametrize("form", ["json", "text"])
-def test_secrets_are_taken_out_wherever_they_stand(form: str) -> None:
+def test_secrets_are_redacted_wherever_they_are(form: str) -> None:
     stream = io.StringIO()
     logs.configure("INFO", form, stream)
     logs.redact_with(lambda line: line.replace("s3cret", "***"))
@@ -117,7 +117,7 @@ def test_secrets_are_taken_out_wherever_they_stand(form: str) -> None:
 
 
 @pytest.mark.parametrize(("form", "lines"), [("text", 0), ("json", 1)])
-def test_one_line_for_every_request_is_for_programs(form: str, lines: int) -> None:
+def test_the_access_log_is_json_only(form: str, lines: int) -> None:
     stream = io.StringIO()
     logs.configure("INFO", form, stream)
     logging.getLogger("edge_server.access").info("GET /plans/1 200")

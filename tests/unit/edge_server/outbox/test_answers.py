@@ -1,29 +1,35 @@
 """What the cloud's answers mean, over all status codes."""
 
+import itertools
+
 import pytest
 
-from edge_server.outbox.answers import Answer, Meaning, Unreachable, judge
+from edge_server.outbox.answers import Answer, Outcome, Unreachable, classify
+from tests.support.cases import failures
 
 JSON = "application/json"
 
 
-@pytest.mark.parametrize("status", range(100, 600))
-def test_every_status_has_its_meaning(status: int) -> None:
-    meaning = judge(Answer(status, JSON, b"{}")).meaning
+def check_status(status: int) -> None:
+    outcome = classify(Answer(status, JSON, b"{}")).outcome
     if status in {200, 201, 203, 204, 205}:
-        assert meaning is Meaning.CONFIRMED
+        assert outcome is Outcome.CONFIRMED
     elif status in {401, 403}:
-        assert meaning is Meaning.NO_ACCESS
+        assert outcome is Outcome.NO_ACCESS
     elif 300 <= status < 400:
-        assert meaning is Meaning.NO_CLOUD
+        assert outcome is Outcome.NO_CLOUD
     elif status in {404, 410}:
-        assert meaning is Meaning.NO_PLACE
+        assert outcome is Outcome.NO_ENDPOINT
     elif status == 424:
-        assert meaning is Meaning.HELD_BACK
+        assert outcome is Outcome.HELD_BACK
     elif 400 <= status < 500 and status not in {408, 425, 429}:
-        assert meaning is Meaning.REJECTED
+        assert outcome is Outcome.REJECTED
     else:
-        assert meaning is Meaning.TRY_LATER
+        assert outcome is Outcome.TRY_LATER
+
+
+def test_every_status_has_its_outcome() -> None:
+    assert failures(check_status, itertools.product(range(100, 600))) == []
 
 
 @pytest.mark.parametrize(
@@ -37,7 +43,7 @@ def test_every_status_has_its_meaning(status: int) -> None:
     ],
 )
 def test_json_or_nothing_confirms(content_type: str, body: bytes) -> None:
-    assert judge(Answer(200, content_type, body)).meaning is Meaning.CONFIRMED
+    assert classify(Answer(200, content_type, body)).outcome is Outcome.CONFIRMED
 
 
 @pytest.mark.parametrize(
@@ -53,21 +59,21 @@ def test_json_or_nothing_confirms(content_type: str, body: bytes) -> None:
     ],
 )
 def test_anything_else_is_no_cloud(content_type: str, body: bytes) -> None:
-    assert judge(Answer(200, content_type, body)).meaning is Meaning.NO_CLOUD
+    assert classify(Answer(200, content_type, body)).outcome is Outcome.NO_CLOUD
 
 
 def test_silence_is_no_cloud_and_keeps_its_reason() -> None:
-    verdict = judge(Unreachable("no answer in time"))
-    assert (verdict.meaning, verdict.reason) == (Meaning.NO_CLOUD, "no answer in time")
+    result = classify(Unreachable("no answer in time"))
+    assert (result.outcome, result.reason) == (Outcome.NO_CLOUD, "no answer in time")
 
 
 def test_the_clouds_wish_is_passed_on() -> None:
-    assert judge(Answer(503, retry_after_s=7.0)).retry_after_s == 7.0
+    assert classify(Answer(503, retry_after_s=7.0)).retry_after_s == 7.0
 
 
 def test_a_conflict_with_itself_confirms() -> None:
     known = Answer(409, JSON, b'{"outcome": "duplicate"}')
-    assert judge(known).meaning is Meaning.CONFIRMED
+    assert classify(known).outcome is Outcome.CONFIRMED
 
 
 @pytest.mark.parametrize(
@@ -80,4 +86,4 @@ def test_a_conflict_with_itself_confirms() -> None:
     ],
 )
 def test_any_other_conflict_rejects(content_type: str, body: bytes) -> None:
-    assert judge(Answer(409, content_type, body)).meaning is Meaning.REJECTED
+    assert classify(Answer(409, content_type, body)).outcome is Outcome.REJECTED

@@ -7,12 +7,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from edge_server.outbox import batches
-from edge_server.outbox.answers import Answer, Meaning, Reply, Unreachable, judge
-from edge_server.outbox.queue import Parcel, Stream
+from edge_server.outbox.answers import Answer, Outcome, Reply, Unreachable, classify
+from edge_server.outbox.queue import OutboxRecord, Stream
 
-PARCELS = [
-    Parcel(1, 1, "A" * 26, Stream(1, "pose"), '{"vehicle_id":1,"name":"Äcker"}', 0),
-    Parcel(2, 2, "B" * 26, Stream(2, "alarm"), '{"vehicle_id":2}', 0),
+RECORDS = [
+    OutboxRecord(1, 1, "A" * 26, Stream(1, "pose"), '{"vehicle_id":1,"name":"Äcker"}', 0),
+    OutboxRecord(2, 2, "B" * 26, Stream(2, "alarm"), '{"vehicle_id":2}', 0),
 ]
 
 
@@ -21,12 +21,12 @@ def answer(*results: object, status: int = 200) -> Answer:
     return Answer(status, "application/json", body)
 
 
-def good(parcel: Parcel, **fields: object) -> dict[str, object]:
-    return {"message_id": parcel.message_id, "status": 200} | fields
+def good(record: OutboxRecord, **fields: object) -> dict[str, object]:
+    return {"message_id": record.message_id, "status": 200} | fields
 
 
 def test_a_line_is_a_record_with_its_kind() -> None:
-    lines = batches.write(PARCELS).decode().splitlines()
+    lines = batches.write(RECORDS).decode().splitlines()
     assert [json.loads(line) for line in lines] == [
         {"kind": "pose", "record": {"vehicle_id": 1, "name": "Äcker"}},
         {"kind": "alarm", "record": {"vehicle_id": 2}},
@@ -34,21 +34,21 @@ def test_a_line_is_a_record_with_its_kind() -> None:
 
 
 def test_each_record_gets_its_own_result() -> None:
-    reply = answer(good(PARCELS[0]), good(PARCELS[1], status=503, retry_after_s=7))
-    found = batches.read(reply, PARCELS)
+    reply = answer(good(RECORDS[0]), good(RECORDS[1], status=503, retry_after_s=7))
+    found = batches.read(reply, RECORDS)
     assert found is not None
-    assert [judge(one).meaning for one in found] == [Meaning.CONFIRMED, Meaning.TRY_LATER]
-    assert judge(found[1]).retry_after_s == 7.0
+    assert [classify(one).outcome for one in found] == [Outcome.CONFIRMED, Outcome.TRY_LATER]
+    assert classify(found[1]).retry_after_s == 7.0
 
 
 def test_a_duplicate_is_confirmed_and_a_conflict_is_not() -> None:
     reply = answer(
-        good(PARCELS[0], status=409, outcome="duplicate"),
-        good(PARCELS[1], status=409, outcome="conflict"),
+        good(RECORDS[0], status=409, outcome="duplicate"),
+        good(RECORDS[1], status=409, outcome="conflict"),
     )
-    found = batches.read(reply, PARCELS)
+    found = batches.read(reply, RECORDS)
     assert found is not None
-    assert [judge(one).meaning for one in found] == [Meaning.CONFIRMED, Meaning.REJECTED]
+    assert [classify(one).outcome for one in found] == [Outcome.CONFIRMED, Outcome.REJECTED]
 
 
 @pytest.mark.parametrize(
@@ -56,10 +56,10 @@ def test_a_duplicate_is_confirmed_and_a_conflict_is_not() -> None:
     [Unreachable("away"), Answer(503), Answer(401), Answer(302), Answer(200, "text/html", b"<p>")],
 )
 def test_an_answer_that_confirms_nothing_speaks_for_all(reply: Reply) -> None:
-    assert batches.read(reply, PARCELS) == [reply, reply]
+    assert batches.read(reply, RECORDS) == [reply, reply]
 
 
-FIRST, SECOND = good(PARCELS[0]), good(PARCELS[1])
+FIRST, SECOND = good(RECORDS[0]), good(RECORDS[1])
 
 
 @pytest.mark.parametrize(
@@ -78,12 +78,12 @@ FIRST, SECOND = good(PARCELS[0]), good(PARCELS[1])
     ],
 )
 def test_results_that_do_not_fit_confirm_nothing(results: list[object]) -> None:
-    assert batches.read(answer(*results), PARCELS) is None
+    assert batches.read(answer(*results), RECORDS) is None
 
 
 @pytest.mark.parametrize("body", [b"", b"[]", b"null", b'{"results": {}}', b"7"])
 def test_a_good_answer_without_results_confirms_nothing(body: bytes) -> None:
-    assert batches.read(Answer(200, "application/json", body), PARCELS) is None
+    assert batches.read(Answer(200, "application/json", body), RECORDS) is None
 
 
 JSON = st.recursive(
@@ -95,13 +95,13 @@ JSON = st.recursive(
 @given(JSON)
 def test_whatever_the_cloud_says_is_read_without_an_error(document: object) -> None:
     body = json.dumps({"results": [document, document]}).encode()
-    assert batches.read(Answer(200, "application/json", body), PARCELS) is None
+    assert batches.read(Answer(200, "application/json", body), RECORDS) is None
 
 
 @given(st.floats() | st.text() | st.none() | st.integers())
 def test_a_wait_that_is_none_is_none(wish: object) -> None:
-    reply = answer(good(PARCELS[0], retry_after_s=wish), good(PARCELS[1]))
-    found = batches.read(reply, PARCELS)
+    reply = answer(good(RECORDS[0], retry_after_s=wish), good(RECORDS[1]))
+    found = batches.read(reply, RECORDS)
     assert found is not None
-    wait = judge(found[0]).retry_after_s
+    wait = classify(found[0]).retry_after_s
     assert wait is None or 0 <= wait <= 1e9

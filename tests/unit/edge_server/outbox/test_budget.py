@@ -12,8 +12,8 @@ from edge_server.outbox.queue import PRIORITY
 @pytest.mark.parametrize(
     ("share", "level"),
     [
-        (0.0, Level.ROOMY),
-        (0.7999, Level.ROOMY),
+        (0.0, Level.NORMAL),
+        (0.7999, Level.NORMAL),
         (0.8, Level.THINNING),
         (0.9499, Level.THINNING),
         (0.95, Level.NO_PICTURES),
@@ -31,7 +31,7 @@ def test_each_level_begins_at_its_share(share: float, level: Level) -> None:
 @pytest.mark.parametrize(
     ("level", "refused"),
     [
-        (Level.ROOMY, set()),
+        (Level.NORMAL, set()),
         (Level.THINNING, set()),
         (Level.NO_PICTURES, {"image"}),
         (Level.DROPPING, PRIORITY.keys() - {"alarm", "mission_report"}),
@@ -55,7 +55,7 @@ TIMES = st.lists(st.floats(0, 1000), max_size=60).map(sorted)
 def test_one_sample_per_interval_stays_the_first(times: list[float]) -> None:
     samples = [Sample(row, taken_at) for row, taken_at in enumerate(times)]
     going, _ = budget.superfluous(samples, None)
-    kept = [sample.taken_at for sample in samples if sample.row not in going]
+    kept = [sample.recorded_at for sample in samples if sample.row not in going]
     intervals = [taken_at // THINNING_INTERVAL_S for taken_at in times]
     assert [taken_at // THINNING_INTERVAL_S for taken_at in kept] == list(dict.fromkeys(intervals))
     assert all(times[intervals.index(at // THINNING_INTERVAL_S)] == at for at in kept)

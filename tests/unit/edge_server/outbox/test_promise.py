@@ -20,16 +20,16 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, pr
 from sqlalchemy import text
 
 from edge_server.outbox import gaps, queue, thinning
-from edge_server.outbox.answers import Answer, Reply, Unreachable, judge
-from edge_server.outbox.ledger import Entry, Ledger
-from edge_server.outbox.queue import Parcel, Stream
+from edge_server.outbox.answers import Answer, Reply, Unreachable, classify
+from edge_server.outbox.queue import OutboxRecord, Stream
+from edge_server.outbox.result_writer import RecordResult, ResultWriter
 from edge_server.outbox.retry import Backoff
-from edge_server.outbox.schedule import Schedule, Shipment
-from edge_server.outbox.uplink import HELD_BACK, Offer
-from edge_server.store import telemetry
-from edge_server.store.database import Database
-from edge_server.store.engines import open_engine, sqlite_url
-from edge_server.store.tables import METADATA
+from edge_server.outbox.schedule import Batch, Schedule
+from edge_server.outbox.uplink import HELD_BACK, BatchLimit
+from edge_server.store.connection.database import Database
+from edge_server.store.connection.engines import open_engine, sqlite_url
+from edge_server.store.rows import telemetry
+from edge_server.store.rows.tables import METADATA
 from tests.support.databases import PostgresServer
 
 STREAMS = st.sampled_from(
@@ -78,7 +78,7 @@ class Promise(RuleBasedStateMachine):
         self._schedule = Schedule(
             backoff=Backoff(1.0, 10.0), probe_interval_s=5.0, workers=3, random=Random(1)
         )
-        self._flying: list[Shipment] = []
+        self._flying: list[Batch] = []
         self._seen_row = 0
 
     @rule(stream=STREAMS)
@@ -102,52 +102,52 @@ class Promise(RuleBasedStateMachine):
         with self._database.read() as connection:
             streams, self._seen_row = queue.streams_after(connection, self._seen_row)
             self._schedule.announce(streams)
-            for stream, after_id, _ in self._schedule.hungry():
-                parcels = queue.heads(connection, stream, after_id, 3)
-                self._schedule.feed(stream, parcels, 3)
-        self._flying += self._schedule.take(self._now, Offer(4, 10_000))
+            for stream, after_id, _ in self._schedule.to_read():
+                records = queue.read_queued(connection, stream, after_id, 3)
+                self._schedule.feed(stream, records, 3)
+        self._flying += self._schedule.take(self._now, BatchLimit(4, 10_000))
 
     @precondition(lambda self: self._flying)
     @rule(data=st.data(), stored=st.booleans(), crash=st.booleans())
     def answer_well_or_lose_the_answer(self, data: Any, *, stored: bool, crash: bool) -> None:
-        shipment = self._pick(data)
-        for parcel in shipment.parcels:
-            self._keep(parcel)
+        batch = self._pick(data)
+        for record in batch.records:
+            self._keep(record)
         if crash:
             self._restart()
         else:
             reply = GOOD if stored else Unreachable("answer lost")
-            self._settle(shipment, [reply] * len(shipment.parcels))
+            self._settle(batch, [reply] * len(batch.records))
 
     @precondition(lambda self: self._flying)
     @rule(data=st.data(), failure=FAILURES)
     def answer_badly(self, data: Any, failure: Reply) -> None:
-        shipment = self._pick(data)
-        self._settle(shipment, [failure] * len(shipment.parcels))
+        batch = self._pick(data)
+        self._settle(batch, [failure] * len(batch.records))
 
     @precondition(lambda self: self._flying)
     @rule(data=st.data(), failure=FAILURES)
     def take_a_part_of_it(self, data: Any, failure: Reply) -> None:
-        shipment = self._pick(data)
-        failing = data.draw(st.integers(0, len(shipment.parcels) - 1))
+        batch = self._pick(data)
+        failing = data.draw(st.integers(0, len(batch.records) - 1))
         replies: list[Reply] = []
-        for number, parcel in enumerate(shipment.parcels):
+        for number, record in enumerate(batch.records):
             if number == failing:
                 replies.append(failure)
-            elif number > failing and parcel.stream == shipment.parcels[failing].stream:
+            elif number > failing and record.stream == batch.records[failing].stream:
                 replies.append(HELD_BACK)
             else:
-                self._keep(parcel)
+                self._keep(record)
                 replies.append(GOOD)
-        self._settle(shipment, replies)
+        self._settle(batch, replies)
 
     @precondition(lambda self: self._flying)
     @rule(data=st.data())
     def reject(self, data: Any) -> None:
-        shipment = self._pick(data)
-        if all(p.message_id not in self._effect[p.stream] for p in shipment.parcels):
-            self._rejected.update(parcel.message_id for parcel in shipment.parcels)
-            self._settle(shipment, [Answer(422)] * len(shipment.parcels))
+        batch = self._pick(data)
+        if all(p.message_id not in self._effect[p.stream] for p in batch.records):
+            self._rejected.update(record.message_id for record in batch.records)
+            self._settle(batch, [Answer(422)] * len(batch.records))
 
     @rule()
     def crash(self) -> None:
@@ -169,26 +169,26 @@ class Promise(RuleBasedStateMachine):
     def wait(self, seconds: float) -> None:
         self._now += seconds
 
-    def _pick(self, data: Any) -> Shipment:
-        shipment: Shipment = data.draw(st.sampled_from(self._flying))
-        return shipment
+    def _pick(self, data: Any) -> Batch:
+        batch: Batch = data.draw(st.sampled_from(self._flying))
+        return batch
 
-    def _keep(self, parcel: Parcel) -> None:
-        kept = self._effect[parcel.stream]
-        if parcel.message_id not in kept:
-            kept.append(parcel.message_id)
-            if parcel.stream.kind == "gap":
-                body = json.loads(parcel.payload)
+    def _keep(self, record: OutboxRecord) -> None:
+        kept = self._effect[record.stream]
+        if record.message_id not in kept:
+            kept.append(record.message_id)
+            if record.stream.kind == "gap":
+                body = json.loads(record.payload)
                 self._gaps[body["gap_id"]] = body
 
-    def _settle(self, shipment: Shipment, replies: list[Reply]) -> None:
-        self._flying.remove(shipment)
-        verdicts = [judge(reply) for reply in replies]
-        happenings = self._schedule.settle(shipment, verdicts, self._now)
-        ledger = Ledger(self._database)
-        for entry in map(Entry, shipment.parcels, happenings, verdicts):
-            ledger.note(entry, self._now)
-        if ledger.write(self._now, self._wall_clock):
+    def _settle(self, batch: Batch, replies: list[Reply]) -> None:
+        self._flying.remove(batch)
+        results = [classify(reply) for reply in replies]
+        triggers = self._schedule.settle(batch, results, self._now)
+        writer = ResultWriter(self._database)
+        for entry in map(RecordResult, batch.records, triggers, results):
+            writer.add(entry, self._now)
+        if writer.write(self._now, self._wall_clock):
             self._schedule.rewind()
 
     def _here(self) -> dict[str, str]:
@@ -235,10 +235,10 @@ class Promise(RuleBasedStateMachine):
         for _ in range(10 * (self._numbers + self._dropped) + 10):
             self._now += 20.0
             self.look_and_send()
-            for shipment in list(self._flying):
-                for parcel in shipment.parcels:
-                    self._keep(parcel)
-                self._settle(shipment, [GOOD] * len(shipment.parcels))
+            for batch in list(self._flying):
+                for record in batch.records:
+                    self._keep(record)
+                self._settle(batch, [GOOD] * len(batch.records))
         for stream in self._sent:
             assert self._effect[stream] == self._expected(stream)
         self._database.close()

@@ -14,7 +14,7 @@ import pytest
 
 from edge_server.config import Config
 from edge_server.outbox import gaps
-from edge_server.outbox.uplink import MOST
+from edge_server.outbox.uplink import MAXIMUM_BATCH
 from edge_server.process import relay
 from edge_server.process.preparation import open_database, prepare
 from edge_server.services.errors import FullError
@@ -41,7 +41,7 @@ def config(tmp_path: Path, engine_name: str, database_url: str) -> Config:
 @pytest.fixture
 def small_station(config: Config) -> Iterator[VirtualStation]:
     """A station with a disk budget of 1 MiB, and a cloud that takes batches and is away."""
-    station = VirtualStation(replace(config, data_budget_mib=1), VirtualCloud(MOST))
+    station = VirtualStation(replace(config, data_budget_mib=1), VirtualCloud(MAXIMUM_BATCH))
     station.cloud.is_there = False
     yield station
     station.close()
@@ -68,12 +68,12 @@ def test_tb2157_first_seconds_of_outage(station: VirtualStation) -> None:
 @BOTH_ENGINES
 def test_tb2098_prefetch_delete_race(station: VirtualStation) -> None:
     """What is read ahead while the records before it are deleted is sent once."""
-    station.cloud = VirtualCloud(MOST)
+    station.cloud = VirtualCloud(MAXIMUM_BATCH)
     keys = station.ingest("pose", *range(500))
-    while shipments := station.send_next():
+    while batches := station.send_next():
         assert station.send_next() == []
-        for shipment in shipments:
-            station.answered(shipment, station.cloud.send(shipment.parcels))
+        for batch in batches:
+            station.answered(batch, station.cloud.send(batch.records))
     station.drain()
     assert station.cloud.seen == keys
 
@@ -171,7 +171,7 @@ def test_greengrass21_full_then_reconnect_drains(small_station: VirtualStation) 
     station.cloud.is_there = True
     station.drain()
     assert station.cloud.stream(1, "observation") == list(range(number))
-    station.context.space.keep(station.passed_s)
+    station.context.space.maintain(station.passed_s)
     station.ingest("observation", number)
     station.drain()
     assert station.cloud.stream(1, "observation")[-1] == number
@@ -197,7 +197,7 @@ def test_mosquitto_drop_is_counted(small_station: VirtualStation) -> None:
             station.ingest("battery", number)
             number += 1
         except FullError:  # A shared database makes room in its turn, not while somebody waits
-            station.context.space.keep(station.passed_s)
+            station.context.space.maintain(station.passed_s)
     station.cloud.is_there = True
     station.drain()
     arrived = station.cloud.stream(1, "battery")
@@ -222,8 +222,8 @@ def test_200_lost(station: VirtualStation) -> None:
 def test_200_lost_with_the_relay(station: VirtualStation) -> None:
     """The cloud has stored it, the relay dies before it can say so here: again, once in effect."""
     (key,) = station.ingest("alarm", 0)
-    (shipment,) = station.send_next()
-    station.cloud.send(shipment.parcels)
+    (batch,) = station.send_next()
+    station.cloud.send(batch.records)
     station.restart()
     station.drain()
     assert station.cloud.seen == [key, key]

@@ -2,19 +2,25 @@
 
 from random import Random
 
-from edge_server.outbox.answers import Meaning, Verdict
-from edge_server.outbox.lanes import PLACE_TRIES, held_back_behind
-from edge_server.outbox.queue import Parcel, Stream
+from edge_server.outbox.answers import Outcome, Result
+from edge_server.outbox.queue import OutboxRecord, Stream, Trigger
 from edge_server.outbox.retry import Backoff
-from edge_server.outbox.schedule import BREAKER, FAIR_TURN, PREFETCH, Schedule, Shipment
-from edge_server.outbox.states import Happening
-from edge_server.outbox.uplink import Offer
+from edge_server.outbox.schedule import (
+    BREAKER,
+    ENDPOINT_TRIES,
+    FAIR_TURN,
+    PREFETCH,
+    Batch,
+    Schedule,
+    only_behind_others,
+)
+from edge_server.outbox.uplink import BatchLimit
 
-CONFIRMED = Verdict(Meaning.CONFIRMED, "200", 200)
-TRY_LATER = Verdict(Meaning.TRY_LATER, "500", 500)
-NO_CLOUD = Verdict(Meaning.NO_CLOUD, "refused")
-NO_ACCESS = Verdict(Meaning.NO_ACCESS, "401", 401)
-REJECTED = Verdict(Meaning.REJECTED, "422", 422)
+CONFIRMED = Result(Outcome.CONFIRMED, "200", 200)
+TRY_LATER = Result(Outcome.TRY_LATER, "500", 500)
+NO_CLOUD = Result(Outcome.NO_CLOUD, "refused")
+NO_ACCESS = Result(Outcome.NO_ACCESS, "401", 401)
+REJECTED = Result(Outcome.REJECTED, "422", 422)
 
 
 def schedule(workers: int = 4, cap_s: float = 10.0) -> Schedule:
@@ -24,35 +30,35 @@ def schedule(workers: int = 4, cap_s: float = 10.0) -> Schedule:
 
 
 class Rows:
-    """Hands out parcels with ids in the order of asking."""
+    """Hands out records with ids in the order of asking."""
 
     def __init__(self, plan: Schedule) -> None:
         self._plan = plan
         self._newest = 0
 
-    def add(self, kind: str, count: int = 1, vehicle_id: int = 1) -> list[Parcel]:
+    def add(self, kind: str, count: int = 1, vehicle_id: int = 1) -> list[OutboxRecord]:
         stream = Stream(vehicle_id, kind)
-        parcels = []
+        records = []
         for _ in range(count):
             self._newest += 1
             key = f"{self._newest:026d}"
-            parcels.append(Parcel(self._newest, self._newest, key, stream, "{}", 0))
+            records.append(OutboxRecord(self._newest, self._newest, key, stream, "{}", 0))
         self._plan.announce([stream])
-        self._plan.feed(stream, parcels, PREFETCH)
-        return parcels
+        self._plan.feed(stream, records, PREFETCH)
+        return records
 
 
-def take(plan: Schedule, now: float) -> list[Parcel]:
+def take(plan: Schedule, now: float) -> list[OutboxRecord]:
     """What goes out one by one."""
-    return [parcel for shipment in plan.take(now) for parcel in shipment.parcels]
+    return [record for batch in plan.take(now) for record in batch.records]
 
 
-def settle(plan: Schedule, parcel: Parcel, verdict: Verdict, now: float) -> Happening:
-    return plan.settle(Shipment([parcel]), [verdict], now)[0]
+def settle(plan: Schedule, record: OutboxRecord, result: Result, now: float) -> Trigger:
+    return plan.settle(Batch([record]), [result], now)[0]
 
 
-def kinds(parcels: list[Parcel]) -> list[str]:
-    return [parcel.stream.kind for parcel in parcels]
+def kinds(records: list[OutboxRecord]) -> list[str]:
+    return [record.stream.kind for record in records]
 
 
 def test_one_record_of_a_stream_flies_and_the_next_follows_its_answer() -> None:
@@ -88,12 +94,12 @@ def test_low_priorities_do_not_starve() -> None:
     rows.add("image", 2)
     for vehicle_id in (1, 2):
         rows.add("mission_report", 60, vehicle_id=vehicle_id)
-    sent: list[Parcel] = []
+    sent: list[OutboxRecord] = []
     while "image" not in kinds(sent):
         taken = take(plan, 0.0)
         sent += taken
-        for parcel in taken:
-            settle(plan, parcel, CONFIRMED, 0.0)
+        for record in taken:
+            settle(plan, record, CONFIRMED, 0.0)
         assert len(sent) <= 2 * FAIR_TURN
 
 
@@ -119,8 +125,8 @@ def test_no_cloud_blocks_everything_but_one_probe() -> None:
     for vehicle_id in range(1, 4):
         rows.add("pose", 2, vehicle_id=vehicle_id)
     flying = take(plan, 0.0)
-    for parcel in flying:
-        settle(plan, parcel, NO_CLOUD, 0.0)
+    for record in flying:
+        settle(plan, record, NO_CLOUD, 0.0)
     assert plan.blocked
     due = plan.next_due(0.0)
     assert due is not None
@@ -159,8 +165,8 @@ def test_failures_in_a_row_over_all_streams_block_the_uplink() -> None:
     rows = Rows(plan)
     for vehicle_id in range(BREAKER):
         rows.add("pose", vehicle_id=vehicle_id + 1)
-    for number, parcel in enumerate(take(plan, 0.0), start=1):
-        settle(plan, parcel, TRY_LATER, 0.0)
+    for number, record in enumerate(take(plan, 0.0), start=1):
+        settle(plan, record, TRY_LATER, 0.0)
         assert plan.blocked == (number >= BREAKER)
 
 
@@ -189,9 +195,9 @@ def test_a_rejected_record_leaves_and_the_next_one_goes() -> None:
 
 def test_the_clouds_wish_is_heeded() -> None:
     plan = schedule()
-    (parcel,) = Rows(plan).add("pose")
+    (record,) = Rows(plan).add("pose")
     take(plan, 0.0)
-    settle(plan, parcel, TRY_LATER._replace(retry_after_s=60.0), 0.0)
+    settle(plan, record, TRY_LATER._replace(retry_after_s=60.0), 0.0)
     assert take(plan, 59.9) == []
     assert len(take(plan, 60.1)) == 1
 
@@ -201,7 +207,7 @@ def test_after_a_rewind_the_record_in_flight_is_not_read_twice() -> None:
     first, second = Rows(plan).add("pose", 2)
     take(plan, 0.0)
     plan.rewind()
-    assert plan.hungry() == [(first.stream, 0, PREFETCH)]
+    assert plan.to_read() == [(first.stream, 0, PREFETCH)]
     plan.feed(first.stream, [first, second], PREFETCH)
     settle(plan, first, CONFIRMED, 0.0)
     assert take(plan, 0.0) == [second]
@@ -210,18 +216,18 @@ def test_after_a_rewind_the_record_in_flight_is_not_read_twice() -> None:
 def test_with_nothing_to_send_there_is_nothing_to_wait_for() -> None:
     plan = schedule()
     assert plan.next_due(0.0) is None
-    (parcel,) = Rows(plan).add("pose")
+    (record,) = Rows(plan).add("pose")
     take(plan, 0.0)
     assert plan.next_due(0.0) is None
-    settle(plan, parcel, CONFIRMED, 0.0)
+    settle(plan, record, CONFIRMED, 0.0)
     assert plan.next_due(0.0) is None
 
 
-BATCH = Offer(100, 10_000)
+BATCH = BatchLimit(100, 10_000)
 
 
-def keys(shipment: Shipment) -> list[int]:
-    return [parcel.outbox_id for parcel in shipment.parcels]
+def keys(batch: Batch) -> list[int]:
+    return [record.outbox_id for record in batch.records]
 
 
 def test_a_batch_holds_each_stream_in_its_order_and_the_urgent_first() -> None:
@@ -229,8 +235,8 @@ def test_a_batch_holds_each_stream_in_its_order_and_the_urgent_first() -> None:
     rows = Rows(plan)
     first, second, third = rows.add("pose", 3)
     (alarm,) = rows.add("alarm")
-    (shipment,) = plan.take(0.0, BATCH)
-    assert keys(shipment) == [p.outbox_id for p in (alarm, first, second, third)]
+    (batch,) = plan.take(0.0, BATCH)
+    assert keys(batch) == [p.outbox_id for p in (alarm, first, second, third)]
 
 
 def test_a_batch_is_bounded_in_records_and_bytes() -> None:
@@ -238,10 +244,10 @@ def test_a_batch_is_bounded_in_records_and_bytes() -> None:
     rows = Rows(plan)
     for vehicle_id in (1, 2, 3):
         rows.add("pose", 4, vehicle_id=vehicle_id)
-    assert [len(s.parcels) for s in plan.take(0.0, Offer(6, 10_000))] == [6, 4]
+    assert [len(s.records) for s in plan.take(0.0, BatchLimit(6, 10_000))] == [6, 4]
     plan = schedule(workers=5)
     (first, *_) = Rows(plan).add("pose", 9)
-    assert [len(s.parcels) for s in plan.take(0.0, Offer(100, 3 * first.size_bytes))] == [3]
+    assert [len(s.records) for s in plan.take(0.0, BatchLimit(100, 3 * first.size_bytes))] == [3]
 
 
 def test_a_picture_travels_alone() -> None:
@@ -249,7 +255,7 @@ def test_a_picture_travels_alone() -> None:
     rows = Rows(plan)
     rows.add("image", 2)
     rows.add("pose", 2)
-    assert [kinds(s.parcels) for s in plan.take(0.0, BATCH)] == [["pose", "pose"], ["image"]]
+    assert [kinds(s.records) for s in plan.take(0.0, BATCH)] == [["pose", "pose"], ["image"]]
 
 
 def test_the_last_free_worker_takes_only_what_is_urgent() -> None:
@@ -260,39 +266,39 @@ def test_the_last_free_worker_takes_only_what_is_urgent() -> None:
     rows.add("battery")
     rows.add("mission_report")
     rows.add("alarm")
-    (shipment,) = plan.take(0.0, BATCH)
-    assert kinds(shipment.parcels) == ["alarm", "mission_report"]
+    (batch,) = plan.take(0.0, BATCH)
+    assert kinds(batch.records) == ["alarm", "mission_report"]
 
 
 def test_what_a_batch_did_not_bring_over_goes_again_in_order() -> None:
     plan = schedule()
     a, b, c, d = Rows(plan).add("pose", 4)
-    (shipment,) = plan.take(0.0, BATCH)
-    held_back = Verdict(Meaning.HELD_BACK, "424", 424)
-    plan.settle(shipment, [CONFIRMED, TRY_LATER, held_back, held_back], 0.0)
+    (batch,) = plan.take(0.0, BATCH)
+    held_back = Result(Outcome.HELD_BACK, "424", 424)
+    plan.settle(batch, [CONFIRMED, TRY_LATER, held_back, held_back], 0.0)
     due = plan.next_due(0.0)
     assert due is not None
     (again,) = plan.take(due, BATCH)
     assert keys(again) == [b.outbox_id, c.outbox_id, d.outbox_id]
-    assert [parcel.attempts for parcel in again.parcels] == [1, 0, 0]
-    assert a not in again.parcels
+    assert [record.attempts for record in again.records] == [1, 0, 0]
+    assert a not in again.records
 
 
 def test_a_batch_that_fails_counts_once() -> None:
     plan = schedule()
     Rows(plan).add("pose", 50)
-    (shipment,) = plan.take(0.0, BATCH)
-    plan.settle(shipment, [TRY_LATER] * 50, 0.0)
+    (batch,) = plan.take(0.0, BATCH)
+    plan.settle(batch, [TRY_LATER] * 50, 0.0)
     assert not plan.blocked
 
 
 def test_a_probe_is_one_record() -> None:
     plan = schedule()
     Rows(plan).add("pose", 50)
-    (shipment,) = plan.take(0.0, BATCH)
-    plan.settle(shipment, [NO_CLOUD] * 50, 0.0)
+    (batch,) = plan.take(0.0, BATCH)
+    plan.settle(batch, [NO_CLOUD] * 50, 0.0)
     (probe,) = plan.take(100.0, BATCH)
-    assert len(probe.parcels) == 1
+    assert len(probe.records) == 1
 
 
 def test_a_record_on_which_the_cloud_fails_is_not_the_only_probe() -> None:
@@ -312,7 +318,7 @@ def test_a_record_on_which_the_cloud_fails_is_not_the_only_probe() -> None:
     assert kinds(take(plan, now + 10.0)) == [poison.stream.kind]
 
 
-NO_PLACE = Verdict(Meaning.NO_PLACE, "404", 404)
+NO_ENDPOINT = Result(Outcome.NO_ENDPOINT, "404", 404)
 
 
 def test_a_kind_without_a_place_waits_and_the_others_go_on() -> None:
@@ -321,8 +327,8 @@ def test_a_kind_without_a_place_waits_and_the_others_go_on() -> None:
     for vehicle_id in (1, 2):
         rows.add("image", vehicle_id=vehicle_id)
     image, other = take(plan, 0.0)
-    settle(plan, image, NO_PLACE, 0.0)
-    settle(plan, other, NO_PLACE, 0.0)
+    settle(plan, image, NO_ENDPOINT, 0.0)
+    settle(plan, other, NO_ENDPOINT, 0.0)
     rows.add("pose")
     assert kinds(take(plan, 0.0)) == ["pose"]
     assert not plan.blocked
@@ -334,28 +340,28 @@ def test_a_kind_without_a_place_waits_and_the_others_go_on() -> None:
 def test_a_record_without_a_place_is_given_up_after_ten_tries() -> None:
     plan = schedule()
     first, second = Rows(plan).add("image", 2)
-    now, happenings = 0.0, []
-    for _ in range(PLACE_TRIES):
-        (parcel,) = take(plan, now)
-        assert parcel.outbox_id == first.outbox_id
-        happenings.append(settle(plan, parcel, NO_PLACE, now))
+    now, triggers = 0.0, []
+    for _ in range(ENDPOINT_TRIES):
+        (record,) = take(plan, now)
+        assert record.outbox_id == first.outbox_id
+        triggers.append(settle(plan, record, NO_ENDPOINT, now))
         now = plan.next_due(now) or now
-    assert happenings == [Happening.PUT_OFF] * (PLACE_TRIES - 1) + [Happening.REJECTED]
+    assert triggers == [Trigger.PUT_OFF] * (ENDPOINT_TRIES - 1) + [Trigger.REJECTED]
     assert take(plan, now + 10.0) == [second]
 
 
-HELD_BACK = Verdict(Meaning.HELD_BACK, "424", 424)
+HELD_BACK = Result(Outcome.HELD_BACK, "424", 424)
 
 
 def test_held_back_is_believed_only_behind_another_record_of_its_stream() -> None:
     rows = Rows(schedule())
-    parcels = [*rows.add("pose", 2), *rows.add("alarm"), *rows.add("pose", 1, 2)]
-    said = held_back_behind(parcels, [TRY_LATER, HELD_BACK, HELD_BACK, CONFIRMED])
-    assert [verdict.meaning for verdict in said] == [
-        Meaning.TRY_LATER,
-        Meaning.HELD_BACK,
-        Meaning.TRY_LATER,
-        Meaning.CONFIRMED,
+    records = [*rows.add("pose", 2), *rows.add("alarm"), *rows.add("pose", 1, 2)]
+    said = only_behind_others(records, [TRY_LATER, HELD_BACK, HELD_BACK, CONFIRMED])
+    assert [result.outcome for result in said] == [
+        Outcome.TRY_LATER,
+        Outcome.HELD_BACK,
+        Outcome.TRY_LATER,
+        Outcome.CONFIRMED,
     ]
 
 
@@ -365,10 +371,10 @@ def test_a_cloud_that_holds_everything_back_is_asked_ever_less_often() -> None:
     Rows(plan).add("pose", 3)
     now, asked = 0.0, 0
     while now < 60.0:
-        for shipment in plan.take(now):
+        for batch in plan.take(now):
             asked += 1
-            said = [HELD_BACK] * len(shipment.parcels)
-            plan.settle(shipment, held_back_behind(shipment.parcels, said), now)
+            said = [HELD_BACK] * len(batch.records)
+            plan.settle(batch, only_behind_others(batch.records, said), now)
         due = plan.next_due(now)
         now = now + 0.01 if due is None else due
     assert 5 <= asked < 40

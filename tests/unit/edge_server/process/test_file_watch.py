@@ -1,4 +1,4 @@
-"""What the start has no time to look at is looked at while the server runs."""
+"""Integrity and presence of the database file are checked while the server runs."""
 
 import threading
 from collections.abc import Callable
@@ -8,8 +8,9 @@ import pytest
 from sqlalchemy import text
 
 from edge_server.process import file_watch
-from edge_server.store import integrity, migrate
-from edge_server.store.engines import open_engine, sqlite_url
+from edge_server.store import migrate
+from edge_server.store.connection.engines import open_engine, sqlite_url
+from edge_server.store.files import integrity
 from tests.support.system import PATIENCE_S
 from tests.unit.edge_server.conftest import Edge
 
@@ -35,13 +36,13 @@ def spoil_the_middle(path: Path) -> None:
     path.write_bytes(content)
 
 
-def test_a_whole_file_has_no_fault(path: Path) -> None:
+def test_an_intact_file_has_no_fault(path: Path) -> None:
     assert integrity.fault_of(path) is None
     file_watch.check(path)
     assert integrity.noted_fault(path) is None
 
 
-def test_a_fault_deep_in_the_file_is_noted_and_the_next_start_sets_it_aside(path: Path) -> None:
+def test_a_fault_deep_in_the_file_is_noted_and_the_next_start_quarantines_it(path: Path) -> None:
     spoil_the_middle(path)
     file_watch.check(path)
     assert integrity.noted_fault(path)
@@ -52,7 +53,7 @@ def test_a_fault_deep_in_the_file_is_noted_and_the_next_start_sets_it_aside(path
     assert list((path.parent / "quarantine").glob("*.sqlite3"))
 
 
-def test_a_file_that_is_not_there_is_not_made(tmp_path: Path) -> None:
+def test_a_missing_file_is_not_created(tmp_path: Path) -> None:
     file_watch.check(tmp_path / "edge.sqlite3")
     assert list(tmp_path.iterdir()) == []
 
@@ -64,7 +65,7 @@ def test_a_file_that_is_not_there_is_not_made(tmp_path: Path) -> None:
         pytest.param(lambda path: path.rename(path.with_suffix(".old")), id="a file taken away"),
     ],
 )
-def test_the_server_is_started_anew(
+def test_the_server_is_restarted(
     edge: Edge, harm: Callable[[Path], object], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(file_watch, "CHECK_AFTER_S", 0.0)

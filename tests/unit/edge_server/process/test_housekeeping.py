@@ -1,4 +1,4 @@
-"""What happens though nobody asks."""
+"""Periodic tasks."""
 
 import errno
 import sqlite3
@@ -9,46 +9,46 @@ import pytest
 from sqlalchemy import text
 
 from edge_server.process import housekeeping
-from edge_server.services import once
-from edge_server.store.database import Database
+from edge_server.services import idempotency as post_idempotency
+from edge_server.store.connection.database import Database
 from tests.unit.edge_server.conftest import Edge
 from tests.unit.edge_server.documents import event, plan, telemetry
 
 
-def test_old_keys_are_forgotten_and_young_ones_are_not(edge: Edge) -> None:
+def test_old_idempotency_keys_are_deleted_and_new_ones_are_not(edge: Edge) -> None:
     edge.report("pose", telemetry("pose"), key="old")
-    edge.clock.pass_s(once.KEPT_S - 1)
+    edge.clock.pass_s(post_idempotency.KEPT_S - 1)
     edge.report("pose", telemetry("pose", 1), key="young")
     edge.clock.pass_s(2)
-    housekeeping.forget(edge.context)
+    housekeeping.clean_up(edge.context)
     with edge.context.database.read() as connection:
         left = connection.execute(text("SELECT key FROM idempotency")).scalars().all()
     assert left == ["young"]
 
 
-def test_answered_requests_are_forgotten_but_the_cursor_keeps_its_measure(edge: Edge) -> None:
+def test_answered_requests_are_deleted_and_the_cursor_goes_on(edge: Edge) -> None:
     for number in range(3):
         edge.post("/latest_state_vector/", {"sequence_number": number}, "operator")
     newest = edge.work()[-1]["id"]
     edge.clock.pass_s(7200)
     assert edge.work() == []
-    housekeeping.forget(edge.context)
+    housekeeping.clean_up(edge.context)
     assert edge.count("work") == 1
     assert edge.get(f"/broker/commands?after={newest}", "broker")["cursor"] == newest
 
 
-def test_old_events_are_forgotten_and_young_ones_are_not(edge: Edge) -> None:
+def test_old_events_are_deleted_and_new_ones_are_not(edge: Edge) -> None:
     armed = {"link_state": "connected", "armed": True}
     edge.ask("PUT", "/vehicles/1", "broker", json=armed)
     edge.post("/events/", event(), "operator")
     edge.clock.pass_s(edge.config.retain_plans_days * housekeeping.DAY_S - 1)
     edge.post("/events/", event(), "operator")
     edge.clock.pass_s(2)
-    housekeeping.forget(edge.context)
+    housekeeping.clean_up(edge.context)
     assert [one["id"] for one in edge.get("/events/")] == [2]
 
 
-def test_a_mission_expires_though_nobody_asks(edge: Edge) -> None:
+def test_a_mission_expires_without_a_request(edge: Edge) -> None:
     edge.post_plan(plan())
     edge.clock.pass_s(edge.config.plan_lifetime_s + 1)
     stopping = threading.Event()
@@ -63,7 +63,7 @@ def test_a_mission_expires_though_nobody_asks(edge: Edge) -> None:
     assert status == 5
 
 
-def test_room_is_held_from_the_start(edge: Edge, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_room_is_reserved_from_the_start(edge: Edge, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(housekeeping, "EXPIRY_S", 3600.0)
     stopping = threading.Event()
     thread = threading.Thread(target=housekeeping.run, args=(edge.context, stopping))
@@ -98,7 +98,7 @@ def raise_malformed(_file: sqlite3.Connection) -> None:
 
 
 @pytest.mark.parametrize("fail", [no_disk, no_room, no_database])
-def test_a_disk_that_fails_does_not_end_the_housekeeping(
+def test_a_failing_disk_does_not_end_the_housekeeping(
     edge: Edge, monkeypatch: pytest.MonkeyPatch, fail: Callable[[Database], None]
 ) -> None:
     turns = threading.Semaphore(0)
@@ -109,7 +109,7 @@ def test_a_disk_that_fails_does_not_end_the_housekeeping(
         pytest.fail("the disk has not failed")
 
     monkeypatch.setattr(housekeeping, "EXPIRY_S", 0.001)
-    monkeypatch.setattr(edge.context.space, "keep", keep)
+    monkeypatch.setattr(edge.context.space, "maintain", keep)
     stopping = threading.Event()
     thread = threading.Thread(target=housekeeping.run, args=(edge.context, stopping))
     thread.start()

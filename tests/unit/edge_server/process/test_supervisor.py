@@ -1,4 +1,4 @@
-"""When a part that has died is started again, and when it is given up."""
+"""When a process that has exited is restarted, and when the supervisor gives up."""
 
 import signal
 import subprocess
@@ -12,14 +12,14 @@ from edge_server.config import Config
 from edge_server.process import supervisor
 from edge_server.process.exit_codes import FAILED, OK, WRONG_SETUP
 from edge_server.process.supervisor import (
-    DEATHS,
     FIRST_WAIT_S,
     LONGEST_WAIT_S,
+    MAXIMUM_EXITS,
     WITHIN_S,
-    Deaths,
+    Exits,
     Supervisor,
 )
-from edge_server.store import tally
+from edge_server.store.files import tally
 
 RUNS = None
 """In a list of exit codes: this process does not end by itself."""
@@ -93,20 +93,20 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[Machine], 
     return run
 
 
-def test_a_relay_that_dies_again_and_again_never_stops_the_server(
+def test_a_relay_that_keeps_exiting_never_stops_the_server(
     run: Callable[[Machine], int], tmp_path: Path
 ) -> None:
     machine = Machine({"serve": [RUNS], "relay": [FAILED, WRONG_SETUP, -9, FAILED]})
     assert run(machine) == OK
     assert machine.starts["serve"] == 1
-    assert machine.starts["relay"] > 2 * DEATHS
+    assert machine.starts["relay"] > 2 * MAXIMUM_EXITS
     assert machine.ended == ["serve"]
     counted = tally.read(Config(state_dir=tmp_path).supervisor_tally_path)
     assert machine.starts["relay"] - counted[tally.PART_DEATHS]["relay",] in {0, 1}
 
 
 @pytest.mark.parametrize(("wrong", "other"), [("serve", "relay"), ("relay", "serve")])
-def test_a_part_that_is_set_up_wrongly_stops_everything_at_its_first_start(
+def test_a_wrong_setup_at_the_first_start_stops_the_program(
     run: Callable[[Machine], int], wrong: str, other: str
 ) -> None:
     machine = Machine({wrong: [WRONG_SETUP], other: [RUNS]})
@@ -115,45 +115,45 @@ def test_a_part_that_is_set_up_wrongly_stops_everything_at_its_first_start(
     assert machine.ended == [other]
 
 
-def test_a_server_that_dies_five_times_within_a_minute_stops_everything(
+def test_a_server_that_exits_five_times_within_a_minute_stops_the_program(
     run: Callable[[Machine], int],
 ) -> None:
     machine = Machine({"serve": [FAILED], "relay": [RUNS]})
     assert run(machine) == FAILED
-    assert machine.starts == {"serve": DEATHS, "relay": 1}
+    assert machine.starts == {"serve": MAXIMUM_EXITS, "relay": 1}
     assert machine.ended == ["relay"]
 
 
-def test_a_server_that_dies_once_is_started_again(run: Callable[[Machine], int]) -> None:
+def test_a_server_that_exits_once_is_restarted(run: Callable[[Machine], int]) -> None:
     machine = Machine({"serve": [-9, RUNS], "relay": [RUNS]})
     assert run(machine) == OK
     assert machine.starts == {"serve": 2, "relay": 1}
     assert sorted(machine.ended) == ["relay", "serve"]
 
 
-def test_the_wait_doubles_from_death_to_death_up_to_a_bound() -> None:
-    deaths, now, waits = Deaths(), 0.0, []
+def test_the_delay_doubles_with_every_exit_up_to_a_bound() -> None:
+    exits, now, waits = Exits(), 0.0, []
     for _ in range(40):
-        waits.append(deaths.note(now, now + 0.1))
+        waits.append(exits.note(now, now + 0.1))
         now += 0.1 + waits[-1]
     assert waits[:4] == [FIRST_WAIT_S * 2**number for number in range(4)]
     assert waits == sorted(waits)
     assert set(waits[10:]) == {LONGEST_WAIT_S}
-    assert deaths.total == 40
+    assert exits.total == 40
 
 
-def test_a_part_that_has_run_for_a_minute_is_started_again_at_once() -> None:
-    deaths = Deaths()
+def test_a_process_that_has_run_for_a_minute_is_restarted_at_once() -> None:
+    exits = Exits()
     for _ in range(10):
-        deaths.note(0.0, 1.0)
-    assert deaths.note(100.0, 100.0 + WITHIN_S) == FIRST_WAIT_S
+        exits.note(0.0, 1.0)
+    assert exits.note(100.0, 100.0 + WITHIN_S) == FIRST_WAIT_S
 
 
-def test_five_deaths_within_a_minute_are_hopeless_and_over_more_time_they_are_not() -> None:
-    quick, slow = Deaths(), Deaths()
-    for number in range(DEATHS):
-        assert not quick.are_hopeless
+def test_five_exits_are_too_many_within_a_minute_only() -> None:
+    quick, slow = Exits(), Exits()
+    for number in range(MAXIMUM_EXITS):
+        assert not quick.are_too_many
         quick.note(number, number + 1.0)
         slow.note(number * WITHIN_S, (number + 1) * WITHIN_S)
-    assert quick.are_hopeless
-    assert not slow.are_hopeless
+    assert quick.are_too_many
+    assert not slow.are_too_many

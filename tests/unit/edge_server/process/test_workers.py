@@ -1,4 +1,4 @@
-"""What the server says where no application answers."""
+"""Answers of the server before the application."""
 
 import json
 
@@ -10,7 +10,7 @@ from edge_server.process import workers
 @pytest.mark.parametrize(
     ("status", "retry"), [(408, False), (414, False), (431, False), (503, True), (505, False)]
 )
-def test_a_refusal_of_the_front_has_the_shape_of_every_error(status: int, *, retry: bool) -> None:
+def test_a_refusal_has_the_shape_of_every_error(status: int, *, retry: bool) -> None:
     head, _, body = workers._refusal(status).partition(b"\r\n\r\n")
     start, *fields = head.decode().split("\r\n")
     headers = dict(field.split(": ", 1) for field in fields)
@@ -25,6 +25,6 @@ def test_a_refusal_of_the_front_has_the_shape_of_every_error(status: int, *, ret
     }
 
 
-def test_a_refusal_says_why_where_the_status_does_not() -> None:
-    body = workers._refusal(400, "the field Host stands there twice").partition(b"\r\n\r\n")[2]
-    assert json.loads(body)["message"] == "the field Host stands there twice"
+def test_a_refusal_gives_a_reason_where_the_status_does_not() -> None:
+    body = workers._refusal(400, "the header field Host is present twice").partition(b"\r\n\r\n")[2]
+    assert json.loads(body)["message"] == "the header field Host is present twice"

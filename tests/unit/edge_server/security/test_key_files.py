@@ -1,4 +1,4 @@
-"""Key files: made once, readable by their owner, replaced by rotation."""
+"""Key files: created once, readable by their owner, replaced by rotation."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -7,10 +7,11 @@ import pytest
 
 from edge_server.config import Config
 from edge_server.security import key_files
-from edge_server.store import keys, migrate
-from edge_server.store.database import Database
-from edge_server.store.engines import open_engine
-from edge_server.store.keys import Role
+from edge_server.store import migrate
+from edge_server.store.connection.database import Database
+from edge_server.store.connection.engines import open_engine
+from edge_server.store.rows import keys
+from edge_server.store.rows.keys import Role
 
 
 @pytest.fixture
@@ -30,7 +31,7 @@ def database(config: Config) -> Iterator[Database]:
 
 
 def opens(database: Database, key: str | None) -> str | None:
-    """Role that a key opens."""
+    """Role of a key."""
     assert key is not None
     with database.read() as connection:
         for stored in keys.active(connection):
@@ -53,14 +54,14 @@ def test_every_role_gets_a_key_that_only_its_owner_can_read(
     )
 
 
-def test_keys_stay_from_start_to_start(config: Config, database: Database) -> None:
+def test_keys_survive_a_restart(config: Config, database: Database) -> None:
     key_files.ensure(database, config.keys_dir, 0.0)
     before = {path: path.read_text(encoding="ascii") for path in config.keys_dir.iterdir()}
     key_files.ensure(database, config.keys_dir, 1.0)
     assert {path: path.read_text(encoding="ascii") for path in config.keys_dir.iterdir()} == before
 
 
-def test_a_new_database_takes_the_keys_that_lie_there(config: Config, database: Database) -> None:
+def test_a_new_database_adopts_the_keys_in_the_files(config: Config, database: Database) -> None:
     key_files.ensure(database, config.keys_dir, 0.0)
     key = key_files.read(key_files.path_of(config.keys_dir, Role.BROKER))
     migrate.set_aside(config.database_path, "lost")
@@ -71,7 +72,7 @@ def test_a_new_database_takes_the_keys_that_lie_there(config: Config, database: 
     new.close()
 
 
-def test_a_file_that_was_taken_away_stays_away(config: Config, database: Database) -> None:
+def test_a_removed_file_is_not_written_again(config: Config, database: Database) -> None:
     key_files.ensure(database, config.keys_dir, 0.0)
     path = key_files.path_of(config.keys_dir, Role.ADMIN)
     key = key_files.read(path)
@@ -92,7 +93,7 @@ def test_rotation_revokes_the_old_key(config: Config, database: Database) -> Non
 
 
 @pytest.mark.parametrize("content", [b"", b"hello", b"\xff\xfe", b"fm_00_00"])
-def test_a_file_with_something_else_is_left_alone(
+def test_a_file_without_a_key_is_not_changed(
     config: Config, database: Database, content: bytes
 ) -> None:
     path = key_files.path_of(config.keys_dir, Role.FARMER)

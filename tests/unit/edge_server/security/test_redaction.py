@@ -1,4 +1,4 @@
-"""No secret gets into a log, however it is wrapped; everything else stays readable."""
+"""Secrets are redacted in every form; other text stays readable."""
 
 import io
 import json
@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from edge_server.observability import logs
 from edge_server.security.redaction import redact
-from edge_server.store import keys
+from edge_server.store.rows import keys
 
 KEY = "fm_0123abcd_" + "5e" * 32
 JWS = "eyJhbGciOiJFZERTQSJ9..c2lnbmF0dXJlLW9mLWEtcGxhbg"
@@ -36,7 +36,7 @@ LINES = [
 
 
 @pytest.mark.parametrize("line", LINES)
-def test_no_secret_stays(line: str) -> None:
+def test_secrets_are_removed(line: str) -> None:
     for secret in SECRETS:
         assert secret not in redact(line)
 
@@ -51,16 +51,16 @@ def test_no_secret_stays(line: str) -> None:
         "0123456789abcdef" * 4,
     ],
 )
-def test_what_is_no_secret_stays(line: str) -> None:
+def test_other_text_stays(line: str) -> None:
     assert redact(line) == line
 
 
-def test_the_prefix_of_a_key_stays_so_that_it_can_be_found() -> None:
+def test_the_prefix_of_a_key_stays() -> None:
     assert redact(f"wrong key {KEY}") == "wrong key fm_0123abcd_***"
 
 
 @given(before=st.text(max_size=20), after=st.text(max_size=20))
-def test_a_key_is_found_wherever_it_stands(before: str, after: str) -> None:
+def test_a_key_is_redacted_wherever_it_is(before: str, after: str) -> None:
     secret = KEY.rpartition("_")[2]
     assert secret not in redact(f"{before} {keys.generate()[:3]}{KEY[3:]} {after}")
 
@@ -82,7 +82,7 @@ def log(monkeypatch: pytest.MonkeyPatch) -> Iterator[io.StringIO]:
 
 
 def fail() -> None:
-    """Fail with secrets in what is said."""
+    """Fail with secrets in the message."""
     raise ValueError(f"cannot use {KEY} of {{'Authorization': 'Bearer {KEY}'}}")
 
 

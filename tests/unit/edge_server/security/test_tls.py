@@ -1,4 +1,4 @@
-"""Who may reach the server without TLS, and what is refused as certificate or key."""
+"""Service without TLS, and invalid certificates and keys."""
 
 import socket
 import ssl
@@ -33,22 +33,22 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1", "::1", "localhost", "127.1.2.3"])
-def test_this_machine_is_served_in_plain_text(host: str) -> None:
+def test_loopback_is_served_in_plain_text(host: str) -> None:
     tls.check_exposure(Config(host=host))
 
 
 @pytest.mark.parametrize("host", ["0.0.0.0", "::", "", "192.0.2.7", "no.such.host.invalid"])
-def test_others_are_not(host: str) -> None:
+def test_other_addresses_are_not_served_in_plain_text(host: str) -> None:
     with pytest.raises(tls.ExposedError, match="EDGE_TLS_CERTIFICATE_FILE"):
         tls.check_exposure(Config(host=host))
 
 
-def test_unless_it_is_meant_or_there_is_tls() -> None:
+def test_other_addresses_are_served_with_tls_or_with_permission() -> None:
     tls.check_exposure(Config(host="0.0.0.0", allow_plain_http=True))
     tls.check_exposure(Config(host="::", tls_certificate_file=Path("certificate.pem")))
 
 
-def test_files_that_are_none_are_named(tmp_path: Path, files: tuple[Path, Path]) -> None:
+def test_invalid_files_are_named(tmp_path: Path, files: tuple[Path, Path]) -> None:
     nonsense = tmp_path / "nonsense.pem"
     nonsense.write_text("nonsense", encoding="ascii")
     certificate, key = files
@@ -62,7 +62,7 @@ def test_files_that_are_none_are_named(tmp_path: Path, files: tuple[Path, Path])
 
 
 @pytest.mark.parametrize("given", ["tls_certificate_file", "tls_key_file", "tls_client_ca_file"])
-def test_what_belongs_together_is_given_together(given: str) -> None:
+def test_certificate_and_key_are_set_together(given: str) -> None:
     with pytest.raises(ConfigError, match="EDGE_TLS"):
         load({given: "file.pem"}, {})
 
@@ -104,7 +104,9 @@ def test_old_versions_are_refused(files: tuple[Path, Path]) -> None:
     assert connect(server, client) == "TLSv1.3"
 
 
-def test_with_an_authority_a_stranger_does_not_get_in(files: tuple[Path, Path]) -> None:
+def test_with_an_authority_a_client_without_certificate_is_refused(
+    files: tuple[Path, Path],
+) -> None:
     certificate, key = files
     config = Config(
         tls_certificate_file=certificate, tls_key_file=key, tls_client_ca_file=certificate
@@ -119,7 +121,7 @@ def test_with_an_authority_a_stranger_does_not_get_in(files: tuple[Path, Path]) 
 
 
 def over_tls(program: Program, files: tuple[Path, Path]) -> None:
-    """Let a program speak TLS."""
+    """Configure a program for TLS."""
     certificate, key = files
     program.environment["EDGE_TLS_CERTIFICATE_FILE"] = str(certificate)
     program.environment["EDGE_TLS_KEY_FILE"] = str(key)
@@ -136,7 +138,7 @@ def wait_ready(program: Program, certificate: Path) -> requests.Response:
             time.sleep(0.05)
 
 
-def test_the_program_and_the_brokers_client_speak_tls(
+def test_the_program_and_the_brokers_client_use_tls(
     tmp_path: Path, files: tuple[Path, Path]
 ) -> None:
     certificate, _ = files

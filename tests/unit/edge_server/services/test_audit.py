@@ -8,9 +8,9 @@ from sqlalchemy import text
 from sqlalchemy.exc import DatabaseError
 
 from edge_server.services import audit, retention
-from edge_server.services.audit import Actor, Trail, on_trail
-from edge_server.store import audit as rows
-from edge_server.store.audit import Entry
+from edge_server.services.audit import Actor, Trail, use_trail
+from edge_server.store.rows import audit as rows
+from edge_server.store.rows.audit import Entry
 from tests.support.databases import BOTH_ENGINES
 from tests.unit.edge_server.conftest import NOON, Edge
 from tests.unit.edge_server.documents import plan
@@ -22,7 +22,7 @@ DAY_S = 86_400.0
 def write(edge: Edge, number: int, at: float = NOON) -> None:
     """One row, of a change that changes nothing else."""
     trail = Trail(Actor("somebody", "operator"), "test", f"thing/{number}", lambda: at)
-    with on_trail(trail), edge.context.database.write():
+    with use_trail(trail), edge.context.database.write():
         audit.about(f"thing/{number}")
 
 
@@ -43,7 +43,7 @@ def test_many_writers_make_one_chain(edge: Edge) -> None:
     for thread in threads:
         thread.join()
     assert audit.verify(edge.context.database) == (WRITERS * EACH, None, None)
-    found = {row["object"] for row in audit.exported(edge.context.database)}
+    found = {row["object"] for row in audit.export(edge.context.database)}
     assert found == {f"thing/{number}" for number in range(WRITERS * EACH)}
 
 
@@ -79,30 +79,30 @@ def test_whoever_gets_past_that_is_found_out(edge: Edge, statement: str, row_id:
         for trigger in ("audit_never_changes", "audit_stays"):
             own.execute(text(f"DROP TRIGGER {trigger}"))
         own.execute(text(statement))
-    verdict = audit.verify(edge.context.database)
-    assert verdict.fault is not None
-    assert verdict.row_id == row_id
+    result = audit.verify(edge.context.database)
+    assert result.fault is not None
+    assert result.row_id == row_id
 
 
 def test_a_change_that_fails_leaves_no_row(edge: Edge) -> None:
     trail = Trail(Actor("somebody", "operator"), "test", "thing", lambda: NOON)
-    with pytest.raises(RuntimeError), on_trail(trail), edge.context.database.write():
+    with pytest.raises(RuntimeError), use_trail(trail), edge.context.database.write():
         raise RuntimeError
     assert edge.count("audit") == 0
-    assert not trail.is_told
+    assert not trail.is_recorded
 
 
 @BOTH_ENGINES
 def test_retention_cuts_the_old_end_and_the_rest_can_be_verified(edge: Edge) -> None:
     fill(edge, 5)
     edge.clock.now = NOON + edge.config.retain_audit_days * DAY_S + 2.5
-    retention.keep(edge.context)
-    found = list(audit.exported(edge.context.database))
+    retention.delete_old(edge.context)
+    found = list(audit.export(edge.context.database))
     assert [row["id"] for row in found] == [4, 5, 6]
     assert found[-1]["action"] == "retention.audit"
     assert audit.verify(edge.context.database) == (3, None, None)
     edge.clock.pass_s(2 * edge.config.retain_audit_days * DAY_S)
-    retention.keep(edge.context)
+    retention.delete_old(edge.context)
     assert audit.verify(edge.context.database) == (1, None, None)
 
 
@@ -110,10 +110,10 @@ def test_old_plans_go_and_live_ones_stay(edge: Edge) -> None:
     edge.post_plan(plan())
     edge.clock.pass_s(edge.config.retain_plans_days * DAY_S)
     edge.post_plan(plan())
-    retention.keep(edge.context)
+    retention.delete_old(edge.context)
     assert [found["id"] for found in edge.get("/plans/")] == [1, 2]
     edge.clock.pass_s(1)
-    retention.keep(edge.context)
+    retention.delete_old(edge.context)
     assert [found["id"] for found in edge.get("/plans/")] == [2]
 
 

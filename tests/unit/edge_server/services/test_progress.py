@@ -7,7 +7,7 @@ from afarcloud.enumerations import Status
 from afarcloud.state import CommandReport
 from edge_server.services.plan_view import overall
 from edge_server.services.progress import abort_the_rest, advance_commands, advances
-from edge_server.store.work import CommandProgress
+from edge_server.store.rows.work import CommandProgress
 
 STATUSES = st.sampled_from(Status)
 REPORTS = st.lists(

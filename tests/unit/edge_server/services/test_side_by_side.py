@@ -245,7 +245,7 @@ def test_a_row_waits_for_the_one_before_it_in_its_stream(servers: list[Context])
         assert rows(second, "SELECT count(*) FROM outbox") == 0
     later.join()
     with second.database.read() as reading:
-        sent = [json.loads(p.payload) for p in queue.heads(reading, Stream(1, "pose"), 0, 10)]
+        sent = [json.loads(p.payload) for p in queue.read_queued(reading, Stream(1, "pose"), 0, 10)]
     assert [body["sequence_number"] for body in sent] == [0, 1]
 
 
@@ -258,12 +258,14 @@ def test_rows_of_a_stream_become_visible_in_the_order_of_their_ids(servers: list
     def watch() -> None:
         while not stopped.is_set() or len(seen) < len(expected()):
             with servers[0].database.read() as connection:
-                parcels = queue.heads(connection, Stream(1, "pose"), seen[-1] if seen else 0, 1000)
-            seen.extend(parcel.outbox_id for parcel in parcels)
+                queued = queue.read_queued(
+                    connection, Stream(1, "pose"), seen[-1] if seen else 0, 1000
+                )
+            seen.extend(record.outbox_id for record in queued)
 
     def expected() -> list[int]:
         with servers[0].database.read() as connection:
-            return [p.outbox_id for p in queue.heads(connection, Stream(1, "pose"), 0, 1000)]
+            return [p.outbox_id for p in queue.read_queued(connection, Stream(1, "pose"), 0, 1000)]
 
     watcher = threading.Thread(target=watch)
     watcher.start()
@@ -282,11 +284,11 @@ def test_a_broker_that_waits_at_one_server_is_woken_by_the_other(
 ) -> None:
     monkeypatch.setattr(broker_work, "LOOK_S", 3600.0)  # It does not look by itself
     waiting, posting = servers
-    waiting.database.listen(waiting.hear)
+    waiting.database.listen(waiting.receive_notice)
     found: list[dict[str, Any]] = []
     thread = threading.Thread(target=lambda: found.append(broker_work.poll(waiting, 0, 60.0)))
     thread.start()
-    wait_for(lambda: waiting.bell.rings > 0, "a listening server")
+    wait_for(lambda: waiting.work_signal.count > 0, "a listening server")
     plans.create(posting, plan(), OPERATOR)
     thread.join()
     assert [item["kind"] for item in found[0]["commands"]] == ["mission"]

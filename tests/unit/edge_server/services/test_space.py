@@ -17,7 +17,7 @@ from afarcloud.wire import Kind, read
 from edge_server.config import Config
 from edge_server.outbox import gaps, queue, thinning
 from edge_server.outbox.budget import Level
-from edge_server.outbox.gaps import Lost, Reason
+from edge_server.outbox.gaps import DroppedRecord, Reason
 from edge_server.outbox.queue import Delivered, Stream
 from edge_server.process.preparation import open_database
 from edge_server.services import telemetry
@@ -25,9 +25,9 @@ from edge_server.services.context import Caller, Context, show_time
 from edge_server.services.errors import FullError
 from edge_server.services.space import STEADY_S
 from edge_server.services.telemetry import Arrival
-from edge_server.store import telemetry as stored
-from edge_server.store.database import Database
-from edge_server.store.tables import METADATA
+from edge_server.store.connection.database import Database
+from edge_server.store.rows import telemetry as stored
+from edge_server.store.rows.tables import METADATA
 from tests.support.databases import BOTH_ENGINES
 from tests.unit.edge_server import documents
 from tests.unit.edge_server.conftest import Clock
@@ -79,12 +79,12 @@ class Farm:
         self.monotonic += seconds
 
     def turn(self) -> None:
-        self.space.keep(self.monotonic)
+        self.space.maintain(self.monotonic)
 
     def here(self, kind: str, vehicle_id: int = 1) -> list[dict[str, Any]]:
         with self.database.read() as connection:
-            heads = queue.heads(connection, Stream(vehicle_id, kind), 0, 10**6)
-        return [json.loads(parcel.payload) for parcel in heads]
+            queued = queue.read_queued(connection, Stream(vehicle_id, kind), 0, 10**6)
+        return [json.loads(record.payload) for record in queued]
 
     def check_declared(self) -> None:
         """Whatever is not here any more lies in a gap of its stream, and the counts agree."""
@@ -159,15 +159,15 @@ def test_thinning_again_takes_no_more_than_one_per_interval_needs(either: Farm) 
     for _ in range(2):
         with either.database.write() as connection:
             found = thinning.to_thin(connection, bookmark, 10**6, intervals)
-            gaps.drop(connection, found.going, Reason.THINNED, 0.0)
+            gaps.drop(connection, found.to_drop, Reason.THINNED, 0.0)
         bookmark = found.bookmark
         assert found.at_end
-        survivors -= len(found.going)
+        survivors -= len(found.to_drop)
         assert len(either.here("pose")) == survivors
-    assert found.going == []
+    assert found.to_drop == []
     for_anew: thinning.Intervals = {}
     with either.database.read() as connection:
-        assert thinning.to_thin(connection, 0, 10**6, for_anew).going == []
+        assert thinning.to_thin(connection, 0, 10**6, for_anew).to_drop == []
 
 
 @BOTH_ENGINES
@@ -230,9 +230,9 @@ def test_a_gap_that_grew_in_flight_goes_again_in_its_larger_form(either: Farm) -
     either.keep_many("battery", 20)
     with either.database.write() as connection:
         drop_oldest(connection, 10, either.clock.now)
-        (sent,) = queue.heads(connection, Stream(1, "gap"), 0, 10)
+        (sent,) = queue.read_queued(connection, Stream(1, "gap"), 0, 10)
         drop_oldest(connection, 10, either.clock.now)
-        assert queue.settle(connection, [Delivered(sent, 200)], 0.0) == [sent]
+        assert queue.delete_delivered(connection, [Delivered(sent, 200)], 0.0) == [sent]
     (gap,) = either.here("gap")
     assert gap["gap_id"] == sent.message_id
     assert gap["count"] == 20
@@ -286,14 +286,14 @@ def test_what_is_too_old_goes_with_a_gap(either: Farm) -> None:
     either.turn()
     either.pass_s(29 * DAY_S)
     either.keep_many("observation", 3)
-    either.space.keep_age(either.monotonic)
+    either.space.drop_aged(either.monotonic)
     assert len(either.here("observation")) == 8
     either.pass_s(1.1 * DAY_S)
-    either.space.keep_age(either.monotonic)
+    either.space.drop_aged(either.monotonic)
     assert [body["sequence_number"] for body in either.here("observation")] == [5, 6, 7]
     either.check_declared()
     either.pass_s(40 * DAY_S)
-    either.space.keep_age(either.monotonic)
+    either.space.drop_aged(either.monotonic)
     assert either.here("observation") == []
     assert [gap["count"] for gap in either.here("gap")] == [8]
 
@@ -303,15 +303,15 @@ def test_a_clock_that_jumps_makes_nothing_old(either: Farm) -> None:
     either.keep_many("pose", 5)
     either.turn()
     either.pass_s(2 * STEADY_S)
-    either.space.keep_age(either.monotonic)
+    either.space.drop_aged(either.monotonic)
     either.clock.pass_s(400 * DAY_S)
-    either.space.keep_age(either.monotonic)
+    either.space.drop_aged(either.monotonic)
     either.pass_s(60.0)
-    either.space.keep_age(either.monotonic)
+    either.space.drop_aged(either.monotonic)
     assert len(either.here("pose")) == 5
     either.clock.pass_s(-400 * DAY_S)
     either.pass_s(2 * STEADY_S)
-    either.space.keep_age(either.monotonic)
+    either.space.drop_aged(either.monotonic)
     assert len(either.here("pose")) == 5
 
 
@@ -322,9 +322,9 @@ def test_dead_letters_have_a_budget_of_their_own(either: Farm) -> None:
     picture: dict[str, Any] = {"frame": base64.b64encode(frame).decode(), "image_size": len(frame)}
     keys = [farm.keep("image", **picture) for _ in range(4)]
     with farm.database.write() as connection:
-        for parcel in queue.heads(connection, Stream(1, "image"), 0, 3):
-            queue.bury(connection, parcel, 1, "422")
-    farm.space.keep_age(0.0)
+        for record in queue.read_queued(connection, Stream(1, "image"), 0, 3):
+            queue.mark_dead(connection, record, 1, "422")
+    farm.space.drop_aged(0.0)
     (gap,) = farm.here("gap")
     assert (gap["reason"], gap["count"]) == (Reason.DEAD_LETTERS, 1)
     assert (gap["from_message_id"], gap["to_message_id"]) == (keys[0], keys[0])
@@ -335,8 +335,8 @@ def test_dead_letters_have_a_budget_of_their_own(either: Farm) -> None:
 def test_a_gap_and_what_it_declares_are_one_transaction(either: Farm) -> None:
     either.keep_many("pose", 3)
     with either.database.read() as connection:
-        parcels = queue.heads(connection, Stream(1, "pose"), 0, 10)
-    lost = [Lost(p.record_id, p.message_id, p.stream, 0, None, 0.0, 2) for p in parcels]
+        queued = queue.read_queued(connection, Stream(1, "pose"), 0, 10)
+    lost = [DroppedRecord(p.record_id, p.message_id, p.stream, 0, None, 0.0, 2) for p in queued]
     with either.database.write() as connection:
         gaps.drop(connection, lost, Reason.BUDGET, 0.0)
         connection.rollback()

@@ -11,11 +11,12 @@ from sqlalchemy import CheckConstraint, Engine, inspect, text
 
 from edge_server.outbox import queue
 from edge_server.outbox.queue import Stream
-from edge_server.store import migrate, plans, telemetry, vehicles, work
-from edge_server.store.database import Database
-from edge_server.store.engines import open_engine, sqlite_url
-from edge_server.store.plans import StoredPlan
-from edge_server.store.tables import METADATA
+from edge_server.store import migrate
+from edge_server.store.connection.database import Database
+from edge_server.store.connection.engines import open_engine, sqlite_url
+from edge_server.store.rows import plans, telemetry, vehicles, work
+from edge_server.store.rows.plans import StoredPlan
+from edge_server.store.rows.tables import METADATA
 from tests.support.databases import BOTH_ENGINES, PostgresServer
 from tests.unit.edge_server import documents
 

@@ -7,10 +7,15 @@ from pathlib import Path
 import pytest
 
 from edge_server.config import Config
-from edge_server.outbox.answers import Answer, Meaning, Reply, Unreachable, judge
-from edge_server.outbox.queue import Parcel, Stream
+from edge_server.outbox.answers import Answer, Outcome, Reply, Unreachable, classify
+from edge_server.outbox.queue import OutboxRecord, Stream
 from edge_server.outbox.uplink import ONE_BY_ONE
-from edge_server.uplinks.cloud_http import NO_BATCHES_S, HttpUplink, offer_of, retry_after_s
+from edge_server.uplinks.cloud_http import (
+    NO_BATCHES_S,
+    HttpUplink,
+    read_accept_batch,
+    retry_after_s,
+)
 from tests.support import fake_cloud
 from tests.support.fake_cloud import FakeCloud, Fault, Handler, Received, running_cloud
 from tests.support.mock_cloud import running_mock_cloud
@@ -18,7 +23,7 @@ from tests.support.system import free_ports
 
 NOW = datetime(2026, 11, 21, 12, 0, 0, tzinfo=UTC)
 PAYLOAD = '{"sequence_number":0,"vehicle_id":1,"name":"Äcker"}'
-PARCEL = Parcel(1, 1, "01K9Z4T1W8F6Q2M3N5P7R9S0VX", Stream(1, "pose"), PAYLOAD, 0)
+RECORD = OutboxRecord(1, 1, "01K9Z4T1W8F6Q2M3N5P7R9S0VX", Stream(1, "pose"), PAYLOAD, 0)
 
 
 @pytest.fixture
@@ -34,7 +39,7 @@ def deliver(url: str, key_file: Path | None = None) -> Reply:
     )
     port = HttpUplink(config)
     try:
-        return port.send([PARCEL])[0]
+        return port.send([RECORD])[0]
     finally:
         port.close()
 
@@ -45,7 +50,7 @@ def test_a_record_is_posted_bare_under_its_key(cloud: FakeCloud) -> None:
     assert (answer.status, answer.content_type) == (200, "application/json")
     (received,) = cloud.store.kept
     assert received.path == "/pose"
-    assert received.key == PARCEL.message_id
+    assert received.key == RECORD.message_id
     assert received.body["name"] == "Äcker"
     assert received.headers["Content-Type"] == "application/json"
 
@@ -107,25 +112,25 @@ def test_the_clouds_wish_is_in_the_answer(cloud: FakeCloud) -> None:
     assert (reply.status, reply.retry_after_s) == (503, 9.0)
 
 
-def parcels(*kinds: str) -> list[Parcel]:
+def records(*kinds: str) -> list[OutboxRecord]:
     """Records of vehicle 1, numbered from 1."""
     found = []
     for number, kind in enumerate(kinds, start=1):
         key = f"{number:026d}"
         payload = f'{{"vehicle_id":1,"sequence_number":{number},"message_id":"{key}"}}'
-        found.append(Parcel(number, number, key, Stream(1, kind), payload, 0))
+        found.append(OutboxRecord(number, number, key, Stream(1, kind), payload, 0))
     return found
 
 
 def test_records_go_together_once_the_cloud_has_offered_it() -> None:
     with running_mock_cloud(batch_records=50) as cloud:
         uplink = HttpUplink(Config(cloud_url=cloud.url))
-        assert uplink.offer() == ONE_BY_ONE
-        first, *others = parcels("pose", "pose", "alarm", "gap")
+        assert uplink.batch_limit() == ONE_BY_ONE
+        first, *others = records("pose", "pose", "alarm", "gap")
         uplink.send([first])
-        assert uplink.offer().records == 50
+        assert uplink.batch_limit().records == 50
         replies = uplink.send(others)
-        assert [judge(reply).meaning for reply in replies] == [Meaning.CONFIRMED] * 3
+        assert [classify(reply).outcome for reply in replies] == [Outcome.CONFIRMED] * 3
         assert cloud.requests == ["/pose", "/batch"]
         kept = cloud.store.records()
         assert [(record.kind, record.body["sequence_number"]) for record in kept] == [
@@ -141,13 +146,13 @@ def test_a_batch_that_is_refused_goes_one_by_one_and_none_is_tried_for_a_while()
     now = [0.0]
     with running_mock_cloud(batch_records=2) as cloud:
         uplink = HttpUplink(Config(cloud_url=cloud.url), monotonic=lambda: now[0])
-        sent = parcels("pose", "pose", "alarm")
+        sent = records("pose", "pose", "alarm")
         replies = uplink.send(sent)
-        assert [judge(reply).meaning for reply in replies] == [Meaning.CONFIRMED] * 3
+        assert [classify(reply).outcome for reply in replies] == [Outcome.CONFIRMED] * 3
         assert cloud.requests == ["/batch", "/pose", "/pose", "/alarm"]
-        assert uplink.offer() == ONE_BY_ONE
+        assert uplink.batch_limit() == ONE_BY_ONE
         now[0] = NO_BATCHES_S
-        assert uplink.offer().records == 2
+        assert uplink.batch_limit().records == 2
         uplink.close()
 
 
@@ -156,18 +161,18 @@ def test_one_by_one_a_stream_waits_behind_its_failure_and_the_others_go_on(
 ) -> None:
     cloud.store.faults.extend([fake_cloud.status(404), fake_cloud.status(503)])
     uplink = HttpUplink(Config(cloud_url=cloud.url))
-    meanings = [
-        judge(reply).meaning for reply in uplink.send(parcels("pose", "pose", "alarm", "pose"))
+    outcomes = [
+        classify(reply).outcome for reply in uplink.send(records("pose", "pose", "alarm", "pose"))
     ]
-    held_back = Meaning.HELD_BACK
-    assert meanings == [Meaning.TRY_LATER, held_back, Meaning.CONFIRMED, held_back]
+    held_back = Outcome.HELD_BACK
+    assert outcomes == [Outcome.TRY_LATER, held_back, Outcome.CONFIRMED, held_back]
     assert [received.path for received in cloud.store.kept] == ["/alarm"]
     uplink.close()
 
 
 def test_one_by_one_nobody_is_asked_again_when_nobody_is_there() -> None:
     uplink = HttpUplink(Config(cloud_url=f"http://127.0.0.1:{free_ports(1)[0]}"))
-    replies = uplink.send(parcels("pose", "alarm"))
+    replies = uplink.send(records("pose", "alarm"))
     assert all(isinstance(reply, Unreachable) for reply in replies)
 
 
@@ -177,4 +182,4 @@ def test_one_by_one_nobody_is_asked_again_when_nobody_is_there() -> None:
     + [(text, 1) for text in ("-5", "1.5", "many", "²", "9" * 30)],
 )
 def test_an_offer_is_read_and_bounded(header: str | None, records: int) -> None:
-    assert offer_of(header).records == records
+    assert read_accept_batch(header).records == records

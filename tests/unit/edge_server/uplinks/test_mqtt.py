@@ -13,14 +13,14 @@ import pytest
 
 from edge_server.config import Config
 from edge_server.outbox.answers import Answer, Reply, Unreachable
-from edge_server.outbox.queue import Parcel, Stream
-from edge_server.outbox.uplink import MOST
+from edge_server.outbox.queue import OutboxRecord, Stream
+from edge_server.outbox.uplink import MAXIMUM_BATCH
 from edge_server.uplinks.mqtt import MqttUplink
 from tests.support.system import free_ports
 
 WELCOME = bytes([0x20, 3, 0, 0, 0])
 GRANTED = bytes([0x90, 4, 0, 1, 0, 1])
-PARCELS = [Parcel(1, 1, "one", Stream(1, "pose"), "{}", 0)]
+RECORDS = [OutboxRecord(1, 1, "one", Stream(1, "pose"), "{}", 0)]
 
 
 @contextmanager
@@ -65,7 +65,7 @@ def descriptors() -> int:
 
 
 def replies(uplink: MqttUplink, times: int) -> list[Reply]:
-    return [reply for _ in range(times) for reply in uplink.send(PARCELS)]
+    return [reply for _ in range(times) for reply in uplink.send(RECORDS)]
 
 
 def test_hostile_bytes_become_reasons(tmp_path: Path) -> None:
@@ -112,7 +112,7 @@ def test_after_its_end_it_takes_nothing_and_says_so(tmp_path: Path) -> None:
     with uplink_to(f"mqtt://127.0.0.1:{free_ports(1)[0]}", tmp_path) as uplink:
         uplink.close()
         assert isinstance(replies(uplink, 1)[0], Unreachable)
-        assert uplink.offer() == MOST
+        assert uplink.batch_limit() == MAXIMUM_BATCH
 
 
 def answer_packet() -> bytes:

@@ -1,0 +1,1 @@
+"""The endpoints: one module with a blueprint for each resource."""

@@ -1,0 +1,77 @@
+"""`/broker/commands`, and `/latest_state_vector/`, whose requests the broker receives there."""
+
+from typing import Any, Final
+
+from flask import Blueprint
+from flask.typing import ResponseReturnValue
+from pydantic import Field
+
+from afarcloud.model import Model
+from afarcloud.plan import LatestStateVector
+from afarcloud.wire import Kind
+from edge_server.api import bodies, schemas, scopes, urls
+from edge_server.api.auth import BROKER, PEOPLE, allow, audit, key_owner
+from edge_server.api.contract import Contract, describe
+from edge_server.services import broker_work
+from edge_server.services.broker_work import Acknowledgement
+
+LONGEST_WAIT_S: Final = 25.0
+
+
+class Acknowledged(Model):
+    """Body of an acknowledgement."""
+
+    status: Acknowledgement
+    message: str | None = Field(default=None, max_length=1000)
+
+
+def blueprint() -> Blueprint:
+    """Make the routes."""
+    routes = Blueprint("broker", __name__)
+    urls.add(routes, ("broker/commands",), "poll", poll, "GET")
+    for slash in ("/", ""):
+        place = f"/broker/commands/<int64:identifier>/ack{slash}"
+        routes.add_url_rule(place, "acknowledge", acknowledge, methods=["POST"])
+    names = ("latest_state_vector", "latest_state_vectors")
+    urls.add(routes, names, "ask", request_state_vector, "POST")
+    return routes
+
+
+@allow(BROKER)
+@describe(Contract({200: schemas.Work}, query=("after", "wait"), errors=(429,)))
+def poll() -> dict[str, Any]:
+    """Give work for the broker; with `wait`, block until there is some."""
+    after = bodies.query_integer("after", 0, 0, 2**63 - 1)
+    wait_s = bodies.query_number("wait", 0.0, 0.0, LONGEST_WAIT_S)
+    bodies.context().contacts.note_poll(key_owner())
+    return broker_work.poll(bodies.context(), after, wait_s, scopes.vehicles())
+
+
+@allow(BROKER)
+@describe(Contract({200: schemas.WorkState}, body=Acknowledged, errors=(409,)))
+def acknowledge(identifier: int) -> dict[str, Any]:
+    """Acknowledge a work item."""
+    acknowledgement = bodies.model(Acknowledged)
+    if scopes.vehicles() is not None:
+        vehicle_id = broker_work.vehicle_of(bodies.context(), identifier)
+        scopes.check(*([] if vehicle_id is None else [vehicle_id]))
+    return broker_work.acknowledge(
+        bodies.context(),
+        identifier,
+        acknowledgement.status,
+        acknowledgement.message,
+        key_owner(),
+    )
+
+
+@allow(PEOPLE)
+@describe(Contract({202: schemas.StateVectorRequest}, body=LatestStateVector, errors=(404, 429)))
+def request_state_vector() -> ResponseReturnValue:
+    """Request a fresh state vector of one vehicle, or of all."""
+    request = bodies.document(Kind.LATEST_STATE_VECTOR)
+    if not isinstance(request, LatestStateVector):
+        raise TypeError(type(request))
+    scopes.check(request.vehicle_id)
+    answer = broker_work.request_state_vector(bodies.context(), request)
+    audit("requested the latest state vector")
+    return answer, 202

@@ -1,0 +1,176 @@
+"""`/fields/`: boundaries of fields, as AFarCloud-like JSON, GeoJSON, KML or KMZ."""
+
+import json
+from typing import Any, Final
+
+from flask import Blueprint, Response, make_response, request, url_for
+from flask.typing import ResponseReturnValue
+
+from afarcloud.faults import Fault, InvalidError
+from afarcloud.wire import read_as
+from edge_server.api import bodies, etags, schemas, uploads, urls
+from edge_server.api.auth import PLANNERS, READERS, allow, audit, caller
+from edge_server.api.contract import Contract, describe
+from edge_server.api.errors import RequestError
+from edge_server.exchange import field, geojson, kml
+from edge_server.exchange.field import Field
+from edge_server.services import fields
+from edge_server.store.rows.keys import Role
+
+NAMES: Final = ("fields", "field")
+ITEM: Final = "int64:identifier"
+WRITERS: Final = PLANNERS | {Role.FARMER}
+FILES: Final = (geojson.MEDIA_TYPE, *sorted(kml.MEDIA_TYPES), kml.ZIPPED_MEDIA_TYPE)
+EXAMPLE: Final = {
+    "name": "North field",
+    "boundary": [
+        [40.4430, -3.7392],
+        [40.4440, -3.7392],
+        [40.4440, -3.7380],
+        [40.4430, -3.7380],
+    ],
+    "exclusions": [[[40.4434, -3.7387], [40.4436, -3.7387], [40.4436, -3.7385]]],
+}
+_FORMATS: Final = ("json", "geojson")
+
+
+def blueprint() -> Blueprint:
+    """Make the routes."""
+    routes = Blueprint("fields", __name__)
+    urls.add(routes, NAMES, "create", create, "POST")
+    urls.add(routes, NAMES, "page", page, "GET")
+    urls.add(routes, NAMES, "get", get, "GET", item=ITEM)
+    urls.add(routes, NAMES, "put", put, "PUT", item=ITEM)
+    urls.add(routes, NAMES, "delete", delete, "DELETE", item=ITEM)
+    return routes
+
+
+@allow(WRITERS)
+@describe(
+    Contract(
+        {201: schemas.StoredFields},
+        body=schemas.FieldOrGeoJson,
+        repeatable=True,
+        files=FILES,
+        example=EXAMPLE,
+    )
+)
+def create() -> ResponseReturnValue:
+    """Store the boundary of a field, or of every field of a file: all of them or none."""
+    kept = fields.create_all(bodies.context(), _fields(), caller())
+    audit(f"posted fields {[one['id'] for one in kept]}")
+    location = url_for("fields.get", identifier=kept[0]["id"])
+    return kept[0] if len(kept) == 1 else {"fields": kept}, 201, {"Location": location}
+
+
+@allow(READERS)
+@describe(
+    Contract(
+        {200: schemas.StoredField},
+        is_list=True,
+        query=("after", "limit", "since", "format:geojson"),
+        other_answers=(geojson.MEDIA_TYPE,),
+    )
+)
+def page() -> ResponseReturnValue:
+    """List fields, as JSON or as one GeoJSON FeatureCollection."""
+    found = fields.page(
+        bodies.context(),
+        after_id=bodies.query_integer("after", 0, 0, 2**63 - 1),
+        limit=bodies.query_integer("limit", bodies.PAGE_DEFAULT, 1, bodies.PAGE_LIMIT),
+        since_s=bodies.query_time("since"),
+    )
+    if _wants_geojson():
+        return _as_geojson(make_response({}), geojson.write(found))
+    return make_response(found)
+
+
+@allow(READERS)
+@describe(
+    Contract(
+        {200: schemas.StoredField},
+        query=("format:geojson",),
+        conditional=True,
+        other_answers=(geojson.MEDIA_TYPE,),
+    )
+)
+def get(identifier: int) -> ResponseReturnValue:
+    """Give a field, as JSON or as a GeoJSON Feature."""
+    found = fields.find(bodies.context(), identifier)
+    wants_geojson = _wants_geojson()
+    form = etags.FORMS[0] if wants_geojson else ""
+    response = make_response(etags.tagged(found, form=form))
+    if wants_geojson and response.status_code == 200:
+        return _as_geojson(response, geojson.write_one(found))
+    response.vary.add("Accept")
+    return response
+
+
+@allow(WRITERS)
+@describe(
+    Contract(
+        {200: schemas.StoredField},
+        body=schemas.FieldOrGeoJson,
+        conditional=True,
+        files=FILES,
+        example=EXAMPLE,
+    )
+)
+def put(identifier: int) -> ResponseReturnValue:
+    """Replace a field."""
+    found = _fields()
+    if len(found) != 1:
+        raise InvalidError((Fault("", f"must be one field, not {len(found)}"),))
+    stored = fields.replace(bodies.context(), identifier, found[0], etags.check_match)
+    audit(f"replaced field {identifier}")
+    return etags.tagged(stored)
+
+
+@allow(PLANNERS)
+@describe(Contract({204: None}))
+def delete(identifier: int) -> ResponseReturnValue:
+    """Delete a field."""
+    fields.remove(bodies.context(), identifier)
+    audit(f"deleted field {identifier}")
+    return "", 204
+
+
+def _fields() -> list[Field]:
+    """Read fields in any supported format; raises DocumentError or RequestError."""
+    upload = uploads.upload((uploads.JSON, *FILES))
+    if _is_kml(upload):
+        return [boundary.field for boundary in kml.read(upload.raw)]
+    document = uploads.parsed(upload, "JSON, GeoJSON, KML or KMZ")
+    if upload.media_type == geojson.MEDIA_TYPE or geojson.is_geojson(document):
+        return [boundary.field for boundary in geojson.read(document)]
+    if isinstance(document, dict) and set(document) == {"field"}:
+        document = document["field"]
+    read = read_as(Field, document)
+    field.check(read)
+    return [read]
+
+
+def _is_kml(upload: uploads.Upload) -> bool:
+    if upload.media_type == uploads.UNSPECIFIED:
+        return upload.raw.lstrip(b"\xef\xbb\xbf \t\r\n")[:2] in {b"<?", b"<k", b"<!", b"PK"}
+    return upload.media_type in kml.MEDIA_TYPES | {kml.ZIPPED_MEDIA_TYPE}
+
+
+def _wants_geojson() -> bool:
+    """Whether `format` asks for GeoJSON, or `Accept` in a request without `format`."""
+    form = request.args.get("format")
+    if form is None:
+        best = request.accept_mimetypes.best_match([uploads.JSON, geojson.MEDIA_TYPE])
+        return best == geojson.MEDIA_TYPE
+    if form not in _FORMATS:
+        fault = Fault("format", "must be json or geojson")
+        raise RequestError(422, "the query cannot be used", (fault,))
+    return form == "geojson"
+
+
+def _as_geojson(response: Response, document: dict[str, Any]) -> Response:
+    """Replace the body of an answer by GeoJSON."""
+    response.set_data(json.dumps(document, ensure_ascii=False, allow_nan=False))
+    response.content_type = geojson.MEDIA_TYPE
+    response.vary.add("Accept")
+    return response

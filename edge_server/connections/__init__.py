@@ -1,0 +1,1 @@
+"""Connections of clients: framing, limits and the loop that dispatches complete requests."""

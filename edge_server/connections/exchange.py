@@ -1,0 +1,75 @@
+"""One request and its answer, as a socket for gunicorn's parser.
+
+The parser reads the complete request from memory, so no client can block it. Sending an answer has
+a time budget, which grows with each byte that the client receives.
+"""
+
+import socket
+import time
+from typing import Final
+
+from edge_server.connections.framing import FramedRequest
+
+SEND_S: Final = 20.0
+"""How long a client may receive nothing of an answer."""
+LEAST_RATE_BYTES_S: Final = 16_384.0
+"""A client that receives more slowly than this uses up its budget."""
+_PIECE_BYTES: Final = 65_536
+_CONTINUE: Final = b"HTTP/1.1 100 Continue\r\n\r\n"
+
+
+class TooSlowError(OSError):
+    """The client receives its answer too slowly."""
+
+
+class Exchange:
+    """Stands for the connection's socket, for the parser and the writer of the answer."""
+
+    def __init__(
+        self,
+        sock: socket.socket,
+        client: tuple[str, int],
+        server: tuple[str, int],
+        request: FramedRequest,
+    ) -> None:
+        self.sock = self
+        self.client = client
+        self.server = server
+        self.is_whole = request.is_whole
+        self.refusal = request.refusal
+        self.reason = request.reason
+        self._sock = sock
+        self._raw = memoryview(request.raw)
+        self._send_budget_s = SEND_S
+
+    def recv(self, size: int) -> bytes:
+        """Read the next bytes of the request; none after its end."""
+        part, self._raw = self._raw[:size], self._raw[size:]
+        return bytes(part)
+
+    def send(self, data: bytes) -> int:
+        """Send all of it; drops an interim 100 Continue, since the body is complete."""
+        if data != _CONTINUE:
+            self.sendall(data)
+        return len(data)
+
+    def sendall(self, data: bytes) -> None:
+        """Send all of it; raises TooSlowError, or OSError if the client has disconnected."""
+        rest = memoryview(data)
+        while rest:
+            began = time.monotonic()
+            self._sock.settimeout(max(self._send_budget_s, 0.001))
+            try:
+                sent = self._sock.send(rest[:_PIECE_BYTES])
+            except TimeoutError:
+                raise TooSlowError("the client receives its answer too slowly") from None
+            rest = rest[sent:]
+            took_s = time.monotonic() - began
+            self._send_budget_s += sent / LEAST_RATE_BYTES_S - took_s
+            self._send_budget_s = min(self._send_budget_s, SEND_S)
+
+    def close(self) -> None:
+        """Do nothing: the loop owns the connection."""
+
+    def shutdown(self, how: int) -> None:
+        """Do nothing: the loop owns the connection."""

@@ -1,1 +1,0 @@
-"""What stands between the network and the threads that serve: only whole requests pass."""

@@ -1,0 +1,1 @@
+"""Files of the state folder: a SQLite file's health and recovery, backup, ballast, counters."""

@@ -1,0 +1,1 @@
+"""Tables, and a module of queries per kind of row."""

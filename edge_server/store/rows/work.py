@@ -1,0 +1,446 @@
+"""The broker's work as rows, and the status of each mission and command."""
+
+import json
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from sqlalchemy import (
+    ColumnElement,
+    Connection,
+    and_,
+    delete,
+    func,
+    insert,
+    literal,
+    or_,
+    select,
+    text,
+    update,
+)
+
+from afarcloud.enumerations import Status
+from edge_server.store.connection.database import new_id, to_json
+from edge_server.store.rows.tables import command, plan, vehicle_hold, withdrawn, work
+
+MISSION = "mission"
+STATE_VECTOR = "latest_state_vector"
+EVENT = "event"
+QUEUED = "queued"
+ACCEPTED = "accepted"
+CLOSED = "closed"
+UNDER_WAY_S = 600.0
+"""How long after its expiry an accepted event may take: a flight to a place, and back."""
+CLOCK_SLACK_S = 2.0
+"""How far the clocks of edge servers that share a database may differ."""
+
+
+class Work(NamedTuple):
+    """One piece of work; the fields from `plan` on are None unless it is a mission."""
+
+    id: int
+    kind: str
+    vehicle_id: int | None
+    sequence_number: int
+    state: str
+    expires_at: float
+    plan: int | None = None
+    plan_id: str | None = None
+    mission_id: int | None = None
+    body: dict[str, Any] | None = None
+    status_id: int | None = None
+    message: str | None = None
+    report: dict[str, Any] | None = None
+    held: bool = False
+    place: int = 0
+    created_at: float = 0.0
+    flown: bool = False
+    fault: str | None = None
+    accepted_at: float | None = None
+    ended_at: float | None = None
+    end_record: int | None = None
+    end_message_id: str | None = None
+
+
+class CommandProgress(NamedTuple):
+    """Status of one command."""
+
+    command_id: int
+    status_id: int
+    message: str | None
+
+
+def add_mission(
+    connection: Connection,
+    *,
+    plan_row: int,
+    body: dict[str, Any],
+    now: float,
+    expires_at: float,
+    held: bool = False,
+    place: int = 0,
+) -> None:
+    """Queue a mission and its commands, none started; a held mission is not published."""
+    result = connection.execute(
+        insert(work).values(
+            kind=MISSION,
+            vehicle_id=body["vehicle_id"],
+            plan=plan_row,
+            mission_id=body["mission_id"],
+            sequence_number=body["sequence_number"],
+            body=to_json(body),
+            state=QUEUED,
+            status_id=1,
+            created_at=now,
+            expires_at=expires_at,
+            held=held,
+            place=place,
+        )
+    )
+    row = new_id(result)
+    connection.execute(
+        insert(command),
+        [
+            {"work": row, "command_id": item["command_id"], "status_id": 1}
+            for item in body["command_array"]
+        ],
+    )
+
+
+def queue_anew(connection: Connection, item: Work, now: float) -> None:
+    """Queue a mission that has not begun under a new id, behind all other work."""
+    if item.plan is None or item.body is None:
+        raise TypeError("only a mission of a plan can be queued anew")
+    _note_withdrawn(connection, work.c.id == item.id, now)
+    remove(connection, item.id)
+    add_mission(
+        connection,
+        plan_row=item.plan,
+        body=item.body,
+        now=item.created_at,
+        expires_at=item.expires_at,
+        place=item.place,
+    )
+
+
+def add_request(
+    connection: Connection,
+    *,
+    vehicle_id: int | None,
+    sequence_number: int,
+    now: float,
+    expires_at: float,
+) -> int:
+    """Queue a request for a fresh state vector; returns its id."""
+    result = connection.execute(
+        insert(work).values(
+            kind=STATE_VECTOR,
+            vehicle_id=vehicle_id,
+            sequence_number=sequence_number,
+            state=QUEUED,
+            created_at=now,
+            expires_at=expires_at,
+        )
+    )
+    return new_id(result)
+
+
+def add_event(
+    connection: Connection, *, body: dict[str, Any], now: float, expires_at: float
+) -> int:
+    """Queue an event; returns the id of the work."""
+    result = connection.execute(
+        insert(work).values(
+            kind=EVENT,
+            vehicle_id=body["vehicle_id"],
+            sequence_number=body["sequence_number"],
+            body=to_json(body),
+            state=QUEUED,
+            status_id=1,
+            created_at=now,
+            expires_at=expires_at,
+        )
+    )
+    return new_id(result)
+
+
+_QUERY = select(work, plan.c.plan_id).outerjoin(plan, work.c.plan == plan.c.id)
+
+
+def get(connection: Connection, identifier: int) -> Work | None:
+    """Find a piece of work."""
+    row = connection.execute(_QUERY.where(work.c.id == identifier)).one_or_none()
+    return _work(row) if row else None
+
+
+def unfinished(
+    connection: Connection,
+    *,
+    after_id: int = 0,
+    vehicle_id: int | None = None,
+    limit: int = 1000,
+    may_fly: bool = False,
+) -> list[Work]:
+    """List queued and accepted missions and requests in order, of one vehicle or of all.
+
+    Held missions are left out, and events have a list of their own (`live_events`). `may_fly`
+    leaves out the missions that wait for the release of their vehicle.
+    """
+    query = _QUERY.where(
+        work.c.state.in_((QUEUED, ACCEPTED)),
+        work.c.id > after_id,
+        work.c.held.is_(False),
+        work.c.kind != EVENT,
+    )
+    if vehicle_id is not None:
+        query = query.where(work.c.vehicle_id == vehicle_id)
+    if may_fly:
+        held_vehicles = select(vehicle_hold.c.vehicle_id)
+        query = query.where(
+            or_(
+                work.c.kind != MISSION,
+                work.c.state == ACCEPTED,
+                work.c.vehicle_id.not_in(held_vehicles),
+            )
+        )
+    return [_work(row) for row in connection.execute(query.order_by(work.c.id).limit(limit))]
+
+
+def missions_of(connection: Connection, vehicle_id: int, mission_id: int) -> list[Work]:
+    """List a vehicle's missions of this number, ended and held ones too, oldest first."""
+    query = _QUERY.where(
+        work.c.vehicle_id == vehicle_id,
+        work.c.mission_id == mission_id,
+        work.c.kind == MISSION,
+    )
+    return [_work(row) for row in connection.execute(query.order_by(work.c.id))]
+
+
+def not_flown(
+    connection: Connection, *, vehicle_id: int | None = None, ended_since: float | None = None
+) -> list[Work]:
+    """List missions that were accepted and are not known to have flown, of one vehicle or of all.
+
+    With `ended_since` missions that ended before it are left out.
+    """
+    query = _QUERY.where(text("accepted_at IS NOT NULL AND NOT flown"))  # As in the index
+    if vehicle_id is not None:
+        query = query.where(work.c.vehicle_id == vehicle_id)
+    if ended_since is not None:
+        query = query.where(or_(work.c.ended_at.is_(None), work.c.ended_at >= ended_since))
+    return [_work(row) for row in connection.execute(query.order_by(work.c.id))]
+
+
+def live_events(connection: Connection, now: float, *, after_id: int = 0) -> list[Work]:
+    """List the events that may still be carried out, in order; an expired one is not begun.
+
+    An accepted event is listed for some time after its expiry: a restarted broker reads it again
+    and completes it.
+    """
+    in_time = and_(work.c.state == QUEUED, work.c.expires_at > now)
+    under_way = and_(work.c.state == ACCEPTED, work.c.expires_at > now - UNDER_WAY_S)
+    query = _QUERY.where(
+        work.c.kind == EVENT,
+        or_(in_time, under_way),
+        work.c.id > after_id,
+        work.c.created_at <= now + CLOCK_SLACK_S,
+    )
+    return [_work(row) for row in connection.execute(query.order_by(work.c.id))]
+
+
+def note_mission(connection: Connection, event: Work, mission: Work) -> None:
+    """Store which mission an event was about."""
+    change(connection, event.id, mission_id=mission.mission_id)
+
+
+def newest_event_about(connection: Connection, mission: Work) -> Work | None:
+    """Find the last event that is done and was noted for a mission."""
+    query = _QUERY.where(
+        work.c.kind == EVENT,
+        work.c.vehicle_id == mission.vehicle_id,
+        work.c.mission_id == mission.mission_id,
+        work.c.status_id == int(Status.FINISHED),
+        work.c.id > mission.id,
+    )
+    row = connection.execute(query.order_by(work.c.id.desc()).limit(1)).one_or_none()
+    return _work(row) if row else None
+
+
+def overdue(connection: Connection, now: float) -> list[Work]:
+    """List work that has expired: missions and events not accepted, and requests not answered.
+
+    An event from the future has expired too: the clock was set back, and its age is unknown.
+    """
+    waiting = or_(
+        work.c.state == QUEUED, and_(work.c.state == ACCEPTED, work.c.kind == STATE_VECTOR)
+    )
+    over = or_(
+        work.c.expires_at <= now,
+        and_(work.c.kind == EVENT, work.c.created_at > now + CLOCK_SLACK_S),
+    )
+    query = _QUERY.where(waiting, over)
+    return [_work(row) for row in connection.execute(query.order_by(work.c.id))]
+
+
+def from_the_future(connection: Connection, now: float) -> list[Work]:
+    """List missions in the queue that were received after now: the clock has been set back."""
+    query = _QUERY.where(
+        work.c.kind == MISSION, work.c.state == QUEUED, work.c.created_at > now + CLOCK_SLACK_S
+    )
+    return [_work(row) for row in connection.execute(query.order_by(work.c.id))]
+
+
+def taken_mission_ids(connection: Connection, first: int, last: int) -> set[int]:
+    """Return the mission_ids of a range that are taken, by ended and held missions too."""
+    query = select(work.c.mission_id).where(
+        work.c.kind == MISSION, work.c.mission_id.between(first, last)
+    )
+    return set(connection.execute(query).scalars())
+
+
+def has_number(connection: Connection, mission_id: int) -> bool:
+    """Whether a mission of this number is here or was withdrawn, whatever its vehicle."""
+    if taken_mission_ids(connection, mission_id, mission_id):
+        return True
+    query = select(withdrawn.c.work_id).where(withdrawn.c.mission_id == mission_id)
+    return connection.execute(query.limit(1)).first() is not None
+
+
+def of_plan(connection: Connection, plan_row: int) -> list[Work]:
+    """List the missions of a plan in the plan's order."""
+    query = _QUERY.where(work.c.plan == plan_row)
+    order = work.c.place, work.c.id
+    return [_work(row) for row in connection.execute(query.order_by(*order))]
+
+
+def newest_id(connection: Connection) -> int:
+    """Return the id of the newest work, 0 if there is none."""
+    return connection.execute(select(func.max(work.c.id))).scalar_one() or 0
+
+
+def change(connection: Connection, identifier: int, **columns: Any) -> None:
+    """Change columns of a piece of work; a report is given as an object."""
+    if columns.get("report") is not None:
+        columns["report"] = to_json(columns["report"])
+    connection.execute(update(work).where(work.c.id == identifier).values(**columns))
+
+
+def note_end(
+    connection: Connection, identifier: int, record_id: int, message_id: str | None
+) -> None:
+    """Store which report has ended a mission."""
+    change(connection, identifier, end_record=record_id, end_message_id=message_id)
+
+
+def note_new_end(
+    connection: Connection, vehicle_id: int, mission_id: int, record_id: int, message_id: str
+) -> None:
+    """Store the new message_id of a report if it is the one that has ended a mission."""
+    of_mission = and_(work.c.vehicle_id == vehicle_id, work.c.mission_id == mission_id)
+    connection.execute(
+        update(work)
+        .where(of_mission, work.c.end_record == record_id)
+        .values(end_message_id=message_id)
+    )
+
+
+def remove(connection: Connection, identifier: int) -> None:
+    """Delete a piece of work."""
+    connection.execute(delete(work).where(work.c.id == identifier))
+
+
+def remove_of_plan(connection: Connection, plan_row: int, now: float) -> None:
+    """Delete a plan's missions and note them as withdrawn."""
+    _note_withdrawn(connection, work.c.plan == plan_row, now)
+    connection.execute(delete(work).where(work.c.plan == plan_row))
+
+
+def _note_withdrawn(connection: Connection, which: ColumnElement[bool], now: float) -> None:
+    columns = work.c.id, plan.c.plan_id, work.c.vehicle_id, work.c.mission_id, literal(now)
+    gone = select(*columns).join(plan, work.c.plan == plan.c.id).where(which)
+    names = ["work_id", "plan_id", "vehicle_id", "mission_id", "withdrawn_at"]
+    connection.execute(insert(withdrawn).from_select(names, gone))
+
+
+def is_withdrawn(connection: Connection, vehicle_id: int, field: str, value: int | str) -> bool:
+    """Whether a mission was cancelled or replaced, by its work_id, plan_id or mission_id."""
+    query = select(withdrawn.c.work_id).where(withdrawn.c[field] == value)
+    if field == "mission_id":
+        query = query.where(withdrawn.c.vehicle_id == vehicle_id)
+    return connection.execute(query.limit(1)).first() is not None
+
+
+def delete_withdrawn(connection: Connection, before: float) -> None:
+    """Delete withdrawn missions from before a time, on which no broker reports any more."""
+    connection.execute(delete(withdrawn).where(withdrawn.c.withdrawn_at < before))
+
+
+def delete_requests(connection: Connection, before: float) -> None:
+    """Delete closed requests; the newest work stays, since cursors are compared with its id."""
+    connection.execute(
+        delete(work).where(
+            work.c.kind == STATE_VECTOR,
+            work.c.state == CLOSED,
+            work.c.expires_at < before,
+            work.c.id < newest_id(connection),
+        )
+    )
+
+
+def delete_events(connection: Connection, before: float) -> None:
+    """Delete events that were received before a time; the newest work stays."""
+    connection.execute(
+        delete(work).where(
+            work.c.kind == EVENT,
+            work.c.created_at < before,
+            work.c.id < newest_id(connection),
+        )
+    )
+
+
+def commands(connection: Connection, identifier: int) -> dict[int, CommandProgress]:
+    """Return the progress of a mission's commands by command_id."""
+    rows = connection.execute(
+        select(command.c.command_id, command.c.status_id, command.c.message).where(
+            command.c.work == identifier
+        )
+    )
+    return {row.command_id: CommandProgress(*row) for row in rows}
+
+
+def change_commands(
+    connection: Connection, identifier: int, progress: Sequence[CommandProgress]
+) -> None:
+    """Store the progress of some of a mission's commands."""
+    for item in progress:
+        connection.execute(
+            update(command)
+            .where(command.c.work == identifier, command.c.command_id == item.command_id)
+            .values(status_id=item.status_id, message=item.message)
+        )
+
+
+def _work(row: Any) -> Work:
+    return Work(
+        row.id,
+        row.kind,
+        row.vehicle_id,
+        row.sequence_number,
+        row.state,
+        row.expires_at,
+        row.plan,
+        row.plan_id,
+        row.mission_id,
+        json.loads(row.body) if row.body else None,
+        row.status_id,
+        row.message,
+        json.loads(row.report) if row.report else None,
+        row.held,
+        row.place,
+        row.created_at,
+        row.flown,
+        row.fault,
+        row.accepted_at,
+        row.ended_at,
+        row.end_record,
+        row.end_message_id,
+    )

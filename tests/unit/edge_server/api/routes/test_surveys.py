@@ -1,0 +1,154 @@
+"""Surveys: all plans of a field are stored, or none."""
+
+from typing import Any
+
+import pytest
+
+from afarcloud.numbers import INT32_MAX
+from edge_server.api.routes.surveys import EXAMPLE
+from tests.unit.edge_server.conftest import Edge
+from tests.unit.edge_server.documents import mission, plan
+
+
+def ask(edge: Edge, query: str = "", role: str = "operator", **changes: Any) -> Any:
+    return edge.post(f"/surveys/{query}", {**EXAMPLE, **changes}, role)
+
+
+def test_the_plans_of_a_survey_are_kept_and_held(edge: Edge) -> None:
+    answer = ask(edge)
+    assert answer.status_code == 201
+    survey = answer.json
+    assert survey["plans"] == edge.get("/plans/")
+    assert len(survey["plans"]) == survey["flights"] > 1
+    assert [plan["name"] for plan in survey["plans"]][:2] == ["North field 1", "North field 2"]
+    assert {m["dispatch_state"] for plan in survey["plans"] for m in plan["missions"]} == {"held"}
+    assert edge.work() == []
+
+
+def test_a_preview_keeps_nothing(edge: Edge) -> None:
+    answer = ask(edge, "?preview=true")
+    assert answer.status_code == 200
+    assert edge.get("/plans/") == []
+    assert len(answer.json["plans"]) == answer.json["flights"]
+
+
+def test_a_dispatched_survey_is_work_for_the_broker(edge: Edge) -> None:
+    assert ask(edge, vehicles=[1, 2], most_commands=700, dispatch=True).status_code == 201
+    assert sorted(item["vehicle_id"] for item in edge.work()) == [1, 2]
+
+
+def test_all_plans_or_none(edge: Edge) -> None:
+    answer = ask(edge, dispatch=True, most_commands=12, endurance=3600)
+    assert answer.status_code == 409  # More flights than a vehicle's queue takes
+    assert edge.get("/plans/") == []
+
+
+@pytest.mark.parametrize("query", ["", "?preview=true"])
+def test_a_survey_has_no_mission_id_beyond_the_largest(edge: Edge, query: str) -> None:
+    answer = ask(edge, query, first_mission_id=INT32_MAX)
+    assert answer.status_code == 422
+    assert list(answer.json["detail"]["json"]) == ["first_mission_id"]
+    assert ask(edge, query, first_mission_id=INT32_MAX - 1).status_code in {200, 201}
+
+
+def test_a_survey_that_finds_no_free_mission_ids_is_refused(edge: Edge) -> None:
+    edge.clock.now = float(INT32_MAX - 1)
+    edge.post_plan(plan(mission(INT32_MAX)))
+    assert ask(edge).status_code == 409
+    assert len(edge.get("/plans/")) == 1
+
+
+def test_a_repeated_survey_is_the_same_survey(edge: Edge) -> None:
+    first = edge.post("/surveys/", EXAMPLE, "operator", key="one")
+    edge.clock.pass_s(60.0)
+    again = edge.post("/surveys/", EXAMPLE, "operator", key="one")
+    assert (again.status_code, again.json) == (201, first.json)
+
+
+def test_the_flight_time_counts_from_where_the_vehicle_is(edge: Edge) -> None:
+    near = ask(edge, "?preview=true").json["duration_s"]
+    away = {"link_state": "connected", "latitude": 40.4460, "longitude": -3.7392}
+    assert edge.ask("PUT", "/vehicles/1", "broker", json=away).status_code == 200
+    assert ask(edge, "?preview=true").json["duration_s"] > near
+
+
+def test_a_farmer_drafts(edge: Edge) -> None:
+    assert ask(edge, role="farmer", dispatch=True).status_code == 403
+    assert ask(edge, role="farmer").status_code == 201
+
+
+def without_boundary(**changes: Any) -> dict[str, Any]:
+    return {name: value for name, value in EXAMPLE.items() if name != "boundary"} | changes
+
+
+def test_a_field_that_is_kept_is_covered_like_its_boundary(edge: Edge) -> None:
+    hole = [[40.4434, -3.7387], [40.4436, -3.7387], [40.4436, -3.7385]]
+    field = {"name": "Hill", "boundary": EXAMPLE["boundary"], "exclusions": [hole]}
+    assert edge.post("/fields/", field, "farmer").status_code == 201
+    drawn = ask(edge, "?preview=true", exclusions=[hole])
+    named = edge.post("/surveys/?preview=true", without_boundary(field_id=1, name=None), "farmer")
+    assert named.status_code == 200
+    known: Any = named.json
+    assert known["duration_s"] == drawn.json["duration_s"]
+    assert known["area_m2"] == drawn.json["area_m2"]
+    assert {plan["field_id"] for plan in known["plans"]} == {1}
+    assert known["plans"][0]["name"] == "Hill 1"
+    kept = edge.post("/surveys/", without_boundary(field_id=1, exclusions=[hole]), "operator")
+    assert kept.status_code == 201
+    assert {plan["field_id"] for plan in edge.get("/plans/")} == {1}
+
+
+@pytest.mark.parametrize(
+    ("order", "path"),
+    [
+        (without_boundary(), "boundary"),
+        ({**EXAMPLE, "field_id": 1}, "boundary"),
+        (without_boundary(field_id=9), "field_id"),
+        (without_boundary(field_id="1"), "field_id"),
+        (without_boundary(field_id=1, altitude=3), "field_id"),
+    ],
+)
+def test_a_survey_has_one_field(edge: Edge, order: dict[str, Any], path: str) -> None:
+    large = [[40.0, -3.0], [40.0, -2.9], [40.1, -2.9], [40.1, -3.0]]
+    assert edge.post("/fields/", {"boundary": large}, "operator").status_code == 201
+    answer = edge.post("/surveys/", order, "operator")
+    assert answer.status_code == 422
+    assert path in (answer.json or {})["detail"]["json"]
+
+
+def test_a_repeated_survey_of_a_field_that_has_changed_is_another_one(edge: Edge) -> None:
+    edge.post("/fields/", {"boundary": EXAMPLE["boundary"]}, "operator")
+    order = without_boundary(field_id=1)
+    assert edge.post("/surveys/", order, "operator", key="one").status_code == 201
+    assert edge.post("/surveys/", order, "operator", key="one").status_code == 201
+    corners = [*EXAMPLE["boundary"][:3], [40.4429, -3.7380]]  # type: ignore[index]  # it is a list
+    edge.ask("PUT", "/fields/1", "operator", json={"boundary": corners})
+    assert edge.post("/surveys/", order, "operator", key="one").status_code == 422
+
+
+@pytest.mark.parametrize(
+    ("changes", "field"),
+    [
+        ({"swath_width": 5.0}, "camera"),
+        ({"camera": None}, "camera"),
+        ({"vehicles": [1, 1]}, "vehicles"),
+        ({"vehicles": [9]}, "missions.0.vehicle_id"),
+        ({"altitude": 121}, "altitude"),
+        ({"altitude": 1.0, "front_overlap": 0.9}, "altitude"),
+        ({"boundary": [[40, -3], [41, -3]]}, "boundary"),
+        ({"boundary": [[40, -3], [41, -3], [41, -2]], "altitude": 3}, "boundary"),
+        ({"side_overlap": 1.0}, "side_overlap"),
+        ({"colour": "red"}, "colour"),
+    ],
+)
+def test_a_bad_survey_is_refused_by_field(edge: Edge, changes: dict[str, Any], field: str) -> None:
+    answer = ask(edge, **changes)
+    assert answer.status_code == 422
+    assert field in (answer.json or {})["detail"]["json"]
+    assert edge.get("/plans/") == []
+
+
+def test_preview_is_true_or_false(edge: Edge) -> None:
+    answer = ask(edge, "?preview=perhaps")
+    assert answer.status_code == 422
+    assert list(answer.json["detail"]["query"]) == ["preview"]

@@ -1,0 +1,88 @@
+"""The registry of vehicles over HTTP."""
+
+import pytest
+
+from tests.unit.edge_server.conftest import Edge
+from tests.unit.edge_server.documents import mission_report, plan
+
+STATE = {
+    "link_state": "connected",
+    "autopilot": "px4",
+    "armed": True,
+    "mode": "AUTO.MISSION",
+    "latitude": 40.4434,
+    "longitude": -3.7382,
+    "altitude": 4.8,
+    "battery_percentage": 0.8,
+    "mission_id": 1201,
+    "recorded_at": "2026-11-21T12:00:00Z",
+}
+
+
+def test_a_vehicle_is_registered_by_its_first_put(edge: Edge) -> None:
+    first = edge.ask("PUT", "/vehicles/3", "broker", json=STATE)
+    assert (first.status_code, first.headers["Location"]) == (201, "/vehicles/3/")
+    assert edge.ask("PUT", "/vehicles/3/", "broker", json=STATE).status_code == 200
+    assert STATE.items() <= edge.get("/vehicles/3").items()
+    assert [item["vehicle_id"] for item in edge.get("/vehicles")] == [1, 2, 3]
+
+
+def test_an_absent_member_stays_and_a_null_replaces_it(edge: Edge) -> None:
+    edge.ask("PUT", "/vehicles/1", "broker", json=STATE)
+    edge.clock.pass_s(5)
+    edge.ask("PUT", "/vehicles/1", "broker", json={"link_state": "stale", "mission_id": None})
+    shown = edge.get("/vehicles/1")
+    assert (shown["link_state"], shown["mission_id"], shown["mode"]) == (
+        "stale",
+        None,
+        "AUTO.MISSION",
+    )
+    assert shown["updated_at"] > shown["registered_at"]
+
+
+def test_a_vehicle_shows_the_age_of_its_position(edge: Edge) -> None:
+    known = {
+        "family": "ardupilot",
+        "version": "4.6.2",
+        "position_age": 12.5,
+        "stale": ["position", "battery"],
+        "warning": "a second vehicle has this system id",
+    }
+    edge.ask("PUT", "/vehicles/1", "broker", json=STATE | known)
+    assert known.items() <= edge.get("/vehicles/1").items()
+
+
+@pytest.mark.parametrize(
+    ("change", "field"),
+    [
+        ({"position_age": -1}, "position_age"),
+        ({"stale": "position"}, "stale"),
+        ({"version": 4}, "version"),
+        ({"link_state": "fine"}, "link_state"),
+        ({"latitude": 91}, "latitude"),
+        ({"armed": 1}, "armed"),
+        ({"battery_percentage": 80}, "battery_percentage"),
+        ({"surprise": 1}, "surprise"),
+    ],
+)
+def test_a_bad_state_is_refused_by_field(edge: Edge, change: dict[str, object], field: str) -> None:
+    answer = edge.ask("PUT", "/vehicles/9", "broker", json=STATE | change)
+    assert answer.status_code == 422
+    assert field in (answer.json or {})["detail"]["json"]
+    assert edge.ask("GET", "/vehicles/9", "operator").status_code == 404
+
+
+@pytest.mark.parametrize("identifier", [0, 2**31])
+def test_a_vehicle_id_out_of_range_is_refused(edge: Edge, identifier: int) -> None:
+    answer = edge.ask("PUT", f"/vehicles/{identifier}", "broker", json=STATE)
+    assert answer.status_code == 422
+
+
+def test_a_vehicle_with_work_stays(edge: Edge) -> None:
+    edge.post_plan(plan())
+    assert edge.ask("DELETE", "/vehicles/1", "admin").status_code == 409
+    edge.accept()
+    edge.report("mission_report", mission_report(3, 3, 3, 3))
+    assert edge.ask("DELETE", "/vehicles/1", "admin").status_code == 204
+    assert edge.ask("DELETE", "/vehicles/1", "admin").status_code == 404
+    assert edge.post_plan(plan()).status_code == 422

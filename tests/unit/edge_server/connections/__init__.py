@@ -1,0 +1,1 @@
+"""Connection handling: framing, admission, and the loop over real sockets."""

@@ -1,0 +1,381 @@
+"""Requests are served despite many slow clients; over loopback sockets."""
+
+import contextlib
+import socket
+import ssl
+import subprocess
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+from edge_server.connections import admission, connection, exchange, loop
+from edge_server.connections.admission import Limits
+from edge_server.connections.counts import ConnectionCounts
+from edge_server.connections.exchange import Exchange
+from edge_server.connections.loop import ConnectionLoop, Options
+
+PATIENCE_S = 30.0
+ANSWER = b"HTTP/1.1 200 OK\r\nContent-Length: 2\r\n\r\nok"
+ABORT = b"POST /events/ HTTP/1.1\r\nContent-Length: 2\r\n\r\n{}"
+REFUSED = b"HTTP/1.1 503 No\r\n\r\n"
+GET = b"GET /plans/ HTTP/1.1\r\n\r\n"
+
+
+def answer(exchange: Exchange) -> bool:
+    exchange.sendall(ANSWER)
+    return True
+
+
+class Running:
+    """The loop in a thread."""
+
+    def __init__(
+        self,
+        serve: Callable[[Exchange], bool],
+        limits: Limits,
+        threads: int,
+        tls: ssl.SSLContext | None,
+    ) -> None:
+        loop.raise_descriptor_limit(4000)
+        self.counts = ConnectionCounts()
+        listener = socket.create_server(("", 0), backlog=1024)
+        self.port = listener.getsockname()[1]
+        options = Options(
+            threads,
+            limits,
+            tls,
+            lambda status: b"HTTP/1.1 %d No\r\n\r\n" % status,
+            lambda key: key != "theirs",
+        )
+        self.service = ConnectionLoop([listener], serve, options, self.counts)
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+
+    def _run(self) -> None:
+        self.service.start()
+        while not self._ended.is_set():
+            self.service.turn(time.monotonic())
+        self.service.close()
+
+    def end(self) -> None:
+        self._ended.set()
+        self.service.wake()
+        self._thread.join()
+
+    def connect(self, address: str = "127.0.0.1") -> socket.socket:
+        return socket.create_connection(
+            ("127.0.0.1", self.port), PATIENCE_S, source_address=(address, 0)
+        )
+
+    def ask(self, request: bytes, address: str = "127.0.0.1") -> bytes:
+        with self.connect(address) as sock:
+            sock.sendall(request)
+            return sock.recv(4096)
+
+
+@contextlib.contextmanager
+def running(
+    serve: Callable[[Exchange], bool] = answer,
+    *,
+    connections: int = 2000,
+    per_address: int = 2000,
+    kept_bytes: int = 2**26,
+    threads: int = 2,
+    tls: ssl.SSLContext | None = None,
+) -> Iterator[Running]:
+    service = Running(serve, Limits(connections, per_address, kept_bytes), threads, tls)
+    try:
+        yield service
+    finally:
+        service.end()
+
+
+def wait_until(condition: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.005)
+
+
+@pytest.mark.parametrize("per_address", [2000, 64])
+def test_a_thousand_slow_clients_do_not_delay_an_answer(per_address: int) -> None:
+    beginnings = [
+        b"",
+        b"G",
+        ABORT[:30],
+        ABORT[:-1],
+        b"POST / HTTP/1.1\r\nContent-Length: 9\r\n\r\n",
+    ]
+    with running(per_address=per_address) as service, contextlib.ExitStack() as stack:
+        for number in range(1000):
+            sock = stack.enter_context(service.connect())
+            with contextlib.suppress(ConnectionError):  # It may have been evicted already
+                sock.sendall(beginnings[number % len(beginnings)])
+        wait_until(lambda: service.counts.open >= min(1000, per_address))
+        for _ in range(5):
+            assert service.ask(ABORT) == ANSWER
+            assert service.ask(GET) == ANSWER
+        assert service.counts.open <= per_address
+
+
+@pytest.fixture(scope="module")
+def certificate(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """A certificate and its key; RSA, whose signatures take long."""
+    folder = tmp_path_factory.mktemp("tls")
+    chain, key = folder / "certificate.pem", folder / "key.pem"
+    command = ["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-subj", "/CN=127.0.0.1"]
+    files = ["-keyout", str(key), "-out", str(chain), "-days", "2"]
+    subprocess.run([*command, *files], check=True, capture_output=True)
+    return chain, key
+
+
+def client_hello() -> bytes:
+    """A TLS ClientHello."""
+    context = ssl.create_default_context()
+    received, sent = ssl.MemoryBIO(), ssl.MemoryBIO()
+    with contextlib.suppress(ssl.SSLWantReadError):
+        context.wrap_bio(received, sent, server_hostname="localhost").do_handshake()
+    return sent.read()
+
+
+def test_an_abort_is_answered_amid_abandoned_handshakes(
+    certificate: tuple[Path, Path],
+) -> None:
+    server = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    server.load_cert_chain(*certificate)
+    client = ssl.create_default_context(cafile=str(certificate[0]))
+    client.check_hostname = False
+    hello = client_hello()
+    with running(tls=server) as service, contextlib.ExitStack() as stack:
+        for number in range(100):
+            sock = stack.enter_context(service.connect("127.0.0.2"))
+            sock.sendall(hello[: None if number % 2 else 100])
+        for address in ("127.0.0.1", "127.0.0.2"):
+            with client.wrap_socket(service.connect(address)) as sock:
+                sock.sendall(ABORT)
+                assert sock.recv(4096) == ANSWER
+        assert service.counts.open >= 100
+
+
+class Beginning(NamedTuple):
+    """A TLS connection."""
+
+    network: str
+    since: float
+    has_been_served: bool = False
+    kept_bytes: int = 0
+
+
+def test_the_newest_handshake_of_every_network_goes_first() -> None:
+    many = [Beginning("many", float(second)) for second in range(50)]
+    few = [Beginning("few", 3.0), Beginning("few", 9.0)]
+    chosen = admission.next_handshakes([*many, *few], 5)
+    assert chosen == [few[1], many[49], few[0], many[48], many[47]]
+
+
+def test_idle_connections_are_evicted_after_silent_ones() -> None:
+    with running(per_address=8) as service, contextlib.ExitStack() as stack:
+        served = stack.enter_context(service.connect())
+        served.sendall(GET)
+        assert served.recv(4096) == ANSWER
+        for _ in range(30):
+            stack.enter_context(service.connect())
+        wait_until(lambda: service.counts.closed().get("address_limit", 0) >= 23)
+        served.sendall(GET)
+        assert served.recv(4096) == ANSWER
+
+
+def test_the_oldest_idle_connection_is_evicted_for_a_new_one() -> None:
+    with running(per_address=8) as service, contextlib.ExitStack() as stack:
+        for _ in range(20):
+            sock = stack.enter_context(service.connect())
+            sock.sendall(GET)
+            assert sock.recv(4096) == ANSWER
+
+
+def test_an_address_cannot_use_up_the_connections_of_others() -> None:
+    with running(connections=40, per_address=10) as service, contextlib.ExitStack() as stack:
+        other = stack.enter_context(service.connect("127.0.0.2"))
+        other.sendall(ABORT[:-1])
+        wait_until(lambda: service.counts.open == 1)
+        for _ in range(100):
+            stack.enter_context(service.connect("127.0.0.1"))
+        wait_until(lambda: service.counts.closed().get("address_limit", 0) >= 90)
+        other.sendall(ABORT[-1:])
+        assert other.recv(4096) == ANSWER
+
+
+def test_an_abort_is_answered_while_all_general_threads_are_busy() -> None:
+    released = threading.Event()
+
+    def serve(exchange: Exchange) -> bool:
+        if exchange.recv(4) != b"POST":
+            released.wait(PATIENCE_S)
+        return answer(exchange)
+
+    with running(serve, threads=2) as service, contextlib.ExitStack() as stack:
+        held = [stack.enter_context(service.connect()) for _ in range(20)]
+        for sock in held:
+            sock.sendall(GET)
+        assert service.ask(ABORT) == ANSWER
+        released.set()
+        assert {sock.recv(4096) for sock in held} == {ANSWER}
+
+
+def test_a_request_without_a_key_does_not_occupy_the_threads_of_aborts() -> None:
+    """While the database stalls, and no request can be refused."""
+    released = threading.Event()
+
+    def serve(exchange: Exchange) -> bool:
+        if b"theirs" in exchange.recv(100):
+            released.wait(PATIENCE_S)
+        return answer(exchange)
+
+    strange = ABORT[:-6] + b"\r\nX-API-Key: theirs\r\n\r\n{}"
+    with running(serve, threads=2) as service, contextlib.ExitStack() as stack:
+        stack.callback(released.set)
+        for _ in range(20):
+            stack.enter_context(service.connect()).sendall(strange)
+        wait_until(lambda: service.counts.open == 20)
+        assert service.ask(ABORT) == ANSWER
+        assert service.ask(b"GET /broker/commands HTTP/1.1\r\n\r\n") == ANSWER
+
+
+def test_a_head_and_a_body_have_a_deadline_for_the_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(connection, "HEAD_S", 0.3)
+    monkeypatch.setattr(connection, "BODY_S", 0.6)
+    with running() as service:
+        for start, reason in ((b"GET / HTTP/1.1\r\nX: ", "slow_head"), (ABORT[:-2], "slow_body")):
+            with service.connect() as sock:
+                sock.sendall(start)
+                with contextlib.suppress(ConnectionError):
+                    for _ in range(2000):  # A byte at a time, in time for any timeout between two
+                        sock.sendall(b"x" if reason == "slow_head" else b"")
+                        if service.counts.closed().get(reason):
+                            break
+                        time.sleep(0.005)
+                assert sock.recv(4096).startswith(b"HTTP/1.1 408")
+            assert service.counts.closed()[reason] == 1
+
+
+def test_a_silent_connection_is_closed_without_an_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(connection, "HEAD_S", 0.1)
+    with running() as service, service.connect() as sock:
+        assert sock.recv(4096) == b""
+        assert service.counts.closed() == {"slow_head": 1}
+
+
+def test_memory_is_bounded_and_the_oldest_request_is_dropped() -> None:
+    with running(kept_bytes=500_000) as service, contextlib.ExitStack() as stack:
+        head = b"POST /pose/ HTTP/1.1\r\nContent-Length: 300000\r\n\r\n"
+        first = stack.enter_context(service.connect())
+        first.sendall(head + b"x" * 290_000)
+        wait_until(lambda: service.counts.open == 1)
+        second = stack.enter_context(service.connect())
+        second.sendall(head + b"x" * 290_000)
+        wait_until(lambda: service.counts.closed() == {"memory": 1})
+        second.sendall(b"x" * 10_000)
+        assert second.recv(4096) == ANSWER
+
+
+def test_waiting_requests_are_bounded_and_events_keep_their_share() -> None:
+    """While no thread comes back, as with a database that stalls."""
+    released = threading.Event()
+
+    def serve(exchange: Exchange) -> bool:
+        released.wait(PATIENCE_S)
+        return answer(exchange)
+
+    body = b"x" * 40_000
+    picture = b"POST /image/ HTTP/1.1\r\nContent-Length: 40000\r\n\r\n" + body
+    with running(serve, kept_bytes=400_000) as service, contextlib.ExitStack() as stack:
+        stack.callback(released.set)
+        pictures = [stack.enter_context(service.connect()) for _ in range(30)]
+        for sock in pictures:
+            sock.sendall(picture)
+        wait_until(lambda: service.counts.closed().get("busy", 0) >= 23)
+        event, poll = (stack.enter_context(service.connect()) for _ in range(2))
+        event.sendall(ABORT)
+        poll.sendall(b"GET /broker/commands HTTP/1.1\r\n\r\n")
+        assert service.ask(picture) == REFUSED
+        released.set()
+        assert event.recv(4096) == ANSWER
+        assert poll.recv(4096) == ANSWER
+        answers = [sock.recv(4096) for sock in pictures]
+        assert answers.count(ANSWER) == 7  # Of 300 000 bytes
+        assert answers.count(REFUSED) == 23
+        wait_until(lambda: service.ask(picture) == ANSWER)  # There is room again
+
+
+def test_pipelined_requests_are_answered_in_order() -> None:
+    def serve(exchange: Exchange) -> bool:
+        line = exchange.recv(100).split(b" ")[1]
+        exchange.sendall(b"HTTP/1.1 200 OK\r\nContent-Length: %d\r\n\r\n%b" % (len(line), line))
+        return True
+
+    with running(serve) as service, service.connect() as sock:
+        sock.sendall(b"".join(b"GET /%d HTTP/1.1\r\n\r\n" % number for number in range(20)))
+        received = b""
+        while not received.endswith(b"/19"):
+            received += sock.recv(4096)
+        assert [part[-2:] for part in received.split(b"HTTP/1.1 200 OK")][1:3] == [b"/0", b"/1"]
+        assert received.count(b"HTTP/1.1 200 OK") == 20
+
+
+def test_a_client_that_does_not_read_its_answer_times_out(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(exchange, "SEND_S", 0.2)
+    given_up = threading.Event()
+
+    def serve(exchange: Exchange) -> bool:
+        if exchange.recv(6) != b"GET /l":
+            return answer(exchange)
+        try:
+            exchange.sendall(b"x" * 50_000_000)
+        except OSError:
+            given_up.set()
+        return False
+
+    with running(serve, threads=1) as service, service.connect() as sock:
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        sock.sendall(b"GET /large HTTP/1.1\r\n\r\n")
+        assert given_up.wait(PATIENCE_S)
+        assert service.ask(GET) == ANSWER
+
+
+def test_an_answer_is_not_lost_when_its_client_still_sends() -> None:
+    def refuse(exchange: Exchange) -> bool:
+        exchange.sendall(b"HTTP/1.1 413 Too Large\r\nContent-Length: 0\r\n\r\n")
+        return False
+
+    with running(refuse) as service, service.connect() as sock:
+        sock.sendall(b"POST /pose/ HTTP/1.1\r\nContent-Length: 5000000\r\n\r\n")
+        for _ in range(100):
+            sock.sendall(b"x" * 50_000)
+        assert sock.recv(4096).startswith(b"HTTP/1.1 413")
+
+
+def test_a_head_without_end_is_answered_with_the_reason() -> None:
+    def refuse(exchange: Exchange) -> bool:
+        exchange.sendall(b"HTTP/1.1 %d No\r\nContent-Length: 0\r\n\r\n" % (exchange.refusal or 200))
+        return False
+
+    with running(refuse) as service, service.connect() as sock:
+        sock.sendall(b"GET / HTTP/1.1\r\nA: ")
+        for _ in range(40):
+            sock.sendall(b"x" * 500_000)
+        assert sock.recv(4096).startswith(b"HTTP/1.1 431")
+
+
+def test_a_client_that_expects_100_continue_receives_it() -> None:
+    with running() as service, service.connect() as sock:
+        sock.sendall(b"POST / HTTP/1.1\r\nContent-Length: 1\r\nExpect: 100-continue\r\n\r\n")
+        assert sock.recv(4096) == b"HTTP/1.1 100 Continue\r\n\r\n"
+        sock.sendall(b"x")
+        assert sock.recv(4096) == ANSWER

@@ -1,1 +1,0 @@
-"""The front: framing, admission, and the loop over real sockets."""

@@ -1,0 +1,97 @@
+"""The sending threads: each batch comes back with its results, or the error is reported."""
+
+import select
+from collections.abc import Iterator, Sequence
+
+import pytest
+
+from edge_server.outbox.answers import Answer, Outcome, Reply, Result
+from edge_server.outbox.queue import OutboxRecord, Stream
+from edge_server.outbox.schedule import Batch
+from edge_server.outbox.senders import SenderEndedError, SenderPool, SentBatch
+from edge_server.outbox.uplink import ONE_BY_ONE, BatchLimit, UplinkEndedError
+
+PATIENCE_S = 60.0
+
+
+class Uplink:
+    """Confirms records of vehicle 1, rejects others, fails on those of vehicle 0, ends at 9."""
+
+    def batch_limit(self) -> BatchLimit:
+        return ONE_BY_ONE
+
+    def send(self, records: Sequence[OutboxRecord]) -> list[Reply]:
+        if any(record.stream.vehicle_id == 0 for record in records):
+            raise RuntimeError("broken")
+        if any(record.stream.vehicle_id == 9 for record in records):
+            raise UplinkEndedError("gone")
+        return [Answer(200 if record.stream.vehicle_id == 1 else 422) for record in records]
+
+    def close(self) -> None:
+        """There is no connection."""
+
+
+@pytest.fixture
+def senders() -> Iterator[SenderPool]:
+    """Three threads."""
+    senders = SenderPool(Uplink(), 3)
+    senders.start()
+    yield senders
+    senders.close()
+
+
+def batch(*vehicle_ids: int) -> Batch:
+    return Batch(
+        [
+            OutboxRecord(n, n, f"{n:026d}", Stream(of, "pose"), "{}", 0)
+            for n, of in enumerate(vehicle_ids)
+        ]
+    )
+
+
+def collect(senders: SenderPool, number: int) -> list[SentBatch]:
+    """Wait until so many have been sent."""
+    found: list[SentBatch] = []
+    while len(found) < number:
+        readable, _, _ = select.select([senders.descriptor], [], [], PATIENCE_S)
+        assert readable
+        found += senders.take_sent()
+    return found
+
+
+def test_each_record_of_a_shipment_gets_its_verdict(senders: SenderPool) -> None:
+    senders.send(batch(1, 2, 1))
+    ((_, results),) = collect(senders, 1)
+    outcomes = [result.outcome for result in results]
+    assert outcomes == [Outcome.CONFIRMED, Outcome.REJECTED, Outcome.CONFIRMED]
+
+
+def test_every_shipment_comes_back(senders: SenderPool) -> None:
+    sent = [batch(1) for _ in range(50)]
+    for one in sent:
+        senders.send(one)
+    assert len(collect(senders, 50)) == 50
+
+
+def test_an_unforeseen_error_puts_off_its_own_stream_and_the_others_go_on(
+    senders: SenderPool, caplog: pytest.LogCaptureFixture
+) -> None:
+    for _ in range(5):  # More than there are threads
+        senders.send(batch(0))
+    senders.send(batch(1))
+    found: dict[int, list[Result]] = {0: [], 1: []}
+    for sent in collect(senders, 6):
+        found[sent.batch.records[0].stream.vehicle_id] += sent.results
+    assert [result.outcome for result in found[0]] == [Outcome.TRY_LATER] * 5
+    assert [result.outcome for result in found[1]] == [Outcome.CONFIRMED]
+    assert "RuntimeError" in found[0][0].reason
+    assert "RuntimeError: broken" in caplog.text
+
+
+def test_an_uplink_that_has_ended_is_reported(
+    senders: SenderPool, caplog: pytest.LogCaptureFixture
+) -> None:
+    senders.send(batch(9))
+    with pytest.raises(SenderEndedError):
+        collect(senders, 1)
+    assert "UplinkEndedError: gone" in caplog.text

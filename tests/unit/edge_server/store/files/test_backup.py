@@ -1,0 +1,123 @@
+"""A copy of the database while it is in use."""
+
+import base64
+import sqlite3
+import stat
+import threading
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from edge_server.__main__ import main
+from edge_server.process.exit_codes import WRONG_SETUP
+from edge_server.store.files.backup import BackupError, back_up
+from tests.unit.edge_server.conftest import Edge
+from tests.unit.edge_server.documents import telemetry
+
+POSTGRESQL = "postgresql+psycopg://edge:s3cret@db.example/edge"
+
+
+def poses_in(copy: Path) -> int:
+    with sqlite3.connect(copy) as connection:
+        return int(connection.execute("SELECT count(*) FROM telemetry").fetchone()[0])
+
+
+def test_a_backup_holds_what_was_acknowledged(edge: Edge, tmp_path: Path) -> None:
+    edge.report("pose", telemetry("pose"))
+    copy = tmp_path / "copy.sqlite3"
+    size = back_up(edge.config.database_path, copy)
+    assert size == copy.stat().st_size
+    assert stat.S_IMODE(copy.stat().st_mode) == 0o600
+    assert poses_in(copy) == 1
+    edge.report("pose", telemetry("pose", 1))
+    assert poses_in(copy) == 1
+
+
+def test_a_large_backup_ends_though_reports_come_in_all_the_time(
+    edge: Edge, tmp_path: Path
+) -> None:
+    """Larger than SQLite copies in one step of ours; it would begin again at every commit."""
+    for number in range(20):
+        edge.report("image", telemetry("image", number) | picture(600_000))
+    stop = threading.Event()
+
+    def write() -> None:
+        with closing(sqlite3.connect(edge.config.database_path, timeout=30.0)) as connection:
+            while not stop.wait(0.002):
+                connection.execute(
+                    "UPDATE telemetry SET received_at = received_at + 1 WHERE id = 1"
+                )
+                connection.commit()
+
+    writer = threading.Thread(target=write)
+    writer.start()
+    try:
+        copy = tmp_path / "copy.sqlite3"
+        assert back_up(edge.config.database_path, copy) > 12_000_000
+    finally:
+        stop.set()
+        writer.join()
+
+
+def picture(size: int) -> dict[str, object]:
+    jpeg = b"\xff\xd8\xff" + bytes(size) + b"\xff\xd9"
+    return {"frame": base64.b64encode(jpeg).decode(), "image_size": len(jpeg)}
+
+
+def test_a_backup_is_of_one_moment_though_reports_come_in(edge: Edge, tmp_path: Path) -> None:
+    stop = threading.Event()
+
+    def write() -> None:
+        number = 0
+        while not stop.is_set():
+            edge.report("pose", telemetry("pose", number))
+            number += 1
+
+    writer = threading.Thread(target=write)
+    writer.start()
+    try:
+        copies = [tmp_path / f"{number}.sqlite3" for number in range(5)]
+        for copy in copies:
+            back_up(edge.config.database_path, copy)
+    finally:
+        stop.set()
+        writer.join()
+    for copy in copies:
+        with sqlite3.connect(copy) as connection:
+            (orphans,) = connection.execute(
+                "SELECT count(*) FROM telemetry LEFT JOIN outbox ON record_id = telemetry.id "
+                "WHERE outbox.id IS NULL"
+            ).fetchone()
+        assert orphans == 0
+
+
+def test_a_backup_overwrites_nothing(edge: Edge, tmp_path: Path) -> None:
+    copy = tmp_path / "copy.sqlite3"
+    copy.write_text("mine")
+    with pytest.raises(BackupError, match="exists"):
+        back_up(edge.config.database_path, copy)
+    assert copy.read_text() == "mine"
+
+
+def test_a_failed_backup_leaves_nothing(edge: Edge, tmp_path: Path) -> None:
+    with pytest.raises(BackupError, match="cannot write"):
+        back_up(edge.config.database_path, tmp_path / "missing" / "copy.sqlite3")
+    broken = tmp_path / "broken.sqlite3"
+    broken.write_bytes(b"no database at all" * 100)
+    with pytest.raises(BackupError, match="cannot write"):
+        back_up(broken, tmp_path / "copy.sqlite3")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["broken.sqlite3", "state"]
+    with pytest.raises(BackupError, match="no database"):
+        back_up(tmp_path / "none", tmp_path / "copy.sqlite3")
+
+
+def test_a_database_of_a_server_is_pg_dumps_business(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    copy = tmp_path / "copy"
+    assert main(["--database-url", POSTGRESQL, "backup", str(copy)]) == WRONG_SETUP
+    said = capsys.readouterr().err
+    assert "pg_dump" in said
+    assert "s3cret" not in said
+    assert not copy.exists()
