@@ -97,16 +97,17 @@ def both_forms(station: Lockstep, number: int, first: tuple[float, ...], place: 
 def result(station: Lockstep, message: Any) -> int:
     """The one final answer, which must come within a second of vehicle time."""
     station.say(message)
-    heard = station.run(1.0)
+    received = station.run(1.0)
     finals = [
         m.result
-        for m in heard
+        for m in received
         if m.get_type() == "COMMAND_ACK" and m.command == message.command and m.result != 5
     ]
     assert len(finals) == 1, f"command {message.command} was answered {len(finals)} times"
     return int(finals[0])
 
 
+@pytest.mark.promise
 def test_long_and_int_are_carried_out_alike(flying: Lockstep) -> None:
     for number, first, place in ACCEPTED_IN_FLIGHT:
         for message in both_forms(flying, number, first, place):
@@ -114,7 +115,7 @@ def test_long_and_int_are_carried_out_alike(flying: Lockstep) -> None:
 
 
 @pytest.mark.parametrize(("number", "parameters"), SET_AND_NOT_HONOURED)
-def test_what_is_set_and_not_honoured_is_denied(
+def test_an_unsupported_parameter_value_is_denied(
     flying: Lockstep, number: int, parameters: tuple[float, ...]
 ) -> None:
     assert result(flying, long(number, parameters)) == DENIED

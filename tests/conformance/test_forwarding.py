@@ -31,6 +31,7 @@ def mavsdk_at(port: int) -> Iterator[Any]:
     sdk.destroy()
 
 
+@pytest.mark.promise
 def test_ground_stations_watch_a_mission_and_cannot_disturb_it(tmp_path: Path) -> None:
     (port,) = free_ports(1)
     (tmp_path / "mavproxy").mkdir()

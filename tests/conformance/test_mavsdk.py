@@ -142,7 +142,7 @@ def test_a_mission_of_100_items_comes_down_as_it_went_up(client: Client) -> None
     assert as_text(client.mission.download_mission()) == as_text(items)
 
 
-def test_what_cannot_be_flown_is_refused_and_the_old_mission_kept(client: Client) -> None:
+def test_an_unflyable_mission_is_refused_and_the_old_one_kept(client: Client) -> None:
     items = [item(0, TAKEOFF), item(1)]
     client.mission.upload_mission(items)
     with pytest.raises(MissionRawError) as refused:
@@ -174,7 +174,7 @@ def test_a_mission_can_be_cleared(client: Client) -> None:
     assert client.mission.download_mission() == []
 
 
-def test_what_does_not_fit_the_moment_is_refused(client: Client) -> None:
+def test_a_command_that_cannot_be_executed_is_refused(client: Client) -> None:
     with pytest.raises(ActionError):
         client.action.goto_location(40.4435, -3.7382, 660.0, math.nan)
     with pytest.raises(ActionError):

@@ -106,7 +106,7 @@ def test_a_change_of_speed_is_kept(flying: Client) -> None:
 
 
 @pytest.mark.parametrize("clockwise", [True, False])
-def test_an_orbit_has_its_radius_and_its_way_round(flying: Client, *, clockwise: bool) -> None:
+def test_an_orbit_has_its_radius_and_its_direction(flying: Client, *, clockwise: bool) -> None:
     pilot = flying.pilot
     centre = pilot.place_m()
     radius_m = 10.0 if clockwise else -10.0

@@ -54,7 +54,7 @@ def more_captures(client: Client, before: int, count: int) -> list[Any]:
     return client.captures[before:]
 
 
-def test_the_camera_tells_what_it_is(client: Client) -> None:
+def test_the_camera_reports_its_information(client: Client) -> None:
     (camera,) = client.camera.camera_list().cameras
     assert camera.component_id == CAMERA
     assert camera.horizontal_resolution_px == 2048
@@ -62,7 +62,8 @@ def test_the_camera_tells_what_it_is(client: Client) -> None:
     assert camera.focal_length_mm == pytest.approx(4.5)
 
 
-def test_a_photo_is_taken_and_told_with_its_place(client: Client) -> None:
+@pytest.mark.promise
+def test_a_photo_is_taken_and_reported_with_its_position(client: Client) -> None:
     before = len(client.captures)
     client.camera.take_photo(CAMERA)
     capture = more_captures(client, before, 1)[0]
@@ -97,7 +98,7 @@ def test_photos_at_an_interval_are_numbered_without_gaps_and_listed(client: Clie
     assert len(indices) >= before + 3
 
 
-def test_video_is_recorded_and_its_time_told(client: Client) -> None:
+def test_video_is_recorded_and_its_duration_reported(client: Client) -> None:
     camera = client.camera
     camera.start_video(CAMERA)
     wait_for(lambda: camera.get_storage(CAMERA).video_on, "a recording camera")
@@ -106,7 +107,7 @@ def test_video_is_recorded_and_its_time_told(client: Client) -> None:
     wait_for(lambda: not camera.get_storage(CAMERA).video_on, "a camera at rest")
 
 
-def test_the_mode_is_set_and_told(client: Client) -> None:
+def test_the_mode_is_set_and_reported(client: Client) -> None:
     camera = client.camera
     camera.set_mode(CAMERA, Mode.VIDEO)
     wait_for(lambda: Mode(camera.get_mode(CAMERA)) is Mode.VIDEO, "video mode")
@@ -125,7 +126,7 @@ def test_the_mode_is_set_and_told(client: Client) -> None:
     ],
     ids=["zoom", "focus"],
 )
-def test_what_the_camera_has_not_is_unsupported(client: Client, call: Any) -> None:
+def test_an_absent_camera_feature_is_unsupported(client: Client, call: Any) -> None:
     with pytest.raises(CameraError) as refused:
         call(client.camera)
     assert refused.value.args[0] == CameraResult.ACTION_UNSUPPORTED

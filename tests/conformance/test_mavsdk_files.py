@@ -86,7 +86,9 @@ def names(client: Client, folder: str) -> tuple[list[str], list[str]]:
 
 @pytest.mark.parametrize("burst", [False, True])
 @pytest.mark.parametrize("size", [0, 239 * 4, 30_001])
-def test_what_goes_up_comes_down(client: Client, tmp_path: Path, burst: bool, size: int) -> None:
+def test_an_uploaded_file_is_downloaded_unchanged(
+    client: Client, tmp_path: Path, burst: bool, size: int
+) -> None:
     local = tmp_path / "up.bin"
     local.write_bytes(random.Random(size).randbytes(size))
     assert upload(client, local) == FtpResult.SUCCESS

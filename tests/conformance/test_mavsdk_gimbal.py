@@ -61,7 +61,7 @@ def in_control(client: Client) -> Client:
     return client
 
 
-def test_nobody_points_it_without_control(client: Client) -> None:
+def test_the_gimbal_ignores_peers_without_control(client: Client) -> None:
     with pytest.raises(GimbalError):
         client.gimbal.set_angles(
             client.number, 0.0, -30.0, 0.0, GimbalMode.YAW_FOLLOW, SendMode.ONCE
@@ -90,7 +90,7 @@ def test_rates_turn_it_until_they_are_taken_back(in_control: Client) -> None:
     gimbal.set_angular_rates(number, 0.0, 0.0, 0.0, GimbalMode.YAW_FOLLOW, SendMode.ONCE)
 
 
-def test_a_place_is_looked_at(client: Client) -> None:
+def test_the_gimbal_points_at_a_place(client: Client) -> None:
     wait_for(lambda: client.telemetry.position().latitude_deg > 0.0, "the position")
     here = client.telemetry.position()
     east = here.longitude_deg + 100.0 / 84_700.0

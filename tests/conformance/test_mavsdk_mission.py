@@ -59,6 +59,7 @@ def waypoint(north_m: float, east_m: float, **fields: Any) -> MissionItem:
     return MissionItem(**values)
 
 
+@pytest.mark.promise
 def test_a_mission_is_flown_paused_changed_and_finished(client: Client) -> None:
     pilot, mission = client.pilot, client.mission
     seen: list[Any] = []
@@ -192,7 +193,7 @@ def test_a_plan_of_qgroundcontrol_is_imported_and_comes_back(
 
 
 @contextmanager
-def telling(client: Client, north_m: float, east_m: float) -> Iterator[None]:
+def reporting_position(client: Client, north_m: float, east_m: float) -> Iterator[None]:
     """Tell where the target is, some times a second.
 
     MAVSDK takes the heartbeat of any component for the vehicle's, so that the camera's makes it
@@ -201,12 +202,12 @@ def telling(client: Client, north_m: float, east_m: float) -> Iterator[None]:
     done = threading.Event()
     location = TargetLocation(*place(north_m, east_m), ALTITUDE_AMSL_M, 0.0, 0.0, 0.0)
 
-    def tell() -> None:
+    def report() -> None:
         while not done.wait(0.1):
             with suppress(FollowMeError):
                 client.follow_me.set_target_location(location)
 
-    thread = threading.Thread(target=tell)
+    thread = threading.Thread(target=report)
     thread.start()
     try:
         yield
@@ -223,7 +224,7 @@ def test_a_target_is_followed_at_its_distance(client: Client) -> None:
     follow.start()
     wait_for(lambda: pilot.mode is FlightMode.FOLLOW_ME, "follow me")
     target = (30.0, EAST_M)
-    with telling(client, *target):
+    with reporting_position(client, *target):
         wait_for(lambda: abs(pilot.distance_m(*target) - FOLLOWING_M) < 2.0, "the distance")
         away = pilot.watch(5.0, lambda: pilot.distance_m(*target))
     assert max(abs(distance - FOLLOWING_M) for distance in away) < 3.0

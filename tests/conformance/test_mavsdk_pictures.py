@@ -45,8 +45,8 @@ def client(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Client]:
 
 def downloaded(client: Client, path: str, folder: Path) -> bytes:
     results: queue.Queue[Any] = queue.Queue()
-    tell: Callable[..., None] = lambda result, _progress, _data=None: results.put(result)  # noqa: E731 - as MAVSDK calls it
-    client.files.download_async(path, str(folder), True, tell)
+    report: Callable[..., None] = lambda result, _progress, _data=None: results.put(result)  # noqa: E731 - as MAVSDK calls it
+    client.files.download_async(path, str(folder), True, report)
     while (result := results.get(timeout=PATIENCE_S)) == FtpResult.NEXT:
         pass
     assert result == FtpResult.SUCCESS

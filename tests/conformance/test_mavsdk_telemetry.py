@@ -117,17 +117,17 @@ STREAMS = (
 
 
 @pytest.mark.parametrize("stream", STREAMS, ids=lambda stream: stream.name)
-def test_a_stream_tells_what_is_so(client: Client, stream: Stream) -> None:
-    heard: list[Any] = []
+def test_a_telemetry_stream_has_the_expected_values(client: Client, stream: Stream) -> None:
+    received: list[Any] = []
     subscribe = getattr(client.telemetry, f"subscribe_{stream.name}")
-    handle = subscribe(lambda value, _user_data=None: heard.append(value))
+    handle = subscribe(lambda value, _user_data=None: received.append(value))
     if stream.asked:
         getattr(client.telemetry, f"set_rate_{stream.name}")(10.0)
-    wait_for(lambda: any(stream.is_so(value) for value in list(heard)), stream.name)
+    wait_for(lambda: any(stream.is_so(value) for value in list(received)), stream.name)
     getattr(client.telemetry, f"unsubscribe_{stream.name}")(handle)
 
 
-def test_the_origin_of_the_local_frame_is_told(client: Client) -> None:
+def test_the_origin_of_the_local_frame_is_reported(client: Client) -> None:
     origin = client.telemetry.get_gps_global_origin()
     assert origin.latitude_deg == pytest.approx(LATITUDE_DEG, abs=1e-4)
     assert origin.altitude_m == pytest.approx(ALTITUDE_AMSL_M, abs=8.0)
@@ -147,13 +147,13 @@ def test_who_the_vehicle_is(client: Client) -> None:
     wait_for(lambda: info.get_speed_factor() > 0.0, "the speed of the simulation")
 
 
-def test_the_flight_is_told_of(client: Client) -> None:
-    heard: list[Any] = []
+def test_the_flight_state_is_reported(client: Client) -> None:
+    received: list[Any] = []
     handle = client.info.subscribe_flight_information(
-        lambda value, _user_data=None: heard.append(value)
+        lambda value, _user_data=None: received.append(value)
     )
-    wait_for(lambda: any(i.duration_since_arming_ms > 0 for i in list(heard)), "the flight")
-    flight = heard[-1]
+    wait_for(lambda: any(i.duration_since_arming_ms > 0 for i in list(received)), "the flight")
+    flight = received[-1]
     assert 0 < flight.duration_since_takeoff_ms <= flight.duration_since_arming_ms
     assert flight.flight_uid > 0
     client.info.unsubscribe_flight_information(handle)

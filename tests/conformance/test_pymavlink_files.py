@@ -66,7 +66,7 @@ def asked(client: Client, ask: Callable[[], None], kind: str, condition: str | N
 
 @pytest.mark.parametrize("burst_size", [80, 239])
 @pytest.mark.parametrize("blocks", [0, 3, 400])
-def test_what_is_put_can_be_got(
+def test_an_uploaded_file_can_be_downloaded(
     client: Client, tmp_path: Path, burst_size: int, blocks: int
 ) -> None:
     client.ftp.ftp_settings.burst_read_size = burst_size
@@ -137,7 +137,7 @@ def test_a_parameter_file_that_is_put_takes_effect(client: Client, tmp_path: Pat
     assert message.param_value == 11.0
 
 
-def test_the_vehicle_says_that_it_serves_files(client: Client) -> None:
+def test_the_vehicle_reports_that_it_serves_files(client: Client) -> None:
     message = asked(
         client,
         lambda: client.link.mav.command_long_send(SYSTEM, 1, 512, 0, 148, 0, 0, 0, 0, 0, 0),

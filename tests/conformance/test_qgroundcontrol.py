@@ -46,6 +46,7 @@ def station(tmp_path_factory: pytest.TempPathFactory) -> Iterator[GroundStation]
     made.close()
 
 
+@pytest.mark.promise
 def test_the_connection_sequence_is_answered(station: GroundStation) -> None:
     assert station.command(REQUEST_MESSAGE, 148) == ACCEPTED
     version = station.until(lambda m: m.get_type() == "AUTOPILOT_VERSION", "the version")

@@ -57,10 +57,10 @@ def ask(station: Lockstep, message: Any, *answers: Callable[[Any], bool]) -> lis
     left, found = list(answers), []
     deadline_s = station.now_s + ANSWERED_S
     while left and station.now_s < deadline_s:
-        for heard in station.step():
-            for answer in [a for a in left if a(heard)]:
+        for received in station.step():
+            for answer in [a for a in left if a(received)]:
                 left.remove(answer)
-                found.append(heard)
+                found.append(received)
     assert not left, f"{message.get_type()} has not got all its answers"
     return found
 
@@ -120,8 +120,8 @@ def test_the_version_comes_with_its_acknowledgement(station: Lockstep) -> None:
 
 def test_the_modes_come_at_once_or_one_by_one(station: Lockstep) -> None:
     station.say(long(REQUEST, 435, 0))
-    heard = station.run(ANSWERED_S)
-    modes = {m.mode_index: m for m in heard if m.get_type() == "AVAILABLE_MODES"}
+    received = station.run(ANSWERED_S)
+    modes = {m.mode_index: m for m in received if m.get_type() == "AVAILABLE_MODES"}
     count = next(iter(modes.values())).number_modes
     assert set(modes) == set(range(1, count + 1))
     for index in range(1, count + 1):
@@ -129,14 +129,14 @@ def test_the_modes_come_at_once_or_one_by_one(station: Lockstep) -> None:
         ask(station, long(REQUEST, 435, index), wanted, is_a("COMMAND_ACK", result=0))
 
 
-def test_component_information_is_told_in_its_present_form_and_refused_in_the_old(
+def test_component_metadata_is_sent_and_the_deprecated_message_refused(
     station: Lockstep,
 ) -> None:
     ask(station, long(REQUEST, 397), is_a("COMPONENT_METADATA"), is_a("COMMAND_ACK", result=0))
     assert command(station, long(REQUEST, 395)) == UNSUPPORTED
 
 
-def test_what_older_versions_ask_for(station: Lockstep) -> None:
+def test_requests_of_older_versions_are_answered(station: Lockstep) -> None:
     assert command(station, long(519, 1)) == ACCEPTED
     ask(station, long(520, 1), is_a("AUTOPILOT_VERSION"), is_a("COMMAND_ACK", result=0))
 
@@ -174,12 +174,12 @@ def test_the_parameters_of_the_setup_pages_are_there(station: Lockstep, name: st
 
 
 @pytest.mark.parametrize("kind", [0, 1, 2])
-def test_the_plans_are_told(station: Lockstep, kind: int) -> None:
+def test_the_plans_are_reported(station: Lockstep, kind: int) -> None:
     request = mavlink.MAVLink_mission_request_list_message(VEHICLE, 1, kind)
     ask(station, request, is_a("MISSION_COUNT", mission_type=kind))
 
 
-def test_the_time_is_told_twice_and_nothing_happens(station: Lockstep) -> None:
+def test_a_repeated_system_time_changes_nothing(station: Lockstep) -> None:
     for _ in range(2):
         station.say(mavlink.MAVLink_system_time_message(1_700_000_000_000_000, 5))
     assert station.until(is_a("HEARTBEAT"), 1.1, "a heartbeat").system_status == 3

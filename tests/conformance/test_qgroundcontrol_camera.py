@@ -46,14 +46,14 @@ def answered(station: GroundStation, message: Any, wanted: str | None) -> tuple[
     got: Any = None
     station.say(message)
 
-    def done(heard: Any) -> bool:
+    def done(received: Any) -> bool:
         nonlocal result, got
-        if heard.get_srcComponent() != message.target_component:
+        if received.get_srcComponent() != message.target_component:
             return False
-        if heard.get_type() == "COMMAND_ACK" and heard.command == message.command:
-            result = heard.result
-        if heard.get_type() == wanted:
-            got = heard
+        if received.get_type() == "COMMAND_ACK" and received.command == message.command:
+            result = received.result
+        if received.get_type() == wanted:
+            got = received
         return result is not None and (wanted is None or got is not None)
 
     station.until(done, f"{wanted} and an answer to {message.command}")
@@ -113,7 +113,7 @@ def test_every_attempt_to_find_the_gimbal_is_answered(station: GroundStation) ->
         (527, (1.0,), "CAMERA_CAPTURE_STATUS"),
     ],
 )
-def test_settings_storage_and_status_are_told(
+def test_settings_storage_and_status_are_reported(
     station: GroundStation, number: int, parameters: tuple[float, ...], name: str
 ) -> None:
     result, message = answered(station, order(number, *parameters), name)
@@ -122,7 +122,9 @@ def test_settings_storage_and_status_are_told(
 
 
 @pytest.mark.parametrize("request_of", [order(512, 269.0), order(2504, 0.0)])
-def test_the_live_view_is_told_with_its_address(station: GroundStation, request_of: Any) -> None:
+def test_the_live_view_is_reported_with_its_address(
+    station: GroundStation, request_of: Any
+) -> None:
     result, stream = answered(station, request_of, "VIDEO_STREAM_INFORMATION")
     assert result == ACCEPTED
     assert (stream.stream_id, stream.count) == (1, 1)
@@ -136,7 +138,7 @@ def test_the_shutter_of_the_fly_view_gives_a_marker_on_the_map(station: GroundSt
     assert marker.lat == pytest.approx(404_434_000, abs=1000)
 
 
-def test_a_change_of_mode_is_told_and_taken_back(station: GroundStation) -> None:
+def test_a_change_of_mode_is_reported_and_reverted(station: GroundStation) -> None:
     result, settings = answered(station, order(530, 0.0, 2.0), "CAMERA_SETTINGS")
     assert (result, settings.mode_id) == (ACCEPTED, mavlink.CAMERA_MODE_IMAGE_SURVEY)
     result, settings = answered(station, order(529, 1.0), "CAMERA_SETTINGS")

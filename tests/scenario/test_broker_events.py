@@ -20,9 +20,12 @@ pytestmark = pytest.mark.scenario
         ("abort", "follow"),
     ],
 )
-def test_an_event_takes_the_vehicle_where_it_says(event: str, moment: str, tmp_path: Path) -> None:
+def test_an_event_moves_the_vehicle_to_its_position(
+    event: str, moment: str, tmp_path: Path
+) -> None:
     interrupt(event, moment, tmp_path)
 
 
+@pytest.mark.promise
 def test_an_abort_comes_through_a_link_that_loses_a_fifth(tmp_path: Path) -> None:
     interrupt("abort with a point", "waypoint", tmp_path, conditions=conditions(0.2, 0.3), seed=3)

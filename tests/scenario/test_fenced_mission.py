@@ -39,6 +39,7 @@ def fence_of(world: FlyingWorld) -> int:
     return 0 if held is None else len(held.items)
 
 
+@pytest.mark.promise
 def test_a_mission_inside_flies_within_the_fence_and_leaves_none_behind(tmp_path: Path) -> None:
     world = FlyingWorld(tmp_path)
     fence = {

@@ -2,12 +2,15 @@
 
 from pathlib import Path
 
+import pytest
+
 from tests.soak import kill_nine
 
 CYCLES = 20
 SEED = 18
 
 
+@pytest.mark.promise
 def test_every_acknowledged_record_arrives_once_and_in_order(tmp_path: Path) -> None:
     outcome = kill_nine.run(CYCLES, tmp_path / "state", SEED)
     assert outcome.kills.total() == CYCLES

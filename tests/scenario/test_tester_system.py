@@ -33,7 +33,7 @@ SCRIPT = """\
 """
 
 
-def test_what_a_person_says_reaches_the_cloud(tmp_path: Path) -> None:
+def test_entered_values_reach_the_cloud(tmp_path: Path) -> None:
     script = tmp_path / "script"
     script.write_text(SCRIPT)
     with FarmSystem(tmp_path / "state", vehicles=0, tester_script=script) as system:

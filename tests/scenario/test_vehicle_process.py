@@ -79,7 +79,7 @@ def wait_for(peer: socket.socket, kind: str) -> tuple[common.MAVLink_message, tu
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-def test_it_sends_to_both_peers_and_stops_when_told(
+def test_it_sends_to_both_peers_and_stops_on_request(
     tmp_path: Path, broker: socket.socket, ground_station: socket.socket, number: int
 ) -> None:
     peers = ("--broker", address(broker), "--gcs", address(ground_station), "--truth")
@@ -138,7 +138,9 @@ def test_a_taken_port_is_one_sentence(tmp_path: Path, broker: socket.socket) -> 
         (["--setup-signing", "everybody"], "--setup-signing"),
     ],
 )
-def test_what_cannot_be_used_is_one_sentence(tmp_path: Path, flags: list[str], named: str) -> None:
+def test_an_unusable_input_is_refused_with_one_sentence(
+    tmp_path: Path, flags: list[str], named: str
+) -> None:
     run = subprocess.run(
         command_line(tmp_path, *flags), check=False, capture_output=True, text=True
     )
@@ -157,7 +159,7 @@ def test_a_signing_state_that_cannot_be_understood_is_one_sentence(tmp_path: Pat
     assert "signing.json" in run.stderr
 
 
-def test_beyond_loopback_a_vehicle_without_a_key_says_that_it_is_open(tmp_path: Path) -> None:
+def test_beyond_loopback_a_vehicle_without_a_key_warns_that_it_is_open(tmp_path: Path) -> None:
     with subprocess.Popen(
         command_line(tmp_path, "--bind", "0.0.0.0"), stdout=subprocess.PIPE, text=True
     ) as process:

@@ -33,6 +33,7 @@ class _Seen:
     sub_mode: int = 0
     texts: deque[str] = field(default_factory=lambda: deque(maxlen=5))
     armed: bool = False
+    in_failsafe: bool = False
     height_m: float = 0.0
     at_s: float = 0.0
 
@@ -46,6 +47,8 @@ class Takeover:
     until_s: float
     has_it: bool = False
     lost_to_mode: int | None = None  # Main mode that somebody else has put it in
+    in_failsafe: bool = False  # Then the vehicle itself, for instance without the sticks
+    texts: tuple[str, ...] = ()  # The last ones at that moment
 
 
 class Pilots:
@@ -140,6 +143,7 @@ class Pilots:
             seen.main_mode = message.custom_mode >> 16 & 0xFF
             seen.sub_mode = message.custom_mode >> 24 & 0xFF
             seen.armed = bool(message.base_mode & _ARMED)
+            seen.in_failsafe = message.system_status >= common.MAV_STATE_CRITICAL
             self._watch(system, seen)
 
     def _watch(self, system: int, seen: _Seen) -> None:
@@ -151,6 +155,7 @@ class Pilots:
             current.has_it = True
         elif current.has_it and current.lost_to_mode is None:
             current.lost_to_mode = seen.main_mode
+            current.in_failsafe, current.texts = seen.in_failsafe, tuple(seen.texts)
 
     def _fly(self, now_s: float) -> None:
         current = self.current

@@ -12,7 +12,7 @@ from collections import Counter, deque
 from pathlib import Path
 from typing import Any, Final, Self
 
-from tests.support.lines import Cable
+from tests.support.link_ends import Cable
 from tests.support.system import FarmSystem, example_plan
 
 BYTES_S: Final = 57_600 / 10
@@ -84,9 +84,9 @@ class Radio:
             frame = self._queue.popleft()
             self._queued -= len(frame)
             self._up -= len(frame)
-            self._cable.say(frame)
+            self._cable.write(frame)
             self.counts["carried"] += 1
-        if self._down >= 1.0 and (data := self._cable.hear(int(self._down))):
+        if self._down >= 1.0 and (data := self._cable.read(int(self._down))):
             self._down -= len(data)
             self.counts["bytes to the vehicle"] += len(data)
             if self._vehicle is not None:

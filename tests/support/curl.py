@@ -1,4 +1,4 @@
-"""Stands in for curl where the machine has none: the few flags that the README's lines use."""
+"""Stands in for curl where the machine has none: the few flags that the tutorial uses."""
 
 import argparse
 import sys

@@ -7,10 +7,10 @@ travel as their values (C cast), as ArduPilot sends them; PX4's that matter here
 from collections.abc import Mapping
 from dataclasses import replace
 
-from mavlink_broker.mavlink.dialect import Message, mavlink
 from tests.support.broker_world import World
 from tests.support.scripted_missions import ARDUPILOT, PX4, Script, ScriptedMissions
 from tests.support.scripted_vehicle import ScriptedVehicle
+from tests.support.vehicle_wire import Message, mavlink
 
 FENCE, RALLY = 1, 2
 ABLE = mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_FENCE | mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_RALLY
@@ -55,7 +55,7 @@ class FencedVehicle(ScriptedVehicle):
     def receive(self, datagram: bytes, now: float) -> None:
         """Take what the broker sent."""
         self._now = now
-        for message in self._decoder.decode(datagram):
+        for message in self._wire.decode(datagram):
             if getattr(message, "target_system", self.system) not in {0, self.system}:
                 continue
             store = self.plans.get(getattr(message, "mission_type", 0), self.missions)

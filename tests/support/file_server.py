@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
-from mavlink_broker.mavlink.dialect import Message, mavlink
+from tests.support.vehicle_wire import Message, mavlink
 
 TERMINATE, RESET, OPEN, READ, CHECKSUM, BURST = 1, 2, 4, 5, 14, 15
 ACK, NAK = 128, 129

@@ -11,8 +11,8 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 from afarcloud.enumerations import CommandType, PanoramaMode
-from mavlink_broker.mavlink.dialect import Message, mavlink
 from tests.support.geodesy import LocalGround
+from tests.support.vehicle_wire import Message, mavlink
 
 TAKEOFF, LAND, WAYPOINT, RETURN = 22, 21, 16, 20
 HOLD, SPEED, YAW, TURNS, DELAY = 17, 178, 115, 18, 93

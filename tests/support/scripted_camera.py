@@ -7,9 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Final
 
-from mavlink_broker.mavlink.codec import Decoder, Encoder
-from mavlink_broker.mavlink.dialect import Message, mavlink
 from tests.support.file_server import ScriptedFiles
+from tests.support.vehicle_wire import Message, VehicleWire, mavlink
 
 JPEG: Final = b"\xff\xd8\xff" + bytes(range(256)) * 20
 
@@ -32,8 +31,7 @@ class ScriptedCamera:
     asked: list[tuple[int, int]] = field(default_factory=list)  # REQUEST_MESSAGE's p1 and p2
 
     def __post_init__(self) -> None:
-        self._encoder = Encoder(self.system, self.component)
-        self._decoder = Decoder()
+        self._wire = VehicleWire(self.system, self.component)
 
     def heartbeat(self) -> None:
         """Say that it is there."""
@@ -61,7 +59,7 @@ class ScriptedCamera:
 
     def receive(self, frame: bytes) -> None:
         """Take what the broker sent to the vehicle."""
-        for message in self._decoder.decode(frame):
+        for message in self._wire.decode(frame):
             for_us = getattr(message, "target_component", 0) in {0, self.component}
             if not for_us:
                 continue
@@ -90,4 +88,4 @@ class ScriptedCamera:
             self._send(self.taken[place])
 
     def _send(self, message: Message) -> None:
-        self.put(self._encoder.encode(message))
+        self.put(self._wire.encode(message))

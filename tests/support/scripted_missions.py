@@ -11,8 +11,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from mavlink_broker.mavlink.dialect import Message, MissionAck, MissionCount, mavlink
 from tests.support.stored_items import Keeping
+from tests.support.vehicle_wire import Message, mavlink, with_plan_ids
 
 _REPEAT_REQUEST_S = 0.25
 _IDLE_TRANSFER_S = 5.0
@@ -55,7 +55,9 @@ class Script:
     version: int = 0  # AUTOPILOT_VERSION.flight_sw_version
     has_checks: bool = True  # Else SYS_STATUS tells that they pass, and not that there are any
     most_items: float = math.inf  # Of a mission; more are answered by NO_SPACE
-    goes_to_places: bool = True  # At once; else it is on its way for ever
+    goes_to_places: bool = True  # Else it never arrives where it was sent
+    speed_m_s: float = 10.0  # Over ground, on its way to a place
+    climb_rate_m_s: float = 3.0
     fence_m: float = math.inf  # From home; what leads out is accepted, and not done
     streams_unasked: bool = True
     knows_intervals: bool = True
@@ -232,7 +234,8 @@ class ScriptedMissions:
         self._transfer_count = 0
         self.uploads += 1
         self._stored_call()
-        self._acknowledged = MissionAck(0, 0, mavlink.MAV_MISSION_ACCEPTED, 0, self.plan_id)
+        accepted = mavlink.MAVLink_mission_ack_message(0, 0, mavlink.MAV_MISSION_ACCEPTED)
+        self._acknowledged = with_plan_ids(accepted, self.plan_id)
         self._final(self._acknowledged)
 
     def _final(self, acknowledgement: Message) -> None:
@@ -252,7 +255,8 @@ class ScriptedMissions:
 
     def _list(self, message: Message) -> None:
         del message
-        self._send(MissionCount(0, 0, len(self.items), 0, self.plan_id))
+        count = mavlink.MAVLink_mission_count_message(0, 0, len(self.items))
+        self._send(with_plan_ids(count, self.plan_id))
 
     def _request(self, message: Message) -> None:
         if message.seq < len(self.items):
@@ -263,7 +267,7 @@ class ScriptedMissions:
             self._acknowledge(mavlink.MAV_MISSION_INVALID_SEQUENCE)
 
     def _acknowledge(self, result: int) -> None:
-        self._send(MissionAck(0, 0, result))
+        self._send(mavlink.MAVLink_mission_ack_message(0, 0, result))
 
 
 def _fields(item: Message) -> list[Any]:

@@ -3,7 +3,7 @@
 import math
 from typing import Final
 
-from mavlink_broker.mavlink.dialect import Message, mavlink
+from tests.support.vehicle_wire import Message, mavlink
 
 TELEMETRY_S: Final = 0.2
 IDS: Final = {

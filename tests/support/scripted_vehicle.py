@@ -9,11 +9,10 @@ import struct
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from afarcloud.geodesy import distance_m, shifted
-from mavlink_broker.mavlink.codec import Decoder, Encoder
-from mavlink_broker.mavlink.dialect import Message, MissionCurrent, mavlink
+from tests.support.geodesy import LocalGround
 from tests.support.scripted_missions import ARDUPILOT, PX4, Script, ScriptedMissions
 from tests.support.scripted_streams import TELEMETRY_S, ScriptedStreams
+from tests.support.vehicle_wire import Message, VehicleWire, mavlink, with_plan_ids
 
 __all__ = ["ARDUPILOT", "PX4", "Script", "ScriptedVehicle"]
 
@@ -73,12 +72,24 @@ class Circle:
     def after(self, seconds: float) -> tuple[float, float]:
         """Fly on; gives the new place."""
         self.flown_rad += self.speed_m_s / abs(self.radius_m) * seconds
-        sense = math.copysign(1.0, self.radius_m)
-        return shifted(*self.centre, sense * math.degrees(self.flown_rad), abs(self.radius_m))
+        bearing = math.copysign(self.flown_rad, self.radius_m)
+        radius_m = abs(self.radius_m)
+        ground = LocalGround(*self.centre)
+        return ground.place(radius_m * math.cos(bearing), radius_m * math.sin(bearing))
 
     @property
     def is_complete(self) -> bool:
         return self.flown_rad >= self.angle_rad
+
+
+@dataclass(frozen=True)
+class Target:
+    """The place that a DO_REPOSITION names."""
+
+    latitude_deg: float
+    longitude_deg: float
+    relative_altitude_m: float
+    ground_speed_m_s: float
 
 
 class ScriptedVehicle:
@@ -112,13 +123,14 @@ class ScriptedVehicle:
         self.place = HOME[:2]
         self.height_m = 5.0
         self.circle: Circle | None = None
+        self.velocity_ned = (0.0, 0.0, 0.0)
+        self._target: Target | None = None
         self.ill = 0  # MAV_SYS_STATUS_SENSOR that are not healthy
         self.targets = 0  # FOLLOW_TARGET heard
         self.last_target = HOME[:2]
         self._booted_at = booted_at
         self._now = booted_at
-        self._decoder = Decoder()
-        self._encoder = Encoder(system, 1)
+        self._wire = VehicleWire(system, 1)
         self._outbox: list[bytes] = []
         self._streams = ScriptedStreams(
             unasked=script.streams_unasked, mission_every_s=script.mission_every_s, now=booted_at
@@ -126,6 +138,7 @@ class ScriptedVehicle:
         self._later: list[tuple[float, Message]] = []
         self._disarm_at = math.inf
         self._attended_at = -math.inf  # By a ground station
+        self._stepped_at = booted_at
         self._item_began_at = 0.0
         self._mode_began_at = 0.0
         self._next = {"heartbeat": booted_at, "telemetry": booted_at}
@@ -163,7 +176,7 @@ class ScriptedVehicle:
     def receive(self, datagram: bytes, now: float) -> None:
         """Take what the broker sent."""
         self._now = now
-        for message in self._decoder.decode(datagram):
+        for message in self._wire.decode(datagram):
             if getattr(message, "target_system", self.system) in {0, self.system}:
                 self.frames.append(message)
                 self.missions.handle(message, now)
@@ -173,6 +186,8 @@ class ScriptedVehicle:
         """Let time pass; gives the frames to send."""
         self._now = now
         self._fly()
+        self._reposition(max(0.0, now - self._stepped_at))
+        self._stepped_at = now
         if self.armed and self.airborne and not self._attended and self.in_mission:
             self.set_mode(PX4_RETURN)
         self.missions.tick(now)
@@ -218,13 +233,14 @@ class ScriptedVehicle:
     def renumber(self, system: int) -> None:
         """Be another system from now on."""
         self.system = system
-        self._encoder = Encoder(system, 1)
+        self._wire = VehicleWire(system, 1)
 
     def set_mode(self, custom_mode: int) -> None:
         """Change the mode as a pilot would."""
         self.in_failsafe = False
         self.custom_mode = custom_mode
         self._mode_began_at = self._now
+        self._target = None
         self._tell_change()
 
     def steer(self, custom_mode: int) -> None:
@@ -236,6 +252,7 @@ class ScriptedVehicle:
     def fail_safe(self, custom_mode: int) -> None:
         """Do what a failsafe of its own has chosen, until somebody chooses a mode."""
         self.in_failsafe = True
+        self._target = None
         self.custom_mode = custom_mode
         self._mode_began_at = self._now
         self.heartbeat()
@@ -320,7 +337,13 @@ class ScriptedVehicle:
         latitude, longitude = (round(degrees * 1e7) for degrees in self.place)
         amsl_mm = round(HOME[2] * 1000)
         return mavlink.MAVLink_global_position_int_message(
-            self._boot_ms, latitude, longitude, amsl_mm + height_mm, height_mm, 100, 0, 0, 0
+            self._boot_ms,
+            latitude,
+            longitude,
+            amsl_mm + height_mm,
+            height_mm,
+            *(round(100.0 * speed_m_s) for speed_m_s in self.velocity_ned),
+            0,
         )
 
     def _attitude(self) -> Message:
@@ -356,13 +379,13 @@ class ScriptedVehicle:
         if script.is_infeasible and self.items:
             state = mavlink.MISSION_STATE_NO_MISSION
         total = count if self.items else script.no_mission_total
-        return MissionCurrent(
+        current = mavlink.MAVLink_mission_current_message(
             self._shown_current(),
             total if script.tells_total else 0,
             state if script.tells_mission_state else mavlink.MISSION_STATE_UNKNOWN,
             1 if self.in_mission else 2,
-            self.missions.plan_id,
         )
+        return with_plan_ids(current, self.missions.plan_id, 0, 0)
 
     def _shown_current(self) -> int:
         if self._has_lost_current:
@@ -573,10 +596,12 @@ class ScriptedVehicle:
                 self._begin_if_flying()
             case mavlink.MAV_CMD_MISSION_START if not self.script.ignores_start:
                 is_copter = self.script.autopilot == mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
+                self._target = None
                 self.custom_mode = COPTER_AUTO if is_copter else PX4_MISSION
                 self._begin_if_flying()
                 self._tell_change()
             case mavlink.MAV_CMD_DO_PAUSE_CONTINUE if message.param1 == 0.0:
+                self._target = None
                 self.custom_mode = PX4_HOLD
                 self._tell_change()
             case mavlink.MAV_CMD_RUN_PREARM_CHECKS if not self._ready and self.script.fault:
@@ -598,13 +623,17 @@ class ScriptedVehicle:
                 self.say("Reposition is outside geofence\t")
                 self.set_mode(PX4_HOLD)
             case mavlink.MAV_CMD_DO_REPOSITION:
-                if self.script.goes_to_places:
-                    self.place = message.x / 1e7, message.y / 1e7
-                    self.height_m = message.z - HOME[2]
                 if not math.isnan(message.param4):
                     self.yaw_rad = message.param4
                 copter = self.script.autopilot == mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
                 self.set_mode(COPTER_GUIDED if copter else PX4_HOLD)
+                has_speed = math.isfinite(message.param1) and message.param1 > 0.0
+                self._target = Target(
+                    message.x / 1e7,
+                    message.y / 1e7,
+                    message.z - HOME[2],
+                    message.param1 if has_speed else self.script.speed_m_s,
+                )
             case mavlink.MAV_CMD_CONDITION_YAW:
                 self.yaw_rad = math.remainder(math.radians(message.param1), 2.0 * math.pi)
             case mavlink.MAV_CMD_DO_ORBIT:
@@ -616,8 +645,8 @@ class ScriptedVehicle:
                 self.set_mode(PX4_FOLLOW)
 
     def _leads_out(self, message: Message) -> bool:
-        away_m = distance_m(message.x / 1e7, message.y / 1e7, *HOME[:2])
-        return away_m > self.script.fence_m
+        offset_m = LocalGround(*HOME[:2]).north_east_m(message.x / 1e7, message.y / 1e7)
+        return math.hypot(*offset_m) > self.script.fence_m
 
     def _requested(self, message_id: int) -> None:
         if message_id == mavlink.MAVLINK_MSG_ID_MISSION_CURRENT:
@@ -680,6 +709,28 @@ class ScriptedVehicle:
         if self.mission_state == mavlink.MISSION_STATE_ACTIVE:
             self.current = int(self.script.home_is_item_0)
 
+    def _reposition(self, elapsed_s: float) -> None:
+        """Fly straight to where a DO_REPOSITION sent it, no faster than it says."""
+        self.velocity_ned = (0.0, 0.0, 0.0)
+        target = self._target
+        if target is None or not self.airborne or not self.script.goes_to_places or not elapsed_s:
+            return
+        ground = LocalGround(*self.place)
+        north_m, east_m = ground.north_east_m(target.latitude_deg, target.longitude_deg)
+        left_m, climb_m = math.hypot(north_m, east_m), target.relative_altitude_m - self.height_m
+        flown_m = min(left_m, target.ground_speed_m_s * elapsed_s)
+        climbed_m = math.copysign(
+            min(abs(climb_m), self.script.climb_rate_m_s * elapsed_s), climb_m
+        )
+        share = flown_m / left_m if left_m else 0.0
+        self.place = ground.place(share * north_m, share * east_m)
+        self.height_m += climbed_m
+        self.velocity_ned = (
+            share * north_m / elapsed_s,
+            share * east_m / elapsed_s,
+            -climbed_m / elapsed_s,
+        )
+
     def _go_round(self) -> None:
         """Fly on along the circle, and hold when it has been flown as far as was asked for."""
         if self.circle is None or self.custom_mode != PX4_ORBIT:
@@ -731,4 +782,4 @@ class ScriptedVehicle:
             self.mission_state, self.current = mavlink.MISSION_STATE_COMPLETE, 0
 
     def _send(self, message: Message) -> None:
-        self._outbox.append(self._encoder.encode(message))
+        self._outbox.append(self._wire.encode(message))

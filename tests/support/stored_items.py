@@ -10,7 +10,7 @@ import struct
 from collections.abc import Callable, Mapping
 from typing import Final, TypeAlias
 
-from mavlink_broker.mavlink.dialect import Message, mavlink
+from tests.support.vehicle_wire import Message, mavlink
 
 Keeping: TypeAlias = Callable[[Message], Message | int]
 """Gives the item as it is given back later, or the MAV_MISSION_RESULT of its refusal."""

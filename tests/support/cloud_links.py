@@ -1,4 +1,4 @@
-"""Two ways from a relay to a cloud that can be told to misbehave: HTTP, and MQTT over Mosquitto."""
+"""Links from a relay to a cloud with injected faults: HTTP, and MQTT over Mosquitto."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -10,16 +10,16 @@ from tests.support.mosquitto import Mosquitto, running_mosquitto
 from tests.support.mqtt_cloud import MqttCloud, running_mqtt_cloud
 
 
-class Way(Protocol):
-    """A cloud and the way to it."""
+class CloudLink(Protocol):
+    """A cloud and the link to it."""
 
     @property
     def url(self) -> str:
-        """What CLOUD_URL is set to."""
+        """The value of CLOUD_URL."""
 
     @property
     def store(self) -> Store:
-        """What the cloud has seen and kept, and its faults."""
+        """The requests that the cloud has received and stored, and its faults."""
 
     def cut(self) -> None:
         """Make the cloud unreachable at once."""
@@ -28,8 +28,8 @@ class Way(Protocol):
         """Make it reachable again."""
 
 
-class HttpWay:
-    """Straight to the cloud."""
+class HttpLink:
+    """HTTP directly to the cloud."""
 
     def __init__(self, cloud: FakeCloud) -> None:
         self._cloud = cloud
@@ -46,8 +46,8 @@ class HttpWay:
         self._cloud.start()
 
 
-class MqttWay:
-    """Over a broker, which can be killed and started again."""
+class MqttLink:
+    """MQTT over a broker, which can be killed and restarted."""
 
     def __init__(self, broker: Mosquitto, cloud: MqttCloud) -> None:
         self.broker = broker
@@ -63,19 +63,19 @@ class MqttWay:
 
 
 @contextmanager
-def mqtt_way(folder: Path, *lines: str) -> Iterator[MqttWay]:
-    """A broker with these lines of configuration, and a cloud that listens to it."""
+def mqtt_link(folder: Path, *lines: str) -> Iterator[MqttLink]:
+    """A broker with these lines of configuration, and a cloud that subscribes to it."""
     with running_mosquitto(folder, *lines) as broker, running_mqtt_cloud(broker.port) as cloud:
         cloud.wait_until_it_listens()
-        yield MqttWay(broker, cloud)
+        yield MqttLink(broker, cloud)
 
 
 @contextmanager
-def way(name: str, folder: Path) -> Iterator[Way]:
-    """The way of this name: `http` or `mqtt`."""
+def cloud_link(name: str, folder: Path) -> Iterator[CloudLink]:
+    """The link of this name: `http` or `mqtt`."""
     if name == "mqtt":
-        with mqtt_way(folder) as over_mqtt:
-            yield over_mqtt
+        with mqtt_link(folder) as link:
+            yield link
     else:
         with running_cloud() as cloud:
-            yield HttpWay(cloud)
+            yield HttpLink(cloud)

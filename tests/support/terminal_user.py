@@ -1,4 +1,4 @@
-"""A person at the tester's terminal: a program on a real pseudo-terminal, or behind a pipe."""
+"""A user at the tester's terminal: a program on a real pseudo-terminal, or behind a pipe."""
 
 import fcntl
 import os
@@ -19,8 +19,8 @@ from tests.support.system import ROOT
 PATIENCE_S: Final = 90.0
 
 
-class Person:
-    """Reads what the program shows and types; `meanwhile` lets the rest of the world go on."""
+class TerminalUser:
+    """Reads what the program shows and types; `meanwhile` advances the rest of the system."""
 
     def __init__(self, process: subprocess.Popen[bytes], screen: int, keys: int) -> None:
         self._process = process
@@ -38,18 +38,18 @@ class Person:
         """Press keys."""
         os.write(self._keys, keys.encode())
 
-    def reads(self, *texts: str) -> None:
+    def wait_for_texts(self, *texts: str) -> None:
         """Wait until the texts are shown, one behind the other, after what was read before."""
         for text in texts:
             self._read = self.wait_for(partial(self._found, text), text)
 
-    def answers(self, asked: str, line: str) -> None:
+    def answer(self, asked: str, line: str) -> None:
         """Wait for a question and type the answer."""
-        self.reads(asked)
+        self.wait_for_texts(asked)
         self.type(line)
 
     def wait_for(self, condition: Callable[[], Any], what: str) -> Any:
-        """Let the world go on until the condition gives something true, and give that."""
+        """Advance the system until the condition returns something true; return that."""
         deadline = time.monotonic() + PATIENCE_S
         while not (outcome := condition()):
             assert time.monotonic() < deadline, f"waited for {what}; shown: {self.shown[-1500:]}"
@@ -57,14 +57,14 @@ class Person:
             self._look()
         return outcome
 
-    def hang_up(self) -> None:
-        """Close the pipe: nothing more will be typed."""
+    def close_input(self) -> None:
+        """Close the pipe: no more input follows."""
         if self._keys >= 0:
             os.close(self._keys)
             self._keys = -1
 
-    def leaves(self) -> int:
-        """Wait until the program has ended; gives its exit code."""
+    def wait_for_exit(self) -> int:
+        """Wait until the program has ended; return its exit code."""
         self.wait_for(lambda: self._process.poll() is not None, "the end")
         self._look()
         return self._process.wait()
@@ -97,14 +97,14 @@ def _take_terminal() -> None:
 
 
 @contextmanager
-def at_terminal(port: int, *arguments: str) -> Iterator[Person]:
-    """A person at a terminal, which echoes and sends signals as terminals do."""
+def at_terminal(port: int, *arguments: str) -> Iterator[TerminalUser]:
+    """A user at a terminal, which echoes and sends signals as terminals do."""
     ours, theirs = pty.openpty()
     streams = dict.fromkeys(("stdin", "stdout", "stderr"), theirs)
     process = _tester(port, ("--seed", "1", *arguments), preexec_fn=_take_terminal, **streams)
     try:
         os.close(theirs)
-        yield Person(process, ours, ours)
+        yield TerminalUser(process, ours, ours)
     finally:
         process.kill()
         process.wait()
@@ -112,18 +112,18 @@ def at_terminal(port: int, *arguments: str) -> Iterator[Person]:
 
 
 @contextmanager
-def behind_pipe(port: int, *arguments: str) -> Iterator[Person]:
-    """A person whose lines come through a pipe."""
+def behind_pipe(port: int, *arguments: str) -> Iterator[TerminalUser]:
+    """A user whose lines come through a pipe."""
     screen, their_screen = os.pipe()
     their_keys, keys = os.pipe()
     process = _tester(port, arguments, stdin=their_keys, stdout=their_screen, stderr=their_screen)
     os.close(their_keys)
     os.close(their_screen)
-    person = Person(process, screen, keys)
+    user = TerminalUser(process, screen, keys)
     try:
-        yield person
+        yield user
     finally:
         process.kill()
         process.wait()
         os.close(screen)
-        person.hang_up()
+        user.close_input()

@@ -1,0 +1,41 @@
+"""Ctrl-C at the earliest moment: no program ends with a traceback."""
+
+import signal
+import subprocess
+import sys
+
+import pytest
+
+ENDED = -signal.SIGINT
+IGNORED = 0
+"""The vehicle decides when its camera ends: by closing the standard input."""
+
+
+@pytest.mark.parametrize(
+    ("program", "status"),
+    [
+        ("edge_server", ENDED),
+        ("mavlink_broker", ENDED),
+        ("uav_firmware", ENDED),
+        ("sim", ENDED),
+        ("sim.cloud", ENDED),
+        ("sim.tester", ENDED),
+        ("sim.camera", IGNORED),
+    ],
+)
+def test_an_interrupt_while_a_program_is_loaded(program: str, status: int) -> None:
+    """The interpreter reports each module that is loaded; the first of ours starts the race."""
+    command = [sys.executable, "-X", "importtime", "-m", program]
+    with subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stderr is not None
+        package = program.partition(".")[0]
+        for line in process.stderr:
+            module = line.rpartition("|")[2].strip()
+            if module.startswith(f"{package}.") and module != program:
+                break
+        process.send_signal(signal.SIGINT)
+        _, rest = process.communicate(timeout=120)
+    assert "Traceback" not in rest
+    assert process.returncode == status
