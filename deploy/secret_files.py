@@ -15,8 +15,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Final
 
-from edge_server.store import keys
-from edge_server.store.keys import Role
+from edge_server.store.rows import keys
+from edge_server.store.rows.keys import Role
 
 PROGRAM_USER: Final = 10001
 """Whom our images run as."""

@@ -1,4 +1,4 @@
-"""Documents are held to the tree: paths exist, targets exist, examples run."""
+"""Documents agree with the tree: paths and links exist, examples run, the site builds."""
 
 import json
 import re
@@ -7,6 +7,8 @@ import sys
 from pathlib import Path
 
 import pytest
+
+from docs.tools import reference
 
 ROOT = Path(__file__).parent.parent
 TOP_LEVEL = {
@@ -18,6 +20,7 @@ TOP_LEVEL = {
     "tests",
     "examples",
     "deploy",
+    "docs",
 }
 DOCUMENTS = sorted(
     path
@@ -98,16 +101,96 @@ def test_every_json_example_is_json(document: Path) -> None:
 
 def test_the_data_path_of_the_readme_is_complete() -> None:
     readme = (ROOT / "README.md").read_text()
+    readme = readme.split("## The way of the data")[1]
     rows = re.findall(r"^\| (\d+) \| (.+?) \| (.+?) \|", readme, re.MULTILINE)
     assert [int(number) for number, _, _ in rows] == list(range(1, len(rows) + 1))
     for _, stage, files in rows:
         assert CODE_SPAN.findall(files), stage
 
 
-def test_every_dependency_has_its_reason_in_the_readme() -> None:
+def test_every_dependency_has_its_reason() -> None:
     project = (ROOT / "pyproject.toml").read_text()
     declared = re.findall(r'^    "([a-z0-9-]+)>=', project, re.MULTILINE)
-    reasons = (ROOT / "README.md").read_text().split("## Dependencies")[1]
+    reasons = (ROOT / "docs/reference/dependencies.md").read_text()
     unexplained = [name for name in declared if not re.search(rf"\b{name}\b", reasons)]
     assert unexplained == []
     assert len(declared) > 15
+
+
+PAGES = [document for document in DOCUMENTS if document.is_relative_to(ROOT / "docs")]
+READMES = [document for document in DOCUMENTS if document.name == "README.md"]
+MOST_WORDS = 1600
+
+
+def anchors(document: Path) -> set[str]:
+    """Fragments of a document's headings, as GitHub and MkDocs make them."""
+    headings = re.findall(r"^#+ (.+)$", FENCE.sub("", document.read_text()), re.MULTILINE)
+    return {re.sub(r"[^\w\s-]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=name_of)
+def test_every_link_to_a_heading_finds_it(document: Path) -> None:
+    links = re.findall(r"\]\((?!https?:)([^)#\s]*)#([^)\s]+)\)", document.read_text())
+    missing = [
+        f"{target}#{fragment}"
+        for target, fragment in links
+        if fragment not in anchors(document.parent / target if target else document)
+    ]
+    assert missing == []
+
+
+@pytest.mark.parametrize("document", PAGES, ids=name_of)
+def test_a_page_is_short(document: Path) -> None:
+    if str(document.relative_to(ROOT / "docs")) not in reference.PAGES:
+        assert len(document.read_text().split()) <= MOST_WORDS
+
+
+@pytest.mark.parametrize("document", READMES, ids=name_of)
+def test_a_package_readme_is_short(document: Path) -> None:
+    if document.parent != ROOT:
+        assert len(document.read_text().split()) <= 500
+
+
+@pytest.mark.parametrize("page", reference.PAGES)
+def test_a_generated_page_is_what_the_code_says(page: str) -> None:
+    assert (ROOT / "docs" / page).read_text() == reference.PAGES[page](), "run make reference"
+
+
+def links_of(document: Path) -> set[Path]:
+    """Documents and other files that a document links to."""
+    targets = {
+        (document.parent / target).resolve() for target in LINK.findall(document.read_text())
+    }
+    return {target / "README.md" if target.is_dir() else target for target in targets}
+
+
+def test_every_page_is_two_clicks_from_the_readme() -> None:
+    first = links_of(ROOT / "README.md")
+    second = set().union(*(links_of(page) for page in first if page.suffix == ".md"))
+    assert set(PAGES) - first - second == set()
+
+
+def test_the_code_that_decides_an_abort_is_within_four_clicks() -> None:
+    page = ROOT / "docs/explanation/abort.md"
+    assert page in links_of(ROOT / "README.md")
+    assert ROOT / "mavlink_broker/mission/abort_executor.py" in links_of(page)
+    steps = re.findall(
+        r"^\| \d \| \[`(.+?)`\].+? \| (?:`(\w+)`)? *\|", page.read_text(), re.MULTILINE
+    )
+    assert len(steps) == 7
+    for file, function in steps:
+        assert not function or f"def {function}(" in (ROOT / file).read_text(), function
+
+
+def test_the_site_builds_without_a_warning(tmp_path: Path) -> None:
+    run = subprocess.run(
+        [sys.executable, "-m", "mkdocs", "build", "--quiet", "--strict", "--site-dir", tmp_path],
+        check=False,
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=240,
+    )
+    assert run.returncode == 0, run.stdout + run.stderr
+    assert (tmp_path / "explanation/abort.html").is_file()
+    assert (tmp_path / "source/mavlink_broker/mission/abort_executor.py.html").is_file()

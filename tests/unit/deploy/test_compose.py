@@ -13,7 +13,7 @@ import uav_firmware.config
 from deploy import secret_files
 from edge_server.process.server import GRACE_S
 from edge_server.process.supervisor import STOP_WAIT_S
-from edge_server.store.keys import Role
+from edge_server.store.rows.keys import Role
 from tests.unit.deploy.dockerfile import ROOT, TARGETS, stages
 from tests.unit.deploy.settings import ANYWHERE, KNOWN
 
@@ -218,7 +218,9 @@ def test_a_vehicle_and_the_broker_sign_with_the_same_key() -> None:
 def test_the_readme_tells_every_variable_and_none_that_does_not_exist() -> None:
     text = "".join((ROOT / "deploy" / name).read_text() for name in ("compose.yaml", "tls.yaml"))
     defaults = dict(VARIABLE.findall(text))
-    table = re.search(r"\| variable \|.*?\n\n", (ROOT / "deploy/README.md").read_text(), re.DOTALL)
+    table = re.search(
+        r"\| variable \|.*?\n\n", (ROOT / "docs/how-to/deploy-containers.md").read_text(), re.DOTALL
+    )
     assert table is not None
     rows = re.findall(r"^\| (`[^|]+) \| ([^|]+) \|", table[0], re.MULTILINE)
     told = [(re.findall(r"`([A-Z_]+)`", names), default.split(", ")) for names, default in rows]
@@ -232,7 +234,7 @@ def test_the_readme_tells_every_variable_and_none_that_does_not_exist() -> None:
 
 
 def test_the_readmes_own_file_names_settings_of_its_services() -> None:
-    text = (ROOT / "deploy/README.md").read_text()
+    text = (ROOT / "docs/how-to/deploy-containers.md").read_text()
     (example,) = re.findall(r"^```yaml\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
     for name, service in yaml.safe_load(example)["services"].items():
         assert set(service["environment"]) <= KNOWN[OURS[name]["build"]["target"]]
@@ -240,7 +242,7 @@ def test_the_readmes_own_file_names_settings_of_its_services() -> None:
 
 
 def test_every_file_that_the_readmes_commands_name_exists() -> None:
-    text = (ROOT / "deploy/README.md").read_text()
+    text = (ROOT / "docs/how-to/deploy-containers.md").read_text()
     named = re.findall(r"(?:-f|--env-file) (\S+?)`?(?=\s)", text)
     assert named
     assert [name for name in named if not (ROOT / name).is_file()] == []

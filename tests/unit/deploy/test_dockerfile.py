@@ -18,7 +18,7 @@ STAGES = stages()
 BROUGHT_BY_OTHERS = {"werkzeug": "flask", "pydantic-core": "pydantic", "urllib3": "requests"}
 BY_NAME_ONLY = {"psycopg", "mavsdk", "schemathesis"}
 """Loaded for a URL, or tools that a person starts."""
-STARTED_BY = {"vehicle": ("sim.camera.__main__", "sim.camera.live")}
+STARTED_BY = {"vehicle": ("sim.camera.__main__", "sim.camera.film.live_view")}
 """What a program starts as programs of their own."""
 EDGE_FILES = STAGES["edge-server-files"]
 programs = pytest.mark.parametrize("target", TARGETS)

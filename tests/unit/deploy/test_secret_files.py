@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from deploy import secret_files
-from edge_server.store import keys
-from edge_server.store.keys import Role
-from edge_server.uplinks.mqtt_login import read_login
+from edge_server.store.rows import keys
+from edge_server.store.rows.keys import Role
+from edge_server.uplinks.mqtt_connection import read_login
 from mavlink_broker.mavlink.key_ring import KeyRing
 from uav_firmware.drivers.key_file import read_key
 

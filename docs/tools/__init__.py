@@ -1,0 +1,1 @@
+"""Tools of the documentation: `reference` writes pages from code, `source_pages` shows files."""
