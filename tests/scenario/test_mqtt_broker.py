@@ -304,7 +304,7 @@ def test_tls_with_our_own_certificate_and_a_pin(authority: Authority, tmp_path: 
             station.ingest("pose", 0)
             station.relay()
             station.wait_until(
-                lambda: station.rows("outbox", "last_error LIKE '%nobody%'") > 0
+                lambda: station.rows("outbox", "last_error LIKE '%no subscriber%'") > 0
             )  # The broker spoke to us; it has no subscriber
         impostor: dict[str, Any] = {"cloud_fingerprint": "0" * 64}
         stranger: dict[str, Any] = {"cloud_ca_file": Authority(tmp_path / "other").file}
@@ -315,7 +315,7 @@ def test_tls_with_our_own_certificate_and_a_pin(authority: Authority, tmp_path: 
                 station.ingest("pose", 0)
                 station.relay()
                 station.wait_until(lambda: station.rows("outbox", "attempts > 0") > 0)
-                assert station.rows("outbox", "last_error LIKE '%nobody%'") == 0
+                assert station.rows("outbox", "last_error LIKE '%no subscriber%'") == 0
                 assert station.rows("telemetry") == 1
         url = tls_url(broker).replace("127.0.0.1", "localhost")  # Not what the certificate names
         trust["cloud_fingerprint"] = None
