@@ -69,6 +69,7 @@ class Farm:
         self.record = Record()
         self._random = Random(seed)
         self._next_mission = 1
+        self._just_swapped: set[int] = set()
 
     def plan(self, vehicle: int) -> None:
         """Post a mission of one vehicle: up, one waypoint, home."""
@@ -102,18 +103,26 @@ class Farm:
         has_swapped = False
         for state in rows(self.system.get("/vehicles/")):
             vehicle = state["vehicle_id"]
+            is_low = (state.get("battery_percentage") or 1.0) < LOW_CHARGE
+            if not is_low:
+                self._just_swapped.discard(vehicle)
             if state.get("held"):
                 self._post(f"/vehicles/{vehicle}/release", {"reason": "inspected"})
                 self.record.done["releases"] += 1
             elif state.get("mission_id") is None and not state.get("armed"):
-                if not has_swapped and (state.get("battery_percentage") or 1.0) < LOW_CHARGE:
-                    self._swap_battery(vehicle)
-                    has_swapped = True
+                if is_low:
+                    if not has_swapped and vehicle not in self._just_swapped:
+                        self._swap_battery(vehicle)
+                        has_swapped = True
                 else:
                     self.plan(vehicle)
 
     def _swap_battery(self, vehicle: int) -> None:
-        """Start the vehicle anew with a full battery; its true track so far is kept."""
+        """Start the vehicle anew with a full battery; its true track so far is kept.
+
+        Not again before the edge server shows the new charge: until then it shows the old one.
+        """
+        self._just_swapped.add(vehicle)
         name = f"vehicle-{vehicle}"
         self.system.kill(name)
         track = self.system.state_dir / name / "truth.csv"
