@@ -35,16 +35,12 @@ class Arming(Phase):
         return Claim(AIRBORNE_MODES, mode=self._mission.authority.arming_mode, is_exclusive=True)
 
     def enter(self, now: float, effects: Effects) -> Result:
-        """Order it, once the edge server has confirmed the mission."""
+        """Order it."""
         self._entered_at = now
         self._order(now, effects)
         return None
 
     def _order(self, now: float, effects: Effects) -> None:
-        self.exchange = None
-        if not self._mission.is_confirmed:
-            self._entered_at = now  # The time to arm in begins when it may arm
-            return
         vehicle = self._mission.vehicle
         self._mission.authority.order_arming()
         self.exchange = exchanges.commands(vehicle.family.arming, vehicle)
@@ -73,7 +69,7 @@ class Arming(Phase):
         A vehicle disarms by itself, mostly after 10 s, when it is not started until then.
         """
         mission = self._mission
-        if mission.vehicle.snapshot.armed and not mission.is_hovering and mission.is_confirmed:
+        if mission.vehicle.snapshot.armed and not mission.is_hovering:
             return Event.ARMED
         if self.exchange is None and now >= self._again_at:
             self._order(now, effects)

@@ -1,4 +1,10 @@
-"""WAITING: a mission waits until its vehicle is connected, has a position and is ready to arm."""
+"""WAITING: a mission waits until its vehicle is connected, has a position and is ready to arm.
+
+It also waits until the edge server has confirmed its acceptance. Reports and acceptances of one
+vehicle are sent in order, so the edge server knows the end of the former mission by then. Without
+that, a broker that is killed between the transfer and the report leaves a vehicle with the items of
+a mission that the edge server does not know, and the former mission cannot be judged by them.
+"""
 
 import logging
 import math
@@ -69,8 +75,7 @@ class Waiting(Phase):
         obstacle = find_obstacle(vehicle, now, hovering=mission.is_hovering, waited_s=waited_s)
         self._log_obstacle(obstacle, waited_s)
         if obstacle is None:
-            may_begin = mission.is_confirmed or not self._acts_at_once
-            return self._begin_transfer() if may_begin else None
+            return self._begin_transfer() if mission.is_confirmed else None
         self._request_checks(now, effects)
         if _may_be_ready_in_another_mode(vehicle) and now >= self._mode_ordered_at + MODE_EVERY_S:
             self._mode_ordered_at = now
@@ -90,15 +95,6 @@ class Waiting(Phase):
             _LOG.warning("mission %d waits for vehicle %d: %s", mission_id, vehicle_id, obstacle)
         self._obstacle = obstacle
 
-    @property
-    def _acts_at_once(self) -> bool:
-        """Whether the vehicle acts before it is armed: it hovers already, or it takes pictures.
-
-        Only a mission that the edge server has confirmed may do that. A transfer to a vehicle on
-        the ground may begin before.
-        """
-        return self._mission.is_live or self._mission.is_hovering
-
     def _request_checks(self, now: float, effects: Effects) -> None:
         """Request the arming checks of a vehicle that is not ready.
 
@@ -117,8 +113,6 @@ class Waiting(Phase):
             mission.check_area()
         except RefusedError as error:
             return Fault(error.reason, error.command_index)
-        if self._acts_at_once and not mission.is_confirmed:
-            return None
         is_live = mission.is_live
         moves = mission.segments.live.action.moves if is_live else self._begins_in_the_air
         if moves and not mission.is_flying:

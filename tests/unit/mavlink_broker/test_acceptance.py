@@ -30,10 +30,10 @@ def asked_late(script: Script = PX4) -> tuple[World, int]:
 
 
 @pytest.mark.parametrize("script", [PX4, ARDUPILOT], ids=["px4", "ardupilot"])
-def test_a_vehicle_is_not_armed_before_the_edge_server_has_confirmed(script: Script) -> None:
+def test_a_vehicle_gets_nothing_before_the_edge_server_has_confirmed(script: Script) -> None:
     world, _ = asked_late(script)
     world.run(60.0)
-    assert world.only_vehicle.uploads == 1
+    assert world.only_vehicle.uploads == 0
     assert not world.only_vehicle.armed
     world.edge.answers_acceptances = True
     world.run_until_over(1201)

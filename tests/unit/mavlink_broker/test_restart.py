@@ -9,6 +9,7 @@ from mavlink_broker.mavlink.codec import Decoder
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.mission.states import State
 from tests.support.broker_world import (
+    FINISHED,
     World,
     first_flight,
     flying_world,
@@ -18,7 +19,7 @@ from tests.support.broker_world import (
     takeoff,
     waypoint,
 )
-from tests.support.scripted_vehicle import PX4
+from tests.support.scripted_vehicle import ARDUPILOT, PX4, Script
 from tests.unit.mavlink_broker.test_live_commands import OWN, follow, hotpoint, panorama
 
 
@@ -85,6 +86,25 @@ def test_a_mission_that_was_over_before_anybody_saw_it_fly_is_not_flown_again() 
     assert world.edge.statuses(1201) == [Status.FINISHED] * 3
     assert vehicle.commands.count(mavlink.MAV_CMD_MISSION_START) == 1
     assert vehicle.uploads == 1
+
+
+@pytest.mark.parametrize("script", [PX4, ARDUPILOT], ids=["px4", "ardupilot"])
+def test_an_end_that_the_killed_broker_had_not_reported_is_found_again(script: Script) -> None:
+    """The next mission does not replace the items by which the former one is judged."""
+    world = World()
+    vehicle = world.add_vehicle(script=script)
+    world.edge.plan(first_flight())
+    world.edge.plan(mission(takeoff(), waypoint(2, north_m=20.0), go_home(3), mission_id=1202))
+    world.run_until(lambda: world.edge.status(1201) == Status.RUNNING)
+    world.edge.is_stalled = True
+    world.run_until(lambda: not vehicle.armed, within_s=240.0)
+    world.run(30.0)
+    world.kill_broker()
+    world.edge.is_stalled = False
+    world.restart_broker()
+    world.run_until_over(1202)
+    assert world.edge.statuses(1201) == FINISHED
+    assert world.edge.statuses(1202) == FINISHED
 
 
 def test_the_same_segment_twice_is_flown_twice() -> None:
