@@ -26,11 +26,21 @@ _THOROUGH_FOLDERS = tuple(Path(__file__).parent / name for name in ("scenario", 
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark what only `make test-all` runs: scenarios and conformance beyond one per promise."""
+    """Mark what only `make test-all` runs.
+
+    These are the scenarios and conformance sequences beyond one per promise, and of a test that is
+    marked `first_case` every case but the first.
+    """
+    begun: set[str] = set()
     for item in items:
         is_in_folder = any(folder in item.path.parents for folder in _THOROUGH_FOLDERS)
         if is_in_folder and item.get_closest_marker("promise") is None:
             item.add_marker(pytest.mark.thorough)
+        if item.get_closest_marker("first_case") is not None:
+            function = item.nodeid.partition("[")[0]
+            if function in begun:
+                item.add_marker(pytest.mark.thorough)
+            begun.add(function)
 
 
 @pytest.fixture(scope="session")

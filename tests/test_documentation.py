@@ -182,6 +182,7 @@ def test_the_code_that_decides_an_abort_is_within_four_clicks() -> None:
         assert not function or f"def {function}(" in (ROOT / file).read_text(), function
 
 
+@pytest.mark.thorough
 def test_the_site_builds_without_a_warning(tmp_path: Path) -> None:
     run = subprocess.run(
         [sys.executable, "-m", "mkdocs", "build", "--quiet", "--strict", "--site-dir", tmp_path],

@@ -30,6 +30,7 @@ def help_of(*command: str) -> str:
     return run.stdout
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     ("program", "page", "variable"),
     [

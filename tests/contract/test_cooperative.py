@@ -138,6 +138,7 @@ def name_of(farm: Program) -> str:
     return farm.environment["DATABASE_URL"].partition("?")[0].rpartition("/")[2]
 
 
+@pytest.mark.thorough
 def test_killed_under_load_nothing_acknowledged_is_lost_doubled_or_out_of_order(
     farms: list[Program], cloud: FakeCloud, postgres: PostgresServer
 ) -> None:

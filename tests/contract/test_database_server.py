@@ -49,6 +49,7 @@ def post(program: Program, number: int) -> requests.Response:
     )
 
 
+@pytest.mark.thorough
 def test_it_answers_503_while_the_database_is_away_and_goes_on_afterwards(
     program: Program, server: PostgresServer, cloud: FakeCloud
 ) -> None:
@@ -76,6 +77,7 @@ def test_it_answers_503_while_the_database_is_away_and_goes_on_afterwards(
     assert "Traceback" not in errors
 
 
+@pytest.mark.thorough
 def test_it_waits_for_a_database_that_is_not_up_yet(
     program: Program, server: PostgresServer, cloud: FakeCloud
 ) -> None:
@@ -89,6 +91,7 @@ def test_it_waits_for_a_database_that_is_not_up_yet(
     cloud.store.wait_for(1)
 
 
+@pytest.mark.thorough
 def test_a_server_that_does_not_let_us_in_is_told_in_one_sentence(program: Program) -> None:
     program.end()
     program.environment["DATABASE_URL"] = program.environment["DATABASE_URL"].replace(

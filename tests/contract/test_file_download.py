@@ -51,6 +51,7 @@ def test_a_restarted_vehicle_is_asked_on_where_it_stopped(tmp_path: Path) -> Non
     assert air.link.carried < 1.5 * carried
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_a_picture_comes_within_a_minute_at_20_percent_loss_and_far_away(
     tmp_path: Path, seed: int
@@ -63,6 +64,7 @@ def test_a_picture_comes_within_a_minute_at_20_percent_loss_and_far_away(
     assert air.link.carried < 4 * len(contents) / 239  # Little is asked for twice in vain
 
 
+@pytest.mark.thorough
 def test_a_transfer_goes_on_where_an_outage_has_ended_the_one_before(tmp_path: Path) -> None:
     contents = a_file(tmp_path, 400_000)
     bad, gone = Conditions(loss=0.2, delay_us=100_000), Conditions(loss=1.0)

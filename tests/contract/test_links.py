@@ -133,6 +133,7 @@ def cable(tmp_path: Path) -> Iterator[Cable]:
     one.pull_out()
 
 
+@pytest.mark.thorough
 def test_a_mission_over_a_radio_that_twenty_vehicles_share(cable: Cable) -> None:
     radio = SlowRadio(cable)
     with Field(radio, f"serial://{cable.name}:57600") as field:

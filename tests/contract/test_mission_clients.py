@@ -106,6 +106,7 @@ def test_a_download_ends_right_or_in_a_definite_error(
     assert holds(field, NEW)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("round_trip_s", [0.02, 0.3])
 def test_a_persistent_client_brings_a_hundred_of_a_hundred_up_at_a_fifth_lost(
     round_trip_s: float,
@@ -116,6 +117,7 @@ def test_a_persistent_client_brings_a_hundred_of_a_hundred_up_at_a_fifth_lost(
         assert holds(field, NEW)
 
 
+@pytest.mark.thorough
 def test_five_requests_outstanding_bring_a_hundred_of_a_hundred_at_a_fifth_lost() -> None:
     for seed in range(100):
         field = a_field_with(NEW, conditions(0.2, 0.02, muddled=True), seed)

@@ -208,12 +208,14 @@ def test_a_mission_arrives_and_is_verified(trouble: Trouble, loss: float) -> Non
         assert_transferred(Field(trouble, loss, seed), a_plan(8))
 
 
+@pytest.mark.thorough
 def test_at_a_fifth_lost_each_way_a_hundred_of_a_hundred_arrive() -> None:
     for seed in range(100):
         trouble = Trouble(duplication=0.05, reordering=0.05, delay_s=0.02)
         assert_transferred(Field(trouble, 0.2, seed), a_plan(100))
 
 
+@pytest.mark.thorough
 def test_over_a_slow_link_too_a_hundred_of_a_hundred_arrive() -> None:
     """A round trip of 1.5 s, and a fifth lost each way."""
     for seed in range(100):

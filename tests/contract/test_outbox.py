@@ -117,6 +117,7 @@ def _with_cloud(config: Config, url: str) -> Config:
     return Config(**settings, read_timeout_s=config.read_timeout_s, cloud_url=url)
 
 
+@pytest.mark.first_case
 def test_every_kind_reaches_the_cloud_and_is_deleted_here(station: Station) -> None:
     for kind in documents.TELEMETRY:
         station.ingest(kind, 7)
@@ -131,6 +132,7 @@ def test_every_kind_reaches_the_cloud_and_is_deleted_here(station: Station) -> N
         assert {name: received.body[name] for name in sent} == sent
 
 
+@pytest.mark.first_case
 def test_a_record_goes_out_at_once(station: Station) -> None:
     station.relay()
     for number in range(20):
@@ -139,6 +141,7 @@ def test_a_record_goes_out_at_once(station: Station) -> None:
     assert station.cloud.store.stream(1, "state_vector") == list(range(20))
 
 
+@pytest.mark.first_case
 def test_tb2157_first_seconds_of_outage(station: Station) -> None:
     station.relay()
     station.ingest("pose", *range(5))
@@ -150,6 +153,7 @@ def test_tb2157_first_seconds_of_outage(station: Station) -> None:
     assert station.cloud.store.stream(1, "pose") == list(range(30))
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     "fault",
     [
@@ -191,6 +195,7 @@ def test_an_empty_200_confirms(station: Station) -> None:
     assert len(station.cloud.store.seen) == 1
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("status", [400, 405, 409, 413, 415, 422])
 def test_a_rejected_record_is_a_dead_letter_and_the_next_one_goes_on(
     station: Station, status: int
@@ -208,6 +213,7 @@ def test_a_rejected_record_is_a_dead_letter_and_the_next_one_goes_on(
     assert len(station.cloud.store.seen) == 3
 
 
+@pytest.mark.first_case
 def test_301_not_followed_to_other_host(station: Station) -> None:
     with running_cloud() as stranger:
         fault = fake_cloud.status(307, {"Location": f"{stranger.url}/pose"})
@@ -218,6 +224,7 @@ def test_301_not_followed_to_other_host(station: Station) -> None:
         assert stranger.store.seen == []
 
 
+@pytest.mark.first_case
 def test_while_our_key_is_refused_there_is_one_probe_at_a_time(station: Station) -> None:
     station.cloud.store.always = fake_cloud.status(401)
     for vehicle_id in range(1, 9):
@@ -234,6 +241,7 @@ def test_while_our_key_is_refused_there_is_one_probe_at_a_time(station: Station)
     station.wait_empty()
 
 
+@pytest.mark.first_case
 def test_a_stuck_stream_does_not_hold_up_the_others(station: Station) -> None:
     release = threading.Event()
     station.cloud.store.faults.append(fake_cloud.hold(release))
@@ -247,6 +255,7 @@ def test_a_stuck_stream_does_not_hold_up_the_others(station: Station) -> None:
     station.wait_empty()
 
 
+@pytest.mark.first_case
 def test_a_slow_cloud_still_has_a_hand_free_for_an_alarm(station: Station) -> None:
     release = threading.Event()
     busy = station.context.config.relay_workers - 1
@@ -262,6 +271,7 @@ def test_a_slow_cloud_still_has_a_hand_free_for_an_alarm(station: Station) -> No
     station.wait_empty()
 
 
+@pytest.mark.first_case
 def test_alarms_and_reports_overtake_a_backlog(station: Station) -> None:
     def poses_wait_for_them(handler: Handler, received: Received) -> None:
         if received.path == "/pose":
@@ -313,6 +323,7 @@ def test_a_record_corrected_in_flight_is_sent_again_as_it_is_now(station: Statio
     assert station.cloud.store.stream(1, "pose") == [0, 100]
 
 
+@pytest.mark.first_case
 def test_telegraf16500_no_resend_after_restart(station: Station) -> None:
     station.relay()
     station.ingest("pose", *range(10))
@@ -324,6 +335,7 @@ def test_telegraf16500_no_resend_after_restart(station: Station) -> None:
     assert len(station.cloud.store.seen) == 11
 
 
+@pytest.mark.first_case
 def test_a_restarted_relay_goes_on_where_it_was(station: Station) -> None:
     station.ingest("pose", *range(40))
     for _ in range(4):
@@ -337,6 +349,7 @@ def test_a_restarted_relay_goes_on_where_it_was(station: Station) -> None:
     assert station.cloud.store.stream(1, "pose") == list(range(40))
 
 
+@pytest.mark.first_case
 def test_tb2132_relay_survives_a_long_outage(station: Station) -> None:
     station.cloud.stop()
     station.relay()
@@ -347,6 +360,7 @@ def test_tb2132_relay_survives_a_long_outage(station: Station) -> None:
     assert station.cloud.store.stream(1, "pose") == list(range(5))
 
 
+@pytest.mark.first_case
 def test_the_key_for_the_cloud_comes_from_its_file(config: Config, tmp_path: Path) -> None:
     key_file = tmp_path / "cloud-uplink.key"
     key_file.write_text("s3cret\n", encoding="ascii")

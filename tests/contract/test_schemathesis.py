@@ -11,6 +11,7 @@ EXAMPLES = 3
 SEED = 42
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("mode", contract_fuzz.MODES, ids=lambda mode: mode.value)
 def test_every_operation_keeps_to_the_document(tmp_path: Path, mode: GenerationMode) -> None:
     with contract_fuzz.served(tmp_path) as (app, keys):

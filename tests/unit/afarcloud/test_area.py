@@ -128,6 +128,7 @@ def test_a_place_is_forbidden_just_when_it_lies_outside_or_in_an_exclusion(
     assert (fault is not None) == (clearance < 0.0)
 
 
+@pytest.mark.thorough
 @few
 @given(inclusion=polygons, exclusion=polygons, centre=metres, radius_m=st.floats(5.0, 150.0))
 def test_a_circle_is_forbidden_just_when_a_point_of_its_line_is(

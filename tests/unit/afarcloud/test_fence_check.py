@@ -158,6 +158,7 @@ def clearance_m(
     return worst
 
 
+@pytest.mark.thorough
 @settings(max_examples=60, deadline=None)
 @given(
     takeoff=metres,

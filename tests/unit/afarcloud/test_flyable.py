@@ -71,6 +71,7 @@ def test_a_vehicle_takes_off_from_the_ground_alone_and_flies_in_the_air_alone(
     assert refused(*kinds.split()) == places
 
 
+@pytest.mark.thorough
 @given(kinds=st.lists(st.sampled_from(["takeoff", "go", "home", "picture"]), max_size=8))
 def test_what_is_taken_is_what_a_vehicle_can_do_step_by_step(kinds: list[str]) -> None:
     """The oracle flies the list: on the ground only a take-off moves it, in the air all else."""

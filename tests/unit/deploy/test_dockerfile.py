@@ -80,6 +80,7 @@ def test_the_module_of_every_image_exists(target: str) -> None:
     assert find_spec(STAGES[target].module) is not None
 
 
+@pytest.mark.first_case
 @programs
 def test_every_image_has_the_files_that_its_program_loads(target: str) -> None:
     copied = STAGES[STAGES[target].files_from].copied

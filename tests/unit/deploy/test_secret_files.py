@@ -28,6 +28,7 @@ def test_every_role_has_its_own_access_key(folder: Path) -> None:
     assert all(keys.prefix_of(key) for key in found)
 
 
+@pytest.mark.thorough
 def test_vehicle_and_broker_read_the_same_signing_key(folder: Path) -> None:
     ring = KeyRing(folder)
     first, second = (read_key(folder / f"signing-{number}.key") for number in (1, 2))
@@ -41,6 +42,7 @@ def test_nobody_but_the_owner_reads_a_secret(folder: Path) -> None:
     assert stat.S_IMODE(folder.stat().st_mode) == 0o700
 
 
+@pytest.mark.thorough
 def test_the_mqtt_broker_knows_who_logs_in_without_the_passwords(folder: Path) -> None:
     lines = (folder / "mosquitto.passwd").read_text().splitlines()
     for line, name in zip(lines, ("uplink.key", "cloud-mqtt.key"), strict=True):

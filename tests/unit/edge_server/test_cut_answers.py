@@ -97,6 +97,7 @@ def test_an_answer_cut_at_any_byte_is_retried(
     assert set(whole) == {Outcome.CONFIRMED}
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("name", ANSWERS)
 def test_an_answer_that_stalls_at_any_byte_is_retried(
     server: ScriptedAnswers, uplink: HttpUplink, name: str
@@ -184,6 +185,7 @@ def test_a_large_answer_is_not_stored(
     assert outcomes(server, uplink, scripted_answers.cut(flood), RECORDS[:1]) == [Outcome.NO_CLOUD]
 
 
+@pytest.mark.thorough
 def test_a_large_record_has_its_timeout_for_each_piece(server: ScriptedAnswers) -> None:
     """A picture over a slow link takes longer than any timeout of ours, and arrives."""
     frame = "A" * 10_000_000  # More than the kernel's buffers take at once

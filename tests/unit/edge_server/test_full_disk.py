@@ -108,6 +108,7 @@ def fill(edge: Edge, number: int, kinds: Sequence[str]) -> int:
     return number
 
 
+@pytest.mark.first_case
 def test_it_recovers_by_itself_again_and_again(edge: Edge) -> None:
     number = 0
     filler = edge.config.state_dir / "another program"
@@ -129,6 +130,7 @@ def test_it_recovers_by_itself_again_and_again(edge: Edge) -> None:
         filler.unlink()
 
 
+@pytest.mark.first_case
 def test_a_disk_that_another_program_filled_is_full_until_it_frees_room(edge: Edge) -> None:
     filler = edge.config.state_dir / "another program"
     edge.context.space.maintain(time.monotonic())
@@ -142,6 +144,7 @@ def test_a_disk_that_another_program_filled_is_full_until_it_frees_room(edge: Ed
     assert report(edge, "pose", 2) == 201
 
 
+@pytest.mark.first_case
 def test_a_start_on_a_full_disk_uses_the_ballast(edge: Edge) -> None:
     edge.context.space.maintain(time.monotonic())
     assert report(edge, "pose", 0) == 201
@@ -152,6 +155,7 @@ def test_a_start_on_a_full_disk_uses_the_ballast(edge: Edge) -> None:
     assert edge.count("telemetry") == 1
 
 
+@pytest.mark.first_case
 def test_the_ballast_is_released_for_what_frees_room(edge: Edge) -> None:
     """The backlog is gone, its pages are free in the file, and nothing else is free anywhere."""
     edge.context.space.maintain(time.monotonic())

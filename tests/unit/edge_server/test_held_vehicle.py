@@ -72,6 +72,7 @@ def run_until(world: World, condition: Callable[[], bool]) -> None:
     pytest.fail("it does not come")
 
 
+@pytest.mark.thorough
 def test_a_mission_whose_acceptance_fails_has_failed_and_the_next_one_flies(
     edge: Edge,
 ) -> None:
@@ -91,6 +92,7 @@ def test_a_mission_whose_acceptance_fails_has_failed_and_the_next_one_flies(
     assert status(edge, 1) == "FAILED"
 
 
+@pytest.mark.thorough
 def test_after_a_fault_in_flight_nothing_flies_until_an_operator_releases(
     edge: Edge, caplog: pytest.LogCaptureFixture
 ) -> None:

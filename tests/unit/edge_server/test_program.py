@@ -50,6 +50,7 @@ def post(program: Program, kind: str, number: int, vehicle_id: int = 1) -> int:
     return identifier
 
 
+@pytest.mark.thorough
 def test_it_starts_from_nothing_and_ends_with_zero(program: Program) -> None:
     program.start()
     assert program.process is not None
@@ -63,12 +64,14 @@ def test_it_starts_from_nothing_and_ends_with_zero(program: Program) -> None:
     assert gone(children, PATIENCE_S)
 
 
+@pytest.mark.thorough
 def test_ctrl_c_is_a_graceful_shutdown_too(program: Program) -> None:
     program.start()
     code, errors = program.end(signal.SIGINT)
     assert (code, "Traceback" in errors) == (0, False)
 
 
+@pytest.mark.thorough
 def test_a_long_poll_does_not_delay_the_shutdown(program: Program) -> None:
     program.start()
     answers: list[int] = []
@@ -90,6 +93,7 @@ def test_a_long_poll_does_not_delay_the_shutdown(program: Program) -> None:
     assert (code, answers) == (0, [200]), errors
 
 
+@pytest.mark.thorough
 def test_readiness_ends_before_the_server(program: Program) -> None:
     program.start()
     assert program.process is not None
@@ -104,6 +108,7 @@ def test_readiness_ends_before_the_server(program: Program) -> None:
     assert set(statuses) <= {200, 503}
 
 
+@pytest.mark.thorough
 def test_requests_in_progress_are_completed(program: Program) -> None:
     program.start()
     body = json.dumps(documents.telemetry("pose")).encode()
@@ -131,6 +136,7 @@ def _readiness(program: Program) -> int:
         return 0
 
 
+@pytest.mark.thorough
 def test_a_second_signal_exits_at_once(program: Program) -> None:
     program.start()
     assert program.process is not None
@@ -146,6 +152,7 @@ def test_a_second_signal_exits_at_once(program: Program) -> None:
     program.start()
 
 
+@pytest.mark.thorough
 def test_every_line_of_the_log_is_an_object_and_no_secret(program: Program) -> None:
     program.start()
     post(program, "pose", 0)
@@ -161,6 +168,7 @@ def test_every_line_of_the_log_is_an_object_and_no_secret(program: Program) -> N
         assert program.key(role) not in log
 
 
+@pytest.mark.thorough
 def test_a_large_database_that_is_broken_is_found_while_it_serves(program: Program) -> None:
     """A fault that the quick check at the start misses is noted by the request that meets it."""
     program.start()
@@ -181,6 +189,7 @@ def _requests_in_flight(program: Program) -> str:
     return "/broker" if lines else ""
 
 
+@pytest.mark.thorough
 def test_a_killed_parent_leaves_no_orphan_and_no_stale_port(program: Program) -> None:
     program.start()
     assert program.process is not None
@@ -191,6 +200,7 @@ def test_a_killed_parent_leaves_no_orphan_and_no_stale_port(program: Program) ->
     program.start()
 
 
+@pytest.mark.thorough
 def test_a_killed_process_is_restarted(program: Program) -> None:
     program.start()
     assert program.process is not None
@@ -205,6 +215,7 @@ def test_a_killed_process_is_restarted(program: Program) -> None:
     assert not set(descendants(program.process.pid)) & set(before)
 
 
+@pytest.mark.thorough
 def test_a_port_in_use_is_one_sentence(program: Program) -> None:
     with socket.socket() as other:
         other.bind(("127.0.0.1", program.port))
@@ -218,6 +229,7 @@ def test_a_port_in_use_is_one_sentence(program: Program) -> None:
     assert "Traceback" not in errors
 
 
+@pytest.mark.thorough
 def test_a_second_relay_is_refused(program: Program) -> None:
     program.start()
     second = program.spawn("relay")
@@ -226,6 +238,7 @@ def test_a_second_relay_is_refused(program: Program) -> None:
     assert "another relay" in errors
 
 
+@pytest.mark.thorough
 def test_a_relay_started_first_waits_for_the_database(program: Program) -> None:
     with running_cloud() as cloud:
         program.environment["CLOUD_URL"] = cloud.url
@@ -239,6 +252,7 @@ def test_a_relay_started_first_waits_for_the_database(program: Program) -> None:
         program.end()
 
 
+@pytest.mark.thorough
 def test_a_relay_that_keeps_exiting_never_ends_the_server(program: Program) -> None:
     """As many exits of the server would end the program."""
     blocked = program.state_dir / "edge" / "relay.wake"
@@ -267,6 +281,7 @@ def _readiness_of(program: Program) -> dict[str, Any]:
     return found
 
 
+@pytest.mark.thorough
 def test_a_database_of_a_newer_version_is_one_sentence(program: Program) -> None:
     program.start()
     program.end()
@@ -281,6 +296,7 @@ def test_a_database_of_a_newer_version_is_one_sentence(program: Program) -> None
     assert "Traceback" not in errors
 
 
+@pytest.mark.thorough
 def test_telegraf18528_corrupt_store_starts(program: Program) -> None:
     program.start()
     program.end()
@@ -298,6 +314,7 @@ def test_telegraf18528_corrupt_store_starts(program: Program) -> None:
     assert "CRITICAL" in errors
 
 
+@pytest.mark.thorough
 def test_a_body_in_chunks_is_bounded_too(program: Program) -> None:
     program.start()
     with socket.create_connection(("127.0.0.1", program.port), timeout=30.0) as connection:
@@ -326,6 +343,7 @@ def test_a_body_in_chunks_is_bounded_too(program: Program) -> None:
     assert answered.status_code == 201
 
 
+@pytest.mark.thorough
 def test_a_broken_body_in_chunks_is_a_400_and_ends_the_connection(program: Program) -> None:
     program.start()
     cases = [
@@ -353,6 +371,7 @@ def test_a_broken_body_in_chunks_is_a_400_and_ends_the_connection(program: Progr
         assert b'"request_id"' in answers
 
 
+@pytest.mark.thorough
 def test_a_refused_body_does_not_break_the_connection(program: Program) -> None:
     program.start()
     headers = {"X-API-Key": program.key("operator")}
@@ -370,6 +389,7 @@ def test_a_refused_body_does_not_break_the_connection(program: Program) -> None:
             assert (answer.status_code, answer.json()) == (200, [])
 
 
+@pytest.mark.thorough
 def test_a_rotated_key_replaces_the_old_one(program: Program) -> None:
     program.start()
     old = program.key("farmer")

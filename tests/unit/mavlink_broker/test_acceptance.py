@@ -51,6 +51,7 @@ def test_a_mission_that_was_cancelled_meanwhile_is_dropped_without_a_report() ->
     assert world.app.sessions[1].state is State.IDLE
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("is_waiting", [False, True], ids=["in preparation", "in the queue"])
 def test_a_mission_whose_acceptance_has_failed_is_reported_as_failed(*, is_waiting: bool) -> None:
     """The edge server still has it in its queue: without a report it would wait for ever."""

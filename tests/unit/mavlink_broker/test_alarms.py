@@ -36,6 +36,7 @@ def alarms(world: World) -> list[tuple[int, int]]:
     return [(body["alarm_type_id"], body["alarm_code_id"]) for body in bodies]
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     ("bit", "code"),
     [
@@ -162,6 +163,7 @@ def test_what_fails_with_a_part_is_reported_when_it_outlasts_it() -> None:
     assert alarms(world) == [(1, 5), (2, 50)]
 
 
+@pytest.mark.thorough
 def test_a_px4_that_rests_on_the_ground_knows_where_it_is() -> None:
     """It sets ESTIMATOR_CONST_POS_MODE whenever it is at rest: 0x37F becomes 0x3FF."""
     world = World()
@@ -185,6 +187,7 @@ def test_a_px4_that_rests_on_the_ground_knows_where_it_is() -> None:
 ALL_KNOWN = mavlink.ESTIMATOR_ATTITUDE | mavlink.ESTIMATOR_POS_HORIZ_ABS | 0x26
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     ("well", "ill", "alarm"),
     [
@@ -251,6 +254,7 @@ def speak(world: World, seconds: float, message: Message | None = None, share: f
         world.run(1.0)
 
 
+@pytest.mark.thorough
 def test_a_humidity_sensor_that_falls_silent_is_that_alarm() -> None:
     world = flying_world(SLOW)
     speak(world, 6.0)
@@ -263,6 +267,7 @@ def test_a_humidity_sensor_that_falls_silent_is_that_alarm() -> None:
     assert alarms(world) == [(1, 6)]
 
 
+@pytest.mark.thorough
 def test_a_humidity_sensor_that_measures_nothing_is_the_other_alarm() -> None:
     world = flying_world(SLOW)
     speak(world, 4.0)
@@ -278,6 +283,7 @@ def test_a_named_humidity_is_watched_too() -> None:
     assert alarms(world) == [(1, 6)]
 
 
+@pytest.mark.thorough
 def test_a_vehicle_without_a_humidity_sensor_has_not_lost_it() -> None:
     world = flying_world(SLOW)
     speak(world, 1.0)
@@ -297,6 +303,7 @@ def test_a_lost_link_is_no_failure_of_the_humidity_sensor() -> None:
     assert alarms(world) == []
 
 
+@pytest.mark.thorough
 def test_on_a_bad_link_silence_has_to_last_longer() -> None:
     world = World(loss=0.3, seed=4)
     vehicle = world.add_vehicle()

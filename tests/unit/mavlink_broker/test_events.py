@@ -70,6 +70,7 @@ def is_idle(world: World) -> Callable[[], bool]:
 
 @pytest.mark.parametrize("command", MOMENTS.values(), ids=MOMENTS)
 class TestInFlight:
+    @pytest.mark.first_case
     def test_an_abort_ends_everything_now_and_lands_here(self, command: int) -> None:
         world = world_at(command)
         vehicle = world.only_vehicle
@@ -83,6 +84,7 @@ class TestInFlight:
         world.run(1.0)
         assert answer_statuses(world, event) == ["accepted", "done"]
 
+    @pytest.mark.first_case
     def test_an_abort_with_a_point_goes_there_and_lands(self, command: int) -> None:
         world = world_at(command)
         vehicle = world.only_vehicle
@@ -95,6 +97,7 @@ class TestInFlight:
         )
         assert vehicle.custom_mode == PX4_LAND
 
+    @pytest.mark.first_case
     def test_a_soft_abort_waits_for_the_running_command_and_returns(self, command: int) -> None:
         world = world_at(command)
         vehicle = world.only_vehicle
@@ -110,6 +113,7 @@ class TestInFlight:
         world.run(1.0)
         assert answer_statuses(world, event) == ["accepted", "done"]
 
+    @pytest.mark.first_case
     def test_a_soft_abort_with_a_point_holds_there(self, command: int) -> None:
         world = world_at(command)
         vehicle = world.only_vehicle
@@ -122,6 +126,7 @@ class TestInFlight:
         assert vehicle.custom_mode == PX4_HOLD
         assert vehicle.place == pytest.approx((POINT["latitude"], POINT["longitude"]))
 
+    @pytest.mark.first_case
     def test_a_new_speed_is_ordered_at_once_and_kept(self, command: int) -> None:
         world = world_at(command)
         vehicle = world.only_vehicle
@@ -138,6 +143,7 @@ class TestInFlight:
         assert item_speeds == [2.5 if command < 4 else 4.0]
 
 
+@pytest.mark.thorough
 def test_a_speed_that_a_circle_does_not_take_holds_from_the_next_command_on() -> None:
     refusing = {mavlink.MAV_CMD_DO_CHANGE_SPEED: mavlink.MAV_RESULT_DENIED}
     world = world_at(2, dataclasses.replace(OWN, results=refusing))
@@ -173,6 +179,7 @@ class TestAnIdleVehicle:
 
 
 class TestBeforeTakeOff:
+    @pytest.mark.first_case
     @pytest.mark.parametrize("kind", [ABORT, SOFT_ABORT])
     def test_a_mission_that_waits_is_over_at_once(self, kind: int) -> None:
         world = World()
@@ -277,6 +284,7 @@ class TestAnAbort:
         assert vehicle.custom_mode == PX4_LAND
         assert answer_statuses(world, soft)[-1] == answer_statuses(world, hard)[-1] == "done"
 
+    @pytest.mark.thorough
     def test_ends_a_soft_one_that_still_waits(self) -> None:
         world = world_at(1)
         soft = world.edge.event(SOFT_ABORT)
@@ -314,6 +322,7 @@ class TestAnAbort:
         world.run(30.0)
         assert world.edge.bodies("/pose/") == []
 
+    @pytest.mark.first_case
     @pytest.mark.parametrize(("kind", "mode"), [(ABORT, COPTER_LAND), (SOFT_ABORT, COPTER_RETURN)])
     def test_is_understood_by_ardupilot(self, kind: int, mode: int) -> None:
         world = World()
@@ -325,6 +334,7 @@ class TestAnAbort:
         world.run_until(lambda: not vehicle.armed)
 
 
+@pytest.mark.thorough
 def test_a_second_soft_abort_changes_the_place_and_not_the_deadline() -> None:
     world = world_at(3)
     first = world.edge.event(SOFT_ABORT)
@@ -339,6 +349,7 @@ def test_a_second_soft_abort_changes_the_place_and_not_the_deadline() -> None:
     assert world.only_vehicle.place == pytest.approx((POINT["latitude"], POINT["longitude"]))
 
 
+@pytest.mark.thorough
 def test_a_restarted_broker_knows_a_mission_whose_speed_an_event_has_changed() -> None:
     world = world_at(1)
     world.edge.event(SPEED, maximum_speed=2.5)

@@ -57,6 +57,7 @@ def message_of(world: World, mission_id: int) -> str:
 
 
 class TestParametersThatAreNoNumbers:
+    @pytest.mark.first_case
     @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
     @pytest.mark.parametrize(
         ("script", "name", "others"),
@@ -106,6 +107,7 @@ def is_first(one: Session | MissionQueue) -> bool:
 
 
 class TestUnexpectedErrors:
+    @pytest.mark.first_case
     @pytest.mark.parametrize(
         ("owner", "entry"),
         [
@@ -129,6 +131,7 @@ class TestUnexpectedErrors:
         assert world.edge.statuses(2) == FINISHED
         assert world.app.internal_errors.count > 0
 
+    @pytest.mark.first_case
     @pytest.mark.parametrize("phase_s", [0.0, 0.1, 0.5, 1.0, 2.0, 4.0, 6.0])
     @pytest.mark.parametrize("entry", ["receive", "step"])
     def test_fail_the_mission_once_with_the_reason_at_whatever_time(

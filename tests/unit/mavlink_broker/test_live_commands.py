@@ -73,6 +73,7 @@ def messages(world: World) -> list[str | None]:
 
 
 class TestAHotpoint:
+    @pytest.mark.first_case
     @pytest.mark.parametrize("script", [PX4, OWN], ids=["PX4", "own"])
     def test_is_flown_between_two_segments(self, script: Script) -> None:
         world = flown(takeoff(), hotpoint(), waypoint(3), go_home(4), script=script)
@@ -96,6 +97,7 @@ class TestAHotpoint:
         assert went[0][6] == HOME[2] + 8.0
         assert went[0][0] == 4.0, "the mission's speed"
 
+    @pytest.mark.thorough
     def test_is_no_faster_than_the_mission(self) -> None:
         flown_m_s = flown(takeoff(), hotpoint(radius=20.0, angular_velocity=30.0), go_home(3))
         orbit = [v for c, v in flown_m_s.only_vehicle.parameters if c == mavlink.MAV_CMD_DO_ORBIT]
@@ -120,6 +122,7 @@ class TestAHotpoint:
         world = flown(takeoff(), hotpoint(radius=5.0, angular_velocity=60.0), go_home(3))
         assert "angular_velocity was limited to" in str(messages(world)[1])
 
+    @pytest.mark.first_case
     @pytest.mark.parametrize("orbit_type", [1, 3])
     def test_with_a_heading_that_a_vehicle_lacks_is_flown_from_point_to_point(
         self, orbit_type: int
@@ -155,6 +158,7 @@ class TestAHotpoint:
 
 
 class TestARestartedBroker:
+    @pytest.mark.thorough
     def test_follows_an_orbit_on_without_beginning_it_again(self) -> None:
         world = World()
         vehicle = world.add_vehicle(script=OWN)
@@ -178,6 +182,7 @@ class TestARestartedBroker:
         assert world.edge.statuses(1201) == [FINISHED] * 3
         assert vehicle.commands.count(mavlink.MAV_CMD_DO_ORBIT) == 1
 
+    @pytest.mark.thorough
     def test_follows_the_second_segment_on(self) -> None:
         world = World()
         vehicle = world.add_vehicle(script=dataclasses.replace(OWN, item_time_s=8.0))
@@ -201,6 +206,7 @@ class TestARestartedBroker:
 
 
 class TestFollowing:
+    @pytest.mark.thorough
     def test_sends_the_target_for_a_minute_and_holds(self) -> None:
         world = World()
         vehicle = world.add_vehicle(script=OWN)
@@ -213,6 +219,7 @@ class TestFollowing:
         world.run_until_over(1201)
         assert world.edge.statuses(1201) == [FINISHED] * 3
 
+    @pytest.mark.thorough
     def test_a_vehicle_that_follows_no_target_waits_there_and_the_report_notes_it(
         self,
     ) -> None:
@@ -228,6 +235,7 @@ class TestFollowing:
 
 
 class TestTheCamera:
+    @pytest.mark.thorough
     def test_tracks_a_rectangle_and_stops(self) -> None:
         world = flown(takeoff(), track(), go_home(3))
         assert world.edge.statuses(1201) == [FINISHED] * 3
@@ -235,6 +243,7 @@ class TestTheCamera:
         begun = commands.index(mavlink.MAV_CMD_CAMERA_TRACK_RECTANGLE)
         assert commands.index(mavlink.MAV_CMD_CAMERA_STOP_TRACKING) > begun
 
+    @pytest.mark.thorough
     def test_without_rectangles_tracks_a_point(self) -> None:
         unknown = {mavlink.MAV_CMD_CAMERA_TRACK_RECTANGLE: mavlink.MAV_RESULT_UNSUPPORTED}
         script = dataclasses.replace(OWN, results=unknown)
@@ -248,6 +257,7 @@ class TestTheCamera:
         create = mavlink.MAV_CMD_PANORAMA_CREATE
         assert [v[0] for c, v in world.only_vehicle.parameters if c == create] == [180.0]
 
+    @pytest.mark.first_case
     @pytest.mark.parametrize(("mode", "pictures"), [(0, 8), (1, 5)])
     def test_is_turned_by_the_vehicle_where_it_cannot(self, mode: int, pictures: int) -> None:
         world = flown(takeoff(), panorama(mode=mode), go_home(3), script=PX4)

@@ -26,6 +26,7 @@ def long_world(script: Script, most_items: int) -> World:
     return world
 
 
+@pytest.mark.first_case
 @AUTOPILOTS
 @pytest.mark.parametrize(("most_items", "parts"), [(120, 2), (60, 4)])
 def test_one_is_flown_in_parts(script: Script, most_items: int, parts: int) -> None:
@@ -39,6 +40,7 @@ def test_one_is_flown_in_parts(script: Script, most_items: int, parts: int) -> N
     assert not vehicle.airborne
 
 
+@pytest.mark.first_case
 @AUTOPILOTS
 def test_a_restarted_broker_recognises_the_parts(script: Script) -> None:
     world = long_world(script, 120)

@@ -59,6 +59,7 @@ def unheard_behind_the_circle() -> tuple[World, ScriptedVehicle]:
     return world, world.only_vehicle
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     ("script", "delay_s"), [(OWN, None), (PX4_1_17, 0.2)], ids=["delivered", "lost"]
 )
@@ -75,6 +76,7 @@ def test_between_two_stages_it_is_waited_for(
     assert vehicle.commands.count(mavlink.MAV_CMD_DO_ORBIT) == 1
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("delay_s", [None, 0.2], ids=["delivered", "lost"])
 @pytest.mark.parametrize("script", [OWN, PX4_1_17], ids=["own", "PX4"])
 def test_an_order_for_a_circle_is_repeated_only_if_it_did_not_arrive(
@@ -90,6 +92,7 @@ def test_an_order_for_a_circle_is_repeated_only_if_it_did_not_arrive(
     assert vehicle.commands.count(mavlink.MAV_CMD_DO_ORBIT) == 1
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     ("script", "delay_s", "state"),
     [

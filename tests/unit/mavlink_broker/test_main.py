@@ -59,6 +59,7 @@ def fly(vehicle: ScriptedVehicle, port: int, is_over: Callable[[], bool]) -> Non
                 own.sendto(frame, ("127.0.0.1", port))
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_ends_it_with_status_0(number: int, tmp_path: Path) -> None:
     with start(0, tmp_path) as process:
@@ -67,6 +68,7 @@ def test_a_signal_ends_it_with_status_0(number: int, tmp_path: Path) -> None:
         assert process.wait(timeout=20) == 0
 
 
+@pytest.mark.thorough
 def test_sigint_ends_it_also_where_its_starter_ignores_it(tmp_path: Path) -> None:
     """As `nohup` and `&` in a script do."""
     former = signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -83,6 +85,7 @@ def test_sigint_ends_it_also_where_its_starter_ignores_it(tmp_path: Path) -> Non
             process.kill()
 
 
+@pytest.mark.thorough
 def test_a_busy_port_is_one_sentence_and_status_2(tmp_path: Path) -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
         other.bind(("0.0.0.0", 0))
@@ -93,6 +96,7 @@ def test_a_busy_port_is_one_sentence_and_status_2(tmp_path: Path) -> None:
     assert errors == f"mavlink_broker: UDP port {port} is in use by another program\n"
 
 
+@pytest.mark.thorough
 def test_a_state_folder_that_another_broker_has_is_one_sentence_and_status_2(
     tmp_path: Path,
 ) -> None:
@@ -105,6 +109,7 @@ def test_a_state_folder_that_another_broker_has_is_one_sentence_and_status_2(
     assert errors == f"mavlink_broker: {expected}\n"
 
 
+@pytest.mark.thorough
 def test_a_state_folder_that_cannot_be_used_is_no_reason_not_to_fly(tmp_path: Path) -> None:
     (tmp_path / "broker").write_text("no folder")
     with start(0, tmp_path) as process:
@@ -116,6 +121,7 @@ def test_a_state_folder_that_cannot_be_used_is_no_reason_not_to_fly(tmp_path: Pa
         assert process.wait(timeout=20) == 0
 
 
+@pytest.mark.thorough
 def test_it_flies_a_mission_between_a_real_socket_and_real_http(tmp_path: Path) -> None:
     key = tmp_path / "keys" / "broker.key"
     script = dataclasses.replace(PX4, item_time_s=0.05)

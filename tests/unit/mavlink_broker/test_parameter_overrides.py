@@ -58,6 +58,7 @@ def message(world: World, command: int) -> str:
     return str(world.edge.reports(1201)[-1]["command_report_array"][command].get("message"))
 
 
+@pytest.mark.first_case
 @FAMILIES
 def test_a_follow_command_sets_height_distance_and_angle_and_restores_them(script: Script) -> None:
     world, vehicle = setting_out(takeoff(), follow(), go_home(3), script=script)
@@ -115,6 +116,7 @@ def test_radii_that_differ_are_reported() -> None:
     assert "acceptance_radius: ardupilot uses its own" in message(world, 1)
 
 
+@pytest.mark.thorough
 def test_an_abort_restores_every_parameter() -> None:
     world, vehicle = setting_out(takeoff(), circle(), go_home(3), script=ARDUPILOT)
     world.run_until(lambda: world.edge.status(1201) == Status.RUNNING)
@@ -132,6 +134,7 @@ def test_a_vehicle_that_lacks_a_parameter_flies_and_the_report_names_it() -> Non
     assert "parameter CIRCLE_OPTIONS: no answer" in message(world, 1)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(("script", "mode", "pictures"), [(PX4, 0, 8), (ARDUPILOT, 1, 5)])
 def test_a_panorama_behind_a_follow_is_turned_on_the_spot(
     script: Script, mode: int, pictures: int

@@ -44,6 +44,7 @@ def pause(world: World, *, by_station: bool = True) -> int:
     return len(vehicle.frames)
 
 
+@pytest.mark.first_case
 @BOTH
 @pytest.mark.parametrize("phase", PHASES.values(), ids=PHASES)
 def test_nothing_is_ordered_behind_a_pause_of_a_ground_station(
@@ -62,6 +63,7 @@ def test_nothing_is_ordered_behind_a_pause_of_a_ground_station(
     assert (report["mission_status_id"] == Status.RUNNING) == (phase is in_mission)
 
 
+@pytest.mark.first_case
 @BOTH
 @pytest.mark.parametrize("by_station", [False, True])
 def test_items_that_are_paused_go_on_when_they_are_resumed(
@@ -80,6 +82,7 @@ def test_items_that_are_paused_go_on_when_they_are_resumed(
     assert world.edge.status(1201) == Status.FINISHED
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     ("script", "modes"),
     [(PX4, (PX4_HOLD, PX4_MISSION)), (ARDUPILOT, (COPTER_BRAKE, COPTER_AUTO))],
@@ -126,6 +129,7 @@ def circling(script: Script) -> World:
     return world
 
 
+@pytest.mark.first_case
 @BOTH
 @pytest.mark.parametrize("phase", [live, circling], ids=["follow", "circle"])
 def test_a_live_command_that_a_pilot_pauses_by_a_switch_has_failed(
@@ -145,6 +149,7 @@ def test_a_live_command_that_a_pilot_pauses_by_a_switch_has_failed(
 class TestAnEvent:
     """What is newer decides: the pause over a soft abort that waited, an abort over the pause."""
 
+    @pytest.mark.first_case
     @pytest.mark.parametrize("by_station", [False, True])
     def test_that_waited_does_not_end_the_pause(self, *, by_station: bool) -> None:
         world = in_mission(PX4)

@@ -125,6 +125,7 @@ class TestANewSpeed:
         assert world.edge.acknowledgements(event)[-1]["status"] == "done"
 
 
+@pytest.mark.thorough
 def test_a_vehicle_without_camera_items_flies_all_commands() -> None:
     plan = example("eleven_commands")
     world = flown(COPTER_4_1, plan)
@@ -135,6 +136,7 @@ def test_a_vehicle_without_camera_items_flies_all_commands() -> None:
 
 
 class TestABrokerThatWasAway:
+    @pytest.mark.first_case
     @pytest.mark.parametrize("last", [land(3), go_home(3)], ids=["land", "return"])
     @pytest.mark.parametrize("script", [COPTER_4_1, COPTER_4_6], ids=["4.1", "4.6"])
     @pytest.mark.parametrize("killed_after_s", [0.0, 3.0])

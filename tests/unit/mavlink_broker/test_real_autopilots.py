@@ -97,6 +97,7 @@ def reason(world: World) -> str:
 
 
 class TestEveryAutopilot:
+    @pytest.mark.first_case
     @AUTOPILOTS
     @pytest.mark.parametrize("name", ["first_flight", "eleven_commands"])
     def test_flies_the_example_plans(self, script: Script, name: str) -> None:
@@ -110,6 +111,7 @@ class TestEveryAutopilot:
     def test_flies_over_a_link_that_loses_a_fifth_each_way(self, script: Script) -> None:
         assert flown(script, loss=0.2).edge.statuses(1201) == FINISHED
 
+    @pytest.mark.first_case
     @AUTOPILOTS
     def test_stores_fractions_radians_and_no_pitch_and_is_verified(self, script: Script) -> None:
         """What an autopilot rounds, converts or drops in storage is no difference."""
@@ -127,6 +129,7 @@ class TestEveryAutopilot:
         world.run(15.0)
         assert world.edge.bodies("/state_vector/")[-1]["battery_capacity"] == 4.2
 
+    @pytest.mark.first_case
     @AUTOPILOTS
     def test_flies_one_mission_after_another(self, script: Script) -> None:
         """The second begins at its first item, whatever the vehicle remembers of the first."""
@@ -144,6 +147,7 @@ class TestEveryAutopilot:
         world = flown(dataclasses.replace(script, in_progress=slow))
         assert world.edge.statuses(1201) == FINISHED
 
+    @pytest.mark.first_case
     @AUTOPILOTS
     def test_sends_everything_again_after_a_restart(self, script: Script) -> None:
         world = World()
@@ -159,6 +163,7 @@ class TestEveryAutopilot:
 
 
 class TestPx4:
+    @pytest.mark.first_case
     @PX4S
     def test_is_taken_to_a_mode_that_it_arms_in(self, script: Script) -> None:
         """Without a remote control it is not ready to arm in a mode that is flown by one."""
@@ -193,12 +198,14 @@ class TestPx4:
         world = flown(dataclasses.replace(PX4_1_17, is_infeasible=True))
         assert mavlink.MAV_CMD_COMPONENT_ARM_DISARM not in world.only_vehicle.commands
 
+    @pytest.mark.first_case
     @PX4S
     def test_that_flies_only_attended_by_a_ground_station_has_one(self, script: Script) -> None:
         """PX4's simulated quadrotor has NAV_DLL_ACT = 2 and does not arm without one."""
         world = flown(dataclasses.replace(script, link_loss_action=2))
         assert world.edge.statuses(1201) == FINISHED
 
+    @pytest.mark.thorough
     def test_that_flies_only_attended_flies_on_when_the_broker_is_restarted(self) -> None:
         world = World()
         vehicle = world.add_vehicle(
@@ -228,21 +235,25 @@ class TestPx4:
         sent = Decoder().decode(b"".join(frame for _, frame in world.air.sent[before:]))
         assert mavlink.MAV_TYPE_GCS in {m.type for m in sent if m.get_type() == "HEARTBEAT"}
 
+    @pytest.mark.first_case
     @PX4S
     def test_whose_checks_still_run_is_armed_when_they_are_done(self, script: Script) -> None:
         slow = dataclasses.replace(script, ready_to_arm_after_s=12.0)
         assert flown(slow).edge.statuses(1201) == FINISHED
 
+    @pytest.mark.thorough
     def test_that_begins_to_count_anew_at_the_end_has_finished(self) -> None:
         script = dataclasses.replace(PX4_1_17, current_goes_to_0_at_the_end=True)
         assert flown(script).edge.statuses(1201) == FINISHED
 
+    @pytest.mark.first_case
     @PX4S
     def test_lands_by_leaving_the_mission_and_disarms_later(self, script: Script) -> None:
         world = flown(dataclasses.replace(script, disarms_after_s=6.0))
         assert world.edge.statuses(1201) == FINISHED
         assert not world.only_vehicle.armed
 
+    @pytest.mark.thorough
     def test_without_payload_flies_all_and_the_report_names_what_it_left_out(self) -> None:
         """Its simulation has no camera: a command to one has FAILED, in the autopilot's name."""
         plan = example("eleven_commands")
@@ -252,6 +263,7 @@ class TestPx4:
         messages = {one["command_id"]: one.get("message") for one in report["command_report_array"]}
         assert messages[8] == messages[9] == "left out: the vehicle has no camera"
 
+    @pytest.mark.thorough
     def test_that_carries_nothing_flies_on_behind_a_live_command(self) -> None:
         """Nobody answers for a gimbal that is not there."""
         world = flown(PX4_BARE, mission(takeoff(), follow(), picture(3), panorama(4), go_home(5)))
@@ -271,6 +283,7 @@ class TestPx4:
         world.run_until_over(1201)
         assert world.edge.statuses(1201) == [Status.FINISHED, Status.FAILED, Status.ABORTED]
 
+    @pytest.mark.first_case
     @pytest.mark.parametrize("second", [waypoint(2, 30.0, hold_time=60.0), circle(2)])
     def test_that_its_own_failsafe_holds_has_failed(self, second: dict[str, Any]) -> None:
         """A breach of its fence makes it hold for ever: nobody has paused it."""
@@ -282,6 +295,7 @@ class TestPx4:
         assert world.edge.statuses(1201) == [Status.FINISHED, Status.FAILED, Status.ABORTED]
         assert "failsafe holds it (Geofence exceeded" in reason(world)
 
+    @pytest.mark.thorough
     def test_that_holds_before_its_failsafe_acts_may_go_on(self) -> None:
         """It waits for 5 s, and flies on if its ground station is back meanwhile."""
         world, vehicle = under_way(dataclasses.replace(PX4_1_17, item_time_s=10.0), first_flight())
@@ -299,6 +313,7 @@ class TestPx4:
         assert world.edge.statuses(1201) == [Status.FINISHED, Status.FAILED, Status.ABORTED]
         assert "the vehicle left its circle: mode AUTO.LOITER" in reason(world)
 
+    @pytest.mark.first_case
     @PX4S
     def test_is_not_turned_to_north_by_a_hold(self, script: Script) -> None:
         world = flown(script, mission(takeoff(), waypoint()))
@@ -308,6 +323,7 @@ class TestPx4:
 
 
 class TestArduPilot:
+    @pytest.mark.first_case
     @COPTERS
     def test_is_armed_in_guided_and_begins_from_there(self, script: Script) -> None:
         world = World()
@@ -323,12 +339,14 @@ class TestArduPilot:
         ]
         assert modes[0] == COPTER_GUIDED
 
+    @pytest.mark.first_case
     @COPTERS
     def test_is_waited_for_until_it_can_navigate(self, script: Script) -> None:
         """In STABILIZE it reports ready to arm, and has a home, before it has a position."""
         world = flown(dataclasses.replace(script, navigates_after_s=35.0))
         assert world.edge.statuses(1201) == FINISHED
 
+    @pytest.mark.first_case
     @COPTERS
     def test_that_finds_fault_for_a_while_is_armed_afterwards(self, script: Script) -> None:
         """In GUIDED it checks what it does not in STABILIZE, such as GPS against estimate."""
@@ -342,6 +360,7 @@ class TestArduPilot:
         world.run_until_over(1201)
         assert world.edge.statuses(1201) == FINISHED
 
+    @pytest.mark.first_case
     @COPTERS
     def test_is_never_armed_in_a_manual_mode(self, script: Script) -> None:
         guided = {mavlink.MAV_CMD_DO_SET_MODE: mavlink.MAV_RESULT_FAILED}
@@ -349,6 +368,7 @@ class TestArduPilot:
         assert world.edge.status(1201) == Status.FAILED
         assert world.only_vehicle.arm_orders == 0
 
+    @pytest.mark.first_case
     @COPTERS
     def test_whose_checks_are_switched_off_is_flown(self, script: Script) -> None:
         """ARMING_CHECK = 0: the check is there, not enabled, and never well."""
@@ -364,6 +384,7 @@ class TestArduPilot:
         world.run_until(lambda: len(vehicle.items) > 1)
         assert vehicle.custom_mode == COPTER_GUIDED
 
+    @pytest.mark.first_case
     @COPTERS
     def test_whose_checks_fail_reports_which(self, script: Script) -> None:
         refused = dataclasses.replace(
@@ -384,6 +405,7 @@ class TestArduPilot:
             assert snapshot.battery_fraction == pytest.approx(0.8)
             assert world.edge.bodies("/state_vector/")
 
+    @pytest.mark.first_case
     @COPTERS
     def test_begins_its_mission_anew_behind_the_landing_and_has_finished(
         self, script: Script
@@ -414,6 +436,7 @@ class TestArduPilot:
         assert [item.seq for item in vehicle.items] == list(range(14))
         assert [i.command for i in vehicle.items].count(mavlink.MAV_CMD_NAV_TAKEOFF) == 1
 
+    @pytest.mark.first_case
     @COPTERS
     def test_is_no_plane(self, script: Script) -> None:
         """The numbers of a plane's modes mean other things: none is ever sent."""
@@ -428,6 +451,7 @@ class TestArduPilot:
 
 
 class TestAPausedMission:
+    @pytest.mark.thorough
     def test_goes_on_in_the_mission_mode_of_px4(self) -> None:
         world = World()
         vehicle = world.add_vehicle(script=PX4_1_17)

@@ -29,6 +29,7 @@ ATTENDED = dataclasses.replace(
 
 
 class TestAVehicleThatHasNoOtherGroundStation:
+    @pytest.mark.thorough
     def test_flies_on_while_the_broker_is_away_for_a_minute(self) -> None:
         world = World()
         vehicle = world.add_vehicle(script=ATTENDED)
@@ -41,6 +42,7 @@ class TestAVehicleThatHasNoOtherGroundStation:
         world.run_until_over(1201)
         assert world.edge.statuses(1201) == FINISHED
 
+    @pytest.mark.thorough
     def test_has_its_own_patience_back_behind_the_mission(self) -> None:
         world = World()
         vehicle = world.add_vehicle(script=dataclasses.replace(ATTENDED, item_time_s=2.0))
@@ -50,6 +52,7 @@ class TestAVehicleThatHasNoOtherGroundStation:
         world.run_until_over(1201)
         world.run_until(lambda: vehicle.settings["COM_DL_LOSS_T"] == 10.0, within_s=10.0)
 
+    @pytest.mark.thorough
     def test_that_is_more_patient_by_itself_keeps_that(self) -> None:
         patient = dataclasses.replace(ATTENDED, settings={"COM_DL_LOSS_T": 300.0}, item_time_s=2.0)
         world = World()
@@ -74,6 +77,7 @@ class TestAVehicleWithAFenceOfItsOwn:
 
 
 class TestAVehicleThatLacksParameters:
+    @pytest.mark.thorough
     def test_gets_the_full_time_to_follow_behind_slow_parameters(self) -> None:
         """Up to 1.15 it does not answer for a parameter that does not exist."""
         world = World()
@@ -89,6 +93,7 @@ class TestAVehicleThatLacksParameters:
 
 
 class TestAVehicleThatGetsANewFenceInFlight:
+    @pytest.mark.first_case
     @pytest.mark.parametrize("script", [PX4_1_14, PX4_1_17], ids=["1.14", "1.17"])
     def test_and_may_not_go_on_has_not_finished(self, script: Script) -> None:
         """It stays where it is, in its mission mode, and reports its mission as complete."""
@@ -121,6 +126,7 @@ class TestAVehicleThatIsNotArmed:
 
 
 class TestAVehicleThatDoesNotTellItsVersion:
+    @pytest.mark.thorough
     def test_is_ordered_to_arm_until_it_does(self) -> None:
         """Built from a copy without its tags, as many are: its version is not known."""
         built = dataclasses.replace(PX4_1_17, version=0, ready_to_arm_after_s=20.0)
@@ -132,6 +138,7 @@ class TestAVehicleThatDoesNotTellItsVersion:
 
 
 class TestAVehicleThatIsNotReady:
+    @pytest.mark.thorough
     def test_in_its_mission_mode_for_want_of_a_mission_is_taken_out_of_it(self) -> None:
         world = World()
         vehicle = world.add_vehicle(script=PX4_1_17)
@@ -141,6 +148,7 @@ class TestAVehicleThatIsNotReady:
         world.run_until_over(1201)
         assert world.edge.statuses(1201) == FINISHED
 
+    @pytest.mark.thorough
     def test_is_requested_to_report_why(self) -> None:
         """It sends the reason once, at its start: mostly before a broker or a mission exists."""
         fault = "Preflight Fail: Compass 0 uncalibrated"
@@ -155,6 +163,7 @@ class TestAVehicleThatIsNotReady:
         assert 1 < asked < 6
 
 
+@pytest.mark.thorough
 def test_a_return_that_begins_before_a_heartbeat_shows_the_mission_mode_is_flown() -> None:
     """Between two heartbeats PX4 starts the mission and leaves it for AUTO.RTL."""
     world = World()

@@ -62,6 +62,7 @@ def test_what_ended_meanwhile_is_reported_with_position_and_battery() -> None:
     assert len(world.edge.bodies("/pose/")) == len(world.edge.bodies("/battery/")) == 4
 
 
+@pytest.mark.thorough
 def test_a_time_that_lasts_is_counted_by_the_vehicles_clock_from_the_first_second() -> None:
     world = World()
     vehicle = world.add_vehicle(script=OWN)
@@ -134,6 +135,7 @@ def test_a_vehicle_that_was_restarted_meanwhile_has_failed_its_mission() -> None
     assert "the vehicle was restarted" in world.edge.reports(1201)[-1]["message"]
 
 
+@pytest.mark.thorough
 def test_an_orbit_that_began_before_its_report_is_not_flown_again() -> None:
     world = World()
     vehicle = world.add_vehicle(script=OWN)
@@ -160,6 +162,7 @@ def test_a_link_that_is_lost_while_attaching_is_waited_out() -> None:
     world.run_until(lambda: session.state is State.RUNNING)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("unknown", [{1000}, {1000, 205}, {2000}, {1000, 2000}])
 def test_a_mission_that_was_sent_as_other_items_is_recognised(unknown: set[int]) -> None:
     """The vehicle's refusals are lost with the broker that received them."""

@@ -36,6 +36,7 @@ def is_at_point(world: World) -> Callable[[], bool]:
     )
 
 
+@pytest.mark.first_case
 @AWAY
 def test_an_abort_with_a_point_still_lands_there(away_s: float) -> None:
     world = world_at(1)
@@ -65,6 +66,7 @@ def test_a_landing_that_was_ordered_is_not_ordered_again() -> None:
     assert mode_orders == ordered
 
 
+@pytest.mark.first_case
 @AWAY
 def test_a_soft_abort_still_waits_for_the_running_command(away_s: float) -> None:
     world = world_at(1)
@@ -78,6 +80,7 @@ def test_a_soft_abort_still_waits_for_the_running_command(away_s: float) -> None
     assert world.only_vehicle.custom_mode == PX4_RETURN
 
 
+@pytest.mark.thorough
 def test_a_soft_abort_to_a_point_still_holds_there_and_the_next_mission_begins_there() -> None:
     world = world_at(1)
     vehicle = world.only_vehicle
@@ -94,6 +97,7 @@ def test_a_soft_abort_to_a_point_still_holds_there_and_the_next_mission_begins_t
     assert world.edge.status(1202) == Status.FINISHED
 
 
+@pytest.mark.first_case
 @AWAY
 @pytest.mark.parametrize("command", [0, 2, 3])
 def test_an_abort_that_came_while_no_broker_ran_is_carried_out(command: int, away_s: float) -> None:
@@ -131,6 +135,7 @@ def test_no_order_goes_to_a_pilot_who_has_taken_over_meanwhile() -> None:
     assert world.only_vehicle.custom_mode == PX4_POSITION
 
 
+@pytest.mark.thorough
 def test_an_abort_that_was_carried_out_does_not_touch_what_came_after() -> None:
     world = world_at(1)
     world.edge.event(ABORT)
@@ -142,6 +147,7 @@ def test_an_abort_that_was_carried_out_does_not_touch_what_came_after() -> None:
     assert world.edge.status(1202) == Status.FINISHED
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("is_forgotten", [False, True], ids=["handed out", "forgotten"])
 @pytest.mark.parametrize("away_s", [5.0, 70.0, 700.0])
 def test_an_abort_outlives_a_broker_while_its_vehicle_is_out_of_reach(
@@ -190,6 +196,7 @@ def test_an_abort_of_a_flight_before_is_not_carried_out_on_another(tmp_path: Pat
 class TestTheNewestAbortDecides:
     """In whichever order a restarted broker comes to know them; the older one is answered so."""
 
+    @pytest.mark.first_case
     @pytest.mark.parametrize("with_journal", [False, True], ids=["memory", "journal"])
     @AWAY
     def test_over_a_soft_one_that_waited(
@@ -213,6 +220,7 @@ class TestTheNewestAbortDecides:
         assert world.edge.acknowledgements(soft)[-1]["message"] == "a later event replaced it"
         assert world.edge.status(1201) == Status.ABORTED
 
+    @pytest.mark.first_case
     @pytest.mark.parametrize("was_accepted", [False, True], ids=["queued", "accepted"])
     @pytest.mark.parametrize("with_journal", [False, True], ids=["memory", "journal"])
     def test_over_one_that_has_sent_the_vehicle_somewhere(
@@ -274,6 +282,7 @@ class TestTheNewestAbortDecides:
 class TestAnAbortBeforeTheAcceptanceIsAnswered:
     """Until then a restarted broker may be handed the mission: the abort is not done before."""
 
+    @pytest.mark.first_case
     @pytest.mark.parametrize("kind", [ABORT, SOFT_ABORT])
     @pytest.mark.parametrize("is_forgotten", [False, True], ids=["handed out", "forgotten"])
     def test_of_a_mission_that_is_being_prepared(

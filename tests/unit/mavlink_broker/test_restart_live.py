@@ -53,6 +53,7 @@ def time_until_over(world: World, command: int = 1) -> float:
 
 
 class TestTime:
+    @pytest.mark.first_case
     @pytest.mark.parametrize("kind", [follow, track], ids=["follow", "track"])
     def test_it_goes_on_by_the_vehicles_clock(self, tmp_path: Path, kind: Any) -> None:
         world = begun(tmp_path, kind(), script=OWN)
@@ -69,6 +70,7 @@ class TestTime:
 
 
 class TestCircles:
+    @pytest.mark.first_case
     @pytest.mark.parametrize("share", [0.1, 0.8])
     def test_an_endless_one_ends_where_it_began(self, tmp_path: Path, share: float) -> None:
         """PX4 goes round and round: what it flew while no broker ran counts."""
@@ -90,6 +92,7 @@ class TestCircles:
         die(world, away_s=35.0)
         assert time_until_over(world) < 8.0
 
+    @pytest.mark.thorough
     def test_one_from_point_to_point_goes_on_at_its_point(self, tmp_path: Path) -> None:
         undisturbed = begun(tmp_path / "one", hotpoint(**BACKWARDS), script=PX4)
         undisturbed.run_until_over(1201)
@@ -103,6 +106,7 @@ class TestCircles:
 
 
 class TestPictures:
+    @pytest.mark.thorough
     def test_each_of_a_turned_panorama_is_ordered_once(self, tmp_path: Path) -> None:
         """But for the one that was being taken, which has the same number again."""
         world = begun(tmp_path, follow(), panorama(3), script=PX4)
@@ -152,6 +156,7 @@ def has_noted(folder: Path) -> bool:
     return any("live" in page.read_text() for page in folder.glob("*.json"))
 
 
+@pytest.mark.thorough
 def test_the_same_plan_once_more_is_flown_from_its_beginning(tmp_path: Path) -> None:
     """Without an edge server a mission has the same number and name whenever it is flown."""
     world = begun(tmp_path, follow(), script=OWN)
@@ -171,6 +176,7 @@ def test_the_same_plan_once_more_is_flown_from_its_beginning(tmp_path: Path) -> 
 class TestAStalledEdgeServer:
     """Reports wait in memory and are lost with the broker. The journal holds the segment."""
 
+    @pytest.mark.first_case
     @pytest.mark.parametrize("after_s", [0.0, 0.15, 3.0])
     def test_a_circle_that_has_ended_is_not_resumed(self, tmp_path: Path, after_s: float) -> None:
         slow = dataclasses.replace(OWN, item_time_s=6.0)
@@ -204,6 +210,7 @@ class TestAStalledEdgeServer:
         assert world.edge.status(1201) == Status.FINISHED
         assert vehicle.uploads == 1
 
+    @pytest.mark.thorough
     def test_two_live_commands_one_behind_the_other(self, tmp_path: Path) -> None:
         world = begun(tmp_path, hotpoint(2, radius=10.0, start_point=4), follow(3), script=OWN)
         vehicle = world.only_vehicle

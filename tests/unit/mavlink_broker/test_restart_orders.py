@@ -57,6 +57,7 @@ def alarmed_world(folder: Path, script: Script = PX4, lag_s: float = DISK_LAG_S)
 
 
 class TestHover:
+    @pytest.mark.first_case
     @FAMILIES
     def test_the_next_mission_begins_there(self, tmp_path: Path, script: Script) -> None:
         world = hovering_world(tmp_path, script)
@@ -80,6 +81,7 @@ class TestHover:
         assert world.edge.statuses(1202) == [Status.FINISHED] * 2
         assert world.only_vehicle.uploads == 2
 
+    @pytest.mark.first_case
     @pytest.mark.parametrize("what", ["elsewhere", "flown by hand"])
     def test_a_vehicle_that_somebody_has_taken_meanwhile_gets_no_order(
         self, tmp_path: Path, what: str
@@ -109,6 +111,7 @@ class TestHover:
 
 
 class TestReturn:
+    @pytest.mark.first_case
     @pytest.mark.parametrize(
         ("script", "mode", "killed_after_s"),
         [

@@ -70,6 +70,7 @@ class Farm:
         return self.held == self.before and not list(self.folder.iterdir())
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     ("script", "values", "killed_after_s"),
     [
@@ -100,6 +101,7 @@ def test_nothing_is_changed_before_the_journal_holds_what_it_was(tmp_path: Path)
     farm.world.run_until(lambda: farm.held != farm.before)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("how", ["refuses", "is_stuck"])
 def test_a_disk_that_is_full_or_does_not_answer_stops_no_flight(
     tmp_path: Path, how: str, caplog: pytest.LogCaptureFixture
@@ -114,6 +116,7 @@ def test_a_disk_that_is_full_or_does_not_answer_stops_no_flight(
     assert sum("nobody waits for it" in line for line in caplog.messages) <= 1
 
 
+@pytest.mark.thorough
 def test_what_a_command_needs_stays_until_the_mission_is_found_again(tmp_path: Path) -> None:
     """The edge server is away for longer than the broker: the vehicle follows on meanwhile."""
     farm = Farm(tmp_path, PX4, WITH_FOLLOW)
@@ -190,6 +193,7 @@ def test_nothing_is_written_before_a_start_and_nothing_is_left_behind_a_mission(
     world.run_until(lambda: not list(tmp_path.iterdir()))
 
 
+@pytest.mark.thorough
 def test_a_vehicle_that_sends_its_number_late_keeps_its_page(tmp_path: Path) -> None:
     farm = Farm(tmp_path, PX4, WITH_FOLLOW)
     farm.world.run_until(lambda: farm.vehicle.custom_mode == PX4_FOLLOW)

@@ -74,6 +74,7 @@ def judge(world: World) -> None:
     judge_orders(Counter(vehicle.commands), vehicle.uploads, undisturbed(), "RUNNING")
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     ("gone_at_s", "dies_at_s", "edge_is_back"),
     [(2.0, 21.0, True), (24.0, 60.0, False)],
@@ -86,6 +87,7 @@ def test_nothing_is_flown_twice_and_no_status_goes_back(
     judge(world)
 
 
+@pytest.mark.thorough
 def test_that_is_so_because_reports_are_sent_before_work_is_taken(tmp_path: Path) -> None:
     world = world_with(tmp_path, sends_before_it_asks=False)
     fly(world, 2.0, 21.0, edge_is_back=True)
@@ -93,6 +95,7 @@ def test_that_is_so_because_reports_are_sent_before_work_is_taken(tmp_path: Path
         judge(world)
 
 
+@pytest.mark.thorough
 def test_a_mission_that_ended_unreported_is_not_attached_again(tmp_path: Path) -> None:
     world = world_with(tmp_path)
     world.edge.plan(first_flight())

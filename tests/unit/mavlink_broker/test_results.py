@@ -64,6 +64,7 @@ def test_the_report_behind_a_set_is_the_first_that_calls_its_command_finished() 
             assert statuses.count(Status.FINISHED) == finished
 
 
+@pytest.mark.thorough
 def test_on_request_it_measures_along_the_way_while_it_flies() -> None:
     counts = []
     for every_s in (0.0, 2.0):
@@ -93,6 +94,7 @@ def test_a_result_is_of_the_place_where_its_command_ended() -> None:
     assert latitudes[1] == pytest.approx(HOME[0] + 2e-4, abs=1e-7)
 
 
+@pytest.mark.thorough
 def test_what_was_measured_long_ago_is_no_result() -> None:
     world = flying_world(dataclasses.replace(PX4, item_time_s=12.0))
     air(world)
@@ -105,6 +107,7 @@ def keys(world: World) -> list[str | None]:
     return [post.idempotency_key for post in result_posts(world) if post.path in SET]
 
 
+@pytest.mark.thorough
 def test_no_two_results_have_the_same_key() -> None:
     world = flying_world(SLOW)
     fly(world)

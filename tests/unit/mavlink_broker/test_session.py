@@ -24,6 +24,7 @@ RESULT_PATHS = frozenset({"/pose/", "/battery/", "/mission_report/"})
 
 
 class TestAWholeMission:
+    @pytest.mark.first_case
     @FAMILIES
     def test_is_flown_and_every_command_reported(self, script: Script) -> None:
         world = World()
@@ -57,6 +58,7 @@ class TestAWholeMission:
         assert world.edge.acknowledgements(free) == [{"status": "accepted"}]
         assert "mission 1202 is not flown" in caplog.text
 
+    @pytest.mark.first_case
     @FAMILIES
     def test_survives_a_link_that_loses_a_fifth_each_way(self, script: Script) -> None:
         for seed in range(3):
@@ -68,6 +70,7 @@ class TestAWholeMission:
             assert world.edge.statuses(1201) == FINISHED
             assert vehicle.commands.count(mavlink.MAV_CMD_MISSION_START) >= 1
 
+    @pytest.mark.thorough
     def test_reports_running_first_and_only_one_terminal_status(self) -> None:
         world = flying_world()
         world.run_until_over(1201)
@@ -84,6 +87,7 @@ class TestAWholeMission:
         one = ["/pose/", "/battery/", "/mission_report/"]
         assert posted == ["/mission_report/", *one, *one, *one]
 
+    @pytest.mark.first_case
     @pytest.mark.parametrize("lost", [1, 2, 100])
     @pytest.mark.parametrize("script", [PX4, ARDUPILOT])
     def test_survives_lost_final_acknowledgements(self, script: Script, lost: int) -> None:
@@ -107,11 +111,13 @@ class TestAWholeMission:
         world.run_until_over(1201)
         assert world.edge.statuses(1201) == FINISHED
 
+    @pytest.mark.thorough
     def test_is_reported_every_thirty_seconds_although_nothing_changes(self) -> None:
         world = flying_world(dataclasses.replace(PX4, item_time_s=100.0))
         world.run(95.0)
         assert len(world.edge.reports(1201)) == 4
 
+    @pytest.mark.first_case
     @FAMILIES
     def test_ending_in_the_air_finishes_on_arrival_and_the_next_begins_there(
         self, script: Script
@@ -167,6 +173,7 @@ class TestWaiting:
         assert "mission 1201 goes on after 2" in caplog.text
         assert world.edge.status(1201) == Status.FINISHED
 
+    @pytest.mark.thorough
     def test_in_vain_fails_with_the_vehicles_last_words(self) -> None:
         world = World()
         vehicle = world.add_vehicle(script=dataclasses.replace(PX4, ready_to_arm_after_s=1e6))
@@ -178,6 +185,7 @@ class TestWaiting:
             "not ready after 60 s: it is not ready to arm (Preflight Fail: no GPS)"
         )
 
+    @pytest.mark.thorough
     def test_for_a_home_that_is_never_sent_ends_with_the_position_on_the_ground(self) -> None:
         """Its two altitudes differ by home's; on the ground it stands where home will be."""
         world = World()
@@ -208,6 +216,7 @@ class TestWaiting:
         assert vehicle.uploads == 2
         assert world.edge.statuses(2) == FINISHED
 
+    @pytest.mark.thorough
     def test_past_its_expiry_aborts_a_mission(self) -> None:
         world = World()
         vehicle = world.add_vehicle(script=dataclasses.replace(PX4, ready_to_arm_after_s=50.0))

@@ -94,6 +94,7 @@ class TestALostLink:
 
 
 class TestManyVehicles:
+    @pytest.mark.thorough
     def test_of_all_families_fly_at_once(self) -> None:
         world = World()
         scripts = (PX4, PX4_1_17, COPTER_4_6, Script(autopilot=mavlink.MAV_AUTOPILOT_GENERIC))
@@ -104,6 +105,7 @@ class TestManyVehicles:
             world.run_until_over(system)
             assert world.edge.statuses(system) == FINISHED
 
+    @pytest.mark.thorough
     def test_a_flood_from_one_and_a_slow_link_to_another_delay_no_third(self) -> None:
         """One sends 2,000 messages a second, one answers after 1.5 s; the third flies as usual."""
         alone = World()
@@ -129,6 +131,7 @@ class TestManyVehicles:
 
 
 class TestOddOnes:
+    @pytest.mark.thorough
     def test_a_scan_of_all_numbers_ends_nothing_and_leaves_nothing(self) -> None:
         world = World()
         world.add_vehicle(1, dataclasses.replace(PX4, item_time_s=0.3))
@@ -236,6 +239,7 @@ def words(signed: int, unsigned: int, number: float) -> list[Message]:
     ]
 
 
+@pytest.mark.thorough
 @settings(max_examples=25, deadline=None)
 @given(st.integers(-(2**31), 2**31 - 1), st.integers(0, 2**32 - 1), NUMBERS)
 def test_no_telemetry_ends_the_broker_or_leaves_it_with_what_cannot_be(

@@ -155,6 +155,7 @@ PHASES: Final = {
 }
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(("script", "mode"), TAKEOVERS)
 @pytest.mark.parametrize("phase", PHASES.values(), ids=PHASES)
 def test_no_order_is_sent_after_a_takeover(
@@ -194,6 +195,7 @@ def test_an_abort_behind_a_takeover_ends_the_mission_and_orders_nothing(
     assert "somebody else flies the vehicle" in world.edge.acknowledgements(event)[-1]["message"]
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(("script", "mode"), TAKEOVERS[:-1])  # Unknown modes show by a change
 @pytest.mark.parametrize("phase", [in_mission, live, going_to_a_point])
 def test_no_order_is_sent_by_a_broker_that_begins_after_a_takeover(
@@ -210,6 +212,7 @@ def test_no_order_is_sent_by_a_broker_that_begins_after_a_takeover(
     assert orders(vehicle, since) == []
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     ("script", "mode"), [(PX4, PX4_POSITION), (OWN, PX4_POSITION), (ARDUPILOT, COPTER_STABILIZE)]
 )
@@ -260,6 +263,7 @@ def test_a_return_that_a_pilot_chooses_after_a_restart_is_his(
     assert answer_statuses(world, event)[-1] == "refused"
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     ("script", "mode", "resumed"),
     [
@@ -298,6 +302,7 @@ def test_a_mission_that_a_pilot_resumes_after_his_takeover_is_his(
     assert "somebody else flies the vehicle" in ends[0]["message"]
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     ("script", "mode", "resumed"),
     [(PX4, PX4_POSITION, PX4_MISSION), (ARDUPILOT, COPTER_STABILIZE, COPTER_AUTO)],
@@ -331,6 +336,7 @@ def test_a_takeover_of_an_abort_is_reported() -> None:
     assert state(world) is State.IDLE
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     ("script", "mode"), [(PX4, PX4_RETURN), (PX4, PX4_LAND), (ARDUPILOT, COPTER_RETURN)]
 )
@@ -432,6 +438,7 @@ class TestOnTheGround:
         assert world.edge.status(1201) == Status.ABORTED
         assert answer_statuses(world, event)[-1] == "done"
 
+    @pytest.mark.first_case
     @pytest.mark.parametrize("script", [PX4, OWN, ARDUPILOT, GENERIC])
     @pytest.mark.parametrize("kind", [ABORT, SOFT_ABORT])
     @pytest.mark.parametrize("delay_s", [0.0, 0.5])
@@ -485,6 +492,7 @@ class TestOnTheGround:
 class TestWithoutAPosition:
     """It is ordered to land, and never to return or to go anywhere: it could find neither."""
 
+    @pytest.mark.first_case
     @pytest.mark.parametrize(
         ("script", "landing"), [(PX4, PX4_LAND), (OWN, PX4_LAND), (ARDUPILOT, COPTER_LAND)]
     )
@@ -505,6 +513,7 @@ class TestWithoutAPosition:
         assert (float(COPTER_RETURN), 0.0) not in modes
         assert vehicle.custom_mode not in {PX4_RETURN, COPTER_RETURN, COPTER_GUIDED}
 
+    @pytest.mark.first_case
     @pytest.mark.parametrize(
         ("script", "landing"), [(PX4, PX4_LAND), (OWN, PX4_LAND), (ARDUPILOT, COPTER_LAND)]
     )
@@ -534,6 +543,7 @@ class TestWithoutAPosition:
 class TestAHoverIsEnded:
     """By a plan of its own: a landing or a return needs no take-off before."""
 
+    @pytest.mark.first_case
     @pytest.mark.parametrize("script", [PX4, OWN, ARDUPILOT, GENERIC])
     @pytest.mark.parametrize("last", [land(1), go_home(1)], ids=["land", "home"])
     def test_by_a_landing_or_a_return(self, script: Script, last: dict[str, Any]) -> None:
@@ -559,6 +569,7 @@ class TestAHoverIsEnded:
         assert vehicle.uploads == 0
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("kind", [ABORT, SOFT_ABORT])
 @pytest.mark.parametrize("is_ended_there", [True, False])
 def test_a_mission_that_was_not_accepted_has_one_terminal_report(

@@ -112,6 +112,7 @@ def orders_of(vehicle: ScriptedVehicle, command: int) -> list[tuple[float, ...]]
 
 
 class TestTraceAndProfile:
+    @pytest.mark.first_case
     @pytest.mark.parametrize(
         ("mode", "angle"), [(TrackMode.TRACE, 180.0), (TrackMode.PROFILE, 90.0)]
     )
@@ -124,6 +125,7 @@ class TestTraceAndProfile:
         latitude, longitude = scene.vehicle.last_target
         assert (latitude, longitude) == pytest.approx(scene.place, abs=1e-5)
 
+    @pytest.mark.thorough
     def test_end_after_a_minute_and_hold(self) -> None:
         scene = Scene(TrackMode.TRACE)
         scene.see_until(lambda: scene.status(1) == Status.FINISHED)
@@ -142,6 +144,7 @@ class TestTraceAndProfile:
 
 
 class TestASubjectThatIsLost:
+    @pytest.mark.thorough
     def test_ends_the_command_and_the_vehicle_holds(self) -> None:
         scene = Scene(TrackMode.TRACE)
         scene.see(10.0)
@@ -161,6 +164,7 @@ class TestASubjectThatIsLost:
 
 
 class TestSpotlight:
+    @pytest.mark.thorough
     def test_turns_the_nose_to_the_subject_from_where_it_is(self) -> None:
         scene = Scene(TrackMode.SPOTLIGHT)
         place = scene.vehicle.place
@@ -176,6 +180,7 @@ class TestSpotlight:
         scene.see(6.0)
         assert orders_of(scene.vehicle, mavlink.MAV_CMD_CONDITION_YAW)
 
+    @pytest.mark.thorough
     def test_pro_moves_the_gimbal_only(self) -> None:
         scene = Scene(TrackMode.SPOTLIGHT_PRO)
         before = len(orders_of(scene.vehicle, mavlink.MAV_CMD_DO_REPOSITION))
@@ -185,6 +190,7 @@ class TestSpotlight:
 
 
 class TestAQuickShot:
+    @pytest.mark.thorough
     def test_goes_round_a_subject_that_rests_by_the_vehicles_own_circle(self) -> None:
         scene = Scene(TrackMode.QUICK_SHOT)
         scene.speed_m_s = 0.0
@@ -196,6 +202,7 @@ class TestAQuickShot:
         scene.world.run_until_over(1201)
         assert scene.world.edge.statuses(1201) == [Status.FINISHED] * 3
 
+    @pytest.mark.first_case
     @pytest.mark.parametrize("speed_m_s", [1.0, 2.5])
     def test_goes_round_a_subject_that_moves_and_along_with_it(self, speed_m_s: float) -> None:
         scene = Scene(TrackMode.QUICK_SHOT)
@@ -215,6 +222,7 @@ class TestAQuickShot:
         )
         assert scene.message == "None"
 
+    @pytest.mark.first_case
     @pytest.mark.parametrize("speed_m_s", [0.0, 1.0, 3.0, 6.0])
     def test_is_never_ordered_to_be_faster_than_the_mission(self, speed_m_s: float) -> None:
         """4 m/s here; the subject's own speed comes on top of that round it."""
@@ -245,6 +253,7 @@ class TestAQuickShot:
         assert "backwards and up instead of a circle" in scene.message
 
 
+@pytest.mark.thorough
 def test_a_camera_without_target_position_tracks_by_its_gimbal_alone() -> None:
     scene = Scene(TrackMode.TRACE)
     scene.tells_place = False

@@ -37,6 +37,7 @@ def addressed_components(world: World) -> set[int]:
 
 
 class TestTheAutopilot:
+    @pytest.mark.first_case
     @pytest.mark.parametrize("component", [COMPANION, OF_A_USER, mavlink.MAV_COMP_ID_CAMERA])
     @pytest.mark.parametrize("kind", [mavlink.MAV_TYPE_GENERIC, mavlink.MAV_TYPE_QUADROTOR])
     def test_is_the_component_that_reports_it_in_whichever_order(
@@ -177,6 +178,7 @@ class TestTheCountersEnd:
         assert snapshot.clock(ROUND_MS - 50) == pytest.approx((ROUND_MS - 50) / 1e3)
         assert snapshot.clock(200) == pytest.approx((ROUND_MS + 200) / 1e3)
 
+    @pytest.mark.first_case
     @pytest.mark.parametrize("before_s", [3.0, 8.0, 12.0])
     def test_a_mission_that_flies_across_it_is_flown_to_its_end(self, before_s: float) -> None:
         world = World()

@@ -59,6 +59,7 @@ def test_rare_heartbeats_do_not_stop_the_orders(*, sends_time: bool) -> None:
     assert doubts == [sends_time, False, False]
 
 
+@pytest.mark.first_case
 @FLOWN_ON
 @pytest.mark.parametrize("away_s", [0.0, 3.0, 20.0])
 def test_it_ends_an_abort(script: Script, mode: int, away_s: float) -> None:
@@ -97,6 +98,7 @@ def test_it_ends_a_return_after_an_alarm_and_raises_one(tmp_path: Path) -> None:
     assert alarm["message"] == "mission error: the vehicle was restarted on its way home"
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("kind", ["abort", "alarm"])
 def test_it_ends_what_an_earlier_run_of_the_broker_has_ordered(kind: str, tmp_path: Path) -> None:
     """The restart shows by the time that was noted, and is reported."""

@@ -81,6 +81,7 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Run:
     return run(tmp_path_factory.mktemp("flown"), with_camera=True)
 
 
+@pytest.mark.thorough
 def test_the_same_flight_has_the_same_pictures_and_reports(flown: Run, tmp_path: Path) -> None:
     assert run(tmp_path, with_camera=True) == flown
     assert len(flown.told) == PICTURES

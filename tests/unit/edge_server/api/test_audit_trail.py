@@ -91,6 +91,7 @@ def test_without_its_row_a_change_is_not_made(edge: Edge) -> None:
     assert edge.count("plan") == edge.count("work") == 0
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("after", [0, 1, 2, 5])
 def test_the_export_goes_on_where_it_ended(edge: Edge, after: int) -> None:
     for number in range(3):

@@ -32,6 +32,7 @@ def shape_of(answer: Any) -> dict[str, Any]:
     return body
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     ("method", "path", "status"),
     [
@@ -71,6 +72,7 @@ class BrokenBody(io.BytesIO):
         raise self._error
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     "error",
     [
@@ -100,6 +102,7 @@ def test_a_body_that_the_parser_refuses_is_a_400(
     shape_of(answer)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     ("coding", "status"), [("gzip", 415), ("br, gzip", 415), ("identity", 201)]
 )
@@ -110,6 +113,7 @@ def test_a_compressed_body_is_a_415(edge: Edge, coding: str, status: int) -> Non
     assert answer.status_code == status, answer.json
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     "content_type", ["text/plain", "application/x-www-form-urlencoded", "multipart/form-data"]
 )
@@ -167,6 +171,7 @@ def a_small_disk(edge: Edge) -> Iterator[None]:
     edge.context.database.close()
 
 
+@pytest.mark.thorough
 def test_a_full_disk_is_a_507_and_nothing_is_half_stored(edge: Edge) -> None:
     with a_small_disk(edge):
         statuses = set()

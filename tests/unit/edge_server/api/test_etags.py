@@ -28,6 +28,7 @@ def put(edge: Edge, path: str, body: Any, **headers: str) -> Any:
 KINDS = pytest.mark.parametrize("kind", ["plan", "pose", "vehicle"])
 
 
+@pytest.mark.first_case
 @KINDS
 def test_a_put_with_the_tag_that_was_read_is_taken(edge: Edge, kind: str) -> None:
     path, body = make(edge, kind)
@@ -35,6 +36,7 @@ def test_a_put_with_the_tag_that_was_read_is_taken(edge: Edge, kind: str) -> Non
     assert put(edge, path, body, If_Match=tag).status_code == 200
 
 
+@pytest.mark.first_case
 @KINDS
 def test_a_put_with_an_older_tag_changes_nothing(edge: Edge, kind: str) -> None:
     path, body = make(edge, kind)
@@ -46,6 +48,7 @@ def test_a_put_with_an_older_tag_changes_nothing(edge: Edge, kind: str) -> None:
     assert edge.get(path) == seen
 
 
+@pytest.mark.first_case
 @KINDS
 def test_any_tag_will_do_for_a_star_and_for_no_condition(edge: Edge, kind: str) -> None:
     path, body = make(edge, kind)
@@ -73,6 +76,7 @@ def test_a_plan_that_has_begun_is_another_plan(edge: Edge) -> None:
     assert put(edge, path, body, If_Match=tag).status_code == 412
 
 
+@pytest.mark.thorough
 def test_a_put_of_a_vehicle_answers_with_its_tag(edge: Edge) -> None:
     first = put(edge, "/vehicles/9", {"link_state": "lost"})
     assert first.status_code == 201

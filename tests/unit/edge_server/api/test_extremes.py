@@ -13,6 +13,7 @@ LARGEST = 2**63 - 1
 NUL = "left\x00right"
 
 
+@pytest.mark.first_case
 @BOTH_ENGINES
 def test_a_number_that_nothing_has_finds_nothing(edge: Edge) -> None:
     for thing in ("plans", "pose", "events", "fields", "vehicles", "dead_letters"):
@@ -21,6 +22,7 @@ def test_a_number_that_nothing_has_finds_nothing(edge: Edge) -> None:
     assert edge.acknowledge(LARGEST, "accepted").status_code == 404
 
 
+@pytest.mark.first_case
 @BOTH_ENGINES
 def test_a_list_after_the_largest_number_is_empty(edge: Edge) -> None:
     for thing in ("plans", "pose", "events", "fields", "audit", "dead_letters"):
@@ -31,6 +33,7 @@ def test_a_list_after_the_largest_number_is_empty(edge: Edge) -> None:
         )  # Or no line at all
 
 
+@pytest.mark.first_case
 @BOTH_ENGINES
 def test_a_nul_in_a_text_is_a_letter_like_others_on_its_way_to_the_cloud(edge: Edge) -> None:
     assert edge.post_plan(plan(mission(), name=NUL)).status_code == 201
@@ -45,6 +48,7 @@ def test_a_nul_in_a_text_is_a_letter_like_others_on_its_way_to_the_cloud(edge: E
     assert edge.report("alarm", telemetry("alarm") | {"message": NUL}).status_code == 201
 
 
+@pytest.mark.first_case
 @BOTH_ENGINES
 def test_a_nul_in_an_address_finds_nothing(edge: Edge) -> None:
     assert edge.ask("GET", f"/plans/{'%00' * 26}", "operator").status_code == 404
@@ -72,6 +76,7 @@ def test_a_time_at_the_calendars_edge_is_refused_by_its_path(edge: Edge, edge_of
     assert edge.ask("GET", "/keys/", "admin").status_code == 200
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("edge_of_time", EDGES)
 def test_a_time_at_the_calendars_edge_costs_its_own_record(edge: Edge, edge_of_time: str) -> None:
     poses = [telemetry("pose"), telemetry("pose") | {"recorded_at": edge_of_time}]
@@ -118,6 +123,7 @@ def test_a_duplicate_member_is_refused(edge: Edge, raw: str) -> None:
     assert "twice" in (answer.json or {})["detail"]["json"][""][0]
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     "raw",
     [

@@ -23,6 +23,7 @@ def vehicles_of(items: list[dict[str, Any]]) -> list[int]:
     return [item.get("vehicle_id") or item["missions"][0]["vehicle_id"] for item in items]
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("path", ["/pose/", "/plans/"])
 @pytest.mark.parametrize(
     ("query", "vehicles"),
@@ -42,6 +43,7 @@ def test_a_filtered_list(listed: Edge, path: str, query: str, vehicles: list[int
     assert vehicles_of(listed.get(path + query)) == vehicles
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("path", ["/pose/", "/plans/"])
 def test_a_list_goes_on_after_a_cursor(listed: Edge, path: str) -> None:
     first = listed.get(f"{path}?limit=3")
@@ -49,6 +51,7 @@ def test_a_list_goes_on_after_a_cursor(listed: Edge, path: str) -> None:
     assert first + rest == listed.get(path)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("path", ["/pose/", "/plans/"])
 @pytest.mark.parametrize(
     ("name", "value"),

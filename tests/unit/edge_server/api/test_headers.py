@@ -28,6 +28,7 @@ ASKED: list[tuple[str, str, str | None, Any]] = [
 ]
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(("method", "path", "role", "body"), ASKED)
 def test_every_answer_has_the_security_headers(
     edge: Edge, method: str, path: str, role: str | None, body: Any
@@ -65,6 +66,7 @@ def test_an_internal_error_shows_no_internals(edge: Edge, monkeypatch: pytest.Mo
     assert answer.headers["X-Content-Type-Options"] == "nosniff"
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("number", ["NaN", "Infinity", "-Infinity", "1e999"])
 def test_no_answer_has_nan_or_infinity(edge: Edge, number: str) -> None:
     raw = json.dumps(plan()).replace('"altitude": 5.0', f'"altitude": {number}', 1)
@@ -74,6 +76,7 @@ def test_no_answer_has_nan_or_infinity(edge: Edge, number: str) -> None:
         assert word not in answer.text
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("number", ["1e-400", "-0.001e-330", "4E-999"])
 def test_a_number_that_would_become_0_is_refused_by_its_field(edge: Edge, number: str) -> None:
     raw = json.dumps(plan()).replace('"altitude": 5.0', f'"altitude": {number}', 1)
@@ -84,6 +87,7 @@ def test_a_number_that_would_become_0_is_refused_by_its_field(edge: Edge, number
     assert "closer to 0 than a double can represent" in str(faults)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("zero", ["0.0", "-0.0", "0e-400", "0.000E5"])
 def test_zero_is_zero_however_it_is_written(edge: Edge, zero: str) -> None:
     raw = json.dumps(plan()).replace('"longitude": -3.7382', f'"longitude": {zero}')
@@ -91,6 +95,7 @@ def test_zero_is_zero_however_it_is_written(edge: Edge, zero: str) -> None:
     assert answer.status_code == 201
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("moment", ["1", "1795262400", "-1", "1e3", "2026-11-21", "12:00:00Z"])
 def test_a_time_is_a_date_and_an_hour(edge: Edge, moment: str) -> None:
     answer = edge.report("pose", telemetry("pose") | {"recorded_at": moment})
@@ -98,6 +103,7 @@ def test_a_time_is_a_date_and_an_hour(edge: Edge, moment: str) -> None:
     assert list((answer.json or {})["detail"]["json"]) == ["recorded_at"]
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("nest", ["[{}]", '{{"a": {}}}'])
 def test_a_body_nests_twenty_levels_and_no_more(edge: Edge, nest: str) -> None:
     def post(levels: int) -> int:

@@ -29,6 +29,7 @@ def walk(edge: Edge, path: str, headers: dict[str, str] | None = None) -> list[l
         after = pages[-1][-1]
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("is_restricted", [False, True])
 def test_a_page_ends_for_its_size_and_the_next_one_goes_on(
     edge: Edge, monkeypatch: pytest.MonkeyPatch, *, is_restricted: bool
@@ -58,6 +59,7 @@ def test_a_thing_that_is_larger_than_a_page_is_a_page(
     assert walk(edge, "/pose/") == [[1], [2], [3]]
 
 
+@pytest.mark.thorough
 def test_a_list_of_pictures_has_few_of_them_in_memory(edge: Edge) -> None:
     picture = {"frame": base64.b64encode(JPEG).decode(), "image_size": len(JPEG)}
     number = 40
@@ -86,6 +88,7 @@ def test_of_many_faults_fifty_are_reported_and_the_rest_is_counted(edge: Edge) -
     assert len(answer.data) < 10_000
 
 
+@pytest.mark.thorough
 def test_many_faults_of_a_list_are_counted_too(edge: Edge) -> None:
     body = telemetry("observation") | {"observation_array": [{}] * 50_000}
     answer = edge.report("observation", body)

@@ -15,6 +15,7 @@ def test_a_well_formed_request_id_is_kept(edge: Edge) -> None:
         assert (answer.json or {})["request_id"] == sane
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("hostile", ["", "x" * 65, "a b", 'a"b', "caf\xe9", "{}", "a,b"])
 def test_another_request_id_is_replaced(edge: Edge, hostile: str) -> None:
     answer = edge.ask("GET", "/plans/77", "operator", headers={"X-Request-ID": hostile})

@@ -90,6 +90,7 @@ WITHOUT_VEHICLES = ("/openapi.json", "/docs", "/metrics", "/audit", "/keys", "/f
 """Paths of resources without a vehicle."""
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("row", MATRIX, ids=lambda row: f"{row[0]} {row[1]}")
 def test_a_row_of_the_matrix(edge: Edge, row: tuple[str, str, set[str], Any]) -> None:
     method, path, allowed, body = row
@@ -111,6 +112,7 @@ def test_every_route_is_in_the_matrix(edge: Edge) -> None:
     assert {rule.endpoint for rule in rules} - covered == set()
 
 
+@pytest.mark.thorough
 def test_every_cell_of_every_spelling_of_every_route(edge: Edge) -> None:
     """Each rule and method of the app by each role and without a key, against the table."""
     adapter = edge.client.application.url_map.bind("localhost")
@@ -138,6 +140,7 @@ def test_every_cell_of_every_spelling_of_every_route(edge: Edge) -> None:
     assert cells > 500
 
 
+@pytest.mark.thorough
 def test_a_key_for_another_vehicle_reaches_nothing(edge: Edge) -> None:
     """Every row of the table once more, by keys that are restricted to vehicle 9."""
     edge.post_plan(plan())
@@ -166,6 +169,7 @@ def test_a_key_for_another_vehicle_reaches_nothing(edge: Edge) -> None:
     assert after == before
 
 
+@pytest.mark.thorough
 def test_a_route_without_roles_refuses_all(config: Config) -> None:
     app = create_app(config)
     app.add_url_rule("/forgotten", "forgotten", lambda: "secret")
@@ -195,6 +199,7 @@ def test_both_headers_carry_a_key(edge: Edge) -> None:
         assert edge.ask("GET", "/plans/", None, headers=headers).status_code == 200
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     "spoil",
     [

@@ -116,6 +116,7 @@ def test_a_hostile_token_leaves_no_trace(edge: Edge) -> None:
     assert edge.count("plan") == edge.count("spent_token") == 0
 
 
+@pytest.mark.thorough
 def test_a_signature_is_used_once(edge: Edge) -> None:
     signature = sign(BODY, claims(NOON))
     assert post(edge, signature).status_code == 201
@@ -143,6 +144,7 @@ def test_a_refused_plan_uses_up_its_signature(edge: Edge) -> None:
     assert edge.count("plan") == 0
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(("vehicle_id", "status"), [(1, 409), (77, 404)])
 def test_a_refused_abort_cannot_be_repeated_when_there_is_something_to_abort(
     edge: Edge, vehicle_id: int, status: int
@@ -165,6 +167,7 @@ def test_a_refused_abort_cannot_be_repeated_when_there_is_something_to_abort(
     assert len(edge.work()) == 1
 
 
+@pytest.mark.thorough
 def test_a_temporary_refusal_leaves_the_signature_valid(edge: Edge) -> None:
     edge.post_plan(plan())
     for number in range(EVENT_LIMIT):
@@ -195,6 +198,7 @@ def test_events_of_the_cloud_are_signed_too(edge: Edge) -> None:
     assert send(sign(ABORT, claims(NOON))) not in {401, 403}
 
 
+@pytest.mark.thorough
 def test_where_there_is_no_body_the_path_is_signed(edge: Edge) -> None:
     signatures = jws.Signatures({None: _secret()}, "edge")
     path = "/plans/5/dispatch"
@@ -282,6 +286,7 @@ def test_a_file_without_a_key_of_ours_is_refused(tmp_path: Path, content: object
         jws.load(_key_file(tmp_path, content), "edge")
 
 
+@pytest.mark.thorough
 @given(shown=st.text(max_size=60) | st.from_regex(r"[A-Za-z0-9_-]{0,40}\.\.[A-Za-z0-9_-]{0,40}"))
 def test_malformed_signatures_are_refused(shown: str) -> None:
     with pytest.raises((HTTPException, RequestError)):

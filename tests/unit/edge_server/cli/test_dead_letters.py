@@ -75,6 +75,7 @@ def test_a_dead_letter_is_corrected_from_a_file(edge: Edge, tmp_path: Path) -> N
     assert edge.get(f"/pose/{letter['id']}")["yaw"] == 12.5
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("content", ["{", "[]", '{"battery": {}}', '{"pose": {"vehicle_id": 1}}'])
 def test_a_correction_that_cannot_be_used_is_named(
     edge: Edge, tmp_path: Path, capsys: pytest.CaptureFixture[str], content: str

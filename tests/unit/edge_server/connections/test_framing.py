@@ -161,6 +161,7 @@ def test_a_broken_body_is_refused_and_is_the_last() -> None:
     assert failures(check_broken_body, BROKEN_BODIES) == []
 
 
+@pytest.mark.thorough
 @given(st.integers(1, 200), st.integers(1, 3000), st.lists(st.integers(0, 400_000), max_size=5))
 def test_the_number_of_chunks_is_bounded_by_their_payload(
     size: int, number: int, places: list[int]

@@ -102,6 +102,7 @@ def wait_until(condition: Callable[[], bool]) -> None:
         time.sleep(0.005)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("per_address", [2000, 64])
 def test_a_thousand_slow_clients_do_not_delay_an_answer(per_address: int) -> None:
     beginnings = [
@@ -246,6 +247,7 @@ def test_a_request_without_a_key_does_not_occupy_the_threads_of_aborts() -> None
         assert service.ask(b"GET /broker/commands HTTP/1.1\r\n\r\n") == ANSWER
 
 
+@pytest.mark.thorough
 def test_a_head_and_a_body_have_a_deadline_for_the_whole(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(connection, "HEAD_S", 0.3)
     monkeypatch.setattr(connection, "BODY_S", 0.6)

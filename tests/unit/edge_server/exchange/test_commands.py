@@ -56,6 +56,7 @@ def mission_of(found: Translated) -> Mission:
     return read_as(Mission, document)
 
 
+@pytest.mark.thorough
 @given(missions())
 def test_out_and_in_again_gives_the_same_commands(mission: Mission) -> None:
     home = from_commands.home_of(mission)
@@ -284,6 +285,7 @@ def test_a_mission_of_nothing_is_refused() -> None:
 parameter = st.none() | st.sampled_from([0, 1, -1, 2, 3, 90, 360, 1e8, 0.5]) | st.floats(-200, 200)
 
 
+@pytest.mark.thorough
 @given(
     st.lists(
         st.builds(

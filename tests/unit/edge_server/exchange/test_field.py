@@ -37,6 +37,7 @@ def faults(field: Field) -> dict[str, str]:
     return {}
 
 
+@pytest.mark.thorough
 @given(side_m=st.floats(2.0, 5000.0), turns=st.integers(0, 3), hole=st.floats(0.1, 0.9))
 def test_a_square_with_a_hole_is_a_field(side_m: float, turns: int, hole: float) -> None:
     outer = square(side_m)

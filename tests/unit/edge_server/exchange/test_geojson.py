@@ -206,6 +206,7 @@ json_values = st.recursive(
 )
 
 
+@pytest.mark.thorough
 @given(json_values)
 def test_anything_is_read_or_refused(document: Any) -> None:
     geojson.is_geojson(document)

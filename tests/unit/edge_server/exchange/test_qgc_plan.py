@@ -195,6 +195,7 @@ def test_a_fence_comes_out_and_in_again() -> None:
     assert qgc_plan.read(written).geofence == fence
 
 
+@pytest.mark.thorough
 @given(missions())
 def test_a_written_file_has_what_qgroundcontrol_asks_for(mission: Mission) -> None:
     home = from_commands.home_of(mission)
@@ -247,6 +248,7 @@ json_values = st.recursive(
 )
 
 
+@pytest.mark.thorough
 @given(json_values, st.sampled_from(["mission", "geoFence", "rallyPoints"]))
 def test_anything_is_read_or_refused(value: Any, name: str) -> None:
     for document in (value, plan_file(TAKEOFF) | {name: value}):

@@ -92,6 +92,7 @@ JSON = st.recursive(
 )
 
 
+@pytest.mark.thorough
 @given(JSON)
 def test_whatever_the_cloud_says_is_read_without_an_error(document: object) -> None:
     body = json.dumps({"results": [document, document]}).encode()

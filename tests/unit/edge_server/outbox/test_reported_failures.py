@@ -55,6 +55,7 @@ def station(config: Config) -> Iterator[VirtualStation]:
     station.close()
 
 
+@pytest.mark.first_case
 @BOTH_ENGINES
 def test_tb2157_first_seconds_of_outage(station: VirtualStation) -> None:
     for second in range(120):
@@ -65,6 +66,7 @@ def test_tb2157_first_seconds_of_outage(station: VirtualStation) -> None:
     assert station.cloud.stream(1, "pose") == list(range(120))
 
 
+@pytest.mark.first_case
 @BOTH_ENGINES
 def test_tb2098_prefetch_delete_race(station: VirtualStation) -> None:
     """What is read ahead while the records before it are deleted is sent once."""
@@ -78,6 +80,7 @@ def test_tb2098_prefetch_delete_race(station: VirtualStation) -> None:
     assert station.cloud.seen == keys
 
 
+@pytest.mark.first_case
 @BOTH_ENGINES
 def test_tb2124_reconnect_keeps_store(station: VirtualStation) -> None:
     for number in range(20):
@@ -91,6 +94,7 @@ def test_tb2124_reconnect_keeps_store(station: VirtualStation) -> None:
     assert station.cloud.stream(1, "pose") == list(range(40))
 
 
+@pytest.mark.first_case
 @BOTH_ENGINES
 def test_tb2132_poller_survives_13h_outage(station: VirtualStation) -> None:
     station.cloud.is_there = False
@@ -114,6 +118,7 @@ def _truncate(path: Path) -> None:
     path.write_bytes(path.read_bytes()[:-5000])
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("spoil", [_flip, _truncate])
 def test_telegraf18528_corrupt_store_starts(tmp_path: Path, spoil: Callable[[Path], None]) -> None:
     config = Config(state_dir=tmp_path)
@@ -144,6 +149,7 @@ def test_telegraf16500_no_resend_after_restart(station: VirtualStation) -> None:
     assert station.cloud.seen == []
 
 
+@pytest.mark.first_case
 @BOTH_ENGINES
 def test_telegraf16981_last_record(station: VirtualStation) -> None:
     """The last record before a restart is not sent once more, and not left behind."""
@@ -159,6 +165,7 @@ def test_telegraf16981_last_record(station: VirtualStation) -> None:
     assert station.cloud.stream(1, "pose") == [0, 1, 2, 3]
 
 
+@pytest.mark.first_case
 @BOTH_ENGINES
 def test_greengrass21_full_then_reconnect_drains(small_station: VirtualStation) -> None:
     station = small_station
@@ -177,6 +184,7 @@ def test_greengrass21_full_then_reconnect_drains(small_station: VirtualStation) 
     assert station.cloud.stream(1, "observation")[-1] == number
 
 
+@pytest.mark.first_case
 @BOTH_ENGINES
 @pytest.mark.parametrize("status", [500, 503, 429, 408, 401, 302, 202])
 def test_edgex_order_kept_after_failure(station: VirtualStation, status: int) -> None:
@@ -188,6 +196,7 @@ def test_edgex_order_kept_after_failure(station: VirtualStation, status: int) ->
         assert station.cloud.stream(vehicle_id, "pose") == list(range(20))
 
 
+@pytest.mark.first_case
 @BOTH_ENGINES
 def test_mosquitto_drop_is_counted(small_station: VirtualStation) -> None:
     station = small_station
@@ -277,11 +286,13 @@ def test_200_with_garbage_body(relayed: _Relayed) -> None:
     check_nothing_was_believed(relayed)
 
 
+@pytest.mark.thorough
 def test_200_from_captive_portal(relayed: _Relayed) -> None:
     relayed.run("pose", fake_cloud.html)
     check_nothing_was_believed(relayed)
 
 
+@pytest.mark.thorough
 def test_301_not_followed_to_other_host(relayed: _Relayed) -> None:
     with running_cloud() as stranger:
         relayed.run("pose", fake_cloud.status(301, {"Location": f"{stranger.url}/pose"}))
@@ -289,6 +300,7 @@ def test_301_not_followed_to_other_host(relayed: _Relayed) -> None:
     check_nothing_was_believed(relayed)
 
 
+@pytest.mark.thorough
 def test_outage_of_72_hours(tmp_path: Path) -> None:
     outcome = outage.run(Config(state_dir=tmp_path, data_budget_mib=1), burst_s=11)
     assert outcome.taken > 8000

@@ -129,6 +129,7 @@ def test_on_a_full_disk_the_ballast_is_given_up_and_it_goes_on_at_once(
     assert waiting(database) == 0
 
 
+@pytest.mark.thorough
 def test_after_a_full_disk_it_deletes_in_small_groups_and_then_in_large_ones_again(
     database: Database, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -4,6 +4,8 @@ import os
 import select
 from pathlib import Path
 
+import pytest
+
 from edge_server.outbox import wakeup
 
 
@@ -30,6 +32,7 @@ def test_waking_nobody_is_harmless(tmp_path: Path) -> None:
     wakeup.wake(path)
 
 
+@pytest.mark.thorough
 def test_a_full_pipe_does_not_hold_up_the_server(tmp_path: Path) -> None:
     path = tmp_path / "pipe"
     reader = wakeup.open_for_reading(path)

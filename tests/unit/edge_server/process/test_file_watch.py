@@ -58,6 +58,7 @@ def test_a_missing_file_is_not_created(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     "harm",
     [

@@ -48,6 +48,7 @@ def test_old_events_are_deleted_and_new_ones_are_not(edge: Edge) -> None:
     assert [one["id"] for one in edge.get("/events/")] == [2]
 
 
+@pytest.mark.thorough
 def test_a_mission_expires_without_a_request(edge: Edge) -> None:
     edge.post_plan(plan())
     edge.clock.pass_s(edge.config.plan_lifetime_s + 1)
@@ -97,6 +98,7 @@ def raise_malformed(_file: sqlite3.Connection) -> None:
     raise sqlite3.DatabaseError("database disk image is malformed")
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("fail", [no_disk, no_room, no_database])
 def test_a_failing_disk_does_not_end_the_housekeeping(
     edge: Edge, monkeypatch: pytest.MonkeyPatch, fail: Callable[[Database], None]

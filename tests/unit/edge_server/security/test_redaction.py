@@ -59,6 +59,7 @@ def test_the_prefix_of_a_key_stays() -> None:
     assert redact(f"wrong key {KEY}") == "wrong key fm_0123abcd_***"
 
 
+@pytest.mark.thorough
 @given(before=st.text(max_size=20), after=st.text(max_size=20))
 def test_a_key_is_redacted_wherever_it_is(before: str, after: str) -> None:
     secret = KEY.rpartition("_")[2]

@@ -138,6 +138,7 @@ def wait_ready(program: Program, certificate: Path) -> requests.Response:
             time.sleep(0.05)
 
 
+@pytest.mark.thorough
 def test_the_program_and_the_brokers_client_use_tls(
     tmp_path: Path, files: tuple[Path, Path]
 ) -> None:
@@ -176,6 +177,7 @@ def test_the_program_and_the_brokers_client_use_tls(
         assert program.end()[0] == OK
 
 
+@pytest.mark.thorough
 def test_the_program_does_not_serve_others_in_plain_text(
     tmp_path: Path, files: tuple[Path, Path]
 ) -> None:

@@ -31,6 +31,7 @@ def fill(edge: Edge, count: int) -> None:
         write(edge, number, NOON + number)
 
 
+@pytest.mark.first_case
 @BOTH_ENGINES
 def test_many_writers_make_one_chain(edge: Edge) -> None:
     def work(writer: int) -> None:
@@ -84,6 +85,7 @@ def test_whoever_gets_past_that_is_found_out(edge: Edge, statement: str, row_id:
     assert result.row_id == row_id
 
 
+@pytest.mark.thorough
 def test_a_change_that_fails_leaves_no_row(edge: Edge) -> None:
     trail = Trail(Actor("somebody", "operator"), "test", "thing", lambda: NOON)
     with pytest.raises(RuntimeError), use_trail(trail), edge.context.database.write():

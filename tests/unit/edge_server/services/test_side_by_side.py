@@ -175,6 +175,7 @@ def test_a_mission_is_either_taken_or_cancelled(servers: list[Context]) -> None:
             broker_work.acknowledge(servers[0], item["id"], Acknowledgement.REFUSED, "done")
 
 
+@pytest.mark.first_case
 @BOTH_ENGINES
 def test_an_end_that_is_reported_twice_at_once_is_told_once(servers: list[Context]) -> None:
     for mission_id in range(1, ROUNDS + 1):
@@ -249,6 +250,7 @@ def test_a_row_waits_for_the_one_before_it_in_its_stream(servers: list[Context])
     assert [body["sequence_number"] for body in sent] == [0, 1]
 
 
+@pytest.mark.first_case
 @BOTH_ENGINES
 def test_rows_of_a_stream_become_visible_in_the_order_of_their_ids(servers: list[Context]) -> None:
     """A relay that has seen row n has seen every row of the stream that was there before."""

@@ -198,6 +198,7 @@ def test_batteries_observations_and_alarms_are_not_thinned(farm: Farm) -> None:
         assert len(farm.here(kind)) == 30
 
 
+@pytest.mark.thorough
 def test_at_100_percent_the_oldest_go_and_new_ones_come_in(farm: Farm) -> None:
     farm.keep_many("alarm", 20)
     farm.keep_many("observation", 20)
@@ -255,6 +256,7 @@ def test_pictures_are_refused_from_95_percent_on_and_beyond_their_own_budget(
     roomy.database.close()
 
 
+@pytest.mark.thorough
 def test_when_nothing_may_go_only_alarms_and_reports_come_in(farm: Farm) -> None:
     fill(farm, "observation", Level.DROPPING)
     with pytest.raises(FullError):
@@ -268,6 +270,7 @@ def test_when_nothing_may_go_only_alarms_and_reports_come_in(farm: Farm) -> None
         farm.keep("alarm")
 
 
+@pytest.mark.thorough
 def test_in_a_bulk_only_what_has_no_room_is_refused(farm: Farm) -> None:
     fill(farm, "observation", Level.DROPPING)
     arrivals = []
@@ -280,6 +283,7 @@ def test_in_a_bulk_only_what_has_no_room_is_refused(farm: Farm) -> None:
     assert isinstance(kept, dict)
 
 
+@pytest.mark.first_case
 @BOTH_ENGINES
 def test_what_is_too_old_goes_with_a_gap(either: Farm) -> None:
     either.keep_many("observation", 5)
@@ -315,6 +319,7 @@ def test_a_clock_that_jumps_makes_nothing_old(either: Farm) -> None:
     assert len(either.here("pose")) == 5
 
 
+@pytest.mark.first_case
 @BOTH_ENGINES
 def test_dead_letters_have_a_budget_of_their_own(either: Farm) -> None:
     farm = either
@@ -344,6 +349,7 @@ def test_a_gap_and_what_it_declares_are_one_transaction(either: Farm) -> None:
     assert either.here("gap") == []
 
 
+@pytest.mark.thorough
 def test_receipts_go_before_records(farm: Farm) -> None:
     farm.keep_many("battery", 10)
     with farm.database.write() as connection:

@@ -38,6 +38,7 @@ def try_survey(request: SurveyRequest) -> Survey:
         raise
 
 
+@pytest.mark.thorough
 @settings(max_examples=60)
 @given(requests())
 def test_a_field_is_covered_from_inside(request: SurveyRequest) -> None:

@@ -161,6 +161,7 @@ class TestAnInterruption:
         assert vehicle.armed
         assert vehicle.in_mission
 
+    @pytest.mark.first_case
     @pytest.mark.parametrize("kind", [EventType.ABORT_MISSION, EventType.SOFT_ABORT_MISSION])
     def test_brings_it_down_where_that_is_asked_for(self, kind: EventType) -> None:
         field, vehicle = interrupted(kind)
@@ -252,6 +253,7 @@ def picture(name: str) -> Post:
 class TestTheProgram:
     """With real sockets and processes."""
 
+    @pytest.mark.thorough
     def test_flies_a_plan_and_ends_with_status_0(self, tmp_path: Path) -> None:
         with started(tmp_path, "--json") as (process, port):
             vehicle = scripted(item_time_s=0.05)
@@ -261,6 +263,7 @@ class TestTheProgram:
         last = [json.loads(line) for line in out.splitlines() if "mission_report" in line][-1]
         assert last["mission_report"]["mission_status_id"] == Status.FINISHED
 
+    @pytest.mark.thorough
     def test_flies_on_when_its_reader_goes_away(self, tmp_path: Path) -> None:
         with started(tmp_path, "--json") as (process, port):
             assert process.stdout is not None
@@ -268,12 +271,14 @@ class TestTheProgram:
             live(scripted(item_time_s=0.05), port, lambda: process.poll() is not None)
             assert process.wait() == 0
 
+    @pytest.mark.thorough
     def test_that_cannot_keep_pictures_does_not_begin(self, tmp_path: Path) -> None:
         with started(tmp_path, "--out", "/dev/null/pictures") as (process, _):
             _, errors = process.communicate()
         assert process.returncode == 2
         assert errors == "mavlink_broker: --out /dev/null/pictures: Not a directory\n"
 
+    @pytest.mark.thorough
     def test_that_is_interrupted_says_what_it_leaves(self, tmp_path: Path) -> None:
         with started(tmp_path) as (process, port):
             vehicle = scripted(item_time_s=60.0)

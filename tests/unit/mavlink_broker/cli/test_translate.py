@@ -170,6 +170,7 @@ def test_a_plan_may_come_from_the_standard_input(
     assert len(printed(capsys, "-")["missions"]) == 1
 
 
+@pytest.mark.thorough
 def test_a_standard_output_without_room_is_told_in_one_sentence(plan: Path) -> None:
     command = [sys.executable, "-m", "mavlink_broker", "translate", str(plan)]
     with Path("/dev/full").open("wb") as full:

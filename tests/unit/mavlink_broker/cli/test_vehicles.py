@@ -13,6 +13,8 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from mavlink_broker.cli.vehicle_table import COLUMNS, row, table
 from mavlink_broker.mavlink.addressing import Route
 from mavlink_broker.vehicle.vehicle import Vehicle, version
@@ -51,6 +53,7 @@ def test_a_version_is_read_from_its_bytes() -> None:
     assert version(0) is None
 
 
+@pytest.mark.thorough
 def test_the_program_lists_a_vehicle_on_a_real_socket(tmp_path: Path) -> None:
     port = free_port()
     command = started(tmp_path, "--connect", f"udp://127.0.0.1:{port}", "--seconds", "2", "--json")
@@ -63,6 +66,7 @@ def test_the_program_lists_a_vehicle_on_a_real_socket(tmp_path: Path) -> None:
     assert (described["system_id"], described["family"], described["armed"]) == (1, "px4", False)
 
 
+@pytest.mark.thorough
 def test_nobody_there_is_status_1(tmp_path: Path) -> None:
     link = f"udp://127.0.0.1:{free_port()}"
     with started(tmp_path, "--connect", link, "--seconds", "0.1") as process:
@@ -71,6 +75,7 @@ def test_nobody_there_is_status_1(tmp_path: Path) -> None:
     assert "no vehicle is connected" in errors
 
 
+@pytest.mark.thorough
 def test_a_link_that_a_broker_has_is_looked_at_through_its_edge_server(tmp_path: Path) -> None:
     (tmp_path / "keys").mkdir()
     (tmp_path / "keys" / "broker.key").write_text("secret")
@@ -84,6 +89,7 @@ def test_a_link_that_a_broker_has_is_looked_at_through_its_edge_server(tmp_path:
     assert "AUTO.MISSION" in out
 
 
+@pytest.mark.thorough
 def test_a_link_that_was_asked_for_and_is_taken_is_misuse(tmp_path: Path) -> None:
     with taken() as port, started(tmp_path, "--connect", f"udp://127.0.0.1:{port}") as process:
         _, errors = process.communicate(timeout=30)

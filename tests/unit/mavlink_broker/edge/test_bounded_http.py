@@ -88,6 +88,7 @@ def ask(url: str, within_s: float = DEADLINE_S, max_bytes: int = 1 << 20) -> Ans
     )
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     "pieces",
     [

@@ -114,6 +114,7 @@ def test_posts_arrive_in_order(server: FakeEdgeServer, tmp_path: Path) -> None:
     assert client.waiting == 0
 
 
+@pytest.mark.thorough
 def test_a_failed_post_is_retried_with_its_key_and_never_overtaken(
     server: FakeEdgeServer, tmp_path: Path
 ) -> None:
@@ -314,6 +315,7 @@ def test_the_next_run_first_sends_the_posts_of_the_last_one(
     client.stop(1.0)
 
 
+@pytest.mark.thorough
 def test_work_is_taken_after_the_reports_of_the_earlier_run_are_sent(
     server: FakeEdgeServer, tmp_path: Path
 ) -> None:
@@ -353,6 +355,7 @@ def test_unsent_reports_of_one_vehicle_delay_no_other(
     client.stop(0.0)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("by_earlier_run", [True, False])
 def test_a_post_that_is_refused_for_good_is_a_dead_letter_and_can_be_sent_again(
     server: FakeEdgeServer,
@@ -422,6 +425,7 @@ def test_a_disk_that_hangs_delays_no_post(
     assert (tmp_path / "broker" / REPORTS_FILE).read_bytes() == b""
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     "failure",
     [OSError("no such file"), requests.ConnectionError("gone"), RuntimeError("?"), MemoryError()],

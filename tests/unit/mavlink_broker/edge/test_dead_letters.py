@@ -236,6 +236,7 @@ def test_an_action_written_to_a_file_that_was_taken_meanwhile_is_not_lost(
     assert keys(run.sent) == {"key-0", "key-1"}
 
 
+@pytest.mark.thorough
 def test_an_action_behind_a_mebibyte_of_others_and_an_invalid_line_is_carried_out(
     tmp_path: Path,
 ) -> None:
@@ -320,6 +321,7 @@ def until(true: Any) -> None:
         time.sleep(0.01)
 
 
+@pytest.mark.thorough
 def test_a_dead_letter_over_http_from_the_first_500_to_the_retry_at_the_terminal(
     server: FakeEdgeServer,
     tmp_path: Path,

@@ -161,6 +161,7 @@ def test_hostile_answers_are_survived(payload: bytes) -> None:
         download.tick(0.3)
 
 
+@pytest.mark.thorough
 @given(st.lists(st.tuples(st.integers(0, 60), st.integers(0, 20))))
 def test_ranges_know_what_is_missing(arrivals: list[tuple[int, int]]) -> None:
     ranges, missing = MissingRanges(50), set(range(50))

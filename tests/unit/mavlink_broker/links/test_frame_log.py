@@ -151,6 +151,7 @@ class FullDisk:
         raise OSError(errno.ENOSPC, "No space left on device")
 
 
+@pytest.mark.thorough
 def test_a_full_disk_is_logged_once_drops_frames_and_leaves_no_partial_record(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -67,6 +67,7 @@ def test_the_line_is_raw_and_has_the_configured_speed(cable: Cable, hub: Hub) ->
     assert cable.read() == every_byte
 
 
+@pytest.mark.thorough
 def test_a_device_may_appear_late_and_disappear_and_return(cable: Cable, hub: Hub) -> None:
     hub.receive(0.0)
     hub.send(address_of(cable), b"nobody hears this")
@@ -144,6 +145,7 @@ def test_an_unsupported_speed_is_refused() -> None:
         open_links([LinkUrl.parse("serial:///dev/ttyUSB0:12345")])
 
 
+@pytest.mark.thorough
 def test_a_full_radio_is_written_to_slowly(cable: Cable, hub: Hub) -> None:
     cable.plug_in()
     open_line(hub)

@@ -66,6 +66,7 @@ class TestConnecting:
             hub.send(address, FRAME)
             assert connection.recv(1000) == FRAME
 
+    @pytest.mark.thorough
     def test_a_server_may_start_late_and_stop_and_restart(
         self, caplog: pytest.LogCaptureFixture
     ) -> None:

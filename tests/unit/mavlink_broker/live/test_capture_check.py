@@ -76,6 +76,7 @@ def flown(**how: Any) -> tuple[World, Panorama]:
     return world, vehicle
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("says_progress", [True, False], ids=["progress", "pictures alone"])
 def test_a_panorama_that_was_taken_is_not_ordered_again(says_progress: bool) -> None:
     world, vehicle = flown(says_progress=says_progress)
@@ -99,6 +100,7 @@ def test_one_of_which_nothing_was_captured_is_ordered_again() -> None:
     world.run_until(lambda: len(vehicle.begun) == 2, within_s=30.0)
 
 
+@pytest.mark.thorough
 def test_a_camera_at_work_is_waited_for_however_long_it_is_silent() -> None:
     world, vehicle = flown(says_progress=False, pictures=1)
     world.run_until(lambda: vehicle.begun)
@@ -110,6 +112,7 @@ def test_a_camera_at_work_is_waited_for_however_long_it_is_silent() -> None:
     assert len(vehicle.begun) == 1
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(("pictures", "ends"), [(6, Status.FINISHED), (0, Status.FAILED)])
 def test_a_second_camera_that_is_silent_does_not_hold_it_up_for_ever(
     pictures: int, ends: Status

@@ -53,6 +53,7 @@ def north_east(order: tuple[float, ...]) -> tuple[float, float]:
     return LocalGround(*HOME[:2]).north_east_m(order[4] / 1e7, order[5] / 1e7)
 
 
+@pytest.mark.first_case
 @FAMILIES
 @pytest.mark.parametrize("sense", [1.0, -1.0])
 def test_it_goes_all_the_way_round_in_the_right_sense(script: Script, sense: float) -> None:
@@ -69,6 +70,7 @@ def test_it_goes_all_the_way_round_in_the_right_sense(script: Script, sense: flo
         assert order[6] == HOME[2] + 9.0
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(("start", "bearing"), [(0, 0.0), (1, 180.0), (2, 270.0), (3, 90.0)])
 def test_it_begins_where_it_was_told_to(start: int, bearing: float) -> None:
     _, orders = flown(AWAY, PX4, start=start)
@@ -76,6 +78,7 @@ def test_it_begins_where_it_was_told_to(start: int, bearing: float) -> None:
     assert math.degrees(math.atan2(east, north)) % 360.0 == pytest.approx(bearing, abs=0.5)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     ("heading", "clockwise", "beyond_bearing"),
     [(AWAY, True, 0.0), (AWAY, False, 0.0), (BACKWARDS, True, -90.0), (BACKWARDS, False, 90.0)],
@@ -94,6 +97,7 @@ def test_the_nose_is_where_it_belongs(
         assert abs(math.remainder(nose - beyond_bearing, 360.0)) < 0.5
 
 
+@pytest.mark.thorough
 def test_ardupilot_turns_by_a_command_of_its_own_at_every_point() -> None:
     world, orders = flown(BACKWARDS, ARDUPILOT)
     sent = world.only_vehicle.parameters
@@ -102,6 +106,7 @@ def test_ardupilot_turns_by_a_command_of_its_own_at_every_point() -> None:
     assert all(0.0 <= turn < 360.0 for turn in turns)
 
 
+@pytest.mark.first_case
 @FAMILIES
 def test_the_report_says_how_it_was_flown(script: Script) -> None:
     world, _ = flown(AWAY, script)

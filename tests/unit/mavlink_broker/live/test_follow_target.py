@@ -24,6 +24,7 @@ def following(target: int | Path) -> tuple[World, ScriptedVehicle]:
     return world, follower
 
 
+@pytest.mark.thorough
 def test_another_vehicle_is_followed() -> None:
     world, follower = following(2)
     leader = world.air.vehicles["192.0.2.1", 14582]
@@ -48,6 +49,7 @@ def test_no_target_is_sent_while_the_followed_vehicle_is_silent() -> None:
     assert follower.targets > told
 
 
+@pytest.mark.thorough
 def test_the_track_in_a_file_starts_with_the_follow(tmp_path: Path) -> None:
     path = tmp_path / "tractor.csv"
     path.write_text(f"{HEADER}0,{HOME[0]},{HOME[1]}\n20,{HOME[0] + 0.001},{HOME[1]}\n")

@@ -89,6 +89,7 @@ class TestPlacing:
         assert world.edge.status(1201) == Status.RUNNING
         assert len(vehicle.fence) == 4
 
+    @pytest.mark.thorough
     def test_a_plan_of_two_segments_places_it_once(self) -> None:
         world = World()
         vehicle = fenced_vehicle(world)
@@ -206,6 +207,7 @@ class TestInterruptions:
         assert world.edge.statuses(1201) == FINISHED
         assert vehicle.log.count("stored 1") == 1
 
+    @pytest.mark.thorough
     def test_a_vehicle_that_vanishes_fails_the_mission_in_the_end(self) -> None:
         world, vehicle = self.halfway()
         vehicle.silent = True
@@ -214,6 +216,7 @@ class TestInterruptions:
 
 
 class TestRestoring:
+    @pytest.mark.first_case
     @BOTH
     def test_a_vehicle_without_a_fence_has_none_afterwards(self, script: Script) -> None:
         world = World()
@@ -223,6 +226,7 @@ class TestRestoring:
         assert vehicle.fence == []
         assert vehicle.values == (PX4_VALUES if script is PX4 else ARDUPILOT_VALUES)
 
+    @pytest.mark.first_case
     @BOTH
     def test_an_operators_fence_comes_back(self, script: Script) -> None:
         world = World()
@@ -246,6 +250,7 @@ class TestRestoring:
         world.run(20.0)
         assert vehicle.fence == operators
 
+    @pytest.mark.first_case
     @BOTH
     @pytest.mark.parametrize("seed", range(3))
     def test_nothing_is_kept_over_a_link_that_loses_a_fifth_each_way(
@@ -509,6 +514,7 @@ class TestEvents:
 
 
 class TestRallyPoints:
+    @pytest.mark.first_case
     @BOTH
     def test_they_are_stored_before_the_mission_and_removed_after_it(self, script: Script) -> None:
         world = World()
@@ -524,6 +530,7 @@ class TestRallyPoints:
         assert vehicle.plans[RALLY].items == []
         assert vehicle.fence == []
 
+    @pytest.mark.thorough
     def test_a_vehicle_that_keeps_none_flies_without_and_the_report_notes_it(self) -> None:
         world = World()
         fenced_vehicle(world, capabilities=mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_FENCE)

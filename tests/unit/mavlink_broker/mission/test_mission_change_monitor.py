@@ -39,6 +39,7 @@ def reason(world: World) -> str:
 
 
 class TestAnotherMission:
+    @pytest.mark.first_case
     @AUTOPILOTS
     def test_of_another_length_fails_the_mission(self, script: Script) -> None:
         world, vehicle = flying(script)
@@ -49,6 +50,7 @@ class TestAnotherMission:
             "another mission was put onto the vehicle" in reason(world)
         )
 
+    @pytest.mark.first_case
     @pytest.mark.parametrize("script", [PX4_1_14, COPTER_4_6], ids=["px4 1.14", "copter"])
     def test_whose_transfer_is_received_is_read_back_and_named(self, script: Script) -> None:
         world, vehicle = flying(script)
@@ -67,6 +69,7 @@ class TestAnotherMission:
         world.run_until_over(1201, within_s=20.0)
         assert "somebody else put another mission onto the vehicle" in reason(world)
 
+    @pytest.mark.first_case
     @AUTOPILOTS
     def test_that_is_ours_uploaded_again_changes_nothing(self, script: Script) -> None:
         world, vehicle = flying(script)
@@ -89,6 +92,7 @@ class TestAnotherMission:
 
 
 class TestAnEarlierItem:
+    @pytest.mark.first_case
     @AUTOPILOTS
     def test_set_by_somebody_else_is_reported_and_the_mission_flies_on(
         self, script: Script
@@ -127,6 +131,7 @@ def moves(world: World, vehicle: ScriptedVehicle, until: int) -> None:
 
 
 class TestALaterItem:
+    @pytest.mark.first_case
     @AUTOPILOTS
     @pytest.mark.parametrize("loss", [0.0, 0.2])
     def test_set_by_somebody_else_leaves_commands_out(self, script: Script, loss: float) -> None:
@@ -149,6 +154,7 @@ class TestALaterItem:
         assert left_out in ([4, 5], [5, 6])  # Those that lie between
         assert "somebody else set the vehicle on from item" in str(world.edge.reports(1201)[-1])
 
+    @pytest.mark.first_case
     @AUTOPILOTS
     @pytest.mark.parametrize("loss", [0.0, 0.4])
     def test_reached_in_flight_leaves_nothing_out(self, script: Script, loss: float) -> None:
@@ -157,6 +163,7 @@ class TestALaterItem:
         world.run_until_over(1201)
         assert set(world.edge.statuses(1201)) == {Status.FINISHED}
 
+    @pytest.mark.first_case
     @AUTOPILOTS
     def test_of_another_mission_fails_the_mission(self, script: Script) -> None:
         world, vehicle = far_apart(script, 0.0)
@@ -167,6 +174,7 @@ class TestALaterItem:
         world.run_until_over(1201, within_s=30.0)
         assert world.edge.status(1201) == Status.FAILED
 
+    @pytest.mark.first_case
     @AUTOPILOTS
     def test_of_a_vehicle_that_never_moves_proves_nothing(self, script: Script) -> None:
         world, vehicle = far_apart(script, 0.0)

@@ -103,6 +103,7 @@ class TestARefusal:
 
 
 class TestInFlight:
+    @pytest.mark.thorough
     def test_a_pause_keeps_the_mission_running(self) -> None:
         world = flying_world()
         vehicle = world.only_vehicle
@@ -193,6 +194,7 @@ class TestInFlight:
 
 
 class TestARestartedBroker:
+    @pytest.mark.first_case
     @FAMILIES
     def test_goes_on_where_the_vehicle_is(self, script: Script) -> None:
         world = flying_world(dataclasses.replace(script, item_time_s=6.0))
@@ -239,6 +241,7 @@ class TestARestartedBroker:
         assert vehicle.uploads == 1
         assert len(world.edge.acknowledgements(work)) == 1
 
+    @pytest.mark.thorough
     def test_flies_what_waited_behind_the_mission_in_flight(self) -> None:
         world = World()
         vehicle = world.add_vehicle(script=dataclasses.replace(PX4, item_time_s=4.0))
@@ -251,6 +254,7 @@ class TestARestartedBroker:
         assert world.edge.statuses(2) == FINISHED
         assert vehicle.uploads == 2
 
+    @pytest.mark.thorough
     def test_waits_for_a_pilot_to_land_before_a_mission_that_never_started(self) -> None:
         world = World()
         vehicle = world.add_vehicle()

@@ -86,6 +86,7 @@ def test_a_picture_is_sent_as_the_vehicle_stores_it() -> None:
     assert flight.message() is None
 
 
+@pytest.mark.thorough
 def test_a_burst_of_pictures_keeps_its_order() -> None:
     flight = Flight(count=3)
     flight.until_pictures()
@@ -96,6 +97,7 @@ def test_a_burst_of_pictures_keeps_its_order() -> None:
     assert flight.names == [f"m1201_c3_000{number}.jpeg" for number in range(3)]
 
 
+@pytest.mark.thorough
 def test_a_picture_between_waypoints_belongs_to_the_waypoint() -> None:
     flight = Flight()
     flight.world.edge.plan(mission(takeoff(), waypoint(), go_home()))
@@ -106,6 +108,7 @@ def test_a_picture_between_waypoints_belongs_to_the_waypoint() -> None:
     assert flight.names == ["m1201_c3_0000.jpeg"]
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("lost", [(0,), (1,), (2,), (0, 1, 2)])
 def test_lost_announcements_are_requested(lost: tuple[int, ...]) -> None:
     flight = Flight(count=3, first_index=40)
@@ -118,6 +121,7 @@ def test_lost_announcements_are_requested(lost: tuple[int, ...]) -> None:
     assert flight.message() is None
 
 
+@pytest.mark.thorough
 def test_earlier_pictures_do_not_belong_to_the_mission() -> None:
     flight = Flight(first_index=7)
     flight.until_pictures()
@@ -126,6 +130,7 @@ def test_earlier_pictures_do_not_belong_to_the_mission() -> None:
     assert flight.names == ["m1201_c3_0007.jpeg"]
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("seed", range(3))
 def test_a_bad_link_loses_no_picture(seed: int) -> None:
     flight = Flight(count=3, loss=0.2, seed=seed)
@@ -138,6 +143,7 @@ def test_a_bad_link_loses_no_picture(seed: int) -> None:
     assert sorted(flight.names) == [f"m1201_c3_000{number}.jpeg" for number in range(3)]
 
 
+@pytest.mark.thorough
 def test_a_failed_picture_is_reported() -> None:
     flight = Flight()
     flight.until_pictures()
@@ -147,6 +153,7 @@ def test_a_failed_picture_is_reported() -> None:
     assert flight.message() == "the camera could not take picture 0"
 
 
+@pytest.mark.thorough
 def test_a_picture_that_cannot_be_fetched_is_reported() -> None:
     flight = Flight(url="mftp:///elsewhere/{index}.jpg")
     flight.until_pictures()
@@ -157,6 +164,7 @@ def test_a_picture_that_cannot_be_fetched_is_reported() -> None:
     assert flight.message() == f"picture 0 cannot be had in flight: {reason}"
 
 
+@pytest.mark.thorough
 def test_a_picture_refused_in_flight_is_requested_after_the_landing() -> None:
     flight = Flight(files=ScriptedFiles(unknown=frozenset({4})))
     flight.until_pictures()
@@ -169,6 +177,7 @@ def test_a_picture_refused_in_flight_is_requested_after_the_landing() -> None:
     assert flight.names == ["m1201_c3_0000.jpeg"]
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     ("url", "reason"),
     [("", "its location is unknown"), ("gopher://x/1.jpg", "'gopher://x/1.jpg' is not a location")],
@@ -181,6 +190,7 @@ def test_an_invalid_location_is_reported(url: str, reason: str) -> None:
     assert flight.message() == f"picture 0 cannot be fetched: {reason}"
 
 
+@pytest.mark.thorough
 def test_missing_pictures_are_reported() -> None:
     flight = Flight(count=2)
     flight.until_pictures()
@@ -190,6 +200,7 @@ def test_missing_pictures_are_reported() -> None:
     assert flight.message() == "1 of 2 pictures were not announced"
 
 
+@pytest.mark.thorough
 def test_a_mission_does_not_wait_for_its_pictures() -> None:
     flight = Flight(files=ScriptedFiles(silent=frozenset({4})))
     flight.until_pictures()
@@ -202,6 +213,7 @@ def test_a_mission_does_not_wait_for_its_pictures() -> None:
     assert flight.names == ["m1201_c3_0000.jpeg"]
 
 
+@pytest.mark.thorough
 def test_files_that_the_camera_does_not_serve_are_requested_from_the_autopilot() -> None:
     flight = Flight(url="/fs/microsd/{index}.jpg")
     autopilot = ScriptedCamera(1, flight.camera.put, lambda: 0, component=1)
@@ -220,6 +232,7 @@ def test_files_that_the_camera_does_not_serve_are_requested_from_the_autopilot()
     assert base64.b64decode(body["frame"]) == JPEG
 
 
+@pytest.mark.thorough
 def test_a_restarted_broker_sends_the_same_picture_under_the_same_key() -> None:
     flight = Flight()
     flight.until_pictures()
@@ -232,6 +245,7 @@ def test_a_restarted_broker_sends_the_same_picture_under_the_same_key() -> None:
     assert len(keys) == 1
 
 
+@pytest.mark.thorough
 def test_a_restarted_broker_fetches_what_was_taken_while_it_was_away() -> None:
     flight = Flight(count=3)
     flight.until_pictures()
@@ -259,6 +273,7 @@ def test_a_new_broker_does_not_fetch_old_pictures() -> None:
     assert [number for wanted, number in flight.camera.asked if wanted == 263] == [4]
 
 
+@pytest.mark.thorough
 def test_the_clock_of_a_camera_may_differ_from_the_vehicles() -> None:
     flight = Flight()
     boot_ms = flight.camera.boot_ms
@@ -269,6 +284,7 @@ def test_the_clock_of_a_camera_may_differ_from_the_vehicles() -> None:
     assert flight.names == ["m1201_c3_0000.jpeg"]
 
 
+@pytest.mark.thorough
 def test_a_late_announcement_is_no_difference_of_clocks() -> None:
     flight = Flight(count=2)
     flight.until_pictures()
@@ -284,6 +300,7 @@ def test_a_late_announcement_is_no_difference_of_clocks() -> None:
     assert sorted(flight.names) == ["m1201_c3_0000.jpeg", "m1201_c3_0001.jpeg"]
 
 
+@pytest.mark.thorough
 def test_no_picture_is_fetched_while_the_edge_server_takes_none() -> None:
     flight = Flight()
     flight.world.edge.waiting_pictures = 8
@@ -295,6 +312,7 @@ def test_no_picture_is_fetched_while_the_edge_server_takes_none() -> None:
     flight.world.run_until(lambda: flight.images)
 
 
+@pytest.mark.thorough
 def test_a_restarted_vehicle_still_has_its_pictures() -> None:
     flight = Flight(files=ScriptedFiles(silent=frozenset({4})))
     flight.until_pictures()
@@ -315,6 +333,7 @@ def test_a_picture_of_no_command_is_not_sent() -> None:
     assert flight.images == []
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("index", [-1, 2**31 - 2])
 def test_unusual_picture_numbers_are_accepted(index: int) -> None:
     flight = Flight()
@@ -326,6 +345,7 @@ def test_unusual_picture_numbers_are_accepted(index: int) -> None:
     assert math.isfinite(flight.world.clock.now)
 
 
+@pytest.mark.thorough
 def test_old_announcements_do_not_count_as_a_restart() -> None:
     flight = Flight(count=4, component=1)
     flight.camera.heartbeat = lambda: None  # type: ignore[method-assign]  # the autopilot has its own

@@ -70,6 +70,7 @@ class Series:
         return self.world.edge.statuses(MISSION)[1]
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("loss", [0.0, 0.2])
 def test_a_live_command_waits_until_the_camera_is_idle(loss: float) -> None:
     series = Series(loss=loss)
@@ -83,6 +84,7 @@ def test_a_live_command_waits_until_the_camera_is_idle(loss: float) -> None:
     assert series.status == Status.FINISHED
 
 
+@pytest.mark.thorough
 def test_a_camera_that_never_becomes_idle_is_not_waited_for_without_end() -> None:
     series = Series()
     series.begin()
@@ -144,6 +146,7 @@ class Sorties:
         return [body["name"] for body in self.world.edge.bodies("/image/")]
 
 
+@pytest.mark.thorough
 def test_pictures_of_a_mission_behind_a_battery_swap_are_its_own() -> None:
     sorties = Sorties()
     for number in (1, 2, 3):

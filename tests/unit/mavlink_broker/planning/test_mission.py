@@ -156,6 +156,7 @@ def test_what_a_vehicle_gives_back_is_what_was_meant(mission: Mission, family: F
         assert difference(plan, over_the_wire(plan), family) is None
 
 
+@pytest.mark.thorough
 @given(missions(), families, st.data())
 def test_a_changed_item_is_noticed(mission: Mission, family: Family, data: st.DataObject) -> None:
     plan = data.draw(st.sampled_from(stretches_of(mission, family)))

@@ -103,6 +103,7 @@ def test_a_mission_of_up_to_a_hundred_commands_is_always_reported_as_a_whole() -
         assert len(report.command_report_array) == 100
 
 
+@pytest.mark.thorough
 @given(st.lists(st.integers(0, 3), min_size=1, max_size=40))
 def test_a_longer_mission_is_reported_by_its_changes_which_add_up(steps: list[int]) -> None:
     """The newest status of each command in the reports is complete at any time."""

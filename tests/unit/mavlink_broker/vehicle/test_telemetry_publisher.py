@@ -1,5 +1,6 @@
 """State vectors come at their rate, each with a position that has just arrived."""
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -22,6 +23,7 @@ def vectors(
     return published_at
 
 
+@pytest.mark.thorough
 @given(st.floats(0.0, 0.2), st.sampled_from([0.1, 0.2, 0.25, 0.4]))
 def test_each_vector_has_a_new_position_and_the_rate_holds(phase_s: float, period_s: float) -> None:
     received_at = [phase_s + n * period_s for n in range(round(20.0 / period_s))]

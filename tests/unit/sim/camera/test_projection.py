@@ -56,6 +56,7 @@ def white_extent(
     ]
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(("east", "north", "up", "pitch", "yaw"), LOOKS)
 def test_a_known_point_is_within_two_pixels(
     tmp_path: Path, east: float, north: float, up: float, pitch: float, yaw: float

@@ -69,6 +69,7 @@ def test_speed_controllers_tell_speed_and_current() -> None:
     assert sum(reports[-1].current_a) == pytest.approx(177.0 / 14.63, rel=0.1)
 
 
+@pytest.mark.thorough
 def test_a_lost_fix_says_so_and_comes_back() -> None:
     made = simulation("gps_loss start_s=5 end_s=7")
     fixes = [reading.gps for reading in run(made, 9.0) if reading.gps is not None]
@@ -206,6 +207,7 @@ def truth_of(path: Path, seed: int) -> bytes:
     return path.read_bytes()
 
 
+@pytest.mark.thorough
 def test_the_same_seed_and_faults_give_the_same_truth_byte_for_byte(tmp_path: Path) -> None:
     first = truth_of(tmp_path / "first.csv", 3)
     assert truth_of(tmp_path / "second.csv", 3) == first

@@ -59,6 +59,7 @@ def test_output_is_shown_and_logged(tmp_path: Path) -> None:
     assert (tmp_path / "worker.log").read_text() == "up\n"
 
 
+@pytest.mark.thorough
 def test_a_killed_program_is_started_again(tmp_path: Path) -> None:
     lines = Lines()
     with Supervisor([program(SLEEPER)], os.environ, tmp_path, lines) as supervisor:
@@ -74,6 +75,7 @@ def test_a_killed_program_is_started_again(tmp_path: Path) -> None:
         wait_for(lambda: [line for _, line in lines.all].count("up") == 2)
 
 
+@pytest.mark.thorough
 def test_stopping_leaves_no_process_not_even_a_grandchild(tmp_path: Path) -> None:
     parent = (
         "import subprocess, sys, time\n"

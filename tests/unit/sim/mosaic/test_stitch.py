@@ -53,6 +53,7 @@ def overlap(one: Georeference, two: Georeference) -> float:
     return float(shown.mean())
 
 
+@pytest.mark.thorough
 def test_consecutive_pictures_overlap_as_planned(survey: Path) -> None:
     pictures = in_order(survey)
     lines = [pictures[first : first + len(NORTH)] for first in range(0, len(pictures), len(NORTH))]

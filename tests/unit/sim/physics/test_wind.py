@@ -62,6 +62,7 @@ def test_gusts_fluctuate_about_the_mean_wind() -> None:
     assert down == pytest.approx(0.0, abs=0.15)
 
 
+@pytest.mark.thorough
 def test_gusts_have_the_intensities_of_the_standard() -> None:
     height_m = 30.0
     gusty = blow(wind(from_deg=270.0), seconds=10_000.0, height_m=height_m)
@@ -72,6 +73,7 @@ def test_gusts_have_the_intensities_of_the_standard() -> None:
     assert down == pytest.approx(vertical, rel=0.08)
 
 
+@pytest.mark.thorough
 def test_a_gust_lasts_as_long_as_its_scale_length_takes_to_pass() -> None:
     height_m, airspeed_m_s = 30.0, 8.0
     gusty = blow(wind(from_deg=270.0), seconds=10_000.0, height_m=height_m)

@@ -20,6 +20,7 @@ def flight(document: dict[str, Any] | None = None) -> Flight:
     return examine(1, synthetic.planned(document), synthetic.log(), synthetic.truth())
 
 
+@pytest.mark.thorough
 def test_the_sheet_is_a_picture(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     with caplog.at_level(logging.WARNING):
         write_sheet(tmp_path / "sheet.png", "Title", "subtitle", flight())
@@ -27,6 +28,7 @@ def test_the_sheet_is_a_picture(tmp_path: Path, caplog: pytest.LogCaptureFixture
     assert caplog.messages == []
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     "document",
     [
@@ -44,6 +46,7 @@ def test_an_odd_plan_is_drawn_too(document: dict[str, Any], tmp_path: Path) -> N
     assert (tmp_path / "sheet.png").stat().st_size > 50_000
 
 
+@pytest.mark.thorough
 def test_the_page_needs_nothing_beside_itself() -> None:
     html = page("Title", "wind 0 m/s", [flight()])
     assert not re.findall(r'(?:src|href)="(?!data:)', html)
@@ -51,6 +54,7 @@ def test_the_page_needs_nothing_beside_itself() -> None:
     assert html.count("data:image/png;base64,") == 7
 
 
+@pytest.mark.thorough
 def test_the_page_tells_commands_points_and_events() -> None:
     html = page("Title", "wind 0 m/s", [flight()])
     assert "Vehicle 1: FINISHED" in html

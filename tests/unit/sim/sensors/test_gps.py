@@ -126,6 +126,7 @@ def test_it_says_which_kind_of_solution_it_has(receiver: str, fix_type: int) -> 
     assert solution(gps(receiver=receiver)).fix_type == fix_type
 
 
+@pytest.mark.thorough
 def test_within_a_minute_a_single_band_receiver_is_wrong_by_much_the_same() -> None:
     changes = []
     for seed in range(100):

@@ -96,6 +96,7 @@ def real(tmp_path: Path) -> Iterator[Rig]:
     rig.camera.close()
 
 
+@pytest.mark.thorough
 def test_a_picture_lies_on_the_card_with_what_the_vehicle_believes(
     real: Rig, tmp_path: Path
 ) -> None:

@@ -38,6 +38,7 @@ def all_growth(films: JsbsimRecorder) -> int:
     return size + films.film_growth().size_bytes
 
 
+@pytest.mark.thorough
 def test_a_film_is_a_file_that_holds_every_frame_when_time_waits(tmp_path: Path) -> None:
     films = recorder(tmp_path, Simulation(SimulationConfig()))
     (name,) = films.begin_film(exposure(), 5.0)
@@ -51,6 +52,7 @@ def test_a_film_is_a_file_that_holds_every_frame_when_time_waits(tmp_path: Path)
     films.close()
 
 
+@pytest.mark.thorough
 def test_in_real_time_the_film_stands_still_where_frames_are_left_out(tmp_path: Path) -> None:
     films = recorder(tmp_path, Simulation(SimulationConfig()), in_step=False)
     (name,) = films.begin_film(exposure(), 5.0)

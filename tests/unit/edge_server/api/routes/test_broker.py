@@ -15,6 +15,7 @@ from tests.unit.edge_server.documents import mission, mission_report, plan
 pytestmark = BOTH_ENGINES
 
 
+@pytest.mark.first_case
 def test_work_is_handed_out_in_the_order_of_posting(edge: Edge) -> None:
     for number in (3, 1, 2):
         edge.post_plan(plan(mission(number)))
@@ -41,6 +42,7 @@ def test_a_cursor_gives_later_work(edge: Edge) -> None:
     assert third == {"cursor": second["cursor"], "commands": []}
 
 
+@pytest.mark.first_case
 def test_a_restarted_broker_gets_all_unfinished_work_again(edge: Edge) -> None:
     for number in (1, 2, 3):
         edge.post_plan(plan(mission(number)))
@@ -64,6 +66,7 @@ def test_a_cursor_from_a_lost_database_begins_again(edge: Edge) -> None:
     assert answer["cursor"] == answer["commands"][0]["id"]
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("status", ["accepted", "refused"])
 def test_acknowledging_twice_changes_nothing(edge: Edge, status: str) -> None:
     edge.post_plan(plan())
@@ -75,6 +78,7 @@ def test_acknowledging_twice_changes_nothing(edge: Edge, status: str) -> None:
     assert edge.get("/plans/") == shown
 
 
+@pytest.mark.first_case
 def test_a_refused_mission_fails_with_the_reason_and_is_reported(edge: Edge) -> None:
     edge.post_plan(plan(mission(1), mission(2, 2)))
     edge.acknowledge(edge.work()[0]["id"], "refused", "no gimbal")
@@ -102,6 +106,7 @@ def test_what_has_ended_is_not_accepted(edge: Edge) -> None:
     assert edge.acknowledge(item["id"], "refused").status_code == 409
 
 
+@pytest.mark.first_case
 def test_a_report_of_changes_alone_is_handed_out_with_all_commands(edge: Edge) -> None:
     """A restarted broker continues from the earlier reports."""
     edge.post_plan(plan())
@@ -151,6 +156,7 @@ def test_a_state_vector_request_is_work_for_ten_seconds(edge: Edge) -> None:
     assert edge.work() == []
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("status", ["done", "refused"])
 def test_an_answered_request_is_over(edge: Edge, status: str) -> None:
     edge.post("/latest_state_vector", {"sequence_number": 3, "vehicle_id": 1}, "farmer")
@@ -161,6 +167,7 @@ def test_an_answered_request_is_over(edge: Edge, status: str) -> None:
     assert edge.work() == []
 
 
+@pytest.mark.first_case
 def test_an_accepted_request_expires_all_the_same(edge: Edge) -> None:
     edge.post("/latest_state_vector", {"sequence_number": 3}, "farmer")
     edge.acknowledge(edge.work()[0]["id"], "accepted")
@@ -173,6 +180,7 @@ def test_a_request_for_an_unknown_vehicle_is_not_found(edge: Edge) -> None:
     assert edge.post("/latest_state_vector/", body, "operator").status_code == 404
 
 
+@pytest.mark.first_case
 def test_requests_are_bounded(edge: Edge) -> None:
     for number in range(broker_work.REQUEST_LIMIT):
         body = {"sequence_number": number}
@@ -198,6 +206,7 @@ def test_a_waiting_broker_is_woken_by_a_plan(edge: Edge) -> None:
     assert len(answers[0]["commands"]) == 1
 
 
+@pytest.mark.first_case
 def test_a_wait_ends_when_the_server_stops(edge: Edge) -> None:
     thread = threading.Thread(target=broker_work.poll, args=(edge.context, 0, 25.0))
     thread.start()
@@ -206,12 +215,14 @@ def test_a_wait_ends_when_the_server_stops(edge: Edge) -> None:
     assert not thread.is_alive()
 
 
+@pytest.mark.first_case
 def test_a_wait_without_work_ends_in_time(edge: Edge) -> None:
     begun = time.monotonic()
     assert edge.get("/broker/commands?wait=0.05", "broker")["commands"] == []
     assert time.monotonic() - begun >= 0.05
 
 
+@pytest.mark.first_case
 def test_only_so_many_may_wait(edge: Edge) -> None:
     for _ in range(WAITING_LIMIT):
         assert edge.context.places_to_wait.acquire(blocking=False)
@@ -222,6 +233,7 @@ def test_only_so_many_may_wait(edge: Edge) -> None:
     assert edge.work() == []
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("query", ["wait=26", "wait=-1", "wait=nan", "wait=inf", "after=x"])
 def test_a_bad_poll_is_refused(edge: Edge, query: str) -> None:
     assert edge.ask("GET", f"/broker/commands?{query}", "broker").status_code == 422

@@ -82,6 +82,7 @@ def test_a_mission_report_moves_the_mission(edge: Edge) -> None:
     assert shown["missions"][0]["mission_status_id"] == 2
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     "body",
     [[], {}, {"records": {}}, {"records": []}, {"records": [{}] * 501}, {"records": [{}], "x": 1}],
@@ -106,6 +107,7 @@ json_values = st.recursive(
 )
 
 
+@pytest.mark.thorough
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.lists(json_values, min_size=1, max_size=4))
 def test_whatever_comes_each_entry_has_its_answer(edge: Edge, records: list[Any]) -> None:

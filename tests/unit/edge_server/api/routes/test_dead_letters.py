@@ -52,6 +52,7 @@ def test_a_dead_letter_is_shown_with_its_reason(edge: Edge) -> None:
     assert letter["report"] == stored
 
 
+@pytest.mark.first_case
 def test_pictures_are_listed_without_their_frame(edge: Edge) -> None:
     stored = rejected(edge, "image")
     (letter,) = edge.get("/dead_letters/")
@@ -59,6 +60,7 @@ def test_pictures_are_listed_without_their_frame(edge: Edge) -> None:
     assert "frame" in ask(edge, "GET", stored["id"]).json["report"]
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     ("query", "listed"),
     [
@@ -90,6 +92,7 @@ def test_a_retried_letter_is_due_before_later_reports(edge: Edge) -> None:
     assert edge.get("/dead_letters/") == []
 
 
+@pytest.mark.first_case
 def test_a_discarded_letter_is_gone(edge: Edge) -> None:
     stored = rejected(edge)
     assert ask(edge, "DELETE", stored["id"]).status_code == 204
@@ -120,6 +123,7 @@ def ask_all(edge: Edge, query: str = "") -> Any:
     return edge.ask("POST", f"/dead_letters/retry{query}", "operator").json
 
 
+@pytest.mark.first_case
 def test_a_corrected_letter_is_due_as_a_new_message_in_its_old_place(edge: Edge) -> None:
     stored = rejected(edge)
     later = (edge.report("pose", telemetry("pose", 1)).json or {})["id"]
@@ -131,6 +135,7 @@ def test_a_corrected_letter_is_due_as_a_new_message_in_its_old_place(edge: Edge)
     assert due(edge) == [stored["id"], later]
 
 
+@pytest.mark.first_case
 def test_a_correction_that_cannot_be_used_changes_nothing(edge: Edge) -> None:
     stored = rejected(edge)
     before = edge.get("/dead_letters/")
@@ -147,6 +152,7 @@ def test_a_correction_that_cannot_be_used_changes_nothing(edge: Edge) -> None:
     assert answer.status_code == 404
 
 
+@pytest.mark.first_case
 def test_the_export_holds_each_letter_whole_in_a_line(edge: Edge) -> None:
     letters = [rejected(edge, "image"), *(rejected(edge) for _ in range(30))]
     answer = edge.ask("GET", "/dead_letters/export", "operator")
@@ -160,6 +166,7 @@ def test_the_export_holds_each_letter_whole_in_a_line(edge: Edge) -> None:
     assert [json.loads(line)["kind"] for line in only.splitlines()] == ["image"]
 
 
+@pytest.mark.first_case
 def test_a_dead_letter_is_not_corrected_against_what_is_known(edge: Edge) -> None:
     edge.post_plan(plan())
     edge.accept()

@@ -54,11 +54,13 @@ def test_the_document_names_the_roles(document: dict[str, Any]) -> None:
     assert "security" not in document["paths"]["/healthz/"]["get"]
 
 
+@pytest.mark.thorough
 def test_the_example_of_a_plan_is_taken(edge: Edge, document: dict[str, Any]) -> None:
     content = document["paths"]["/plans/"]["post"]["requestBody"]["content"]
     assert edge.post_plan(content["application/json"]["example"]).status_code == 201
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("kind", [kind.value for kind in wire.TELEMETRY])
 def test_an_answer_has_what_the_schema_requires(
     edge: Edge, document: dict[str, Any], kind: str

@@ -117,6 +117,7 @@ def test_the_acknowledged_state_is_shown(edge: Edge, state_sent: str) -> None:
     assert edge.get("/events/1")["message"] == "why"
 
 
+@pytest.mark.thorough
 def test_an_accepted_event_may_take_its_time(edge: Edge) -> None:
     fly(edge)
     send(edge, event(2))
@@ -189,6 +190,7 @@ def test_a_shorter_life_counts_and_a_longer_one_does_not(edge: Edge) -> None:
     assert send(edge, event(expires_at=at(NOON + 999)))["expires_at"] == at(NOON + 10)
 
 
+@pytest.mark.thorough
 @settings(
     max_examples=40,
     deadline=None,
@@ -234,6 +236,7 @@ def test_a_restarted_server_hands_out_nothing_stale(edge: Edge) -> None:
     again.context.database.close()
 
 
+@pytest.mark.thorough
 def test_an_abort_empties_the_queue(edge: Edge) -> None:
     fly(edge, 1)
     edge.post_plan(plan(mission(2)))
@@ -279,6 +282,7 @@ def test_a_flight_that_only_the_vehicle_knows_can_be_aborted(
     assert send(edge)["state"] == "queued"
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     ("body", "field"),
     [
@@ -307,6 +311,7 @@ def test_other_systems_spelling_is_read(edge: Edge) -> None:
     assert "abort" not in send(edge, {"even": old})
 
 
+@pytest.mark.thorough
 def test_a_repeated_event_is_one_event(edge: Edge) -> None:
     fly(edge)
     first: Any = edge.post("/events/", event(), "farmer", key="one").json
@@ -319,6 +324,7 @@ def test_a_repeated_event_is_one_event(edge: Edge) -> None:
     assert edge.post("/events/", event(2), "farmer", key="one").status_code == 422
 
 
+@pytest.mark.thorough
 def test_events_are_bounded(edge: Edge) -> None:
     fly(edge)
     for _ in range(events.EVENT_LIMIT):

@@ -49,6 +49,7 @@ def test_a_field_is_kept_and_shown(edge: Edge) -> None:
     assert edge.get("/fields") == [stored]
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     ("raw", "media_type"),
     [
@@ -67,6 +68,7 @@ def test_a_file_is_taken_as_what_it_is(edge: Edge, raw: bytes, media_type: str) 
     assert (answer.json or {})["boundary"][0] == [40.44, -3.74]
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     "raw",
     [DOCUMENT, zipped(("doc.kml", DOCUMENT)), json.dumps(feature(name="North")).encode()],
@@ -101,6 +103,7 @@ def refusal(edge: Edge, answer: TestResponse, status: int) -> Any:
     return (answer.json or {})["detail"]
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     ("changes", "path"),
     [
@@ -125,6 +128,7 @@ def test_one_bad_part_of_a_file_refuses_all_of_it(edge: Edge) -> None:
     assert "features.1.geometry.type" in refusal(edge, answer, 422)["json"]
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     ("raw", "media_type", "status"),
     [
@@ -209,6 +213,7 @@ def test_two_boundaries_do_not_fit_into_one_field(edge: Edge) -> None:
     assert edge.ask("PUT", "/fields/9", "farmer", json=EXAMPLE).status_code == 404
 
 
+@pytest.mark.thorough
 def test_a_deleted_field_is_gone_and_its_id_is_not_reused(edge: Edge) -> None:
     edge.post("/fields/", EXAMPLE, "operator")
     assert edge.ask("DELETE", "/fields/1", "operator").status_code == 204

@@ -24,6 +24,7 @@ def dispatch(edge: Edge, reference: object) -> Any:
     return edge.ask("POST", f"/plans/{reference}/dispatch", "operator")
 
 
+@pytest.mark.first_case
 def test_a_held_plan_is_shown_and_no_work_for_the_broker(edge: Edge) -> None:
     held = hold(edge)
     assert edge.work() == []
@@ -31,6 +32,7 @@ def test_a_held_plan_is_shown_and_no_work_for_the_broker(edge: Edge) -> None:
     assert edge.get(f"/plans/{held['id']}") == held
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("name", ["id", "plan_id"])
 def test_a_dispatched_plan_is_work_even_for_a_broker_that_has_polled_since(
     edge: Edge, name: str
@@ -47,18 +49,21 @@ def test_a_dispatched_plan_is_work_even_for_a_broker_that_has_polled_since(
     assert given["plan_id"] == held["plan_id"]
 
 
+@pytest.mark.first_case
 def test_dispatching_twice_is_once(edge: Edge) -> None:
     held = hold(edge)
     assert dispatch(edge, held["id"]).json == dispatch(edge, held["id"]).json
     assert len(edge.work()) == 1
 
 
+@pytest.mark.first_case
 def test_a_held_plan_takes_no_place_in_the_queue(edge: Edge) -> None:
     for number in range(edge.config.queue_limit + 1):
         hold(edge, missions=[mission(mission_id=number)])
     assert edge.post_plan(plan(mission(mission_id=99))).status_code == 201
 
 
+@pytest.mark.first_case
 def test_at_dispatch_the_queue_counts(edge: Edge) -> None:
     held = hold(edge)
     assert edge.post_plan(plan()).status_code == 201
@@ -77,6 +82,7 @@ def test_at_dispatch_the_vehicle_must_still_be_there(edge: Edge) -> None:
     assert edge.get(f"/plans/{held['id']}") == held
 
 
+@pytest.mark.first_case
 def test_an_expired_plan_is_not_dispatched(edge: Edge) -> None:
     held = hold(edge)
     edge.clock.pass_s(LIFETIME_S + 1.0)
@@ -87,6 +93,7 @@ def test_an_expired_plan_is_not_dispatched(edge: Edge) -> None:
     assert edge.get(f"/plans/{held['id']}")["plan_status_name"] == "ABORTED"
 
 
+@pytest.mark.first_case
 def test_a_held_plan_can_be_replaced_by_one_to_be_flown(edge: Edge) -> None:
     held = hold(edge)
     answer = edge.ask("PUT", f"/plans/{held['id']}", "operator", json=plan())
@@ -94,6 +101,7 @@ def test_a_held_plan_can_be_replaced_by_one_to_be_flown(edge: Edge) -> None:
     assert len(edge.work()) == 1
 
 
+@pytest.mark.first_case
 def test_a_farmer_may_draft_and_not_fly(edge: Edge) -> None:
     refused = edge.post("/plans/", plan(), "farmer")
     assert refused.status_code == 403
@@ -102,5 +110,6 @@ def test_a_farmer_may_draft_and_not_fly(edge: Edge) -> None:
     assert edge.work() == []
 
 
+@pytest.mark.first_case
 def test_a_plan_that_is_not_there_cannot_be_dispatched(edge: Edge) -> None:
     assert dispatch(edge, 5).status_code == 404

@@ -61,6 +61,7 @@ def test_a_key_expires(edge: Edge) -> None:
     make(edge, "farmer", "another")  # Its name is free again
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     ("body", "field"),
     [
@@ -174,6 +175,7 @@ def test_an_operator_for_one_vehicle_cannot_change_another(edge: Edge) -> None:
     assert status(edge, key, "POST", "/latest_state_vector/", asked | {"vehicle_id": 2}) == 202
 
 
+@pytest.mark.thorough
 def test_lists_leave_out_what_belongs_to_others(edge: Edge) -> None:
     edge.register(3)
     for number in range(9):
@@ -226,6 +228,7 @@ def test_an_unknown_key_has_another_message_than_none(edge: Edge) -> None:
     assert (wrong.json or {})["message"].startswith("unknown key: ")
 
 
+@pytest.mark.first_case
 @BOTH_ENGINES
 def test_two_brokers_may_use_the_same_idempotency_key(edge: Edge) -> None:
     north, south = make(edge, "broker", "north"), make(edge, "broker", "south")

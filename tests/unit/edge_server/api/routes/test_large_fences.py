@@ -22,6 +22,7 @@ def ring(corners: int) -> list[list[float]]:
     return [*east, [40.47, -3.74]]
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     ("fence", "field", "text"),
     [
@@ -41,11 +42,13 @@ def test_a_fence_that_is_too_large_is_refused_by_its_field(
     assert text in str(faults)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("exclusion", [[TRIANGLE] * 64, [ring(1000), ring(1000)]])
 def test_a_fence_of_the_largest_size_is_kept(edge: Edge, exclusion: list[Any]) -> None:
     assert edge.post_plan(plan(geofence={"exclusion": exclusion})).status_code == 201
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("way", ["post", "put", "dispatch"])
 def test_an_alarm_is_taken_while_a_plan_is_judged(
     edge: Edge, monkeypatch: pytest.MonkeyPatch, way: str
@@ -78,6 +81,7 @@ def test_an_alarm_is_taken_while_a_plan_is_judged(
     assert taken == [201, 0]
 
 
+@pytest.mark.thorough
 def test_plans_are_judged_one_at_a_time(edge: Edge, monkeypatch: pytest.MonkeyPatch) -> None:
     """However many are posted at once, half of the interpreter is left to an abort."""
     law = rules.check_fence

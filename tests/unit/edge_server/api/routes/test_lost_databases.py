@@ -46,6 +46,7 @@ def overwrite(table: str) -> Callable[[Path], None]:
     return spoil
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("table", ["plan", "audit_chain", "sqlite_sequence"])
 def test_after_a_damage_plans_and_aborts_are_taken_and_audited(edge: Edge, table: str) -> None:
     edge.post_plan(plan(mission(1)))
@@ -86,6 +87,7 @@ def test_lost_commands_have_the_status_that_was_reported(edge: Edge) -> None:
     started.context.database.close()
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("junk", [b"\x01", b"\xff"])
 def test_one_row_that_cannot_be_read_keeps_no_other_work_from_the_broker(
     edge: Edge, junk: bytes
@@ -137,6 +139,7 @@ def test_lost_counts_of_ids_keep_no_plan_from_being_deleted(edge: Edge) -> None:
     started.context.database.close()
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("table", ["plan", "work"])
 def test_the_end_of_a_mission_that_is_lost_is_forwarded(edge: Edge, table: str) -> None:
     edge.post_plan(plan(mission(1), dispatch=False))
@@ -152,6 +155,7 @@ def test_the_end_of_a_mission_that_is_lost_is_forwarded(edge: Edge, table: str) 
     started.context.database.close()
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), -1.0, 2.0**60])
 def test_marks_that_cannot_be_are_none(edge: Edge, value: float) -> None:
     path = high_water.path_of(edge.config.database_path)

@@ -173,6 +173,7 @@ def test_requests_are_counted_by_route_and_status(edge: Edge) -> None:
     assert value(page, seconds, method="POST", route="/pose/") == 3.0
 
 
+@pytest.mark.thorough
 def test_reports_that_are_not_taken_are_counted(edge: Edge) -> None:
     edge.report("pose", {"sequence_number": -1})
     edge.ask("POST", "/pose/", None, json=telemetry("pose"))

@@ -55,6 +55,7 @@ def test_an_old_report_does_not_end_an_accepted_mission_of_its_number(
     assert status_of(edge, 1) == "FINISHED"
 
 
+@pytest.mark.first_case
 @BOTH_ENGINES
 def test_a_report_names_its_flight(edge: Edge) -> None:
     item = accepted(edge)
@@ -95,6 +96,7 @@ def test_work_that_was_replaced_is_not_reported_on(edge: Edge) -> None:
     assert (status_of(edge, 1), forwarded(edge)) == ("NOT_STARTED", [])
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("end", [3, 4, 5])
 @pytest.mark.parametrize("status_id", [1, 2, 3, 4, 5])
 def test_after_the_end_only_the_end_is_forwarded(edge: Edge, end: int, status_id: int) -> None:
@@ -108,6 +110,7 @@ def test_after_the_end_only_the_end_is_forwarded(edge: Edge, end: int, status_id
         assert list((answer.json or {})["detail"]["json"]) == ["mission_status_id"]
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     ("first", "second", "status"),
     [
@@ -163,6 +166,7 @@ def test_a_mission_that_was_closed_is_reported_once(edge: Edge) -> None:
     assert forwarded(edge) == [5]
 
 
+@pytest.mark.thorough
 def test_a_repeated_post_gets_its_first_answer_whatever_came_since(edge: Edge) -> None:
     accepted(edge)
     running = mission_report(2, 2)
@@ -229,6 +233,7 @@ def refusal(edge: Edge, **names: Any) -> list[str]:
     return list(result["detail"]["json"])
 
 
+@pytest.mark.first_case
 @BOTH_ENGINES
 def test_every_number_of_a_report_fits_one_accepted_mission(edge: Edge) -> None:
     item = accepted(edge)
@@ -295,6 +300,7 @@ def test_a_replacement_is_not_ended_by_what_it_replaces(edge: Edge) -> None:
     assert status_of(edge, 1) == "NOT_STARTED"
 
 
+@pytest.mark.thorough
 def test_a_closed_mission_does_not_end_again(edge: Edge) -> None:
     item = accepted(edge)
     edge.report("mission_report", mission_report(2, 2))
@@ -306,6 +312,7 @@ def test_a_closed_mission_does_not_end_again(edge: Edge) -> None:
     assert forwarded(edge) == [2, 5]
 
 
+@pytest.mark.first_case
 @BOTH_ENGINES
 def test_the_cloud_receives_one_end_however_often_it_is_reported(edge: Edge) -> None:
     item = accepted(edge)
@@ -345,6 +352,7 @@ def correct(edge: Edge, record_id: int, report: dict[str, Any]) -> tuple[int, li
     return answer.status_code, list((answer.json or {}).get("detail", {}).get("json", {}))
 
 
+@pytest.mark.first_case
 @BOTH_ENGINES
 def test_a_correction_is_valid_where_a_report_is(edge: Edge) -> None:
     item = accepted(edge)
@@ -440,6 +448,7 @@ def test_a_report_on_an_unknown_mission_is_not_corrected_behind_a_later_one(edge
     assert forwarded(edge) == [2, 2, 4]
 
 
+@pytest.mark.thorough
 def test_the_last_report_on_an_unknown_mission_may_be_corrected_to_its_end(edge: Edge) -> None:
     edge.report("mission_report", mission_report(2, mission_id=77))
     edge.report("mission_report", mission_report(2, mission_id=78))

@@ -96,6 +96,7 @@ def test_the_fence_of_a_file_is_kept_and_the_rest_is_a_warning(edge: Edge) -> No
     assert set((answer.json or {})["detail"]["json"]) == {"mission.items.0", "mission.items.1"}
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     ("query", "name"),
     [
@@ -144,6 +145,7 @@ def test_a_mission_that_cannot_be_flown_is_refused(
     assert path in refused(edge, send(edge, document, query), 422)["json"]
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     ("raw", "media_type", "status"),
     [
@@ -220,6 +222,7 @@ def test_the_contracts_example_is_taken(edge: Edge) -> None:
 EMPTY_SURVEY = {"type": "ComplexItem", "complexItemType": "survey"}
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     ("document", "path"),
     [

@@ -50,6 +50,7 @@ def test_a_bare_mission_is_a_plan_of_one_mission(edge: Edge) -> None:
     assert answer.json["missions"][0]["mission_id"] == 1201
 
 
+@pytest.mark.first_case
 @BOTH_ENGINES
 def test_reports_move_the_plan_live(edge: Edge) -> None:
     identifier = (edge.post_plan(plan()).json or {})["id"]
@@ -122,6 +123,7 @@ def test_a_plan_id_is_taken_once(edge: Edge) -> None:
     assert edge.post_plan(plan(plan_id=ULID)).status_code == 409
 
 
+@pytest.mark.first_case
 @BOTH_ENGINES
 def test_a_vehicles_queue_is_bounded_and_all_or_nothing(edge: Edge) -> None:
     for number in range(8):
@@ -170,6 +172,7 @@ def test_a_finished_plan_can_be_deleted(edge: Edge) -> None:
     assert edge.ask("DELETE", path, "admin").status_code == 204
 
 
+@pytest.mark.first_case
 @BOTH_ENGINES
 def test_an_expired_mission_is_aborted_and_reported_to_the_cloud(edge: Edge) -> None:
     edge.post_plan(plan())
@@ -208,6 +211,7 @@ def test_warnings_are_answered_and_the_plan_is_stored(edge: Edge) -> None:
     assert warning["path"] == "missions.0.command_array"
 
 
+@pytest.mark.thorough
 def test_annex_hold_times_reach_the_broker_in_seconds_and_the_reader_as_posted(edge: Edge) -> None:
     flight = mission(command_array=[takeoff(), waypoint(hold_time=2), home()])
     stored = edge.post_plan(plan(flight, profile="annex")).json or {}
@@ -268,6 +272,7 @@ def test_an_empty_mission_has_afarclouds_code(edge: Edge) -> None:
     ]
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("raw", [b"{", b"", b"\xff\xfe", b"[" * 100_000, b'{"a": 1} x'])
 def test_broken_json_is_a_400(edge: Edge, raw: bytes) -> None:
     headers = {"Content-Type": "application/json"}

@@ -37,12 +37,14 @@ def test_a_dispatched_survey_is_work_for_the_broker(edge: Edge) -> None:
     assert sorted(item["vehicle_id"] for item in edge.work()) == [1, 2]
 
 
+@pytest.mark.thorough
 def test_all_plans_or_none(edge: Edge) -> None:
     answer = ask(edge, dispatch=True, most_commands=12, endurance=3600)
     assert answer.status_code == 409  # More flights than a vehicle's queue takes
     assert edge.get("/plans/") == []
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("query", ["", "?preview=true"])
 def test_a_survey_has_no_mission_id_beyond_the_largest(edge: Edge, query: str) -> None:
     answer = ask(edge, query, first_mission_id=INT32_MAX)
@@ -98,6 +100,7 @@ def test_a_field_that_is_kept_is_covered_like_its_boundary(edge: Edge) -> None:
     assert {plan["field_id"] for plan in edge.get("/plans/")} == {1}
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     ("order", "path"),
     [
@@ -116,6 +119,7 @@ def test_a_survey_has_one_field(edge: Edge, order: dict[str, Any], path: str) ->
     assert path in (answer.json or {})["detail"]["json"]
 
 
+@pytest.mark.thorough
 def test_a_repeated_survey_of_a_field_that_has_changed_is_another_one(edge: Edge) -> None:
     edge.post("/fields/", {"boundary": EXAMPLE["boundary"]}, "operator")
     order = without_boundary(field_id=1)
@@ -126,6 +130,7 @@ def test_a_repeated_survey_of_a_field_that_has_changed_is_another_one(edge: Edge
     assert edge.post("/surveys/", order, "operator", key="one").status_code == 422
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     ("changes", "field"),
     [

@@ -13,6 +13,7 @@ KINDS = list(TELEMETRY)
 PLURALS = {"battery": "batteries"}
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_report_is_kept_and_due(edge: Edge, kind: str) -> None:
     answer = edge.report(kind, {kind: telemetry(kind)})
@@ -25,6 +26,7 @@ def test_a_report_is_kept_and_due(edge: Edge, kind: str) -> None:
     assert edge.count("outbox") == 1
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("slash", ["", "/"])
 def test_singular_and_plural_with_and_without_slash(edge: Edge, kind: str, slash: str) -> None:
@@ -44,6 +46,7 @@ def test_a_record_of_one_kind_is_not_found_under_another(edge: Edge) -> None:
     assert edge.ask("GET", f"/battery/{identifier}", "operator").status_code == 404
 
 
+@pytest.mark.first_case
 @BOTH_ENGINES
 def test_a_repeated_report_under_its_key_is_stored_once(edge: Edge) -> None:
     first = edge.report("pose", telemetry("pose"), key="01K9Z4T1W8F6Q2M3N5P7R9S0VX")
@@ -52,6 +55,7 @@ def test_a_repeated_report_under_its_key_is_stored_once(edge: Edge) -> None:
     assert (edge.count("telemetry"), edge.count("outbox")) == (1, 1)
 
 
+@pytest.mark.first_case
 @BOTH_ENGINES
 def test_a_repeated_report_is_known_after_its_delivery(edge: Edge) -> None:
     first = edge.report("pose", telemetry("pose"), key="one")
@@ -62,6 +66,7 @@ def test_a_repeated_report_is_known_after_its_delivery(edge: Edge) -> None:
     assert edge.count("telemetry") == 0
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("kind", ["pose", "battery"])
 def test_a_key_used_for_something_else_is_refused(edge: Edge, kind: str) -> None:
     edge.report("pose", telemetry("pose"), key="one")
@@ -70,12 +75,14 @@ def test_a_key_used_for_something_else_is_refused(edge: Edge, kind: str) -> None
     assert edge.count("telemetry") == 1
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("key", ["x" * 65, "with space", "\xe9"])
 def test_a_key_of_another_shape_is_refused(edge: Edge, key: str) -> None:
     assert edge.report("pose", telemetry("pose"), key=key).status_code == 422
     assert edge.count("telemetry") == 0
 
 
+@pytest.mark.first_case
 @BOTH_ENGINES
 def test_a_list_is_cut_into_pages_in_order(edge: Edge) -> None:
     for number in range(5):
@@ -86,6 +93,7 @@ def test_a_list_is_cut_into_pages_in_order(edge: Edge) -> None:
     assert [item["sequence_number"] for item in edge.get("/pose/?vehicle_id=2")] == [1, 3]
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     "query", ["limit=0", "limit=1001", "limit=x", "limit=1e2", "after=-1", "vehicle_id=0"]
 )
@@ -112,6 +120,7 @@ def test_a_picture_of_a_mebibyte_fits_and_a_bigger_body_does_not(edge: Edge) -> 
     assert edge.report("image", body | {"x": "y" * 300_000}).status_code == 413
 
 
+@pytest.mark.first_case
 @BOTH_ENGINES
 def test_a_corrected_report_is_a_new_message_to_the_cloud(edge: Edge) -> None:
     stored = edge.report("pose", telemetry("pose")).json or {}
@@ -130,6 +139,7 @@ def test_a_report_cannot_change_its_vehicle(edge: Edge) -> None:
     assert edge.get(path) == stored
 
 
+@pytest.mark.first_case
 @BOTH_ENGINES
 def test_a_deleted_report_is_not_due_any_more(edge: Edge) -> None:
     stored = edge.report("pose", telemetry("pose")).json or {}
@@ -138,6 +148,7 @@ def test_a_deleted_report_is_not_due_any_more(edge: Edge) -> None:
     assert edge.ask("DELETE", f"/pose/{stored['id']}", "admin").status_code == 404
 
 
+@pytest.mark.first_case
 @BOTH_ENGINES
 def test_ids_are_never_used_again(edge: Edge) -> None:
     first = (edge.report("pose", telemetry("pose")).json or {})["id"]
@@ -145,6 +156,7 @@ def test_ids_are_never_used_again(edge: Edge) -> None:
     assert (edge.report("pose", telemetry("pose")).json or {})["id"] > first
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_bad_report_is_refused_and_nothing_is_stored(edge: Edge, kind: str) -> None:
     answer = edge.report(kind, telemetry(kind) | {"vehicle_id": 0, "surprise": 1})

@@ -47,6 +47,7 @@ def refusal(edge: Edge, document: dict[str, Any]) -> dict[str, list[str]]:
     return faults
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     ("document", "path", "text"),
     [
@@ -92,6 +93,7 @@ def test_a_plan_that_no_vehicle_can_fly_is_refused_by_its_field(
     assert text in str(faults)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("height_m", [-50.0, 0.0])
 def test_a_landing_on_the_hillside_below_home_is_taken(edge: Edge, height_m: float) -> None:
     assert edge.post_plan(plan(landing(height_m))).status_code == 201

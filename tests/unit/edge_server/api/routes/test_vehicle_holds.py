@@ -61,6 +61,7 @@ def test_no_work_of_a_held_vehicle_is_published(edge: Edge) -> None:
     assert edge.get("/vehicles/2")["held"] is None
 
 
+@pytest.mark.thorough
 def test_a_plan_for_a_held_vehicle_is_stored_with_the_reason_it_waits(edge: Edge) -> None:
     fail(edge)
     answer = edge.post_plan(plan(mission(2)))
@@ -84,6 +85,7 @@ def test_a_mission_that_a_broker_has_read_already_may_not_be_flown(edge: Edge) -
     assert (shown["dispatch_state"], shown["mission_status_name"]) == ("queued", "NOT_STARTED")
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("status", [2, 3, 5])
 def test_a_report_does_not_begin_what_waits_for_the_release(edge: Edge, status: int) -> None:
     edge.post_plan(plan(mission(2)))
@@ -98,6 +100,7 @@ def test_a_report_does_not_begin_what_waits_for_the_release(edge: Edge, status: 
     assert edge.work() == []
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("status", ["accepted", "refused"])
 def test_work_of_a_held_plan_is_not_acknowledged(edge: Edge, status: str) -> None:
     stored = edge.post_plan(plan(mission(1), dispatch=False)).json or {}
@@ -106,6 +109,7 @@ def test_work_of_a_held_plan_is_not_acknowledged(edge: Edge, status: str) -> Non
     assert (shown["dispatch_state"], shown["mission_status_name"]) == ("held", "NOT_STARTED")
 
 
+@pytest.mark.first_case
 @BOTH_ENGINES
 def test_a_released_vehicle_flies_what_waited_in_its_old_order(edge: Edge) -> None:
     edge.post_plan(plan(mission(2), mission(20, 2)))
@@ -132,6 +136,7 @@ def test_releasing_twice_is_releasing_once(edge: Edge) -> None:
     assert "propeller changed" in line
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     ("role", "status"),
     [("operator", 200), ("admin", 200), ("farmer", 403), ("cloud", 403), ("broker", 403)],
@@ -142,6 +147,7 @@ def test_only_operators_and_admins_release(edge: Edge, role: str, status: int) -
     assert (edge.get("/vehicles/1")["held"] is None) == (status == 200)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("body", [{}, {"reason": ""}, {"reason": 5}, {"reason": "x", "y": 1}])
 def test_a_release_needs_a_reason(edge: Edge, body: dict[str, Any]) -> None:
     fail(edge)
@@ -162,6 +168,7 @@ def test_an_alarm_on_the_mission_holds_at_once(edge: Edge) -> None:
     assert [item["mission"]["mission_id"] for item in edge.work()] == [1]
 
 
+@pytest.mark.first_case
 @BOTH_ENGINES
 def test_an_alarm_in_bulk_holds_too(edge: Edge) -> None:
     fly(edge)
@@ -176,6 +183,7 @@ def test_an_alarm_about_no_mission_holds_nothing(edge: Edge) -> None:
     assert edge.get("/vehicles/1")["held"] is None
 
 
+@pytest.mark.thorough
 def test_a_refusal_before_take_off_holds_nothing(edge: Edge) -> None:
     edge.post_plan(plan(mission(1)))
     edge.acknowledge(edge.work()[0]["id"], "accepted")
@@ -184,6 +192,7 @@ def test_a_refusal_before_take_off_holds_nothing(edge: Edge) -> None:
     assert edge.get("/vehicles/1")["held"] is None
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(("status", "last"), [(3, 3), (5, 5)])
 def test_a_mission_that_ends_as_ordered_holds_nothing(edge: Edge, status: int, last: int) -> None:
     fly(edge)
@@ -267,6 +276,7 @@ def is_held(edge: Edge, vehicle_id: int = 1) -> bool:
     return edge.get(f"/vehicles/{vehicle_id}")["held"] is not None
 
 
+@pytest.mark.thorough
 def test_a_flight_that_ends_by_a_fault_holds_its_vehicle_once(edge: Edge) -> None:
     for vehicle_id, records in enumerate(ENDED_BY_FAULT, start=1):
         edge.register(vehicle_id)
@@ -279,6 +289,7 @@ def test_a_flight_that_ends_by_a_fault_holds_its_vehicle_once(edge: Edge) -> Non
         assert not is_held(edge, vehicle_id), records
 
 
+@pytest.mark.thorough
 def test_a_batch_with_the_end_of_a_flight_by_a_fault_holds_too(edge: Edge) -> None:
     batch = []
     for vehicle_id, records in enumerate(ENDED_BY_FAULT, start=1):
@@ -298,6 +309,7 @@ def test_a_mission_that_flew_and_is_refused_then_holds(edge: Edge) -> None:
         assert edge.get(f"/vehicles/{vehicle_id}")["held"]["reason"] == FAULT
 
 
+@pytest.mark.first_case
 @BOTH_ENGINES
 def test_evidence_of_the_flight_may_come_after_its_end(edge: Edge) -> None:
     accept(edge)
@@ -311,6 +323,7 @@ def test_evidence_of_the_flight_may_come_after_its_end(edge: Edge) -> None:
     assert edge.get("/vehicles/1")["held"]["reason"] == FAULT
 
 
+@pytest.mark.thorough
 def test_a_report_that_comes_too_late_is_evidence_all_the_same(edge: Edge) -> None:
     accept(edge)
     send(edge, statement(4, 4, 5, 5))

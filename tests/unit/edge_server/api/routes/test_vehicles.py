@@ -52,6 +52,7 @@ def test_a_vehicle_shows_the_age_of_its_position(edge: Edge) -> None:
     assert known.items() <= edge.get("/vehicles/1").items()
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     ("change", "field"),
     [
@@ -72,6 +73,7 @@ def test_a_bad_state_is_refused_by_field(edge: Edge, change: dict[str, object], 
     assert edge.ask("GET", "/vehicles/9", "operator").status_code == 404
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("identifier", [0, 2**31])
 def test_a_vehicle_id_out_of_range_is_refused(edge: Edge, identifier: int) -> None:
     answer = edge.ask("PUT", f"/vehicles/{identifier}", "broker", json=STATE)

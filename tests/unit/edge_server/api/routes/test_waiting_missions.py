@@ -68,6 +68,7 @@ def test_a_mission_of_a_broker_that_does_not_come_back_is_closed(edge: Edge) -> 
     assert late.status_code == 409
 
 
+@pytest.mark.thorough
 def test_the_end_after_the_largest_sequence_number_is_valid(edge: Edge) -> None:
     identifier = flying(edge, mission(1))
     last = mission_report(2, 2, mission_id=1, sequence_number=INT32_MAX)
@@ -98,6 +99,7 @@ REPORTS = (
 )
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(("method", "path", "body"), [POLL, *REPORTS])
 def test_every_request_of_the_broker_keeps_its_mission(
     edge: Edge, method: str, path: str, body: dict[str, Any] | None
@@ -155,6 +157,7 @@ def test_closing_twice_is_closing_once_and_audited(edge: Edge) -> None:
     assert len(edge.get("/mission_report/")) == 1
 
 
+@pytest.mark.thorough
 def test_what_waits_in_the_queue_is_not_closed(edge: Edge) -> None:
     edge.post_plan(plan(mission(1)))
     edge.clock.pass_s(400.0)
@@ -162,12 +165,14 @@ def test_what_waits_in_the_queue_is_not_closed(edge: Edge) -> None:
     assert statuses(edge, 1) == ["NOT_STARTED"]
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("body", [{}, {"reason": ""}, {"reason": "x", "vehicle_id": 0}])
 def test_a_close_needs_a_reason(edge: Edge, body: dict[str, Any]) -> None:
     flying(edge, mission(1))
     assert edge.post("/plans/1/close", body, "operator").status_code == 422
 
 
+@pytest.mark.first_case
 @BOTH_ENGINES
 def test_two_dispatched_surveys_within_a_second_do_not_collide(edge: Edge) -> None:
     short = EXAMPLE | {"dispatch": True, "most_commands": 700, "endurance": 3600}
@@ -178,6 +183,7 @@ def test_two_dispatched_surveys_within_a_second_do_not_collide(edge: Edge) -> No
     assert len(set(ids)) == len(ids) >= 2
 
 
+@pytest.mark.thorough
 def test_held_surveys_do_not_collide_when_they_are_dispatched(edge: Edge) -> None:
     short = EXAMPLE | {"most_commands": 700, "endurance": 3600}
     for _ in range(2):
@@ -199,6 +205,7 @@ def test_a_survey_that_names_its_ids_keeps_them(edge: Edge) -> None:
     assert edge.post("/surveys/", named, "operator").status_code == 409
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("ahead_s", [120.0, 2 * HOURS_S, 365 * 24 * HOURS_S])
 def test_a_plan_that_came_while_the_clock_was_ahead_lives_no_longer(
     edge: Edge, ahead_s: float

@@ -85,6 +85,7 @@ def test_a_failed_transaction_leaves_nothing(database: Database) -> None:
         assert connection.execute(text("SELECT count(*) FROM vehicle")).scalar_one() == 0
 
 
+@pytest.mark.first_case
 @BOTH_ENGINES
 def test_what_one_writer_read_under_a_lock_no_other_writer_changes(database: Database) -> None:
     with database.write() as connection:
@@ -113,6 +114,7 @@ def test_a_lock_is_free_again_when_its_transaction_ends(database: Database) -> N
                 pass  # Another lock is another's
 
 
+@pytest.mark.thorough
 @ON_POSTGRESQL
 def test_writers_that_wait_for_each_other_are_told_apart(database: Database) -> None:
     """One of them is beaten and may try again; neither waits for ever."""
@@ -195,6 +197,7 @@ def test_a_notice_reaches_who_listens_and_comes_after_what_it_tells_of(
     other.close()
 
 
+@pytest.mark.thorough
 @ON_POSTGRESQL
 def test_who_listens_hears_again_after_the_server_was_away(
     database: Database, database_url: str, postgres: PostgresServer

@@ -85,6 +85,7 @@ def test_a_failure_alone_leaves_nothing(database: Database) -> None:
     assert database.write_together(put(1)) == 1
 
 
+@pytest.mark.thorough
 def test_more_writers_than_a_group_takes_are_all_answered(database: Database) -> None:
     """Behind a group that fails comes another one, with the rest."""
     number = 3 * 64 + 5

@@ -34,6 +34,7 @@ def test_a_backup_holds_what_was_acknowledged(edge: Edge, tmp_path: Path) -> Non
     assert poses_in(copy) == 1
 
 
+@pytest.mark.thorough
 def test_a_large_backup_ends_though_reports_come_in_all_the_time(
     edge: Edge, tmp_path: Path
 ) -> None:

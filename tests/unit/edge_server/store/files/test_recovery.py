@@ -106,6 +106,7 @@ def overwrite(page: int, junk: bytes) -> Callable[[bytearray], None]:
     return change
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("place", [0.0, 0.3, 0.99])
 def test_telegraf18528_a_page_of_records_is_lost_and_the_others_are_saved(
     path: Path, originals: Payloads, place: float
@@ -329,6 +330,7 @@ def kept(path: Path, query: str) -> list[tuple[object, ...]]:
         return connection.execute(query).fetchall()
 
 
+@pytest.mark.first_case
 @pytest.mark.usefixtures("originals")
 @pytest.mark.parametrize("table", ["plan", "work"])
 def test_rows_below_a_page_that_is_lost_are_saved_of_other_tables_too(

@@ -79,6 +79,7 @@ def test_what_is_not_there_is_not_found() -> None:
     server.server_close()
 
 
+@pytest.mark.thorough
 def test_who_comes_while_the_process_starts_is_kept_waiting(tmp_path: Path) -> None:
     port = listening()
     viewer = Viewer(port.getsockname()[1], "/snapshot.jpg")
@@ -101,6 +102,7 @@ def test_who_comes_while_the_process_starts_is_kept_waiting(tmp_path: Path) -> N
     port.close()
 
 
+@pytest.mark.thorough
 def test_a_viewer_who_takes_no_frames_is_let_go() -> None:
     screen = Screen()
     server = serve(screen, listening(), patience_s=0.2)
@@ -131,6 +133,7 @@ def test_more_viewers_than_are_served_are_told_so() -> None:
     server.server_close()
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("path", ["/stream", "/snapshot.jpg"])
 def test_nobody_looks_any_more_when_the_viewer_has_gone(path: str) -> None:
     screen = Screen()

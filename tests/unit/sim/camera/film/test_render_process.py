@@ -31,6 +31,7 @@ def all_of(render_process: RenderProcess, count: int) -> list[Rendered]:
     return ended
 
 
+@pytest.mark.thorough
 def test_orders_end_in_their_sequence_while_nobody_waits(
     render_process: RenderProcess, tmp_path: Path
 ) -> None:
@@ -57,6 +58,7 @@ def test_what_cannot_be_written_is_said_and_the_next_goes_on(
     assert not good.error
 
 
+@pytest.mark.thorough
 def test_a_process_that_dies_loses_its_pictures_and_is_started_again(tmp_path: Path) -> None:
     pids = tmp_path / "pids"
     script = (
@@ -81,6 +83,7 @@ def test_a_process_that_dies_loses_its_pictures_and_is_started_again(tmp_path: P
         render_process.close()
 
 
+@pytest.mark.thorough
 def test_the_process_ends_in_peace_when_its_vehicle_is_killed(tmp_path: Path) -> None:
     process = subprocess.Popen(
         [sys.executable, "-m", "sim.camera"],

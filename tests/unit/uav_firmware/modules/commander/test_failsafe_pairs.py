@@ -233,6 +233,7 @@ def test_no_stronger_action_is_flown_than_the_demanded_one(first: Cause) -> None
             assert flight.mode is State.AUTO_RTL
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("overridden", list(RAISE), ids=lambda cause: cause.name)
 def test_an_override_of_one_cause_is_none_of_the_next(overridden: Cause) -> None:
     for later in RAISE:

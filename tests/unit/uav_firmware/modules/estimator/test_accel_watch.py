@@ -69,6 +69,7 @@ def test_a_receiver_whose_vertical_velocity_steps_is_no_bad_accelerometer() -> N
     assert core.accel_jump_us is None
 
 
+@pytest.mark.thorough
 @given(roll=st.floats(-0.5, 0.5), pitch=st.floats(-0.5, 0.5), yaw=st.floats(-3.0, 3.0))
 def test_the_covariance_of_a_jump_is_what_the_filter_would_have_made_of_it(
     roll: float, pitch: float, yaw: float
@@ -89,6 +90,7 @@ def test_the_covariance_of_a_jump_is_what_the_filter_would_have_made_of_it(
     assert got == pytest.approx(expected, rel=0.05, abs=1e-3 * sigma**2)
 
 
+@pytest.mark.thorough
 @given(pace=st.floats(1.5, 50.0), sign=st.sampled_from([-1.0, 1.0]), ripple=st.floats(0.0, 1.0))
 def test_what_leaps_and_goes_on_growing_is_a_drift(pace: float, sign: float, ripple: float) -> None:
     """Also where every other step of the ramp is no leap by itself."""

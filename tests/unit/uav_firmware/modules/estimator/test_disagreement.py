@@ -115,6 +115,7 @@ def good(readings: Readings) -> Readings:
     return readings
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("north_m", [20.0, -100.0])
 def test_a_gps_position_that_jumps_is_stopped_until_it_is_back(north_m: float) -> None:
     trial = Trial().fly_until(JUMP_S)
@@ -131,6 +132,7 @@ def test_a_gps_position_that_jumps_is_stopped_until_it_is_back(north_m: float) -
     assert trial.rig.position.resets.number == before
 
 
+@pytest.mark.thorough
 def test_gps_mode_0_believes_a_position_that_has_jumped_for_long() -> None:
     trial = Trial(EKF2_GPS_MODE=0).fly_until(JUMP_S)
     before = trial.rig.position.resets.number
@@ -145,6 +147,7 @@ def rough(readings: Readings) -> Readings:
     return on_gps(lambda gps: gps._replace(horizontal_accuracy_m=4.0, satellites_used=5))(readings)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(("checks", "used"), [(29, False), (24, True), (25, False), (28, False)])
 def test_a_fix_is_refused_for_what_is_checked_alone(checks: int, *, used: bool) -> None:
     trial = Trial(EKF2_GPS_CHECK=checks).fly_until(JUMP_S)
@@ -160,6 +163,7 @@ def coming_and_going(change: Change, *, bad_s: float, good_s: float) -> Change:
     return changed
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     ("bad_s", "good_s", "found"), [(3.0, 1.5, AidSource.GPS_POSITION), (0.5, 4.0, NONE)]
 )
@@ -174,6 +178,7 @@ def test_a_gps_position_that_comes_and_goes_is_stopped_if_it_is_wrong_often(
     assert trial.stopped == NONE
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("up_m", [8.0, 30.0, -8.0, -30.0])
 def test_a_gps_height_that_jumps_is_stopped_and_moves_no_barometer(up_m: float) -> None:
     trial = Trial().fly_until(JUMP_S)
@@ -185,6 +190,7 @@ def test_a_gps_height_that_jumps_is_stopped_and_moves_no_barometer(up_m: float) 
     assert trial.rig.position.resets.z_count == 0
 
 
+@pytest.mark.thorough
 def test_a_gps_velocity_that_jumps_is_stopped() -> None:
     trial = Trial().fly_until(JUMP_S).spoil(faster(5.0, 0.0, 0.0)).fly_until(40.0)
     assert trial.stopped == AidSource.GPS_VELOCITY
@@ -192,12 +198,14 @@ def test_a_gps_velocity_that_jumps_is_stopped() -> None:
     assert trial.worst_horizontal_m < 1.0
 
 
+@pytest.mark.thorough
 def test_a_barometer_that_jumps_is_stopped() -> None:
     trial = Trial().fly_until(JUMP_S).spoil(higher_baro).fly_until(40.0)
     assert trial.stopped == AidSource.BAROMETER
     assert trial.worst_down_m < 0.8
 
 
+@pytest.mark.thorough
 def test_vertical_velocity_holds_a_height_whose_sources_have_both_failed() -> None:
     trial = Trial().fly_until(JUMP_S)
     trial.spoil(both(frozen_baro(), jump(up_m=30.0))).fly_until(50.0)
@@ -207,6 +215,7 @@ def test_vertical_velocity_holds_a_height_whose_sources_have_both_failed() -> No
     assert trial.rig.position.resets.z_count == 0
 
 
+@pytest.mark.thorough
 def test_what_nothing_holds_is_reset_and_the_step_is_published() -> None:
     trial = Trial().fly_until(JUMP_S)
     trial.spoil(both(frozen_baro(), jump(north_m=50.0, up_m=30.0), faster(6.0, 0.0, 3.0)))
@@ -233,6 +242,7 @@ def test_a_vehicle_that_stands_takes_over_where_gps_says_it_stands() -> None:
     assert trial.stopped == NONE
 
 
+@pytest.mark.thorough
 def test_with_the_barometer_as_reference_gps_height_may_drift_away() -> None:
     def drifting(readings: Readings) -> Readings:
         since_s = readings.truth.time_us * 1e-6 - JUMP_S

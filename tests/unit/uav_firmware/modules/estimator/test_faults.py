@@ -83,6 +83,7 @@ def test_attitude_comes_before_position() -> None:
     assert StatusFlag.CONST_POS_MODE in flags(rig)
 
 
+@pytest.mark.thorough
 def test_all_is_valid_in_flight() -> None:
     rig = Rig()
     last = fly(rig, 20.0)
@@ -117,6 +118,7 @@ def test_a_poor_fix_gives_no_origin() -> None:
     assert rig.world.value is None
 
 
+@pytest.mark.thorough
 def test_gps_loss_is_flown_through() -> None:
     rig = Rig()
     last = fly(rig, 29.9, no_gps, between_s=(20.0, 30.0))
@@ -125,6 +127,7 @@ def test_gps_loss_is_flown_through() -> None:
     assert rig.position.horizontal_accuracy_m > 0.3
 
 
+@pytest.mark.thorough
 def test_a_long_gps_loss_ends_the_validity_of_position_not_of_attitude() -> None:
     rig = Rig()
     last = fly(rig, 60.0, no_gps, between_s=(20.0, INF))
@@ -136,6 +139,7 @@ def test_a_long_gps_loss_ends_the_validity_of_position_not_of_attitude() -> None
     assert np.abs(rig.attitude_error(last.truth)[:2]).max() < math.radians(8.0)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("until_s", [25.0, 45.0])
 def test_gps_back_recovers(until_s: float) -> None:
     rig = Rig()
@@ -154,6 +158,7 @@ def test_a_gps_outlier_is_gated() -> None:
     assert_sound(rig, last)
 
 
+@pytest.mark.thorough
 def test_a_blow_beyond_the_range_of_the_accelerometer_is_found_by_the_next_fixes() -> None:
     """A push of 3 m/s within one sample that reads 16 g: not 5 s of rejected fixes."""
     blow_s, gained_m_s = 20.0, 3.0
@@ -184,6 +189,7 @@ def test_a_blow_beyond_the_range_of_the_accelerometer_is_found_by_the_next_fixes
     assert abs(rig.position_error(last.truth)[0]) == pytest.approx(gained_m_s * 0.6, abs=0.8)
 
 
+@pytest.mark.thorough
 def test_a_receiver_that_repeats_itself_is_not_believed() -> None:
     held: list[SensorGps] = []
 
@@ -200,6 +206,7 @@ def test_a_receiver_that_repeats_itself_is_not_believed() -> None:
     assert not rig.position.position_valid
 
 
+@pytest.mark.thorough
 def test_a_spinning_compass_is_gated_and_heading_kept() -> None:
     def swapped(readings: Readings) -> Readings:
         mag = readings.mag
@@ -225,6 +232,7 @@ def jumped_gyro(*jump_deg_s: float) -> Change:
     return change
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("drag_per_s", [0.0, 0.15, 0.3, 0.45])
 def test_a_jump_of_the_gyroscope_bias_is_followed_and_one_beyond_the_limit_told(
     drag_per_s: float,
@@ -245,6 +253,7 @@ def test_a_jump_of_the_gyroscope_bias_is_followed_and_one_beyond_the_limit_told(
     assert found_deg_s == pytest.approx(jump_deg_s, abs=1.0)
 
 
+@pytest.mark.thorough
 def test_a_frozen_barometer_leaves_the_height_to_gps() -> None:
     held: list[SensorBaro] = []
 
@@ -260,6 +269,7 @@ def test_a_frozen_barometer_leaves_the_height_to_gps() -> None:
     assert abs(rig.position_error(last.truth)[2]) < 0.8
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     "bad",
     [
@@ -300,6 +310,7 @@ def test_absurd_values_do_not_reach_the_state(
     assert_sound(rig, last)
 
 
+@pytest.mark.thorough
 def test_a_dead_imu_is_reported() -> None:
     def dead(readings: Readings) -> Readings:
         return readings._replace(imu=readings.imu._replace(rate_frd=(NAN, NAN, NAN)))
@@ -311,6 +322,7 @@ def test_a_dead_imu_is_reported() -> None:
     assert not rig.position.position_valid
 
 
+@pytest.mark.thorough
 def test_a_fix_from_the_future_or_from_long_ago_is_not_used() -> None:
     for shift_us in (60_000_000, -5_000_000):
 
@@ -363,6 +375,7 @@ def publish(rig: Rig, message: SensorImu | SensorBaro | SensorMag | SensorGps) -
     rig.module.update()
 
 
+@pytest.mark.thorough
 @given(st.lists(messages, max_size=40))
 @settings(max_examples=60, deadline=None)
 def test_no_message_in_any_order_breaks_an_aligned_estimator(
@@ -388,6 +401,7 @@ def test_no_message_in_any_order_breaks_a_fresh_estimator(
         publish(rig, message)
 
 
+@pytest.mark.thorough
 def test_parameters_change_in_flight() -> None:
     rig = Rig()
     for readings in Flight(1).steps(16.0):

@@ -52,6 +52,7 @@ def rms(errors: Array) -> Array:
     return root
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("delay_us", [0, 120_000, 300_000])
 def test_perfect_sensors_give_a_perfect_estimate_however_late_gps_is(delay_us: int) -> None:
     flight = Flight(errors=replace(PERFECT, gps_delay_us=delay_us))
@@ -61,6 +62,7 @@ def test_perfect_sensors_give_a_perfect_estimate_however_late_gps_is(delay_us: i
     assert np.abs(errors[:, 6:]).max() < math.radians(0.05)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("seed", [1, 2, 3, 4])
 def test_honest_sensors_give_a_good_and_honest_estimate(seed: int) -> None:
     errors, sigmas = fly(Flight(seed), Rig(), 45.0)
@@ -72,6 +74,7 @@ def test_honest_sensors_give_a_good_and_honest_estimate(seed: int) -> None:
     assert (np.abs(errors) < 3.0 * sigmas).mean(axis=0).min() > 0.95
 
 
+@pytest.mark.thorough
 def test_claimed_accuracy_is_not_timid() -> None:
     """Claiming ten times the real error would be within 3 sigma as well."""
     squares = []
@@ -83,6 +86,7 @@ def test_claimed_accuracy_is_not_timid() -> None:
     assert (mean < 2.0).all()
 
 
+@pytest.mark.thorough
 def test_innovations_are_as_large_as_expected() -> None:
     flight, rig, ratios = Flight(6), Rig(), []
     for readings in flight.steps(50.0):
@@ -95,6 +99,7 @@ def test_innovations_are_as_large_as_expected() -> None:
     assert np.median(normalised[:, 0]) > 0.2
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("declination_deg", [-4.0, 5.0])
 def test_a_wrong_declination_is_found_in_flight(declination_deg: float) -> None:
     flight = Flight(3, errors=replace(Errors(), declination_deg=declination_deg))
@@ -103,6 +108,7 @@ def test_a_wrong_declination_is_found_in_flight(declination_deg: float) -> None:
     assert (rms(errors)[6:8] < math.radians(0.5)).all()
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("heading", [0.0, 1.5, 3.1, -2.0])
 def test_any_heading_is_found_at_rest(heading: float) -> None:
     rig = Rig()
@@ -115,6 +121,7 @@ def test_any_heading_is_found_at_rest(heading: float) -> None:
     assert math.cos(rig.position.heading - heading) > math.cos(math.radians(1.5))
 
 
+@pytest.mark.thorough
 def test_at_rest_tilt_is_never_known_better_than_the_accelerometer() -> None:
     """However long GPS is watched: tilt and accelerometer bias look the same there."""
     rig = Rig()
@@ -145,6 +152,7 @@ def test_acceleration_is_without_gravity() -> None:
     assert rig.position.acceleration_ned == pytest.approx((0.0, 0.0, 0.0), abs=0.01)
 
 
+@pytest.mark.thorough
 def test_the_same_readings_give_the_same_estimate_to_the_last_bit() -> None:
     positions = []
     for _ in range(2):

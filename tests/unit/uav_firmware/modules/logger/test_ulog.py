@@ -79,6 +79,7 @@ def test_information_is_read_back(text: str, number: int) -> None:
     assert log.msg_info_dict == {"words": text, "count": number}
 
 
+@pytest.mark.thorough
 @given(st.lists(st.lists(WORDS, min_size=1, max_size=3), min_size=1, max_size=3))
 def test_an_information_list_is_read_back(lists: list[list[str]]) -> None:
     parts = [

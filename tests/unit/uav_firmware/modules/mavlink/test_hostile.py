@@ -3,6 +3,7 @@
 import math
 from typing import Any, Final
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -61,6 +62,7 @@ def test_random_bytes_command_nothing(datagrams: list[bytes]) -> None:
     assert harness.commands() == []
 
 
+@pytest.mark.thorough
 @given(st.sampled_from(sorted(HANDLED, key=lambda cls: cls.id)), st.data())
 @settings(max_examples=400)
 def test_any_contents_of_a_handled_message_are_survived(cls: Any, data: st.DataObject) -> None:
@@ -79,6 +81,7 @@ def test_any_contents_of_a_handled_message_are_survived(cls: Any, data: st.DataO
         assert command.command in FORWARDED
 
 
+@pytest.mark.thorough
 @given(
     st.sampled_from(sorted(FORWARDED)), st.lists(st.sampled_from(SPECIAL), min_size=7, max_size=7)
 )

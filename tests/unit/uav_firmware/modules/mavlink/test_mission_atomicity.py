@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -83,6 +84,7 @@ class Scene:
         return len(items), {one.z for one in items}, [one.seq for one in items]
 
 
+@pytest.mark.thorough
 @settings(max_examples=150)
 @given(st.lists(moments, max_size=60))
 def test_the_plan_in_force_comes_from_one_uploader(deeds: list[tuple[int, Any]]) -> None:

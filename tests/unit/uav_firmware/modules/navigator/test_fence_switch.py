@@ -89,6 +89,7 @@ def test_a_fence_switched_off_before_the_flight_stays_off_in_it() -> None:
     assert not is_watched(vehicle)
 
 
+@pytest.mark.thorough
 def test_a_mission_may_disable_the_geofence_for_some_of_its_items() -> None:
     vehicle = ToyVehicle()
     vehicle.registry.set("GF_MAX_HOR_DIST", 20.0)

@@ -49,6 +49,7 @@ def most_calls(items: list[MissionItem], seconds: float, *, speed_change: bool =
     return most
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("speed_change", [False, True])
 def test_no_step_of_a_thousand_items_costs_more_than_one_of_fifty(*, speed_change: bool) -> None:
     short = most_calls(lanes(50), 12.0, speed_change=speed_change)

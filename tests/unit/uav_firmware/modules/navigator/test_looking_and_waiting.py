@@ -199,6 +199,7 @@ def test_during_a_condition_delay_the_vehicle_flies_on() -> None:
     assert vehicle.reached == [0, 1, 2, 3, 4]
 
 
+@pytest.mark.thorough
 def test_a_condition_distance_is_waited_for_during_the_leg() -> None:
     vehicle = flying(
         takeoff(),

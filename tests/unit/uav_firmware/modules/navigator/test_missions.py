@@ -49,6 +49,7 @@ def completed(vehicle: ToyVehicle) -> bool:
     return vehicle.state == MissionState.COMPLETE
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("lag_s", [0.0, 0.3])
 def test_a_square_passes_every_waypoint_and_ends_disarmed_at_home(lag_s: float) -> None:
     vehicle = start(ready(lag_s), *square())
@@ -229,6 +230,7 @@ def test_a_jump_repeats_its_part() -> None:
     assert vehicle.reached == [0, 1, 2, 1, 2, 1, 2]
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("count", [2.0, -1.0])
 def test_a_jump_is_flown_through_and_the_laps_keep_their_speed(count: float) -> None:
     square = ((30.0, 0.0), (30.0, 30.0), (0.0, 30.0), (0.0, 5.0))
@@ -349,6 +351,7 @@ def built(seq: int, kind: tuple[Any, Any, float]) -> MissionItem:
     return item(seq, 93, param1=value)
 
 
+@pytest.mark.thorough
 @settings(deadline=None, max_examples=25)
 @given(st.lists(kinds, min_size=1, max_size=6), st.lists(st.floats(0.5, 20.0), max_size=3))
 def test_any_mission_is_flown_to_its_end_whenever_it_is_paused(

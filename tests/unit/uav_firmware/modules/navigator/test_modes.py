@@ -72,6 +72,7 @@ def test_a_take_off_in_the_air_never_descends() -> None:
     assert vehicle.height == pytest.approx(10.0, abs=0.1)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     "order",
     [
@@ -140,6 +141,7 @@ def test_a_land_command_with_a_place_lands_there() -> None:
     assert math.dist(vehicle.position, (-7, 12, 0)) < 0.1
 
 
+@pytest.mark.thorough
 def test_a_landing_on_ground_lower_than_thought_still_ends_on_the_ground() -> None:
     vehicle = airborne(10.0)
     here = vehicle.position
@@ -149,6 +151,7 @@ def test_a_landing_on_ground_lower_than_thought_still_ends_on_the_ground() -> No
     assert vehicle.height <= 0.0 < -here[2]
 
 
+@pytest.mark.thorough
 def test_return_from_afar_climbs_first_then_flies_then_lands() -> None:
     vehicle = airborne()
     fly_to(vehicle, 60.0, 0.0)
@@ -170,6 +173,7 @@ def test_return_from_close_by_does_not_climb() -> None:
     assert max(-p[2] for p in vehicle.track[before:]) < 5.3
 
 
+@pytest.mark.thorough
 def test_return_can_wait_above_home() -> None:
     vehicle = airborne()
     vehicle.registry.set("RTL_LAND_DELAY", -1.0)

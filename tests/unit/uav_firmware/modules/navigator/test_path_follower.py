@@ -2,6 +2,7 @@
 
 import math
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -38,6 +39,7 @@ def advance(path: PathFollower, steps: int) -> None:
         assert norm(path.state.acceleration) <= 5.0 * 1.2
 
 
+@pytest.mark.thorough
 @settings(deadline=None, max_examples=60)
 @given(orders)
 def test_orders_at_any_moment_never_make_the_set_point_jump(

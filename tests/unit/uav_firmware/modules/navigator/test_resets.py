@@ -67,6 +67,7 @@ def test_a_mission_passes_all_its_waypoints_after_a_reset() -> None:
     assert vehicle.position[:2] == pytest.approx((40.0, 40.0), abs=0.3)
 
 
+@pytest.mark.thorough
 def test_an_orbit_goes_back_to_its_circle_on_the_earth() -> None:
     vehicle = airborne()
     fly_to(vehicle, 10.0, 0.0)

@@ -68,6 +68,7 @@ def shifted(instance: int, *shift: float) -> Spoil:
     return spoil
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("vibration", [0.1, 0.4, 1.3])
 @pytest.mark.parametrize("count", [2, 3])
 def test_ten_minutes_of_honest_noise_fail_nothing(count: int, vibration: float) -> None:

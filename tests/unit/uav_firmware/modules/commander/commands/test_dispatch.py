@@ -67,6 +67,7 @@ def fleet() -> Fleet:
     return Fleet()
 
 
+@pytest.mark.thorough
 @settings(deadline=None, max_examples=300)
 @given(
     command=st.one_of(st.sampled_from(list(Command)), st.integers(0, 65535)),

@@ -246,6 +246,7 @@ def test_return_without_a_position_becomes_a_landing() -> None:
 LINK = [(0, MISSION), (1, HOLD), (2, RETURN), (3, LAND)]
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(("setting", "mode"), LINK)
 def test_a_lost_link_takes_the_action_of_the_parameter(setting: int, mode: NavigationState) -> None:
     vehicle = on_mission(NAV_DLL_ACT=setting)

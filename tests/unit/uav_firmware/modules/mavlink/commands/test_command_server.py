@@ -259,6 +259,7 @@ def test_two_senders_of_a_command_both_get_an_answer() -> None:
     assert results(harness.received("COMMAND_ACK", at=BROKER)) == [DENIED]
 
 
+@pytest.mark.thorough
 @given(
     st.lists(
         st.tuples(

@@ -407,6 +407,7 @@ def test_the_work_of_any_request_is_bounded(harness: FileHarness) -> None:
     assert max(per_tick) <= TOKENS_PER_SECOND * 0.02 + 1
 
 
+@pytest.mark.thorough
 def test_a_large_folder_costs_more_time(harness: FileHarness) -> None:
     for i in range(1000):
         (harness.files / f"{i:04}").write_bytes(b"")

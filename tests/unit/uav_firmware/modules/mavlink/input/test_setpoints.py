@@ -186,6 +186,7 @@ def test_a_refusal_is_reported_once_until_a_set_point_is_accepted() -> None:
     assert reported == [True, False, False, False, True]
 
 
+@pytest.mark.thorough
 @given(
     st.integers(0, 0xFFFF),
     st.integers(0, 255),

@@ -42,6 +42,7 @@ def check_request(command: Any, message_id: int) -> None:
     assert message_id in {type(m).id for m in messages}
 
 
+@pytest.mark.thorough
 def test_every_streamed_message_can_be_requested() -> None:
     message_ids = [stream.message_id for stream in STREAMS]
     cases = itertools.product([command_long, command_int], message_ids)
@@ -130,6 +131,7 @@ def rate(harness: MavlinkHarness, name: str, at: Any = None) -> float:
     return len(harness.received(name, at=at) if at else harness.received(name)) / 10
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     ("interval_us", "expected_hz"),
     [(20_000, 50.0), (1_000_000, 1.0), (-1, 0.0), (0, 15.0), (1, 250.0)],
@@ -161,6 +163,7 @@ def test_the_heartbeat_cannot_be_disabled_or_slowed(interval_us: float) -> None:
     assert requested(MavlinkHarness(), command_long(SET_INTERVAL, 0, interval_us))[0] == DENIED
 
 
+@pytest.mark.thorough
 @given(st.floats(min_value=0.0, width=32, allow_infinity=False))
 def test_every_accepted_interval_can_be_reported(interval_us: float) -> None:
     harness = MavlinkHarness()

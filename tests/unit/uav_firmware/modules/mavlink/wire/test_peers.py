@@ -1,3 +1,5 @@
+import pytest
+
 from tests.unit.uav_firmware.modules.mavlink.harness import (
     BROKER,
     GROUND,
@@ -54,6 +56,7 @@ def listen_to(harness: MavlinkHarness, source: Address, seconds: int) -> None:
     harness.run()
 
 
+@pytest.mark.thorough
 def test_a_discovered_peer_times_out_and_can_return() -> None:
     harness = MavlinkHarness()
     listen_to(harness, UNKNOWN_PEER, 70)
@@ -84,6 +87,7 @@ def test_a_peer_with_one_heartbeat_times_out_after_ten_seconds() -> None:
     assert harness.received(at=UNKNOWN_PEER) == []
 
 
+@pytest.mark.thorough
 def test_the_timeout_grows_with_the_time_a_peer_is_known() -> None:
     harness = MavlinkHarness()
     listen_to(harness, UNKNOWN_PEER, 30)

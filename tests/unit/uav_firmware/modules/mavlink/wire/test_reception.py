@@ -200,6 +200,7 @@ def test_counts_are_published_on_change_only() -> None:
     assert harness.topics.refused_frames.count == published == 1
 
 
+@pytest.mark.thorough
 def test_refused_frames_are_reported_at_most_every_30_seconds() -> None:
     harness = secured()
     reported = []
@@ -299,6 +300,7 @@ def test_after_a_restart_without_a_clock_replays_are_refused() -> None:
     assert is_heard(harness, source=BROKER, signer=signer())
 
 
+@pytest.mark.thorough
 def test_the_time_is_stored_once_a_minute_and_not_without_a_key() -> None:
     storage = CountingStorage()
     now = [WORLD_US]

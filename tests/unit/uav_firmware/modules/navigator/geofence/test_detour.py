@@ -86,6 +86,7 @@ def breaches(vehicle: ToyVehicle, fence: Geofence, begin: int) -> int:
     return sum(not fence.allows((north, east)) for north, east, _ in vehicle.track[begin:])
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("action", [2, 3])
 def test_a_return_goes_round_an_exclusion_and_lands_at_home(action: int) -> None:
     vehicle = airborne()

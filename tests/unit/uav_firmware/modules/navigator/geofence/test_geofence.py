@@ -249,6 +249,7 @@ def fly_out(vehicle: ToyVehicle, north: float, east: float) -> None:
     vehicle.run_until(lambda v: math.dist(v.position[:2], (north, east)) < 0.1, 60.0)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(("north", "destination"), [(50.0, (40.0, 10.0)), (10.0, (0.0, 0.0))])
 def test_a_return_leads_to_the_nearest_of_home_and_rally_points(
     north: float, destination: tuple[float, float]
@@ -283,6 +284,7 @@ def test_a_return_from_a_breach_leads_to_the_return_point_below_the_ceiling() ->
     assert max(-down for _, _, down in vehicle.track[begin:]) < 12.5
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("begin_height_m", [8.0, 14.0, 18.0])
 def test_a_return_keeps_away_from_the_ceiling_also_when_it_begins_above(
     begin_height_m: float,

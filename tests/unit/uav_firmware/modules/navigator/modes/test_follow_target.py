@@ -106,6 +106,7 @@ def lead(
         vehicle.run(1.0)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("angle", [180.0, 0.0, 45.0, -45.0])
 def test_the_place_beside_a_walking_target_is_kept(angle: float) -> None:
     vehicle = airborne()
@@ -132,6 +133,7 @@ def test_a_jump_of_the_reports_does_not_lead_the_vehicle_away() -> None:
     assert math.dist(vehicle.position, before) < 1.5
 
 
+@pytest.mark.thorough
 def test_a_silent_target_is_held_for_and_found_again() -> None:
     vehicle = airborne()
     follow(vehicle)
@@ -154,6 +156,7 @@ def test_a_target_that_tells_only_its_velocity_moves_nothing() -> None:
     assert math.dist(vehicle.position, before) < 0.1
 
 
+@pytest.mark.thorough
 def test_another_source_waits_until_the_first_is_silent() -> None:
     vehicle = airborne()
     assert vehicle.set_mode(8) == ACCEPTED
@@ -188,6 +191,7 @@ def test_do_follow_is_checked(parameters: tuple[float, ...], result: int) -> Non
     assert vehicle.mode is NavigationState.AUTO_LOITER
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     ("altitude_mode", "height", "expected"), [(0.0, NAN, 5.0), (1.0, NAN, 8.0), (2.0, 11.0, 11.0)]
 )
@@ -211,6 +215,7 @@ def test_system_zero_ends_following_with_a_hold() -> None:
     assert math.hypot(*vehicle.velocity) < 0.01
 
 
+@pytest.mark.thorough
 def test_the_set_point_never_jumps_while_following() -> None:
     vehicle = airborne()
     begin = len(vehicle.setpoints)

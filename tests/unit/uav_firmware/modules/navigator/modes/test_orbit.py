@@ -92,6 +92,7 @@ def turned_on_the_circle(vehicle: ToyVehicle) -> float:
     return 0.0 if status is None else status.turned
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("radius", [10.0, -6.0])
 @pytest.mark.parametrize("turns", [0.5, 1.0, 2.25])
 def test_the_commanded_turns_are_flown_and_end_in_hold(radius: float, turns: float) -> None:
@@ -112,6 +113,7 @@ def test_the_commanded_turns_are_flown_and_end_in_hold(radius: float, turns: flo
     assert math.dist(vehicle.position[:2], (20.0, 5.0)) == pytest.approx(abs(radius), abs=0.05)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("heading", list(OrbitHeading))
 def test_each_heading_is_held_on_the_circle(heading: OrbitHeading) -> None:
     vehicle = airborne()
@@ -219,6 +221,7 @@ def on_a_circle_with_sticks(yaw_stick: float, seconds: float, **sticks: float) -
     return vehicle
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("stick", [-1.0, -0.5, 0.5, 1.0])
 def test_a_pilot_turns_the_nose_on_the_circle_by_the_yaw_stick(stick: float) -> None:
     before = on_a_circle_with_sticks(0.0, 2.0).setpoints[-1].yaw
