@@ -151,6 +151,7 @@ def test_a_package_readme_is_short(document: Path) -> None:
         assert len(document.read_text().split()) <= 500
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("page", reference.PAGES)
 def test_a_generated_page_is_what_the_code_says(page: str) -> None:
     assert (ROOT / "docs" / page).read_text() == reference.PAGES[page](), "run make reference"

@@ -65,6 +65,7 @@ def test_there_is_a_fresh_inertial_sample_in_every_step(vehicle: Vehicle) -> Non
         assert vehicle.read_imu().time_us == vehicle.time_us
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     ("read", "kind", "minimum_hz", "maximum_hz"),
     [

@@ -222,6 +222,7 @@ def test_over_a_slow_link_too_a_hundred_of_a_hundred_arrive() -> None:
         assert_transferred(Field(Trouble(delay_s=0.75), 0.2, seed, step_us=20_000), a_plan(10))
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("trouble", TROUBLES, ids=str)
 def test_at_three_tenths_lost_the_outcome_is_definite_and_the_plan_whole(trouble: Trouble) -> None:
     field, plan = Field(trouble, 0.3, seed=3), a_plan(100)

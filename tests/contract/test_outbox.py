@@ -187,6 +187,7 @@ def test_an_unconfirmed_record_is_retried_in_order(station: Station, fault: Faul
     assert {received.path for received in store.seen} == {"/pose", "/alarm"}
 
 
+@pytest.mark.first_case
 def test_an_empty_200_confirms(station: Station) -> None:
     station.cloud.store.always = fake_cloud.empty
     station.ingest("pose", 0)
@@ -292,6 +293,7 @@ def test_alarms_and_reports_overtake_a_backlog(station: Station) -> None:
         assert station.cloud.store.stream(vehicle_id, "pose") == list(range(30))
 
 
+@pytest.mark.first_case
 def test_what_is_corrected_or_deleted_while_it_waits_is_sent_so(station: Station) -> None:
     station.cloud.stop()
     station.relay()
@@ -309,6 +311,7 @@ def test_what_is_corrected_or_deleted_while_it_waits_is_sent_so(station: Station
     assert arrived in ([100, 2], [0, 2, 100])
 
 
+@pytest.mark.first_case
 def test_a_record_corrected_in_flight_is_sent_again_as_it_is_now(station: Station) -> None:
     release = threading.Event()
     station.cloud.store.faults.append(fake_cloud.hold(release))

@@ -88,6 +88,7 @@ def test_a_result_set_is_accepted_whole(edge: Edge) -> None:  # noqa: F811  # th
     assert base64.b64decode(whole["frame"]).startswith(b"\xff\xd8\xff")
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("later_s", [0, 45])
 def test_what_is_told_again_after_a_crash_is_kept_once(
     edge: Edge,  # noqa: F811  # the fixture

@@ -49,6 +49,7 @@ def has_status_text(tester: AutopilotTester, sentence: str) -> bool:
     return any(sentence in line for line in tester.lines)
 
 
+@pytest.mark.first_case
 @pytest.mark.promise
 @pytest.mark.parametrize(
     "faults",

@@ -57,6 +57,7 @@ class Jump(NamedTuple):
     sentence: str
 
 
+@pytest.mark.first_case
 @pytest.mark.promise
 @pytest.mark.parametrize(
     "jump",

@@ -42,6 +42,7 @@ def effect(link: CloudLink) -> list[int]:
     return link.store.stream(1, "pose")
 
 
+@pytest.mark.first_case
 @pytest.mark.promise
 def test_every_kind_reaches_the_cloud_and_is_deleted_here(
     link: CloudLink, station: Station

@@ -71,6 +71,7 @@ def alarms(world: FlyingWorld) -> list[int]:
     return [alarm["alarm_code_id"] for alarm in world.edge.bodies("/alarm/")]
 
 
+@pytest.mark.first_case
 @pytest.mark.promise
 @pytest.mark.parametrize("case", CASES, ids=[case.order for case in CASES])
 def test_a_fault_raises_its_alarm_and_no_other(tmp_path: Path, case: Case) -> None:

@@ -11,6 +11,7 @@ IGNORED = 0
 """The vehicle decides when its camera ends: by closing the standard input."""
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     ("program", "status"),
     [

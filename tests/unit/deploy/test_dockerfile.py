@@ -92,6 +92,7 @@ def test_every_image_has_the_files_that_its_program_loads(target: str) -> None:
     assert missing == set()
 
 
+@pytest.mark.first_case
 @programs
 def test_every_image_has_the_packages_that_its_program_loads_and_no_others(target: str) -> None:
     _, modules = reached_from(*started_in(target))

@@ -77,6 +77,7 @@ def outcomes(
     return [classify(reply).outcome for reply in replies]
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("end", [scripted_answers.cut, scripted_answers.reset])
 @pytest.mark.parametrize("name", ANSWERS)
 def test_an_answer_cut_at_any_byte_is_retried(

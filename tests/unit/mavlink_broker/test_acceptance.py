@@ -29,6 +29,7 @@ def asked_late(script: Script = PX4) -> tuple[World, int]:
     return world, world.edge.plan(first_flight())
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("script", [PX4, ARDUPILOT], ids=["px4", "ardupilot"])
 def test_a_vehicle_gets_nothing_before_the_edge_server_has_confirmed(script: Script) -> None:
     world, _ = asked_late(script)

@@ -317,6 +317,7 @@ def test_on_a_bad_link_silence_has_to_last_longer() -> None:
     assert not vehicle.silent
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     ("script", "mode"), [(SLOW, PX4_RETURN), (SLOW_COPTER, COPTER_RETURN), (SLOW, PX4_LAND)]
 )
@@ -334,6 +335,7 @@ def test_what_a_failsafe_does_is_no_alarm_by_itself(script: Script, mode: int, w
     assert words in message
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("words", ["Wind too strong: RETURN", "Wind speed is above limit"])
 def test_a_failsafe_for_too_much_wind_is_a_navigation_failure(words: str) -> None:
     world = flying_world(SLOW)

@@ -399,6 +399,7 @@ class TestEveryEventHasOneFinalAnswer:
         assert answers(world, event) == [("accepted", None), ("refused", "the mission has ended")]
         assert mavlink.MAV_CMD_DO_CHANGE_SPEED not in vehicle.commands
 
+    @pytest.mark.first_case
     @pytest.mark.parametrize("kind", [SPEED, SOFT_ABORT])
     def test_one_that_waits_when_the_mission_is_dropped(
         self, kind: int, monkeypatch: pytest.MonkeyPatch
@@ -426,6 +427,7 @@ class TestEveryEventHasOneFinalAnswer:
         assert answer_statuses(world, event)[-1] in {"done", "refused"}
         assert "internal error" in str(answers(world, event)[-1][1])
 
+    @pytest.mark.first_case
     @pytest.mark.parametrize("is_restarted", [False, True], ids=["at once", "after a wait"])
     def test_one_whose_carrying_out_meets_an_error(
         self, monkeypatch: pytest.MonkeyPatch, *, is_restarted: bool

@@ -31,6 +31,7 @@ def failed(script: Script) -> World:
     return world
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("script", [OWN, PX4], ids=["own", "PX4"])
 def test_it_returns_and_lands_and_flies_the_next_one(script: Script) -> None:
     world = failed(dataclasses.replace(script, results=REFUSED))

@@ -267,6 +267,7 @@ class TestUnexpectedErrors:
         patch.undo()
         assert answer_statuses(world, work) == ["refused"]
 
+    @pytest.mark.first_case
     @pytest.mark.parametrize("also", [(), ("fail_after_error",)], ids=["failed", "dropped"])
     def test_a_deferred_abort_that_raises_is_refused_once_with_the_reason(
         self, also: tuple[str, ...]
@@ -296,6 +297,7 @@ class TestUnexpectedErrors:
             patch.undo()
         assert answer_statuses(world, work) == ["refused"]
 
+    @pytest.mark.first_case
     @pytest.mark.parametrize("also", [(), ("fail_after_error",)], ids=["failed", "dropped"])
     def test_an_accepted_abort_is_not_done_when_the_flight_to_its_point_raises(
         self, also: tuple[str, ...]

@@ -279,6 +279,7 @@ class TestTheCamera:
 class TestAMissionOfTheCameraAlone:
     """It moves nothing: the vehicle does it where it is."""
 
+    @pytest.mark.first_case
     @pytest.mark.parametrize("script", [OWN, PX4, ARDUPILOT], ids=["own", "PX4", "copter"])
     def test_is_done_on_the_ground(self, script: Script) -> None:
         world = flown(video(1), video(2, kind=6), script=script)

@@ -71,6 +71,7 @@ class TestACircle:
         )
         assert "limited to 19.3 deg/s" in notes(world)[1]
 
+    @pytest.mark.first_case
     @pytest.mark.parametrize("is_clockwise", [True, False])
     def test_turns_the_way_that_versions_before_4_4_know(self, *, is_clockwise: bool) -> None:
         """They know a direction by CIRCLE_RATE alone, and no sign of a radius."""
@@ -108,6 +109,7 @@ class TestANewSpeed:
         assert speeds == [2.0] * len(speeds)
         assert len(speeds) > before_the_circle > 0
 
+    @pytest.mark.first_case
     @pytest.mark.parametrize("script", [PX4_1_17, COPTER_4_6], ids=["px4", "copter"])
     @pytest.mark.parametrize(
         "state", [State.UPLOADING, State.VERIFYING, State.SELECTING, State.ARMING, State.STARTING]

@@ -107,6 +107,7 @@ class TestEveryAutopilot:
         assert report["mission_status_id"] == Status.FINISHED, report
         assert not world.only_vehicle.armed
 
+    @pytest.mark.first_case
     @AUTOPILOTS
     def test_flies_over_a_link_that_loses_a_fifth_each_way(self, script: Script) -> None:
         assert flown(script, loss=0.2).edge.statuses(1201) == FINISHED
@@ -141,6 +142,7 @@ class TestEveryAutopilot:
             assert world.edge.statuses(number) == FINISHED
         assert vehicle.uploads == 2
 
+    @pytest.mark.first_case
     @AUTOPILOTS
     def test_may_work_on_a_command_for_some_time(self, script: Script) -> None:
         slow = frozenset({mavlink.MAV_CMD_COMPONENT_ARM_DISARM, mavlink.MAV_CMD_MISSION_START})

@@ -89,6 +89,7 @@ def test_a_mission_that_was_over_before_anybody_saw_it_fly_is_not_flown_again() 
     assert vehicle.uploads == 1
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("script", [PX4, ARDUPILOT], ids=["px4", "ardupilot"])
 def test_an_end_that_the_killed_broker_had_not_reported_is_found_again(script: Script) -> None:
     """The next mission does not replace the items by which the former one is judged."""

@@ -178,6 +178,7 @@ def test_no_order_is_sent_after_a_takeover(
     )
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(("script", "mode"), TAKEOVERS)
 def test_an_abort_behind_a_takeover_ends_the_mission_and_orders_nothing(
     script: Script, mode: int
@@ -235,6 +236,7 @@ def test_a_broker_that_begins_after_a_takeover_reports_it(script: Script, mode: 
     assert answer_statuses(world, event)[-1] == "refused"
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     ("script", "mode", "home"),
     [
@@ -420,6 +422,7 @@ def test_overridden_parameters_are_restored_when_the_pilot_has_landed() -> None:
 class TestOnTheGround:
     """An abort disarms and stays: no place is flown to from there."""
 
+    @pytest.mark.first_case
     @pytest.mark.parametrize("script", [PX4, OWN, ARDUPILOT, GENERIC])
     @pytest.mark.parametrize("kind", [ABORT, SOFT_ABORT])
     @pytest.mark.parametrize("more", [{}, {"abort": POINT}], ids=["here", "point"])

@@ -97,6 +97,7 @@ class TestTheAutopilot:
 
 
 class TestAnObserver:
+    @pytest.mark.first_case
     @pytest.mark.parametrize("action", [0, 2])
     def test_changes_nothing_about_a_vehicle_and_still_sees_it(self, action: int) -> None:
         world = World(config=Config(observes=True))

@@ -92,5 +92,6 @@ def test_the_same_flight_has_the_same_pictures_and_reports(flown: Run, tmp_path:
         assert f"image/{image.file_url.rpartition('/')[2]}" in flown.files
 
 
+@pytest.mark.thorough
 def test_no_flight_is_changed_by_its_camera(flown: Run, tmp_path: Path) -> None:
     assert run(tmp_path, with_camera=False).truth == flown.truth

@@ -61,6 +61,7 @@ def test_a_star_asks_for_something_that_is_there(edge: Edge) -> None:
     assert edge.ask("GET", "/vehicles/7", "operator").status_code == 404
 
 
+@pytest.mark.first_case
 @KINDS
 def test_what_has_not_changed_is_not_sent_again(edge: Edge, kind: str) -> None:
     path, _ = make(edge, kind)

@@ -62,6 +62,7 @@ EDGES = [
 ]
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("edge_of_time", EDGES)
 def test_a_time_at_the_calendars_edge_is_refused_by_its_path(edge: Edge, edge_of_time: str) -> None:
     report = telemetry("pose") | {"recorded_at": edge_of_time}
@@ -85,6 +86,7 @@ def test_a_time_at_the_calendars_edge_costs_its_own_record(edge: Edge, edge_of_t
     assert [one["status"] for one in (answer.json or {})["records"]] == [201, 422]
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("edge_of_time", EDGES)
 def test_a_list_since_the_calendars_edge_answers(edge: Edge, edge_of_time: str) -> None:
     answer = edge.ask("GET", "/pose/", "operator", query_string={"since": edge_of_time})
@@ -107,6 +109,7 @@ def report_time(text: str) -> dict[str, str]:
     return {"recorded_at": text}
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     "raw",
     [

@@ -179,6 +179,7 @@ def test_a_route_without_roles_refuses_all(config: Config) -> None:
     edge.context.database.close()
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("path", ["/", "/nothing", "/plans/1", "/pose/", "/broker/commands"])
 def test_without_a_key_every_path_is_a_401(edge: Edge, path: str) -> None:
     answer = edge.ask("GET", path, None)
@@ -186,6 +187,7 @@ def test_without_a_key_every_path_is_a_401(edge: Edge, path: str) -> None:
     assert answer.headers["WWW-Authenticate"].startswith("Bearer")
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("path", ["/healthz", "/readyz", "/healthz/"])
 def test_health_needs_no_key(edge: Edge, path: str) -> None:
     answer = edge.ask("GET", path, None)

@@ -89,6 +89,7 @@ def test_a_roles_file_is_rotated_and_other_keys_of_the_role_stay(run: Run, tmp_p
     assert found[other].revoked_at is None
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     ("arguments", "word"),
     [

@@ -91,6 +91,7 @@ def test_a_correction_is_not_sent_behind_an_end_in_flight(station: VirtualStatio
     assert "later report" in letter["reason"]
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("status", [200, 422])
 def test_a_correction_is_not_sent_behind_an_end_of_its_batch(
     station: VirtualStation, status: int

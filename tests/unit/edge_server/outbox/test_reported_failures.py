@@ -139,6 +139,7 @@ def test_telegraf18528_corrupt_store_starts(tmp_path: Path, spoil: Callable[[Pat
     again.close()
 
 
+@pytest.mark.first_case
 @BOTH_ENGINES
 def test_telegraf16500_no_resend_after_restart(station: VirtualStation) -> None:
     station.ingest("pose", *range(10))
@@ -218,6 +219,7 @@ def test_mosquitto_drop_is_counted(small_station: VirtualStation) -> None:
     assert arrived == list(range(lost, number))
 
 
+@pytest.mark.first_case
 @BOTH_ENGINES
 def test_200_lost(station: VirtualStation) -> None:
     station.cloud.faults.extend([lose_answer, lose_answer])
@@ -227,6 +229,7 @@ def test_200_lost(station: VirtualStation) -> None:
     assert station.cloud.stream(1, "alarm") == [0, 1, 2]
 
 
+@pytest.mark.first_case
 @BOTH_ENGINES
 def test_200_lost_with_the_relay(station: VirtualStation) -> None:
     """The cloud has stored it, the relay dies before it can say so here: again, once in effect."""

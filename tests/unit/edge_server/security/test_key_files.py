@@ -92,6 +92,7 @@ def test_rotation_revokes_the_old_key(config: Config, database: Database) -> Non
     assert path.stat().st_mode & 0o777 == 0o600
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("content", [b"", b"hello", b"\xff\xfe", b"fm_00_00"])
 def test_a_file_without_a_key_is_not_changed(
     config: Config, database: Database, content: bytes

@@ -48,6 +48,7 @@ def test_many_writers_make_one_chain(edge: Edge) -> None:
     assert found == {f"thing/{number}" for number in range(WRITERS * EACH)}
 
 
+@pytest.mark.first_case
 @BOTH_ENGINES
 @pytest.mark.parametrize(
     "statement", ["UPDATE audit SET who = 'x' WHERE id = 2", "DELETE FROM audit"]
@@ -59,6 +60,7 @@ def test_the_database_itself_refuses_to_falsify(edge: Edge, statement: str) -> N
     assert audit.verify(edge.context.database) == (3, None, None)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     ("statement", "row_id"),
     [
@@ -94,6 +96,7 @@ def test_a_change_that_fails_leaves_no_row(edge: Edge) -> None:
     assert not trail.is_recorded
 
 
+@pytest.mark.first_case
 @BOTH_ENGINES
 def test_retention_cuts_the_old_end_and_the_rest_can_be_verified(edge: Edge) -> None:
     fill(edge, 5)

@@ -95,6 +95,7 @@ def rows(context: Context, query: str) -> int:
         return int(connection.execute(text(query)).scalar_one())
 
 
+@pytest.mark.first_case
 @BOTH_ENGINES
 def test_a_mission_of_one_name_is_taken_once(servers: list[Context]) -> None:
     for mission_id in range(1, ROUNDS + 1):
@@ -104,6 +105,7 @@ def test_a_mission_of_one_name_is_taken_once(servers: list[Context]) -> None:
     assert rows(servers[0], "SELECT count(*) FROM work") == ROUNDS
 
 
+@pytest.mark.first_case
 @BOTH_ENGINES
 def test_a_vehicles_queue_is_never_overfilled(servers: list[Context]) -> None:
     limit = servers[0].config.queue_limit
@@ -115,6 +117,7 @@ def test_a_vehicles_queue_is_never_overfilled(servers: list[Context]) -> None:
     assert rows(servers[0], "SELECT count(*) FROM work") == limit
 
 
+@pytest.mark.first_case
 @BOTH_ENGINES
 def test_one_idempotency_key_has_one_effect(servers: list[Context]) -> None:
     for number in range(ROUNDS):
@@ -124,6 +127,7 @@ def test_one_idempotency_key_has_one_effect(servers: list[Context]) -> None:
     assert rows(servers[0], "SELECT count(*) FROM telemetry") == ROUNDS
 
 
+@pytest.mark.first_case
 @BOTH_ENGINES
 def test_one_key_for_two_records_is_one_record_and_one_refusal(servers: list[Context]) -> None:
     for number in range(ROUNDS):
@@ -151,6 +155,7 @@ def test_a_batch_that_comes_twice_at_once_is_kept_once(servers: list[Context]) -
     assert rows(servers[0], "SELECT count(*) FROM telemetry") == len(arrivals)
 
 
+@pytest.mark.first_case
 @BOTH_ENGINES
 def test_a_mission_is_either_taken_or_cancelled(servers: list[Context]) -> None:
     for mission_id in range(1, ROUNDS + 1):
@@ -197,6 +202,7 @@ def test_an_end_that_is_reported_twice_at_once_is_told_once(servers: list[Contex
     assert rows(servers[0], "SELECT count(*) FROM outbox") == ROUNDS
 
 
+@pytest.mark.first_case
 @BOTH_ENGINES
 def test_what_expires_is_told_once(servers: list[Context]) -> None:
     plans.create(servers[0], plan(), OPERATOR)

@@ -151,6 +151,7 @@ def test_at_80_percent_poses_are_thinned_oldest_first_until_it_is_less(farm: Far
     assert {reason for _, reason, _ in farm.dropped} == {"thinned"}
 
 
+@pytest.mark.first_case
 @BOTH_ENGINES
 def test_thinning_again_takes_no_more_than_one_per_interval_needs(either: Farm) -> None:
     either.keep_many("pose", 200)
@@ -213,6 +214,7 @@ def test_at_100_percent_the_oldest_go_and_new_ones_come_in(farm: Farm) -> None:
     assert {reason for _, reason, _ in farm.dropped} == {"budget"}
 
 
+@pytest.mark.first_case
 @BOTH_ENGINES
 def test_what_goes_next_is_added_to_the_gap_that_waits(either: Farm) -> None:
     for _ in range(10):
@@ -302,6 +304,7 @@ def test_what_is_too_old_goes_with_a_gap(either: Farm) -> None:
     assert [gap["count"] for gap in either.here("gap")] == [8]
 
 
+@pytest.mark.first_case
 @BOTH_ENGINES
 def test_a_clock_that_jumps_makes_nothing_old(either: Farm) -> None:
     either.keep_many("pose", 5)

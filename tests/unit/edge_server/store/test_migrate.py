@@ -66,6 +66,7 @@ def fill(engine: Engine) -> None:
         queue.enqueue(connection, record_id, Stream(1, "pose"))
 
 
+@pytest.mark.first_case
 @BOTH_ENGINES
 def test_the_migrations_make_what_the_code_uses(engine: Engine) -> None:
     with engine.connect() as connection:
@@ -73,6 +74,7 @@ def test_the_migrations_make_what_the_code_uses(engine: Engine) -> None:
     assert found == []
 
 
+@pytest.mark.first_case
 @BOTH_ENGINES
 def test_constraints_are_in_the_migrated_database(engine: Engine) -> None:
     inspector = inspect(engine)
@@ -89,6 +91,7 @@ def test_constraints_are_in_the_migrated_database(engine: Engine) -> None:
         assert made == wanted, table.name
 
 
+@pytest.mark.first_case
 @BOTH_ENGINES
 def test_down_and_up_again_on_a_filled_database(engine: Engine) -> None:
     fill(engine)
@@ -100,6 +103,7 @@ def test_down_and_up_again_on_a_filled_database(engine: Engine) -> None:
     fill(engine)
 
 
+@pytest.mark.first_case
 @BOTH_ENGINES
 def test_preparing_again_keeps_what_is_there(url: str, engine: Engine) -> None:
     fill(engine)
@@ -108,6 +112,7 @@ def test_preparing_again_keeps_what_is_there(url: str, engine: Engine) -> None:
         assert telemetry.count_waiting(connection) == 1
 
 
+@pytest.mark.first_case
 @BOTH_ENGINES
 def test_programs_that_start_together_make_one_database(url: str, path: Path) -> None:
     with ThreadPoolExecutor(4) as together:
@@ -158,6 +163,7 @@ def test_a_missing_database_is_not_ready(path: Path) -> None:
     assert migrate.is_ready(sqlite_url(path))
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("start", [0, 100, 4096])
 def test_telegraf18528_flipped_bytes_go_to_quarantine(path: Path, start: int) -> None:
     migrate.prepare(sqlite_url(path))

@@ -52,6 +52,7 @@ def test_a_field_is_covered_from_inside(request: SurveyRequest) -> None:
     assert coverage(request, flown) >= 0.995
 
 
+@pytest.mark.thorough
 @settings(max_examples=30)
 @given(requests())
 def test_pictures_overlap_as_asked_for(request: SurveyRequest) -> None:

@@ -182,6 +182,7 @@ def test_an_answer_with_any_byte_broken_ends_nothing(tmp_path: Path) -> None:
             assert isinstance(reply, Answer | Unreachable)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     "start", [b"\x30\xff\xff\xff\x7f", b"\x30\xff\x7f", b"\x30\x7f\x00\x07answers"]
 )

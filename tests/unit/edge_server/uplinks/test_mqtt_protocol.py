@@ -94,6 +94,7 @@ def test_a_bad_setting_is_refused_by_name(variable: str, value: str) -> None:
         load({}, {variable: value})
 
 
+@pytest.mark.thorough
 @given(st.text(max_size=60))
 def test_whatever_path_is_accepted_is_a_topic(path: str) -> None:
     try:

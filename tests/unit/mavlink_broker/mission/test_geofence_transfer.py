@@ -56,6 +56,7 @@ def message_of(world: World, mission_id: int = 1201) -> str:
 
 
 class TestPlacing:
+    @pytest.mark.first_case
     @BOTH
     def test_the_fence_is_stored_before_the_mission_and_the_mission_before_the_arming(
         self, script: Script
@@ -478,6 +479,7 @@ class TestRefusing:
 class TestEvents:
     """An emergency is never refused for the fence, and never leads out of it."""
 
+    @pytest.mark.first_case
     @pytest.mark.parametrize(
         ("kind", "mode", "instead"),
         [(1, PX4_LAND, "it lands where it is"), (2, PX4_RETURN, "it returns and lands")],

@@ -87,6 +87,7 @@ def stored(plan: FlightPlan, family: Family) -> list[Message]:
     return [one for one in kept if not isinstance(one, int)]
 
 
+@pytest.mark.first_case
 @families
 @profiles
 @any_data
@@ -122,6 +123,7 @@ def check_refusal(mission: Mission, error: RefusedError) -> None:
     assert len(error.refusal.why) > 10
 
 
+@pytest.mark.first_case
 @families
 @profiles
 @any_data
@@ -133,6 +135,7 @@ def test_what_takes_off_before_it_flies_is_flown_by_everybody(
     assert translate(mission, family, HOME).segments
 
 
+@pytest.mark.first_case
 @families
 @profiles
 @any_data
@@ -242,6 +245,7 @@ def check_live(sent: Command, live: LiveCommand) -> None:
             assert live.action.follow[2] >= p.altitude
 
 
+@pytest.mark.first_case
 @families
 @any_data
 @given(data=st.data())

@@ -103,6 +103,7 @@ def errors_m(instrument: Gps, count: int) -> list[tuple[float, float, float]]:
     return errors
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     ("receiver", "horizontal_m", "down_m"), [("m9n", 1.4, 1.8), ("rtk", 0.026, 0.03)]
 )

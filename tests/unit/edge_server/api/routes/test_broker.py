@@ -22,6 +22,7 @@ def test_work_is_handed_out_in_the_order_of_posting(edge: Edge) -> None:
     assert [item["mission"]["mission_id"] for item in edge.work()] == [3, 1, 2]
 
 
+@pytest.mark.first_case
 def test_a_mission_comes_with_the_fence_and_the_rally_points_of_its_plan(edge: Edge) -> None:
     corners = [[40.44, -3.74], [40.45, -3.74], [40.45, -3.73], [40.44, -3.73]]
     fence = {"inclusion": [corners], "exclusion": [], "max_altitude": 60.0}
@@ -32,6 +33,7 @@ def test_a_mission_comes_with_the_fence_and_the_rally_points_of_its_plan(edge: E
     assert [item["rally_points"] for item in edge.work()] == [[point], []]
 
 
+@pytest.mark.first_case
 def test_a_cursor_gives_later_work(edge: Edge) -> None:
     edge.post_plan(plan(mission(1)))
     first = edge.get("/broker/commands?after=0", "broker")
@@ -59,6 +61,7 @@ def test_a_restarted_broker_gets_all_unfinished_work_again(edge: Edge) -> None:
     assert again[1]["report"] is None
 
 
+@pytest.mark.first_case
 def test_a_cursor_from_a_lost_database_begins_again(edge: Edge) -> None:
     edge.post_plan(plan())
     answer = edge.get("/broker/commands?after=999", "broker")
@@ -91,12 +94,14 @@ def test_a_refused_mission_fails_with_the_reason_and_is_reported(edge: Edge) -> 
     assert (report["mission_id"], report["mission_status_id"]) == (1, 4)
 
 
+@pytest.mark.first_case
 def test_a_mission_is_not_done_by_acknowledgement(edge: Edge) -> None:
     edge.post_plan(plan())
     (item,) = edge.work()
     assert edge.acknowledge(item["id"], "done").status_code == 409
 
 
+@pytest.mark.first_case
 def test_what_has_ended_is_not_accepted(edge: Edge) -> None:
     edge.post_plan(plan())
     (item,) = edge.work()
@@ -125,10 +130,12 @@ def test_a_report_of_changes_alone_is_handed_out_with_all_commands(edge: Edge) -
     assert item["report"]["sequence_number"] == 9
 
 
+@pytest.mark.first_case
 def test_unknown_work_is_not_found(edge: Edge) -> None:
     assert edge.acknowledge(1, "accepted").status_code == 404
 
 
+@pytest.mark.first_case
 def test_an_acknowledgement_of_another_kind_is_refused(edge: Edge) -> None:
     edge.post_plan(plan())
     answer = edge.acknowledge(edge.work()[0]["id"], "maybe")
@@ -136,12 +143,14 @@ def test_an_acknowledgement_of_another_kind_is_refused(edge: Edge) -> None:
     assert "status" in (answer.json or {})["detail"]["json"]
 
 
+@pytest.mark.first_case
 def test_a_report_reaches_only_the_missions_own_vehicle(edge: Edge) -> None:
     edge.post_plan(plan(mission(1, 1)))
     edge.report("mission_report", mission_report(3, 3, 3, 3, mission_id=1, vehicle_id=2))
     assert len(edge.work()) == 1
 
 
+@pytest.mark.first_case
 def test_a_state_vector_request_is_work_for_ten_seconds(edge: Edge) -> None:
     answer = edge.post("/latest_state_vector/", {"sequence_number": 3}, "cloud")
     assert answer.status_code == 202
@@ -175,6 +184,7 @@ def test_an_accepted_request_expires_all_the_same(edge: Edge) -> None:
     assert edge.work() == []
 
 
+@pytest.mark.first_case
 def test_a_request_for_an_unknown_vehicle_is_not_found(edge: Edge) -> None:
     body = {"sequence_number": 3, "vehicle_id": 77}
     assert edge.post("/latest_state_vector/", body, "operator").status_code == 404
@@ -190,6 +200,7 @@ def test_requests_are_bounded(edge: Edge) -> None:
     assert answer.headers["Retry-After"] == "1"
 
 
+@pytest.mark.first_case
 def test_a_waiting_broker_is_woken_by_a_plan(edge: Edge) -> None:
     answers = []
     woken = threading.Event()

@@ -42,6 +42,7 @@ def ask(edge: Edge, method: str, record_id: int, action: str = "") -> Any:
     return edge.ask(method, f"/dead_letters/{record_id}{action}", "admin")
 
 
+@pytest.mark.first_case
 def test_a_dead_letter_is_shown_with_its_reason(edge: Edge) -> None:
     stored = rejected(edge)
     edge.report("pose", telemetry("pose", 1))
@@ -77,12 +78,14 @@ def test_a_filtered_list(edge: Edge, query: str, listed: list[int]) -> None:
     assert found == [letters[index]["id"] for index in listed]
 
 
+@pytest.mark.first_case
 def test_an_unknown_kind_is_named(edge: Edge) -> None:
     answer = edge.ask("GET", "/dead_letters/?kind=plan", "operator")
     assert answer.status_code == 422
     assert list((answer.json or {})["detail"]["query"]) == ["kind"]
 
 
+@pytest.mark.first_case
 def test_a_retried_letter_is_due_before_later_reports(edge: Edge) -> None:
     stored = rejected(edge)
     later = (edge.report("pose", telemetry("pose", 1)).json or {})["id"]
@@ -101,6 +104,7 @@ def test_a_discarded_letter_is_gone(edge: Edge) -> None:
     assert due(edge) == []
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(("method", "action"), [("GET", ""), ("POST", "/retry"), ("DELETE", "")])
 def test_a_report_that_still_waits_is_no_dead_letter(edge: Edge, method: str, action: str) -> None:
     waiting = (edge.report("pose", telemetry("pose")).json or {})["id"]
@@ -108,6 +112,7 @@ def test_a_report_that_still_waits_is_no_dead_letter(edge: Edge, method: str, ac
     assert due(edge) == [waiting]
 
 
+@pytest.mark.first_case
 def test_all_are_retried_or_those_of_a_kind_or_vehicle(edge: Edge) -> None:
     poses = [rejected(edge)["id"], rejected(edge, "pose", 2)["id"]]
     battery = rejected(edge, "battery")["id"]

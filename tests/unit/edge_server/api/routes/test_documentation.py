@@ -49,6 +49,7 @@ def test_every_schema_that_is_named_is_there(document: dict[str, Any]) -> None:
     assert references(document) <= there
 
 
+@pytest.mark.thorough
 def test_the_document_names_the_roles(document: dict[str, Any]) -> None:
     assert document["paths"]["/pose/"]["post"]["description"] == "Roles: broker."
     assert "security" not in document["paths"]["/healthz/"]["get"]
@@ -108,6 +109,7 @@ def test_a_browser_at_the_root_finds_the_documentation(edge: Edge) -> None:
     assert "default-src 'none'" in page.headers["Content-Security-Policy"]
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("accept", [{}, {"Accept": "*/*"}, {"Accept": "application/json"}])
 def test_the_root_is_nothing_to_other_clients(edge: Edge, accept: dict[str, str]) -> None:
     assert edge.ask("GET", "/", None, headers=accept).status_code == 401

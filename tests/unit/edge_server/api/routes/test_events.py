@@ -63,6 +63,7 @@ def test_an_event_is_kept_and_shown(edge: Edge) -> None:
     assert edge.get("/events/") == [answer.json]
 
 
+@pytest.mark.thorough
 def test_an_event_comes_before_the_missions_that_wait(edge: Edge) -> None:
     for number in range(3):
         edge.post_plan(plan(mission(1201 + number, 2)))
@@ -106,6 +107,7 @@ def test_a_waiting_broker_is_woken(edge: Edge) -> None:
     assert [item["kind"] for item in answers[0]["commands"]] == ["event"]
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("state_sent", ["accepted", "done", "refused"])
 def test_the_acknowledged_state_is_shown(edge: Edge, state_sent: str) -> None:
     fly(edge)
@@ -172,6 +174,7 @@ def test_an_end_is_for_good(edge: Edge) -> None:
     assert state(edge) == "refused"
 
 
+@pytest.mark.thorough
 def test_an_unaccepted_event_expires(edge: Edge) -> None:
     fly(edge)
     send(edge)
@@ -262,6 +265,7 @@ def test_an_unknown_vehicle_is_not_found(edge: Edge) -> None:
     assert "vehicle_id" in answer["detail"]["json"]
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("body", [event(), event(2), speed_event()])
 def test_an_idle_vehicle_has_nothing_to_interrupt(edge: Edge, body: Any) -> None:
     answer = refused(edge, body, 409)
@@ -274,6 +278,7 @@ def test_a_finished_mission_leaves_the_vehicle_idle(edge: Edge) -> None:
     refused(edge, event(), 409)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("reported", [{"armed": True}, {"mission_id": 7}])
 def test_a_flight_that_only_the_vehicle_knows_can_be_aborted(
     edge: Edge, reported: dict[str, Any]

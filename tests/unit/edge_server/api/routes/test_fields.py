@@ -159,6 +159,7 @@ def test_a_form_has_one_file_of_a_bounded_size(edge: Edge) -> None:
     refusal(edge, send(edge, b"", "multipart/form-data"), 422)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     ("query", "accept"), [("?format=geojson", "*/*"), ("", GEOJSON), ("?format=geojson", KML)]
 )
@@ -173,6 +174,7 @@ def test_geojson_comes_out_when_asked_for(edge: Edge, query: str, accept: str) -
     assert json.loads(many.data)["features"] == [json.loads(one.data)]
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     "accept", ["*/*", "application/json", "text/html", f"{GEOJSON};q=0.5, */*"]
 )

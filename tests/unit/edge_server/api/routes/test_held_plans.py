@@ -73,6 +73,7 @@ def test_at_dispatch_the_queue_counts(edge: Edge) -> None:
     assert edge.get(f"/plans/{held['id']}") == held
 
 
+@pytest.mark.first_case
 def test_at_dispatch_the_vehicle_must_still_be_there(edge: Edge) -> None:
     held = hold(edge)
     assert edge.ask("DELETE", "/vehicles/1", "admin").status_code == 204

@@ -37,6 +37,7 @@ def test_an_old_report_does_not_end_a_mission_of_the_same_number(edge: Edge) -> 
     assert len(edge.work()) == 1
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("mark", ["work_id", "session_id", "recorded_at"])
 def test_an_old_report_does_not_end_an_accepted_mission_of_its_number(
     edge: Edge, mark: str
@@ -177,6 +178,7 @@ def test_a_repeated_post_gets_its_first_answer_whatever_came_since(edge: Edge) -
     assert forwarded(edge) == [2, 3]
 
 
+@pytest.mark.first_case
 @BOTH_ENGINES
 def test_in_bulk_each_report_is_checked_after_those_before_it(edge: Edge) -> None:
     accepted(edge)

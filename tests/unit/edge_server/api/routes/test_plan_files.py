@@ -61,6 +61,7 @@ def test_a_waypoint_list_is_taken_as_text(edge: Edge) -> None:
     assert [len(one["missions"][0]["command_array"]) for one in edge.get("/plans/")] == [4, 4, 4]
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("raw", [json.dumps(FILE).encode(), ARDUPILOT.encode()])
 def test_a_file_may_come_in_a_form_with_its_order(edge: Edge, raw: bytes) -> None:
     parts = [
@@ -129,6 +130,7 @@ def test_a_value_out_of_range_is_refused_at_its_item(edge: Edge) -> None:
     assert message.startswith("parameters.altitude must be")
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     ("document", "query", "path"),
     [
@@ -250,6 +252,7 @@ def test_what_lacks_a_part_is_a_draft_until_it_is_whole(
     assert len(edge.work()) == 1
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     "document", [plan_file(at(16), BACK), plan_file(TAKEOFF, EMPTY_SURVEY, BACK)]
 )

@@ -22,6 +22,7 @@ from tests.unit.edge_server.documents import (
 ULID = "01K9Z4T1W8F6Q2M3N5P7R9S0VX"
 
 
+@pytest.mark.thorough
 def test_a_plan_is_kept_and_its_missions_wait_for_the_broker(edge: Edge) -> None:
     answer = edge.post_plan(plan(mission(1201, 1), mission(1202, 2)))
     assert answer.status_code == 201
@@ -36,6 +37,7 @@ def test_a_plan_is_kept_and_its_missions_wait_for_the_broker(edge: Edge) -> None
     assert [item["state"] for item in edge.work()] == ["queued", "queued"]
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("path", ["/plans/", "/plans", "/plan/", "/plan"])
 def test_every_spelling_of_the_address_takes_a_plan_without_a_redirect(
     edge: Edge, path: str
@@ -83,6 +85,7 @@ def test_a_failed_command_says_why(edge: Edge) -> None:
     assert shown["missions"][0]["command_array"][1]["message"] == "no position"
 
 
+@pytest.mark.first_case
 @BOTH_ENGINES
 def test_a_late_report_does_not_bring_a_mission_back(edge: Edge) -> None:
     edge.post_plan(plan())
@@ -94,6 +97,7 @@ def test_a_late_report_does_not_bring_a_mission_back(edge: Edge) -> None:
     assert shown["plan_status_name"] == "FINISHED"
 
 
+@pytest.mark.first_case
 @BOTH_ENGINES
 def test_the_same_plan_twice_waits_for_the_first_to_end(edge: Edge) -> None:
     assert edge.post_plan(plan()).status_code == 201
@@ -105,6 +109,7 @@ def test_the_same_plan_twice_waits_for_the_first_to_end(edge: Edge) -> None:
     assert edge.post_plan(plan()).status_code == 201
 
 
+@pytest.mark.first_case
 @BOTH_ENGINES
 def test_a_repeated_post_under_its_key_has_one_effect(edge: Edge) -> None:
     first = edge.post_plan(plan(), key="first")
@@ -115,6 +120,7 @@ def test_a_repeated_post_under_its_key_has_one_effect(edge: Edge) -> None:
     assert other.status_code == 422
 
 
+@pytest.mark.first_case
 @BOTH_ENGINES
 def test_a_plan_id_is_taken_once(edge: Edge) -> None:
     assert edge.post_plan(plan(plan_id=ULID)).status_code == 201
@@ -135,6 +141,7 @@ def test_a_vehicles_queue_is_bounded_and_all_or_nothing(edge: Edge) -> None:
     assert {item["vehicle_id"] for item in edge.work()} == {1}
 
 
+@pytest.mark.first_case
 @BOTH_ENGINES
 def test_a_waiting_plan_can_be_replaced(edge: Edge) -> None:
     stored = edge.post_plan(plan()).json or {}
@@ -156,6 +163,7 @@ def test_an_accepted_plan_can_be_neither_replaced_nor_deleted(edge: Edge) -> Non
     assert edge.get(path) == before
 
 
+@pytest.mark.first_case
 @BOTH_ENGINES
 def test_deleting_a_waiting_plan_cancels_it(edge: Edge) -> None:
     path = f"/plans/{(edge.post_plan(plan()).json or {})['id']}"
@@ -250,6 +258,7 @@ BAD_PLANS: dict[str, tuple[Any, int, str]] = {
 }
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("name", BAD_PLANS)
 def test_a_bad_plan_is_refused_with_its_path_and_nothing_is_stored(edge: Edge, name: str) -> None:
     body, status, path = BAD_PLANS[name]
@@ -282,6 +291,7 @@ def test_broken_json_is_a_400(edge: Edge, raw: bytes) -> None:
     assert edge.count("plan") == 0
 
 
+@pytest.mark.first_case
 @BOTH_ENGINES
 def test_a_repeated_post_gets_its_first_answer_after_a_delete(edge: Edge) -> None:
     first = edge.post_plan(plan(), key="first")
@@ -291,6 +301,7 @@ def test_a_repeated_post_gets_its_first_answer_after_a_delete(edge: Edge) -> Non
     assert edge.count("plan") == 0
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     ("path", "body"), [("/surveys/", SURVEY), ("/fields/", FIELD), ("/events/", event(2))]
 )

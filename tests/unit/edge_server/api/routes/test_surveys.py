@@ -53,6 +53,7 @@ def test_a_survey_has_no_mission_id_beyond_the_largest(edge: Edge, query: str) -
     assert ask(edge, query, first_mission_id=INT32_MAX - 1).status_code in {200, 201}
 
 
+@pytest.mark.thorough
 def test_a_survey_that_finds_no_free_mission_ids_is_refused(edge: Edge) -> None:
     edge.clock.now = float(INT32_MAX - 1)
     edge.post_plan(plan(mission(INT32_MAX)))

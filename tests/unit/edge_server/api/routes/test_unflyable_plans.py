@@ -110,6 +110,7 @@ def test_an_outline_that_is_closed_by_its_first_corner_is_taken(edge: Edge) -> N
     assert edge.post_plan(plan(geofence={"inclusion": [closed]})).status_code == 201
 
 
+@pytest.mark.thorough
 def test_a_fleet_sets_how_far_it_flies(edge: Edge, fleet: Edge) -> None:
     far = plan(
         flight_to(latitude=-NORTH),

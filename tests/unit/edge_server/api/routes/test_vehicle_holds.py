@@ -159,6 +159,7 @@ def test_an_unknown_vehicle_is_not_found(edge: Edge) -> None:
     assert release(edge, vehicle_id=77).status_code == 404
 
 
+@pytest.mark.thorough
 def test_an_alarm_on_the_mission_holds_at_once(edge: Edge) -> None:
     fly(edge)
     alarm = telemetry("alarm") | {"mission_id": 1, "message": "GPS lost"}

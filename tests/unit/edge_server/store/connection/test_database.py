@@ -27,6 +27,7 @@ def database(database_url: str) -> Iterator[Database]:
     database.close()
 
 
+@pytest.mark.first_case
 @ON_SQLITE
 @pytest.mark.parametrize(
     ("pragma", "wanted"),
@@ -72,6 +73,7 @@ def test_a_writer_within_a_writer_is_an_error_and_waits_for_nobody(database: Dat
         connection.execute(text("CREATE TABLE afterwards (id INTEGER)"))
 
 
+@pytest.mark.first_case
 @BOTH_ENGINES
 def test_a_failed_transaction_leaves_nothing(database: Database) -> None:
     def register_twice() -> None:
@@ -168,6 +170,7 @@ def test_a_server_that_is_not_there_is_a_lost_database(postgres: PostgresServer)
 WORK_COLUMNS = "work (kind, sequence_number, state, created_at, expires_at)"
 
 
+@pytest.mark.first_case
 @BOTH_ENGINES
 @pytest.mark.parametrize(
     "row",

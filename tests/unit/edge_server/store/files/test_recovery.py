@@ -116,6 +116,7 @@ def test_telegraf18528_a_page_of_records_is_lost_and_the_others_are_saved(
     check(path, originals, at_least=RECORDS - 40)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("seed", range(8))
 def test_telegraf18528_whatever_page_is_hit_no_record_is_changed(
     path: Path, originals: Payloads, seed: int
@@ -133,6 +134,7 @@ def test_telegraf18528_without_its_first_page_the_records_are_saved(
     check(path, originals, at_least=RECORDS - 1)
 
 
+@pytest.mark.thorough
 def test_telegraf18528_of_half_a_file_the_half_is_saved(path: Path, originals: Payloads) -> None:
     whole = path.read_bytes()
     path.write_bytes(whole[: len(whole) // 2 // PAGE * PAGE])
@@ -183,6 +185,7 @@ def schema_pages(path: Path) -> list[int]:
     return [n for n, page in enumerate(pages, 1) if n > 1 and b"CREATE TABLE" in page]
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("seed", range(6))
 def test_a_flipped_bit_in_the_schema_loses_no_record(
     path: Path, originals: Payloads, seed: int
@@ -209,6 +212,7 @@ def test_schema_pages_that_are_gone_lose_no_record(path: Path, originals: Payloa
     check(path, originals, at_least=RECORDS - 1)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("is_empty", [False, True])
 def test_a_database_that_is_gone_beside_its_log_gives_what_the_log_holds(
     path: Path, caplog: pytest.LogCaptureFixture, *, is_empty: bool
@@ -230,6 +234,7 @@ def test_a_database_that_is_gone_beside_its_log_gives_what_the_log_holds(
     assert (path.parent / "quarantine").exists()
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("how", ["deleted", "emptied", "log cut", "log broken", "log deleted"])
 def test_what_was_acknowledged_and_is_unknown_is_said_by_its_ids(
     path: Path, caplog: pytest.LogCaptureFixture, how: str

@@ -50,6 +50,7 @@ def test_what_is_written_is_what_the_vehicle_believes(tmp_path: Path) -> None:
     assert pixels.shape == (480, 640, 3)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(("yaw", "expected"), [(359.998, 0.0), (359.99, 359.99), (0.0, 0.0)])
 def test_a_direction_is_below_a_whole_turn(tmp_path: Path, yaw: float, expected: float) -> None:
     content = taken(tmp_path, pose(5.0, 30.0, 20.0, -60.0, yaw))
@@ -86,6 +87,7 @@ def test_the_same_order_is_the_same_file(tmp_path: Path) -> None:
     assert taken(tmp_path / "a", DOWN) == taken(tmp_path / "b", DOWN)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("second", ["", "nir", "ndvi"])
 def test_every_file_is_written_and_counted(tmp_path: Path, second: str) -> None:
     stored = write_picture(order(tmp_path / "image", 3, DOWN, width_px=800, second=second))

@@ -63,6 +63,7 @@ def test_the_sky_is_above_the_horizon_and_blue() -> None:
     assert not image.vegetation_index[:100].any()
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("yaw", [0.0, 77.0, 200.0])
 def test_the_hills_stand_on_the_horizon_as_high_as_the_map_says(yaw: float) -> None:
     """Their outline against the sky, found by walking over the farm's elevations."""
@@ -104,6 +105,7 @@ def test_a_cow_stands_in_the_pasture() -> None:
     assert middle < rim - 15.0
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("field", FIELDS, ids=lambda field: field.name)
 def test_the_mean_of_ndvi_is_the_farms_own(field: object) -> None:
     boundary = next(each.boundary for each in FIELDS if each is field)

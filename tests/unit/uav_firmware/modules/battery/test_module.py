@@ -47,6 +47,7 @@ def test_a_parameter_counts_from_the_next_sample_on() -> None:
     assert status.capacity_ah == pytest.approx(2.2)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("charge", [0.95, 0.5, 0.2])
 def test_a_simulated_pack_in_hover_is_known_to_a_tenth(charge: float) -> None:
     vehicle = JsbsimVehicle(Simulation(SimulationConfig(battery_initial_charge=charge)))

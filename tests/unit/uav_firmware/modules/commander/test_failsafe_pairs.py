@@ -202,6 +202,7 @@ def test_every_cause_is_tried() -> None:
     assert set(RAISE) | NOT_RAISED == set(Cause)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("first", list(RAISE), ids=lambda cause: cause.name)
 @pytest.mark.parametrize("gap_s", [0.5, 4.0, WAIT_S + 2.0])
 def test_a_cause_that_stays_is_acted_upon_whatever_came_before_it_and_went(
@@ -219,6 +220,7 @@ def test_a_cause_that_stays_is_acted_upon_whatever_came_before_it_and_went(
         assert second in flight.said
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("first", list(RAISE), ids=lambda cause: cause.name)
 def test_no_stronger_action_is_flown_than_the_demanded_one(first: Cause) -> None:
     for second in RAISE:

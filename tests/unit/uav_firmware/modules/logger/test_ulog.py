@@ -39,6 +39,7 @@ def record(message_fields: tuple[ulog.Field, ...], identifier: int, *values: flo
     return layout.pack(layout.size - 3, ord("D"), identifier, *values)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("kind", KINDS)
 def test_values_of_every_type_are_read_back(kind: str) -> None:
     layout = ulog.fields(f"uint64_t timestamp; {kind} one; {kind}[3] three")

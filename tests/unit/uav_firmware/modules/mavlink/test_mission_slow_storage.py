@@ -92,6 +92,7 @@ def test_a_plan_being_written_cannot_be_cancelled(
     assert held(harness) == held(MavlinkHarness(storage=storage)) == 3
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     ("message", "kinds"),
     [
@@ -137,6 +138,7 @@ def hung(scene: tuple[MavlinkHarness, SlowStorage]) -> tuple[MavlinkHarness, Slo
     return harness, storage
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     "message",
     [

@@ -67,6 +67,7 @@ def test_the_old_command_for_a_region_is_understood(
     assert vehicle.send(Command.DO_SET_ROI, *values) == result
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     ("values", "expected", "sense"),
     [

@@ -62,6 +62,7 @@ def test_a_square_passes_every_waypoint_and_ends_disarmed_at_home(lag_s: float) 
         assert nearest(vehicle, (north, east, -5.0)) < 0.5
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("arm_first", [True, False])
 def test_arming_before_and_after_the_start_both_fly(arm_first: bool) -> None:
     vehicle = ready()

@@ -90,6 +90,7 @@ def stream(vehicle: ToyVehicle, seconds: float) -> None:
         vehicle.run(0.05)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     ("remaining", "mode"), [(0.20, MISSION), (0.12, MISSION), (0.06, RETURN), (0.04, LAND)]
 )
@@ -106,6 +107,7 @@ def test_the_emptier_the_battery_the_stronger_the_action(
     assert vehicle.status.value.failsafe == (mode is not MISSION)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     ("setting", "remaining", "mode"),
     [
@@ -258,6 +260,7 @@ def test_a_lost_link_takes_the_action_of_the_parameter(setting: int, mode: Navig
     assert vehicle.mode is mode
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(("setting", "sentence"), [(5, "terminated"), (6, "Disarmed by failsafe")])
 def test_a_lost_link_may_stop_the_motors(setting: int, sentence: str) -> None:
     vehicle = on_mission(NAV_DLL_ACT=setting)
@@ -273,6 +276,7 @@ def test_a_link_that_was_never_there_cannot_be_lost() -> None:
     assert vehicle.mode is MISSION
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(("setting", "mode"), [(1, HOLD), (2, RETURN), (3, LAND)])
 def test_lost_sticks_take_the_action_of_the_parameter(setting: int, mode: NavigationState) -> None:
     vehicle = on_mission(NAV_RCL_ACT=setting)
@@ -282,6 +286,7 @@ def test_lost_sticks_take_the_action_of_the_parameter(setting: int, mode: Naviga
     assert vehicle.mode is mode
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(("excepted", "mode"), [(7, MISSION), (1, MISSION), (6, RETURN)])
 def test_a_mission_goes_on_without_sticks_if_it_may(excepted: int, mode: NavigationState) -> None:
     vehicle = on_mission(COM_RCL_EXCEPT=excepted)
@@ -290,6 +295,7 @@ def test_a_mission_goes_on_without_sticks_if_it_may(excepted: int, mode: Navigat
     assert vehicle.mode is mode
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     ("setting", "with_sticks", "mode"),
     [
@@ -338,6 +344,7 @@ def test_a_pilot_without_height_flies_on_by_the_horizon() -> None:
     assert vehicle.mode is State.STAB
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(("setting", "mode"), [(0, MISSION), (1, HOLD), (2, LAND), (3, RETURN)])
 def test_a_failed_motor_takes_the_action_of_the_parameter(
     setting: int, mode: NavigationState
@@ -352,6 +359,7 @@ def test_a_failed_motor_takes_the_action_of_the_parameter(
     assert any("Motor failed" in text for text in vehicle.texts)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     ("action", "mode"),
     [
@@ -370,6 +378,7 @@ def test_a_breach_takes_the_action_of_the_geofence(
     assert vehicle.mode is mode
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     ("speed", "setting", "mode"),
     [
@@ -387,6 +396,7 @@ def test_the_stronger_the_wind_the_stronger_the_action(
     assert vehicle.mode is mode
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(("limit", "mode"), [(-1, MISSION), (12, RETURN)])
 def test_a_flight_ends_when_its_time_is_over(limit: int, mode: NavigationState) -> None:
     vehicle = on_mission(COM_FLT_TIME_MAX=limit)
@@ -394,6 +404,7 @@ def test_a_flight_ends_when_its_time_is_over(limit: int, mode: NavigationState) 
     assert vehicle.mode is mode
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     ("setting", "charge", "mode"),
     [
@@ -527,6 +538,7 @@ def test_without_a_fix_an_operator_may_order_the_landing_at_once() -> None:
     assert vehicle.mode is LAND
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("loss", [lose_fix, lambda v: setattr(v, "position_valid", False)])
 def test_a_landing_in_transit_lands_here_once_the_fix_is_lost(
     loss: Callable[[ToyVehicle], None],
