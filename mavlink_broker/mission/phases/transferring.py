@@ -21,22 +21,25 @@ from mavlink_broker.planning.mission import RefusedError
 from mavlink_broker.vehicle.control_authority import Claim
 
 
-def _claim(mission: MissionContext) -> Claim:
-    return HOVERING if mission.is_hovering else ON_GROUND
-
-
-class PlacingGeofence(Phase):
-    """The state PLACING_GEOFENCE."""
+class _Transfer(Phase):
+    """A phase in which the vehicle receives the mission: disarmed on the ground, or hovering."""
 
     def __init__(self, context: MissionContext) -> None:
         self._mission = context
-        self._transfer: GeofenceTransfer | None = None
-        self._is_placed = False  # For the whole mission
 
     @property
     def claim(self) -> Claim:
         """The vehicle is disarmed on the ground, or hovers."""
-        return _claim(self._mission)
+        return HOVERING if self._mission.is_hovering else ON_GROUND
+
+
+class PlacingGeofence(_Transfer):
+    """The state PLACING_GEOFENCE."""
+
+    def __init__(self, context: MissionContext) -> None:
+        super().__init__(context)
+        self._transfer: GeofenceTransfer | None = None
+        self._is_placed = False  # For the whole mission
 
     def forget(self) -> None:
         """Place the geofence again: the vehicle was restarted."""
@@ -84,16 +87,8 @@ class PlacingGeofence(Phase):
         return Event.IN_AIR if self._mission.is_flying else Event.GEOFENCE_PLACED
 
 
-class Holding(Phase):
+class Holding(_Transfer):
     """A hovering vehicle leaves its mission mode, so that it does not fly items as they arrive."""
-
-    def __init__(self, context: MissionContext) -> None:
-        self._mission = context
-
-    @property
-    def claim(self) -> Claim:
-        """The vehicle is disarmed on the ground, or hovers."""
-        return _claim(self._mission)
 
     def enter(self, now: float, effects: Effects) -> Result:
         """Order the hold mode."""
@@ -113,17 +108,12 @@ class Holding(Phase):
         return None
 
 
-class Uploading(Phase):
+class Uploading(_Transfer):
     """The items go onto the vehicle."""
 
     def __init__(self, context: MissionContext) -> None:
-        self._mission = context
+        super().__init__(context)
         self.opaque_id = 0  # That the vehicle gave to the upload; 0: none
-
-    @property
-    def claim(self) -> Claim:
-        """The vehicle is disarmed on the ground, or hovers."""
-        return _claim(self._mission)
 
     def enter(self, now: float, effects: Effects) -> Result:
         """Request the parameters of the segment, and begin the upload."""
@@ -163,17 +153,12 @@ class Uploading(Phase):
         return Fault(refusal.reason, mission.plan.command_of_item[item])
 
 
-class Verifying(Phase):
+class Verifying(_Transfer):
     """The vehicle proves that it holds the items."""
 
     def __init__(self, context: MissionContext, uploading: Uploading) -> None:
-        self._mission = context
+        super().__init__(context)
         self._uploading = uploading
-
-    @property
-    def claim(self) -> Claim:
-        """The vehicle is disarmed on the ground, or hovers."""
-        return _claim(self._mission)
 
     def enter(self, now: float, effects: Effects) -> Result:
         """Ask for the opaque id of the upload, or read the items back."""
@@ -194,16 +179,8 @@ class Verifying(Phase):
         return None
 
 
-class Selecting(Phase):
+class Selecting(_Transfer):
     """The first item becomes the current one, and the vehicle has the parameters of the segment."""
-
-    def __init__(self, context: MissionContext) -> None:
-        self._mission = context
-
-    @property
-    def claim(self) -> Claim:
-        """The vehicle is disarmed on the ground, or hovers."""
-        return _claim(self._mission)
 
     def enter(self, now: float, effects: Effects) -> Result:
         """Set the current item."""
