@@ -71,18 +71,22 @@ class SlowVote:
         """
         last_us, self._last_us = self._last_us, now_us
         dt = 0.0 if last_us is None else min((now_us - last_us) * 1e-6, _LONGEST_S)
+        fresh = True
         for instance, sample in zip(self._instances, samples, strict=True):
-            if sample is not None and math.isfinite(sum(sample)):
-                if sample != instance.value:
-                    instance.changed_us = now_us
-                if instance.value is None:
-                    instance.changed_us = now_us
-                instance.value, instance.seen_us = sample, now_us
-        good = self.good
-        news = self._silent_or_stuck(good)
+            if sample is None or not math.isfinite(sum(sample)):
+                fresh = False
+                continue
+            instance.seen_us = now_us
+            if sample != instance.value:
+                instance.value, instance.changed_us = sample, now_us
+            else:
+                fresh = False
+        # The usual case: each has a new value, so that none is silent or stuck
+        news = [] if fresh else self._silent_or_stuck(self.good)
         if reference is not None:
+            fast, slow = dt / (dt + _FAST_S), dt / (dt + _SLOW_S)
             for number in self.good:
-                _track(self._instances[number], reference, dt)
+                _track(self._instances[number], reference, fast, slow)
         if not news:
             news = self._compare(now_us, self.good)
         for failure in news:
@@ -114,8 +118,8 @@ class SlowVote:
         if len(known) < 2:
             self.disputed = False
             return []
-        offs = {i: self._instances[i].off for i in known}
-        widest = max(math.dist(offs[i], offs[j]) for i, j in combinations(known, 2))
+        offs = [self._instances[i].off for i in known]
+        widest = max([math.dist(one, other) for one, other in combinations(offs, 2)])
         if widest <= self.limit:
             self._apart_since_us, self.disputed = None, False
             return []
@@ -124,7 +128,7 @@ class SlowVote:
         apart_us = now_us - self._apart_since_us
         if apart_us < _APART_US:
             return []
-        size = {i: math.hypot(*offs[i]) for i in known}
+        size = {i: math.hypot(*off) for i, off in zip(known, offs, strict=True)}
         worst = max(known, key=lambda i: size[i])
         others = max(size[i] for i in known if i != worst)
         if size[worst] > 2.0 * others:
@@ -147,19 +151,20 @@ class SlowVote:
             )
 
 
-def _track(instance: _Instance, reference: Vector, dt: float) -> None:
-    """Follow what an instance is off the reference by: quickly, and what is usual slowly."""
-    if instance.value is None:
+def _track(instance: _Instance, reference: Vector, fast: float, slow: float) -> None:
+    """Follow what an instance is off the reference by: quickly, and what is usual slowly.
+
+    `fast` and `slow` are the shares of a new sample.
+    """
+    value, standing = instance.value, instance.standing
+    if value is None:
         return
-    off = [a - b for a, b in zip(instance.value, reference, strict=True)]
-    if instance.standing is None:
-        instance.standing, instance.off = off, [0.0] * len(off)
+    if standing is None:
+        instance.standing = [a - b for a, b in zip(value, reference, strict=True)]
+        instance.off = [0.0] * len(value)
         return
-    fast, slow = dt / (dt + _FAST_S), dt / (dt + _SLOW_S)
-    instance.off = [
-        old + fast * (now - usual - old)
-        for old, now, usual in zip(instance.off, off, instance.standing, strict=True)
-    ]
-    instance.standing = [
-        usual + slow * excess for usual, excess in zip(instance.standing, instance.off, strict=True)
-    ]
+    off = instance.off
+    for axis, number in enumerate(value):
+        old, usual = off[axis], standing[axis]
+        off[axis] = excess = old + fast * (number - reference[axis] - usual - old)
+        standing[axis] = usual + slow * excess
