@@ -93,18 +93,21 @@ class Triad:
         x, y, z = self._turn_on
         drift_x, drift_y, drift_z = self._drifts
         self.bias = (x + drift_x.step(), y + drift_y.step(), z + drift_z.step())
+        # One flat row per axis with its bias: taken apart at once, 1500 times a second.
+        row_x, row_y, row_z = self._rows
+        self._terms = (*row_x, self.bias[0], *row_y, self.bias[1], *row_z, self.bias[2])
 
     def read(self, true_value: Vector3, rotor_load: float) -> Vector3:
         """Measured components; `rotor_load` is the rotor speed over hover's, squared."""
         vibration = self._vibration * rotor_load
         sigma = math.sqrt(self._variance + vibration * vibration)
-        bias, limit = self.bias, self._full_scale
+        limit = self._full_scale
         noise_x, noise_y, noise_z = next(self._triples)
         true_x, true_y, true_z = true_value
-        (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = self._rows
-        x = xx * true_x + xy * true_y + xz * true_z + bias[0] + sigma * noise_x
-        y = yx * true_x + yy * true_y + yz * true_z + bias[1] + sigma * noise_y
-        z = zx * true_x + zy * true_y + zz * true_z + bias[2] + sigma * noise_z
+        xx, xy, xz, bias_x, yx, yy, yz, bias_y, zx, zy, zz, bias_z = self._terms
+        x = xx * true_x + xy * true_y + xz * true_z + bias_x + sigma * noise_x
+        y = yx * true_x + yy * true_y + yz * true_z + bias_y + sigma * noise_y
+        z = zx * true_x + zy * true_y + zz * true_z + bias_z + sigma * noise_z
         if -limit <= x <= limit and -limit <= y <= limit and -limit <= z <= limit:
             return x, y, z
         return (
@@ -131,18 +134,24 @@ class Imu:
         self._steps_per_bias = max(1, rate_hz // _BIAS_RATE_HZ)
         self._steps_to_bias = self._steps_per_bias
 
-    def read(self, truth: Truth) -> ImuReading:
-        """One sample."""
+    def read(self, truth: Truth, load: float | None = None) -> ImuReading:
+        """One sample; `load` is `rotor_load(truth)` where the caller has it for several units."""
         self._steps_to_bias -= 1
         if self._steps_to_bias == 0:
             self._steps_to_bias = self._steps_per_bias
             self.gyroscope.step_bias()
             self.accelerometer.step_bias()
-        rpm = truth.rotor_rpm
-        mean_rpm = 0.25 * (rpm[0] + rpm[1] + rpm[2] + rpm[3])
-        rotor_load = (mean_rpm / _HOVER_RPM) ** 2
+        if load is None:
+            load = rotor_load(truth)
         return ImuReading(
             truth.time_us,
-            self.gyroscope.read(truth.inertial_rate_frd, rotor_load),
-            self.accelerometer.read(truth.specific_force_frd, rotor_load),
+            self.gyroscope.read(truth.inertial_rate_frd, load),
+            self.accelerometer.read(truth.specific_force_frd, load),
         )
+
+
+def rotor_load(truth: Truth) -> float:
+    """Mean rotor speed over hover's, squared: what vibration grows with."""
+    one, two, three, four = truth.rotor_rpm
+    mean_rpm = 0.25 * (one + two + three + four)
+    return (mean_rpm / _HOVER_RPM) ** 2
