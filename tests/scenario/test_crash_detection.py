@@ -45,10 +45,6 @@ def is_stopped(tester: AutopilotTester) -> bool:
     return not tester.status.armed and motors is not None and motors.control == (0.0,) * 4
 
 
-def has_status_text(tester: AutopilotTester, sentence: str) -> bool:
-    return any(sentence in line for line in tester.lines)
-
-
 @pytest.mark.first_case
 @pytest.mark.promise
 @pytest.mark.parametrize(
@@ -68,7 +64,7 @@ def test_a_wreck_stops_its_motors_and_is_reported(
     tester.wait_until(lambda: tester.simulation.wrecked, 20.0, "on the ground")
     tester.wait_until(lambda: is_stopped(tester), LATEST_DISARM_S, "stopped")
     tester.run_for(1.0)
-    assert has_status_text(tester, "Crash detected, motors stopped")
+    assert tester.has_status_text("Crash detected, motors stopped")
     assert any("Crash detected" in text for text in tester.ground_station.texts)
     assert not tester.status.sensors_health & common.MAV_SYS_STATUS_SENSOR_PROPULSION
     tester.ground_station.command(common.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)
@@ -91,9 +87,9 @@ def test_a_wreck_blames_no_motor_for_what_the_ground_has_done(
     tester.wait_until(lambda: tester.simulation.wrecked, 20.0, "on the ground")
     tester.wait_until(lambda: is_stopped(tester), 0.1, "stopped")
     tester.run_for(1.0)
-    assert has_status_text(tester, "Crash: has hit something, rotors stand")
+    assert tester.has_status_text("Crash: has hit something, rotors stand")
     truly = {f"Motor {values['motor']}" for kind, values in faults if kind is MOTOR}
-    named = {f"Motor {n}" for n in (1, 2, 3, 4) if has_status_text(tester, f"Motor {n} failed")}
+    named = {f"Motor {n}" for n in (1, 2, 3, 4) if tester.has_status_text(f"Motor {n} failed")}
     assert named == truly
 
 
@@ -118,7 +114,7 @@ def test_a_lost_attitude_disarms_just_after_the_take_off(tmp_path: Path) -> None
     strike(tester, MOTOR, motor=3)
     tester.wait_until(lambda: not tester.status.armed, 2.0, "disarmed")
     tester.run_for(0.3)  # Lines are written ten times a second
-    assert has_status_text(tester, "Attitude beyond limits: DISARM")
+    assert tester.has_status_text("Attitude beyond limits: DISARM")
 
 
 def test_a_hard_landing_is_no_crash(tmp_path: Path) -> None:
@@ -131,7 +127,7 @@ def test_a_hard_landing_is_no_crash(tmp_path: Path) -> None:
         tester.land()
         tester.wait_until_landed(30.0)
         tester.run_for(3.0)
-    assert not has_status_text(tester, "Crash")
+    assert not tester.has_status_text("Crash")
 
 
 def test_flips_and_hard_sticks_are_no_crash(tmp_path: Path) -> None:
@@ -160,5 +156,5 @@ def test_flips_and_hard_sticks_are_no_crash(tmp_path: Path) -> None:
         tester.run_for(5.0)
         assert tester.status.armed, tester.lines[-6:]
     assert max(tilts) > math.radians(120.0)  # It has really been upside down
-    assert not has_status_text(tester, "Crash")
+    assert not tester.has_status_text("Crash")
     assert not tester.simulation.wrecked

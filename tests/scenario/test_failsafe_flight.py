@@ -12,7 +12,6 @@ from pymavlink.dialects.v20 import common
 from sim.config import SimulationConfig
 from sim.fault_schedule import ALL_INSTANCES, Fault, Kind
 from tests.support.autopilot_tester import AutopilotTester
-from tests.support.stick_pilot import order
 from tests.support.toy_vehicle import item
 from uav_firmware.cal.log_store import LogFile
 from uav_firmware.drivers.file_storage import FileStorage
@@ -78,10 +77,6 @@ def estimate_error(tester: AutopilotTester) -> float:
     return math.hypot(north - believed[0], east - believed[1])
 
 
-def has_status_text(tester: AutopilotTester, sentence: str) -> bool:
-    return any(sentence in line for line in tester.lines)
-
-
 def test_gps_lost_for_four_seconds_does_not_end_the_mission(tmp_path: Path) -> None:
     tester = on_mission(tmp_path)
     errors: list[float] = []
@@ -90,8 +85,8 @@ def test_gps_lost_for_four_seconds_does_not_end_the_mission(tmp_path: Path) -> N
     tester.run_for(3.5)
     assert math.hypot(*tester.truth.velocity_ned[:2]) < 0.5
     tester.run_for(4.0)
-    assert has_status_text(tester, "GPS lost")
-    assert has_status_text(tester, "dead reckoning: over")
+    assert tester.has_status_text("GPS lost")
+    assert tester.has_status_text("dead reckoning: over")
     assert tester.mode is NavigationState.AUTO_MISSION
     assert max(errors) < 1.0
     tester.wait_until_landed(200.0)
@@ -206,12 +201,12 @@ def test_a_gyroscope_bias_that_jumps_does_not_carry_the_vehicle_away(tmp_path: P
     tester.watch(lambda: beside.append(abs(tester.true_position()[1])))
     strike(tester, Kind.GYRO_BIAS, x_deg_s=3.0, y_deg_s=3.0)
     tester.run_for(4.0)
-    assert has_status_text(tester, "Gyroscope bias has jumped")
+    assert tester.has_status_text("Gyroscope bias has jumped")
     assert tester.mode is NavigationState.AUTO_MISSION
     strike(tester, Kind.GYRO_BIAS, x_deg_s=10.0, y_deg_s=10.0, z_deg_s=-10.0)
     tester.wait_until(lambda: tester.mode is NavigationState.AUTO_LAND, 15.0, "landing")
-    assert has_status_text(tester, "Gyroscope bias beyond its limit: LAND")
-    assert not has_status_text(tester, "Wind too strong")
+    assert tester.has_status_text("Gyroscope bias beyond its limit: LAND")
+    assert not tester.has_status_text("Wind too strong")
     assert max(beside) < 1.5
     tester.wait_until(lambda: not tester.status.armed, 40.0, "disarmed")
     assert not tester.simulation.wrecked
@@ -231,7 +226,7 @@ def test_a_low_battery_warns_a_critical_one_returns_an_empty_one_lands(tmp_path:
     tester = on_mission(tmp_path, settings={"BAT_CRIT_THR": 0.10})
     # True charges; the vehicle estimates 0.12, 0.08 and 0 from voltage, some seconds later
     strike(tester, Kind.BATTERY_LOW, charge=0.175)
-    tester.wait_until(lambda: has_status_text(tester, "Battery low"), 15.0, "warned")
+    tester.wait_until(lambda: tester.has_status_text("Battery low"), 15.0, "warned")
     assert tester.mode is NavigationState.AUTO_MISSION
     strike(tester, Kind.BATTERY_LOW, charge=0.147)
     tester.wait_until(lambda: tester.mode is NavigationState.AUTO_RTL, 25.0, "returning")
@@ -248,7 +243,7 @@ def test_a_lost_motor_raises_the_alarm_and_lands(tmp_path: Path, motor: int) -> 
     heights: list[float] = []
     tester.watch(lambda: heights.append(tester.true_position()[2]))
     strike(tester, Kind.MOTOR_LOSS, motor=motor)
-    tester.wait_until(lambda: has_status_text(tester, "Motor failed: LAND"), 5.0, "an alarm")
+    tester.wait_until(lambda: tester.has_status_text("Motor failed: LAND"), 5.0, "an alarm")
     assert tester.mode is NavigationState.AUTO_LAND
     tester.wait_until(lambda: not tester.status.armed, 60.0, "disarmed")
     assert all(map(math.isfinite, heights))
@@ -291,8 +286,7 @@ def test_a_breach_of_the_fence_is_answered_before_it_is_far(
     tester.autopilot.registry.set("GF_MAX_HOR_DIST", 0.0)
     latitude, longitude, _ = tester.place(80.0, 0.0, 10.0)
     altitude = tester.start.altitude_amsl_m + 10.0
-    order(
-        tester,
+    tester.send_command(
         common.MAV_CMD_DO_REPOSITION,
         -1.0,
         1.0,
@@ -305,7 +299,7 @@ def test_a_breach_of_the_fence_is_answered_before_it_is_far(
     tester.autopilot.registry.set("GF_MAX_HOR_DIST", 40.0)
     furthest: list[float] = []
     tester.watch(lambda: furthest.append(tester.true_position()[0]))
-    tester.wait_until(lambda: has_status_text(tester, "Geofence breached"), 30.0, "a breach")
+    tester.wait_until(lambda: tester.has_status_text("Geofence breached"), 30.0, "a breach")
     tester.run_for(0.2)
     assert tester.mode is mode
     tester.run_for(8.0)
@@ -322,9 +316,9 @@ def test_a_strong_wind_is_measured_and_sends_the_vehicle_home(tmp_path: Path) ->
     tester = vehicle(tmp_path, {"COM_WIND_WARN": 6.0, "COM_WIND_MAX": 8.0}, wind_speed_m_s=3.0)
     tester.take_off(10.0)
     tester.run_for(25.0)
-    assert not has_status_text(tester, "Strong wind")
+    assert not tester.has_status_text("Strong wind")
     strike(tester, Kind.WIND_GUST, speed_m_s=8.0)
-    tester.wait_until(lambda: has_status_text(tester, "Strong wind: WARN"), 30.0, "a warning")
+    tester.wait_until(lambda: tester.has_status_text("Strong wind: WARN"), 30.0, "a warning")
     tester.wait_until(lambda: tester.mode is NavigationState.AUTO_RTL, 30.0, "returning")
     wind = tester.autopilot.topics.wind.value
     assert wind is not None
@@ -336,7 +330,7 @@ def test_the_emergency_stop_stops_the_motors_in_the_air(tmp_path: Path) -> None:
     tester = vehicle(tmp_path)
     tester.take_off(3.0)
     tester.run_for(8.0)
-    order(tester, common.MAV_CMD_COMPONENT_ARM_DISARM, 0.0, 21196.0)
+    tester.send_command(common.MAV_CMD_COMPONENT_ARM_DISARM, 0.0, 21196.0)
     assert not tester.status.armed
     tester.run_for(0.5)
     assert tester.truth.velocity_ned[2] > 3.0
@@ -352,9 +346,9 @@ def test_a_vehicle_breaks_by_command_only_where_that_is_allowed(tmp_path: Path) 
     tester.run_for(0.2)
     assert station.acks[-1] == (common.MAV_CMD_INJECT_FAILURE, denied)
     tester.autopilot.registry.set("SYS_FAILURE_EN", 1)
-    order(tester, common.MAV_CMD_INJECT_FAILURE, gps, off, 0.0)
+    tester.send_command(common.MAV_CMD_INJECT_FAILURE, gps, off, 0.0)
     tester.run_for(4.0)
-    assert has_status_text(tester, "GPS lost")
+    assert tester.has_status_text("GPS lost")
 
 
 class FullCard:
@@ -379,9 +373,9 @@ def test_a_full_disk_is_reported_and_neither_prevents_nor_ends_a_flight(
     tester.take_off(5.0)
     tester.autopilot.registry.set("MPC_XY_CRUISE", 4.0)  # A change that cannot be kept
     tester.run_for(12.0)
-    assert has_status_text(tester, "Flight log stopped: No space left")
-    assert has_status_text(tester, "Parameters not saved: No space left")
-    assert has_status_text(tester, "Storage full")
+    assert tester.has_status_text("Flight log stopped: No space left")
+    assert tester.has_status_text("Parameters not saved: No space left")
+    assert tester.has_status_text("Storage full")
     tester.return_home()
     tester.wait_until_landed()
     assert not tester.simulation.wrecked
@@ -398,13 +392,13 @@ def test_a_vehicle_tilted_beyond_its_limits_reports_it(tmp_path: Path) -> None:
     tester.wait_until_ready()
     tester.take_off(10.0)
     tester.run_for(8.0)
-    assert not has_status_text(tester, "Attitude beyond limits")
+    assert not tester.has_status_text("Attitude beyond limits")
     latitude, longitude, _ = tester.place(60.0, 0.0, 0.0)
     tester.ground_station.command(
         Command.DO_REPOSITION, -1.0, 1.0, 0.0, math.nan, latitude, longitude, math.nan
     )
     tester.run_for(6.0)
-    assert has_status_text(tester, "Attitude beyond limits")
+    assert tester.has_status_text("Attitude beyond limits")
     assert tester.mode is NavigationState.AUTO_LOITER
 
 

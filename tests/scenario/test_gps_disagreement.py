@@ -9,7 +9,7 @@ import pytest
 
 from sim.config import SimulationConfig
 from sim.fault_schedule import ALL_INSTANCES, Fault, Kind
-from tests.scenario.test_failsafe_flight import has_status_text, on_mission, strike
+from tests.scenario.test_failsafe_flight import on_mission, strike
 from tests.support.autopilot_tester import AutopilotTester
 from uav_firmware.lib.rotation import tilt_of
 from uav_firmware.msg.status import NavigationState
@@ -73,9 +73,9 @@ def test_a_hover_stays_where_it_is_and_the_operator_is_warned(tmp_path: Path, ju
     watch = Watch(tester)
     strike(tester, Kind.GPS_JUMP, 15.0, north_m=jump.north_m, up_m=jump.up_m)
     tester.run_for(14.0)
-    assert has_status_text(tester, jump.sentence)
+    assert tester.has_status_text(jump.sentence)
     tester.run_for(10.0)
-    assert has_status_text(tester, f"{jump.sentence}, not used: over")
+    assert tester.has_status_text(f"{jump.sentence}, not used: over")
     assert watch.away_m < 2.0
     assert min(watch.heights_m) > HEIGHT_M - 1.5
     assert max(watch.heights_m) < HEIGHT_M + 1.5
@@ -90,8 +90,8 @@ def test_with_the_barometer_frozen_too_the_height_is_kept(tmp_path: Path) -> Non
     tester.run_for(3.0)
     strike(tester, Kind.GPS_JUMP, up_m=30.0)
     tester.run_for(30.0)
-    assert has_status_text(tester, "Barometer")
-    assert has_status_text(tester, "GPS height disagrees")
+    assert tester.has_status_text("Barometer")
+    assert tester.has_status_text("GPS height disagrees")
     assert min(watch.heights_m) > HEIGHT_M - 2.0
     assert max(watch.heights_m) < HEIGHT_M + 2.0
     tester.land()
@@ -117,7 +117,7 @@ def test_a_flight_ends_on_the_ground_near_where_it_should(tmp_path: Path, phase:
     assert not tester.simulation.wrecked
     goal = struck_at[:2] if phase == "land" else (0.0, 0.0)
     assert math.dist(tester.true_position()[:2], goal) < 6.0
-    assert has_status_text(tester, "GPS position disagrees")
+    assert tester.has_status_text("GPS position disagrees")
 
 
 def test_a_jump_during_the_climb_does_not_end_the_climb(tmp_path: Path) -> None:

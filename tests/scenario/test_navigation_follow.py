@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import common
 
-from sim.config import SimulationConfig
-from tests.support.autopilot_tester import AutopilotTester
+from tests.support.autopilot_tester import AutopilotTester, hovering_tester
 from uav_firmware.msg.status import Command, NavigationState
 
 pytestmark = pytest.mark.scenario
@@ -16,14 +15,6 @@ pytestmark = pytest.mark.scenario
 NAN = math.nan
 STATION = 255  # System id of the tests' ground station
 POSITION, VELOCITY = 1, 2
-
-
-def airborne(folder: Path, seed: int) -> AutopilotTester:
-    tester = AutopilotTester(SimulationConfig(gps="rtk", seed=seed), folder)
-    tester.wait_until_ready()
-    tester.take_off(10.0)
-    tester.wait_until(lambda: tester.mode is NavigationState.AUTO_LOITER, 30.0, "up")
-    return tester
 
 
 def report(
@@ -59,7 +50,7 @@ def follow(tester: AutopilotTester) -> None:
 def test_a_noisy_target_at_1_hz_is_followed_at_its_distance_and_height(
     tmp_path: Path, angle: float
 ) -> None:
-    tester = airborne(tmp_path, seed=1)
+    tester = hovering_tester(tmp_path, 1, 10.0)
     tester.autopilot.registry.set("FLW_TGT_FA", angle)
     follow(tester)
     noise = random.Random(5)
@@ -79,7 +70,7 @@ def test_a_noisy_target_at_1_hz_is_followed_at_its_distance_and_height(
 
 @pytest.mark.promise
 def test_a_target_without_a_position_moves_the_vehicle_less_than_4_m(tmp_path: Path) -> None:
-    tester = airborne(tmp_path, seed=2)
+    tester = hovering_tester(tmp_path, 2, 10.0)
     before = tester.true_position()
     follow(tester)
     for _ in range(15):

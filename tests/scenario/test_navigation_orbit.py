@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from sim.config import SimulationConfig
-from tests.support.autopilot_tester import AutopilotTester
+from tests.support.autopilot_tester import AutopilotTester, hovering_tester
 from uav_firmware.lib.rotation import wrap_pi
 from uav_firmware.msg.guidance import OrbitHeading
 from uav_firmware.msg.status import Command, NavigationState
@@ -17,14 +16,6 @@ pytestmark = pytest.mark.scenario
 RADIUS_M = 10.0
 SPEED_M_S = math.radians(20.0) * RADIUS_M
 CENTRE = (12.0, 8.0)
-
-
-def airborne(folder: Path, seed: int) -> AutopilotTester:
-    tester = AutopilotTester(SimulationConfig(gps="rtk", seed=seed), folder)
-    tester.wait_until_ready()
-    tester.take_off(6.0)
-    tester.wait_until(lambda: tester.mode is NavigationState.AUTO_LOITER, 30.0, "up")
-    return tester
 
 
 def order(tester: AutopilotTester, radius: float, heading: OrbitHeading, angle: float) -> None:
@@ -57,7 +48,7 @@ def order(tester: AutopilotTester, radius: float, heading: OrbitHeading, angle: 
 def test_radius_heading_and_turns_are_those_ordered(
     tmp_path: Path, seed: int, radius: float, heading: OrbitHeading, turns: float
 ) -> None:
-    tester = airborne(tmp_path, seed)
+    tester = hovering_tester(tmp_path, seed, 6.0)
     initial = math.radians(tester.truth.yaw_deg)
     order(tester, radius, heading, turns * math.tau)
     status = tester.autopilot.topics.orbit_status

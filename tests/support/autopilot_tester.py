@@ -73,7 +73,7 @@ class AutopilotTester:
 
     def arm(self) -> None:
         """Arm; the vehicle must accept."""
-        self._order(common.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)
+        self.send_command(common.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)
 
     def take_off(self, height_m: float) -> None:
         """Take off to a height above home and hold there."""
@@ -81,16 +81,16 @@ class AutopilotTester:
         assert home is not None
         altitude = home.altitude_amsl_m + height_m
         nan = math.nan
-        self._order(common.MAV_CMD_NAV_TAKEOFF, 0.0, nan, nan, nan, nan, nan, altitude)
+        self.send_command(common.MAV_CMD_NAV_TAKEOFF, 0.0, nan, nan, nan, nan, nan, altitude)
         self.arm()
 
     def land(self) -> None:
         """Land here."""
-        self._order(common.MAV_CMD_NAV_LAND)
+        self.send_command(common.MAV_CMD_NAV_LAND)
 
     def return_home(self) -> None:
         """Fly home and land."""
-        self._order(common.MAV_CMD_NAV_RETURN_TO_LAUNCH)
+        self.send_command(common.MAV_CMD_NAV_RETURN_TO_LAUNCH)
 
     def upload(self, items: Sequence[Any]) -> None:
         """Upload a mission; the vehicle must accept it."""
@@ -102,8 +102,16 @@ class AutopilotTester:
 
     def start_mission(self) -> None:
         """Change to mission mode, then arm."""
-        self._order(common.MAV_CMD_DO_SET_MODE, 1.0, _PX4_AUTO, _PX4_AUTO_MISSION)
+        self.send_command(common.MAV_CMD_DO_SET_MODE, 1.0, _PX4_AUTO, _PX4_AUTO_MISSION)
         self.arm()
+
+    def send_command(self, command: int, *parameters: float) -> None:
+        """Send a command; the vehicle must accept."""
+        station = self.ground_station
+        before = len(station.acks)
+        station.command(command, *parameters)
+        self.wait_until(lambda: len(station.acks) > before, 2.0, f"answered command {command}")
+        assert station.acks[-1] == (command, common.MAV_RESULT_ACCEPTED), station.texts[-3:]
 
     # What the operator waits for.
 
@@ -150,6 +158,10 @@ class AutopilotTester:
         """Whether it flies in a mode."""
         return self.mode is mode
 
+    def has_status_text(self, text: str) -> bool:
+        """Whether the vehicle has sent a status text that contains this text."""
+        return any(text in line for line in self.lines)
+
     @property
     def landed(self) -> bool:
         """Whether the land detector sees the ground."""
@@ -182,13 +194,6 @@ class AutopilotTester:
         """Latitude, longitude [deg] and height [m] of a place about the start."""
         return (*self._ground.place(north_m, east_m), height_m)
 
-    def _order(self, command: int, *parameters: float) -> None:
-        station = self.ground_station
-        before = len(station.acks)
-        station.command(command, *parameters)
-        self.wait_until(lambda: len(station.acks) > before, 2.0, f"answered command {command}")
-        assert station.acks[-1] == (command, common.MAV_RESULT_ACCEPTED), station.texts[-3:]
-
     def _step(self) -> None:
         if self.heartbeats and self._steps % _HEARTBEAT_STEPS == 0:
             self.ground_station.heartbeat()
@@ -197,3 +202,12 @@ class AutopilotTester:
         self.ground_station.hear()
         for watcher in self._watchers:
             watcher()
+
+
+def hovering_tester(folder: Path, seed: int, height_m: float) -> AutopilotTester:
+    """Return a vehicle with an RTK receiver that holds at a height above home [m]."""
+    tester = AutopilotTester(SimulationConfig(gps="rtk", seed=seed), folder)
+    tester.wait_until_ready()
+    tester.take_off(height_m)
+    tester.wait_until(lambda: tester.mode is NavigationState.AUTO_LOITER, 30.0, "up")
+    return tester

@@ -40,13 +40,4 @@ class StickPilot:
 
 def change_mode(tester: AutopilotTester, main: int, sub: int = 0) -> None:
     """Ask for one of PX4's modes; the vehicle must accept."""
-    order(tester, common.MAV_CMD_DO_SET_MODE, 1.0, float(main), float(sub))
-
-
-def order(tester: AutopilotTester, command: int, *parameters: float) -> None:
-    """Send a command; the vehicle must accept."""
-    station = tester.ground_station
-    before = len(station.acks)
-    station.command(command, *parameters)
-    tester.wait_until(lambda: len(station.acks) > before, 2.0, f"answered command {command}")
-    assert station.acks[-1] == (command, common.MAV_RESULT_ACCEPTED), station.texts[-3:]
+    tester.send_command(common.MAV_CMD_DO_SET_MODE, 1.0, float(main), float(sub))
