@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 from afarcloud.area import TOLERANCE_M, Area, Plane
 from afarcloud.geodesy import shifted
 from afarcloud.plan import Geofence
+from tests.support.polygons import Metres, clearance_m
 
 HERE = (40.4434, -3.7382)
 SURE_M = 3.0 * TOLERANCE_M
 SAMPLES = 100
 few = settings(max_examples=60)
-Metres = tuple[float, float]
 metres = st.tuples(st.floats(-200.0, 200.0), st.floats(-200.0, 200.0))
 origins = st.sampled_from([HERE, (0.0, 0.0), (69.65, 18.96), (-33.9, 179.9999), (84.0, -180.0)])
 
@@ -51,37 +51,6 @@ def fence(
         return tuple(tuple(place(origin, *corner) for corner in shape) for shape in shapes)
 
     return Area(Geofence(inclusion=outlines(inclusion), exclusion=outlines(exclusion)))
-
-
-def depth_m(polygon: Sequence[Metres], point: Metres) -> float:
-    """Distance to the outline, negative outside; by the angle that the outline turns through."""
-    turned, nearest = 0.0, math.inf
-    for (ax, ay), (bx, by) in zip(polygon, [*polygon[1:], polygon[0]], strict=True):
-        one = math.atan2(ay - point[1], ax - point[0])
-        other = math.atan2(by - point[1], bx - point[0])
-        turned += math.remainder(other - one, math.tau)
-        length = math.hypot(bx - ax, by - ay)
-        along = 0.0
-        if length > 0.0:
-            along = ((point[0] - ax) * (bx - ax) + (point[1] - ay) * (by - ay)) / length**2
-        along = max(0.0, min(1.0, along))
-        foot = ax + along * (bx - ax), ay + along * (by - ay)
-        nearest = min(nearest, math.dist(point, foot))
-    return nearest if abs(turned) > math.pi else -nearest
-
-
-def clearance_m(
-    points: Sequence[Metres],
-    inclusion: Sequence[Sequence[Metres]],
-    exclusion: Sequence[Sequence[Metres]],
-) -> float:
-    """How far the worst of some points lies within what is allowed; negative: beyond it."""
-    worst = math.inf
-    for point in points:
-        if inclusion:
-            worst = min(worst, max(depth_m(polygon, point) for polygon in inclusion))
-        worst = min([worst, *(-depth_m(polygon, point) for polygon in exclusion)])
-    return worst
 
 
 def along(start: Metres, end: Metres, number: int = SAMPLES) -> list[Metres]:

@@ -19,8 +19,8 @@ from afarcloud.fence_check import FenceCheck
 from afarcloud.plan import Geofence, Plan
 from afarcloud.route import Spot
 from afarcloud.vehicle import VehicleLimits
+from tests.support.polygons import Metres, clearance_m
 
-Metres = tuple[float, float]  # East and north
 LATITUDE, LONGITUDE = 40.4434, -3.7382
 STEP_M: Final = 0.5
 SURE_M: Final = 0.5
@@ -56,25 +56,6 @@ def star(seed: int, corners: int, middle: Metres, reach_m: float) -> list[Metres
         (middle[0] + r * math.sin(a), middle[1] + r * math.cos(a))
         for a, r in ((a, dice.uniform(0.2, 1.0) * reach_m) for a in angles)
     ]
-
-
-def inner_m(shape: Sequence[Metres], point: Metres) -> float:
-    """How deep a point lies in a polygon; negative outside."""
-    turned, nearest = 0.0, math.inf
-    for a, b in zip(shape, [*shape[1:], shape[0]], strict=True):
-        one = math.atan2(a[1] - point[1], a[0] - point[0])
-        other = math.atan2(b[1] - point[1], b[0] - point[0])
-        turned += math.remainder(other - one, math.tau)
-        side = math.dist(a, b)
-        share = 0.0
-        if side > 0.0:
-            share = (
-                (point[0] - a[0]) * (b[0] - a[0]) + (point[1] - a[1]) * (b[1] - a[1])
-            ) / side**2
-        share = min(1.0, max(0.0, share))
-        foot = (a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1]))
-        nearest = min(nearest, math.dist(point, foot))
-    return nearest if abs(turned) > math.pi else -nearest
 
 
 def straight(start: Metres, end: Metres) -> Iterator[Metres]:
@@ -144,18 +125,6 @@ inclusions = st.builds(
 waypoints = st.tuples(st.just("waypoint"), metres, st.just(0.0), st.just(4))
 orbits = st.tuples(st.just("orbit"), metres, st.floats(5.0, 60.0), st.integers(0, 4))
 missions = st.lists(st.one_of(waypoints, orbits), min_size=1, max_size=5)
-
-
-def clearance_m(
-    points: Sequence[Metres], inside: Sequence[Sequence[Metres]], out: Sequence[Sequence[Metres]]
-) -> float:
-    """How far the worst of some points lies within what is allowed; negative: beyond it."""
-    worst = math.inf
-    for point in points:
-        if inside:
-            worst = min(worst, max(inner_m(shape, point) for shape in inside))
-        worst = min([worst, *(-inner_m(shape, point) for shape in out)])
-    return worst
 
 
 @pytest.mark.thorough
