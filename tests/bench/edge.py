@@ -26,7 +26,8 @@ from edge_server.config import Config
 from edge_server.process.preparation import prepare
 from tests.bench.process import cpu_seconds, resident_mb
 from tests.bench.results import Result, at_least, at_most, percentile
-from tests.support.system import PATIENCE_S, free_ports, wait_for
+from tests.support.polling import PATIENCE_S
+from tests.support.system import free_ports, wait_for
 from tests.unit.edge_server import documents
 from tests.unit.edge_server.program import Program
 

@@ -21,7 +21,8 @@ from typing import Final, Self
 
 from tests.bench.edge import Client, Cloud, edge_server, fill, mock_cloud
 from tests.bench.results import Result, at_least, at_most, percentile
-from tests.support.system import PATIENCE_S, wait_for
+from tests.support.polling import PATIENCE_S
+from tests.support.system import wait_for
 from tests.unit.edge_server import documents
 from tests.unit.edge_server.program import Program
 

@@ -26,8 +26,9 @@ from edge_server.store import migrate
 from edge_server.store.connection import locks
 from tests.support.databases import PostgresServer
 from tests.support.fake_cloud import FakeCloud, Handler, Received, running_cloud
+from tests.support.polling import PATIENCE_S
 from tests.support.process_tree import descendants
-from tests.support.system import PATIENCE_S, wait_for
+from tests.support.system import wait_for
 from tests.unit.edge_server import documents
 from tests.unit.edge_server.program import Program, program_in
 

@@ -5,77 +5,31 @@ stream, and is kept here until the cloud has confirmed it.
 """
 
 import threading
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import pytest
-from sqlalchemy import text
 
 from afarcloud.state import Report
 from afarcloud.wire import Kind, read
 from edge_server.config import Config
-from edge_server.outbox.relay import Relay
-from edge_server.process import relay
 from edge_server.process.preparation import prepare
 from edge_server.services import telemetry
-from edge_server.services.context import Caller, Context
-from edge_server.store.connection.database import Database
-from edge_server.store.connection.engines import open_engine
 from tests.support import fake_cloud
 from tests.support.fake_cloud import FakeCloud, Fault, Handler, Received, running_cloud
+from tests.support.polling import wait_until
+from tests.support.station import Station
 from tests.unit.edge_server import documents
 
-BROKER = Caller("broker")
 
-
-class Station:
-    """An edge server's outbox and relay with an uplink to a cloud of ours."""
+class CloudStation(Station):
+    """A station with the cloud at which its uplink points."""
 
     def __init__(self, config: Config, cloud: FakeCloud) -> None:
+        super().__init__(config)
         self.cloud = cloud
-        self.database = Database(open_engine(config.database))
-        self.context = Context(config, self.database, time.time)
-        self._relay: Relay | None = None
-        self._thread: threading.Thread | None = None
-
-    def ingest(self, kind: str, *sequence_numbers: int, vehicle_id: int = 1) -> list[int]:
-        """Keep records as the API does; returns their ids."""
-        identifiers = []
-        for number in sequence_numbers:
-            report = read(Kind(kind), documents.telemetry(kind, number, vehicle_id))
-            assert isinstance(report, Report)
-            identifiers.append(telemetry.ingest(self.context, Kind(kind), report, BROKER)["id"])
-        return identifiers
-
-    def relay(self) -> "Station":
-        self._relay = relay.build(self.context.config, self.database)
-        self._thread = threading.Thread(target=self._relay.run)
-        self._thread.start()
-        return self
-
-    def stop(self) -> None:
-        if self._relay is not None and self._thread is not None:
-            self._relay.stop()
-            self._thread.join()
-            self._relay = None
-
-    def rows(self, table: str, where: str = "1 = 1") -> int:
-        query = text(f"SELECT count(*) FROM {table} WHERE {where}")
-        with self.database.read() as connection:
-            return int(connection.execute(query).scalar_one())
-
-    def wait_until(self, condition: Callable[[], bool]) -> None:
-        """Wait for a change in the database."""
-        deadline = time.monotonic() + 20.0
-        while not condition():
-            assert time.monotonic() < deadline, "it never came true"
-            time.sleep(0.01)
-
-    def wait_empty(self) -> None:
-        self.wait_until(lambda: self.rows("outbox") == 0)
 
 
 @pytest.fixture
@@ -94,13 +48,12 @@ def config(tmp_path: Path, engine_name: str, database_url: str) -> Config:
 
 
 @pytest.fixture
-def station(config: Config) -> Iterator[Station]:
+def station(config: Config) -> Iterator[CloudStation]:
     """A station whose cloud runs and whose relay does not yet."""
     with running_cloud() as cloud:
-        station = Station(_with_cloud(config, cloud.url), cloud)
+        station = CloudStation(_with_cloud(config, cloud.url), cloud)
         yield station
-        station.stop()
-        station.database.close()
+        station.close()
 
 
 def _with_cloud(config: Config, url: str) -> Config:
@@ -118,7 +71,7 @@ def _with_cloud(config: Config, url: str) -> Config:
 
 
 @pytest.mark.first_case
-def test_every_kind_reaches_the_cloud_and_is_deleted_here(station: Station) -> None:
+def test_every_kind_reaches_the_cloud_and_is_deleted_here(station: CloudStation) -> None:
     for kind in documents.TELEMETRY:
         station.ingest(kind, 7)
     station.relay()
@@ -133,7 +86,7 @@ def test_every_kind_reaches_the_cloud_and_is_deleted_here(station: Station) -> N
 
 
 @pytest.mark.first_case
-def test_a_record_goes_out_at_once(station: Station) -> None:
+def test_a_record_goes_out_at_once(station: CloudStation) -> None:
     station.relay()
     for number in range(20):
         station.ingest("state_vector", number)
@@ -142,7 +95,7 @@ def test_a_record_goes_out_at_once(station: Station) -> None:
 
 
 @pytest.mark.first_case
-def test_tb2157_first_seconds_of_outage(station: Station) -> None:
+def test_tb2157_first_seconds_of_outage(station: CloudStation) -> None:
     station.relay()
     station.ingest("pose", *range(5))
     station.cloud.store.wait_for(5)
@@ -173,7 +126,7 @@ def test_tb2157_first_seconds_of_outage(station: Station) -> None:
         pytest.param(fake_cloud.lose_answer, id="200_lost"),
     ],
 )
-def test_an_unconfirmed_record_is_retried_in_order(station: Station, fault: Fault) -> None:
+def test_an_unconfirmed_record_is_retried_in_order(station: CloudStation, fault: Fault) -> None:
     station.cloud.store.faults.extend([fault, fault, fault])
     station.ingest("pose", 0, 1, 2)
     station.ingest("alarm", 0, 1)
@@ -188,7 +141,7 @@ def test_an_unconfirmed_record_is_retried_in_order(station: Station, fault: Faul
 
 
 @pytest.mark.first_case
-def test_an_empty_200_confirms(station: Station) -> None:
+def test_an_empty_200_confirms(station: CloudStation) -> None:
     station.cloud.store.always = fake_cloud.empty
     station.ingest("pose", 0)
     station.relay()
@@ -199,13 +152,13 @@ def test_an_empty_200_confirms(station: Station) -> None:
 @pytest.mark.first_case
 @pytest.mark.parametrize("status", [400, 405, 409, 413, 415, 422])
 def test_a_rejected_record_is_a_dead_letter_and_the_next_one_goes_on(
-    station: Station, status: int
+    station: CloudStation, status: int
 ) -> None:
     station.cloud.store.faults.append(fake_cloud.status(status))
     rejected, _ = station.ingest("pose", 0, 1)
     station.relay()
     station.cloud.store.wait_for(1)
-    station.wait_until(lambda: station.rows("outbox") == 1)
+    wait_until(lambda: station.rows("outbox") == 1)
     assert station.cloud.store.stream(1, "pose") == [1]
     assert station.rows("outbox", f"state = 'dead' AND record_id = {rejected}") == 1
     assert station.rows("telemetry", f"id = {rejected}") == 1
@@ -215,7 +168,7 @@ def test_a_rejected_record_is_a_dead_letter_and_the_next_one_goes_on(
 
 
 @pytest.mark.first_case
-def test_301_not_followed_to_other_host(station: Station) -> None:
+def test_301_not_followed_to_other_host(station: CloudStation) -> None:
     with running_cloud() as stranger:
         fault = fake_cloud.status(307, {"Location": f"{stranger.url}/pose"})
         station.cloud.store.faults.append(fault)
@@ -226,7 +179,7 @@ def test_301_not_followed_to_other_host(station: Station) -> None:
 
 
 @pytest.mark.first_case
-def test_while_our_key_is_refused_there_is_one_probe_at_a_time(station: Station) -> None:
+def test_while_our_key_is_refused_there_is_one_probe_at_a_time(station: CloudStation) -> None:
     station.cloud.store.always = fake_cloud.status(401)
     for vehicle_id in range(1, 9):
         station.ingest("pose", 0, vehicle_id=vehicle_id)
@@ -243,7 +196,7 @@ def test_while_our_key_is_refused_there_is_one_probe_at_a_time(station: Station)
 
 
 @pytest.mark.first_case
-def test_a_stuck_stream_does_not_hold_up_the_others(station: Station) -> None:
+def test_a_stuck_stream_does_not_hold_up_the_others(station: CloudStation) -> None:
     release = threading.Event()
     station.cloud.store.faults.append(fake_cloud.hold(release))
     station.ingest("image", 0)
@@ -257,7 +210,7 @@ def test_a_stuck_stream_does_not_hold_up_the_others(station: Station) -> None:
 
 
 @pytest.mark.first_case
-def test_a_slow_cloud_still_has_a_hand_free_for_an_alarm(station: Station) -> None:
+def test_a_slow_cloud_still_has_a_hand_free_for_an_alarm(station: CloudStation) -> None:
     release = threading.Event()
     busy = station.context.config.relay_workers - 1
     station.cloud.store.faults.extend([fake_cloud.hold(release)] * busy)
@@ -273,7 +226,7 @@ def test_a_slow_cloud_still_has_a_hand_free_for_an_alarm(station: Station) -> No
 
 
 @pytest.mark.first_case
-def test_alarms_and_reports_overtake_a_backlog(station: Station) -> None:
+def test_alarms_and_reports_overtake_a_backlog(station: CloudStation) -> None:
     def poses_wait_for_them(handler: Handler, received: Received) -> None:
         if received.path == "/pose":
             handler.store.wait_until(lambda: urgent <= {r.path for r in handler.store.kept})
@@ -294,11 +247,11 @@ def test_alarms_and_reports_overtake_a_backlog(station: Station) -> None:
 
 
 @pytest.mark.first_case
-def test_what_is_corrected_or_deleted_while_it_waits_is_sent_so(station: Station) -> None:
+def test_what_is_corrected_or_deleted_while_it_waits_is_sent_so(station: CloudStation) -> None:
     station.cloud.stop()
     station.relay()
     corrected, deleted, _ = station.ingest("pose", 0, 1, 2)
-    station.wait_until(lambda: station.rows("outbox", "attempts > 0") > 0)
+    wait_until(lambda: station.rows("outbox", "attempts > 0") > 0)
     report = read(Kind.POSE, documents.telemetry("pose", 100))
     assert isinstance(report, Report)
     telemetry.replace(station.context, Kind.POSE, corrected, report)
@@ -312,7 +265,7 @@ def test_what_is_corrected_or_deleted_while_it_waits_is_sent_so(station: Station
 
 
 @pytest.mark.first_case
-def test_a_record_corrected_in_flight_is_sent_again_as_it_is_now(station: Station) -> None:
+def test_a_record_corrected_in_flight_is_sent_again_as_it_is_now(station: CloudStation) -> None:
     release = threading.Event()
     station.cloud.store.faults.append(fake_cloud.hold(release))
     (identifier,) = station.ingest("pose", 0)
@@ -327,7 +280,7 @@ def test_a_record_corrected_in_flight_is_sent_again_as_it_is_now(station: Statio
 
 
 @pytest.mark.first_case
-def test_telegraf16500_no_resend_after_restart(station: Station) -> None:
+def test_telegraf16500_no_resend_after_restart(station: CloudStation) -> None:
     station.relay()
     station.ingest("pose", *range(10))
     station.wait_empty()
@@ -339,7 +292,7 @@ def test_telegraf16500_no_resend_after_restart(station: Station) -> None:
 
 
 @pytest.mark.first_case
-def test_a_restarted_relay_goes_on_where_it_was(station: Station) -> None:
+def test_a_restarted_relay_goes_on_where_it_was(station: CloudStation) -> None:
     station.ingest("pose", *range(40))
     for _ in range(4):
         station.relay()
@@ -353,11 +306,11 @@ def test_a_restarted_relay_goes_on_where_it_was(station: Station) -> None:
 
 
 @pytest.mark.first_case
-def test_tb2132_relay_survives_a_long_outage(station: Station) -> None:
+def test_tb2132_relay_survives_a_long_outage(station: CloudStation) -> None:
     station.cloud.stop()
     station.relay()
     station.ingest("pose", *range(5))
-    station.wait_until(lambda: station.rows("outbox", "attempts >= 8") > 0)
+    wait_until(lambda: station.rows("outbox", "attempts >= 8") > 0)
     station.cloud.start()
     station.wait_empty()
     assert station.cloud.store.stream(1, "pose") == list(range(5))
@@ -373,7 +326,7 @@ def test_the_key_for_the_cloud_comes_from_its_file(config: Config, tmp_path: Pat
             "database_url": config.database_url,
             "cloud_url": cloud.url,
         }
-        station = Station(Config(**settings, cloud_key_file=key_file), cloud)
+        station = CloudStation(Config(**settings, cloud_key_file=key_file), cloud)
         station.ingest("pose", 0)
         station.relay()
         cloud.store.wait_for(1)

@@ -20,8 +20,9 @@ from tests.support.cloud_links import MqttLink, mqtt_link
 from tests.support.fake_cloud import Handler, Received
 from tests.support.mosquitto import Mosquitto, password_file, running_mosquitto
 from tests.support.mqtt_cloud import running_mqtt_cloud
+from tests.support.polling import PATIENCE_S, wait_until
 from tests.support.station import Station, station_config
-from tests.support.system import PATIENCE_S, FarmSystem, wait_for
+from tests.support.system import FarmSystem, wait_for
 from tests.unit.edge_server import documents
 
 POSES = range(12)
@@ -81,7 +82,7 @@ def test_a_broker_that_hangs_and_comes_back(link: MqttLink, tmp_path: Path) -> N
         station.wait_empty()
         link.broker.hang()
         station.ingest("pose", *range(1, 6))
-        station.wait_until(lambda: station.rows("outbox", "attempts >= 2") > 0)
+        wait_until(lambda: station.rows("outbox", "attempts >= 2") > 0)
         link.broker.go_on()
         station.wait_empty()
         assert link.store.stream(1, "pose") == list(range(6))
@@ -94,7 +95,7 @@ def test_without_a_subscriber_nothing_is_confirmed(tmp_path: Path) -> None:
     ):
         station.ingest("pose", *POSES)
         station.relay()
-        station.wait_until(lambda: station.rows("outbox", "attempts >= 3") > 0)
+        wait_until(lambda: station.rows("outbox", "attempts >= 3") > 0)
         assert station.rows("telemetry") == len(POSES)
         with running_mqtt_cloud(broker.port) as cloud:
             station.wait_empty()
@@ -108,7 +109,7 @@ def test_the_brokers_acknowledgement_confirms_only_if_configured(
     with station_at(link.url, tmp_path) as station:
         station.ingest("pose", 0)
         station.relay()
-        station.wait_until(lambda: station.rows("outbox", "attempts >= 2") > 0)
+        wait_until(lambda: station.rows("outbox", "attempts >= 2") > 0)
         station.stop()
         assert station.rows("telemetry") == 1
     with station_at(link.url, tmp_path, mqtt_confirm="broker") as station:
@@ -123,7 +124,7 @@ def test_the_broker_confirms_nothing_without_a_subscriber(tmp_path: Path) -> Non
     ):
         station.ingest("pose", *POSES)
         station.relay()
-        station.wait_until(lambda: station.rows("outbox", "attempts >= 3") > 0)
+        wait_until(lambda: station.rows("outbox", "attempts >= 3") > 0)
         assert station.rows("telemetry") == len(POSES)
         with running_mqtt_cloud(broker.port) as cloud:
             station.wait_empty()
@@ -152,13 +153,11 @@ def test_refused_credentials_pause_until_they_are_right(tmp_path: Path) -> None:
         cloud.wait_until_it_listens()
         station.ingest("pose", *POSES)
         station.relay()
-        station.wait_until(lambda: station.rows("outbox", "last_error LIKE '401%'") > 0)
+        wait_until(lambda: station.rows("outbox", "last_error LIKE '401%'") > 0)
         assert station.rows("outbox", "state = 'queued'") == len(POSES)
         login_file(tmp_path, "farm:p:ä ss\n", mode=0o644)
         station.ingest("alarm", 0)
-        station.wait_until(
-            lambda: station.rows("outbox", "kind = 'alarm' AND last_error LIKE '401%'") > 0
-        )
+        wait_until(lambda: station.rows("outbox", "kind = 'alarm' AND last_error LIKE '401%'") > 0)
         assert cloud.store.seen == []
         login.chmod(0o600)
         station.wait_empty()
@@ -174,7 +173,7 @@ def test_a_topic_that_is_forbidden_to_us_pauses(tmp_path: Path) -> None:
     ):
         station.ingest("pose", *POSES)
         station.relay()
-        station.wait_until(lambda: station.rows("outbox", "last_error LIKE '403%'") > 0)
+        wait_until(lambda: station.rows("outbox", "last_error LIKE '403%'") > 0)
         assert station.rows("outbox", "state = 'queued'") == len(POSES)
         assert link.store.seen == []
         link.broker.configure()
@@ -200,7 +199,7 @@ def test_the_readmes_rules_let_only_the_cloud_confirm(tmp_path: Path) -> None:
             station.relay()
             # Who logs in as a gateway hears no records, so it cannot even answer.
             with running_mqtt_cloud(broker.port, user="farm", password="one") as impostor:
-                station.wait_until(lambda: station.rows("outbox", "attempts >= 2") > 0)
+                wait_until(lambda: station.rows("outbox", "attempts >= 2") > 0)
                 assert impostor.store.seen == []
                 assert station.rows("telemetry") == len(documents.TELEMETRY)
             with running_mqtt_cloud(broker.port, user="cloud", password="two") as cloud:
@@ -222,7 +221,7 @@ def test_a_record_too_large_for_the_broker_becomes_a_dead_letter(
         station.ingest("image", 1, 2)
         station.ingest("pose", *POSES)
         station.relay()
-        station.wait_until(lambda: station.rows("outbox", "state <> 'dead'") == 0)
+        wait_until(lambda: station.rows("outbox", "state <> 'dead'") == 0)
         assert station.rows("outbox", f"record_id = {large} AND last_error LIKE '413%'") == 1
         assert link.store.stream(1, "image") == [1, 2]
         assert link.store.stream(1, "pose") == list(POSES)
@@ -303,7 +302,7 @@ def test_tls_with_our_own_certificate_and_a_pin(authority: Authority, tmp_path: 
         with station_at(tls_url(broker), tmp_path, **trust) as station:
             station.ingest("pose", 0)
             station.relay()
-            station.wait_until(
+            wait_until(
                 lambda: station.rows("outbox", "last_error LIKE '%no subscriber%'") > 0
             )  # The broker spoke to us; it has no subscriber
         impostor: dict[str, Any] = {"cloud_fingerprint": "0" * 64}
@@ -314,7 +313,7 @@ def test_tls_with_our_own_certificate_and_a_pin(authority: Authority, tmp_path: 
             with station_at(tls_url(broker), folder, **trust | change) as station:
                 station.ingest("pose", 0)
                 station.relay()
-                station.wait_until(lambda: station.rows("outbox", "attempts > 0") > 0)
+                wait_until(lambda: station.rows("outbox", "attempts > 0") > 0)
                 assert station.rows("outbox", "last_error LIKE '%no subscriber%'") == 0
                 assert station.rows("telemetry") == 1
         url = tls_url(broker).replace("127.0.0.1", "localhost")  # Not what the certificate names
@@ -322,7 +321,7 @@ def test_tls_with_our_own_certificate_and_a_pin(authority: Authority, tmp_path: 
         with station_at(url, tmp_path / "misnamed", **trust) as station:
             station.ingest("pose", 0)
             station.relay()
-            station.wait_until(lambda: station.rows("outbox", "attempts > 0") > 0)
+            wait_until(lambda: station.rows("outbox", "attempts > 0") > 0)
             assert station.rows("outbox", "last_error LIKE '%certificate%'") == 1
 
 

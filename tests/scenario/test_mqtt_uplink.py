@@ -13,8 +13,8 @@ from edge_server.process.preparation import prepare
 from tests.support import fake_cloud
 from tests.support.cloud_links import CloudLink, cloud_link
 from tests.support.fake_cloud import Fault, Handler, Received
+from tests.support.polling import PATIENCE_S, wait_until
 from tests.support.station import Station, station_config
-from tests.support.system import PATIENCE_S
 from tests.unit.edge_server import documents
 
 POSES = range(12)
@@ -83,7 +83,7 @@ def test_a_cloud_that_is_gone_for_long_gets_all_of_it(link: CloudLink, station: 
     link.cut()
     station.relay()
     station.ingest("pose", *POSES)
-    station.wait_until(lambda: station.rows("outbox", "attempts >= 8") > 0)
+    wait_until(lambda: station.rows("outbox", "attempts >= 8") > 0)
     link.restore()
     station.wait_empty()
     assert effect(link) == list(POSES)
@@ -131,7 +131,7 @@ def test_a_rejected_record_is_a_dead_letter_and_the_next_one_goes_on(
     link.store.faults.append(fake_cloud.status(status))
     rejected, *_ = station.ingest("pose", 0, 1, 2)
     station.relay()
-    station.wait_until(lambda: station.rows("outbox", "state <> 'dead'") == 0)
+    wait_until(lambda: station.rows("outbox", "state <> 'dead'") == 0)
     assert effect(link) == [1, 2]
     assert station.rows("outbox", f"record_id = {rejected}") == 1
     assert station.rows("telemetry") == 1

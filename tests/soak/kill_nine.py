@@ -20,8 +20,9 @@ from typing import Final
 import requests
 
 from tests.support.fake_cloud import FakeCloud, running_cloud
+from tests.support.polling import PATIENCE_S
 from tests.support.process_tree import descendants, gone
-from tests.support.system import PATIENCE_S, wait_for
+from tests.support.system import wait_for
 from tests.unit.edge_server import documents
 from tests.unit.edge_server.program import Program, program_in
 

@@ -18,7 +18,7 @@ from paho.mqtt.properties import Properties
 from paho.mqtt.reasoncodes import ReasonCode
 
 from tests.support.fake_cloud import Handler, Received, Store
-from tests.support.system import PATIENCE_S
+from tests.support.polling import PATIENCE_S
 
 ROOT = "afarcloud/farm"
 

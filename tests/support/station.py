@@ -2,7 +2,6 @@
 
 import threading
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,7 @@ from edge_server.process import relay
 from edge_server.process.preparation import open_database
 from edge_server.services import telemetry
 from edge_server.services.context import Caller, Context
-from tests.support.system import PATIENCE_S
+from tests.support.polling import wait_until
 from tests.unit.edge_server import documents
 
 BROKER = Caller("broker")
@@ -39,7 +38,7 @@ class Station:
     def __init__(self, config: Config) -> None:
         self.config = config
         self.database = open_database(config)
-        self._context = Context(config, self.database, time.time)
+        self.context = Context(config, self.database, time.time)
         self._relay: Relay | None = None
         self._thread: threading.Thread | None = None
 
@@ -54,7 +53,7 @@ class Station:
         document = documents.telemetry(kind, sequence_number, vehicle_id) | fields
         report = read(Kind(kind), document)
         assert isinstance(report, Report)
-        identifier: int = telemetry.ingest(self._context, Kind(kind), report, BROKER)["id"]
+        identifier: int = telemetry.ingest(self.context, Kind(kind), report, BROKER)["id"]
         return identifier
 
     def relay(self) -> None:
@@ -77,12 +76,5 @@ class Station:
         with self.database.read() as connection:
             return int(connection.execute(query).scalar_one())
 
-    def wait_until(self, condition: Callable[[], bool]) -> None:
-        """Wait for a change in the database."""
-        deadline = time.monotonic() + PATIENCE_S
-        while not condition():
-            assert time.monotonic() < deadline, "it never came true"
-            time.sleep(0.01)
-
     def wait_empty(self) -> None:
-        self.wait_until(lambda: self.rows("outbox") == 0)
+        wait_until(lambda: self.rows("outbox") == 0)

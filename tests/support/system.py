@@ -19,11 +19,10 @@ from sim.launch import signing_keys
 from sim.launch.farm_client import rows
 from sim.launch.processes import programs, uplink
 from sim.launch.settings import Settings, from_environment
+from tests.support.polling import PATIENCE_S
 from tests.support.process_tree import descendants, gone
 
 ROOT = Path(__file__).parent.parent.parent
-PATIENCE_S = 120.0
-"""Long enough for a slow machine; nothing is asserted about how much of it is used."""
 
 TERMINAL = 3
 FINISHED = 3

@@ -12,7 +12,8 @@ from typing import IO
 
 import requests
 
-from tests.support.system import PATIENCE_S, free_ports
+from tests.support.polling import PATIENCE_S
+from tests.support.system import free_ports
 
 START_S = PATIENCE_S
 

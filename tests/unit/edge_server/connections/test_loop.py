@@ -17,8 +17,8 @@ from edge_server.connections.admission import Limits
 from edge_server.connections.counts import ConnectionCounts
 from edge_server.connections.exchange import Exchange
 from edge_server.connections.loop import ConnectionLoop, Options
+from tests.support.polling import PATIENCE_S, wait_until
 
-PATIENCE_S = 30.0
 ANSWER = b"HTTP/1.1 200 OK\r\nContent-Length: 2\r\n\r\nok"
 ABORT = b"POST /events/ HTTP/1.1\r\nContent-Length: 2\r\n\r\n{}"
 REFUSED = b"HTTP/1.1 503 No\r\n\r\n"
@@ -96,13 +96,6 @@ def running(
         yield service
     finally:
         service.end()
-
-
-def wait_until(condition: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + PATIENCE_S
-    while not condition():
-        assert time.monotonic() < deadline
-        time.sleep(0.005)
 
 
 @pytest.mark.first_case

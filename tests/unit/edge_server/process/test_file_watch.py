@@ -11,7 +11,7 @@ from edge_server.process import file_watch
 from edge_server.store import migrate
 from edge_server.store.connection.engines import open_engine, sqlite_url
 from edge_server.store.files import integrity
-from tests.support.system import PATIENCE_S
+from tests.support.polling import PATIENCE_S
 from tests.unit.edge_server.conftest import Edge
 
 

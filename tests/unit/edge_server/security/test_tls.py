@@ -15,7 +15,7 @@ from edge_server.process.exit_codes import OK, WRONG_SETUP
 from edge_server.security import tls
 from mavlink_broker.edge.client import EdgeClient
 from mavlink_broker.edge.outbox import Post, Urgency
-from tests.support.system import PATIENCE_S
+from tests.support.polling import PATIENCE_S
 from tests.unit.edge_server.program import Program, program_in
 
 

@@ -4,8 +4,7 @@ import logging
 import os
 import ssl
 import threading
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -27,6 +26,7 @@ from mavlink_broker.effects import Acknowledgement
 from tests.support.broker_world import first_flight
 from tests.support.certificates import Authority
 from tests.support.fake_edge import FakeEdgeServer
+from tests.support.polling import wait_until
 
 KEY = "broker-key"
 NOWHERE = "http://127.0.0.1:1"
@@ -217,13 +217,6 @@ def test_work_wakes_the_loop(server: FakeEdgeServer, tmp_path: Path) -> None:
 )
 def test_final_status_codes(status: int, final: bool) -> None:
     assert is_final(status) is final
-
-
-def wait_until(true: Callable[[], bool], patience_s: float = 20.0) -> None:
-    deadline = time.monotonic() + patience_s
-    while not true():
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
 
 
 def work_of(client: EdgeClient) -> list[dict[str, Any]]:

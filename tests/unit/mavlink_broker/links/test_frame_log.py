@@ -3,8 +3,7 @@
 import errno
 import logging
 import os
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime, timedelta
 from functools import partial
@@ -20,9 +19,9 @@ from mavlink_broker.links.frame_log_files import FrameFiles
 from mavlink_broker.mavlink.codec import Encoder
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.mavlink.frames import signed
+from tests.support.polling import wait_until
 
 NOW = datetime(2026, 11, 21, 8, 0, tzinfo=UTC)
-PATIENCE_S = 30.0
 HEARTBEAT = mavlink.MAVLink_heartbeat_message(2, 12, 0, 0, 4, 3)
 
 
@@ -33,13 +32,6 @@ def opened(folder: Path, *, file_bytes: int = 1 << 20, files: int = 3) -> Iterat
         yield log
     finally:
         log.close()
-
-
-def wait_until(condition: Callable[[], Any]) -> None:
-    end = time.monotonic() + PATIENCE_S
-    while not condition():
-        assert time.monotonic() < end
-        time.sleep(0.01)
 
 
 def replayed(path: Path) -> list[Any]:

@@ -4,26 +4,19 @@ import os
 import socket
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from sim.launch.processes import Program
 from sim.launch.supervisor import PortTakenError, ProgramFailedError, Supervisor, check_ports
+from tests.support.polling import wait_until
 
 PATIENCE_S = 30.0
 
 
 def program(code: str, name: str = "worker") -> Program:
     return Program(name, (sys.executable, "-c", code))
-
-
-def wait_for(condition: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + PATIENCE_S
-    while not condition():
-        assert time.monotonic() < deadline
-        time.sleep(0.02)
 
 
 def alive(process_id: int) -> bool:
@@ -55,7 +48,7 @@ SLEEPER = "import time; print('up', flush=True); time.sleep(600)"
 def test_output_is_shown_and_logged(tmp_path: Path) -> None:
     lines = Lines()
     with Supervisor([program(SLEEPER)], os.environ, tmp_path, lines):
-        wait_for(lambda: ("worker", "up") in lines.all)
+        wait_until(lambda: ("worker", "up") in lines.all)
     assert (tmp_path / "worker.log").read_text() == "up\n"
 
 
@@ -63,7 +56,7 @@ def test_output_is_shown_and_logged(tmp_path: Path) -> None:
 def test_a_killed_program_is_started_again(tmp_path: Path) -> None:
     lines = Lines()
     with Supervisor([program(SLEEPER)], os.environ, tmp_path, lines) as supervisor:
-        wait_for(lambda: len(lines.all) == 1)
+        wait_until(lambda: len(lines.all) == 1)
         first = supervisor.process_id("worker")
         os.kill(first, 9)
 
@@ -71,8 +64,8 @@ def test_a_killed_program_is_started_again(tmp_path: Path) -> None:
             supervisor.step()
             return supervisor.process_id("worker") != first
 
-        wait_for(restarted)
-        wait_for(lambda: [line for _, line in lines.all].count("up") == 2)
+        wait_until(restarted)
+        wait_until(lambda: [line for _, line in lines.all].count("up") == 2)
 
 
 @pytest.mark.thorough
@@ -85,10 +78,10 @@ def test_stopping_leaves_no_process_not_even_a_grandchild(tmp_path: Path) -> Non
     )
     lines = Lines()
     with Supervisor([program(parent)], os.environ, tmp_path, lines) as supervisor:
-        wait_for(lambda: len(lines.all) == 1)
+        wait_until(lambda: len(lines.all) == 1)
         processes = [supervisor.process_id("worker"), int(lines.all[0][1])]
         assert all(map(alive, processes))
-    wait_for(lambda: not any(map(alive, processes)))
+    wait_until(lambda: not any(map(alive, processes)))
 
 
 def test_a_program_that_cannot_run_ends_the_system_with_its_last_words(tmp_path: Path) -> None:
