@@ -142,7 +142,9 @@ class App:
     def _call(self, member: FleetMember, now: float, action: Callable[[Effects], object]) -> bool:
         """Call one vehicle's session and apply its effects; false after an error."""
         effects = Effects()
-        errors = [*_error_of(partial(action, effects)), *self._carry_out(effects, member)]
+        with _ErrorBoundary() as errors:
+            action(effects)
+        errors += self._carry_out(effects, member)
         for error in errors[:1]:
             self._fail_after_error(member, error, now)
         return not errors
@@ -156,7 +158,8 @@ class App:
         missions = member.session.missions
         for end in (missions.fail_after_error, missions.drop_after_error):
             effects = Effects()
-            errors = _error_of(partial(end, reason, now, effects))
+            with _ErrorBoundary() as errors:
+                end(reason, now, effects)
             for another in (*errors, *self._carry_out(effects, member)):
                 self.internal_errors.record(_owner(member), another, now)
             if not errors:
@@ -292,10 +295,11 @@ class App:
         messages = member.session.permitted(effects.messages, self._clock.monotonic())
         errors = self._router.send(member.system, messages) if messages else []
         member.unsent += member.session.missions.due_for_edge(effects.for_edge)
-        errors += _error_of(partial(self._post_when_recorded, member))
+        with _ErrorBoundary() as errors_of_posting:
+            self._post_when_recorded(member)
         for job in effects.jobs:
             self._jobs.put(member.system, job)
-        return errors
+        return [*errors, *errors_of_posting]
 
     def _post_when_recorded(self, member: FleetMember) -> None:
         """Update the recovery record, and post what depends on it when it is on the disk."""
@@ -320,16 +324,24 @@ def _owner(member: FleetMember) -> str:
     return f"vehicle {member.session.vehicle.vehicle_id}"
 
 
-def _error_of(action: Callable[[], object]) -> list[Exception]:
-    """Call something and return its exception, if any.
+class _ErrorBoundary:
+    """The error boundary of one vehicle's session: collects any exception of its `with` block.
 
-    This is the error boundary of one vehicle's session; the caller counts and shows the error.
+    The caller counts and shows the error.
     """
-    try:
-        action()
-    except Exception as error:  # noqa: BLE001  # any error of a session
-        return [error]
-    return []
+
+    def __init__(self) -> None:
+        self._errors: list[Exception] = []
+
+    def __enter__(self) -> list[Exception]:
+        return self._errors
+
+    def __exit__(
+        self, _kind: type[BaseException] | None, error: BaseException | None, _trace: object
+    ) -> bool:
+        if isinstance(error, Exception):
+            self._errors.append(error)
+        return isinstance(error, Exception)
 
 
 def _answer_state(session: Session, now: float, answers: list[bool], effects: Effects) -> None:

@@ -212,7 +212,7 @@ class CommandSequence:
         self._round_trip = round_trip
         self._running: CommandTransaction | None = None
         self._first_refusal: Refused | None = None
-        self.alternative = 0  # That is being gone, or was gone
+        self.alternative = 0  # Index of the alternative that is sent
         self.outcome: CommandOutcome | None = None
 
     @property
@@ -221,8 +221,19 @@ class CommandSequence:
         return self._running is not None and self._running.is_in_progress
 
     def start(self, now: float) -> list[Message]:
-        """Send the first command of the first alternative."""
-        return self._next(now)
+        """Start the next command, at first the first one; without any left there is an outcome."""
+        if not self._steps:
+            self.outcome = self._first_refusal or Refused(
+                "this kind of vehicle has no such command"
+            )
+            return []
+        if not self._steps[0]:
+            self.outcome = Accepted()
+            return []
+        self._running = CommandTransaction(
+            self._steps[0].pop(0), self._route, self._round_trip, is_repetition=self._is_repetition
+        )
+        return self._running.start(now)
 
     def receive(self, message: Message, now: float) -> list[Message]:
         """Take an answer and send the next command."""
@@ -239,25 +250,11 @@ class CommandSequence:
     def _advance(self, now: float) -> list[Message]:
         match self._running.outcome if self._running else None:
             case Accepted():
-                return self._next(now)
+                return self.start(now)
             case Refused() as refusal:
                 self._first_refusal = self._first_refusal or refusal
                 del self._steps[0]
                 self.alternative += 1
-                return self._next(now)
+                return self.start(now)
             case _:
                 return []
-
-    def _next(self, now: float) -> list[Message]:
-        if not self._steps:
-            self.outcome = self._first_refusal or Refused(
-                "this kind of vehicle has no such command"
-            )
-            return []
-        if not self._steps[0]:
-            self.outcome = Accepted()
-            return []
-        self._running = CommandTransaction(
-            self._steps[0].pop(0), self._route, self._round_trip, is_repetition=self._is_repetition
-        )
-        return self._running.start(now)

@@ -10,7 +10,6 @@ import logging
 from typing import Final
 
 from afarcloud.enumerations import EventType, Status
-from afarcloud.plan import Event as PlanEvent
 from mavlink_broker.autopilots.families import Family
 from mavlink_broker.edge.work import EventWork, MissionWork
 from mavlink_broker.effects import Acknowledgement, Effects
@@ -391,15 +390,12 @@ class MissionExecutor:
             effects.for_edge.append(Acknowledgement(work.work_id, "done"))
             self._move(Event.ENDED, now, effects)
         else:
-            self._leave(work.event, work.work_id, now, effects)
-
-    def _leave(self, event: PlanEvent, work_id: int | None, now: float, effects: Effects) -> None:
-        """Send the vehicle where an event says; `work_id` is None for an alarm."""
-        self._aborting.order(event, work_id, now)
-        self._move(Event.ABORTED, now, effects)
+            self._aborting.order(work.event, work.work_id, now)
+            self._move(Event.ABORTED, now, effects)
 
     def _return_home(self, now: float, effects: Effects) -> None:
-        self._leave(return_event(self._vehicle.vehicle_id), None, now, effects)
+        self._aborting.order(return_event(self._vehicle.vehicle_id), None, now)
+        self._move(Event.ABORTED, now, effects)
 
     def _cancel_upload(self, effects: Effects) -> None:
         if self.state is State.UPLOADING:

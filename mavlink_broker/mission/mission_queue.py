@@ -252,7 +252,16 @@ class MissionQueue:
 
     def _carry_out_events(self, now: float, effects: Effects) -> None:
         for work in self._events.take_due(self._is_too_early, now, effects):
-            self._carry_out(work, now, effects)
+            first = self._waiting[0] if self._waiting else None
+            if first is not None and self._is_resumed(first) and _concerns(work, first):
+                self._begin_next(now, effects)
+            if is_abort(work):
+                self._abort(work, now, effects)
+            elif self._current is not None and _concerns(work, self._current):
+                self._current.handle_event(work, now, effects)
+                self.close_ended(effects)
+            else:
+                effects.for_edge.append(Acknowledgement(work.work_id, "refused", NO_MISSION))
             self._events.remove(work.work_id)
 
     def _is_too_early(self, work: EventWork) -> bool:
@@ -272,18 +281,6 @@ class MissionQueue:
             return resumed or (is_abort(work) and self._events.is_before(work.work_id))
         aborts_now = work.event.event_type_id is EventType.ABORT_MISSION
         return resumed and not aborts_now
-
-    def _carry_out(self, work: EventWork, now: float, effects: Effects) -> None:
-        first = self._waiting[0] if self._waiting else None
-        if first is not None and self._is_resumed(first) and _concerns(work, first):
-            self._begin_next(now, effects)
-        if is_abort(work):
-            self._abort(work, now, effects)
-        elif self._current is not None and _concerns(work, self._current):
-            self._current.handle_event(work, now, effects)
-            self.close_ended(effects)
-        else:
-            effects.for_edge.append(Acknowledgement(work.work_id, "refused", NO_MISSION))
 
     def _abort(self, work: EventWork, now: float, effects: Effects) -> None:
         """End the mission that flies, and those that wait behind it; it replaces older aborts."""

@@ -261,7 +261,7 @@ class TestUnexpectedErrors:
 
     def test_an_abort_whose_interruption_raises_is_refused_once(self) -> None:
         world = world_at(1)
-        patch = breaking(MissionQueue, "_carry_out", is_first)
+        patch = breaking(MissionQueue, "_abort", is_first)
         work = world.edge.event(ABORT)
         world.run(2.0)
         patch.undo()
@@ -275,7 +275,7 @@ class TestUnexpectedErrors:
         world = world_at(1)
         world.kill_broker()
         work = world.edge.event(SOFT_ABORT)
-        patches = [breaking(MissionQueue, name, is_first) for name in ("_carry_out", *also)]
+        patches = [breaking(MissionQueue, name, is_first) for name in ("_abort", *also)]
         world.restart_broker()
         world.run(3.0)
         for patch in patches:
