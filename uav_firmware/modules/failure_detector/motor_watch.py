@@ -80,23 +80,25 @@ class MotorWatch:
 
         `struck`: the vehicle has just received a blow.
         """
-        limits, bounds, slow = self.limits, self._bounds, 0
-        for motor in range(4):
-            wanted = command[motor]
-            steady = limits.full_speed_rpm * wanted * (_LINEAR - _SQUARE * wanted)
-            if wanted < _IDLE_COMMAND and bounds[motor] < _STANDS_SHARE * limits.full_speed_rpm:
-                self._start_s[motor] = START_TIME_S
+        bounds, start_s, slow = self._bounds, self._start_s, 0
+        full_speed_rpm, least_command, least_share, time_allowed_s, _, _ = self.limits
+        for motor, wanted in enumerate(command):
+            bound = bounds[motor]
+            steady = full_speed_rpm * wanted * (_LINEAR - _SQUARE * wanted)
+            if wanted < _IDLE_COMMAND and bound < _STANDS_SHARE * full_speed_rpm:
+                start_s[motor] = START_TIME_S
             else:
-                self._start_s[motor] -= dt
-            time_s = _RISE_TIME_S if steady > bounds[motor] else _FALL_TIME_S
-            if steady < bounds[motor] or self._start_s[motor] <= 0.0:
-                bounds[motor] += (steady - bounds[motor]) * dt / (dt + time_s)
+                start_s[motor] -= dt
+            if steady < bound or start_s[motor] <= 0.0:
+                time_s = _RISE_TIME_S if steady > bound else _FALL_TIME_S
+                bound += (steady - bound) * dt / (dt + time_s)
+                bounds[motor] = bound
             # A report of NaN compares false and has no effect
-            driven = wanted >= limits.least_command
+            driven = wanted >= least_command
             share, patience_s = (
-                (limits.least_share, limits.time_s) if driven else (_IDLE_SHARE, _IDLE_TIME_S)
+                (least_share, time_allowed_s) if driven else (_IDLE_SHARE, _IDLE_TIME_S)
             )
-            if speed_rpm[motor] < share * bounds[motor] and wanted >= _IDLE_COMMAND:
+            if speed_rpm[motor] < share * bound and wanted >= _IDLE_COMMAND:
                 self._slow[motor] += dt / patience_s
                 if self._slow[motor] >= _USED_UP:
                     slow |= 1 << motor

@@ -50,18 +50,17 @@ class RateAxis:
         `unallocated` is the torque that the allocator left out last time, wanted minus
         produced; `smoothing` is the share of a new derivative sample in the low pass, 0 to 1.
         """
-        gains = self.gains
+        p, i, d, limit = self.gains  # Cheaper than field by field
         error = setpoint - rate
         if self._last_rate is not None:
             sample = (rate - self._last_rate) / dt
             self._derivative += smoothing * (sample - self._derivative)
         self._last_rate = rate
-        torque = gains.p * error + self.integral - gains.d * self._derivative
+        torque = p * error + self.integral - d * self._derivative
         if unallocated * error <= 0.0:
             ratio = error / _LARGE_ERROR
             if -1.0 < ratio < 1.0:
-                limit = gains.integral_limit
-                integral = self.integral + gains.i * error * (1.0 - ratio * ratio) * dt
+                integral = self.integral + i * error * (1.0 - ratio * ratio) * dt
                 inside = -limit <= integral <= limit
                 self.integral = integral if inside else min(max(integral, -limit), limit)
         # The usual case first: min and max cost more than the rest of the loop.
