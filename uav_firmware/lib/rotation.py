@@ -75,7 +75,16 @@ def rotate(q: Quaternion, vector: Vector3) -> Vector3:
 
 def rotate_inverse(q: Quaternion, vector: Vector3) -> Vector3:
     """Turn a vector back: with `q_ned_frd`, from NED into the body frame."""
-    return rotate((q[0], -q[1], -q[2], -q[3]), vector)
+    w, x, y, z = q
+    vx, vy, vz = vector
+    tx = 2.0 * (z * vy - y * vz)
+    ty = 2.0 * (x * vz - z * vx)
+    tz = 2.0 * (y * vx - x * vy)
+    return (
+        vx + w * tx - y * tz + z * ty,
+        vy + w * ty - z * tx + x * tz,
+        vz + w * tz - x * ty + y * tx,
+    )
 
 
 def from_rotation_vector(rotation: Vector3) -> Quaternion:

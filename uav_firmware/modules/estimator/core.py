@@ -86,11 +86,8 @@ class Core:
         self.ekf = ErrorStateEkf(
             state, _initial_sigmas(alignment, params), _noise(params, 0.0), STANDARD_GRAVITY_M_S2
         )
-
-    @property
-    def state(self) -> NominalState:
-        """The best estimate."""
-        return self.ekf.state
+        self.state = state
+        """The best estimate, the filter's own: read five times in a step, so no property."""
 
     @property
     def standing(self) -> bool:

@@ -40,6 +40,7 @@ from uav_firmware.msg.vectors import Vector3
 Array = NDArray[np.float64]
 
 COVARIANCE_STEPS: Final = 4
+_HALF: Final = np.array(0.5)  # A number of Python's would be converted in every call
 _LARGEST_VARIANCE: Final = 1e8  # [SI^2] 10 km of doubt: beyond it numbers lose their meaning
 _COUPLINGS: Final = np.array(
     [
@@ -92,12 +93,14 @@ class ErrorStateEkf:
         self.covariance = self._initial.copy()  # Changed in place, never replaced
         self._variances = self.covariance.reshape(-1)[:: SIZE + 1]  # Its diagonal
         self._transition = np.eye(SIZE)
+        self._transition_transposed = self._transition.T  # Views, made once
         self._product = np.empty((SIZE, SIZE))
         # While a measurement is fused: its covariance with each error and the gain, each as a
         # vector and as the matrix that BLAS takes for an outer product.
         self._shared, self._gain = np.empty(SIZE), np.empty(SIZE)
         self._shared_row, self._gain_column = self._shared.reshape(1, -1), self._gain.reshape(-1, 1)
         self._spread = np.empty((SIZE, SIZE))
+        self._spread_transposed = self._spread.T
         self._added = np.zeros(SIZE)
         self._added_for: tuple[Noise, float, float] | None = None
         self._impulse: Vector3 = (0.0, 0.0, 0.0)
@@ -160,9 +163,9 @@ class ErrorStateEkf:
         """Bring the covariance to the present (Sola 2017, eq. 269, Jacobian of section 7.2)."""
         elapsed, covariance, spread = self._elapsed, self.covariance, self._spread
         self._transition.put(_COUPLINGS, self._couplings(elapsed))
-        self._transition.dot(covariance, self._product).dot(self._transition.T, spread)
-        np.add(spread, spread.T, covariance)
-        np.multiply(covariance, 0.5, covariance)
+        self._transition.dot(covariance, self._product).dot(self._transition_transposed, spread)
+        np.add(spread, self._spread_transposed, covariance)
+        np.multiply(covariance, _HALF, covariance)
         self._variances += self._added_variance(elapsed, elapsed / self._steps)
         self._impulse, self._elapsed, self._steps = (0.0, 0.0, 0.0), 0.0, 0
         self.state.gps_height_bias_m *= self._kept(elapsed)
@@ -178,15 +181,21 @@ class ErrorStateEkf:
         A tilt turns the impulse, velocity by its vector product; biases enter in body axes.
         """
         ix, iy, iz = self._impulse
-        tilted = [0.0, iz, -iy, -iz, 0.0, ix, iy, -ix, 0.0]
-        turned = [-elapsed * entry for row in to_matrix(self.state.q_ned_frd) for entry in row]
+        (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = to_matrix(self.state.q_ned_frd)
+        xx, xy, xz = -elapsed * xx, -elapsed * xy, -elapsed * xz
+        yx, yy, yz = -elapsed * yx, -elapsed * yy, -elapsed * yz
+        zx, zy, zz = -elapsed * zx, -elapsed * zy, -elapsed * zz
         half = 0.5 * elapsed
+        jx, jy, jz = half * ix, half * iy, half * iz
+        turned = (xx, xy, xz, yx, yy, yz, zx, zy, zz)
         return [
             *(elapsed, elapsed, elapsed),
-            *tilted,
-            *[half * entry for entry in tilted],
+            *(0.0, iz, -iy, -iz, 0.0, ix, iy, -ix, 0.0),
+            *(0.0, jz, -jy, -jz, 0.0, jx, jy, -jx, 0.0),
             *turned,
-            *[half * entry for entry in turned],
+            *(half * xx, half * xy, half * xz),
+            *(half * yx, half * yy, half * yz),
+            *(half * zx, half * zy, half * zz),
             *turned,
             self._kept(elapsed),
         ]

@@ -14,8 +14,8 @@ from uav_firmware.lib.geo import STANDARD_GRAVITY_M_S2
 from uav_firmware.msg.sensors import SensorImu
 from uav_firmware.msg.vectors import Vector3
 
-_LARGEST_RATE: Final = 40.0  # [rad/s] 2300 deg/s, just beyond a 2000 deg/s gyroscope
-_LARGEST_FORCE: Final = 320.0  # [m/s^2] Just beyond a 32 g accelerometer
+_LARGEST_RATE_SQUARED: Final = 40.0**2  # [rad/s] 2300 deg/s, just beyond a 2000 deg/s gyroscope
+_LARGEST_FORCE_SQUARED: Final = 320.0**2  # [m/s^2] Just beyond a 32 g accelerometer
 _LONGEST_STEP_S: Final = 0.1
 _BAD_FOR_S: Final = 0.1
 _GLITCH_US: Final = 20_000
@@ -58,12 +58,13 @@ class ImuGuard:
             return None
         dt = 0.0 if before_us is None else (now_us - before_us) * 1e-6
         dt = min(dt, _LONGEST_STEP_S)
-        x, y, z = imu.rate_frd
-        rate_is_sane = x * x + y * y + z * z < _LARGEST_RATE**2  # NaN compares false
-        x, y, z = imu.specific_force_frd
-        force_is_sane = x * x + y * y + z * z < _LARGEST_FORCE**2 and not self._given_up
+        rate, force = imu.rate_frd, imu.specific_force_frd
+        x, y, z = rate
+        rate_is_sane = x * x + y * y + z * z < _LARGEST_RATE_SQUARED  # NaN compares false
+        x, y, z = force
+        force_is_sane = x * x + y * y + z * z < _LARGEST_FORCE_SQUARED and not self._given_up
         if rate_is_sane and force_is_sane:
-            self._rate, self._force = imu.rate_frd, imu.specific_force_frd
+            self._rate, self._force = rate, force
             share = min(dt / _MEAN_S, 1.0)
             self._mean_z += share * (z - self._mean_z)
             self._mean_thrust += share * (self._thrust - self._mean_thrust)

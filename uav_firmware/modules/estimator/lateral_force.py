@@ -58,11 +58,14 @@ class LateralForce:
         """Take a sample [m/s^2] that stands for dt [s], at the estimated motion in air [m/s]."""
         forward, right, _ = rotate_inverse(q_ned_frd, airspeed_ned)
         share = math.sqrt(max(-force_frd[2], 0.0) / STANDARD_GRAVITY_M_S2)
-        fast, slow = min(dt / _FAST_S, 1.0), min(dt / _SLOW_S, 1.0)
+        fast, slow = dt / _FAST_S, dt / _SLOW_S
+        if fast > 1.0:
+            fast, slow = 1.0, min(slow, 1.0)
+        force_x, force_y, _ = force_frd
         x, y, u, v = self._fast
         self._fast = x, y, u, v = (
-            x + fast * (force_frd[0] - x),
-            y + fast * (force_frd[1] - y),
+            x + fast * (force_x - x),
+            y + fast * (force_y - y),
             u + fast * (share * forward - u),
             v + fast * (share * right - v),
         )
