@@ -66,6 +66,8 @@ from uav_firmware.msg.setpoints import (
 from uav_firmware.msg.status import (
     HomePosition,
     LandDetected,
+    ParameterSaveRequest,
+    ParameterSaveResult,
     StatusText,
     StorageStatus,
     VehicleCommand,
@@ -173,6 +175,8 @@ class Topics:
     log_stream_request: Topic[LogStreamRequest] = field(default_factory=Topic)
     log_stream: Queue[LogStreamChunk] = field(default_factory=Queue)
     refused_frames: Topic[RefusedFrames] = field(default_factory=Topic)
+    parameter_save_request: Queue[ParameterSaveRequest] = field(default_factory=Queue)
+    parameter_save_result: Queue[ParameterSaveResult] = field(default_factory=Queue)
     vehicle_command: Queue[VehicleCommand] = field(default_factory=Queue)
     vehicle_command_ack: Queue[VehicleCommandAck] = field(default_factory=Queue)
     status_text: Fork[StatusText] = field(default_factory=Fork)

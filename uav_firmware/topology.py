@@ -254,6 +254,8 @@ class Autopilot:
         self.parameter_storage = ParameterStorageModule(
             storage,
             registry=registry,
+            save_request=topics.parameter_save_request,
+            save_result=topics.parameter_save_result,
             status_text=topics.status_text,
             time_us=self._time_us,
         )
@@ -265,7 +267,6 @@ class Autopilot:
             storage=storage,
             peers=peers,
             boot_time_utc_us=boot_time_utc_us,
-            save_parameters=self.parameter_storage.save,
             params=registry.read(LinkParams),
             card=card,
             request_power=request_power,
@@ -321,7 +322,8 @@ class Autopilot:
         """Answer what has arrived on the link, between two steps."""
         self.mavlink.serve(self.vehicle.time_us)
         self.navigator.check_plans()
-        self.mavlink.resume_uploads(self.vehicle.time_us)
+        self.parameter_storage.serve_requests()
+        self.mavlink.resume(self.vehicle.time_us)
 
     def is_command_pending(self) -> bool:
         """Whether a command of a peer waits for the next steps."""

@@ -149,6 +149,22 @@ class StatusText(NamedTuple):
     text: str
 
 
+class ParameterSaveRequest(NamedTuple):
+    """A request to store the parameters now. Written by mavlink; read by parameter_storage."""
+
+    request_id: int  # [-] Repeated in the result
+
+
+class ParameterSaveResult(NamedTuple):
+    """Answer to a ParameterSaveRequest. Written by parameter_storage; read by mavlink.
+
+    The write may still be in progress: the control loop does not wait for a medium.
+    """
+
+    request_id: int  # [-] Of the request
+    fault: str  # Why the write could not start, or the last one failed; empty on success
+
+
 class StorageStatus(NamedTuple):
     """The medium of the flight log. Written by logger every 2 s; read by commander."""
 

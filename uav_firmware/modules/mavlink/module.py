@@ -31,12 +31,13 @@ READS: Final = (
     "home_position", "mission", "mission_progress", "plan_check_result", "geofence_status",
     "orbit_status", "camera_event", "camera_status", "camera_lens", "gimbal_status",
     "tracking_state", "trajectory_setpoint", "vehicle_attitude_setpoint", "vehicle_rates_setpoint",
-    "actuator_motors", "log_stream", "vehicle_command_ack", "status_text",
+    "actuator_motors", "log_stream", "parameter_save_result", "vehicle_command_ack", "status_text",
 )  # fmt: skip
 WRITES: Final = (
     "mission", "plan_check_request", "manual_control_setpoint", "offboard_setpoint", "fence",
     "rally_points", "follow_target", "payload_order", "ground_station_heartbeat",
-    "log_stream_request", "refused_frames", "vehicle_command", "status_text",
+    "log_stream_request", "refused_frames", "parameter_save_request", "vehicle_command",
+    "status_text",
 )  # fmt: skip
 MAX_MESSAGES_PER_CALL: Final = 128
 """Messages beyond this are dropped, which bounds the work of a step during a flood."""
@@ -48,9 +49,10 @@ _HOUSEKEEPING_US: Final = 1_000_000
 class MavlinkModule:
     """Serves MAVLink for the vehicle's autopilot and camera component.
 
-    `serve`, `resume_uploads` and `update` are called 125 times a second, with the navigator's
-    check of plans after the first. All but the last may be called in between, whenever a
-    datagram has arrived, so that a transfer is not slowed to one message per step.
+    `serve`, `resume` and `update` are called 125 times a second; after the first, the navigator
+    checks plans and the parameter storage starts to save. All but the last may be called in
+    between, whenever a datagram has arrived, so that a transfer is not slowed to one message per
+    step.
     """
 
     def __init__(
@@ -63,7 +65,6 @@ class MavlinkModule:
         peers: Sequence[Peer],
         storage: Storage | None = None,
         boot_time_utc_us: int = 0,
-        save_parameters: Callable[[], None] = lambda: None,
         params: LinkParams | None = None,
         card: Card | None = None,
         request_power: Callable[[PowerAction], None] | None = None,
@@ -80,7 +81,6 @@ class MavlinkModule:
             peers: Configured peers, which get telemetry from the start.
             storage: Stores plans across restarts; without one they are lost at exit.
             boot_time_utc_us: World time at vehicle time zero [us since 1970]; 0 unknown.
-            save_parameters: Called after a peer changed a parameter; may raise OSError.
             params: Modes of the links; PX4's defaults if not given.
             request_power: Called when a peer reboots the vehicle or shuts it down.
             card: Files and logs; without one only the parameters are served as files.
@@ -137,7 +137,6 @@ class MavlinkModule:
             ),
             storage=storage,
             context=self._context,
-            save_parameters=save_parameters,
             texts=self._texts,
             card=card,
             request_power=request_power,
@@ -175,9 +174,9 @@ class MavlinkModule:
             for message in parsed.messages[:left]:
                 self._take(message, address, now_us)
 
-    def resume_uploads(self, now_us: int) -> None:
-        """Go on with the uploads whose plan the navigator has checked."""
-        self._transmitter.send(self._dispatcher.resume_uploads(now_us))
+    def resume(self, now_us: int) -> None:
+        """Go on with what the navigator and the parameter storage have answered."""
+        self._transmitter.send(self._dispatcher.resume(now_us))
 
     def _take(self, message: Message, address: Address, now_us: int) -> None:
         """Serve one message if it is admitted."""

@@ -1,4 +1,4 @@
-"""Loads stored parameters at start; saves them after each change without blocking."""
+"""Loads stored parameters at start; saves changes on request and at 1 Hz, without blocking."""
 
 import json
 from collections.abc import Callable
@@ -6,7 +6,7 @@ from typing import Final
 
 from uav_firmware.bus import Queue
 from uav_firmware.cal.storage import Storage, Write
-from uav_firmware.msg.status import StatusText
+from uav_firmware.msg.status import ParameterSaveRequest, ParameterSaveResult, StatusText
 from uav_firmware.parameters import Registry
 
 FILE_NAME: Final = "parameters.json"
@@ -22,12 +22,16 @@ class ParameterStorageModule:
         storage: Storage,
         *,
         registry: Registry,
+        save_request: Queue[ParameterSaveRequest],
+        save_result: Queue[ParameterSaveResult],
         status_text: Queue[StatusText],
         time_us: Callable[[], int],
     ) -> None:
         """Load the stored values; each one that no longer fits becomes a warning."""
         self._storage = storage
         self._registry = registry
+        self._save_request = save_request
+        self._save_result = save_result
         self._status_text = status_text
         self._time_us = time_us
         self._failed = False
@@ -42,6 +46,16 @@ class ParameterStorageModule:
         if self._write is None or self._write.done():
             self._try_save()
 
+    def serve_requests(self) -> None:
+        """Start to save for each request, and answer it without waiting for the write."""
+        for request in self._save_request.drain():
+            fault = ""
+            try:
+                self._save()
+            except OSError as error:
+                fault = _text(error)
+            self._save_result.publish(ParameterSaveResult(request.request_id, fault))
+
     def finish(self) -> str:
         """Save unsaved changes and wait for the write; called at shutdown.
 
@@ -51,7 +65,7 @@ class ParameterStorageModule:
         try:
             if self._write is not None:
                 self._await(self._write)
-            self.save()
+            self._save()
             if self._write is not None:
                 self._write.result(_FINISH_S)
                 self._check_write()
@@ -60,7 +74,7 @@ class ParameterStorageModule:
         return ""
 
     def _await(self, write: Write) -> None:
-        """Wait for a write; a failed one is dropped, so that `save` starts it again.
+        """Wait for a write; a failed one is dropped, so that `_save` starts it again.
 
         Raises:
             TimeoutError: if it does not end within `_FINISH_S`.
@@ -75,13 +89,13 @@ class ParameterStorageModule:
     def _try_save(self) -> None:
         """Start to save changes; warn once when it fails."""
         try:
-            self.save()
+            self._save()
         except OSError as error:
             if not self._failed:
                 self._warn(f"Parameters not saved: {_text(error)}")
             self._failed = True
 
-    def save(self) -> None:
+    def _save(self) -> None:
         """Start to save now, after any write in progress.
 
         Raises:

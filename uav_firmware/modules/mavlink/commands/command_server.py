@@ -2,11 +2,11 @@
 
 Sans-IO. An unknown command is refused. A command of the link or the parameters is executed here.
 Any other is forwarded to the commander as a VehicleCommand with a token, and is pending until the
-commander's final answer or a timeout, which is a failure.
+commander's final answer or a timeout, which is a failure. So is one that saves the parameters.
 
     received --refused-----------------> answered
     received --executed here------------> answered
-    received --forwarded---------------> pending
+    received --forwarded, or saves-----> pending
     pending  --final answer------------> answered
     pending  --progress----------------> pending   limit 10 s
     pending  --0.9 s since report------> pending   progress sent again
@@ -26,6 +26,7 @@ from uav_firmware.modules.mavlink.commands.commands import (
     BAD_FRAME,
     KNOWN,
     Command,
+    PendingAnswer,
     from_int,
     from_long,
     has_no_ignored_parameter,
@@ -63,7 +64,7 @@ _OPEN_TO_ALL_SYSTEMS: Final = frozenset(
     }
 )
 
-LocalHandler: TypeAlias = Callable[[Command, Sender, int], Answer | None]
+LocalHandler: TypeAlias = Callable[[Command, Sender, int], Answer | PendingAnswer | None]
 """Executes commands without the commander; returns None for unknown ones."""
 
 
@@ -120,7 +121,7 @@ class CommandServer:
         self._known = known
         self._tokens = tokens or count(1)
         self._system_id = system_id
-        self._answerers = local_handlers
+        self._local_handlers = local_handlers
         self._commander = commander
         self._mission_length = mission_length
         self._cancel = cancel
@@ -167,7 +168,7 @@ class CommandServer:
         return self._forward(command, command, sender, now_us, answer=False)
 
     def answers(self, acks: Iterable[VehicleCommandAck], now_us: int) -> list[Outgoing]:
-        """Translate answers of the commander to COMMAND_ACKs to the senders."""
+        """Translate answers to pending commands to COMMAND_ACKs to the senders."""
         return [message for ack in acks for message in self._answer(ack, now_us)]
 
     def tick(self, now_us: int) -> list[Outgoing]:
@@ -196,20 +197,30 @@ class CommandServer:
             return earlier
         if not has_no_ignored_parameter(command):
             return [_acknowledge(command.number, _DENIED, sender)]
-        for handler in self._answerers:
-            answer = handler(command, sender, now_us)
-            if answer is not None:
-                to = None if answer.to_all else sender.address
-                return [
-                    _acknowledge(command.number, answer.result, sender),
-                    *(Outgoing(message, to) for message in answer.messages),
-                ]
+        executed = self._execute_here(command, sender, now_us)
+        if executed is not None:
+            return executed
         normalised = self._normalised(command)
         if isinstance(normalised, int):
             return [_acknowledge(command.number, normalised, sender)]
         if not self._forward(command, normalised, sender, now_us, answer=True):
             return [_acknowledge(command.number, _BUSY, sender)]
         return []
+
+    def _execute_here(self, command: Command, sender: Sender, now_us: int) -> list[Outgoing] | None:
+        """Answer to a command of the link or the parameters; None for any other."""
+        for handler in self._local_handlers:
+            answer = handler(command, sender, now_us)
+            if isinstance(answer, PendingAnswer):
+                self._await_answer(answer.token, command, sender, now_us)
+                return []
+            if answer is not None:
+                to = None if answer.to_all else sender.address
+                return [
+                    _acknowledge(command.number, answer.result, sender),
+                    *(Outgoing(message, to) for message in answer.messages),
+                ]
+        return None
 
     def _earlier(
         self, command: Command, sender: Sender, now_us: int, *, repeated: bool
@@ -240,14 +251,20 @@ class CommandServer:
         if len(self._pending) >= MAX_PENDING:
             return False
         token = next(self._tokens)
-        self._pending[token] = _Pending(
-            number=original.number,
-            command=original,
-            sender=sender if answer else None,
-            deadline_us=now_us + ANSWER_LIMIT_US,
-        )
+        self._await_answer(token, original, sender if answer else None, now_us)
         self._commander.publish(_vehicle_command(normalised, sender, token, now_us))
         return True
+
+    def _await_answer(
+        self, token: int, command: Command, sender: Sender | None, now_us: int
+    ) -> None:
+        """Add a pending command; without a sender its answer is not sent."""
+        self._pending[token] = _Pending(
+            number=command.number,
+            command=command,
+            sender=sender,
+            deadline_us=now_us + ANSWER_LIMIT_US,
+        )
 
     def _answer(self, ack: VehicleCommandAck, now_us: int) -> list[Outgoing]:
         pending = self._pending.get(ack.token)

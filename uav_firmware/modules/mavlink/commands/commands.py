@@ -45,6 +45,12 @@ class Command(NamedTuple):
         return self.parameters[index - 1]
 
 
+class PendingAnswer(NamedTuple):
+    """The command is being executed; its answer is the VehicleCommandAck with this token."""
+
+    token: int
+
+
 FORWARDED: Final = frozenset(int(command) for command in status.Command)
 """Commands that the commander executes; it also checks their parameters."""
 

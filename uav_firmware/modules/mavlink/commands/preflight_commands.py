@@ -1,16 +1,21 @@
 """PREFLIGHT_STORAGE and PREFLIGHT_REBOOT_SHUTDOWN; both require a disarmed vehicle."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from enum import IntEnum
 from typing import Final
 
-from uav_firmware.bus import Topic
-from uav_firmware.modules.mavlink.commands.commands import Command
+from uav_firmware.bus import Queue, Topic
+from uav_firmware.modules.mavlink.commands.commands import Command, PendingAnswer
 from uav_firmware.modules.mavlink.telemetry.requests import Answer
 from uav_firmware.modules.mavlink.wire.addressing import Sender
 from uav_firmware.modules.mavlink.wire.dialect import mavlink
-from uav_firmware.msg.status import VehicleStatus
+from uav_firmware.msg.status import (
+    ParameterSaveRequest,
+    ParameterSaveResult,
+    VehicleCommandAck,
+    VehicleStatus,
+)
 from uav_firmware.parameters import Registry
 
 _READ: Final = 0.0
@@ -22,28 +27,33 @@ _PLANS_UNCHANGED: Final = frozenset({-1.0, 0.0, 1.0})
 _ACCEPTED: Final = Answer(mavlink.MAV_RESULT_ACCEPTED)
 _BUSY: Final = Answer(mavlink.MAV_RESULT_TEMPORARILY_REJECTED)
 _DENIED: Final = Answer(mavlink.MAV_RESULT_DENIED)
-_FAILED: Final = Answer(mavlink.MAV_RESULT_FAILED)
 _UNSUPPORTED: Final = Answer(mavlink.MAV_RESULT_UNSUPPORTED)
 
 
 class StorageCommands:
     """Executes PREFLIGHT_STORAGE.
 
-    Parameters and plans are stored as they change, so only a reset has an effect.
+    Parameters and plans are stored as they change, so only a reset has an effect. The module that
+    stores parameters saves them on request; its result is the answer.
     """
 
     def __init__(
         self,
         registry: Registry,
-        save: Callable[[], None],
+        *,
         vehicle_status: Topic[VehicleStatus],
+        save_request: Queue[ParameterSaveRequest],
+        request_ids: Iterator[int],
     ) -> None:
-        """`save` stores the parameters and may raise OSError."""
+        """`request_ids` are also the tokens of the pending commands."""
         self._registry = registry
-        self._save = save
         self._vehicle_status = vehicle_status
+        self._save_request = save_request
+        self._request_ids = request_ids
 
-    def answer(self, command: Command, _sender: Sender, _now_us: int) -> Answer | None:
+    def answer(
+        self, command: Command, _sender: Sender, _now_us: int
+    ) -> Answer | PendingAnswer | None:
         """Execute PREFLIGHT_STORAGE; None for any other command."""
         if command.number != mavlink.MAV_CMD_PREFLIGHT_STORAGE:
             return None
@@ -57,14 +67,22 @@ class StorageCommands:
             return _BUSY
         if action in _RESETS:
             self._registry.reset()
-        return _ACCEPTED if action == _READ else self._saved()
+        if action == _READ:
+            return _ACCEPTED
+        request_id = next(self._request_ids)
+        self._save_request.publish(ParameterSaveRequest(request_id))
+        return PendingAnswer(request_id)
 
-    def _saved(self) -> Answer:
-        try:
-            self._save()
-        except OSError:
-            return _FAILED
-        return _ACCEPTED
+
+def storage_ack(result: ParameterSaveResult, now_us: int) -> VehicleCommandAck:
+    """The answer to the PREFLIGHT_STORAGE that requested a save."""
+    return VehicleCommandAck(
+        now_us,
+        mavlink.MAV_CMD_PREFLIGHT_STORAGE,
+        mavlink.MAV_RESULT_FAILED if result.fault else mavlink.MAV_RESULT_ACCEPTED,
+        progress=0,
+        token=result.request_id,
+    )
 
 
 class PowerAction(IntEnum):

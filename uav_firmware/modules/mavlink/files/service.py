@@ -1,6 +1,6 @@
 """File service of the vehicle: the tree of files, MAVFTP and the log protocol."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Final
 
 from uav_firmware.cal.files import Card, FileStore, Place
@@ -59,9 +59,8 @@ class FileService:
         """`parameters` saves and publishes an uploaded parameter file."""
         self._topics = topics
         self._texts = texts
-        self._parameters = parameters
         self._pending: list[Outgoing] = []
-        files = ParameterFiles(registry, taken=self._taken, refused=self._refused)
+        files = ParameterFiles(registry, taken=parameters.on_file_upload, refused=self._refused)
         self._server = FileServer(
             system_id=system_id, store=vehicle_tree(card, files, metadata), bucket=TokenBucket()
         )
@@ -98,9 +97,6 @@ class FileService:
     def _is_armed(self) -> bool:
         status = self._topics.vehicle_status.value
         return status is not None and status.armed
-
-    def _taken(self, names: Sequence[str]) -> None:
-        self._pending += self._parameters.on_file_upload(names)
 
     def _refused(self, text: str) -> None:
         self._pending += self._texts.encode(mavlink.MAV_SEVERITY_WARNING, text)

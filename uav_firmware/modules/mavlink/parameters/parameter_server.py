@@ -8,10 +8,11 @@ PARAM_SET `_HASH_CHECK`, which stops the list.
 import struct
 import zlib
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final
 
+from uav_firmware.bus import Queue
 from uav_firmware.cal.link import Address
 from uav_firmware.modules.mavlink.telemetry.status_text import StatusTexts
 from uav_firmware.modules.mavlink.wire.addressing import Outgoing, Sender, is_for_us
@@ -21,6 +22,7 @@ from uav_firmware.modules.mavlink.wire.dialect_extensions import (
     ParamValue,
     raw_param_value,
 )
+from uav_firmware.msg.status import ParameterSaveRequest, ParameterSaveResult
 from uav_firmware.parameters import (
     ParameterError,
     ParameterLockedError,
@@ -108,13 +110,16 @@ class ParameterServer:
         *,
         system_id: int,
         registry: Registry,
-        save: Callable[[], None],
+        save_request: Queue[ParameterSaveRequest],
+        request_ids: Iterator[int],
         texts: StatusTexts,
     ) -> None:
-        """`save` is called after a change and may raise OSError."""
+        """After each change a save is requested with the next of `request_ids`."""
         self._system_id = system_id
         self._registry = registry
-        self._save = save
+        self._save_request = save_request
+        self._request_ids = request_ids
+        self._saving: set[int] = set()  # Ids of the requests without a result
         self._texts = texts
         self._listings: dict[Address, _Listing] = {}
         self._names: list[str] = []
@@ -152,11 +157,21 @@ class ParameterServer:
                 del self._listings[address]
         return outgoing
 
-    def on_file_upload(self, names: Iterable[str]) -> list[Outgoing]:
+    def on_file_upload(self, names: Iterable[str]) -> None:
         """Save parameters set by a file, and send them to every peer over the next ticks."""
         self._index_names()
         self._changed.extend(names)
-        return self._saved()
+        self._request_save()
+
+    def on_save_result(self, result: ParameterSaveResult) -> list[Outgoing]:
+        """A STATUSTEXT when a requested save has failed."""
+        if result.request_id not in self._saving:
+            return []
+        self._saving.remove(result.request_id)
+        if not result.fault:
+            return []
+        text = f"Parameters not saved: {result.fault}"
+        return self._texts.encode(mavlink.MAV_SEVERITY_WARNING, text)
 
     def drop_peer(self, address: Address) -> None:
         """Stop the list to a peer whose channel is closed."""
@@ -202,7 +217,8 @@ class ParameterServer:
             return []
         fault = self._change(name, message)
         if fault is None:
-            return [Outgoing(self._value(name)), *self._saved()]
+            self._request_save()
+            return [Outgoing(self._value(name))]
         error = self._error(name, self._indices.get(name, -1), fault, sender)
         if name not in self._indices:
             return [error]
@@ -223,14 +239,10 @@ class ParameterServer:
             return _ERROR_CODES.get(type(error), _OUT_OF_RANGE)
         return None
 
-    def _saved(self) -> list[Outgoing]:
-        """Save the values; on failure return a STATUSTEXT."""
-        try:
-            self._save()
-        except OSError as error:
-            text = f"Parameters not saved: {error.strerror}"
-            return self._texts.encode(mavlink.MAV_SEVERITY_WARNING, text)
-        return []
+    def _request_save(self) -> None:
+        request_id = next(self._request_ids)
+        self._saving.add(request_id)
+        self._save_request.publish(ParameterSaveRequest(request_id))
 
     def _raw(self, name: str) -> bytes:
         """The four bytes of a value."""

@@ -13,6 +13,7 @@ from uav_firmware.modules.mavlink.commands.preflight_commands import (
     PowerAction,
     PowerCommands,
     StorageCommands,
+    storage_ack,
 )
 from uav_firmware.modules.mavlink.files.metadata_files import MetadataFiles, MetadataRequest
 from uav_firmware.modules.mavlink.files.service import FileService
@@ -70,7 +71,6 @@ class Dispatcher:
         checker: PlanChecker,
         storage: Storage | None,
         context: Callable[[int], Context],
-        save_parameters: Callable[[], None],
         texts: StatusTexts,
         card: Card | None,
         request_power: Callable[[PowerAction], None] | None,
@@ -89,6 +89,19 @@ class Dispatcher:
         for fault in self._missions.load():
             topics.status_text.publish(StatusText(0, mavlink.MAV_SEVERITY_WARNING, fault))
         router, tokens = CommandRouter(topics), count(1)
+        self._parameters = ParameterServer(
+            system_id=system_id,
+            registry=registry,
+            save_request=topics.parameter_save_request,
+            request_ids=tokens,
+            texts=texts,
+        )
+        self._storage_commands = StorageCommands(
+            registry,
+            vehicle_status=topics.vehicle_status,
+            save_request=topics.parameter_save_request,
+            request_ids=tokens,
+        )
         metadata = MetadataFiles(registry)
         self._log_stream = LogStream(
             system_id=system_id,
@@ -101,7 +114,7 @@ class Dispatcher:
             local_handlers=(
                 MetadataRequest(lambda: metadata.general_checksum).answer,
                 RequestServer(peers, context).answer,
-                StorageCommands(registry, save_parameters, topics.vehicle_status).answer,
+                self._storage_commands.answer,
                 PowerCommands(request_power, topics.vehicle_status).answer,
                 self._log_stream.answer,
             ),
@@ -118,9 +131,6 @@ class Dispatcher:
             sink=router,
             cancel=router.cancel,
             tokens=tokens,
-        )
-        self._parameters = ParameterServer(
-            system_id=system_id, registry=registry, save=save_parameters, texts=texts
         )
         self._files = FileService(
             system_id=system_id,
@@ -161,9 +171,13 @@ class Dispatcher:
         handler = self._handlers.get(message.get_type())
         return [] if handler is None else handler(message, sender, now_us)
 
-    def resume_uploads(self, now_us: int) -> list[Outgoing]:
-        """Go on with the plans whose check the navigator has answered."""
-        return self._missions.resume_uploads(now_us) if self._checker.receive() else []
+    def resume(self, now_us: int) -> list[Outgoing]:
+        """Go on with the plans that the navigator has checked; report the parameters saved."""
+        outgoing = self._missions.resume_uploads(now_us) if self._checker.receive() else []
+        for result in self._topics.parameter_save_result.drain():
+            outgoing += self._parameters.on_save_result(result)
+            outgoing += self._commands.answers([storage_ack(result, now_us)], now_us)
+        return outgoing
 
     def tick(self, now_us: int) -> list[Outgoing]:
         """Messages that are due from all servers."""

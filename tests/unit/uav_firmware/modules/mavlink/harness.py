@@ -58,6 +58,7 @@ from uav_firmware.msg.status import (
     LandDetected,
     LandedState,
     NavigationState,
+    ParameterSaveResult,
     VehicleCommand,
     VehicleCommandAck,
     VehicleStatus,
@@ -337,10 +338,10 @@ class MavlinkHarness:
             ),
             signing=signing,
             boot_time_utc_us=1_700_000_000_000_000,
-            save_parameters=save,
             params=params,
             request_power=power,
         )
+        self._save = save
         self._sequence = 0
         self._navigator = PlanChecks(
             self.topics.plan_check_request,
@@ -374,8 +375,21 @@ class MavlinkHarness:
             self.module.serve(self.now_us)
             if self.topics.plan_check_request or self.now_us % TICK_US == 0:
                 self._navigator.update()
-            self.module.resume_uploads(self.now_us)
+            self._serve_save_requests()
+            self.module.resume(self.now_us)
             self.module.update(self.now_us)
+
+    def _serve_save_requests(self) -> None:
+        """Answer as the parameter storage does; an OSError of `save` is a failure."""
+        for request in self.topics.parameter_save_request.drain():
+            fault = ""
+            try:
+                self._save()
+            except OSError as error:
+                fault = error.strerror or str(error)
+            self.topics.parameter_save_result.publish(
+                ParameterSaveResult(request.request_id, fault)
+            )
 
     def received(
         self, name: str | None = None, *, at: Address = GROUND, component: int = 1

@@ -5,7 +5,7 @@ from tests.support.slow_storage import SlowStorage
 from uav_firmware.bus import Queue
 from uav_firmware.cal.storage import WRITTEN, Storage, Write
 from uav_firmware.modules.parameter_storage.module import FILE_NAME, ParameterStorageModule
-from uav_firmware.msg.status import StatusText
+from uav_firmware.msg.status import ParameterSaveRequest, ParameterSaveResult, StatusText
 from uav_firmware.parameters import Registry, param
 
 
@@ -48,9 +48,23 @@ class Vehicle:
         self.registry = Registry()
         self.registry.add(Example)
         self._texts: Queue[StatusText] = Queue()
+        self._requests: Queue[ParameterSaveRequest] = Queue()
+        self._results: Queue[ParameterSaveResult] = Queue()
         self.module = ParameterStorageModule(
-            memory, registry=self.registry, status_text=self._texts, time_us=lambda: 5
+            memory,
+            registry=self.registry,
+            save_request=self._requests,
+            save_result=self._results,
+            status_text=self._texts,
+            time_us=lambda: 5,
         )
+
+    def request_saves(self, *request_ids: int) -> list[tuple[int, str]]:
+        """Request saves; return the id and the fault of each result."""
+        for request_id in request_ids:
+            self._requests.publish(ParameterSaveRequest(request_id))
+        self.module.serve_requests()
+        return [(result.request_id, result.fault) for result in self._results.drain()]
 
     def warnings(self) -> list[str]:
         return [text.text for text in self._texts.drain()]
@@ -107,6 +121,45 @@ def test_one_invalid_value_does_not_affect_the_others() -> None:
     assert vehicle.registry.get("EX_COUNT") == 7
     assert vehicle.registry.get("EX_GAIN") == 1.0
     assert len(vehicle.warnings()) == 2
+
+
+def test_a_requested_save_is_answered_while_the_medium_still_writes() -> None:
+    storage = SlowStorage()
+    vehicle = Vehicle(storage)
+    vehicle.registry.set("EX_COUNT", 7)
+    assert vehicle.request_saves(4) == [(4, "")]
+    assert storage.waiting == 1
+    storage.end()
+    assert json.loads(storage.files[FILE_NAME]) == {"EX_COUNT": 7}
+
+
+def test_a_refused_save_is_the_fault_of_its_request() -> None:
+    memory = Memory()
+    vehicle = Vehicle(memory)
+    vehicle.registry.set("EX_COUNT", 7)
+    memory.fails = True
+    assert vehicle.request_saves(1) == [(1, "No space left on device")]
+    memory.fails = False
+    assert vehicle.request_saves(2) == [(2, "")]
+    assert json.loads(memory.contents or b"") == {"EX_COUNT": 7}
+    assert vehicle.warnings() == []
+
+
+def test_a_write_that_failed_later_is_the_fault_of_the_next_request() -> None:
+    storage = SlowStorage()
+    vehicle = Vehicle(storage)
+    vehicle.registry.set("EX_COUNT", 7)
+    assert vehicle.request_saves(1) == [(1, "")]
+    storage.end(full=True)
+    assert vehicle.request_saves(2) == [(2, "No space left on device")]
+
+
+def test_requests_without_a_change_in_between_share_one_write() -> None:
+    memory = Memory()
+    vehicle = Vehicle(memory)
+    vehicle.registry.set("EX_COUNT", 7)
+    assert vehicle.request_saves(1, 2, 3) == [(1, ""), (2, ""), (3, "")]
+    assert memory.saves == 1
 
 
 class EndsWhenAwaited(SlowStorage):

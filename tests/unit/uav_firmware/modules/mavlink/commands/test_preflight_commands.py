@@ -68,6 +68,16 @@ def test_a_storage_error_is_a_failure() -> None:
     assert result(bench_with_a_changed_parameter(refuse), 1) == FAILED
 
 
+def test_a_repeated_storage_command_is_answered_again_without_another_save() -> None:
+    saved: list[bool] = []
+    harness = bench_with_a_changed_parameter(lambda: saved.append(True))
+    for confirmation in (0, 1):
+        command = command_long(STORAGE, 1.0, confirmation=confirmation)
+        (ack,) = harness.request(command, "COMMAND_ACK")
+        assert ack.result == ACCEPTED
+    assert saved == [True]
+
+
 POWER = 246
 ACCEPTED, BUSY, DENIED, UNSUPPORTED = 0, 1, 2, 3
 
