@@ -16,9 +16,9 @@ from mavlink_broker.live.follow_target import TargetSourceError
 
 def main() -> int:
     """Do what was asked for; gives the exit status."""
-    word, *rest = sys.argv[1:] or ["run"]
+    subcommand, *rest = sys.argv[1:] or ["run"]
     try:
-        return _do(word, rest)
+        return _do(subcommand, rest)
     except UsageError as error:
         print(f"mavlink_broker: {error}", file=sys.stderr)
         return error.status
@@ -27,9 +27,9 @@ def main() -> int:
         return MISUSED
 
 
-def _do(word: str, rest: list[str]) -> int:
-    """Do what the first word asks for; without one of ours, serve the edge server."""
-    match word:
+def _do(subcommand: str, rest: list[str]) -> int:
+    """Run a subcommand; arguments without one serve the edge server."""
+    match subcommand:
         case "translate":
             return translate.run(rest, datetime.now(UTC))
         case "vehicles":
@@ -41,7 +41,7 @@ def _do(word: str, rest: list[str]) -> int:
         case "run":
             return run.run(rest, os.environ)
         case _:
-            return run.run([word, *rest], os.environ)
+            return run.run([subcommand, *rest], os.environ)
 
 
 if __name__ == "__main__":

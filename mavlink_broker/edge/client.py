@@ -1,4 +1,4 @@
-"""Speaks to the edge server over HTTP, on threads of its own, so that no vehicle waits for it.
+"""Client of the edge server over HTTP, on threads of its own, so that no vehicle waits for it.
 
 One thread gets work by long poll, two send posts. Every post is retried until it has a final
 answer: a success, or a refusal that a retry would get again. With a spool, posts that have failed

@@ -93,7 +93,7 @@ class LiveCommandExecutor:
 
     @property
     def note(self) -> str | None:
-        """What is done in another way, or left out."""
+        """What is done differently, or left out."""
         notes = (self._note, None if self._task is None else self._task.note)
         return "; ".join(note for note in notes if note) or None
 

@@ -39,7 +39,7 @@ def next_marker(data: bytes, position: int) -> int:
 def frame_size(data: bytes, position: int) -> int | None:
     """Length of the frame that starts at `position`; it may be longer than the data.
 
-    0 if no frame can start there; None if the data is too short to tell.
+    0 if no frame can start there; None if the data is too short to decide.
     """
     overhead = _OVERHEAD.get(data[position], 0)
     if not overhead:

@@ -135,7 +135,7 @@ def change_speed(speed_m_s: float) -> MissionItem:
 
 
 def condition_yaw(yaw_deg: float) -> MissionItem:
-    """CONDITION_YAW(115): turn to a heading, the shorter way, at the vehicle's own rate."""
+    """CONDITION_YAW(115): turn to a heading by the smaller angle, at the vehicle's own rate."""
     return MissionItem(
         command=mavlink.MAV_CMD_CONDITION_YAW, parameters=(yaw_deg % 360.0, 0.0, 0.0, 0.0)
     )

@@ -59,7 +59,7 @@ NON_AUTOPILOT_COMPONENTS: Final = frozenset(
 def is_vehicle(message: Message) -> bool:
     """Whether a HEARTBEAT is that of a flying vehicle's autopilot.
 
-    A companion computer may report a generic autopilot; its component id tells them apart.
+    A companion computer may report a generic autopilot; its component id distinguishes them.
     """
     is_autopilot = message.autopilot != mavlink.MAV_AUTOPILOT_INVALID
     is_part = message.get_srcComponent() in NON_AUTOPILOT_COMPONENTS

@@ -103,7 +103,7 @@ def disarming(vehicle: Vehicle) -> list[Message]:
     """Stop the propellers of a vehicle on the ground that will not be flown; never in the air.
 
     One that reports itself disarmed is ordered too: its answer to the order to arm comes before
-    its next heartbeat, and that order may still be on its way.
+    its next heartbeat, and that order may not have arrived yet.
     It leaves its mission mode too: whoever arms it next would fly off on what has failed.
     """
     snapshot = vehicle.snapshot

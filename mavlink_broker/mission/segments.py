@@ -86,7 +86,7 @@ class Segments:
 
     @property
     def notes(self) -> tuple[tuple[str, ...], ...]:
-        """Per command: what was left out or is done in another way."""
+        """Per command: what was left out or is done differently."""
         return () if self._itinerary is None else self._itinerary.notes
 
     @property

@@ -1,4 +1,4 @@
-"""Changes of speed by events, while a mission flies or is on its way to the vehicle.
+"""Changes of speed by events, while a mission flies or is transferred to the vehicle.
 
 The items of a segment set the speed of their upload. So a speed that comes during the transfer is
 ordered behind it, and a speed that was changed is ordered again behind each item that sets another.

@@ -62,7 +62,7 @@ IN_FLIGHT: Final = frozenset({State.RUNNING, State.FLYING_LIVE})
 READING: Final = frozenset({State.ATTACHING, State.RUNNING})
 """States that order nothing, so that they go on while somebody else is in command."""
 WITH_ITEMS: Final = BEFORE_TAKEOFF - {State.PLACING_GEOFENCE, State.HOLDING}
-"""States in which the items of a segment are on their way to the vehicle or on it."""
+"""States in which the items of a segment are transferred to the vehicle or stored on it."""
 ENDING: Final = frozenset({State.ABORTING, State.FAILING, State.IDLE})
 """States behind which nothing of the mission is flown any more."""
 

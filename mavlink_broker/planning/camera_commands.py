@@ -94,7 +94,7 @@ def panorama(command: CameraPanorama, situation: Situation) -> Items | LiveActio
     if situation.family.takes_panoramas:
         angles = (_SPAN_DEG[mode], math.nan, math.nan, math.nan)
         create = long_command(mavlink.MAV_CMD_PANORAMA_CREATE, *angles, component=CAMERA)
-        in_hold = tuple((*way, create) for way in situation.family.holding)
+        in_hold = tuple((*hold, create) for hold in situation.family.holding)
         begin = (*in_hold, (create,))  # The vehicle refuses it unless it holds its position
         return LiveAction(
             begin=begin,
@@ -213,9 +213,9 @@ def _video(command: int, values: tuple[float, float], situation: Situation) -> I
     if not situation.after_live and command not in situation.refused:
         item = MissionItem(command=command, parameters=(stream, frequency_hz, 0.0, 0.0))
         return Items((item,), 0)
-    ways = tuple((order,) for order in _to_camera(situation.family, command, *values))
+    alternatives = tuple((order,) for order in _to_camera(situation.family, command, *values))
     return LiveAction(
-        begin=ways, end=Lasted(), within_s=PANORAMA_WITHIN_S, moves=False, wants_camera=True
+        begin=alternatives, end=Lasted(), within_s=PANORAMA_WITHIN_S, moves=False, wants_camera=True
     )
 
 

@@ -144,7 +144,7 @@ class Itinerary:
 
     @property
     def notes(self) -> tuple[tuple[str, ...], ...]:
-        """Per command: what was left out or is done in another way."""
+        """Per command: what was left out or is done differently."""
         return tuple(
             note
             for segment in self.segments

@@ -24,15 +24,15 @@ def follow(command: NavFollowTarget, situation: Situation) -> LiveAction:
     p, family = command.parameters, situation.family
     height_m = max(p.altitude, family.lowest_follow_m)
     spot = Spot(p.latitude, p.longitude, height_m)
-    ways = _following(situation, height_m)
-    lost = ["" for _ in ways]
+    alternatives = _following(situation, height_m)
+    lost = ["" for _ in alternatives]
     notes = []
     if height_m > p.altitude:
         notes.append(f"altitude: {family.name} follows no lower than {height_m:g} m")
     if p.heading is not FollowHeading.TOWARD_FOLLOW_POSITION:
         notes.append("heading: nobody steers it by hand, the nose points to the target")
     return LiveAction(
-        begin=(*ways, (reposition(spot, situation.home),)),
+        begin=(*alternatives, (reposition(spot, situation.home),)),
         alternative_notes=(*lost, "the vehicle follows nothing: it waits at the target's place"),
         follow=spot,
         overrides=family.follow_overrides(height_m, BEHIND_DEG, situation.own_system),
@@ -85,7 +85,7 @@ def track(command: NavTrackSubject, situation: Situation) -> LiveAction:
             follow=_following(situation, height_m),
             maximum_speed_m_s=situation.maximum_speed_m_s,
         ),
-        finish=(*((*way, stop) for way in family.holding), *family.holding)
+        finish=(*((*hold, stop) for hold in family.holding), *family.holding)
         if moves
         else ((stop,),),
         within_s=TRACKED_FOR_S + SLACK_S,

@@ -1,7 +1,7 @@
 """Who is in command of a vehicle, by its heartbeat; pure.
 
 The broker is in command while the vehicle is in a mode that an order or a mission of the broker
-leads to, and nobody else has ordered it into that mode: a vehicle acknowledges the order of a
+leads to, and no other system has ordered it into that mode: a vehicle acknowledges the order of a
 ground station to everybody, with the number of that system. Any other mode was chosen by the
 vehicle's own failsafe (HEARTBEAT.system_status is MAV_STATE_CRITICAL, which PX4 and ArduPilot set
 while a failsafe acts), or by somebody else: a pilot with a remote control, or another ground

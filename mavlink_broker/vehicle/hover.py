@@ -1,7 +1,7 @@
 """Whether a vehicle waits in the air where a mission of this broker has left it.
 
 The place is noted, so that a restarted broker knows it again: a vehicle that is armed at that
-place, and that nobody else flies, has not been anywhere since.
+place, and that no other system flies, has not been anywhere since.
 """
 
 from typing import Final
@@ -33,7 +33,7 @@ class Hover:
 
     @property
     def is_held(self) -> bool:
-        """Whether the vehicle hovers there, and nobody else has taken it."""
+        """Whether the vehicle hovers there, and no other system has taken it."""
         return self._is_held
 
     @property

@@ -324,7 +324,7 @@ class Vehicle:
 
     @property
     def is_held_by_failsafe(self) -> bool:
-        """Whether it hovers because of its own failsafe, and nobody has paused it."""
+        """Whether it hovers because of its own failsafe, and was not paused."""
         snapshot = self.snapshot
         holds = self.mode_role in {ModeRole.HOLD, ModeRole.PAUSED}
         return bool(snapshot.armed) and snapshot.in_failsafe and holds

@@ -2,7 +2,7 @@
 
 An earlier run of the broker accepted the mission, or its link was away. What a broker knows is lost
 with it, but for the mission's last report and its notes of the vehicle. A segment is written into a
-report before the vehicle is ordered to start it: without that nobody has started it, and with it
+report before the vehicle is ordered to start it: without that no broker has started it, and with it
 the vehicle itself knows the rest.
 """
 
@@ -229,7 +229,7 @@ class Attaching(Phase):
         return True
 
     def _begin_segment(self) -> Result:
-        """Begin the later segment that nobody has started."""
+        """Begin the later segment that was not started."""
         mission = self._mission
         if mission.authority.is_lost:
             return Fault(mission.authority.departure)

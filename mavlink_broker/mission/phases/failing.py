@@ -25,7 +25,7 @@ class Failing(Phase):
         self._stops_propellers = False  # The broker armed the vehicle, and it does not take off
         self._raises_alarm = False
         self._is_left_to_failsafe = False
-        self._waits_in_air = False  # And nobody else flies it
+        self._waits_in_air = False  # And no other system flies it
 
     @property
     def claim(self) -> Claim | None:
