@@ -107,7 +107,7 @@ class Flight:
     def _stream(self) -> None:
         self._steps += 1
         if self._message is not None and self._steps % _STREAM_STEPS == 0:
-            self.tester.ground_station.say(self._message)
+            self.tester.ground_station.send(self._message)
 
     @staticmethod
     def _attitude(roll_deg: float, pitch_deg: float, thrust: float) -> Any:

@@ -112,4 +112,4 @@ def fly_on(tester: AutopilotTester, seconds: int) -> None:
         tester.ground_station.heartbeat()
         for _ in range(1_000_000 // tester.autopilot.vehicle.step_us):
             step()
-        tester.ground_station.hear()
+        tester.ground_station.receive()

@@ -177,8 +177,8 @@ def test_the_simulated_vehicle_hands_every_reading_over_under_its_own_name() -> 
         measured = simulation.readings.environment
         assert (vehicle.read_ground() is None) == (measured is None)
         if measured is not None:
-            told = {**_fields(vehicle.read_ground()), **_fields(vehicle.read_hygrometer())}
-            assert told.items() <= measured._asdict().items()
+            read = {**_fields(vehicle.read_ground()), **_fields(vehicle.read_hygrometer())}
+            assert read.items() <= measured._asdict().items()
             seen.add("environment")
         for name, sample in handed_over.items():
             reading = getattr(simulation.readings, name)

@@ -67,18 +67,18 @@ class Overlaps:
 
     def __init__(self) -> None:
         self.found: list[str] = []
-        self._under_way: Counter[tuple[str, int]] = Counter()
+        self._in_transit: Counter[tuple[str, int]] = Counter()
         self._lock = threading.Lock()
 
     def __call__(self, handler: Handler, received: Received) -> None:
         stream = received.path, int(received.body["vehicle_id"])
         with self._lock:
-            self._under_way[stream] += 1
-            if self._under_way[stream] > 1:
+            self._in_transit[stream] += 1
+            if self._in_transit[stream] > 1:
                 self.found.append(f"{stream}: {received.body['sequence_number']}")
         time.sleep(0.005)
         with self._lock:
-            self._under_way[stream] -= 1
+            self._in_transit[stream] -= 1
         handler.store.keep(received)
         handler.answer(200)
 

@@ -250,7 +250,7 @@ class TwoWays:
         self._socket.settimeout(0.0)
         self._socket.bind((HOST, 0))
         self._ticks = 0
-        self.heard_by: list[str] = []
+        self.received_by: list[str] = []
 
     @property
     def _has_wifi(self) -> bool:
@@ -266,11 +266,11 @@ class TwoWays:
 
     def read(self) -> bytes:
         by_cable = self._cable.read()
-        self.heard_by += ["cable"] if by_cable else []
+        self.received_by += ["cable"] if by_cable else []
         by_wifi = b""
         try:
             while data := self._socket.recv(4096):
-                self.heard_by.append("wifi")
+                self.received_by.append("wifi")
                 by_wifi += data if self._has_wifi else b""
         except BlockingIOError:
             pass
@@ -290,7 +290,7 @@ def test_a_mission_over_two_links_one_of_which_comes_and_goes(cable: Cable) -> N
         field.run_until_over(1201, within_s=120.0)
         assert field.edge.statuses(1201) == FINISHED
         assert field.vehicles[0].uploads == 1
-        assert {"cable", "wifi"} == set(line.heard_by)
+        assert {"cable", "wifi"} == set(line.received_by)
         assert len(field.edge.bodies("/pose/")) == len(FINISHED)
     line.close()
 

@@ -74,7 +74,7 @@ class Uploader:
         self.vehicle = with_judges(judges())
         self._now_us = 0
 
-    def say(self, message: Message) -> list[Message]:
+    def send(self, message: Message) -> list[Message]:
         """Say something and hear the answers, with the vehicle's next ticks."""
         self._now_us += 1_000_000
         answers = self.vehicle.receive(frame(pack(message), 0, 255, 190), self._now_us)
@@ -86,12 +86,12 @@ class Uploader:
     def upload(self, items: Sequence[Message]) -> tuple[int, int]:
         """The result, and the number of items that had been sent by then."""
         kind = items[0].mission_type
-        heard = self.say(common.MAVLink_mission_count_message(1, 1, len(items), kind))
+        answers = self.send(common.MAVLink_mission_count_message(1, 1, len(items), kind))
         for sent, item in enumerate([None, *items]):
             if item is not None:
                 item.seq = sent - 1
-                heard = self.say(item)
-            acks = [message for message in heard if message.get_type() == "MISSION_ACK"]
+                answers = self.send(item)
+            acks = [message for message in answers if message.get_type() == "MISSION_ACK"]
             if acks:
                 assert len(acks) == 1
                 assert acks[0].mission_type == kind
@@ -302,11 +302,11 @@ def test_three_plans_are_uploaded_at_once() -> None:
         RALLY: [item(5100, mission_type=RALLY) for _ in range(3)],
     }
     for kind in plans:
-        uploader.say(common.MAVLink_mission_count_message(1, 1, 3, kind))
-    heard: list[Message] = []
+        uploader.send(common.MAVLink_mission_count_message(1, 1, 3, kind))
+    answers: list[Message] = []
     for seq in range(3):
         for plan in plans.values():
             plan[seq].seq = seq
-            heard = uploader.say(plan[seq]) if seq < 2 else heard + uploader.say(plan[seq])
-    acks = {m.mission_type: m.type for m in heard if m.get_type() == "MISSION_ACK"}
+            answers = uploader.send(plan[seq]) if seq < 2 else answers + uploader.send(plan[seq])
+    acks = {m.mission_type: m.type for m in answers if m.get_type() == "MISSION_ACK"}
     assert acks == dict.fromkeys(plans, ACCEPTED)

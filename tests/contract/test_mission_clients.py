@@ -149,7 +149,7 @@ def test_an_uploader_that_vanishes_leaves_the_old_plan_and_the_door_open() -> No
     field = a_field_with(OLD, Conditions())
     client = QgcUpload(NEW)
     for message in client.start(0.0):
-        field.say([message], 254)
+        field.send([message], 254)
     field.pass_seconds(14.0)
     assert field.run(QgcUpload(plan_of(3))) == "vehicle: 14"
     field.pass_seconds(2.0)

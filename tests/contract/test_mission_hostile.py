@@ -68,7 +68,7 @@ def test_each_message_is_answered_in_bounds_and_the_next_plan_is_accepted(
 ) -> None:
     uploader = Uploader()
     for message in messages:
-        answers = [m for m in uploader.say(message) if m.get_type() != "STATUSTEXT"]
+        answers = [m for m in uploader.send(message) if m.get_type() != "STATUSTEXT"]
         assert len(answers) <= 1 + REPETITIONS
     assert uploader.upload([item(16), item(16)]) == (0, 2)
 

@@ -85,7 +85,7 @@ def test_a_refused_mission_leaves_the_flight_as_it_is(tmp_path: Path) -> None:
 
 def test_clearing_the_mission_in_flight_stops_and_holds(tmp_path: Path) -> None:
     tester = on_its_way(tmp_path)
-    tester.ground_station.say(common.MAVLink_mission_clear_all_message(1, 1, 0))
+    tester.ground_station.send(common.MAVLink_mission_clear_all_message(1, 1, 0))
     tester.run_for(6.0)
     place = tester.true_position()
     tester.run_for(10.0)

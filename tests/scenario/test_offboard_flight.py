@@ -37,7 +37,7 @@ class Companion:
     def _say(self) -> None:
         self._steps += 1
         if self.sending and self._steps % PERIOD_STEPS == 0:
-            self._tester.ground_station.say(self.message)
+            self._tester.ground_station.send(self.message)
 
 
 def local(mask: int, **fields: float) -> Any:

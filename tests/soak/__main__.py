@@ -80,9 +80,9 @@ def _hostile() -> None:
     vehicles = int(os.environ.get("VEHICLES") or 20)
     folder = Path(tempfile.mkdtemp(prefix="hostile-"))
     try:
-        hostile.run(folder, vehicles, minutes, _seed(), _tell)
+        hostile.run(folder, vehicles, minutes, _seed(), _print_line)
     except BaseException:
-        _tell(f"logs and true tracks are kept in {folder}")
+        _print_line(f"logs and true tracks are kept in {folder}")
         raise
     shutil.rmtree(folder)
 
@@ -90,10 +90,10 @@ def _hostile() -> None:
 def _spool() -> None:
     cycles = int(os.environ.get("CYCLES") or 200)
     with tempfile.TemporaryDirectory() as folder:
-        spool_death.run(cycles, Path(folder), _seed(), _tell)
+        spool_death.run(cycles, Path(folder), _seed(), _print_line)
 
 
-def _tell(line: str) -> None:
+def _print_line(line: str) -> None:
     print(line, flush=True)
 
 
@@ -103,18 +103,18 @@ def _seed() -> int:
 
 def _broker() -> None:
     every_s = float(os.environ.get("EVERY_S") or 1.0)
-    broker_loans.run(every_s, _seed(), _tell)
+    broker_loans.run(every_s, _seed(), _print_line)
     for conditions in (PERFECT, broker_links.conditions(0.0, 0.3)):
-        broker_death.run(every_s, _seed(), _tell, conditions)
+        broker_death.run(every_s, _seed(), _print_line, conditions)
 
 
 def _links() -> None:
-    broker_links.run(int(os.environ.get("MISSIONS") or 100), _seed(), _tell)
+    broker_links.run(int(os.environ.get("MISSIONS") or 100), _seed(), _print_line)
 
 
 def _events() -> None:
     for conditions in (PERFECT, broker_links.conditions(0.2, 0.3)):
-        broker_events.run(conditions, _seed(), _tell)
+        broker_events.run(conditions, _seed(), _print_line)
 
 
 PARTS: Final[Mapping[str, Callable[[], None]]] = {

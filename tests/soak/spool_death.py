@@ -15,7 +15,7 @@ from random import Random
 from typing import Final
 
 from mavlink_broker.edge.spool import REPORTS_FILE
-from tests.soak.spool_teller import KEY_FILE, LANES, SPOOL, client_in
+from tests.soak.spool_client import KEY_FILE, LANES, SPOOL, client_in
 from tests.support.fake_edge import FakeEdgeServer
 from tests.support.system import ROOT, wait_for
 
@@ -33,7 +33,7 @@ class Outcome:
 
     safe: set[int] = field(default_factory=set)  # Numbers that must not be lost any more
     arrived: dict[str, list[int]] = field(default_factory=dict)  # By line, in order, once each
-    told_twice: int = 0
+    sent_twice: int = 0
 
 
 def run(cycles: int, folder: Path, seed: int, tell: Callable[[str], None]) -> Outcome:
@@ -51,14 +51,14 @@ def run(cycles: int, folder: Path, seed: int, tell: Callable[[str], None]) -> Ou
         wait_for(lambda: not client.waiting, "the last message")
         client.stop(1.0)
         _judge(server, outcome)
-    tell(f"{len(outcome.safe)} reports were safe and arrived; {outcome.told_twice} were sent twice")
+    tell(f"{len(outcome.safe)} reports were safe and arrived; {outcome.sent_twice} were sent twice")
     return outcome
 
 
 def _live_and_die(url: str, folder: Path, random: Random, outcome: Outcome) -> None:
     first = max(outcome.safe, default=0) + _GAP
     process = subprocess.Popen(
-        [sys.executable, "-m", "tests.soak.spool_teller", url, str(folder), str(first)],
+        [sys.executable, "-m", "tests.soak.spool_client", url, str(folder), str(first)],
         cwd=ROOT,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
@@ -81,7 +81,7 @@ def _judge(server: FakeEdgeServer, outcome: Outcome) -> None:
     keys: dict[str, int] = {}
     for post in server.edge.posts:
         keys.setdefault(str(post.idempotency_key), post.body["sequence_number"])
-    outcome.told_twice = len(server.edge.posts) - len(keys)
+    outcome.sent_twice = len(server.edge.posts) - len(keys)
     for lane in LANES:
         numbers = [number for key, number in keys.items() if key.startswith(lane)]
         assert numbers == sorted(numbers), f"{lane} is out of order"

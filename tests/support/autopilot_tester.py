@@ -1,4 +1,4 @@
-"""The whole autopilot in this process, in the words of an operator, sleeping in vehicle time.
+"""The whole autopilot in this process, operated by orders, in vehicle time.
 
 Nothing is paced, nothing listens on a socket; the operator's commands still travel as MAVLink.
 """
@@ -62,7 +62,7 @@ class AutopilotTester:
         self.start = start = self.simulation.truth
         self._ground = LocalGround(start.latitude_deg, start.longitude_deg, start.altitude_amsl_m)
         self._steps = 0
-        self.heartbeats = True  # Whether the operator's ground station says that it is there
+        self.heartbeats = True  # Whether the operator's ground station sends heartbeats
         self._watchers: list[Callable[[], None]] = []
 
     # What the operator does.
@@ -199,7 +199,7 @@ class AutopilotTester:
             self.ground_station.heartbeat()
         self._steps += 1
         self.autopilot.scheduler.step()
-        self.ground_station.hear()
+        self.ground_station.receive()
         for watcher in self._watchers:
             watcher()
 

@@ -32,7 +32,7 @@ TICK_S = 0.02
 
 
 class Clock:
-    """Time that stands still until it is told to go on."""
+    """Simulated time, advanced by the world."""
 
     def __init__(self) -> None:
         self.now = 1000.0
@@ -51,14 +51,14 @@ class Air:
         self.vehicles: dict[tuple[str, int], ScriptedVehicle] = {}
         self.cameras: dict[tuple[str, int], ScriptedCamera] = {}
         self.sent: list[tuple[Address, bytes]] = []
-        self.is_uplink_there = True
+        self.is_uplink_up = True
         self._clock = clock
         self._loss = loss
         self._random = random.Random(seed)
         self._to_broker: list[tuple[Address, bytes]] = []
         self._cameras_beat_at = 0.0
         self._delays_s: dict[int, float] = {}
-        self._on_the_way: list[tuple[float, Callable[[], None]]] = []
+        self._in_transit: list[tuple[float, Callable[[], None]]] = []
 
     def delay(self, vehicle: ScriptedVehicle, seconds: float) -> None:
         """Let a vehicle's frames take so long from now on, in each direction."""
@@ -72,8 +72,8 @@ class Air:
         for address, vehicle in self.vehicles.items():
             for frame in vehicle.step(self._clock.now):
                 self._later(vehicle, partial(self.to_broker, address, frame))
-        due = [arrive for at, arrive in self._on_the_way if at <= self._clock.now]
-        self._on_the_way = [one for one in self._on_the_way if one[0] > self._clock.now]
+        due = [arrive for at, arrive in self._in_transit if at <= self._clock.now]
+        self._in_transit = [one for one in self._in_transit if one[0] > self._clock.now]
         for arrive in due:
             arrive()
 
@@ -82,7 +82,7 @@ class Air:
         if delay_s is None:
             arrive()
         else:
-            self._on_the_way.append((self._clock.now + delay_s, arrive))
+            self._in_transit.append((self._clock.now + delay_s, arrive))
 
     def to_broker(self, address: tuple[str, int], frame: bytes) -> None:
         if self._random.random() >= self._loss:
@@ -96,7 +96,7 @@ class Air:
     def send(self, address: Address, frame: bytes) -> None:
         self.sent.append((address, frame))
         vehicle = self.vehicles.get((address.host, address.port))
-        if vehicle is None or not self.is_uplink_there:
+        if vehicle is None or not self.is_uplink_up:
             return
         if self._random.random() >= self._loss and not vehicle.silent:
             self._later(vehicle, lambda: self._arrive(vehicle, frame))
@@ -104,14 +104,14 @@ class Air:
                 self.cameras[address.host, address.port].receive(frame)
 
     def _arrive(self, vehicle: ScriptedVehicle, frame: bytes) -> None:
-        if not vehicle.silent:  # What was on the way when the link went is lost
+        if not vehicle.silent:  # Frames in transit are lost with the link
             vehicle.receive(frame, self._clock.now)
 
     def radio_status(self, address: Address, free_percent: int) -> None:
-        """Nothing fills up here."""
+        """This link has no buffer."""
 
     def contact_addresses(self) -> list[Address]:
-        """Whoever listens is not spoken to first."""
+        """No address is contacted first."""
         return []
 
 
@@ -130,7 +130,7 @@ class InlineJobs:
 
 
 class World:
-    """Everything that takes part."""
+    """Broker, edge server, vehicles and clock."""
 
     def __init__(
         self,
@@ -141,7 +141,7 @@ class World:
         journal: Path | None = None,
         disk_lag_s: float = 0.0,
     ) -> None:
-        """Begin without vehicles; without a `journal` a killed broker forgets everything."""
+        """Begin without vehicles; without a `journal` a killed broker keeps no record."""
         self.clock = Clock()
         self.air = Air(self.clock, loss, seed)
         self.edge = FakeEdge()
@@ -151,7 +151,7 @@ class World:
         )
         self._encoders: dict[tuple[int, int], Encoder] = {}
         self._ulids = count(1)
-        self.is_broker_there = True
+        self.is_broker_running = True
         self.app = self._new_app()
 
     def _new_app(self) -> App:
@@ -162,12 +162,12 @@ class World:
         return f"01{next(self._ulids):024d}"
 
     def kill_broker(self) -> None:
-        """Lose everything that the broker knows; nobody is there until it is restarted."""
-        self.is_broker_there = False
+        """Kill the broker with its memory; none runs until it is restarted."""
+        self.is_broker_running = False
 
     def restart_broker(self) -> None:
         """Begin with an empty memory, after a kill or instead of one."""
-        self.is_broker_there = True
+        self.is_broker_running = True
         if self.disk is not None:
             self.disk.begin()
         self.app = self._new_app()
@@ -179,7 +179,7 @@ class World:
         return vehicle
 
     def add_camera(self, vehicle: ScriptedVehicle, **more: Any) -> ScriptedCamera:
-        """Put a camera onto a vehicle; it falls silent with the vehicle."""
+        """Put a camera onto a vehicle; it is silent when the vehicle is."""
         address = next(a for a, v in self.air.vehicles.items() if v is vehicle)
 
         def put(frame: bytes) -> None:
@@ -192,8 +192,8 @@ class World:
         self.air.cameras[address] = camera
         return camera
 
-    def hear(self, vehicle: ScriptedVehicle, message: Message, component: int = 1) -> None:
-        """Let a component of a vehicle say something more."""
+    def send_from(self, vehicle: ScriptedVehicle, message: Message, component: int = 1) -> None:
+        """Send a message of a component of a vehicle."""
         address = next(a for a, v in self.air.vehicles.items() if v is vehicle)
         if component == 1:
             vehicle.send(message)
@@ -203,10 +203,10 @@ class World:
         )
         self.air.to_broker(address, encoder.encode(message))
 
-    def hear_camera(self, vehicle: ScriptedVehicle) -> None:
-        """Let a vehicle's camera send a heartbeat."""
+    def send_camera_heartbeat(self, vehicle: ScriptedVehicle) -> None:
+        """Send a heartbeat of a vehicle's camera."""
         heartbeat = mavlink.MAVLink_heartbeat_message(mavlink.MAV_TYPE_CAMERA, 8, 0, 0, 4, 3)
-        self.hear(vehicle, heartbeat, mavlink.MAV_COMP_ID_CAMERA)
+        self.send_from(vehicle, heartbeat, mavlink.MAV_COMP_ID_CAMERA)
 
     @property
     def only_vehicle(self) -> ScriptedVehicle:
@@ -223,10 +223,10 @@ class World:
     def tick(self) -> None:
         self.clock.now += TICK_S
         self.air.step()
-        if self.is_broker_there:
+        if self.is_broker_running:
             self.app.step(0.0)
         else:
-            self.air.receive(0.0)  # Nobody listens: it is lost
+            self.air.receive(0.0)  # No broker receives it
 
     def run_until(self, condition: Callable[[], Any], within_s: float = 120.0) -> None:
         """Let time pass until the condition holds."""

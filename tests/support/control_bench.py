@@ -117,7 +117,7 @@ class ControlBench:
 
     @property
     def landed_state(self) -> LandedState:
-        """What the land detector says."""
+        """Output of the land detector."""
         land = self.land.value
         return LandedState.UNDEFINED if land is None else land.landed_state
 

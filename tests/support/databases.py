@@ -53,7 +53,7 @@ def binaries() -> Path:
 
 
 def _unprivileged() -> dict[str, Any]:
-    """Whom the server runs as: PostgreSQL refuses to serve for root."""
+    """User that the server runs as: PostgreSQL refuses to run as root."""
     if os.geteuid() != 0:
         return {}
     names = {entry.pw_name for entry in pwd.getpwall()}
@@ -149,11 +149,11 @@ class PostgresServer:
         )
 
     def renew(self, name: str) -> None:
-        """Bring a database back to what it held at `keep`, and cut whoever is connected."""
+        """Bring a database back to what it held at `keep`, and end its connections."""
         self.administer(self._as_new[name], name)
 
     def drop(self, name: str) -> None:
-        """Remove a database, whoever is connected."""
+        """Remove a database, ending its connections."""
         self.administer(f"DROP DATABASE {name} WITH (FORCE)")
 
     def administer(self, statement: str, database: str = "postgres") -> list[tuple[Any, ...]]:

@@ -1,4 +1,4 @@
-"""Estimates for unit tests: valid and at rest unless a test says otherwise."""
+"""Estimates for unit tests: valid and at rest unless a test sets other values."""
 
 from typing import Any
 

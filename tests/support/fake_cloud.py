@@ -1,4 +1,4 @@
-"""A cloud that can be told to misbehave: real sockets, real threads.
+"""A cloud that can misbehave: real sockets, real threads.
 
 By default it stores each record once per Idempotency-Key and answers 200 with JSON. A fault is a
 function that takes the request over; faults are used up in order, one per request, and `always`
@@ -129,7 +129,7 @@ class Handler(BaseHTTPRequestHandler):
         self.connection.close()
 
     def log_message(self, *_: object) -> None:
-        """Say nothing."""
+        """Log nothing."""
 
 
 def _body(raw: bytes, media_type: str) -> dict[str, Any]:

@@ -1,7 +1,7 @@
-"""The edge server's door as the broker sees it: work out, reports in, all in memory.
+"""The edge server's API for the broker in memory: work out, reports in.
 
 `FakeEdge` stands in the broker's own process and answers at once; `FakeEdgeServer` serves the
-same over HTTP, and can be told to fail.
+same over HTTP and can fail on request.
 """
 
 import json
@@ -26,10 +26,10 @@ class FakeEdge:
         self.work: dict[int, dict[str, Any]] = {}
         self.closed: set[int] = set()
         self._new: list[dict[str, Any]] = []
-        self._verdicts: list[AcceptanceResult] = []
+        self._acceptance_results: list[AcceptanceResult] = []
         self.dead_letters: dict[int, int] = {}  # By vehicle
-        self.is_stalled = False  # Takes nothing; what is posted is lost if the broker dies
-        self.answers_acceptances = True  # It may be slow, or away for the moment
+        self.is_stalled = False  # Stores nothing: what is posted is lost if the broker is killed
+        self.answers_acceptances = True  # False while it is slow or unreachable
 
     # What tests do.
 
@@ -73,8 +73,8 @@ class FakeEdge:
         self._new.append(dict(self.work[number]))
         return number
 
-    def ask_state(self, vehicle_id: int | None = None) -> int:
-        """Ask for a fresh state vector."""
+    def request_state(self, vehicle_id: int | None = None) -> int:
+        """Request a fresh state vector."""
         number = len(self.work) + 1
         self.work[number] = {
             "id": number,
@@ -91,21 +91,21 @@ class FakeEdge:
         self._new = [dict(w) for n, w in self.work.items() if n not in self.closed]
 
     def cancel(self, number: int) -> None:
-        """Take work back of which no acceptance was heard."""
+        """Withdraw work whose acceptance has not arrived."""
         self.closed.add(number)
-        self._verdicts = [
+        self._acceptance_results = [
             AcceptanceResult(v.work_id, v.is_confirmed and v.work_id != number)
-            for v in self._verdicts
+            for v in self._acceptance_results
         ]
 
     def fail_acceptance(self, number: int, reason: str) -> None:
         """Have the acceptance of work given up, as the edge client does after many failures."""
         self.work[number]["state"] = "queued"
-        self._verdicts = [v for v in self._verdicts if v.work_id != number]
-        self._verdicts.append(AcceptanceResult(number, False, reason, has_failed=True))
+        self._acceptance_results = [v for v in self._acceptance_results if v.work_id != number]
+        self._acceptance_results.append(AcceptanceResult(number, False, reason, has_failed=True))
 
     def bodies(self, path: str) -> list[dict[str, Any]]:
-        """Everything told at a path, in order."""
+        """Bodies of all posts to a path, in order."""
         return [post.body for post in self.posts if post.path == path]
 
     def reports(self, mission_id: int) -> list[dict[str, Any]]:
@@ -123,7 +123,7 @@ class FakeEdge:
         return reports[-1]["mission_status_id"] if reports else None
 
     def acknowledgements(self, number: int) -> list[dict[str, Any]]:
-        """What was said about one piece of work."""
+        """Acknowledgements of one piece of work, in order."""
         return self.bodies(f"/broker/commands/{number}/ack")
 
     # What the broker does.
@@ -137,8 +137,8 @@ class FakeEdge:
         """Give the answers to what was accepted."""
         if not self.answers_acceptances:
             return []
-        verdicts, self._verdicts = self._verdicts, []
-        return verdicts
+        results, self._acceptance_results = self._acceptance_results, []
+        return results
 
     waiting_pictures = 0
 
@@ -159,7 +159,7 @@ class FakeEdge:
     def _acknowledged(self, number: int, status: str) -> None:
         if status == "accepted":
             holds = number not in self.closed
-            self._verdicts.append(AcceptanceResult(number, is_confirmed=holds))
+            self._acceptance_results.append(AcceptanceResult(number, is_confirmed=holds))
             if holds:
                 self.work[number]["state"] = "accepted"
         else:
@@ -186,16 +186,16 @@ class FakeEdge:
                 return
 
 
-def _takes_everything(path: str, body: dict[str, Any]) -> int | None:
-    """Give the status of the answer to a body that is never taken; None for one that may be."""
+def _accepts_everything(path: str, body: dict[str, Any]) -> int | None:
+    """Give the status of the answer to a body that is always refused; None: it is accepted."""
     del path, body
     return None
 
 
 def _merged(before: dict[str, Any] | None, report: dict[str, Any]) -> dict[str, Any]:
-    """Keep what an earlier report has said of commands that a later one leaves out."""
-    said = [] if before is None else before["command_report_array"]
-    known = {one["command_id"]: one for one in (*said, *report["command_report_array"])}
+    """Keep the statuses of commands that a later report leaves out."""
+    reported = [] if before is None else before["command_report_array"]
+    known = {one["command_id"]: one for one in (*reported, *report["command_report_array"])}
     return report | {"command_report_array": list(known.values())}
 
 
@@ -205,7 +205,7 @@ class FakeEdgeServer:
     def __init__(self, port: int, key: str) -> None:
         self.edge = FakeEdge()
         self.key = key
-        self.judge: Callable[[str, dict[str, Any]], int | None] = _takes_everything
+        self.judge: Callable[[str, dict[str, Any]], int | None] = _accepts_everything
         self.failures: deque[int] = deque()  # Status codes of the next POST and PUT answers
         self.keys_seen: list[tuple[str, str | None]] = []
         self._changed = threading.Condition()
@@ -219,7 +219,7 @@ class FakeEdgeServer:
         return f"http://127.0.0.1:{self._server.server_address[1]}"
 
     def plan(self, mission: dict[str, Any]) -> int:
-        """Hand out a mission to whoever polls."""
+        """Hand out a mission to the broker that polls."""
         with self._changed:
             number = self.edge.plan(mission)
             self._changed.notify_all()

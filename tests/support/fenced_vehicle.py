@@ -1,6 +1,6 @@
-"""A scripted vehicle that also keeps a fence, rally points and parameters.
+"""A scripted vehicle that also stores a geofence, rally points and parameters.
 
-Fence and rally points have stores of their own beside the mission's. Integers among the parameters
+Geofence and rally points are stored separately from the mission. Integers among the parameters
 travel as their values (C cast), as ArduPilot sends them; PX4's that matter here are floats.
 """
 
@@ -26,7 +26,7 @@ ARDUPILOT_VALUES = {
 
 
 class FencedVehicle(ScriptedVehicle):
-    """One vehicle."""
+    """A scripted vehicle with geofence, rally points and parameters."""
 
     def __init__(
         self,
@@ -40,7 +40,7 @@ class FencedVehicle(ScriptedVehicle):
         super().__init__(system, script, booted_at=booted_at)
         of_family = {PX4.autopilot: PX4_VALUES, ARDUPILOT.autopilot: ARDUPILOT_VALUES}
         self.capabilities = capabilities
-        self.uid = 0  # Of its hardware; 0: it tells none
+        self.uid = 0  # Of its hardware; 0: not sent
         self.values = dict(of_family.get(script.autopilot, {}) if values is None else values)
         self.set: list[tuple[str, float]] = []  # Parameters written, in order
         self.refused_values: set[str] = set()
@@ -53,7 +53,7 @@ class FencedVehicle(ScriptedVehicle):
         return [(item.command, item.x / 1e7, item.y / 1e7) for item in self.plans[FENCE].items]
 
     def receive(self, datagram: bytes, now: float) -> None:
-        """Take what the broker sent."""
+        """Process a datagram of the broker."""
         self._now = now
         for message in self._wire.decode(datagram):
             if getattr(message, "target_system", self.system) not in {0, self.system}:
@@ -65,12 +65,12 @@ class FencedVehicle(ScriptedVehicle):
                 store.handle(message, now)
             self._handle(message)
 
-    def tell_version(self) -> None:
-        """Say what it is, though nobody has asked."""
+    def send_version(self) -> None:
+        """Send AUTOPILOT_VERSION without a request."""
         self.send(self._autopilot_version())
 
     def step(self, now: float) -> list[bytes]:
-        """Let time pass; gives the frames to send."""
+        """Advance to a time; returns the frames to send."""
         for store in self.plans.values():
             store.tick(now)
         was_armed = self.armed
@@ -118,21 +118,21 @@ class FencedVehicle(ScriptedVehicle):
         if message.get_type() == "PARAM_SET":
             self._set(message.param_id, message.param_value)
         elif message.get_type() == "COMMAND_LONG" and message.command == 400:
-            self.log.append("told to arm")
+            self.log.append("ordered to arm")
         super()._handle(message)
 
     def _parameter(self, message: Message) -> None:
         if message.param_id in self.values:
-            self._tell(message.param_id)
+            self._send_value(message.param_id)
 
     def _set(self, name: str, value: float) -> None:
         if name in self.values and name not in self.refused_values:
             kind = type(self.values[name])
             self.set.append((name, value))
             self.values[name] = kind(value)
-        self._tell(name)
+        self._send_value(name)
 
-    def _tell(self, name: str) -> None:
+    def _send_value(self, name: str) -> None:
         is_integer = isinstance(self.values[name], int)
         kind = mavlink.MAV_PARAM_TYPE_INT16 if is_integer else mavlink.MAV_PARAM_TYPE_REAL32
         value = float(self.values[name])

@@ -46,7 +46,7 @@ def unpack(payload: bytes) -> Packet:
 
 
 class RefusedError(Exception):
-    """The server has said no."""
+    """The server has refused a request."""
 
 
 @dataclass

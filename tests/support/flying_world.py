@@ -2,7 +2,7 @@
 
 Nothing is paced and nothing listens on a socket: what happens depends on the seeds alone. The
 broker may be dropped and made anew at any moment, the link between may lose, delay, double and
-reorder; the simulator's truth tells where the vehicle really is.
+reorder; the simulator's truth is the vehicle's position.
 """
 
 import math
@@ -89,7 +89,7 @@ class BrokerEnd:
         """Nothing fills up here."""
 
     def contact_addresses(self) -> list[Address]:
-        """Nobody: the vehicle speaks first."""
+        """None: the vehicle sends first."""
         return []
 
 
@@ -138,7 +138,7 @@ class FlyingWorld:
 
     def start_broker(self) -> None:
         """Begin with nothing but the journal; all unfinished work is handed out again."""
-        self.link.ground.receive()  # What came while nobody listened is lost
+        self.link.ground.receive()  # Datagrams that arrive without a broker are lost
         self.disk.begin()
         jobs = InlineJobs()
         self.app = App(Config(), self.air, self.edge, self.clock, self._ulid, jobs, self.disk)
@@ -215,7 +215,7 @@ class FlyingWorld:
 
     @property
     def is_armed(self) -> bool:
-        """By the vehicle's own word, whatever arrives of it."""
+        """As the vehicle reports it, whether or not that arrives."""
         status = self.autopilot.topics.vehicle_status.value
         return status is not None and status.armed
 
@@ -260,7 +260,7 @@ class FlyingWorld:
         return [frame.time_s for frame in self.air.sent if frame.kind == "MISSION_ITEM_INT"]
 
     def outline(self) -> str:
-        """Where things stand, for whoever reads a failure."""
+        """Return the state of the flight, for the message of a failed test."""
         sessions = {} if self.app is None else self.app.sessions
         states = [session.state.name for session in sessions.values()]
         reports = self.edge.bodies("/mission_report/")[-1:]

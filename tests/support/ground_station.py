@@ -48,7 +48,7 @@ class MemoryLink:
         self.from_vehicle.append(datagram)
 
     def refused_addresses(self) -> Sequence[Address]:
-        """Somebody always listens."""
+        """No address refuses datagrams."""
         return ()
 
     def close(self) -> None:
@@ -56,7 +56,7 @@ class MemoryLink:
 
 
 class GroundStation:
-    """Speaks to one vehicle; `hear` must be called as time passes."""
+    """Talks MAVLink to one vehicle; `receive` must be called as time passes."""
 
     def __init__(self, link: MemoryLink, vehicle_system: int) -> None:
         self._link = link
@@ -70,12 +70,12 @@ class GroundStation:
         self.items_reached: list[int] = []
 
     def sign(self, key: bytes) -> None:
-        """Sign what is said, and listen to nothing that is not signed."""
+        """Sign every frame from now on, and ignore frames that are not signed."""
         self._codec.signing.secret_key = key
         self._codec.signing.sign_outgoing = True
 
     def heartbeat(self) -> None:
-        """Say that a ground station is there."""
+        """Send a HEARTBEAT."""
         self._send(
             common.MAVLink_heartbeat_message(
                 common.MAV_TYPE_GCS,
@@ -92,12 +92,12 @@ class GroundStation:
         padded = [*parameters, *[NAN] * (7 - len(parameters))]
         self._send(common.MAVLink_command_long_message(self._target, 1, command, 0, *padded))
 
-    def say(self, message: Any) -> None:
+    def send(self, message: Any) -> None:
         """Send any message."""
         self._send(message)
 
     def upload(self, items: Sequence[Any]) -> None:
-        """Offer a mission; `hear` answers the vehicle's requests."""
+        """Announce a mission; `receive` answers the vehicle's requests."""
         self._upload = list(items)
         self.mission_ack = None
         kind = items[0].mission_type if items else common.MAV_MISSION_TYPE_MISSION
@@ -141,7 +141,7 @@ class GroundStation:
             0,
         )
 
-    def hear(self) -> None:
+    def receive(self) -> None:
         """Take in what the vehicle has sent."""
         for datagram in self._link.from_vehicle:
             if _is_one_frame(datagram) and _message_id(datagram) not in _HEARD:

@@ -155,5 +155,5 @@ class KeyboardWorld:
 
     @property
     def is_armed(self) -> bool:
-        """By the vehicle's own word."""
+        """As the vehicle reports it."""
         return self.operator.vehicle.armed

@@ -24,14 +24,14 @@ class Conditions:
     """What happens to a datagram in one direction."""
 
     loss: float = 0.0  # [-] Probability that it never arrives
-    delay_us: int = 0  # [us] Every datagram's way
+    delay_us: int = 0  # [us] Transit time of every datagram
     duplication: float = 0.0  # [-] Probability that it arrives twice
-    reordering: float = 0.0  # [-] Probability that it is held back, so that others overtake it
+    reordering: float = 0.0  # [-] Probability that it is held back, so that later ones arrive first
     hold_us: int = 30_000  # [us] For how long
 
 
 class LinkEnd:
-    """One end; what it is sent waits until it is received."""
+    """One end; datagrams wait until they are received."""
 
     def __init__(self, link: "LossyLink", address: Address) -> None:
         self._link = link
@@ -48,7 +48,7 @@ class LinkEnd:
         self._link.carry(datagram, self)
 
     def refused_addresses(self) -> list[Address]:
-        """Somebody always listens."""
+        """No address refuses datagrams."""
         return []
 
     def close(self) -> None:
@@ -56,17 +56,17 @@ class LinkEnd:
 
 
 class LossyLink:
-    """Two ends and what lies between."""
+    """Two ends and the datagrams in transit."""
 
     def __init__(self, to_ground: Conditions, to_vehicle: Conditions, *, seed: int) -> None:
         self.vehicle = LinkEnd(self, VEHICLE_ADDRESS)
         self.ground = LinkEnd(self, GROUND_ADDRESS)
-        self._ways = {
+        self._directions = {
             VEHICLE_ADDRESS: (to_ground, self.ground),
             GROUND_ADDRESS: (to_vehicle, self.vehicle),
         }
         self._random = random.Random(seed)
-        self._under_way: list[tuple[int, int, bytes, Address]] = []
+        self._in_transit: list[tuple[int, int, bytes, Address]] = []
         self._number = 0
         self._now_us = 0
         self.carried: int = 0
@@ -74,7 +74,7 @@ class LossyLink:
 
     def degrade(self, to_ground: Conditions, to_vehicle: Conditions) -> None:
         """Change the conditions for what is sent from now on."""
-        self._ways = {
+        self._directions = {
             VEHICLE_ADDRESS: (to_ground, self.ground),
             GROUND_ADDRESS: (to_vehicle, self.vehicle),
         }
@@ -82,13 +82,13 @@ class LossyLink:
     def advance(self, now_us: int) -> None:
         """Let time pass and deliver what is due."""
         self._now_us = now_us
-        while self._under_way and self._under_way[0][0] <= now_us:
-            _, _, datagram, sender = heapq.heappop(self._under_way)
-            self._ways[sender][1].inbox.append((datagram, sender))
+        while self._in_transit and self._in_transit[0][0] <= now_us:
+            _, _, datagram, sender = heapq.heappop(self._in_transit)
+            self._directions[sender][1].inbox.append((datagram, sender))
 
     def carry(self, datagram: bytes, sender: LinkEnd) -> None:
-        """Decide the fate of a datagram."""
-        conditions, _ = self._ways[sender.address]
+        """Lose, delay or duplicate a datagram."""
+        conditions, _ = self._directions[sender.address]
         copies = 2 if self._random.random() < conditions.duplication else 1
         for _ in range(copies):
             self.carried += 1
@@ -98,4 +98,4 @@ class LossyLink:
             held = self._random.random() < conditions.reordering
             due_us = self._now_us + conditions.delay_us + (conditions.hold_us if held else 0)
             self._number += 1
-            heapq.heappush(self._under_way, (due_us, self._number, datagram, sender.address))
+            heapq.heappush(self._in_transit, (due_us, self._number, datagram, sender.address))

@@ -1,4 +1,4 @@
-"""The vehicle's storage as a dictionary that can be told to refuse."""
+"""The vehicle's storage as a dictionary that can refuse."""
 
 import errno
 import os

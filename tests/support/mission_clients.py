@@ -1,9 +1,9 @@
 """How ground stations transfer a plan: models of three, sans-IO, each as its documents have it.
 
     client = QgcUpload(items)
-    said = client.start(now_s)
-    said = client.hear(message, now_s)      # for each message of the vehicle
-    said = client.tick(now_s)               # every now and then
+    messages = client.start(now_s)
+    messages = client.receive(message, now_s)      # for each message of the vehicle
+    messages = client.tick(now_s)               # periodically
     client.outcome                          # None while it is busy, then DONE or a sentence
 
 What they have in common is little: QGroundControl repeats MISSION_COUNT until the first request
@@ -33,8 +33,8 @@ class Client(Protocol):
     def start(self, now_s: float) -> list[Message]:
         """Begin."""
 
-    def hear(self, message: Message, now_s: float) -> list[Message]:
-        """Take a message of the vehicle."""
+    def receive(self, message: Message, now_s: float) -> list[Message]:
+        """Process a message of the vehicle."""
 
     def tick(self, now_s: float) -> list[Message]:
         """Do what is due."""
@@ -85,7 +85,7 @@ class QgcUpload:
         self._deadline_s = now_s + self.TIMEOUT_S
         return [count_of(self._items)]
 
-    def hear(self, message: Message, now_s: float) -> list[Message]:
+    def receive(self, message: Message, now_s: float) -> list[Message]:
         """Answer each request, again and again; an ACK ends it."""
         if self.outcome is not None or message.mission_type != self._items[0].mission_type:
             return []
@@ -131,7 +131,7 @@ class QgcDownload:
         self._deadline_s = now_s + self.LIST_TIMEOUT_S
         return [list_request(self._type)]
 
-    def hear(self, message: Message, now_s: float) -> list[Message]:
+    def receive(self, message: Message, now_s: float) -> list[Message]:
         """Take the count or an item, whichever it is."""
         if self.outcome is not None or message.mission_type != self._type:
             return []
@@ -147,7 +147,7 @@ class QgcDownload:
         if len(self.items) == self._count:
             self.outcome = DONE
             return [final_ack(self._type)]
-        return self._ask(now_s)
+        return self._request(now_s)
 
     def tick(self, now_s: float) -> list[Message]:
         """Ask again, so many times."""
@@ -156,9 +156,9 @@ class QgcDownload:
         if self._attempts > self.RETRIES:
             self.outcome = "no answer"
             return []
-        return self.start(now_s) if self._count is None else self._ask(now_s)
+        return self.start(now_s) if self._count is None else self._request(now_s)
 
-    def _ask(self, now_s: float) -> list[Message]:
+    def _request(self, now_s: float) -> list[Message]:
         self._attempts += 1
         self._deadline_s = now_s + self.ITEM_TIMEOUT_S
         missing = next(seq for seq in range(self._count or 0) if seq not in self.items)
@@ -166,7 +166,7 @@ class QgcDownload:
 
 
 class MavsdkUpload:
-    """MAVSDK's transfer: half a second five times; it repeats the count, never an item unasked.
+    """MAVSDK's transfer: half a second five times; repeats the count, but no item without a request.
 
     A repeated request uses up one of the five; an ACK of whatever plan is taken as its own.
     """
@@ -186,7 +186,7 @@ class MavsdkUpload:
         self._deadline_s = now_s + self.TIMEOUT_S
         return [count_of(self._items)]
 
-    def hear(self, message: Message, now_s: float) -> list[Message]:
+    def receive(self, message: Message, now_s: float) -> list[Message]:
         """Answer the next request, or one that has been answered before."""
         if self.outcome is not None:
             return []
@@ -236,9 +236,9 @@ class MavsdkDownload:
 
     def start(self, now_s: float) -> list[Message]:
         """Ask for the number of items."""
-        return self._ask(now_s)
+        return self._request(now_s)
 
-    def hear(self, message: Message, now_s: float) -> list[Message]:
+    def receive(self, message: Message, now_s: float) -> list[Message]:
         """Take the count once and the items in their order."""
         if self.outcome is not None or message.mission_type != self._type:
             return []
@@ -252,7 +252,7 @@ class MavsdkDownload:
         if len(self.items) == self._count:
             self.outcome = DONE
             return [final_ack(self._type)]
-        return self._ask(now_s)
+        return self._request(now_s)
 
     def tick(self, now_s: float) -> list[Message]:
         """Ask again, five times."""
@@ -262,9 +262,9 @@ class MavsdkDownload:
             self.outcome = "timeout"
             return []
         self._retries += 1
-        return self._ask(now_s)
+        return self._request(now_s)
 
-    def _ask(self, now_s: float) -> list[Message]:
+    def _request(self, now_s: float) -> list[Message]:
         self._deadline_s = now_s + self.TIMEOUT_S
         if self._count is None:
             return [list_request(self._type)]
@@ -278,17 +278,17 @@ class MavproxyUpload:
 
     def __init__(self, items: Sequence[Message]) -> None:
         self._items = items
-        self._heard_s = 0.0
+        self._received_s = 0.0
         self._loading = True
         self.outcome: str | None = None
 
     def start(self, now_s: float) -> list[Message]:
         """Announce the plan."""
-        self._heard_s = now_s
+        self._received_s = now_s
         return [count_of(self._items)]
 
-    def hear(self, message: Message, now_s: float) -> list[Message]:
-        """Answer requests until the last item has been asked for; then only an ACK counts."""
+    def receive(self, message: Message, now_s: float) -> list[Message]:
+        """Answer requests until the last item has been requested; then only an ACK counts."""
         if self.outcome is not None or message.mission_type != self._items[0].mission_type:
             return []
         if message.get_type() == "MISSION_ACK":
@@ -297,13 +297,13 @@ class MavproxyUpload:
             return []
         if message.get_type() not in _REQUESTS or not self._loading:
             return []
-        self._heard_s = now_s
+        self._received_s = now_s
         self._loading = message.seq < len(self._items) - 1
         return [self._items[message.seq]]
 
     def tick(self, now_s: float) -> list[Message]:
-        """Give up when nothing has been asked for too long."""
-        if self.outcome is None and now_s - self._heard_s > 2 * self.PATIENCE_S:
+        """Give up when nothing was requested for too long."""
+        if self.outcome is None and now_s - self._received_s > 2 * self.PATIENCE_S:
             self.outcome = "nothing more came"
         return []
 
@@ -326,7 +326,7 @@ class PersistentUpload:
         self._due_s = now_s + self.COUNT_S
         return [count_of(self._items)]
 
-    def hear(self, message: Message, now_s: float) -> list[Message]:
+    def receive(self, message: Message, now_s: float) -> list[Message]:
         """Answer every request; an ACK ends it."""
         if self.outcome is not None or message.mission_type != self._items[0].mission_type:
             return []
@@ -340,7 +340,7 @@ class PersistentUpload:
         return [self._items[message.seq]]
 
     def tick(self, now_s: float) -> list[Message]:
-        """Say again what starts or ends the transfer."""
+        """Repeat the first or the last message of the transfer."""
         if self.outcome is not None or now_s < self._due_s:
             return []
         if not self._begun:
@@ -359,7 +359,7 @@ class MavproxyDownload:
     def __init__(self, mission_type: int = 0) -> None:
         self._type = mission_type
         self._count: int | None = None
-        self._asked_s: dict[int, float] = {}
+        self._requested_s: dict[int, float] = {}
         self._check_s = 0.0
         self.items: dict[int, Message] = {}
         self.outcome: str | None = None
@@ -369,7 +369,7 @@ class MavproxyDownload:
         self._check_s = now_s + self.REPEAT_S
         return [list_request(self._type)]
 
-    def hear(self, message: Message, now_s: float) -> list[Message]:
+    def receive(self, message: Message, now_s: float) -> list[Message]:
         """Take the count or any item of the window."""
         if self.outcome is not None or message.mission_type != self._type:
             return []
@@ -377,7 +377,7 @@ class MavproxyDownload:
             self._count = message.count
         elif message.get_type() == "MISSION_ITEM_INT" and message.seq not in self.items:
             self.items[message.seq] = message
-            self._asked_s.pop(message.seq, None)
+            self._requested_s.pop(message.seq, None)
         else:
             return []
         if len(self.items) == self._count:
@@ -392,17 +392,17 @@ class MavproxyDownload:
         if self._count is None:
             return self.start(now_s)
         self._check_s = now_s + self.CHECK_S
-        overdue = [seq for seq, at_s in self._asked_s.items() if now_s - at_s > self.REPEAT_S]
-        self._asked_s.update(dict.fromkeys(overdue, now_s))
+        overdue = [seq for seq, at_s in self._requested_s.items() if now_s - at_s > self.REPEAT_S]
+        self._requested_s.update(dict.fromkeys(overdue, now_s))
         return [item_request(seq, self._type) for seq in overdue]
 
     def _fill_window(self, now_s: float) -> list[Message]:
         self._check_s = min(self._check_s, now_s + self.CHECK_S)
-        asked = []
+        requested = []
         for seq in range(self._count or 0):
-            if len(self._asked_s) >= self.WINDOW:
+            if len(self._requested_s) >= self.WINDOW:
                 break
-            if seq not in self.items and seq not in self._asked_s:
-                self._asked_s[seq] = now_s
-                asked.append(item_request(seq, self._type))
-        return asked
+            if seq not in self.items and seq not in self._requested_s:
+                self._requested_s[seq] = now_s
+                requested.append(item_request(seq, self._type))
+        return requested

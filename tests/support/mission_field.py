@@ -1,4 +1,4 @@
-"""A vehicle's mission server, ground stations and the air between them, in simulated time."""
+"""A vehicle's mission server and ground stations over a lossy link, in simulated time."""
 
 from collections.abc import Sequence
 from typing import Any, Final
@@ -69,7 +69,7 @@ class Vehicle:
 
 
 class Field:
-    """One vehicle and whoever transfers a plan to or from it."""
+    """One vehicle and the clients that transfer plans to and from it."""
 
     def __init__(self, conditions: Conditions = Conditions(), *, seed: int = 1) -> None:  # noqa: B008 - frozen
         self.vehicle = Vehicle()
@@ -78,21 +78,21 @@ class Field:
         self._codecs: dict[int, Any] = {}
 
     def run(self, client: Client, *, system: int = 255, patience_s: float = 1200.0) -> str:
-        """Let a client finish; gives its outcome, which must come."""
+        """Run a client to its outcome, and return that."""
         return self.run_all({system: client}, patience_s=patience_s)[system]
 
     def run_all(self, clients: dict[int, Client], *, patience_s: float = 1200.0) -> dict[int, str]:
-        """Let several clients finish at once, each under its own system id."""
+        """Run several clients at once, each with its own system id."""
         end_us = self.now_us + round(patience_s * 1e6)
         for system, client in clients.items():
-            self.say(client.start(self._now_s), system)
+            self.send(client.start(self._now_s), system)
         while any(client.outcome is None for client in clients.values()):
             assert self.now_us < end_us, "no definite outcome"
             self.pass_time(STEP_US, clients)
         return {system: client.outcome or "" for system, client in clients.items()}
 
     def pass_time(self, step_us: int, clients: dict[int, Client]) -> None:
-        """Let a moment pass."""
+        """Advance time by one step."""
         self.now_us += step_us
         self.link.advance(self.now_us)
         answers = [
@@ -102,15 +102,15 @@ class Field:
         ]
         for frame in answers + self.vehicle.tick(self.now_us):
             self.link.vehicle.send(frame, GROUND_ADDRESS)
-        heard = [m for datagram, _ in self.link.ground.receive() for m in self._read(datagram)]
+        received = [m for datagram, _ in self.link.ground.receive() for m in self._read(datagram)]
         for system, client in clients.items():
-            for message in heard:
+            for message in received:
                 if getattr(message, "target_system", system) == system:
-                    self.say(client.hear(message, self._now_s), system)
-            self.say(client.tick(self._now_s), system)
+                    self.send(client.receive(message, self._now_s), system)
+            self.send(client.tick(self._now_s), system)
 
     def pass_seconds(self, seconds: float) -> None:
-        """Let time pass with nobody at the ground station."""
+        """Advance time without a client."""
         for _ in range(round(seconds * 1e6 / STEP_US)):
             self.pass_time(STEP_US, {})
 
@@ -127,8 +127,8 @@ class Field:
         message = self._codec(0).decode(bytearray(datagram))
         return [message] if message.get_type().startswith("MISSION_") else []
 
-    def say(self, messages: Sequence[Message], system: int) -> None:
-        """Send as some system."""
+    def send(self, messages: Sequence[Message], system: int) -> None:
+        """Send messages with a system id."""
         codec = self._codec(system)
         for message in messages:
             self.link.ground.send(message.pack(codec), VEHICLE_ADDRESS)

@@ -94,7 +94,7 @@ class MissionReader:
         raise UnreadableError(f"item {begin}: command {self._peek()}")
 
     def _speed(self) -> None:
-        """Take a speed, told once or twice."""
+        """Read a speed, given by one or two items."""
         while self._peek() == SPEED and not self._rounds():
             self.speed_m_s = self._take().param2
 
@@ -126,16 +126,16 @@ class MissionReader:
             return None
         climb = self._take()
         self._speed()
-        way = self._positional(WAYPOINT)
-        if way is None or place(way[0]) != place(climb):
+        positional = self._positional(WAYPOINT)
+        if positional is None or place(positional[0]) != place(climb):
             raise UnreadableError("nothing goes to the place of the take-off")
-        return {**place(climb)._asdict(), "yaw_angle": way[1], "minimum_pitch": climb.param1}
+        return {**place(climb)._asdict(), "yaw_angle": positional[1], "minimum_pitch": climb.param1}
 
     def land(self) -> dict[str, Any] | None:
-        way = self._positional(LAND)
-        if way is None:
+        positional = self._positional(LAND)
+        if positional is None:
             return None
-        item, yaw = way
+        item, yaw = positional
         latitude, longitude, altitude = place(item)
         return {
             "latitude": latitude,
@@ -150,12 +150,12 @@ class MissionReader:
         yaws: list[float] = []
         while True:
             begin = self._next
-            way = self._positional(WAYPOINT)
-            if way is None or way[1] is None or self._peek() not in SHOOT:
+            positional = self._positional(WAYPOINT)
+            if positional is None or positional[1] is None or self._peek() not in SHOOT:
                 self._next = begin
                 break
             self._take()
-            yaws.append(way[1])
+            yaws.append(positional[1])
         if len(yaws) < FEWEST_SHOTS or self._peek() != DELAY:
             return None
         self._take()
@@ -206,10 +206,10 @@ class MissionReader:
         return {"landing": False, "altitude": here.altitude} if at_home else None
 
     def waypoint(self) -> dict[str, Any] | None:
-        way = self._positional(WAYPOINT)
-        if way is None:
+        positional = self._positional(WAYPOINT)
+        if positional is None:
             return None
-        item, yaw = way
+        item, yaw = positional
         return {
             **place(item)._asdict(),
             "desired_yaw_angle": yaw,

@@ -1,7 +1,7 @@
 """The cloud of `fake_cloud` at the end of a broker: the same store, the same faults.
 
 A fault sees a handler of the same shape. What HTTP does by cutting the connection, it does by
-saying nothing; a fault has a thread of its own, so one that waits holds up nobody else.
+publishing nothing; a fault has a thread of its own, so one that waits delays no other.
 """
 
 import json
@@ -39,22 +39,22 @@ class MqttHandler:
         headers: Mapping[str, str] | None = None,
     ) -> None:
         if content_type != "application/json" or body != b"{}":
-            self.say(body)
+            self.publish(body)
             return
         key = self._properties.CorrelationData.decode()  # type: ignore[union-attr]  # paho's are loose
         answered: dict[str, Any] = {"message_id": key, "status": status}
         if headers and "Retry-After" in headers:
             answered["retry_after_s"] = float(headers["Retry-After"])
-        self.say(json.dumps(answered).encode())
+        self.publish(json.dumps(answered).encode())
 
-    def say(self, payload: bytes) -> None:
+    def publish(self, payload: bytes) -> None:
         properties: Any = Properties(PacketTypes.PUBLISH)  # type: ignore[no-untyped-call]
         properties.CorrelationData = self._properties.CorrelationData  # type: ignore[union-attr]
         topic = self._properties.ResponseTopic  # type: ignore[union-attr]
         self._client.publish(topic, payload, 1, properties=properties)
 
     def reset(self) -> None:
-        """Say nothing."""
+        """Publish no answer."""
 
 
 class MqttCloud:

@@ -11,7 +11,7 @@ from uav_firmware.topology import Autopilot
 
 
 def autopilot(folder: Path) -> Autopilot:
-    """A whole flight stack that nobody steps."""
+    """A whole flight stack that is not stepped."""
     return Autopilot(
         JsbsimVehicle(Simulation(SimulationConfig())),
         MemoryLink(),

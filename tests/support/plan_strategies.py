@@ -1,6 +1,6 @@
 """Any plan that AFarCloud's vocabulary allows, for property tests.
 
-What is drawn is a document, as somebody would post it; whether the rules let it pass is for the
+What is drawn is a document, as a client would post it; whether the rules let it pass is for the
 reader to judge.
 """
 

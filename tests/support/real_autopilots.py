@@ -1,4 +1,4 @@
-"""PX4 and ArduCopter as their sources say that they behave, each habit a named trait.
+"""PX4 and ArduCopter as their sources make them behave, one named setting per difference.
 
 PX4: `mavlink_mission.cpp`, `mission_base.cpp`, `FeasibilityChecker.cpp`, `Commander.cpp`,
 `SYS_STATUS.hpp`, `STATUSTEXT.hpp`, `HEARTBEAT.hpp`, `failsafe.cpp`, `mavlink_receiver.cpp`.
@@ -22,7 +22,7 @@ _NO_CAMERAS: Final = frozenset({2000, 2001, 2500, 2501})
 PX4_1_17: Final = Script(
     keeps=as_px4_keeps,
     mission_every_s=1.0,
-    tells_current_on_request=False,
+    sends_current_on_request=False,
     results={mavlink.MAV_CMD_DO_SET_MISSION_CURRENT: mavlink.MAV_RESULT_UNSUPPORTED},
     no_mission_total=65535,
     arms_in=PX4_MODES_TO_ARM_IN,
@@ -30,21 +30,21 @@ PX4_1_17: Final = Script(
     version=0x011100FF,
     has_checks=False,
     loses_current=True,
-    talks_to_stations_only=True,
+    needs_station_for_texts=True,
     disarms_after_s=2.0,
     return_changes_mode=True,
 )
-PX4_1_14: Final = replace(PX4_1_17, gives_ids=False, tells_mission_state=False, version=0x010E03FF)
-"""Before it gave ids to missions and told their state."""
+PX4_1_14: Final = replace(PX4_1_17, gives_ids=False, sends_mission_state=False, version=0x010E03FF)
+"""Without mission ids and mission state in its messages."""
 PX4_1_13: Final = replace(
     PX4_1_14,
-    tells_total=False,
+    sends_total=False,
     readiness_by_mode=False,
     arms_in=None,
     version=0x010D03FF,
     has_checks=True,
 )
-"""Before it told how long its mission is, and judged its readiness for one mode."""
+"""Without the total in MISSION_CURRENT; its readiness is for one mode."""
 PX4_BARE: Final = replace(PX4_1_17, is_bare=True)
 """As its simulations `gz_x500` and `sihsim_quadx` are: nothing hangs below it."""
 
@@ -71,7 +71,7 @@ COPTER_4_1: Final = replace(
     COPTER_4_6,
     unknown_items=_NO_CAMERAS | {195, 197, 1000, 1001},
     results={**COPTER_4_6.results, **dict.fromkeys(_NO_CAMERAS, mavlink.MAV_RESULT_UNSUPPORTED)},
-    tells_mission_state=False,
+    sends_mission_state=False,
 )
 """Before missions knew gimbals, cameras and films, but for a shutter."""
 ROVER: Final = replace(
@@ -81,7 +81,7 @@ ROVER: Final = replace(
     wants_takeoff_first=False,
     begins_anew_when_disarmed=False,
     disarms_after_s=math.inf,
-    tells_landed_state=False,
+    sends_landed_state=False,
 )
 COPTER_3_6: Final = replace(COPTER_4_1, knows_intervals=False)
 """Before SET_MESSAGE_INTERVAL: streams by groups."""

@@ -13,15 +13,15 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import TypeAlias
 
-Speaker: TypeAlias = Callable[[socket.socket], None]
+WriteAnswer: TypeAlias = Callable[[socket.socket], None]
 _RESET_ON_CLOSE = struct.pack("ii", 1, 0)
 
 
 class ScriptedAnswers:
-    """Listens on the loopback; `speak` says what each request is answered with."""
+    """Listens on the loopback; `write_answer` writes the answer to each request."""
 
     def __init__(self) -> None:
-        self.speak: Speaker = lambda _: None
+        self.write_answer: WriteAnswer = lambda _: None
         self.requests = 0
         self.read_pause_s = 0.0  # Before each piece of a body
         self._listener = socket.create_server(("127.0.0.1", 0))
@@ -42,7 +42,7 @@ class ScriptedAnswers:
                     connection.settimeout(10.0)
                     if _read_request(connection, self.read_pause_s):
                         self.requests += 1
-                        self.speak(connection)
+                        self.write_answer(connection)
 
 
 def _read_request(connection: socket.socket, pause_s: float) -> bool:
@@ -62,34 +62,34 @@ def _read_request(connection: socket.socket, pause_s: float) -> bool:
     return True
 
 
-def cut(answer: bytes) -> Speaker:
-    """Say something and close in order."""
+def cut(answer: bytes) -> WriteAnswer:
+    """Send data and close in order."""
 
-    def speak(connection: socket.socket) -> None:
+    def write(connection: socket.socket) -> None:
         connection.sendall(answer)
         connection.shutdown(socket.SHUT_WR)
         connection.recv(1)
 
-    return speak
+    return write
 
 
-def reset(answer: bytes) -> Speaker:
-    """Say something and break the connection."""
+def reset(answer: bytes) -> WriteAnswer:
+    """Send data and reset the connection."""
 
-    def speak(connection: socket.socket) -> None:
+    def write(connection: socket.socket) -> None:
         connection.sendall(answer)
         connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _RESET_ON_CLOSE)
 
-    return speak
+    return write
 
 
-def stall(answer: bytes, note_gone: Callable[[bool], None]) -> Speaker:
-    """Say something, then nothing until the client goes, or longer than it should stay.
+def stall(answer: bytes, note_gone: Callable[[bool], None]) -> WriteAnswer:
+    """Send data, then nothing until the client goes, or longer than it should stay.
 
     Notes whether the client has gone by itself.
     """
 
-    def speak(connection: socket.socket) -> None:
+    def write(connection: socket.socket) -> None:
         try:
             connection.sendall(answer)
             connection.recv(1)
@@ -100,18 +100,18 @@ def stall(answer: bytes, note_gone: Callable[[bool], None]) -> Speaker:
         else:
             note_gone(True)
 
-    return speak
+    return write
 
 
-def drip(answer: bytes, forever: bytes, pause: threading.Event) -> Speaker:
-    """Say something, then the same bytes again and again, each in time for a socket's timeout."""
+def drip(answer: bytes, forever: bytes, pause: threading.Event) -> WriteAnswer:
+    """Send data, then the same bytes again and again, each in time for a socket's timeout."""
 
-    def speak(connection: socket.socket) -> None:
+    def write(connection: socket.socket) -> None:
         connection.sendall(answer)
         while not pause.wait(0.005):
             connection.sendall(forever)
 
-    return speak
+    return write
 
 
 @contextmanager

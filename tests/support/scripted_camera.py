@@ -1,6 +1,6 @@
 """A camera component of a scripted vehicle: takes pictures, loses announcements, gives files.
 
-It stands on the wire beside its `ScriptedVehicle`, of which it hears every frame.
+It is a component beside its `ScriptedVehicle` and receives the same frames.
 """
 
 from collections.abc import Callable
@@ -25,7 +25,7 @@ class ScriptedCamera:
     url: str = "mftp:///image/{index}.jpg"
     contents: bytes = JPEG
     first_index: int = 0
-    image_status: int = 0  # As CAMERA_CAPTURE_STATUS tells it; 0 idle
+    image_status: int = 0  # Of CAMERA_CAPTURE_STATUS; 0: idle
     is_silent: bool = False  # It answers no questions about its pictures
     taken: list[Message] = field(default_factory=list)
     asked: list[tuple[int, int]] = field(default_factory=list)  # REQUEST_MESSAGE's p1 and p2
@@ -34,7 +34,7 @@ class ScriptedCamera:
         self._wire = VehicleWire(self.system, self.component)
 
     def heartbeat(self) -> None:
-        """Say that it is there."""
+        """Send a HEARTBEAT."""
         self._send(mavlink.MAVLink_heartbeat_message(mavlink.MAV_TYPE_CAMERA, 8, 0, 0, 4, 3))
 
     def shoot(self, *, announced: bool = True, succeeded: bool = True) -> int:

@@ -1,4 +1,4 @@
-"""A vehicle's mission store as its script says: PX4-like or ArduPilot-like.
+"""A vehicle's mission store that follows a script: PX4-like or ArduPilot-like.
 
 What the scripts follow: PX4's `mavlink_mission.cpp` (atomic store, an id over the items, a
 repeated last item acknowledged again, MISSION_ERROR when busy) and ArduPilot's
@@ -37,7 +37,7 @@ class Script:
     ready_to_arm_after_s: float = 0.0
     complaint: str = ""  # STATUSTEXT that goes with a refusal
     item_time_s: float = 2.0
-    tells_reached: bool = True
+    sends_item_reached: bool = True
     has_home: bool = True
     battery_capacity_mah: float | None = 4200.0
     settings: Mapping[str, float] = field(default_factory=dict)  # Parameters that can be set
@@ -46,17 +46,17 @@ class Script:
     is_atomic: bool = True  # Else items are overwritten as they come
     shows_legs_only: bool = False  # MISSION_CURRENT counts only what is navigated to
     mission_every_s: float = 0.2
-    tells_current_on_request: bool = True
-    tells_mission_state: bool = True
+    sends_current_on_request: bool = True
+    sends_mission_state: bool = True
     counts_home: bool = True  # In MISSION_CURRENT.total
     no_mission_total: int = 0
-    tells_total: bool = True
-    loses_current: bool = False  # Behind an upload it tells 65535 until one has been set
+    sends_total: bool = True
+    loses_current: bool = False  # After an upload it sends 65535 until one is set
     version: int = 0  # AUTOPILOT_VERSION.flight_sw_version
-    has_checks: bool = True  # Else SYS_STATUS tells that they pass, and not that there are any
+    has_checks: bool = True  # Else SYS_STATUS reports the checks as passed, but not as present
     most_items: float = math.inf  # Of a mission; more are answered by NO_SPACE
     goes_to_places: bool = True  # Else it never arrives where it was sent
-    speed_m_s: float = 10.0  # Over ground, on its way to a place
+    speed_m_s: float = 10.0  # Over ground, while it flies to a position
     climb_rate_m_s: float = 3.0
     fence_m: float = math.inf  # From home; what leads out is accepted, and not done
     streams_unasked: bool = True
@@ -65,22 +65,22 @@ class Script:
     arms_in: frozenset[int] | None = None  # Custom modes; None: in any
     arming_refusal: int = mavlink.MAV_RESULT_TEMPORARILY_REJECTED
     arming_complaint: str = ""
-    fault: str = ""  # Why it is not ready to arm, said when it is asked
+    fault: str = ""  # STATUSTEXT when prearm checks are requested and it is not ready
     link_loss_action: int | None = 0  # NAV_DLL_ACT: above 0 it flies only attended by a station
-    talks_to_stations_only: bool = False  # STATUSTEXT goes to who says that he is one
+    needs_station_for_texts: bool = False  # STATUSTEXT only while a GCS sends heartbeats
     readiness_by_mode: bool = False  # "Ready to arm" means: in the mode that it is in
     navigates_after_s: float = 0.0  # Refuses until then the modes that want a position
     checks_are_off: bool = False  # There, but not enabled, and never well
     wants_takeoff_first: bool = False  # Refuses to begin on the ground with anything else
     in_progress: frozenset[int] = frozenset()  # Commands that it works on for 2 s first
     disarms_after_s: float = 0.0  # Once it stands
-    tells_landed_state: bool = True
+    sends_landed_state: bool = True
     heartbeats_at_once: bool = True  # Else a change shows with the next one, a second at most
     begins_anew_when_disarmed: bool = False  # It stays in the mission mode, at its first item
     current_goes_to_0_at_the_end: bool = False
     return_changes_mode: bool = False  # The item of a return is done by leaving the mission
     product: tuple[int, int] = (0, 0)  # Vendor and product in AUTOPILOT_VERSION
-    is_bare: bool = False  # No camera and no gimbal, and answers in PX4's way for them
+    is_bare: bool = False  # No camera and no gimbal, and answers as PX4 for them
 
 
 PX4 = Script(

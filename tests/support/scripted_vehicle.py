@@ -1,7 +1,7 @@
-"""A vehicle that behaves on the wire as its script says: PX4-like or ArduPilot-like.
+"""A vehicle that behaves on the link as its script sets: PX4-like or ArduPilot-like.
 
-It flies by the clock: every item takes a while, a landing ends on the ground and disarmed. It
-knows nothing of the broker but its frames. Time is simulated; bytes in, bytes out.
+Every item takes a fixed time; a landing ends on the ground and disarmed. It receives and sends
+frames only, in simulated time.
 """
 
 import math
@@ -31,7 +31,7 @@ COPTER_RETURN = 6
 COPTER_LAND = 9
 LANDING_S = 8.0
 STATION_S = 5.0
-"""For how long a ground station is there that has said so."""
+"""Time for which a ground station counts as present after its heartbeat."""
 SENSORS = (
     mavlink.MAV_SYS_STATUS_SENSOR_3D_GYRO
     | mavlink.MAV_SYS_STATUS_SENSOR_3D_ACCEL
@@ -43,8 +43,8 @@ SENSORS = (
     | mavlink.MAV_SYS_STATUS_SENSOR_PROPULSION
 )
 WHOLE = frozenset({"COM_DL_LOSS_T"})
-"""Settings that PX4 keeps as whole numbers, and tells by their bits."""
-OF_A_CAMERA = frozenset(
+"""Settings that PX4 keeps as whole numbers, and sends by their bits."""
+CAMERA_COMMANDS = frozenset(
     {
         mavlink.MAV_CMD_IMAGE_START_CAPTURE,
         mavlink.MAV_CMD_VIDEO_START_CAPTURE,
@@ -54,7 +54,7 @@ OF_A_CAMERA = frozenset(
         mavlink.MAV_CMD_CAMERA_STOP_TRACKING,
     }
 )
-OF_A_GIMBAL = frozenset(
+GIMBAL_COMMANDS = frozenset(
     {mavlink.MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW, mavlink.MAV_CMD_DO_GIMBAL_MANAGER_CONFIGURE}
 )
 
@@ -66,7 +66,7 @@ class Circle:
     centre: tuple[float, float]
     radius_m: float  # Negative: counter-clockwise
     speed_m_s: float
-    angle_rad: float  # To fly; infinite: until told otherwise
+    angle_rad: float  # To fly; infinite: until another order
     flown_rad: float = 0.0
 
     def after(self, seconds: float) -> tuple[float, float]:
@@ -103,7 +103,7 @@ class ScriptedVehicle:
         self.armed = False
         self.airborne = False
         self.in_failsafe = False
-        self.is_manual = False  # A person steers; told by the standard bit of the base mode
+        self.is_manual = False  # Flown manually; shown by the standard bit of the base mode
         self.frames: list[Message] = []  # Everything that was sent to it
         self._has_lost_current = False
         self.custom_mode = PX4_HOLD if script.autopilot == mavlink.MAV_AUTOPILOT_PX4 else 0
@@ -114,8 +114,8 @@ class ScriptedVehicle:
         """How often it was ordered to arm, disarming left out."""
         self.parameters: list[tuple[int, tuple[float, ...]]] = []
         self.silent = False
-        self.mute_answers: set[int] = set()  # Commands that are obeyed, their answers lost
-        self.deaf_to_intervals = False
+        self.lost_answers: set[int] = set()  # Commands that are obeyed, their answers lost
+        self.ignores_intervals = False
         self.settings = dict(script.settings)
         self.written: list[tuple[str, float]] = []  # Parameters, as they were set
         self.yaw_rad = -math.pi / 2
@@ -126,7 +126,7 @@ class ScriptedVehicle:
         self.velocity_ned = (0.0, 0.0, 0.0)
         self._target: Target | None = None
         self.ill = 0  # MAV_SYS_STATUS_SENSOR that are not healthy
-        self.targets = 0  # FOLLOW_TARGET heard
+        self.targets = 0  # FOLLOW_TARGET received
         self.last_target = HOME[:2]
         self._booted_at = booted_at
         self._now = booted_at
@@ -171,10 +171,10 @@ class ScriptedVehicle:
         """How many missions were stored."""
         return self.missions.uploads
 
-    # The world's side.
+    # Called by the world.
 
     def receive(self, datagram: bytes, now: float) -> None:
-        """Take what the broker sent."""
+        """Process a datagram of the broker."""
         self._now = now
         for message in self._wire.decode(datagram):
             if getattr(message, "target_system", self.system) in {0, self.system}:
@@ -183,7 +183,7 @@ class ScriptedVehicle:
                 self._handle(message)
 
     def step(self, now: float) -> list[bytes]:
-        """Let time pass; gives the frames to send."""
+        """Advance to a time; returns the frames to send."""
         self._now = now
         self._fly()
         self._reposition(max(0.0, now - self._stepped_at))
@@ -215,11 +215,13 @@ class ScriptedVehicle:
         self.mission_state = mavlink.MISSION_STATE_NOT_STARTED
         self.current = 0
 
-    def take_from_another(self, items: list[Message], *, overheard_by: int | None = None) -> None:
-        """Hold the mission of another ground station; its acknowledgement may be overheard."""
+    def store_foreign_mission(
+        self, items: list[Message], *, acknowledged_to: int | None = None
+    ) -> None:
+        """Hold the mission of another ground station; others may receive its acknowledgement."""
         self.items = items
-        if overheard_by is not None:
-            self._send(mavlink.MAVLink_mission_ack_message(overheard_by, 190, 0))
+        if acknowledged_to is not None:
+            self._send(mavlink.MAVLink_mission_ack_message(acknowledged_to, 190, 0))
 
     def begin_at(self, seq: int) -> None:
         """Make an item current, as another ground station would."""
@@ -231,7 +233,7 @@ class ScriptedVehicle:
         self._streams.stop(name)
 
     def renumber(self, system: int) -> None:
-        """Be another system from now on."""
+        """Change its system id."""
         self.system = system
         self._wire = VehicleWire(system, 1)
 
@@ -241,16 +243,16 @@ class ScriptedVehicle:
         self.custom_mode = custom_mode
         self._mode_began_at = self._now
         self._target = None
-        self._tell_change()
+        self._send_mode_change()
 
     def steer(self, custom_mode: int) -> None:
-        """Be flown by a person from now on."""
+        """Fly manually in a mode from now on."""
         self.is_manual = True
         self.set_mode(custom_mode)
         self.heartbeat()
 
     def fail_safe(self, custom_mode: int) -> None:
-        """Do what a failsafe of its own has chosen, until somebody chooses a mode."""
+        """Do what a failsafe of its own has chosen, until a mode is ordered."""
         self.in_failsafe = True
         self._target = None
         self.custom_mode = custom_mode
@@ -260,16 +262,16 @@ class ScriptedVehicle:
     def give_up(self) -> None:
         """Find in flight that a new fence forbids the mission: PX4 stays, and calls it finished."""
         self.mission_state = mavlink.MISSION_STATE_COMPLETE
-        self.say("No valid mission available, loitering\t")
+        self.send_status_text("No valid mission available, loitering\t")
 
     def send(self, message: Message) -> None:
         """Send something that is not of its script."""
         self._send(message)
 
-    def say(self, text: str, severity: int = mavlink.MAV_SEVERITY_CRITICAL) -> None:
-        """Send a STATUSTEXT, if anybody is there who is to hear it."""
-        is_heard = self._now - self._attended_at < STATION_S
-        if is_heard or not self.script.talks_to_stations_only:
+    def send_status_text(self, text: str, severity: int = mavlink.MAV_SEVERITY_CRITICAL) -> None:
+        """Send a STATUSTEXT, if a ground station is present that is to receive it."""
+        is_received = self._now - self._attended_at < STATION_S
+        if is_received or not self.script.needs_station_for_texts:
             self._send(mavlink.MAVLink_statustext_message(severity, text.encode()))
 
     @property
@@ -281,7 +283,7 @@ class ScriptedVehicle:
 
     # Telemetry.
 
-    def _tell_change(self) -> None:
+    def _send_mode_change(self) -> None:
         if self.script.heartbeats_at_once:
             self.heartbeat()
 
@@ -316,8 +318,8 @@ class ScriptedVehicle:
             "estimate": self._estimate,
         }
         for name in self._streams.due(self._now):
-            tells = {"estimate": self._is_copter, "landed": self.script.tells_landed_state}
-            if tells.get(name, True):
+            is_sent = {"estimate": self._is_copter, "landed": self.script.sends_landed_state}
+            if is_sent.get(name, True):
                 self._send(makers[name]())
 
     @property
@@ -381,8 +383,8 @@ class ScriptedVehicle:
         total = count if self.items else script.no_mission_total
         current = mavlink.MAVLink_mission_current_message(
             self._shown_current(),
-            total if script.tells_total else 0,
-            state if script.tells_mission_state else mavlink.MISSION_STATE_UNKNOWN,
+            total if script.sends_total else 0,
+            state if script.sends_mission_state else mavlink.MISSION_STATE_UNKNOWN,
             1 if self.in_mission else 2,
         )
         return with_plan_ids(current, self.missions.plan_id, 0, 0)
@@ -423,9 +425,9 @@ class ScriptedVehicle:
         self._has_lost_current = self.script.loses_current
         self.mission_state = mavlink.MISSION_STATE_NOT_STARTED
         if self.script.is_infeasible:
-            self.say("Mission rejected: takeoff altitude too low!\t")
+            self.send_status_text("Mission rejected: takeoff altitude too low!\t")
             return
-        self._begin_if_flying()  # Whoever is in the mission mode flies what it is given
+        self._begin_if_flying()  # In the mission mode it flies new items at once
 
     def _set_current(self, seq: int) -> None:
         self.current = seq
@@ -433,22 +435,22 @@ class ScriptedVehicle:
         self._send(self._mission_current())
 
     def _parameter(self, message: Message) -> None:
-        """Tell a parameter: a setting, the battery's size, what is done without a station."""
+        """Send a parameter: a setting, the battery's size, the action on data link loss."""
         name = message.param_id
         value = self.settings.get(name)
         if name.startswith("BAT"):
             value = self.script.battery_capacity_mah
         elif name == "NAV_DLL_ACT" and self.script.link_loss_action is not None:
-            self._tell_integer(name, self.script.link_loss_action)
+            self._send_integer(name, self.script.link_loss_action)
         if value is not None and name in WHOLE:
-            self._tell_integer(name, int(value))
+            self._send_integer(name, int(value))
         elif value is not None:
-            is_whole = name == "BATT_CAPACITY"  # ArduPilot tells whole numbers as floats
+            is_whole = name == "BATT_CAPACITY"  # ArduPilot sends whole numbers as floats
             kind = mavlink.MAV_PARAM_TYPE_INT32 if is_whole else mavlink.MAV_PARAM_TYPE_REAL32
             self._send(mavlink.MAVLink_param_value_message(name.encode(), value, kind, 1, 0))
 
-    def _tell_integer(self, name: str, value: int) -> None:
-        """Tell a whole number as PX4 does, by its bits."""
+    def _send_integer(self, name: str, value: int) -> None:
+        """Send a whole number as PX4 does, by its bits."""
         (bits,) = struct.unpack("<f", struct.pack("<i", value))
         kind = mavlink.MAV_PARAM_TYPE_INT32
         self._send(mavlink.MAVLink_param_value_message(name.encode(), bits, kind, 1, 0))
@@ -481,7 +483,7 @@ class ScriptedVehicle:
             mavlink.MAV_CMD_REQUEST_MESSAGE,
         }:
             self._complain()
-        if message.command in self.mute_answers:
+        if message.command in self.lost_answers:
             return
         answer = mavlink.MAVLink_command_ack_message(message.command, result)
         if message.command in self.script.in_progress:
@@ -494,17 +496,17 @@ class ScriptedVehicle:
     def _is_for_payload(self, message: Message) -> bool:
         """Answer for a camera and a gimbal that are not there, as PX4 does.
 
-        What is said to another component has FAILED; a gimbal's commands are left to a manager that
-        does not run, and nobody answers.
+        A command to another component has FAILED; a gimbal's commands are left to a manager that
+        does not run, so there is no answer.
         """
         if message.target_component not in {0, 1}:
             failed = mavlink.MAV_RESULT_FAILED
             self._send(mavlink.MAVLink_command_ack_message(message.command, failed))
             return True
-        if message.command in OF_A_CAMERA:
+        if message.command in CAMERA_COMMANDS:
             unknown = mavlink.MAV_RESULT_UNSUPPORTED
             self._send(mavlink.MAVLink_command_ack_message(message.command, unknown))
-        return message.command in OF_A_CAMERA | OF_A_GIMBAL
+        return message.command in CAMERA_COMMANDS | GIMBAL_COMMANDS
 
     def _judge(self, message: Message) -> int:
         """MAV_RESULT of a command, before it is obeyed."""
@@ -521,7 +523,7 @@ class ScriptedVehicle:
             mavlink.MAV_CMD_SET_MESSAGE_INTERVAL: not script.knows_intervals,
             mavlink.MAV_CMD_REQUEST_MESSAGE: (
                 message.param1 == mavlink.MAVLINK_MSG_ID_MISSION_CURRENT
-                and not script.tells_current_on_request
+                and not script.sends_current_on_request
             ),
         }
         is_unknown = unknown.get(message.command, False)
@@ -538,12 +540,12 @@ class ScriptedVehicle:
         if self._ready and self._may_arm_here:
             return int(mavlink.MAV_RESULT_ACCEPTED)
         if self.script.arming_complaint:
-            self.say(self.script.arming_complaint)
+            self.send_status_text(self.script.arming_complaint)
         return self.script.arming_refusal
 
     def _judge_start(self) -> int:
         if self.script.is_infeasible:
-            self.say("Mission start denied! No valid mission\t")
+            self.send_status_text("Mission start denied! No valid mission\t")
             return int(mavlink.MAV_RESULT_DENIED)
         return self._judge_mode(COPTER_AUTO)
 
@@ -557,10 +559,12 @@ class ScriptedVehicle:
         standing = self.armed and not self.airborne
         auto = self.script.wants_takeoff_first and main == COPTER_AUTO
         if self._is_copter and not self._navigates:
-            self.say("Mode change failed: requires position", mavlink.MAV_SEVERITY_WARNING)
+            self.send_status_text(
+                "Mode change failed: requires position", mavlink.MAV_SEVERITY_WARNING
+            )
             return int(mavlink.MAV_RESULT_FAILED)
         if auto and standing and not takes_off:
-            self.say("Auto: Missing Takeoff Cmd")
+            self.send_status_text("Auto: Missing Takeoff Cmd")
             return int(mavlink.MAV_RESULT_FAILED)
         return int(mavlink.MAV_RESULT_ACCEPTED)
 
@@ -588,7 +592,7 @@ class ScriptedVehicle:
         match message.command:
             case mavlink.MAV_CMD_COMPONENT_ARM_DISARM:
                 self.armed = message.param1 == 1.0
-                self._tell_change()
+                self._send_mode_change()
             case mavlink.MAV_CMD_DO_SET_MODE:
                 main, sub = int(message.param2), int(message.param3)
                 is_px4 = self.script.autopilot == mavlink.MAV_AUTOPILOT_PX4
@@ -599,18 +603,18 @@ class ScriptedVehicle:
                 self._target = None
                 self.custom_mode = COPTER_AUTO if is_copter else PX4_MISSION
                 self._begin_if_flying()
-                self._tell_change()
+                self._send_mode_change()
             case mavlink.MAV_CMD_DO_PAUSE_CONTINUE if message.param1 == 0.0:
                 self._target = None
                 self.custom_mode = PX4_HOLD
-                self._tell_change()
+                self._send_mode_change()
             case mavlink.MAV_CMD_RUN_PREARM_CHECKS if not self._ready and self.script.fault:
-                self.say(self.script.fault)
+                self.send_status_text(self.script.fault)
             case mavlink.MAV_CMD_DO_SET_MISSION_CURRENT:
                 self._set_current(int(message.param1))
             case mavlink.MAV_CMD_REQUEST_MESSAGE:
                 self._requested(int(message.param1))
-            case mavlink.MAV_CMD_SET_MESSAGE_INTERVAL if not self.deaf_to_intervals:
+            case mavlink.MAV_CMD_SET_MESSAGE_INTERVAL if not self.ignores_intervals:
                 self._streams.ask(int(message.param1), message.param2, self._now)
             case _:
                 self._fly_live(message)
@@ -620,7 +624,7 @@ class ScriptedVehicle:
             case mavlink.MAV_CMD_NAV_LAND if self.script.autopilot == mavlink.MAV_AUTOPILOT_PX4:
                 self.set_mode(PX4_LAND)
             case mavlink.MAV_CMD_DO_REPOSITION if self._leads_out(message):
-                self.say("Reposition is outside geofence\t")
+                self.send_status_text("Reposition is outside geofence\t")
                 self.set_mode(PX4_HOLD)
             case mavlink.MAV_CMD_DO_REPOSITION:
                 if not math.isnan(message.param4):
@@ -673,7 +677,7 @@ class ScriptedVehicle:
 
     def _complain(self) -> None:
         if self.script.complaint:
-            self.say(self.script.complaint)
+            self.send_status_text(self.script.complaint)
 
     # Flying.
 
@@ -702,7 +706,7 @@ class ScriptedVehicle:
         self.armed = False
         if self.script.begins_anew_when_disarmed and self.in_mission:
             self._begin_anew()
-        self._tell_change()
+        self._send_mode_change()
 
     def _begin_anew(self) -> None:
         """Forget how far it was; the mission runs on, and a take-off waits for the propellers."""
@@ -710,7 +714,7 @@ class ScriptedVehicle:
             self.current = int(self.script.home_is_item_0)
 
     def _reposition(self, elapsed_s: float) -> None:
-        """Fly straight to where a DO_REPOSITION sent it, no faster than it says."""
+        """Fly straight to where a DO_REPOSITION sent it, at most at its ground speed."""
         self.velocity_ned = (0.0, 0.0, 0.0)
         target = self._target
         if target is None or not self.airborne or not self.script.goes_to_places or not elapsed_s:
@@ -758,7 +762,7 @@ class ScriptedVehicle:
         if lands and self.script.begins_anew_when_disarmed:
             self._land_as_copter(item)
             return
-        if self.script.tells_reached:
+        if self.script.sends_item_reached:
             self._send(mavlink.MAVLink_mission_item_reached_message(self.current))
         if item.command == mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH and self.script.return_changes_mode:
             self.set_mode(PX4_RETURN)

@@ -7,7 +7,7 @@ from uav_firmware.cal.storage import Write
 
 
 class SlowWrite:
-    """Implements `uav_firmware.cal.storage.Write`; nobody may wait for it."""
+    """Implements `uav_firmware.cal.storage.Write`; callers must not wait for it."""
 
     def __init__(self) -> None:
         self._ended = False

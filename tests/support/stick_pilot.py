@@ -10,14 +10,14 @@ _PERIOD_STEPS: Final = 5  # 50 Hz
 
 
 class StickPilot:
-    """Holds the sticks from the start on, centred until told otherwise."""
+    """Holds the sticks from the start on, centred until `move`."""
 
     def __init__(self, tester: AutopilotTester) -> None:
         self._tester = tester
         self._steps = 0
         self.sending = True
         self.move()
-        tester.watch(self._say)
+        tester.watch(self._send)
 
     def move(
         self, *, forward: float = 0.0, right: float = 0.0, up: float = 0.0, yaw: float = 0.0
@@ -32,10 +32,10 @@ class StickPilot:
             0,
         )
 
-    def _say(self) -> None:
+    def _send(self) -> None:
         self._steps += 1
         if self.sending and self._steps % _PERIOD_STEPS == 0:
-            self._tester.ground_station.say(self._message)
+            self._tester.ground_station.send(self._message)
 
 
 def change_mode(tester: AutopilotTester, main: int, sub: int = 0) -> None:

@@ -78,7 +78,7 @@ class FarmSystem:
         mqtt: bool = False,
         tester_script: Path | None = None,
     ) -> None:
-        """With `tester_script` there is one tester more, for whom that file types."""
+        """`tester_script`: another tester runs, with this file as its input."""
         ports = free_ports(6 + vehicles)
         self.environment = {
             **os.environ,

@@ -99,7 +99,7 @@ class ToyVehicle:
     fix_type: int = 3
     gyro_broken: bool = False  # Biased beyond its limit
     gyro_jump_us: int | None = None
-    imu_is_dead: bool = False  # It speaks, and holds no number
+    imu_is_dead: bool = False  # It sends samples without a number
     satellites: int = 12
     accuracy: float = 0.1  # [m] Of the estimated position
     innovation: float = 0.0  # Test ratio of the GPS velocity

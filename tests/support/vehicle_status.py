@@ -9,7 +9,7 @@ def vehicle_status(
     navigation_state: NavigationState = NavigationState.AUTO_LOITER,
     ready: bool = True,
 ) -> VehicleStatus:
-    """A healthy vehicle on the ground, unless a test says otherwise."""
+    """A healthy vehicle on the ground, unless a test sets other values."""
     return VehicleStatus(
         time_us=0,
         armed=armed,

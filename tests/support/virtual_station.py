@@ -1,7 +1,7 @@
 """An edge server whose time is ours: real database, real decisions, no threads and no sockets.
 
 The relay's turns are made by hand, so that days of outage pass in seconds. The cloud keeps each
-record once per key and can be away, lose answers, or say what it is told to say.
+record once per key and can be away, lose answers, or answer as the test sets.
 """
 
 import json
@@ -77,19 +77,19 @@ class VirtualCloud:
         ]
 
 
-def saying(status: int) -> Fault:
+def answering(status: int) -> Fault:
     """Answer with a status and keep nothing."""
     return lambda _cloud, _parcel: Answer(status)
 
 
 def lose_answer(cloud: VirtualCloud, record: OutboxRecord) -> Reply:
-    """Keep the record and say nothing."""
+    """Keep the record and lose the answer."""
     cloud.keep(record)
     return Unreachable("no answer in time")
 
 
 class VirtualStation:
-    """Ingest, relay and housekeeping on a clock that passes when told to."""
+    """Ingest, relay and housekeeping on a clock that the test advances."""
 
     def __init__(self, config: Config, cloud: VirtualCloud | None = None) -> None:
         self.cloud = cloud or VirtualCloud()
@@ -142,7 +142,7 @@ class VirtualStation:
         return keys
 
     def ingest_all(self, arrivals: Sequence[Arrival]) -> list[bool]:
-        """Keep many as the broker's bulk does; says of each whether it was taken."""
+        """Keep many as the broker's bulk does; returns of each whether it was accepted."""
         outcomes = telemetry.ingest_all(self.context, arrivals, "broker")
         return [not isinstance(outcome, FullError) for outcome in outcomes]
 
@@ -160,14 +160,14 @@ class VirtualStation:
         return self._schedule.take(self.passed_s, self.cloud.batch_limit())
 
     def answered(self, batch: Batch, replies: Sequence[Reply]) -> None:
-        """Take in what the cloud has said."""
+        """Apply the replies of the cloud."""
         results = [classify(reply) for reply in replies]
         triggers = self._schedule.settle(batch, results, self.passed_s)
         for entry in map(RecordResult, batch.records, triggers, results):
             self._writer.add(entry, self.passed_s)
 
     def relay(self) -> bool:
-        """One turn of the relay; says whether anything went out."""
+        """One turn of the relay; returns whether anything was sent."""
         batches = self.send_next()
         for batch in batches:
             self.answered(batch, self.cloud.send(batch.records))

@@ -14,7 +14,7 @@ from edge_server.outbox.queue import OutboxRecord, Stream
 from edge_server.uplinks.bounded_http import MAXIMUM_RAW_BYTES
 from edge_server.uplinks.cloud_http import HttpUplink
 from tests.support import scripted_answers
-from tests.support.scripted_answers import ScriptedAnswers, Speaker
+from tests.support.scripted_answers import ScriptedAnswers, WriteAnswer
 
 READ_TIMEOUT_S = 0.1
 RECORDS = [
@@ -69,9 +69,9 @@ def uplink(server: ScriptedAnswers) -> Iterator[HttpUplink]:
 
 
 def outcomes(
-    server: ScriptedAnswers, uplink: HttpUplink, speak: Speaker, records: Sequence[OutboxRecord]
+    server: ScriptedAnswers, uplink: HttpUplink, speak: WriteAnswer, records: Sequence[OutboxRecord]
 ) -> list[Outcome]:
-    server.speak = speak
+    server.write_answer = speak
     replies: list[Reply] = uplink.send(records)
     assert len(replies) == len(records)
     return [classify(reply).outcome for reply in replies]
@@ -84,7 +84,7 @@ def test_an_answer_cut_at_any_byte_is_retried(
     server: ScriptedAnswers,
     uplink: HttpUplink,
     name: str,
-    end: Callable[[bytes], Speaker],
+    end: Callable[[bytes], WriteAnswer],
 ) -> None:
     answer, records = ANSWERS[name]
     needed = len(answer) - (2 if name.endswith("chunks") else 0)

@@ -127,7 +127,7 @@ def test_a_camera_that_falls_silent_is_an_alarm() -> None:
     vehicle = world.add_vehicle()
     world.run(3.0)
     for _ in range(5):
-        world.hear_camera(vehicle)
+        world.send_camera_heartbeat(vehicle)
         world.run(1.0)
     assert alarms(world) == []
     world.run(6.0)
@@ -138,7 +138,7 @@ def test_a_lost_link_is_no_failure_of_a_camera() -> None:
     world = World()
     vehicle = world.add_vehicle()
     world.run(3.0)
-    world.hear_camera(vehicle)
+    world.send_camera_heartbeat(vehicle)
     world.run(0.5)
     vehicle.silent = True
     world.run(30.0)
@@ -171,7 +171,7 @@ def test_a_px4_that_rests_on_the_ground_knows_where_it_is() -> None:
 
     def rest(flags: int, seconds: int) -> None:
         for _ in range(seconds):
-            world.hear(vehicle, mavlink.MAVLink_estimator_status_message(0, flags, *[0.0] * 8))
+            world.send_from(vehicle, mavlink.MAVLink_estimator_status_message(0, flags, *[0.0] * 8))
             world.run(1.0)
 
     world.edge.plan(mission(takeoff(1), land(2), takeoff(3), go_home(4)))
@@ -224,7 +224,7 @@ def test_each_autopilots_message_of_a_failure_raises_the_same_alarm(
     world = flying_world(SLOW)
     for message in (well, ill):
         for _ in range(5):
-            world.hear(world.only_vehicle, message)
+            world.send_from(world.only_vehicle, message)
             world.run(1.0)
     assert alarms(world) == [alarm]
     assert world.edge.status(1201) == Status.FAILED
@@ -237,7 +237,7 @@ def test_a_low_battery_is_no_alarm() -> None:
             battery = mavlink.MAVLink_battery_status_message(
                 1, 1, 1, 32767, [11000] + [65535] * 9, 100, 0, -1, 15, 0, charge_state
             )
-            world.hear(world.only_vehicle, battery)
+            world.send_from(world.only_vehicle, battery)
             world.run(0.5)
     assert alarms(world) == []
 
@@ -250,7 +250,7 @@ def speak(world: World, seconds: float, message: Message | None = None, share: f
     """Let the humidity sensor send every second, except for lost frames."""
     for second in range(round(seconds)):
         if (second * 7) % 10 < share * 10:
-            world.hear(world.only_vehicle, message or hygrometer(), component=25)
+            world.send_from(world.only_vehicle, message or hygrometer(), component=25)
         world.run(1.0)
 
 
@@ -325,7 +325,7 @@ def test_on_a_bad_link_silence_has_to_last_longer() -> None:
 def test_what_a_failsafe_does_is_no_alarm_by_itself(script: Script, mode: int, words: str) -> None:
     """A low battery or a lost link has no code in AFarCloud's table; the report has the reason."""
     world = flying_world(script)
-    world.only_vehicle.say(words)
+    world.only_vehicle.send_status_text(words)
     world.only_vehicle.fail_safe(mode)
     world.run(9.0)
     assert alarms(world) == []
@@ -339,7 +339,7 @@ def test_what_a_failsafe_does_is_no_alarm_by_itself(script: Script, mode: int, w
 @pytest.mark.parametrize("words", ["Wind too strong: RETURN", "Wind speed is above limit"])
 def test_a_failsafe_for_too_much_wind_is_a_navigation_failure(words: str) -> None:
     world = flying_world(SLOW)
-    world.only_vehicle.say(words)
+    world.only_vehicle.send_status_text(words)
     world.only_vehicle.fail_safe(PX4_RETURN)
     world.run(9.0)
     assert alarms(world) == [(2, 52)]

@@ -121,7 +121,7 @@ class TestPosting:
         world.add_vehicle(2)
         world.run(5.1)
         before = len(world.edge.bodies("/state_vector/"))
-        work = world.edge.ask_state()
+        work = world.edge.request_state()
         world.tick()
         new = world.edge.bodies("/state_vector/")[before:]
         assert {body["vehicle_id"] for body in new} == {1, 2}
@@ -129,7 +129,7 @@ class TestPosting:
 
     def test_a_wish_for_a_vehicle_that_is_not_there_is_refused(self) -> None:
         world = World()
-        work = world.edge.ask_state(5)
+        work = world.edge.request_state(5)
         world.tick()
         assert world.edge.acknowledgements(work)[0]["status"] == "refused"
 

@@ -228,10 +228,10 @@ class TestPx4:
 
     def test_that_reports_a_missing_ground_station_gets_one(self) -> None:
         world = World()
-        quiet = dataclasses.replace(PX4_1_17, link_loss_action=None, talks_to_stations_only=False)
+        quiet = dataclasses.replace(PX4_1_17, link_loss_action=None, needs_station_for_texts=False)
         vehicle = world.add_vehicle(script=quiet)
         world.run(3.0)
-        vehicle.say("Preflight Fail: No connection to the ground control station\t", 4)
+        vehicle.send_status_text("Preflight Fail: No connection to the ground control station\t", 4)
         before = len(world.air.sent)
         world.run(3.0)
         sent = Decoder().decode(b"".join(frame for _, frame in world.air.sent[before:]))
@@ -291,7 +291,7 @@ class TestPx4:
         """A breach of its fence makes it hold for ever: nobody has paused it."""
         script = dataclasses.replace(PX4_1_17, item_time_s=20.0)
         world, vehicle = under_way(script, mission(takeoff(), second, go_home(3)))
-        vehicle.say("Geofence exceeded, position outside of fence", 2)
+        vehicle.send_status_text("Geofence exceeded, position outside of fence", 2)
         vehicle.fail_safe(PX4_HOLD)
         world.run_until_over(1201, within_s=20.0)
         assert world.edge.statuses(1201) == [Status.FINISHED, Status.FAILED, Status.ABORTED]

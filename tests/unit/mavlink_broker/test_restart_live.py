@@ -124,7 +124,7 @@ class TestPictures:
         world = begun(tmp_path, panorama(), script=OWN)
         vehicle = world.only_vehicle
         camera = world.add_camera(vehicle)
-        vehicle.mute_answers = {CREATE}
+        vehicle.lost_answers = {CREATE}
         world.run_until(lambda: CREATE in vehicle.commands)
         world.kill_broker()
         for _ in range(3):

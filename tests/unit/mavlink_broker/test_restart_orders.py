@@ -50,7 +50,7 @@ def alarmed_world(folder: Path, script: Script = PX4, lag_s: float = DISK_LAG_S)
     world.edge.plan(mission(takeoff(), waypoint(), go_home()))
     world.run_until(lambda: vehicle.airborne)
     world.run(3.0)
-    world.air.is_uplink_there = False
+    world.air.is_uplink_up = False
     vehicle.ill = SONAR
     world.run_until(lambda: world.app.sessions[1].state is State.ABORTING)
     return world
@@ -128,7 +128,7 @@ class TestReturn:
         world.run(killed_after_s)
         is_told = world.edge.status(1201) == Status.FAILED
         world.kill_broker()
-        world.air.is_uplink_there = True
+        world.air.is_uplink_up = True
         world.run(1.0)
         world.restart_broker()
         if is_told:
@@ -145,7 +145,7 @@ class TestReturn:
         world = alarmed_world(tmp_path)
         world.run(1.0)
         world.kill_broker()
-        world.air.is_uplink_there = True
+        world.air.is_uplink_up = True
         world.edge.closed.clear()
         running = next(r for r in world.edge.reports(1201) if r["mission_status_id"] == 2)
         world.edge.work[1]["report"] = running
@@ -160,7 +160,7 @@ class TestReturn:
     def test_an_order_that_was_obeyed_is_not_repeated(self, tmp_path: Path) -> None:
         world = alarmed_world(tmp_path)
         vehicle = world.only_vehicle
-        world.air.is_uplink_there = True
+        world.air.is_uplink_up = True
         world.run_until(lambda: vehicle.custom_mode == PX4_RETURN)
         world.run(3.0)
         given = vehicle.commands.count(RETURN)
@@ -175,7 +175,7 @@ class TestReturn:
         vehicle = world.only_vehicle
         world.run(1.0)
         world.kill_broker()
-        world.air.is_uplink_there = True
+        world.air.is_uplink_up = True
         event = world.edge.event(EventType.ABORT_MISSION)
         world.edge.work[event]["state"] = "accepted"
         world.restart_broker()

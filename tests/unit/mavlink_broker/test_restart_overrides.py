@@ -199,7 +199,7 @@ def test_a_vehicle_that_sends_its_number_late_keeps_its_page(tmp_path: Path) -> 
     farm.world.run_until(lambda: farm.vehicle.custom_mode == PX4_FOLLOW)
     assert [page.name for page in tmp_path.iterdir()] == ["vehicle-1.json"]
     farm.vehicle.uid = 7
-    farm.vehicle.tell_version()
+    farm.vehicle.send_version()
     farm.world.run(2.0)
     farm.world.restart_broker()
     farm.world.run_until((tmp_path / "vehicle-1-0000000000000007.json").exists)

@@ -24,7 +24,7 @@ AT = datetime(2026, 11, 21, 8, 0, tzinfo=UTC)
 
 def air(world: World) -> None:
     """Let the vehicle measure the air, and let a second pass."""
-    world.hear(world.only_vehicle, mavlink.MAVLink_hygrometer_sensor_message(0, 2150, 4800))
+    world.send_from(world.only_vehicle, mavlink.MAVLink_hygrometer_sensor_message(0, 2150, 4800))
     world.run(1.0)
 
 

@@ -107,7 +107,7 @@ class TestAWholeMission:
         assert vehicle.uploads == 1
 
     def test_needs_no_item_reached_messages(self) -> None:
-        world = flying_world(dataclasses.replace(PX4, tells_reached=False))
+        world = flying_world(dataclasses.replace(PX4, sends_item_reached=False))
         world.run_until_over(1201)
         assert world.edge.statuses(1201) == FINISHED
 
@@ -179,7 +179,7 @@ class TestWaiting:
         vehicle = world.add_vehicle(script=dataclasses.replace(PX4, ready_to_arm_after_s=1e6))
         world.edge.plan(first_flight())
         world.run(30.0)
-        vehicle.say("Preflight Fail: no GPS")
+        vehicle.send_status_text("Preflight Fail: no GPS")
         world.run_until_over(1201, within_s=40.0)
         assert world.edge.reports(1201)[-1]["message"] == (
             "not ready after 60 s: it is not ready to arm (Preflight Fail: no GPS)"

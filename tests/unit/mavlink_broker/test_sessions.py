@@ -44,7 +44,7 @@ class TestTheRegistry:
         vehicle = world.add_vehicle(script=COPTER_4_6)
         world.run(10.0)
         vectors = len(world.edge.bodies("/state_vector/"))
-        vehicle.deaf_to_intervals = True
+        vehicle.ignores_intervals = True
         vehicle.stop_stream("position")
         world.run(10.0)
         row = registered(world)

@@ -527,7 +527,7 @@ class TestWithoutAPosition:
         world = refusing_to_return(script)
         vehicle = world.only_vehicle
         if is_muted:
-            vehicle.mute_answers = set(REFUSING_RETURN)
+            vehicle.lost_answers = set(REFUSING_RETURN)
         world.run(0.7)
         vehicle.ill = mavlink.MAV_SYS_STATUS_SENSOR_GPS
         snapshot = world.app.sessions[1].vehicle.snapshot

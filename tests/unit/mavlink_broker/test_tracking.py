@@ -40,7 +40,7 @@ class Scene:
         self._camera = Encoder(1, CAMERA)
         self._walked_m = 0.0
         self.speed_m_s = 1.0
-        self.tells_place = True
+        self.sends_position = True
         self.world.edge.plan(mission(takeoff(), track(mode), go_home(3)))
         self.world.run_until(lambda: self.status(1) == Status.RUNNING)
 
@@ -78,7 +78,7 @@ class Scene:
 
     def _tell(self, status: int) -> None:
         address = next(iter(self.world.air.vehicles))
-        known = self.tells_place and status == ACTIVE
+        known = self.sends_position and status == ACTIVE
         place = tuple(round(value * 1e7) for value in self.place) if known else (NOWHERE, NOWHERE)
         nothing = math.nan
         geo = mavlink.MAVLink_camera_tracking_geo_status_message(
@@ -256,7 +256,7 @@ class TestAQuickShot:
 @pytest.mark.thorough
 def test_a_camera_without_target_position_tracks_by_its_gimbal_alone() -> None:
     scene = Scene(TrackMode.TRACE)
-    scene.tells_place = False
+    scene.sends_position = False
     scene.see_until(lambda: scene.status(1) == Status.FINISHED)
     expected = "track_mode TRACE: the camera does not report where the subject is"
     assert scene.message.startswith(expected)

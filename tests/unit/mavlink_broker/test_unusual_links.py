@@ -47,13 +47,13 @@ class TestTheAutopilot:
         vehicle = world.add_vehicle()
         vehicle.silent = True
         for _ in range(30):
-            world.hear(vehicle, calling_itself(kind, 0), component)
+            world.send_from(vehicle, calling_itself(kind, 0), component)
             world.run(0.1)
         vehicle.silent = False
         world.run(2.0)
         world.edge.plan(first_flight())
         while world.edge.status(1201) not in {3, 4, 5}:
-            world.hear(vehicle, calling_itself(kind, 0), component)
+            world.send_from(vehicle, calling_itself(kind, 0), component)
             world.run(1.0)
         assert world.edge.statuses(1201) == FINISHED
         assert world.edge.bodies("/vehicles/1")[-1]["autopilot"] == "px4"
@@ -62,7 +62,7 @@ class TestTheAutopilot:
         world = World()
         vehicle = world.add_vehicle()
         vehicle.silent = True
-        world.hear(vehicle, calling_itself(mavlink.MAV_TYPE_QUADROTOR, 0), OF_A_USER)
+        world.send_from(vehicle, calling_itself(mavlink.MAV_TYPE_QUADROTOR, 0), OF_A_USER)
         world.run(3.0)
         world.air.sent.clear()
         vehicle.silent = False
@@ -73,7 +73,7 @@ class TestTheAutopilot:
         world = World()
         vehicle = world.add_vehicle()
         vehicle.silent = True
-        world.hear(vehicle, calling_itself(mavlink.MAV_TYPE_QUADROTOR, 12), OF_A_USER)
+        world.send_from(vehicle, calling_itself(mavlink.MAV_TYPE_QUADROTOR, 12), OF_A_USER)
         world.run(1.0)
         assert 1 in world.app.sessions
 
@@ -81,7 +81,7 @@ class TestTheAutopilot:
         world = World()
         vehicle = world.add_vehicle()
         vehicle.silent = True
-        world.hear(vehicle, calling_itself(mavlink.MAV_TYPE_QUADROTOR, 12), OF_A_USER)
+        world.send_from(vehicle, calling_itself(mavlink.MAV_TYPE_QUADROTOR, 12), OF_A_USER)
         world.run(1.0)
         assert addressed_components(world) == {OF_A_USER}
 

@@ -89,7 +89,7 @@ def test_it_ends_a_return_after_an_alarm_and_raises_one(tmp_path: Path) -> None:
     restart_in_the_air(world, PX4_HOLD)
     world.only_vehicle.ill = 0
     world.run_until(lambda: state(world) is State.IDLE, within_s=5.0)
-    world.air.is_uplink_there = True
+    world.air.is_uplink_up = True
     since = len(world.only_vehicle.frames)
     world.run(10.0)
     assert orders(world.only_vehicle, since) == []
@@ -106,13 +106,13 @@ def test_it_ends_what_an_earlier_run_of_the_broker_has_ordered(kind: str, tmp_pa
         world = alarmed_world(tmp_path)
     else:
         world = world_at(1, journal=tmp_path)
-        world.air.is_uplink_there = False
+        world.air.is_uplink_up = False
         world.edge.event(ABORT, abort=POINT)
     world.run(1.0)
     world.kill_broker()
     restart_in_the_air(world, PX4_HOLD)
     world.only_vehicle.ill = 0
-    world.air.is_uplink_there = True
+    world.air.is_uplink_up = True
     since = len(world.only_vehicle.frames)
     world.run(2.0)
     world.restart_broker()

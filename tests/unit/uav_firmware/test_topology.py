@@ -47,7 +47,7 @@ def test_a_command_is_waited_for_until_it_has_been_answered(tester: AutopilotTes
     autopilot.serve_link()
     assert autopilot.is_command_pending()
     tester.wait_until(lambda: not autopilot.is_command_pending(), 0.1, "answered")
-    station.hear()
+    station.receive()
     assert common.MAV_CMD_DO_SET_HOME in [command for command, _ in station.acks]
 
 

@@ -23,7 +23,7 @@ from tests.soak import outage
 from tests.support import fake_cloud
 from tests.support.databases import BOTH_ENGINES
 from tests.support.fake_cloud import FakeCloud, Fault, running_cloud
-from tests.support.virtual_station import VirtualCloud, VirtualStation, lose_answer, saying
+from tests.support.virtual_station import VirtualCloud, VirtualStation, answering, lose_answer
 
 HOUR_S = 3600.0
 
@@ -189,7 +189,7 @@ def test_greengrass21_full_then_reconnect_drains(small_station: VirtualStation) 
 @BOTH_ENGINES
 @pytest.mark.parametrize("status", [500, 503, 429, 408, 401, 302, 202])
 def test_edgex_order_kept_after_failure(station: VirtualStation, status: int) -> None:
-    station.cloud.faults.extend([saying(status)] * 7)
+    station.cloud.faults.extend([answering(status)] * 7)
     station.ingest("pose", *range(20))
     station.ingest("pose", *range(20), vehicle_id=2)
     station.drain()

@@ -119,7 +119,7 @@ def test_a_second_camera_that_is_silent_does_not_hold_it_up_for_ever(
 ) -> None:
     world, vehicle = flown(pictures=pictures)
     second = mavlink.MAVLink_heartbeat_message(mavlink.MAV_TYPE_CAMERA, 8, 0, 0, 4, 3)
-    world.hear(vehicle, second, mavlink.MAV_COMP_ID_CAMERA2)
+    world.send_from(vehicle, second, mavlink.MAV_COMP_ID_CAMERA2)
     world.run_until(lambda: vehicle.begun)
     world.run_until(lambda: world.edge.statuses(1201)[1] == ends, within_s=60.0)
     assert len(vehicle.begun) == 1

@@ -124,7 +124,7 @@ def test_one_refusal_causes_no_group_requests() -> None:
 def test_nothing_is_disabled_on_a_shared_link() -> None:
     requests = StreamRequests(ROUTE, RoundTrip(), turns_off=False)
     asked_for_all(requests)
-    hear_often(requests, 1.0, 0.02)
+    receive_often(requests, 1.0, 0.02)
     assert intervals(requests.tick(1.0)) == []
 
 
@@ -135,7 +135,7 @@ def test_a_restart_of_the_vehicle_renews_everything() -> None:
     assert asked_for_all(requests) == [stream.message_id for stream in STREAMS]
 
 
-def hear_often(requests: StreamRequests, now: float, *apart_s: float) -> None:
+def receive_often(requests: StreamRequests, now: float, *apart_s: float) -> None:
     """A vehicle's inertial data, which nobody here reads; at such distances, over and over."""
     imu = received(mavlink.MAVLink_highres_imu_message(1, *[0.0] * 13, 0))
     heard_at = now
@@ -150,14 +150,14 @@ def hear_often(requests: StreamRequests, now: float, *apart_s: float) -> None:
 def test_an_unread_message_is_disabled_when_it_is_received() -> None:
     requests = StreamRequests(ROUTE, RoundTrip())
     asked_for_all(requests)
-    hear_often(requests, 1.0, 0.02)
+    receive_often(requests, 1.0, 0.02)
     stop = [m for m in requests.tick(1.0) if m.command == SET]
     assert [(m.param1, m.param2) for m in stop] == [(105, -1)]
     requests.receive(acknowledgement(SET, 0), 1.1)
-    hear_often(requests, 1.2, 0.02)
+    receive_often(requests, 1.2, 0.02)
     assert intervals(requests.tick(1.2)) == [], "one more may have been on its way"
     later_s = 1.0 + REQUEST_INTERVAL_S + 0.1
-    hear_often(requests, later_s, 0.02)
+    receive_often(requests, later_s, 0.02)
     assert mavlink.MAVLINK_MSG_ID_HIGHRES_IMU in tick_until_all(requests, later_s)
 
 
@@ -165,7 +165,7 @@ def test_a_rare_unread_message_is_left_alone() -> None:
     """MAVProxy asks for everything four times a second, and would ask again."""
     requests = StreamRequests(ROUTE, RoundTrip())
     asked_for_all(requests)
-    hear_often(requests, 1.0, 0.15, 0.35)
+    receive_often(requests, 1.0, 0.15, 0.35)
     assert mavlink.MAVLINK_MSG_ID_HIGHRES_IMU not in tick_until_all(requests, 1.0)
 
 
@@ -175,7 +175,7 @@ def test_a_message_that_always_returns_is_left_alone() -> None:
     asked_for_all(requests)
     stopped = []
     for minute in range(1, 6):
-        hear_often(requests, 60.0 * minute, 0.1)
+        receive_often(requests, 60.0 * minute, 0.1)
         stopped += tick_until_all(requests, 60.0 * minute)
     assert stopped.count(mavlink.MAVLINK_MSG_ID_HIGHRES_IMU) == MAX_STOPS
 

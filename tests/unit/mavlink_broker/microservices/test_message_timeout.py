@@ -14,7 +14,7 @@ from mavlink_broker.microservices.message_timeout import (
 )
 
 
-def heard_over(loss: float, frames: int = 4000, seed: int = 1) -> FrameLoss:
+def received_over(loss: float, frames: int = 4000, seed: int = 1) -> FrameLoss:
     encoder, decoder, chance = Encoder(1, 1), Decoder(), random.Random(seed)
     link = FrameLoss()
     for _ in range(frames):
@@ -27,7 +27,7 @@ def heard_over(loss: float, frames: int = 4000, seed: int = 1) -> FrameLoss:
 
 @pytest.mark.parametrize("loss", [0.0, 0.05, 0.2, 0.5])
 def test_the_share_of_lost_frames_is_found(loss: float) -> None:
-    assert heard_over(loss).ratio == pytest.approx(loss, abs=0.06)
+    assert received_over(loss).ratio == pytest.approx(loss, abs=0.06)
 
 
 def test_repeated_and_late_frames_are_not_lost() -> None:

@@ -65,8 +65,8 @@ class TestPlacing:
         vehicle = fenced_vehicle(world, script)
         flown(world, fence(exclusion=[square(200.0)]))
         assert world.edge.statuses(1201) == FINISHED
-        order = [entry for entry in vehicle.log if entry in {"stored 1", "stored 0", "told to arm"}]
-        assert order[:3] == ["stored 1", "stored 0", "told to arm"]
+        order = [entry for entry in vehicle.log if entry in {"stored 1", "stored 0", "ordered to arm"}]
+        assert order[:3] == ["stored 1", "stored 0", "ordered to arm"]
 
     def test_its_corners_are_those_of_the_plan_each_with_their_number(self) -> None:
         world = World()
@@ -125,7 +125,7 @@ class TestPlacing:
         flown(world, fence())
         assert world.edge.status(1201) == Status.FAILED
         assert "geofence refused: MAV_MISSION_INVALID_PARAM3 at item 2" in message_of(world)
-        assert "told to arm" not in vehicle.log
+        assert "ordered to arm" not in vehicle.log
         assert "stored 0" not in vehicle.log
 
     def test_a_fence_that_comes_back_otherwise_fails_the_mission_before_take_off(self) -> None:
@@ -137,7 +137,7 @@ class TestPlacing:
         flown(world, fence())
         assert world.edge.status(1201) == Status.FAILED
         assert "geofence: item 0 on the vehicle differs in latitude" in message_of(world)
-        assert "told to arm" not in vehicle.log
+        assert "ordered to arm" not in vehicle.log
 
     def test_without_a_geofence_nothing_is_requested_of_the_vehicle(self) -> None:
         world = World()
@@ -197,7 +197,7 @@ class TestInterruptions:
         world.run(2.0)
         assert world.edge.status(1201) == Status.ABORTED
         assert world.edge.acknowledgements(event)[-1]["status"] == "done"
-        assert "told to arm" not in vehicle.log
+        assert "ordered to arm" not in vehicle.log
 
     def test_a_vehicle_that_restarts_is_begun_with_again(self) -> None:
         world, vehicle = self.halfway()
@@ -401,7 +401,7 @@ class TestHeights:
         assert world.edge.statuses(1201) == [Status.FAILED, Status.ABORTED, Status.ABORTED]
         assert "altitude: 30 m is above the vehicle's own limit, 20 m" in message_of(world)
         assert vehicle.values["GF_MAX_VER_DIST"] == 20.0
-        assert "told to arm" not in vehicle.log
+        assert "ordered to arm" not in vehicle.log
 
     def test_a_mission_at_the_limit_gets_room_to_hold_its_height(self) -> None:
         world = World()
@@ -418,7 +418,7 @@ class TestHeights:
         flown(world, {"max_altitude": 40.0})
         assert world.edge.status(1201) == Status.FAILED
         assert "parameter GF_MAX_VER_DIST" in message_of(world)
-        assert "told to arm" not in vehicle.log
+        assert "ordered to arm" not in vehicle.log
 
     def test_for_an_unknown_vehicle_the_report_notes_that_it_keeps_no_height(self) -> None:
         world = World()

@@ -43,7 +43,7 @@ class TestAnotherMission:
     @AUTOPILOTS
     def test_of_another_length_fails_the_mission(self, script: Script) -> None:
         world, vehicle = flying(script)
-        vehicle.take_from_another(vehicle.items[:-2])
+        vehicle.store_foreign_mission(vehicle.items[:-2])
         world.run_until_over(1201, within_s=20.0)
         assert world.edge.status(1201) == Status.FAILED
         assert "put another mission onto the vehicle" in reason(world) or (
@@ -54,7 +54,7 @@ class TestAnotherMission:
     @pytest.mark.parametrize("script", [PX4_1_14, COPTER_4_6], ids=["px4 1.14", "copter"])
     def test_whose_transfer_is_received_is_read_back_and_named(self, script: Script) -> None:
         world, vehicle = flying(script)
-        vehicle.take_from_another(moved(vehicle.items, 7), overheard_by=255)
+        vehicle.store_foreign_mission(moved(vehicle.items, 7), acknowledged_to=255)
         world.run_until_over(1201, within_s=20.0)
         assert world.edge.status(1201) == Status.FAILED
         assert reason(world) == (
@@ -64,8 +64,8 @@ class TestAnotherMission:
 
     def test_that_ardupilot_announces_is_read_back(self) -> None:
         world, vehicle = flying(COPTER_4_6)
-        vehicle.take_from_another(moved(vehicle.items, 7))
-        vehicle.say("Flight plan received", mavlink.MAV_SEVERITY_INFO)
+        vehicle.store_foreign_mission(moved(vehicle.items, 7))
+        vehicle.send_status_text("Flight plan received", mavlink.MAV_SEVERITY_INFO)
         world.run_until_over(1201, within_s=20.0)
         assert "somebody else put another mission onto the vehicle" in reason(world)
 
@@ -73,7 +73,7 @@ class TestAnotherMission:
     @AUTOPILOTS
     def test_that_is_ours_uploaded_again_changes_nothing(self, script: Script) -> None:
         world, vehicle = flying(script)
-        vehicle.take_from_another(list(vehicle.items), overheard_by=255)
+        vehicle.store_foreign_mission(list(vehicle.items), acknowledged_to=255)
         world.run_until_over(1201)
         assert world.edge.statuses(1201) == [Status.FINISHED] * 8
 
@@ -169,7 +169,7 @@ class TestALaterItem:
         world, vehicle = far_apart(script, 0.0)
         moves(world, vehicle, 5)
         world.run(3.0)
-        vehicle.take_from_another(vehicle.items[:-1], overheard_by=255)
+        vehicle.store_foreign_mission(vehicle.items[:-1], acknowledged_to=255)
         vehicle.begin_at(8)
         world.run_until_over(1201, within_s=30.0)
         assert world.edge.status(1201) == Status.FAILED

@@ -118,7 +118,7 @@ class TestInFlight:
     def test_a_takeover_fails_the_mission(self, mode: int, name: str) -> None:
         world = flying_world()
         vehicle = world.only_vehicle
-        vehicle.say("Failsafe")
+        vehicle.send_status_text("Failsafe")
         vehicle.set_mode(mode)
         world.run_until_over(1201, within_s=10.0)
         assert world.edge.status(1201) == Status.FAILED
@@ -309,7 +309,7 @@ class TestASlowLink:
     def test_a_vehicle_that_shows_itself_armed_is_started_though_its_answer_is_lost(self) -> None:
         world = World()
         vehicle = world.add_vehicle()
-        vehicle.mute_answers.add(mavlink.MAV_CMD_COMPONENT_ARM_DISARM)
+        vehicle.lost_answers.add(mavlink.MAV_CMD_COMPONENT_ARM_DISARM)
         world.edge.plan(first_flight())
         world.run_until_over(1201)
         assert world.edge.statuses(1201) == FINISHED
@@ -320,7 +320,7 @@ class TestASlowLink:
     ) -> None:
         world = World()
         vehicle = world.add_vehicle()
-        vehicle.mute_answers.add(mavlink.MAV_CMD_MISSION_START)
+        vehicle.lost_answers.add(mavlink.MAV_CMD_MISSION_START)
         world.edge.plan(first_flight())
         world.run_until_over(1201)
         assert world.edge.statuses(1201) == FINISHED

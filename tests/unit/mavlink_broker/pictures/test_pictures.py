@@ -262,7 +262,7 @@ def test_a_restarted_broker_fetches_what_was_taken_while_it_was_away() -> None:
 
 def test_a_new_broker_does_not_fetch_old_pictures() -> None:
     flight = Flight()
-    flight.world.is_broker_there = False
+    flight.world.is_broker_running = False
     flight.world.run(1.0)
     for _ in range(5):
         flight.camera.shoot(announced=False)
@@ -295,7 +295,7 @@ def test_a_late_announcement_is_no_difference_of_clocks() -> None:
     flight.world.run(15.0)
     flight.camera.taken = late
     for message in late:
-        flight.world.hear(flight.vehicle, message, mavlink.MAV_COMP_ID_CAMERA)
+        flight.world.send_from(flight.vehicle, message, mavlink.MAV_COMP_ID_CAMERA)
     flight.land()
     assert sorted(flight.names) == ["m1201_c3_0000.jpeg", "m1201_c3_0001.jpeg"]
 

@@ -165,7 +165,7 @@ def test_a_picture_of_before_the_swap_that_is_announced_late_is_not_the_next_mis
     before = set(sorties.names)
     sorties.fly(2, announced=False)
     sorties.world.run(0.5)
-    sorties.world.hear(sorties.vehicle, late, mavlink.MAV_COMP_ID_CAMERA)
+    sorties.world.send_from(sorties.vehicle, late, mavlink.MAV_COMP_ID_CAMERA)
     sorties.world.run_until_over(2)
     sorties.world.run(10.0)
     new = [name for name in sorties.names if name not in before]

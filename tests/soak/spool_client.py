@@ -1,6 +1,6 @@
 """Half a broker, to be killed: tells numbers and prints each that it would not lose any more.
 
-`python -m tests.soak.spool_teller URL FOLDER FIRST`
+`python -m tests.soak.spool_client URL FOLDER FIRST`
 """
 
 import sys
