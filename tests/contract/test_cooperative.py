@@ -1,8 +1,8 @@
 """A cooperative: two edge servers and two relays on one PostgreSQL database, one cloud.
 
 Records come in at both while one farm's programs are killed and a relay of the other one too. What
-was acknowledged reaches the cloud, once in effect, in the order of its stream; and while nobody is
-killed, no stream has two requests under way.
+was acknowledged reaches the cloud, once in effect, in the order of its stream; and while no process
+is killed, no stream has two requests in flight.
 """
 
 import os
@@ -63,7 +63,7 @@ def farms(tmp_path: Path, cloud: FakeCloud, postgres: PostgresServer) -> Iterato
 
 
 class Overlaps:
-    """A slow cloud that notes when a stream has two requests under way."""
+    """A slow cloud that notes when a stream has two requests in flight."""
 
     def __init__(self) -> None:
         self.found: list[str] = []
@@ -121,7 +121,7 @@ def relay_of(farm: Program) -> int:
 
 
 def open_relays(farm: Program, postgres: PostgresServer) -> int:
-    """How many relays tell that they get through."""
+    """Number of relays that report a connection."""
     found = postgres.administer(
         "SELECT count(*) FROM pg_locks JOIN pg_database ON pg_locks.database = pg_database.oid "
         f"WHERE datname = '{name_of(farm)}' AND locktype = 'advisory' "

@@ -1,4 +1,4 @@
-"""PostgreSQL goes away and comes back: nothing is lost, and nobody has to be started again."""
+"""PostgreSQL goes away and comes back: nothing is lost, and no process has to be restarted."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -84,7 +84,7 @@ def test_it_waits_for_a_database_that_is_not_up_yet(
     program.end()
     server.stop()
     program.begin()
-    wait_for(lambda: "waiting for the database" in program.log(), "word of the wait")
+    wait_for(lambda: "waiting for the database" in program.log(), "the log of the wait")
     server.start()
     program.wait_ready()
     assert post(program, 0).status_code == 201
@@ -92,7 +92,7 @@ def test_it_waits_for_a_database_that_is_not_up_yet(
 
 
 @pytest.mark.thorough
-def test_a_server_that_does_not_let_us_in_is_told_in_one_sentence(program: Program) -> None:
+def test_a_server_that_refuses_the_login_is_named_in_one_sentence(program: Program) -> None:
     program.end()
     program.environment["DATABASE_URL"] = program.environment["DATABASE_URL"].replace(
         "/edge?", "/nowhere?"

@@ -56,7 +56,7 @@ def test_a_restarted_vehicle_is_asked_on_where_it_stopped(tmp_path: Path) -> Non
 def test_a_picture_comes_within_a_minute_at_20_percent_loss_and_far_away(
     tmp_path: Path, seed: int
 ) -> None:
-    """400 kB, 20 % loss and 0.3 s each way, a tenth of the frames overtaken."""
+    """400 kB, 20 % loss and 0.3 s in each direction, a tenth of the frames reordered."""
     contents = a_file(tmp_path, 400_000, seed)
     air = Air(tmp_path, FAR_AND_BAD, seed)
     assert air.fetch(FileDownload(REMOTE, ROUTE, limit_bytes=10**6)) == Fetched(contents)
@@ -98,7 +98,7 @@ def test_what_an_earlier_transfer_brought_of_another_file_is_not_mixed_in(tmp_pa
     assert air.fetch(after) == Fetched(contents)
 
 
-def test_what_is_not_there_is_said_so(tmp_path: Path) -> None:
+def test_a_missing_file_is_reported_as_missing(tmp_path: Path) -> None:
     outcome = Air(tmp_path, TROUBLES["loss"]).fetch(FileDownload(REMOTE, ROUTE, limit_bytes=10**6))
     assert outcome == NotFetched("the vehicle answers: file not found")
 

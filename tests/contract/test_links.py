@@ -307,7 +307,7 @@ def test_a_modem_that_waits_to_be_spoken_to_flies_too() -> None:
 
 
 class Waiting:
-    """Sends nothing before it has been sent something, and then to whom sent it."""
+    """Sends nothing before it has received a datagram, and then to its sender."""
 
     def __init__(self, modem: socket.socket) -> None:
         self._modem = modem
@@ -319,13 +319,13 @@ class Waiting:
             self._modem.sendto(frame, self._to)
 
     def read(self) -> bytes:
-        heard = b""
+        data_read = b""
         try:
             while True:
                 data, self._to = self._modem.recvfrom(4096)
-                heard += data
+                data_read += data
         except BlockingIOError:
-            return heard
+            return data_read
 
 
 def test_a_line_full_of_hostile_bytes_never_stops_the_loop(cable: Cable) -> None:

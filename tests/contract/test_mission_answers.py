@@ -68,14 +68,14 @@ def judges() -> list[PlanCheck]:
 
 
 class Uploader:
-    """Uploads plans and tells at which item what was answered."""
+    """Uploads plans and returns the answer and its item."""
 
     def __init__(self) -> None:
         self.vehicle = with_judges(judges())
         self._now_us = 0
 
     def send(self, message: Message) -> list[Message]:
-        """Say something and hear the answers, with the vehicle's next ticks."""
+        """Send a message and return the answers of the vehicle's next ticks."""
         self._now_us += 1_000_000
         answers = self.vehicle.receive(frame(pack(message), 0, 255, 190), self._now_us)
         for _ in range(20):
@@ -100,7 +100,7 @@ class Uploader:
 
 
 def item(command: int, *p: float, **fields: Any) -> Message:
-    """An item at a place 10 m above home, unless told otherwise."""
+    """An item at a place 10 m above home, unless given otherwise."""
     given = [*p, *[0.0] * (4 - len(p))]
     values: dict[str, Any] = {
         "target_system": 1,
@@ -162,7 +162,7 @@ ACCEPTED_ITEMS: Final = {
     "delay": order(93, 5.0),
     "delay with an unset clock": order(93, 5.0, -1.0, -1.0, -1.0),
     "delay until near": order(114, 5.0),
-    "delay on the way": order(112, 5.0),
+    "delay between waypoints": order(112, 5.0),
     "yaw": order(115, 90.0, 0.0, 1.0, 0.0),
     "speed": order(178, 1.0, 5.0, -1.0),
     "home": item(179),
@@ -234,13 +234,13 @@ def test_what_the_vehicle_does_not_fly_is_unsupported(command: int) -> None:
     assert answer(order(command)) == UNSUPPORTED
 
 
-def test_a_fault_is_told_at_its_item_and_not_at_the_last() -> None:
+def test_a_fault_is_answered_at_its_item_and_not_at_the_last() -> None:
     plan = [item(16) for _ in range(20)]
     plan[7].param3 = 1.0
     assert Uploader().upload(plan) == (P3, 8)
 
 
-def test_a_fault_of_the_whole_plan_is_told_when_it_is_complete() -> None:
+def test_a_fault_of_the_whole_plan_is_answered_when_it_is_complete() -> None:
     assert Uploader().upload([item(16), item(22), item(16)]) == (INVALID, 3)
     assert Uploader().upload([item(16), order(177, 9.0, 1.0), item(16)]) == (P1, 3)
     assert Uploader().upload([item(16), item(16), order(177, 0.0, 3.0)]) == (ACCEPTED, 3)

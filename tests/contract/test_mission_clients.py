@@ -136,7 +136,7 @@ def test_a_ground_station_that_tries_again_gets_its_plan_through_at_a_fifth_lost
         assert holds(field, NEW)
 
 
-def test_who_asks_while_somebody_uploads_is_served_and_a_second_uploader_denied() -> None:
+def test_during_an_upload_a_download_is_served_and_a_second_upload_denied() -> None:
     field = a_field_with(OLD, conditions(0.0, 0.02, muddled=False))
     first, second, reader = QgcUpload(NEW), MavsdkUpload(plan_of(3)), MavsdkDownload()
     outcomes = field.run_all({255: first, 254: second, 253: reader})
@@ -145,7 +145,7 @@ def test_who_asks_while_somebody_uploads_is_served_and_a_second_uploader_denied(
     assert holds(field, NEW)
 
 
-def test_an_uploader_that_vanishes_leaves_the_old_plan_and_the_door_open() -> None:
+def test_an_uploader_that_vanishes_leaves_the_old_plan_and_the_next_upload_succeeds() -> None:
     field = a_field_with(OLD, Conditions())
     client = QgcUpload(NEW)
     for message in client.start(0.0):

@@ -209,7 +209,7 @@ def test_a_mission_arrives_and_is_verified(trouble: Trouble, loss: float) -> Non
 
 
 @pytest.mark.thorough
-def test_at_a_fifth_lost_each_way_a_hundred_of_a_hundred_arrive() -> None:
+def test_at_a_fifth_lost_in_each_direction_a_hundred_of_a_hundred_arrive() -> None:
     for seed in range(100):
         trouble = Trouble(duplication=0.05, reordering=0.05, delay_s=0.02)
         assert_transferred(Field(trouble, 0.2, seed), a_plan(100))
@@ -217,7 +217,7 @@ def test_at_a_fifth_lost_each_way_a_hundred_of_a_hundred_arrive() -> None:
 
 @pytest.mark.thorough
 def test_over_a_slow_link_too_a_hundred_of_a_hundred_arrive() -> None:
-    """A round trip of 1.5 s, and a fifth lost each way."""
+    """A round trip of 1.5 s, and a fifth lost in each direction."""
     for seed in range(100):
         assert_transferred(Field(Trouble(delay_s=0.75), 0.2, seed, step_us=20_000), a_plan(10))
 
@@ -249,7 +249,7 @@ def test_what_was_uploaded_is_read_back_the_same(loss: float) -> None:
     assert difference(plan, download.outcome.items, PX4) is None
 
 
-def test_another_mission_on_the_vehicle_is_told_from_ours() -> None:
+def test_another_mission_on_the_vehicle_is_not_taken_for_ours() -> None:
     field = Field(Trouble(), 0.0, seed=1)
     assert_transferred(field, a_plan(4))
     assert verified(field, a_plan(4, shift=1.0), 0) != Verified()

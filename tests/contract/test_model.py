@@ -46,7 +46,7 @@ READ_AHEAD = 3
 
 
 class Model:
-    """What must be true, in the simplest words."""
+    """What must be true, computed as simply as possible."""
 
     def __init__(self) -> None:
         self.acknowledged: dict[Stream, list[str]] = defaultdict(list)  # Message ids, in order

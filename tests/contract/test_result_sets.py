@@ -29,13 +29,13 @@ SESSION = "01K9Z4T1W8F6Q2M3N5P7R9S0VX"
 SET = ["pose", "observation", "battery"]
 
 
-def heard(message: Message) -> Message:
+def decoded(message: Message) -> Message:
     (decoded,) = Decoder().decode(Encoder(1, 1).encode(message))
     return decoded
 
 
 def flying_vehicle() -> Vehicle:
-    """A vehicle that has told where it is and what it measures."""
+    """A vehicle that has sent its position and its measurements."""
     vehicle = Vehicle(1, Route(254, 191, 1, 1))
     vehicle.snapshot.battery_capacity_ah = 5.2
     for message in (
@@ -51,7 +51,7 @@ def flying_vehicle() -> Vehicle:
         mavlink.MAVLink_named_value_float_message(9_000, b"leaf_wet", 0.5),
         mavlink.MAVLink_wind_cov_message(0, 3.0, -1.0, 0, 0, 0, 0, 0, 0),
     ):
-        vehicle.take(heard(message), 100.0)
+        vehicle.take(decoded(message), 100.0)
     return vehicle
 
 
@@ -77,9 +77,9 @@ def a_picture() -> ConvertedPicture:
 
 def test_a_result_set_is_accepted_whole(edge: Edge) -> None:  # noqa: F811  # the fixture
     reporter = Reporter(flying_vehicle(), SESSION)
-    words = reporter.results("1/01PLAN/7/3", 100.0)
-    words.append(reporter.image(a_picture(), "m7_c3_0000", "1/100/0"))
-    assert statuses(edge, words) == [201] * 4
+    posts = reporter.results("1/01PLAN/7/3", 100.0)
+    posts.append(reporter.image(a_picture(), "m7_c3_0000", "1/100/0"))
+    assert statuses(edge, posts) == [201] * 4
     for kind in [*SET, "image"]:
         (row,) = edge.get(f"/{kind}/")
         assert row["session_id"] == SESSION
@@ -90,7 +90,7 @@ def test_a_result_set_is_accepted_whole(edge: Edge) -> None:  # noqa: F811  # th
 
 @pytest.mark.first_case
 @pytest.mark.parametrize("later_s", [0, 45])
-def test_what_is_told_again_after_a_crash_is_kept_once(
+def test_a_result_that_is_posted_again_after_a_crash_is_stored_once(
     edge: Edge,  # noqa: F811  # the fixture
     later_s: int,
 ) -> None:

@@ -1,4 +1,4 @@
-"""A recorded flight's sensors in one compressed file, and the way back to messages.
+"""A recorded flight's sensors in one compressed file, and the conversion back to messages.
 
 Inertial and magnetic samples are kept as the integers that such sensors deliver, at their own
 resolution (2000 deg/s, 16 g and 4 gauss over 16 bits): what is replayed is bit for bit what was

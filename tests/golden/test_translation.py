@@ -188,14 +188,16 @@ def stretch_record(plan: FlightPlan) -> dict[str, Any]:
 
 def live_record(live: LiveCommand) -> dict[str, Any]:
     action = live.action
-    ways = {
-        name: [[message_record(order.message(ROUTE, 0)) for order in way] for way in ways]
-        for name, ways in (("begin", action.begin), ("finish", action.finish))
+    alternatives = {
+        name: [
+            [message_record(order.message(ROUTE, 0)) for order in commands] for commands in listed
+        ]
+        for name, listed in (("begin", action.begin), ("finish", action.finish))
     }
     return {
         "command": live.command,
         "approach": action.approach,
-        **ways,
+        **alternatives,
         "end": f"{action.end}",
         "follow": action.follow,
         "loans": [override_record(override) for override in action.overrides],
@@ -209,9 +211,9 @@ def override_record(override: ParameterOverride) -> list[Any]:
 
 
 def message_record(message: Message) -> dict[str, Any]:
-    """What a command says, without its sender."""
-    told = message.to_dict()
-    return {name: plain(value) for name, value in told.items() if name != "target_system"}
+    """Fields of a command without its target system."""
+    fields = message.to_dict()
+    return {name: plain(value) for name, value in fields.items() if name != "target_system"}
 
 
 def record_of(family: Family) -> dict[str, Any]:

@@ -7,11 +7,11 @@
 and of one that borrows fence, rally points and parameters of its vehicle), `links`
 (MISSIONS (100) over each of nine links that lose and delay), `events` (every event in every state
 of a mission, over a good link and over a bad one).
-`spool` (a broker that has much to tell is killed CYCLES times).
+`spool` (a broker that has much to send is killed CYCLES times).
 `hostile` (the real system under everything at once for MINUTES (120) with VEHICLES (20): cut
 answers of the cloud, slow sockets, kills, a full disk, aborts, pilots who take vehicles over).
 `radio` (a mission in real time over a telemetry radio that is pulled out again and again).
-Without it, all. `CYCLES` (200) says how often it is killed; `SEED` chooses order and requests.
+Without it, all. `CYCLES` (200) is the number of kills; `SEED` chooses order and requests.
 """
 
 import os

@@ -1,8 +1,8 @@
 """The broker dies at any second of a mission and comes back up to a minute later.
 
 The vehicle flies on meanwhile. Afterwards every command has ended with its right status, once;
-nothing was ordered, photographed or told twice. The vehicle is this project's own, in vehicle time;
-the scripted ones stand for other autopilots.
+nothing was ordered, photographed or reported twice. The vehicle is this project's own, in vehicle
+time; the scripted ones stand for other autopilots.
 """
 
 import dataclasses
@@ -41,13 +41,13 @@ ONCE: Final = (
 )
 """Orders that must not be given again, whenever the broker died."""
 PER_STRETCH: Final = (mavlink.MAV_CMD_COMPONENT_ARM_DISARM, mavlink.MAV_CMD_MISSION_START)
-"""Orders of the way into the air, which is begun again where the death cut it short."""
+"""Orders of the take-off, which begins again where the kill interrupted it."""
 IN_FLIGHT: Final = frozenset({"RUNNING", "FLYING_LIVE", "IDLE"})
 
 
 @dataclass(frozen=True, slots=True)
 class Death:
-    """When the broker is killed, and for how long nobody is there [s of vehicle time]."""
+    """When the broker is killed, and for how long no broker runs [s of vehicle time]."""
 
     at_s: float
     away_s: float
@@ -125,8 +125,8 @@ def judge_orders(
 ) -> None:
     """Nothing was ordered twice; in flight nothing was uploaded, armed or started again."""
     for command in (*ONCE, *(PER_STRETCH if state in IN_FLIGHT else ())):
-        told = orders.get(command, 0), expected.orders.get(command, 0)
-        assert told[0] <= told[1], f"command {command}: {told[0]} times instead of {told[1]}"
+        sent, wanted = orders.get(command, 0), expected.orders.get(command, 0)
+        assert sent <= wanted, f"command {command}: {sent} times instead of {wanted}"
     assert uploaded == expected.uploads or state not in IN_FLIGHT, f"{uploaded} uploads"
 
 
@@ -139,7 +139,7 @@ def judge_reports(edge: FakeEdge, flown: dict[str, Any]) -> None:
     for column in zip(*rows, strict=True):
         assert column == tuple(sorted(column)), rows
         assert column[-1] == Status.FINISHED, rows
-    assert sum(row[0] == Status.FINISHED for row in rows) == 1, "the end was told twice"
+    assert sum(row[0] == Status.FINISHED for row in rows) == 1, "the end was reported twice"
     for path in ("/pose/", "/battery/"):
         keys = {post.idempotency_key for post in edge.posts if post.path == path}
         assert len(keys) == len(flown["command_array"]), f"{len(keys)} result sets at {path}"
@@ -193,12 +193,12 @@ def sweep_scripted(
 
 
 def sorties() -> tuple[dict[str, Any], ...]:
-    """Two sorties whose items are the same, which nothing but the reports tells apart."""
+    """Two sorties whose items are the same, which only the reports distinguish."""
     return takeoff(1), waypoint(2), go_home(3), takeoff(4), waypoint(5), go_home(6)
 
 
 def run(
-    every_s: float, seed: int, tell: Callable[[str], None], conditions: Conditions = PERFECT
+    every_s: float, seed: int, print_line: Callable[[str], None], conditions: Conditions = PERFECT
 ) -> None:
     """Let the broker die every so many seconds of the eleven commands, up to three times in a row.
 
@@ -207,7 +207,7 @@ def run(
     flown, random = eleven_commands(), Random(seed)
     with tempfile.TemporaryDirectory() as folder:
         expected = undisturbed(flown, Path(folder) / "undisturbed")
-        tell(f"undisturbed: {expected.duration_s:.0f} s, {expected.pictures} pictures")
+        print_line(f"undisturbed: {expected.duration_s:.0f} s, {expected.pictures} pictures")
         world = FlyingWorld(
             Path(folder) / "disturbed",
             to_broker=conditions,
@@ -220,14 +220,14 @@ def run(
             number += 1
             deaths = _deaths(random)
             copy = Path(folder) / f"journal-{number}"
-            failed += not _fork(world, copy, flown, expected, deaths, tell)
+            failed += not _fork(world, copy, flown, expected, deaths, print_line)
             world.run(every_s)
-    tell(f"{number} deaths, {failed} of them not survived")
+    print_line(f"{number} deaths, {failed} of them not survived")
     assert not failed
 
 
 def _deaths(random: Random) -> list[tuple[float, float]]:
-    """How long nobody is there, and how long the next broker lives, in whole seconds."""
+    """How long no broker runs, and how long the next broker lives, in whole seconds."""
     number = random.choice(DEATHS)
     return [(random.choice(AWAY_S), float(random.randrange(11))) for _ in range(number)]
 
@@ -238,11 +238,11 @@ def _fork(
     flown: dict[str, Any],
     expected: Undisturbed,
     deaths: Sequence[tuple[float, float]],
-    tell: Callable[[str], None],
+    print_line: Callable[[str], None],
 ) -> bool:
     """Kill the broker in a copy of this world; whether that was survived.
 
-    Each death has how long nobody is there, and how long the next broker lives if it dies too.
+    Each death has how long no broker runs, and how long the next broker lives if it dies too.
     """
     sys.stdout.flush()
     child = os.fork()
@@ -260,10 +260,10 @@ def _fork(
         judge(world, flown, expected, next((s for s in states if s not in IN_FLIGHT), states[0]))
         survived = True
     except AssertionError as error:
-        told = ", ".join(
+        pauses = ", ".join(
             f"away {away_s:.0f} s, lived {lived_s:.1f} s" for away_s, lived_s in deaths
         )
-        tell(f"killed at {at_s:.1f} s in {' and '.join(states)}: {told}: {error}")
+        print_line(f"killed at {at_s:.1f} s in {' and '.join(states)}: {pauses}: {error}")
     finally:
         sys.stdout.flush()
         os._exit(0 if survived else 1)

@@ -116,7 +116,7 @@ def interrupt(
     else:
         if EVENTS[name] == EVENTS["abort"] and moment != "landing":
             before = _place_when_obeyed(world)
-        world.run_until(lambda: _said(world, number)[-1:] == ["done"], PATIENCE_S)
+        world.run_until(lambda: _answers(world, number)[-1:] == ["done"], PATIENCE_S)
         _judge_end(world, name, moment, before)
         _judge_statuses(world, EVENTS[name].kind, running or 0)
 
@@ -130,19 +130,19 @@ def _place_when_obeyed(world: FlyingWorld) -> tuple[float, float, float]:
     return world.place
 
 
-def _said(world: FlyingWorld, number: int) -> list[str]:
+def _answers(world: FlyingWorld, number: int) -> list[str]:
     return [body["status"] for body in world.edge.acknowledgements(number)]
 
 
 def _judge_idle(world: FlyingWorld, number: int) -> None:
     world.run(3.0)
-    assert _said(world, number) == ["refused"]
+    assert _answers(world, number) == ["refused"]
     assert not world.is_armed
 
 
 def _judge_speed(world: FlyingWorld, number: int) -> None:
     """The mission goes on to its end, at the new speed and no more."""
-    world.run_until(lambda: _said(world, number)[-1:] == ["done"], PATIENCE_S)
+    world.run_until(lambda: _answers(world, number)[-1:] == ["done"], PATIENCE_S)
     world.run(4.0)  # It brakes to it
     while not world.is_over(MISSION_ID):
         north, east, _ = world.simulation.truth.velocity_ned
@@ -173,8 +173,8 @@ def _judge_end(
 def _judge_statuses(world: FlyingWorld, kind: int, running: int) -> None:
     """What ran was cut off or has ended; what came behind it never began."""
     statuses = world.edge.statuses(MISSION_ID)
-    told = {report["mission_status_id"] for report in world.edge.reports(MISSION_ID)}
-    terminal = {status for status in told if Status(status).is_terminal}
+    reported = {report["mission_status_id"] for report in world.edge.reports(MISSION_ID)}
+    terminal = {status for status in reported if Status(status).is_terminal}
     assert len(terminal) == 1, terminal
     assert statuses[:running] == [Status.FINISHED] * running
     allowed = {Status.ABORTED} if kind == ABORT else {Status.ABORTED, Status.FINISHED}
@@ -182,7 +182,7 @@ def _judge_statuses(world: FlyingWorld, kind: int, running: int) -> None:
     assert set(statuses[running + 1 :]) <= {Status.ABORTED}
 
 
-def run(conditions: Conditions, seed: int, tell: Callable[[str], None]) -> None:
+def run(conditions: Conditions, seed: int, print_line: Callable[[str], None]) -> None:
     """The whole table."""
     failed = 0
     for moment in MOMENTS:
@@ -192,6 +192,6 @@ def run(conditions: Conditions, seed: int, tell: Callable[[str], None]) -> None:
                     interrupt(name, moment, Path(folder), conditions=conditions, seed=seed)
                 except AssertionError as error:
                     failed += 1
-                    tell(f"{name} when {moment}: {error}")
-    tell(f"{len(MOMENTS) * len(EVENTS)} events, {failed} of them not carried out rightly")
+                    print_line(f"{name} when {moment}: {error}")
+    print_line(f"{len(MOMENTS) * len(EVENTS)} events, {failed} of them not carried out rightly")
     assert not failed

@@ -1,4 +1,4 @@
-"""Missions over links that lose and delay: all uploaded, proved, flown and told rightly, once."""
+"""Missions over links that lose and delay: all uploaded, proved, flown and reported, once."""
 
 import tempfile
 from collections.abc import Callable
@@ -24,7 +24,7 @@ class Flown(NamedTuple):
 
 
 def conditions(loss: float, round_trip_s: float) -> Conditions:
-    """A link of which each way loses so much; what loses also doubles and disorders."""
+    """A link that loses so much in each direction, and duplicates and reorders as well."""
     disorder = 0.05 if loss else 0.0
     return Conditions(
         loss=loss,
@@ -64,7 +64,7 @@ def fly(loss: float, round_trip_s: float, seed: int, folder: Path) -> Flown:
     return Flown(started_s, world.clock.now_s)
 
 
-def run(missions: int, seed: int, tell: Callable[[str], None]) -> None:
+def run(missions: int, seed: int, print_line: Callable[[str], None]) -> None:
     """Fly the whole matrix, so many missions per cell."""
     failed = 0
     for loss in LOSSES:
@@ -75,10 +75,12 @@ def run(missions: int, seed: int, tell: Callable[[str], None]) -> None:
                     try:
                         flown.append(fly(loss, round_trip_s, seed + number, Path(folder)))
                     except AssertionError as error:
-                        tell(f"loss {loss:.0%}, {round_trip_s} s, seed {seed + number}: {error}")
+                        print_line(
+                            f"loss {loss:.0%}, {round_trip_s} s, seed {seed + number}: {error}"
+                        )
             failed += missions - len(flown)
             taken = f", armed after {median(f.started_s for f in flown):.1f} s" if flown else ""
-            tell(
+            print_line(
                 f"loss {loss:.0%} each way, round trip {round_trip_s} s: "
                 f"{len(flown)} of {missions}{taken}"
             )

@@ -2,7 +2,7 @@
 
 A fence, rally points, the parameters that guard the fence and those of a command: afterwards the
 vehicle has what it had before, and nothing is left in the journal. Over a good link and over one
-that loses a fifth each way; the disk is a slow one.
+that loses a fifth in each direction; the disk is a slow one.
 """
 
 import tempfile
@@ -26,7 +26,7 @@ VEHICLES: Final[Mapping[str, tuple[Script, Mapping[str, Any]]]] = {
 }
 
 
-def run(every_s: float, seed: int, tell: Callable[[str], None]) -> None:
+def run(every_s: float, seed: int, print_line: Callable[[str], None]) -> None:
     """Let the broker die every so many seconds, up to three times in a flight."""
     random, failed, number = Random(seed), 0, 0
     for name in VEHICLES:
@@ -37,8 +37,8 @@ def run(every_s: float, seed: int, tell: Callable[[str], None]) -> None:
                 fault = _fly(name, loss, at_s, random)
                 number, failed = number + 1, failed + (fault is not None)
                 if fault is not None:
-                    tell(f"{name}, {loss:.0%} lost, killed at {at_s:.2f} s: {fault}")
-    tell(f"{number} flights with something borrowed, {failed} of them not as before")
+                    print_line(f"{name}, {loss:.0%} lost, killed at {at_s:.2f} s: {fault}")
+    print_line(f"{number} flights with overridden settings, {failed} of them not as before")
     assert not failed
 
 

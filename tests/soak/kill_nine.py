@@ -65,7 +65,7 @@ class Sender(threading.Thread):
         self._stopping = threading.Event()
 
     def stop(self) -> None:
-        """End after the request under way."""
+        """End after the present request."""
         self._stopping.set()
 
     def run(self) -> None:
@@ -178,11 +178,11 @@ def _find(program: Program, name: str) -> int | None:
     """Process id of a part, None while it is not there (again)."""
     assert program.process is not None
     for process_id in descendants(program.process.pid):
-        words = _command(process_id)
+        arguments = _command(process_id)
         is_worker = _parent(process_id) != program.process.pid
-        if name == "relay" and "relay" in words:
+        if name == "relay" and "relay" in arguments:
             return process_id
-        if "serve" in words and is_worker == (name == "worker"):
+        if "serve" in arguments and is_worker == (name == "worker"):
             return process_id
     return None
 

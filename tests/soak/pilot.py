@@ -1,6 +1,6 @@
 """Pilots who take vehicles over from the broker, and give them back when it pleases them.
 
-One ground station hears all vehicles. While a pilot has one, its mode is his: nobody else may
+One ground station receives all vehicles. While a pilot has one, its mode is his: no other may
 change it. He centres the sticks (the vehicle hovers), and at the end orders a return.
 """
 
@@ -46,7 +46,7 @@ class Takeover:
     began_s: float
     until_s: float
     has_it: bool = False
-    lost_to_mode: int | None = None  # Main mode that somebody else has put it in
+    lost_to_mode: int | None = None  # Main mode that another system has put it in
     in_failsafe: bool = False  # Then the vehicle itself, for instance without the sticks
     texts: tuple[str, ...] = ()  # The last ones at that moment
 

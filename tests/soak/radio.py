@@ -1,6 +1,6 @@
 """A mission on our own vehicle over a telemetry radio of 57,600 baud that is pulled out and back.
 
-The vehicle speaks UDP; what lies between its datagrams and the broker's serial line is as slow as
+The vehicle sends UDP; the link between its datagrams and the broker's serial line is as slow as
 the radio, loses what it cannot queue, and is unplugged for some seconds again and again.
 """
 

@@ -1,4 +1,4 @@
-"""Half a broker, to be killed: tells numbers and prints each that it would not lose any more.
+"""An edge client to be killed: posts numbers and prints each that it would not lose any more.
 
 `python -m tests.soak.spool_client URL FOLDER FIRST`
 """
@@ -23,7 +23,7 @@ _LOOK_EVERY_S: Final = 0.0005
 
 
 def client_in(folder: Path, url: str) -> tuple[EdgeClient, Spool]:
-    """Make what speaks for a broker, with what an earlier one has left."""
+    """Start a broker's edge client with the spool that an earlier one has left."""
     spool = Spool(folder / SPOOL, max_bytes=4 * MIB)
     client = EdgeClient(url, folder / KEY_FILE, lambda: None, spool=spool)
     client.start()
@@ -37,7 +37,7 @@ def message(number: int) -> Post:
 
 
 def main(url: str, folder: Path, first: int) -> None:
-    """Tell until killed; a number is printed once it has been answered or is on the disk."""
+    """Post until killed; a number is printed once it has been answered or is on the disk."""
     client, spool = client_in(folder, url)
     for number in count(first):
         sent = message(number)

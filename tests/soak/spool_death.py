@@ -1,4 +1,4 @@
-"""Killed -9 again and again while it has much to tell: nothing is lost, nothing out of order.
+"""Killed -9 again and again while it has much to send: nothing is lost, nothing out of order.
 
 The edge server is away, refuses for now, or is there. Some deaths leave a torn line behind.
 """
@@ -36,8 +36,8 @@ class Outcome:
     sent_twice: int = 0
 
 
-def run(cycles: int, folder: Path, seed: int, tell: Callable[[str], None]) -> Outcome:
-    """Kill so often, then let the last one tell everything; raises AssertionError on a loss."""
+def run(cycles: int, folder: Path, seed: int, print_line: Callable[[str], None]) -> Outcome:
+    """Kill so often, let the last one send all; raises AssertionError on a loss."""
     random, outcome = Random(seed), Outcome()
     key = f"key-{seed}"
     (folder / KEY_FILE).write_text(key, encoding="ascii")
@@ -47,11 +47,13 @@ def run(cycles: int, folder: Path, seed: int, tell: Callable[[str], None]) -> Ou
             _live_and_die(random.choice((NOWHERE, server.url, server.url)), folder, random, outcome)
             server.failures.clear()
         client, spool = client_in(folder, server.url)
-        tell(f"{client.waiting} reports left, {spool.damaged} lines damaged")
+        print_line(f"{client.waiting} reports left, {spool.damaged} lines damaged")
         wait_for(lambda: not client.waiting, "the last message")
         client.stop(1.0)
         _judge(server, outcome)
-    tell(f"{len(outcome.safe)} reports were safe and arrived; {outcome.sent_twice} were sent twice")
+    print_line(
+        f"{len(outcome.safe)} reports were safe and arrived; {outcome.sent_twice} were sent twice"
+    )
     return outcome
 
 

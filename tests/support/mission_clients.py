@@ -166,7 +166,7 @@ class QgcDownload:
 
 
 class MavsdkUpload:
-    """MAVSDK's transfer: half a second five times; repeats the count, but no item without a request.
+    """MAVSDK's transfer: half a second five times; repeats the count, no item without request.
 
     A repeated request uses up one of the five; an ACK of whatever plan is taken as its own.
     """

@@ -246,7 +246,9 @@ def hygrometer(humidity: int = 4800) -> Message:
     return mavlink.MAVLink_hygrometer_sensor_message(0, 2150, humidity)
 
 
-def speak(world: World, seconds: float, message: Message | None = None, share: float = 1.0) -> None:
+def send_for(
+    world: World, seconds: float, message: Message | None = None, share: float = 1.0
+) -> None:
     """Let the humidity sensor send every second, except for lost frames."""
     for second in range(round(seconds)):
         if (second * 7) % 10 < share * 10:
@@ -257,7 +259,7 @@ def speak(world: World, seconds: float, message: Message | None = None, share: f
 @pytest.mark.thorough
 def test_a_humidity_sensor_that_falls_silent_is_that_alarm() -> None:
     world = flying_world(SLOW)
-    speak(world, 6.0)
+    send_for(world, 6.0)
     assert alarms(world) == []
     world.run(3.5)
     assert alarms(world) == []
@@ -270,15 +272,15 @@ def test_a_humidity_sensor_that_falls_silent_is_that_alarm() -> None:
 @pytest.mark.thorough
 def test_a_humidity_sensor_that_measures_nothing_is_the_other_alarm() -> None:
     world = flying_world(SLOW)
-    speak(world, 4.0)
-    speak(world, 6.0, hygrometer(65_535))
+    send_for(world, 4.0)
+    send_for(world, 6.0, hygrometer(65_535))
     assert alarms(world) == [(2, 53)]
     assert world.edge.status(1201) == Status.FAILED
 
 
 def test_a_named_humidity_is_watched_too() -> None:
     world = flying_world(SLOW)
-    speak(world, 4.0, mavlink.MAVLink_named_value_float_message(1, b"hum_air", 48.0))
+    send_for(world, 4.0, mavlink.MAVLink_named_value_float_message(1, b"hum_air", 48.0))
     world.run(7.0)
     assert alarms(world) == [(1, 6)]
 
@@ -286,7 +288,7 @@ def test_a_named_humidity_is_watched_too() -> None:
 @pytest.mark.thorough
 def test_a_vehicle_without_a_humidity_sensor_has_not_lost_it() -> None:
     world = flying_world(SLOW)
-    speak(world, 1.0)
+    send_for(world, 1.0)
     world.run(20.0)
     assert alarms(world) == []
 
@@ -295,11 +297,11 @@ def test_a_lost_link_is_no_failure_of_the_humidity_sensor() -> None:
     world = World()
     vehicle = world.add_vehicle()
     world.run(3.0)
-    speak(world, 4.0)
+    send_for(world, 4.0)
     vehicle.silent = True
     world.run(30.0)
     vehicle.silent = False
-    speak(world, 10.0)
+    send_for(world, 10.0)
     assert alarms(world) == []
 
 
@@ -308,7 +310,7 @@ def test_on_a_bad_link_silence_has_to_last_longer() -> None:
     world = World(loss=0.3, seed=4)
     vehicle = world.add_vehicle()
     world.run(30.0)
-    speak(world, 8.0)
+    send_for(world, 8.0)
     world.run(6.0)
     assert alarms(world) == []
     world.run_until(lambda: alarms(world))
@@ -321,25 +323,25 @@ def test_on_a_bad_link_silence_has_to_last_longer() -> None:
 @pytest.mark.parametrize(
     ("script", "mode"), [(SLOW, PX4_RETURN), (SLOW_COPTER, COPTER_RETURN), (SLOW, PX4_LAND)]
 )
-@pytest.mark.parametrize("words", ["Critical battery, returning", "GCS connection lost"])
-def test_what_a_failsafe_does_is_no_alarm_by_itself(script: Script, mode: int, words: str) -> None:
+@pytest.mark.parametrize("text", ["Critical battery, returning", "GCS connection lost"])
+def test_what_a_failsafe_does_is_no_alarm_by_itself(script: Script, mode: int, text: str) -> None:
     """A low battery or a lost link has no code in AFarCloud's table; the report has the reason."""
     world = flying_world(script)
-    world.only_vehicle.send_status_text(words)
+    world.only_vehicle.send_status_text(text)
     world.only_vehicle.fail_safe(mode)
     world.run(9.0)
     assert alarms(world) == []
     assert world.edge.status(1201) == Status.FAILED
     message = world.edge.reports(1201)[-1]["message"]
     assert "its own failsafe flies it" in message
-    assert words in message
+    assert text in message
 
 
 @pytest.mark.first_case
-@pytest.mark.parametrize("words", ["Wind too strong: RETURN", "Wind speed is above limit"])
-def test_a_failsafe_for_too_much_wind_is_a_navigation_failure(words: str) -> None:
+@pytest.mark.parametrize("text", ["Wind too strong: RETURN", "Wind speed is above limit"])
+def test_a_failsafe_for_too_much_wind_is_a_navigation_failure(text: str) -> None:
     world = flying_world(SLOW)
-    world.only_vehicle.send_status_text(words)
+    world.only_vehicle.send_status_text(text)
     world.only_vehicle.fail_safe(PX4_RETURN)
     world.run(9.0)
     assert alarms(world) == [(2, 52)]

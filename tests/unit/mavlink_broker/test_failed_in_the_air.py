@@ -62,7 +62,7 @@ def test_an_autopilot_whose_modes_are_unknown_gets_the_order_too() -> None:
     assert mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH in world.only_vehicle.commands
 
 
-def test_one_that_somebody_has_stopped_stays_with_him() -> None:
+def test_one_that_another_system_has_stopped_is_left_to_it() -> None:
     world = World()
     vehicle = world.add_vehicle(script=PX4)
     world.edge.plan(mission(*COMMANDS))

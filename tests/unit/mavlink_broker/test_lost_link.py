@@ -44,7 +44,7 @@ def lose_link(world: World, seconds: float = AWAY_S) -> ScriptedVehicle:
     vehicle = world.only_vehicle
     vehicle.silent = True
     world.run(seconds)
-    vehicle.armed &= vehicle.airborne  # Whoever is not started disarms by himself
+    vehicle.armed &= vehicle.airborne  # A vehicle that is not started disarms by itself
     vehicle.silent = False
     return vehicle
 

@@ -73,7 +73,7 @@ class TestACircle:
 
     @pytest.mark.first_case
     @pytest.mark.parametrize("is_clockwise", [True, False])
-    def test_turns_the_way_that_versions_before_4_4_know(self, *, is_clockwise: bool) -> None:
+    def test_turns_as_versions_before_4_4_can(self, *, is_clockwise: bool) -> None:
         """They know a direction by CIRCLE_RATE alone, and no sign of a radius."""
         settings = {"CIRCLE_RATE": 20.0, "CIRCLE_OPTIONS": 1.0}
         script = dataclasses.replace(COPTER_4_1, settings=settings)

@@ -77,11 +77,11 @@ def track(command_id: int = 2) -> dict[str, Any]:
 
 def circle(command_id: int) -> dict[str, Any]:
     place = {"latitude": HOME[0], "longitude": HOME[1], "orbit_altitude": 8.0}
-    way = {"radius": 50.0, "angular_velocity": 2.0, "start_point": 4, "orbit_type": 0}
-    return command(command_id, 7, **place, **way)
+    circle_parameters = {"radius": 50.0, "angular_velocity": 2.0, "start_point": 4, "orbit_type": 0}
+    return command(command_id, 7, **place, **circle_parameters)
 
 
-def under_way(script: Script, plan: Any) -> tuple[World, ScriptedVehicle]:
+def started(script: Script, plan: Any) -> tuple[World, ScriptedVehicle]:
     """A world in which a mission has come to its second command."""
     world = World()
     vehicle = world.add_vehicle(script=script)
@@ -109,7 +109,7 @@ class TestEveryAutopilot:
 
     @pytest.mark.first_case
     @AUTOPILOTS
-    def test_flies_over_a_link_that_loses_a_fifth_each_way(self, script: Script) -> None:
+    def test_flies_over_a_link_that_loses_a_fifth_in_each_direction(self, script: Script) -> None:
         assert flown(script, loss=0.2).edge.statuses(1201) == FINISHED
 
     @pytest.mark.first_case
@@ -186,7 +186,7 @@ class TestPx4:
         assert not world.only_vehicle.airborne
 
     def test_that_was_armed_and_does_not_start_is_disarmed(self) -> None:
-        """Nobody stands beside a vehicle whose mission has failed with its propellers turning."""
+        """No propeller turns on a vehicle whose mission has failed on the ground."""
         world = flown(dataclasses.replace(PX4_1_14, is_infeasible=True))
         world.run(2.0)
         vehicle = world.only_vehicle
@@ -267,7 +267,7 @@ class TestPx4:
 
     @pytest.mark.thorough
     def test_that_carries_nothing_flies_on_behind_a_live_command(self) -> None:
-        """Nobody answers for a gimbal that is not there."""
+        """A gimbal that is not fitted gives no answer."""
         world = flown(PX4_BARE, mission(takeoff(), follow(), picture(3), panorama(4), go_home(5)))
         assert world.edge.status(1201) == Status.FINISHED
         messages = [
@@ -288,9 +288,9 @@ class TestPx4:
     @pytest.mark.first_case
     @pytest.mark.parametrize("second", [waypoint(2, 30.0, hold_time=60.0), circle(2)])
     def test_that_its_own_failsafe_holds_has_failed(self, second: dict[str, Any]) -> None:
-        """A breach of its fence makes it hold for ever: nobody has paused it."""
+        """A breach of its fence makes it hold for ever: it was not paused."""
         script = dataclasses.replace(PX4_1_17, item_time_s=20.0)
-        world, vehicle = under_way(script, mission(takeoff(), second, go_home(3)))
+        world, vehicle = started(script, mission(takeoff(), second, go_home(3)))
         vehicle.send_status_text("Geofence exceeded, position outside of fence", 2)
         vehicle.fail_safe(PX4_HOLD)
         world.run_until_over(1201, within_s=20.0)
@@ -300,7 +300,7 @@ class TestPx4:
     @pytest.mark.thorough
     def test_that_holds_before_its_failsafe_acts_may_go_on(self) -> None:
         """It waits for 5 s, and flies on if its ground station is back meanwhile."""
-        world, vehicle = under_way(dataclasses.replace(PX4_1_17, item_time_s=10.0), first_flight())
+        world, vehicle = started(dataclasses.replace(PX4_1_17, item_time_s=10.0), first_flight())
         vehicle.fail_safe(PX4_HOLD)
         world.run(7.0)
         vehicle.set_mode(PX4_MISSION)
@@ -309,7 +309,7 @@ class TestPx4:
 
     def test_that_a_pilot_stops_on_its_circle_has_not_finished_it(self) -> None:
         """Its circle has no end of its own: a hold makes it stay there."""
-        world, vehicle = under_way(PX4_1_17, mission(takeoff(), circle(2), go_home(3)))
+        world, vehicle = started(PX4_1_17, mission(takeoff(), circle(2), go_home(3)))
         vehicle.set_mode(PX4_HOLD)
         world.run_until_over(1201, within_s=20.0)
         assert world.edge.statuses(1201) == [Status.FINISHED, Status.FAILED, Status.ABORTED]

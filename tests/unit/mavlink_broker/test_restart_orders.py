@@ -126,12 +126,12 @@ class TestReturn:
         world = alarmed_world(tmp_path, script)
         vehicle = world.only_vehicle
         world.run(killed_after_s)
-        is_told = world.edge.status(1201) == Status.FAILED
+        is_reported = world.edge.status(1201) == Status.FAILED
         world.kill_broker()
         world.air.is_uplink_up = True
         world.run(1.0)
         world.restart_broker()
-        if is_told:
+        if is_reported:
             world.run_until(lambda: vehicle.custom_mode == mode, within_s=20.0)
             world.run_until(lambda: not vehicle.armed)
             assert world.edge.statuses(1201)[-1] == Status.ABORTED

@@ -65,17 +65,17 @@ def test_the_report_behind_a_set_is_the_first_that_calls_its_command_finished() 
 
 
 @pytest.mark.thorough
-def test_on_request_it_measures_along_the_way_while_it_flies() -> None:
+def test_on_request_it_measures_while_it_flies() -> None:
     counts = []
     for every_s in (0.0, 2.0):
         world = flying_world(SLOW, config=Config(observations_every_s=every_s))
         fly(world)
-        on_the_way = len(world.edge.bodies("/observation/"))
+        in_flight = len(world.edge.bodies("/observation/"))
         world.only_vehicle.armed = False
         for _ in range(10):
             air(world)
-        assert len(world.edge.bodies("/observation/")) <= on_the_way + 1
-        counts.append(on_the_way)
+        assert len(world.edge.bodies("/observation/")) <= in_flight + 1
+        counts.append(in_flight)
     at_commands, often = counts
     assert at_commands == 3
     assert often > at_commands + 3
@@ -123,7 +123,7 @@ def test_a_set_whose_report_was_lost_is_sent_again_under_the_same_keys() -> None
     world.run_until(lambda: world.edge.bodies("/battery/"))
     first = keys(world)
     work = next(iter(world.edge.work.values()))
-    work["report"] = world.edge.reports(1201)[reports - 1]  # The one that says it is finished: lost
+    work["report"] = world.edge.reports(1201)[reports - 1]  # The report FINISHED is lost
     world.restart_broker()
     world.run_until_over(1201)
     assert keys(world)[len(first) : 2 * len(first)] == first
@@ -198,7 +198,7 @@ def test_a_measurement_without_a_time_of_day_has_the_time_of_its_report() -> Non
         )
         for at in (0, 1_700_000_000)
     ]
-    told_list = ObservationList(
+    observation_list = ObservationList(
         sequence_number=0,
         vehicle_id=1,
         latitude=0,
@@ -206,6 +206,6 @@ def test_a_measurement_without_a_time_of_day_has_the_time_of_its_report() -> Non
         altitude=0,
         observation_array=tuple(measured),
     )
-    body = posted(told_list).body
+    body = posted(observation_list).body
     times = [one["result_time"] for one in body["observation_array"]]
     assert times == [int(AT.timestamp()), 1_700_000_000]

@@ -60,7 +60,7 @@ class TestAWholeMission:
 
     @pytest.mark.first_case
     @FAMILIES
-    def test_survives_a_link_that_loses_a_fifth_each_way(self, script: Script) -> None:
+    def test_survives_a_link_that_loses_a_fifth_in_each_direction(self, script: Script) -> None:
         for seed in range(3):
             world = World(loss=0.2, seed=seed)
             vehicle = world.add_vehicle(script=script)
@@ -174,7 +174,7 @@ class TestWaiting:
         assert world.edge.status(1201) == Status.FINISHED
 
     @pytest.mark.thorough
-    def test_in_vain_fails_with_the_vehicles_last_words(self) -> None:
+    def test_in_vain_fails_with_the_last_status_text_of_the_vehicle(self) -> None:
         world = World()
         vehicle = world.add_vehicle(script=dataclasses.replace(PX4, ready_to_arm_after_s=1e6))
         world.edge.plan(first_flight())

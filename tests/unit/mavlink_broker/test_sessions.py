@@ -207,7 +207,7 @@ class TestOddOnes:
 NUMBERS = st.floats(width=32) | st.sampled_from([math.nan, math.inf, -math.inf, 1e30])
 
 
-def words(signed: int, unsigned: int, number: float) -> list[Message]:
+def named_values(signed: int, unsigned: int, number: float) -> list[Message]:
     """Telemetry that has one odd number everywhere."""
     byte, short = unsigned & 0xFF, unsigned & 0xFFFF
     low, little = (signed & 0xFFFF) - 32768, (signed & 0xFF) - 128
@@ -251,7 +251,7 @@ def test_no_telemetry_ends_the_broker_or_leaves_it_with_what_cannot_be(
     world.edge.plan(first_flight())
     world.run_until(lambda: vehicle.airborne)
     encoder = Encoder(1, 1)
-    for message in words(signed, unsigned, number):
+    for message in named_values(signed, unsigned, number):
         world.air.to_broker(("192.0.2.1", 14581), encoder.encode(message))
         world.tick()
     world.run(0.5)

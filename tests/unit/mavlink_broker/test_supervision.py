@@ -70,7 +70,7 @@ def test_a_thread_without_supervision_ends_the_program_with_a_log_line(
     alarm = ThreadFailureHook(woken.set)
 
     def work() -> None:
-        raise RuntimeError("nobody looks after me")
+        raise RuntimeError("not supervised")
 
     with caplog.at_level(logging.CRITICAL):
         thread = threading.Thread(target=work, name="lonely")

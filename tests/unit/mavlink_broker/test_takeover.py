@@ -1,6 +1,6 @@
 """Somebody else takes the vehicle: from then on the broker sends no order, whatever it was doing.
 
-Every phase of a mission, every family of autopilots, several ways of taking over. What counts is
+Every phase of a mission, every family of autopilots, several kinds of takeover. What counts is
 what arrives at the vehicle: heartbeats and questions may, nothing else.
 """
 
@@ -354,9 +354,9 @@ def test_a_failsafe_gets_no_order_and_differs_from_a_pilot(
     since = len(vehicle.frames)
     world.run(6.0)
     assert orders(vehicle, since) == []
-    words = [body.get("message") or "" for body in world.edge.bodies("/mission_report/")]
-    words += [a.get("message") or "" for a in world.edge.acknowledgements(2)]
-    assert any("its own failsafe" in word for word in words)
+    texts = [body.get("message") or "" for body in world.edge.bodies("/mission_report/")]
+    texts += [a.get("message") or "" for a in world.edge.acknowledgements(2)]
+    assert any("its own failsafe" in text for text in texts)
 
 
 def test_a_pilot_who_resumes_the_mission_within_seconds_has_not_ended_it() -> None:

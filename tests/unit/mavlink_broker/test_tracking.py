@@ -67,7 +67,7 @@ class Scene:
         """Let the camera send what it tracks, five times a second."""
         for _ in range(round(seconds * 5)):
             self._walked_m += 0.2 * self.speed_m_s
-            self._tell(status)
+            self._send_status(status)
             self.world.run(0.2)
 
     def see_until(self, condition: Callable[[], bool], within_s: float = 90.0) -> None:
@@ -76,7 +76,7 @@ class Scene:
             assert self.world.clock.now < end
             self.see(0.2)
 
-    def _tell(self, status: int) -> None:
+    def _send_status(self, status: int) -> None:
         address = next(iter(self.world.air.vehicles))
         known = self.sends_position and status == ACTIVE
         place = tuple(round(value * 1e7) for value in self.place) if known else (NOWHERE, NOWHERE)
@@ -207,17 +207,17 @@ class TestAQuickShot:
     def test_goes_round_a_subject_that_moves_and_along_with_it(self, speed_m_s: float) -> None:
         scene = Scene(TrackMode.QUICK_SHOT)
         scene.speed_m_s = speed_m_s
-        ways: list[tuple[float, float]] = []
+        offsets: list[tuple[float, float]] = []
         scene.see(6.0)
 
         def is_over() -> bool:
-            ways.append(scene.from_subject)
+            offsets.append(scene.from_subject)
             return scene.status(1) == Status.FINISHED
 
         scene.see_until(is_over)
-        distances = [math.hypot(*way) for way in ways]
+        distances = [math.hypot(*offset) for offset in offsets]
         assert 0.7 * SUBJECT_M < min(distances) <= max(distances) < 1.4 * SUBJECT_M
-        assert {(north > 0.0, east > 0.0) for north, east in ways} == set(
+        assert {(north > 0.0, east > 0.0) for north, east in offsets} == set(
             itertools.product((False, True), repeat=2)
         )
         assert scene.message == "None"

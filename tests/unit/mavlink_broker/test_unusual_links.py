@@ -109,7 +109,7 @@ class TestAnObserver:
         allowed = {mavlink.MAV_CMD_REQUEST_MESSAGE}
         assert set(vehicle.commands) <= allowed
         assert vehicle.written == []
-        kinds = {name for name in _said(world) if name not in {"HEARTBEAT", "COMMAND_LONG"}}
+        kinds = {name for name in _sent_names(world) if name not in {"HEARTBEAT", "COMMAND_LONG"}}
         assert kinds <= {"PARAM_REQUEST_READ"}
         seen = world.app.sessions[1].vehicle
         assert seen.is_identified
@@ -123,7 +123,7 @@ def _messages(world: World) -> list[Message]:
     return [message for _, frame in world.air.sent for message in decoder.decode(frame)]
 
 
-def _said(world: World) -> set[str]:
+def _sent_names(world: World) -> set[str]:
     return {message.get_type() for message in _messages(world)}
 
 
@@ -152,7 +152,7 @@ class TestClocksOfSignatures:
         utc[0] = true + timedelta(seconds=1)
         assert guard.accepts(self.frame(true + timedelta(seconds=1), 1), 1.0)
         assert guard.accepts(self.frame(true + timedelta(seconds=2), 2), 2.0)
-        assert signing.next_signature().timestamp >= before  # What we say never goes back
+        assert signing.next_signature().timestamp >= before  # Our timestamps never decrease
 
     def test_what_is_old_by_the_vehicles_own_frames_stays_out(self, tmp_path: Path) -> None:
         true = datetime(2026, 9, 1, tzinfo=UTC)

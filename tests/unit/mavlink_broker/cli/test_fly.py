@@ -43,7 +43,7 @@ PNG = b"\x89PNG\r\n\x1a\n"
 
 
 class Interrupts(Signals):
-    """Signals that come when a test says so."""
+    """Signals that a test raises."""
 
     def __init__(self) -> None:
         self.count = 0
@@ -224,7 +224,7 @@ class TestTheLocalEdge:
         assert [each["geofence"]["max_altitude"] for each in work] == [60.0, 60.0]
         assert [each["rally_points"] for each in work] == [[point], [point]]
 
-    def test_tells_every_report_in_its_envelope(self) -> None:
+    def test_prints_every_report_in_its_envelope(self) -> None:
         lines: list[str] = []
         edge = LocalEdge((), JsonPrinter(lines.append).take)
         edge.post(picture("one.png"))
@@ -279,7 +279,7 @@ class TestTheProgram:
         assert errors == "mavlink_broker: --out /dev/null/pictures: Not a directory\n"
 
     @pytest.mark.thorough
-    def test_that_is_interrupted_says_what_it_leaves(self, tmp_path: Path) -> None:
+    def test_that_is_interrupted_prints_what_it_leaves(self, tmp_path: Path) -> None:
         with started(tmp_path) as (process, port):
             vehicle = scripted(item_time_s=60.0)
             live(vehicle, port, lambda: vehicle.airborne)

@@ -63,7 +63,9 @@ def test_items_are_listed_as_they_are_uploaded(
     assert items[1]["param4"] is None
 
 
-def test_several_missions_are_told_apart(plan: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_several_missions_are_printed_separately(
+    plan: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     both = printed(capsys, str(plan))["missions"]
     assert [(one["mission_id"], one["vehicle_id"]) for one in both] == [(1201, 1), (1202, 2)]
     (second,) = printed(capsys, str(plan), "--vehicle-id", "2")["missions"]
@@ -72,12 +74,12 @@ def test_several_missions_are_told_apart(plan: Path, capsys: pytest.CaptureFixtu
     assert first["vehicle_id"] == 1
 
 
-def test_a_mission_that_is_not_there_is_told(plan: Path) -> None:
+def test_a_missing_mission_is_an_error(plan: Path) -> None:
     with pytest.raises(UsageError, match=r"only 1201 \(vehicle 1\), 1202 \(vehicle 2\)"):
         run([str(plan), "--mission-id", "7"], NOW)
 
 
-def test_home_is_where_it_is_said_to_be(plan: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_home_is_the_place_of_the_option(plan: Path, capsys: pytest.CaptureFixture[str]) -> None:
     arguments = [str(plan), "--family", "ardupilot", "--home", "40.5,-3.5,650"]
     item = printed(capsys, *arguments)["missions"][0]["segments"][0]["items"][0]
     assert (item["x"], item["y"], item["z"]) == (405000000, -35000000, 650.0)
@@ -96,7 +98,7 @@ def test_a_home_that_is_nowhere_is_refused(
 def test_what_cannot_be_flown_is_named_with_its_parameter(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Only who knows where home is can tell that the way there is forbidden."""
+    """Only with a home position the path to it can be checked."""
     east = [HOME[1] + metres * 1.2e-5 for metres in (10, 15, 40)]
     hedge = [[HOME[0] + m * 9e-6, at] for m in (-50, 50) for at in east[:2]]
     plan = {
@@ -127,7 +129,7 @@ def test_a_leg_across_a_forbidden_area_is_refused(tmp_path: Path) -> None:
         run([str(saved(tmp_path, plan))], NOW)
 
 
-def test_downgrades_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_downgrades_are_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = saved(tmp_path, mission(takeoff(), waypoint(trajectory_control=2), go_home()))
     assert run([str(path)], NOW) == 0
     assert "command 2 (NAV_WAYPOINT): trajectory_control" in capsys.readouterr().out
@@ -171,7 +173,7 @@ def test_a_plan_may_come_from_the_standard_input(
 
 
 @pytest.mark.thorough
-def test_a_standard_output_without_room_is_told_in_one_sentence(plan: Path) -> None:
+def test_a_standard_output_without_room_is_reported_in_one_sentence(plan: Path) -> None:
     command = [sys.executable, "-m", "mavlink_broker", "translate", str(plan)]
     with Path("/dev/full").open("wb") as full:
         ended = subprocess.run(

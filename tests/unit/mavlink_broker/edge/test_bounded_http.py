@@ -38,7 +38,7 @@ def silence() -> Iterator[bytes]:
 
 
 class Script:
-    """What a server sends, and whether it came to its end: nobody has cut the connection."""
+    """What a server sends, and whether it was complete: the connection was not cut."""
 
     def __init__(self, pieces: Callable[[], Iterator[bytes]]) -> None:
         self._pieces = pieces

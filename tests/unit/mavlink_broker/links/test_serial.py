@@ -70,7 +70,7 @@ def test_the_line_is_raw_and_has_the_configured_speed(cable: Cable, hub: Hub) ->
 @pytest.mark.thorough
 def test_a_device_may_appear_late_and_disappear_and_return(cable: Cable, hub: Hub) -> None:
     hub.receive(0.0)
-    hub.send(address_of(cable), b"nobody hears this")
+    hub.send(address_of(cable), b"not received")
     for _ in range(3):
         cable.plug_in()
         open_line(hub)

@@ -58,7 +58,7 @@ def test_a_folder_of_the_frame_log_and_how_much_it_may_hold() -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "word"),
+    ("arguments", "option"),
     [
         (["--link", "nowhere"], "nowhere"),
         (["--link", WIFI, "--link", WIFI], "twice"),
@@ -69,9 +69,9 @@ def test_a_folder_of_the_frame_log_and_how_much_it_may_hold() -> None:
     ],
 )
 def test_an_invalid_setting_ends_the_program_with_its_reason(
-    arguments: list[str], word: str, capsys: pytest.CaptureFixture[str]
+    arguments: list[str], option: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(SystemExit) as caught:
         load(arguments, {})
     assert caught.value.code == 2
-    assert word in capsys.readouterr().err
+    assert option in capsys.readouterr().err

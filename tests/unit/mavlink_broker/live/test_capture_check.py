@@ -20,7 +20,7 @@ ANSWERS_KEPT_S = 5.0
 
 
 class Panorama(ScriptedVehicle):
-    """Takes pictures for some seconds when it is told to, and loses its answers to that."""
+    """Takes pictures for some seconds when it is message to, and loses its answers to that."""
 
     def __init__(self, script: Script, *, booted_at: float) -> None:
         super().__init__(1, script, booted_at=booted_at)
@@ -124,5 +124,5 @@ def test_a_second_camera_that_is_silent_does_not_hold_it_up_for_ever(
     world.run_until(lambda: world.edge.statuses(1201)[1] == ends, within_s=60.0)
     assert len(vehicle.begun) == 1
     if ends is Status.FAILED:
-        told = world.edge.reports(1201)[-1]["message"]
-        assert "camera 101 has not reported for 20 s whether it has ended" in told
+        message = world.edge.reports(1201)[-1]["message"]
+        assert "camera 101 has not reported for 20 s whether it has ended" in message

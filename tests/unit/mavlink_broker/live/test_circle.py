@@ -1,4 +1,4 @@
-"""A circle from point to point: on it, all the way round, with the nose where it belongs."""
+"""A circle from point to point: on it, a full turn, with the nose in the right direction."""
 
 import itertools
 import math
@@ -56,7 +56,7 @@ def north_east(order: tuple[float, ...]) -> tuple[float, float]:
 @pytest.mark.first_case
 @FAMILIES
 @pytest.mark.parametrize("sense", [1.0, -1.0])
-def test_it_goes_all_the_way_round_in_the_right_sense(script: Script, sense: float) -> None:
+def test_it_makes_a_full_turn_in_the_right_direction(script: Script, sense: float) -> None:
     _, orders = flown(AWAY, script, clockwise=sense > 0.0)
     places = [north_east(order) for order in orders]
     assert len(places) == point_count(RADIUS_M) + 1
@@ -72,7 +72,7 @@ def test_it_goes_all_the_way_round_in_the_right_sense(script: Script, sense: flo
 
 @pytest.mark.first_case
 @pytest.mark.parametrize(("start", "bearing"), [(0, 0.0), (1, 180.0), (2, 270.0), (3, 90.0)])
-def test_it_begins_where_it_was_told_to(start: int, bearing: float) -> None:
+def test_it_begins_at_its_start_point(start: int, bearing: float) -> None:
     _, orders = flown(AWAY, PX4, start=start)
     north, east = north_east(orders[0])
     assert math.degrees(math.atan2(east, north)) % 360.0 == pytest.approx(bearing, abs=0.5)
@@ -92,8 +92,8 @@ def test_the_nose_is_where_it_belongs(
     half_a_step = (180.0 if clockwise else -180.0) / point_count(RADIUS_M)
     for order in orders:
         north, east = north_east(order)
-        half_way = math.degrees(math.atan2(east, north)) - half_a_step
-        nose = math.degrees(order[3]) - half_way
+        middle = math.degrees(math.atan2(east, north)) - half_a_step
+        nose = math.degrees(order[3]) - middle
         assert abs(math.remainder(nose - beyond_bearing, 360.0)) < 0.5
 
 
@@ -108,7 +108,7 @@ def test_ardupilot_turns_by_a_command_of_its_own_at_every_point() -> None:
 
 @pytest.mark.first_case
 @FAMILIES
-def test_the_report_says_how_it_was_flown(script: Script) -> None:
+def test_the_report_names_how_it_was_flown(script: Script) -> None:
     world, _ = flown(AWAY, script)
     report = world.edge.reports(1201)[-1]["command_report_array"][1]
     assert "orbit_type: flown from point to point" in report["message"]

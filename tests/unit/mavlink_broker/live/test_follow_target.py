@@ -1,4 +1,4 @@
-"""A vehicle follows another one, or the way in a file."""
+"""A vehicle follows another one, or the track in a file."""
 
 from pathlib import Path
 
@@ -41,12 +41,12 @@ def test_no_target_is_sent_while_the_followed_vehicle_is_silent() -> None:
     leader = world.air.vehicles["192.0.2.1", 14582]
     leader.silent = True
     world.run(5.0)
-    told = follower.targets
+    received = follower.targets
     world.run(5.0)
-    assert follower.targets == told
+    assert follower.targets == received
     leader.silent = False
     world.run(3.0)
-    assert follower.targets > told
+    assert follower.targets > received
 
 
 @pytest.mark.thorough
@@ -60,7 +60,7 @@ def test_the_track_in_a_file_starts_with_the_follow(tmp_path: Path) -> None:
     assert follower.last_target == pytest.approx((HOME[0] + 0.001, HOME[1]), abs=1e-6)
 
 
-def test_who_follows_nobody_is_told_the_place_of_the_command() -> None:
+def test_without_a_target_vehicle_the_position_of_the_command_is_sent() -> None:
     world = World(config=Config(follow_targets={7: 2}))
     follower = world.add_vehicle(script=PX4)
     world.edge.plan(mission(takeoff(), follow(), go_home(3)))

@@ -33,7 +33,7 @@ def at(bearing_deg: float) -> tuple[float, float]:
 def test_what_was_flown_meanwhile_counts(
     first_deg: float, flown: float, slower: float, is_clockwise: bool
 ) -> None:
-    """The place tells the angle, and a speed that is only about right the whole turns."""
+    """The position gives the angle, and an approximate speed the number of turns."""
     turning = TurnAngle(turned(is_clockwise=is_clockwise))
     turning.resume(Pose(*at(first_deg), 10.0), flown * FULL_S * slower)
     sense = 1.0 if is_clockwise else -1.0
@@ -41,7 +41,7 @@ def test_what_was_flown_meanwhile_counts(
     assert turning.turned_rad == pytest.approx(flown * 2.0 * math.pi, abs=0.01)
 
 
-def test_without_a_beginning_the_time_tells() -> None:
+def test_without_a_start_position_the_time_gives_the_angle() -> None:
     turning = TurnAngle(turned(is_clockwise=True))
     turning.resume(None, 0.5 * FULL_S)
     turning.take(*at(123.0))

@@ -56,9 +56,9 @@ def test_a_signed_copy_is_accepted_and_has_the_same_contents(
 ) -> None:
     original = Decoder().decode(frame_of(message, version_1=version_1))[0]
     frame = signed(frame_of(message, version_1=version_1), KEY, 3, TICKS)
-    heard = with_its_key(frame)
-    assert heard.to_dict() == original.to_dict()
-    assert (heard.get_srcSystem(), heard.get_srcComponent(), heard.get_seq()) == (7, 9, 200)
+    decoded = with_its_key(frame)
+    assert decoded.to_dict() == original.to_dict()
+    assert (decoded.get_srcSystem(), decoded.get_srcComponent(), decoded.get_seq()) == (7, 9, 200)
     assert frame[-13] == 3
     assert int.from_bytes(frame[-12:-6], "little") == TICKS
 

@@ -126,7 +126,7 @@ A, B, C = (CommandLong(command=number) for number in (300, 176, 400))
 def run(
     alternatives: CommandAlternatives, answers: dict[int, int]
 ) -> tuple[CommandSequence, list[int]]:
-    """Answer every command as told; gives what was sent."""
+    """Answer every command with the given results; returns what was sent."""
     sequence = CommandSequence(alternatives, ROUTE, RoundTrip())
     pending = sequence.start(0.0)
     sent = []

@@ -57,8 +57,8 @@ def test_a_vehicle_without_a_heartbeat_is_lost() -> None:
 
 def feed(watch: RebootMonitor, *times_ms: int, start_s: float = 0.0, kind: str = "ATTITUDE") -> int:
     """Give times five times a second; how many restarts they prove."""
-    told = [watch.sample(kind, ms, start_s + 0.2 * i) for i, ms in enumerate(times_ms)]
-    return told.count(True)
+    restarts = [watch.sample(kind, ms, start_s + 0.2 * i) for i, ms in enumerate(times_ms)]
+    return restarts.count(True)
 
 
 class TestARestart:
@@ -87,11 +87,11 @@ class TestARestart:
     def test_shows_in_each_kind_of_message_and_is_reported_once(self) -> None:
         watch = RebootMonitor()
         kinds = ("ATTITUDE", "GLOBAL_POSITION_INT", "SYSTEM_TIME")
-        told = 0
+        restarts = 0
         for index in range(100):
             boot_ms = 60_000 + 200 * index if index < 50 else 200 * (index - 50)
-            told += sum(watch.sample(kind, boot_ms, 0.2 * index) for kind in kinds)
-        assert told == 1
+            restarts += sum(watch.sample(kind, boot_ms, 0.2 * index) for kind in kinds)
+        assert restarts == 1
 
 
 class TestNoRestart:
@@ -141,7 +141,7 @@ def test_a_fast_link_has_short_timeouts_and_a_slow_one_long_ones() -> None:
 
 
 def test_a_link_slower_than_the_first_guess_is_learnt_all_the_same() -> None:
-    """Every question is repeated before its answer comes, and no answer tells to which."""
+    """Every request is repeated before its answer comes, and no answer names its request."""
     round_trip = RoundTrip()
     round_trip.sample_repeated(1.5)
     assert round_trip.timeout_s == FIRST_TIMEOUT_S, "one may have been lost"

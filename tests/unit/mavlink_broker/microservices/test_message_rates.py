@@ -114,7 +114,7 @@ def test_an_autopilot_that_does_not_answer_gets_group_requests() -> None:
 
 
 def test_one_refusal_causes_no_group_requests() -> None:
-    """PX4 tells MISSION_CURRENT by itself, and refuses to tell it more often."""
+    """PX4 sends MISSION_CURRENT by itself, and refuses to send it more often."""
     requests = StreamRequests(ROUTE, RoundTrip())
     requests.tick(0.0)
     requests.receive(acknowledgement(SET, mavlink.MAV_RESULT_DENIED), 0.1)
@@ -136,7 +136,7 @@ def test_a_restart_of_the_vehicle_renews_everything() -> None:
 
 
 def receive_often(requests: StreamRequests, now: float, *apart_s: float) -> None:
-    """A vehicle's inertial data, which nobody here reads; at such distances, over and over."""
+    """A vehicle's inertial data, which the broker does not read; at such intervals, repeatedly."""
     imu = received(mavlink.MAVLink_highres_imu_message(1, *[0.0] * 13, 0))
     heard_at = now
     times = [now]
@@ -155,7 +155,7 @@ def test_an_unread_message_is_disabled_when_it_is_received() -> None:
     assert [(m.param1, m.param2) for m in stop] == [(105, -1)]
     requests.receive(acknowledgement(SET, 0), 1.1)
     receive_often(requests, 1.2, 0.02)
-    assert intervals(requests.tick(1.2)) == [], "one more may have been on its way"
+    assert intervals(requests.tick(1.2)) == [], "one more may have been in transit"
     later_s = 1.0 + REQUEST_INTERVAL_S + 0.1
     receive_often(requests, later_s, 0.02)
     assert mavlink.MAVLINK_MSG_ID_HIGHRES_IMU in tick_until_all(requests, later_s)
@@ -181,7 +181,7 @@ def test_a_message_that_always_returns_is_left_alone() -> None:
 
 
 def test_a_refused_optional_message_is_not_requested_again() -> None:
-    """ArduPilot tells its ground station in words of every message that it does not know."""
+    """ArduPilot sends a STATUSTEXT for every message that it does not know."""
     requests = StreamRequests(ROUTE, RoundTrip())
     asked = intervals(requests.tick(0.0))
     refused = {mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS, mavlink.MAVLINK_MSG_ID_WIND_COV}
@@ -253,8 +253,8 @@ def test_requests_of_a_missing_parameter_end() -> None:
     assert read.is_over
 
 
-def text(words: bytes, identifier: int = 0, chunk: int = 0, severity: int = 2) -> Message:
-    return received(mavlink.MAVLink_statustext_message(severity, words, identifier, chunk))
+def text(content: bytes, identifier: int = 0, chunk: int = 0, severity: int = 2) -> Message:
+    return received(mavlink.MAVLink_statustext_message(severity, content, identifier, chunk))
 
 
 def test_complaints_count_and_chatter_does_not() -> None:
@@ -282,8 +282,8 @@ def test_a_lost_part_of_a_complaint_shows_as_a_gap() -> None:
 
 def test_repeated_texts_count_once_and_only_the_last_three_are_reported() -> None:
     texts = StatusTexts()
-    for second, words in enumerate((b"a", b"b\t", b"b", b"c", b"d", b"d")):
-        texts.receive(text(words), float(second))
+    for second, content in enumerate((b"a", b"b\t", b"b", b"c", b"d", b"d")):
+        texts.receive(text(content), float(second))
     assert texts.since(0.0) == ["b", "c", "d"]
 
 
@@ -297,12 +297,12 @@ def test_an_id_that_is_used_again_later_means_another_complaint() -> None:
 VFR_HUD = mavlink.MAVLINK_MSG_ID_VFR_HUD
 IMU = mavlink.MAVLINK_MSG_ID_HIGHRES_IMU
 OWN_US = 1e5
-"""How often this vehicle sends what nobody has asked for."""
+"""Interval at which this vehicle sends what was not requested."""
 NAMES = {number: name for name, number in UNREAD.items()}
 
 
 class Vehicle:
-    """Grants every interval, and sends what it has granted, and what nobody has turned off."""
+    """Grants every interval, and sends what it has granted, and what was not turned off."""
 
     def __init__(self) -> None:
         self.requests = StreamRequests(Route(254, 191, 1, 1), RoundTrip())

@@ -39,7 +39,7 @@ def test_repeated_and_late_frames_are_not_lost() -> None:
     assert link.ratio == 0.0
 
 
-def speaking(times: int, every_s: float) -> PeriodicSource:
+def regular_source(times: int, every_s: float) -> PeriodicSource:
     periodic = PeriodicSource(0.0)
     for number in range(1, times):
         periodic.received(number * every_s)
@@ -56,26 +56,26 @@ def silent_after(periodic: PeriodicSource, loss: float = 0.0) -> float:
 
 
 def test_five_seconds_are_silence_where_nothing_is_lost() -> None:
-    assert silent_after(speaking(10, 1.0)) == MIN_TIMEOUT_S
+    assert silent_after(regular_source(10, 1.0)) == MIN_TIMEOUT_S
 
 
 def test_the_more_is_lost_the_longer_it_takes_but_not_for_ever() -> None:
-    patience = [silent_after(speaking(10, 1.0), loss) for loss in (0.05, 0.2, 0.4, 0.8)]
+    patience = [silent_after(regular_source(10, 1.0), loss) for loss in (0.05, 0.2, 0.4, 0.8)]
     assert patience == sorted(patience)
     assert 8.0 < patience[1] < 10.0
     assert patience[-1] == MAX_TIMEOUT_S
 
 
 def test_a_longer_interval_has_a_longer_timeout() -> None:
-    assert silent_after(speaking(5, 10.0)) == pytest.approx(30.0)
+    assert silent_after(regular_source(5, 10.0)) == pytest.approx(30.0)
 
 
 def test_two_messages_do_not_make_a_periodic_source() -> None:
-    assert not speaking(2, 1.0).is_silent(1000.0, 0.0)
+    assert not regular_source(2, 1.0).is_silent(1000.0, 0.0)
 
 
 def test_a_timeout_lasts_until_the_next_message_also_if_the_loss_grows() -> None:
-    periodic = speaking(10, 1.0)
+    periodic = regular_source(10, 1.0)
     now = periodic.received_at + MIN_TIMEOUT_S
     assert periodic.is_silent(now, 0.0)
     assert periodic.is_silent(now, 0.8)

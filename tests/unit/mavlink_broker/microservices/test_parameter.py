@@ -78,16 +78,16 @@ def writing(value: float, encoding: ParameterEncoding = BYTEWISE) -> ParameterWr
 
 def run(write: ParameterWrite, vehicle: Vehicle, *, loss: float = 0.0, seed: int = 1) -> None:
     """Let them talk until the write is over; each frame may be lost."""
-    dice = random.Random(seed)
+    random_numbers = random.Random(seed)
     now = 0.0
     messages = write.start(now)
     while write.outcome is None and now < 200.0:
         now += 0.05
-        arrived = [received(message) for message in messages if dice.random() >= loss]
+        arrived = [received(message) for message in messages if random_numbers.random() >= loss]
         answers = [answer for message in arrived for answer in vehicle.answer(message)]
         messages = write.tick(now)
         for answer in answers:
-            if dice.random() >= loss:
+            if random_numbers.random() >= loss:
                 messages += write.receive(answer, now)
 
 

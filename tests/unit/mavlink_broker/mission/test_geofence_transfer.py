@@ -65,7 +65,9 @@ class TestPlacing:
         vehicle = fenced_vehicle(world, script)
         flown(world, fence(exclusion=[square(200.0)]))
         assert world.edge.statuses(1201) == FINISHED
-        order = [entry for entry in vehicle.log if entry in {"stored 1", "stored 0", "ordered to arm"}]
+        order = [
+            entry for entry in vehicle.log if entry in {"stored 1", "stored 0", "ordered to arm"}
+        ]
         assert order[:3] == ["stored 1", "stored 0", "ordered to arm"]
 
     def test_its_corners_are_those_of_the_plan_each_with_their_number(self) -> None:
@@ -82,7 +84,9 @@ class TestPlacing:
 
     @BOTH
     @pytest.mark.parametrize("seed", range(2))
-    def test_a_fifth_lost_each_way_changes_nothing(self, script: Script, seed: int) -> None:
+    def test_a_fifth_lost_in_each_direction_changes_nothing(
+        self, script: Script, seed: int
+    ) -> None:
         world = World(loss=0.2, seed=seed)
         vehicle = fenced_vehicle(world, script)
         world.edge.plan(first_flight(), geofence=fence(max_altitude=60.0))
@@ -254,7 +258,7 @@ class TestRestoring:
     @pytest.mark.first_case
     @BOTH
     @pytest.mark.parametrize("seed", range(3))
-    def test_nothing_is_kept_over_a_link_that_loses_a_fifth_each_way(
+    def test_nothing_is_kept_over_a_link_that_loses_a_fifth_in_each_direction(
         self, script: Script, seed: int
     ) -> None:
         world = World(loss=0.2, seed=seed)
@@ -386,7 +390,7 @@ class TestHeights:
         world.run_until(lambda: world.edge.status(1201) == Status.RUNNING)
         assert vehicle.values == ARDUPILOT_VALUES | {
             "FENCE_ENABLE": 1,
-            "FENCE_TYPE": 5,  # Areas and height, not the circle that nobody switched on
+            "FENCE_TYPE": 5,  # Areas and height, not the circle that was not switched on
             "FENCE_ALT_MAX": 40.0,
             "FENCE_OPTIONS": 3,  # One inclusion area is enough
         }

@@ -21,8 +21,8 @@ def flying(script: Script) -> tuple[World, ScriptedVehicle]:
     """A vehicle that has flown a part of a long mission."""
     world = World()
     vehicle = world.add_vehicle(script=dataclasses.replace(script, item_time_s=6.0))
-    ways = [waypoint(number, 8.0 * number) for number in range(2, 8)]
-    world.edge.plan(mission(takeoff(), *ways, go_home(8)))
+    waypoints = [waypoint(number, 8.0 * number) for number in range(2, 8)]
+    world.edge.plan(mission(takeoff(), *waypoints, go_home(8)))
     world.run_until(lambda: vehicle.airborne and vehicle.current >= 5)
     return world, vehicle
 
@@ -188,7 +188,7 @@ def far_apart(script: Script, loss: float) -> tuple[World, ScriptedVehicle]:
     """A mission over waypoints that are hundreds of metres from one another."""
     world = World(loss=loss)
     vehicle = world.add_vehicle(script=dataclasses.replace(script, item_time_s=6.0))
-    ways = [waypoint(number, 200.0 * number) for number in range(2, 8)]
-    world.edge.plan(mission(takeoff(), *ways, go_home(8)))
+    waypoints = [waypoint(number, 200.0 * number) for number in range(2, 8)]
+    world.edge.plan(mission(takeoff(), *waypoints, go_home(8)))
     world.run_until(lambda: vehicle.airborne, within_s=300.0)
     return world, vehicle

@@ -27,7 +27,9 @@ HOVERING = FlightPlan(
     ends_on_ground=False,
 )
 
-words = st.lists(st.tuples(st.sampled_from(["current", "reached", "landing"]), st.integers(0, 10)))
+reports = st.lists(
+    st.tuples(st.sampled_from(["current", "reached", "landing"]), st.integers(0, 10))
+)
 
 
 def updated(progress: Progress, update: tuple[str, int]) -> Progress:
@@ -41,7 +43,7 @@ def updated(progress: Progress, update: tuple[str, int]) -> Progress:
             return progress.with_landing()
 
 
-@given(words)
+@given(reports)
 def test_never_goes_back(sequence: list[tuple[str, int]]) -> None:
     progress, before = Progress(LANDING), 0
     for update in sequence:
@@ -50,7 +52,7 @@ def test_never_goes_back(sequence: list[tuple[str, int]]) -> None:
         before = progress.finished_commands
 
 
-@given(words)
+@given(reports)
 def test_a_landing_mission_is_not_finished_in_the_air(sequence: list[tuple[str, int]]) -> None:
     progress = Progress(LANDING)
     for update in sequence:

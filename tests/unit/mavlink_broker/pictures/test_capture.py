@@ -1,4 +1,4 @@
-"""Where a picture lies, as its announcement says."""
+"""Position of a picture, from its CAMERA_IMAGE_CAPTURED."""
 
 import pytest
 from hypothesis import given

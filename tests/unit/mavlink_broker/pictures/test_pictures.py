@@ -224,7 +224,7 @@ def test_files_that_the_camera_does_not_serve_are_requested_from_the_autopilot()
         receive(frame)
         autopilot.receive(frame)
 
-    flight.camera.receive = both  # type: ignore[method-assign]  # the autopilot hears it too
+    flight.camera.receive = both  # type: ignore[method-assign]  # the autopilot receives it too
     flight.until_pictures()
     flight.camera.shoot()
     flight.land()

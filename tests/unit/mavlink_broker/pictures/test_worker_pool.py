@@ -38,7 +38,7 @@ def large_jpeg(width: int = 1600, height: int = 1200) -> bytes:
 
 
 def bomb(side: int) -> bytes:
-    """A PNG whose few bytes say that it is a huge square."""
+    """A PNG of few bytes whose header gives a huge square."""
 
     def chunk(kind: bytes, body: bytes) -> bytes:
         return (
@@ -77,8 +77,8 @@ def test_what_is_too_large_is_made_to_fit_and_keeps_its_place() -> None:
     smaller = Image.open(io.BytesIO(frame))
     assert smaller.getexif().get_ifd(GPS_IFD)[GPS_LATITUDE] == pytest.approx(LATITUDE)
     assert smaller.info["xmp"] == XMP
-    told = {"format": "jpeg", "image_size": picture.size_bytes, "frame": picture.frame}
-    state.Image.model_validate({"sequence_number": 0, "vehicle_id": 1, **told})
+    fields = {"format": "jpeg", "image_size": picture.size_bytes, "frame": picture.frame}
+    state.Image.model_validate({"sequence_number": 0, "vehicle_id": 1, **fields})
 
 
 def test_an_unknown_format_becomes_a_jpeg() -> None:

@@ -161,14 +161,14 @@ def test_a_circle_round_a_forbidden_place_is_flown() -> None:
     assert fault(takeoff(), orbit(30, 0, 10), go_home(), fence=tower) is None
 
 
-def test_from_the_middle_of_a_circle_every_way_to_it_counts() -> None:
-    """Where it begins then, nobody can say."""
+def test_from_the_middle_of_a_circle_every_path_to_it_counts() -> None:
+    """Where it begins then is not known."""
     beside = Geofence(exclusion=(field(4, -1, 6, 1),))
     found = fault(takeoff(), orbit(0, 0, 10), fence=beside)
     assert found == (2, "latitude, longitude: the way there enters geofence.exclusion.0")
 
 
-def test_the_way_on_from_a_circle_begins_where_it_was_entered() -> None:
+def test_the_path_after_a_circle_begins_where_it_was_entered() -> None:
     """Entered from the south at its southern end, left for the south again: past the tower."""
     beyond = Geofence(exclusion=(field(28, -2, 32, 2),))
     assert fault(takeoff(), orbit(30, 0, 10), waypoint(0, 5), fence=beyond) is None
@@ -178,7 +178,7 @@ def test_the_way_on_from_a_circle_begins_where_it_was_entered() -> None:
 
 @pytest.mark.parametrize("family", [families.PX4, families.ARDUPILOT, families.OWN])
 def test_what_is_gone_round_may_lie_in_an_exclusion(family: families.Family) -> None:
-    """Nobody holds at the centre of a last circle."""
+    """No vehicle holds at the centre of a last circle."""
     tower = Geofence(exclusion=(field(28, -2, 32, 2),))
     assert fault(takeoff(), orbit(30, 0, 10), fence=tower, family=family) is None
 
@@ -208,7 +208,7 @@ def test_a_vehicle_that_hovers_too_high_is_refused() -> None:
     assert found == (1, why)
 
 
-def test_before_the_vehicle_is_heard_only_what_is_sure_is_judged() -> None:
+def test_before_the_vehicle_is_received_only_what_is_certain_is_checked() -> None:
     first_leg = takeoff(30, 30)  # From home it would lead through the exclusion
     assert fault(first_leg, start=None, home=None) is None
     assert fault(first_leg) is not None
@@ -217,7 +217,7 @@ def test_before_the_vehicle_is_heard_only_what_is_sure_is_judged() -> None:
     assert found[0] == 2
 
 
-def test_behind_a_tracked_subject_the_way_is_judged_at_its_end() -> None:
+def test_behind_a_tracked_subject_the_path_is_checked_at_its_end() -> None:
     moving = Geofence(inclusion=FENCE.inclusion)
     assert fault(takeoff(), track(), waypoint(30, 0), fence=moving) is None
     found = fault(takeoff(), track(), waypoint(60, 0), fence=moving)
@@ -239,14 +239,14 @@ def test_the_vehicles_own_limit_holds_beside_the_plans() -> None:
 @each_family
 @settings(max_examples=20)
 @given(
-    ways=st.lists(st.tuples(st.floats(-80, 80), st.floats(-80, 80)), min_size=1, max_size=6),
+    stops=st.lists(st.tuples(st.floats(-80, 80), st.floats(-80, 80)), min_size=1, max_size=6),
     circle=st.tuples(st.floats(-80, 80), st.floats(-80, 80), st.floats(5, 40)),
 )
 def test_a_route_is_one_line_without_gaps(
-    ways: list[tuple[float, float]], circle: tuple[float, float, float], family: Family
+    stops: list[tuple[float, float]], circle: tuple[float, float, float], family: Family
 ) -> None:
-    """Each way begins where one before it ended; a circle is entered on its line."""
-    commands = [takeoff(), *(waypoint(*way) for way in ways), orbit(*circle), waypoint(0, 0)]
+    """Each path begins where the one before it ended; a circle is entered on its line."""
+    commands = [takeoff(), *(waypoint(*stop) for stop in stops), orbit(*circle), waypoint(0, 0)]
     plan = mission(*commands, go_home())
     commands_flown = as_flown(plan.command_array, family)
     seen, last = [START], START
@@ -268,7 +268,7 @@ class TestPlacesOfEvents:
         fault = check.fault_of_order(START[:2], Spot(*place(60, 0), 10.0))
         assert fault == "the place lies 10.0 m outside geofence.inclusion"
 
-    def test_the_way_there_counts_unless_the_vehicle_has_strayed(self) -> None:
+    def test_the_path_to_it_counts_unless_the_vehicle_has_strayed(self) -> None:
         check, there = AreaCheck(FENCE), Spot(*place(30, 30), 10.0)
         assert check.fault_of_order(START[:2], there) == "the way there enters geofence.exclusion.0"
         assert check.fault_of_order(place(60, 0), there) is None

@@ -190,8 +190,8 @@ def test_nothing_is_nan_but_the_yaw_of_places_and_the_rates_of_gimbals(
         for item in plan.items:
             if item.command == mavlink.MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW:
                 no_rate = math.isnan(family.gimbal_rate_deg_s)
-                told = [math.isnan(number) for number in item.parameters]
-                assert told == [0, 0, no_rate, no_rate]
+                unset = [math.isnan(number) for number in item.parameters]
+                assert unset == [0, 0, no_rate, no_rate]
                 continue
             if item.command == mavlink.MAV_CMD_NAV_LOITER_UNLIM:
                 assert math.isnan(item.parameters[3]) is math.isnan(family.hold_yaw_deg)
@@ -232,17 +232,17 @@ def test_the_speed_is_set_once_in_each_stretch_before_anything_flies(
 
 @given(missions())
 def test_no_leg_of_arducopter_begins_at_its_own_speed(mission: Mission) -> None:
-    """Behind its take-off and a circle it forgets what was told before, and is told twice."""
+    """Behind its take-off and a circle it forgets the speed set before, which is set twice."""
     speed, forgets = mavlink.MAV_CMD_DO_CHANGE_SPEED, {18}
     for plan in stretches_of(mission, ARDUPILOT):
-        before, told = 0, []
+        before, speeds = 0, []
         for item in plan.items[plan.first_item :]:
             if item.command == speed:
-                told.append(item.parameters[1])
+                speeds.append(item.parameters[1])
             elif item.command <= mavlink.MAV_CMD_NAV_LAST:
                 if before in forgets and item.command in {16, 17}:
-                    assert told == [mission.maximum_speed] * 2
-                before, told = item.command, []
+                    assert speeds == [mission.maximum_speed] * 2
+                before, speeds = item.command, []
         first = plan.items[plan.first_item]
         if first.command == mavlink.MAV_CMD_NAV_TAKEOFF:
             behind = plan.items[plan.first_item + 1 : plan.first_item + 3]
@@ -303,14 +303,14 @@ def test_a_takeoff_is_followed_by_a_waypoint_because_it_climbs_in_place() -> Non
     assert plan.done_item == (2,)
 
 
-def test_what_is_left_out_is_said() -> None:
+def test_what_is_left_out_has_a_note() -> None:
     place = {"latitude": 40.1, "longitude": -3.1, "altitude": 7, "trajectory_control": 2}
     plan = plan_of(mission_with({"command_type_id": 3, "parameters": place}), PX4)
     assert plan.notes == (("trajectory_control is not supported and was left out",),)
 
 
 @pytest.mark.parametrize(
-    ("kind", "parameters", "family", "told"),
+    ("kind", "parameters", "family", "noted"),
     [
         (1, {"altitude": 5, "minimum_pitch": 10}, PX4, "minimum_pitch"),
         (2, {"landing_altitude": 2.0}, ARDUPILOT, "landing_altitude"),
@@ -322,12 +322,12 @@ def test_what_is_left_out_is_said() -> None:
     ],
 )
 def test_a_parameter_that_is_not_honoured_is_named(
-    kind: int, parameters: dict[str, Any], family: Family, told: str
+    kind: int, parameters: dict[str, Any], family: Family, noted: str
 ) -> None:
     place = {"latitude": 40.1, "longitude": -3.1}
     command = {"command_type_id": kind, "parameters": place | parameters}
     (notes,) = translate(mission_with(command), family, HOME).notes
-    assert [note.split(":")[0].split(" ")[0] for note in notes] == [told]
+    assert [note.split(":")[0].split(" ")[0] for note in notes] == [noted]
 
 
 def test_a_circle_that_would_take_days_is_refused_before_take_off() -> None:
@@ -384,6 +384,6 @@ def test_a_vehicle_that_holds_fewer_items_is_told_so() -> None:
     assert difference(plan, (), PX4) == "the vehicle holds 0 items instead of 2"
 
 
-def test_families_are_told_by_the_heartbeat() -> None:
+def test_the_heartbeat_identifies_the_family() -> None:
     assert FAMILIES[mavlink.MAV_AUTOPILOT_PX4] is PX4
     assert FAMILIES[mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA] is ARDUPILOT

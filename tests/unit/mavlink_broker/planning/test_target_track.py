@@ -26,13 +26,13 @@ def test_it_moves_straight_from_mark_to_mark() -> None:
     assert (east, down) == (0.0, 0.0)
 
 
-def test_it_stands_before_and_behind_its_way() -> None:
+def test_it_stands_before_and_after_its_track() -> None:
     track = read_track(NORTHWARD)
     assert track.at(-5.0) == TargetState(40.0, -3.0)
     assert track.at(31.0) == TargetState(40.001, -2.999)
 
 
-def test_it_crosses_the_date_line_the_short_way() -> None:
+def test_it_crosses_the_date_line_by_the_shorter_path() -> None:
     track = read_track(HEADER + "0,0.0,179.999\n10,0.0,-179.999\n")
     assert abs(track.at(5.0).longitude_deg) == pytest.approx(180.0)
     assert track.at(5.0).velocity_ned_m_s[1] == pytest.approx(22.3, abs=0.1)
@@ -44,9 +44,9 @@ def test_its_velocity_leads_to_where_it_is_a_little_later(time: float, step: flo
     if (time < 10.0) != (time + step < 10.0):
         return
     here, there = track.at(time), track.at(time + step)
-    way = LocalGround(*here[:2]).north_east_m(*there[:2])[:2]
+    offset_m = LocalGround(*here[:2]).north_east_m(*there[:2])[:2]
     expected = (here.velocity_ned_m_s[0] * step, here.velocity_ned_m_s[1] * step)
-    assert math.dist(way, expected) < 0.01
+    assert math.dist(offset_m, expected) < 0.01
 
 
 @pytest.mark.parametrize(
@@ -67,7 +67,7 @@ def test_the_error_names_the_invalid_line(text: str, reason: str) -> None:
         read_track(text)
 
 
-def test_another_vehicle_is_where_it_told_last_and_goes_as_it_did() -> None:
+def test_another_vehicle_moves_on_from_its_last_report() -> None:
     track = VehicleTrack()
     for second in range(4):
         track.take(float(second), 40.0 + second * 9e-6, -3.0)

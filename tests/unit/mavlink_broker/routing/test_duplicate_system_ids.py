@@ -15,7 +15,7 @@ def attitude(boot_s: float) -> Message:
 
 
 def received(behind_s: float, seconds: int = 10) -> tuple[DuplicateSystemIds, list[bool]]:
-    """Two ways, on the second of which the clock is behind by so much."""
+    """Two links, on the second of which the clock is behind by so much."""
     twins, reported = DuplicateSystemIds(), []
     for second in range(seconds):
         twins.receive_active(attitude(100.0 + second), float(second))

@@ -37,7 +37,7 @@ class GroundStationWorld:
             self._send(address, frame)
 
     def command(self, number: int, *parameters: float) -> int | None:
-        """Give a command; gives its result as the ground station hears it."""
+        """Send a command; returns the result that the ground station receives."""
         p = [*parameters, *[0.0] * (7 - len(parameters))]
         message = mavlink.MAVLink_command_long_message(1, 1, number, 0, *p)
         self.world.air._to_broker.append((STATION, self._encoder.encode(message)))

@@ -74,9 +74,9 @@ def test_a_vehicle_that_returns_from_another_port_is_answered_there() -> None:
 
 
 @given(st.lists(st.tuples(st.integers(0, 40), st.floats(0.0, 3.0)), max_size=80))
-def test_the_number_of_addresses_is_bounded(said: list[tuple[int, float]]) -> None:
+def test_the_number_of_addresses_is_bounded(arrivals: list[tuple[int, float]]) -> None:
     selection, now = LinkSelection(), 0.0
-    for port, pause_s in said:
+    for port, pause_s in arrivals:
         now += pause_s
         counts = selection.receive(Address("192.0.2.1", port), now)
         assert counts == (selection.active == Address("192.0.2.1", port))

@@ -165,14 +165,14 @@ def test_what_the_vehicle_gives_back_means_the_commands_that_were_sent(
 
 def check_items(sent: Command, command: ReadCommand, family: Family) -> None:
     assert command.kind is sent.command_type_id
-    asked = sent.parameters.model_dump() | dropped(sent, family)
+    planned = sent.parameters.model_dump() | dropped(sent, family)
     for name, value in command.values.items():
-        if name in asked:
-            assert_same(name, asked[name], value, family)
+        if name in planned:
+            assert_same(name, planned[name], value, family)
 
 
 def dropped(sent: Command, family: Family) -> dict[str, Any]:
-    """What a family does not honour comes back as nothing; it is told in a note."""
+    """What a family does not honour is read back as nothing; a note names it."""
     rest: dict[str, Any] = {}
     if sent.command_type_id is CommandType.NAV_TAKEOFF and family.name in STORES:
         rest = {"minimum_pitch": None}
@@ -188,21 +188,21 @@ def dropped(sent: Command, family: Family) -> dict[str, Any]:
     return rest
 
 
-def assert_same(name: str, asked: Any, told: Any, family: Family) -> None:
-    if asked is None and name.endswith("yaw_angle"):
-        assert told is None
-    elif asked is None:
+def assert_same(name: str, planned: Any, read: Any, family: Family) -> None:
+    if planned is None and name.endswith("yaw_angle"):
+        assert read is None
+    elif planned is None:
         return
     elif name.endswith("yaw_angle"):
-        assert abs(math.remainder(told - asked, 360.0)) < 0.02
+        assert abs(math.remainder(read - planned, 360.0)) < 0.02
     elif name in {"latitude", "longitude"}:
-        assert abs(told - asked) <= 0.6e-7
+        assert abs(read - planned) <= 0.6e-7
     elif "altitude" in name and family.name == "ardupilot":
-        assert abs(told - asked) <= (1.0 if name == "minimum_target_altitude" else 0.011)
+        assert abs(read - planned) <= (1.0 if name == "minimum_target_altitude" else 0.011)
     else:
-        cut = {"hold_time": 1.0, "radius": 10.0 if asked > 255.0 else 1.0, "pitch_angle": 1.0}
+        cut = {"hold_time": 1.0, "radius": 10.0 if planned > 255.0 else 1.0, "pitch_angle": 1.0}
         whole = cut.get(name, 0.0) if family.name == "ardupilot" else 0.0
-        assert math.isclose(told, asked, rel_tol=1e-6, abs_tol=max(whole, 1e-5))
+        assert math.isclose(read, planned, rel_tol=1e-6, abs_tol=max(whole, 1e-5))
 
 
 def check_live(sent: Command, live: LiveCommand) -> None:

@@ -116,18 +116,18 @@ def test_wind_is_reported_by_where_it_comes_from(
 ) -> None:
     sensors = Sensors()
     sensors.receive(wind_cov(north_m_s, east_m_s))
-    speed_m_s, told_deg = sensors.wind()
+    speed_m_s, reported_deg = sensors.wind()
     assert speed_m_s == pytest.approx(3.0)
-    assert told_deg == pytest.approx(from_deg)
+    assert reported_deg == pytest.approx(from_deg)
 
 
-@pytest.mark.parametrize(("wind_m_s", "is_told"), [(2.9, False), (6.9, False), (7.1, True)])
+@pytest.mark.parametrize(("wind_m_s", "is_reported"), [(2.9, False), (6.9, False), (7.1, True)])
 def test_a_wind_within_the_vehicles_accuracy_is_not_reported(
-    wind_m_s: float, is_told: bool
+    wind_m_s: float, is_reported: bool
 ) -> None:
     sensors = Sensors()
     sensors.receive(wind_cov(wind_m_s, 0.0, accuracy_m_s=3.5))
-    assert ("wind_speed" in sensors.values()) == is_told
+    assert ("wind_speed" in sensors.values()) == is_reported
 
 
 def test_still_air_comes_from_nowhere() -> None:
