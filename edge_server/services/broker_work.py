@@ -12,7 +12,7 @@ from afarcloud.enumerations import Profile, Status
 from afarcloud.numbers import INT32_MAX
 from afarcloud.plan import LatestStateVector, Mission
 from afarcloud.wire import Kind, write
-from edge_server.services import event_states, progress, telemetry, vehicle_holds
+from edge_server.services import event_states, progress, records, vehicle_holds
 from edge_server.services.context import Context, show_time
 from edge_server.services.errors import ConflictError, NotFoundError, TooMuchError
 from edge_server.services.event_states import EVENT_STATES, State, Trigger
@@ -331,7 +331,7 @@ def end(connection: Connection, item: Work, status: Status, message: str, now: f
         ],
         "message": message,
     }
-    telemetry.store(connection, Kind.MISSION_REPORT, body, now)
+    records.store(connection, Kind.MISSION_REPORT, body, now)
 
 
 def delete_old(connection: Connection, now: float) -> None:

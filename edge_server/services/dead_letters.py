@@ -7,7 +7,7 @@ from sqlalchemy import Connection
 
 from afarcloud.state import Report
 from edge_server.outbox import queue
-from edge_server.services import listing, telemetry
+from edge_server.services import corrections, listing, telemetry
 from edge_server.services.context import Context
 from edge_server.services.errors import NotFoundError
 from edge_server.services.listing import Listing
@@ -93,9 +93,9 @@ def edit(context: Context, record_id: int, report: Report) -> dict[str, Any]:
         NotFoundError: if it is no dead letter.
         InvalidError, ConflictError: as `telemetry.replace`.
     """
-    with context.database.write(*telemetry.locks_to_correct(report)) as connection:
+    with context.database.write(*corrections.locks_of(report)) as connection:
         record = _find(connection, record_id, to_change=True).record
-        corrected = telemetry.correct(connection, record, report, context.clock())
+        corrected = corrections.apply(connection, record, report, context.clock())
     context.wake_relay(changed=True)
     return telemetry.show(corrected)
 

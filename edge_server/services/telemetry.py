@@ -2,18 +2,14 @@
 
 import json
 from collections.abc import Collection, Mapping, Sequence
-from typing import Any, Final, NamedTuple
+from typing import Any, NamedTuple
 
 from sqlalchemy import Connection
-from ulid import ULID
 
-from afarcloud.enumerations import Status
-from afarcloud.faults import Fault, InvalidError
-from afarcloud.state import Image, MissionReport, Report
+from afarcloud.faults import InvalidError
+from afarcloud.state import Image, Report
 from afarcloud.wire import Kind, write
-from edge_server.outbox import queue
-from edge_server.outbox.queue import Stream
-from edge_server.services import effects, intake, listing, progress
+from edge_server.services import corrections, effects, listing, records
 from edge_server.services import idempotency as post_idempotency
 from edge_server.services.context import (
     Caller,
@@ -28,20 +24,14 @@ from edge_server.services.errors import (
     KeyReusedError,
     NotFoundError,
 )
-from edge_server.services.intake import Entry
 from edge_server.services.listing import Listing
 from edge_server.services.progress import Change
+from edge_server.services.records import Entry
 from edge_server.services.retries import retry_on_conflict
-from edge_server.store.connection.database import to_json
-from edge_server.store.connection.locks import WORK, Lock
+from edge_server.store.connection.locks import WORK
 from edge_server.store.rows import idempotency, telemetry, work
 from edge_server.store.rows.idempotency import Answered
 from edge_server.store.rows.telemetry import Record
-
-_COMMANDS: Final = "command_report_array"
-_FAULT: Final = ("mission_id", "alarm_type_id", "alarm_code_id")
-"""Fields that identify the fault of an alarm; another `message` is the same fault."""
-_MOST_BEHIND: Final = 100_000
 
 Refusal = KeyReusedError | FullError | ConflictError | InvalidError
 """Why one report of many is refused."""
@@ -65,7 +55,7 @@ def ingest(context: Context, kind: Kind, report: Report, caller: Caller) -> dict
         InvalidError, ConflictError: if it does not fit its mission's state (`progress.apply`).
     """
     document: dict[str, Any] = write(report)
-    body_sha256, body = post_idempotency.hash_body(document), _for_cloud(document)
+    body_sha256, body = post_idempotency.hash_body(document), records.for_cloud(document)
     context.contacts.note(caller.owner, [report.vehicle_id])
     context.space.admit(kind.value, _picture_bytes(report))
     now = context.clock()
@@ -108,11 +98,11 @@ def ingest_all(
             if number not in effects_of_batch.refused and number not in effects_of_batch.repeats
         ]
         entries = [_entry(arrivals[number]) for number in admitted]
-        kept = intake.keep_all(connection, entries, owner, now)
-        answers = {number: one.answer for number, one in zip(admitted, kept, strict=True)}
+        stored = records.store_all(connection, entries, owner, now)
+        answers = {number: one.answer for number, one in zip(admitted, stored, strict=True)}
         _note_ends(connection, effects_of_batch.ends, answers)
         answers |= _answer_repeats(connection, arrivals, effects_of_batch.repeats, owner)
-    acknowledged = [one.answer.object_id for one in kept if isinstance(one.answer, Answered)]
+    acknowledged = [one.answer.object_id for one in stored if isinstance(one.answer, Answered)]
     context.note_acknowledged(max(acknowledged, default=0))
     context.wake_relay()
     return [
@@ -213,7 +203,7 @@ def _answer_repeats(
 def _entry(arrival: Arrival) -> Entry:
     document: dict[str, Any] = write(arrival.report)
     sha256 = post_idempotency.hash_body(document)
-    return Entry(arrival.kind.value, _for_cloud(document), arrival.idempotency_key, sha256)
+    return Entry(arrival.kind.value, records.for_cloud(document), arrival.idempotency_key, sha256)
 
 
 def _result(answer: Answered | KeyReusedError) -> dict[str, Any] | KeyReusedError:
@@ -237,11 +227,6 @@ def _picture_bytes(report: Report) -> int:
     return len(report.frame) if isinstance(report, Image) else 0
 
 
-def _for_cloud(document: dict[str, Any]) -> dict[str, Any]:
-    """Return a report as the cloud receives it: without the id of our piece of work."""
-    return {name: value for name, value in document.items() if name != "work_id"}
-
-
 def _store(  # a record, its sender and its time
     connection: Connection,
     kind: Kind,
@@ -260,7 +245,7 @@ def _store(  # a record, its sender and its time
     if change is not None and change.is_repetition:
         answered = effects.end_of(change.mission, kind.value, body_sha256)
     if answered is None:
-        record = store(connection, kind, body, now)
+        record = records.store(connection, kind, body, now)
         answered = Answered(kind.value, body_sha256, record.id, record.message_id, now)
         if change is not None and (change.ended or change.is_repetition):
             work.note_end(connection, change.mission.id, record.id, record.message_id)
@@ -275,23 +260,6 @@ def _receipt(answered: Answered) -> dict[str, Any]:
     }
 
 
-def store(connection: Connection, kind: Kind, body: dict[str, Any], now: float) -> Record:
-    """Write a record and its outbox row."""
-    message_id = str(ULID())
-    payload = to_json({**body, "message_id": message_id})
-    vehicle_id = int(body["vehicle_id"])
-    record_id = telemetry.add(
-        connection,
-        kind=kind.value,
-        vehicle_id=vehicle_id,
-        message_id=message_id,
-        payload=payload,
-        received_at=now,
-    )
-    queue.enqueue(connection, record_id, Stream(vehicle_id, kind.value))
-    return Record(record_id, message_id, kind.value, vehicle_id, payload, now)
-
-
 def page(  # each narrows the list
     context: Context,
     kind: Kind,
@@ -303,7 +271,7 @@ def page(  # each narrows the list
 ) -> Listing:
     """List the reports that the cloud has not confirmed, oldest first; pictures without frame."""
     with context.database.read() as connection:
-        records = telemetry.page(
+        found = telemetry.page(
             connection,
             kind.value,
             after_id=after_id,
@@ -311,7 +279,7 @@ def page(  # each narrows the list
             vehicle_id=vehicle_id,
             since_s=since_s,
         )
-        return listing.fill(records, show_without_frame)
+        return listing.fill(found, show_without_frame)
 
 
 def find(context: Context, kind: Kind, record_id: int) -> dict[str, Any]:
@@ -336,100 +304,12 @@ def replace(
         InvalidError, ConflictError: if it is about another vehicle, mission or plan than before,
             or it does not fit its mission's state.
     """
-    with context.database.write(*locks_to_correct(report)) as connection:
+    with context.database.write(*corrections.locks_of(report)) as connection:
         record = _find(connection, kind, record_id, to_change=True)
         precondition(show(record))
-        corrected = correct(connection, record, report, context.clock())
+        corrected = corrections.apply(connection, record, report, context.clock())
     context.wake_relay(changed=True)
     return show(corrected)
-
-
-def locks_to_correct(report: Report) -> tuple[Lock, ...]:
-    """Return the locks of a correction."""
-    return (WORK,) if effects.moves_work(report, ()) else ()
-
-
-def correct(connection: Connection, old: Record, report: Report, now: float) -> Record:
-    """Replace the report of a stored record, queued or dead letter.
-
-    Raises:
-        InvalidError, ConflictError: as `replace`.
-    """
-    before = old.body()
-    if isinstance(report, MissionReport) and report.plan_id is None:
-        report = report.model_copy(update={"plan_id": before.get("plan_id")})
-    body = _for_cloud(write(report))
-    _check_about_the_same(before, body)
-    message_id = str(ULID())
-    new = old._replace(message_id=message_id, payload=to_json({**body, "message_id": message_id}))
-    telemetry.replace(connection, old.id, message_id=message_id, payload=new.payload)
-    queue.requeue(connection, old.id)
-    if isinstance(report, MissionReport):
-        _apply_correction(connection, old, new, report, now)
-    elif any(before.get(name) != body.get(name) for name in _FAULT):
-        effects.apply(connection, report, now, ())
-    return new
-
-
-def _check_about_the_same(old: Mapping[str, Any], new: Mapping[str, Any]) -> None:
-    """Check that a correction is about the same objects; raises ConflictError."""
-    wrong = [
-        name
-        for name in ("vehicle_id", "mission_id", "plan_id")
-        if name in old and name in new and old[name] != new[name]
-    ]
-    if wrong:
-        raise ConflictError(
-            f"a report cannot change its {' and '.join(wrong)}",
-            tuple(Fault(name, "cannot be changed") for name in wrong),
-        )
-
-
-def _apply_correction(
-    connection: Connection, old: Record, new: Record, report: MissionReport, now: float
-) -> None:
-    """Apply the effects of changed statuses, as of a new report.
-
-    Raises:
-        InvalidError, ConflictError: if they do not fit the mission's state, a later report was
-            accepted, or another one has reported its end.
-    """
-    work.note_new_end(connection, report.vehicle_id, report.mission_id, old.id, new.message_id)
-    before, after = old.body(), new.body()
-    if all(before[name] == after[name] for name in ("mission_status_id", _COMMANDS)):
-        if report.work_id is not None or before.get("plan_id") != report.plan_id:
-            progress.find(connection, report)  # It names more than before, which has to fit
-        return
-    change = effects.apply(connection, report, now, ())
-    was = Status(before["mission_status_id"])
-    if change is None and was.is_terminal:
-        is_allowed = was == report.mission_status_id
-    elif change is None:
-        is_allowed = _is_last(connection, old, report.mission_id)
-    elif change.is_repetition:
-        is_allowed = change.mission.end_record in {old.id, None}
-    else:
-        is_allowed = _is_last(connection, old, report.mission_id)
-    if not is_allowed:
-        raise ConflictError(
-            f"of mission {report.mission_id} something else has been reported since",
-            (Fault("mission_status_id", "contradicts what was reported since"),),
-        )
-    if change is not None and change.ended:
-        work.note_end(connection, change.mission.id, new.id, new.message_id)
-
-
-def _is_last(connection: Connection, record: Record, mission_id: int) -> bool:
-    """Whether no later stored report is about a mission."""
-    behind = telemetry.page(
-        connection,
-        record.kind,
-        after_id=record.id,
-        limit=_MOST_BEHIND,
-        vehicle_id=record.vehicle_id,
-        since_s=0.0,
-    )
-    return all(one.body()["mission_id"] != mission_id for one in behind)
 
 
 @retry_on_conflict

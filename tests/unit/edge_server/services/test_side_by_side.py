@@ -21,7 +21,7 @@ from edge_server.config import Config
 from edge_server.outbox import queue
 from edge_server.outbox.queue import Stream
 from edge_server.process.preparation import open_database
-from edge_server.services import broker_work, plans, telemetry, vehicles
+from edge_server.services import broker_work, plans, records, telemetry, vehicles
 from edge_server.services.broker_work import Acknowledgement
 from edge_server.services.context import Caller, Context
 from edge_server.services.errors import (
@@ -244,7 +244,7 @@ def test_of_two_corrections_with_one_tag_one_is_refused(servers: list[Context]) 
 def test_a_row_waits_for_the_one_before_it_in_its_stream(servers: list[Context]) -> None:
     first, second = servers
     with first.database.write() as connection:
-        telemetry.store(connection, Kind.POSE, documents.telemetry("pose", 0), 0.0)
+        records.store(connection, Kind.POSE, documents.telemetry("pose", 0), 0.0)
         later = threading.Thread(target=_ingest, args=(second, 0, pose(1), Caller("broker")))
         later.start()
         waiting = "SELECT count(*) FROM pg_locks WHERE locktype = 'advisory' AND NOT granted"

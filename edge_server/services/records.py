@@ -1,6 +1,7 @@
-"""Stores many reports in one transaction with few statements, however many there are.
+"""Stores reports with their outbox rows, in the transaction of the caller.
 
-Singly each record would take four statements, and on a database server four round trips.
+Many reports take few statements, however many there are: singly each would take four, and on a
+database server four round trips.
 """
 
 from collections.abc import Sequence
@@ -9,6 +10,7 @@ from typing import Any, NamedTuple
 from sqlalchemy import Connection
 from ulid import ULID
 
+from afarcloud.wire import Kind
 from edge_server.outbox import queue
 from edge_server.outbox.queue import Stream
 from edge_server.services import audit
@@ -17,7 +19,7 @@ from edge_server.services.errors import KeyReusedError
 from edge_server.store.connection.database import to_json
 from edge_server.store.rows import idempotency, telemetry
 from edge_server.store.rows.idempotency import Answered
-from edge_server.store.rows.telemetry import Draft
+from edge_server.store.rows.telemetry import Draft, Record
 
 
 class Entry(NamedTuple):
@@ -30,21 +32,43 @@ class Entry(NamedTuple):
     """Identifies a repetition."""
 
 
-class Kept(NamedTuple):
+class StoredEntry(NamedTuple):
     """Result of an entry: an answer, new or earlier, or the refusal of its key."""
 
     answer: Answered | KeyReusedError
     is_new: bool
 
 
-def keep_all(
+def for_cloud(document: dict[str, Any]) -> dict[str, Any]:
+    """Return a report as the cloud receives it: without the id of our piece of work."""
+    return {name: value for name, value in document.items() if name != "work_id"}
+
+
+def store(connection: Connection, kind: Kind, body: dict[str, Any], now: float) -> Record:
+    """Write a record and its outbox row."""
+    message_id = str(ULID())
+    payload = to_json({**body, "message_id": message_id})
+    vehicle_id = int(body["vehicle_id"])
+    record_id = telemetry.add(
+        connection,
+        kind=kind.value,
+        vehicle_id=vehicle_id,
+        message_id=message_id,
+        payload=payload,
+        received_at=now,
+    )
+    queue.enqueue(connection, record_id, Stream(vehicle_id, kind.value))
+    return Record(record_id, message_id, kind.value, vehicle_id, payload, now)
+
+
+def store_all(
     connection: Connection, entries: Sequence[Entry], owner: str, now: float
-) -> list[Kept]:
+) -> list[StoredEntry]:
     """Store entries that are not stored under their key yet, in order; returns their results."""
     known = idempotency.find_all(connection, [one.key for one in entries if one.key], owner)
     drafts: list[Draft] = []
     places: list[int | None] = []  # Of each entry among the drafts
-    outcomes: list[Kept] = []
+    outcomes: list[StoredEntry] = []
     waiting: dict[str, int] = {}  # Keys of this very batch
     for entry in entries:
         answered = Answered(entry.kind, entry.sha256, 0, str(ULID()), now)
@@ -55,13 +79,15 @@ def keep_all(
                 waiting[entry.key] = len(drafts)
             places.append(len(drafts))
             drafts.append(_draft(entry, answered))
-            outcomes.append(Kept(answered, is_new=True))
+            outcomes.append(StoredEntry(answered, is_new=True))
             continue
         places.append(waiting.get(entry.key or ""))
         same = (earlier.route, earlier.body_sha256) == (answered.route, answered.body_sha256)
-        outcomes.append(Kept(earlier if same else post_idempotency.key_reused(), is_new=False))
+        outcomes.append(
+            StoredEntry(earlier if same else post_idempotency.key_reused(), is_new=False)
+        )
     ids = _insert(connection, drafts)
-    found = [_with_id(kept, place, ids) for kept, place in zip(outcomes, places, strict=True)]
+    found = [_with_id(stored, place, ids) for stored, place in zip(outcomes, places, strict=True)]
     _remember(connection, entries, found, owner)
     return found
 
@@ -82,14 +108,14 @@ def _insert(connection: Connection, drafts: Sequence[Draft]) -> list[int]:
     return ids
 
 
-def _with_id(kept: Kept, place: int | None, ids: Sequence[int]) -> Kept:
-    if place is None or isinstance(kept.answer, KeyReusedError):
-        return kept
-    return kept._replace(answer=kept.answer._replace(object_id=ids[place]))
+def _with_id(stored: StoredEntry, place: int | None, ids: Sequence[int]) -> StoredEntry:
+    if place is None or isinstance(stored.answer, KeyReusedError):
+        return stored
+    return stored._replace(answer=stored.answer._replace(object_id=ids[place]))
 
 
 def _remember(
-    connection: Connection, entries: Sequence[Entry], outcomes: Sequence[Kept], owner: str
+    connection: Connection, entries: Sequence[Entry], outcomes: Sequence[StoredEntry], owner: str
 ) -> None:
     answers = {}
     for entry, (answer, is_new) in zip(entries, outcomes, strict=True):
