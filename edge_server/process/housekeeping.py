@@ -1,17 +1,23 @@
-"""Periodic tasks: expiry, and deletion of old rows."""
+"""Periodic tasks: expiry, and deletion of old rows.
+
+Reports and pictures have their own age limit, which declares what it drops (services.space).
+"""
 
 import logging
 import threading
 import time
 from typing import Final
 
+from sqlalchemy import Connection
 from sqlalchemy.exc import SQLAlchemyError
 
-from edge_server.services import broker_work, events, retention
+from edge_server.services import broker_work, events
 from edge_server.services import idempotency as post_idempotency
+from edge_server.services.audit import DONE, PROGRAM
 from edge_server.services.context import Context
 from edge_server.store.connection.locks import WORK
-from edge_server.store.rows import idempotency, work
+from edge_server.store.rows import audit, idempotency, keys, plans, tokens, work
+from edge_server.store.rows.audit import Entry
 
 LOG = logging.getLogger(__name__)
 EXPIRY_S: Final = 1.0
@@ -33,7 +39,7 @@ def run(context: Context, stopping: threading.Event) -> None:
                 clean_up(context)
                 context.space.drop_aged(time.monotonic())
                 if context.space.trusts_clock(time.monotonic()):
-                    retention.delete_old(context)
+                    delete_old_records(context)
         except (SQLAlchemyError, OSError) as error:  # The database, or the disk under the ballast
             LOG.warning("housekeeping has to wait: %s", error)
         turn += 1
@@ -49,3 +55,39 @@ def clean_up(context: Context) -> None:
         old = now - context.config.retain_plans_days * DAY_S
         events.delete_before(connection, old)
         work.delete_withdrawn(connection, old)
+
+
+def delete_old_records(context: Context) -> None:
+    """Delete old plans, audit rows, ended keys and used signatures.
+
+    The clock must be right: this cannot be undone.
+    """
+    now = context.clock()
+    while _delete_plans(context, now):
+        continue
+    with context.database.write() as connection:
+        tokens.delete_before(connection, now)
+        keys.delete_ended(connection, now - context.config.retain_audit_days * DAY_S)
+        _cut_audit(context, connection, now)
+
+
+def _delete_plans(context: Context, now: float) -> int:
+    before = now - context.config.retain_plans_days * DAY_S
+    with context.database.write() as connection:
+        gone = plans.delete_old(connection, before, now)
+        if gone:
+            _record(connection, now, "retention.plans", f"{gone} plans")
+    return gone
+
+
+def _cut_audit(context: Context, connection: Connection, now: float) -> None:
+    before = now - context.config.retain_audit_days * DAY_S
+    gone = audit.cut(connection, before)
+    if gone:
+        first_id = audit.ends(connection).first_id
+        _record(connection, now, "retention.audit", f"{gone} rows, to row {first_id}")
+
+
+def _record(connection: Connection, now: float, action: str, what: str) -> None:
+    LOG.info("%s: %s", action, what)
+    audit.append(connection, Entry(now, "edge server", PROGRAM, "", "", "", action, what, DONE))

@@ -12,9 +12,8 @@ from afarcloud.numbers import LAST_YEAR, format_time
 from afarcloud.vehicle import VehicleLimits
 from edge_server.config import Config
 from edge_server.outbox import wakeup
-from edge_server.services.contacts import BrokerContacts
+from edge_server.services.brokers import BrokerContacts, WorkSignal
 from edge_server.services.space import Space
-from edge_server.services.work_signal import WorkSignal
 from edge_server.store.connection.database import Database, Topic
 from edge_server.store.files import high_water
 from edge_server.store.files.high_water import HighWater

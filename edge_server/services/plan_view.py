@@ -5,6 +5,7 @@ from typing import Any, Final
 
 from afarcloud.enumerations import Status
 from edge_server.services.context import show_time
+from edge_server.services.vehicles import explain_hold
 from edge_server.store.rows.plans import StoredPlan
 from edge_server.store.rows.vehicle_holds import VehicleHold
 from edge_server.store.rows.work import QUEUED, CommandProgress, Work
@@ -65,16 +66,7 @@ def _waiting(item: Work, holds: Mapping[int, VehicleHold]) -> dict[str, str]:
     hold = holds.get(item.vehicle_id or 0)
     if hold is None or item.state != QUEUED or item.held:
         return {}
-    return {"waiting": explain(hold)}
-
-
-def explain(hold: VehicleHold) -> str:
-    """Explain why a vehicle is held, and how to release it."""
-    after = "" if hold.mission_id is None else f" after mission {hold.mission_id}"
-    return (
-        f"vehicle {hold.vehicle_id} is held since {show_time(hold.since)}{after}: {hold.reason}; "
-        f"an operator releases it with POST /vehicles/{hold.vehicle_id}/release"
-    )
+    return {"waiting": explain_hold(hold)}
 
 
 def _command(entry: dict[str, Any], progress: CommandProgress) -> dict[str, Any]:

@@ -15,8 +15,8 @@ from afarcloud.state import CommandReport, MissionReport
 from afarcloud.wire import write
 from edge_server.services import report_matching
 from edge_server.services.errors import ConflictError
-from edge_server.services.plan_view import explain
 from edge_server.services.report_matching import Known
+from edge_server.services.vehicles import explain_hold
 from edge_server.store.rows import plans, vehicle_holds, work
 from edge_server.store.rows.work import CommandProgress, Work
 
@@ -132,7 +132,7 @@ def _check_free(connection: Connection, mission: Work, report: MissionReport) ->
         return
     hold = vehicle_holds.get(connection, report.vehicle_id)
     if hold is not None:
-        raise ConflictError(explain(hold))
+        raise ConflictError(explain_hold(hold))
 
 
 def _move(

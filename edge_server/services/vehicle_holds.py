@@ -18,9 +18,9 @@ from afarcloud.state import Alarm, MissionReport, StateVector
 from edge_server.services import audit, progress, vehicles
 from edge_server.services.context import Context
 from edge_server.services.errors import ConflictError
-from edge_server.services.plan_view import explain
 from edge_server.services.progress import Change
 from edge_server.services.retries import retry_on_conflict
+from edge_server.services.vehicles import explain_hold
 from edge_server.store.connection.locks import WORK, of_vehicle
 from edge_server.store.rows import vehicle_holds, work
 from edge_server.store.rows.vehicle_holds import VehicleHold
@@ -151,7 +151,7 @@ def check_free(connection: Connection, item: Work) -> None:
         return
     hold = vehicle_holds.get(connection, item.vehicle_id)
     if hold is not None:
-        raise ConflictError(explain(hold))
+        raise ConflictError(explain_hold(hold))
 
 
 @retry_on_conflict

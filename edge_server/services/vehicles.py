@@ -124,3 +124,12 @@ def _hold(hold: VehicleHold) -> dict[str, Any]:
         "mission_id": hold.mission_id,
         "plan_id": hold.plan_id,
     }
+
+
+def explain_hold(hold: VehicleHold) -> str:
+    """Explain why a vehicle is held, and how to release it."""
+    after = "" if hold.mission_id is None else f" after mission {hold.mission_id}"
+    return (
+        f"vehicle {hold.vehicle_id} is held since {show_time(hold.since)}{after}: {hold.reason}; "
+        f"an operator releases it with POST /vehicles/{hold.vehicle_id}/release"
+    )

@@ -7,7 +7,8 @@ import pytest
 from sqlalchemy import text
 from sqlalchemy.exc import DatabaseError
 
-from edge_server.services import audit, retention
+from edge_server.process import housekeeping
+from edge_server.services import audit
 from edge_server.services.audit import Actor, Trail, use_trail
 from edge_server.store.rows import audit as rows
 from edge_server.store.rows.audit import Entry
@@ -101,13 +102,13 @@ def test_a_change_that_fails_leaves_no_row(edge: Edge) -> None:
 def test_retention_cuts_the_old_end_and_the_rest_can_be_verified(edge: Edge) -> None:
     fill(edge, 5)
     edge.clock.now = NOON + edge.config.retain_audit_days * DAY_S + 2.5
-    retention.delete_old(edge.context)
+    housekeeping.delete_old_records(edge.context)
     found = list(audit.export(edge.context.database))
     assert [row["id"] for row in found] == [4, 5, 6]
     assert found[-1]["action"] == "retention.audit"
     assert audit.verify(edge.context.database) == (3, None, None)
     edge.clock.pass_s(2 * edge.config.retain_audit_days * DAY_S)
-    retention.delete_old(edge.context)
+    housekeeping.delete_old_records(edge.context)
     assert audit.verify(edge.context.database) == (1, None, None)
 
 
@@ -115,10 +116,10 @@ def test_old_plans_go_and_live_ones_stay(edge: Edge) -> None:
     edge.post_plan(plan())
     edge.clock.pass_s(edge.config.retain_plans_days * DAY_S)
     edge.post_plan(plan())
-    retention.delete_old(edge.context)
+    housekeeping.delete_old_records(edge.context)
     assert [found["id"] for found in edge.get("/plans/")] == [1, 2]
     edge.clock.pass_s(1)
-    retention.delete_old(edge.context)
+    housekeeping.delete_old_records(edge.context)
     assert [found["id"] for found in edge.get("/plans/")] == [2]
 
 

@@ -10,8 +10,9 @@ from pathlib import Path
 import pytest
 
 from edge_server.app import context_of, create_app
+from edge_server.process import housekeeping
 from edge_server.process.preparation import prepare
-from edge_server.services import audit, retention
+from edge_server.services import audit
 from edge_server.store.files import high_water
 from edge_server.store.files.tally import Tally
 from tests.unit.edge_server.conftest import Edge
@@ -63,10 +64,10 @@ def test_after_lost_rows_of_the_audit_log_other_things_are_still_forgotten(edge:
     edge.post_plan(plan(mission(1)))
     started = restarted_after(edge, overwrite("audit"))
     assert started.post_plan(plan(mission(2))).status_code == 201
-    retention.delete_old(started.context)
+    housekeeping.delete_old_records(started.context)
     assert audit.verify(started.context.database).fault == "row 1 is missing"
     started.clock.pass_s(2.0 * edge.config.retain_audit_days * 86_400.0)
-    retention.delete_old(started.context)
+    housekeeping.delete_old_records(started.context)
     assert audit.verify(started.context.database).fault is None
     started.context.database.close()
 

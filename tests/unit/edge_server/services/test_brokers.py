@@ -1,12 +1,12 @@
-"""Waking those who wait."""
+"""Long polls are woken by new work."""
 
 import threading
 import time
 
-from edge_server.services.work_signal import WorkSignal
+from edge_server.services.brokers import WorkSignal
 
 
-def test_a_ring_before_the_wait_is_not_missed() -> None:
+def test_a_signal_before_the_wait_is_not_missed() -> None:
     signal = WorkSignal()
     seen = signal.count
     signal.notify()
