@@ -23,8 +23,8 @@ from afarcloud.state import (
 )
 from afarcloud.wire import MODELS, TELEMETRY, Kind
 from edge_server.exchange.field import Field
-from edge_server.services.event_states import State
-from edge_server.services.vehicles import VehicleState
+from edge_server.services.fleet.event_states import State
+from edge_server.services.fleet.vehicles import VehicleState
 from edge_server.store.rows.keys import Role, Scope
 
 Id = Annotated[int, Member(ge=1)]

@@ -11,7 +11,7 @@ from flask import g
 from werkzeug.exceptions import Forbidden
 
 from edge_server.services.context import Precondition
-from edge_server.services.listing import Listing
+from edge_server.services.reports.listing import Listing
 from edge_server.store.rows.keys import Scope, StoredKey
 
 SAFE_METHODS: Final = frozenset({"GET", "HEAD", "OPTIONS"})

@@ -16,10 +16,10 @@ from afarcloud.state import Report
 from afarcloud.wire import Kind
 from edge_server.config import Config
 from edge_server.process import preparation
-from edge_server.services import dead_letters
 from edge_server.services.audit import shell_trail, use_trail
 from edge_server.services.context import Context
 from edge_server.services.errors import NotFoundError, ServiceError
+from edge_server.services.reports import dead_letters
 from edge_server.store.connection.database import to_json
 from edge_server.store.migrate import is_ready
 

@@ -11,10 +11,10 @@ from typing import Final
 from sqlalchemy import Connection
 from sqlalchemy.exc import SQLAlchemyError
 
-from edge_server.services import broker_work, events
 from edge_server.services import idempotency as post_idempotency
 from edge_server.services.audit import DONE, PROGRAM
 from edge_server.services.context import Context
+from edge_server.services.fleet import broker_work, events
 from edge_server.store.connection.locks import WORK
 from edge_server.store.rows import audit, idempotency, keys, plans, tokens, work
 from edge_server.store.rows.audit import Entry

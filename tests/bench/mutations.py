@@ -38,7 +38,7 @@ _MODULES: Final = "tests/unit/uav_firmware/modules"
 BREAKS: Final = (
     Break(
         "a repeated report belongs to the ended mission, not to a new one of the same number",
-        "edge_server/services/report_matching.py",
+        "edge_server/services/fleet/report_matching.py",
         "(repeated, accepted, ended)",
         "(accepted, ended, repeated)",
         f"{_EDGE}/api/routes/test_mission_reports.py",
@@ -122,7 +122,7 @@ BREAKS: Final = (
     ),
     Break(
         "a vehicle that failed in the air is held",
-        "edge_server/services/vehicle_holds.py",
+        "edge_server/services/fleet/vehicle_holds.py",
         "AIRBORNE_M: Final = 2.0",
         "AIRBORNE_M: Final = 2000.0",
         f"{_EDGE}/api/routes/test_vehicle_holds.py",

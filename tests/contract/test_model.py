@@ -31,9 +31,9 @@ from edge_server.outbox.retry import Backoff
 from edge_server.outbox.schedule import Batch, Schedule
 from edge_server.outbox.uplink import BatchLimit
 from edge_server.process.preparation import open_database, prepare
-from edge_server.services import telemetry
 from edge_server.services.context import Caller, Context
 from edge_server.services.errors import FullError
+from edge_server.services.reports import telemetry
 from edge_server.store.connection.failures import is_full
 from tests.support.databases import PostgresServer
 from tests.unit.edge_server import documents

@@ -16,7 +16,7 @@ from afarcloud.state import Report
 from afarcloud.wire import Kind, read
 from edge_server.config import Config
 from edge_server.process.preparation import prepare
-from edge_server.services import telemetry
+from edge_server.services.reports import telemetry
 from tests.support import fake_cloud
 from tests.support.fake_cloud import FakeCloud, Fault, Handler, Received, running_cloud
 from tests.support.polling import wait_until

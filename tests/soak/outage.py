@@ -15,7 +15,7 @@ from edge_server.config import Config
 from edge_server.outbox.queue import Stream
 from edge_server.outbox.uplink import MAXIMUM_BATCH
 from edge_server.process.preparation import prepare
-from edge_server.services.telemetry import Arrival
+from edge_server.services.reports.telemetry import Arrival
 from tests.support.virtual_station import VirtualCloud, VirtualStation
 from tests.unit.edge_server import documents
 

@@ -13,8 +13,8 @@ from edge_server.config import Config
 from edge_server.outbox.relay import Relay
 from edge_server.process import relay
 from edge_server.process.preparation import open_database
-from edge_server.services import telemetry
 from edge_server.services.context import Caller, Context
+from edge_server.services.reports import telemetry
 from tests.support.polling import wait_until
 from tests.unit.edge_server import documents
 

@@ -21,10 +21,10 @@ from edge_server.outbox.result_writer import RecordResult, ResultWriter
 from edge_server.outbox.retry import Backoff
 from edge_server.outbox.schedule import Batch, Schedule
 from edge_server.outbox.uplink import ONE_BY_ONE, BatchLimit
-from edge_server.services import telemetry
 from edge_server.services.context import Context
 from edge_server.services.errors import FullError
-from edge_server.services.telemetry import Arrival
+from edge_server.services.reports import telemetry
+from edge_server.services.reports.telemetry import Arrival
 from edge_server.store.connection.database import Database
 from edge_server.store.connection.engines import open_engine
 from edge_server.store.rows import telemetry as records

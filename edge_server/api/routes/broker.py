@@ -12,8 +12,8 @@ from afarcloud.wire import Kind
 from edge_server.api import bodies, schemas, scopes, urls
 from edge_server.api.auth import BROKER, PEOPLE, allow, audit, key_owner
 from edge_server.api.contract import Contract, describe
-from edge_server.services import broker_work
-from edge_server.services.broker_work import Acknowledgement
+from edge_server.services.fleet import broker_work
+from edge_server.services.fleet.broker_work import Acknowledgement
 
 LONGEST_WAIT_S: Final = 25.0
 

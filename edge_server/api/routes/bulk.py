@@ -18,9 +18,9 @@ from afarcloud.wire import TELEMETRY, Kind
 from edge_server.api import bodies, errors, schemas, scopes, urls
 from edge_server.api.auth import BROKER, KEY_RULE, allow, caller, is_idempotency_key
 from edge_server.api.contract import Contract, describe
-from edge_server.services import telemetry
 from edge_server.services.errors import ServiceError
-from edge_server.services.telemetry import Arrival, Refusal
+from edge_server.services.reports import telemetry
+from edge_server.services.reports.telemetry import Arrival, Refusal
 
 MOST_RECORDS: Final = 500
 _KEY: Final = "idempotency_key"

@@ -13,8 +13,8 @@ from edge_server.api.auth import ADMIN, PLANNERS, allow, audit
 from edge_server.api.contract import Contract, describe
 from edge_server.api.errors import RequestError
 from edge_server.api.routes.audit import NDJSON
-from edge_server.services import dead_letters
 from edge_server.services.errors import ConflictError
+from edge_server.services.reports import dead_letters
 from edge_server.store.connection.database import to_json
 
 NAMES = ("dead_letters", "dead_letter")

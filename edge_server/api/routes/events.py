@@ -12,7 +12,7 @@ from afarcloud.wire import Kind
 from edge_server.api import bodies, etags, schemas, scopes, urls
 from edge_server.api.auth import PEOPLE, PLANNERS, READERS, allow, audit, caller
 from edge_server.api.contract import PAGE, Contract, describe
-from edge_server.services import events
+from edge_server.services.fleet import events
 from edge_server.store.rows.keys import Role
 
 NAMES: Final = ("events", "event")

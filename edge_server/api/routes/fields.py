@@ -14,7 +14,7 @@ from edge_server.api.contract import Contract, describe
 from edge_server.api.errors import RequestError
 from edge_server.exchange import field, geojson, kml
 from edge_server.exchange.field import Field
-from edge_server.services import fields
+from edge_server.services.planning import fields
 from edge_server.store.rows.keys import Role
 
 NAMES: Final = ("fields", "field")

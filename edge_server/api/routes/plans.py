@@ -14,7 +14,7 @@ from edge_server.api.auth import PLANNERS, READERS, allow, audit, caller, refusa
 from edge_server.api.contract import PAGE, Contract, describe
 from edge_server.api.routes import plan_files
 from edge_server.api.scopes import check, check_resource, own_missions, pages, with_vehicle_check
-from edge_server.services import plans
+from edge_server.services.planning import plans
 from edge_server.store.rows.keys import Role
 
 

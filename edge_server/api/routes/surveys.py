@@ -11,7 +11,7 @@ from edge_server.api import bodies, schemas, scopes, urls
 from edge_server.api.auth import PLANNERS, allow, audit, caller
 from edge_server.api.contract import Contract, describe
 from edge_server.api.errors import RequestError
-from edge_server.services import surveys
+from edge_server.services.planning import surveys
 from edge_server.store.rows.keys import Role
 from edge_server.survey.request import SurveyOrder
 

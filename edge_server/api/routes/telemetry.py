@@ -11,7 +11,7 @@ from edge_server.api import bodies, etags, scopes, urls
 from edge_server.api.auth import ADMIN, BROKER, PEOPLE, allow, audit, caller
 from edge_server.api.contract import PAGE, Contract, describe
 from edge_server.api.schemas import STORED_REPORTS
-from edge_server.services import telemetry
+from edge_server.services.reports import telemetry
 
 PLURAL = {
     Kind.POSE: "poses",

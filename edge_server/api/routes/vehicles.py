@@ -11,8 +11,8 @@ from afarcloud.numbers import INT32_MAX, ShortText
 from edge_server.api import bodies, etags, schemas, scopes, urls
 from edge_server.api.auth import ADMIN, PLANNERS, READERS, allow, audit, caller
 from edge_server.api.contract import Contract, describe
-from edge_server.services import vehicle_holds, vehicles
-from edge_server.services.vehicles import VehicleState
+from edge_server.services.fleet import vehicle_holds, vehicles
+from edge_server.services.fleet.vehicles import VehicleState
 from edge_server.store.rows.keys import Role
 
 

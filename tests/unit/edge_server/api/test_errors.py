@@ -18,7 +18,7 @@ from gunicorn.http.errors import (  # type: ignore[import-untyped]  # it has no 
 )
 from sqlalchemy import event
 
-from edge_server.services import plans
+from edge_server.services.planning import plans
 from tests.unit.edge_server.conftest import Edge
 from tests.unit.edge_server.documents import plan, telemetry
 

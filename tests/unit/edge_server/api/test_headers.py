@@ -58,7 +58,7 @@ def test_an_internal_error_shows_no_internals(edge: Edge, monkeypatch: pytest.Mo
     def fail(*_: object, **__: object) -> None:
         raise RuntimeError("secret words at /home/farm/edge.py")
 
-    monkeypatch.setattr("edge_server.services.plans.page", fail)
+    monkeypatch.setattr("edge_server.services.planning.plans.page", fail)
     answer = edge.ask("GET", "/plans/", "operator")
     assert answer.status_code == 500
     assert "secret" not in answer.text

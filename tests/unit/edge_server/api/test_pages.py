@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from edge_server.services import listing
+from edge_server.services.reports import listing
 from tests.unit.edge_server.conftest import Edge
 from tests.unit.edge_server.documents import telemetry
 

@@ -18,7 +18,7 @@ from werkzeug.test import TestResponse
 
 from edge_server.api import jws
 from edge_server.api.errors import RequestError
-from edge_server.services.events import EVENT_LIMIT
+from edge_server.services.fleet.events import EVENT_LIMIT
 from tests.unit.edge_server.conftest import NOON, Edge
 from tests.unit.edge_server.documents import mission, plan
 from tests.unit.edge_server.signing import SECRET, SECRET_JWK, claims, encode, sign

@@ -13,8 +13,8 @@ from edge_server.config import Config
 from edge_server.outbox.answers import Answer
 from edge_server.outbox.uplink import MAXIMUM_BATCH
 from edge_server.process.preparation import prepare
-from edge_server.services import dead_letters, telemetry
-from edge_server.services.telemetry import Arrival
+from edge_server.services.reports import dead_letters, telemetry
+from edge_server.services.reports.telemetry import Arrival
 from tests.support.virtual_station import VirtualCloud, VirtualStation
 from tests.unit.edge_server.documents import mission_report
 

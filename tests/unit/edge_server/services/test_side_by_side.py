@@ -21,8 +21,7 @@ from edge_server.config import Config
 from edge_server.outbox import queue
 from edge_server.outbox.queue import Stream
 from edge_server.process.preparation import open_database
-from edge_server.services import broker_work, plans, records, telemetry, vehicles
-from edge_server.services.broker_work import Acknowledgement
+from edge_server.services import records
 from edge_server.services.context import Caller, Context
 from edge_server.services.errors import (
     ChangedError,
@@ -30,8 +29,12 @@ from edge_server.services.errors import (
     KeyReusedError,
     NotFoundError,
 )
-from edge_server.services.telemetry import Arrival
-from edge_server.services.vehicles import VehicleState
+from edge_server.services.fleet import broker_work, vehicles
+from edge_server.services.fleet.broker_work import Acknowledgement
+from edge_server.services.fleet.vehicles import VehicleState
+from edge_server.services.planning import plans
+from edge_server.services.reports import telemetry
+from edge_server.services.reports.telemetry import Arrival
 from tests.support.databases import BOTH_ENGINES
 from tests.support.system import wait_for
 from tests.unit.edge_server import documents

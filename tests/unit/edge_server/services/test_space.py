@@ -20,11 +20,11 @@ from edge_server.outbox.budget import Level
 from edge_server.outbox.gaps import DroppedRecord, Reason
 from edge_server.outbox.queue import Delivered, Stream
 from edge_server.process.preparation import open_database
-from edge_server.services import telemetry
 from edge_server.services.context import Caller, Context, show_time
 from edge_server.services.errors import FullError
+from edge_server.services.reports import telemetry
+from edge_server.services.reports.telemetry import Arrival
 from edge_server.services.space import STEADY_S
-from edge_server.services.telemetry import Arrival
 from edge_server.store.connection.database import Database
 from edge_server.store.rows import telemetry as stored
 from edge_server.store.rows.tables import METADATA

@@ -5,9 +5,9 @@ import time
 
 import pytest
 
-from edge_server.services import broker_work
 from edge_server.services.context import WAITING_LIMIT
 from edge_server.services.errors import TooMuchError
+from edge_server.services.fleet import broker_work
 from tests.support.databases import BOTH_ENGINES
 from tests.unit.edge_server.conftest import Edge
 from tests.unit.edge_server.documents import mission, mission_report, plan

@@ -9,8 +9,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from edge_server.app import context_of, create_app
-from edge_server.services import broker_work, events
-from edge_server.services.event_states import State
+from edge_server.services.fleet import broker_work, events
+from edge_server.services.fleet.event_states import State
 from edge_server.store.rows.work import CLOCK_SLACK_S, UNDER_WAY_S
 from tests.unit.edge_server.conftest import NOON, Clock, Edge
 from tests.unit.edge_server.documents import event, mission, mission_report, plan, speed_event

@@ -13,10 +13,10 @@ from sqlalchemy import Connection
 from afarcloud.enumerations import Status
 from afarcloud.state import CommandReport, MissionReport
 from afarcloud.wire import write
-from edge_server.services import report_matching
 from edge_server.services.errors import ConflictError
-from edge_server.services.report_matching import Known
-from edge_server.services.vehicles import explain_hold
+from edge_server.services.fleet import report_matching
+from edge_server.services.fleet.report_matching import Known
+from edge_server.services.fleet.vehicles import explain_hold
 from edge_server.store.rows import plans, vehicle_holds, work
 from edge_server.store.rows.work import CommandProgress, Work
 

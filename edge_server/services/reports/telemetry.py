@@ -9,8 +9,8 @@ from sqlalchemy import Connection
 from afarcloud.faults import InvalidError
 from afarcloud.state import Image, Report
 from afarcloud.wire import Kind, write
-from edge_server.services import corrections, effects, listing, records
 from edge_server.services import idempotency as post_idempotency
+from edge_server.services import records
 from edge_server.services.context import (
     Caller,
     Context,
@@ -24,9 +24,10 @@ from edge_server.services.errors import (
     KeyReusedError,
     NotFoundError,
 )
-from edge_server.services.listing import Listing
-from edge_server.services.progress import Change
+from edge_server.services.fleet.progress import Change
 from edge_server.services.records import Entry
+from edge_server.services.reports import corrections, effects, listing
+from edge_server.services.reports.listing import Listing
 from edge_server.services.retries import retry_on_conflict
 from edge_server.store.connection.locks import WORK
 from edge_server.store.rows import idempotency, telemetry, work

@@ -5,8 +5,8 @@ import re
 
 import pytest
 
-from edge_server.services import event_states
-from edge_server.services.event_states import EVENT_STATES, STATUS, State, Trigger, state_of
+from edge_server.services.fleet import event_states
+from edge_server.services.fleet.event_states import EVENT_STATES, STATUS, State, Trigger, state_of
 from edge_server.transitions import IllegalTransitionError
 
 TRANSITIONS = EVENT_STATES.transitions

@@ -7,8 +7,8 @@ from afarcloud.numbers import INT32_MAX
 from afarcloud.plan import Plan
 from afarcloud.wire import read_as, write
 from edge_server.exchange.field import Field
-from edge_server.services import fields, plans
 from edge_server.services.context import Caller, Context
+from edge_server.services.planning import fields, plans
 from edge_server.store.rows import vehicles
 from edge_server.survey.planner import NoSurveyError, Survey, survey
 from edge_server.survey.request import Place, SurveyOrder, SurveyRequest, SurveyTerms

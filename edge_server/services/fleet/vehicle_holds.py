@@ -15,12 +15,13 @@ from sqlalchemy import Connection
 from afarcloud.commands import FLYING
 from afarcloud.enumerations import Status
 from afarcloud.state import Alarm, MissionReport, StateVector
-from edge_server.services import audit, progress, vehicles
+from edge_server.services import audit
 from edge_server.services.context import Context
 from edge_server.services.errors import ConflictError
-from edge_server.services.progress import Change
+from edge_server.services.fleet import progress, vehicles
+from edge_server.services.fleet.progress import Change
+from edge_server.services.fleet.vehicles import explain_hold
 from edge_server.services.retries import retry_on_conflict
-from edge_server.services.vehicles import explain_hold
 from edge_server.store.connection.locks import WORK, of_vehicle
 from edge_server.store.rows import vehicle_holds, work
 from edge_server.store.rows.vehicle_holds import VehicleHold

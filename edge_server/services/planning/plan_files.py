@@ -14,9 +14,9 @@ from afarcloud.wire import read_as, write
 from edge_server.exchange import from_commands, qgc_plan, to_commands
 from edge_server.exchange.mission_file import MissionFile
 from edge_server.exchange.to_commands import Translated
-from edge_server.services import plans
 from edge_server.services.context import Caller, Context
 from edge_server.services.errors import NotFoundError
+from edge_server.services.planning import plans
 from edge_server.store.rows import plans as stored_plans
 from edge_server.store.rows import work
 

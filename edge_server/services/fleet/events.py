@@ -14,7 +14,6 @@ from afarcloud.faults import Fault, InvalidError
 from afarcloud.flyable import speed_fault
 from afarcloud.plan import Event
 from afarcloud.wire import Kind, write
-from edge_server.services import broker_work
 from edge_server.services import idempotency as post_idempotency
 from edge_server.services.context import (
     Caller,
@@ -24,7 +23,8 @@ from edge_server.services.context import (
     unconditionally,
 )
 from edge_server.services.errors import ConflictError, NotFoundError, TooMuchError
-from edge_server.services.event_states import state_of
+from edge_server.services.fleet import broker_work
+from edge_server.services.fleet.event_states import state_of
 from edge_server.services.retries import retry_on_conflict
 from edge_server.store.connection.database import to_json
 from edge_server.store.connection.locks import WORK

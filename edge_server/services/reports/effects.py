@@ -10,9 +10,9 @@ from sqlalchemy import Connection
 from afarcloud.state import Alarm, MissionReport, Report, StateVector
 from afarcloud.wire import Kind
 from edge_server.services import idempotency as post_idempotency
-from edge_server.services import progress, vehicle_holds
 from edge_server.services.context import Context
-from edge_server.services.progress import Change
+from edge_server.services.fleet import progress, vehicle_holds
+from edge_server.services.fleet.progress import Change
 from edge_server.store.connection.locks import WORK, Lock, of_stream
 from edge_server.store.rows import work
 from edge_server.store.rows.idempotency import Answered

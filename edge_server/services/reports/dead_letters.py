@@ -7,10 +7,10 @@ from sqlalchemy import Connection
 
 from afarcloud.state import Report
 from edge_server.outbox import queue
-from edge_server.services import corrections, listing, telemetry
 from edge_server.services.context import Context
 from edge_server.services.errors import NotFoundError
-from edge_server.services.listing import Listing
+from edge_server.services.reports import corrections, listing, telemetry
+from edge_server.services.reports.listing import Listing
 from edge_server.services.retries import retry_on_conflict
 from edge_server.store.rows import dead_letters
 from edge_server.store.rows import telemetry as records

@@ -12,12 +12,13 @@ from afarcloud.enumerations import Profile, Status
 from afarcloud.numbers import INT32_MAX
 from afarcloud.plan import LatestStateVector, Mission
 from afarcloud.wire import Kind, write
-from edge_server.services import event_states, progress, records, vehicle_holds
+from edge_server.services import records
 from edge_server.services.context import Context, show_time
 from edge_server.services.errors import ConflictError, NotFoundError, TooMuchError
-from edge_server.services.event_states import EVENT_STATES, State, Trigger
+from edge_server.services.fleet import event_states, progress, vehicle_holds
+from edge_server.services.fleet.event_states import EVENT_STATES, State, Trigger
+from edge_server.services.fleet.vehicles import find as find_vehicle
 from edge_server.services.retries import retry_on_conflict
-from edge_server.services.vehicles import find as find_vehicle
 from edge_server.store.connection.locks import WORK
 from edge_server.store.rows import plans, work
 from edge_server.store.rows.work import Work

@@ -5,8 +5,8 @@ from hypothesis import strategies as st
 
 from afarcloud.enumerations import Status
 from afarcloud.state import CommandReport
-from edge_server.services.plan_view import overall
-from edge_server.services.progress import abort_the_rest, advance_commands, advances
+from edge_server.services.fleet.progress import abort_the_rest, advance_commands, advances
+from edge_server.services.planning.plan_view import overall
 from edge_server.store.rows.work import CommandProgress
 
 STATUSES = st.sampled_from(Status)

@@ -5,7 +5,7 @@ from typing import Any, Final
 
 from afarcloud.enumerations import Status
 from edge_server.services.context import show_time
-from edge_server.services.vehicles import explain_hold
+from edge_server.services.fleet.vehicles import explain_hold
 from edge_server.store.rows.plans import StoredPlan
 from edge_server.store.rows.vehicle_holds import VehicleHold
 from edge_server.store.rows.work import QUEUED, CommandProgress, Work

@@ -18,11 +18,12 @@ from afarcloud.numbers import INT32_MAX
 from afarcloud.plan import Mission, Plan
 from afarcloud.rules import FenceVerdict
 from afarcloud.wire import Kind, write
-from edge_server.services import audit, broker_work
+from edge_server.services import audit
 from edge_server.services import idempotency as post_idempotency
 from edge_server.services.context import Caller, Context, Precondition, moment, unconditionally
 from edge_server.services.errors import ConflictError, NotFoundError
-from edge_server.services.plan_view import show
+from edge_server.services.fleet import broker_work
+from edge_server.services.planning.plan_view import show
 from edge_server.services.retries import retry_on_conflict
 from edge_server.store.connection.database import to_json
 from edge_server.store.connection.locks import WORK

@@ -15,8 +15,10 @@ from afarcloud.faults import Fault
 from afarcloud.state import MissionReport, Report
 from afarcloud.wire import write
 from edge_server.outbox import queue
-from edge_server.services import effects, progress, records
+from edge_server.services import records
 from edge_server.services.errors import ConflictError
+from edge_server.services.fleet import progress
+from edge_server.services.reports import effects
 from edge_server.store.connection.database import to_json
 from edge_server.store.connection.locks import WORK, Lock
 from edge_server.store.rows import telemetry, work

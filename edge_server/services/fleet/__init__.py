@@ -1,0 +1,1 @@
+"""The work of the broker: events and missions, their states, and the vehicles that do it."""

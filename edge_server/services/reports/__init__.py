@@ -1,0 +1,1 @@
+"""Reports of vehicles: received, applied to the work, corrected, and stored until confirmed."""
