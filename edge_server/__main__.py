@@ -16,11 +16,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
+from edge_server import logs
 from edge_server.config import SETTINGS, Config, ConfigError, load
-from edge_server.observability import logs
 from edge_server.process.exit_codes import FAILED, INTERRUPTED, OK, WRONG_SETUP
 from edge_server.process.supervisor import PARENT_VARIABLE, Supervisor
-from edge_server.security import redaction
 
 LOG = logging.getLogger("edge_server")
 
@@ -35,7 +34,6 @@ def main(arguments: list[str]) -> int:
         print(f"edge server: {error}", file=sys.stderr)
         return WRONG_SETUP
     logs.configure(config.log_level, config.log_format)
-    logs.redact_with(redaction.redact)
     if options.command is None:
         return Supervisor(arguments, config).run()
     if parent := os.environ.get(PARENT_VARIABLE):
@@ -82,7 +80,7 @@ def _relay(config: Config, _options: argparse.Namespace) -> int:
 
 def _migrate(config: Config, _options: argparse.Namespace) -> int:
     from edge_server.process import preparation  # noqa: PLC0415  # as above
-    from edge_server.security.key_files import SecretFileError  # noqa: PLC0415  # as above
+    from edge_server.process.key_files import SecretFileError  # noqa: PLC0415  # as above
     from edge_server.store.migrate import HEAD, StoreError  # noqa: PLC0415  # as above
 
     try:

@@ -37,7 +37,7 @@ from edge_server.api.routes import (
     vehicles,
 )
 from edge_server.config import Config
-from edge_server.observability.metrics import Metrics
+from edge_server.metrics import Metrics
 from edge_server.services.context import Context
 from edge_server.store.connection.database import Database
 from edge_server.store.connection.engines import engine_options, prepare_engine

@@ -14,8 +14,8 @@ from urllib.parse import quote
 
 from flask import Flask, Response, g, request
 
-from edge_server.observability import logs
-from edge_server.observability.metrics import Metrics
+from edge_server import logs
+from edge_server.metrics import Metrics
 
 ACCESS: Final = logging.getLogger("edge_server.access")
 HEADER: Final = "X-Request-ID"

@@ -15,9 +15,8 @@ from typing import Final
 from pydantic import ValidationError
 
 from edge_server.config import Config
-from edge_server.process import preparation
+from edge_server.process import key_files, preparation
 from edge_server.process.exit_codes import FAILED, OK, WRONG_SETUP
-from edge_server.security import key_files
 from edge_server.services import audit, keys
 from edge_server.services.audit import shell_trail, use_trail
 from edge_server.services.context import show_time

@@ -1,11 +1,14 @@
-"""Periodic tasks: expiry, and deletion of old rows.
+"""Periodic tasks beside the requests: expiry, deletion of old rows, watch of the database file.
 
 Reports and pictures have their own age limit, which declares what it drops (services.space).
 """
 
 import logging
+import sqlite3
 import threading
 import time
+from collections.abc import Callable
+from pathlib import Path
 from typing import Final
 
 from sqlalchemy import Connection
@@ -16,6 +19,7 @@ from edge_server.services.audit import DONE, PROGRAM
 from edge_server.services.context import Context
 from edge_server.services.fleet import broker_work, events
 from edge_server.store.connection.locks import WORK
+from edge_server.store.files import integrity
 from edge_server.store.rows import audit, idempotency, keys, plans, tokens, work
 from edge_server.store.rows.audit import Entry
 
@@ -23,6 +27,9 @@ LOG = logging.getLogger(__name__)
 EXPIRY_S: Final = 1.0
 CLEANUP_EVERY: Final = 600
 DAY_S: Final = 86_400.0
+FILE_CHECK_AFTER_S: Final = 2.0
+"""Delay of the integrity check, which would slow down the first requests."""
+FILE_LOOK_S: Final = 1.0
 
 
 def run(context: Context, stopping: threading.Event) -> None:
@@ -91,3 +98,42 @@ def _cut_audit(context: Context, connection: Connection, now: float) -> None:
 def _record(connection: Connection, now: float, action: str, what: str) -> None:
     LOG.info("%s: %s", action, what)
     audit.append(connection, Entry(now, "edge server", PROGRAM, "", "", "", action, what, DONE))
+
+
+def watch_file(context: Context, stopping: threading.Event, restart: Callable[[], None]) -> None:
+    """Check the whole file once, then watch for its removal and for faults that others note.
+
+    On a fault the server restarts, and the start quarantines the file. A file that was removed or
+    replaced is a fault too: writes to the open one would be lost.
+    """
+    path = context.config.database_path
+    if context.config.database_url is not None or not path.exists():
+        return
+    known = path.stat().st_ino
+    if stopping.wait(FILE_CHECK_AFTER_S):
+        return
+    check_file(path)
+    while _is_same_file(path, known) and integrity.noted_fault(path) is None:
+        if stopping.wait(FILE_LOOK_S):
+            return
+    LOG.critical("the database %s cannot be used any more; the server restarts", path)
+    restart()
+
+
+def check_file(path: Path) -> None:
+    """Check the integrity of the file; a fault is noted."""
+    try:
+        fault = integrity.fault_of(path)
+    except sqlite3.Error as error:
+        LOG.warning("the database could not be checked: %s", error)
+        return
+    if fault is not None:
+        LOG.critical("the database is broken: %s", fault)
+        integrity.note_fault(path, fault)
+
+
+def _is_same_file(path: Path, inode: int) -> bool:
+    try:
+        return path.stat().st_ino == inode
+    except FileNotFoundError:
+        return False

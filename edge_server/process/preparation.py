@@ -7,7 +7,7 @@ import time
 from sqlalchemy.exc import DBAPIError
 
 from edge_server.config import Config
-from edge_server.security import key_files
+from edge_server.process import key_files
 from edge_server.store import migrate
 from edge_server.store.connection.database import Database
 from edge_server.store.connection.engines import open_engine

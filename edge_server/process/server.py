@@ -22,9 +22,8 @@ from gunicorn.arbiter import Arbiter  # type: ignore[import-untyped]  # as above
 
 from edge_server.config import Config
 from edge_server.connections.admission import KEEP_ALIVE_S, Limits
-from edge_server.process import children, workers
+from edge_server.process import children, tls, workers
 from edge_server.process.exit_codes import FAILED, OK, WRONG_SETUP
-from edge_server.security import tls
 
 if TYPE_CHECKING:
     from edge_server.api.auth import KeyRing
@@ -78,7 +77,7 @@ def _prepare_in_child(config: Config) -> None:
 
 
 def _prepare(config: Config) -> int:
-    from edge_server.security.key_files import SecretFileError  # noqa: PLC0415  # stays in the child
+    from edge_server.process.key_files import SecretFileError  # noqa: PLC0415  # stays in the child
     from edge_server.store.migrate import StoreError  # noqa: PLC0415  # as above
 
     try:
@@ -190,12 +189,9 @@ class _Application(BaseApplication):  # type: ignore[misc]  # gunicorn has no ty
             self.cfg.set(name, value)
 
     def load(self) -> _WsgiApp:
-        from edge_server.api.routes.keys import KEY_RING  # noqa: PLC0415  # as above
+        from edge_server.api.routes.keys import KEY_RING  # noqa: PLC0415  # in the worker only
         from edge_server.app import context_of, create_app  # noqa: PLC0415  # as above
-        from edge_server.process import (  # noqa: PLC0415  # loaded in the worker only
-            file_watch,
-            housekeeping,
-        )
+        from edge_server.process import housekeeping  # noqa: PLC0415  # as above
 
         app = create_app(self._config)
         context = context_of(app)
@@ -204,7 +200,7 @@ class _Application(BaseApplication):  # type: ignore[misc]  # gunicorn has no ty
         context.database.listen(context.receive_notice)
         tasks: list[Callable[[], None]] = [
             lambda: housekeeping.run(context, workers.stopping),
-            lambda: file_watch.run(context, workers.stopping, workers.restart),
+            lambda: housekeeping.watch_file(context, workers.stopping, workers.restart),
         ]
         for task in tasks:
             threading.Thread(target=task, daemon=True).start()

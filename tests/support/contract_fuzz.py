@@ -20,8 +20,8 @@ from schemathesis.core.result import Ok
 
 from edge_server.app import context_of, create_app
 from edge_server.config import Config
+from edge_server.process import key_files
 from edge_server.process.preparation import prepare
-from edge_server.security import key_files
 from edge_server.store.rows.keys import Role
 
 _NO_LIMIT: Final = 1_000_000

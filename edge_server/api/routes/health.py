@@ -7,10 +7,10 @@ from flask.typing import ResponseReturnValue
 from sqlalchemy import text
 from sqlalchemy.exc import SQLAlchemyError
 
+from edge_server import relay_health
 from edge_server.api import bodies, schemas, urls
 from edge_server.api.auth import PUBLIC, allow
 from edge_server.api.contract import Contract, describe
-from edge_server.observability import relay_health
 
 
 def blueprint() -> Blueprint:

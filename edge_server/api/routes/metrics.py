@@ -6,7 +6,7 @@ from prometheus_client import CONTENT_TYPE_LATEST
 from edge_server.api import urls
 from edge_server.api.auth import PLANNERS, allow
 from edge_server.api.contract import Contract, describe
-from edge_server.observability.metrics import Metrics
+from edge_server.metrics import Metrics
 
 EXTENSION = "edge_metrics"
 

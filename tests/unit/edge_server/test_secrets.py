@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from edge_server.config import Config
+from edge_server.process import key_files
+from edge_server.process.key_files import SecretFileError
 from edge_server.process.preparation import prepare
-from edge_server.security import key_files
-from edge_server.security.key_files import SecretFileError
 from edge_server.store.rows.keys import Role
 
 GIVEN = {

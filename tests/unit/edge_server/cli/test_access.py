@@ -9,9 +9,8 @@ from sqlalchemy import text
 
 from edge_server.__main__ import main
 from edge_server.config import Config
-from edge_server.process import preparation
+from edge_server.process import key_files, preparation
 from edge_server.process.exit_codes import FAILED, OK, WRONG_SETUP
-from edge_server.security import key_files
 from edge_server.store.rows import keys
 from edge_server.store.rows.keys import Role, StoredKey
 
@@ -21,8 +20,7 @@ Run = Callable[..., tuple[int, str, str]]
 @pytest.fixture
 def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
     """Run a command over a state folder; gives exit code, stdout, stderr."""
-    monkeypatch.setattr("edge_server.observability.logs.configure", lambda *_: None)
-    monkeypatch.setattr("edge_server.observability.logs.redact_with", lambda *_: None)
+    monkeypatch.setattr("edge_server.logs.configure", lambda *_: None)
 
     def call(*arguments: str) -> tuple[int, str, str]:
         capsys.readouterr()

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from edge_server.observability import logs
+from edge_server import logs
 
 LOG = logging.getLogger("edge_server.tested")
 
@@ -106,12 +106,12 @@ def test_every_line_of_a_request_has_its_id(form: str) -> None:
 def test_secrets_are_redacted_wherever_they_are(form: str) -> None:
     stream = io.StringIO()
     logs.configure("INFO", form, stream)
-    logs.redact_with(lambda line: line.replace("s3cret", "***"))
-    LOG.info("a key %s", "s3cret", extra={"header": "s3cret"})
+    key = "fm_0123abcd_s3cret"
+    LOG.info("a key %s", key, extra={"header": key})
     try:
-        int("s3cret")
+        int(key)
     except ValueError:
-        LOG.exception("s3cret")
+        LOG.exception(key)
     assert "s3cret" not in stream.getvalue()
     assert "***" in stream.getvalue()
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from sqlalchemy import text
 
-from edge_server.process import file_watch
+from edge_server.process import housekeeping
 from edge_server.store import migrate
 from edge_server.store.connection.engines import open_engine, sqlite_url
 from edge_server.store.files import integrity
@@ -38,13 +38,13 @@ def spoil_the_middle(path: Path) -> None:
 
 def test_an_intact_file_has_no_fault(path: Path) -> None:
     assert integrity.fault_of(path) is None
-    file_watch.check(path)
+    housekeeping.check_file(path)
     assert integrity.noted_fault(path) is None
 
 
 def test_a_fault_deep_in_the_file_is_noted_and_the_next_start_quarantines_it(path: Path) -> None:
     spoil_the_middle(path)
-    file_watch.check(path)
+    housekeeping.check_file(path)
     assert integrity.noted_fault(path)
     assert not migrate.is_ready(sqlite_url(path))
     migrate.prepare(sqlite_url(path))
@@ -54,7 +54,7 @@ def test_a_fault_deep_in_the_file_is_noted_and_the_next_start_quarantines_it(pat
 
 
 def test_a_missing_file_is_not_created(tmp_path: Path) -> None:
-    file_watch.check(tmp_path / "edge.sqlite3")
+    housekeeping.check_file(tmp_path / "edge.sqlite3")
     assert list(tmp_path.iterdir()) == []
 
 
@@ -69,10 +69,12 @@ def test_a_missing_file_is_not_created(tmp_path: Path) -> None:
 def test_the_server_is_restarted(
     edge: Edge, harm: Callable[[Path], object], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(file_watch, "CHECK_AFTER_S", 0.0)
-    monkeypatch.setattr(file_watch, "LOOK_S", 0.01)
+    monkeypatch.setattr(housekeeping, "FILE_CHECK_AFTER_S", 0.0)
+    monkeypatch.setattr(housekeeping, "FILE_LOOK_S", 0.01)
     asked, stopping = threading.Event(), threading.Event()
-    watch = threading.Thread(target=file_watch.run, args=(edge.context, stopping, asked.set))
+    watch = threading.Thread(
+        target=housekeeping.watch_file, args=(edge.context, stopping, asked.set)
+    )
     watch.start()
     assert not asked.wait(0.1)
     harm(edge.config.database_path)
@@ -84,4 +86,4 @@ def test_the_server_is_restarted(
 def test_it_ends_with_the_server(edge: Edge) -> None:
     stopping = threading.Event()
     stopping.set()
-    file_watch.run(edge.context, stopping, lambda: pytest.fail("nothing is wrong"))
+    housekeeping.watch_file(edge.context, stopping, lambda: pytest.fail("nothing is wrong"))

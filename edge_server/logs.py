@@ -1,13 +1,14 @@
 """Log lines: text on a terminal, one JSON object per line elsewhere.
 
-Every line of a request has its id. Redactors registered with `redact_with` remove secrets, such as
-keys, from the finished line, whatever its origin.
+Every line of a request has its id. Secrets are removed from the finished line, whatever its origin:
+an access key keeps its prefix, by which an operator finds it; credentials, signatures and query
+strings are removed.
 """
 
 import logging
+import re
 import sys
 import threading
-from collections.abc import Callable
 from contextvars import ContextVar
 from datetime import UTC, datetime
 from types import TracebackType
@@ -19,19 +20,28 @@ FORMATS: Final = ("auto", "json", "text")
 REQUEST_ID: Final[ContextVar[str | None]] = ContextVar("request_id", default=None)
 """Id of the request that this thread serves."""
 
-Redactor = Callable[[str], str]
-_redactors: Final[list[Redactor]] = []
 _RENAMED: Final = {"asctime": "time", "levelname": "level", "name": "logger"}
 _FIELDS: Final = "%(asctime)s %(levelname)s %(name)s %(process)d %(message)s"
 _QUIET: Final = ("alembic", "urllib3", "requests")
 _JSON_ONLY: Final = "edge_server.access"
 """The access log is written as JSON only."""
-
-
-def redact_with(redactor: Redactor) -> None:
-    """Register a function that every finished line passes."""
-    if redactor not in _redactors:
-        _redactors.append(redactor)
+_QUOTE: Final = r"(?:\\?[\"'])?"
+_SECRETS: Final = (
+    # A header with its value, as in a request, a dict or JSON within JSON
+    (
+        re.compile(
+            rf"((?:proxy-)?authorization|x-api-key|x-jws-signature|cookie)({_QUOTE}\s*[:=,]\s*"
+            rf"(?:b(?=[\"']))?{_QUOTE})(?:(?:bearer|basic|digest|token)\s+)?[^\s\"'\\,;)\]}}]+",
+            re.IGNORECASE,
+        ),
+        r"\1\2***",
+    ),
+    (re.compile(r"\b(bearer|basic)\s+[\w.~+/=-]{8,}", re.IGNORECASE), r"\1 ***"),
+    (re.compile(r"\b(fm_[0-9a-f]{1,8}_)[0-9A-Za-z]+"), r"\1***"),
+    (re.compile(r"\bey[\w-]+\.[\w-]*\.[\w-]+"), "***"),  # A JWS; its header is JSON: {" is eyJ
+    (re.compile(r"(://[^\s/:@\"']*):[^\s/@\"']+@"), r"\1:***@"),
+    (re.compile(r"((?:\b\w+://|/)[^\s?\"'\\]*)\?[^\s\"'\\]+"), r"\1?***"),
+)
 
 
 def configure(level: str, form: str, stream: TextIO | None = None) -> None:
@@ -61,9 +71,10 @@ def _add_request_id(record: logging.LogRecord) -> bool:
     return True
 
 
-def _redacted(line: str) -> str:
-    for redactor in _redactors:
-        line = redactor(line)
+def redact(line: str) -> str:
+    """Remove secrets from a line."""
+    for pattern, replacement in _SECRETS:
+        line = pattern.sub(replacement, line)
     return line
 
 
@@ -80,7 +91,7 @@ class _JsonLine(JsonFormatter):
 
     def format(self, record: logging.LogRecord) -> str:
         """Write one line."""
-        return _redacted(super().format(record))
+        return redact(super().format(record))
 
 
 class _TextLine(logging.Formatter):
@@ -93,7 +104,7 @@ class _TextLine(logging.Formatter):
         """Write a line."""
         line = super().format(record)
         identifier: Any = getattr(record, "request_id", None)
-        return _redacted(f"{line} [{identifier}]" if identifier else line)
+        return redact(f"{line} [{identifier}]" if identifier else line)
 
 
 def _on_exception(

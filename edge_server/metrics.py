@@ -28,9 +28,9 @@ from prometheus_client.metrics_core import Metric
 from prometheus_client.registry import Collector
 from sqlalchemy import text
 
+from edge_server import relay_health
 from edge_server.config import Config
 from edge_server.connections.counts import COUNTS
-from edge_server.observability import relay_health
 from edge_server.outbox import counts
 from edge_server.outbox.counts import DELIVERY_BUCKETS_S, Waiting
 from edge_server.outbox.queue import PRIORITY

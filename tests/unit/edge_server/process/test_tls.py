@@ -11,8 +11,8 @@ import pytest
 import requests
 
 from edge_server.config import Config, ConfigError, load
+from edge_server.process import tls
 from edge_server.process.exit_codes import OK, WRONG_SETUP
-from edge_server.security import tls
 from mavlink_broker.edge.client import EdgeClient
 from mavlink_broker.edge.outbox import Post, Urgency
 from tests.support.polling import PATIENCE_S

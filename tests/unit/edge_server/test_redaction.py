@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from edge_server.observability import logs
-from edge_server.security.redaction import redact
+from edge_server import logs
+from edge_server.logs import redact
 from edge_server.store.rows import keys
 
 KEY = "fm_0123abcd_" + "5e" * 32
@@ -71,7 +71,6 @@ def log(monkeypatch: pytest.MonkeyPatch) -> Iterator[io.StringIO]:
     """The log of this process as JSON, redacted as the program redacts it."""
     monkeypatch.setattr("sys.excepthook", None)
     monkeypatch.setattr("threading.excepthook", threading.excepthook)
-    monkeypatch.setattr("edge_server.observability.logs._redactors", [redact])
     root = logging.getLogger()
     handlers, level = root.handlers[:], root.level
     stream = io.StringIO()

@@ -1,1 +1,0 @@
-"""Secret files, TLS, and redaction of log lines."""
