@@ -8,17 +8,9 @@ from flask import Flask
 from flask.json.provider import DefaultJSONProvider
 from flask_sqlalchemy import SQLAlchemy
 
-from edge_server.api import (
-    audit_trail,
-    auth,
-    bodies,
-    errors,
-    headers,
-    request_log,
-    signatures,
-    urls,
-)
-from edge_server.api.limits import Limits
+from edge_server.api import bodies, errors, headers, request_log, urls
+from edge_server.api.access import audit_trail, auth, signatures
+from edge_server.api.access.limits import Limits
 from edge_server.api.routes import (
     audit,
     broker,
@@ -103,7 +95,7 @@ def create_app(config: Config, *, clock: Callable[[], float] = time.time) -> Fla
     app.before_request(documentation.greet_browser)
     app.before_request(lambda: auth.authorize(ring, limits, context))
     if config.cloud_jws_key_file is not None:
-        from edge_server.api import jws  # noqa: PLC0415  # it costs memory
+        from edge_server.api.access import jws  # noqa: PLC0415  # it costs memory
 
         app.extensions[signatures.EXTENSION] = jws.load(config.cloud_jws_key_file, config.edge_id)
     app.before_request(bodies.refuse_encoded)

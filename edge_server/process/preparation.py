@@ -49,7 +49,7 @@ def _prepare_database(config: Config) -> None:
 def _check_signature_key(config: Config) -> None:
     if config.cloud_jws_key_file is None:
         return
-    from edge_server.api import jws  # noqa: PLC0415  # loaded only where it is needed
+    from edge_server.api.access import jws  # noqa: PLC0415  # loaded only where it is needed
 
     try:
         jws.load(config.cloud_jws_key_file, config.edge_id)

@@ -26,7 +26,7 @@ from edge_server.process import children, tls, workers
 from edge_server.process.exit_codes import FAILED, OK, WRONG_SETUP
 
 if TYPE_CHECKING:
-    from edge_server.api.auth import KeyRing
+    from edge_server.api.access.auth import KeyRing
 
 LOG = logging.getLogger(__name__)
 BIND_PATIENCE_S: Final = 3.0

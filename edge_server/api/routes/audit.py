@@ -7,7 +7,7 @@ from typing import Final
 from flask import Blueprint, Response
 
 from edge_server.api import bodies, urls
-from edge_server.api.auth import ADMIN, allow
+from edge_server.api.access.auth import ADMIN, allow
 from edge_server.api.contract import Contract, describe
 from edge_server.services import audit
 from edge_server.services.context import Context

@@ -9,8 +9,9 @@ from pydantic import Field
 from afarcloud.model import Model
 from afarcloud.plan import LatestStateVector
 from afarcloud.wire import Kind
-from edge_server.api import bodies, schemas, scopes, urls
-from edge_server.api.auth import BROKER, PEOPLE, allow, audit, key_owner
+from edge_server.api import bodies, schemas, urls
+from edge_server.api.access import scopes
+from edge_server.api.access.auth import BROKER, PEOPLE, allow, audit, key_owner
 from edge_server.api.contract import Contract, describe
 from edge_server.services.fleet import broker_work
 from edge_server.services.fleet.broker_work import Acknowledgement

@@ -15,8 +15,9 @@ from afarcloud import wire
 from afarcloud.faults import DocumentError, Fault, InvalidError
 from afarcloud.state import Report
 from afarcloud.wire import TELEMETRY, Kind
-from edge_server.api import bodies, errors, schemas, scopes, urls
-from edge_server.api.auth import BROKER, KEY_RULE, allow, caller, is_idempotency_key
+from edge_server.api import bodies, errors, schemas, urls
+from edge_server.api.access import scopes
+from edge_server.api.access.auth import BROKER, KEY_RULE, allow, caller, is_idempotency_key
 from edge_server.api.contract import Contract, describe
 from edge_server.services.errors import ServiceError
 from edge_server.services.reports import telemetry

@@ -8,8 +8,9 @@ from flask.typing import ResponseReturnValue
 from afarcloud.faults import Fault
 from afarcloud.state import Report
 from afarcloud.wire import TELEMETRY, Kind
-from edge_server.api import bodies, schemas, scopes, urls
-from edge_server.api.auth import ADMIN, PLANNERS, allow, audit
+from edge_server.api import bodies, schemas, urls
+from edge_server.api.access import scopes
+from edge_server.api.access.auth import ADMIN, PLANNERS, allow, audit
 from edge_server.api.contract import Contract, describe
 from edge_server.api.errors import RequestError
 from edge_server.api.routes.audit import NDJSON

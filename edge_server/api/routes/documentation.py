@@ -14,7 +14,7 @@ from flask import Blueprint, Flask, Response, current_app, request
 from flask.typing import ResponseReturnValue
 
 from edge_server.api import openapi, schemas, urls
-from edge_server.api.auth import READERS, allow, roles_of
+from edge_server.api.access.auth import READERS, allow, roles_of
 from edge_server.api.contract import Contract, contract_of, describe
 
 _METHODS: Final = ("GET", "POST", "PUT", "DELETE")

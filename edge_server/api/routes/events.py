@@ -9,8 +9,9 @@ from werkzeug.exceptions import Forbidden
 from afarcloud.enumerations import EventType
 from afarcloud.plan import Event
 from afarcloud.wire import Kind
-from edge_server.api import bodies, etags, schemas, scopes, urls
-from edge_server.api.auth import PEOPLE, PLANNERS, READERS, allow, audit, caller
+from edge_server.api import bodies, etags, schemas, urls
+from edge_server.api.access import scopes
+from edge_server.api.access.auth import PEOPLE, PLANNERS, READERS, allow, audit, caller
 from edge_server.api.contract import PAGE, Contract, describe
 from edge_server.services.fleet import events
 from edge_server.store.rows.keys import Role

@@ -9,7 +9,7 @@ from flask.typing import ResponseReturnValue
 from afarcloud.faults import Fault, InvalidError
 from afarcloud.wire import read_as
 from edge_server.api import bodies, etags, schemas, uploads, urls
-from edge_server.api.auth import PLANNERS, READERS, allow, audit, caller
+from edge_server.api.access.auth import PLANNERS, READERS, allow, audit, caller
 from edge_server.api.contract import Contract, describe
 from edge_server.api.errors import RequestError
 from edge_server.exchange import field, geojson, kml

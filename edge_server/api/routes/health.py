@@ -9,7 +9,7 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from edge_server import relay_health
 from edge_server.api import bodies, schemas, urls
-from edge_server.api.auth import PUBLIC, allow
+from edge_server.api.access.auth import PUBLIC, allow
 from edge_server.api.contract import Contract, describe
 
 

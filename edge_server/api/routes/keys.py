@@ -5,8 +5,9 @@ from typing import Any, Final
 from flask import Blueprint, current_app
 from flask.typing import ResponseReturnValue
 
-from edge_server.api import bodies, schemas, scopes, urls
-from edge_server.api.auth import ADMIN, KeyRing, allow, audit, refusal
+from edge_server.api import bodies, schemas, urls
+from edge_server.api.access import scopes
+from edge_server.api.access.auth import ADMIN, KeyRing, allow, audit, refusal
 from edge_server.api.contract import Contract, describe
 from edge_server.services import keys
 from edge_server.services.keys import KeyRequest

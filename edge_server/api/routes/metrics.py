@@ -4,7 +4,7 @@ from flask import Blueprint, Response, current_app
 from prometheus_client import CONTENT_TYPE_LATEST
 
 from edge_server.api import urls
-from edge_server.api.auth import PLANNERS, allow
+from edge_server.api.access.auth import PLANNERS, allow
 from edge_server.api.contract import Contract, describe
 from edge_server.metrics import Metrics
 

@@ -9,8 +9,9 @@ from werkzeug.exceptions import Forbidden
 
 from afarcloud.faults import Fault, InvalidError
 from afarcloud.wire import read_as
-from edge_server.api import bodies, schemas, scopes, uploads, urls
-from edge_server.api.auth import PLANNERS, allow, audit, caller
+from edge_server.api import bodies, schemas, uploads, urls
+from edge_server.api.access import scopes
+from edge_server.api.access.auth import PLANNERS, allow, audit, caller
 from edge_server.api.contract import Contract, describe
 from edge_server.api.errors import RequestError
 from edge_server.exchange import qgc_plan, waypoint_list

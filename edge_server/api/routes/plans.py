@@ -10,10 +10,16 @@ from afarcloud.numbers import ShortText, VehicleId
 from afarcloud.plan import Plan
 from afarcloud.wire import Kind
 from edge_server.api import bodies, etags, schemas, urls
-from edge_server.api.auth import PLANNERS, READERS, allow, audit, caller, refusal
+from edge_server.api.access.auth import PLANNERS, READERS, allow, audit, caller, refusal
+from edge_server.api.access.scopes import (
+    check,
+    check_resource,
+    own_missions,
+    pages,
+    with_vehicle_check,
+)
 from edge_server.api.contract import PAGE, Contract, describe
 from edge_server.api.routes import plan_files
-from edge_server.api.scopes import check, check_resource, own_missions, pages, with_vehicle_check
 from edge_server.services.planning import plans
 from edge_server.store.rows.keys import Role
 

@@ -7,8 +7,9 @@ from flask.typing import ResponseReturnValue
 from werkzeug.exceptions import Forbidden
 
 from afarcloud.faults import Fault
-from edge_server.api import bodies, schemas, scopes, urls
-from edge_server.api.auth import PLANNERS, allow, audit, caller
+from edge_server.api import bodies, schemas, urls
+from edge_server.api.access import scopes
+from edge_server.api.access.auth import PLANNERS, allow, audit, caller
 from edge_server.api.contract import Contract, describe
 from edge_server.api.errors import RequestError
 from edge_server.services.planning import surveys

@@ -7,8 +7,9 @@ from flask.typing import ResponseReturnValue
 
 from afarcloud.state import Report
 from afarcloud.wire import MODELS, TELEMETRY, Kind
-from edge_server.api import bodies, etags, scopes, urls
-from edge_server.api.auth import ADMIN, BROKER, PEOPLE, allow, audit, caller
+from edge_server.api import bodies, etags, urls
+from edge_server.api.access import scopes
+from edge_server.api.access.auth import ADMIN, BROKER, PEOPLE, allow, audit, caller
 from edge_server.api.contract import PAGE, Contract, describe
 from edge_server.api.schemas import STORED_REPORTS
 from edge_server.services.reports import telemetry

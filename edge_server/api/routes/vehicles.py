@@ -8,8 +8,9 @@ from flask.typing import ResponseReturnValue
 from afarcloud.faults import Fault, InvalidError
 from afarcloud.model import Model
 from afarcloud.numbers import INT32_MAX, ShortText
-from edge_server.api import bodies, etags, schemas, scopes, urls
-from edge_server.api.auth import ADMIN, PLANNERS, READERS, allow, audit, caller
+from edge_server.api import bodies, etags, schemas, urls
+from edge_server.api.access import scopes
+from edge_server.api.access.auth import ADMIN, PLANNERS, READERS, allow, audit, caller
 from edge_server.api.contract import Contract, describe
 from edge_server.services.fleet import vehicle_holds, vehicles
 from edge_server.services.fleet.vehicles import VehicleState

@@ -2,7 +2,7 @@
 
 The key is checked before the route, so that a client without one receives 401, even for a path
 that does not exist; only health checks and the page at `/` need no key. Scopes restrict a key
-further (edge_server.api.scopes).
+further (edge_server.api.access.scopes).
 """
 
 import hmac
@@ -17,9 +17,9 @@ from flask import current_app, g, request
 from werkzeug.datastructures import WWWAuthenticate
 from werkzeug.exceptions import Forbidden, HTTPException, Unauthorized
 
-from edge_server.api import audit_trail, scopes
+from edge_server.api.access import audit_trail, scopes
+from edge_server.api.access.limits import Limits
 from edge_server.api.errors import RequestError
-from edge_server.api.limits import Limits
 from edge_server.services.context import Caller, Context
 from edge_server.store.connection.database import Database
 from edge_server.store.rows import keys

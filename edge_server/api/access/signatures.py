@@ -1,4 +1,4 @@
-"""Signatures of the cloud's writes, in the header `X-JWS-Signature` (edge_server.api.jws).
+"""Signatures of the cloud's writes, in the header `X-JWS-Signature` (edge_server.api.access.jws).
 
 Checked before every write under `/plans/` and `/events/`, whatever the route, once the caller is
 authenticated. The transaction of the write also marks the signature as used.
@@ -10,8 +10,9 @@ from flask import g, request
 from werkzeug.datastructures import WWWAuthenticate
 from werkzeug.exceptions import Forbidden, Unauthorized
 
-from edge_server.api import audit_trail, bodies
-from edge_server.api.scopes import SAFE_METHODS
+from edge_server.api import bodies
+from edge_server.api.access import audit_trail
+from edge_server.api.access.scopes import SAFE_METHODS
 from edge_server.services.audit import Token
 from edge_server.store.rows.keys import Role
 

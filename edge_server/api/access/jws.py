@@ -23,8 +23,8 @@ from joserfc.util import urlsafe_b64decode
 from werkzeug.exceptions import Forbidden
 
 from afarcloud.wire import unique_members
+from edge_server.api.access.signatures import invalid_signature
 from edge_server.api.errors import RequestError
-from edge_server.api.signatures import invalid_signature
 from edge_server.services.audit import Token
 
 LONGEST_LIFE_S: Final = 7 * 86_400.0

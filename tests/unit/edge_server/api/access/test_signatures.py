@@ -16,7 +16,7 @@ from joserfc.jwk import OctKey
 from werkzeug.exceptions import HTTPException
 from werkzeug.test import TestResponse
 
-from edge_server.api import jws
+from edge_server.api.access import jws
 from edge_server.api.errors import RequestError
 from edge_server.services.fleet.events import EVENT_LIMIT
 from tests.unit.edge_server.conftest import NOON, Edge

@@ -10,7 +10,7 @@ from typing import Final
 from flask import Flask, Response, g, request
 from sqlalchemy.exc import SQLAlchemyError
 
-from edge_server.api.scopes import SAFE_METHODS
+from edge_server.api.access.scopes import SAFE_METHODS
 from edge_server.services.audit import Actor, Trail
 from edge_server.services.context import Context
 from edge_server.store.connection.database import TRANSACTION_HOOK
