@@ -11,7 +11,7 @@ yaw error of a few degrees is corrected as if there were no weight.
 import math
 from typing import NamedTuple
 
-from uav_firmware.lib.rotation import conjugate, multiply, rotate_inverse
+from uav_firmware.lib.rotation import rotate_inverse
 from uav_firmware.msg.vectors import Quaternion, Vector3
 
 _DOWN_NED: Vector3 = (0.0, 0.0, 1.0)
@@ -32,10 +32,15 @@ def error_quaternion(q_ned_frd: Quaternion, q_setpoint_ned_frd: Quaternion) -> Q
     It is conjugate(q) * q_setpoint: the turn still to be made, seen from the body. Of the two
     quaternions of this turn the nearer one is given, so that the vehicle never unwinds.
     """
-    error = multiply(conjugate(q_ned_frd), q_setpoint_ned_frd)
-    if error[0] < 0.0:
-        return (-error[0], -error[1], -error[2], -error[3])
-    return error
+    w, x, y, z = q_ned_frd
+    wanted_w, wanted_x, wanted_y, wanted_z = q_setpoint_ned_frd
+    error_w = w * wanted_w + x * wanted_x + y * wanted_y + z * wanted_z
+    error_x = w * wanted_x - x * wanted_w - y * wanted_z + z * wanted_y
+    error_y = w * wanted_y + x * wanted_z - y * wanted_w - z * wanted_x
+    error_z = w * wanted_z - x * wanted_y + y * wanted_x - z * wanted_w
+    if error_w < 0.0:
+        return (-error_w, -error_x, -error_y, -error_z)
+    return (error_w, error_x, error_y, error_z)
 
 
 def weighted_error(error: Quaternion, yaw_weight: float) -> Vector3:
