@@ -16,7 +16,7 @@ from sim.sensors.gps import Gps
 from sim.sensors.imu import Imu, rotor_load
 from sim.sensors.magnetometer import Magnetometer
 from sim.sensors.rangefinder import RangeFinder
-from sim.sensors.readings import BaroReading, ImuReading, MagReading, Readings
+from sim.sensors.readings import BaroReading, EscReading, ImuReading, MagReading, Readings
 
 _MICROSECONDS: Final = 1_000_000
 
@@ -95,8 +95,9 @@ class SensorSuite:
         `motor_currents_a` gives what each motor draws from the pack; asked for when needed.
         """
         time_us = truth.time_us
-        if time_us < self._next_us:
-            return Readings(self._imus(truth), self._no_baros, self._no_mags, None, None, None)
+        if time_us < self._next_us:  # The inertial units, and every other time the controllers
+            esc = self._esc(truth, motor_currents_a)
+            return Readings(self._imus(truth), self._no_baros, self._no_mags, None, None, esc)
         if self._gps_schedule.due(time_us):
             self.gps.measure(truth)
         readings = Readings(
@@ -105,7 +106,7 @@ class SensorSuite:
             self._mags(truth) if self._mag_schedule.due(time_us) else self._no_mags,
             self.gps.deliver(time_us),
             self.battery.read(time_us) if self._battery_schedule.due(time_us) else None,
-            self.esc.read(truth, motor_currents_a()) if self._esc_schedule.due(time_us) else None,
+            self._esc(truth, motor_currents_a),
             self.rangefinder.read(truth) if self._range_schedule.due(time_us) else None,
         )
         self._next_us = self._soonest_us()
@@ -121,14 +122,17 @@ class SensorSuite:
     def _mags(self, truth: Truth) -> tuple[MagReading, ...]:
         return tuple([magnetometer.read(truth) for magnetometer in self.magnetometers])
 
+    def _esc(self, truth: Truth, motor_currents_a: Callable[[], Motors]) -> EscReading | None:
+        due = self._esc_schedule.due(truth.time_us)
+        return self.esc.read(truth, motor_currents_a()) if due else None
+
     def _soonest_us(self) -> int:
-        """When an instrument besides the inertial sensor has something to say next [us]."""
+        """When one of the slow instruments has something to say next [us]."""
         return min(
             self._baro_schedule.next_us,
             self._mag_schedule.next_us,
             self._gps_schedule.next_us,
             self._battery_schedule.next_us,
-            self._esc_schedule.next_us,
             self._range_schedule.next_us,
             self.gps.delivery_us,
         )
