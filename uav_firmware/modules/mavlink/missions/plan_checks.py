@@ -72,7 +72,8 @@ class PlanChecker:
     def receive(self) -> bool:
         """Take the results of the navigator; return whether there was one."""
         results = self._results.drain()
-        self._received.update((result.plan_type, result) for result in results)
+        for result in results:
+            self._received[result.plan_type] = result
         return bool(results)
 
     def check_of(self, plan_type: PlanType) -> PlanCheck:

@@ -43,6 +43,8 @@ class PlanChecks:
         for request in self._requests.drain():
             review = Stepwise(self._review(request.plan_type, request.items))
             self._work[request.plan_type] = (request.request_id, review)
+        if not self._work:
+            return
         is_fence_first = PlanType.FENCE in self._work
         for plan_type in (PlanType.FENCE,) if is_fence_first else tuple(self._work):
             request_id, work = self._work[plan_type]
