@@ -96,7 +96,7 @@ class JsbsimVehicle:
 
     def read_imu(self, instance: int = 0) -> SensorImu:
         """Inertial sample of this step."""
-        return SensorImu(*self._readings.imus[instance])  # The same fields in the same order
+        return SensorImu._make(self._readings.imus[instance])  # The same fields in the same order
 
     def read_baro(self, instance: int = 0) -> SensorBaro | None:
         """Barometer sample if one is due."""

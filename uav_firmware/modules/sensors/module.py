@@ -7,6 +7,8 @@ and stays so until a restart.
 
 import math
 from collections.abc import Sequence
+from itertools import chain
+from operator import attrgetter
 from typing import Final
 
 import numpy as np
@@ -36,6 +38,9 @@ from uav_firmware.msg.sensors import (
 from uav_firmware.msg.status import StatusText
 from uav_firmware.msg.vectors import Vector3
 from uav_firmware.parameters import Registry
+
+_rate_of: Final = attrgetter("rate_frd")
+_force_of: Final = attrgetter("specific_force_frd")
 
 _REPEAT_US: Final = 1_000_000
 _CRITICAL: Final = 2  # MAV_SEVERITY
@@ -130,8 +135,8 @@ class SensorsModule:
             self._imu.publish(
                 SensorImu(
                     imus[0].time_us,
-                    gyros.select([imu.rate_frd for imu in imus]),
-                    accels.select([imu.specific_force_frd for imu in imus]),
+                    gyros.select(tuple(map(_rate_of, imus))),
+                    accels.select(tuple(map(_force_of, imus))),
                 )
             )
         if self._imus.count % 2:  # Every other sample says as much of what has failed
@@ -280,10 +285,11 @@ class SensorsModule:
 def _samples(window: Sequence[Sequence[SensorImu]]) -> tuple[Array, Array]:
     """Rates and forces of a window, each of shape (samples, instances, 3)."""
     shape = (len(window), len(window[0]), 3)
-    # Flat lists first: numpy takes four times as long to look through nested tuples.
-    rates = [number for imus in window for imu in imus for number in imu.rate_frd]
-    forces = [number for imus in window for imu in imus for number in imu.specific_force_frd]
-    return np.array(rates).reshape(shape), np.array(forces).reshape(shape)
+    # One flat run of numbers: numpy takes four times as long to look through nested tuples.
+    imus = list(chain.from_iterable(window))
+    rates = np.fromiter(chain.from_iterable(map(_rate_of, imus)), float)
+    forces = np.fromiter(chain.from_iterable(map(_force_of, imus)), float)
+    return rates.reshape(shape), forces.reshape(shape)
 
 
 def _height(baro: SensorBaro) -> tuple[float]:
