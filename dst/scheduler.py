@@ -1,0 +1,119 @@
+"""Virtual clock, event queue and trace of one simulated world.
+
+Everything that happens in a world is an action of the queue. Actions are taken in the order of
+their time; actions of the same time in an order drawn from the seed, because a real machine
+promises none. The same seed gives the same trace, byte for byte.
+"""
+
+import hashlib
+import heapq
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from datetime import UTC, datetime, timedelta
+from random import Random
+from typing import Final
+
+EPOCH: Final = datetime(2026, 11, 21, 8, 0, tzinfo=UTC)
+"""Time of day at the virtual time 0."""
+KEPT_LINES: Final = 2000
+"""Last lines of a trace that are kept for the report of a failure."""
+BOOT_S: Final = 1000.0
+"""Monotonic time of the machine at the virtual time 0."""
+
+
+class Trace:
+    """Who sent what to whom when: a digest of every line, and the last lines."""
+
+    def __init__(self, kept_lines: int | None = KEPT_LINES) -> None:
+        """Keep so many lines; None keeps all."""
+        self._hash = hashlib.sha256()
+        self.lines: deque[str] = deque(maxlen=kept_lines)
+
+    def note(self, time_s: float, sender: str, receiver: str, text: str) -> None:
+        """Add a line."""
+        line = f"{time_s:12.4f}  {sender} > {receiver}: {text}"
+        self._hash.update(line.encode() + b"\n")
+        self.lines.append(line)
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of all lines, hexadecimal."""
+        return self._hash.hexdigest()
+
+
+@dataclass(order=True, slots=True)
+class Event:
+    """An action that is due; `cancel` takes it out of the queue."""
+
+    time_s: float
+    rank: float  # Drawn: the order of events of the same time
+    number: int
+    action: Callable[[], None] | None = field(compare=False)
+
+    def cancel(self) -> None:
+        """Have the action not taken."""
+        self.action = None
+
+
+class Scheduler:
+    """Takes the actions of one world, one after the other."""
+
+    def __init__(self, seed: int, *, kept_lines: int | None = KEPT_LINES) -> None:
+        self.seed = seed
+        self.now_s = 0.0
+        self.trace = Trace(kept_lines)
+        self._queue: list[Event] = []
+        self._ranks = self.random("scheduler")
+        self._count = 0
+
+    def random(self, name: str) -> Random:
+        """Give a source of random numbers for one purpose.
+
+        A fault that is left out does not change the numbers that the other faults draw.
+        """
+        return Random(f"{self.seed}/{name}")
+
+    def after(self, delay_s: float, action: Callable[[], None]) -> Event:
+        """Take an action after a delay [s]; one of 0 or less comes as soon as possible."""
+        self._count += 1
+        time_s = self.now_s + max(0.0, delay_s)
+        event = Event(time_s, self._ranks.random(), self._count, action)
+        heapq.heappush(self._queue, event)
+        return event
+
+    def every(self, period_s: float, action: Callable[[], None]) -> None:
+        """Take an action now and then again and again, with a fixed period [s]."""
+
+        def act() -> None:
+            self.after(period_s, act)
+            action()
+
+        self.after(0.0, act)
+
+    def run_until(self, time_s: float) -> None:
+        """Take every action that is due up to a virtual time [s]."""
+        while self._queue and self._queue[0].time_s <= time_s:
+            event = heapq.heappop(self._queue)
+            if event.action is not None:
+                self.now_s = event.time_s
+                event.action()
+        self.now_s = max(self.now_s, time_s)
+
+    def note(self, sender: str, receiver: str, text: str) -> None:
+        """Add a line to the trace."""
+        self.trace.note(self.now_s, sender, receiver, text)
+
+    # The clock of the programs.
+
+    def monotonic(self) -> float:
+        """Monotonic time [s]."""
+        return BOOT_S + self.now_s
+
+    def utc(self) -> datetime:
+        """Time of day."""
+        return EPOCH + timedelta(seconds=self.now_s)
+
+    def epoch_s(self) -> float:
+        """Seconds since 1970."""
+        return EPOCH.timestamp() + self.now_s
