@@ -18,7 +18,6 @@ from afarcloud.enumerations import (
     StartPoint,
     TrackMode,
 )
-from afarcloud.model import Model, field_error
 from afarcloud.numbers import (
     Boolean,
     Byte,
@@ -27,9 +26,11 @@ from afarcloud.numbers import (
     Int32,
     Latitude,
     Longitude,
+    Model,
     PositiveByte,
     PositiveHeightAboveHome,
     Yaw,
+    field_error,
     json_integer,
     json_number,
 )

@@ -23,9 +23,9 @@ from afarcloud.commands import (
 from afarcloud.enumerations import TrackMode
 from afarcloud.faults import Fault
 from afarcloud.geodesy import distance_m
+from afarcloud.numbers import MAXIMUM_HEIGHT_M, Model
 from afarcloud.plan import Mission
 from afarcloud.route import Spot, spot_of
-from afarcloud.vehicle import VehicleLimits
 
 LOWEST_TAKEOFF_M: Final = 1.0
 """Above home; what is lower lies within the height that a take-off takes to leave the ground."""
@@ -36,8 +36,17 @@ SLOWEST_TURN_DEG_S: Final = 360.0 / 86_400.0
 """One turn a day: a slower one does not move, and vehicles refuse it in flight."""
 
 
+class VehicleLimits(Model):
+    """Limits of one registered vehicle; a distance of 0 is no limit."""
+
+    maximum_speed_m_s: float = 12.0
+    maximum_height_above_home_m: float = MAXIMUM_HEIGHT_M
+    farthest_m: float = 0.0  # Every place of a mission from its first one
+    longest_leg_m: float = 0.0  # From one place to the next
+
+
 class Unflyable(NamedTuple):
-    """What of a mission no vehicle flies."""
+    """A part of a mission that no vehicle flies."""
 
     command: int | None  # Its place in the mission; None for the mission itself
     field: str

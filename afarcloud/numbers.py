@@ -1,4 +1,4 @@
-"""Numbers, times and texts as JSON carries them, with what AFarCloud allows.
+"""The base of every AFarCloud type, and its numbers, times and texts as JSON carries them.
 
 JSON has one number type; Python's coercions are wider than that. A bool is no number, a string
 is no number, 1.0 is an integer, and NaN or infinity is never accepted.
@@ -9,12 +9,36 @@ import re
 from datetime import UTC, datetime
 from typing import Annotated, Any, Final, TypeAlias
 
-from pydantic import AfterValidator, AwareDatetime, BeforeValidator, Field, PlainSerializer
+from pydantic import (
+    AfterValidator,
+    AwareDatetime,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    PlainSerializer,
+)
+from pydantic_core import PydanticCustomError
 
 INT32_MAX = 2**31 - 1
 LAST_YEAR = 9998
 MAXIMUM_HEIGHT_M = 120.0
 """Height limit above ground of the EU open category (Regulation 2019/947)."""
+
+
+FIELD_RULE = "field_rule"
+"""Type of the errors made by `field_error`; their context names the field."""
+
+
+class Model(BaseModel):
+    """Frozen; an unknown field, NaN or infinity is refused."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+def field_error(field: str, message: str) -> PydanticCustomError:
+    """Make the error of a rule between fields, reported at one of them."""
+    return PydanticCustomError(FIELD_RULE, "{message}", {"field": field, "message": message})
 
 
 class Vanished(float):

@@ -6,18 +6,19 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from afarcloud.commands import Command
 from afarcloud.enumerations import EventType, Profile
-from afarcloud.model import Model, field_error
 from afarcloud.numbers import (
     Boolean,
     HeightAboveHome,
     Int32,
     Latitude,
     Longitude,
+    Model,
     PositiveHeightAboveHome,
     ShortText,
     Time,
     Ulid,
     VehicleId,
+    field_error,
     json_integer,
     json_number,
 )

@@ -19,10 +19,10 @@ from afarcloud.commands import (
 from afarcloud.enumerations import CommandType, Profile
 from afarcloud.faults import Fault
 from afarcloud.fence_check import FenceCheck, altitude_name
+from afarcloud.flyable import VehicleLimits
 from afarcloud.geodesy import distance_m
 from afarcloud.plan import Mission, Plan
 from afarcloud.route import Spot, spot_of
-from afarcloud.vehicle import VehicleLimits
 
 
 class Verdict(NamedTuple):

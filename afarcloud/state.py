@@ -7,19 +7,20 @@ from typing import Annotated, Any, Final
 from pydantic import BeforeValidator, ConfigDict, Field, model_validator
 
 from afarcloud.enumerations import ALARM_CODES, AlarmType, ImageFormat, Status
-from afarcloud.model import Model, field_error
 from afarcloud.numbers import (
     EpochSeconds,
     Fraction,
     Int32,
     Latitude,
     Longitude,
+    Model,
     Number,
     ShortText,
     Time,
     Ulid,
     VehicleId,
     Yaw,
+    field_error,
     json_integer,
     json_number,
 )

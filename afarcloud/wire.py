@@ -20,8 +20,7 @@ from afarcloud.faults import MOST_FAULTS, Fault, InvalidError, SyntaxFaultError
 from afarcloud.importers.canonical import import_event_document, import_names, import_plan
 from afarcloud.importers.document import Imported
 from afarcloud.importers.spellings import ENVELOPES, SPELLINGS
-from afarcloud.model import FIELD_RULE, Model
-from afarcloud.numbers import parse_number
+from afarcloud.numbers import FIELD_RULE, Model, parse_number
 from afarcloud.plan import Event, LatestStateVector, Plan
 from afarcloud.state import Alarm, Battery, Image, MissionReport, ObservationList, Pose, StateVector
 

@@ -1,14 +1,22 @@
-"""Brings a parsed document to the canonical spelling; the types then validate it."""
+"""Brings a parsed document to the canonical spelling; the types then validate it.
 
-from typing import Any, Final
+The ranges that the information model's annex prints do not fit all parameters: a precision-landing
+mode in metres, an acceptance radius of zero, a rectangle in two small integers. A plan under the
+`annex` profile may use them; each becomes the nearest value that a vehicle can fly.
+"""
 
-from afarcloud.importers.annex_values import import_annex_command
+from typing import Any, Final, TypeGuard
+
+from afarcloud.enumerations import CommandType, PrecisionLandMode
 from afarcloud.importers.document import Imported
 from afarcloud.importers.positions import import_command, import_event
 from afarcloud.importers.spellings import SPELLINGS
 
 DEEPEST: Final = 20
-"""Deeper than any document of ours."""
+"""Deeper than any document of AFarCloud."""
+SMALLEST_RADIUS_M: Final = 0.1
+LARGEST_LAND_MODE: Final = 10
+WHOLE_PICTURE: Final = [[0.0, 0.0], [1.0, 1.0]]
 
 
 def import_plan(body: Any) -> Imported:
@@ -77,3 +85,33 @@ def _commands(missions: Any) -> list[tuple[str, dict[str, Any]]]:
             if isinstance(command, dict):
                 found.append((f"missions.{index}.command_array.{position}", command))
     return found
+
+
+def import_annex_command(command: dict[str, Any]) -> None:
+    """Replace values that only the annex allows in the command's parameters."""
+    parameters = command.get("parameters")
+    if not isinstance(parameters, dict):
+        return
+    match command.get("command_type_id"):
+        case CommandType.NAV_WAYPOINT:
+            radius = parameters.get("acceptance_radius")
+            if _is_number(radius) and 0 <= radius < SMALLEST_RADIUS_M:
+                parameters["acceptance_radius"] = SMALLEST_RADIUS_M
+        case CommandType.NAV_LAND:
+            mode = parameters.get("precision_land_mode")
+            if _is_number(mode) and 0 <= mode <= LARGEST_LAND_MODE:
+                parameters["precision_land_mode"] = _land_mode(mode)
+        case CommandType.NAV_TRACK_SUBJECT:
+            corners = parameters.get("corners")
+            if isinstance(corners, list) and corners in ([0, 1], [1, 1], [0, 0], [1, 0]):
+                parameters["corners"] = WHOLE_PICTURE
+
+
+def _land_mode(number: float) -> int:
+    """Return the mode of this number; a number that MAVLink does not define is opportunistic."""
+    modes = [mode.value for mode in PrecisionLandMode if mode.value == number]
+    return modes[0] if modes else PrecisionLandMode.OPPORTUNISTIC.value
+
+
+def _is_number(value: Any) -> TypeGuard[int | float]:
+    return isinstance(value, (int, float)) and not isinstance(value, bool)

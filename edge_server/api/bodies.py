@@ -9,8 +9,7 @@ from werkzeug.exceptions import RequestEntityTooLarge
 
 from afarcloud import wire
 from afarcloud.faults import Fault, SyntaxFaultError
-from afarcloud.model import Model
-from afarcloud.numbers import INT32_MAX
+from afarcloud.numbers import INT32_MAX, Model
 from afarcloud.wire import Kind
 from edge_server.api.errors import RequestError
 from edge_server.services.context import Context

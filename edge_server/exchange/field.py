@@ -7,8 +7,7 @@ from pydantic import Field as Bounds
 
 from afarcloud import geometry
 from afarcloud.faults import Fault, InvalidError
-from afarcloud.model import Model
-from afarcloud.numbers import ShortText
+from afarcloud.numbers import Model, ShortText
 from afarcloud.plan import Polygon
 
 SMALLEST_M2: Final = 1.0

@@ -1,11 +1,12 @@
 """A mission item as files carry it, the commands that we know by name, and places on the ground."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any, Final, NamedTuple, TypeAlias
 
+from afarcloud.faults import Fault
 from afarcloud.geometry import METRES_PER_DEGREE
 
 Parameters: TypeAlias = tuple[float | None, ...]
@@ -129,3 +130,16 @@ class Place(NamedTuple):
             "longitude": self.longitude_deg,
             "altitude": self.relative_altitude_m,
         }
+
+
+class MissionFile(NamedTuple):
+    """The content of a mission file of any format, before it is translated."""
+
+    items: list[Item]
+    home: Home | None
+    speed_m_s: float | None = None  # Where no item has one
+    zero_yaw_is_unset: bool = False
+    geofence: dict[str, Any] | None = None
+    rally_points: Sequence[Mapping[str, Any]] = ()
+    warnings: tuple[Fault, ...] = ()
+    missing: tuple[Fault, ...] = ()  # Parts that the file names and does not carry

@@ -9,8 +9,7 @@ from typing import Any, Final
 
 from afarcloud.faults import Fault, InvalidError
 from edge_server.exchange import qgc_fence
-from edge_server.exchange.mission_file import MissionFile
-from edge_server.exchange.mission_item import EXTRA, Home, Item
+from edge_server.exchange.mission_item import EXTRA, Home, Item, MissionFile
 
 FILE_TYPE: Final = "Plan"
 EXPANDED: Final = frozenset({"survey", "CorridorScan"})

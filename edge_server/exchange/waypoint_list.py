@@ -11,8 +11,7 @@ from collections.abc import Iterator
 from typing import Final
 
 from afarcloud.faults import Fault, InvalidError
-from edge_server.exchange.mission_file import MissionFile
-from edge_server.exchange.mission_item import ABSOLUTE, Cmd, Home, Item
+from edge_server.exchange.mission_item import ABSOLUTE, Cmd, Home, Item, MissionFile
 
 HEADER: Final = re.compile(r"QGC\s+WPL\s+(\d+)\s*")
 VERSION: Final = "110"

@@ -8,8 +8,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
+from afarcloud.flyable import VehicleLimits
 from afarcloud.numbers import LAST_YEAR, format_time
-from afarcloud.vehicle import VehicleLimits
 from edge_server.config import Config
 from edge_server.outbox import wakeup
 from edge_server.services.brokers import BrokerContacts, WorkSignal

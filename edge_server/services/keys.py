@@ -6,8 +6,7 @@ from pydantic import Field
 from sqlalchemy import Connection
 
 from afarcloud.faults import Fault, InvalidError
-from afarcloud.model import Model
-from afarcloud.numbers import Time, VehicleId
+from afarcloud.numbers import Model, Time, VehicleId
 from edge_server.services import audit
 from edge_server.services.context import show_time
 from edge_server.services.errors import ConflictError, NotFoundError

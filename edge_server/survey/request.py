@@ -4,17 +4,18 @@ from typing import Annotated, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from afarcloud.model import Model, field_error
 from afarcloud.numbers import (
     Boolean,
     Int32,
     Latitude,
     Longitude,
+    Model,
     PositiveHeightAboveHome,
     ShortText,
     Time,
     VehicleId,
     Yaw,
+    field_error,
     json_integer,
     json_number,
 )

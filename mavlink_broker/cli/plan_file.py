@@ -13,8 +13,8 @@ from afarcloud import rules, wire
 from afarcloud.annex import in_seconds
 from afarcloud.enumerations import Profile
 from afarcloud.faults import DocumentError, Fault
+from afarcloud.flyable import VehicleLimits
 from afarcloud.plan import Mission, Plan
-from afarcloud.vehicle import VehicleLimits
 from mavlink_broker.cli.program import FAILED, UsageError
 
 STANDARD_INPUT = "-"

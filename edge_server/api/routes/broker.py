@@ -6,7 +6,7 @@ from flask import Blueprint
 from flask.typing import ResponseReturnValue
 from pydantic import Field
 
-from afarcloud.model import Model
+from afarcloud.numbers import Model
 from afarcloud.plan import LatestStateVector
 from afarcloud.wire import Kind
 from edge_server.api import bodies, schemas, urls

@@ -15,7 +15,7 @@ from edge_server.api.access.auth import PLANNERS, allow, audit, caller
 from edge_server.api.contract import Contract, describe
 from edge_server.api.errors import RequestError
 from edge_server.exchange import qgc_plan, waypoint_list
-from edge_server.exchange.mission_file import MissionFile
+from edge_server.exchange.mission_item import MissionFile
 from edge_server.services.planning import plan_files
 from edge_server.services.planning.plan_files import ImportOrder
 from edge_server.store.rows.keys import Role

@@ -5,8 +5,7 @@ from typing import Any
 from flask import Blueprint, url_for
 from flask.typing import ResponseReturnValue
 
-from afarcloud.model import Model
-from afarcloud.numbers import ShortText, VehicleId
+from afarcloud.numbers import Model, ShortText, VehicleId
 from afarcloud.plan import Plan
 from afarcloud.wire import Kind
 from edge_server.api import bodies, etags, schemas, urls

@@ -6,8 +6,7 @@ from flask import Blueprint, make_response, url_for
 from flask.typing import ResponseReturnValue
 
 from afarcloud.faults import Fault, InvalidError
-from afarcloud.model import Model
-from afarcloud.numbers import INT32_MAX, ShortText
+from afarcloud.numbers import INT32_MAX, Model, ShortText
 from edge_server.api import bodies, etags, schemas, urls
 from edge_server.api.access import scopes
 from edge_server.api.access.auth import ADMIN, PLANNERS, READERS, allow, audit, caller

@@ -5,13 +5,13 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field
 from sqlalchemy import Connection
 
-from afarcloud.model import Model
 from afarcloud.numbers import (
     Boolean,
     Fraction,
     Int32,
     Latitude,
     Longitude,
+    Model,
     Number,
     ShortText,
     Time,

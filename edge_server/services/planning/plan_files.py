@@ -7,12 +7,11 @@ from typing import Any, Final
 from afarcloud.annex import in_seconds
 from afarcloud.enumerations import Profile
 from afarcloud.faults import Fault, InvalidError
-from afarcloud.model import Model
-from afarcloud.numbers import INT32_MAX, Boolean, Int32, ShortText, VehicleId
+from afarcloud.numbers import INT32_MAX, Boolean, Int32, Model, ShortText, VehicleId
 from afarcloud.plan import Mission, Plan, Speed
 from afarcloud.wire import read_as, write
 from edge_server.exchange import from_commands, qgc_plan, to_commands
-from edge_server.exchange.mission_file import MissionFile
+from edge_server.exchange.mission_item import MissionFile
 from edge_server.exchange.to_commands import Translated
 from edge_server.services.context import Caller, Context
 from edge_server.services.errors import NotFoundError

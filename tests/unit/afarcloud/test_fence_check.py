@@ -16,9 +16,9 @@ from hypothesis import strategies as st
 
 from afarcloud import area, rules
 from afarcloud.fence_check import FenceCheck
+from afarcloud.flyable import VehicleLimits
 from afarcloud.plan import Geofence, Plan
 from afarcloud.route import Spot
-from afarcloud.vehicle import VehicleLimits
 from tests.support.polygons import Metres, clearance_m
 
 LATITUDE, LONGITUDE = 40.4434, -3.7382

@@ -6,10 +6,9 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from afarcloud.flyable import faults, reach_faults
+from afarcloud.flyable import VehicleLimits, faults, reach_faults
 from afarcloud.geodesy import shifted
 from afarcloud.plan import Mission
-from afarcloud.vehicle import VehicleLimits
 
 PLACE = {"latitude": 40.4434, "longitude": -3.7382}
 KINDS: dict[str, tuple[int, dict[str, Any]]] = {

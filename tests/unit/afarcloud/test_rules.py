@@ -5,8 +5,8 @@ import pytest
 
 from afarcloud import annex, rules, wire
 from afarcloud.commands import NavWaypoint
+from afarcloud.flyable import VehicleLimits
 from afarcloud.plan import Plan
-from afarcloud.vehicle import VehicleLimits
 from tests.unit.afarcloud import documents
 
 NOW = datetime(2026, 11, 21, 9, 0, tzinfo=UTC)

@@ -13,8 +13,8 @@ from afarcloud import rules, wire
 from afarcloud.annex import in_seconds
 from afarcloud.commands import Command
 from afarcloud.enumerations import CommandType, PanoramaMode, PrecisionLandMode, Profile
+from afarcloud.flyable import VehicleLimits
 from afarcloud.plan import Mission, Plan
-from afarcloud.vehicle import VehicleLimits
 from mavlink_broker.autopilots.families import ARDUPILOT, GENERIC, OWN, PX4, Family
 from mavlink_broker.mavlink.addressing import Route
 from mavlink_broker.mavlink.codec import Decoder, Encoder

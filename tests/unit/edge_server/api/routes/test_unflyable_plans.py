@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from afarcloud.vehicle import VehicleLimits
+from afarcloud.flyable import VehicleLimits
 from edge_server.app import context_of, create_app
 from edge_server.config import Config
 from tests.unit.edge_server.conftest import Clock, Edge
