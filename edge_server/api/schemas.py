@@ -176,11 +176,13 @@ def _envelope(kind: Kind) -> type[BaseModel]:
 _AnyOther = Annotated[Any, Member(description="Anything else: it spoils nothing but its entry.")]
 _ENVELOPES: Final = tuple(_envelope(kind) for kind in TELEMETRY)
 _OneReport: Any = Union[(*_ENVELOPES, _AnyOther)]
+MOST_RECORDS: Final = 500
+"""Reports of one request."""
 Reports: Final = create_model(
     "Reports",
     __config__=ConfigDict(extra="forbid", defer_build=True),
-    __doc__="Up to 500 reports, each in its envelope.",
-    records=(conlist(_OneReport, min_length=1, max_length=500), ...),
+    __doc__=f"Up to {MOST_RECORDS} reports, each in its envelope.",
+    records=(conlist(_OneReport, min_length=1, max_length=MOST_RECORDS), ...),
 )
 
 

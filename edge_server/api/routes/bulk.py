@@ -23,7 +23,6 @@ from edge_server.services.errors import ServiceError
 from edge_server.services.reports import telemetry
 from edge_server.services.reports.telemetry import Arrival, Refusal
 
-MOST_RECORDS: Final = 500
 _KEY: Final = "idempotency_key"
 _KINDS: Final = {kind.value: kind for kind in TELEMETRY}
 
@@ -55,8 +54,8 @@ def _records() -> list[Any]:
     records = body.get("records") if isinstance(body, dict) else None
     if not isinstance(records, list) or not body.keys() <= {"records"}:
         raise InvalidError((Fault("records", "must be the body's one field, an array"),))
-    if not 1 <= len(records) <= MOST_RECORDS:
-        raise InvalidError((Fault("records", f"must hold 1 to {MOST_RECORDS} reports"),))
+    if not 1 <= len(records) <= schemas.MOST_RECORDS:
+        raise InvalidError((Fault("records", f"must hold 1 to {schemas.MOST_RECORDS} reports"),))
     return records
 
 
