@@ -106,12 +106,8 @@ def within_fence(
     return event.model_copy(update={"abort": None}), f"abort: {fault}: {instead}"
 
 
-def abort_action(event: Event, vehicle: Vehicle, *, with_place: bool = True) -> LiveAction:
-    """The action that an abort asks for; without its place (`with_place`) its last order only."""
-    if vehicle.is_standing_armed:
-        return disarm_action(vehicle)
-    if vehicle.snapshot.lacks_position:
-        return land_action(vehicle)
+def _airborne_action(event: Event, vehicle: Vehicle, *, with_place: bool = True) -> LiveAction:
+    """What an abort asks of a vehicle in the air; without its place its last order only."""
     point = event.abort if with_place else None
     spot = None if point is None else Spot(point.latitude, point.longitude, point.altitude)
     begin = _last_order(event, vehicle.family)
@@ -267,7 +263,7 @@ class AbortExecutor:
             return land_action(self._vehicle)
         is_soft = self._event.event_type_id is EventType.SOFT_ABORT_MISSION
         self._needs_position = is_soft or (with_place and self._event.abort is not None)
-        return abort_action(self._event, self._vehicle, with_place=with_place)
+        return _airborne_action(self._event, self._vehicle, with_place=with_place)
 
     def _is_taken(self, now: float) -> bool:
         """Whether somebody else has taken the vehicle, once and for all."""
