@@ -3,8 +3,7 @@
 import random
 from typing import Any
 
-import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mavlink_broker.edge.outbox import (
@@ -106,7 +105,7 @@ def test_a_registered_vehicles_description_goes_behind_its_reports() -> None:
     assert drain(waiting) == [("mission_report", 1), ("vehicle", 1)]
 
 
-@pytest.mark.thorough
+@settings(max_examples=20)
 @given(st.integers(1, 20), st.sampled_from(list(Urgency)))
 def test_no_lane_starves_behind_posts_that_keep_coming(vehicles: int, urgent: Urgency) -> None:
     """A slow edge server, which answers fewer posts than arrive, still receives of every lane."""

@@ -51,6 +51,14 @@ def test_a_full_pack_is_counted_down_by_its_current() -> None:
     assert estimator.remaining == pytest.approx(0.8, abs=0.01)
 
 
+def test_a_pack_has_no_more_than_its_current_has_left() -> None:
+    """Its voltage stays that of a pack at 90 %, which would raise the estimate."""
+    estimator = ChargeEstimator(PACK)
+    current_a = 10.4
+    feed(estimator, 900.0, 4 * (4.005 - current_a * 0.005), current_a)  # 2.6 of 5.2 Ah
+    assert estimator.remaining == pytest.approx(0.5, abs=0.01)
+
+
 def test_a_pack_older_than_its_label_is_known_by_its_voltage_in_the_end() -> None:
     estimator = ChargeEstimator(PACK)
     now_s = feed(estimator, 5.0, 16.8, 0.0)

@@ -95,6 +95,14 @@ def test_an_unreachable_setpoint_does_not_charge_the_integral() -> None:
     assert controller.integral_ned[0] < 1.0
 
 
+def test_a_descent_that_no_thrust_gives_does_not_charge_the_integral() -> None:
+    controller = law()
+    wanted = Motion(UNSET, (0.0, 0.0, 50.0), ZERO)
+    for _ in range(2000):
+        controller.update(wanted, REST, THRUST, HOVER, DT)
+    assert controller.integral_ned[2] < 6.0
+
+
 def test_reset_forgets_the_integral() -> None:
     controller = law()
     for _ in range(100):
