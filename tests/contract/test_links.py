@@ -151,23 +151,23 @@ class Unplugged:
         self._cable = cable
         self._period = round(every_s / TICK_S)
         self._ticks = 0
-        self._is_in = True
+        self.is_plugged_in = True
         self.pulls = 0
 
     def write(self, frames: list[bytes]) -> None:
         self._ticks += 1
         if self._ticks % self._period == 0:
             self._cable.pull_out()
-            self._is_in = False
+            self.is_plugged_in = False
             self.pulls += 1
-        elif self._ticks % self._period == round(2.0 / TICK_S) and not self._is_in:
+        elif self._ticks % self._period == round(2.0 / TICK_S) and not self.is_plugged_in:
             self._cable.plug_in()
-            self._is_in = True
-        if self._is_in:
+            self.is_plugged_in = True
+        if self.is_plugged_in:
             self._cable.write(b"".join(frames))
 
     def read(self) -> bytes:
-        return self._cable.read() if self._is_in else b""
+        return self._cable.read() if self.is_plugged_in else b""
 
 
 def test_a_mission_over_a_cable_that_is_pulled_out_again_and_again(cable: Cable) -> None:
@@ -175,7 +175,7 @@ def test_a_mission_over_a_cable_that_is_pulled_out_again_and_again(cable: Cable)
     with Field(line, f"serial://{cable.name}:115200") as field:
         field.edge.plan(first_flight())
         field.run_until_over(1201, within_s=240.0)
-        while not line._is_in:
+        while not line.is_plugged_in:
             field.tick()
         assert field.edge.statuses(1201) == FINISHED
         assert line.pulls >= 2

@@ -21,7 +21,7 @@ def report(
     tester: AutopilotTester, north: float, east: float, capabilities: int = POSITION
 ) -> None:
     latitude, longitude, _ = tester.place(north, east, 0.0)
-    tester.ground_station._send(
+    tester.ground_station.send(
         common.MAVLink_follow_target_message(
             0,
             capabilities,

@@ -84,7 +84,7 @@ class Air:
         else:
             self._in_transit.append((self._clock.now + delay_s, arrive))
 
-    def to_broker(self, address: tuple[str, int], frame: bytes) -> None:
+    def to_broker(self, address: tuple[str, int] | Address, frame: bytes) -> None:
         if self._random.random() >= self._loss:
             self._to_broker.append((Address(*address), frame))
 
@@ -156,9 +156,13 @@ class World:
 
     def _new_app(self) -> App:
         jobs = InlineJobs()
-        return App(self.config, self.air, self.edge, self.clock, self._ulid, jobs, self.disk)
+        return App(self.config, self.air, self.edge, self.clock, self.new_ulid, jobs, self.disk)
 
-    def _ulid(self) -> str:
+    def start_broker(self) -> None:
+        """Start a broker with an empty memory, connected to the present edge server."""
+        self.app = self._new_app()
+
+    def new_ulid(self) -> str:
         return f"01{next(self._ulids):024d}"
 
     def kill_broker(self) -> None:
@@ -170,7 +174,7 @@ class World:
         self.is_broker_running = True
         if self.disk is not None:
             self.disk.begin()
-        self.app = self._new_app()
+        self.start_broker()
         self.edge.hand_out_again()
 
     def add_vehicle(self, system: int = 1, script: Script = PX4) -> ScriptedVehicle:

@@ -5,6 +5,7 @@ same over HTTP and can fail on request.
 """
 
 import json
+import ssl
 import threading
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
@@ -231,6 +232,10 @@ class FakeEdgeServer:
             self._changed.wait_for(lambda: len(self.edge.bodies(path)) >= count, timeout_s)
             return self.edge.bodies(path)
 
+    def use_tls(self, context: ssl.SSLContext) -> None:
+        """Serve HTTPS; to be called before `running`."""
+        self._server.socket = context.wrap_socket(self._server.socket, server_side=True)
+
     @contextmanager
     def running(self) -> Iterator["FakeEdgeServer"]:
         """Serve for as long as the context lasts."""
@@ -242,7 +247,9 @@ class FakeEdgeServer:
             self._server.server_close()
             self._thread.join()
 
-    def _give_work(self, after: int, wait_s: float) -> dict[str, Any]:
+    def work_after(self, after: int, wait_s: float) -> dict[str, Any]:
+        """Answer a long poll: the work behind a cursor, or none after `wait_s`."""
+
         def unfinished() -> list[dict[str, Any]]:
             edge = self.edge
             return [w for n, w in edge.work.items() if n > after and n not in edge.closed]
@@ -252,7 +259,8 @@ class FakeEdgeServer:
             commands = unfinished()
             return {"cursor": max((c["id"] for c in commands), default=after), "commands": commands}
 
-    def _take(self, method: str, path: str, key: str | None, body: dict[str, Any]) -> int:
+    def accept(self, method: str, path: str, key: str | None, body: dict[str, Any]) -> int:
+        """Process a request body; returns the status code of the answer."""
         with self._changed:
             self.keys_seen.append((path, key))
             status = self.failures.popleft() if self.failures else 201
@@ -289,7 +297,7 @@ class _Handler(BaseHTTPRequestHandler):
         query = parse_qs(urlsplit(self.path).query)
         if self._is_allowed():
             after, wait = int(query["after"][0]), float(query["wait"][0])
-            self._answer(200, self.fake._give_work(after, wait))
+            self._answer(200, self.fake.work_after(after, wait))
 
     def do_POST(self) -> None:
         self._take("POST")
@@ -301,7 +309,7 @@ class _Handler(BaseHTTPRequestHandler):
         body = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
         if self._is_allowed():
             key = self.headers.get("Idempotency-Key")
-            self._answer(self.fake._take(method, self.path, key, body), {})
+            self._answer(self.fake.accept(method, self.path, key, body), {})
 
     def _is_allowed(self) -> bool:
         allowed = self.headers.get("Authorization") == f"Bearer {self.fake.key}"

@@ -76,7 +76,7 @@ class GroundStation:
 
     def heartbeat(self) -> None:
         """Send a HEARTBEAT."""
-        self._send(
+        self.send(
             common.MAVLink_heartbeat_message(
                 common.MAV_TYPE_GCS,
                 common.MAV_AUTOPILOT_INVALID,
@@ -90,18 +90,14 @@ class GroundStation:
     def command(self, command: int, *parameters: float) -> None:
         """Send a COMMAND_LONG; parameters not given are unset."""
         padded = [*parameters, *[NAN] * (7 - len(parameters))]
-        self._send(common.MAVLink_command_long_message(self._target, 1, command, 0, *padded))
-
-    def send(self, message: Any) -> None:
-        """Send any message."""
-        self._send(message)
+        self.send(common.MAVLink_command_long_message(self._target, 1, command, 0, *padded))
 
     def upload(self, items: Sequence[Any]) -> None:
         """Announce a mission; `receive` answers the vehicle's requests."""
         self._upload = list(items)
         self.mission_ack = None
         kind = items[0].mission_type if items else common.MAV_MISSION_TYPE_MISSION
-        self._send(common.MAVLink_mission_count_message(self._target, 1, len(items), kind))
+        self.send(common.MAVLink_mission_count_message(self._target, 1, len(items), kind))
 
     def mission_item(
         self, seq: int, command: int, place: tuple[float, float, float], *parameters: float
@@ -161,9 +157,10 @@ class GroundStation:
             case "MISSION_ITEM_REACHED":
                 self.items_reached.append(message.seq)
             case kind if kind in _REQUESTS:
-                self._send(self._upload[message.seq])
+                self.send(self._upload[message.seq])
 
-    def _send(self, message: Any) -> None:
+    def send(self, message: Any) -> None:
+        """Send a message."""
         self._link.to_vehicle.append(message.pack(self._codec))
 
 

@@ -2,10 +2,12 @@
 
 import os
 import pty
+import termios
 import time
 import tty
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from mavlink_broker.links.hub import Hub
 from mavlink_broker.links.link import Arrival
@@ -33,6 +35,11 @@ class Cable:
             assert descriptor is not None
             os.close(descriptor)
         self._far = self._near = None
+
+    def modes(self) -> list[Any]:
+        """Settings of the program's end, as of `termios.tcgetattr`."""
+        assert self._near is not None
+        return termios.tcgetattr(self._near)
 
     def write(self, data: bytes) -> None:
         """Send to the program all that the line takes at once."""

@@ -128,7 +128,8 @@ class ScriptedVehicle:
         self.ill = 0  # MAV_SYS_STATUS_SENSOR that are not healthy
         self.targets = 0  # FOLLOW_TARGET received
         self.last_target = HOME[:2]
-        self._booted_at = booted_at
+        self.clock_wraps_at_ms: int | None = None  # None: `time_boot_ms` never wraps
+        self.booted_at = booted_at  # When it was switched on, by the world's clock
         self._now = booted_at
         self._wire = VehicleWire(system, 1)
         self._outbox: list[bytes] = []
@@ -142,11 +143,6 @@ class ScriptedVehicle:
         self._item_began_at = 0.0
         self._mode_began_at = 0.0
         self._next = {"heartbeat": booted_at, "telemetry": booted_at}
-
-    @property
-    def booted_at(self) -> float:
-        """When it was switched on, by the world's clock."""
-        return self._booted_at
 
     @property
     def script(self) -> Script:
@@ -208,7 +204,7 @@ class ScriptedVehicle:
     def reboot(self, now: float) -> None:
         """Start anew on the ground; the stored mission survives, the clock does not."""
         self.armed = self.airborne = False
-        self._booted_at = now
+        self.booted_at = now
         self._next = {"heartbeat": now, "telemetry": now}
         self._streams.restart(now)
         self.missions.drop_transfer()
@@ -332,7 +328,8 @@ class ScriptedVehicle:
 
     @property
     def _boot_ms(self) -> int:
-        return int((self._now - self._booted_at) * 1000)
+        boot_ms = int((self._now - self.booted_at) * 1000)
+        return boot_ms if self.clock_wraps_at_ms is None else boot_ms % self.clock_wraps_at_ms
 
     def _position(self) -> Message:
         height_mm = round(self.height_m * 1e3) if self.airborne else 0
@@ -576,11 +573,11 @@ class ScriptedVehicle:
 
     @property
     def _ready(self) -> bool:
-        return self._now - self._booted_at >= self.script.ready_to_arm_after_s and self._attended
+        return self._now - self.booted_at >= self.script.ready_to_arm_after_s and self._attended
 
     @property
     def _navigates(self) -> bool:
-        return self._now - self._booted_at >= self.script.navigates_after_s
+        return self._now - self.booted_at >= self.script.navigates_after_s
 
     @property
     def _attended(self) -> bool:

@@ -81,7 +81,7 @@ def test_a_mission_whose_acceptance_fails_has_failed_and_the_next_one_flies(
     real.world = world
     real.fails_acceptances = True
     world.edge = real
-    world.app = world._new_app()
+    world.start_broker()
     world.add_vehicle()
     world.run(5.0)
     assert edge.post_plan({"plan": {"missions": [first_flight(1)]}}).status_code == 201
@@ -100,7 +100,7 @@ def test_after_a_fault_in_flight_nothing_flies_until_an_operator_releases(
     real = RealEdge(edge)
     real.world = world
     world.edge = real
-    world.app = world._new_app()
+    world.start_broker()
     vehicle = world.add_vehicle(script=SLOW)
     world.run(5.0)
     for number in (1, 2):

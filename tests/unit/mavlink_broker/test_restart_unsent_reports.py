@@ -26,7 +26,7 @@ def world_with(folder: Path, *, sends_before_it_asks: bool = True) -> World:
     world.edge = UnreachableEdge(
         folder, world.clock.monotonic, sends_before_it_asks=sends_before_it_asks
     )
-    world.app = world._new_app()
+    world.start_broker()
     world.add_vehicle(script=dataclasses.replace(PX4, item_time_s=ITEM_S))
     return world
 

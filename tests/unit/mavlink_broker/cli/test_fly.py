@@ -61,7 +61,7 @@ class Field:
         self.missions = wire.read_plan(json.dumps({"missions": documents}).encode()).missions
         self.edge = LocalEdge(self.missions, ProgressPrinter(self.missions, self.lines.append).take)
         settings = self.world.config
-        app = App(settings, self, self.edge, self.world.clock, self.world._ulid)
+        app = App(settings, self, self.edge, self.world.clock, self.world.new_ulid)
         self.plan_flight = PlanFlight(app, self.edge, self.missions, settings)
 
     def receive(self, timeout_s: float) -> list[tuple[Address, bytes]]:

@@ -237,7 +237,7 @@ def https(server: FakeEdgeServer, authority: Authority) -> Iterator[str]:
     certificate, _, _ = authority.certify("edge")
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     context.load_cert_chain(certificate)
-    server._server.socket = context.wrap_socket(server._server.socket, server_side=True)
+    server.use_tls(context)
     yield server.url.replace("http://", "https://")
 
 

@@ -59,8 +59,7 @@ def test_frames_cross_in_both_directions(cable: Cable, hub: Hub) -> None:
 def test_the_line_is_raw_and_has_the_configured_speed(cable: Cable, hub: Hub) -> None:
     cable.plug_in()
     open_line(hub)
-    assert cable._near is not None
-    modes = termios.tcgetattr(cable._near)
+    modes = cable.modes()
     assert modes[4:6] == [termios.B57600] * 2
     every_byte = bytes(range(256))
     hub.send(address_of(cable), every_byte)

@@ -20,7 +20,7 @@ ANSWERS_KEPT_S = 5.0
 
 
 class Panorama(ScriptedVehicle):
-    """Takes pictures for some seconds when it is message to, and loses its answers to that."""
+    """Takes pictures for some seconds on request, and loses its answers to that."""
 
     def __init__(self, script: Script, *, booted_at: float) -> None:
         super().__init__(1, script, booted_at=booted_at)
@@ -29,16 +29,16 @@ class Panorama(ScriptedVehicle):
         self.says_progress = True
         self.is_final_lost = True
         self.begun: list[float] = []  # When it began a panorama
-        self._due: list[float] = []
+        self.pictures_due: list[float] = []
 
     def _command(self, message: Message) -> None:
         if message.command != CREATE:
             super()._command(message)
         elif not self._is_known(message):
             self.begun.append(self._now)
-            self._due = [self._now + 1.0 + number for number in range(self.pictures)]
+            self.pictures_due = [self._now + 1.0 + number for number in range(self.pictures)]
             self._progress()
-        elif self._due:
+        elif self.pictures_due:
             self._progress()
 
     def _is_known(self, message: Message) -> bool:
@@ -53,12 +53,12 @@ class Panorama(ScriptedVehicle):
 
     def step(self, now: float) -> list[bytes]:
         assert self.camera is not None
-        self.camera.image_status = int(bool(self._due))
-        while self._due and now >= self._due[0]:
-            self._due.pop(0)
+        self.camera.image_status = int(bool(self.pictures_due))
+        while self.pictures_due and now >= self.pictures_due[0]:
+            self.pictures_due.pop(0)
             self.camera.shoot()
             self._progress()
-            if not self._due and not self.is_final_lost:
+            if not self.pictures_due and not self.is_final_lost:
                 self._send(mavlink.MAVLink_command_ack_message(CREATE, 0))
         return super().step(now)
 
@@ -105,7 +105,7 @@ def test_a_camera_at_work_is_waited_for_however_long_it_is_silent() -> None:
     world, vehicle = flown(says_progress=False, pictures=1)
     world.run_until(lambda: vehicle.begun)
     world.run(1.5)
-    vehicle._due = [world.clock.now + 40.0]
+    vehicle.pictures_due = [world.clock.now + 40.0]
     world.run(30.0)
     assert world.edge.statuses(1201)[1] != Status.FINISHED
     world.run_until_over(1201)

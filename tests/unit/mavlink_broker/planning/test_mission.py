@@ -379,7 +379,7 @@ def test_frames_of_the_older_kind_are_read_as_their_integer_twins() -> None:
     assert from_message(message).frame == mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT
 
 
-def test_a_vehicle_that_holds_fewer_items_is_told_so() -> None:
+def test_a_vehicle_that_holds_fewer_items_differs_from_the_plan() -> None:
     plan = plan_of(mission_with({"command_type_id": 11, "parameters": {}}), PX4)
     assert difference(plan, (), PX4) == "the vehicle holds 0 items instead of 2"
 

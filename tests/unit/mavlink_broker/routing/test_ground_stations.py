@@ -40,7 +40,7 @@ class GroundStationWorld:
         """Send a command; returns the result that the ground station receives."""
         p = [*parameters, *[0.0] * (7 - len(parameters))]
         message = mavlink.MAVLink_command_long_message(1, 1, number, 0, *p)
-        self.world.air._to_broker.append((STATION, self._encoder.encode(message)))
+        self.world.air.to_broker(STATION, self._encoder.encode(message))
         self.answers.clear()
         self.world.run(0.5)
         results = [
@@ -82,7 +82,7 @@ def test_a_restarted_broker_protects_a_flying_mission_before_it_knows_it() -> No
     world = station.world
     world.edge.plan(first_flight())
     world.run_until(lambda: world.edge.status(1201) == Status.RUNNING)
-    world.app = world._new_app()  # The edge server is silent
+    world.start_broker()  # The edge server is silent
     world.run(3.0)
     assert station.command(LAND) == mavlink.MAV_RESULT_TEMPORARILY_REJECTED
     world.run(STARTUP_S)

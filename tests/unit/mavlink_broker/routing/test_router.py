@@ -72,7 +72,7 @@ class RouterWorld:
         self.air = Air()
         self._controls = controls or {}
         config = Config(signing_keys=keys, traffic=settings)
-        self.router = Router(config, self.air, self, self._control_of)
+        self.router = Router(config, self.air, self, self.control_of)
         self._encoders: dict[tuple[int, int], Encoder] = {}
         self._signings = {n: LinkSigning(key, self.utc) for n, key in KEYS.items()}
 
@@ -82,7 +82,7 @@ class RouterWorld:
     def utc(self) -> datetime:
         return EPOCH + timedelta(seconds=self.now)
 
-    def _control_of(self, system: int) -> BrokerControl:
+    def control_of(self, system: int) -> BrokerControl:
         return self._controls.get(system, BrokerControl.FREE)
 
     def frame(
@@ -325,7 +325,7 @@ def test_the_frame_log_contains_accepted_and_sent_frames(keys: Path, tmp_path: P
     traffic = LinkSettings(links=(LinkUrl.parse("udpin://:14540"),), tlog_dir=tmp_path / "tlog")
     world = RouterWorld(keys)
     config = Config(signing_keys=keys, traffic=traffic)
-    world.router = Router(config, world.air, world, world._control_of)
+    world.router = Router(config, world.air, world, world.control_of)
     accepted, refused = world.frame(HEARTBEAT, key=1), world.frame(ATTITUDE)
     world.receive((WIFI, accepted), (WIFI, refused))
     world.router.send(1, [LAND])
