@@ -4,6 +4,9 @@ One thread gets work by long poll, two send posts. Every post is retried until i
 answer: a success, or a refusal that a retry would get again. With a spool, posts that have failed
 once are stored on disk and sent by the next run, and posts that are refused become dead letters.
 
+The threads only wait and exchange: `next_poll` and `take_answer`, `take_post` and `settle` are the
+steps between, which take no time. A simulation calls them without threads.
+
 A vehicle's work is held back while reports of an earlier run about it wait: what the edge server
 states of a mission is true only when it has received every report about it.
 """
@@ -14,13 +17,15 @@ import random
 import threading
 import time
 from collections.abc import Callable
+from enum import Enum, auto
 from http import HTTPStatus
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import Any, Final, NamedTuple, TypeVar
 
 import requests
 
 from afarcloud import wire
+from mavlink_broker.edge.bounded_http import Answer
 from mavlink_broker.edge.connection import (
     EdgeConnection,
     NoKeyError,
@@ -50,6 +55,24 @@ _KNOWN: Final = "Idempotency-Key was used"
 _LOG = logging.getLogger(__name__)
 
 
+class Poll(NamedTuple):
+    """One request for work."""
+
+    path: str
+    wait_s: float
+    """How long the edge server may wait for work."""
+    held_back: frozenset[int]
+    """Vehicles whose work is not taken from the answer."""
+
+
+class Pause(Enum):
+    """What the next request for work waits for."""
+
+    NONE = auto()
+    RETRY = auto()  # `RETRY_WORK_S`
+    REPORTS = auto()  # Until the reports of a vehicle are sent, or `RETRY_WORK_S`
+
+
 class EdgeClient:
     """The edge server as the program's loop uses it: work to take, posts to send."""
 
@@ -61,18 +84,23 @@ class EdgeClient:
         *,
         ca_file: Path | None = None,
         spool: Spool | None = None,
+        clock: Callable[[], float] = time.monotonic,
+        jitter: random.Random | None = None,
     ) -> None:
         """Take the edge server's URL, the file of the access key and that of the only CA.
 
         `wake` ends the loop's sleep. Without a spool posts that wait are lost with the program.
+        `clock` gives monotonic seconds; `jitter` draws the pauses between attempts.
         """
         self._url = url
         self._key_file = key_file
         self._ca_file = ca_file
         self._wake = wake
+        self._clock = clock
+        self._cursor = 0  # Of the work that was received
         self._work: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
         self._acceptance_results: queue.SimpleQueue[AcceptanceResult] = queue.SimpleQueue()
-        self._outbox = Outbox(random.Random())
+        self._outbox = Outbox(jitter or random.Random())
         lock = threading.Lock()
         self._changed = threading.Condition(lock)  # For the threads that send
         self._answered = threading.Condition(lock)  # For threads that wait for answers
@@ -153,38 +181,58 @@ class EdgeClient:
             return self._outbox.dropped
 
     def _poll_work(self) -> None:
-        connection, cursor = EdgeConnection(self._url, self._key_file, self._ca_file), 0
+        connection = EdgeConnection(self._url, self._key_file, self._ca_file)
+        self._cursor = 0
         while not self._stopping.is_set():
+            poll = self.next_poll()
+            answer: Answer | Exception
             try:
-                # The first request after a failure asks for an answer at once, to learn whether
-                # the edge server is reachable.
-                wait_s = LONG_POLL_S if self._reachable else 0.0
-                held_back = self._vehicles_with_unsent_reports()
-                path = f"/broker/commands?after={cursor}&wait={wait_s:.0f}"
-                response = connection.request("GET", path, wait_s)
-                answer = response.json() if response.status_code == HTTPStatus.OK else None
-                if answer is None:
-                    self._set_reachable(is_reachable=True)
-                    _LOG.warning("the edge server refuses work: HTTP %d", response.status_code)
+                answer = connection.request("GET", poll.path, poll.wait_s)
             except (requests.RequestException, NoKeyError) as error:
-                self._set_reachable(is_reachable=False, error=error)
-                answer = None
-            if answer is None:
-                cursor = 0  # Another edge server may answer next; known work is recognised
-                self._stopping.wait(RETRY_WORK_S)
-                continue
-            self._set_reachable(is_reachable=True)
-            cursor = self._receive_work(answer, held_back)
+                answer = error
+            match self.take_answer(poll, answer):
+                case Pause.RETRY:
+                    self._stopping.wait(RETRY_WORK_S)
+                case Pause.REPORTS:
+                    self._wait_for_reports_of(poll.held_back)
 
-    def _receive_work(self, answer: Any, held_back: frozenset[int]) -> int:
-        """Pass on the work of vehicles that are not held back; gives the cursor."""
+    def next_poll(self) -> Poll:
+        """Give the next request for work.
+
+        The first one after a failure asks for an answer at once, to learn whether the edge server
+        is reachable.
+        """
+        wait_s = LONG_POLL_S if self._reachable else 0.0
+        path = f"/broker/commands?after={self._cursor}&wait={wait_s:.0f}"
+        return Poll(path, wait_s, self._vehicles_with_unsent_reports())
+
+    def take_answer(self, poll: Poll, answer: Answer | Exception) -> Pause:
+        """Pass on the work in an answer, or note the error; gives what the next poll waits for."""
+        found = None
+        try:
+            if isinstance(answer, Exception):
+                raise answer
+            if answer.status_code == HTTPStatus.OK:
+                found = answer.json()
+            self._set_reachable(is_reachable=True)
+            if found is None:
+                _LOG.warning("the edge server refuses work: HTTP %d", answer.status_code)
+        except (requests.RequestException, NoKeyError) as error:
+            self._set_reachable(is_reachable=False, error=error)
+        if found is None:
+            self._cursor = 0  # Another edge server may answer next; known work is recognised
+            return Pause.RETRY
+        return self._receive_work(found, poll.held_back)
+
+    def _receive_work(self, answer: Any, held_back: frozenset[int]) -> Pause:
+        """Pass on the work of vehicles that are not held back, and note the cursor."""
         try:
             commands = [dict(command) for command in answer["commands"]]
             cursor = int(answer["cursor"])
         except (KeyError, TypeError, ValueError):
             _LOG.exception("the edge server's work cannot be read")
-            self._stopping.wait(RETRY_WORK_S)
-            return 0
+            self._cursor = 0
+            return Pause.RETRY
         waiting_for = tuple(held_back)  # An invalid vehicle_id may not be hashable
         due = [command for command in commands if command.get("vehicle_id") not in waiting_for]
         for command in due:
@@ -195,9 +243,10 @@ class EdgeClient:
             if not self._is_held_back:
                 _LOG.info("work waits until the reports of an earlier run are sent")
             self._is_held_back = True
-            self._wait_for_reports_of(held_back)
-            return 0  # Get all of it again: known work is recognised, the rest has changed
-        return cursor
+            self._cursor = 0  # Get all of it again: known work is recognised, the rest has changed
+            return Pause.REPORTS
+        self._cursor = cursor
+        return Pause.NONE
 
     def _vehicles_with_unsent_reports(self) -> frozenset[int]:
         """Vehicles whose work is held back."""
@@ -218,7 +267,7 @@ class EdgeClient:
         connection = EdgeConnection(self._url, self._key_file, self._ca_file)
         while not self._stopping.is_set():
             with self._changed:
-                post = self._outbox.take(time.monotonic())
+                post = self._outbox.take(self._clock())
                 if post is None:
                     self._changed.wait(timeout=self._pause())
                     continue
@@ -237,7 +286,7 @@ class EdgeClient:
         with self._changed:
             if self._outbox.is_in_flight(post):
                 is_dead = self._outbox.failed(
-                    post, time.monotonic(), is_unreachable=False, reason=reason
+                    post, self._clock(), is_unreachable=False, reason=reason
                 )
             self._changed.notify_all()
             self._answered.notify_all()
@@ -247,24 +296,37 @@ class EdgeClient:
 
     def _pause(self) -> float | None:
         due = self._outbox.next_due()
-        return None if due is None else max(0.0, due - time.monotonic())
+        return None if due is None else max(0.0, due - self._clock())
 
     def _send(self, connection: EdgeConnection, post: Post) -> None:
-        headers = {"Idempotency-Key": post.idempotency_key} if post.idempotency_key else {}
-        status, text, is_dead = None, "", False
+        headers = headers_of(post)
+        answer: Answer | Exception
         try:
-            response = connection.request(post.method, post.path, body=post.body, headers=headers)
-            status, text = response.status_code, response.text[:MAX_LOGGED_CHARACTERS]
-            self._set_reachable(is_reachable=True)
+            answer = connection.request(post.method, post.path, body=post.body, headers=headers)
         except (requests.RequestException, NoKeyError) as error:
-            text = str(error)[:MAX_LOGGED_CHARACTERS]
-            self._set_reachable(is_reachable=False, error=error)
+            answer = error
+        self.settle(post, answer)
+
+    def take_post(self) -> Post | None:
+        """Give a post that is to be sent now; it is in flight until `settle`."""
+        with self._changed:
+            return self._outbox.take(self._clock())
+
+    def settle(self, post: Post, answer: Answer | Exception) -> None:
+        """Take the answer to a post, or why there was none."""
+        status, text, is_dead = None, "", False
+        if isinstance(answer, Exception):
+            text = str(answer)[:MAX_LOGGED_CHARACTERS]
+            self._set_reachable(is_reachable=False, error=answer)
+        else:
+            status, text = answer.status_code, answer.text[:MAX_LOGGED_CHARACTERS]
+            self._set_reachable(is_reachable=True)
         reason = text if status is None else f"HTTP {status} {text}"
         with self._changed:
             if status is None or not is_final(status):
                 is_dead = self._outbox.failed(
                     post,
-                    time.monotonic(),
+                    self._clock(),
                     is_unreachable=status is None,
                     is_temporary=status is not None and is_temporary_refusal(status),
                     reason=reason,
@@ -311,6 +373,11 @@ class EdgeClient:
         else:
             _LOG.error("%s %s: HTTP %d %s", post.method, post.path, status, text)
 
+    def update_spool(self) -> None:
+        """Bring the spool up to date, as its thread does once a second and when notified."""
+        if self._spool_writer is not None:
+            self._spool_writer.run_once(self._clock())
+
     def _notify_spool(self) -> None:
         """Have posts that may wait for long stored."""
         if self._spool_writer is not None:
@@ -327,6 +394,11 @@ class EdgeClient:
             _LOG.info("waiting for the edge server: %s", error)
         else:
             _LOG.warning("the edge server does not answer: %s", error)
+
+
+def headers_of(post: Post) -> dict[str, str]:
+    """Give the headers of a post's request."""
+    return {"Idempotency-Key": post.idempotency_key} if post.idempotency_key else {}
 
 
 def _acceptance_result(work_id: int, status: int | None, text: str) -> AcceptanceResult:

@@ -15,7 +15,8 @@ import pytest
 import requests
 
 from mavlink_broker import supervision
-from mavlink_broker.edge.client import EdgeClient
+from mavlink_broker.edge.bounded_http import Answer
+from mavlink_broker.edge.client import EdgeClient, Pause
 from mavlink_broker.edge.connection import EdgeConnection, is_final
 from mavlink_broker.edge.dead_letters import read_dead_letters, request_action
 from mavlink_broker.edge.outbox import Post, Urgency
@@ -462,3 +463,30 @@ def test_the_ca_file_may_appear_later(tmp_path: Path) -> None:
         assert numbers(server.wait_for("/pose/", 1)) == [1]
         assert work_of(client)
         client.stop(within_s=1.0)
+
+
+def test_the_steps_between_exchanges_need_no_thread(tmp_path: Path) -> None:
+    now = [0.0]
+    client = EdgeClient(NOWHERE, tmp_path / "key", Woken(), clock=lambda: now[0])
+    refused = client.next_poll()
+    assert refused.wait_s == 0.0
+    assert client.take_answer(refused, requests.ConnectionError("refused")) is Pause.RETRY
+    work = Answer(200, b'{"cursor": 3, "commands": [{"id": 3, "vehicle_id": 1}]}')
+    assert client.take_answer(client.next_poll(), work) is Pause.NONE
+    assert client.take_work() == [{"id": 3, "vehicle_id": 1}]
+    assert client.next_poll().path.startswith("/broker/commands?after=3&")
+
+
+def test_a_post_without_an_answer_is_taken_again_after_its_pause(tmp_path: Path) -> None:
+    now = [0.0]
+    client = EdgeClient(NOWHERE, tmp_path / "key", Woken(), clock=lambda: now[0])
+    message = Acknowledgement(5, "accepted")
+    client.post(post_for(message, vehicle_id=1, recorded_at=datetime.now(UTC), key="key"))
+    post = client.take_post()
+    assert post is not None
+    client.settle(post, requests.ConnectionError("cut off"))
+    assert client.take_post() is None
+    now[0] += 10.0
+    assert client.take_post() is post
+    client.settle(post, Answer(200, b"{}"))
+    assert client.take_acceptance_results() == [AcceptanceResult(5, is_confirmed=True)]
