@@ -7,6 +7,7 @@ import logging
 import select
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
@@ -48,12 +49,18 @@ class Relay:
         workers: int,
         ballast_path: Path | None = None,
         counts: RelayCounts | None = None,
+        wall_clock: Callable[[], float] = time.time,
     ) -> None:
+        """Take the parts; `wall_clock` gives seconds since 1970.
+
+        Without `workers` each step sends on the caller's thread.
+        """
         self._database = database
         self._streams = streams
         self._schedule = schedule
         self._uplink = uplink
         self._counts = counts
+        self._wall_clock = wall_clock
         self._senders = SenderPool(uplink, workers)
         self._writer = ResultWriter(database, ballast_path, schedule.is_overtaken)
         self._wake = wake
@@ -73,16 +80,22 @@ class Relay:
             self._counts.set_uplink(self._last_state)
         try:
             while not self._stopping.is_set():
-                self._step(time.monotonic())
+                self.step(time.monotonic())
+                self._wait()
             self._finish(time.monotonic() + STOP_WAIT_S)
         except (SenderEndedError, ReplacedError) as error:
             raise RelayError(str(error)) from error
         finally:
-            self._senders.close()
-            self._streams.close()
-            wakeup.close(self._wake)
+            self.close()
 
-    def _step(self, now: float) -> None:
+    def close(self) -> None:
+        """Close the uplink and what wakes the relay."""
+        self._senders.close()
+        self._streams.close()
+        wakeup.close(self._wake)
+
+    def step(self, now: float) -> None:
+        """Take answers, read new records, send, and write results, without waiting."""
         self._collect(now)
         self._look_unless_full(now)
         if not self._writer.is_full:
@@ -90,7 +103,6 @@ class Relay:
                 self._senders.send(batch)
         if self._writer.is_due(now, idle=not self._schedule.batches_in_flight):
             self._write(now)
-        self._wait()
 
     def _finish(self, deadline: float) -> None:
         """Wait briefly for answers in flight, so that these records need not be sent again."""
@@ -100,7 +112,7 @@ class Relay:
         self._write(time.monotonic())
 
     def _collect(self, now: float) -> None:
-        wall_clock = time.time()
+        wall_clock = self._wall_clock()
         for batch, answered in self._senders.take_sent():
             results = only_behind_others(batch.records, answered)
             triggers = self._schedule.settle(batch, results, now)
@@ -147,7 +159,7 @@ class Relay:
         return RelayStatus(now, not self._schedule.blocked, busy, in_flight)
 
     def _write(self, now: float) -> None:
-        if self._writer.write(now, time.time()):
+        if self._writer.write(now, self._wall_clock()):
             self._schedule.rewind()
 
     def _wait(self) -> None:

@@ -29,7 +29,7 @@ class SentBatch(NamedTuple):
 
 
 class SenderPool:
-    """A number of threads that send over one uplink."""
+    """A number of threads that send over one uplink; with none of them the caller sends."""
 
     def __init__(self, uplink: Uplink, threads: int) -> None:
         self._uplink = uplink
@@ -55,8 +55,11 @@ class SenderPool:
         os.write(self._wake_write, b"\n")
 
     def send(self, batch: Batch) -> None:
-        """Have a batch sent by the next free thread."""
-        self._to_send.put(batch)
+        """Have a batch sent by the next free thread; without threads, send it and wait."""
+        if self._threads:
+            self._to_send.put(batch)
+        else:
+            self._serve(batch)
 
     def take_sent(self) -> list[SentBatch]:
         """Return the batches that have been answered since the last call.
@@ -81,14 +84,17 @@ class SenderPool:
     def _run(self) -> None:
         """One thread: take a batch, send it, return its results."""
         while (batch := self._to_send.get()) is not None:
-            try:
-                results = self._results(batch)
-            except UplinkEndedError:
-                LOG.exception("the uplink has ended")
-                self._has_ended.set()
-            else:
-                self._sent.put(SentBatch(batch, results))
-            self.wake()
+            self._serve(batch)
+
+    def _serve(self, batch: Batch) -> None:
+        try:
+            results = self._results(batch)
+        except UplinkEndedError:
+            LOG.exception("the uplink has ended")
+            self._has_ended.set()
+        else:
+            self._sent.put(SentBatch(batch, results))
+        self.wake()
 
     def _results(self, batch: Batch) -> list[Result]:
         """Send a batch; an unexpected error puts off the streams of the batch and no others.

@@ -95,3 +95,11 @@ def test_an_uplink_that_has_ended_is_reported(
     with pytest.raises(SenderEndedError):
         collect(senders, 1)
     assert "UplinkEndedError: gone" in caplog.text
+
+
+def test_without_threads_a_batch_is_sent_by_the_caller() -> None:
+    senders = SenderPool(Uplink(), 0)
+    senders.send(batch(1))
+    [sent] = senders.take_sent()
+    assert [result.outcome for result in sent.results] == [Outcome.CONFIRMED]
+    senders.close()
