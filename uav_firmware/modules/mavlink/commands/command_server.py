@@ -6,7 +6,7 @@ commander's final answer or a timeout, which is a failure. So is one that saves 
 
     received --refused-----------------> answered
     received --executed here------------> answered
-    received --forwarded, or saves-----> pending
+    received --forwarded---------------> pending
     pending  --final answer------------> answered
     pending  --progress----------------> pending   limit 10 s
     pending  --0.9 s since report------> pending   progress sent again
