@@ -18,9 +18,9 @@ from uav_firmware.drivers.jammed_link import JammedLink
 from uav_firmware.drivers.line_writer import LineWriter
 from uav_firmware.drivers.udp_link import UdpLink
 from uav_firmware.modules.mavlink.commands.preflight_commands import PowerAction
-from uav_firmware.modules.mavlink.signing.signing_setup import SetupTrust
-from uav_firmware.modules.mavlink.signing.signing_store import SigningStoreError
 from uav_firmware.modules.mavlink.wire.peers import Peer, Profile
+from uav_firmware.modules.mavlink.wire.signing_setup import SetupTrust
+from uav_firmware.modules.mavlink.wire.signing_store import SigningStoreError
 from uav_firmware.scheduler import LateSteps, Pacer
 from uav_firmware.topology import Autopilot
 from uav_firmware.vehicle import Hardware, addresses, build_hardware, signing_keys

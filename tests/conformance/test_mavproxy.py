@@ -15,7 +15,7 @@ from tests.conformance.ground_station import vehicle_process
 from tests.conformance.mavproxy_session import MavProxy
 from tests.support.parameter_table import autopilot
 from tests.support.system import free_ports, wait_for
-from uav_firmware.modules.mavlink.parameters.parameter_server import READ_ONLY
+from uav_firmware.modules.mavlink.commands.parameter_server import READ_ONLY
 
 pytestmark = pytest.mark.scenario
 

@@ -11,8 +11,8 @@ from mavlink_broker.mavlink.codec import Decoder, Encoder
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.mavlink.key_ring import KeyRing
 from mavlink_broker.mavlink.signature_check import LinkSigning, SignatureCheck
-from uav_firmware.modules.mavlink.signing.signature import Signer, SigningClock
 from uav_firmware.modules.mavlink.wire import dialect
+from uav_firmware.modules.mavlink.wire.signature import Signer, SigningClock
 
 KEY, WRONG_KEY = bytes(range(32)), bytes(range(1, 33))
 NOW = datetime(2026, 9, 1, tzinfo=UTC)

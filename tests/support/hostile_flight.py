@@ -22,7 +22,7 @@ from tests.support.autopilot_tester import SYSTEM_ID, AutopilotTester
 from tests.support.ground_station import ADDRESS, MemoryLink
 from tests.support.hostile_frames import HostileFrames
 from uav_firmware.cal.link import Address
-from uav_firmware.modules.mavlink.signing.link_security import SIGN_ALWAYS
+from uav_firmware.modules.mavlink.wire.link_security import SIGN_ALWAYS
 from uav_firmware.modules.mavlink.wire.peers import Peer, Profile
 from uav_firmware.msg.link import RefusedFrames
 

@@ -1,1 +1,1 @@
-"""The command protocol."""
+"""The command and parameter protocols, and input streamed by ground stations."""

@@ -1,1 +1,1 @@
-"""Server of MAVFTP, the MAVLink file transfer protocol."""
+"""MAVFTP, parameter files, and flight logs as list, download and stream."""

@@ -4,13 +4,13 @@ from collections.abc import Callable
 from typing import Final
 
 from uav_firmware.cal.files import Card, FileStore, Place
+from uav_firmware.modules.mavlink.commands.parameter_server import ParameterServer
 from uav_firmware.modules.mavlink.files import metadata_files
+from uav_firmware.modules.mavlink.files.log_server import MESSAGE_TYPES, LogServer
 from uav_firmware.modules.mavlink.files.metadata_files import MetadataFiles
+from uav_firmware.modules.mavlink.files.parameter_files import ParameterFiles
 from uav_firmware.modules.mavlink.files.server import FileServer
 from uav_firmware.modules.mavlink.files.tree import MountedTree
-from uav_firmware.modules.mavlink.log.server import MESSAGE_TYPES, LogServer
-from uav_firmware.modules.mavlink.parameters.parameter_files import ParameterFiles
-from uav_firmware.modules.mavlink.parameters.parameter_server import ParameterServer
 from uav_firmware.modules.mavlink.telemetry.status_text import StatusTexts
 from uav_firmware.modules.mavlink.wire.addressing import AUTOPILOT_COMPONENT, Outgoing, Sender
 from uav_firmware.modules.mavlink.wire.dialect import Message, mavlink

@@ -1,1 +1,1 @@
-"""Frames: dialect, peers, reception, dispatch, transmission."""
+"""Frames: dialect, signatures, peers, reception, dispatch, transmission."""

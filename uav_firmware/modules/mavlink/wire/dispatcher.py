@@ -9,21 +9,25 @@ from uav_firmware.cal.link import Address
 from uav_firmware.cal.storage import Storage
 from uav_firmware.modules.mavlink.camera.component import CameraComponent, CommandRouter
 from uav_firmware.modules.mavlink.commands.command_server import CommandServer
+from uav_firmware.modules.mavlink.commands.parameter_server import ParameterServer
 from uav_firmware.modules.mavlink.commands.preflight_commands import (
     PowerAction,
     PowerCommands,
     StorageCommands,
     storage_ack,
 )
+from uav_firmware.modules.mavlink.commands.setpoints import SetpointInput
+from uav_firmware.modules.mavlink.commands.streamed_input import (
+    FollowInput,
+    GimbalInput,
+    ManualInput,
+)
+from uav_firmware.modules.mavlink.files.log_stream import LogStream
 from uav_firmware.modules.mavlink.files.metadata_files import MetadataFiles, MetadataRequest
 from uav_firmware.modules.mavlink.files.service import FileService
-from uav_firmware.modules.mavlink.input.setpoints import SetpointInput
-from uav_firmware.modules.mavlink.input.streamed_input import FollowInput, GimbalInput, ManualInput
-from uav_firmware.modules.mavlink.log.stream import LogStream
 from uav_firmware.modules.mavlink.missions.mission_server import MissionServer
 from uav_firmware.modules.mavlink.missions.mission_store import Plan, PlanStore
 from uav_firmware.modules.mavlink.missions.plan_checks import PlanChecker
-from uav_firmware.modules.mavlink.parameters.parameter_server import ParameterServer
 from uav_firmware.modules.mavlink.telemetry.context import Context
 from uav_firmware.modules.mavlink.telemetry.link import answer_ping, answer_timesync
 from uav_firmware.modules.mavlink.telemetry.requests import RequestServer

@@ -7,12 +7,12 @@ from typing import Final
 from uav_firmware.bus import Queue
 from uav_firmware.cal.link import Address
 from uav_firmware.cal.storage import Storage
-from uav_firmware.modules.mavlink.signing.link_security import LinkSecurity
-from uav_firmware.modules.mavlink.signing.signature import Refusal, SigningClock
-from uav_firmware.modules.mavlink.signing.signing_setup import SetupTrust
-from uav_firmware.modules.mavlink.signing.signing_store import SigningStore
 from uav_firmware.modules.mavlink.wire.dialect import Message, mavlink
+from uav_firmware.modules.mavlink.wire.link_security import LinkSecurity
 from uav_firmware.modules.mavlink.wire.peers import Channel, Peer, PeerTable
+from uav_firmware.modules.mavlink.wire.signature import Refusal, SigningClock
+from uav_firmware.modules.mavlink.wire.signing_setup import SetupTrust
+from uav_firmware.modules.mavlink.wire.signing_store import SigningStore
 from uav_firmware.msg.link import RefusedFrames
 from uav_firmware.msg.status import StatusText
 from uav_firmware.parameters import Registry

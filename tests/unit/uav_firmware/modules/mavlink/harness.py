@@ -9,11 +9,11 @@ from uav_firmware.cal.storage import Storage
 from uav_firmware.modules.mavlink.commands.preflight_commands import PowerAction
 from uav_firmware.modules.mavlink.missions.plan_checks import PlanRules
 from uav_firmware.modules.mavlink.module import MavlinkModule
-from uav_firmware.modules.mavlink.signing.signature import Signer
 from uav_firmware.modules.mavlink.telemetry.streams import LinkParams
 from uav_firmware.modules.mavlink.wire.dialect import frame, mavlink, pack, parse
 from uav_firmware.modules.mavlink.wire.peers import Peer, Profile
 from uav_firmware.modules.mavlink.wire.reception import SigningOptions
+from uav_firmware.modules.mavlink.wire.signature import Signer
 from uav_firmware.modules.navigator.mission.review import PlanChecks
 from uav_firmware.msg.actuators import ActuatorMotors
 from uav_firmware.msg.battery import BatteryStatus

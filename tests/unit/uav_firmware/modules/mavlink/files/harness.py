@@ -9,9 +9,9 @@ from uav_firmware.cal.files import Card
 from uav_firmware.drivers.file_tree import FileTree
 from uav_firmware.modules.mavlink.files.codec import Opcode
 from uav_firmware.modules.mavlink.files.metadata_files import MetadataFiles
+from uav_firmware.modules.mavlink.files.parameter_files import ParameterFiles
 from uav_firmware.modules.mavlink.files.server import FileServer
 from uav_firmware.modules.mavlink.files.service import vehicle_tree
-from uav_firmware.modules.mavlink.parameters.parameter_files import ParameterFiles
 from uav_firmware.modules.mavlink.wire.addressing import Outgoing, Sender
 from uav_firmware.modules.mavlink.wire.dialect import mavlink, pack
 from uav_firmware.modules.mavlink.wire.token_bucket import TokenBucket

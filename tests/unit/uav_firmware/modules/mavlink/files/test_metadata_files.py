@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from tests.support import parameter_table
+from tests.unit.uav_firmware.modules.mavlink.commands.test_parameter_server import raw_value
 from tests.unit.uav_firmware.modules.mavlink.files.harness import FileHarness
 from tests.unit.uav_firmware.modules.mavlink.harness import SYSTEM, MavlinkHarness, command_long
-from tests.unit.uav_firmware.modules.mavlink.parameters.test_parameter_server import raw_value
 from uav_firmware.modules.mavlink.wire.dialect import mavlink
 from uav_firmware.parameters import Registry
 

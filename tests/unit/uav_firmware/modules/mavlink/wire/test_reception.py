@@ -14,13 +14,13 @@ from tests.unit.uav_firmware.modules.mavlink.harness import (
 )
 from uav_firmware.cal.link import Address
 from uav_firmware.cal.storage import Write
-from uav_firmware.modules.mavlink.signing.link_security import SigningParams
-from uav_firmware.modules.mavlink.signing.signature import EPOCH_US, Signer, SigningClock
-from uav_firmware.modules.mavlink.signing.signing_setup import SetupTrust
-from uav_firmware.modules.mavlink.signing.signing_store import FILE_NAME, SigningStoreError
 from uav_firmware.modules.mavlink.wire.dialect import is_signed, mavlink
+from uav_firmware.modules.mavlink.wire.link_security import SigningParams
 from uav_firmware.modules.mavlink.wire.peers import Peer, Profile
 from uav_firmware.modules.mavlink.wire.reception import REPORT_INTERVAL_US, SigningOptions
+from uav_firmware.modules.mavlink.wire.signature import EPOCH_US, Signer, SigningClock
+from uav_firmware.modules.mavlink.wire.signing_setup import SetupTrust
+from uav_firmware.modules.mavlink.wire.signing_store import FILE_NAME, SigningStoreError
 from uav_firmware.msg.link import RefusedFrames
 from uav_firmware.parameters import Registry
 

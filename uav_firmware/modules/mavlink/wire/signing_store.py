@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from uav_firmware.cal.storage import WRITTEN, Storage, Write
-from uav_firmware.modules.mavlink.signing.signature import KEY_LENGTH, LATEST, TICK_US
+from uav_firmware.modules.mavlink.wire.signature import KEY_LENGTH, LATEST, TICK_US
 
 FILE_NAME: Final = "signing.json"
 AHEAD: Final = 120_000_000 // TICK_US

@@ -5,7 +5,7 @@ from typing import Any, Final
 import pytest
 
 from uav_firmware.drivers.file_tree import FileTree
-from uav_firmware.modules.mavlink.log.server import PACKETS_PER_SECOND, LogServer
+from uav_firmware.modules.mavlink.files.log_server import PACKETS_PER_SECOND, LogServer
 from uav_firmware.modules.mavlink.telemetry.status_text import StatusTexts
 from uav_firmware.modules.mavlink.wire.addressing import Outgoing, Sender
 from uav_firmware.modules.mavlink.wire.dialect import mavlink, pack

@@ -9,7 +9,7 @@ from pymavlink.mavftp import MAVFTP
 
 from tests.unit.uav_firmware.modules.mavlink.files.harness import FileHarness
 from uav_firmware.modules.mavlink.files.codec import Fault, Opcode
-from uav_firmware.modules.mavlink.parameters.parameter_pack import (
+from uav_firmware.modules.mavlink.files.parameter_pack import (
     PackedParameter,
     PackError,
     read_pack,

@@ -11,13 +11,13 @@ from typing import Final
 from urllib.parse import parse_qsl
 
 from uav_firmware.cal.files import Entry, OpenFile, OpenMode, Place
-from uav_firmware.modules.mavlink.files.tree import GeneratedFile, ReadOnlyStore, refusal
-from uav_firmware.modules.mavlink.parameters.parameter_pack import (
+from uav_firmware.modules.mavlink.files.parameter_pack import (
     PackedParameter,
     PackError,
     read_pack,
     write_pack,
 )
+from uav_firmware.modules.mavlink.files.tree import GeneratedFile, ReadOnlyStore, refusal
 from uav_firmware.parameters import ParameterError, Registry
 
 FILE_NAME: Final = "param.pck"

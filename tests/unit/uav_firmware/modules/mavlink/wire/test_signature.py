@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import common
 
-from uav_firmware.modules.mavlink.signing.signature import (
+from uav_firmware.modules.mavlink.wire.signature import (
     EPOCH_US,
     LATEST,
     MAX_STREAMS,

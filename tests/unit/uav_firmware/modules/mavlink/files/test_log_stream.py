@@ -9,7 +9,7 @@ from pyulog import ULog  # type: ignore[import-untyped]  # pyulog has no types
 
 from tests.unit.uav_firmware.modules.logger.harness import LoggerHarness, MemoryStore
 from uav_firmware.modules.mavlink.commands.commands import Command
-from uav_firmware.modules.mavlink.log.stream import (
+from uav_firmware.modules.mavlink.files.log_stream import (
     ACK_TIMEOUT_US,
     DATA_MAX,
     NO_MESSAGE,

@@ -16,9 +16,9 @@ from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 from uav_firmware.cal.link import Address
-from uav_firmware.modules.mavlink.signing.signature import Refusal, Signer, SigningClock
 from uav_firmware.modules.mavlink.wire.dialect import Message, is_signed, is_version_1
 from uav_firmware.modules.mavlink.wire.peers import Channel, PeerTable
+from uav_firmware.modules.mavlink.wire.signature import Refusal, Signer, SigningClock
 from uav_firmware.parameters import Registry, UnknownParameterError, param
 
 SIGN_NEVER = 0

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.unit.uav_firmware.modules.mavlink.harness import BROKER, SYSTEM, MavlinkHarness
-from uav_firmware.modules.mavlink.parameters.parameter_server import READ_ONLY, VehicleFacts
+from uav_firmware.modules.mavlink.commands.parameter_server import READ_ONLY, VehicleFacts
 from uav_firmware.modules.mavlink.wire.dialect import frame, mavlink, pack
 from uav_firmware.parameters import Registry, param
 

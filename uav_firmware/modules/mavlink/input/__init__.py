@@ -1,1 +1,0 @@
-"""Streamed input: sticks, set-points, targets, gimbal orders."""

@@ -1,1 +1,0 @@
-"""The log protocol: list, download, stream."""

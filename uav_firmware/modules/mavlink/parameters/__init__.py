@@ -1,1 +1,0 @@
-"""The parameter protocol, and parameters as a file."""

@@ -1,1 +1,0 @@
-"""MAVLink 2 signatures: keys, verification, set-up over a link."""
