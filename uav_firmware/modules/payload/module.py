@@ -7,13 +7,13 @@ from uav_firmware.bus import Queue, Topic
 from uav_firmware.cal.camera import CameraDevice, Recorder, Seeker, Streamer
 from uav_firmware.lib.geo import LocalFrame
 from uav_firmware.lib.rotation import yaw_of
+from uav_firmware.modules.payload import gimbal_orders
 from uav_firmware.modules.payload.camera import panorama_work
 from uav_firmware.modules.payload.camera.lens import lens
 from uav_firmware.modules.payload.camera.panorama_work import Report
 from uav_firmware.modules.payload.camera.pictures import Pictures
 from uav_firmware.modules.payload.camera.storage import Storage
 from uav_firmware.modules.payload.camera.video import LiveView, VideoRecording
-from uav_firmware.modules.payload.gimbal import gimbal_orders
 from uav_firmware.modules.payload.orders import FlightEnd, MissionOrders, execute
 from uav_firmware.modules.payload.params import PayloadParams
 from uav_firmware.modules.payload.parts import Parts

@@ -1,1 +1,0 @@
-"""The gimbal: attitude, control and orders."""
