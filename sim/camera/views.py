@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 
 from PIL import Image as PillowImage
 
-from sim.camera.render.picture import Shot, render
+from sim.camera.picture import Shot, render
 from sim.camera.scene.lens import Lens, Pose
 from sim.mosaic.contact_sheet import Print, write_contact_sheet
 from sim.physics.truth import quaternion_from_euler

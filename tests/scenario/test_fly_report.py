@@ -15,7 +15,7 @@ import pytest
 from PIL import Image
 from pyulog import ULog  # type: ignore[import-untyped]  # pyulog tells no types
 
-from sim.camera.render.picture import Shot, render
+from sim.camera.picture import Shot, render
 from sim.camera.scene.lens import Lens, Pose
 from sim.mosaic.georeference import georeference
 from sim.physics.truth import quaternion_from_euler

@@ -26,7 +26,7 @@ from typing import Final
 from PIL import Image as PillowImage
 
 from sim.camera.film.orders import Frame, from_line
-from sim.camera.render.picture import render
+from sim.camera.picture import render
 
 QUALITY: Final = 70
 PATIENCE_S: Final = 10.0

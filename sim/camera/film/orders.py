@@ -8,7 +8,7 @@ import json
 from dataclasses import asdict, dataclass
 from typing import Final
 
-from sim.camera.render.picture import Shot
+from sim.camera.picture import Shot
 from sim.camera.scene.lens import Lens, Pose
 from sim.physics.truth import Quaternion
 from sim.world.farm import Farm

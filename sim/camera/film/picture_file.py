@@ -8,7 +8,7 @@ from PIL import Image as PillowImage
 
 from sim.camera.film.metadata import exif, xmp
 from sim.camera.film.orders import Order
-from sim.camera.render.picture import Image, render
+from sim.camera.picture import Image, render
 
 QUALITY: Final = 82
 THUMBNAIL_PX: Final = 640

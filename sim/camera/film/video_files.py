@@ -13,7 +13,7 @@ from PIL import Image as PillowImage
 from sim.camera.film.motion_jpeg import Film
 from sim.camera.film.orders import Frame
 from sim.camera.film.picture_file import Stored
-from sim.camera.render.picture import render
+from sim.camera.picture import render
 
 QUALITY: Final = 75
 NOTHING: Final = Stored(0, 0)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim.camera.render.picture import Shot, render
+from sim.camera.picture import Shot, render
 from sim.camera.scene.lens import Lens, Pose
 from sim.camera.scene.occlusion import share_in_sight
 from sim.camera.scene.orchard import crowns

@@ -8,8 +8,8 @@ import pytest
 from sim.camera.scene.orchard import crowns
 from sim.camera.scene.reflectance import LEAF_INDEX
 from sim.world.layout import FIELDS, Cover
-from tests.unit.sim.camera.render.test_picture import shot
 from tests.unit.sim.camera.shots import FARM
+from tests.unit.sim.camera.test_picture import shot
 
 GROVE = next(field for field in FIELDS if field.cover is Cover.OLIVES)
 

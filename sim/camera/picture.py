@@ -13,7 +13,7 @@ from typing import Final, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.camera.render.light import Light, developed, encoded, hazed, light, sky_colour
+from sim.camera.light import Light, developed, encoded, hazed, light, sky_colour
 from sim.camera.scene import ground
 from sim.camera.scene.hills import Hills
 from sim.camera.scene.lens import Lens, Pixels, Pose, Rays, in_camera, rays

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from sim.camera.render.picture import Image, Shot, render
+from sim.camera.picture import Image, Shot, render
 from sim.world.layout import FIELDS, TREES
 from tests.unit.sim.camera.shots import FARM, MORNING_S, lens, pose
 

@@ -1,1 +1,0 @@
-"""A picture of the scene: each pixel's ray, light and exposure."""
