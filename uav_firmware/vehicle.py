@@ -16,15 +16,14 @@ from uav_firmware.cal.log_store import LogStore
 from uav_firmware.cal.storage import Storage
 from uav_firmware.cal.vehicle import Fitted, Vehicle
 from uav_firmware.config import ConfigError, Endpoint, VehicleConfig
-from uav_firmware.drivers.address_book import AddressBook
 from uav_firmware.drivers.background import BackgroundLogs, BackgroundStorage, close_all
 from uav_firmware.drivers.file_room import Room
 from uav_firmware.drivers.file_storage import FileStorage
+from uav_firmware.drivers.file_tree import image_folder, image_tree, storage_card
 from uav_firmware.drivers.jammed_link import JammedLink
 from uav_firmware.drivers.key_file import KeyFileError, read_key
 from uav_firmware.drivers.log_folder import LogFolder
-from uav_firmware.drivers.named_link import NamedLink
-from uav_firmware.drivers.storage_card import image_folder, image_tree, storage_card
+from uav_firmware.drivers.named_link import NamedLink, PeerResolver
 from uav_firmware.drivers.udp_link import UdpLink
 
 _VEHICLES_PER_SEED = 256  # vehicles of one seed must not share their noise
@@ -91,7 +90,7 @@ def bind_link(config: VehicleConfig) -> UdpLink:
     names = [address for address in addresses(config) if not _is_numeric(address)]
     try:
         if names:
-            return NamedLink(config.bind, config.port, AddressBook(names))
+            return NamedLink(config.bind, config.port, PeerResolver(names))
         return UdpLink(config.bind, config.port)
     except OSError as error:
         raise OSError(
@@ -152,7 +151,7 @@ def addresses(config: VehicleConfig) -> tuple[Address, Address]:
     """Addresses of the broker and of the ground station, as the autopilot knows them.
 
     They are numeric, but for a name beyond this machine: that may get another address while
-    the vehicle flies, so the link looks it up (`uav_firmware/drivers/named_link.py`).
+    the vehicle flies, so the link resolves it (`uav_firmware/drivers/named_link.py`).
 
     Raises:
         ConfigError: if a host name has no address.

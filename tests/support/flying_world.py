@@ -27,10 +27,10 @@ from tests.support.geodesy import LocalGround
 from tests.support.lossy_link import GROUND_ADDRESS, VEHICLE_ADDRESS, Conditions, LossyLink
 from tests.support.scripted_disk import ScriptedDisk
 from uav_firmware.drivers.file_storage import FileStorage
+from uav_firmware.drivers.file_tree import image_folder, image_tree, storage_card
 from uav_firmware.drivers.jsbsim import JsbsimVehicle
 from uav_firmware.drivers.jsbsim_camera import JsbsimCamera
 from uav_firmware.drivers.log_folder import LogFolder
-from uav_firmware.drivers.storage_card import image_folder, image_tree, storage_card
 from uav_firmware.modules.mavlink.wire.peers import Peer, Profile
 from uav_firmware.topology import Autopilot
 

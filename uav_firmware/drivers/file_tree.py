@@ -1,7 +1,7 @@
-"""A folder of this machine as a store of files that peers may reach, and nothing outside it.
+"""Folders of this machine as the vehicle's storage card: peers reach nothing outside them.
 
 Each name is opened relative to the folder before it, without following links, so that neither
-`..` nor a link that lies or appears in the tree leads out of it.
+`..` nor a link in the tree leads out of it.
 """
 
 import errno
@@ -12,8 +12,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
-from uav_firmware.cal.files import Entry, OpenMode, Place
+from uav_firmware.cal.files import Card, Entry, OpenMode, Place
 from uav_firmware.drivers.file_room import Room, measure
+from uav_firmware.drivers.log_folder import LogFolder
 
 BYTES_MAX: Final = 256 * 1024 * 1024  # 256 MiB
 ENTRIES_MAX: Final = 2000
@@ -242,4 +243,27 @@ def _entry(found: "os.DirEntry[str]") -> Entry | None:
         status.st_size if is_file else 0,
         int(status.st_mtime),
         is_plain=is_folder or is_file,
+    )
+
+
+FILES_FOLDER: Final = "files"
+IMAGE_FOLDER: Final = "image"
+
+
+def image_folder(folder: Path) -> Path:
+    """The folder in which a vehicle's camera stores its pictures."""
+    return folder / IMAGE_FOLDER
+
+
+def image_tree(folder: Path) -> FileTree:
+    """The pictures of a vehicle, to read and to remove."""
+    return FileTree(image_folder(folder), may_write=False)
+
+
+def storage_card(folder: Path, logs: LogFolder, images: FileTree) -> Card:
+    """The card in a vehicle's folder; a log that is being written cannot be removed."""
+    return Card(
+        files=FileTree(folder / FILES_FOLDER),
+        logs=FileTree(logs.folder, may_write=False, is_in_use=logs.is_being_written),
+        images=images,
     )

@@ -15,9 +15,8 @@ from sim.sensors.readings import Readings
 from sim.simulation import Simulation
 from uav_firmware.cal.vehicle import Fitted
 from uav_firmware.drivers.jsbsim_camera import JsbsimCamera
-from uav_firmware.drivers.jsbsim_recorder import JsbsimRecorder
 from uav_firmware.drivers.jsbsim_seeker import JsbsimSeeker
-from uav_firmware.drivers.jsbsim_streamer import JsbsimStreamer
+from uav_firmware.drivers.jsbsim_video import JsbsimRecorder, JsbsimStreamer
 from uav_firmware.msg.sensors import (
     SensorBaro,
     SensorBattery,

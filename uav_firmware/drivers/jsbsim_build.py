@@ -13,8 +13,7 @@ from uav_firmware.cal.vehicle import Fitted
 from uav_firmware.drivers.file_room import Room
 from uav_firmware.drivers.jsbsim import JsbsimVehicle
 from uav_firmware.drivers.jsbsim_camera import JsbsimCamera
-from uav_firmware.drivers.jsbsim_recorder import JsbsimRecorder
-from uav_firmware.drivers.jsbsim_streamer import JsbsimStreamer
+from uav_firmware.drivers.jsbsim_video import JsbsimRecorder, JsbsimStreamer
 
 STANDARD: Final = Fitted(imus=3, barometers=2, compasses=2)
 """What a flight controller board of the Pixhawk class carries."""

@@ -69,7 +69,7 @@ class JsbsimCamera:
         self._room = room
         self._serial = serial
         self._in_step, self._hurried = in_step, hurried
-        self._darkroom = RenderProcess() if render_process is None else render_process
+        self._render_process = RenderProcess() if render_process is None else render_process
         self._pending: deque[_Pending] = deque()
         self._developed: deque[Rendered] = deque()
         self._erasing: deque[Path] = deque()
@@ -100,7 +100,7 @@ class JsbsimCamera:
         if not self.is_ready:
             raise OSError(errno.EBUSY, "the camera's memory is full")
         name = file_name(exposure, self._folder, ".jpg")
-        self._darkroom.begin(self._order(exposure, name))
+        self._render_process.begin(self._order(exposure, name))
         due_us = exposure.time_us + STORING_US
         self._pending.append(_Pending(exposure.image_index, name, due_us))
 
@@ -110,7 +110,9 @@ class JsbsimCamera:
             return ()
         if self._in_step:
             return self._collect_due(now_us)
-        self._developed.extend(self._darkroom.finished(wait=self._hurried and not self.is_ready))
+        self._developed.extend(
+            self._render_process.finished(wait=self._hurried and not self.is_ready)
+        )
         return [self._outcome() for _ in range(len(self._developed))]
 
     def erase(self) -> bool:
@@ -139,14 +141,14 @@ class JsbsimCamera:
     def close(self) -> None:
         """Give up what is pending, and end the process that makes the pictures."""
         self._pending.clear()
-        self._darkroom.close()
+        self._render_process.close()
 
     def _collect_due(self, now_us: int) -> list[Outcome]:
         """Those whose time has come; waits for them."""
         found: list[Outcome] = []
         while self._pending and self._pending[0].due_us <= now_us:
             if not self._developed:
-                self._developed.extend(self._darkroom.finished(wait=True))
+                self._developed.extend(self._render_process.finished(wait=True))
             found.append(self._outcome())
         return found
 

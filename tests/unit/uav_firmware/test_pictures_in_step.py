@@ -11,9 +11,9 @@ from sim.simulation import Simulation
 from tests.support.ground_station import MemoryLink
 from uav_firmware.bus import Queue
 from uav_firmware.drivers.file_storage import FileStorage
+from uav_firmware.drivers.file_tree import image_folder, image_tree
 from uav_firmware.drivers.jsbsim import JsbsimVehicle
 from uav_firmware.drivers.jsbsim_camera import STORING_US, JsbsimCamera
-from uav_firmware.drivers.storage_card import image_folder, image_tree
 from uav_firmware.msg.payload import CameraEvent, ImageCaptured, PayloadCommand
 from uav_firmware.msg.status import VehicleCommand
 from uav_firmware.topology import Autopilot

@@ -14,8 +14,8 @@ from sim.physics.truth import quaternion_from_euler
 from sim.simulation import Simulation
 from tests.unit.sim.camera.surveyor import read
 from uav_firmware.cal.camera import Exposure, Outcome, SecondPicture
+from uav_firmware.drivers.file_tree import image_folder, image_tree
 from uav_firmware.drivers.jsbsim_camera import ERASED_AT_ONCE, MEMORY, STORING_US, JsbsimCamera
-from uav_firmware.drivers.storage_card import image_folder, image_tree
 from uav_firmware.modules.payload.camera.lens import lens
 
 LEVEL = (1.0, 0.0, 0.0, 0.0)

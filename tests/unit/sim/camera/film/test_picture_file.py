@@ -111,7 +111,7 @@ def test_a_failure_leaves_no_file(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.rglob("*") if path.is_file()] == ["thumbnail"]
 
 
-def test_an_order_survives_the_way_to_the_darkroom(tmp_path: Path) -> None:
+def test_an_order_is_unchanged_after_serialisation(tmp_path: Path) -> None:
     wanted = order(tmp_path, 7, pose(1.0, 2.0, 3.0, -45.0, 10.0), second="ndvi")
     assert from_line(to_line(wanted)) == wanted
 
