@@ -9,7 +9,7 @@ import argparse
 import json
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from http import HTTPStatus
 from typing import Any, Final
@@ -32,11 +32,18 @@ from mavlink_broker.cli.program import (
     print_output,
     with_link,
 )
-from mavlink_broker.cli.vehicle_table import row, table
 from mavlink_broker.config import Config
 from mavlink_broker.edge.bounded_http import BoundedHttp
 from mavlink_broker.links.settings import LinkSettings
+from mavlink_broker.mavlink.dialect import mavlink
+from mavlink_broker.vehicle.vehicle import Vehicle
 
+COLUMNS: Final = (
+    *("system_id", "vehicle_id", "autopilot", "type", "family", "version", "link_state"),
+    *("mode", "armed", "latitude", "longitude", "altitude", "battery_percentage"),
+)
+"""Altitude in metres above home, the battery as a fraction; unknown values are null."""
+_NOTHING: Final = "-"
 LISTEN_S: Final = 5.0
 """Five heartbeats, and time to request a version and a position."""
 _ASK_TIMEOUT_S: Final = 5.0
@@ -124,3 +131,53 @@ def _options(
     settings = with_link(config.settings(parser, options), options.connect)
     traffic = LinkSettings(links=settings.traffic.links)
     return replace(settings, traffic=traffic, observes=True), options
+
+
+def row(vehicle: Vehicle, now: float) -> dict[str, Any]:
+    """Describe one vehicle."""
+    snapshot = vehicle.snapshot
+    position = snapshot.position
+    values = (
+        vehicle.route.target_system,
+        vehicle.vehicle_id,
+        _name("MAV_AUTOPILOT", vehicle.autopilot),
+        _name("MAV_TYPE", vehicle.vehicle_type),
+        vehicle.family.name,
+        vehicle.version,
+        vehicle.link_state(now).value,
+        None if snapshot.armed is None else vehicle.mode,
+        snapshot.armed,
+        None if position is None else position.latitude_deg,
+        None if position is None else position.longitude_deg,
+        None if position is None else position.altitude_m,
+        snapshot.battery_fraction,
+    )
+    return dict(zip(COLUMNS, values, strict=True))
+
+
+def table(rows: Iterable[dict[str, Any]]) -> Iterator[str]:
+    """Give the rows as a table."""
+    cells = [[_cell(one.get(column)) for column in COLUMNS] for one in rows]
+    rows_of_text: list[Sequence[str]] = [COLUMNS, *cells]
+    widths = [max(len(line[i]) for line in rows_of_text) for i in range(len(COLUMNS))]
+    for line in rows_of_text:
+        yield "  ".join(c.ljust(w) for c, w in zip(line, widths, strict=True)).rstrip()
+
+
+def _name(enumeration: str, number: int | None) -> str | None:
+    if number is None:
+        return None
+    entry = mavlink.enums[enumeration].get(number)
+    return str(number) if entry is None else str(entry.name).removeprefix(f"{enumeration}_").lower()
+
+
+def _cell(value: Any) -> str:
+    match value:
+        case None:
+            return _NOTHING
+        case bool():
+            return "yes" if value else "no"
+        case float():
+            return f"{value:.7g}" if abs(value) < 1 else f"{value:.7f}".rstrip("0").rstrip(".")
+        case _:
+            return str(value)

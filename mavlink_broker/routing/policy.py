@@ -3,6 +3,9 @@
 Message rates are decided here too: ground stations and broker share one link of the vehicle, and
 each SET_MESSAGE_INTERVAL overrides the one before. A ground station may set a higher rate of the
 messages that the broker requires, never a lower one; it may set any rate of the others.
+
+While a mission of the broker runs, ground stations may send messages that read, none that changes
+a flight. Everything else, including messages without a definition, is refused.
 """
 
 from collections.abc import Mapping
@@ -11,7 +14,6 @@ from enum import Enum, auto
 from typing import Final, TypeAlias
 
 from mavlink_broker.mavlink.dialect import Message, Source, mavlink, source_of
-from mavlink_broker.routing import allowed
 
 
 class BrokerControl(Enum):
@@ -50,6 +52,71 @@ class Refuse:
 Decision: TypeAlias = Forward | Answer | Drop | Refuse
 
 
+ALLOWED_MESSAGES: Final = frozenset(
+    {
+        "PING",
+        "TIMESYNC",
+        "PARAM_REQUEST_READ",
+        "PARAM_REQUEST_LIST",
+        "PARAM_EXT_REQUEST_READ",
+        "PARAM_EXT_REQUEST_LIST",
+        "LOG_REQUEST_LIST",
+        "LOG_REQUEST_DATA",
+        "LOG_REQUEST_END",
+        "REQUEST_EVENT",
+        "GPS_RTCM_DATA",  # Corrections: a receiver that loses them loses its fix
+        "OPEN_DRONE_ID_BASIC_ID",  # Remote identification is required by law
+        "OPEN_DRONE_ID_OPERATOR_ID",
+        "OPEN_DRONE_ID_SELF_ID",
+        "OPEN_DRONE_ID_SYSTEM",
+        "OPEN_DRONE_ID_SYSTEM_UPDATE",
+    }
+)
+
+MISSION_READS: Final = frozenset(
+    {"MISSION_REQUEST_LIST", "MISSION_REQUEST_INT", "MISSION_REQUEST", "MISSION_ACK"}
+)
+"""Allowed except during a mission transfer of the broker."""
+
+MISSION_WRITES: Final = frozenset(
+    {
+        "MISSION_COUNT",
+        "MISSION_ITEM",
+        "MISSION_ITEM_INT",
+        "MISSION_WRITE_PARTIAL_LIST",
+        "MISSION_CLEAR_ALL",
+        "MISSION_SET_CURRENT",
+    }
+)
+
+ALLOWED_COMMANDS: Final = frozenset(
+    {
+        mavlink.MAV_CMD_GET_HOME_POSITION,
+        mavlink.MAV_CMD_GET_MESSAGE_INTERVAL,
+        mavlink.MAV_CMD_REQUEST_MESSAGE,
+        mavlink.MAV_CMD_REQUEST_PROTOCOL_VERSION,
+        mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES,
+        mavlink.MAV_CMD_REQUEST_CAMERA_INFORMATION,
+        mavlink.MAV_CMD_REQUEST_CAMERA_SETTINGS,
+        mavlink.MAV_CMD_REQUEST_STORAGE_INFORMATION,
+        mavlink.MAV_CMD_REQUEST_CAMERA_CAPTURE_STATUS,
+        mavlink.MAV_CMD_REQUEST_FLIGHT_INFORMATION,
+        mavlink.MAV_CMD_REQUEST_CAMERA_IMAGE_CAPTURE,
+        mavlink.MAV_CMD_VIDEO_START_STREAMING,  # Live video; recording is another command
+        mavlink.MAV_CMD_VIDEO_STOP_STREAMING,
+        mavlink.MAV_CMD_REQUEST_VIDEO_STREAM_INFORMATION,
+        mavlink.MAV_CMD_REQUEST_VIDEO_STREAM_STATUS,
+    }
+)
+"""In addition to SET_MESSAGE_INTERVAL, which depends on the interval."""
+
+FILE_READS: Final = frozenset({0, 1, 2, 3, 4, 5, 14, 15, 16})
+"""Opcodes of MAVLink FTP that only read: none, terminate, reset, list, open to read, read,
+checksum, burst read, list with time."""
+
+NEVER_FORWARDED: Final = frozenset({"SETUP_SIGNING", "AUTH_KEY"})
+"""Never forwarded: signing keys are set over trusted links only, not through the broker."""
+
 SLOWEST_STREAMS_HZ: Final = 2.0
 """Lowest rate of REQUEST_DATA_STREAM, which sets groups of messages that the broker requires."""
 LARGEST_MESSAGE_ID: Final = 0xFFFFFF
@@ -65,16 +132,16 @@ def decide(
 ) -> Decision:
     """Decide on a message; `required_intervals_us` are the intervals of the broker's streams."""
     kind = message.get_type()
-    if kind in allowed.NEVER:
+    if kind in NEVER_FORWARDED:
         return Refuse()
     if kind in {"COMMAND_LONG", "COMMAND_INT"}:
         return _decide_command(message, control, required_intervals_us)
     if kind == "REQUEST_DATA_STREAM":
         is_fast = message.start_stop == 1 and message.req_message_rate >= SLOWEST_STREAMS_HZ
         return Forward() if is_fast else Drop()
-    if control is BrokerControl.FREE or kind in allowed.MESSAGES:
+    if control is BrokerControl.FREE or kind in ALLOWED_MESSAGES:
         return Forward()
-    if kind in allowed.MISSION_READS:
+    if kind in MISSION_READS:
         return Drop() if control is BrokerControl.TRANSFER else Forward()
     return _decide_write(message, kind)
 
@@ -84,7 +151,7 @@ def _decide_command(
 ) -> Decision:
     if message.command == mavlink.MAV_CMD_SET_MESSAGE_INTERVAL:
         return _decide_interval(message, required_intervals_us)
-    if control is BrokerControl.FREE or message.command in allowed.COMMANDS:
+    if control is BrokerControl.FREE or message.command in ALLOWED_COMMANDS:
         return Forward()
     return Refuse(_command_ack(message, mavlink.MAV_RESULT_TEMPORARILY_REJECTED))
 
@@ -101,7 +168,7 @@ def _decide_interval(message: Message, required_intervals_us: Mapping[int, float
 
 def _decide_write(message: Message, kind: str) -> Decision:
     """Refuse a message that changes something, with the answer of its protocol."""
-    if kind in allowed.MISSION_WRITES:
+    if kind in MISSION_WRITES:
         return Refuse(_mission_ack(message))
     match kind:
         case "PARAM_SET" if message.param_id == HASH_CHECK:
@@ -112,7 +179,7 @@ def _decide_write(message: Message, kind: str) -> Decision:
             return Refuse(_parameter_ack(message))
         case "FILE_TRANSFER_PROTOCOL":
             opcode = message.payload[_OPCODE_AT]
-            return Forward() if opcode in allowed.FILE_READS else Refuse(_file_refusal(message))
+            return Forward() if opcode in FILE_READS else Refuse(_file_refusal(message))
         case _:
             return Refuse()
 

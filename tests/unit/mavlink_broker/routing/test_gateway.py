@@ -10,9 +10,8 @@ from hypothesis import strategies as st
 from mavlink_broker.mavlink.codec import Decoder, Encoder, encoded_as
 from mavlink_broker.mavlink.dialect import Source, mavlink
 from mavlink_broker.mavlink.frames import sequence, signed, unsigned
-from mavlink_broker.routing.gateway import GCS_TIMEOUT_S, ForwardedFrames, Gateway
+from mavlink_broker.routing.gateway import GCS_TIMEOUT_S, KINDS_KEPT, ForwardedFrames, Gateway
 from mavlink_broker.routing.policy import BrokerControl
-from mavlink_broker.routing.refusals import KINDS_KEPT
 
 OWN, GROUND = 254, Source(255, 190)
 HEARTBEAT = mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)

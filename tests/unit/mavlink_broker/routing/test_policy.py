@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 
 from mavlink_broker.mavlink.codec import Decoder, Encoder
 from mavlink_broker.mavlink.dialect import mavlink
-from mavlink_broker.routing import allowed
 from mavlink_broker.routing.policy import (
+    ALLOWED_MESSAGES,
+    MISSION_READS,
     Answer,
     BrokerControl,
     Decision,
@@ -115,7 +116,7 @@ def test_reading_messages_are_always_forwarded(control: BrokerControl) -> None:
 
 
 def test_only_listed_messages_are_forwarded_during_a_mission() -> None:
-    listed = allowed.MESSAGES | allowed.MISSION_READS | {"FILE_TRANSFER_PROTOCOL"}
+    listed = ALLOWED_MESSAGES | MISSION_READS | {"FILE_TRANSFER_PROTOCOL"}
     passing = {
         kind.msgname
         for kind in mavlink.mavlink_map.values()
