@@ -40,6 +40,7 @@ class Simulation:
     def __init__(self, config: SimulationConfig) -> None:
         self.config = config
         self._substeps = config.physics_rate_hz // config.control_rate_hz
+        self._step_us = config.step_us
         self._draw_schedule = Schedule(DRAW_RATE_HZ, first_us=1_000_000 // DRAW_RATE_HZ)
         self._quadrotor = Quadrotor(config)
         self._suite = SensorSuite(config)
@@ -91,16 +92,19 @@ class Simulation:
                 passes then.
             OSError: if the truth log cannot be written.
         """
-        if self.truth.time_us >= self._next_fault_us:
-            self._update_faults(self.truth.time_us)
+        truth = self.truth
+        time_us = truth.time_us
+        if time_us >= self._next_fault_us:
+            self._update_faults(time_us)
         motors = self._within_supply(motors)
         self._quadrotor.command(self._effects.motors(motors) if self._motors_weak else motors)
-        self._quadrotor.set_rotor_effects(self.truth)
+        self._quadrotor.set_rotor_effects(truth)
         if not self._wind.calm:
-            self._set_wind(self._wind.step(self.truth.height_above_home_m, self.truth.airspeed_m_s))
+            self._set_wind(self._wind.step(truth.height_above_home_m, truth.airspeed_m_s))
         self._quadrotor.advance(self._substeps)
-        self.truth = self._quadrotor.truth(self.truth.time_us + self.config.step_us)
-        if self._draw_schedule.due(self.truth.time_us):
+        time_us += self._step_us
+        self.truth = self._quadrotor.truth(time_us)
+        if self._draw_schedule.due(time_us):
             self._suite.battery.draw(self._quadrotor.motor_power_w(), 1.0 / DRAW_RATE_HZ)
         self.readings = self._observe()
         return self.readings
@@ -155,11 +159,12 @@ class Simulation:
         )
 
     def _observe(self) -> Readings:
+        truth = self.truth
         if self._log is not None:
-            self._log.record(self.truth)
-        readings = self._suite.read(self.truth, self._quadrotor.motor_currents_a)
-        if self._environment_schedule.due(self.truth.time_us):
-            sample = self._environment.read(self.truth, self.farm_time_s)
+            self._log.record(truth)
+        readings = self._suite.read(truth, self._quadrotor.motor_currents_a)
+        if self._environment_schedule.due(truth.time_us):
+            sample = self._environment.read(truth, self.farm_time_s)
             readings = readings._replace(environment=sample)
         return self._effects.readings(readings) if self._effects.touches_readings else readings
 

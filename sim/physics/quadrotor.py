@@ -46,6 +46,7 @@ _HARDEST_LANDING_M_S: Final = 6.0  # More breaks a light airframe
 _TIPPED_OVER_COSINE: Final = 0.5  # 60 degrees, past the tipping point
 _WRECK_HEIGHT_M: Final = 0.06  # Lower than a landing that the feet bear
 _GRAVITY_M_S2: Final = 9.81  # For a wreck at rest only; flight uses JSBSim's gravity
+_NEWTON_METRES_PER_POUND_FOOT: Final = NEWTONS_PER_POUND * METRES_PER_FOOT
 _ALL_ENGINES: Final = -1.0
 _BUSS_SECOND_ORDER: Final = 7.0
 
@@ -156,7 +157,7 @@ class Quadrotor:
         )
         self._set_drag_forward(drag.forward_n / NEWTONS_PER_POUND)
         self._set_drag_right(drag.right_n / NEWTONS_PER_POUND)
-        self._set_yaw_brake(drag.yaw_nm / (NEWTONS_PER_POUND * METRES_PER_FOOT))
+        self._set_yaw_brake(drag.yaw_nm / _NEWTON_METRES_PER_POUND_FOOT)
         if self._ground_effect:
             more = ground_effect_factor(state.height_above_ground_m()) - 1.0
             self._set_ground_lift(more * state.thrust_lbs())

@@ -82,7 +82,7 @@ class JsbsimVehicle:
             OSError: if the file of orders cannot be read any more.
         """
         self._readings = readings = self._simulation.step(self._motors)
-        self.time_us = readings.imu.time_us
+        self.time_us = readings.imus[0].time_us
         if self._console is not None and self.time_us >= self._console_us:
             self._console_us = self.time_us + _CONSOLE_PERIOD_US
             self._obey(self._console)
