@@ -119,7 +119,7 @@ class Session:
     def permitted(self, messages: list[Message], now: float) -> list[Message]:
         """Leave out what must not be ordered now, whichever part of the session orders it.
 
-        Every order, to a vehicle that somebody else has taken, or that may have restarted while
+        Every order, to a vehicle that another system has taken, or that may have restarted while
         its link was away; what leads to a place, to one in the air without a position.
         """
         vehicle = self.vehicle
@@ -173,7 +173,7 @@ class Session:
     # Time
 
     def step(self, now: float, effects: Effects) -> None:
-        """Let time pass."""
+        """Do what is due at a time."""
         vehicle = self.vehicle
         self._observe_link(now)
         self._telemetry.update(self.missions.running_mission_id, now, effects)

@@ -60,7 +60,7 @@ class OrbitMonitor:
             self._is_counted = False
 
     def tick(self, now: float) -> list[Message]:
-        """Let time pass."""
+        """Do what is due at a time."""
         del now
         is_guided = self._vehicle.mode_role is ModeRole.GUIDED
         self._was_guided |= is_guided

@@ -139,7 +139,7 @@ class ParameterOverrider:
         encoding: ParameterEncoding,
         is_saved: Callable[[], bool] = always_saved,
     ) -> list[Message]:
-        """Let time pass; to be called only while the vehicle is received.
+        """Do what is due at a time; to be called only while the vehicle is received.
 
         `is_saved` returns whether `overridden` is saved on the disk.
         """

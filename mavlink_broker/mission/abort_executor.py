@@ -6,7 +6,7 @@
 
 An order that is refused, not answered or not obeyed is repeated for as long as the vehicle is
 armed; a place that it will not go to is replaced by a landing where it is, unless the link is away.
-The orders end at once when somebody else takes command of the vehicle, or its own failsafe does.
+The orders end at once when another system takes command of the vehicle, or its own failsafe does.
 An order that leads to a place becomes a landing as soon as the vehicle has lost its position.
 """
 
@@ -37,7 +37,7 @@ WITHIN_S: Final = 600.0
 """To reach a place; then the vehicle lands where it is."""
 LATE_ORDER_S: Final = 5.0
 """How long an order of the mission may still arrive behind one that ends it: the longest timeout
-of a command. Later only somebody else puts the vehicle back into its mission."""
+of a command. Later only another system puts the vehicle back into its mission."""
 _DISARM: Final = long_command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0.0)
 REPLACED: Final = "a later event replaced it"
 """Answer to an abort behind which a newer one decides where the vehicle goes."""
@@ -168,7 +168,7 @@ class AbortExecutor:
 
     @property
     def is_over(self) -> bool:
-        """Whether the vehicle has obeyed the last order, is disarmed, or is somebody else's."""
+        """Whether the vehicle has obeyed the last order, is disarmed, or is another system's."""
         if self.taken is not None:
             return True
         if self._vehicle.snapshot.armed is False:
@@ -266,7 +266,7 @@ class AbortExecutor:
         return _airborne_action(self._event, self._vehicle, with_place=with_place)
 
     def _is_taken(self, now: float) -> bool:
-        """Whether somebody else has taken the vehicle, once and for all."""
+        """Whether another system has taken the vehicle, once and for all."""
         if self.taken is None:
             who = self.who(now)
             if who is not Authority.BROKER:

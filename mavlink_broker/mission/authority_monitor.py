@@ -24,7 +24,7 @@ class AuthorityMonitor:
         self._vehicle = vehicle
         self.arming_mode: str | None = None  # In which the vehicle is armed, until it is left
         self.is_arming_ordered = False  # And no heartbeat has shown the vehicle armed since
-        self.was_taken = False  # Somebody else had the vehicle while the broker attached to it
+        self.was_taken = False  # Another system had the vehicle while the broker attached to it
 
     def who(self, claim: Claim | None) -> Authority:
         """Decide who is in command; without a claim the broker orders nothing in this phase."""
@@ -56,7 +56,7 @@ class AuthorityMonitor:
 
     @property
     def is_lost(self) -> bool:
-        """Whether its own failsafe or somebody else has a vehicle that waits for an order."""
+        """Whether its own failsafe or another system has a vehicle that waits for an order."""
         return self.who(HOVERING) is not Authority.BROKER
 
     @property

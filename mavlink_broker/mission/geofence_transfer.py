@@ -2,7 +2,7 @@
 
 What the vehicle holds is read, replaced where it differs, and verified; then follow the parameters
 that enforce the geofence. What was there before is kept in the vehicle's overrides, and is on the
-disk before anything changes. A geofence or a value that somebody else has set since stays.
+disk before anything changes. A geofence or a value that another system has set since stays.
 """
 
 import logging
@@ -127,7 +127,7 @@ class GeofenceTransfer:
             and override.placed is not None
             and self._steps.difference(override.placed, held)
         ):
-            del plans[kind]  # Somebody else has replaced it
+            del plans[kind]  # Another system has replaced it
             override = None
             if not items:
                 return
@@ -197,7 +197,7 @@ class GeofenceTransfer:
             del overrides[name]
 
     def _drop_foreign_values(self, held: Mapping[str, float]) -> None:
-        """Keep what somebody else has set since."""
+        """Keep what another system has set since."""
         overrides = self.vehicle.overrides.values
         for name in [n for n in overrides if n in held and not overrides[n].is_ours(held[n])]:
             del overrides[name]
@@ -231,7 +231,7 @@ class VehicleConfigRestorer:
         return [] if self._fencing is None else self._fencing.receive(message, now)
 
     def step(self, now: float, *, idle: bool) -> list[Message]:
-        """Let time pass; a mission that begins takes everything over."""
+        """Do what is due at a time; a mission that begins takes everything over."""
         self._is_reachable = self._vehicle.is_reachable(now)
         self._has_failed &= idle and self._is_reachable
         if not idle or not self._waits or now < self._not_before:

@@ -1,4 +1,4 @@
-"""Notices that somebody else changed the mission that flies, and finds out what it is now.
+"""Notices that another system changed the mission that flies, and finds out what it is now.
 
 Vehicles that give ids to their missions show it at once
 (`mavlink_broker.mission.progress_monitor`). Of the others only signs are seen: another count of

@@ -178,7 +178,7 @@ class MissionExecutor:
         self._context.report(effects)
 
     def confirm(self) -> None:
-        """Take that the edge server has confirmed the acceptance."""
+        """Note that the edge server has confirmed the acceptance."""
         self._context.is_confirmed = True
 
     def begin(self, now: float, effects: Effects, *, hovering: bool, resumed: bool) -> None:
@@ -214,7 +214,7 @@ class MissionExecutor:
             self._apply(phase.settle(now, effects), now, effects)
 
     def tick(self, now: float, effects: Effects) -> None:
-        """Let time pass; while somebody else is in command nothing is ordered."""
+        """Do what is due at a time; while another system is in command nothing is ordered."""
         yields = self._yields(now, effects)
         phase = self._phase
         if phase.exchange is not None and (not yields or self.is_attaching):
@@ -229,7 +229,7 @@ class MissionExecutor:
             self._abort_when_due(self._soft_abort, now, effects)
 
     def _yields(self, now: float, effects: Effects) -> bool:
-        """Fail at once when somebody else takes the vehicle; whether no order may be given.
+        """Fail at once when another system takes the vehicle; whether no order may be given.
 
         While items fly the progress monitor judges whether the mission has ended: a pilot may give
         the vehicle back within seconds. On the ground the mission waits for whoever armed it.
@@ -456,7 +456,7 @@ class MissionExecutor:
             self._move(Event.ENDED, now, effects)
 
     def vehicle_restarted(self, now: float, effects: Effects) -> None:
-        """Take that the vehicle was restarted: it does not fly this mission any more."""
+        """Note that the vehicle was restarted: it does not fly this mission any more."""
         context = self._context
         if self.state is State.ABORTING:
             self._aborting.vehicle_restarted(effects)

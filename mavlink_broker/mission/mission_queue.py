@@ -206,7 +206,7 @@ class MissionQueue:
             self.close_ended(effects)
 
     def tick(self, now: float, effects: Effects, *, is_unreachable: bool) -> None:
-        """Let time pass; the caller closes a mission that has ended (`close_ended`)."""
+        """Do what is due at a time; the caller closes a mission that has ended (`close_ended`)."""
         self._report_landing(now, effects)
         self._begin_next(now, effects, is_unreachable=is_unreachable)
         if self._current is not None:
@@ -330,7 +330,7 @@ class MissionQueue:
             self._current.raise_alarm(reason, now, effects)
 
     def vehicle_restarted(self, now: float, effects: Effects) -> None:
-        """Take that the vehicle was restarted."""
+        """Note that the vehicle was restarted."""
         self._events.vehicle_restarted(effects)
         if self._current is not None:
             self._current.vehicle_restarted(now, effects)

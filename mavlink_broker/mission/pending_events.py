@@ -178,7 +178,7 @@ class PendingEvents:
         return time_s is not None and noted_s is not None and time_s < noted_s
 
     def vehicle_restarted(self, effects: Effects) -> None:
-        """Take that the vehicle was restarted: nothing from before is resumed."""
+        """Note that the vehicle was restarted: nothing from before is resumed."""
         self._stale |= {work.work_id for work in self._waiting if work.was_accepted}
         self._is_return_interrupted |= self._return is not None
         if self._return is not None or self._running is not None:
@@ -224,7 +224,7 @@ class PendingEvents:
         return [] if self._running is None else self._running[1].receive(message, now)
 
     def tick(self, now: float, effects: Effects) -> None:
-        """Let time pass."""
+        """Do what is due at a time."""
         if self._return is not None:
             self._resume_return(now, effects)
         if self._running is None:
@@ -243,7 +243,7 @@ class PendingEvents:
         self._return = pending
 
     def _resume_return(self, now: float, effects: Effects) -> None:
-        """Resume an alarm's order, unless the vehicle descends or somebody else flies it."""
+        """Resume an alarm's order, unless the vehicle descends or another system flies it."""
         vehicle = self._vehicle
         if vehicle.snapshot.armed is None or not vehicle.is_identified:
             return

@@ -6,7 +6,7 @@ repeated MISSION_ITEM_REACHED of the mission before differs by MISSION_CURRENT: 
 reached that was not current first.
 
 A paused mission (a hold mode) stays RUNNING: whoever paused it may resume it. A mission has failed
-when somebody else flies its vehicle, a failsafe returns it, it was disarmed early or holds another
+when another system flies its vehicle, a failsafe returns it, it was disarmed early or holds another
 mission, and that has lasted longer than a lost message would explain. A lost link is no failure:
 the vehicle flies on, and reports when the link is back.
 """
@@ -71,12 +71,12 @@ class Progress:
         return replace(self, reached=seq)
 
     def with_complete(self) -> Self:
-        """Take that the vehicle reports the mission as complete."""
+        """Note that the vehicle reports the mission as complete."""
         last = len(self.plan.items) - 1
         return replace(self, current=last, reached=last)
 
     def with_landing(self) -> Self:
-        """Take that the vehicle is on the ground and disarmed; early, it proves nothing."""
+        """Note that the vehicle is on the ground and disarmed; early, it proves nothing."""
         return replace(self, on_ground=True) if self.last_command_has_begun else self
 
     @property

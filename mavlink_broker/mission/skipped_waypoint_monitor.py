@@ -1,4 +1,4 @@
-"""Notices that somebody else set the vehicle on to a later item: what lies between was not flown.
+"""Notices that another system set the vehicle on to a later item: what lies between was not flown.
 
 MISSION_CURRENT beyond an item shows that it is done, but not how. A vehicle that was near its
 waypoints, and then passes one that it was nowhere near, was ordered to. Nothing follows where

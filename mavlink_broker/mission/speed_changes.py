@@ -36,7 +36,7 @@ class SpeedChanges:
         self._repeated_behind: tuple[int, int] | None = None  # Segment, last item with a speed
 
     def resume(self) -> None:
-        """Take that an earlier run of the broker may have changed the speed."""
+        """Note that an earlier run of the broker may have changed the speed."""
         self._has_changed = True
 
     def change(

@@ -60,7 +60,7 @@ ASKING: Final = BEFORE_TAKEOFF | {State.FLYING_LIVE}
 ARMED_BY_BROKER: Final = frozenset({State.ARMING, State.STARTING})
 IN_FLIGHT: Final = frozenset({State.RUNNING, State.FLYING_LIVE})
 READING: Final = frozenset({State.ATTACHING, State.RUNNING})
-"""States that order nothing, so that they go on while somebody else is in command."""
+"""States that order nothing, so that they go on while another system is in command."""
 WITH_ITEMS: Final = BEFORE_TAKEOFF - {State.PLACING_GEOFENCE, State.HOLDING}
 """States in which the items of a segment are transferred to the vehicle or stored on it."""
 ENDING: Final = frozenset({State.ABORTING, State.FAILING, State.IDLE})

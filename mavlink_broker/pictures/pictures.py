@@ -103,7 +103,7 @@ class PictureCollector:
                 camera.request_count()
 
     def restarted(self) -> None:
-        """Take that the vehicle has restarted: its clock begins anew, and perhaps its camera's.
+        """Note that the vehicle has restarted: its clock begins anew, and perhaps its camera's.
 
         Earlier pictures stay with earlier commands.
         """

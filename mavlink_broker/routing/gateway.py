@@ -194,11 +194,11 @@ class Gateway:
     ) -> None:
         control = BrokerControl.FREE if self._may_command else self._control_of(system)
         answerer = Source(system, answering_source(message).component)
-        to_whom = Source(system, getattr(message, "target_component", 0))
+        destination = Source(system, getattr(message, "target_component", 0))
         match decide(message, control, self._required_intervals_us):
             case Forward():
                 self._note_request(message, system)
-                forwarded_frames.to_vehicles.append((to_whom, bytes(message.get_msgbuf())))
+                forwarded_frames.to_vehicles.append((destination, bytes(message.get_msgbuf())))
             case Answer(answer):
                 forwarded_frames.to_ground_stations.append(self._framed_as(answerer, answer))
             case Drop():
@@ -208,7 +208,7 @@ class Gateway:
                     forwarded_frames.to_ground_stations.append(self._framed_as(answerer, answer))
                 if instead is not None:
                     frame = encoded_as(instead, source_of(message), message.get_seq())
-                    forwarded_frames.to_vehicles.append((to_whom, frame))
+                    forwarded_frames.to_vehicles.append((destination, frame))
                 self._send_explanation(message, answerer, forwarded_frames, now)
 
     def _note_request(self, message: Message, system: int) -> None:

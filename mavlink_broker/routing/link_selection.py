@@ -43,15 +43,15 @@ class LinkSelection:
         return self.active is None or now - self._receptions[self.active].last > after_s
 
     def _note(self, address: Address, now: float) -> None:
-        hearing = self._receptions.get(address)
-        if hearing is None:
+        reception = self._receptions.get(address)
+        if reception is None:
             if len(self._receptions) >= ADDRESSES_KEPT:
                 self._forget_stalest()
             self._receptions[address] = _Reception(now, now)
             return
-        if now - hearing.last > SILENT_AFTER_S:
-            hearing.since = now
-        hearing.last = now
+        if now - reception.last > SILENT_AFTER_S:
+            reception.since = now
+        reception.last = now
 
     def _is_better(self, address: Address, now: float) -> bool:
         if self.active is None or self.is_silent(now):

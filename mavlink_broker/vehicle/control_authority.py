@@ -4,7 +4,7 @@ The broker is in command while the vehicle is in a mode that an order or a missi
 leads to, and no other system has ordered it into that mode: a vehicle acknowledges the order of a
 ground station to everybody, with the number of that system. Any other mode was chosen by the
 vehicle's own failsafe (HEARTBEAT.system_status is MAV_STATE_CRITICAL, which PX4 and ArduPilot set
-while a failsafe acts), or by somebody else: a pilot with a remote control, or another ground
+while a failsafe acts), or by another system: a pilot with a remote control, or another ground
 station. Whoever it is, the broker sends no order from then on (`is_order`).
 """
 
@@ -26,7 +26,7 @@ MISSION_MODES: Final = frozenset({ModeRole.MISSION, ModeRole.HOLD})
 
 
 _WAITING_MODES: Final = frozenset({ModeRole.HOLD, ModeRole.GUIDED})
-"""Modes in which it shows by its acknowledgement alone that somebody else has given an order."""
+"""Modes in which it shows by its acknowledgement alone that another system has given an order."""
 _TAKEOVER_COMMANDS: Final = frozenset(
     {
         mavlink.MAV_CMD_DO_SET_MODE,

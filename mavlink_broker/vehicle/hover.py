@@ -42,14 +42,14 @@ class Hover:
         return self._place
 
     def begin(self, position: Position | None) -> None:
-        """Take that a mission has left the vehicle in the air."""
+        """Note that a mission has left the vehicle in the air."""
         self._is_held = True
         self._place = position and Pose(
             position.latitude_deg, position.longitude_deg, position.altitude_m
         )
 
     def end(self) -> None:
-        """Take that the vehicle hovers no more, or for somebody else."""
+        """Note that the vehicle hovers no more, or for another system."""
         self._is_held, self._place = False, None
 
     def recall(self, place: Pose | None) -> None:

@@ -203,7 +203,7 @@ class Vehicle:
         return self._is_identified
 
     def identify(self) -> None:
-        """Take that it sends no AUTOPILOT_VERSION."""
+        """Note that it sends no AUTOPILOT_VERSION."""
         self._is_identified = True
 
     def change_autopilot(self, component: int) -> None:
@@ -213,7 +213,7 @@ class Vehicle:
         self.snapshot.forget()
 
     def add_camera(self, component: int) -> None:
-        """Take that a component is a camera."""
+        """Note that a component is a camera."""
         self.cameras.add(component)
 
     @property
@@ -227,11 +227,11 @@ class Vehicle:
 
     @property
     def is_taken(self) -> bool:
-        """Whether somebody else has taken it from a mission; until it is disarmed."""
+        """Whether another system has taken it from a mission; until it is disarmed."""
         return self._is_taken
 
     def take_away(self) -> None:
-        """Take that somebody else has taken it from a mission."""
+        """Note that another system has taken it from a mission."""
         self._is_taken = True
 
     @property
@@ -240,7 +240,7 @@ class Vehicle:
         return self._foreign_order
 
     def forget_foreign_order(self) -> None:
-        """Take that an order of the broker is newer."""
+        """Note that an order of the broker is newer."""
         self._foreign_order = None
 
     def link_state(self, now: float) -> LinkState:

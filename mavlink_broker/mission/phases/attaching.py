@@ -75,7 +75,7 @@ class Attaching(Phase):
 
     @property
     def claim(self) -> Claim:
-        """The vehicle may fly, land or return for this mission, unless somebody else had it."""
+        """The vehicle may fly, land or return for this mission, unless another system had it."""
         return HOVERING if self._mission.authority.was_taken else DESCENDING
 
     def enter(self, now: float, effects: Effects) -> Result:

@@ -47,7 +47,7 @@ class Failing(Phase):
         if self._stops_propellers:
             effects.messages += exchanges.disarming(vehicle)
         held = vehicle.is_held_by_failsafe
-        # What a failsafe does is no alarm (its cause may be one), nor is what somebody else does
+        # What a failsafe does is no alarm (its cause may be one), nor is what another system does
         self._raises_alarm = state in IN_FLIGHT and not is_taken and not held
         self._is_left_to_failsafe = held or who is Authority.FAILSAFE
         is_begun = mission.is_hovering and mission.was_reported_running

@@ -27,7 +27,7 @@ class FlyingLive(Phase):
 
     @property
     def was_taken(self) -> bool:
-        """Whether somebody else has ended the command."""
+        """Whether another system has ended the command."""
         return self._executor is not None and self._executor.has_departed
 
     def enter(self, now: float, effects: Effects) -> Result:

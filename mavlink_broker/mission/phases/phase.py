@@ -52,7 +52,7 @@ class Phase(Protocol):
 
     @property
     def was_taken(self) -> bool:
-        """Whether somebody else has ended what the vehicle did in this phase."""
+        """Whether another system has ended what the vehicle did in this phase."""
         return False
 
     @property
@@ -75,7 +75,7 @@ class Phase(Protocol):
         return None
 
     def tick(self, now: float, effects: Effects) -> Result:
-        """Let time pass."""
+        """Do what is due at a time."""
         del now, effects
         return None
 

@@ -66,7 +66,7 @@ class Running(Phase):
             self._monitors.skips.receive(message, now)
 
     def tick(self, now: float, effects: Effects) -> Result:
-        """Report progress; the segment ends, or somebody else has ended it."""
+        """Report progress; the segment ends, or another system has ended it."""
         mission = self._mission
         if self._monitors is None:
             return None
@@ -92,7 +92,7 @@ class Running(Phase):
                 ledger.set_command(index, Status.ABORTED, reason)
 
     def _observe_pause(self, now: float, effects: Effects) -> None:
-        """Report that somebody else has paused the vehicle: the broker pauses no mission.
+        """Report that another system has paused the vehicle: the broker pauses no mission.
 
         The vehicle stays where it is until whoever paused it resumes the mission. PX4 also holds
         at the end of a mission, mostly before its last report of progress.
@@ -121,7 +121,7 @@ class Running(Phase):
         return self._paused_at is not None and self._paused_at > since
 
     def _observe_changes(self, changes: MissionChangeMonitor, now: float, effects: Effects) -> None:
-        """Report what somebody else has done to the mission."""
+        """Report what another system has done to the mission."""
         effects.messages += changes.tick(now)
         note, changes.note = changes.note, None
         if note is not None:
