@@ -33,9 +33,8 @@ class Config:
     edge_url: str = f"http://127.0.0.1:{DEFAULT_EDGE_PORT}"
     edge_ca_file: Path | None = None  # PEM; None: the default certificate authorities
     key_file: Path = Path("var/keys/broker.key")
-    journal: Path = Path("var/broker")  # Folder of the recovery records
-    spool: Path = Path("var/broker")  # Folder of posts that wait for the edge server
-    spool_mib: int = DEFAULT_SPOOL_MIB  # [MiB] Largest size of the spool
+    database_folder: Path = Path("var/broker")
+    spool_mib: int = DEFAULT_SPOOL_MIB  # [MiB] Largest size of the posts in the database
     mavlink_host: str = ANY_ADDRESS
     mavlink_port: int = DEFAULT_MAVLINK_PORT
     system_id: int = DEFAULT_SYSTEM_ID
@@ -160,8 +159,7 @@ def settings(parser: argparse.ArgumentParser, options: argparse.Namespace) -> Co
         edge_url=options.edge_url,
         edge_ca_file=options.edge_ca_file,
         key_file=options.key_file or options.state_dir / "keys" / "broker.key",
-        journal=options.state_dir / "broker",
-        spool=options.state_dir / "broker",
+        database_folder=options.state_dir / "broker",
         spool_mib=options.spool_mib,
         mavlink_host=options.mavlink_host,
         mavlink_port=options.mavlink_port,

@@ -27,6 +27,7 @@ from mavlink_broker.cli.program import (
     UsageError,
     configure_logging,
     offline_parser,
+    open_database,
     open_link,
     with_link,
 )
@@ -35,7 +36,7 @@ from mavlink_broker.config import Config
 from mavlink_broker.microservices.heartbeat import LinkState
 from mavlink_broker.mission.states import State
 from mavlink_broker.pictures.worker_pool import WorkerPool
-from mavlink_broker.recovery.folder import JournalFolder
+from mavlink_broker.recovery.journal import JournalTable
 from mavlink_broker.recovery.writer import JournalWriter
 from mavlink_broker.routing.router import Clock
 
@@ -179,10 +180,11 @@ def _fly(
         rally_points=plan.rally_points,
         folder=options.out,
     )
+    database = open_database(settings)
     link = open_link(settings)
     worker_pool = WorkerPool(link.wake)
     worker_pool.start()
-    journal = JournalWriter(JournalFolder(settings.journal), link.wake)
+    journal = JournalWriter(JournalTable(database), link.wake)
     app = App(settings, link, edge, clock, lambda: str(ULID()), worker_pool, journal)
     plan_flight = PlanFlight(app, edge, missions, settings)
     try:
@@ -195,6 +197,7 @@ def _fly(
         worker_pool.stop()
         app.close()
         journal.close()
+        database.close()
         link.close()
     if signals.stop:
         _print_unfinished(edge, missions)

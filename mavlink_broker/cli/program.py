@@ -24,6 +24,7 @@ from typing import Final
 
 from mavlink_broker import config
 from mavlink_broker.config import Config
+from mavlink_broker.database import Database, DatabaseBusyError
 from mavlink_broker.links.hub import Hub, open_links
 from mavlink_broker.links.link import LinkError, PortBusyError
 from mavlink_broker.links.url import LinkUrl, LinkUrlError
@@ -41,6 +42,8 @@ _STATUSES: Final = {
     signal.SIGHUP: HUNG_UP,
 }
 
+_EARLIER_FILES: Final = ("spool.words", "spool.pictures", "spool.dead", "vehicle-*.json")
+"""Of the spool and the journal before they became one database."""
 MAX_LOG_BYTES: Final = 10 * 1024 * 1024
 """Size at which a file is renamed and the next one is begun."""
 MAX_LOG_FILES: Final = 4
@@ -182,6 +185,25 @@ def open_link(settings: Config) -> Hub:
         raise LinkBusyError(str(error)) from error
     except LinkError as error:
         raise UsageError(str(error)) from error
+
+
+def open_database(settings: Config) -> Database:
+    """Open the broker's database; where the disk refuses, its users try again or go on without it.
+
+    Raises:
+        UsageError: if another broker uses the folder.
+    """
+    database = Database(settings.database_folder)
+    try:
+        database.open()
+    except DatabaseBusyError as error:
+        raise UsageError(f"{error.strerror}; each broker needs a STATE_DIR of its own") from error
+    except OSError:
+        return database  # Spool and journal log it
+    files = (path for glob in _EARLIER_FILES for path in database.folder.glob(glob))
+    if unread := [path.name for path in files if path.stat().st_size]:
+        _LOG.warning("%s: files of an earlier format are not read: %s", database.folder, unread)
+    return database
 
 
 def offline_parser(

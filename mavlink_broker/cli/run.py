@@ -13,15 +13,16 @@ from mavlink_broker.cli.program import (
     SUCCEEDED,
     Signals,
     SystemClock,
-    UsageError,
     configure_logging,
+    open_database,
     open_link,
 )
 from mavlink_broker.config import Config
+from mavlink_broker.database import Database
 from mavlink_broker.edge.client import EdgeClient
-from mavlink_broker.edge.spool import MIB, Spool, SpoolBusyError, SpoolError
+from mavlink_broker.edge.spool import MIB, Spool
 from mavlink_broker.pictures.worker_pool import WorkerPool
-from mavlink_broker.recovery.folder import JournalFolder
+from mavlink_broker.recovery.journal import JournalTable
 from mavlink_broker.recovery.writer import JournalWriter
 from mavlink_broker.supervision import ThreadFailureHook
 
@@ -39,7 +40,8 @@ def run(arguments: Sequence[str], environment: Mapping[str, str]) -> int:
     """
     settings = config.load(arguments, environment)
     configure_logging(settings.log_level, settings.log_file)
-    spool = open_spool(settings)
+    database = open_database(settings)
+    spool = open_spool(database, settings)
     link = open_link(settings)
     signals, alarm = Signals(), ThreadFailureHook(link.wake)
     edge = EdgeClient(
@@ -52,7 +54,7 @@ def run(arguments: Sequence[str], environment: Mapping[str, str]) -> int:
     edge.start()
     worker_pool = WorkerPool(link.wake)
     worker_pool.start()
-    journal = JournalWriter(JournalFolder(settings.journal), link.wake)
+    journal = JournalWriter(JournalTable(database), link.wake)
     app = App(settings, link, edge, SystemClock(), lambda: str(ULID()), worker_pool, journal)
     _LOG.info("links %s, edge server %s", " ".join(map(str, link.urls)), settings.edge_url)
     while not (signals.stop or alarm.has_fired):
@@ -61,20 +63,18 @@ def run(arguments: Sequence[str], environment: Mapping[str, str]) -> int:
     app.close()
     edge.stop(LAST_POSTS_WITHIN_S)
     journal.close()
+    database.close()
     link.close()
     return FAILED if alarm.has_fired else SUCCEEDED
 
 
-def open_spool(settings: Config) -> Spool | None:
-    """Open the spool; None if the state folder cannot be used: the broker flies without it.
-
-    Raises:
-        UsageError: if another broker uses the folder.
-    """
+def open_spool(database: Database, settings: Config) -> Spool | None:
+    """Read the spool; None if the state folder cannot be used: the broker flies without it."""
     try:
-        return Spool(settings.spool, max_bytes=settings.spool_mib * MIB)
-    except SpoolBusyError as error:
-        raise UsageError(f"{error}; each broker needs a STATE_DIR of its own") from error
-    except SpoolError as error:
-        _LOG.warning("posts that wait for the edge server are kept in memory only: %s", error)
+        return Spool(database, max_bytes=settings.spool_mib * MIB)
+    except OSError as error:
+        _LOG.warning(
+            "posts that wait for the edge server are kept in memory only: %s: %s",
+            *(database.folder, error.strerror or error),
+        )
         return None

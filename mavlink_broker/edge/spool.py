@@ -1,84 +1,53 @@
-"""The spool: posts that wait for the edge server, on disk, with a limit on their size.
+"""The spool: posts that wait for the edge server, in the broker's database, with a limit.
 
-Reports and pictures have a file each, so that pictures can be evicted at once. `Report` means every
-post but a picture here: reports, alarms, result sets and acknowledgements exist in the broker
-alone, while a picture is still on its vehicle. A post for which there is no space waits in memory.
-
-SpoolError       the spool cannot be used
-  +- SpoolBusyError  another broker uses it
+`Report` means every post but a picture here: reports, alarms, result sets and acknowledgements
+exist in the broker alone, while a picture is still on its vehicle. Where there is no space for
+reports all pictures are evicted. A post for which there is no space waits in memory.
 """
 
 import errno
-import fcntl
-import logging
-import os
-from collections.abc import Iterable, Mapping, Sequence
-from pathlib import Path
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from typing import Final
 
+from mavlink_broker.database import Database
 from mavlink_broker.edge.dead_letters import DeadLetters
 from mavlink_broker.edge.outbox import Post
-from mavlink_broker.edge.spool_file import LineFile
-from mavlink_broker.edge.spool_record import (
-    PendingPost,
-    RecordError,
-    decode,
-    encode_answered,
-    encode_post,
-)
+from mavlink_broker.edge.spool_record import RecordError, decode_post, encode_post
 
 MIB: Final = 1 << 20
-REPORTS_FILE: Final = "spool.words"
-PICTURES_FILE: Final = "spool.pictures"
-LOCK_FILE: Final = "broker.lock"
+ROWS_PER_DELETION: Final = 50
+"""In one transaction, which so fits into the reserve of the database."""
 PICTURES_SHARE: Final = 2
 """Pictures may take one part in so many."""
 DEAD_LETTERS_SHARE: Final = 4
 """Dead letters have a limit of their own: one part in so many."""
 
-_LOG = logging.getLogger(__name__)
 
-
-class SpoolError(Exception):
-    """The spool cannot be used."""
-
-
-class SpoolBusyError(SpoolError):
-    """Another broker uses it."""
+_ALL: Final = "SELECT number, is_picture, CAST(data AS BLOB) FROM posts ORDER BY number"
 
 
 class Spool:
     """Posts that wait, on disk; for one thread at a time."""
 
-    def __init__(self, folder: Path, *, max_bytes: int) -> None:
-        """Lock the folder, and read the posts of an earlier run.
+    def __init__(self, database: Database, *, max_bytes: int) -> None:
+        """Read the posts of an earlier run; invalid ones are set aside and counted.
 
         Raises:
-            SpoolBusyError: if another broker has locked it.
-            SpoolError: if it cannot be used.
+            OSError: if they cannot be read.
         """
-        self.folder = folder
+        self.database = database
+        self.dead_letters = DeadLetters(database, max_bytes // DEAD_LETTERS_SHARE)
+        self.damaged = 0  # Posts that could not be read
         self._max_bytes = max_bytes
-        self._reports = LineFile(folder / REPORTS_FILE)
-        self._pictures = LineFile(folder / PICTURES_FILE)
+        self._reports: dict[int, int] = {}  # [bytes] By number
+        self._pictures: dict[int, int] = {}
         self._evicted: set[int] = set()
-        self.damaged = 0  # Lines that could not be read
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            self._lock = _lock(folder / LOCK_FILE)
-            self.dead_letters = DeadLetters(folder, max_bytes // DEAD_LETTERS_SHARE)
-            inherited = {**self._recover(self._reports), **self._recover(self._pictures)}
-        except OSError as error:
-            raise SpoolError(f"{folder}: {error.strerror or error}") from error
-        self._number = max(max(inherited, default=0), self.dead_letters.highest)
-        self._inherited = [
-            inherited[number] for number in sorted(inherited) if number not in self.dead_letters
-        ]
-
-    @property
-    def writes(self) -> int:
-        """Number of changes to its files."""
-        return self._reports.writes + self._pictures.writes
+        self._released: set[int] = set()  # Not removed from the disk yet
+        self._inherited = self._recover()
+        with suppress(OSError):
+            self.release(frozenset())
+        self._number = max(self.dead_letters.highest, *self._reports, *self._pictures, 0)
 
     def __contains__(self, number: int) -> bool:
         return number in self._reports or number in self._pictures
@@ -99,14 +68,14 @@ class Spool:
         Raises:
             OSError: if the disk refuses; the first of them may be stored nevertheless.
         """
-        lines = _lines(posts)
+        encoded = _encoded(posts)
         try:
-            self._add_reports(lines)
+            self._add_reports(encoded)
         except OSError:
-            if len(lines) == 1:
+            if len(encoded) == 1:
                 raise
-            for number, line in lines.items():
-                self._add_reports({number: line})
+            for number, data in encoded.items():
+                self._add_reports({number: data})
 
     def store_pictures(self, posts: Iterable[Post]) -> None:
         """Write pictures, within their share of the space.
@@ -114,13 +83,12 @@ class Spool:
         Raises:
             OSError: if there is no space; the first of them may be stored nevertheless.
         """
-        limit = min(self._max_bytes // PICTURES_SHARE, self._max_bytes - self._reports.size_bytes)
-        for number, line in _lines(posts).items():
-            if self._pictures.live_bytes + len(line) > limit:
+        reports_bytes = sum(self._reports.values())
+        limit = min(self._max_bytes // PICTURES_SHARE, self._max_bytes - reports_bytes)
+        for number, data in _encoded(posts).items():
+            if sum(self._pictures.values()) + len(data) > limit:
                 raise OSError(errno.ENOSPC, "their share is used up")
-            if self._pictures.size_bytes + len(line) > limit:
-                self._pictures.compact()
-            self._pictures.add({number: line})
+            self._insert({number: data}, self._pictures)
 
     def take_evicted(self) -> frozenset[int]:
         """Give the numbers of the pictures that were evicted since the last call."""
@@ -131,88 +99,75 @@ class Spool:
         """Remove posts that have their final answer.
 
         Raises:
-            OSError: if the disk refuses; the next run may send some of them again.
+            OSError: if the disk refuses; they are removed with the next ones.
         """
-        note = encode_answered(numbers)
-        try:
-            self._reports.release(numbers, note)
-        finally:
-            self._pictures.release(numbers, note)
+        for number in numbers:
+            if self._reports.pop(number, None) or self._pictures.pop(number, None):
+                self._released.add(number)
+        if self._released:
+            self._delete(self._released)
+            self._released.clear()
 
-    def close(self) -> None:
-        """Close the files and unlock the folder."""
-        self._reports.close()
-        self._pictures.close()
-        self.dead_letters.close()
-        os.close(self._lock)
-
-    def _add_reports(self, lines: Mapping[int, bytes]) -> None:
+    def _add_reports(self, encoded: Mapping[int, bytes]) -> None:
         """Add all or none."""
-        size = sum(map(len, lines.values()))
-        if self._reports.live_bytes + size > self._max_bytes:
+        size = sum(self._reports.values()) + sum(map(len, encoded.values()))
+        if size > self._max_bytes:
             raise OSError(errno.ENOSPC, f"{self._max_bytes // MIB} MiB are used up")
-        if self._reports.size_bytes + size > self._max_bytes:
-            self._reports.compact()
-        if self._reports.size_bytes + self._pictures.size_bytes + size > self._max_bytes:
+        if size + sum(self._pictures.values()) > self._max_bytes:
             self._evict_pictures()
         try:
-            self._reports.add(lines)
+            self._insert(encoded, self._reports)
         except OSError:
-            if not self._pictures.size_bytes:
+            if not self._pictures:
                 raise
             self._evict_pictures()  # The disk may be full because of them
-            self._reports.add(lines)
+            self._insert(encoded, self._reports)
 
     def _evict_pictures(self) -> None:
-        self._evicted |= self._pictures.numbers
+        self._delete(self._pictures)
+        self._evicted |= self._pictures.keys()
         self._pictures.clear()
 
-    def _recover(self, file: LineFile) -> dict[int, Post]:
-        """Read the posts of a file that have no answer, and discard the others."""
-        posts: dict[int, Post] = {}
+    def _insert(self, encoded: Mapping[int, bytes], kind: dict[int, int]) -> None:
+        is_picture = kind is self._pictures
+        with self.database.change(sum(map(len, encoded.values()))) as rows:
+            rows.executemany(
+                "INSERT OR REPLACE INTO posts VALUES (?, ?, ?)",
+                [(number, is_picture, data) for number, data in encoded.items()],
+            )
+        kind.update({number: len(data) for number, data in encoded.items()})
 
-        def number_of(line: bytes) -> int | None:
+    def _delete(self, numbers: Collection[int]) -> None:
+        for some in _in_parts(numbers):
+            with self.database.change() as rows:
+                rows.executemany("DELETE FROM posts WHERE number = ?", [(one,) for one in some])
+
+    def _recover(self) -> list[Post]:
+        """Read the posts of an earlier run; those that became dead letters are released."""
+        posts = []
+        for number, is_picture, data in self.database.read(_ALL):
             try:
-                record = decode(line)
+                post = decode_post(number, data)
             except RecordError as error:
                 self.damaged += 1
-                _LOG.debug("%s: a line cannot be read: %s", self.folder, error)
-                return None
-            if isinstance(record, PendingPost):
-                posts[record.number] = record.post
-                return record.number
-            for number in record.numbers:
-                posts.pop(number, None)
-            return None
-
-        file.read(number_of)
-        file.discard(file.numbers - posts.keys())
+                self.database.set_aside("posts", number, str(error))
+                continue
+            if number in self.dead_letters:
+                self._released.add(number)
+                continue
+            (self._pictures if is_picture else self._reports)[number] = len(data)
+            posts.append(post)
         return posts
 
 
-def _lines(posts: Iterable[Post]) -> dict[int, bytes]:
+def _in_parts(numbers: Collection[int]) -> Iterator[Sequence[int]]:
+    for start in range(0, len(numbers), ROWS_PER_DELETION):
+        yield sorted(numbers)[start : start + ROWS_PER_DELETION]
+
+
+def _encoded(posts: Iterable[Post]) -> dict[int, bytes]:
     return {
         post.spool_number: encode_post(post.spool_number, post)
         for post in posts
         if post.spool_number
     }
-
-
-def _lock(path: Path) -> int:
-    """Lock the folder; the lock ends with the process.
-
-    Raises:
-        SpoolBusyError: if another process has locked it.
-        OSError: if it cannot be locked.
-    """
-    flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
-    descriptor = os.open(path, flags, 0o600)
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        os.close(descriptor)
-        raise SpoolBusyError(f"another broker uses {path.parent}") from None
-    except OSError:
-        os.close(descriptor)
-        raise
-    return descriptor

@@ -1,17 +1,16 @@
-"""One line of a spool file: a post that waits, or numbers of posts that have been answered. Pure.
+"""Posts and dead letters as bytes of the broker's database; pure.
 
-    <CRC-32 of the rest, 8 hexadecimal digits> <JSON without line breaks>
+    <CRC-32 of the rest, 8 hexadecimal digits> <JSON>
 
-A line is validated as strictly as input from the network: a path that is none of the edge server's
+They are validated as strictly as input from the network: a path that is none of the edge server's
 would send the broker's access key to another server.
 
-RecordError  a line that is truncated, damaged, or not written by the broker
+RecordError  bytes that are truncated, damaged, or not written by the broker
 """
 
 import json
 import zlib
-from collections.abc import Iterable
-from typing import Annotated, Any, Final, NamedTuple
+from typing import Annotated, Any, Final, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
@@ -25,20 +24,7 @@ _NUMBER: Final = Field(ge=1, le=2**53)
 
 
 class RecordError(Exception):
-    """A line that cannot be read."""
-
-
-class PendingPost(NamedTuple):
-    """A post and its number."""
-
-    number: int
-    post: Post
-
-
-class AnsweredPosts(NamedTuple):
-    """Numbers of posts that have their final answer."""
-
-    numbers: tuple[int, ...]
+    """Bytes that cannot be read."""
 
 
 class _PostRecord(BaseModel):
@@ -62,56 +48,48 @@ class _DeadLetterRecord(_PostRecord):
     reason: Annotated[str, Field(max_length=2000)]
 
 
-class _AnsweredRecord(BaseModel):
-    """Answered posts as they are stored."""
-
-    model_config = ConfigDict(extra="forbid", strict=True)
-
-    answered: list[Annotated[int, _NUMBER]]
+R = TypeVar("R", bound=_PostRecord)
 
 
 def encode_post(number: int, post: Post) -> bytes:
-    """Give the line of a post."""
+    """Encode a post under its number."""
     return _with_checksum(_document_of(number, post))
 
 
 def encode_dead_letter(number: int, letter: DeadLetter) -> bytes:
-    """Give the line of a dead letter."""
+    """Encode a dead letter under its number."""
     return _with_checksum(_document_of(number, letter.post) | {"reason": letter.reason[:2000]})
 
 
-def encode_answered(numbers: Iterable[int]) -> bytes:
-    """Give the line that records which posts have their final answer."""
-    return _with_checksum({"answered": sorted(numbers)})
-
-
-def decode_dead_letter(line: bytes) -> tuple[int, DeadLetter]:
-    """Read the line of a dead letter; gives its number too.
+def decode_post(number: int, data: bytes) -> Post:
+    """Decode the post of a number.
 
     Raises:
         RecordError: if it is incomplete or not valid.
     """
-    try:
-        record = _DeadLetterRecord.model_validate(_document(line))
-    except ValidationError as error:
-        raise _record_error(error) from error
-    return record.number, DeadLetter(_post(record), record.reason)
+    return _post(_validated(_PostRecord, number, data))
 
 
-def decode(line: bytes) -> PendingPost | AnsweredPosts:
-    """Read a line.
+def decode_dead_letter(number: int, data: bytes) -> DeadLetter:
+    """Decode the dead letter of a number.
 
     Raises:
         RecordError: if it is incomplete or not valid.
     """
-    document = _document(line)
+    record = _validated(_DeadLetterRecord, number, data)
+    return DeadLetter(_post(record), record.reason)
+
+
+def _validated(kind: type[R], number: int, data: bytes) -> R:
     try:
-        if isinstance(document, dict) and "answered" in document:
-            return AnsweredPosts(tuple(_AnsweredRecord.model_validate(document).answered))
-        record = _PostRecord.model_validate(document)
+        record = kind.model_validate(_document(data))
     except ValidationError as error:
-        raise _record_error(error) from error
-    return PendingPost(record.number, _post(record))
+        first = error.errors()[0]
+        path = ".".join(str(step) for step in first["loc"])
+        raise RecordError(f"{path}: {first['msg']}") from error
+    if record.number != number:
+        raise RecordError(f"number: it is that of post {record.number}")
+    return record
 
 
 def _document_of(number: int, post: Post) -> dict[str, Any]:
@@ -125,12 +103,6 @@ def _document_of(number: int, post: Post) -> dict[str, Any]:
         "may_be_known": post.may_be_duplicate,
         "body": post.body,
     }
-
-
-def _record_error(error: ValidationError) -> RecordError:
-    first = error.errors()[0]
-    path = ".".join(str(step) for step in first["loc"])
-    return RecordError(f"{path}: {first['msg']}")
 
 
 def _post(record: _PostRecord) -> Post:
@@ -152,12 +124,12 @@ def _post(record: _PostRecord) -> Post:
 
 def _with_checksum(document: dict[str, Any]) -> bytes:
     text = json.dumps(document, separators=(",", ":")).encode("ascii")
-    return b"%08x %s\n" % (zlib.crc32(text), text)
+    return b"%08x %s" % (zlib.crc32(text), text)
 
 
-def _document(line: bytes) -> Any:
-    checksum, text = line[:_CHECKSUM_LENGTH], line[_CHECKSUM_LENGTH:-1]
-    if not line.endswith(b"\n") or checksum != b"%08x " % zlib.crc32(text):
+def _document(data: bytes) -> Any:
+    checksum, text = data[:_CHECKSUM_LENGTH], data[_CHECKSUM_LENGTH:]
+    if checksum != b"%08x " % zlib.crc32(text):
         raise RecordError("truncated or damaged")
     try:
         return json.loads(text)

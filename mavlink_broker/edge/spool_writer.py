@@ -49,7 +49,7 @@ class SpoolWriter:
         for post in inherited:
             outbox.put(post)
         if spool.damaged:
-            _LOG.warning("%s: %d lines cannot be read", spool.folder, spool.damaged)
+            _LOG.warning("%s: %d posts cannot be read", spool.database.folder, spool.damaged)
         if inherited:
             _LOG.info("%d posts of an earlier run are still to be sent", len(inherited))
 
@@ -70,7 +70,9 @@ class SpoolWriter:
             try:  # The thread has ended in its pause after a failure
                 self._end()
             except Exception:  # noqa: BLE001  # logged; the program ends anyway
-                _LOG.exception("%s: some posts that wait could not be stored", self._spool.folder)
+                _LOG.exception(
+                    "%s: some posts that wait could not be stored", self._spool.database.folder
+                )
 
     def _run(self) -> None:
         while not self._stopping.is_set():
@@ -80,9 +82,7 @@ class SpoolWriter:
         self._end()
 
     def _end(self) -> None:
-        """Store the posts that wait, and unlock the folder for the next run."""
         self.store_all(time.monotonic())
-        self._spool.close()
         self._has_ended = True
 
     @property
@@ -205,7 +205,7 @@ class SpoolWriter:
 
     def _try(self, what: str, change: Callable[[], None]) -> bool:
         """Change something on the disk; whether that worked is logged when it changes."""
-        folder = self._spool.folder
+        folder = self._spool.database.folder
         try:
             change()
         except OSError as error:

@@ -18,7 +18,7 @@ _LOG = logging.getLogger(__name__)
 
 @dataclass(frozen=True, slots=True)
 class RecordUpdate:
-    """A record to be written; if it is empty, its file is removed."""
+    """A record to be written; if it is empty, its row is removed."""
 
     identity: VehicleIdentity
     number: int

@@ -11,7 +11,7 @@ from typing import Final
 
 from mavlink_broker.internal_errors import reason_of
 from mavlink_broker.recovery.encoding import JournalError
-from mavlink_broker.recovery.folder import JournalFolder
+from mavlink_broker.recovery.journal import JournalTable
 from mavlink_broker.recovery.record import EMPTY_RECORD, RecoveryRecord, VehicleIdentity
 from mavlink_broker.recovery.record_tracker import RecordUpdate
 from mavlink_broker.supervision import SupervisedThread
@@ -26,11 +26,11 @@ _LOG = logging.getLogger(__name__)
 class JournalWriter:
     """The recovery records of one broker, read once, and a thread that writes them."""
 
-    def __init__(self, folder: JournalFolder, wake: Callable[[], None]) -> None:
+    def __init__(self, journal: JournalTable, wake: Callable[[], None]) -> None:
         """Read the records of an earlier run; `wake` ends the loop's sleep."""
-        self._folder = folder
+        self._journal = journal
         self._wake = wake
-        self._known: dict[VehicleIdentity, RecoveryRecord] = folder.read_all()
+        self._known: dict[VehicleIdentity, RecoveryRecord] = journal.read_all()
         self._changed = threading.Condition()
         self._due: dict[VehicleIdentity, RecordUpdate] = {}
         self._refused: dict[VehicleIdentity, RecordUpdate] = {}
@@ -82,7 +82,7 @@ class JournalWriter:
 
     def _write(self, update: RecordUpdate) -> None:
         try:
-            self._folder.write(update.identity, update.record)
+            self._journal.write(update.identity, update.record)
         except OSError as error:
             self._refuse(update, error.strerror or str(error))
         except JournalError as error:
@@ -94,7 +94,7 @@ class JournalWriter:
             self._refused.pop(update.identity, None)
             if self._is_refusal_logged and not self._refused:
                 self._is_refusal_logged = False
-                _LOG.warning("%s takes the broker's journal again", self._folder.path)
+                _LOG.warning("%s takes the broker's journal again", self._journal.folder)
         with self._changed:
             self._settled.append((update.identity, update.number))
         self._wake()
@@ -106,6 +106,6 @@ class JournalWriter:
             _LOG.warning(
                 "no journal is kept in %s: %s; a broker that is killed now cannot restore the "
                 "vehicles' own configuration",
-                self._folder.path,
+                self._journal.folder,
                 reason,
             )

@@ -1,9 +1,11 @@
 """The running programs, killed in flight and away until the vehicle has landed without them."""
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from mavlink_broker.database import read_rows
 from tests.support.system import FINISHED, FarmSystem, running, short_plan, wait_for
 from tests.support.truth import read_track
 
@@ -26,16 +28,16 @@ def test_everything_is_known_once_they_are_back(victims: tuple[str, ...], tmp_pa
     with running(tmp_path / "var", speed=10.0) as system:
         plan = short_plan() | {"geofence": {"max_altitude": 60.0}}
         identifier = system.post("/plans/", plan).json()["id"]
-        journal = system.state_dir / "broker"
+
+        def records() -> list[tuple[Any, ...]]:
+            return read_rows(system.state_dir / "broker", "SELECT * FROM records")
 
         def flies() -> bool:
             mission = system.get(f"/plans/{identifier}")["missions"][0]
             return bool(mission["mission_status_id"] >= RUNNING)
 
         wait_for(flies, "the flight")
-        assert list(journal.glob("vehicle-1*.json")), (
-            "what the vehicle's own height limit was is on the disk"
-        )
+        assert records(), "what the vehicle's own height limit was is on the disk"
         for name in victims:
             system.kill(name)
         wait_for(lambda: has_landed(system), "the landing")
@@ -49,4 +51,4 @@ def test_everything_is_known_once_they_are_back(victims: tuple[str, ...], tmp_pa
         assert len(system.cloud("/pose")) == len(system.cloud("/battery")) == 3
         started = system.log_of("broker").count("ARMING, ARMED")
         assert started == 1, "the vehicle was told to start once"
-        wait_for(lambda: not list(journal.glob("vehicle-1*")), "the vehicle's own height limit")
+        wait_for(lambda: not records(), "the vehicle's own height limit")

@@ -7,9 +7,9 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import common
 
-from mavlink_broker.edge.spool import PICTURES_FILE, REPORTS_FILE
 from tests.conformance.ground_station import GroundStation
 from tests.scenario.test_killed_in_flight import RUNNING, has_landed
+from tests.support.spooled_posts import posts_on_disk
 from tests.support.system import FarmSystem, running, short_plan, wait_for
 
 pytestmark = pytest.mark.scenario
@@ -43,10 +43,9 @@ def break_gps(system: FarmSystem) -> None:
         station.close()
 
 
-def on_disk(system: FarmSystem, name: str, text: str) -> bool:
-    """Whether a file of the broker contains this text."""
-    path = system.state_dir / "broker" / name
-    return path.exists() and text.encode() in path.read_bytes()
+def on_disk(system: FarmSystem, text: str) -> bool:
+    """Whether a post on the broker's disk contains this text."""
+    return any(text.encode() in data for data in posts_on_disk(system.state_dir / "broker"))
 
 
 def flying(system: FarmSystem, plan: dict[str, Any]) -> int:
@@ -68,10 +67,7 @@ def bodies(system: FarmSystem, kind: str) -> list[dict[str, Any]]:
 
 def judge_cloud(system: FarmSystem, end: int) -> None:
     """Everything once and in order, and one end."""
-    files = [system.state_dir / "broker" / name for name in (REPORTS_FILE, PICTURES_FILE)]
-    wait_for(
-        lambda: not any(path.exists() and path.read_bytes() for path in files), "an empty spool"
-    )
+    wait_for(lambda: not posts_on_disk(system.state_dir / "broker"), "an empty spool")
     system.wait_until_delivered()
     for kind in ("pose", "battery", "image", "alarm", "mission_report", "observation"):
         sent = [(body["session_id"], body["sequence_number"]) for body in bodies(system, kind)]
@@ -100,12 +96,10 @@ def test_unsent_broker_reports_survive_both(tmp_path: Path) -> None:
         identifier = flying(system, photographing_plan())
         system.kill("edge")
         wait_for(lambda: has_landed(system), "the landing")
-        wait_for(
-            lambda: on_disk(system, REPORTS_FILE, f'"mission_status_id":{FINISHED}'), "the end"
-        )
-        wait_for(lambda: on_disk(system, PICTURES_FILE, '"/image/"'), "the picture")
+        wait_for(lambda: on_disk(system, f'"mission_status_id":{FINISHED}'), "the end")
+        wait_for(lambda: on_disk(system, '"/image/"'), "the picture")
         break_gps(system)
-        wait_for(lambda: on_disk(system, REPORTS_FILE, '"/alarm/"'), "the alarm")
+        wait_for(lambda: on_disk(system, '"/alarm/"'), "the alarm")
         die_and_come_back(system, ("edge", "broker"))
         (mission,) = system.wait_until_ended(identifier)["missions"]
         statuses = [c["command_status_id"] for c in mission["command_array"]]
@@ -125,7 +119,7 @@ def test_the_answer_to_an_event_survives_both(tmp_path: Path) -> None:
         event = system.post("/events/", order).json()["id"]
         wait_for(lambda: system.get(f"/events/{event}")["state"] == "accepted", "the acceptance")
         system.kill("edge")
-        wait_for(lambda: on_disk(system, REPORTS_FILE, '{"status":"done"'), "the event's end")
+        wait_for(lambda: on_disk(system, '{"status":"done"'), "the event's end")
         die_and_come_back(system, ("broker", "edge"))
         (mission,) = system.wait_until_ended(identifier)["missions"]
         assert mission["mission_status_id"] == ABORTED

@@ -9,6 +9,7 @@ from itertools import count
 from pathlib import Path
 from typing import Final
 
+from mavlink_broker.database import Database
 from mavlink_broker.edge.client import EdgeClient
 from mavlink_broker.edge.outbox import Post, Urgency
 from mavlink_broker.edge.spool import MIB, Spool
@@ -24,7 +25,7 @@ _LOOK_EVERY_S: Final = 0.0005
 
 def client_in(folder: Path, url: str) -> tuple[EdgeClient, Spool]:
     """Start a broker's edge client with the spool that an earlier one has left."""
-    spool = Spool(folder / SPOOL, max_bytes=4 * MIB)
+    spool = Spool(Database(folder / SPOOL), max_bytes=4 * MIB)
     client = EdgeClient(url, folder / KEY_FILE, lambda: None, spool=spool)
     client.start()
     return client, spool

@@ -1,6 +1,6 @@
 """Killed -9 again and again while it has much to send: nothing is lost, nothing out of order.
 
-The edge server is away, refuses for now, or is there. Some deaths leave a torn line behind.
+The edge server is away, refuses for now, or is there. Some deaths leave a torn log behind.
 """
 
 import os
@@ -14,7 +14,7 @@ from pathlib import Path
 from random import Random
 from typing import Final
 
-from mavlink_broker.edge.spool import REPORTS_FILE
+from mavlink_broker.database import DATABASE_FILE
 from tests.soak.spool_client import KEY_FILE, LANES, SPOOL, client_in
 from tests.support.fake_edge import FakeEdgeServer
 from tests.support.system import ROOT, wait_for
@@ -22,7 +22,7 @@ from tests.support.system import ROOT, wait_for
 NOWHERE: Final = "http://127.0.0.1:9"
 LONGEST_LIFE_S: Final = 1.0
 MOST_REFUSALS: Final = 3
-TORN: Final = b'deadbeef {"number":'
+TORN: Final = b"\x00\x00\x00\x07 not a whole frame"
 _GAP: Final = 1000
 """Numbers are never used again, also those that a dead broker had not printed yet."""
 
@@ -47,9 +47,10 @@ def run(cycles: int, folder: Path, seed: int, print_line: Callable[[str], None])
             _live_and_die(random.choice((NOWHERE, server.url, server.url)), folder, random, outcome)
             server.failures.clear()
         client, spool = client_in(folder, server.url)
-        print_line(f"{client.waiting} reports left, {spool.damaged} lines damaged")
+        print_line(f"{client.waiting} reports left, {spool.damaged} damaged")
         wait_for(lambda: not client.waiting, "the last message")
         client.stop(1.0)
+        spool.database.close()
         _judge(server, outcome)
     print_line(
         f"{len(outcome.safe)} reports were safe and arrived; {outcome.sent_twice} were sent twice"
@@ -73,9 +74,9 @@ def _live_and_die(url: str, folder: Path, random: Random, outcome: Outcome) -> N
         os.kill(process.pid, signal.SIGKILL)
         printed += process.stdout.read()
     outcome.safe |= {int(line) for line in printed.split("\n")[:-1]}
-    reports = folder / SPOOL / REPORTS_FILE
-    if reports.exists() and random.random() < 0.2:
-        with reports.open("ab") as file:
+    log = folder / SPOOL / f"{DATABASE_FILE}-wal"
+    if log.exists() and random.random() < 0.2:
+        with log.open("ab") as file:
             file.write(TORN)
 
 

@@ -4,7 +4,7 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
-from mavlink_broker.recovery.folder import JournalFolder
+from mavlink_broker.recovery.encoding import decode, encode
 from mavlink_broker.recovery.record import EMPTY_RECORD, RecoveryRecord, VehicleIdentity
 from mavlink_broker.recovery.record_tracker import RecordUpdate
 
@@ -14,7 +14,7 @@ class ScriptedDisk:
 
     def __init__(self, folder: Path, clock: Callable[[], float], lag_s: float = 0.0) -> None:
         folder.mkdir(exist_ok=True)
-        self._folder = JournalFolder(folder)
+        self._folder = folder
         self._clock = clock
         self._lag_s = lag_s
         self._known: dict[VehicleIdentity, RecoveryRecord] = {}
@@ -27,12 +27,12 @@ class ScriptedDisk:
     def begin(self) -> None:
         """Read the records of an earlier run."""
         self._queued = []
-        self._known = self._folder.read_all()
+        self._known = dict(decode(path.read_bytes()) for path in self._folder.iterdir())
 
     def move(self, folder: Path) -> None:
         """Go on in another folder, with a copy of what is here."""
-        shutil.copytree(self._folder.path, folder)
-        self._folder = JournalFolder(folder)
+        shutil.copytree(self._folder, folder)
+        self._folder = folder
 
     def recall(self, identity: VehicleIdentity) -> RecoveryRecord:
         """Give the record of a vehicle."""
@@ -51,6 +51,15 @@ class ScriptedDisk:
         self._queued = [one for one in self._queued if one[0] > self._clock()]
         for update in due:
             if not self.refuses:
-                self._folder.write(update.identity, update.record)
+                self._write(update)
                 self.written += 1
         return [(update.identity, update.number) for update in due]
+
+    def _write(self, update: RecordUpdate) -> None:
+        """Replace the file of a vehicle: `vehicle-1.json`, or `vehicle-1-<uid>.json`."""
+        name = f"vehicle-{update.identity.system}-{update.identity.uid}".removesuffix("-")
+        path = self._folder / f"{name}.json"
+        if update.record == EMPTY_RECORD:
+            path.unlink(missing_ok=True)
+        else:
+            path.write_bytes(encode(update.identity, update.record))

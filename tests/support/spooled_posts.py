@@ -1,8 +1,11 @@
-"""Posts as the broker leaves them, numbered so that order shows."""
+"""Posts as the broker leaves them, numbered so that order shows, and the spool with them."""
 
+from pathlib import Path
 from typing import Any
 
+from mavlink_broker.database import Database, read_rows
 from mavlink_broker.edge.outbox import Post, Urgency
+from mavlink_broker.edge.spool import Spool
 
 
 def post(lane: str = "mission_report", number: int = 0, **changed: Any) -> Post:
@@ -34,3 +37,13 @@ def state_vector(number: int = 0) -> Post:
 def numbers(posts: list[Post]) -> list[int]:
     """Which posts these are."""
     return [one.body["sequence_number"] for one in posts]
+
+
+def spool_in(folder: Path, max_bytes: int = 1 << 20) -> Spool:
+    """Open the spool of a state folder."""
+    return Spool(Database(folder), max_bytes=max_bytes)
+
+
+def posts_on_disk(folder: Path) -> list[bytes]:
+    """The posts of a state folder as they are stored, in order, also beside a running broker."""
+    return [data for (data,) in read_rows(folder, "SELECT data FROM posts ORDER BY number")]

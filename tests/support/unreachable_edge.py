@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from mavlink_broker.edge.outbox import Outbox, Post
-from mavlink_broker.edge.spool import Spool
 from mavlink_broker.edge.spool_writer import SpoolWriter
 from tests.support.fake_edge import FakeEdge
+from tests.support.spooled_posts import spool_in
 
 
 class UnreachableEdge(FakeEdge):
@@ -32,12 +32,12 @@ class UnreachableEdge(FakeEdge):
 
     def _begin(self) -> None:
         self.queue = Outbox(random.Random(1))
-        self.spool = Spool(self._folder, max_bytes=1 << 20)
+        self.spool = spool_in(self._folder)
         self._writer = SpoolWriter(self.spool, self.queue, threading.Condition())
 
     def lose_broker(self) -> None:
         """Lose the posts that wait in memory."""
-        self.spool.close()
+        self.spool.database.close()
         self._begin()
 
     def post(self, post: Post) -> None:

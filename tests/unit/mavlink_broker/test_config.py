@@ -17,7 +17,7 @@ def test_the_environment_is_read_and_flags_override_it() -> None:
     assert settings.edge_url == "http://127.0.0.1:15401"
     assert settings.mavlink_port == 15403
     assert settings.key_file == Path("/tmp/x/keys/broker.key")
-    assert settings.spool == Path("/tmp/x/broker")
+    assert settings.database_folder == Path("/tmp/x/broker")
 
 
 def test_a_url_overrides_a_port() -> None:

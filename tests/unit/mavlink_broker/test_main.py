@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from afarcloud.enumerations import Status
-from mavlink_broker.edge.spool import Spool
+from mavlink_broker.database import Database
 from tests.support.broker_world import first_flight
 from tests.support.fake_edge import FakeEdgeServer
 from tests.support.scripted_vehicle import PX4, ScriptedVehicle
@@ -100,10 +100,11 @@ def test_a_busy_port_is_one_sentence_and_status_2(tmp_path: Path) -> None:
 def test_a_state_folder_that_another_broker_has_is_one_sentence_and_status_2(
     tmp_path: Path,
 ) -> None:
-    spool = Spool(tmp_path / "broker", max_bytes=1000)
+    database = Database(tmp_path / "broker")
+    database.open()
     with start(0, tmp_path) as process:
         _, errors = process.communicate(timeout=20)
-    spool.close()
+    database.close()
     assert process.returncode == 2
     expected = f"another broker uses {tmp_path}/broker; each broker needs a STATE_DIR of its own"
     assert errors == f"mavlink_broker: {expected}\n"

@@ -1,7 +1,7 @@
 """The edge server over real HTTP: posts are retried until answered, in order."""
 
 import logging
-import os
+import sqlite3
 import ssl
 import threading
 from collections.abc import Iterator
@@ -14,20 +14,23 @@ from typing import Any
 import pytest
 import requests
 
-from mavlink_broker import supervision
+from mavlink_broker import database, supervision
+from mavlink_broker.database import DATABASE_FILE
 from mavlink_broker.edge.bounded_http import Answer
 from mavlink_broker.edge.client import EdgeClient, Pause
 from mavlink_broker.edge.connection import EdgeConnection, is_final
 from mavlink_broker.edge.dead_letters import read_dead_letters, request_action
 from mavlink_broker.edge.outbox import Post, Urgency
 from mavlink_broker.edge.posts import post_for
-from mavlink_broker.edge.spool import REPORTS_FILE, Spool
+from mavlink_broker.edge.spool import Spool
 from mavlink_broker.edge.work import AcceptanceResult
 from mavlink_broker.effects import Acknowledgement
+from tests.support import spooled_posts
 from tests.support.broker_world import first_flight
 from tests.support.certificates import Authority
 from tests.support.fake_edge import FakeEdgeServer
 from tests.support.polling import wait_until
+from tests.support.spooled_posts import posts_on_disk
 
 KEY = "broker-key"
 NOWHERE = "http://127.0.0.1:1"
@@ -56,7 +59,7 @@ def client_of(
 
 
 def spool_in(folder: Path) -> Spool:
-    return Spool(folder / "broker", max_bytes=1 << 20)
+    return spooled_posts.spool_in(folder / "broker")
 
 
 def report(mission_id: int, status: int) -> Post:
@@ -81,11 +84,13 @@ def report(mission_id: int, status: int) -> Post:
 def leave(folder: Path, *posts: Post) -> None:
     """Run a broker that ends with posts while the edge server is unreachable."""
     (folder / "broker.key").write_text(KEY)
-    client = EdgeClient(NOWHERE, folder / "broker.key", Woken(), spool=spool_in(folder))
+    spool = spool_in(folder)
+    client = EdgeClient(NOWHERE, folder / "broker.key", Woken(), spool=spool)
     client.start()
     for one in posts:
         client.post(one)
     client.stop(0.0)
+    spool.database.close()
 
 
 def pose(number: int) -> Post:
@@ -280,7 +285,7 @@ def test_nothing_is_written_while_the_edge_server_answers(
         client.post(pose(number))
     assert len(server.wait_for("/pose/", 50)) == 50
     client.stop(5.0)
-    assert spool.writes == 0
+    assert spool.database.writes == 0
 
 
 def test_a_failed_post_is_on_the_disk_before_the_program_ends(tmp_path: Path) -> None:
@@ -289,8 +294,7 @@ def test_a_failed_post_is_on_the_disk_before_the_program_ends(tmp_path: Path) ->
     client.start()
     client.post(pose(1))
     client.post(pose(2))
-    reports = tmp_path / "broker" / REPORTS_FILE
-    wait_until(lambda: reports.exists() and reports.read_bytes().count(b"\n") == 2)
+    wait_until(lambda: len(posts_on_disk(tmp_path / "broker")) == 2)
     client.stop(0.0)
 
 
@@ -305,7 +309,7 @@ def test_the_next_run_first_sends_the_posts_of_the_last_one(
     assert numbers(server.wait_for("/pose/", 3)) == [0, 1, 2]
     keys = [key for path, key in server.keys_seen if path == "/pose/"]
     assert list(dict.fromkeys(keys)) == ["key-0", "key-1", "key-2"]
-    wait_until(lambda: (tmp_path / "broker" / REPORTS_FILE).read_bytes() == b"")
+    wait_until(lambda: not posts_on_disk(tmp_path / "broker"))
     client.stop(1.0)
 
 
@@ -371,8 +375,7 @@ def test_a_post_that_is_refused_for_good_is_a_dead_letter_and_can_be_sent_again(
     assert letter.reason.startswith("HTTP 409")
     assert letter.post.body["sequence_number"] == 0
     wait_until(lambda: client.dead_letters_of(1) == 1)
-    reports = tmp_path / "broker" / REPORTS_FILE
-    wait_until(lambda: not reports.exists() or reports.read_bytes() == b"")
+    wait_until(lambda: not posts_on_disk(tmp_path / "broker"))
     request_action(tmp_path / "broker", "retry", [number])
     assert numbers(server.wait_for("/pose/", 2)) == [1, 0]
     wait_until(lambda: client.dead_letters_of(1) == 0)
@@ -400,23 +403,20 @@ def test_a_state_vector_or_a_withdrawn_acceptance_is_not_a_dead_letter(
 def test_a_disk_that_hangs_delays_no_post(
     server: FakeEdgeServer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    hangs, goes_on = threading.Event(), threading.Event()
-
-    def hang(_descriptor: int) -> None:
-        hangs.set()
-        assert goes_on.wait(60.0)
-
-    monkeypatch.setattr(os, "fdatasync", hang)
+    monkeypatch.setattr(database, "BUSY_TIMEOUT_S", 60.0)
     (tmp_path / "broker.key").write_text(KEY)
     server.failures.append(503)
-    client = client_of(server, tmp_path, spool=spool_in(tmp_path))
+    spool = spool_in(tmp_path)
+    client = client_of(server, tmp_path, spool=spool)
+    other = sqlite3.connect(tmp_path / "broker" / DATABASE_FILE, isolation_level=None)
+    other.execute("BEGIN IMMEDIATE")
     client.post(pose(0))
-    assert hangs.wait(60.0)
+    wait_until(lambda: spool.database.writes > 0)
     client.post(pose(1))
     assert numbers(server.wait_for("/pose/", 2)) == [0, 1]
-    goes_on.set()
+    other.close()
     client.stop(1.0)
-    assert (tmp_path / "broker" / REPORTS_FILE).read_bytes() == b""
+    assert posts_on_disk(tmp_path / "broker") == []
 
 
 @pytest.mark.first_case

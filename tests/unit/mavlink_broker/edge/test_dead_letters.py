@@ -1,7 +1,6 @@
 """A report that is never accepted is stored as a dead letter, shown, and retried by hand."""
 
 import json
-import os
 import random
 import threading
 import time
@@ -12,12 +11,11 @@ from typing import Any
 import pytest
 
 from mavlink_broker.cli import dead_letters
+from mavlink_broker.database import read_rows
 from mavlink_broker.edge import outbox
 from mavlink_broker.edge.client import EdgeClient
 from mavlink_broker.edge.connection import EdgeConnection
 from mavlink_broker.edge.dead_letters import (
-    ACTIONS_FILE,
-    DEAD_LETTERS_FILE,
     read_dead_letters,
     request_action,
 )
@@ -29,12 +27,18 @@ from mavlink_broker.edge.outbox import (
     Post,
     Urgency,
 )
-from mavlink_broker.edge.spool import LOCK_FILE, REPORTS_FILE, Spool
 from mavlink_broker.edge.spool_writer import SpoolWriter
 from mavlink_broker.edge.work import AcceptanceResult
 from tests.support.broker_world import World
 from tests.support.fake_edge import FakeEdgeServer
-from tests.support.spooled_posts import numbers, picture, post, state_vector
+from tests.support.spooled_posts import (
+    numbers,
+    picture,
+    post,
+    posts_on_disk,
+    spool_in,
+    state_vector,
+)
 
 ROOM = 1 << 20
 KEY = "key"
@@ -45,7 +49,7 @@ class Run:
 
     def __init__(self, folder: Path, max_bytes: int = ROOM) -> None:
         self.queue = Outbox(random.Random(1))
-        self.spool = Spool(folder, max_bytes=max_bytes)
+        self.spool = spool_in(folder, max_bytes)
         self.writer = SpoolWriter(self.spool, self.queue, threading.Condition())
         self.now = 0.0
         self.sent: list[Post] = []
@@ -65,7 +69,7 @@ class Run:
 
     def kill(self) -> None:
         """Leave the folder to the next run."""
-        self.spool.close()
+        self.spool.database.close()
 
 
 def telemetry(run: Run, times: int, **how: Any) -> None:
@@ -132,13 +136,18 @@ def test_a_broker_killed_before_the_post_is_released_leaves_one_dead_letter(
     run = Run(tmp_path)
     run.queue.put(post(number=7))
     run.go(2)
-    reports = (tmp_path / "spool.words").read_bytes()
+    (report,) = posts_on_disk(tmp_path)
     telemetry(run, MAX_ATTEMPTS + 2)
+    ((number, _),) = read_dead_letters(tmp_path)
+    with run.spool.database.change() as rows:
+        rows.execute("INSERT INTO posts VALUES (?, 0, ?)", (number, report))
     run.kill()
-    (tmp_path / "spool.words").write_bytes(reports)
     after = Run(tmp_path)
     assert len(after.queue) == 0
     assert after.writer.dead_letters == {1: 1}
+    after.queue.put(post(number=8))
+    after.go(1)
+    assert posts_on_disk(tmp_path) == []
 
 
 def test_a_retry_is_sent_once_under_its_key_and_removes_the_dead_letter(tmp_path: Path) -> None:
@@ -151,7 +160,7 @@ def test_a_retry_is_sent_once_under_its_key_and_removes_the_dead_letter(tmp_path
     again = [one for one in run.sent if one.body["sequence_number"] == 7]
     assert [one.idempotency_key for one in again] == [letter.post.idempotency_key]
     assert read_dead_letters(tmp_path) == []
-    assert not (tmp_path / ACTIONS_FILE).exists()
+    assert requests_in(tmp_path) == []
     run.kill()
     after = Run(tmp_path)
     assert len(after.queue) == 0
@@ -183,6 +192,10 @@ def with_dead_letters(folder: Path, count: int = 1) -> tuple[Run, list[int]]:
     return run, dead
 
 
+def requests_in(folder: Path) -> list[tuple[Any, ...]]:
+    return read_rows(folder, "SELECT * FROM requests")
+
+
 def keys(posts: list[Post]) -> set[str | None]:
     return {one.idempotency_key for one in posts if one.body["sequence_number"] == 7}
 
@@ -196,7 +209,7 @@ def test_actions_that_a_killed_broker_has_taken_are_carried_out_by_the_next(tmp_
     after.go(2, poison=-1)
     assert keys(after.sent) == {"key-0"}
     assert read_dead_letters(tmp_path) == []
-    assert list(tmp_path.glob("*orders*")) == []
+    assert requests_in(tmp_path) == []
 
 
 def test_an_action_requested_while_others_are_carried_out_comes_next(
@@ -214,39 +227,6 @@ def test_an_action_requested_while_others_are_carried_out_comes_next(
     monkeypatch.setattr(run.spool.dead_letters, "remove", remove)
     run.go(3, poison=-1)
     assert keys(run.sent) == {"key-0", "key-1"}
-
-
-def test_an_action_written_to_a_file_that_was_taken_meanwhile_is_not_lost(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    run, dead = with_dead_letters(tmp_path, 2)
-    request_action(tmp_path, "retry", dead[:1])
-    genuine = os.open
-
-    def opened(path: Any, *how: Any, **named: Any) -> int:
-        descriptor = genuine(path, *how, **named)
-        if Path(path).name == ACTIONS_FILE:
-            monkeypatch.undo()
-            run.go(1, poison=-1)
-        return descriptor
-
-    monkeypatch.setattr(os, "open", opened)
-    request_action(tmp_path, "retry", dead[1:])
-    run.go(2, poison=-1)
-    assert keys(run.sent) == {"key-0", "key-1"}
-
-
-@pytest.mark.thorough
-def test_an_action_behind_a_mebibyte_of_others_and_an_invalid_line_is_carried_out(
-    tmp_path: Path,
-) -> None:
-    run, dead = with_dead_letters(tmp_path)
-    request_action(tmp_path, "retry", range(10_000_000, 10_000_000 + 80_000))
-    with (tmp_path / ACTIONS_FILE).open("ab") as file:
-        file.write(b"x" * 1000 + b"\n")
-    request_action(tmp_path, "retry", dead)
-    run.go(2, poison=-1)
-    assert keys(run.sent) == {"key-0"}
 
 
 def test_a_dropped_dead_letter_is_removed(tmp_path: Path) -> None:
@@ -294,18 +274,15 @@ def test_a_failing_state_vector_is_dropped_and_a_failing_registration_blocks_no_
     assert read_dead_letters(tmp_path) == []
 
 
-@pytest.mark.parametrize("garbage", [b"", b"\0" * 100, b"deadbeef {}\n", b"retry 1\n"])
-def test_a_damaged_line_costs_itself_alone(tmp_path: Path, garbage: bytes) -> None:
-    run = Run(tmp_path)
-    run.queue.put(post(number=7))
-    telemetry(run, MAX_ATTEMPTS + 2)
+@pytest.mark.parametrize("garbage", [b"", b"\0" * 100, b"deadbeef {}"])
+def test_a_damaged_row_costs_itself_alone(tmp_path: Path, garbage: bytes) -> None:
+    run, (number,) = with_dead_letters(tmp_path)
+    with run.spool.database.change() as rows:
+        rows.execute("INSERT INTO dead_letters VALUES (?, ?)", (number + 1, garbage))
     run.kill()
-    line = (tmp_path / DEAD_LETTERS_FILE).read_bytes()
-    (tmp_path / DEAD_LETTERS_FILE).write_bytes(
-        garbage + (b"\n" if garbage[-1:] not in b"\n" else b"") + line
-    )
     after = Run(tmp_path)
     assert after.writer.dead_letters == {1: 1}
+    assert read_rows(tmp_path, "SELECT source, data FROM damaged") == [("dead_letters", garbage)]
 
 
 @pytest.fixture
@@ -332,7 +309,7 @@ def test_a_dead_letter_over_http_from_the_first_500_to_the_retry_at_the_terminal
     monkeypatch.setattr(outbox, "LONGEST_PAUSE_S", 0.02)
     (tmp_path / "broker.key").write_text(KEY)
     server.judge = lambda _, body: 500 if body.get("sequence_number") == 7 else None
-    spool = Spool(tmp_path / "broker", max_bytes=ROOM)
+    spool = spool_in(tmp_path / "broker")
     client = EdgeClient(server.url, tmp_path / "broker.key", lambda: None, spool=spool)
     client.start()
     for number in (7, 8):
@@ -343,6 +320,7 @@ def test_a_dead_letter_over_http_from_the_first_500_to_the_retry_at_the_terminal
         return client.dead_letters_of(1) == 1
 
     until(is_given_up)
+    until(lambda: read_dead_letters(tmp_path / "broker"))
     assert [b["sequence_number"] for b in server.wait_for("/mission_report/", 1)] == [8]
     state = ["--state-dir", str(tmp_path)]
     assert dead_letters.run(["list", "--json", *state], {}) == 0
@@ -375,7 +353,7 @@ def test_an_acceptance_that_fails_is_no_dead_letter_and_its_mission_must_be_repo
     monkeypatch.setattr(outbox, "LONGEST_PAUSE_S", 0.02)
     (tmp_path / "broker.key").write_text(KEY)
     server.judge = lambda path, _: status if path.endswith("/ack") else None
-    spool = Spool(tmp_path / "broker", max_bytes=ROOM)
+    spool = spool_in(tmp_path / "broker")
     client = EdgeClient(server.url, tmp_path / "broker.key", lambda: None, spool=spool)
     client.start()
     client.post(acceptance())
@@ -393,8 +371,7 @@ def test_an_acceptance_that_fails_is_no_dead_letter_and_its_mission_must_be_repo
     assert f"did not take the acceptance: HTTP {status}" in result.reason
     assert read_dead_letters(tmp_path / "broker") == []
     assert client.dead_letters_of(1) == 0
-    stored = tmp_path / "broker" / REPORTS_FILE
-    assert not stored.exists() or stored.read_bytes() == b""
+    assert posts_on_disk(tmp_path / "broker") == []
 
 
 def test_an_acceptance_that_an_earlier_version_has_stored_is_removed_by_a_retry(
@@ -425,7 +402,7 @@ def test_a_repeated_internal_error_fails_the_acceptance_with_its_reason(
         return genuine(self, *args, **named)
 
     monkeypatch.setattr(EdgeConnection, "request", request)
-    spool = Spool(tmp_path / "broker", max_bytes=ROOM)
+    spool = spool_in(tmp_path / "broker")
     client = EdgeClient(server.url, tmp_path / "broker.key", lambda: None, spool=spool)
     client.start()
     client.post(acceptance())
@@ -474,4 +451,4 @@ def test_a_folder_without_a_file_has_no_dead_letters(
 ) -> None:
     assert dead_letters.run(["--state-dir", str(tmp_path)], {}) == 0
     assert capsys.readouterr().out == "0 dead letters\n"
-    assert not (tmp_path / "broker" / LOCK_FILE).exists()
+    assert not (tmp_path / "broker").exists()

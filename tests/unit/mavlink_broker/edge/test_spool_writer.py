@@ -1,10 +1,9 @@
 """From outbox to disk: a post that has failed once survives the broker, in order."""
 
-import errno
 import logging
-import os
 import random
 import shutil
+import sqlite3
 import tempfile
 import threading
 from collections.abc import Iterator
@@ -15,10 +14,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mavlink_broker import database
+from mavlink_broker.database import DATABASE_FILE
 from mavlink_broker.edge.outbox import LONGEST_PAUSE_S, SLOW_AFTER_S, Outbox, Post, Urgency
-from mavlink_broker.edge.spool import LOCK_FILE, REPORTS_FILE, Spool
 from mavlink_broker.edge.spool_writer import MAX_BATCH, RETRY_AFTER_S, SpoolWriter
-from tests.support.spooled_posts import numbers, picture, post, state_vector
+from tests.support.spooled_posts import (
+    numbers,
+    picture,
+    post,
+    posts_on_disk,
+    spool_in,
+    state_vector,
+)
 
 LANES = ("mission_report", "alarm", "done")
 ROOM = 1 << 20
@@ -29,7 +36,7 @@ class Run:
 
     def __init__(self, folder: Path, max_bytes: int = ROOM) -> None:
         self.queue = Outbox(random.Random(1))
-        self.spool = Spool(folder, max_bytes=max_bytes)
+        self.spool = spool_in(folder, max_bytes)
         self.now = 0.0
         self.writer = SpoolWriter(self.spool, self.queue, threading.Condition())
 
@@ -68,7 +75,7 @@ def killed(folder: Path) -> Iterator[Path]:
     """A copy of the disk as a kill -9 leaves it; the old run still uses the original."""
     with tempfile.TemporaryDirectory() as other:
         copy = Path(other) / "broker"
-        shutil.copytree(folder, copy, ignore=shutil.ignore_patterns(LOCK_FILE))
+        shutil.copytree(folder, copy, ignore=shutil.ignore_patterns("*-shm"))
         yield copy
 
 
@@ -94,7 +101,7 @@ def test_every_post_is_sent_once_and_in_order(acts: list[str]) -> None:
         for number, act in enumerate(acts):
             match act:
                 case "kill":
-                    run.spool.close()
+                    run.spool.database.close()
                     run = Run(Path(folder))
                 case "answer":
                     tell(run.answer())
@@ -109,7 +116,7 @@ def test_every_post_is_sent_once_and_in_order(acts: list[str]) -> None:
                     run.look()
         for one in run.left():
             tell(one)
-        run.spool.close()
+        run.spool.database.close()
     assert len(sent) == len(put)
     for lane in LANES:
         order = [number for key, number in sent.items() if key.startswith(lane)]
@@ -126,8 +133,8 @@ def test_nothing_is_written_while_the_edge_server_answers(tmp_path: Path) -> Non
         run.look()
         run.answer()
         run.look()
-    assert run.spool.writes == 0
-    assert [path.name for path in tmp_path.iterdir()] == [LOCK_FILE]
+    assert run.spool.database.writes == 0
+    assert posts_on_disk(tmp_path) == []
 
 
 def test_a_failed_post_and_those_behind_it_are_stored(tmp_path: Path) -> None:
@@ -159,7 +166,7 @@ def test_an_overdue_answer_counts_as_unreachable(tmp_path: Path) -> None:
     run.take()
     run.now += SLOW_AFTER_S - 0.1
     run.look()
-    assert run.spool.writes == 0
+    assert run.spool.database.writes == 0
     run.now += 0.2
     run.look()
     with killed(tmp_path) as copy:
@@ -184,7 +191,7 @@ def test_state_vectors_and_registrations_are_not_stored(tmp_path: Path) -> None:
     run.queue.put(post("vehicle", 1, urgency=Urgency.REGISTRATION, replaces=True))
     run.fail()
     run.look()
-    assert run.spool.writes == 0
+    assert run.spool.database.writes == 0
 
 
 def test_the_next_run_sends_inherited_posts_first_under_their_keys(tmp_path: Path) -> None:
@@ -213,7 +220,7 @@ def test_an_answered_post_leaves_the_disk(tmp_path: Path) -> None:
         assert numbers(Run(copy).left()) == [1, 2]
     run.left()
     run.look()
-    assert (tmp_path / REPORTS_FILE).read_bytes() == b""
+    assert posts_on_disk(tmp_path) == []
 
 
 def test_a_vehicle_has_unsent_reports_until_the_inherited_ones_are_answered(tmp_path: Path) -> None:
@@ -246,6 +253,7 @@ def test_an_ending_broker_stores_all_posts_that_wait(tmp_path: Path) -> None:
     run.queue.put(picture(2))
     run.queue.put(state_vector(3))
     run.writer.stop()
+    run.spool.database.close()
     assert numbers(Run(tmp_path).left()) == [1, 2]
 
 
@@ -265,6 +273,7 @@ def test_a_broker_that_ends_while_its_spool_thread_is_restarted_stores_all_posts
     run.writer.notify()
     assert failed.wait(30.0)
     run.writer.stop()
+    run.spool.database.close()
     assert numbers(Run(tmp_path).left()) == [1]
 
 
@@ -273,18 +282,16 @@ def test_a_refusing_disk_is_logged_once_and_retried(
 ) -> None:
     caplog.set_level(logging.INFO)
 
-    def full(*_: object) -> int:
-        raise OSError(errno.ENOSPC, "No space left on device")
-
+    monkeypatch.setattr(database, "BUSY_TIMEOUT_S", 0.0)
     run = Run(tmp_path)
-    write = os.write
-    monkeypatch.setattr(os, "write", full)
+    other = sqlite3.connect(tmp_path / DATABASE_FILE, isolation_level=None)
+    other.execute("BEGIN IMMEDIATE")
     for number in range(3):
         run.queue.put(post(number=number))
         run.fail()
         run.look()
-    assert caplog.text.count("No space left") == 1
-    monkeypatch.setattr(os, "write", write)
+    assert caplog.text.count("takes no more reports: database is locked") == 1
+    other.close()
     run.look()
     assert len(run.queue) == 3, "they wait in memory"
     run.now += RETRY_AFTER_S

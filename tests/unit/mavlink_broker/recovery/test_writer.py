@@ -7,8 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from mavlink_broker.database import Database
 from mavlink_broker.recovery import writer as writer_module
-from mavlink_broker.recovery.folder import JournalFolder
+from mavlink_broker.recovery.journal import JournalTable
 from mavlink_broker.recovery.record import (
     EMPTY_RECORD,
     PendingReturn,
@@ -20,6 +21,10 @@ from mavlink_broker.recovery.writer import JournalWriter
 
 IDENTITY = VehicleIdentity(1, "")
 TIMEOUT_S = 20.0
+
+
+def journal_in(folder: Path) -> JournalTable:
+    return JournalTable(Database(folder))
 
 
 def record(number: int) -> RecoveryRecord:
@@ -47,21 +52,23 @@ class Loop:
 
 
 def test_a_record_is_on_the_disk_when_it_is_settled(tmp_path: Path) -> None:
-    loop, folder = Loop(), JournalFolder(tmp_path / "broker")
-    writer = JournalWriter(folder, loop.wake)
+    loop, journal = Loop(), journal_in(tmp_path / "broker")
+    writer = JournalWriter(journal, loop.wake)
     writer.put(RecordUpdate(IDENTITY, 1, record(1)))
     loop.wait_for(writer, 1)
-    assert folder.read_all() == {IDENTITY: record(1)}
+    assert journal.read_all() == {IDENTITY: record(1)}
     writer.close()
 
 
 def test_the_next_run_reads_the_records_of_this_one(tmp_path: Path) -> None:
-    first = JournalWriter(JournalFolder(tmp_path), lambda: None)
+    database = Database(tmp_path)
+    first = JournalWriter(JournalTable(database), lambda: None)
     assert first.recall(IDENTITY) == EMPTY_RECORD
     for number in range(20):
         first.put(RecordUpdate(IDENTITY, number, record(number)))
     first.close()
-    second = JournalWriter(JournalFolder(tmp_path), lambda: None)
+    database.close()
+    second = JournalWriter(journal_in(tmp_path), lambda: None)
     assert second.recall(IDENTITY) == record(19)
     second.close()
 
@@ -72,9 +79,9 @@ def test_a_refusing_disk_is_logged_once_and_retried(
     monkeypatch.setattr(writer_module, "RETRY_AFTER_S", 0.05)
     place = tmp_path / "broker"
     place.write_text("a file where the folder should be")
-    loop = Loop()
+    loop, journal = Loop(), journal_in(place)
     with caplog.at_level(logging.WARNING):
-        writer = JournalWriter(JournalFolder(place), loop.wake)
+        writer = JournalWriter(journal, loop.wake)
         for number in (1, 2, 3):
             writer.put(RecordUpdate(IDENTITY, number, record(number)))
             loop.wait_for(writer, number)
@@ -85,5 +92,5 @@ def test_a_refusing_disk_is_logged_once_and_retried(
         loop.settled.clear()
         loop.wait_for(writer, 3)
         writer.close()
-    assert JournalFolder(place).read_all() == {IDENTITY: record(3)}
+    assert journal.read_all() == {IDENTITY: record(3)}
     assert [logged for logged in caplog.messages if "takes the broker's journal again" in logged]
