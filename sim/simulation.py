@@ -19,9 +19,9 @@ from sim.sensors.battery import DRAW_RATE_HZ
 from sim.sensors.environment import EnvironmentSensors
 from sim.sensors.readings import Readings
 from sim.sensors.suite import Schedule, SensorSuite
-from sim.world.daylight import day_shift_s
 from sim.world.farm import Farm
 from sim.world.plane import Plane
+from sim.world.sun import day_shift_s
 
 _STILL: Final[Vector3] = (0.0, 0.0, 0.0)
 
@@ -76,7 +76,7 @@ class Simulation:
 
     @property
     def farm_time_s(self) -> float:
-        """Time on the farm [s since 1970]: UTC, or daylight (`sim/world/daylight.py`)."""
+        """Time on the farm [s since 1970]: UTC, or daylight (`sim/world/sun.py`)."""
         return self._farm_start_s + self.truth.time_us * 1e-6
 
     @property

@@ -1,6 +1,8 @@
 """`make demo`: fly an example plan and wait until the cloud holds all its results."""
 
+import copy
 import json
+import math
 import os
 import time
 from collections.abc import Callable, Mapping
@@ -9,12 +11,52 @@ from typing import Any, Protocol
 
 from sim.launch.console import TERMINAL, Screen
 from sim.launch.farm_client import NotReadyError, RefusedError, rows
-from sim.launch.fleet_plan import for_vehicles
 from sim.launch.launcher import EXAMPLE_PLAN, Stopped, System
 from sim.launch.settings import Settings
 from sim.launch.supervisor import SupervisorError
 from sim.mosaic.album import write_album
 from sim.physics.worlds import DEFAULT
+
+EAST_SPACING_M = 3.0
+"""Distance between the homes of two neighbours."""
+
+UP_SPACING_M = 2.0
+"""Difference of their altitudes, so that no two are ever at one point."""
+
+_METRES_PER_DEGREE = 111_319.49
+
+
+def for_vehicles(document: dict[str, Any], vehicles: int) -> dict[str, Any]:
+    """Give a plan with one mission for each of `vehicles` vehicles.
+
+    A plan that already has several missions, or a single vehicle, leaves it as it is. The
+    document may be bare, in its envelope, or a single mission.
+    """
+    plan = document.get("plan", document)
+    missions = plan.get("missions", [plan])
+    if len(missions) > 1 or vehicles == 1:
+        return document
+    return {
+        "name": plan.get("name", "fleet"),
+        "missions": [_shifted(missions[0], number) for number in range(vehicles)],
+    }
+
+
+def _shifted(mission: dict[str, Any], number: int) -> dict[str, Any]:
+    shifted = copy.deepcopy(mission)
+    shifted["vehicle_id"] += number
+    shifted["mission_id"] += number
+    shifted["sequence_number"] = number
+    for command in shifted["command_array"]:
+        parameters = command.get("parameters", {})
+        if "longitude" in parameters:
+            metres = _METRES_PER_DEGREE * math.cos(math.radians(parameters["latitude"]))
+            parameters["longitude"] += number * EAST_SPACING_M / metres
+        for name in ("altitude", "orbit_altitude"):
+            if name in parameters:
+                parameters[name] += number * UP_SPACING_M
+    return shifted
+
 
 FLIGHT_TIMEOUT_S = 900.0
 DELIVERY_TIMEOUT_S = 60.0

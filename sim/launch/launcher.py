@@ -1,21 +1,94 @@
 """`make sim`: start the whole system, wait until it is healthy, show it, stop it cleanly."""
 
+import fcntl
 import math
 import os
+import secrets
 import signal
 import time
 from collections.abc import Container
 from datetime import UTC, datetime
+from pathlib import Path
 from types import FrameType
-from typing import Self
+from typing import Final, Self
 
-from sim.launch import signing_keys
 from sim.launch.console import Screen
 from sim.launch.farm_client import FarmClient, NotReadyError, RefusedError
 from sim.launch.processes import fleet_limits, programs, uplink
 from sim.launch.settings import Settings
-from sim.launch.state_lock import StateLock
 from sim.launch.supervisor import Supervisor, SupervisorError, check_ports
+
+_LOCK_FILE: Final = "system.lock"
+_KEY_LENGTH: Final = 32
+
+
+class StateTakenError(SupervisorError):
+    """Another system runs on the state folder."""
+
+
+class StateLock:
+    """One system per state folder: two would use the same keys, parameters and database.
+
+    Held while a system runs; the kernel releases it with the process, however that ends.
+    """
+
+    def __init__(self, state_dir: Path) -> None:
+        self._state_dir = state_dir
+        self._descriptor: int | None = None
+
+    def take(self) -> None:
+        """Take the folder, before anything in it is touched.
+
+        Raises:
+            StateTakenError: naming the process that has it.
+            SupervisorError: if the folder cannot be used.
+        """
+        try:
+            self._state_dir.mkdir(parents=True, exist_ok=True)
+            flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC
+            descriptor = os.open(self._state_dir / _LOCK_FILE, flags, 0o600)
+        except OSError as error:
+            raise SupervisorError(f"STATE_DIR {self._state_dir}: {error.strerror}") from error
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            holder = os.read(descriptor, 32).decode("ascii", "replace").strip()
+            os.close(descriptor)
+            raise StateTakenError(
+                f"STATE_DIR {self._state_dir}: a system runs on it already (process {holder}); "
+                "stop that one, or set STATE_DIR and the ports for this one"
+            ) from None
+        os.ftruncate(descriptor, 0)
+        os.pwrite(descriptor, f"{os.getpid()}\n".encode("ascii"), 0)
+        self._descriptor = descriptor
+
+    def release(self) -> None:
+        """Leave the folder to another system."""
+        if self._descriptor is not None:
+            os.close(self._descriptor)
+            self._descriptor = None
+
+
+def prepare_signing_keys(settings: Settings) -> None:
+    """Make the missing keys of the MAVLink links, readable by their owner only.
+
+    One key per vehicle: with a common key a captured vehicle could sign as any other.
+
+    Raises:
+        OSError: if the folder or a file cannot be written.
+    """
+    for system_id in range(1, settings.vehicles + 1):
+        path = settings.signing_key_path(system_id)
+        path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+        draft = path.with_suffix(".new")
+        draft.unlink(missing_ok=True)
+        if path.exists():
+            continue
+        descriptor = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+        with os.fdopen(descriptor, "w", encoding="ascii") as file:
+            file.write(secrets.token_bytes(_KEY_LENGTH).hex() + "\n")
+        draft.replace(path)
+
 
 READY_TIMEOUT_S = 120.0
 READY_TIMEOUT_PER_VEHICLE_S = 6.0
@@ -76,7 +149,7 @@ class System:
         self._lock.take()
         try:
             check_ports(self._programs)
-            signing_keys.prepare(self.settings)
+            prepare_signing_keys(self.settings)
         except OSError as error:
             self._lock.release()
             raise SupervisorError(f"keys cannot be written: {error}") from error

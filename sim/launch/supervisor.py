@@ -1,7 +1,7 @@
-"""Starts programs, keeps them running, stops them so that nothing stays behind.
+"""Starts programs, restarts them, and stops them with all their child processes.
 
-A program that dies is started again, as a service manager would: that is how a farm runs. One
-that cannot stay up ends the system with its last words.
+A program that dies is restarted, as by a service manager. One that dies repeatedly ends the
+system with the last lines that it printed.
 """
 
 import ctypes
@@ -14,10 +14,68 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Self
+from typing import BinaryIO, Final, Self
 
 from sim.launch.processes import Program
-from sim.launch.program_log import ProgramLog
+
+LOG_BYTES_MAX: Final = 10 * 1024 * 1024
+"""Size at which a log is renamed and another begun."""
+LOGS_KEPT: Final = 3
+"""Former logs that are kept; `.1` is the latest."""
+
+
+class ProgramLog:
+    """Keeps what a program prints in files of bounded size: `edge.log`, `edge.log.1`, ...
+
+    A failed write loses the lines, and the program that prints them continues.
+    """
+
+    def __init__(
+        self, path: Path, *, bytes_max: int = LOG_BYTES_MAX, kept: int = LOGS_KEPT
+    ) -> None:
+        """Append to a file that may exist; it is opened with the first line."""
+        self._path = path
+        self._bytes_max = bytes_max
+        self._kept = kept
+        self._file: BinaryIO | None = None
+        self.lines_lost = 0
+
+    def append(self, line: bytes) -> bool:
+        """Keep a line with its end; gives whether the medium has taken it."""
+        try:
+            file = self._opened()
+            if file.tell() and file.tell() + len(line) > self._bytes_max:
+                self._rotate()
+                file = self._opened()
+            file.write(line)
+        except OSError:
+            self.lines_lost += 1
+            self.close()  # The next line opens whatever is there then
+            return False
+        return True
+
+    def close(self) -> None:
+        """Keep nothing more."""
+        if self._file is not None:
+            self._file.close()
+            self._file = None
+
+    def _opened(self) -> BinaryIO:
+        if self._file is None:
+            self._file = self._path.open("ab", buffering=0)
+        return self._file
+
+    def _rotate(self) -> None:
+        """Rename every log to the next number; the last is replaced."""
+        self.close()
+        for number in range(self._kept, 0, -1):
+            former = self._numbered(number - 1)
+            if former.exists():
+                former.replace(self._numbered(number))
+
+    def _numbered(self, number: int) -> Path:
+        return self._path.with_name(f"{self._path.name}.{number}") if number else self._path
+
 
 RESTART_DELAY_S = 1.0
 EARLY_DEATH_S = 5.0
@@ -37,7 +95,7 @@ class SupervisorError(Exception):
     SupervisorError
       +- PortTakenError     another program holds a port
       +- ProgramFailedError a program dies again and again
-      +- StateTakenError    another system has the state folder (`sim/launch/state_lock.py`)
+      +- StateTakenError    another system has the state folder (`sim/launch/launcher.py`)
       +- NotHealthyError    the system does not come up (`sim/launch/launcher.py`)
     """
 

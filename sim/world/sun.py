@@ -1,10 +1,15 @@
-"""Where the sun stands and how bright it is, by time and place.
+"""Position and illuminance of the sun by time and place, and the farm's time of day.
 
 The sun's place follows the Astronomical Almanac's low-precision formulas (section C, "Low
 precision formulas for the Sun"), good to 0.01 degrees between 1950 and 2050; refraction is left
 out. Daylight follows the clear-sky model of the IES (Gillette, Pierpoint and Treado, Journal of
 the IES 13, 1984): 127.5 klx outside the air, extinction 0.21, and 0.8 + 15.5 sqrt(sin a) klx
 from the sky.
+
+The farm's time is the vehicle's UTC. A flight that begins in the dark or at dusk is lit as if it
+began in the middle of the morning of the same day, so that its pictures show the field. Weather
+and sun are shifted alike; times reported by a vehicle are not. The shift is of whole hours, so
+that vehicles that start one after the other see the tractor in one place.
 """
 
 import math
@@ -18,6 +23,10 @@ _SKY_LX: Final = (800.0, 15_500.0)
 _LOWEST_SINE: Final = 1e-6  # No direct light comes through so much air
 _TWILIGHT_DEG: Final = -6.0
 _MOONLIGHT_LX: Final = 0.1
+ENOUGH_DEG: Final = 12.0
+"""Elevation of the sun [deg] from which on nothing is shifted."""
+_MORNING_H: Final = 10.0
+_FLIGHT_S: Final = 1800.0  # Assumed duration
 
 
 class Sun(NamedTuple):
@@ -78,3 +87,12 @@ def illuminance_lx(elevation_deg: float) -> float:
     sine = math.sin(math.radians(elevation_deg))
     direct = _DIRECT_LX * math.exp(-_EXTINCTION / max(sine, _LOWEST_SINE)) * sine
     return direct + _SKY_LX[0] + _SKY_LX[1] * math.sqrt(sine)
+
+
+def day_shift_s(latitude_deg: float, longitude_deg: float, start_utc_s: float) -> float:
+    """What to add [s] to UTC to have the farm's time, for a flight that begins at `start_utc_s`."""
+    ends = (start_utc_s, start_utc_s + _FLIGHT_S)
+    if all(sun(latitude_deg, longitude_deg, end).elevation_deg >= ENOUGH_DEG for end in ends):
+        return 0.0
+    hours = (_MORNING_H - solar_hour(longitude_deg, start_utc_s) + 12.0) % 24.0 - 12.0
+    return 3600.0 * round(hours)

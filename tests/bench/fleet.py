@@ -16,7 +16,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Final
 
-from sim.launch.fleet_plan import for_vehicles
+from sim.launch.demo import for_vehicles
 from tests.bench.process import cpu_seconds
 from tests.bench.results import Result, at_most, page
 from tests.support.system import FarmSystem, example_plan

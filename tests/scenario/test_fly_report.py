@@ -19,8 +19,8 @@ from sim.camera.picture import Shot, render
 from sim.camera.scene.lens import Lens, Pose
 from sim.mosaic.georeference import georeference
 from sim.physics.truth import quaternion_from_euler
-from sim.world.daylight import day_shift_s
 from sim.world.farm import Farm
+from sim.world.sun import day_shift_s
 from tests.support.system import ROOT, short_plan
 from tests.support.truth import closest_approach_m, horizontal_distance_m, read_track
 

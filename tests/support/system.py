@@ -15,8 +15,8 @@ from typing import Any, Self
 
 import requests
 
-from sim.launch import signing_keys
 from sim.launch.farm_client import rows
+from sim.launch.launcher import prepare_signing_keys
 from sim.launch.processes import programs, uplink
 from sim.launch.settings import Settings, from_environment
 from tests.support.polling import PATIENCE_S
@@ -111,7 +111,7 @@ class FarmSystem:
 
     def __enter__(self) -> Self:
         self.state_dir.mkdir(parents=True, exist_ok=True)
-        signing_keys.prepare(self.settings)
+        prepare_signing_keys(self.settings)
         return self
 
     def __exit__(self, *_: object) -> None:

@@ -1,5 +1,10 @@
 """When the launcher says that the system is up, and when it gives up."""
 
+import os
+import signal
+import stat
+import subprocess
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
@@ -11,8 +16,17 @@ import pytest
 from sim.launch import launcher
 from sim.launch.console import Screen
 from sim.launch.farm_client import FarmClient, NotReadyError
-from sim.launch.launcher import NotHealthyError, System
+from sim.launch.launcher import (
+    NotHealthyError,
+    StateLock,
+    StateTakenError,
+    System,
+    prepare_signing_keys,
+)
 from sim.launch.settings import from_environment
+from sim.launch.supervisor import SupervisorError
+from tests.support.system import ROOT
+from uav_firmware.drivers.key_file import read_key
 
 
 @dataclass
@@ -164,3 +178,59 @@ def test_what_a_former_run_has_left_does_not_count_as_connected(
     assert set(client.connected_vehicles()) == {1, 2}
     assert set(client.connected_vehicles(since=began)) == {2}
     assert set(client.connected_vehicles(since=began + timedelta(hours=1))) == set()
+
+
+def test_every_vehicle_has_a_key_of_its_own_that_only_its_owner_reads(tmp_path: Path) -> None:
+    settings = from_environment({"STATE_DIR": str(tmp_path), "VEHICLES": "3"})
+    prepare_signing_keys(settings)
+    paths = [settings.signing_key_path(system_id) for system_id in (1, 2, 3)]
+    assert {stat.S_IMODE(path.stat().st_mode) for path in paths} == {0o600}
+    assert stat.S_IMODE(settings.keys_dir.stat().st_mode) == 0o700
+    assert len({read_key(path) for path in paths}) == 3
+
+
+def test_a_key_stays_what_it_is_and_a_half_written_one_is_made_anew(tmp_path: Path) -> None:
+    settings = from_environment({"STATE_DIR": str(tmp_path)})
+    path = settings.signing_key_path(1)
+    path.parent.mkdir(parents=True)
+    path.with_suffix(".new").write_text("half")
+    prepare_signing_keys(settings)
+    key = read_key(path)
+    prepare_signing_keys(settings)
+    assert read_key(path) == key
+    assert list(settings.keys_dir.iterdir()) == [path]
+
+
+HOLDER = (
+    "import sys, time; from pathlib import Path; from sim.launch.launcher import StateLock; "
+    "lock = StateLock(Path(sys.argv[1])); lock.take(); print('taken', flush=True); time.sleep(600)"
+)
+
+
+def test_a_second_system_is_refused_with_the_first_one_s_process(tmp_path: Path) -> None:
+    first, second = StateLock(tmp_path / "var"), StateLock(tmp_path / "var")
+    first.take()
+    with pytest.raises(StateTakenError, match=rf"STATE_DIR .*var: .*\(process {os.getpid()}\)"):
+        second.take()
+    first.release()
+    second.take()
+    second.release()
+
+
+def test_a_system_that_was_killed_leaves_the_folder_free(tmp_path: Path) -> None:
+    command = [sys.executable, "-c", HOLDER, str(tmp_path)]
+    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE) as holder:
+        assert holder.stdout is not None
+        assert holder.stdout.readline() == b"taken\n"
+        with pytest.raises(StateTakenError, match=rf"process {holder.pid}"):
+            StateLock(tmp_path).take()
+        holder.send_signal(signal.SIGKILL)
+    lock = StateLock(tmp_path)
+    lock.take()
+    lock.release()
+
+
+def test_a_folder_that_cannot_be_used_is_named(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("no folder")
+    with pytest.raises(SupervisorError, match=r"STATE_DIR .*file"):
+        StateLock(tmp_path / "file" / "var").take()

@@ -7,11 +7,10 @@ import pytest
 
 import sim.world.__main__
 from sim.world.farm import Farm
-from sim.world.geojson import farm_geojson
+from sim.world.geojson import farm_geojson, rows
 from sim.world.geometry import chord, edge_distance_m
 from sim.world.layout import FIELDS
 from sim.world.plane import Place
-from sim.world.rows import rows
 
 SQUARE = (Place(0.0, 0.0), Place(10.0, 0.0), Place(10.0, 10.0), Place(0.0, 10.0))
 

@@ -6,8 +6,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from sim.world.daylight import ENOUGH_DEG, day_shift_s
-from sim.world.sun import illuminance_lx, solar_hour, sun
+from sim.world.sun import ENOUGH_DEG, day_shift_s, illuminance_lx, solar_hour, sun
 
 FARM = (40.4434, -3.7382)
 
