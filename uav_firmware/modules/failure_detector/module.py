@@ -6,7 +6,6 @@ from typing import Final
 from uav_firmware.bus import Queue, Topic
 from uav_firmware.lib.atmosphere import altitude_from_pressure
 from uav_firmware.lib.rotation import rotate, to_euler
-from uav_firmware.modules.failure_detector.attitude_watch import AxisWatch
 from uav_firmware.modules.failure_detector.crash_watch import BlowWatch, CrashWatch, Moment
 from uav_firmware.modules.failure_detector.motor_watch import MotorLimits, MotorWatch
 from uav_firmware.modules.failure_detector.params import FailureDetectorParams
@@ -32,6 +31,25 @@ _CRITICAL: Final = 2  # MAV_SEVERITY
 _NAN: Final = math.nan
 _DOWN: Final[Vector3] = (0.0, 0.0, 1.0)
 _SILENT: Final[Vector3] = (_NAN, _NAN, _NAN)
+
+
+class AxisMonitor:
+    """Reports an angle beyond its limit for longer than a gust lasts."""
+
+    __slots__ = ("_beyond_s", "exceeded")
+
+    def __init__(self) -> None:
+        self.exceeded = False
+        self._beyond_s = 0.0
+
+    def update(self, angle: float, limit: float, time_s: float, dt: float) -> bool:
+        """Whether |angle| has been beyond `limit` for `time_s`; a limit of 0 is none."""
+        if limit > 0.0 and abs(angle) > limit:
+            self._beyond_s += dt
+        else:
+            self._beyond_s = 0.0
+        self.exceeded = self._beyond_s >= time_s
+        return self.exceeded
 
 
 class FailureDetectorModule:
@@ -75,7 +93,7 @@ class FailureDetectorModule:
         self._seen_version = registry.version
         self._params = registry.read(FailureDetectorParams)
         self._watch = MotorWatch(_limits(self._params))
-        self._roll, self._pitch = AxisWatch(), AxisWatch()
+        self._roll, self._pitch = AxisMonitor(), AxisMonitor()
         self._crash_watch, self._blow_watch = CrashWatch(), BlowWatch()
         self._struck = False
         self._thrust = self._carrying_thrust = math.nan

@@ -1,4 +1,4 @@
-"""The law of three rotors: the thrust's direction is kept, the heading is given up.
+"""Control law of three rotors: the direction of the thrust is controlled, the heading is not.
 
 A quadrotor that has lost a rotor cannot balance the reaction torques any more. It spins, and
 only the direction of its thrust is controlled: M. W. Mueller and R. D'Andrea, "Stability and
@@ -32,6 +32,13 @@ from uav_firmware.msg.vectors import Motors, Quaternion, Vector3
 
 _OPPOSITE = (1, 0, 3, 2)
 _LARGEST_TILT = 0.5  # [rad] Of the error that is acted on at once
+_LEAST_WANTED_SINK_M_S = 0.1
+_SINK_SHARE = 0.4  # Of the wanted sink speed
+_SPIN_SHARE = 0.97  # Of its recent maximum
+_SPIN_TIME_S = 10.0  # Time constant of that maximum; the ground may slow the spin gradually
+_LEAST_SPIN_RAD_S = 3.0
+_FALL_M_S = 1.0  # A tenth of a second of free fall
+_TIME_S = 0.02
 
 
 class VehicleDynamics(NamedTuple):
@@ -163,3 +170,32 @@ def share(
     thrust[one] = pair + half
     thrust[two] = pair - half
     return (thrust[0], thrust[1], thrust[2], thrust[3])
+
+
+class TouchdownDetector:
+    """Detects the touchdown of a spinning vehicle: it sinks no more, and its spin slows down.
+
+    A vehicle that spins under power on the ground moves until it tips over, so the thrust has to
+    end within tenths of a second, long before the land detector reacts. Neither condition is
+    enough alone: a gust stops the sinking for a moment, and the spin changes with the thrust, but
+    over seconds. The result is not latched: should it be wrong in the air, the vehicle falls, the
+    conditions end and the thrust returns.
+    """
+
+    def __init__(self) -> None:
+        self._spin = 0.0  # [rad/s] Recent maximum
+        self._held_s = 0.0
+
+    def update(self, wanted_sink: float, sink: float, yaw_rate: float, dt: float) -> bool:
+        """Whether it has touched down, for speeds [m/s, down] and the yaw rate [rad/s]."""
+        spin = abs(yaw_rate)
+        self._spin = max(spin, self._spin * (1.0 - dt / (dt + _SPIN_TIME_S)))
+        if self._held_s >= _TIME_S:
+            # Legs that settle jerk; only a fall, or a command to rise, ends the contact
+            stays = wanted_sink > _LEAST_WANTED_SINK_M_S and sink < _FALL_M_S
+        else:
+            braked = self._spin > _LEAST_SPIN_RAD_S and spin < _SPIN_SHARE * self._spin
+            stopped = abs(sink) < _SINK_SHARE * wanted_sink
+            stays = braked and stopped and wanted_sink > _LEAST_WANTED_SINK_M_S
+        self._held_s = self._held_s + dt if stays else 0.0
+        return self._held_s >= _TIME_S

@@ -9,12 +9,12 @@ from uav_firmware.modules.rotor_loss_control.controller import (
     Poles,
     RotorArm,
     RotorLossController,
+    TouchdownDetector,
     VehicleDynamics,
     limit_tilt,
     tilt_error,
 )
 from uav_firmware.modules.rotor_loss_control.params import RotorLossParams
-from uav_firmware.modules.rotor_loss_control.touch_down import TouchDownSign
 from uav_firmware.msg.estimate import VehicleAttitude, VehicleLocalPosition
 from uav_firmware.msg.failure import FailureDetectorStatus, RotorLossThrust
 from uav_firmware.msg.setpoints import TrajectorySetpoint, VehicleAttitudeSetpoint
@@ -52,7 +52,7 @@ class RotorLossControlModule:
         self._thrust = rotor_loss_thrust
         self._lost: int | None = None
         self._last_us = 0
-        self._touch_down = TouchDownSign()
+        self._touch_down = TouchdownDetector()
         self._retune()
         self._law = RotorLossController(_arms(registry))
 
@@ -74,7 +74,7 @@ class RotorLossControlModule:
         if self._lost != lost:
             self._lost = lost
             self._law.start(_even(setpoint.thrust), lost)
-            self._touch_down = TouchDownSign()
+            self._touch_down = TouchdownDetector()
         if dt > 0.0:
             self._fly(attitude, setpoint, lost, dt)
 
