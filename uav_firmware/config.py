@@ -58,7 +58,7 @@ class VehicleConfig:
     home: Home | None  # None: the world's home, 3 m apart to the east
     faults: Path | None  # File of faults of the simulation, none when None
     bind: str  # Own address; loopback while the link is unsigned
-    port: int  # [-] Own UDP port; 0 lets the system choose
+    port: int  # [-] Own UDP port; 0 is a free port chosen by the system
     broker: Endpoint
     gcs: Endpoint
     broker_signing_key: Path | None  # File; with one, the link must be signed

@@ -1,6 +1,6 @@
-"""Builds the hardware that the configuration names; the only file that names drivers.
+"""Builds the hardware that the configuration names; the only file that imports drivers.
 
-Each driver is imported only when it is named, so that a vehicle without a simulator needs none.
+The simulated vehicle is imported only when it is configured.
 """
 
 import ipaddress
@@ -31,17 +31,17 @@ _VEHICLES_PER_SEED = 256  # vehicles of one seed must not share their noise
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Hardware:
-    """What the flight stack runs on."""
+    """Drivers of the flight stack."""
 
     vehicle: Vehicle
     link: UdpLink | JammedLink
     storage: Storage
     log_store: LogStore
     card: Card
-    background: Sequence[BackgroundStorage | BackgroundLogs] = ()  # What writes beside the loop
+    background: Sequence[BackgroundStorage | BackgroundLogs] = ()  # Threads that write
 
     def close(self) -> bool:
-        """Write what waits; release files and sockets. Gives False if the medium hangs."""
+        """End the pending writes; release files and sockets. Return False if one does not end."""
         is_written = close_all(self.background)
         self.link.close()
         self.vehicle.close()
@@ -49,13 +49,13 @@ class Hardware:
 
 
 def build_hardware(config: VehicleConfig, start_time_utc_us: int) -> Hardware:
-    """Make the drivers; the port is bound first, since it is what can be taken.
+    """Make the drivers; the port is bound first, since it may be in use.
 
     `start_time_utc_us` is the world's time [us since 1970] at the vehicle's time zero.
 
     Raises:
-        OSError: if the port or a file cannot be had.
-        ConfigError: if the driver refuses its configuration.
+        OSError: if the port is in use or a file cannot be opened.
+        ConfigError: if the driver rejects its configuration.
     """
     link = bind_link(config)
     try:
@@ -75,7 +75,7 @@ def build_hardware(config: VehicleConfig, start_time_utc_us: int) -> Hardware:
 
 
 def _in_real_time(hardware: Hardware) -> Hardware:
-    """The same hardware, whose medium a paced control loop never waits for."""
+    """The same hardware with storage and logs that are written in threads."""
     storage, logs = BackgroundStorage(hardware.storage), BackgroundLogs(hardware.log_store)
     return replace(hardware, storage=storage, log_store=logs, background=(storage, logs))
 
@@ -84,7 +84,7 @@ def bind_link(config: VehicleConfig) -> UdpLink:
     """Bind the vehicle's port.
 
     Raises:
-        OSError: naming the port, if it is taken.
+        OSError: naming the port, if it is in use.
         ConfigError: if a peer's host name has no address.
     """
     names = [address for address in addresses(config) if not _is_numeric(address)]
@@ -101,10 +101,10 @@ def bind_link(config: VehicleConfig) -> UdpLink:
 def build_vehicle(
     config: VehicleConfig, start_time_utc_us: int, images: Room | None = None
 ) -> Vehicle:
-    """Make the vehicle's driver; its camera's pictures count in `images`, without it has none.
+    """Make the vehicle's driver; `images` is the quota of its camera, None for no camera.
 
     Raises:
-        ConfigError: if the driver does not exist or refuses its configuration.
+        ConfigError: if the driver does not exist or rejects its configuration.
         OSError: if its truth log cannot be written.
     """
     if config.driver != "jsbsim":
@@ -148,9 +148,9 @@ def build_vehicle(
 
 
 def addresses(config: VehicleConfig) -> tuple[Address, Address]:
-    """Addresses of the broker and of the ground station, as the autopilot knows them.
+    """Addresses of the broker and of the ground station, as the autopilot uses them.
 
-    They are numeric, but for a name beyond this machine: that may get another address while
+    They are numeric except for a name of another host: that may get another address while
     the vehicle flies, so the link resolves it (`uav_firmware/drivers/named_link.py`).
 
     Raises:
@@ -163,7 +163,7 @@ def signing_keys(config: VehicleConfig) -> tuple[bytes | None, bytes | None]:
     """Keys of the broker's and of the ground station's link; None for a link without one.
 
     Raises:
-        ConfigError: if a file holds no key, or others may read it.
+        ConfigError: if a file contains no key, or others may read it.
         OSError: if a file cannot be read.
     """
     return (

@@ -1,7 +1,7 @@
-"""What takes the pictures, where a vehicle has something that does.
+"""Camera of a vehicle: pictures, recordings, live view, tracking.
 
-A picture is exposed at once and stored a while later; the camera can expose again meanwhile, up
-to what its memory holds. Every exposure has one outcome, in the order of the exposures.
+A picture is exposed at once and stored later; the camera can expose again meanwhile until its
+memory is full. Every exposure has one outcome, in the order of the exposures.
 """
 
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ from uav_firmware.msg.vectors import Quaternion
 
 
 class SecondPicture(IntEnum):
-    """What is stored beside each picture."""
+    """Second picture stored with each picture."""
 
     NONE = 0
     NEAR_INFRARED = 1
@@ -22,7 +22,7 @@ class SecondPicture(IntEnum):
 
 
 class Exposure(NamedTuple):
-    """How and where a picture is taken, as the vehicle believes; written into the picture."""
+    """Estimated time, position and attitude of a picture; its metadata."""
 
     time_us: int  # [us] Since boot
     time_utc_us: int  # [us since 1970] 0 unknown
@@ -33,7 +33,7 @@ class Exposure(NamedTuple):
     altitude_amsl_m: float  # [m]
     relative_altitude_m: float  # [m] Above home
     q_ned_camera: Quaternion  # [-] Optical axis forward, right, down to NED
-    q_ned_frd: Quaternion  # [-] Attitude of the vehicle that the gimbal works against
+    q_ned_frd: Quaternion  # [-] Attitude of the vehicle
     second: SecondPicture
 
 
@@ -41,15 +41,15 @@ class Picture(NamedTuple):
     """A picture that has been stored."""
 
     place: Place  # In the card's folder of pictures
-    size_bytes: int  # [B] With all that is stored beside it
+    size_bytes: int  # [B] With thumbnail and second picture
 
 
 class Outcome(NamedTuple):
-    """What became of an exposure."""
+    """Result of an exposure."""
 
     image_index: int  # [-] That of the exposure
     picture: Picture | None  # None if it could not be stored
-    reason: str = ""  # Why it could not
+    reason: str = ""  # Why it could not be stored
 
 
 class CameraDevice(Protocol):
@@ -57,7 +57,7 @@ class CameraDevice(Protocol):
 
     @property
     def answers(self) -> bool:
-        """Whether it is there at all: a dead camera takes no orders and says nothing."""
+        """Whether it responds; a failed camera accepts no commands and sends nothing."""
 
     @property
     def is_ready(self) -> bool:
@@ -65,49 +65,49 @@ class CameraDevice(Protocol):
 
     @property
     def used_bytes(self) -> int:
-        """Room that the stored pictures take [B].
+        """Size of the stored pictures [B].
 
         Raises:
             OSError: if the storage cannot be read.
         """
 
     def expose(self, exposure: Exposure) -> None:
-        """Take a picture; its outcome comes by `collect`.
+        """Take a picture; `collect` returns its outcome.
 
         Raises:
             OSError: if the camera fails; there is no outcome then.
         """
 
     def collect(self, now_us: int) -> Sequence[Outcome]:
-        """Outcomes that have come since the last call."""
+        """Outcomes since the last call."""
 
     def erase(self) -> bool:
-        """Remove some pictures; called when no outcome is due, until it gives true: none is left.
+        """Remove some pictures; called when no outcome is due, until it returns True: none is left.
 
         Raises:
-            OSError: if the storage refuses.
+            OSError: if a file cannot be removed.
         """
 
 
 class FilmGrowth(NamedTuple):
-    """Growth of the stored films since the last call."""
+    """Growth of the recordings since the last call."""
 
     size_bytes: int  # [B]
-    reason: str = ""  # Why the film that was being recorded goes no further; empty if it does
+    reason: str = ""  # Why the current recording has stopped; empty if it has not
 
 
 class Recorder(Protocol):
-    """What records films."""
+    """Records video."""
 
     @property
     def is_busy(self) -> bool:
-        """Whether frames are on their way to the card."""
+        """Whether frames are still being stored."""
 
     def begin_film(self, exposure: Exposure, rate_hz: float) -> Place:
-        """Begin a film with its first frame; gives where it lies in the card's pictures.
+        """Begin a recording with its first frame; return its place in the card's pictures.
 
         Raises:
-            OSError: if the camera fails; there is no film then.
+            OSError: if the camera fails; there is no recording then.
         """
 
     def add_frame(self, exposure: Exposure) -> None:
@@ -118,46 +118,46 @@ class Recorder(Protocol):
         """
 
     def end_film(self) -> None:
-        """End the film; it is whole soon afterwards."""
+        """End the recording; its file is complete soon afterwards."""
 
     def film_growth(self) -> FilmGrowth:
         """What has been stored since the last call."""
 
 
 class Streamer(Protocol):
-    """What shows live what the camera sees."""
+    """Serves the live view."""
 
     @property
     def uri(self) -> str:
-        """Where it can be seen."""
+        """Address of the stream."""
 
     def show(self, exposure: Exposure, rate_hz: float) -> str:
-        """Show what is seen now; gives why nothing can be shown, empty if it can.
+        """Send a frame to the viewers; return why none can be sent, empty on success.
 
         Raises:
-            OSError: if it cannot be shown at all.
+            OSError: if the stream cannot be served.
         """
 
     def close(self) -> None:
-        """Show nothing more, until something is shown again."""
+        """End the stream until the next frame."""
 
 
 class Gaze(NamedTuple):
-    """Where the camera points, as the vehicle believes."""
+    """Estimated direction of the camera."""
 
     lens: CameraLens
     q_ned_camera: Quaternion  # [-] Optical axis forward, right, down to NED
-    q_ned_frd: Quaternion  # [-] Attitude of the vehicle that the gimbal works against
+    q_ned_frd: Quaternion  # [-] Attitude of the vehicle
 
 
 class Seeker(Protocol):
-    """A camera's own search for something in its picture."""
+    """Object tracking of a camera."""
 
     def lock(self, box: Box, gaze: Gaze) -> bool:
-        """Lock on to the object in a box; false if there is none distinct from the ground."""
+        """Start to track the object in a box; False if none is distinct from the ground."""
 
     def seen(self, gaze: Gaze) -> Box | None:
-        """Where what is held on to is seen; None when it is not in the picture."""
+        """Box of the tracked object; None when it is not in the picture."""
 
 
 @runtime_checkable
@@ -166,16 +166,16 @@ class CameraCarrier(Protocol):
 
     @property
     def camera(self) -> CameraDevice | None:
-        """The camera; None if this one has none."""
+        """The camera, or None."""
 
     @property
     def recorder(self) -> Recorder | None:
-        """What records its films; None if nothing does."""
+        """Its video recorder, or None."""
 
     @property
     def seeker(self) -> Seeker | None:
-        """What finds moving things in its picture; None if nothing does."""
+        """Its object tracking, or None."""
 
     @property
     def streamer(self) -> Streamer | None:
-        """What shows live what it sees; None if nothing does."""
+        """Its live view, or None."""

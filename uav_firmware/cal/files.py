@@ -120,8 +120,8 @@ class FileStore(Protocol):
 
 
 class Card(NamedTuple):
-    """The vehicle's storage card, by what lies on it."""
+    """The folders of the vehicle's storage card."""
 
-    files: FileStore  # What clients leave there
+    files: FileStore  # Written by clients
     logs: FileStore  # Flight logs: to read and to remove
-    images: FileStore  # What the camera took: to read and to remove
+    images: FileStore  # Pictures and video: to read and to remove

@@ -1,4 +1,4 @@
-"""A datagram link that carries MAVLink frames, whatever it is made of."""
+"""A datagram link that carries MAVLink frames, over any medium."""
 
 from collections.abc import Sequence
 from typing import Protocol, TypeAlias
@@ -7,7 +7,7 @@ Address: TypeAlias = tuple[str, int]
 
 
 class Link(Protocol):
-    """Never blocks; loses rather than waits."""
+    """Never blocks; drops datagrams instead."""
 
     def receive(self) -> Sequence[tuple[bytes, Address]]:
         """All datagrams that have arrived, with their senders."""
@@ -18,7 +18,7 @@ class Link(Protocol):
     def refused_addresses(self) -> Sequence[Address]:
         """Addresses that have refused datagrams since the last call: no process listens there.
 
-        A link that cannot know gives none.
+        A link that cannot detect this returns none.
         """
 
     def close(self) -> None:

@@ -1,23 +1,23 @@
-"""Where flight logs go: files that grow, on a medium that may be full."""
+"""Storage of flight logs: files that grow, on a medium that may be full."""
 
 from typing import Protocol
 
 
 class LogFile(Protocol):
-    """One file, written from front to back."""
+    """One file, written sequentially."""
 
     def write(self, chunk: bytes) -> None:
-        """Append; what was written outlives a crash of this process.
+        """Append; written data survive a crash of this process.
 
         Raises:
-            OSError: if the medium refuses; the chunk may be there in part.
+            OSError: if the write fails; the chunk may be written in part.
         """
 
     def sync(self) -> None:
-        """Make sure that what was written outlives a loss of power; may take long.
+        """Sync written data to the medium, so that they survive a loss of power; may take long.
 
         Raises:
-            OSError: if the medium refuses.
+            OSError: if the medium reports an error.
         """
 
     def close(self) -> None:
@@ -25,18 +25,18 @@ class LogFile(Protocol):
 
 
 class LogStore(Protocol):
-    """Keeps the newest logs, as many as there is room for."""
+    """Keeps the newest logs; the oldest are removed when space is short."""
 
     def free_bytes(self) -> int:
-        """Room that is left on the medium [bytes].
+        """Free space of the medium [bytes].
 
         Raises:
             OSError: if the medium does not report it.
         """
 
     def create(self, time_utc_us: int) -> LogFile:
-        """Begin a file named after a time [us since 1970]; the oldest files make room for it.
+        """Begin a file named after a time [us since 1970]; the oldest files are removed for it.
 
         Raises:
-            OSError: if the medium refuses.
+            OSError: if the medium reports an error.
         """

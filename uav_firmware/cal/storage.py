@@ -1,7 +1,7 @@
 """Files that survive a restart, written whole or not at all.
 
-The control loop saves while the vehicle flies, and a medium may take seconds. So a save only
-begins; its outcome is a `Write` that is looked at later and never waited for in the loop.
+The control loop saves in flight, and a medium may take seconds. So a save only begins; its
+outcome is a `Write`, which the loop polls and never waits for.
 """
 
 from typing import Final, Protocol
@@ -17,8 +17,8 @@ class Write(Protocol):
         """Its outcome, once it is done; before that this waits, `timeout` [s] at most.
 
         Raises:
-            OSError: if the medium has refused; the former contents stay.
-            TimeoutError: if the medium has not answered in time; the write may still end.
+            OSError: if the write has failed; the previous contents stay.
+            TimeoutError: if the write has not ended in time; it may still end later.
         """
 
 
@@ -46,12 +46,12 @@ class Storage(Protocol):
         """Begin to replace the contents atomically.
 
         Raises:
-            OSError: if the medium refuses at once; the former contents stay.
+            OSError: if the write cannot begin; the previous contents stay.
         """
 
     def remove(self, name: str) -> Write:
-        """Begin to remove the contents; nothing stored is no fault.
+        """Begin to remove the contents; nothing stored is no error.
 
         Raises:
-            OSError: if the medium refuses at once; the contents stay.
+            OSError: if the removal cannot begin; the contents stay.
         """

@@ -79,14 +79,14 @@ class Vehicle(Actuators, Sensors, Protocol):
 
     @property
     def time_us(self) -> int:
-        """Time since boot [us]; the only clock that the flight stack knows."""
+        """Time since boot [us]; the only clock of the flight stack."""
 
     @property
     def step_us(self) -> int:
         """Length of a control step [us]."""
 
     def advance(self) -> None:
-        """Let one control step pass: physics in a simulation, a timer on hardware."""
+        """Advance by one control step: physics in a simulation, a timer on hardware."""
 
     def close(self) -> None:
         """Release files and devices."""

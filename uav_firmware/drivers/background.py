@@ -1,12 +1,11 @@
-"""Storage and flight logs written by a thread: the control loop waits for no medium.
+"""Storage and flight logs written by a thread: the control loop does not wait for the medium.
 
-A paced vehicle writes this way. One that flies as fast as the machine allows writes in its own
-loop instead (`FileStorage`, `LogFolder`): the same flight then has the same outcome at the same
-step, and no deadline is missed by waiting.
+A paced vehicle writes in threads. An unpaced one writes in its own loop instead (`FileStorage`,
+`LogFolder`): the same flight then has the same results at the same step, and has no deadline.
 
-`MediumTooSlowError(OSError)`: the thread is so far behind that nothing more is taken. Whatever
-else a write raises is its refusal, as an OSError with the text; it ends no thread. A medium that
-hangs does not keep the program from its end: `close` waits for `CLOSE_S`, the threads are daemons.
+`MediumTooSlowError(OSError)`: the queue of the thread is full. Any other exception of a write
+becomes an OSError with its text, and the thread continues. A blocked medium does not keep the
+program running: `close` waits at most `CLOSE_S`, and the threads are daemons.
 """
 
 import errno
@@ -21,25 +20,25 @@ from uav_firmware.cal.log_store import LogFile, LogStore
 from uav_firmware.cal.storage import Storage, Write
 
 LOG_BACKLOG_BYTES: Final = 16 * 1024 * 1024
-"""A log of which so much waits to be written ends: some minutes of it."""
+"""Unwritten bytes at which a log ends: some minutes of it."""
 STORAGE_BACKLOG: Final = 64
-"""Saves that may wait."""
+"""Largest number of pending saves."""
 CLOSE_S: Final = 5.0
-"""How long the end of the program waits for a medium."""
+"""Longest wait for the medium at the end of the program."""
 
 P = ParamSpec("P")
 T = TypeVar("T")
 
 
 class MediumTooSlowError(OSError):
-    """More waits to be written than may."""
+    """The queue of writes is full."""
 
     def __init__(self) -> None:
         super().__init__(errno.EAGAIN, "the medium is too slow")
 
 
 class _Worker:
-    """A daemon thread that does works in their order; the outcome of each is in its Future.
+    """A daemon thread that runs tasks in order; the result of each is in its Future.
 
     The interpreter waits for the threads of a ThreadPoolExecutor without bound when it ends.
     """
@@ -50,13 +49,13 @@ class _Worker:
         self._thread.start()
 
     def submit(self, work: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> Future[T]:
-        """Do a work behind the others; what it raises is kept as an OSError."""
+        """Queue a task; its exception is stored as an OSError."""
         future: Future[T] = Future()
 
         def do() -> None:
             try:
                 result = work(*args, **kwargs)
-            except Exception as error:  # noqa: BLE001  # the boundary of one work; kept for its owner
+            except Exception as error:  # noqa: BLE001  # boundary of one task; stored in its Future
                 future.set_exception(_refusal(error))
             else:
                 future.set_result(result)
@@ -65,7 +64,7 @@ class _Worker:
         return future
 
     def end(self) -> None:
-        """End behind the works that wait."""
+        """End after the queued tasks."""
         self._works.put(None)
 
     def is_ended(self, timeout_s: float) -> bool:
@@ -79,7 +78,7 @@ class _Worker:
 
 
 def _refusal(error: Exception) -> OSError:
-    """An error of a medium's driver as the owner of the write expects it."""
+    """An exception of a write as the OSError that its caller expects."""
     if isinstance(error, OSError):
         return error
     refusal = OSError(errno.EIO, f"{type(error).__name__}: {error}")
@@ -91,7 +90,7 @@ class BackgroundStorage:
     """Implements `uav_firmware.cal.storage.Storage` over another one."""
 
     def __init__(self, storage: Storage) -> None:
-        """Begin with nothing to write."""
+        """Start the thread."""
         self._storage = storage
         self.thread = _Worker("storage")
         self._waiting: list[Future[None]] = []
@@ -109,7 +108,7 @@ class BackgroundStorage:
         return self._begin(lambda: self._storage.remove(name).result())
 
     def close(self) -> bool:
-        """Wait up to `CLOSE_S`; gives whether everything is written. Nothing more is taken."""
+        """Wait up to `CLOSE_S`; return whether everything is written. Later writes are lost."""
         return close_all([self])
 
     def _begin(self, work: Callable[[], None]) -> Future[None]:
@@ -125,13 +124,13 @@ class BackgroundLogs:
     """Implements `uav_firmware.cal.log_store.LogStore` over another one."""
 
     def __init__(self, store: LogStore, *, backlog_bytes: int = LOG_BACKLOG_BYTES) -> None:
-        """Begin with nothing to write; at most `backlog_bytes` may wait."""
+        """Start the thread; at most `backlog_bytes` may be pending."""
         self._store = store
         self.thread = _Worker("flight-log")
         self._backlog_bytes = backlog_bytes
 
     def free_bytes(self) -> int:
-        """Room that is left on the medium [bytes]; the kernel knows it without a wait.
+        """Free space of the medium [bytes], which the kernel reports without waiting.
 
         Raises:
             OSError: if the medium does not report it.
@@ -139,18 +138,18 @@ class BackgroundLogs:
         return self._store.free_bytes()
 
     def create(self, time_utc_us: int) -> LogFile:
-        """Begin a file; what the medium refuses is raised by a later write."""
+        """Begin a file; an error is raised by a later write."""
         return _BackgroundLog(
             self.thread, lambda: self._store.create(time_utc_us), self._backlog_bytes
         )
 
     def close(self) -> bool:
-        """Wait up to `CLOSE_S`; gives whether everything is written. Nothing more is taken."""
+        """Wait up to `CLOSE_S`; return whether everything is written. Later writes are lost."""
         return close_all([self])
 
 
 def close_all(background: Sequence[BackgroundStorage | BackgroundLogs]) -> bool:
-    """Wait up to `CLOSE_S` for all together; gives whether everything is written."""
+    """Wait up to `CLOSE_S` for all together; return whether everything is written."""
     deadline = time.monotonic() + CLOSE_S
     for each in background:
         each.thread.end()
@@ -159,7 +158,7 @@ def close_all(background: Sequence[BackgroundStorage | BackgroundLogs]) -> bool:
 
 
 class _BackgroundLog:
-    """Implements `uav_firmware.cal.log_store.LogFile`; after a refusal nothing more is written."""
+    """Implements `uav_firmware.cal.log_store.LogFile`; after an error nothing more is written."""
 
     def __init__(self, thread: _Worker, create: Callable[[], LogFile], backlog_bytes: int) -> None:
         self._thread = thread
@@ -173,7 +172,7 @@ class _BackgroundLog:
         """Append.
 
         Raises:
-            OSError: if the medium has refused something before, or is too slow.
+            OSError: if an earlier write has failed, or the queue is full.
         """
         self._check()
         with self._lock:
@@ -183,10 +182,10 @@ class _BackgroundLog:
         self._thread.submit(self._write, chunk)
 
     def sync(self) -> None:
-        """Begin to bring it all to the medium.
+        """Begin to sync the file to the medium.
 
         Raises:
-            OSError: if the medium has refused something before.
+            OSError: if an earlier write has failed.
         """
         self._check()
         self._thread.submit(self._run, lambda file: file.sync())
@@ -202,7 +201,7 @@ class _BackgroundLog:
     def _created(self, create: Callable[[], LogFile]) -> LogFile | None:
         try:
             return create()
-        except Exception as error:  # noqa: BLE001  # kept: the next write raises it
+        except Exception as error:  # noqa: BLE001  # stored: the next write raises it
             self._refusal = _refusal(error)
             return None
 
@@ -214,21 +213,21 @@ class _BackgroundLog:
                 self._waiting_bytes -= len(chunk)
 
     def _run(self, work: Callable[[LogFile], None]) -> None:
-        """In the thread: the file has been created by then, since works keep their order."""
+        """In the thread: the file has been created by then, since tasks run in order."""
         file = self._file.result()
         if file is None or self._refusal is not None:
             return
         try:
             work(file)
-        except Exception as error:  # noqa: BLE001  # kept: the next write raises it
+        except Exception as error:  # noqa: BLE001  # stored: the next write raises it
             self._refusal = _refusal(error)
 
     def _close(self) -> None:
-        """In the thread; also after a refusal, since the file is open still."""
+        """In the thread; also after an error, since the file is still open."""
         file = self._file.result()
         if file is None:
             return
         try:
             file.close()
-        except Exception as error:  # noqa: BLE001  # kept, unless an earlier one says more
+        except Exception as error:  # noqa: BLE001  # stored unless an earlier one is
             self._refusal = self._refusal or _refusal(error)

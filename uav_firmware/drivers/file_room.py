@@ -1,4 +1,4 @@
-"""How much a folder may hold: a count that is kept, and made anew when it says that it is full."""
+"""Quota of a folder: a count of its contents, measured again when the quota seems exhausted."""
 
 import errno
 import os
@@ -6,12 +6,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final, NamedTuple
 
-REFUSALS_PER_LOOK: Final = 64
-"""To look a large folder through takes a while; who asks in vain shall not make it often."""
+REFUSALS_PER_MEASUREMENT: Final = 64
+"""Refusals per new measurement, because measuring a large folder takes long."""
 
 
 class Content(NamedTuple):
-    """What a folder holds, all folders in it included."""
+    """Contents of a folder, subfolders included."""
 
     bytes: int
     entries: int
@@ -26,15 +26,15 @@ def measure(folder: Path) -> Content:
             try:
                 size += os.lstat(Path(place, name)).st_size
             except FileNotFoundError:
-                continue  # Removed while we look
+                continue  # Removed meanwhile
     return Content(size, entries)
 
 
 class Room:
-    """The limits of a folder and what is taken of them."""
+    """The limits of a folder and how much of them is used."""
 
     def __init__(self, bytes_max: int, entries_max: int, content: Callable[[], Content]) -> None:
-        """Take the limits, and a way to look the folder through."""
+        """Take the limits, and a function that measures the folder."""
         if bytes_max < 1 or entries_max < 1:
             raise ValueError(f"room for {entries_max} entries of {bytes_max} bytes holds nothing")
         self.bytes_max = bytes_max
@@ -45,29 +45,29 @@ class Room:
 
     @property
     def taken(self) -> Content:
-        """What is there now."""
+        """Current contents."""
         if self._taken is None:
             self._taken = self._content()
         return self._taken
 
     def demand(self, size: int = 0, entries: int = 0) -> None:
-        """Make sure that so much more fits.
+        """Check that so much more fits.
 
         Raises:
-            OSError: ENOSPC, if it does not. Now and then the folder is looked through again
-                first, since others may have removed something.
+            OSError: ENOSPC, if it does not. At some refusals the folder is measured again
+                first, since others may have removed files.
         """
         if self._fits(size, entries):
             return
         self._refusals += 1
-        if self._refusals % REFUSALS_PER_LOOK == 1:
+        if self._refusals % REFUSALS_PER_MEASUREMENT == 1:
             self._taken = None
             if self._fits(size, entries):
                 return
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     def take(self, size: int = 0, entries: int = 0) -> None:
-        """Count what has been added, or removed; before the first look there is no count."""
+        """Count what has been added, or removed; before the first measurement there is no count."""
         if self._taken is not None:
             self._taken = Content(
                 max(self._taken.bytes + size, 0), max(self._taken.entries + entries, 0)

@@ -15,7 +15,7 @@ class FileStorage:
     """Implements `uav_firmware.cal.storage.Storage` in a folder that it creates."""
 
     def __init__(self, folder: Path) -> None:
-        """Make the folder, and remove what a write that was cut short has left in it.
+        """Make the folder, and remove the temporary files of interrupted writes.
 
         Raises:
             OSError: if it cannot be created.
@@ -29,7 +29,7 @@ class FileStorage:
         """Contents stored under `name`, or None.
 
         Raises:
-            ValueError: if the name is no plain file name.
+            ValueError: if the name is not a plain file name.
             OSError: if the file is there but cannot be read.
         """
         try:
@@ -38,11 +38,11 @@ class FileStorage:
             return None
 
     def save(self, name: str, contents: bytes) -> Write:
-        """Replace the contents: the new file is complete on the medium before it takes the name.
+        """Replace the contents: the new file is complete on the medium before it is renamed.
 
         Raises:
-            ValueError: if the name is no plain file name.
-            OSError: if the medium refuses; the former contents stay.
+            ValueError: if the name is not a plain file name.
+            OSError: if the write fails; the previous contents stay.
         """
         path = self._path(name)
         descriptor, temporary = tempfile.mkstemp(
@@ -61,18 +61,18 @@ class FileStorage:
         return WRITTEN
 
     def remove(self, name: str) -> Write:
-        """Remove a file; one that is not there is no fault.
+        """Remove a file; a missing one is no error.
 
         Raises:
-            ValueError: if the name is no plain file name.
-            OSError: if the medium refuses; the contents stay.
+            ValueError: if the name is not a plain file name.
+            OSError: if the removal fails; the contents stay.
         """
         self._path(name).unlink(missing_ok=True)
         self._sync_folder()
         return WRITTEN
 
     def _sync_folder(self) -> None:
-        """Bring the folder's names to the medium, where its file system has a way to."""
+        """Write the folder's directory entries to the medium."""
         descriptor = os.open(self._folder, os.O_RDONLY)
         try:
             os.fsync(descriptor)
@@ -81,5 +81,5 @@ class FileStorage:
 
     def _path(self, name: str) -> Path:
         if not _NAME.fullmatch(name):
-            raise ValueError(f"{name!r} is no plain file name")
+            raise ValueError(f"{name!r} is not a plain file name")
         return self._folder / name

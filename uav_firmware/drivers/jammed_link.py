@@ -1,4 +1,4 @@
-"""A link that a fault can cut: datagrams vanish in both directions, as out of radio range."""
+"""A link that an injected fault interrupts: datagrams are lost in both directions."""
 
 from collections.abc import Sequence
 
@@ -8,9 +8,9 @@ from uav_firmware.drivers.udp_link import UdpLink
 
 
 class JammedLink:
-    """Implements `uav_firmware.cal.link.Link` on a UDP link; the vehicle says when it is cut.
+    """Implements `uav_firmware.cal.link.Link` on a UDP link; interrupted while `link_lost` is set.
 
-    What arrives meanwhile is taken and dropped, so that it does not come late either.
+    Datagrams that arrive meanwhile are dropped, so that they are not delivered late.
     """
 
     def __init__(self, link: UdpLink, vehicle: FaultInjector) -> None:
@@ -23,12 +23,12 @@ class JammedLink:
         return self._link.address
 
     def receive(self) -> Sequence[tuple[bytes, Address]]:
-        """All datagrams that have arrived, none while the link is cut."""
+        """All datagrams that have arrived, none while the link is interrupted."""
         datagrams = self._link.receive()
         return () if self._vehicle.link_lost else datagrams
 
     def send(self, datagram: bytes, address: Address) -> None:
-        """Send one datagram; drop it while the link is cut."""
+        """Send one datagram; drop it while the link is interrupted."""
         if not self._vehicle.link_lost:
             self._link.send(datagram, address)
 
@@ -37,7 +37,7 @@ class JammedLink:
         return self._link.refused_addresses()
 
     def wait(self, seconds: float) -> bool:
-        """Wait for datagrams no longer than `seconds`; whether there are some."""
+        """Wait for datagrams no longer than `seconds`; return whether there are some."""
         return self._link.wait(seconds)
 
     def close(self) -> None:

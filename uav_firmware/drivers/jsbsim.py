@@ -1,6 +1,6 @@
 """The simulated F450 as a vehicle of the component abstraction layer.
 
-With its camera and what belongs to it, the only file of the firmware that knows the simulator.
+Only the `jsbsim` drivers import the simulator.
 Frames and units are the same on both sides (NED, FRD, SI); what changes here is the type.
 """
 
@@ -75,11 +75,11 @@ class JsbsimVehicle:
         self._motors = control
 
     def advance(self) -> None:
-        """Let one control step pass.
+        """Advance by one control step.
 
         Raises:
-            ValueError: when a motor command is no finite number; no time passes then.
-            OSError: if the file of orders cannot be read any more.
+            ValueError: when a motor command is not a finite number; time does not advance then.
+            OSError: if the file of fault commands cannot be read any more.
         """
         self._readings = readings = self._simulation.step(self._motors)
         self.time_us = readings.imus[0].time_us
@@ -194,11 +194,11 @@ class JsbsimVehicle:
 
     @property
     def link_lost(self) -> bool:
-        """Whether a fault cuts the vehicle off from its peers."""
+        """Whether a fault interrupts the link to the peers."""
         return self._simulation.link_lost
 
     def inject(self, unit: int, failure_type: int, instance: int) -> bool:
-        """Let a part fail from now on, or mend it; false where there is no such thing."""
+        """Inject or clear a failure; False for an unknown unit or failure."""
         simulation = self._simulation
         if failure_type == Failure.OK:
             return self._mend(unit, instance)

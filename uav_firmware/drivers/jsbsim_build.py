@@ -16,16 +16,16 @@ from uav_firmware.drivers.jsbsim_camera import JsbsimCamera
 from uav_firmware.drivers.jsbsim_video import JsbsimRecorder, JsbsimStreamer
 
 STANDARD: Final = Fitted(imus=3, barometers=2, compasses=2)
-"""What a flight controller board of the Pixhawk class carries."""
+"""Sensors of a flight controller board of the Pixhawk class."""
 
-_FARM_DEG: Final = 0.02  # Two kilometres: farther off lies another farm
+_FARM_DEG: Final = 0.02  # Two kilometres: farther away a home has a farm of its own
 
 
 class Pictures(NamedTuple):
-    """Where the camera's pictures go."""
+    """Storage and timing of the camera's pictures."""
 
     folder: Path
-    room: Room  # Counts what lies in the folder
+    room: Room  # Quota of the folder
     in_step: bool  # Vehicle time waits for pictures, so that the same flight has the same reports
     hurried: bool  # Faster than real time: vehicle time waits for a camera whose memory is full
     live_port: int = 0  # TCP port of the live view; 0 none
@@ -52,7 +52,7 @@ def simulated_vehicle(
     """Make vehicle 1, 2, 3, ... of a farm.
 
     `home` is latitude [deg], longitude [deg], altitude above mean sea level [m] and heading
-    [deg]; None is the home of `world`, where the vehicles stand side by side. The farm lies at the
+    [deg]; None is the home of `world`, where the vehicles stand side by side. The farm is at the
     world's home, or at `home` if that is far from it. The GNSS receiver
     reports `start_time_utc_us` [us since 1970] at time zero. `faults_path` is a file of scheduled
     faults; in `console_folder` more can be injected in flight. Without `pictures` there is no

@@ -1,9 +1,8 @@
 """The camera of the simulated vehicle: pictures of the farm as files on the storage card.
 
-Beside `jsbsim.py` the only file of the firmware that knows the simulator. A picture shows what is
-seen from the true pose; what is written into it is what the vehicle believes. The gimbal holds its
-angles against the airframe as the vehicle knows it, so that an error of its attitude tilts the
-picture as it would in the air.
+Only the `jsbsim` drivers import the simulator. A picture is rendered from the true pose; its
+metadata are the vehicle's estimates. The gimbal holds its angles relative to the estimated
+attitude, so that an error of the attitude tilts the picture as on a real vehicle.
 
 Each picture has a small copy of the same name in the folder `thumbnail`, and on request a second
 one in `nir` or `ndvi`.
@@ -25,9 +24,9 @@ from uav_firmware.cal.camera import Exposure, Outcome, Picture
 from uav_firmware.drivers.file_room import Room
 
 MEMORY: Final = 8
-"""Pictures that the camera holds before it has to store one."""
+"""Pictures that the camera buffers."""
 STORING_US: Final = 1_000_000
-"""[us] After its exposure a picture is stored, where vehicle time waits for it."""
+"""[us] Delay from exposure to storage where vehicle time waits for the picture."""
 ERASED_AT_ONCE: Final = 8
 """Files that one call of `erase` removes: some 0.2 ms."""
 THUMBNAILS: Final = "thumbnail"
@@ -36,7 +35,7 @@ STORED: Final = frozenset({".jpg", ".avi"})
 
 
 class _Pending(NamedTuple):
-    """An exposure on its way to the card."""
+    """An exposure that is not stored yet."""
 
     image_index: int
     name: str
@@ -139,12 +138,12 @@ class JsbsimCamera:
         return not self._erasing
 
     def close(self) -> None:
-        """Give up what is pending, and end the process that makes the pictures."""
+        """Discard the pending pictures, and end the process that renders them."""
         self._pending.clear()
         self._render_process.close()
 
     def _collect_due(self, now_us: int) -> list[Outcome]:
-        """Those whose time has come; waits for them."""
+        """Those that are due; waits for them."""
         found: list[Outcome] = []
         while self._pending and self._pending[0].due_us <= now_us:
             if not self._developed:
@@ -153,7 +152,7 @@ class JsbsimCamera:
         return found
 
     def _outcome(self) -> Outcome:
-        """That of the oldest exposure; the render_process keeps the order."""
+        """Outcome of the oldest exposure; the render process keeps the order."""
         pending, ended = self._pending.popleft(), self._developed.popleft()
         if ended.error:
             return Outcome(pending.image_index, None, ended.error)

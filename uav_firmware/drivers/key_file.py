@@ -10,14 +10,14 @@ _LONGEST: Final = 4 * KEY_LENGTH
 
 
 class KeyFileError(ValueError):
-    """The file holds no key, or others could have read it; the message names the file."""
+    """The file contains no key, or others may read it; the message names the file."""
 
 
 def read_key(path: Path) -> bytes:
     """Read 32 bytes, raw or as 64 hexadecimal digits with white space around them.
 
     Raises:
-        KeyFileError: if the file is open to others, or holds something else, or only zeros.
+        KeyFileError: if others may read the file, or it contains something else, or only zeros.
         OSError: if it cannot be read.
     """
     with path.open("rb") as file:
@@ -32,7 +32,7 @@ def read_key(path: Path) -> bytes:
 
 
 def _from_hex(contents: bytes) -> bytes:
-    """The bytes that hexadecimal digits stand for; none for anything else."""
+    """Bytes of hexadecimal digits; empty for anything else."""
     try:
         return bytes.fromhex(contents.decode("ascii"))
     except ValueError:

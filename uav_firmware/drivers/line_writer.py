@@ -1,8 +1,8 @@
-"""Lines to a stream whose reader may be stuck: the control loop does not wait for it.
+"""Lines to a stream whose reader may block: the control loop does not wait for it.
 
 A terminal that is paused, or a program that stops reading our pipe, blocks a `print`. So a thread
 writes the lines of a paced vehicle. Lines for which there is no room, or that the stream refuses,
-are lost and counted; the next line that can be written says how many.
+are lost and counted; their number is written before the next line.
 """
 
 from queue import Empty, Full, Queue
@@ -10,12 +10,12 @@ from threading import Lock, Thread
 from typing import Final, TextIO
 
 WAITING_MAX: Final = 1000
-"""Lines that may wait."""
+"""Length of the queue."""
 _CLOSE_S: Final = 1.0
 
 
 class LineWriter:
-    """Writes lines beside the loop."""
+    """Writes lines in a thread."""
 
     def __init__(self, stream: TextIO, *, waiting_max: int = WAITING_MAX) -> None:
         """Begin to write to a stream."""
@@ -27,7 +27,7 @@ class LineWriter:
         self._thread.start()
 
     def write(self, line: str) -> None:
-        """Write a line soon, without its end; it is lost where too many wait."""
+        """Queue a line without its end; it is lost while the queue is full."""
         with self._lock:
             lost, self._lost = self._lost, 0
         try:
@@ -39,7 +39,7 @@ class LineWriter:
             self._count_lost(lost + 1)
 
     def close(self) -> None:
-        """Write what waits; a stream that is stuck is waited for no longer than a second."""
+        """Write the queued lines; waits at most one second for a blocked stream."""
         try:
             self._lines.put(None, timeout=_CLOSE_S)
         except Full:
@@ -58,7 +58,7 @@ class LineWriter:
             except UnicodeEncodeError:  # Nothing is written then: one line costs itself only
                 for line in lines:
                     self._try(line)
-            except (OSError, ValueError):  # Nobody reads it any more, or it is closed
+            except (OSError, ValueError):  # Its reader is gone, or it is closed
                 self._count_lost(sum(map(_number, lines)))
             if ends:
                 return

@@ -17,7 +17,7 @@ _NAME = re.compile(r"(\d{2}_\d{2}_\d{2})(?:_(\d+))?\.ulg")
 class LogFolder:
     """Implements `uav_firmware.cal.log_store.LogStore`; makes the folder with the first log.
 
-    Only files named as logs are counted or removed; what else lies there is left alone.
+    Only files named as logs are counted or removed; other files stay.
     """
 
     def __init__(
@@ -33,7 +33,7 @@ class LogFolder:
 
     @property
     def folder(self) -> Path:
-        """Where the logs lie."""
+        """Folder of the logs."""
         return self._folder
 
     def is_being_written(self, path: Path) -> bool:
@@ -98,7 +98,7 @@ class LogFolder:
 
 
 class GrowingFile:
-    """Implements `uav_firmware.cal.log_store.LogFile`: no buffer of this process lies between."""
+    """Implements `uav_firmware.cal.log_store.LogFile`: unbuffered by this process."""
 
     def __init__(self, path: Path) -> None:
         """Create the file.

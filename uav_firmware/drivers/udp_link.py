@@ -84,7 +84,7 @@ class UdpLink:
             self.send_faults += 1
 
     def refused_addresses(self) -> Sequence[Address]:
-        """Where datagrams have been turned away since the last call."""
+        """Addresses whose port was closed for a datagram since the last call."""
         self._note_refusals()
         refused, self._refused = tuple(self._refused), set()
         return refused
@@ -93,7 +93,7 @@ class UdpLink:
         try:
             self._socket.sendto(datagram, address)
         except ConnectionRefusedError:
-            # Told of an earlier datagram to anybody; this one has not been sent yet.
+            # The error is of an earlier datagram; this one has not been sent yet.
             self._note_refusals()
             self._socket.sendto(datagram, address)
 

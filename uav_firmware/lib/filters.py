@@ -10,7 +10,7 @@ from uav_firmware.msg.vectors import Vector3
 
 
 def _share(cutoff_hz: float, dt: float) -> float:
-    """Part of the way to the input that is covered in dt [s]; all of it without a cut-off."""
+    """Share of the difference to the input that is covered in dt [s]; 1 without a cut-off."""
     if cutoff_hz <= 0.0:
         return 1.0
     return -math.expm1(-math.tau * cutoff_hz * dt)

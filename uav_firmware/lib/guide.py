@@ -50,7 +50,7 @@ class Guide:
     def advance(
         self, wanted_velocity: Vector3, vehicle: Vector3, limits: GuideLimits, dt: float
     ) -> None:
-        """Let `dt` [s] pass; `vehicle` is where the vehicle is [m]."""
+        """Advance by `dt` [s]; `vehicle` is the position of the vehicle [m]."""
         wanted = _wanted_acceleration(wanted_velocity, self.velocity, limits)
         self.acceleration = _towards(self.acceleration, wanted, limits.jerk * dt)
         before = self.velocity

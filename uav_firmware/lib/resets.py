@@ -1,4 +1,4 @@
-"""What a keeper of set-points has to follow when the estimate is reset.
+"""Steps of the estimate at a reset, by which set-points have to be moved.
 
 A reset moves the estimate and not the vehicle. A set-point that is moved by the same step asks
 for the same motion as before (PX4 `FlightTask::_checkEkfResetCounters`).
@@ -21,7 +21,7 @@ class EstimateStep(NamedTuple):
 
 
 class ResetFollower:
-    """Remembers the resets seen so far."""
+    """Compares the resets of the estimate with those of the last call."""
 
     __slots__ = ("_seen",)
 

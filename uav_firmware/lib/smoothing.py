@@ -45,11 +45,11 @@ class Waypoint(NamedTuple):
 
     position: Vector3  # [m]
     tolerance: float  # [m] How far a turn may miss the point; 0 is a stop
-    limits: MotionLimits  # On the way there
+    limits: MotionLimits  # On the leg
 
 
 class Leg(NamedTuple):
-    """The way to one waypoint: straight, then round it (no turn when it ends in a stop)."""
+    """The leg to one waypoint: straight, then round it (no turn when it ends in a stop)."""
 
     straight: tuple[Piece, ...]
     turn: tuple[Piece, ...]
@@ -65,7 +65,7 @@ _STOP = _Turn(0.0, 0.0)
 
 
 class _Course(NamedTuple):
-    """Geometry of the way through the waypoints."""
+    """Geometry of the path through the waypoints."""
 
     directions: list[Vector3]  # [-] Unit vectors to each waypoint
     distances: list[float]  # [m] Whole lengths of the legs
@@ -115,7 +115,7 @@ def plan_leg(
     acceleration: float = 0.0,
     origin: Vector3 | None = None,
 ) -> Leg | None:
-    """Plan the way to the first of `waypoints`, heading on to the others; the last is a stop.
+    """Plan the path to the first of `waypoints`, heading on to the others; the last is a stop.
 
     Args:
         start: present position [m], on the line to the first waypoint when moving.

@@ -1,4 +1,4 @@
-"""Long work done little by little, so that a control step waits for none of it.
+"""Long computations in pieces, so that no control step waits for the whole of one.
 
 The work is a generator that yields how much it has done since the last time; the sum, and no
 clock, decides when to pause, so that a flight stays the same on every machine.
@@ -12,7 +12,7 @@ T = TypeVar("T")
 
 
 class Stepwise(Generic[T]):
-    """Some work under way."""
+    """A computation in progress."""
 
     def __init__(self, steps: Generator[int, None, T]) -> None:
         """Take the work; nothing is done yet."""
@@ -26,7 +26,7 @@ class Stepwise(Generic[T]):
 
     @property
     def result(self) -> T:
-        """What came of the work.
+        """Result of the computation.
 
         Raises:
             RuntimeError: if it is not done.
@@ -36,7 +36,7 @@ class Stepwise(Generic[T]):
         return self._results[0]
 
     def advance(self, budget: float = math.inf) -> bool:
-        """Work until it is done or the budget is spent; gives whether it is done."""
+        """Work until it is done or the budget is spent; return whether it is done."""
         try:
             while budget > 0 and not self._results:
                 budget -= next(self._steps)

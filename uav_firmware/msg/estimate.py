@@ -1,4 +1,4 @@
-"""What the estimator believes. Written by estimator."""
+"""Estimated state of the vehicle. Written by estimator."""
 
 from enum import IntFlag
 from typing import NamedTuple

@@ -192,7 +192,7 @@ class MissionCurrentRequest(NamedTuple):
 
     time_us: int  # [us]
     seq: int  # [-] -1 keeps the current item
-    reset: bool  # Forget completion and jump counters
+    reset: bool  # Clear completion and jump counters
 
 
 class FenceSwitch(NamedTuple):

@@ -1,4 +1,4 @@
-"""Camera and gimbal: orders to the payload, and what it tells of itself."""
+"""Camera and gimbal: orders to the payload, and its reports."""
 
 from enum import IntEnum
 from typing import NamedTuple, TypeAlias
@@ -79,8 +79,8 @@ class GimbalFlags(IntEnum):
 class Controller(NamedTuple):
     """Who may point the gimbal."""
 
-    system_id: int  # [-] 0 nobody
-    component_id: int  # [-] 0 nobody
+    system_id: int  # [-] 0 none
+    component_id: int  # [-] 0 none
 
 
 class GimbalOrder(NamedTuple):

@@ -15,7 +15,7 @@ class SensorImu(NamedTuple):
 
 
 class ImuShift(NamedTuple):
-    """Written by sensors when an inertial sensor is given up; read by estimator, which follows.
+    """Written by sensors when an inertial sensor is excluded; read by estimator, which follows.
 
     By how much the bias of the sample that is published has changed.
     """

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
 from uav_firmware.cal.files import OpenMode
-from uav_firmware.drivers.file_room import REFUSALS_PER_LOOK, Content, Room, measure
+from uav_firmware.drivers.file_room import REFUSALS_PER_MEASUREMENT, Content, Room, measure
 from uav_firmware.drivers.file_tree import FileTree
 
 READ, CREATE, WRITE = OpenMode.READ, OpenMode.CREATE, OpenMode.WRITE
@@ -88,7 +88,7 @@ def test_room_that_others_have_made_is_found(tmp_path: Path) -> None:
     with refused(errno.ENOSPC):
         put(tree, "b", b"x")
     (tmp_path / "a").unlink()
-    for _ in range(REFUSALS_PER_LOOK):
+    for _ in range(REFUSALS_PER_MEASUREMENT):
         with suppress(OSError):
             put(tree, "b", bytes(100))
     assert tree.room.taken == measure(tmp_path)
@@ -103,7 +103,7 @@ def test_who_asks_in_vain_does_not_make_the_folder_be_looked_through() -> None:
         return Content(bytes=100, entries=1)
 
     room = Room(100, 10, look)
-    for _ in range(REFUSALS_PER_LOOK):
+    for _ in range(REFUSALS_PER_MEASUREMENT):
         with refused(errno.ENOSPC):
             room.demand(1)
     assert len(looks) == 2  # At the beginning, and once more
