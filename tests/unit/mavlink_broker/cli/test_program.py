@@ -1,4 +1,4 @@
-"""The broker's log files have a limited size, and a refusing disk costs only lines."""
+"""The broker's log files have a limited size; its database has one user and no earlier format."""
 
 import logging
 from collections.abc import Iterator
@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from mavlink_broker import config
-from mavlink_broker.cli.program import LogFile, configure_logging
+from mavlink_broker.cli.program import LogFile, UsageError, configure_logging, open_database
+from mavlink_broker.config import Config
 
 
 @pytest.fixture
@@ -63,3 +64,24 @@ def test_the_log_goes_there_and_to_the_standard_error(tmp_path: Path) -> None:
         for handler in [one for one in root.handlers if one not in before]:
             handler.close()
             root.removeHandler(handler)
+
+
+def test_a_second_program_on_one_folder_is_refused(tmp_path: Path) -> None:
+    settings = Config(database_folder=tmp_path)
+    first = open_database(settings)
+    with pytest.raises(UsageError, match="each broker needs a STATE_DIR of its own"):
+        open_database(settings)
+    first.close()
+    open_database(settings).close()
+
+
+def test_files_of_an_earlier_format_are_named_in_the_log_unless_they_are_empty(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    for name in ("spool.words", "vehicle-1.json"):
+        (tmp_path / name).write_text("something")
+    (tmp_path / "spool.pictures").touch()
+    open_database(Config(database_folder=tmp_path)).close()
+    (logged,) = caplog.messages
+    assert "are not read: ['spool.words', 'vehicle-1.json']" in logged
+    assert (tmp_path / "vehicle-1.json").exists()
