@@ -21,6 +21,7 @@ from mavlink_broker.microservices.round_trip import RoundTrip
 from mavlink_broker.planning.mission import FlightPlan
 from mavlink_broker.planning.read_back import difference
 from tests.support.lossy_link import GROUND_ADDRESS, VEHICLE_ADDRESS, Conditions, LossyLink
+from tests.support.mission_field import any_plan
 from uav_firmware.bus import Topic
 from uav_firmware.modules.mavlink.missions.mission_server import MissionServer
 from uav_firmware.modules.mavlink.missions.mission_store import PlanCheck, PlanStore
@@ -28,7 +29,7 @@ from uav_firmware.modules.mavlink.telemetry.status_text import StatusTexts
 from uav_firmware.modules.mavlink.wire import dialect as vehicle_dialect
 from uav_firmware.modules.mavlink.wire.addressing import Outgoing, Sender
 from uav_firmware.modules.mavlink.wire.dialect_extensions import MissionCurrent
-from uav_firmware.msg.mission import Mission, MissionItem, PlanReview
+from uav_firmware.msg.mission import Mission
 
 ROUTE = Route(own_system=254, own_component=191, target_system=1, target_component=1)
 STEP_US = 5_000
@@ -66,12 +67,6 @@ TROUBLES = [
 ]
 
 
-def _anything(_items: Sequence[MissionItem]) -> PlanReview:
-    """Accept any plan."""
-    yield 1
-    return None
-
-
 class Vehicle:
     """The firmware's mission server with as much around it as puts it on the wire."""
 
@@ -79,7 +74,7 @@ class Vehicle:
         self.topic: Topic[Mission] = Topic()
         missions = PlanStore(
             MISSION,
-            check=PlanCheck(lambda _: None, _anything),
+            check=PlanCheck(lambda _: None, any_plan),
             publish=lambda plan: self.topic.publish(Mission(*plan)),
         )
         self.server = MissionServer(

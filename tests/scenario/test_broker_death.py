@@ -14,9 +14,9 @@ from tests.soak.broker_death import (
     sweep_scripted,
     uploads,
 )
-from tests.support.broker_world import GENERIC, go_home, takeoff, waypoint
+from tests.support.broker_world import GENERIC, follow, go_home, hotpoint, takeoff, waypoint
 from tests.support.scripted_vehicle import ARDUPILOT, PX4, Script
-from tests.unit.mavlink_broker.test_live_commands import OWN, follow, hotpoint
+from tests.unit.mavlink_broker.test_live_commands import OWN
 
 pytestmark = pytest.mark.scenario
 

@@ -29,6 +29,7 @@ FAMILIES = pytest.mark.parametrize("script", [PX4, ARDUPILOT, GENERIC])
 FINISHED = [Status.FINISHED] * 3
 EPOCH = datetime(2026, 11, 21, 8, 0, tzinfo=UTC)
 TICK_S = 0.02
+HOME_PLACE = {"latitude": HOME[0], "longitude": HOME[1]}
 
 
 class Clock:
@@ -261,6 +262,26 @@ def land(command_id: int = 3, **more: Any) -> dict[str, Any]:
 
 def go_home(command_id: int = 3, *, landing: bool = True) -> dict[str, Any]:
     return {"command_id": command_id, "command_type_id": 11, "parameters": {"landing": landing}}
+
+
+def hotpoint(command_id: int = 2, **more: Any) -> dict[str, Any]:
+    parameters = HOME_PLACE | {"orbit_altitude": 8.0, "radius": 10.0, "start_point": 1}
+    return {"command_id": command_id, "command_type_id": 7, "parameters": parameters | more}
+
+
+def follow(command_id: int = 2, altitude: float = 9.0) -> dict[str, Any]:
+    parameters = HOME_PLACE | {"altitude": altitude}
+    return {"command_id": command_id, "command_type_id": 8, "parameters": parameters}
+
+
+def track(command_id: int = 2) -> dict[str, Any]:
+    corners = {"corners": [[0.25, 0.25], [0.75, 0.75]]}
+    return {"command_id": command_id, "command_type_id": 9, "parameters": corners}
+
+
+def panorama(command_id: int = 2, mode: int = 1) -> dict[str, Any]:
+    parameters = {"panorama_mode": mode}
+    return {"command_id": command_id, "command_type_id": 10, "parameters": parameters}
 
 
 def mission(*commands: dict[str, Any], mission_id: int = 1201, vehicle_id: int = 1) -> Any:

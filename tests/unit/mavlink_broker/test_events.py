@@ -11,7 +11,7 @@ from afarcloud.enumerations import Status
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.mission.mission_executor import MissionExecutor
 from mavlink_broker.mission.states import State
-from tests.support.broker_world import World, go_home, mission, takeoff, waypoint
+from tests.support.broker_world import World, follow, go_home, hotpoint, mission, takeoff, waypoint
 from tests.support.scripted_vehicle import (
     ARDUPILOT,
     COPTER_LAND,
@@ -23,7 +23,7 @@ from tests.support.scripted_vehicle import (
     PX4_RETURN,
     Script,
 )
-from tests.unit.mavlink_broker.test_live_commands import OWN, follow, hotpoint
+from tests.unit.mavlink_broker.test_live_commands import OWN
 
 ABORT, SOFT_ABORT, SPEED = 1, 2, 3
 POINT = {"latitude": HOME[0] + 2e-4, "longitude": HOME[1], "altitude": 7.0}

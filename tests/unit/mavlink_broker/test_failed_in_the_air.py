@@ -6,7 +6,7 @@ import pytest
 
 from afarcloud.enumerations import Status
 from mavlink_broker.mavlink.dialect import mavlink
-from tests.support.broker_world import GENERIC, World, go_home, mission, takeoff, waypoint
+from tests.support.broker_world import GENERIC, World, go_home, hotpoint, mission, takeoff, waypoint
 from tests.support.scripted_vehicle import (
     PX4,
     PX4_HOLD,
@@ -15,7 +15,7 @@ from tests.support.scripted_vehicle import (
     PX4_RETURN,
     Script,
 )
-from tests.unit.mavlink_broker.test_live_commands import OWN, hotpoint
+from tests.unit.mavlink_broker.test_live_commands import OWN
 
 REFUSED = {mavlink.MAV_CMD_DO_ORBIT: mavlink.MAV_RESULT_DENIED}
 COMMANDS = (takeoff(1), hotpoint(2, radius=50.0, start_point=4), waypoint(3), go_home(4))

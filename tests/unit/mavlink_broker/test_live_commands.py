@@ -10,7 +10,17 @@ from afarcloud.enumerations import Status
 from mavlink_broker.autopilots.families import OWN_PRODUCT
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.mission.states import State
-from tests.support.broker_world import World, go_home, mission, takeoff, waypoint
+from tests.support.broker_world import (
+    World,
+    follow,
+    go_home,
+    hotpoint,
+    mission,
+    panorama,
+    takeoff,
+    track,
+    waypoint,
+)
 from tests.support.scripted_vehicle import (
     ARDUPILOT,
     HOME,
@@ -25,26 +35,6 @@ from tests.support.scripted_vehicle import (
 OWN = dataclasses.replace(PX4, product=OWN_PRODUCT)
 PLACE = {"latitude": HOME[0], "longitude": HOME[1]}
 FINISHED = Status.FINISHED
-
-
-def hotpoint(command_id: int = 2, **more: Any) -> dict[str, Any]:
-    parameters = PLACE | {"orbit_altitude": 8.0, "radius": 10.0, "start_point": 1}
-    return {"command_id": command_id, "command_type_id": 7, "parameters": parameters | more}
-
-
-def follow(command_id: int = 2) -> dict[str, Any]:
-    parameters = PLACE | {"altitude": 9.0}
-    return {"command_id": command_id, "command_type_id": 8, "parameters": parameters}
-
-
-def track(command_id: int = 2) -> dict[str, Any]:
-    corners = {"corners": [[0.25, 0.25], [0.75, 0.75]]}
-    return {"command_id": command_id, "command_type_id": 9, "parameters": corners}
-
-
-def panorama(command_id: int = 2, mode: int = 1) -> dict[str, Any]:
-    parameters = {"panorama_mode": mode}
-    return {"command_id": command_id, "command_type_id": 10, "parameters": parameters}
 
 
 def video(command_id: int, kind: int = 5) -> dict[str, Any]:

@@ -7,10 +7,10 @@ import pytest
 from afarcloud.enumerations import Status
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.mission.states import State
-from tests.support.broker_world import World, go_home, mission, takeoff, waypoint
+from tests.support.broker_world import World, go_home, hotpoint, mission, takeoff, waypoint
 from tests.support.real_autopilots import COPTER_4_6, PX4_1_17
 from tests.support.scripted_vehicle import PX4_RETURN, Script, ScriptedVehicle
-from tests.unit.mavlink_broker.test_live_commands import OWN, hotpoint, messages
+from tests.unit.mavlink_broker.test_live_commands import OWN, messages
 
 AWAY_S = 15.0
 """Longer than any order is repeated, and than a link takes to count as lost."""

@@ -7,7 +7,16 @@ import pytest
 
 from afarcloud.enumerations import EventType, Status
 from mavlink_broker.mavlink.dialect import mavlink
-from tests.support.broker_world import FINISHED, World, go_home, mission, takeoff, waypoint
+from tests.support.broker_world import (
+    FINISHED,
+    World,
+    follow,
+    go_home,
+    mission,
+    panorama,
+    takeoff,
+    waypoint,
+)
 from tests.support.scripted_vehicle import (
     ARDUPILOT,
     HOME,
@@ -22,22 +31,9 @@ PLACE = {"latitude": HOME[0], "longitude": HOME[1]}
 FAMILIES = pytest.mark.parametrize("script", [PX4, ARDUPILOT], ids=["px4", "ardupilot"])
 
 
-def follow(command_id: int = 2, altitude: float = 10.0) -> dict[str, Any]:
-    return {
-        "command_id": command_id,
-        "command_type_id": 8,
-        "parameters": PLACE | {"altitude": altitude},
-    }
-
-
 def circle(command_id: int = 2, **more: Any) -> dict[str, Any]:
     place = PLACE | {"orbit_altitude": 8.0, "radius": 20.0, "angular_velocity": 5.0}
     return {"command_id": command_id, "command_type_id": 7, "parameters": place | more}
-
-
-def panorama(command_id: int = 3, mode: int = 0) -> dict[str, Any]:
-    parameters = {"panorama_mode": mode}
-    return {"command_id": command_id, "command_type_id": 10, "parameters": parameters}
 
 
 def setting_out(*commands: dict[str, Any], script: Script) -> tuple[World, ScriptedVehicle]:
@@ -61,7 +57,7 @@ def message(world: World, command: int) -> str:
 @pytest.mark.first_case
 @FAMILIES
 def test_a_follow_command_sets_height_distance_and_angle_and_restores_them(script: Script) -> None:
-    world, vehicle = setting_out(takeoff(), follow(), go_home(3), script=script)
+    world, vehicle = setting_out(takeoff(), follow(altitude=10.0), go_home(3), script=script)
     mode = PX4_FOLLOW if script is PX4 else COPTER_FOLLOW
     world.run_until(lambda: vehicle.custom_mode == mode)
     held = dict(vehicle.settings)
@@ -139,7 +135,7 @@ def test_a_vehicle_that_lacks_a_parameter_flies_and_the_report_names_it() -> Non
 def test_a_panorama_behind_a_follow_is_turned_on_the_spot(
     script: Script, mode: int, pictures: int
 ) -> None:
-    commands = takeoff(), follow(), panorama(mode=mode), go_home(4)
+    commands = takeoff(), follow(altitude=10.0), panorama(3, mode), go_home(4)
     world, vehicle = fly(*commands, script=script)
     assert world.edge.statuses(1201) == [Status.FINISHED] * 4
     sent = vehicle.parameters

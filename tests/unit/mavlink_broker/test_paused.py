@@ -12,7 +12,7 @@ import pytest
 from afarcloud.enumerations import Status
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.mission.states import State
-from tests.support.broker_world import World, go_home, mission, takeoff, waypoint
+from tests.support.broker_world import World, follow, go_home, hotpoint, mission, takeoff, waypoint
 from tests.support.scripted_vehicle import (
     ARDUPILOT,
     COPTER_AUTO,
@@ -23,7 +23,7 @@ from tests.support.scripted_vehicle import (
     Script,
 )
 from tests.unit.mavlink_broker.test_events import ABORT, SOFT_ABORT, answer_statuses
-from tests.unit.mavlink_broker.test_live_commands import OWN, follow, hotpoint
+from tests.unit.mavlink_broker.test_live_commands import OWN
 from tests.unit.mavlink_broker.test_takeover import PHASES, in_mission, live, orders, slow, state
 
 STATION = 255

@@ -13,14 +13,17 @@ from tests.support.broker_world import (
     World,
     first_flight,
     flying_world,
+    follow,
     go_home,
+    hotpoint,
     land,
     mission,
+    panorama,
     takeoff,
     waypoint,
 )
 from tests.support.scripted_vehicle import ARDUPILOT, PX4, Script
-from tests.unit.mavlink_broker.test_live_commands import OWN, follow, hotpoint, panorama
+from tests.unit.mavlink_broker.test_live_commands import OWN
 
 
 def kinds_sent(world: World) -> set[str]:

@@ -9,14 +9,24 @@ import pytest
 
 from afarcloud.enumerations import Status
 from mavlink_broker.mavlink.dialect import mavlink
-from tests.support.broker_world import World, go_home, mission, takeoff, waypoint
+from tests.support.broker_world import (
+    World,
+    follow,
+    go_home,
+    hotpoint,
+    mission,
+    panorama,
+    takeoff,
+    track,
+    waypoint,
+)
 from tests.support.scripted_vehicle import (
     PX4,
     PX4_FOLLOW,
     PX4_HOLD,
     Script,
 )
-from tests.unit.mavlink_broker.test_live_commands import OWN, follow, hotpoint, panorama, track
+from tests.unit.mavlink_broker.test_live_commands import OWN
 
 DISK_LAG_S = 0.05
 AWAY_S = 5.0

@@ -12,7 +12,7 @@ import pytest
 
 from afarcloud.enumerations import EventType, Status
 from mavlink_broker.mission.states import State
-from tests.support.broker_world import World, first_flight, go_home, mission, takeoff
+from tests.support.broker_world import World, first_flight, follow, go_home, mission, takeoff
 from tests.support.fenced_vehicle import (
     ARDUPILOT_VALUES,
     PX4_VALUES,
@@ -22,7 +22,7 @@ from tests.support.fenced_vehicle import (
 )
 from tests.support.scripted_vehicle import ARDUPILOT, PX4, PX4_FOLLOW, Script
 from tests.unit.mavlink_broker.mission.test_geofence_transfer import POINT, fence, placed, square
-from tests.unit.mavlink_broker.test_parameter_overrides import circle, follow
+from tests.unit.mavlink_broker.test_parameter_overrides import circle
 
 DISK_LAG_S = 0.05
 WITH_RATE: dict[str, Any] = ARDUPILOT_VALUES | {"CIRCLE_RATE": 20.0, "CIRCLE_OPTIONS": 1.0}

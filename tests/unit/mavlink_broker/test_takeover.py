@@ -17,6 +17,7 @@ from tests.support.broker_world import (
     GENERIC,
     World,
     first_flight,
+    follow,
     go_home,
     land,
     mission,
@@ -39,7 +40,7 @@ from tests.support.scripted_vehicle import (
     ScriptedVehicle,
 )
 from tests.unit.mavlink_broker.test_events import ABORT, POINT, SOFT_ABORT, answer_statuses
-from tests.unit.mavlink_broker.test_live_commands import OWN, follow
+from tests.unit.mavlink_broker.test_live_commands import OWN
 
 PX4_STABILIZED: Final = 7 << 16
 COPTER_STABILIZE, COPTER_LOITER = 0, 5

@@ -7,9 +7,8 @@ import pytest
 from afarcloud.geodesy import shifted
 from mavlink_broker.config import Config
 from mavlink_broker.live.follow_target import TargetSourceError, read_target_sources
-from tests.support.broker_world import World, go_home, mission, takeoff
+from tests.support.broker_world import World, follow, go_home, mission, takeoff
 from tests.support.scripted_vehicle import HOME, PX4, PX4_FOLLOW, ScriptedVehicle
-from tests.unit.mavlink_broker.test_parameter_overrides import follow
 
 HEADER = "time_s,latitude_deg,longitude_deg\n"
 
@@ -19,7 +18,7 @@ def following(target: int | Path) -> tuple[World, ScriptedVehicle]:
     world = World(config=Config(follow_targets={1: target}))
     follower = world.add_vehicle(1)
     world.add_vehicle(2)
-    world.edge.plan(mission(takeoff(), follow(), go_home(3)))
+    world.edge.plan(mission(takeoff(), follow(altitude=10.0), go_home(3)))
     world.run_until(lambda: follower.custom_mode == PX4_FOLLOW and follower.targets > 5)
     return world, follower
 
@@ -63,7 +62,7 @@ def test_the_track_in_a_file_starts_with_the_follow(tmp_path: Path) -> None:
 def test_without_a_target_vehicle_the_position_of_the_command_is_sent() -> None:
     world = World(config=Config(follow_targets={7: 2}))
     follower = world.add_vehicle(script=PX4)
-    world.edge.plan(mission(takeoff(), follow(), go_home(3)))
+    world.edge.plan(mission(takeoff(), follow(altitude=10.0), go_home(3)))
     world.run_until(lambda: follower.targets > 5)
     assert follower.last_target == pytest.approx(HOME[:2], abs=1e-6)
 
