@@ -1,0 +1,268 @@
+"""The real broker, without threads: its loop, edge client, spool and journal on a virtual clock."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import count
+from pathlib import Path
+from random import Random
+from typing import Final
+
+from requests import RequestException
+
+from dst.edge_process import EdgeDownError, EdgeProcess
+from dst.scheduler import Scheduler
+from mavlink_broker.app import App
+from mavlink_broker.config import Config
+from mavlink_broker.database import Database
+from mavlink_broker.edge.bounded_http import Answer
+from mavlink_broker.edge.client import RETRY_WORK_S, EdgeClient, Pause, headers_of
+from mavlink_broker.edge.outbox import Post
+from mavlink_broker.edge.spool import MIB, Spool
+from mavlink_broker.links.url import Address
+from mavlink_broker.recovery.journal import JournalTable
+from mavlink_broker.recovery.record import EMPTY_RECORD, RecoveryRecord, VehicleIdentity
+from mavlink_broker.recovery.record_tracker import RecordUpdate
+
+IDLE_STEP_S: Final = 0.25
+"""Period of the loop without datagrams."""
+WAKE_S: Final = 0.01
+POLL_S: Final = 0.5
+"""How often a long poll looks for new work."""
+LONG_POLL_S: Final = 20.0
+SENDERS: Final = 2
+STATE_VECTOR_S: Final = 30.0
+
+
+class EdgeHttp:
+    """HTTP between broker and edge server: requests and answers may be late or lost."""
+
+    def __init__(self, scheduler: Scheduler, edge: EdgeProcess) -> None:
+        self._scheduler = scheduler
+        self._random = scheduler.random("edge HTTP")
+        self.edge = edge
+        self.is_up = True
+        self.request_loss = 0.0
+        self.answer_loss = 0.0
+        self.delay_s = 0.005
+        self.on_taken: Callable[[Post, Answer], None] = lambda _post, _answer: None
+        """Called when the edge server has answered a post, whether or not the answer arrives."""
+
+    def exchange(
+        self,
+        method: str,
+        path: str,
+        post: Post | None,
+        settle: Callable[[Answer | Exception], None],
+    ) -> None:
+        """Send a request of the broker; `settle` takes the answer, later."""
+
+        def fail(text: str) -> None:
+            self._scheduler.after(self.delay_s, lambda: settle(RequestException(text)))
+
+        def serve() -> None:
+            if not self.is_up or self._random.random() < self.request_loss:
+                fail("no connection")
+                return
+            body, headers = (None, {}) if post is None else (post.body, headers_of(post))
+            try:
+                response = self.edge.request(method, path, "broker", body, headers)
+            except EdgeDownError as error:
+                fail(str(error))
+                return
+            answer = Answer(response.status, response.body)
+            if post is not None:
+                self._scheduler.note(
+                    "broker", "edge server", f"{method} {path} {answer.status_code}"
+                )
+                self.on_taken(post, answer)
+            if self._random.random() < self.answer_loss:
+                fail("the answer is cut off")
+                return
+            self._scheduler.after(self.delay_s, lambda: settle(answer))
+
+        self._scheduler.after(self.delay_s, serve)
+
+
+class Journal:
+    """The recovery records on a disk that takes a while; what is not written is lost by a kill."""
+
+    def __init__(self, scheduler: Scheduler, table: JournalTable, lag_s: float) -> None:
+        self._scheduler = scheduler
+        self._table = table
+        self._lag_s = lag_s
+        self._known = table.read_all()
+        self._queued: list[tuple[float, RecordUpdate]] = []
+
+    def recall(self, identity: VehicleIdentity) -> RecoveryRecord:
+        """Give the record of a vehicle."""
+        return self._known.get(identity, EMPTY_RECORD)
+
+    def put(self, update: RecordUpdate) -> None:
+        """Queue a record to be written."""
+        self._known[update.identity] = update.record
+        self._queued.append((self._scheduler.now_s + self._lag_s, update))
+
+    def take_settled(self) -> list[tuple[VehicleIdentity, int]]:
+        """Write the records that are due."""
+        due = [update for at_s, update in self._queued if at_s <= self._scheduler.now_s]
+        self._queued = [one for one in self._queued if one[0] > self._scheduler.now_s]
+        for update in due:
+            self._table.write(update.identity, update.record)
+        return [(update.identity, update.number) for update in due]
+
+
+class BrokerProcess:
+    """The broker's process; killed and started at any time, its state folder stays."""
+
+    def __init__(
+        self,
+        scheduler: Scheduler,
+        http: EdgeHttp,
+        folder: Path,
+        send: Callable[[Address, bytes], None],
+        *,
+        journal_lag_s: float = 0.01,
+    ) -> None:
+        """Start; `send` takes each frame to a vehicle."""
+        folder.mkdir()
+        self._scheduler = scheduler
+        self._http = http
+        self._folder = folder
+        self._send = send
+        self._journal_lag_s = journal_lag_s
+        self._ulids = count(1)
+        self._starts = 0
+        self._received: list[tuple[Address, bytes]] = []
+        self._is_due = False
+        self.app: App | None = None
+        self.client: EdgeClient | None = None
+        self._database: Database | None = None
+        self.start()
+
+    @property
+    def is_up(self) -> bool:
+        """Whether it runs."""
+        return self.app is not None
+
+    def start(self) -> None:
+        """Start on what is on the disk."""
+        self._starts += 1
+        start, scheduler = self._starts, self._scheduler
+        database = self._database = Database(self._folder)
+        database.open()
+        spool = Spool(database, max_bytes=16 * MIB)
+        client = self.client = EdgeClient(
+            "http://edge",
+            self._folder / "broker.key",
+            self.wake,
+            spool=spool,
+            clock=scheduler.monotonic,
+            jitter=Random(f"{scheduler.seed}/jitter/{start}"),
+        )
+        config = replace(Config(), state_vector_every_s=STATE_VECTOR_S)
+        journal = Journal(scheduler, JournalTable(database), self._journal_lag_s)
+        self.app = App(config, self, client, scheduler, self._new_ulid, None, journal)
+
+        def while_up(period_s: float, action: Callable[[], None]) -> None:
+            def act() -> None:
+                if self._starts == start and self.is_up:
+                    action()
+                    scheduler.after(period_s, act)
+
+            scheduler.after(0.0, act)
+
+        while_up(IDLE_STEP_S, self._step)
+        while_up(1.0, client.update_spool)
+        for _ in range(SENDERS):
+            self._send_posts(start)
+        self._poll(start)
+
+    def kill(self) -> None:
+        """Lose everything that is not on the disk."""
+        if self._database is not None:
+            self._database.close()
+        self.app = self.client = self._database = None
+        self._received.clear()
+
+    # The link.
+
+    def arrive(self, address: Address, frame: bytes) -> None:
+        """Take a datagram of a vehicle; lost if the broker does not run."""
+        if self.is_up:
+            self._received.append((address, frame))
+            self.wake()
+
+    def receive(self, timeout_s: float) -> list[tuple[Address, bytes]]:
+        """Give what has arrived; there is no waiting here."""
+        del timeout_s
+        received, self._received = self._received, []
+        return received
+
+    def send(self, address: Address, frame: bytes) -> None:
+        """Send a frame to a vehicle."""
+        self._send(address, frame)
+
+    def radio_status(self, address: Address, free_percent: int) -> None:
+        """Take nothing: there is no radio with a buffer."""
+
+    def contact_addresses(self) -> list[Address]:
+        """Nobody: vehicles send first."""
+        return []
+
+    # Steps.
+
+    def wake(self) -> None:
+        """Have the loop run soon."""
+        if not self._is_due:
+            self._is_due = True
+            self._scheduler.after(WAKE_S, self._step)
+
+    def _step(self) -> None:
+        self._is_due = False
+        if self.app is not None:
+            self.app.step(0.0)
+
+    def _send_posts(self, start: int) -> None:
+        """One sender: take a post, exchange, settle, again."""
+        client = self.client
+        if client is None or self._starts != start:
+            return
+        post = client.take_post()
+        if post is None:
+            self._scheduler.after(0.2, lambda: self._send_posts(start))
+            return
+
+        def settle(answer: Answer | Exception) -> None:
+            if self.client is client:
+                client.settle(post, answer)
+                self._send_posts(start)
+
+        self._http.exchange(post.method, post.path, post, settle)
+
+    def _poll(self, start: int) -> None:
+        """Ask for work without a wait, and look again when there may be some."""
+        client = self.client
+        if client is None or self._starts != start:
+            return
+        poll = client.next_poll()
+        seen = self._http.edge.work_count
+
+        def settle(answer: Answer | Exception) -> None:
+            if self.client is not client:
+                return
+            pause = client.take_answer(poll, answer)
+            if pause is Pause.NONE:
+                self._await_work(start, seen, self._scheduler.now_s + LONG_POLL_S)
+            else:
+                self._scheduler.after(RETRY_WORK_S, lambda: self._poll(start))
+
+        self._http.exchange("GET", poll.path.partition("&wait=")[0] + "&wait=0", None, settle)
+
+    def _await_work(self, start: int, seen: int, until_s: float) -> None:
+        if self._http.edge.work_count != seen or self._scheduler.now_s >= until_s:
+            self._poll(start)
+        else:
+            self._scheduler.after(POLL_S, lambda: self._await_work(start, seen, until_s))
+
+    def _new_ulid(self) -> str:
+        return f"01{self._starts:06d}{next(self._ulids):018d}"

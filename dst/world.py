@@ -1,0 +1,72 @@
+"""One simulated farm: edge server, relay, cloud, broker, vehicles, and the network between them."""
+
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from dst.broker_process import BrokerProcess, EdgeHttp
+from dst.edge_process import Cloud, EdgeProcess, RelayProcess, Response
+from dst.network import Path as NetworkPath
+from dst.scheduler import KEPT_LINES, Scheduler
+from dst.vehicle import Vehicle
+from mavlink_broker.links.url import Address
+
+
+class World:
+    """Everything that takes part; whoever makes one closes it."""
+
+    def __init__(
+        self,
+        seed: int,
+        prepared: Path,
+        folder: Path,
+        *,
+        vehicles: int = 1,
+        kept_lines: int | None = KEPT_LINES,
+    ) -> None:
+        """Begin with every process up; `prepared` is an edge server's state folder to copy."""
+        self.scheduler = Scheduler(seed, kept_lines=kept_lines)
+        self.edge = EdgeProcess(self.scheduler, prepared, folder / "edge")
+        self.cloud = Cloud(self.scheduler)
+        self.relay = RelayProcess(self.scheduler, self.edge.config, self.cloud)
+        self.http = EdgeHttp(self.scheduler, self.edge)
+        self.broker = BrokerProcess(self.scheduler, self.http, folder / "broker", self._to_vehicle)
+        self.vehicles: dict[int, Vehicle] = {}
+        self.up: dict[int, NetworkPath] = {}
+        self.down: dict[int, NetworkPath] = {}
+        for system in range(1, vehicles + 1):
+            self._add_vehicle(system)
+
+    def _add_vehicle(self, system: int) -> None:
+        arrive = partial(self.broker.arrive, Address("192.0.2.1", 14580 + system))
+        self.up[system] = NetworkPath(self.scheduler, f"up/{system}", arrive)
+        vehicle = self.vehicles[system] = Vehicle(self.scheduler, system, self.up[system].send)
+        self.down[system] = NetworkPath(self.scheduler, f"down/{system}", vehicle.receive)
+
+    def _to_vehicle(self, address: Address, frame: bytes) -> None:
+        path = self.down.get(address.port - 14580)
+        if path is not None:
+            path.send(frame)
+
+    def run(self, seconds: float) -> None:
+        """Let so much virtual time pass."""
+        self.scheduler.run_until(self.scheduler.now_s + seconds)
+
+    def request(self, method: str, path: str, body: Any = None, key: str | None = None) -> Response:
+        """Send a request of the operator to the edge server.
+
+        Raises:
+            EdgeDownError: if it does not run.
+        """
+        headers = {} if key is None else {"Idempotency-Key": key}
+        response = self.edge.request(method, path, "operator", body, headers)
+        if method != "GET":
+            text = f"{method} {path} {response.status}"
+            self.scheduler.note("operator", "edge server", text)
+        return response
+
+    def close(self) -> None:
+        """End every process."""
+        for process in (self.broker, self.relay, self.edge):
+            if process.is_up:
+                process.kill()

@@ -1,0 +1,89 @@
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from afarcloud.enumerations import Status
+from dst.edge_process import prepared_folder
+from dst.vehicle import place
+from dst.world import World
+
+
+@pytest.fixture(scope="module")
+def prepared(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return prepared_folder(tmp_path_factory.mktemp("prepared") / "state")
+
+
+@pytest.fixture
+def world(prepared: Path, tmp_path: Path) -> Iterator[World]:
+    world = World(1, prepared, tmp_path)
+    yield world
+    world.close()
+
+
+def plan(mission_id: int = 1, north_m: float = 30.0) -> dict[str, Any]:
+    home, there = place(0.0, 0.0), place(north_m, 0.0)
+    takeoff = {"latitude": home[0], "longitude": home[1], "altitude": 5.0}
+    waypoint = {"latitude": there[0], "longitude": there[1], "altitude": 5.0}
+    commands = [
+        {"command_id": 1, "command_type_id": 1, "parameters": takeoff},
+        {"command_id": 2, "command_type_id": 3, "parameters": waypoint},
+        {"command_id": 3, "command_type_id": 11, "parameters": {"landing": True}},
+    ]
+    mission = {"mission_id": mission_id, "vehicle_id": 1, "maximum_speed": 4.0}
+    return {"name": "test", "missions": [mission | {"command_array": commands}]}
+
+
+def status(world: World, plan_id: int) -> int:
+    [mission] = world.request("GET", f"/plans/{plan_id}").json()["missions"]
+    return int(mission["mission_status_id"])
+
+
+def times_flown(world: World) -> int:
+    waypoint = round(place(30.0, 0.0)[0] * 1e7)
+    return sum(abs(one.latitude_e7 - waypoint) < 2 for one in world.vehicles[1].truth.reached)
+
+
+def post(world: World) -> int:
+    response = world.request("POST", "/plans/", plan())
+    assert response.status == 201, response.body
+    return int(response.json()["id"])
+
+
+def test_a_plan_is_flown_and_reported_to_the_cloud(world: World) -> None:
+    world.run(10.0)
+    number = post(world)
+    world.run(180.0)
+    assert status(world, number) == Status.FINISHED
+    assert times_flown(world) == 1
+    assert not world.vehicles[1].armed
+    kinds = {record.stream.kind for record in world.cloud.received.values()}
+    assert "mission_report" in kinds
+
+
+def test_a_mission_survives_kills_of_every_process(world: World) -> None:
+    world.run(10.0)
+    number = post(world)
+    world.run(12.0)
+    for process in (world.broker, world.edge, world.relay):
+        process.kill()
+        world.run(3.0)
+        process.start()
+        world.run(3.0)
+    world.run(180.0)
+    assert status(world, number) == Status.FINISHED
+    assert times_flown(world) == 1
+
+
+def test_the_same_seed_gives_the_same_trace(prepared: Path, tmp_path: Path) -> None:
+    digests = []
+    for name in ("first", "second"):
+        (tmp_path / name).mkdir()
+        world = World(3, prepared, tmp_path / name)
+        world.run(10.0)
+        post(world)
+        world.run(60.0)
+        world.close()
+        digests.append(world.scheduler.trace.digest)
+    assert digests[0] == digests[1]
