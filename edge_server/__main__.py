@@ -93,22 +93,9 @@ def _migrate(config: Config, _options: argparse.Namespace) -> int:
 
 
 def _back_up(config: Config, options: argparse.Namespace) -> int:
-    from edge_server.store.files import backup  # noqa: PLC0415  # as above
+    from edge_server.cli import backup  # noqa: PLC0415  # as above
 
-    if config.database_url is not None:
-        print(
-            f"edge server: there is no database file to copy: {config.database_name} is backed up "
-            "with pg_dump",
-            file=sys.stderr,
-        )
-        return WRONG_SETUP
-    try:
-        size = backup.back_up(config.database_path, options.target)
-    except backup.BackupError as error:
-        print(f"edge server: {error}", file=sys.stderr)
-        return FAILED
-    print(f"{options.target}: {size} bytes")
-    return OK
+    return backup.run(config, options.target)
 
 
 def _dead_letters(config: Config, options: argparse.Namespace) -> int:

@@ -40,19 +40,19 @@ def run(config: Config, options: argparse.Namespace) -> int:
         except ValidationError as error:
             for fault in error.errors():
                 place = ".".join(str(part) for part in fault["loc"])
-                _print_error(f"edge server: {place}: {fault['msg']}")
+                print(f"edge server: {place}: {fault['msg']}", file=sys.stderr)
             return WRONG_SETUP
         except ServiceError as error:
-            _print_error(f"edge server: {error}")
+            print(f"edge server: {error}", file=sys.stderr)
             return FAILED
         except OSError as error:  # The key file cannot be written; its key is not created
-            _print_error(f"edge server: {error.filename}: {error.strerror}")
+            print(f"edge server: {error.filename}: {error.strerror}", file=sys.stderr)
             return FAILED
 
 
 def _show_paths(config: Config, _database: Database, _options: argparse.Namespace) -> int:
     for role in Role:
-        _print(f"{role.value:10}{key_files.path_of(config.keys_dir, role)}")
+        print(f"{role.value:10}{key_files.path_of(config.keys_dir, role)}")
     return OK
 
 
@@ -63,7 +63,7 @@ def _list(_config: Config, database: Database, _options: argparse.Namespace) -> 
         vehicles = "" if key.vehicle_ids is None else f"vehicles {sorted(key.vehicle_ids)}"
         columns = [key.prefix, f"{key.role:8}", f"{keys.state_of(key, now):7}", f"{key.name:20}"]
         columns += [*sorted(key.scopes), vehicles, until]
-        _print("  ".join(column for column in columns if column).rstrip())
+        print("  ".join(column for column in columns if column).rstrip())
     return OK
 
 
@@ -81,7 +81,7 @@ def _create(_config: Config, database: Database, options: argparse.Namespace) ->
     )
     with _audited("keys.create", f"keys/{request.name}"):
         _, secret = keys.create(database, request, now)
-    _print(secret)
+    print(secret)
     return OK
 
 
@@ -92,14 +92,14 @@ def _rotate(config: Config, database: Database, options: argparse.Namespace) -> 
         if options.key in list(Role):
             role = Role(options.key)
             path = key_files.rotate(database, config.keys_dir, role, now, overlap_s)
-            _print(f"new key in {path}; the old one {end}")
+            print(f"new key in {path}; the old one {end}")
             return OK
         old = _named(database, options.key, now)
         if old.in_file:
             raise NotFoundError(f"{old.prefix} is in a key file: rotate {old.role}")
         _, secret = keys.replace(database, old.prefix, overlap_s, now)
-    _print_error(f"{old.prefix} {end}")
-    _print(secret)
+    print(f"{old.prefix} {end}", file=sys.stderr)
+    print(secret)
     return OK
 
 
@@ -108,22 +108,22 @@ def _revoke(_config: Config, database: Database, options: argparse.Namespace) ->
     with _audited("keys.revoke", f"keys/{options.key}"):
         key = _named(database, options.key, now)
         keys.revoke(database, key.prefix, now, last_admin_too=True)
-    _print(f"{key.prefix} ({key.name}, {key.role}) is revoked")
+    print(f"{key.prefix} ({key.name}, {key.role}) is revoked")
     return OK
 
 
 def _export(_config: Config, database: Database, _options: argparse.Namespace) -> int:
     for row in audit.export(database):
-        _print(json.dumps(row, ensure_ascii=False))
+        print(json.dumps(row, ensure_ascii=False))
     return OK
 
 
 def _verify(_config: Config, database: Database, _options: argparse.Namespace) -> int:
     result = audit.verify(database)
     if result.fault is not None:
-        _print_error(f"edge server: the audit log is broken: {result.fault}")
+        print(f"edge server: the audit log is broken: {result.fault}", file=sys.stderr)
         return FAILED
-    _print(f"{result.rows} rows, intact")
+    print(f"{result.rows} rows, intact")
     return OK
 
 
@@ -136,14 +136,6 @@ _COMMANDS: Final[dict[str, Callable[[Config, Database, argparse.Namespace], int]
     "export": _export,
     "verify": _verify,
 }
-
-
-def _print(line: str) -> None:
-    sys.stdout.write(line + "\n")
-
-
-def _print_error(line: str) -> None:
-    sys.stderr.write(line + "\n")
 
 
 @contextmanager

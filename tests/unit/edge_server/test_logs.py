@@ -29,7 +29,6 @@ def _log_as_before(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     handlers, level = root.handlers[:], root.level
     monkeypatch.setattr("sys.excepthook", None)
     monkeypatch.setattr("threading.excepthook", threading.excepthook)
-    monkeypatch.setattr(logs, "_redactors", [])
     yield
     logging.captureWarnings(capture=False)
     root.handlers[:] = handlers

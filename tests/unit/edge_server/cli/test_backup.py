@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from edge_server.__main__ import main
+from edge_server.cli.backup import BackupError, back_up
 from edge_server.process.exit_codes import WRONG_SETUP
-from edge_server.store.files.backup import BackupError, back_up
 from tests.unit.edge_server.conftest import Edge
 from tests.unit.edge_server.documents import telemetry
 

@@ -5,12 +5,34 @@ BackupError  the copy could not be made; no file was left
 
 import os
 import sqlite3
+import sys
 from contextlib import closing
 from pathlib import Path
+
+from edge_server.config import Config
+from edge_server.process.exit_codes import FAILED, OK, WRONG_SETUP
 
 
 class BackupError(Exception):
     """The copy could not be made."""
+
+
+def run(config: Config, target: Path) -> int:
+    """Run the command `backup`; returns the exit code."""
+    if config.database_url is not None:
+        print(
+            f"edge server: there is no database file to copy: {config.database_name} is backed up "
+            "with pg_dump",
+            file=sys.stderr,
+        )
+        return WRONG_SETUP
+    try:
+        size = back_up(config.database_path, target)
+    except BackupError as error:
+        print(f"edge server: {error}", file=sys.stderr)
+        return FAILED
+    print(f"{target}: {size} bytes")
+    return OK
 
 
 def back_up(database: Path, target: Path) -> int:
