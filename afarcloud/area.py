@@ -1,4 +1,4 @@
-"""Where a plan may be flown: ways and circles against polygons on a plane. Pure.
+"""Where a plan may be flown: legs and circles against polygons on a plane. Pure.
 
 Straight legs are checked exactly: they are cut wherever they cross an outline, and each piece
 lies on one side of it. Circles are checked as polygons that deviate from them by 2 cm: chord by
@@ -9,7 +9,7 @@ date line.
 
 An outline belongs to both of its sides: TOLERANCE_M beyond it nothing is a violation.
 
-TooMuchWorkError  more sides would have to be compared than anybody should wait for
+TooManyComparisonsError  the plan takes more than `MOST_COMPARISONS` comparisons
 """
 
 import itertools
@@ -29,8 +29,8 @@ _CORNERS_PER_STRIP: Final = 4
 _MOST_STRIPS: Final = 256
 
 MOST_COMPARISONS: Final = 2_000_000
-"""Of legs with sides of polygons, until the caller begins anew: some seconds of a small computer,
-and several times as many as the largest plans of farms need."""
+"""Of legs with sides of polygons, until the caller sets the count to 0: some seconds of a small
+computer, and several times as many as the largest plans of farms need."""
 
 Point: TypeAlias = tuple[float, float]
 """East and north of the plane's origin [m]."""
@@ -39,8 +39,8 @@ Vertex: TypeAlias = tuple[float, float]
 """Latitude and longitude [deg]."""
 
 
-class TooMuchWorkError(Exception):
-    """Judging takes more comparisons than `MOST_COMPARISONS`."""
+class TooManyComparisonsError(Exception):
+    """The check takes more comparisons than `MOST_COMPARISONS`."""
 
 
 class Plane(NamedTuple):
@@ -50,13 +50,13 @@ class Plane(NamedTuple):
     longitude_deg: float
 
     def point(self, latitude_deg: float, longitude_deg: float) -> Point:
-        """Give a place as metres, the shorter way round the globe."""
+        """Give a place as metres, by the shorter direction round the globe."""
         per_north, per_east = metres_per_degree(self.latitude_deg)
         east_deg = _shorter(longitude_deg - self.longitude_deg)
         return east_deg * per_east, (latitude_deg - self.latitude_deg) * per_north
 
-    def way(self, start: Vertex, end: Vertex) -> Edge:
-        """Give a straight way; its end is where the shorter way round the globe leads to."""
+    def leg(self, start: Vertex, end: Vertex) -> Edge:
+        """Give a straight leg, by the shorter direction round the globe."""
         per_north, per_east = metres_per_degree(self.latitude_deg)
         east, north = self.point(*start)
         to_east = east + _shorter(end[1] - start[1]) * per_east
@@ -88,9 +88,9 @@ class Polygon:
             for strip in self._strips_of(edge[0][1], edge[1][1]):
                 strip.append(edge)
 
-    def is_beside(self, way: Edge) -> bool:
+    def is_beside(self, leg: Edge) -> bool:
         """Whether a box with this diagonal keeps clear of the polygon's own box."""
-        (x1, y1), (x2, y2) = way
+        (x1, y1), (x2, y2) = leg
         return (
             max(x1, x2) < self._west - TOLERANCE_M
             or min(x1, x2) > self._east + TOLERANCE_M
@@ -107,9 +107,9 @@ class Polygon:
                 inside = not inside
         return inside
 
-    def edges_near(self, way: Edge) -> list[Edge]:
-        """Give the edges that a way may touch."""
-        (x1, y1), (x2, y2) = way
+    def edges_near(self, leg: Edge) -> list[Edge]:
+        """Give the edges that a leg may touch."""
+        (x1, y1), (x2, y2) = leg
         west, east = min(x1, x2) - TOLERANCE_M, max(x1, x2) + TOLERANCE_M
         south, north = min(y1, y2) - TOLERANCE_M, max(y1, y2) + TOLERANCE_M
         strips = list(self._strips_of(south, north))
@@ -222,7 +222,7 @@ class Area:
         """So far, since the caller has set it to 0."""
 
     def fault_at(self, place: Vertex) -> str | None:
-        """Say what forbids a place, or None."""
+        """Return what forbids a place, or None."""
         point = self.plane.point(*place)
         fault = self._fault((point, point))
         if fault is None:
@@ -232,24 +232,24 @@ class Area:
             return f"lies {distance_m:.1f} m outside geofence.inclusion"
         return f"lies in geofence.exclusion.{fault}"
 
-    def fault_on_way(self, start: Vertex, end: Vertex) -> str | None:
-        """Say what a straight way violates, or None."""
-        return _told(self._fault(self.plane.way(start, end)))
+    def fault_on_leg(self, start: Vertex, end: Vertex) -> str | None:
+        """Return what a straight leg violates, or None."""
+        return _text(self._fault(self.plane.leg(start, end)))
 
     def fault_on_circle(self, centre: Vertex, radius_m: float) -> str | None:
-        """Say what the line of a circle violates, or None; what lies inside does not matter."""
+        """Return what the line of a circle violates, or None; what lies inside does not matter."""
         circle = Circle.of(self.plane.point(*centre), radius_m)
         self._spend(len(self.exclusion) + len(self.inclusion))
         for number, polygon in enumerate(self.exclusion):
             if not polygon.is_beside(circle.box) and self._goes_round_into(circle, polygon):
-                return _told(number)
+                return _text(number)
         if not self.inclusion:
             return None
         near = [one for one in self.inclusion if not one.is_beside(circle.box)]
         edges = [edge for polygon in near for edge in polygon.edges_near(circle.box)]
         self._spend(len(edges))
         chords = circle.chords_to_judge(edges)
-        return _told(-1 if any(self._leaves(circle.chord(one), near) for one in chords) else None)
+        return _text(-1 if any(self._leaves(circle.chord(one), near) for one in chords) else None)
 
     def _goes_round_into(self, circle: Circle, polygon: Polygon) -> bool:
         edges = polygon.edges_near(circle.box)
@@ -295,10 +295,10 @@ class Area:
     def _spend(self, comparisons: int) -> None:
         self.comparisons += comparisons
         if self.comparisons > MOST_COMPARISONS:
-            raise TooMuchWorkError
+            raise TooManyComparisonsError
 
 
-def _told(fault: int | None) -> str | None:
+def _text(fault: int | None) -> str | None:
     if fault is None:
         return None
     return "leaves geofence.inclusion" if fault < 0 else f"enters geofence.exclusion.{fault}"
@@ -310,20 +310,20 @@ def _corners_of_circle(radius_m: float) -> int:
     return max(8, math.ceil(math.pi / math.acos(1.0 - share)))
 
 
-def _pieces(way: Edge, edges: Iterable[Edge]) -> Iterator[Edge]:
-    """Cut a way where it crosses edges, and beside the corners that it almost touches."""
+def _pieces(leg: Edge, edges: Iterable[Edge]) -> Iterator[Edge]:
+    """Cut a leg where it crosses edges, and beside the corners that it almost touches."""
     cuts = {0.0, 1.0}
     for edge in edges:
-        crossing = _crossing(way, edge)
+        crossing = _crossing(leg, edge)
         if crossing is not None:
             cuts.add(crossing)
         for corner in edge:
-            share = _share(corner, way)
-            if math.dist(corner, _at(way, share)) <= 2.0 * TOLERANCE_M:
+            share = _share(corner, leg)
+            if math.dist(corner, _at(leg, share)) <= 2.0 * TOLERANCE_M:
                 cuts.add(share)
     shares = sorted(cuts)
     for first, second in itertools.pairwise(shares):
-        yield _at(way, first), _at(way, second)
+        yield _at(leg, first), _at(leg, second)
 
 
 def _keeps_to_one(piece: Edge, edges: Iterable[Edge]) -> bool:
@@ -335,9 +335,9 @@ def _keeps_to_one(piece: Edge, edges: Iterable[Edge]) -> bool:
     )
 
 
-def _crossing(way: Edge, edge: Edge) -> float | None:
-    """Give the share of a way at which it crosses an edge, or None."""
-    (ax, ay), (bx, by) = way
+def _crossing(leg: Edge, edge: Edge) -> float | None:
+    """Give the share of a leg at which it crosses an edge, or None."""
+    (ax, ay), (bx, by) = leg
     (cx, cy), (dx, dy) = edge
     along_x, along_y = bx - ax, by - ay
     edge_x, edge_y = dx - cx, dy - cy
@@ -349,9 +349,9 @@ def _crossing(way: Edge, edge: Edge) -> float | None:
     return share if 0.0 <= share <= 1.0 and 0.0 <= of_edge <= 1.0 else None
 
 
-def _share(point: Point, way: Edge) -> float:
-    """Give the share of a way that is nearest to a point."""
-    (ax, ay), (bx, by) = way
+def _share(point: Point, leg: Edge) -> float:
+    """Give the share of a leg that is nearest to a point."""
+    (ax, ay), (bx, by) = leg
     squared = (bx - ax) ** 2 + (by - ay) ** 2
     if squared == 0.0:
         return 0.0
@@ -359,13 +359,13 @@ def _share(point: Point, way: Edge) -> float:
     return max(0.0, min(1.0, share))
 
 
-def _at(way: Edge, share: float) -> Point:
-    (ax, ay), (bx, by) = way
+def _at(leg: Edge, share: float) -> Point:
+    (ax, ay), (bx, by) = leg
     return ax + share * (bx - ax), ay + share * (by - ay)
 
 
-def _middle(way: Edge) -> Point:
-    return _at(way, 0.5)
+def _middle(leg: Edge) -> Point:
+    return _at(leg, 0.5)
 
 
 def _distance_m(point: Point, edge: Edge) -> float:
@@ -373,5 +373,5 @@ def _distance_m(point: Point, edge: Edge) -> float:
 
 
 def _shorter(degrees: float) -> float:
-    """Give an angle as the shorter way round."""
+    """Return an angle in -180 to 180 degrees."""
     return (degrees + 180.0) % 360.0 - 180.0

@@ -6,7 +6,7 @@ data. Vehicles themselves check too little and too late: some check only places,
 circle cross a forbidden area.
 
 A leg or circle that is flown again is checked once, and the number of comparisons is limited to
-`area.MOST_COMPARISONS` until `renew`: TooMuchWorkError beyond it.
+`area.MOST_COMPARISONS` until `renew`: TooManyComparisonsError beyond it.
 """
 
 from collections.abc import Iterator, Sequence
@@ -14,7 +14,7 @@ from functools import cached_property
 from typing import Final, NamedTuple, TypeAlias
 
 from afarcloud import geometry
-from afarcloud.area import MOST_COMPARISONS, TOLERANCE_M, Area, TooMuchWorkError, Vertex
+from afarcloud.area import MOST_COMPARISONS, TOLERANCE_M, Area, TooManyComparisonsError, Vertex
 from afarcloud.commands import Command
 from afarcloud.enumerations import CommandType
 from afarcloud.plan import Geofence
@@ -45,14 +45,14 @@ class FenceFault(NamedTuple):
 
 
 class OutlineFault(NamedTuple):
-    """A polygon that cannot be meant: autopilots disagree about what lies in it."""
+    """A polygon that autopilots interpret differently."""
 
     field: str  # Of the geofence: inclusion.0
     text: str
 
 
 class FenceCheck:
-    """One geofence, which missions, places and legs are held against."""
+    """One geofence, and the check of missions, places and legs against it."""
 
     def __init__(self, geofence: Geofence) -> None:
         self._geofence = geofence
@@ -61,18 +61,18 @@ class FenceCheck:
         self._known: dict[Flown, str | None] = {}
 
     @property
-    def too_much_work(self) -> OutlineFault:
-        """The fault of the geofence after a TooMuchWorkError."""
+    def too_many_comparisons(self) -> OutlineFault:
+        """The fault of the geofence after a TooManyComparisonsError."""
         fence = self._geofence
         inclusion, exclusion = (sum(map(len, one)) for one in (fence.inclusion, fence.exclusion))
         text = (
-            f"takes more than {MOST_COMPARISONS} comparisons to judge all legs of the plan: give "
+            f"takes more than {MOST_COMPARISONS} comparisons to check all legs of the plan: give "
             "it fewer corners and polygons, or the plan fewer commands"
         )
         return OutlineFault("inclusion" if inclusion > exclusion else "exclusion", text)
 
     def renew(self) -> None:
-        """Begin to count comparisons anew."""
+        """Set the count of comparisons to 0."""
         self._area.comparisons = 0
 
     @cached_property
@@ -100,7 +100,7 @@ class FenceCheck:
         vehicle keeps below by itself.
 
         Raises:
-            TooMuchWorkError: when too many comparisons have been made since `renew`.
+            TooManyComparisonsError: when too many comparisons have been made since `renew`.
         """
         yield from self._faults_of_beginning(start, home)
         for part in route_of(commands, start, home, rally):
@@ -115,7 +115,7 @@ class FenceCheck:
                 yield FenceFault(part.command, altitude_name(command), fault, is_height=True)
 
     def faults_of_place(self, place: Spot) -> Iterator[FenceFault]:
-        """Judge a place that belongs to no command, such as a rally point."""
+        """Check a place that belongs to no command, such as a rally point."""
         fault = self._area.fault_at(place[:2])
         if fault is not None:
             yield FenceFault(0, PLACE, fault)
@@ -124,19 +124,19 @@ class FenceCheck:
             yield FenceFault(0, "altitude", fault, is_height=True)
 
     def fault_of_order(self, start: Vertex | None, target: Spot) -> str | None:
-        """Say why a vehicle must not be sent somewhere, or None.
+        """Return why a vehicle must not be sent to a target, or None.
 
-        One that is where it must not be may come from there by any path.
+        A vehicle that is outside the geofence may return by any path.
         """
         self.renew()
         height_m = target.relative_altitude_m
         try:
-            fault = self._fault_of_way(start, target)
-        except TooMuchWorkError:
-            fault = f"geofence.{self.too_much_work.field} {self.too_much_work.text}"
+            fault = self._fault_of_leg(start, target)
+        except TooManyComparisonsError:
+            fault = f"geofence.{self.too_many_comparisons.field} {self.too_many_comparisons.text}"
         return fault or self._height_fault(height_m)
 
-    def _fault_of_way(self, start: Vertex | None, target: Spot) -> str | None:
+    def _fault_of_leg(self, start: Vertex | None, target: Spot) -> str | None:
         strayed = start is not None and self._area.fault_at(start) is not None
         here = None if start is None or strayed else Spot(*start, target.relative_altitude_m)
         return self._fault_of(Leg(0, here, target))
@@ -152,7 +152,7 @@ class FenceCheck:
             yield FenceFault(0, "altitude", text, is_height=True)
 
     def _fault_of(self, part: Part) -> str | None:
-        """Judge a part, or remember the result for the same leg or circle over ground."""
+        """Check a part; the result for the same leg or circle over ground is cached."""
         if isinstance(part, Leg):
             flown: Flown = (part.start and part.start[:2], part.end[:2], 0.0)
         else:
@@ -160,10 +160,10 @@ class FenceCheck:
         if flown not in self._known:
             if len(self._known) >= _MOST_KNOWN:
                 self._known.clear()
-            self._known[flown] = self._judged(part)
+            self._known[flown] = self._check(part)
         return self._known[flown]
 
-    def _judged(self, part: Part) -> str | None:
+    def _check(self, part: Part) -> str | None:
         place = _spot_of(part)[:2]
         if not isinstance(part, Leg):
             fault = self._area.fault_on_circle(place, part.radius_m)
@@ -171,8 +171,8 @@ class FenceCheck:
         fault = self._area.fault_at(place)
         if fault is not None:
             return f"the place {fault}"
-        fault = None if part.start is None else self._area.fault_on_way(part.start[:2], place)
-        return fault and f"the way there {fault}"
+        fault = None if part.start is None else self._area.fault_on_leg(part.start[:2], place)
+        return fault and f"the leg there {fault}"
 
     def _height_fault(self, height_m: float) -> str | None:
         if self._height_m is None or height_m <= self._height_m + ALTITUDE_TOLERANCE_M:

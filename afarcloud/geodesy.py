@@ -1,4 +1,4 @@
-"""Short ways over ground, on WGS 84's radii of curvature: exact to centimetres over a farm."""
+"""Short distances over ground, on WGS 84's radii of curvature: exact to centimetres over a farm."""
 
 import math
 from typing import Final, NamedTuple
@@ -8,7 +8,7 @@ _ECCENTRICITY_SQUARED: Final = 6.694_379_990_14e-3
 
 
 class Metres(NamedTuple):
-    """A way over ground."""
+    """A displacement over ground."""
 
     north_m: float
     east_m: float
@@ -17,7 +17,7 @@ class Metres(NamedTuple):
 def offset(
     latitude_deg: float, longitude_deg: float, to_latitude_deg: float, to_longitude_deg: float
 ) -> Metres:
-    """The way from one place to another, also across the date line."""
+    """The displacement from one place to another, also across the date line."""
     per_north, per_east = metres_per_degree((latitude_deg + to_latitude_deg) / 2.0)
     east_deg = (to_longitude_deg - longitude_deg + 180.0) % 360.0 - 180.0
     return Metres((to_latitude_deg - latitude_deg) * per_north, east_deg * per_east)

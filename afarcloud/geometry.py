@@ -25,7 +25,7 @@ class _Side(NamedTuple):
 
 
 def _to_plane(point: Point, origin: Point) -> tuple[float, float]:
-    """East and north [m] of `point` from `origin`; the shorter way round the globe."""
+    """East and north [m] of `point` from `origin`; by the shorter direction round the globe."""
     d_longitude = (point[1] - origin[1] + 180.0) % 360.0 - 180.0
     east = d_longitude * METRES_PER_DEGREE * math.cos(math.radians(origin[0]))
     return east, (point[0] - origin[0]) * METRES_PER_DEGREE

@@ -1,4 +1,4 @@
-"""What comes in: plans, their missions, and events that interrupt them."""
+"""Plans, their missions, and the events that interrupt them."""
 
 from typing import Annotated, Final, TypeAlias
 

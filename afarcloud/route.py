@@ -111,7 +111,7 @@ def start_point(p: NavHotpointParameters) -> Spot | None:
 
 
 class _Walk:
-    """Remembers where the vehicle is: one of these places; empty if that is not known."""
+    """Tracks where the vehicle is: one of these places; empty if that is not known."""
 
     def __init__(self, start: Spot | None, home: Spot | None, rally: tuple[Spot, ...]) -> None:
         self._home = home

@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 
 from afarcloud import flyable
 from afarcloud.annex import annex_faults
-from afarcloud.area import TooMuchWorkError
+from afarcloud.area import TooManyComparisonsError
 from afarcloud.commands import (
     FLYING,
     Command,
@@ -42,14 +42,14 @@ class FenceVerdict(NamedTuple):
 
 
 def check_fence(plan: Plan) -> FenceVerdict:
-    """Judge a plan's geofence, and its missions and rally points against it."""
+    """Check a plan's geofence, and its missions and rally points against it."""
     fence = None if plan.geofence is None else FenceCheck(plan.geofence)
     outlines = () if fence is None else fence.outline_faults
     if fence is not None and not outlines:
         try:
             return _against_fence(plan, fence)
-        except TooMuchWorkError:
-            outlines = (fence.too_much_work,)
+        except TooManyComparisonsError:
+            outlines = (fence.too_many_comparisons,)
     faults = tuple(Fault(f"geofence.{one.field}", one.text) for one in outlines)
     return FenceVerdict(faults, (), ((),) * len(plan.missions))
 

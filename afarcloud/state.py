@@ -1,4 +1,4 @@
-"""What goes out: state, results, reports and alarms of a vehicle."""
+"""Reports of a vehicle: state, results, mission reports and alarms."""
 
 import base64
 import binascii
@@ -50,7 +50,7 @@ Capacity = Annotated[float, Field(ge=0, le=100), BeforeValidator(_amp_hours)]
 
 
 class Report(Model):
-    """What every message of a vehicle carries."""
+    """Fields of every report of a vehicle."""
 
     sequence_number: Int32
     vehicle_id: VehicleId

@@ -153,13 +153,13 @@ def _typed(model: type[_Model], imported: Imported, prefix: str) -> _Model:
     except RecursionError:
         faults.append(Fault("", "nests too deep"))
     if faults:
-        told = tuple(f._replace(path=f.path.removeprefix(prefix)) for f in faults)
-        raise InvalidError(told, uncounted)
+        in_envelope = tuple(f._replace(path=f.path.removeprefix(prefix)) for f in faults)
+        raise InvalidError(in_envelope, uncounted)
     return typed
 
 
 _MANY_FAULTS: Final = 1000
-_MOST_MEMBERS: Final = 1000  # More than any object of ours has
+_MOST_MEMBERS: Final = 1000  # More than any AFarCloud object has
 
 
 def _first_faults(
@@ -180,7 +180,7 @@ def _first_faults(
             model.model_validate(_first_parts(imported.document, cut))
         except ValidationError as smaller:
             listed = smaller.errors(include_url=False, include_input=False)
-            # Of an object that was cut, what is missing may stand in the part that was left out
+            # Of an object that was cut, what is missing may be in the part that was left out
             errors = [one for one in listed if not cut or one["type"] != "missing"]
     found = (
         fault._replace(path=imported.sent_path(fault.path))
@@ -194,7 +194,7 @@ def _first_faults(
 
 
 def _first_parts(value: Any, cut: list[int]) -> Any:
-    """Leave out of lists and objects what stands far behind; notes the sizes of objects so cut."""
+    """Cut lists and objects to their first members; notes the sizes of objects so cut."""
     if isinstance(value, list):
         return [_first_parts(one, cut) for one in value[:MOST_FAULTS]]
     if isinstance(value, dict):
@@ -257,7 +257,7 @@ def _code_of(error_type: str, field: str) -> tuple[int | None, str | None]:
 
 
 def _message(error: ErrorDetails) -> str:
-    """Say in one sentence what is wrong; the input itself is never echoed."""
+    """Return in one sentence what is wrong; the input itself is never echoed."""
     context = error.get("ctx", {})
     match error["type"]:
         case "union_tag_invalid" | "union_tag_not_found":

@@ -1,4 +1,4 @@
-"""A document on its way to the canonical form, and where each part of it stood when sent."""
+"""A document under conversion to the canonical form, and the sent path of each of its parts."""
 
 from dataclasses import dataclass, field
 from typing import Any
@@ -8,7 +8,7 @@ from afarcloud.faults import Fault
 
 @dataclass(slots=True)
 class Imported:
-    """A document in canonical names, its faults, and the names it came with."""
+    """A document in canonical names, its faults, and the names in which it was sent."""
 
     document: Any
     faults: list[Fault] = field(default_factory=list)
@@ -34,7 +34,7 @@ class Imported:
         self._sent[path] = self.sent_path(sent_path)
 
     def sent_path(self, path: str) -> str:
-        """Where a part of the canonical document stood when it was sent."""
+        """Return the path at which a part of the canonical document was sent."""
         head, tail = path, ""
         while head:
             if head in self._sent:

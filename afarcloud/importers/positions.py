@@ -74,13 +74,13 @@ def import_command(command: dict[str, Any], path: str, imported: Imported) -> No
     for slot in _SLOTS:
         if slot in command and slot != own and command.pop(slot) is not None:
             imported.refuse(f"{path}.{slot}", f"goes with command_type_id {slot[1:]}")
-    ways = [name for name in ("parameters", own, "param_array") if name in command]
-    if len(ways) > 1:
-        imported.refuse(f"{path}.{ways[1]}", f"says the same as {ways[0]}: give one of them")
-    elif ways == [own]:
+    forms = [name for name in ("parameters", own, "param_array") if name in command]
+    if len(forms) > 1:
+        imported.refuse(f"{path}.{forms[1]}", f"says the same as {forms[0]}: give one of them")
+    elif forms == [own]:
         command["parameters"] = command.pop(own)
         imported.rename(f"{path}.parameters", f"{path}.{own}")
-    elif ways == ["param_array"]:
+    elif forms == ["param_array"]:
         _import_array(command, PARAMETERS[kind], path, imported)
 
 

@@ -1,7 +1,7 @@
 """Names that other systems write, and the canonical name of each.
 
 Sources: AFarCloud's own vehicle plan (`maximum_linear_speed`), and the misprints of the
-information model's tables, which programs written from those tables carry on the wire.
+information model's tables, which programs written from those tables send.
 """
 
 from typing import Final

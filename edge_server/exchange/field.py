@@ -1,4 +1,4 @@
-"""What a field is, and what its outline must be like for anybody to fly over it."""
+"""A field, and the conditions under which its outline can be flown."""
 
 from collections.abc import Iterator
 from typing import Annotated, Final

@@ -1,4 +1,4 @@
-"""A mission item as files carry it, the commands that we know by name, and places on the ground."""
+"""A mission item of a file, the commands that have a name here, and places on the ground."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -142,4 +142,4 @@ class MissionFile(NamedTuple):
     geofence: dict[str, Any] | None = None
     rally_points: Sequence[Mapping[str, Any]] = ()
     warnings: tuple[Fault, ...] = ()
-    missing: tuple[Fault, ...] = ()  # Parts that the file names and does not carry
+    missing: tuple[Fault, ...] = ()  # Parts that the file names and does not contain

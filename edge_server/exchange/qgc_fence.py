@@ -63,7 +63,7 @@ def _side(area: Any, path: str) -> str:
 
 
 def _polygon(area: Mapping[str, Any], path: str) -> Any:
-    """The corners as they are; the model judges them."""
+    """The corners as they are; the model validates them."""
     polygon = area.get("polygon")
     if not isinstance(polygon, list):
         raise InvalidError((Fault(f"{path}.polygon", "must be a list of corners"),))
@@ -101,7 +101,7 @@ def _is_number(value: Any) -> TypeGuard[float]:
 
 
 def read_rally(rally: Any) -> list[dict[str, Any]]:
-    """Give rally points as documents; the model judges their numbers.
+    """Give rally points as documents; the model validates their numbers.
 
     Raises:
         InvalidError: naming each part that is wrong.

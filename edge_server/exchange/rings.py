@@ -1,4 +1,4 @@
-"""Polygons of any file to boundaries of fields, with the place in the file that each came from."""
+"""Polygons of any file to boundaries of fields, with the path of each in the file."""
 
 from collections.abc import Sequence
 from typing import Final, NamedTuple, TypeAlias
@@ -9,14 +9,14 @@ from afarcloud.wire import read_as
 from edge_server.exchange.field import Field, check
 
 Ring: TypeAlias = tuple[str, list[Vertex]]
-"""Where it stood, and its corners without the repeated first."""
+"""Its path in the file, and its corners without the repeated first."""
 LONGEST_NAME: Final = 255
 MOST_FIELDS: Final = 100
 """Of one file."""
 
 
 class Boundary(NamedTuple):
-    """A field out of a file, and where in the file it stood."""
+    """A field of a file, and its path in the file."""
 
     path: str
     field: Field
@@ -65,7 +65,7 @@ def _field(name: str | None, rings: Sequence[Ring], exclusions: Sequence[Ring]) 
 
 def _placed(fault: Fault, places: dict[str, str]) -> Fault:
     """Name the place in the file instead of the one in our document."""
-    for ours, theirs in places.items():
-        if fault.path == ours or fault.path.startswith(f"{ours}."):
-            return fault._replace(path=theirs + fault.path.removeprefix(ours))
+    for path, file_path in places.items():
+        if fault.path == path or fault.path.startswith(f"{path}."):
+            return fault._replace(path=file_path + fault.path.removeprefix(path))
     return fault

@@ -14,7 +14,7 @@ MOST_COMMANDS: Final = 700
 """Of one mission."""
 
 
-class Refusal(Exception):  # noqa: N818  # it is no error of ours
+class Refusal(Exception):  # noqa: N818  # it is the result of a file
     """Why an item cannot be translated to commands."""
 
 

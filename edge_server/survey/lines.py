@@ -1,7 +1,7 @@
 """Lawn-mower lines over an area, and the places on them where something is done. Pure.
 
-Lines lie exactly one spacing apart, so that the side overlap is what was asked for. Each line
-answers for its strip, half a spacing to either side: where a slanted edge lets the strip reach
+Lines lie exactly one spacing apart, so that the side overlap is that of the request. Each line
+covers its strip, half a spacing to either side: where a slanted edge lets the strip reach
 further than the line itself, the last places are moved sideways within the strip to get there.
 """
 

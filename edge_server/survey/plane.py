@@ -74,7 +74,7 @@ class Area:
         return any(low <= point[0] <= high for low, high in self.row(point[1]))
 
     def is_free(self, start: Point, end: Point, clearance_m: float = 0.0) -> bool:
-        """Whether the straight way between two points of the area stays in it.
+        """Whether the straight line between two points of the area stays in it.
 
         It is not free either if it passes a corner within the clearance.
         """
@@ -91,7 +91,7 @@ class Area:
         return abs(_signed(self.outer)) - sum(abs(_signed(hole)) for hole in self.holes)
 
     def corners(self, clearance_m: float) -> Iterator[Point]:
-        """Where a way round an obstacle may bend: its corners, moved into the area."""
+        """Where a path round an obstacle may bend: its corners, moved into the area."""
         for ring, is_hole in [(self.outer, False), *((hole, True) for hole in self.holes)]:
             turn = 1.0 if (_signed(ring) > 0) != is_hole else -1.0
             for before, corner, after in zip(
@@ -129,7 +129,7 @@ def _cross(a: Point, b: Point, c: Point, d: Point) -> bool:
 
 
 def _passes(start: Point, end: Point, corner: Point, clearance_m: float) -> bool:
-    """Whether a corner lies beside a way, between its ends, within a distance."""
+    """Whether a corner lies beside a path, between its ends, within a distance."""
     length = math.dist(start, end)
     if length == 0.0:
         return False

@@ -72,7 +72,7 @@ def _check_size(request: SurveyRequest) -> None:
 
 
 def _check_work(request: SurveyRequest) -> None:
-    """Refuse what would take for ever, before any of it is done."""
+    """Refuse a request that would take too long to compute, before it is planned."""
     _, area = _laid_out(request, 0.0)
     footprint = request.footprint
     xs, ys = zip(*area.outer, strict=True)
@@ -126,7 +126,7 @@ def _best_bearing(request: SurveyRequest) -> float:
 def _stops(area: Area, rows: Sequence[Sequence[lines.Line]]) -> list[Stop]:
     try:
         stops = route.route(area, route.order(rows), MARGIN_M)
-    except route.NoWayError as error:
+    except route.NoPathError as error:
         raise NoSurveyError("exclusions", str(error)) from None
     if not stops:
         raise NoSurveyError("boundary", "has no room for a line")

@@ -1,4 +1,4 @@
-"""What a survey is asked for, and with what pictures or swath. Angles in degrees, lengths in m."""
+"""The request for a survey: field, and pictures or swath. Angles in degrees, lengths in m."""
 
 from typing import Annotated, Self
 

@@ -1,4 +1,4 @@
-"""The order in which lines are flown, and the ways between them that stay in the area. Pure."""
+"""The order in which lines are flown, and the paths between them that stay in the area. Pure."""
 
 import heapq
 import math
@@ -10,7 +10,7 @@ from edge_server.survey.lines import Line
 from edge_server.survey.plane import Area, Point
 
 ROUNDING_M: Final = 0.005
-"""A way that passes a corner more closely might cut it once a plan has rounded its places."""
+"""A path that passes a corner more closely might cut it once a plan has rounded its places."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,12 +21,12 @@ class Stop:
     is_work: bool
 
 
-class NoWayError(Exception):
-    """Parts of the area are not connected by any way inside it."""
+class NoPathError(Exception):
+    """Parts of the area are not connected by any path inside it."""
 
 
 def order(rows: Sequence[Sequence[Line]]) -> list[tuple[Point, ...]]:
-    """Put lines in the order of flight: block by block, each line the other way.
+    """Put lines in the order of flight: block by block, each line in the other direction.
 
     A block is a run of lines of neighbouring rows, each beside exactly one of the next row
     (boustrophedon cells; Choset and Pignon, 1997). The next block is the nearest one.
@@ -36,7 +36,7 @@ def order(rows: Sequence[Sequence[Line]]) -> list[tuple[Point, ...]]:
     here: Point | None = None
     while blocks:
         index, block = min(
-            ((index, way) for index, block in enumerate(blocks) for way in _ways(block)),
+            ((index, lines) for index, block in enumerate(blocks) for lines in _directions(block)),
             key=lambda choice: 0.0 if here is None else math.dist(here, choice[1][0][0]),
         )
         del blocks[index]
@@ -66,7 +66,7 @@ def _beside(first: Line, second: Line) -> bool:
     return first.span[0] < second.span[1] and second.span[0] < first.span[1]
 
 
-def _ways(block: Sequence[Line]) -> Iterator[list[tuple[Point, ...]]]:
+def _directions(block: Sequence[Line]) -> Iterator[list[tuple[Point, ...]]]:
     """A block from either end, beginning to the right or to the left."""
     for lines in (block, block[::-1]):
         for first in (0, 1):
@@ -77,18 +77,18 @@ def _ways(block: Sequence[Line]) -> Iterator[list[tuple[Point, ...]]]:
 
 
 class Navigator:
-    """Finds ways inside an area round its holes and inlets."""
+    """Finds paths inside an area round its holes and inlets."""
 
     def __init__(self, area: Area, clearance_m: float) -> None:
         self._area = area
         self._corners = list(area.corners(clearance_m))
         self._seen: dict[Point, list[Point]] = {}
 
-    def way(self, start: Point, end: Point) -> list[Point]:
+    def path(self, start: Point, end: Point) -> list[Point]:
         """Points between two places, neither of them included; shortest over the corners.
 
         Raises:
-            NoWayError: if there is none.
+            NoPathError: if there is none.
         """
         if self._area.is_free(start, end, ROUNDING_M):
             return []
@@ -106,7 +106,7 @@ class Navigator:
                     length = flown + math.dist(here, there)
                     bound = length + math.dist(there, end)
                     heapq.heappush(queue, (bound, length, there, (*path, there)))
-        raise NoWayError("the area falls into parts that no way inside it connects")
+        raise NoPathError("the area falls into parts that no path inside it connects")
 
     def _visible(self, here: Point, end: Point) -> list[Point]:
         if here not in self._seen:
@@ -126,13 +126,13 @@ def route(area: Area, lines: Sequence[tuple[Point, ...]], clearance_m: float) ->
     """Join lines into one route inside the area.
 
     Raises:
-        NoWayError: if parts of the area are not connected.
+        NoPathError: if parts of the area are not connected.
     """
     navigator = Navigator(area, clearance_m)
     stops: list[Stop] = []
     for place in (place for line in lines for place in line):
         if stops:
-            around = navigator.way(stops[-1].point, place)
+            around = navigator.path(stops[-1].point, place)
             stops += [Stop(point, is_work=False) for point in around]
         stops.append(Stop(place, is_work=True))
     return stops

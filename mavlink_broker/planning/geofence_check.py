@@ -6,7 +6,7 @@ of a command.
 """
 
 from afarcloud import flyable
-from afarcloud.area import TooMuchWorkError
+from afarcloud.area import TooManyComparisonsError
 from afarcloud.commands import Command, NavFollowTarget, NavHotpoint
 from afarcloud.fence_check import FenceCheck, OutlineFault
 from afarcloud.plan import Geofence, Mission
@@ -64,8 +64,8 @@ class AreaCheck:
         )
         try:
             fault = next(faults, None)
-        except TooMuchWorkError:
-            raise _refused(self._check.too_much_work, mission) from None
+        except TooManyComparisonsError:
+            raise _refused(self._check.too_many_comparisons, mission) from None
         if fault is not None:
             command = mission.command_array[fault.command]
             raise RefusedError(fault.command, command, Refusal(fault.parameter, fault.text))

@@ -72,7 +72,7 @@ def test_a_mission_that_crosses_is_refused_before_anything_moves(tmp_path: Path)
     assert world.edge.statuses(FLIGHT) == [Status.ABORTED, Status.FAILED, Status.ABORTED]
     (answer,) = world.edge.acknowledgements(work)
     assert answer["status"] == "refused"
-    assert answer["message"].startswith("command 2: latitude, longitude: the way there enters")
+    assert answer["message"].startswith("command 2: latitude, longitude: the leg there enters")
     world.run(5.0)
     assert fence_of(world) == 0
     assert world.orders(ARM) == []

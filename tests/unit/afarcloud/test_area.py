@@ -79,7 +79,7 @@ def test_a_way_is_forbidden_just_when_a_point_on_it_is(
     between_m = math.dist(start, end) / SAMPLES / 2.0  # A distance changes no faster than a place
     assume(clearance < -SURE_M or clearance > between_m + SURE_M)
     area = fence(origin, inclusion, exclusion)
-    fault = area.fault_on_way(place(origin, *start), place(origin, *end))
+    fault = area.fault_on_leg(place(origin, *start), place(origin, *end))
     if clearance < 0.0:
         assert fault is not None
     elif len(inclusion) < 2:  # Between two areas the samples know no gap
@@ -125,7 +125,7 @@ def test_the_outline_itself_is_allowed_on_both_sides(shape: list[Metres]) -> Non
     for area in (inside, outside):
         for start, end in zip(corners, [*corners[1:], corners[0]], strict=True):
             assert area.fault_at(start) is None
-            assert area.fault_on_way(start, end) is None
+            assert area.fault_on_leg(start, end) is None
 
 
 @pytest.mark.parametrize(("beyond_m", "allowed"), [(0.05, True), (0.5, False)])
@@ -133,7 +133,7 @@ def test_a_way_beside_the_outline_is_allowed_within_the_tolerance(
     beyond_m: float, allowed: bool
 ) -> None:
     start, end = place(HERE, 50.0 + beyond_m, -40.0), place(HERE, 50.0 + beyond_m, 40.0)
-    fault = fence(HERE, inclusion=[SQUARE]).fault_on_way(start, end)
+    fault = fence(HERE, inclusion=[SQUARE]).fault_on_leg(start, end)
     assert (fault is None) == allowed
 
 
@@ -141,13 +141,13 @@ def test_a_way_between_two_allowed_places_may_lead_through_a_notch() -> None:
     area = fence(HERE, inclusion=[NOTCHED])
     start, end = place(HERE, -45.0, 30.0), place(HERE, 45.0, 30.0)
     assert area.fault_at(start) is None is area.fault_at(end)
-    assert area.fault_on_way(start, end) == "leaves geofence.inclusion"
+    assert area.fault_on_leg(start, end) == "leaves geofence.inclusion"
 
 
 def test_two_areas_that_touch_are_one() -> None:
     east = [(x + 100.0, y) for x, y in SQUARE]
     area = fence(HERE, inclusion=[SQUARE, east])
-    assert area.fault_on_way(place(HERE, -40.0, 0.0), place(HERE, 140.0, 0.0)) is None
+    assert area.fault_on_leg(place(HERE, -40.0, 0.0), place(HERE, 140.0, 0.0)) is None
 
 
 def test_a_circle_round_an_exclusion_is_allowed() -> None:
@@ -160,7 +160,7 @@ def test_the_second_exclusion_is_named() -> None:
     north = [(x, y + 300.0) for x, y in SQUARE]
     area = fence(HERE, exclusion=[SQUARE, north])
     way = place(HERE, -100.0, 300.0), place(HERE, 100.0, 300.0)
-    assert area.fault_on_way(*way) == "enters geofence.exclusion.1"
+    assert area.fault_on_leg(*way) == "enters geofence.exclusion.1"
     assert area.fault_at(place(HERE, 0.0, 310.0)) == "lies in geofence.exclusion.1"
 
 
@@ -171,7 +171,7 @@ def test_how_far_outside_a_place_lies_is_told() -> None:
 
 def test_a_way_round_the_globe_is_no_way_through_a_fence_on_the_other_side() -> None:
     area = fence((0.0, 0.0), exclusion=[SQUARE])
-    assert area.fault_on_way((0.0, 179.999), (0.0, -179.999)) is None
+    assert area.fault_on_leg((0.0, 179.999), (0.0, -179.999)) is None
 
 
 def test_a_polygon_without_height_holds_nothing() -> None:
@@ -194,7 +194,7 @@ def test_a_long_survey_in_a_fence_of_many_corners_takes_no_more_looks_than_it_ha
     ]
     area = fence(HERE, inclusion=[shape])
     polygon = area.inclusion[0]
-    short = area.plane.way(place(HERE, 0.0, 0.0), place(HERE, 50.0, 0.0))
+    short = area.plane.leg(place(HERE, 0.0, 0.0), place(HERE, 50.0, 0.0))
     assert polygon.edges_near(short) == []
-    rim = area.plane.way(place(HERE, 140.0, 0.0), place(HERE, 160.0, 0.0))
+    rim = area.plane.leg(place(HERE, 140.0, 0.0), place(HERE, 160.0, 0.0))
     assert 0 < len(polygon.edges_near(rim)) < 50

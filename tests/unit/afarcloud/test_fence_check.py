@@ -193,7 +193,7 @@ def fault_paths(*stops: Stop, exclusion: Sequence[Metres] = SQUARE) -> list[str]
 
 def test_a_leg_across_an_exclusion_is_refused_at_post() -> None:
     assert fault_paths(("waypoint", (60.0, 0.0), 0.0, 4)) == [
-        "missions.0.command_array.1.parameters: the way there enters geofence.exclusion.0"
+        "missions.0.command_array.1.parameters: the leg there enters geofence.exclusion.0"
     ]
 
 

@@ -115,7 +115,7 @@ def test_what_cannot_be_flown_is_named_with_its_parameter(
     refused, flown = json.loads(out)["missions"]
     assert refused["refused"]["command_id"] == 3
     assert refused["refused"]["parameter"] == "landing"
-    assert "the way there enters" in refused["refused"]["reason"]
+    assert "the leg there enters" in refused["refused"]["reason"]
     assert flown["segments"]
 
 
@@ -125,7 +125,7 @@ def test_a_leg_across_a_forbidden_area_is_refused(tmp_path: Path) -> None:
     pond = [[HOME[0] + m * 9e-6, east_or_west] for m in (4, 6) for east_or_west in (west, east)]
     fence = {"exclusion": [[pond[0], pond[1], pond[3], pond[2]]]}
     plan = {"missions": [first_flight()], "geofence": fence}
-    with pytest.raises(UsageError, match=r"command_array\.1\.parameters: the way there enters"):
+    with pytest.raises(UsageError, match=r"command_array\.1\.parameters: the leg there enters"):
         run([str(saved(tmp_path, plan))], NOW)
 
 

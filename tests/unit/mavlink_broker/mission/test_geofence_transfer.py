@@ -444,7 +444,7 @@ class TestRefusing:
         work = world.edge.plan(beyond, geofence={"exclusion": [square(15.0, half_m=5.0)]})
         world.run(2.0)
         (answer,) = world.edge.acknowledgements(work)
-        why = "latitude, longitude: the way there enters geofence.exclusion.0"
+        why = "latitude, longitude: the leg there enters geofence.exclusion.0"
         assert answer == {"status": "refused", "message": f"command 2: {why}"}
         assert world.edge.statuses(1201) == [Status.ABORTED, Status.FAILED, Status.ABORTED]
         assert world.edge.reports(1201)[-1]["command_report_array"][1]["message"] == why
@@ -475,7 +475,7 @@ class TestRefusing:
         world.edge.plan(round_it, geofence={"exclusion": [square(30.0, half_m=10.0)]})
         world.run_until_over(1201)
         assert world.edge.statuses(1201)[-1] == Status.FAILED
-        why = "landing: the way there enters geofence.exclusion.0"
+        why = "landing: the leg there enters geofence.exclusion.0"
         assert world.edge.reports(1201)[-1]["command_report_array"][-1]["message"] == why
         assert vehicle.log == []
 
@@ -555,5 +555,5 @@ class TestRallyPoints:
             rally_points=[beyond],
         )
         world.run_until_over(1201)
-        why = "landing: the way there enters geofence.exclusion.0"
+        why = "landing: the leg there enters geofence.exclusion.0"
         assert world.edge.reports(1201)[-1]["command_report_array"][2]["message"] == why

@@ -113,27 +113,27 @@ OUTSIDE: list[tuple[list[dict[str, Any]], int, str]] = [
     ([takeoff(60, 0)], 1, "latitude, longitude: the place lies 10.0 m outside"),
     ([takeoff(), waypoint(60, 0)], 2, "latitude, longitude: the place lies 10.0 m outside"),
     ([takeoff(), waypoint(15, 15)], 2, "latitude, longitude: the place lies in"),
-    ([takeoff(), waypoint(30, 30)], 2, "latitude, longitude: the way there enters"),
-    ([takeoff(), land(30, 30)], 2, "latitude, longitude: the way there enters"),
+    ([takeoff(), waypoint(30, 30)], 2, "latitude, longitude: the leg there enters"),
+    ([takeoff(), land(30, 30)], 2, "latitude, longitude: the leg there enters"),
     ([takeoff(), land(60, 0)], 2, "latitude, longitude: the place lies 10.0 m outside"),
     ([takeoff(), orbit(0, -40, 15)], 2, "latitude, longitude, radius: the circle leaves"),
     ([takeoff(), orbit(-5, 15, 20)], 2, "latitude, longitude, radius: the circle enters"),
     (
         [takeoff(), orbit(30, 30, 10, start_point=1)],
         2,
-        "latitude, longitude: the way there enters",
+        "latitude, longitude: the leg there enters",
     ),
     ([takeoff(), follow(60, 0)], 2, "latitude, longitude: the place lies 10.0 m outside"),
     ([takeoff(), waypoint(30, 0), go_home()], 0, ""),
     (
         [takeoff(), waypoint(30, 0), waypoint(30, 30), go_home()],
         4,
-        "landing: the way there enters",
+        "landing: the leg there enters",
     ),
     (
         [takeoff(), waypoint(30, 0), waypoint(30, 30), go_home(landing=False)],
         4,
-        "landing: the way there enters",
+        "landing: the leg there enters",
     ),
     ([takeoff(height_m=41.0)], 1, "altitude: 41 m is above geofence.max_altitude, 40 m"),
     ([takeoff(), waypoint(9, 0, 41.0)], 2, "altitude: 41 m is above geofence.max_altitude"),
@@ -165,7 +165,7 @@ def test_from_the_middle_of_a_circle_every_path_to_it_counts() -> None:
     """Where it begins then is not known."""
     beside = Geofence(exclusion=(field(4, -1, 6, 1),))
     found = fault(takeoff(), orbit(0, 0, 10), fence=beside)
-    assert found == (2, "latitude, longitude: the way there enters geofence.exclusion.0")
+    assert found == (2, "latitude, longitude: the leg there enters geofence.exclusion.0")
 
 
 def test_the_path_after_a_circle_begins_where_it_was_entered() -> None:
@@ -173,7 +173,7 @@ def test_the_path_after_a_circle_begins_where_it_was_entered() -> None:
     beyond = Geofence(exclusion=(field(28, -2, 32, 2),))
     assert fault(takeoff(), orbit(30, 0, 10), waypoint(0, 5), fence=beyond) is None
     found = fault(takeoff(), orbit(30, 0, 10), waypoint(60, 0), fence=beyond)
-    assert found == (3, "latitude, longitude: the way there enters geofence.exclusion.0")
+    assert found == (3, "latitude, longitude: the leg there enters geofence.exclusion.0")
 
 
 @pytest.mark.parametrize("family", [families.PX4, families.ARDUPILOT, families.OWN])
@@ -270,7 +270,7 @@ class TestPlacesOfEvents:
 
     def test_the_path_to_it_counts_unless_the_vehicle_has_strayed(self) -> None:
         check, there = AreaCheck(FENCE), Spot(*place(30, 30), 10.0)
-        assert check.fault_of_order(START[:2], there) == "the way there enters geofence.exclusion.0"
+        assert check.fault_of_order(START[:2], there) == "the leg there enters geofence.exclusion.0"
         assert check.fault_of_order(place(60, 0), there) is None
 
     def test_its_height_counts(self) -> None:
