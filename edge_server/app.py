@@ -92,7 +92,7 @@ def create_app(config: Config, *, clock: Callable[[], float] = time.time) -> Fla
     ring = auth.KeyRing(database, clock)
     limits = Limits(config)
     app.extensions[keys.KEY_RING] = ring
-    app.before_request(documentation.greet_browser)
+    app.before_request(documentation.link_browser_to_docs)
     app.before_request(lambda: auth.authorize(ring, limits, context))
     if config.cloud_jws_key_file is not None:
         from edge_server.api.access import jws  # noqa: PLC0415  # it costs memory

@@ -178,7 +178,7 @@ def _seconds(low: float, high: float) -> Callable[[Any], float]:
 
 
 def _choice(*choices: str) -> Callable[[Any], str]:
-    """Make the reader of one of several words, in capitals or not."""
+    """Make the reader of one of several values, in any case."""
 
     def read(value: Any) -> str:
         for choice in choices:

@@ -1,4 +1,4 @@
-"""State machines as data: a table of (state, trigger) -> next state, and one way to follow it."""
+"""State machines as data: a table of (state, trigger) -> next state, and its lookup."""
 
 from collections.abc import Mapping
 from typing import Generic, TypeVar

@@ -52,7 +52,7 @@ def parsed(upload: Upload, kinds: str) -> Any:
 
     Raises:
         SyntaxFaultError: if its media type is JSON and it is not.
-        InvalidError: if its media type does not say which of several `kinds` it is, and it is none.
+        InvalidError: if its media type does not identify one of several `kinds`, and it is none.
     """
     if upload.media_type.endswith("json"):
         return parse_json(upload.raw)

@@ -1,8 +1,8 @@
 """Framing of HTTP/1.1: where a request ends in the bytes of a connection; sans-IO.
 
 It reads as much of a head as determines the length of the body (RFC 9112 section 6.3) and leaves
-the rest to gunicorn's parser. A head that it cannot frame goes to that parser as the last request
-of its connection, and is refused there. What the parser would accept, or refuse too late, is
+the rest to gunicorn's parser. A head that it cannot frame is the last request of its connection
+and is refused by that parser. What the parser would accept, or refuse too late, is
 refused here with the status in `FramedRequest.refusal`: a head that is too long, an unknown version
 of HTTP, a duplicate of a singleton field (RFC 9110 section 5.3; the parser would join them), and a
 body that is malformed (RFC 9112 section 7.1) or too large.

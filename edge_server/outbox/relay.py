@@ -1,4 +1,4 @@
-"""The relay's loop: read queued records, choose, hand them to the senders, write the results.
+"""The relay's loop: read queued records, choose, pass them to the senders, write the results.
 
 RelayError  the relay cannot go on
 """
@@ -144,7 +144,7 @@ class Relay:
         if signals or now >= self._look_at:
             self._look_at = now + TICK_S
             new, gone = self._streams.look(self._status(now))
-            self._schedule.forget(gone)
+            self._schedule.drop(gone)
             self._schedule.announce(new)
         if to_read := self._schedule.to_read():
             with self._database.read() as connection:

@@ -161,7 +161,7 @@ class Schedule:
         """Streams with records in flight."""
         return {stream for stream, one in self._queues.items() if one.in_flight}
 
-    def forget(self, streams: Iterable[Stream]) -> None:
+    def drop(self, streams: Iterable[Stream]) -> None:
         """Send no more of these streams: another relay does."""
         for stream in streams:
             queue = self._queues.get(stream)

@@ -99,7 +99,7 @@ class SenderPool:
     def _results(self, batch: Batch) -> list[Result]:
         """Send a batch; an unexpected error puts off the streams of the batch and no others.
 
-        It is logged with its traceback each time. The thread goes on, because no record may keep
+        It is logged with its traceback each time. The thread continues, because no record may keep
         the others, alarms among them, from the cloud.
         """
         try:

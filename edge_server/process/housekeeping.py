@@ -81,18 +81,18 @@ def delete_old_records(context: Context) -> None:
 def _delete_plans(context: Context, now: float) -> int:
     before = now - context.config.retain_plans_days * DAY_S
     with context.database.write() as connection:
-        gone = plans.delete_old(connection, before, now)
-        if gone:
-            _record(connection, now, "retention.plans", f"{gone} plans")
-    return gone
+        deleted = plans.delete_old(connection, before, now)
+        if deleted:
+            _record(connection, now, "retention.plans", f"{deleted} plans")
+    return deleted
 
 
 def _cut_audit(context: Context, connection: Connection, now: float) -> None:
     before = now - context.config.retain_audit_days * DAY_S
-    gone = audit.cut(connection, before)
-    if gone:
+    deleted = audit.cut(connection, before)
+    if deleted:
         first_id = audit.ends(connection).first_id
-        _record(connection, now, "retention.audit", f"{gone} rows, to row {first_id}")
+        _record(connection, now, "retention.audit", f"{deleted} rows, to row {first_id}")
 
 
 def _record(connection: Connection, now: float, action: str, what: str) -> None:

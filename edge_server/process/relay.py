@@ -145,7 +145,7 @@ def _relay_once(config: Config, stopping: threading.Event) -> None:
 
 
 def _stop_with(relay: Relay, stopping: threading.Event) -> None:
-    """Stop a relay at a signal, which may have come already."""
+    """Stop a relay at a signal, which may have arrived already."""
 
     def stop() -> None:
         stopping.set()

@@ -1,7 +1,7 @@
 """The brokers of this server: wakes their long polls, and stores when each last made a request.
 
-An operator may close the mission of a broker that does not come back. Every request of a broker
-shows that it lives: a report, an acknowledgement, or a poll for work. Each vehicle's time is stored
+An operator may close the mission of a broker that has failed. Every request of a broker
+shows that it runs: a report, an acknowledgement, or a poll for work. Each vehicle's time is stored
 at most every 10 s, so that thousands of records a second cost nothing.
 """
 
@@ -95,7 +95,7 @@ class BrokerContacts:
             return is_due
 
     def _store(self, write: Callable[[Connection], None]) -> None:
-        """Store a contact; the request goes on without it if the database is full or busy."""
+        """Store a contact; the request continues without it if the database is full or busy."""
         try:
             self._database.write_together(write)
         except DBAPIError as error:

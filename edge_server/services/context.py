@@ -1,4 +1,4 @@
-"""What every service needs: configuration, database, clock and what it wakes."""
+"""What every service needs: configuration, database, clock, signals to relay and brokers."""
 
 import threading
 import time
@@ -105,7 +105,7 @@ class Context:
 
     @property
     def vehicle_limits(self) -> VehicleLimits:
-        """Limits of what a plan may ask of a vehicle."""
+        """Limits of what a plan may require of a vehicle."""
         return VehicleLimits(
             farthest_m=self.config.farthest_m, longest_leg_m=self.config.longest_leg_m
         )
@@ -127,7 +127,7 @@ class Context:
         if self.high_water is not None:
             self.high_water.raise_to(record_id)
 
-    def note_handed_out(self, work_id: int) -> None:
+    def note_published(self, work_id: int) -> None:
         """Store outside the database which work was published; call before the answer."""
         if self.high_water is not None:
             self.high_water.raise_work_to(work_id)

@@ -50,7 +50,7 @@ def store_answer(connection: Connection, caller: Caller, answered: Answered) -> 
     """Store the answer if the request has a key; the audit log names the object."""
     audit.made(answered.object_id)
     if caller.idempotency_key is not None:
-        idempotency.remember(connection, caller.idempotency_key, caller.owner, answered)
+        idempotency.add(connection, caller.idempotency_key, caller.owner, answered)
 
 
 def first_answer(answered: Answered, make_again: Callable[[], _Answer]) -> _Answer:

@@ -88,7 +88,7 @@ def store_all(
         )
     ids = _insert(connection, drafts)
     found = [_with_id(stored, place, ids) for stored, place in zip(outcomes, places, strict=True)]
-    _remember(connection, entries, found, owner)
+    _store_answers(connection, entries, found, owner)
     return found
 
 
@@ -114,7 +114,7 @@ def _with_id(stored: StoredEntry, place: int | None, ids: Sequence[int]) -> Stor
     return stored._replace(answer=stored.answer._replace(object_id=ids[place]))
 
 
-def _remember(
+def _store_answers(
     connection: Connection, entries: Sequence[Entry], outcomes: Sequence[StoredEntry], owner: str
 ) -> None:
     answers = {}
@@ -124,4 +124,4 @@ def _remember(
             if entry.key is not None:
                 answers[entry.key] = answer
     if answers:
-        idempotency.remember_all(connection, answers, owner)
+        idempotency.add_all(connection, answers, owner)

@@ -216,10 +216,10 @@ class Space:
         """Delete old receipts; returns whether there were any."""
         with self._database.write() as connection:
             before = self._clock() - RECEIPTS_KEPT_S
-            gone = budget.delete_receipts(connection, before, self.rows_at_once)
-        if gone:
+            deleted = budget.delete_receipts(connection, before, self.rows_at_once)
+        if deleted:
             self.measure()
-        return gone > 0
+        return deleted > 0
 
     def _thin(self) -> bool:
         """Thin the next part of the backlog; returns whether there is more to examine."""

@@ -34,7 +34,7 @@ _TEMPORARY: Final = (
     "not yet",
     "terminating",
 )
-"""Texts of a server that will accept us later; a failed connection carries no SQLSTATE."""
+"""Texts of a server that will accept connections later; a failed connection carries no SQLSTATE."""
 _SIDE_FILES: Final = ("-wal", "-shm", "-journal")
 
 

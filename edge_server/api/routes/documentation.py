@@ -25,7 +25,7 @@ pre{background:#f4f4f2;padding:1rem;overflow:auto}table{border-collapse:collapse
 td,th{padding:.2rem 1rem .2rem 0;text-align:left;vertical-align:top}
 summary{cursor:pointer}.method{display:inline-block;min-width:4.5rem;font-weight:600}
 """
-_GREETING: Final = (
+_START_PAGE: Final = (
     f"<!doctype html><html lang=en><meta charset=utf-8><title>Edge server</title>"
     f"<style>{_STYLE}</style><h1>Edge server</h1>"
     "<p>This server takes flight plans by REST and forwards what vehicles report to the cloud.</p>"
@@ -54,7 +54,7 @@ def show_page() -> ResponseReturnValue:
     return _html("".join(_page(_document(_app()))))
 
 
-def greet_browser() -> Response | None:
+def link_browser_to_docs() -> Response | None:
     """Answer a browser that opens `/` with a page that links to `/docs`; None for all others.
 
     Call it before the caller is identified: the page needs no key and shows no data.
@@ -63,7 +63,7 @@ def greet_browser() -> Response | None:
         return None
     types = request.accept_mimetypes
     return (
-        _html(_GREETING)
+        _html(_START_PAGE)
         if types.best_match(["application/json", "text/html"]) == "text/html"
         else None
     )

@@ -27,7 +27,8 @@ from edge_server.transitions import IllegalTransitionError
 REQUEST_LIFETIME_S: Final = 10.0
 REQUEST_LIMIT: Final = 32
 PAGE: Final = 100
-LOOK_S: Final = 5.0  # A long poll looks this often, in case another server's notice is lost
+POLL_INTERVAL_S: Final = 5.0
+"""A long poll reads the database this often, in case another server's notice is lost."""
 EXPIRED: Final = "expired before dispatch"
 EXPIRED_EVENT: Final = "expired before the broker accepted it"
 
@@ -90,21 +91,23 @@ def _poll(
 ) -> dict[str, Any]:
     while True:
         seen = context.work_signal.count
-        answer = _look(context, after_id, vehicle_ids)
+        answer = _read_work(context, after_id, vehicle_ids)
         if not answer["commands"] and answer["cursor"] > after_id:
             after_id = answer["cursor"]  # A page full of work for others
             continue
         left = deadline - time.monotonic()
         if answer["commands"] or left <= 0 or context.work_signal.closed:
             return answer
-        context.work_signal.wait(seen, min(left, LOOK_S))
+        context.work_signal.wait(seen, min(left, POLL_INTERVAL_S))
 
 
-def _look(context: Context, after_id: int, vehicle_ids: frozenset[int] | None) -> dict[str, Any]:
+def _read_work(
+    context: Context, after_id: int, vehicle_ids: frozenset[int] | None
+) -> dict[str, Any]:
     """Return events first, then the rest in order."""
     expire_if_due(context)
     with context.database.read() as connection:
-        # A cursor beyond all work belongs to a database that was replaced: begin again.
+        # A cursor beyond all work belongs to a database that was replaced: start at 0.
         cursor = after_id if after_id <= work.newest_id(connection) else 0
         events = work.live_events(connection, context.clock(), after_id=cursor)
         found = work.unfinished(connection, after_id=cursor, limit=PAGE, may_fly=True)
@@ -113,7 +116,7 @@ def _look(context: Context, after_id: int, vehicle_ids: frozenset[int] | None) -
             for item in (*events, *found)
             if vehicle_ids is None or item.vehicle_id is None or item.vehicle_id in vehicle_ids
         ]
-    context.note_handed_out(max((one["id"] for one in commands), default=0))
+    context.note_published(max((one["id"] for one in commands), default=0))
     # The rest follows a full page; an event behind it is then returned again.
     seen = found if len(found) == PAGE else [*events, *found]
     return {"cursor": max((item.id for item in seen), default=cursor), "commands": commands}

@@ -326,7 +326,7 @@ def remove(context: Context, reference: int | str) -> None:
 def close(
     context: Context, reference: int | str, reason: str, vehicle_id: int | None = None
 ) -> dict[str, Any]:
-    """End accepted missions of a broker that does not come back.
+    """End accepted missions of a broker that has failed.
 
     `vehicle_id` selects the missions of one vehicle; without it all that are accepted are ended.
     Ended and queued missions stay as they are.

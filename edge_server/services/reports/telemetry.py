@@ -197,7 +197,7 @@ def _answer_repeats(
         if entry.key is not None:
             keyed[entry.key] = answer
     if keyed:
-        idempotency.remember_all(connection, keyed, owner)
+        idempotency.add_all(connection, keyed, owner)
     return answers
 
 

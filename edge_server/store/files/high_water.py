@@ -4,8 +4,8 @@ A database that was deleted, or whose log was cut, does not show what it has los
 a little older. The marks survive a kill; after a power cut they may be a little behind, never
 ahead, since they are set after the commit. An impossible mark is ignored.
 
-A broker reports on work by its id, also on work of a database that is gone: no work of the next
-database may have that id.
+A broker reports on work by its id, also on work of a database that no longer exists: no work of
+the next database may have that id.
 """
 
 import threading

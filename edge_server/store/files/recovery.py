@@ -208,7 +208,7 @@ def _mapped(path: Path) -> Iterator[bytes | mmap.mmap]:
 
 
 def _is_sound(row: dict[str, Any]) -> bool:
-    """Whether a row that was found outside of any table is a record of ours."""
+    """Whether a row that was found outside of any table is a record of this server."""
     return isinstance(row["kind"], str) and isinstance(row["vehicle_id"], int) and _is_record(row)
 
 

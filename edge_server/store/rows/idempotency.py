@@ -49,12 +49,12 @@ def find_all(connection: Connection, keys: Collection[str], owner: str) -> dict[
     return {row[0]: Answered(*row[1:]) for row in rows}
 
 
-def remember(connection: Connection, key: str, owner: str, answered: Answered) -> None:
+def add(connection: Connection, key: str, owner: str, answered: Answered) -> None:
     """Store an answer."""
     connection.execute(insert(idempotency), {"key": key, "owner": owner, **answered._asdict()})
 
 
-def remember_all(connection: Connection, answers: Mapping[str, Answered], owner: str) -> None:
+def add_all(connection: Connection, answers: Mapping[str, Answered], owner: str) -> None:
     """Store many answers, by key."""
     connection.execute(
         insert(idempotency),

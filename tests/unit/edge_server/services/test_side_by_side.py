@@ -293,7 +293,7 @@ def test_rows_of_a_stream_become_visible_in_the_order_of_their_ids(servers: list
 def test_a_broker_that_waits_at_one_server_is_woken_by_the_other(
     servers: list[Context], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(broker_work, "LOOK_S", 3600.0)  # It does not look by itself
+    monkeypatch.setattr(broker_work, "POLL_INTERVAL_S", 3600.0)  # It does not read by itself
     waiting, posting = servers
     waiting.database.listen(waiting.receive_notice)
     found: list[dict[str, Any]] = []

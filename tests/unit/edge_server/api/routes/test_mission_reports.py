@@ -478,7 +478,7 @@ STEPS = (
     "store.rows.telemetry.add",
     "outbox.queue.enqueue",
     "store.rows.work.note_end",
-    "store.rows.idempotency.remember",
+    "store.rows.idempotency.add",
 )
 
 
