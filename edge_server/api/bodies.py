@@ -82,10 +82,16 @@ def raw_body(limit: int = MAXIMUM_BODY_BYTES, *, keep: bool = False) -> bytes:
     return raw
 
 
-def document(kind: Kind) -> Model:
-    """Read a document of this kind, with or without its envelope; raises DocumentError."""
+def document(kind: Kind, model: type[_Model]) -> _Model:
+    """Read a document of this kind, with or without its envelope; raises DocumentError.
+
+    `model` is the type of the kind, or a base of it.
+    """
     limit = MAXIMUM_IMAGE_BODY_BYTES if kind is Kind.IMAGE else MAXIMUM_BODY_BYTES
-    return wire.read(kind, json_body(limit))
+    read = wire.read(kind, json_body(limit))
+    if not isinstance(read, model):
+        raise TypeError(type(read))
+    return read
 
 
 def model(kind: type[_Model]) -> _Model:

@@ -17,7 +17,7 @@ from sqlalchemy.exc import SQLAlchemyError
 from edge_server.services import idempotency as post_idempotency
 from edge_server.services.audit import DONE, PROGRAM
 from edge_server.services.context import Context
-from edge_server.services.fleet import broker_work, events
+from edge_server.services.fleet import broker_work
 from edge_server.store.connection.locks import WORK
 from edge_server.store.files import integrity
 from edge_server.store.rows import audit, idempotency, keys, plans, tokens, work
@@ -27,6 +27,8 @@ LOG = logging.getLogger(__name__)
 EXPIRY_S: Final = 1.0
 CLEANUP_EVERY: Final = 600
 DAY_S: Final = 86_400.0
+REQUESTS_KEPT_S: Final = 3600.0
+"""Of requests for a state vector, from their expiry."""
 FILE_CHECK_AFTER_S: Final = 2.0
 """Delay of the integrity check, which would slow down the first requests."""
 FILE_LOOK_S: Final = 1.0
@@ -58,9 +60,9 @@ def clean_up(context: Context) -> None:
     now = context.clock()
     with context.database.write(WORK) as connection:
         idempotency.delete_before(connection, now - post_idempotency.KEPT_S)
-        broker_work.delete_old(connection, now)
+        work.delete_requests(connection, now - REQUESTS_KEPT_S)
         old = now - context.config.retain_plans_days * DAY_S
-        events.delete_before(connection, old)
+        work.delete_events(connection, old)
         work.delete_withdrawn(connection, old)
 
 

@@ -69,9 +69,7 @@ def acknowledge(identifier: int) -> dict[str, Any]:
 @describe(Contract({202: schemas.StateVectorRequest}, body=LatestStateVector, errors=(404, 429)))
 def request_state_vector() -> ResponseReturnValue:
     """Request a fresh state vector of one vehicle, or of all."""
-    request = bodies.document(Kind.LATEST_STATE_VECTOR)
-    if not isinstance(request, LatestStateVector):
-        raise TypeError(type(request))
+    request = bodies.document(Kind.LATEST_STATE_VECTOR, LatestStateVector)
     scopes.check(request.vehicle_id)
     answer = broker_work.request_state_vector(bodies.context(), request)
     audit("requested the latest state vector")

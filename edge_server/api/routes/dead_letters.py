@@ -93,9 +93,7 @@ def edit(record_id: int) -> dict[str, Any]:
     kind = scopes.permitted(dead_letters.find(bodies.context(), record_id))["kind"]
     if kind not in _REPORTS:
         raise ConflictError("a gap cannot be edited: retry or delete it")
-    report = bodies.document(Kind(kind))
-    if not isinstance(report, Report):
-        raise TypeError(type(report))
+    report = bodies.document(Kind(kind), Report)
     stored = dead_letters.edit(bodies.context(), record_id, report)
     audit(f"corrected dead letter {record_id}")
     return stored

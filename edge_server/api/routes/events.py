@@ -103,9 +103,8 @@ def delete(identifier: int) -> ResponseReturnValue:
 
 
 def _event() -> Event:
-    event = bodies.document(Kind.EVENT)
-    if not isinstance(event, Event):
-        raise TypeError(type(event))
+    """Read an event that the caller may post; raises 403."""
+    event = bodies.document(Kind.EVENT, Event)
     if caller().role == Role.FARMER and event.event_type_id == EventType.DRONE_SPEED:
         raise Forbidden("a farmer may abort a mission, not change its speed")
     scopes.check(event.vehicle_id)

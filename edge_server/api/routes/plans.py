@@ -75,7 +75,7 @@ def blueprint() -> Blueprint:
 )
 def create() -> ResponseReturnValue:
     """Store a plan and queue its missions; those of a farmer or the cloud are held."""
-    plan = _held_unless_allowed(_plan())
+    plan = _held_unless_allowed(bodies.document(Kind.PLAN, Plan))
     check(*(mission.vehicle_id for mission in plan.missions))
     stored = plans.create(bodies.context(), plan, caller())
     audit(f"posted plan {stored['id']}")
@@ -119,7 +119,7 @@ def get(reference: int | str) -> ResponseReturnValue:
 )
 def put(reference: int | str) -> ResponseReturnValue:
     """Replace a plan that the broker has not accepted; a farmer or the cloud a held one only."""
-    plan = _held_unless_allowed(_plan())
+    plan = _held_unless_allowed(bodies.document(Kind.PLAN, Plan))
     check(*(mission.vehicle_id for mission in plan.missions))
     precondition = with_vehicle_check(_check_draft if _needs_dispatcher() else etags.check_match)
     stored = plans.replace(bodies.context(), reference, plan, precondition)
@@ -181,10 +181,3 @@ def _check_draft(shown: dict[str, Any]) -> None:
     if any(mission["dispatch_state"] != "held" for mission in shown["missions"]):
         raise refusal(_UNATTENDED)
     etags.check_match(shown)
-
-
-def _plan() -> Plan:
-    plan = bodies.document(Kind.PLAN)
-    if not isinstance(plan, Plan):
-        raise TypeError(type(plan))
-    return plan

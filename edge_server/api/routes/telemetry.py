@@ -43,7 +43,7 @@ def _add_kind(routes: Blueprint, kind: Kind) -> None:
     @describe(Contract({201: stored}, body=model, repeatable=True, errors=errors))
     def create() -> ResponseReturnValue:
         """Store a report."""
-        report = _report(kind)
+        report = bodies.document(kind, Report)
         scopes.check(report.vehicle_id)
         kept = telemetry.ingest(bodies.context(), kind, report, caller())
         location = url_for(f"telemetry.{name}_get", record_id=kept["id"])
@@ -80,7 +80,7 @@ def _add_kind(routes: Blueprint, kind: Kind) -> None:
     @describe(Contract({200: stored}, body=model, conditional=True, errors=(409,)))
     def put(record_id: int) -> ResponseReturnValue:
         """Correct a report."""
-        report = _report(kind)
+        report = bodies.document(kind, Report)
         precondition = scopes.with_vehicle_check(etags.check_match)
         kept = telemetry.replace(bodies.context(), kind, record_id, report, precondition)
         audit(f"corrected {name} {record_id}")
@@ -101,10 +101,3 @@ def _add_kind(routes: Blueprint, kind: Kind) -> None:
     urls.add(routes, names, f"{name}_get", get, "GET", item=ITEM)
     urls.add(routes, names, f"{name}_put", put, "PUT", item=ITEM)
     urls.add(routes, names, f"{name}_delete", delete, "DELETE", item=ITEM)
-
-
-def _report(kind: Kind) -> Report:
-    report = bodies.document(kind)
-    if not isinstance(report, Report):
-        raise TypeError(type(report))
-    return report

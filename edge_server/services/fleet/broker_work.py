@@ -336,8 +336,3 @@ def end(connection: Connection, item: Work, status: Status, message: str, now: f
         "message": message,
     }
     records.store(connection, Kind.MISSION_REPORT, body, now)
-
-
-def delete_old(connection: Connection, now: float) -> None:
-    """Delete requests that ended long ago."""
-    work.delete_requests(connection, now - 3600.0)

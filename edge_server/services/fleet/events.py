@@ -98,7 +98,7 @@ def replace(
                 f"event {identifier} is for vehicle {old.vehicle_id}",
                 (Fault("vehicle_id", "cannot be changed"),),
             )
-        events.point_to(connection, identifier, _queue(connection, context, event, now))
+        events.set_work(connection, identifier, _queue(connection, context, event, now))
         work.remove(connection, old.work_id)
         _empty_queue(connection, event, identifier, now)
         shown = show(_find(connection, identifier))
@@ -149,11 +149,6 @@ def remove(context: Context, identifier: int) -> None:
         work.remove(connection, stored.work_id)
 
 
-def delete_before(connection: Connection, moment: float) -> None:
-    """Delete events from before a time."""
-    work.delete_events(connection, moment)
-
-
 def show(stored: StoredEvent) -> dict[str, Any]:
     """Return an event as the API shows it."""
     shown = {
@@ -169,7 +164,7 @@ def show(stored: StoredEvent) -> dict[str, Any]:
 
 def _queue(connection: Connection, context: Context, event: Event, now: float) -> int:
     """Check an event and queue it as work; returns the id of the work."""
-    expires_at = _end_of_life(event, now)
+    expires_at = _expiry(event, now)
     _check_speed(context, event)
     _check_vehicle(connection, event)
     if len(work.live_events(connection, now)) >= EVENT_LIMIT:
@@ -177,7 +172,7 @@ def _queue(connection: Connection, context: Context, event: Event, now: float) -
     return work.add_event(connection, body=write(event), now=now, expires_at=expires_at)
 
 
-def _end_of_life(event: Event, now: float) -> float:
+def _expiry(event: Event, now: float) -> float:
     """When an event expires: at its `expires_at`, but at most after the longest lifetime."""
     if event.expires_at is None:
         return now + LIFETIME_S

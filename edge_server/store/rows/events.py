@@ -29,7 +29,7 @@ def add(connection: Connection, *, work_id: int, received_at: float) -> int:
     return new_id(connection.execute(insert(event).values(values)))
 
 
-def point_to(connection: Connection, identifier: int, work_id: int) -> None:
+def set_work(connection: Connection, identifier: int, work_id: int) -> None:
     """Connect an event to other work, after which the old work can be deleted."""
     connection.execute(update(event).where(event.c.id == identifier).values(work=work_id))
 
