@@ -46,4 +46,4 @@ def check_match(shown: dict[str, Any]) -> None:
     tag = tag_of(shown)
     tags = [tag, *(f"{tag}-{form}" for form in FORMS)]
     if not shown or not (wanted.star_tag or any(one in wanted for one in tags)):
-        raise ChangedError("it has changed since it was read; read it again")
+        raise ChangedError("the resource has changed since it was read; read it again")

@@ -50,7 +50,7 @@ def run(context: Context, stopping: threading.Event) -> None:
                 if context.space.trusts_clock(time.monotonic()):
                     delete_old_records(context)
         except (SQLAlchemyError, OSError) as error:  # The database, or the disk under the ballast
-            LOG.warning("housekeeping has to wait: %s", error)
+            LOG.warning("housekeeping failed and is retried: %s", error)
         turn += 1
         stopping.wait(EXPIRY_S)
 

@@ -136,7 +136,7 @@ def _check_name(connection: Connection, key: StoredKey, now: float) -> None:
         taken = (Fault("name", "is the name of a key that is in use"),)
         raise ConflictError(f"there is a key {key.name} already", taken)
     if len(in_use) >= MOST_KEYS:
-        raise ConflictError(f"{MOST_KEYS} keys are in use, no more fit")
+        raise ConflictError(f"{MOST_KEYS} keys are in use, the maximum; revoke one first")
 
 
 def _find(connection: Connection, prefix: str) -> StoredKey:

@@ -45,7 +45,7 @@ def check_request() -> None:
         return
     if signature is None:
         if g.role == Role.CLOUD:
-            raise invalid_signature(f"what the cloud writes must be signed: {HEADER}")
+            raise invalid_signature(f"a write of the cloud must be signed in the header {HEADER}")
         return
     body = bodies.raw_body(keep=True)
     token = signatures.check(signature, body, request.path.rstrip("/"), bodies.context().clock())

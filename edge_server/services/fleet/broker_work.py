@@ -56,7 +56,9 @@ def request_state_vector(context: Context, request: LatestStateVector) -> dict[s
         expire(connection, now)
         waiting = work.unfinished(connection)
         if sum(item.kind == work.STATE_VECTOR for item in waiting) >= REQUEST_LIMIT:
-            raise TooMuchError("too many requests for a state vector wait")
+            raise TooMuchError(
+                f"{REQUEST_LIMIT} requests for a state vector wait, the maximum; try again later"
+            )
         identifier = work.add_request(
             connection,
             vehicle_id=request.vehicle_id,
@@ -76,10 +78,10 @@ def poll(
     `vehicle_ids` restricts it to the work of these vehicles; None means every vehicle.
 
     Raises:
-        TooMuchError: if too many callers wait already.
+        TooMuchError: if too many requests wait already.
     """
     if not context.places_to_wait.acquire(blocking=False):
-        raise TooMuchError("too many callers wait for work")
+        raise TooMuchError("too many requests wait for work; try again later")
     try:
         return _poll(context, after_id, time.monotonic() + wait_s, vehicle_ids)
     finally:
@@ -201,7 +203,7 @@ def acknowledge(
 
     Raises:
         NotFoundError: if there is no such work because it was cancelled; it must not be flown.
-        ConflictError: if it has ended differently or expired; it must not be flown.
+        ConflictError: if it has ended with another status or expired; it must not be flown.
     """
     with context.database.write(WORK) as connection:
         now = context.clock()
@@ -235,7 +237,7 @@ def _acknowledge_mission(
         if item.state != work.CLOSED:
             end(connection, item, Status.FAILED, message or "refused by the broker", now)
         elif item.status_id != Status.FAILED:
-            raise ConflictError(f"work {item.id} has ended differently")
+            raise ConflictError(f"work {item.id} has ended with another status than refused")
     elif item.state == work.CLOSED:
         raise ConflictError(f"work {item.id} has ended: {item.message or 'see the plan'}")
     elif item.state == work.QUEUED:

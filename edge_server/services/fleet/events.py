@@ -92,7 +92,9 @@ def replace(
         old = _find(connection, identifier)
         precondition(show(old))
         if old.state != work.QUEUED:
-            raise ConflictError(f"event {identifier} is {state_of(old.status_id)}")
+            raise ConflictError(
+                f"event {identifier} cannot be replaced: it is {state_of(old.status_id)}"
+            )
         if event.vehicle_id != old.vehicle_id:
             raise ConflictError(
                 f"event {identifier} is for vehicle {old.vehicle_id}",
@@ -144,7 +146,7 @@ def remove(context: Context, identifier: int) -> None:
         broker_work.expire(connection, now)
         stored = _find(connection, identifier)
         if stored.state == work.ACCEPTED and now < stored.expires_at + RESULT_TIMEOUT_S:
-            raise ConflictError(f"event {identifier} is being carried out")
+            raise ConflictError(f"event {identifier} cannot be deleted: the broker carries it out")
         events.remove(connection, identifier)
         work.remove(connection, stored.work_id)
 
@@ -168,7 +170,7 @@ def _queue(connection: Connection, context: Context, event: Event, now: float) -
     _check_speed(context, event)
     _check_vehicle(connection, event)
     if len(work.live_events(connection, now)) >= EVENT_LIMIT:
-        raise TooMuchError("too many events wait")
+        raise TooMuchError(f"{EVENT_LIMIT} events wait, the maximum; try again later")
     return work.add_event(connection, body=write(event), now=now, expires_at=expires_at)
 
 

@@ -102,7 +102,7 @@ def remove(context: Context, vehicle_id: int) -> None:
         if vehicles.get(connection, vehicle_id) is None:
             raise NotFoundError(f"vehicle {vehicle_id} is not registered")
         if work.unfinished(connection, vehicle_id=vehicle_id, limit=1):
-            raise ConflictError(f"vehicle {vehicle_id} has unfinished work")
+            raise ConflictError(f"vehicle {vehicle_id} cannot be deleted: it has unfinished work")
         vehicles.remove(connection, vehicle_id)
 
 

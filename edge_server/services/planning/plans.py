@@ -157,7 +157,8 @@ def _create(
     stored.warnings.extend({"path": one.path, "message": one.message} for one in warnings)
     if plans.find(connection, stored.plan_id) is not None:
         raise ConflictError(
-            "a plan of this plan_id is here already", (Fault("plan_id", "is already taken"),)
+            "another plan has this plan_id; leave it out, or replace that plan with PUT",
+            (Fault("plan_id", "is already taken"),),
         )
     row = plans.add(connection, stored)
     audit.about(f"plans/{row}")
@@ -187,10 +188,13 @@ def replace(
         old = _find(connection, reference)
         precondition(_show(connection, old))
         if any(item.state != work.QUEUED for item in work.of_plan(connection, old.id)):
-            raise ConflictError(f"plan {old.id} is no longer waiting")
+            raise ConflictError(
+                f"plan {old.id} cannot be replaced: a mission of it was accepted or has ended"
+            )
         if plan.plan_id not in {None, old.plan_id}:
             raise ConflictError(
-                f"plan {old.id} keeps its plan_id", (Fault("plan_id", "cannot be changed"),)
+                f"the plan_id of plan {old.id} cannot be changed; leave it out",
+                (Fault("plan_id", "cannot be changed"),),
             )
         work.remove_of_plan(connection, old.id, now)
         new = _checked(connection, context, plan, fence, now)._replace(
@@ -229,7 +233,7 @@ def dispatch(context: Context, reference: int | str) -> dict[str, Any]:
                 raise ConflictError(f"plan {stored.id} has ended: {missions[0].message}")
             plan = _dispatched(stored, missions)
             if plan != checked or fence is None:
-                raise ConflictError(f"plan {stored.id} has just been changed; read it again")
+                raise ConflictError(f"plan {stored.id} was changed meanwhile; read it again")
             stored = _queue_dispatched(connection, context, stored, plan, fence, now)
         shown = _show(connection, stored)
     context.work_signal.notify()
@@ -317,7 +321,10 @@ def remove(context: Context, reference: int | str) -> None:
     with context.database.write(WORK) as connection:
         stored = _find(connection, reference)
         if any(item.state == work.ACCEPTED for item in work.of_plan(connection, stored.id)):
-            raise ConflictError(f"plan {stored.id} is being flown")
+            raise ConflictError(
+                f"plan {stored.id} cannot be deleted: the broker has accepted a mission of it; "
+                "abort it first"
+            )
         work.remove_of_plan(connection, stored.id, context.clock())
         plans.remove(connection, stored.id)
 
@@ -446,7 +453,8 @@ def _check_queue(connection: Connection, context: Context, mission: Mission, pat
         )
     if len(waiting) >= context.config.queue_limit:
         raise ConflictError(
-            f"vehicle {mission.vehicle_id} has {len(waiting)} unfinished missions, no more fit",
+            f"vehicle {mission.vehicle_id} has {len(waiting)} unfinished missions, the maximum; "
+            "post the plan again when one has ended",
             (Fault(f"{path}.vehicle_id", "has a full queue"),),
         )
 

@@ -99,8 +99,8 @@ def _apply_correction(
         is_allowed = _is_last(connection, old, report.mission_id)
     if not is_allowed:
         raise ConflictError(
-            f"of mission {report.mission_id} something else has been reported since",
-            (Fault("mission_status_id", "contradicts what was reported since"),),
+            f"mission {report.mission_id} has a later report that contradicts this correction",
+            (Fault("mission_status_id", "contradicts a later report"),),
         )
     if change is not None and change.ended:
         work.note_end(connection, change.mission.id, new.id, new.message_id)
