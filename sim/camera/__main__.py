@@ -39,7 +39,7 @@ def main() -> int:
 
 
 def _told(line: str) -> bool:
-    """Whether somebody still listens; the vehicle may have been killed."""
+    """Whether the reader still exists; the vehicle may have been killed."""
     try:
         print(line, flush=True)
     except BrokenPipeError:

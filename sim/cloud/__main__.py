@@ -15,7 +15,7 @@ from pathlib import Path
 from werkzeug.serving import WSGIRequestHandler, make_server
 
 from sim.cloud.app import create_app
-from sim.cloud.mqtt import MqttDoor
+from sim.cloud.mqtt import MqttReceiver
 from sim.cloud.store import Store
 
 
@@ -29,11 +29,11 @@ class _KeepAliveHandler(WSGIRequestHandler):
         logging.getLogger("sim.cloud").debug("%s %s %s", self.requestline, code, size)
 
 
-def _mqtt_door(store: Store, url: str | None, login_file: Path | None) -> MqttDoor | None:
+def _mqtt_receiver(store: Store, url: str | None, login_file: Path | None) -> MqttReceiver | None:
     if not url:
         return None
     login = None if login_file is None else login_file.read_text(encoding="utf-8").strip()
-    return MqttDoor(store, url, login)
+    return MqttReceiver(store, url, login)
 
 
 def main() -> int:
@@ -75,12 +75,12 @@ def main() -> int:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: threading.Thread(target=server.shutdown).start())
     logging.getLogger("sim.cloud").info("listening on http://%s:%d", arguments.host, arguments.port)
-    door = _mqtt_door(store, arguments.mqtt, arguments.mqtt_login_file)
-    if door is not None:
-        door.open()
+    receiver = _mqtt_receiver(store, arguments.mqtt, arguments.mqtt_login_file)
+    if receiver is not None:
+        receiver.open()
     server.serve_forever()
-    if door is not None:
-        door.close()
+    if receiver is not None:
+        receiver.close()
     server.server_close()
     return 0
 

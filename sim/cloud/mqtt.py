@@ -1,7 +1,7 @@
-"""The mock cloud's door to MQTT 5: keeps what arrives at a broker and answers to it.
+"""The mock cloud as an MQTT 5 client: stores the messages of its topics and answers them.
 
-Each message is acknowledged to the broker only after it has been kept and answered, and the broker
-keeps our session for an hour, so that a cloud that is killed finds what came meanwhile.
+A message is acknowledged to the broker only after it has been stored and answered, and the session
+expires after an hour, so that a cloud that is killed receives the messages sent meanwhile.
 """
 
 import json
@@ -28,11 +28,11 @@ _PORTS: Final = {"mqtt": 1883, "mqtts": 8883}
 _QOS: Final = 1
 
 
-class MqttDoor:
-    """Takes records from a broker until it is closed."""
+class MqttReceiver:
+    """Receives records from a broker until it is closed."""
 
     def __init__(self, store: Store, url: str, login: str | None = None) -> None:
-        """Take the broker's address and, where it asks for one, a login as `user:password`."""
+        """Take the broker's address and a login as `user:password` if it requires one."""
         parts = urlsplit(url)
         self._store = store
         self._root = unquote(parts.path).strip("/") or "afarcloud/farm"
@@ -43,7 +43,7 @@ class MqttDoor:
         if login is not None:
             user, _, password = login.partition(":")
             self._client.username_pw_set(user, password)
-        self._client.on_socket_open = _hurry
+        self._client.on_socket_open = _set_low_delay
         self._client.on_connect = self._on_connect
         self._client.on_publish = _on_publish
         self._client.on_message = self._on_message
@@ -60,11 +60,11 @@ class MqttDoor:
         )
 
     def open(self) -> None:
-        """Begin; the broker may come later."""
+        """Connect; the broker may start later."""
         self._client.loop_start()
 
     def close(self) -> None:
-        """End; the broker keeps the session."""
+        """Disconnect; the broker keeps the session."""
         self._client.disconnect()
         self._client.loop_stop()
 
@@ -72,7 +72,7 @@ class MqttDoor:
         self, client: Client, _: Any, __: ConnectFlags, reason: ReasonCode, ___: Any
     ) -> None:
         if reason.is_failure:
-            LOG.error("the MQTT broker refuses us: %s", reason)
+            LOG.error("the MQTT broker refuses the connection: %s", reason)
             return
         topics = [f"{self._root}/{kind}/+" for kind in KINDS] + [f"{self._root}/{BATCH}"]
         client.subscribe([(topic, _QOS) for topic in topics])
@@ -83,7 +83,7 @@ class MqttDoor:
         topic = message.topic.removeprefix(f"{self._root}/")
         answered = answer(self._store, Request(topic, key, bytes(message.payload)), time.time())
         answers_topic = getattr(message.properties, "ResponseTopic", "")
-        # Nobody may make us speak elsewhere.
+        # A sender may not make the cloud publish on any other topic
         if answers_topic.startswith(f"{self._root}/answers/"):
             properties = _properties(PacketTypes.PUBLISH)
             properties.ContentType = "application/json"
@@ -94,17 +94,17 @@ class MqttDoor:
 
 
 def _on_publish(client: Client, *_: Any) -> None:
-    """The broker has acknowledged: so does the kernel, or the next record waits 40 ms for it."""
-    _hurry(client, None, client.socket())
+    """Disable delayed TCP acknowledgements again, which cost the next record 40 ms."""
+    _set_low_delay(client, None, client.socket())
 
 
-def _hurry(_: Client, __: Any, opened: Any) -> None:
-    """An answer is small and waits for nothing, here nor (where the kernel can) at the broker."""
+def _set_low_delay(_: Client, __: Any, opened: Any) -> None:
+    """Disable Nagle's algorithm and, on Linux, delayed acknowledgements: answers are small."""
     opened.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     if hasattr(socket, "TCP_QUICKACK"):
         opened.setsockopt(socket.IPPROTO_TCP, socket.TCP_QUICKACK, 1)
 
 
 def _properties(packet_type: int) -> Any:
-    """Properties of a packet; paho tells no types for them."""
+    """Properties of a packet; paho has no types for them."""
     return Properties(packet_type)  # type: ignore[no-untyped-call]

@@ -1,6 +1,6 @@
 """What the active faults do to motors, wind and readings.
 
-`FaultEffects.take` is told when the set of active faults changes; in between it works on
+`FaultEffects.take` is called when the set of active faults changes; in between it works on
 plain attributes, and a healthy vehicle does not call it at all.
 
 A motor of efficiency e gives e times the thrust that its command would give: the command is

@@ -1,4 +1,4 @@
-"""What the launcher is told: environment variables, as the Makefile exports them."""
+"""Settings of the launcher: environment variables, as the Makefile exports them."""
 
 import os
 import shutil
@@ -11,12 +11,12 @@ MAXIMUM_PORT = 65_535
 
 
 class SettingsError(Exception):
-    """A variable holds what cannot be used; the message names it."""
+    """A variable has an invalid value; the message names it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Settings:
-    """One system: how many vehicles, how fast, on which ports, where its state lives."""
+    """One system: number of vehicles, speed, ports, state folder."""
 
     vehicles: int
     speed: float  # [-] Simulated over real time; 0 means as fast as it goes

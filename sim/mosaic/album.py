@@ -74,7 +74,7 @@ def _prints(pictures: Sequence[Georeference]) -> list[Print]:
 
 
 def _looks(picture: Georeference) -> str:
-    """Where to, in words."""
+    """Destination as text."""
     if picture.pitch_deg < _DOWN_DEG:
         return "straight down"
     sector = round(picture.yaw_deg % 360.0 / 45.0) % len(_WINDS)

@@ -25,13 +25,13 @@ class Sheet(NamedTuple):
     """A map that has been written."""
 
     path: Path
-    pictures: int  # That tell where they were taken
+    pictures: int  # With a position
     shown_ha: float
     fields: tuple[Coverage, ...]  # Of the farm, as far as they are shown at all
 
 
 def pictures_in(folder: Path) -> Iterator[Georeference]:
-    """The pictures of a folder by name; what does not tell its place is left out, and said."""
+    """The pictures of a folder by name; one without a position is left out with a warning."""
     for path in sorted(folder.glob("*.jpg")):
         try:
             yield georeference(path)
@@ -40,7 +40,7 @@ def pictures_in(folder: Path) -> Iterator[Georeference]:
 
 
 def write_mosaic(pictures: Sequence[Georeference], farm: Farm, path: Path) -> Sheet | None:
-    """Write the map as a JPEG; None when there is no picture that looks down.
+    """Write the map as a JPEG; None when no picture points down.
 
     Raises:
         OSError: if a picture cannot be read or the map not be written.

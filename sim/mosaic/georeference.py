@@ -28,12 +28,12 @@ _STEEP_ENOUGH: Final = 0.05  # Down part of a ray that is taken to meet the grou
 
 
 class PictureError(ValueError):
-    """A file is no picture with a place; the message names the file and the reason."""
+    """A file is not a picture with a position; the message names file and reason."""
 
 
 @dataclass(frozen=True)
 class Georeference:
-    """What a picture tells of itself."""
+    """Position and attitude of a picture, from its metadata."""
 
     path: Path
     latitude_deg: float
@@ -112,10 +112,10 @@ class Georeference:
 
 
 def georeference(path: Path) -> Georeference:
-    """Read what a picture tells of itself.
+    """Read position and attitude from the metadata of a picture.
 
     Raises:
-        PictureError: if it is no picture, or does not tell.
+        PictureError: if it is not a picture, or has no position.
         OSError: if it cannot be read.
     """
     try:

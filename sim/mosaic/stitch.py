@@ -1,7 +1,7 @@
 """One map of many pictures: each cell of the ground is taken from the picture that shows it best.
 
 Best is where the cell lies farthest from the picture's edge. Nothing is matched or adjusted: what
-the pictures tell of themselves is all there is, so that the map shows how good that is.
+the metadata of the pictures say is all that is used, so that the map shows its accuracy.
 """
 
 import math

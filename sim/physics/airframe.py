@@ -7,7 +7,7 @@ effect (`sim/physics/rotor_effects.py`), and five elements are put in short:
 
 * The bundled flight controller and sensors, some fifty components, run in every physics step for
   nothing: the motors are driven through the external inputs beside them. What stays of them is
-  the way from those inputs to the ESCs.
+  the path from those inputs to the ESCs.
 * Of the aerodynamics all coefficients are zero but that of drag, which is one: drag is the
   dynamic pressure times the reference area, opposed to the motion.
 

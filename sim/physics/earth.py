@@ -1,4 +1,4 @@
-"""The Earth that the simulator believes in: WGS-84's curvature.
+"""The simulator's model of the Earth: WGS-84's curvature.
 
 Shared with no other program on purpose: were the autopilot's geodesy used here, a sign
 error would cancel.

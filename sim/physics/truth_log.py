@@ -41,7 +41,7 @@ _ROW: Final = (
 
 
 class TruthLog:
-    """An open log file; folders on the way to it are made.
+    """An open log file; missing folders are made.
 
     A medium that refuses later on ends the log, not the flight.
 

@@ -1,1 +1,1 @@
-"""The flight report: what was planned, believed and true, drawn from plan, ULog and truth log."""
+"""The flight report: planned, estimated and true motion, drawn from plan, ULog and truth log."""

@@ -1,4 +1,4 @@
-"""What happened when, told from the log: arming, modes, landed states, mission, sentences."""
+"""Events of the log by time: arming, modes, landed states, mission, status texts."""
 
 from collections.abc import Iterator, Mapping
 from typing import Final, NamedTuple

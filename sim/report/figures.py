@@ -134,7 +134,7 @@ def examine(vehicle_id: int, planned: Planned, log: FlightLog, truth: TruthTrack
 
 
 def _estimate(log: FlightLog, truth: TruthTrack, begin_s: float) -> Series:
-    """Where the vehicle believed to be."""
+    """Estimated position of the vehicle."""
     topic, plane = "vehicle_global_position", truth.plane
     ground = plane.place(log.column(topic, "lat"), log.column(topic, "lon"))
     up = log.column(topic, "alt") - plane.altitude_amsl_m

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from pyulog import ULog  # type: ignore[import-untyped]  # pyulog tells no types
+from pyulog import ULog  # type: ignore[import-untyped]  # pyulog has no types
 
 from sim.report.arrays import Array, ReportError
 
@@ -15,7 +15,7 @@ _MICROSECONDS = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class Text:
-    """A sentence that the operator was told."""
+    """A STATUSTEXT."""
 
     time_s: float
     severity: int  # [-] 0 emergency to 7 debug

@@ -70,7 +70,7 @@ def speed(axes: Axes, flight: Flight) -> None:
 
 
 def angle(axes: Axes, flight: Flight, index: int) -> None:
-    """Roll (0), pitch (1) or yaw (2), believed and asked for."""
+    """Roll (0), pitch (1) or yaw (2), estimated and commanded."""
     _time_axis(axes, flight)
     name = ("Roll", "Pitch", "Yaw")[index]
     for topic, field, colour, label in (

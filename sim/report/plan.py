@@ -146,7 +146,7 @@ def _command(command: Mapping[str, Any]) -> Command:
 
 
 def _summary(given: Mapping[str, Any]) -> str:
-    """The parameters that say something, in a few words."""
+    """The parameters that are set, as short text."""
     units = {
         "altitude": "m up",
         "orbit_altitude": "m up",

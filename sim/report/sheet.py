@@ -105,7 +105,7 @@ def _png(figure: Figure) -> bytes:
 
 
 def passage_mark(passage: Passage) -> str:
-    """Whether the circle was entered, in a word."""
+    """Whether the circle was entered, as text."""
     if passage.accepted is None:
         return "-"
     return "yes" if passage.accepted else "NO"

@@ -1,4 +1,4 @@
-"""The summary table of a flight: figures in words."""
+"""The summary table of a flight."""
 
 import numpy as np
 
@@ -13,7 +13,7 @@ def in_the_air(flight: Flight, series: Series) -> Array:
 
 
 def summary(flight: Flight) -> list[tuple[str, str]]:
-    """The figures in words, in the order of a table."""
+    """The figures as text, in the order of the table."""
     errors, landing, velocity = flight.errors, flight.landing, flight.true_velocity.values
     position = in_the_air(flight, errors.position)
     tilt, heading = in_the_air(flight, errors.tilt), in_the_air(flight, errors.heading)

@@ -8,7 +8,7 @@
 | light sensor | light on level ground | 3 % |
 
 The radiometer and the thermometer look straight down; what they see is the map at the vehicle's
-own place. Slow offsets are left out: within a flight they cannot be told from the place.
+own place. Slow offsets are left out: within a flight they cannot be distinguished from the place.
 """
 
 from collections.abc import Iterator

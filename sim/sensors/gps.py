@@ -60,7 +60,7 @@ class Gps:
         self._velocity = tuple(sigma * factor for sigma in receiver.velocity_sigma_ned_m_s)
         self._accuracies = _reported_accuracies(receiver, factor)
         self._fix_type = receiver.fix_type
-        self._on_its_way: deque[GpsReading] = deque()
+        self._pending: deque[GpsReading] = deque()
 
     def _processes(
         self, sigmas_m: PerAxis, correlation_time_s: float, factor: float
@@ -78,20 +78,20 @@ class Gps:
     def measure(self, truth: Truth) -> None:
         """Take a solution for this instant; `deliver` hands it over later."""
         if truth.time_us < FIRST_FIX_US:
-            self._on_its_way.append(without_fix(truth.time_us))
+            self._pending.append(without_fix(truth.time_us))
         else:
-            self._on_its_way.append(self._solution(truth))
+            self._pending.append(self._solution(truth))
 
     @property
     def delivery_us(self) -> int:
-        """When the next solution that is on its way will be there [us]; in an age if none is."""
-        way = self._on_its_way
-        return way[0].time_us + DELAY_US if way else _NEVER_US
+        """Time at which the next delayed solution is due [us]; far in the future if none is."""
+        pending = self._pending
+        return pending[0].time_us + DELAY_US if pending else _NEVER_US
 
     def deliver(self, time_us: int) -> GpsReading | None:
         """The solution whose latency has passed at `time_us`, if there is one."""
-        if self._on_its_way and self._on_its_way[0].time_us + DELAY_US <= time_us:
-            return self._on_its_way.popleft()
+        if self._pending and self._pending[0].time_us + DELAY_US <= time_us:
+            return self._pending.popleft()
         return None
 
     def _solution(self, truth: Truth) -> GpsReading:

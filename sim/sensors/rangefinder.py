@@ -36,8 +36,8 @@ class RangeFinder:
         noise = next(self._normals)
         distance = slant_distance_m(truth)
         distance += self._factor * noise * (WHITE_SIGMA_M + SCALE_SIGMA * distance)
-        heard = MINIMUM_M <= distance <= MAXIMUM_M
-        return RangeReading(truth.time_us, distance if heard else math.nan)
+        is_in_range = MINIMUM_M <= distance <= MAXIMUM_M
+        return RangeReading(truth.time_us, distance if is_in_range else math.nan)
 
 
 def slant_distance_m(truth: Truth) -> float:

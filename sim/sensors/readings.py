@@ -76,7 +76,7 @@ class EnvironmentReading(NamedTuple):
 
     time_us: int  # [us]
     air_temperature_c: float  # [deg C]
-    relative_humidity_percent: float  # [%] NaN: the instrument speaks and does not measure
+    relative_humidity_percent: float  # [%] NaN: the instrument responds but does not measure
     soil_moisture: float  # [m^3/m^3] Water in the upper soil
     soil_temperature_c: float  # [deg C]
     illuminance_lx: float  # [lx]

@@ -68,11 +68,11 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def _url(broker: str) -> str:
-    """MAVSDK's way to the broker: it takes addresses, not names.
+    """MAVSDK's connection URL of the broker, with a numeric address.
 
     Raises:
-        OSError: if nobody knows the name.
-        ValueError: if it is no host and port.
+        OSError: if the name cannot be resolved.
+        ValueError: if it is not a host and port.
     """
     host, colon, port = broker.rpartition(":")
     if not (colon and host and port.isascii() and port.isdigit() and 0 < int(port) < 65_536):
@@ -81,7 +81,7 @@ def _url(broker: str) -> str:
 
 
 def _home(system_id: int) -> Home:
-    """Where the simulated vehicle of that number would stand."""
+    """Home of the simulated vehicle of that number."""
     place = SimulationConfig()
     latitude_deg = place.home_latitude_deg
     degree_m = _METRES_PER_DEGREE * math.cos(math.radians(latitude_deg))
@@ -92,7 +92,7 @@ def _home(system_id: int) -> Home:
 def _run_operator(
     operator: Operator, lines: Lines, script: Script | None, woken: WakeableQueue[LinkEvent]
 ) -> None:
-    """Go round until there is nothing more to read and the broker has heard the last of it."""
+    """Run until there is no more input and the broker has received the last message."""
     exit_condition = ExitCondition()
     while True:
         now = time.monotonic()

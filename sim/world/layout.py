@@ -69,7 +69,7 @@ class Track(NamedTuple):
 
 
 class Building(NamedTuple):
-    """A box on the ground. The camera sees it; nobody collides with it."""
+    """A box on the ground, visible to the camera; vehicles do not collide with it."""
 
     name: str
     middle: Place  # [m]

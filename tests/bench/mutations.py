@@ -312,8 +312,8 @@ BREAKS: Final = (
     Break(
         "a fix arrives as late as its receiver takes",
         "sim/sensors/gps.py",
-        "self._on_its_way[0].time_us + DELAY_US <= time_us",
-        "self._on_its_way[0].time_us <= time_us",
+        "self._pending[0].time_us + DELAY_US <= time_us",
+        "self._pending[0].time_us <= time_us",
         "tests/unit/sim/sensors",
     ),
 )  # fmt: skip

@@ -11,7 +11,7 @@ import requests
 
 from edge_server.process.preparation import prepare
 from sim.cloud import mqtt_requests
-from sim.cloud.mqtt import MqttDoor
+from sim.cloud.mqtt import MqttReceiver
 from sim.cloud.store import Store
 from sim.launch.farm_client import rows
 from tests.support import fake_cloud, pages
@@ -328,8 +328,8 @@ def test_tls_with_our_own_certificate_and_a_pin(authority: Authority, tmp_path: 
 def test_the_mock_cloud_takes_batches(tmp_path: Path) -> None:
     with running_mosquitto(tmp_path / "broker") as broker:
         store = Store(None)
-        door = MqttDoor(store, broker.url)
-        door.open()
+        receiver = MqttReceiver(store, broker.url)
+        receiver.open()
         try:
             with station_at(broker.url, tmp_path, read_timeout_s=20.0) as station:
                 station.ingest("pose", *range(60))
@@ -337,7 +337,7 @@ def test_the_mock_cloud_takes_batches(tmp_path: Path) -> None:
                 station.relay()
                 station.wait_empty()
         finally:
-            door.close()
+            receiver.close()
     for kind in ("pose", "battery"):
         held = [record.body["sequence_number"] for record in store.records(kind)]
         assert held == list(range(60))
@@ -360,8 +360,8 @@ def test_a_cloud_that_takes_back_its_batches_gets_single_records(
     monkeypatch.setattr("sim.cloud.mqtt.answer", refuse_batches)
     with running_mosquitto(tmp_path / "broker") as broker:
         store = Store(None)
-        door = MqttDoor(store, broker.url)
-        door.open()
+        receiver = MqttReceiver(store, broker.url)
+        receiver.open()
         try:
             with station_at(broker.url, tmp_path, read_timeout_s=20.0) as station:
                 station.relay()
@@ -373,7 +373,7 @@ def test_a_cloud_that_takes_back_its_batches_gets_single_records(
                     broker.go_on()
                     station.wait_empty()
         finally:
-            door.close()
+            receiver.close()
     held = [record.body["sequence_number"] for record in store.records("pose")]
     assert held == list(range(60))
     assert len(batches) == 1

@@ -1,8 +1,8 @@
 """`python -m sim.camera.film.live_view SOCKET`: what the camera sees now, for whoever looks.
 
 A process beside the vehicle. Frames are ordered on its standard input, a line each, and answered a
-line each; they are made only while somebody looks. On a listening socket, whose file descriptor it
-is told and inherits, it serves
+line each; they are rendered only while a viewer is connected. On a listening socket, whose file
+descriptor it inherits and gets as an argument, it serves
 
     /stream         Motion JPEG, `multipart/x-mixed-replace`: browsers, VLC and OpenCV play it
     /snapshot.jpg   the newest frame
@@ -48,7 +48,7 @@ class Screen:
 
     @property
     def is_watched(self) -> bool:
-        """Whether somebody looks."""
+        """Whether a viewer is connected."""
         return self._viewers > 0
 
     def show(self, jpeg: bytes) -> None:
@@ -139,7 +139,7 @@ def serve(
     screen: Screen, listening: socket.socket, *, patience_s: float = PATIENCE_S
 ) -> ThreadingHTTPServer:
     """Begin to serve whoever comes to a socket."""
-    # `timeout` is the base class's: of reading a question, and of writing what nobody takes
+    # `timeout` is the base class's: of reading a question, and of writing to a stalled viewer
     handler = type(
         "Handler", (_Handler,), {"screen": screen, "patience_s": patience_s, "timeout": patience_s}
     )

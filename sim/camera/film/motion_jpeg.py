@@ -17,7 +17,7 @@ LARGEST_BYTES: Final = 1 << 30
 _HAS_INDEX: Final = 0x10
 _KEY_FRAME: Final = 0x10
 _MICROSECONDS: Final = 1_000_000
-_RATE_SCALE: Final = 1000  # Rates are told in thousandths of a hertz
+_RATE_SCALE: Final = 1000  # Rates are written in thousandths of a hertz
 _DEFAULT_QUALITY: Final = 0xFFFF_FFFF
 _INDEX_ENTRY: Final = struct.Struct("<4sIII")
 

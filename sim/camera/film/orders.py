@@ -75,7 +75,7 @@ class Order(View):
 
 
 def to_line(order: Order | Frame) -> str:
-    """The order as a line without its end; a frame is told by its rate."""
+    """The order as a line without its end; a rate marks a frame."""
     return json.dumps(asdict(order), allow_nan=False)
 
 

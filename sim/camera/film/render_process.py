@@ -87,7 +87,7 @@ class RenderProcess:
         return found
 
     def close(self) -> None:
-        """End the process and wait for its end; pictures that are pending are given up.
+        """End the process and wait for its end; pending pictures are discarded.
 
         For a program that ends: it may take seconds. In flight it is `stop`.
         """

@@ -1,6 +1,6 @@
-"""The person's way through the menus: a line in, what is to be done and to be asked next out.
+"""The menus as a state machine: a line in, an action and the next prompt out.
 
-Knows neither terminal nor vehicle; randomness is handed in.
+Independent of terminal and vehicle; random numbers are an argument.
 """
 
 from collections.abc import Callable
@@ -52,7 +52,7 @@ class Menu:
             Place.LANDING: self._take_landing,
         }
 
-    # What the vehicle's side tells.
+    # Notifications of the vehicle.
 
     def mission_runs(self) -> None:
         """A mission has begun; who is in a menu stays there."""

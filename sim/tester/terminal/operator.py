@@ -1,4 +1,4 @@
-"""Where the person sits: the menus on one side, the vehicle on the other."""
+"""Connects the menus of the person to the vehicle and its link."""
 
 from collections.abc import Callable
 from typing import Final, Protocol
@@ -8,22 +8,22 @@ from sim.tester.vehicle.events import LinkEvent, MissionChange, Order, ShowText
 from sim.tester.vehicle.stand_in import StandIn
 
 PUBLISH_EVERY_S: Final = 0.25
-DEED_S: Final = 0.25
-"""A deed takes so long, even of a person who is a pipe: the broker sees the vehicle in between."""
+ACTION_S: Final = 0.25
+"""Shortest time between two actions, also of a script: the broker gets telemetry in between."""
 
 
 class Link(Protocol):
-    """The vehicle's way to the broker."""
+    """The vehicle's link to the broker."""
 
     def publish(self, vehicle: StandIn, now: float) -> None:
-        """Send what a vehicle sends all the time."""
+        """Send the periodic messages of a vehicle."""
 
     def carry_out(self, order: Order, vehicle: StandIn, now: float) -> None:
-        """Do on the link what the vehicle does."""
+        """Execute an order of the vehicle on the link."""
 
 
 class Operator:
-    """One person in the stead of one vehicle."""
+    """One person who plays one vehicle."""
 
     def __init__(
         self, vehicle: StandIn, link: Link, draw: Draw, write: Callable[[str], None]
@@ -36,11 +36,11 @@ class Operator:
         self._busy_until = -1.0
 
     def takes_line(self, now: float) -> bool:
-        """Whether a line is waited for."""
+        """Whether a line is expected."""
         return self.menu.is_asking and now >= self._busy_until
 
     def receive(self, event: LinkEvent, now: float) -> None:
-        """Take what has come over the link."""
+        """Handle an event of the link."""
         self._carry_out(self.vehicle.receive(event, now), now, asked=False)
 
     def answer(self, line: str, now: float) -> None:
@@ -50,7 +50,7 @@ class Operator:
         self._carry_out(orders, now, asked=True)
 
     def tick(self, now: float) -> float:
-        """Let time pass; gives when the next time is due."""
+        """Advance time; return when the next call is due."""
         self._carry_out(self.vehicle.tick(now), now, asked=False)
         if now >= self._publish_at:
             self._publish_at = now + PUBLISH_EVERY_S
@@ -58,20 +58,20 @@ class Operator:
         return self._publish_at if now >= self._busy_until else self._busy_until
 
     def _carry_out(self, orders: list[Order], now: float, *, asked: bool) -> None:
-        told = asked
+        is_on_new_line = asked
         if orders:
-            self._busy_until = now + DEED_S
+            self._busy_until = now + ACTION_S
         for order in orders:
             match order:
                 case ShowText(text):
-                    self._write(("" if told else "\n") + text + "\n")
-                    told = True
+                    self._write(("" if is_on_new_line else "\n") + text + "\n")
+                    is_on_new_line = True
                 case MissionChange():
                     self._follow(order)
-                    told = True
+                    is_on_new_line = True
                 case _:
                     self._link.carry_out(order, self.vehicle, now)
-        if told and self.menu.is_asking:
+        if is_on_new_line and self.menu.is_asking:
             self._write(self.menu.prompt)
 
     def _follow(self, turn: MissionChange) -> None:

@@ -1,4 +1,4 @@
-"""Lines that nobody types: a file in the person's stead.
+"""Lines from a file instead of a person.
 
 A line is what would be typed. `# ...` is passed over, `@wait 2` waits two seconds, and behind
 `@auto 0.5` everything is answered by itself: half a second, then '1' to finish a command, '0' to

@@ -25,14 +25,14 @@ PRESENT: Final = (
     | _PREARM_CHECK
     | _PROPULSION
 )
-"""What the vehicle says that it has, and has switched on."""
+"""Sensors that the vehicle reports as present and enabled."""
 
 
 class Alarm(Enum):
-    """An alarm: the seed's words for it, and the bits of SYS_STATUS that are ill with it.
+    """An alarm: its label, and the bits of SYS_STATUS that are unhealthy with it.
 
-    The camera's shows by the silence of the camera's heartbeat instead, the humidity sensor's two
-    by the silence of its measurements.
+    The camera's alarm stops the heartbeat of the camera instead, those of the humidity sensor
+    change its measurements.
     """
 
     SONAR = "Equipment sonar", _LASER_POSITION

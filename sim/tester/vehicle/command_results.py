@@ -19,7 +19,7 @@ CAMERA: Final = 100
 
 
 class Answer(Enum):
-    """A way to take a command."""
+    """A result of a command."""
 
     UNSUPPORTED = auto()
     SET_OUT = auto()

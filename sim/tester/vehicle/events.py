@@ -130,7 +130,7 @@ class Observe:
 
 @dataclass(frozen=True, slots=True)
 class MeasureHumidity:
-    """Have the humidity sensor speak; it has failed where this cannot be."""
+    """Send a measurement of the humidity sensor."""
 
     percent: float
 

@@ -75,7 +75,7 @@ def circle(command: Command, home_amsl_m: float, pose: Pose) -> list[Pose]:
 
 
 def lasting_s(command: Command) -> float:
-    """How long it lasts where nobody finishes it before."""
+    """Duration unless it is finished before."""
     if command.number == TAKE_PICTURES:
         _, interval_s, count, *_ = command.parameters
         return max(1.0, (count - 1.0) * interval_s + 1.0) + 1.0

@@ -157,13 +157,13 @@ class MavsdkVehicle:
         self._action.set_allow_takeoff(allow_takeoff=True)
         modes = AllowableFlightModes(can_auto_mode=True, can_guided_mode=True)
         self._action.set_allowable_flight_modes(modes)
-        tell = self._on_event
-        self._action.subscribe_arm_disarm(lambda _result, order, _: tell(Armed(order.arm)))
+        notify = self._on_event
+        self._action.subscribe_arm_disarm(lambda _result, order, _: notify(Armed(order.arm)))
         self._mission.subscribe_incoming_mission(
-            lambda _result, plan, _: tell(_received(plan.mission_items))
+            lambda _result, plan, _: notify(_received(plan.mission_items))
         )
         self._mission.subscribe_current_item_changed(
-            lambda item, _: tell(ItemMadeCurrent(item.seq))
+            lambda item, _: notify(ItemMadeCurrent(item.seq))
         )
         self._mission.subscribe_clear_all(self._cleared)
         self._autopilot.subscribe(self._hear)

@@ -1,6 +1,6 @@
-"""The vehicle as the person plays it: what it is told, what it does, what it says of itself.
+"""State of the vehicle that a person plays: events and actions in, orders to the link out.
 
-Takes events, actions and time, gives orders; knows neither MAVLink's bytes nor the terminal.
+Independent of MAVLink's encoding and of the terminal.
 """
 
 import math
@@ -49,29 +49,29 @@ from sim.tester.vehicle.telemetry import Home
 
 HUMIDITY_PERCENT: Final = 55.0
 NO_HUMIDITY: Final = -1.0
-SPEAKS_EVERY_S: Final = 0.5
-WELL_TIMES: Final = 4
+MEASUREMENT_INTERVAL_S: Final = 0.5
+VALID_MEASUREMENTS: Final = 4
 
 
 class Hygrometer:
-    """Speaks while one of its alarms is set."""
+    """Sends measurements while one of its alarms is set."""
 
     def __init__(self) -> None:
-        self._spoken = 0
-        self._speaks_at = -math.inf
+        self._measurements = 0
+        self._measure_at = -math.inf
 
     def begin(self, now: float) -> None:
-        """Be well again, to fail from now on."""
-        self._spoken, self._speaks_at = 0, now
+        """Start over with valid measurements."""
+        self._measurements, self._measure_at = 0, now
 
     def measure(self, alarms: AbstractSet[Alarm], now: float) -> float | None:
-        """Return a humidity [%] to report now; None for silence."""
+        """Return a humidity [%] to report now, or None."""
         fails = alarms & {Alarm.HUMIDITY_SENSOR, Alarm.HUMIDITY_SENSING}
-        if not fails or now < self._speaks_at:
+        if not fails or now < self._measure_at:
             return None
-        self._speaks_at = now + SPEAKS_EVERY_S
-        self._spoken += 1
-        if self._spoken <= WELL_TIMES:
+        self._measure_at = now + MEASUREMENT_INTERVAL_S
+        self._measurements += 1
+        if self._measurements <= VALID_MEASUREMENTS:
             return HUMIDITY_PERCENT
         return None if Alarm.HUMIDITY_SENSOR in fails else NO_HUMIDITY
 
@@ -150,13 +150,13 @@ class StandIn:
 
     @property
     def is_landing(self) -> bool:
-        """Whether it has been set as landed, and waits for the broker's order."""
+        """Whether it has been set as landed, and the broker's command is awaited."""
         return self._lands_at is not None
 
-    # What it hears.
+    # Events of the link.
 
     def receive(self, event: LinkEvent, now: float) -> list[Order]:
-        """Take what has come over the link."""
+        """Handle an event of the link."""
         match event:
             case Command():
                 return self._obey(event, now)
@@ -302,7 +302,7 @@ class StandIn:
         return []
 
     def tick(self, now: float) -> list[Order]:
-        """Let time pass: land once that is in order; a humidity sensor that fails speaks."""
+        """Advance time: land once it is due; a failed humidity sensor sends measurements."""
         percent = self._hygrometer.measure(self.alarms, now)
         orders: list[Order] = [] if percent is None else [MeasureHumidity(percent)]
         if self._lands_at is not None and (self._is_called_down or now >= self._lands_at):

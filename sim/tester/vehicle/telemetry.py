@@ -72,7 +72,7 @@ def attitude(pose: Pose, time_ms: int) -> VehicleMessage:
 
 
 def home_position(home: Home) -> VehicleMessage:
-    """HOME_POSITION; the plugin's own has altitude 0, whatever it is told."""
+    """HOME_POSITION; the plugin's own has altitude 0, whatever is passed."""
     zeros = dict.fromkeys(("x", "y", "z", "approach_x", "approach_y", "approach_z"), 0.0)
     return VehicleMessage(
         "HOME_POSITION",
@@ -113,7 +113,7 @@ def system_time(utc_s: float, time_ms: int) -> VehicleMessage:
 def observation(
     resource_id: str, observed_property: str, value: float, unit: str
 ) -> VehicleMessage:
-    """TUNNEL with an observation in words, as the broker reads it."""
+    """TUNNEL with an observation as text, as the broker reads it."""
     return _tunnel(OBSERVATION_IN_WORDS, [resource_id, observed_property, value, unit])
 
 
@@ -122,8 +122,8 @@ def alarm_parameters(parameters: tuple[float, float]) -> VehicleMessage:
     return _tunnel(ALARM_PARAMETERS, list(parameters))
 
 
-def _tunnel(kind: int, words: list[Any]) -> VehicleMessage:
-    payload = json.dumps(words, ensure_ascii=False, separators=(",", ":")).encode()
+def _tunnel(kind: int, fields: list[Any]) -> VehicleMessage:
+    payload = json.dumps(fields, ensure_ascii=False, separators=(",", ":")).encode()
     return VehicleMessage(
         "TUNNEL",
         {
