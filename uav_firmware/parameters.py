@@ -81,8 +81,8 @@ def param(
 ) -> Any:
     """Declare a parameter as a dataclass field; an int default makes an INT32.
 
-    A `volatile` one may change by itself: the vehicle's hash of all parameters leaves it out, and
-    its metadata says so, by which a ground station leaves out the same.
+    A `volatile` one may change by itself: the vehicle's hash of all parameters excludes it, and
+    its metadata mark it, so that a ground station excludes it too.
 
     `locked_while_armed` is for what describes the vehicle, such as where its rotors are: a change
     in flight would take the control away, whatever the value. What is tuned in flight has
@@ -133,7 +133,7 @@ class Registry:
     def add(self, group: type[Any]) -> None:
         """Register every parameter that a module's dataclass declares.
 
-        That is a change for those who use a name only where somebody declares it, perhaps later.
+        Increments the version, for readers of a name that may be declared later.
         """
         for entry in fields(group):
             declaration: Declaration = entry.metadata[_METADATA]

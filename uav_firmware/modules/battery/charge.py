@@ -50,9 +50,9 @@ class ChargeEstimator:
         self._last_us: int | None = None
 
     def update(self, time_us: int, voltage_v: float, current_a: float) -> None:
-        """Take in a sample [us, V, A]; one whose voltage is no number is left out.
+        """Take in a sample [us, V, A]; one with an invalid voltage is ignored.
 
-        A current that is no number counts as none: voltage goes on telling, uncompensated.
+        An invalid current counts as 0: the voltage is then used without compensation.
         """
         if not math.isfinite(voltage_v):
             return

@@ -72,7 +72,7 @@ class CrashWatch:
         self._height_m = math.nan  # Since when the thrust is low
 
     def update(self, seen: Moment, dt: float) -> str:
-        """Words for the operator once the vehicle has crashed, empty before."""
+        """Text for the operator once the vehicle has crashed, empty before."""
         turning = _size(seen.rate_frd)
         force = _size(seen.specific_force_frd)
         blind, unweighed = math.isnan(turning), math.isnan(force)

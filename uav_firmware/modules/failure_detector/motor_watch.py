@@ -1,4 +1,4 @@
-"""Tells a failed motor by its speed: pure, one report of the speed controllers at a time.
+"""Detects a failed motor by its speed: pure, one report of the speed controllers at a time.
 
 A healthy rotor reaches the speed that belongs to its command within some tens of
 milliseconds. The watch follows a lower bound of that speed, which rises more slowly than any
