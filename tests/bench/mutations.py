@@ -262,7 +262,7 @@ BREAKS: Final = (
     ),
     Break(
         "two standing rotors of a vehicle at rest are a crash",
-        "uav_firmware/modules/failure_detector/crash_watch.py",
+        "uav_firmware/modules/failure_detector/crash_detector.py",
         "if seen.failed_motors > 1:",
         "if seen.failed_motors > 4:",
         f"{_MODULES}/failure_detector",

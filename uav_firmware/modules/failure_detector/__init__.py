@@ -1,1 +1,1 @@
-"""Watches rotors, attitude and inertial sensor; PX4's failure_detector."""
+"""Monitors rotors, attitude and inertial sensor; PX4's failure_detector."""

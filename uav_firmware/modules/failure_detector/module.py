@@ -6,8 +6,12 @@ from typing import Final
 from uav_firmware.bus import Queue, Topic
 from uav_firmware.lib.atmosphere import altitude_from_pressure
 from uav_firmware.lib.rotation import rotate, to_euler
-from uav_firmware.modules.failure_detector.crash_watch import BlowWatch, CrashWatch, Moment
-from uav_firmware.modules.failure_detector.motor_watch import MotorLimits, MotorWatch
+from uav_firmware.modules.failure_detector.crash_detector import (
+    CrashDetector,
+    ImpactDetector,
+    Moment,
+)
+from uav_firmware.modules.failure_detector.motor_monitor import MotorLimits, MotorMonitor
 from uav_firmware.modules.failure_detector.params import FailureDetectorParams
 from uav_firmware.msg.actuators import ActuatorMotors
 from uav_firmware.msg.control_mode import ControlLevel, VehicleControlMode
@@ -53,7 +57,7 @@ class AxisMonitor:
 
 
 class FailureDetectorModule:
-    """Shell of the watches; declares `FailureDetectorParams`."""
+    """Shell of the detectors; declares `FailureDetectorParams`."""
 
     def __init__(
         self,
@@ -92,9 +96,9 @@ class FailureDetectorModule:
         self._status_text = status_text
         self._seen_version = registry.version
         self._params = registry.read(FailureDetectorParams)
-        self._watch = MotorWatch(_limits(self._params))
+        self._motor_monitor = MotorMonitor(_limits(self._params))
         self._roll, self._pitch = AxisMonitor(), AxisMonitor()
-        self._crash_watch, self._blow_watch = CrashWatch(), BlowWatch()
+        self._crash_detector, self._impact_detector = CrashDetector(), ImpactDetector()
         self._struck = False
         self._thrust = self._carrying_thrust = math.nan
         self._crash = ""
@@ -112,32 +116,32 @@ class FailureDetectorModule:
         if self._seen_version != self._registry.version:
             self._seen_version = self._registry.version
             self._params = self._registry.read(FailureDetectorParams)
-            self._watch.limits = _limits(self._params)
+            self._motor_monitor.limits = _limits(self._params)
         status = self._vehicle_status.value
         armed = status is not None and status.armed
         if status is not None and status.failures_cleared_us > self._cleared_us:
             self._cleared_us = status.failures_cleared_us
-            self._watch.forgive()
+            self._motor_monitor.forgive()
             self._crash = ""
         if self._esc.count != self._esc_seen and _is_complete(self._esc.value):
             self._esc_seen, self._esc_heard_us = self._esc.count, now_us
         if armed:
-            self._watch_blows(now_us)
-            self._watch_motors()
+            self._detect_impacts(now_us)
+            self._monitor_motors()
         else:
-            self._watch.rest()
+            self._motor_monitor.rest()
         elapsed_us = now_us - self._attitude_us
         if elapsed_us >= _ATTITUDE_US:
             self._attitude_us = now_us
             dt = min(elapsed_us * 1e-6, _LONGEST_STEP_S)
-            self._watch_attitude(dt)
+            self._monitor_attitude(dt)
             if armed and self._params.crash_enabled:
-                self._crash = self._watch_crash(now_us, dt) or self._crash
+                self._crash = self._detect_crash(now_us, dt) or self._crash
             else:
-                self._crash_watch.reset()
+                self._crash_detector.reset()
         self._publish(now_us)
 
-    def _watch_motors(self) -> None:
+    def _monitor_motors(self) -> None:
         if self._esc.count == self._esc_count or not self._params.motors_enabled:
             return
         self._esc_count = self._esc.count
@@ -147,18 +151,19 @@ class FailureDetectorModule:
             return  # Without a gyroscope the motors are driven, and the rotors hit, by chance
         dt = min((esc.time_us - self._esc_us) * 1e-6, _LONGEST_STEP_S)
         self._esc_us = esc.time_us
+        monitor = self._motor_monitor
         if dt > 0.0:
-            self._watch.update(motors.control, esc.rotor_rpm, dt, struck=self._struck)
-        if (self._watch.failed | self._watch.blocked).bit_count() > 1 and self._watch.blocked:
+            monitor.update(motors.control, esc.rotor_rpm, dt, struck=self._struck)
+        if (monitor.failed | monitor.blocked).bit_count() > 1 and monitor.blocked:
             self._crash = self._crash or "has hit something, rotors stand"
 
-    def _watch_blows(self, now_us: int) -> None:
+    def _detect_impacts(self, now_us: int) -> None:
         imu, dt = self._imu.value, (now_us - self._blow_us) * 1e-6
         self._blow_us = now_us
         self._struck = False
         if imu is not None and self._params.crash_enabled:
             dt = min(dt, _LONGEST_STEP_S)
-            self._struck = self._blow_watch.update(imu.rate_frd, imu.specific_force_frd, dt)
+            self._struck = self._impact_detector.update(imu.rate_frd, imu.specific_force_frd, dt)
 
     @property
     def _leads_attitude(self) -> bool:
@@ -166,7 +171,7 @@ class FailureDetectorModule:
         control = self._control_mode.value
         return control is None or control.level is not ControlLevel.RATES
 
-    def _watch_crash(self, now_us: int, dt: float) -> str:
+    def _detect_crash(self, now_us: int, dt: float) -> str:
         imu, silent = self._imu.value, self._imu.count == self._imu_count
         self._imu_count = self._imu.count
         if imu is None:
@@ -175,11 +180,11 @@ class FailureDetectorModule:
             _SILENT if silent else imu.rate_frd,
             _SILENT if silent else imu.specific_force_frd,
             self._thrust_axis_error(now_us),
-            self._watch.failed.bit_count(),
+            self._motor_monitor.failed.bit_count(),
             self._thrust_share(dt),
             self._height_m(now_us),
         )
-        return self._crash_watch.update(seen, dt)
+        return self._crash_detector.update(seen, dt)
 
     def _thrust_share(self, dt: float) -> float:
         """Thrust over what carries the vehicle; NaN where nothing has shown that in this flight.
@@ -199,7 +204,7 @@ class FailureDetectorModule:
         self._thrust = thrust = thrust + dt / (dt + _THRUST_TIME_S) * (commanded.thrust - thrust)
         self._carrying_thrust = mean = mean + dt / (dt + _CARRYING_TIME_S) * (thrust - mean)
         carrying = min(mean, learnt.hover_thrust)
-        known = learnt.valid and carrying > 0.0 and not self._watch.failed
+        known = learnt.valid and carrying > 0.0 and not self._motor_monitor.failed
         return thrust / carrying if known else _NAN
 
     def _height_m(self, now_us: int) -> float:
@@ -219,7 +224,7 @@ class FailureDetectorModule:
         cosine = axis[0] * wanted[0] + axis[1] * wanted[1] + axis[2] * wanted[2]
         return math.acos(min(max(cosine, -1.0), 1.0))
 
-    def _watch_attitude(self, dt: float) -> None:
+    def _monitor_attitude(self, dt: float) -> None:
         """Judge roll and pitch where an attitude is led, as PX4 does: acro may roll over."""
         attitude = self._attitude.value
         if attitude is None:
@@ -232,13 +237,13 @@ class FailureDetectorModule:
 
     def _publish(self, now_us: int) -> None:
         former = self._failure_status.value
-        watch = self._watch
+        monitor = self._motor_monitor
         silent = self._esc_heard_us is None or now_us - self._esc_heard_us > _ESC_SILENT_US
         seen = (
             self._roll.exceeded,
             self._pitch.exceeded,
-            watch.failed,
-            watch.weak,
+            monitor.failed,
+            monitor.weak,
             self._crash,
             silent,
         )
@@ -251,9 +256,9 @@ class FailureDetectorModule:
         """Say what is new."""
         known = 0 if former is None else former.failed_motors
         for motor in range(4):
-            if (self._watch.failed & ~known) >> motor & 1:
+            if (self._motor_monitor.failed & ~known) >> motor & 1:
                 self._say(now_us, f"Motor {motor + 1} failed")
-        if self._watch.weak and not (former is not None and former.propulsion_weak):
+        if self._motor_monitor.weak and not (former is not None and former.propulsion_weak):
             self._say(now_us, "Propulsion weak")
         was_lost = former is not None and (former.roll_exceeded or former.pitch_exceeded)
         if (self._roll.exceeded or self._pitch.exceeded) and not was_lost:

@@ -156,7 +156,7 @@ def test_speed_controllers_that_report_no_speed_are_silent() -> None:
     assert silent == [False, True, False]
 
 
-def test_the_watch_on_motors_can_be_switched_off() -> None:
+def test_the_motor_monitor_can_be_switched_off() -> None:
     vehicle = Vehicle()
     vehicle.registry.set("FD_ACT_EN", 0)
     vehicle.fly(1.0, second_rpm=0.0)

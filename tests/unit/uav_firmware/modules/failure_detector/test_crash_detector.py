@@ -6,13 +6,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uav_firmware.modules.failure_detector.crash_watch import (
+from uav_firmware.modules.failure_detector.crash_detector import (
     ADRIFT_TIME_S,
     REST_TIME_S,
     SILENT_TIME_S,
     STANDS_TIME_S,
-    BlowWatch,
-    CrashWatch,
+    CrashDetector,
+    ImpactDetector,
     Moment,
 )
 
@@ -24,8 +24,8 @@ ON_ITS_BACK = HOVER._replace(specific_force_frd=(1.0, 0.0, 9.7))
 ON_ITS_SIDE = HOVER._replace(specific_force_frd=(0.0, 9.0, -3.9))
 
 
-def watch(moment: Moment, seconds: float, former: CrashWatch | None = None) -> CrashWatch:
-    seen = former or CrashWatch()
+def detect(moment: Moment, seconds: float, former: CrashDetector | None = None) -> CrashDetector:
+    seen = former or CrashDetector()
     for _ in range(round(seconds / DT)):
         seen.update(moment, DT)
     return seen
@@ -51,8 +51,8 @@ def watch(moment: Moment, seconds: float, former: CrashWatch | None = None) -> C
     ],
 )
 def test_a_crash_is_found_when_its_signs_have_held(moment: Moment, after_s: float) -> None:
-    assert watch(moment, after_s - 0.1).cause == ""
-    assert watch(moment, after_s + 0.1).cause != ""
+    assert detect(moment, after_s - 0.1).cause == ""
+    assert detect(moment, after_s + 0.1).cause != ""
 
 
 @pytest.mark.parametrize(
@@ -74,13 +74,13 @@ def test_a_crash_is_found_when_its_signs_have_held(moment: Moment, after_s: floa
     ],
 )
 def test_a_flight_is_no_crash(moment: Moment) -> None:
-    assert watch(moment, 30.0).cause == ""
+    assert detect(moment, 30.0).cause == ""
 
 
 @pytest.mark.parametrize("rise_m_s", [0.0, 12.0])
 def test_a_fall_and_a_toss_without_thrust_are_no_crash(rise_m_s: float) -> None:
     """From 100 m down, and 7 m up and down again: height changes as nothing that stands does."""
-    seen = CrashWatch()
+    seen = CrashDetector()
     for number in range(round(3.6 / DT)):
         t = number * DT
         height_m = 755.0 + rise_m_s * t - 4.9 * t * t
@@ -90,7 +90,7 @@ def test_a_fall_and_a_toss_without_thrust_are_no_crash(rise_m_s: float) -> None:
 
 
 def test_a_blow_is_what_neither_rotors_nor_a_controller_can_do() -> None:
-    blow = BlowWatch()
+    blow = ImpactDetector()
     for number in range(250):  # A flip at 10 rad/s, begun within 0.1 s, in vibration
         rate = min(10.0, 100.0 * number * 0.008)
         force = -9.8 - 3.0 * math.sin(number)
@@ -98,14 +98,14 @@ def test_a_blow_is_what_neither_rotors_nor_a_controller_can_do() -> None:
     assert blow.update((0.0, 0.0, 0.0), (0.0, 0.0, -9.8), 0.008)
     assert [blow.update((0.0, 0.0, 0.0), HOVER[1], dt) for dt in (0.9, 0.2)] == [True, False]
     assert blow.update((0.0, 0.0, 0.0), (0.0, 0.0, -30.0), 0.008)
-    assert not BlowWatch().update(SILENT, SILENT, 0.008)
+    assert not ImpactDetector().update(SILENT, SILENT, 0.008)
 
 
 def test_what_was_found_stays_until_it_is_reset() -> None:
-    found = watch(ON_ITS_BACK, 2.0)
-    assert watch(HOVER, 5.0, found).cause != ""
+    found = detect(ON_ITS_BACK, 2.0)
+    assert detect(HOVER, 5.0, found).cause != ""
     found.reset()
-    assert watch(HOVER, 5.0, found).cause == ""
+    assert detect(HOVER, 5.0, found).cause == ""
 
 
 @given(
@@ -125,9 +125,9 @@ def test_no_thrust_along_the_rotors_looks_like_a_crash(
     flight: list[tuple[float, float, float, float, int]],
 ) -> None:
     """Whatever a healthy vehicle flies without an attitude order, as in acro."""
-    seen = CrashWatch()
+    seen = CrashDetector()
     for x, y, thrust, rate, failed in flight:
         drag = min(abs(thrust), 8.0) / 8.0  # Beside the thrust only as far as it is small
         force = (0.6 * drag * x, 0.6 * drag * y, thrust)
-        watch(Moment((rate, 0.0, 0.0), force, NAN, failed), 0.5, seen)
+        detect(Moment((rate, 0.0, 0.0), force, NAN, failed), 0.5, seen)
     assert seen.cause == ""

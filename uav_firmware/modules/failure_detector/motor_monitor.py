@@ -1,7 +1,7 @@
 """Detects a failed motor by its speed: pure, one report of the speed controllers at a time.
 
 A healthy rotor reaches the speed that belongs to its command within some tens of
-milliseconds. The watch follows a lower bound of that speed, which rises more slowly than any
+milliseconds. The monitor follows a lower bound of that speed, which rises more slowly than any
 healthy rotor and falls more quickly, so that no manoeuvre brings a healthy rotor below it. A
 rotor that turns at less than a share of the bound for a while has failed. Speed by command,
 measured on the F450's motors and usual for a motor under a propeller's load:
@@ -48,7 +48,7 @@ class MotorLimits(NamedTuple):
     weak_time_s: float = 1.0  # [s]
 
 
-class MotorWatch:
+class MotorMonitor:
     """Four rotors; what has failed stays failed until `forgive`."""
 
     def __init__(self, limits: MotorLimits) -> None:

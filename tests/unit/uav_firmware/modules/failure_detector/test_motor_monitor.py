@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uav_firmware.modules.failure_detector.motor_watch import MotorLimits, MotorWatch
+from uav_firmware.modules.failure_detector.motor_monitor import MotorLimits, MotorMonitor
 from uav_firmware.msg.vectors import Motors
 
 DT = 0.008
@@ -21,10 +21,10 @@ def steady_rpm(command: float) -> float:
 
 
 class Rotors:
-    """Four rotors with the F450's lag, and the watch on them."""
+    """Four rotors with the F450's lag, and their monitor."""
 
     def __init__(self) -> None:
-        self.watch = MotorWatch(LIMITS)
+        self.monitor = MotorMonitor(LIMITS)
         self.speeds = [0.0] * 4
         self.dead: set[int] = set()
         self.grip = 1.0  # Share of the speed that all of them reach
@@ -36,7 +36,7 @@ class Rotors:
                 goal = 0.0 if motor in self.dead else self.grip * steady_rpm(command[motor])
                 self.speeds[motor] += (goal - self.speeds[motor]) * (1.0 - math.exp(-DT / lag_s))
             one, two, three, four = self.speeds
-            failed = self.watch.update(command, (one, two, three, four), DT)
+            failed = self.monitor.update(command, (one, two, three, four), DT)
         return failed
 
 
@@ -49,14 +49,14 @@ def test_a_stopping_motor_is_named_within_a_tenth_of_a_second(motor: int) -> Non
 
 
 def test_a_motor_that_stops_at_a_blow_is_blocked_first_and_failed_a_tenth_later() -> None:
-    watch = MotorWatch(LIMITS)
+    monitor = MotorMonitor(LIMITS)
     whole: Motors = tuple(map(steady_rpm, HOVER))  # type: ignore[assignment]  # four of them
     for _ in range(100):
-        watch.update(HOVER, whole, DT)
+        monitor.update(HOVER, whole, DT)
     seen = []
     for _ in range(25):
-        watch.update(HOVER, (0.0, *whole[1:]), DT, struck=True)
-        seen.append((watch.blocked, watch.failed))
+        monitor.update(HOVER, (0.0, *whole[1:]), DT, struck=True)
+        seen.append((monitor.blocked, monitor.failed))
     assert seen[0] == (0, 0)
     assert seen[3] == (1, 0)
     assert seen[11] == (1, 0)
@@ -66,11 +66,11 @@ def test_a_motor_that_stops_at_a_blow_is_blocked_first_and_failed_a_tenth_later(
 def test_rotors_that_are_all_somewhat_slow_are_a_weak_propulsion_and_no_failed_motor() -> None:
     rotors = Rotors()
     rotors.run(1.0, HOVER)
-    before = rotors.watch.weak
+    before = rotors.monitor.weak
     rotors.grip = 0.8
     rotors.run(2.0, HOVER)
-    assert (before, rotors.watch.weak) == (False, True)
-    assert rotors.watch.failed == 0
+    assert (before, rotors.monitor.weak) == (False, True)
+    assert rotors.monitor.failed == 0
 
 
 def test_one_slow_rotor_is_no_weak_propulsion() -> None:
@@ -78,7 +78,7 @@ def test_one_slow_rotor_is_no_weak_propulsion() -> None:
     rotors.run(1.0, HOVER)
     rotors.dead.add(1)
     rotors.run(3.0, HOVER)
-    assert not rotors.watch.weak
+    assert not rotors.monitor.weak
 
 
 @given(
@@ -89,29 +89,29 @@ def test_no_commands_make_a_healthy_motor_fail(commands: list[Motors], lag_s: fl
     rotors = Rotors()
     for command in commands:
         assert rotors.run(0.04, command, lag_s) == 0
-        assert not rotors.watch.weak
+        assert not rotors.monitor.weak
 
 
 IDLE: Motors = (0.055, 0.055, 0.055, 0.055)
 
 
-def start(watch: MotorWatch, stands_s: float) -> int:
+def start(monitor: MotorMonitor, stands_s: float) -> int:
     """Rotor 4 stood on three rotors and is ordered to 0.5; it breaks loose after a time."""
     full = steady_rpm(0.5)
     for _ in range(125):
-        watch.update((0.5, 0.5, 0.5, 0.0), (full, full, full, 0.0), DT)
+        monitor.update((0.5, 0.5, 0.5, 0.0), (full, full, full, 0.0), DT)
     speed, failed = 0.0, 0
     for number in range(60):
         command = min(0.5, 0.05 * (number + 1))
         if number * DT >= stands_s:
             speed += (steady_rpm(command) - speed) * (1.0 - math.exp(-DT / 0.056))
-        failed = watch.update((0.5, 0.5, 0.5, command), (full, full, full, speed), DT)
+        failed = monitor.update((0.5, 0.5, 0.5, command), (full, full, full, speed), DT)
     return failed
 
 
 def test_a_rotor_that_stood_has_time_to_break_loose_and_a_dead_one_is_found() -> None:
-    assert start(MotorWatch(LIMITS), 0.06) == 0
-    assert start(MotorWatch(LIMITS), math.inf) == 8
+    assert start(MotorMonitor(LIMITS), 0.06) == 0
+    assert start(MotorMonitor(LIMITS), math.inf) == 8
 
 
 def test_a_motor_that_is_to_stand_is_not_judged() -> None:
@@ -140,14 +140,14 @@ def test_a_failed_motor_stays_failed_until_it_is_forgiven() -> None:
     rotors.run(0.2, HOVER)
     rotors.dead.clear()
     assert rotors.run(2.0, HOVER) == 1
-    rotors.watch.rest()
+    rotors.monitor.rest()
     assert rotors.run(0.2, HOVER) == 1
-    rotors.watch.forgive()
+    rotors.monitor.forgive()
     assert rotors.run(0.2, HOVER) == 0
 
 
 def test_a_report_that_is_no_number_condemns_nobody() -> None:
-    watch = MotorWatch(LIMITS)
+    monitor = MotorMonitor(LIMITS)
     for _ in range(100):
-        watch.update(HOVER, (math.nan, math.nan, math.nan, math.nan), DT)
-    assert watch.failed == 0
+        monitor.update(HOVER, (math.nan, math.nan, math.nan, math.nan), DT)
+    assert monitor.failed == 0

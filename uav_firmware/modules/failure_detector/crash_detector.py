@@ -17,8 +17,8 @@ wrong for a while. Three more hold without rest:
                 does not fall, for STANDS_TIME_S: something else carries it. Asks neither inertial
                 sensor nor estimate, of which one may be the reason why it was not seen to land
 
-What was found stays found until `reset`. A blow (`BlowWatch`) is no crash by itself, but with two
-rotors that stand it is.
+A detected crash stays detected until `reset`. An impact (`ImpactDetector`) is no crash by itself,
+but with two stopped rotors it is.
 """
 
 import math
@@ -46,7 +46,7 @@ _GRAVITY: Final = 9.80665  # [m/s^2]
 
 
 class Moment(NamedTuple):
-    """What the watch looks at; NaN where a sensor delivers none."""
+    """Inputs of the detector; NaN where a sensor delivers none."""
 
     rate_frd: Vector3  # [rad/s] Of the gyroscope
     specific_force_frd: Vector3  # [m/s^2] Of the accelerometer
@@ -56,7 +56,7 @@ class Moment(NamedTuple):
     height_m: float = math.nan  # By pressure, above anything
 
 
-class CrashWatch:
+class CrashDetector:
     """How long each sign has held."""
 
     __slots__ = ("_adrift_s", "_average", "_height_m", "_rest_s", "_silent_s", "_stands_s", "cause")
@@ -132,7 +132,7 @@ class CrashWatch:
         return "at rest without gyroscope" if blind else ""
 
 
-class BlowWatch:
+class ImpactDetector:
     """Detects a blow by the inertial sensor: a change that neither rotors nor air can make."""
 
     __slots__ = ("_force", "_left_s", "_rate")
