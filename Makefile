@@ -25,6 +25,11 @@ STATE_DIR ?= var
 TRUTH ?= 0
 PLAN ?=
 FRAMES ?= 1000000
+SEEDS ?= 20
+FIRST ?= 1
+JOBS ?= 2
+FAULTS ?=
+SHRINK ?=
 OUT ?=
 PARALLEL := -n 3 --dist worksteal
 export VEHICLES TESTERS TESTER_SCRIPT SPEED WIND GPS SEED EDGE_PORT CLOUD_PORT MAVLINK_PORT GCS_PORT VEHICLE_PORT_BASE MQTT_PORT STATE_DIR TRUTH PLAN OUT
@@ -144,6 +149,10 @@ bench: $(DEV) ## measure and write STATE_DIR/bench/results.json; BENCH=flight,sp
 .PHONY: soak
 soak: $(DEV) ## kill the edge server CYCLES (200) times under load, and what else takes long; SOAK=kill,outage,broker,links,events,spool,hostile chooses
 	@exec $(RUN) -m tests.soak
+
+.PHONY: dst
+dst: $(DEV) ## simulate the whole system under faults: SEEDS=20 JOBS=2, or replay SEED=7 FAULTS=loss,pilot SHRINK=1
+	@exec $(RUN) -m dst --seeds $(SEEDS) --jobs $(JOBS) --first $(FIRST) $(if $(filter command line environment,$(origin SEED)),--seed $(SEED)) $(if $(FAULTS),--faults $(FAULTS)) $(if $(SHRINK),--shrink)
 
 .PHONY: fuzz
 fuzz: $(DEV) ## fly a mission under FRAMES (1000000) hostile frames; 0 if nothing moved by them

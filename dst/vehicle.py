@@ -61,6 +61,14 @@ class Reached(NamedTuple):
     longitude_e7: int
 
 
+class OrderUnderPilot(NamedTuple):
+    """An order that arrived while the pilot flew."""
+
+    time_s: float
+    pilot_since_s: float
+    name: str
+
+
 @dataclass
 class Truth:
     """What a vehicle did, whatever anybody has learnt of it."""
@@ -69,8 +77,7 @@ class Truth:
     east_m: float = 0.0
     height_m: float = 0.0
     reached: list[Reached] = field(default_factory=list)
-    orders_under_pilot: list[tuple[float, str]] = field(default_factory=list)
-    """Orders that arrived while the pilot flew: how long he had [s], and what."""
+    orders_under_pilot: list[OrderUnderPilot] = field(default_factory=list)
     flight_s: float = 0.0
 
 
@@ -448,8 +455,8 @@ class Vehicle:
 
     def _note_order(self, name: str) -> None:
         if self.pilot_since_s is not None and self.armed:
-            had_s = self._scheduler.now_s - self.pilot_since_s
-            self.truth.orders_under_pilot.append((had_s, name))
+            order = OrderUnderPilot(self._scheduler.now_s, self.pilot_since_s, name)
+            self.truth.orders_under_pilot.append(order)
 
     def _command(self, message: Any) -> None:
         if message.command in ORDERS:

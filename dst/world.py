@@ -32,6 +32,8 @@ class World:
         self.http = EdgeHttp(self.scheduler, self.edge)
         self.broker = BrokerProcess(self.scheduler, self.http, folder / "broker", self._to_vehicle)
         self.vehicles: dict[int, Vehicle] = {}
+        self.connected_s = dict.fromkeys(range(1, vehicles + 1), 0.0)
+        """Since when broker and link of each vehicle are up, or were for the last time."""
         self.up: dict[int, NetworkPath] = {}
         self.down: dict[int, NetworkPath] = {}
         for system in range(1, vehicles + 1):
@@ -47,6 +49,10 @@ class World:
         path = self.down.get(address.port - 14580)
         if path is not None:
             path.send(frame)
+
+    def connected(self, system: int) -> None:
+        """Note that a vehicle's link or the broker is up again."""
+        self.connected_s[system] = self.scheduler.now_s
 
     def run(self, seconds: float) -> None:
         """Let so much virtual time pass."""

@@ -1,0 +1,94 @@
+"""`python -m dst`: run seeds, print those that fail, replay one with its trace."""
+
+import argparse
+import logging
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from functools import partial
+from multiprocessing import get_context
+from pathlib import Path
+
+from dst.edge_process import prepared_folder
+from dst.faults import Fault
+from dst.simulate import Outcome, shrink, simulate
+
+MEMORY = Path("/dev/shm")  # noqa: S108  # a folder of its own is made in it
+"""A disk in memory, if there is one: nothing here has to survive the machine."""
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run; gives the exit status, 1 if a seed fails."""
+    parser = argparse.ArgumentParser(prog="python -m dst", description=__doc__)
+    parser.add_argument("--seeds", type=int, default=20, help="how many seeds (20)")
+    parser.add_argument("--first", type=int, default=1, help="the first of them (1)")
+    parser.add_argument("--jobs", type=int, default=1, help="processes (1)")
+    parser.add_argument("--seed", type=int, help="replay this seed with its trace")
+    parser.add_argument("--faults", help="replay with these faults: comma-separated, or none")
+    parser.add_argument("--shrink", action="store_true", help="drop faults while the seed fails")
+    options = parser.parse_args(arguments)
+    logging.disable(logging.CRITICAL)
+    with _folder() as prepared:
+        if options.seed is not None:
+            return _replay(
+                options.seed, prepared, _faults(options.faults), must_shrink=options.shrink
+            )
+        seeds = range(options.first, options.first + options.seeds)
+        return _run_all(seeds, prepared, options.jobs)
+
+
+@contextmanager
+def _folder() -> Iterator[Path]:
+    with tempfile.TemporaryDirectory(dir=MEMORY if MEMORY.is_dir() else None) as folder:
+        yield prepared_folder(Path(folder) / "prepared")
+
+
+def _faults(text: str | None) -> frozenset[Fault] | None:
+    if text is None:
+        return None
+    return frozenset(Fault(name) for name in text.split(",") if name != "none")
+
+
+def _replay(
+    seed: int, prepared: Path, faults: frozenset[Fault] | None, *, must_shrink: bool
+) -> int:
+    run = partial(simulate, seed, prepared, kept_lines=None)
+    outcome = run(faults=faults)
+    if must_shrink and outcome.failure is not None:
+        outcome = shrink(outcome, lambda fewer: run(faults=fewer))
+    print(*outcome.lines, sep="\n")
+    print(_text(outcome))
+    return outcome.failure is not None
+
+
+def _run_all(seeds: Sequence[int], prepared: Path, jobs: int) -> int:
+    outcomes = []
+    with get_context("spawn").Pool(jobs, initializer=logging.disable) as pool:
+        for outcome in pool.imap_unordered(partial(simulate, prepared=prepared), seeds):
+            outcomes.append(outcome)
+            if outcome.failure is not None:
+                print(_text(outcome), flush=True)
+    failed = sum(outcome.failure is not None for outcome in outcomes)
+    simulated_s = sum(outcome.simulated_s for outcome in outcomes)
+    cpu_s = sum(outcome.cpu_s for outcome in outcomes)
+    plans = sum(outcome.plans for outcome in outcomes)
+    print(
+        f"{len(outcomes)} seeds, {failed} failed; {plans} plans, "
+        f"{simulated_s / 3600:.1f} simulated hours, {simulated_s / cpu_s:.0f} per hour and core"
+    )
+    return failed > 0
+
+
+def _text(outcome: Outcome) -> str:
+    """Describe an outcome, with the command that replays it."""
+    faults = ",".join(sorted(outcome.faults)) or "none"
+    return (
+        f"seed {outcome.seed}: {outcome.failure or 'every law holds'}\n"
+        f"  trace {outcome.digest[:16]}, {outcome.simulated_s:.0f} s\n"
+        f"  make dst SEED={outcome.seed} FAULTS={faults}"
+    )
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

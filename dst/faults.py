@@ -1,0 +1,203 @@
+"""Faults of a world: which of them a seed enables, when they begin, and how they end.
+
+Each seed enables a random subset (A. Groce and others, "Swarm Testing", ISSTA 2012): a world with
+every fault at once hides what two of them do together.
+"""
+
+from collections.abc import Callable, Collection
+from enum import StrEnum
+from random import Random
+from typing import Final, Protocol
+
+from dst.network import PERFECT, Conditions
+from dst.world import World
+
+MEAN_INTERVAL_S: Final = 150.0
+"""Between two occurrences of one fault."""
+
+
+class Fault(StrEnum):
+    """What goes wrong."""
+
+    LOSS = "loss"
+    DUPLICATION = "duplication"
+    REORDERING = "reordering"
+    CORRUPTION = "corruption"
+    LINK_DOWN = "link-down"
+    EDGE_REQUESTS_LOST = "edge-requests-lost"
+    EDGE_ANSWERS_LOST = "edge-answers-lost"
+    EDGE_UNREACHABLE = "edge-unreachable"
+    CLOUD_UNREACHABLE = "cloud-unreachable"
+    CLOUD_ANSWERS_LOST = "cloud-answers-lost"
+    BROKER_KILLED = "broker-killed"
+    EDGE_KILLED = "edge-killed"
+    RELAY_KILLED = "relay-killed"
+    VEHICLE_REBOOTED = "vehicle-rebooted"
+    PILOT = "pilot"
+    REPEATED_POSTS = "repeated-posts"
+    CANCELLATIONS = "cancellations"
+    ABORTS = "aborts"
+
+
+def draw(seed: int) -> frozenset[Fault]:
+    """Give the faults that a seed enables."""
+    random = Random(f"{seed}/swarm")
+    share = random.uniform(0.1, 0.7)
+    return frozenset(fault for fault in Fault if random.random() < share)
+
+
+class _Process(Protocol):
+    @property
+    def is_up(self) -> bool: ...
+
+    def start(self) -> None: ...
+
+    def kill(self) -> None: ...
+
+
+class Faults:
+    """Injects the enabled faults until `stop`."""
+
+    def __init__(self, world: World, enabled: Collection[Fault]) -> None:
+        self._world = world
+        self._enabled = frozenset(enabled)
+        self._is_stopped = False
+        self._degrade()
+        self._schedule()
+
+    def stop(self) -> None:
+        """End every fault: links and processes are up, nothing is lost any more."""
+        self._is_stopped = True
+        world = self._world
+        for path in (*world.up.values(), *world.down.values()):
+            path.conditions, path.is_up = PERFECT, True
+        world.http.is_up = world.cloud.is_up = True
+        world.http.request_loss = world.http.answer_loss = world.cloud.answer_loss = 0.0
+        for process in self._processes.values():
+            if not process.is_up:
+                process.start()
+        for system in world.vehicles:
+            world.connected(system)
+        world.scheduler.note("faults", "-", "end")
+
+    @property
+    def _processes(self) -> dict[Fault, _Process]:
+        world = self._world
+        return {
+            Fault.BROKER_KILLED: world.broker,
+            Fault.EDGE_KILLED: world.edge,
+            Fault.RELAY_KILLED: world.relay,
+        }
+
+    def _degrade(self) -> None:
+        """Set the rates that hold until the end."""
+        world, random = self._world, self._world.scheduler.random("rates")
+        rates = {fault: random.uniform(0.02, 0.2) for fault in Fault}
+
+        def rate(fault: Fault) -> float:
+            return rates[fault] if fault in self._enabled else 0.0
+
+        conditions = Conditions(
+            loss=rate(Fault.LOSS),
+            duplication=rate(Fault.DUPLICATION),
+            corruption=rate(Fault.CORRUPTION) / 2.0,
+            jitter_s=5.0 * rate(Fault.REORDERING),
+        )
+        for path in (*world.up.values(), *world.down.values()):
+            path.conditions = conditions
+        world.http.request_loss = rate(Fault.EDGE_REQUESTS_LOST)
+        world.http.answer_loss = rate(Fault.EDGE_ANSWERS_LOST)
+        world.cloud.answer_loss = rate(Fault.CLOUD_ANSWERS_LOST)
+
+    def _schedule(self) -> None:
+        """Have each enabled fault that comes and goes begin."""
+        actions: dict[Fault, Callable[[Random], None]] = {
+            Fault.LINK_DOWN: self._link_down,
+            Fault.EDGE_UNREACHABLE: self._edge_unreachable,
+            Fault.CLOUD_UNREACHABLE: self._cloud_unreachable,
+            Fault.VEHICLE_REBOOTED: self._reboot,
+            Fault.PILOT: self._take_over,
+            **{fault: self._kill(fault, process) for fault, process in self._processes.items()},
+        }
+        for fault, action in actions.items():
+            if fault in self._enabled:
+                self._repeat(action, self._world.scheduler.random(fault))
+
+    def _repeat(self, action: Callable[[Random], None], random: Random) -> None:
+        def act() -> None:
+            if not self._is_stopped:
+                action(random)
+                self._repeat(action, random)
+
+        self._world.scheduler.after(random.expovariate(1.0 / MEAN_INTERVAL_S), act)
+
+    def _later(self, delay_s: float, action: Callable[[], None]) -> None:
+        """Take an action that ends a fault, unless all have ended already."""
+        self._world.scheduler.after(delay_s, lambda: None if self._is_stopped else action())
+
+    def _link_down(self, random: Random) -> None:
+        world = self._world
+        system = random.choice(list(world.vehicles))
+        paths = [world.up[system], world.down[system]]
+        if random.random() < 0.3:  # One direction alone
+            paths = [random.choice(paths)]
+        world.scheduler.note("faults", f"vehicle {system}", f"{len(paths)} paths down")
+        for path in paths:
+            path.is_up = False
+
+        def restore() -> None:
+            world.scheduler.note("faults", f"vehicle {system}", "paths up")
+            for path in paths:
+                path.is_up = True
+            world.connected(system)
+
+        self._later(random.expovariate(1.0 / 25.0), restore)
+
+    def _edge_unreachable(self, random: Random) -> None:
+        http = self._world.http
+        http.is_up = False
+        self._world.scheduler.note("faults", "broker", "edge server unreachable")
+        self._later(random.expovariate(1.0 / 25.0), lambda: setattr(http, "is_up", True))
+
+    def _cloud_unreachable(self, random: Random) -> None:
+        cloud = self._world.cloud
+        cloud.is_up = False
+        self._world.scheduler.note("faults", "relay", "cloud unreachable")
+        self._later(random.expovariate(1.0 / 60.0), lambda: setattr(cloud, "is_up", True))
+
+    def _reboot(self, random: Random) -> None:
+        system = random.choice(list(self._world.vehicles))
+        vehicle = self._world.vehicles[system]
+        if not vehicle.is_flying:
+            self._world.scheduler.note("faults", f"vehicle {system}", "reboot")
+            vehicle.reboot()
+
+    def _take_over(self, random: Random) -> None:
+        vehicle = self._world.vehicles[random.choice(list(self._world.vehicles))]
+        if not vehicle.is_flying:
+            return
+        vehicle.take_over()
+
+        def release() -> None:
+            if vehicle.pilot_since_s is not None:
+                vehicle.release()
+
+        self._world.scheduler.after(random.uniform(5.0, 60.0), release)
+
+    def _kill(self, fault: Fault, process: _Process) -> Callable[[Random], None]:
+        def kill(random: Random) -> None:
+            if not process.is_up:
+                return
+            self._world.scheduler.note("faults", fault.split("-")[0], "killed")
+            process.kill()
+
+            def start() -> None:
+                if not process.is_up:
+                    self._world.scheduler.note("faults", fault.split("-")[0], "started")
+                    process.start()
+                    for system in self._world.vehicles:
+                        self._world.connected(system)
+
+            self._later(random.expovariate(1.0 / 5.0), start)
+
+        return kill

@@ -1,0 +1,118 @@
+"""The operator: posts plans, repeats requests, cancels, aborts."""
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from typing import Any, Final
+
+from dst.edge_process import EdgeDownError, Response
+from dst.faults import Fault
+from dst.vehicle import place
+from dst.world import World
+
+MEAN_PAUSE_S: Final = 60.0
+ALTITUDE_M: Final = 5.0
+
+
+@dataclass
+class PostedPlan:
+    """A plan that the edge server has acknowledged."""
+
+    number: int
+    mission_id: int
+    vehicle_id: int
+    waypoints: dict[int, tuple[int, int]]
+    """By command id: latitude and longitude [1e-7 deg]."""
+    cancelled_s: float | None = None
+    """When its deletion was acknowledged."""
+
+
+class Operator:
+    """A person at the edge server's API."""
+
+    def __init__(self, world: World, enabled: Collection[Fault]) -> None:
+        self.plans: list[PostedPlan] = []
+        self.double_ids: list[str] = []
+        """Repeated requests that were answered by another id."""
+        self._world = world
+        self._enabled = frozenset(enabled)
+        self._random = world.scheduler.random("operator")
+        self._missions = 0
+        self._events = 0
+        self._is_stopped = False
+        self._next()
+
+    def stop(self) -> None:
+        """Post nothing more."""
+        self._is_stopped = True
+
+    def _next(self) -> None:
+        pause_s = self._random.expovariate(1.0 / MEAN_PAUSE_S)
+        self._world.scheduler.after(pause_s, self._act)
+
+    def _act(self) -> None:
+        if self._is_stopped:
+            return
+        self._next()
+        choice = self._random.random()
+        if choice < 0.2 and Fault.ABORTS in self._enabled:
+            self._abort()
+        elif choice < 0.4 and Fault.CANCELLATIONS in self._enabled and self.plans:
+            self._cancel(self._random.choice(self.plans[-3:]))
+        else:
+            self._post_plan()
+
+    def _request(
+        self, method: str, path: str, body: Any = None, key: str | None = None
+    ) -> Response | None:
+        """Send a request; None if the edge server does not run."""
+        try:
+            return self._world.request(method, path, body, key)
+        except EdgeDownError:
+            return None
+
+    def _post_plan(self) -> None:
+        self._missions += 1
+        mission_id, random = self._missions, self._random
+        vehicle_id = random.choice(list(self._world.vehicles))
+        home = place(0.0, 0.0)
+        home_fields = {"latitude": home[0], "longitude": home[1]}
+        commands: list[dict[str, Any]] = [_command(1, 1, home_fields | {"altitude": ALTITUDE_M})]
+        waypoints: dict[int, tuple[int, int]] = {}
+        for command_id in range(2, random.randint(3, 5)):
+            latitude, longitude = place(random.uniform(5.0, 50.0), random.uniform(-50.0, 50.0))
+            waypoints[command_id] = round(latitude * 1e7), round(longitude * 1e7)
+            fields = {"latitude": latitude, "longitude": longitude, "altitude": ALTITUDE_M}
+            commands.append(_command(command_id, 3, fields))
+        commands.append(_command(9, 11, {"landing": True}))
+        mission = {"mission_id": mission_id, "vehicle_id": vehicle_id, "maximum_speed": 5.0}
+        body = {"name": "simulated", "missions": [mission | {"command_array": commands}]}
+        key = f"plan-{mission_id}"
+        response = self._request("POST", "/plans/", body, key)
+        if response is None or response.status != 201:
+            return
+        number = int(response.json()["id"])
+        self.plans.append(PostedPlan(number, mission_id, vehicle_id, waypoints))
+        if Fault.REPEATED_POSTS in self._enabled:
+            pause_s = random.uniform(0.0, 60.0)
+            self._world.scheduler.after(pause_s, lambda: self._repeat(body, key, number))
+
+    def _repeat(self, body: Any, key: str, number: int) -> None:
+        response = self._request("POST", "/plans/", body, key)
+        if response is not None and response.status < 300 and response.json()["id"] != number:
+            self.double_ids.append(f"plan {number} again as {response.json()['id']}")
+
+    def _cancel(self, plan: PostedPlan) -> None:
+        response = self._request("DELETE", f"/plans/{plan.number}")
+        if response is not None and response.status == 204 and plan.cancelled_s is None:
+            plan.cancelled_s = self._world.scheduler.now_s
+
+    def _abort(self) -> None:
+        self._events += 1
+        vehicle_id = self._random.choice(list(self._world.vehicles))
+        kind = self._random.choice((1, 2))
+        event = {"sequence_number": self._events, "vehicle_id": vehicle_id, "event_type_id": kind}
+        self._request("POST", "/events/", event)
+
+
+def _command(command_id: int, kind: int, parameters: dict[str, Any]) -> dict[str, Any]:
+    return {"command_id": command_id, "command_type_id": kind, "parameters": parameters}
