@@ -1,0 +1,85 @@
+"""Each law is broken on purpose in a world that keeps it otherwise."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from dst.edge_process import prepared_folder
+from dst.laws import LawError, Laws
+from dst.operator_person import Operator
+from dst.vehicle import OrderUnderPilot
+from dst.world import World
+
+
+class Farm:
+    """A world in which the operator's first plan has been flown."""
+
+    def __init__(self, folder: Path) -> None:
+        self.world = World(1, prepared_folder(folder / "prepared"), folder)
+        self.operator = Operator(self.world, ())
+        self.laws = Laws(self.world, self.operator)
+        while not self.operator.plans:
+            self.world.run(10.0)
+        self.operator.stop()
+        self.world.run(20.0)
+        while self.laws.open_matters():
+            assert self.world.scheduler.now_s < 1200.0
+            self.world.run(20.0)
+
+
+@pytest.fixture(scope="module")
+def farm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Farm]:
+    farm = Farm(tmp_path_factory.mktemp("farm"))
+    yield farm
+    farm.world.close()
+
+
+def test_a_world_without_faults_keeps_every_law(farm: Farm) -> None:
+    farm.laws.check_end()
+    assert farm.world.vehicles[1].truth.reached
+
+
+def test_a_record_that_the_cloud_lacks_is_found(
+    farm: Farm, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    received = farm.world.cloud.received
+    kept = {i: one for i, one in received.items() if one.stream.kind != "mission_report"}
+    monkeypatch.setattr(farm.world.cloud, "received", kept)
+    with pytest.raises(LawError, match=r"the cloud lacks .* of mission_report"):
+        farm.laws.check_end()
+
+
+def test_a_record_under_two_ids_is_found(farm: Farm, monkeypatch: pytest.MonkeyPatch) -> None:
+    received = farm.world.cloud.received
+    monkeypatch.setattr(
+        farm.world.cloud, "received", {**received, "another": next(iter(received.values()))}
+    )
+    with pytest.raises(LawError, match="under 2 ids"):
+        farm.laws.check_end()
+
+
+def test_a_finished_waypoint_that_was_not_flown_is_found(
+    farm: Farm, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(farm.world.vehicles[1].truth, "reached", [])
+    with pytest.raises(LawError, match="FINISHED and was not flown"):
+        farm.laws.check_end()
+
+
+def test_a_waypoint_that_is_flown_after_the_end_is_found(
+    farm: Farm, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    truth = farm.world.vehicles[1].truth
+    again = [one._replace(time_s=farm.world.scheduler.now_s + 60.0) for one in truth.reached]
+    monkeypatch.setattr(truth, "reached", [*truth.reached, *again])
+    with pytest.raises(LawError, match="though it ended"):
+        farm.laws.check()
+
+
+def test_an_order_to_a_vehicle_that_a_pilot_flies_is_found(farm: Farm) -> None:
+    order = OrderUnderPilot(100.0, 50.0, "MAV_CMD_NAV_LAND")
+    farm.world.vehicles[1].truth.orders_under_pilot.append(order)
+    with pytest.raises(LawError, match="MAV_CMD_NAV_LAND"):
+        farm.laws.check()
+    farm.world.vehicles[1].truth.orders_under_pilot.clear()
