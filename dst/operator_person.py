@@ -1,4 +1,4 @@
-"""The operator: posts plans, repeats requests, cancels, aborts."""
+"""The operator: posts plans, repeats requests, cancels, aborts, releases held vehicles."""
 
 from collections.abc import Collection
 from dataclasses import dataclass
@@ -10,6 +10,7 @@ from dst.vehicle import place
 from dst.world import World
 
 MEAN_PAUSE_S: Final = 60.0
+RELEASE_PERIOD_S: Final = 30.0
 ALTITUDE_M: Final = 5.0
 
 
@@ -40,6 +41,7 @@ class Operator:
         self._events = 0
         self._is_stopped = False
         self._next()
+        world.scheduler.every(RELEASE_PERIOD_S, self._release)
 
     def stop(self) -> None:
         """Post nothing more."""
@@ -105,6 +107,12 @@ class Operator:
         response = self._request("DELETE", f"/plans/{plan.number}")
         if response is not None and response.status == 204 and plan.cancelled_s is None:
             plan.cancelled_s = self._world.scheduler.now_s
+
+    def _release(self) -> None:
+        """Release each vehicle that stands, in case it is held after a fault."""
+        for system, vehicle in self._world.vehicles.items():
+            if not vehicle.is_flying:
+                self._request("POST", f"/vehicles/{system}/release", {"reason": "checked"})
 
     def _abort(self) -> None:
         self._events += 1
