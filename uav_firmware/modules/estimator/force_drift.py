@@ -37,8 +37,8 @@ _ZERO: Final[Vector3] = (0.0, 0.0, 0.0)
 class ForceDrift:
     """The two sums, and for how long they have agreed."""
 
-    __slots__ = ("_agreed_s", "_corrections_ned", "_gyro_bias", "_slow", "_time_us", "_turned_ned",
-                 "_wind_ne")  # fmt: skip
+    __slots__ = ("_agreed_s", "_corrections_ned", "_gyro_bias", "_manoeuvre_rad", "_slow",
+                 "_time_us", "_turned_ned", "_wind_ne")  # fmt: skip
 
     def __init__(self) -> None:
         self._time_us: int | None = None  # None: begin anew
@@ -48,15 +48,18 @@ class ForceDrift:
         self._wind_ne = (0.0, 0.0)
         self._slow = (0.0, 0.0, 0.0, 0.0)  # Means of the force and of the motion that drags
         self._agreed_s = 0.0
+        self._manoeuvre_rad = 0.0  # Largest angle turned through, with the leak of the sums
 
     def restart(self) -> None:
         """Forget: on the ground, after a blow, or when the sensor has changed."""
         self._time_us = None
+        self._manoeuvre_rad = 0.0
 
     def look(self, core: Core) -> Former | None:
         """Some ten times a second in flight; the estimate to return to once it has drifted."""
         if core.turned.angle_rad > _WILD_RAD or core.impact.is_recent(core.time_us):
             self.restart()
+            self._manoeuvre_rad = min(core.turned.angle_rad, _WILD_RAD)
             return None
         state, before_us = core.state, self._time_us
         self._time_us = core.time_us
@@ -67,6 +70,8 @@ class ForceDrift:
             self._slow = self._present(core)
             return None
         dt = (core.time_us - before_us) * 1e-6
+        faded_rad = (1.0 - dt / _MEMORY_S) * self._manoeuvre_rad
+        self._manoeuvre_rad = max(core.turned.angle_rad, faded_rad)
         self._add_turn(core, corrections, dt)
         present, share = self._present(core), dt / _MEMORY_S
         x, y, u, v = (new - old for new, old in zip(present, self._slow, strict=True))
@@ -115,10 +120,14 @@ class ForceDrift:
         return (*core.lateral.mean_m_s2, forward, right)
 
     def _agrees(self, core: Core, force: tuple[float, float]) -> bool:
-        """Whether the turn explains the change of force, and both are more than noise."""
+        """Whether the turn explains the change of force, and both are more than noise.
+
+        The scale errors of a manoeuvre are learnt as gyroscope bias. The filter turns the attitude
+        back while it unlearns them, for about as long as the sums remember.
+        """
         x, y, _ = rotate_inverse(core.state.q_ned_frd, self._turned_ned)
         g = STANDARD_GRAVITY_M_S2
         sizes = (math.hypot(*force), g * math.hypot(x, y))
-        least = _LEAST_M_S2 + _SCALE_ERROR * g * core.turned.angle_rad
+        least = _LEAST_M_S2 + _SCALE_ERROR * g * self._manoeuvre_rad
         apart = math.hypot(force[0] - g * y, force[1] + g * x)
         return min(sizes) > least and apart < _AGREEMENT * max(sizes)

@@ -99,6 +99,17 @@ def test_corrections_of_the_gyroscope_bias_count_by_what_they_turn() -> None:
     assert found.gyro_bias_frd == pytest.approx((0.0, 0.0, 0.0), abs=2e-3)
 
 
+def test_what_a_manoeuvre_has_taught_is_unlearnt_without_an_alarm() -> None:
+    """Its scale errors were learnt as gyroscope bias, and the wind may change meanwhile."""
+    force = (0.04, 0.0)
+    calm, wild = Hover(), Hover()
+    for hover, rate in ((calm, 0.05), (wild, 0.6)):
+        assert hover.drift(10.0, rate=rate) is None
+        hover.elapsed_s = 0.0
+    assert calm.drift(14.0, force=force, turned_frd=explained(force)) is not None
+    assert wild.drift(14.0, force=force, turned_frd=explained(force)) is None
+
+
 def test_nothing_slow_is_seen_while_the_vehicle_turns_fast() -> None:
     force = (0.1, 0.0)
     assert Hover().drift(30.0, force=force, turned_frd=explained(force), rate=3.0) is None
