@@ -104,14 +104,22 @@ test: $(DEV) ## run the units, contracts, golden records and one scenario per pr
 	$(RUN) -m pytest $(PARALLEL) -m "not thorough"
 
 .PHONY: test-thorough
-test-thorough: $(DEV) ## run what `make test` leaves out, then short forms of the soaks
+test-thorough: $(DEV) ## run what `make test` leaves out
 	@.ci/servers
 	$(RUN) -m pytest $(PARALLEL) -m thorough
+
+.PHONY: test-failed
+test-failed: $(DEV) ## run the tests that failed last once more, one after the other
+	@.ci/servers
+	$(RUN) -m pytest --last-failed --last-failed-no-failures none
+
+.PHONY: soak-short
+soak-short: $(DEV) ## run short forms of the soaks
 	CYCLES=5 BURST_S=60 SOAK=kill,outage,spool $(RUN) -m tests.soak
 	MINUTES=2 VEHICLES=2 SOAK=hostile $(RUN) -m tests.soak
 
 .PHONY: test-all
-test-all: test test-thorough ## run every test and short forms of the soaks
+test-all: test test-thorough soak-short ## run every test and short forms of the soaks
 
 .PHONY: mutants
 mutants: $(DEV) ## break forty laws one at a time; 0 if the tests notice each
