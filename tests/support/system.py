@@ -30,6 +30,8 @@ FINISHED = 3
 
 FIRST_PORT = 20_000
 LAST_PORT = 32_000
+CONNECT_S = 30.0
+"""Time allowed for each vehicle to connect, beside the others on a busy machine."""
 """Below the range from which the kernel takes ports for outgoing connections."""
 
 
@@ -184,7 +186,7 @@ class FarmSystem:
         wait_for(lambda: key.exists() and requests.get(url, timeout=5).ok, "the edge server")
 
     def wait_until_connected(self) -> Self:
-        """Wait until the edge server knows every vehicle as connected."""
+        """Wait until every vehicle is connected; longer for many, which start beside each other."""
         self.wait_until_edge_answers()
         wanted = set(self.settings.started_ids)
 
@@ -192,7 +194,8 @@ class FarmSystem:
             states = {v["vehicle_id"]: v["link_state"] for v in rows(self.get("/vehicles/"))}
             return wanted == {v for v, state in states.items() if state == "connected"}
 
-        wait_for(connected, f"vehicles {sorted(wanted)}")
+        patience_s = PATIENCE_S + CONNECT_S * len(wanted)
+        wait_for(connected, f"vehicles {sorted(wanted)}", patience_s)
         return self
 
     def fly(self, plan: dict[str, Any]) -> dict[str, Any]:
