@@ -30,9 +30,9 @@ FINISHED = 3
 
 FIRST_PORT = 20_000
 LAST_PORT = 32_000
+"""Below the range from which the kernel takes ports for outgoing connections."""
 CONNECT_S = 30.0
 """Time allowed for each vehicle to connect, beside the others on a busy machine."""
-"""Below the range from which the kernel takes ports for outgoing connections."""
 
 
 def free_ports(count: int) -> list[int]:
