@@ -91,17 +91,18 @@ def _connected(settings: Config, seconds: float) -> list[dict[str, Any]]:
 def _rows_of_edge_server(settings: Config) -> list[dict[str, Any]]:
     """Ask the edge server of the broker that uses the link."""
     url = f"{settings.edge_url.rstrip('/')}/vehicles/"
-    http = BoundedHttp(True if settings.edge_ca_file is None else str(settings.edge_ca_file))
+    authorities = True if settings.edge_ca_file is None else str(settings.edge_ca_file)
     try:
         key = settings.key_file.read_text(encoding="ascii").strip()
-        answer = http.exchange(
-            "GET",
-            url,
-            within_s=_ASK_TIMEOUT_S,
-            timeouts_s=(_ASK_TIMEOUT_S, _ASK_TIMEOUT_S),
-            max_bytes=_MOST_BYTES,
-            headers={"Authorization": f"Bearer {key}"},
-        )
+        with BoundedHttp(authorities) as http:
+            answer = http.exchange(
+                "GET",
+                url,
+                within_s=_ASK_TIMEOUT_S,
+                timeouts_s=(_ASK_TIMEOUT_S, _ASK_TIMEOUT_S),
+                max_bytes=_MOST_BYTES,
+                headers={"Authorization": f"Bearer {key}"},
+            )
         if answer.status_code != HTTPStatus.OK:
             raise UsageError(f"{url} cannot be asked: it answers HTTP {answer.status_code}")
         return list(answer.json())

@@ -171,7 +171,10 @@ class _Adapter(HTTPAdapter):
 
 
 class BoundedHttp:
-    """One thread's connections to web servers; no proxies, no redirects."""
+    """One thread's connections to web servers, open until the end of its `with` block.
+
+    It uses no proxies and follows no redirects.
+    """
 
     def __init__(self, verify: bool | str = True) -> None:  # noqa: FBT001, FBT002  # requests' name
         """Verify certificates against a CA file (`verify` is its path) or the default CAs."""
@@ -180,6 +183,20 @@ class BoundedHttp:
         self._http.verify = verify
         for scheme in ("http://", "https://"):
             self._http.mount(scheme, _Adapter())
+
+    def __enter__(self) -> Self:
+        """Keep connections open between exchanges until the end of the block."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Close all connections."""
+        del kind, error, trace
+        self._http.close()
 
     def exchange(
         self,

@@ -181,20 +181,20 @@ class EdgeClient:
             return self._outbox.dropped
 
     def _poll_work(self) -> None:
-        connection = EdgeConnection(self._url, self._key_file, self._ca_file)
         self._cursor = 0
-        while not self._stopping.is_set():
-            poll = self.next_poll()
-            answer: Answer | Exception
-            try:
-                answer = connection.request("GET", poll.path, poll.wait_s)
-            except (requests.RequestException, NoKeyError) as error:
-                answer = error
-            match self.take_answer(poll, answer):
-                case Pause.RETRY:
-                    self._stopping.wait(RETRY_WORK_S)
-                case Pause.REPORTS:
-                    self._wait_for_reports_of(poll.held_back)
+        with EdgeConnection(self._url, self._key_file, self._ca_file) as connection:
+            while not self._stopping.is_set():
+                poll = self.next_poll()
+                answer: Answer | Exception
+                try:
+                    answer = connection.request("GET", poll.path, poll.wait_s)
+                except (requests.RequestException, NoKeyError) as error:
+                    answer = error
+                match self.take_answer(poll, answer):
+                    case Pause.RETRY:
+                        self._stopping.wait(RETRY_WORK_S)
+                    case Pause.REPORTS:
+                        self._wait_for_reports_of(poll.held_back)
 
     def next_poll(self) -> Poll:
         """Give the next request for work.
@@ -264,18 +264,18 @@ class EdgeClient:
             )
 
     def _send_posts(self) -> None:
-        connection = EdgeConnection(self._url, self._key_file, self._ca_file)
-        while not self._stopping.is_set():
-            with self._changed:
-                post = self._outbox.take(self._clock())
-                if post is None:
-                    self._changed.wait(timeout=self._pause())
-                    continue
-            try:
-                self._send(connection, post)
-            except Exception as error:  # noqa: BLE001  # the boundary of one post
-                _LOG.exception("%s %s: an internal error", post.method, post.path)
-                self._postpone(post, reason_of(error))  # Else its lane would wait for ever
+        with EdgeConnection(self._url, self._key_file, self._ca_file) as connection:
+            while not self._stopping.is_set():
+                with self._changed:
+                    post = self._outbox.take(self._clock())
+                    if post is None:
+                        self._changed.wait(timeout=self._pause())
+                        continue
+                try:
+                    self._send(connection, post)
+                except Exception as error:  # noqa: BLE001  # the boundary of one post
+                    _LOG.exception("%s %s: an internal error", post.method, post.path)
+                    self._postpone(post, reason_of(error))  # Else its lane would wait for ever
 
     def _postpone(self, post: Post, reason: str) -> None:
         """Count a failure, unless the post was answered before the error.

@@ -9,7 +9,8 @@ NoKeyError  the key file does not exist or cannot be read
 from collections.abc import Mapping
 from http import HTTPStatus
 from pathlib import Path
-from typing import Any, Final
+from types import TracebackType
+from typing import Any, Final, Self
 
 from mavlink_broker.edge.bounded_http import Answer, BoundedHttp
 
@@ -36,13 +37,26 @@ class NoKeyError(Exception):
 
 
 class EdgeConnection:
-    """One thread's connection to the edge server."""
+    """One thread's connection to the edge server, open until the end of its `with` block."""
 
     def __init__(self, url: str, key_file: Path, ca_file: Path | None) -> None:
         self._url = url.rstrip("/")
         self._key_file = key_file
         self._http = BoundedHttp(True if ca_file is None else str(ca_file))
         self._key: str | None = None
+
+    def __enter__(self) -> Self:
+        """Keep the connection open between requests until the end of the block."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Close the connection."""
+        self._http.__exit__(kind, error, trace)
 
     def request(
         self,

@@ -105,13 +105,14 @@ def download(job: FetchUrl) -> Downloaded:
         JobError: if it is not received completely, or is too large.
     """
     try:
-        answer = BoundedHttp().exchange(
-            "GET",
-            job.url,
-            within_s=TOTAL_TIMEOUT_S,
-            timeouts_s=(CONNECT_TIMEOUT_S, READ_TIMEOUT_S),
-            max_bytes=job.limit_bytes,
-        )
+        with BoundedHttp() as http:
+            answer = http.exchange(
+                "GET",
+                job.url,
+                within_s=TOTAL_TIMEOUT_S,
+                timeouts_s=(CONNECT_TIMEOUT_S, READ_TIMEOUT_S),
+                max_bytes=job.limit_bytes,
+            )
     except TooLargeError as error:
         raise JobError(str(error)) from error
     except requests.RequestException as error:

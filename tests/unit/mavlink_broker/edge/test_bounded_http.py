@@ -83,9 +83,10 @@ def server(pieces: Callable[[], Iterator[bytes]]) -> Iterator[str]:
 
 
 def ask(url: str, within_s: float = DEADLINE_S, max_bytes: int = 1 << 20) -> Answer:
-    return BoundedHttp().exchange(
-        "GET", url, within_s=within_s, timeouts_s=(20.0, 20.0), max_bytes=max_bytes
-    )
+    with BoundedHttp() as http:
+        return http.exchange(
+            "GET", url, within_s=within_s, timeouts_s=(20.0, 20.0), max_bytes=max_bytes
+        )
 
 
 @pytest.mark.first_case
@@ -143,9 +144,8 @@ def test_an_answer_without_end_is_bounded() -> None:
 
 def test_a_connection_that_was_given_up_is_not_used_again() -> None:
     answers = iter((dripping(OK + LENGTH, b"x" * PIECES), iter((OK + LENGTH, b"y" * 100))))
-    http = BoundedHttp()
     how = {"timeouts_s": (20.0, 20.0), "max_bytes": 1000}
-    with server(partial(next, answers)) as url:
+    with server(partial(next, answers)) as url, BoundedHttp() as http:
         with pytest.raises(requests.Timeout):
             http.exchange("GET", url, within_s=DEADLINE_S, **how)  # type: ignore[arg-type]  # named
         answer = http.exchange("GET", url, within_s=30.0, **how)  # type: ignore[arg-type]  # named
@@ -161,8 +161,33 @@ def test_a_handshake_that_stalls_is_given_up_too() -> None:
 
 
 def test_a_file_of_authorities_that_is_missing_is_an_error_of_the_request(tmp_path: Path) -> None:
-    http = BoundedHttp(str(tmp_path / "ca.pem"))
-    with pytest.raises(requests.RequestException, match=r"ca\.pem"):
+    authorities = str(tmp_path / "ca.pem")
+    error = pytest.raises(requests.RequestException, match=r"ca\.pem")
+    with BoundedHttp(authorities) as http, error:
         http.exchange(
             "GET", "https://127.0.0.1:1/", within_s=9.0, timeouts_s=(9.0, 9.0), max_bytes=9
         )
+
+
+def test_the_connection_is_kept_for_the_next_exchange_and_closed_at_the_end() -> None:
+    how = {"within_s": 30.0, "timeouts_s": (20.0, 20.0), "max_bytes": 1000}
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        url = f"http://127.0.0.1:{listener.getsockname()[1]}/"
+        received: list[bytes] = []
+
+        def serve() -> None:
+            connection, _ = listener.accept()
+            with connection:
+                while received[-1:] != [b""]:
+                    received.append(connection.recv(65536))
+                    if received[-1]:
+                        connection.sendall(OK + LENGTH + b"x" * 100)
+
+        thread = threading.Thread(target=serve, daemon=True)
+        thread.start()
+        with BoundedHttp() as http:
+            for _ in range(2):
+                http.exchange("GET", url, **how)  # type: ignore[arg-type]  # named
+        thread.join(30.0)
+        assert len(received) == 3
+        assert received[-1] == b""
