@@ -34,6 +34,7 @@ _HEADING_ERROR_RAD: Final = 0.2
 _TILTED_US: Final = 1_000_000  # A tilt that is wrong has been found after that
 _RECENT_S: Final = 1.5  # Changes of velocity longer ago than that are forgotten
 _SCALE_ERROR: Final = 0.02  # [-] Of the angle turned through: scale factor and misalignment
+_LOAD_ERROR_RAD: Final = 0.1  # Of the heading by compass, for 1 g of thrust more or less
 
 
 class VelocityWatch:
@@ -90,7 +91,10 @@ class HeadingWatch:
     """Tells a jump about the yaw axis: the heading runs away from the compass, steadily.
 
     A magnet nearby is a step: what has not grown is no jump, and a compass that has leapt is not
-    believed against the gyroscope any more, until it is aligned anew.
+    believed against the gyroscope any more, until it is aligned anew. The motors are such a magnet,
+    and rise as fast as they spin up: the current of full throttle turns the field by tens of
+    degrees (ArduPilot's compassmot accepts 30 %). Thrust that differs from that of hover is noise
+    of the heading here.
     """
 
     def __init__(self) -> None:
@@ -111,7 +115,9 @@ class HeadingWatch:
         if tilted_us is not None and now_us - tilted_us < _TILTED_US:
             self._drift = _drift_of_headings()
             return
-        deviation = ekf.deviation(measured)
+        ax, ay, az = ekf.acceleration_ned
+        thrust_g = math.hypot(ax, ay, az - ekf.gravity) / STANDARD_GRAVITY_M_S2
+        deviation = math.hypot(ekf.deviation(measured), _LOAD_ERROR_RAD * (thrust_g - 1.0))
         drift = self._drift.update([measured.innovation / deviation], now_us)
         self._leapt = self._leapt or self._drift.leapt
         if drift is None or self._leapt:

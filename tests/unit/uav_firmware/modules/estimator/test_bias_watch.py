@@ -205,6 +205,14 @@ def test_a_magnet_is_no_jump_and_its_compass_is_not_believed_until_aligned(
     assert core.turn_jump_us is not None
 
 
+def test_a_heading_that_the_current_of_the_motors_turns_is_no_jump() -> None:
+    core, watch, thrust_g = hovering(), HeadingWatch(), 3.5
+    core.ekf.acceleration_ned = (0.0, 0.0, GRAVITY * (1.0 - thrust_g))
+    turned = 0.09 * (thrust_g - 1.0)
+    look(core, watch, [turned * min(0.25 * number, 1.0) for number in range(30)])
+    assert core.turn_jump_us is None
+
+
 def test_while_the_tilt_is_found_the_compass_is_not_judged() -> None:
     core, watch = hovering(), HeadingWatch()
     core.tilt_jump_us = 0
