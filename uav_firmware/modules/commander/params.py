@@ -55,9 +55,13 @@ class CommanderParams:
         "COM_RC_STICK_OV", 30.0, unit="%", minimum=5.0, maximum=80.0,
         short="Deflection of roll, pitch or yaw stick that takes over, of full deflection",
     )  # fmt: skip
-    ballistic_coefficient: float = param(
+    ballistic_coefficient_x: float = param(
         "EKF2_BCOEF_X", 87.0, unit="kg/m^2", minimum=1.0, maximum=200.0,
-        short="Ballistic coefficient of the body, which relates tilt to wind",
+        short="Ballistic coefficient of the body along x, which relates tilt to wind",
+    )  # fmt: skip
+    ballistic_coefficient_y: float = param(
+        "EKF2_BCOEF_Y", 87.0, unit="kg/m^2", minimum=1.0, maximum=200.0,
+        short="Ballistic coefficient of the body along y",
     )  # fmt: skip
     momentum_drag: float = param(
         "EKF2_MCOEF", 0.295, unit="1/s", minimum=0.0, maximum=1.0,
@@ -67,4 +71,6 @@ class CommanderParams:
     @property
     def drag(self) -> DragModel:
         """Drag of the airframe by its airspeed."""
-        return DragModel(self.ballistic_coefficient, self.momentum_drag)
+        return DragModel(
+            self.ballistic_coefficient_x, self.ballistic_coefficient_y, self.momentum_drag
+        )

@@ -71,7 +71,7 @@ def gust_variance(state: NominalState, air: Air) -> float:
     """
     (vx, vy, vz), (wx, wy) = state.velocity_ned, state.wind_ne
     airspeed_m_s = max(math.hypot(vx - wx, vy - wy, vz), _SLOWEST_M_S)
-    factor = air.drag.drag_m_s2(airspeed_m_s, air.density_kg_m3) / airspeed_m_s
+    factor = max(air.drag.factors_per_s(airspeed_m_s, air.density_kg_m3))
     gust_m_s = _GUST_SHARE * math.hypot(wx, wy)
     white = 2.0 * _GUST_LENGTH_M / airspeed_m_s / _INTERVAL_S
     return white * (factor * gust_m_s) ** 2
@@ -144,9 +144,9 @@ class DragAiding:
         speed = math.hypot(*motion)
         if not 0.0 < speed < _LARGEST_SPEED_M_S:  # NaN compares false
             return force_frd
-        factor = drag.drag_m_s2(speed, density_at(origin.altitude_amsl_m)) / speed
+        factor_x, factor_y = drag.factors_per_s(speed, density_at(origin.altitude_amsl_m))
         forward, right, _ = rotate_inverse(state.q_ned_frd, motion)
-        return (-factor * forward, -factor * right, force_frd[2])
+        return (-factor_x * forward, -factor_y * right, force_frd[2])
 
     def _forget(self, core: Core) -> None:
         """On the ground the force is the ground's, and the wind of the last flight is gone."""

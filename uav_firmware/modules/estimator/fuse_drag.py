@@ -6,7 +6,8 @@ accelerometer feedback in quadrotor control", ICRA 2010; PX4 `drag_fusion.cpp`):
 
     f = -d(|u|) x.u + bias,        u = v - w, d = M + rho |u| / (2 B)
 
-x is the body axis in NED, v the velocity, w the wind, level. The factor d is kept while the law is
+x is the body axis in NED, B its ballistic coefficient, v the velocity, w the wind, level. The
+factor d is kept while the law is
 linearised. A rotation error r turns the axis, x + r cross x, so that its row is -d (x cross u).
 """
 
@@ -46,9 +47,9 @@ def drag_measurements(
     (vx, vy, vz), (wx, wy) = state.velocity_ned, state.wind_ne
     relative = (vx - wx, vy - wy, vz)
     speed = max(math.hypot(*relative), _STILL_M_S)
-    factor = air.drag.drag_m_s2(speed, air.density_kg_m3) / speed
+    factors = air.drag.factors_per_s(speed, air.density_kg_m3)
     along_x, along_y = (
-        _along(state, index, measured, relative, factor, variance)
+        _along(state, index, measured, relative, factors[index], variance)
         for index, measured in enumerate(force_xy)
     )
     return along_x, along_y

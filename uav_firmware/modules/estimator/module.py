@@ -24,7 +24,7 @@ from uav_firmware.parameters import Registry
 
 T = TypeVar("T")
 
-_DRAG_PARAMETERS: Final = ("EKF2_BCOEF_X", "EKF2_MCOEF")  # The commander's
+_DRAG_PARAMETERS: Final = ("EKF2_BCOEF_X", "EKF2_BCOEF_Y", "EKF2_MCOEF")  # The commander's
 _GLOBAL_EVERY_US: Final = 20_000  # Validity and accuracy too: they change slowly
 _STATUS_EVERY_US: Final = 200_000
 
@@ -33,8 +33,7 @@ def drag_of(registry: Registry) -> DragModel | None:
     """Drag of the airframe; None where its coefficients are not declared, or give no airspeed."""
     if not set(_DRAG_PARAMETERS) <= set(registry.names()):
         return None
-    ballistic, momentum = (float(registry.get(name)) for name in _DRAG_PARAMETERS)
-    drag = DragModel(ballistic, momentum)
+    drag = DragModel(*(float(registry.get(name)) for name in _DRAG_PARAMETERS))
     return drag if drag.gives_airspeed else None
 
 

@@ -3,19 +3,19 @@
 The rotors push along the body's axis; the acceleration that this does not explain is drag:
 
     drag = a + (g - a_down) (b_north, b_east) / b_down        b: body down axis in NED
-    wind = v + drag / |drag| * v_air
+    wind = v + v_air(drag)
 
-with the airspeed v_air of that drag by `uav_firmware/lib/drag.py` (EKF2_MCOEF, EKF2_BCOEF_X); air
-density is that of the standard atmosphere at the vehicle's altitude. Velocity and drag are
-low-passed, since the equations hold at steady state; a tilt error of half a degree is 0.3 m/s of
-wind.
+with the airspeed v_air of that drag by `uav_firmware/lib/drag.py` (EKF2_MCOEF, EKF2_BCOEF_X,
+EKF2_BCOEF_Y), along the body's axes in the present heading; air density is that of the standard
+atmosphere at the vehicle's altitude. Velocity and drag are low-passed, since the equations hold at
+steady state; a tilt error of half a degree is 0.3 m/s of wind.
 """
 
 import math
 from typing import Final, NamedTuple
 
 from uav_firmware.lib.drag import DragModel
-from uav_firmware.lib.rotation import rotate
+from uav_firmware.lib.rotation import rotate, yaw_of
 from uav_firmware.msg.vectors import Quaternion, Vector3
 
 GRAVITY: Final = 9.80665  # [m/s^2]
@@ -47,17 +47,19 @@ def wind_of(
     velocity: tuple[float, float],
     model: DragModel,
     density: float,
+    yaw_rad: float = 0.0,
 ) -> tuple[float, float]:
     """Wind [m/s, north and east: where the air goes to] of a steady drag and velocity."""
-    drag = sample.drag
-    size = math.hypot(*drag)
-    if size == 0.0:
-        return velocity
-    airspeed = model.airspeed_m_s(size, density, sample.thrust_ratio)
-    return (
-        velocity[0] + drag[0] / size * airspeed,
-        velocity[1] + drag[1] / size * airspeed,
-    )
+    drag_xy = _turned(sample.drag, -yaw_rad)
+    air_xy = model.airspeed_xy(drag_xy, density, sample.thrust_ratio)
+    north, east = _turned(air_xy, yaw_rad)
+    return velocity[0] + north, velocity[1] + east
+
+
+def _turned(vector: tuple[float, float], angle_rad: float) -> tuple[float, float]:
+    cosine, sine = math.cos(angle_rad), math.sin(angle_rad)
+    x, y = vector
+    return cosine * x - sine * y, sine * x + cosine * y
 
 
 class WindEstimator:
@@ -70,6 +72,7 @@ class WindEstimator:
         """Begin a flight."""
         # Drag north, east; thrust ratio; velocity north, east
         self._mean = (0.0, 0.0, 1.0, 0.0, 0.0)
+        self._yaw_rad = 0.0  # Of the last sample
         self._age_s = 0.0
 
     def update(
@@ -83,6 +86,7 @@ class WindEstimator:
             old + share * (new - old) for old, new in zip(self._mean, latest, strict=True)
         )
         self._mean = (a, b, c, d, e)
+        self._yaw_rad = yaw_of(q_ned_frd)
         self._age_s += dt
 
     def wind(self, model: DragModel, density: float) -> tuple[float, float] | None:
@@ -90,4 +94,5 @@ class WindEstimator:
         if not model.gives_airspeed or self._age_s < _SETTLED * TIME_CONSTANT_S:
             return None
         north, east, thrust_ratio, v_north, v_east = self._mean
-        return wind_of(DragSample((north, east), thrust_ratio), (v_north, v_east), model, density)
+        sample = DragSample((north, east), thrust_ratio)
+        return wind_of(sample, (v_north, v_east), model, density, self._yaw_rad)

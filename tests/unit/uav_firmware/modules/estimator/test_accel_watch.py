@@ -124,7 +124,7 @@ def force_after(
     `stated_per_s` what the airframe's parameters say of it.
     """
     force, noise = LateralForce(), np.random.default_rng(1)
-    force.expect_drag(None if stated_per_s is None else DragModel(87.0, stated_per_s))
+    force.expect_drag(None if stated_per_s is None else DragModel(87.0, 87.0, stated_per_s))
     for number in range(round((5.0 + seconds) * 250)):
         late_s = max(0.0, number * 0.004 - 5.0)
         speed = speeding_up * late_s
@@ -167,7 +167,7 @@ def test_a_drag_that_is_stated_wrong_by_a_third_is_no_step(
 def test_the_drag_falls_with_the_thrust() -> None:
     """Rotors that hardly turn drag hardly: M goes with the root of the thrust."""
     force = LateralForce()
-    force.expect_drag(DragModel(87.0, 0.29))
+    force.expect_drag(DragModel(87.0, 87.0, 0.29))
     for number in range(2000):
         speed = max(0.0, 6.0 * (number * 0.004 - 5.0))
         force.update((-0.29 * 0.2 * speed, 0.0, -0.04 * 9.8), (speed, 0.0, 0.0), LEVEL, 4e-3)

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from uav_firmware.lib.drag import DragModel
 from uav_firmware.lib.rotation import from_euler
+from uav_firmware.modules.commander.params import CommanderParams
 from uav_firmware.modules.estimator.alignment import TiltAlignment
 from uav_firmware.modules.estimator.core import Core
 from uav_firmware.modules.estimator.drag_aiding import (
@@ -19,11 +20,13 @@ from uav_firmware.modules.estimator.drag_aiding import (
     wind_share,
 )
 from uav_firmware.modules.estimator.fuse_drag import Air, drag_measurements
+from uav_firmware.modules.estimator.module import drag_of
 from uav_firmware.modules.estimator.params import EstimatorParams
 from uav_firmware.modules.estimator.state import SIZE, VELOCITY, WIND, NominalState
+from uav_firmware.parameters import Registry
 
-AIR = Air(DragModel(87.0, 0.295), 1.15)
-BALLISTIC_ONLY = Air(DragModel(87.0, 0.0), 1.15)
+AIR = Air(DragModel(87.0, 87.0, 0.295), 1.15)
+BALLISTIC_ONLY = Air(DragModel(87.0, 87.0, 0.0), 1.15)
 STEP = 1e-5
 
 speed = st.floats(-12.0, 12.0)
@@ -60,8 +63,8 @@ def test_the_jacobian_is_the_slope_at_a_fixed_drag_factor(
     euler: tuple[float, float, float],
 ) -> None:
     relative = math.hypot(velocity[0] - wind[0], velocity[1] - wind[1], velocity[2])
-    factor = AIR.drag.drag_m_s2(max(relative, 0.01), 1.15) / max(relative, 0.01)
-    linear = Air(DragModel(1e9, factor / math.sqrt(1.15 / 1.225)), 1.15)  # The factor, frozen
+    factor, _ = AIR.drag.factors_per_s(max(relative, 0.01), 1.15)
+    linear = Air(DragModel(1e9, 1e9, factor / math.sqrt(1.15 / 1.225)), 1.15)  # The factor, frozen
     group = drag_measurements(state_of(velocity, wind, euler), (0.0, 0.0), AIR, 1.0)
     for column in range(SIZE):
         expected = []
@@ -106,13 +109,13 @@ def test_gusts_make_the_drag_doubtful_as_far_as_there_is_wind() -> None:
 def test_a_vehicle_that_spins_finds_the_wind_where_it_comes_from() -> None:
     """On three rotors: a thousand degrees a second, 80 of them within the mean of a measurement."""
     spin_rad_s, step_us, wind_m_s = 17.0, 4000, 4.0
-    drag, params = DragModel(ballistic_kg_m2=60.0, momentum_per_s=0.3), EstimatorParams()
+    drag, params = DragModel(60.0, 60.0, momentum_per_s=0.3), EstimatorParams()
     core = Core(TiltAlignment((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 1e-3), 0, params)
     core.set_origin(40.0, -3.7, 650.0)
     core.ekf.forget(VELOCITY, 0.05)  # GPS tells it
     core.on_ground = False
     aiding = DragAiding(drag)
-    push = drag.drag_m_s2(wind_m_s, density_at(650.0))
+    push = wind_m_s * drag.factors_per_s(wind_m_s, density_at(650.0))[0]
     for number in range(1000):
         core.time_us += step_us
         yaw = spin_rad_s * number * step_us * 1e-6
@@ -120,3 +123,22 @@ def test_a_vehicle_that_spins_finds_the_wind_where_it_comes_from() -> None:
         force = (push * math.cos(yaw), -push * math.sin(yaw), -9.8)  # From the south
         aiding.take(core, force, spin_rad_s * step_us * 1e-6, params)
     assert core.state.wind_ne == pytest.approx((wind_m_s, 0.0), abs=0.4)
+
+
+def test_the_body_resists_along_each_axis_by_its_own_coefficient() -> None:
+    """`EKF2_BCOEF_X` and `EKF2_BCOEF_Y`, as on PX4."""
+    registry = Registry()
+    registry.add(CommanderParams)
+    registry.set("EKF2_BCOEF_Y", 20.0)
+    narrow = drag_of(registry)
+    assert narrow is not None
+    level, still = (0.0, 0.0, 0.0), (0.0, 0.0)
+    ahead, _ = drag_measurements(
+        state_of((10.0, 0.0, 0.0), still, level), still, Air(narrow, 1.15), 0.1
+    )
+    _, beside = drag_measurements(
+        state_of((0.0, 10.0, 0.0), still, level), still, Air(narrow, 1.15), 0.1
+    )
+    momentum = 0.295 * math.sqrt(1.15 / 1.225)
+    assert ahead.innovation == pytest.approx(10.0 * (momentum + 0.5 * 1.15 / 87.0 * 10.0))
+    assert beside.innovation == pytest.approx(10.0 * (momentum + 0.5 * 1.15 / 20.0 * 10.0))

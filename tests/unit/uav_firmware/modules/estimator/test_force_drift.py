@@ -23,7 +23,7 @@ class Hover:
 
     def __init__(self, yaw: float = 0.0) -> None:
         self.core = Core(TiltAlignment(IDENTITY, (0.0, 0.0, 0.0), 1e-3), 0, EstimatorParams())
-        self.core.lateral.expect_drag(DragModel(87.0, 0.29))
+        self.core.lateral.expect_drag(DragModel(87.0, 87.0, 0.29))
         self.core.state.q_ned_frd = from_euler(0.0, 0.0, yaw)
         self.watch = ForceDrift()
         self.elapsed_s = 0.0

@@ -1,5 +1,6 @@
 """Wind from the tilt: direction, size, and that both are found again after being put in."""
 
+import cmath
 import math
 
 import pytest
@@ -16,7 +17,7 @@ from uav_firmware.modules.commander.failsafe.wind import (
 )
 from uav_firmware.msg.vectors import Quaternion
 
-MODEL, DENSITY = DragModel(87.0, 0.295), 1.15
+MODEL, DENSITY = DragModel(87.0, 87.0, 0.295), 1.15
 speeds = st.floats(-15.0, 15.0)
 
 
@@ -25,19 +26,26 @@ def leaning(drag: tuple[float, float], yaw: float) -> Quaternion:
     return from_thrust_direction_and_yaw((-drag[0], -drag[1], -GRAVITY), yaw)
 
 
-def drag_of(wind: tuple[float, float], velocity: tuple[float, float]) -> tuple[float, float]:
+def drag_of(
+    wind: tuple[float, float],
+    velocity: tuple[float, float],
+    yaw: float = 0.0,
+    ballistic: tuple[float, float] = (87.0, 87.0),
+) -> tuple[float, float]:
     """Drag of a steady flight against the airspeed: rotors linear, body by the square.
 
     Who leans against more drag pushes harder, and harder pushing rotors drag more: iterated.
     """
-    air = (velocity[0] - wind[0], velocity[1] - wind[1])
-    drag = (0.0, 0.0)
+    air = complex(velocity[0] - wind[0], velocity[1] - wind[1])
+    ahead = cmath.rect(1.0, yaw)
+    forward, right = (air / ahead).real, (air / ahead).imag
+    drag = 0j
     for _ in range(50):
-        thrust_ratio = math.hypot(*drag, GRAVITY) / GRAVITY
+        thrust_ratio = math.hypot(abs(drag), GRAVITY) / GRAVITY
         rotors = 0.295 * math.sqrt(DENSITY / 1.225 * thrust_ratio)
-        size = rotors + 0.5 * DENSITY / 87.0 * math.hypot(*air)
-        drag = (-size * air[0], -size * air[1])
-    return drag
+        body_x, body_y = (0.5 * DENSITY / one * abs(air) for one in ballistic)
+        drag = -ahead * complex((rotors + body_x) * forward, (rotors + body_y) * right)
+    return drag.real, drag.imag
 
 
 def test_leaning_west_means_wind_from_the_west() -> None:
@@ -56,6 +64,18 @@ def test_a_wind_put_in_is_found_again(
     q = leaning(drag_of(wind, velocity), yaw)
     push = drag_sample(q, (0.0, 0.0, 0.0))
     assert wind_of(push, velocity, MODEL, DENSITY) == pytest.approx(wind, abs=1e-3)
+
+
+@given(speeds, speeds, st.floats(-3.0, 3.0))
+def test_the_wind_is_found_though_the_body_resists_more_to_the_side(
+    north: float, east: float, yaw: float
+) -> None:
+    narrow = DragModel(87.0, 20.0, 0.295)
+    q = leaning(drag_of((north, east), (0.0, 0.0), yaw, (87.0, 20.0)), yaw)
+    estimator = WindEstimator()
+    for _ in range(300):
+        estimator.update(q, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.1)
+    assert estimator.wind(narrow, DENSITY) == pytest.approx((north, east), abs=1e-3)
 
 
 def test_nothing_is_said_before_the_filter_has_settled() -> None:
