@@ -1,4 +1,4 @@
-"""`python -m sim`: run the whole system; `demo`: fly an example plan in it; `fly`: and report."""
+"""Run the whole system; demo: fly an example plan in it; fly: fly a plan and report on it."""
 
 import signal
 
@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 
 from sim.launch import demo, launcher
-from sim.launch.settings import SettingsError, from_environment
+from sim.launch.settings import VARIABLES, SettingsError, from_environment
 
 
 def main() -> int:
@@ -24,7 +24,16 @@ def main() -> int:
 
 
 def _run() -> int:
-    parser = argparse.ArgumentParser(prog="sim", description=__doc__)
+    rows = [
+        f"  {name:<20}{meaning}" + (f" (default: {default})" if default else "")
+        for name, (default, meaning) in VARIABLES.items()
+    ]
+    parser = argparse.ArgumentParser(
+        prog="sim",
+        description=__doc__,
+        epilog="\n".join(["settings, as environment variables:", *rows]),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
     parser.add_argument("what", nargs="?", choices=("run", "demo", "fly"), default="run")
     arguments = parser.parse_args()
     try:

@@ -5,9 +5,31 @@ import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
-MAXIMUM_VEHICLES = 100
-MAXIMUM_PORT = 65_535
+MAXIMUM_VEHICLES: Final = 100
+MAXIMUM_PORT: Final = 65_535
+VARIABLES: Final[Mapping[str, tuple[str, str]]] = {
+    "VEHICLES": ("1", "number of vehicles, system ids from 1"),
+    "SPEED": ("1", "simulated over real time; 0: as fast as possible"),
+    "WIND": ("0", "mean wind [m/s]"),
+    "GPS": ("m9n", "satellite receiver of the vehicles: m9n or rtk"),
+    "SEED": ("1", "seed of all random numbers"),
+    "EDGE_PORT": ("8000", "HTTP port of the edge server"),
+    "CLOUD_PORT": ("8100", "HTTP port of the mock cloud"),
+    "MQTT_PORT": ("0", "send records through a Mosquitto on this port instead of HTTP; 0: none"),
+    "MAVLINK_PORT": ("14540", "UDP port of the broker"),
+    "GCS_PORT": ("14550", "UDP port of a ground station"),
+    "VEHICLE_PORT_BASE": ("14580", "UDP port of vehicle N: this plus N"),
+    "TESTERS": ("0", "persons who may stand in for vehicles, with the system ids that follow"),
+    "TESTER_SCRIPT": ("", "file of input lines for the testers"),
+    "STATE_DIR": ("var", "folder of all state"),
+    "TRUTH": ("0", "1: each vehicle writes its true track"),
+    "PLAN": ("", "plan of demo and fly, else examples/plans/first_flight.json"),
+    "OUT": ("", "folder of the report of fly, else STATE_DIR/flight"),
+    "UNSIGNED_SYSTEMS": ("", "further systems that cannot sign, as in 3,7"),
+}
+"""Default and meaning of each variable; the launcher hands WIND, GPS, SEED and TRUTH on."""
 
 
 class SettingsError(Exception):
@@ -88,21 +110,21 @@ def from_environment(environment: Mapping[str, str]) -> Settings:
     Raises:
         SettingsError: naming the variable that does not fit.
     """
-    testers = _integer(environment, "TESTERS", 0, 0, MAXIMUM_VEHICLES)
+    testers = _integer(environment, "TESTERS", 0, MAXIMUM_VEHICLES)
     settings = Settings(
-        vehicles=_integer(environment, "VEHICLES", 1, int(testers == 0), MAXIMUM_VEHICLES),
+        vehicles=_integer(environment, "VEHICLES", int(testers == 0), MAXIMUM_VEHICLES),
         testers=testers,
         tester_script=_file(environment, "TESTER_SCRIPT"),
         unsigned_systems=environment.get("UNSIGNED_SYSTEMS", ""),
-        speed=_number(environment, "SPEED", 1.0, 0.0, 1000.0),
-        edge_port=_integer(environment, "EDGE_PORT", 8000, 1, MAXIMUM_PORT),
-        cloud_port=_integer(environment, "CLOUD_PORT", 8100, 1, MAXIMUM_PORT),
-        mavlink_port=_integer(environment, "MAVLINK_PORT", 14540, 1, MAXIMUM_PORT),
-        gcs_port=_integer(environment, "GCS_PORT", 14550, 1, MAXIMUM_PORT),
-        vehicle_port_base=_integer(environment, "VEHICLE_PORT_BASE", 14580, 1, MAXIMUM_PORT - 100),
-        state_dir=Path(environment.get("STATE_DIR") or "var"),
+        speed=_number(environment, "SPEED", 0.0, 1000.0),
+        edge_port=_integer(environment, "EDGE_PORT", 1, MAXIMUM_PORT),
+        cloud_port=_integer(environment, "CLOUD_PORT", 1, MAXIMUM_PORT),
+        mavlink_port=_integer(environment, "MAVLINK_PORT", 1, MAXIMUM_PORT),
+        gcs_port=_integer(environment, "GCS_PORT", 1, MAXIMUM_PORT),
+        vehicle_port_base=_integer(environment, "VEHICLE_PORT_BASE", 1, MAXIMUM_PORT - 100),
+        state_dir=Path(_text(environment, "STATE_DIR")),
         plan=_file(environment, "PLAN"),
-        mqtt_port=_integer(environment, "MQTT_PORT", 0, 0, MAXIMUM_PORT) or None,
+        mqtt_port=_integer(environment, "MQTT_PORT", 0, MAXIMUM_PORT) or None,
         mosquitto=shutil.which("mosquitto", path=f"{os.environ.get('PATH', '')}:/usr/sbin"),
     )
     if settings.mqtt_port is not None and settings.mosquitto is None:
@@ -119,10 +141,12 @@ def _file(environment: Mapping[str, str], name: str) -> Path | None:
     return path
 
 
-def _number(
-    environment: Mapping[str, str], name: str, default: float, low: float, high: float
-) -> float:
-    text = environment.get(name) or str(default)
+def _text(environment: Mapping[str, str], name: str) -> str:
+    return environment.get(name) or VARIABLES[name][0]
+
+
+def _number(environment: Mapping[str, str], name: str, low: float, high: float) -> float:
+    text = _text(environment, name)
     try:
         value = float(text)
     except ValueError:
@@ -132,8 +156,8 @@ def _number(
     return value
 
 
-def _integer(environment: Mapping[str, str], name: str, default: int, low: int, high: int) -> int:
-    value = _number(environment, name, default, low, high)
+def _integer(environment: Mapping[str, str], name: str, low: int, high: int) -> int:
+    value = _number(environment, name, low, high)
     if value != int(value):
         raise SettingsError(f"{name}: must be a whole number, not {environment[name]}")
     return int(value)

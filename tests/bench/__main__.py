@@ -25,6 +25,7 @@ from tests.bench import (
     system,
 )
 from tests.bench.results import Result, page, write
+from tests.support.parts import choose
 
 
 def _missions() -> Iterable[Result]:
@@ -49,12 +50,8 @@ PARTS: Final[Mapping[str, Callable[[], Iterable[Result]]]] = {
 
 
 def main() -> int:
-    """Measure; 0 whatever the figures say: a bench measures, tests judge. 2: no such part."""
-    chosen = [name for name in os.environ.get("BENCH", "").split(",") if name] or list(PARTS)
-    unknown = [name for name in chosen if name not in PARTS]
-    if unknown:
-        print(f"BENCH: there is no {', '.join(unknown)}; there are {', '.join(PARTS)}")
-        return 2
+    """Measure; 0 whatever the figures say: a bench measures, tests judge."""
+    chosen = choose("BENCH", PARTS, __doc__)
     results = [result for name in chosen for result in PARTS[name]()]
     folder = Path(os.environ.get("STATE_DIR") or "var") / "bench"
     write(results, folder)

@@ -36,6 +36,7 @@ from tests.soak import (
 )
 from tests.support import contract_fuzz
 from tests.support.flying_world import PERFECT
+from tests.support.parts import choose
 
 
 def _contract() -> None:
@@ -131,12 +132,8 @@ PARTS: Final[Mapping[str, Callable[[], None]]] = {
 
 
 def main() -> int:
-    """Run what was chosen; 0 when every promise was kept, 2 when there is no such part."""
-    chosen = [name for name in os.environ.get("SOAK", "").split(",") if name] or list(PARTS)
-    unknown = [name for name in chosen if name not in PARTS]
-    if unknown:
-        print(f"SOAK: there is no {', '.join(unknown)}; there are {', '.join(PARTS)}")
-        return 2
+    """Run what was chosen; 0 when every promise was kept."""
+    chosen = choose("SOAK", PARTS, __doc__)
     for name in chosen:
         print(f"== {name}", flush=True)
         PARTS[name]()

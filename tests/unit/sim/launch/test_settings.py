@@ -1,8 +1,27 @@
+import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
-from sim.launch.settings import SettingsError, from_environment
+from sim.launch.settings import VARIABLES, SettingsError, from_environment
+from tests.support.system import ROOT
+
+
+def test_the_help_and_the_guide_list_every_variable() -> None:
+    shown = subprocess.run(
+        [sys.executable, "-m", "sim", "--help"],
+        cwd=ROOT,
+        check=True,
+        capture_output=True,
+        text=True,
+    ).stdout
+    guide = (ROOT / "docs/how-to/run-the-simulation.md").read_text().split("## The mock cloud")[0]
+    cells = [line.split("|")[1] for line in guide.splitlines() if line.startswith("| `")]
+    named = {name for cell in cells for name in re.findall(r"`([A-Z_]+)`", cell)}
+    assert named == set(VARIABLES)
+    assert all(re.search(rf"^  {name} ", shown, re.MULTILINE) for name in VARIABLES)
 
 
 def test_without_variables_the_documented_defaults_hold() -> None:
