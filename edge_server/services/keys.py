@@ -16,7 +16,9 @@ from edge_server.store.rows import keys
 from edge_server.store.rows.keys import Role, Scope, StoredKey
 
 MOST_KEYS: Final = 1000
-Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$")]
+MOST_NAME: Final = 64
+"""Length of a name."""
+Name = Annotated[str, Field(pattern=rf"^[A-Za-z0-9][A-Za-z0-9._-]{{0,{MOST_NAME - 1}}}$")]
 
 
 class KeyRequest(Model):
@@ -71,7 +73,9 @@ def replace(database: Database, prefix: str, overlap_s: float, now: float) -> tu
 
 
 def retire(connection: Connection, key: StoredKey, overlap_s: float, now: float) -> None:
-    """End a key, now or after an overlap [s]."""
+    """End a key that a new one replaces, now or after an overlap [s]; its name goes to that one."""
+    suffix = f".replaced-{key.prefix}"
+    keys.rename(connection, key.prefix, key.name[: MOST_NAME - len(suffix)] + suffix)
     if overlap_s > 0:
         keys.end(connection, key.prefix, now + overlap_s)
     else:

@@ -144,6 +144,11 @@ def end(connection: Connection, prefix: str, at: float) -> None:
     )
 
 
+def rename(connection: Connection, prefix: str, name: str) -> None:
+    """Give a key another name."""
+    connection.execute(update(access_key).where(access_key.c.prefix == prefix).values(name=name))
+
+
 def revoke(connection: Connection, prefix: str, now: float) -> None:
     """Revoke a key."""
     connection.execute(
