@@ -16,6 +16,7 @@ import errno
 import fcntl
 import logging
 import os
+import re
 import sqlite3
 import stat
 import threading
@@ -24,8 +25,11 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, Final
 
+from ulid import ULID
+
 DATABASE_FILE: Final = "broker.db"
 LOCK_FILE: Final = "broker.lock"
+"""It contains the broker's identity."""
 VERSION: Final = 1
 RESERVE_BYTES: Final = 512 << 10
 """Allocated in advance, in the file and in its log."""
@@ -34,6 +38,7 @@ BUSY_TIMEOUT_S: Final = 2.0
 CLOSE_TIMEOUT_S: Final = 5.0
 """How long an ending program waits for a slow disk."""
 
+_IDENTITY: Final = re.compile(rb"[0-7][0-9A-HJKMNP-TV-Z]{25}")
 _TABLES: Final = {"posts": 3, "dead_letters": 2, "requests": 3, "records": 3, "damaged": 3}
 """Number of columns by table."""
 _SCHEMA: Final = f"""
@@ -88,6 +93,8 @@ class Database:
         self._lock: int | None = None
         self._connection: sqlite3.Connection | None = None
         self._is_closed = False
+        self.instance_id = str(ULID())
+        """Identifies the broker of this folder, also after a restart; of this run without one."""
 
     def open(self) -> None:
         """Lock the folder and open the file, which is created if there is none.
@@ -167,6 +174,7 @@ class Database:
             self.folder.mkdir(parents=True, exist_ok=True)
             if self._lock is None:
                 self._lock = _lock(self.folder / LOCK_FILE)
+                self.instance_id = _identity(self._lock, self.instance_id)
             self._connection = self._opened()
         return self._connection
 
@@ -407,3 +415,15 @@ def _lock(path: Path) -> int:
         os.close(descriptor)
         raise
     return descriptor
+
+
+def _identity(lock: int, new: str) -> str:
+    """Read the identity in a lock file; a file without one gets a new one, if the disk takes it."""
+    with suppress(OSError):
+        known = os.pread(lock, 64, 0)
+        if _IDENTITY.fullmatch(known):
+            return known.decode()
+        os.ftruncate(lock, 0)
+        os.pwrite(lock, new.encode(), 0)
+        os.fsync(lock)
+    return new

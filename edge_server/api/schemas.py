@@ -144,10 +144,14 @@ class Hold(Answer):
 
 
 class Vehicle(VehicleState, Answer):
-    """A vehicle as its broker reported it last; `held` is null unless its missions wait."""
+    """A vehicle as its broker reported it last; `held` is null unless its missions wait.
+
+    `brokers` are those that are connected: the first serves the vehicle, another one gets no work.
+    """
 
     vehicle_id: Id
     held: Hold | None
+    brokers: list[str]
     registered_at: datetime
     updated_at: datetime
 

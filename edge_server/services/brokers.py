@@ -1,5 +1,10 @@
 """The brokers of this server: wakes their long polls, and stores when each last made a request.
 
+A vehicle is served by one broker: the first that makes a request about it, until that one has made
+none for `SERVED_S`. A broker is known by its access key and its instance, so two brokers with one
+key are two. Only the broker that serves a vehicle gets its work and may accept it; what another one
+reports is stored all the same.
+
 An operator may close the mission of a broker that has failed. Every request of a broker
 shows that it runs: a report, an acknowledgement, or a poll for work. Each vehicle's time is stored
 at most every 10 s, so that thousands of records a second cost nothing.
@@ -7,7 +12,7 @@ at most every 10 s, so that thousands of records a second cost nothing.
 
 import logging
 import threading
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterable
 from typing import Final
 
 from sqlalchemy import Connection
@@ -15,6 +20,7 @@ from sqlalchemy.exc import DBAPIError
 
 from edge_server.store.connection.database import Database
 from edge_server.store.rows import vehicles
+from edge_server.store.rows.work import Work
 
 LOG = logging.getLogger(__name__)
 INTERVAL_S: Final = 10.0
@@ -64,6 +70,17 @@ class WorkSignal:
             self._changed.wait_for(lambda: self._count != seen or self._closed, timeout_s)
 
 
+def note_contact(
+    connection: Connection, broker: str, vehicle_ids: Collection[int], now: float
+) -> None:
+    """Store a request of a broker about vehicles; log those that another broker serves."""
+    for vehicle_id in vehicles.note_contact(connection, broker, vehicle_ids, now):
+        LOG.error(
+            "vehicle %d has two brokers: %s gets no work for it while the other one is connected",
+            *(vehicle_id, broker),
+        )
+
+
 class BrokerContacts:
     """Stores when each broker last made a request about a vehicle; thread-safe."""
 
@@ -72,19 +89,33 @@ class BrokerContacts:
         self._clock = clock
         self._lock = threading.Lock()
         self._stored: dict[tuple[str, int | None], float] = {}  # By broker and vehicle, or poll
+        self._withheld: dict[tuple[str, int], int] = {}  # First work, by broker and vehicle
 
     def note(self, broker: str, vehicle_ids: Collection[int]) -> None:
-        """Note a request of a broker about vehicles; `broker` is the owner of its access key."""
+        """Note a request of a broker about vehicles."""
         now = self._clock()
         due = {one for one in vehicle_ids if self._is_due((broker, one), now)}
         if due:
-            self._store(lambda rows: vehicles.note_contact(rows, broker, due, now))
+            self._store(lambda rows: note_contact(rows, broker, due, now))
 
     def note_poll(self, broker: str) -> None:
         """Note that a broker polls for work."""
         now = self._clock()
         if self._is_due((broker, None), now):
             self._store(lambda rows: vehicles.note_poll(rows, broker, now))
+
+    def withhold(self, broker: str, items: Iterable[Work]) -> None:
+        """Note work of vehicles that another broker serves; this one's cursor passes it."""
+        with self._lock:
+            for item in items:
+                key = (broker, item.vehicle_id or 0)
+                self._withheld[key] = min(item.id, self._withheld.get(key, item.id))
+
+    def first_released(self, broker: str, cursor: int, others: Collection[int]) -> int:
+        """Move a cursor back to work that was withheld, of vehicles not among these `others`."""
+        with self._lock:
+            released = [key for key in self._withheld if key[0] == broker and key[1] not in others]
+            return min([cursor, *(self._withheld.pop(key) - 1 for key in released)])
 
     def _is_due(self, key: tuple[str, int | None], now: float) -> bool:
         with self._lock:

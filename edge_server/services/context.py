@@ -17,6 +17,7 @@ from edge_server.services.space import Space
 from edge_server.store.connection.database import Database, Topic
 from edge_server.store.files import high_water
 from edge_server.store.files.high_water import HighWater
+from edge_server.store.rows import vehicles
 from edge_server.store.rows.work import Work
 
 WAITING_LIMIT = 8
@@ -32,6 +33,13 @@ class Caller(NamedTuple):
     role: str
     idempotency_key: str | None = None
     name: str = ""
+    instance: str = ""
+    """Which of the brokers with this key it is; some brokers do not state it."""
+
+    @property
+    def broker(self) -> str:
+        """Identity of a broker."""
+        return vehicles.identity(self.owner, self.instance)
 
     @property
     def owner(self) -> str:

@@ -50,6 +50,7 @@ def run(arguments: Sequence[str], environment: Mapping[str, str]) -> int:
         link.wake,
         ca_file=settings.edge_ca_file,
         spool=spool,
+        instance_id=database.instance_id,
     )
     edge.start()
     worker_pool = WorkerPool(link.wake)

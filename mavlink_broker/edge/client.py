@@ -86,12 +86,15 @@ class EdgeClient:
         spool: Spool | None = None,
         clock: Callable[[], float] = time.monotonic,
         jitter: random.Random | None = None,
+        instance_id: str = "",
     ) -> None:
         """Take the edge server's URL, the file of the access key and that of the only CA.
 
         `wake` ends the loop's sleep. Without a spool posts that wait are lost with the program.
-        `clock` gives monotonic seconds; `jitter` draws the pauses between attempts.
+        `clock` gives monotonic seconds; `jitter` draws the pauses between attempts. The edge server
+        tells brokers with one access key apart by `instance_id`.
         """
+        self._instance_id = instance_id
         self._url = url
         self._key_file = key_file
         self._ca_file = ca_file
@@ -180,9 +183,12 @@ class EdgeClient:
         with self._changed:
             return self._outbox.dropped
 
+    def _connection(self) -> EdgeConnection:
+        return EdgeConnection(self._url, self._key_file, self._ca_file, self._instance_id)
+
     def _poll_work(self) -> None:
         self._cursor = 0
-        with EdgeConnection(self._url, self._key_file, self._ca_file) as connection:
+        with self._connection() as connection:
             while not self._stopping.is_set():
                 poll = self.next_poll()
                 answer: Answer | Exception
@@ -264,7 +270,7 @@ class EdgeClient:
             )
 
     def _send_posts(self) -> None:
-        with EdgeConnection(self._url, self._key_file, self._ca_file) as connection:
+        with self._connection() as connection:
             while not self._stopping.is_set():
                 with self._changed:
                     post = self._outbox.take(self._clock())

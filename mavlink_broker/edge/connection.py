@@ -19,6 +19,7 @@ TIMEOUT_S: Final = 10.0
 EXCHANGE_TIMEOUT_S: Final = 120.0
 """For a whole exchange, without the long poll: a picture on a slow link."""
 MAX_ANSWER_BYTES: Final = 64 << 20
+INSTANCE_HEADER: Final = "Broker-Instance"
 
 _RETRIED: Final = frozenset(
     {
@@ -39,7 +40,11 @@ class NoKeyError(Exception):
 class EdgeConnection:
     """One thread's connection to the edge server, open until the end of its `with` block."""
 
-    def __init__(self, url: str, key_file: Path, ca_file: Path | None) -> None:
+    def __init__(
+        self, url: str, key_file: Path, ca_file: Path | None, instance_id: str = ""
+    ) -> None:
+        """Take the edge server's URL; `instance_id` tells brokers with one access key apart."""
+        self._headers = {INSTANCE_HEADER: instance_id} if instance_id else {}
         self._url = url.rstrip("/")
         self._key_file = key_file
         self._http = BoundedHttp(True if ca_file is None else str(ca_file))
@@ -79,7 +84,11 @@ class EdgeConnection:
             within_s=wait_s + EXCHANGE_TIMEOUT_S,
             timeouts_s=(TIMEOUT_S, wait_s + TIMEOUT_S),
             max_bytes=MAX_ANSWER_BYTES,
-            headers={"Authorization": f"Bearer {self._read_key()}", **(headers or {})},
+            headers={
+                "Authorization": f"Bearer {self._read_key()}",
+                **self._headers,
+                **(headers or {}),
+            },
             body=body,
         )
         if response.status_code == HTTPStatus.UNAUTHORIZED:

@@ -209,6 +209,7 @@ class FakeEdgeServer:
         self.judge: Callable[[str, dict[str, Any]], int | None] = _accepts_everything
         self.failures: deque[int] = deque()  # Status codes of the next POST and PUT answers
         self.keys_seen: list[tuple[str, str | None]] = []
+        self.instances_seen: set[tuple[str, str | None]] = set()  # By method
         self._changed = threading.Condition()
         self._server = ThreadingHTTPServer(("127.0.0.1", port), self._handler())
         self._server.daemon_threads = True
@@ -312,6 +313,7 @@ class _Handler(BaseHTTPRequestHandler):
             self._answer(self.fake.accept(method, self.path, key, body), {})
 
     def _is_allowed(self) -> bool:
+        self.fake.instances_seen.add((self.command, self.headers.get("Broker-Instance")))
         allowed = self.headers.get("Authorization") == f"Bearer {self.fake.key}"
         if not allowed:
             self._answer(401, {})

@@ -40,6 +40,9 @@ BROWSER_PAGES: Final = frozenset({"/docs", "/openapi.json"})
 """Paths that a browser opens: it asks for a user name, which may be any, and the key."""
 KEY_RULE: Final = "must be 1 to 64 visible ASCII characters"
 _KEY_SHAPE: Final = re.compile(r"[!-~]{1,64}")
+INSTANCE_HEADER: Final = "Broker-Instance"
+"""Tells brokers with one access key apart."""
+_INSTANCE_SHAPE: Final = re.compile(r"[A-Za-z0-9]{1,32}")
 _ATTRIBUTE: Final = "edge_roles"
 _NO_DIGEST: Final = b"\0" * 32
 _NO_KEY: Final = "an access key is needed: send Authorization: Bearer <key> or X-API-Key: <key>"
@@ -157,12 +160,19 @@ def caller() -> Caller:
     key = request.headers.get("Idempotency-Key")
     if key is not None and not is_idempotency_key(key):
         raise RequestError(422, f"Idempotency-Key {KEY_RULE}")
-    return Caller(g.role, key, g.key.name)
+    return Caller(g.role, key, g.key.name, _instance())
 
 
-def key_owner() -> str:
-    """Return the owner of the key of this request: its role and name."""
-    return Caller(g.role, None, g.key.name).owner
+def broker() -> str:
+    """Return the identity of the broker that makes this request; raises 422 for a malformed one."""
+    return Caller(g.role, None, g.key.name, _instance()).broker
+
+
+def _instance() -> str:
+    instance = request.headers.get(INSTANCE_HEADER, "")
+    if instance and _INSTANCE_SHAPE.fullmatch(instance) is None:
+        raise RequestError(422, f"{INSTANCE_HEADER} must be 1 to 32 letters and digits")
+    return instance
 
 
 def is_idempotency_key(key: object) -> bool:

@@ -11,7 +11,7 @@ from afarcloud.plan import LatestStateVector
 from afarcloud.wire import Kind
 from edge_server.api import bodies, schemas, urls
 from edge_server.api.access import scopes
-from edge_server.api.access.auth import BROKER, PEOPLE, allow, audit, key_owner
+from edge_server.api.access.auth import BROKER, PEOPLE, allow, audit, broker
 from edge_server.api.contract import Contract, describe
 from edge_server.services.fleet import broker_work
 from edge_server.services.fleet.broker_work import Acknowledgement
@@ -44,8 +44,8 @@ def poll() -> dict[str, Any]:
     """Give work for the broker; with `wait`, block until there is some."""
     after = bodies.query_integer("after", 0, 0, 2**63 - 1)
     wait_s = bodies.query_number("wait", 0.0, 0.0, LONGEST_WAIT_S)
-    bodies.context().contacts.note_poll(key_owner())
-    return broker_work.poll(bodies.context(), after, wait_s, scopes.vehicles())
+    bodies.context().contacts.note_poll(broker())
+    return broker_work.poll(bodies.context(), after, wait_s, broker(), scopes.vehicles())
 
 
 @allow(BROKER)
@@ -61,7 +61,7 @@ def acknowledge(identifier: int) -> dict[str, Any]:
         identifier,
         acknowledgement.status,
         acknowledgement.message,
-        key_owner(),
+        broker(),
     )
 
 

@@ -17,7 +17,14 @@ from afarcloud.state import Report
 from afarcloud.wire import TELEMETRY, Kind
 from edge_server.api import bodies, errors, schemas, urls
 from edge_server.api.access import scopes
-from edge_server.api.access.auth import BROKER, KEY_RULE, allow, caller, is_idempotency_key
+from edge_server.api.access.auth import (
+    BROKER,
+    KEY_RULE,
+    allow,
+    broker,
+    caller,
+    is_idempotency_key,
+)
 from edge_server.api.contract import Contract, describe
 from edge_server.services.errors import ServiceError
 from edge_server.services.reports import telemetry
@@ -41,7 +48,9 @@ def create() -> dict[str, Any]:
     read = [_read(record) for record in _records()]
     arrivals = [one for one in read if isinstance(one, Arrival)]
     kept = iter(
-        telemetry.ingest_all(bodies.context(), arrivals, caller().owner) if arrivals else []
+        telemetry.ingest_all(bodies.context(), arrivals, caller().owner, broker())
+        if arrivals
+        else []
     )
     answers = [_answer(one, kept) for one in read]
     g.refused_records = Counter(one["status"] for one in answers if one["status"] != 201)

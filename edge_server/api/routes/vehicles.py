@@ -9,7 +9,7 @@ from afarcloud.faults import Fault, InvalidError
 from afarcloud.numbers import INT32_MAX, Model, ShortText
 from edge_server.api import bodies, etags, schemas, urls
 from edge_server.api.access import scopes
-from edge_server.api.access.auth import ADMIN, PLANNERS, READERS, allow, audit, caller
+from edge_server.api.access.auth import ADMIN, PLANNERS, READERS, allow, audit, broker, caller
 from edge_server.api.contract import Contract, describe
 from edge_server.services.fleet import vehicle_holds, vehicles
 from edge_server.services.fleet.vehicles import VehicleState
@@ -63,6 +63,8 @@ def put(vehicle_id: int) -> ResponseReturnValue:
     if not 1 <= vehicle_id <= INT32_MAX:
         raise InvalidError((Fault("vehicle_id", f"must be 1 to {INT32_MAX}"),))
     scopes.check(vehicle_id)
+    if caller().role == Role.BROKER:
+        bodies.context().contacts.note(broker(), [vehicle_id])
     stored, is_new = vehicles.put(bodies.context(), vehicle_id, state, etags.check_match)
     if caller().role != Role.BROKER:
         audit(f"put vehicle {vehicle_id}")

@@ -12,7 +12,7 @@ from afarcloud.enumerations import Profile, Status
 from afarcloud.numbers import INT32_MAX
 from afarcloud.plan import LatestStateVector, Mission
 from afarcloud.wire import Kind, write
-from edge_server.services import records
+from edge_server.services import brokers, records
 from edge_server.services.context import Context, show_time
 from edge_server.services.errors import ConflictError, NotFoundError, TooMuchError
 from edge_server.services.fleet import event_states, progress, vehicle_holds
@@ -20,7 +20,7 @@ from edge_server.services.fleet.event_states import EVENT_STATES, State, Trigger
 from edge_server.services.fleet.vehicles import find as find_vehicle
 from edge_server.services.retries import retry_on_conflict
 from edge_server.store.connection.locks import WORK
-from edge_server.store.rows import plans, work
+from edge_server.store.rows import plans, vehicles, work
 from edge_server.store.rows.work import Work
 from edge_server.transitions import IllegalTransitionError
 
@@ -71,11 +71,16 @@ def request_state_vector(context: Context, request: LatestStateVector) -> dict[s
 
 
 def poll(
-    context: Context, after_id: int, wait_s: float, vehicle_ids: frozenset[int] | None = None
+    context: Context,
+    after_id: int,
+    wait_s: float,
+    broker: str,
+    vehicle_ids: frozenset[int] | None = None,
 ) -> dict[str, Any]:
     """Return the unfinished work after a cursor, waiting for some if there is none.
 
-    `vehicle_ids` restricts it to the work of these vehicles; None means every vehicle.
+    Work of vehicles that another broker serves is withheld until that one is gone. `vehicle_ids`
+    restricts it to the work of these vehicles; None means every vehicle.
 
     Raises:
         TooMuchError: if too many requests wait already.
@@ -83,17 +88,21 @@ def poll(
     if not context.places_to_wait.acquire(blocking=False):
         raise TooMuchError("too many requests wait for work; try again later")
     try:
-        return _poll(context, after_id, time.monotonic() + wait_s, vehicle_ids)
+        return _poll(context, after_id, time.monotonic() + wait_s, broker, vehicle_ids)
     finally:
         context.places_to_wait.release()
 
 
 def _poll(
-    context: Context, after_id: int, deadline: float, vehicle_ids: frozenset[int] | None
+    context: Context,
+    after_id: int,
+    deadline: float,
+    broker: str,
+    vehicle_ids: frozenset[int] | None,
 ) -> dict[str, Any]:
     while True:
         seen = context.work_signal.count
-        answer = _read_work(context, after_id, vehicle_ids)
+        answer = _read_work(context, after_id, broker, vehicle_ids)
         if not answer["commands"] and answer["cursor"] > after_id:
             after_id = answer["cursor"]  # A page full of work for others
             continue
@@ -104,20 +113,29 @@ def _poll(
 
 
 def _read_work(
-    context: Context, after_id: int, vehicle_ids: frozenset[int] | None
+    context: Context, after_id: int, broker: str, vehicle_ids: frozenset[int] | None
 ) -> dict[str, Any]:
     """Return events first, then the rest in order."""
     expire_if_due(context)
     with context.database.read() as connection:
         # A cursor beyond all work belongs to a database that was replaced: start at 0.
         cursor = after_id if after_id <= work.newest_id(connection) else 0
-        events = work.live_events(connection, context.clock(), after_id=cursor)
+        now = context.clock()
+        others = {
+            vehicle_id
+            for vehicle_id, contact in vehicles.contacts(connection).items()
+            if not contact.serves(broker, now)
+        }
+        cursor = context.contacts.first_released(broker, cursor, others)
+        events = work.live_events(connection, now, after_id=cursor)
         found = work.unfinished(connection, after_id=cursor, limit=PAGE, may_fly=True)
-        commands = [
-            _show(connection, item)
+        permitted = [
+            item
             for item in (*events, *found)
             if vehicle_ids is None or item.vehicle_id is None or item.vehicle_id in vehicle_ids
         ]
+        commands = [_show(connection, one) for one in permitted if one.vehicle_id not in others]
+        context.contacts.withhold(broker, [one for one in permitted if one.vehicle_id in others])
     context.note_published(max((one["id"] for one in commands), default=0))
     # The rest follows a full page; an event behind it is then returned again.
     seen = found if len(found) == PAGE else [*events, *found]
@@ -211,6 +229,8 @@ def acknowledge(
         item = work.get(connection, identifier)
         if item is None:
             raise NotFoundError(f"there is no work {identifier}; it may have been cancelled")
+        if broker is not None and item.vehicle_id is not None:
+            _check_broker(connection, item.vehicle_id, broker, now)
         if item.kind == work.MISSION:
             _acknowledge_mission(connection, item, status, message, now)
         elif item.kind == work.EVENT:
@@ -219,11 +239,20 @@ def acknowledge(
             state = work.ACCEPTED if status is Acknowledgement.ACCEPTED else work.CLOSED
             work.change(connection, identifier, state=state)
         changed = work.get(connection, identifier)
-    if broker is not None and item.vehicle_id is not None:
-        context.contacts.note(broker, [item.vehicle_id])
     context.not_flown.clear()
     context.wake_relay()
     return {"id": identifier, "state": changed.state if changed else work.CLOSED}
+
+
+def _check_broker(connection: Connection, vehicle_id: int, broker: str, now: float) -> None:
+    """Check that no other broker serves a vehicle; from now on this one does."""
+    contact = vehicles.contact(connection, vehicle_id)
+    if contact is not None and not contact.serves(broker, now):
+        raise ConflictError(
+            f"vehicle {vehicle_id} is served by another broker, {contact.broker}, whose last "
+            f"request was {abs(now - contact.at):.0f} s ago; a vehicle has one broker: stop one"
+        )
+    brokers.note_contact(connection, broker, [vehicle_id], now)
 
 
 def _acknowledge_mission(

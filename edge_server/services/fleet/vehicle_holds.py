@@ -163,15 +163,16 @@ def release(context: Context, vehicle_id: int, reason: str) -> dict[str, Any]:
         NotFoundError: if the vehicle is not registered.
     """
     with context.database.write(WORK, of_vehicle(vehicle_id)) as connection:
-        vehicles.shown(connection, vehicle_id)
+        now = context.clock()
+        vehicles.shown(connection, vehicle_id, now)
         if vehicle_holds.get(connection, vehicle_id) is None:
             audit.changes_nothing()
         else:
             audit.about(f"vehicles/{vehicle_id}: {reason}")
             vehicle_holds.remove(connection, vehicle_id)
             _clear_faults(connection, vehicle_id)
-            _queue_anew(connection, vehicle_id, context.clock())
-        shown = vehicles.shown(connection, vehicle_id)
+            _queue_anew(connection, vehicle_id, now)
+        shown = vehicles.shown(connection, vehicle_id, now)
     context.work_signal.notify()
     return shown
 

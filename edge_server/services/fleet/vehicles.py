@@ -23,7 +23,7 @@ from edge_server.services.retries import retry_on_conflict
 from edge_server.store.connection.locks import WORK, of_vehicle
 from edge_server.store.rows import vehicle_holds, vehicles, work
 from edge_server.store.rows.vehicle_holds import VehicleHold
-from edge_server.store.rows.vehicles import StoredVehicle
+from edge_server.store.rows.vehicles import Contact, StoredVehicle
 
 Age = Annotated[float, Field(ge=0), BeforeValidator(json_number)]
 
@@ -68,31 +68,39 @@ def put(
     now = context.clock()
     with context.database.write(of_vehicle(vehicle_id)) as connection:
         known = vehicles.get(connection, vehicle_id)
-        precondition(shown(connection, vehicle_id) if known else {})
+        precondition(shown(connection, vehicle_id, now) if known else {})
         merged = {**known.state, **given} if known else given
         vehicles.put(connection, vehicle_id, merged, now)
-        return shown(connection, vehicle_id), known is None
+        return shown(connection, vehicle_id, now), known is None
 
 
 def everyone(context: Context) -> list[dict[str, Any]]:
     """List all vehicles."""
     with context.database.read() as connection:
-        holds = vehicle_holds.everyone(connection)
-        return [show(item, holds.get(item.vehicle_id)) for item in vehicles.everyone(connection)]
+        holds, contacts = vehicle_holds.everyone(connection), vehicles.contacts(connection)
+        now = context.clock()
+        return [
+            _show(item, holds.get(item.vehicle_id), contacts.get(item.vehicle_id), now)
+            for item in vehicles.everyone(connection)
+        ]
 
 
 def find(context: Context, vehicle_id: int) -> dict[str, Any]:
     """Return one vehicle; raises NotFoundError."""
     with context.database.read() as connection:
-        return shown(connection, vehicle_id)
+        return shown(connection, vehicle_id, context.clock())
 
 
-def shown(connection: Connection, vehicle_id: int) -> dict[str, Any]:
+def shown(connection: Connection, vehicle_id: int, now: float) -> dict[str, Any]:
     """Return one vehicle inside a transaction; raises NotFoundError."""
     known = vehicles.get(connection, vehicle_id)
     if known is None:
         raise NotFoundError(f"vehicle {vehicle_id} is not registered")
-    return show(known, vehicle_holds.get(connection, vehicle_id))
+    hold, contact = (
+        vehicle_holds.get(connection, vehicle_id),
+        vehicles.contact(connection, vehicle_id),
+    )
+    return _show(known, hold, contact, now)
 
 
 @retry_on_conflict
@@ -106,12 +114,19 @@ def remove(context: Context, vehicle_id: int) -> None:
         vehicles.remove(connection, vehicle_id)
 
 
-def show(stored: StoredVehicle, hold: VehicleHold | None = None) -> dict[str, Any]:
-    """Return a vehicle as the API shows it; `held` is why its queue waits, null if it does not."""
+def _show(
+    stored: StoredVehicle, hold: VehicleHold | None, contact: Contact | None, now: float
+) -> dict[str, Any]:
+    """Return a vehicle as the API shows it.
+
+    `held` is why its queue waits, null if it does not; `brokers` are those that are connected, the
+    first one serves the vehicle.
+    """
     return {
         "vehicle_id": stored.vehicle_id,
         **stored.state,
         "held": None if hold is None else _hold(hold),
+        "brokers": [] if contact is None else contact.brokers(now),
         "registered_at": show_time(stored.registered_at),
         "updated_at": show_time(stored.updated_at),
     }

@@ -374,7 +374,8 @@ def _check_silent(connection: Connection, item: work.Work, now: float) -> None:
     """
     vehicle_id = item.vehicle_id or 0
     known = vehicles.get(connection, vehicle_id)
-    times = [vehicles.last_contact(connection, vehicle_id), known.updated_at if known else None]
+    last = vehicles.contact(connection, vehicle_id)
+    times = [last.at if last else None, known.updated_at if known else None]
     ages = [abs(now - time_s) for time_s in times if time_s is not None]
     age_s = min(ages, default=SILENT_S)
     if age_s >= SILENT_S:

@@ -57,7 +57,7 @@ def ingest(context: Context, kind: Kind, report: Report, caller: Caller) -> dict
     """
     document: dict[str, Any] = write(report)
     body_sha256, body = post_idempotency.hash_body(document), records.for_cloud(document)
-    context.contacts.note(caller.owner, [report.vehicle_id])
+    context.contacts.note(caller.broker, [report.vehicle_id])
     context.space.admit(kind.value, _picture_bytes(report))
     now = context.clock()
     flights = effects.new_flights(context, [report], now)
@@ -79,14 +79,16 @@ def ingest(context: Context, kind: Kind, report: Report, caller: Caller) -> dict
 
 @retry_on_conflict
 def ingest_all(
-    context: Context, arrivals: Sequence[Arrival], owner: str
+    context: Context, arrivals: Sequence[Arrival], owner: str, broker: str = ""
 ) -> list[dict[str, Any] | Refusal]:
     """Store many reports in one transaction, in their order; returns a receipt or fault for each.
+
+    `owner` has their idempotency keys; `broker` is its identity if it has several instances.
 
     A key that belongs to another request, a lack of room, and a report that does not fit its
     mission's state affect only their own report.
     """
-    context.contacts.note(owner, {one.report.vehicle_id for one in arrivals})
+    context.contacts.note(broker or owner, {one.report.vehicle_id for one in arrivals})
     flights = effects.new_flights(context, [one.report for one in arrivals], context.clock())
     wanted = {lock for one in arrivals for lock in effects.locks_of(one.report, one.kind, flights)}
     without_room = _without_room(context, arrivals)  # Makes room in transactions of its own

@@ -130,10 +130,12 @@ broker_contact = Table(
     "broker_contact",
     METADATA,
     Column("vehicle_id", _ID, primary_key=True, autoincrement=False),
-    Column("broker", String(80), nullable=False, index=True),  # Role and name of its access key
+    Column("broker", String(120), nullable=False, index=True),
     Column("at", Float, nullable=False),
+    Column("other", String(120)),
+    Column("other_at", Float),
 )
-"""Which broker last made a request about a vehicle, and when."""
+"""Which broker serves a vehicle and when it last made a request, and the last other one."""
 
 plan = Table(
     "plan",

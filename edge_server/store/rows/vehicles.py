@@ -1,13 +1,16 @@
-"""The registry of vehicles, and when a broker last made a request about each."""
+"""The registry of vehicles, and which broker last made a request about each."""
 
 import json
 from collections.abc import Iterable
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from sqlalchemy import Connection, delete, select, update
 
 from edge_server.store.connection.database import put_row, to_json
 from edge_server.store.rows.tables import broker_contact, vehicle
+
+SERVED_S: Final = 60.0
+"""A broker serves a vehicle until it has made no request for so long; it polls every 20 s."""
 
 
 class StoredVehicle(NamedTuple):
@@ -58,28 +61,82 @@ def remove(connection: Connection, vehicle_id: int) -> None:
     connection.execute(delete(broker_contact).where(broker_contact.c.vehicle_id == vehicle_id))
 
 
+class Contact(NamedTuple):
+    """The broker that serves a vehicle, and another one that made a request about it."""
+
+    broker: str
+    at: float
+    other: str | None = None
+    other_at: float | None = None
+
+    def brokers(self, now: float) -> list[str]:
+        """Brokers that made a request about it within `SERVED_S`; the first one serves it."""
+        times = ((self.broker, self.at), (self.other, self.other_at))
+        return [name for name, at in times if name and at is not None and _is_recent(at, now)]
+
+    def serves(self, broker: str, now: float) -> bool:
+        """Whether a broker serves the vehicle, or may begin to: no other one serves it."""
+        return _is_same(self.broker, broker) or not _is_recent(self.at, now)
+
+
+def identity(owner: str, instance: str) -> str:
+    """Name a broker by its access key and its instance; some brokers give no instance."""
+    return f"{owner} {instance}" if instance else owner
+
+
+def _is_recent(at: float, now: float) -> bool:
+    return abs(now - at) < SERVED_S
+
+
+def _is_same(one: str, other: str) -> bool:
+    """Whether two names can be of one broker: one of them may be without its instance."""
+    (key, _, instance), (other_key, _, other_instance) = one.partition(" "), other.partition(" ")
+    return key == other_key and (instance == other_instance or not (instance and other_instance))
+
+
 def note_contact(
     connection: Connection, broker: str, vehicle_ids: Iterable[int], now: float
-) -> None:
-    """Store that a broker has made a request about these vehicles."""
+) -> list[int]:
+    """Store that a broker has made a request about these vehicles.
+
+    Returns those that another broker serves, if that was not known yet.
+    """
+    contested = []
     for vehicle_id in sorted(vehicle_ids):
-        row = {"vehicle_id": vehicle_id, "broker": broker, "at": now}
-        put_row(connection, broker_contact, row, changed=("broker", "at"))
+        known = contact(connection, vehicle_id)
+        new = Contact(broker, now)
+        if known is not None and known.serves(broker, now):
+            is_same = _is_same(known.broker, broker)
+            name = max(known.broker, broker, key=len) if is_same else broker
+            others = (known.other, known.other_at) if is_same else (None, None)
+            new = Contact(name, now, *others)
+        elif known is not None:
+            new = known._replace(other=broker, other_at=now)
+            if known.other is None or broker not in known.brokers(now):
+                contested.append(vehicle_id)
+        row = {"vehicle_id": vehicle_id, **new._asdict()}
+        put_row(connection, broker_contact, row, changed=Contact._fields)
+    return contested
 
 
 def note_poll(connection: Connection, broker: str, now: float) -> None:
-    """Store that a broker has polled for work, for all vehicles of which it is the last contact."""
+    """Store that a broker has polled for work, for all vehicles that it serves."""
     connection.execute(
         update(broker_contact).where(broker_contact.c.broker == broker).values(at=now)
     )
 
 
-def last_contact(connection: Connection, vehicle_id: int) -> float | None:
-    """When a broker last made a request about a vehicle [epoch seconds]; None if unknown."""
-    found: float | None = connection.execute(
-        select(broker_contact.c.at).where(broker_contact.c.vehicle_id == vehicle_id)
-    ).scalar_one_or_none()
-    return found
+def contact(connection: Connection, vehicle_id: int) -> Contact | None:
+    """Find the last requests of brokers about a vehicle; None if there was none."""
+    query = select(broker_contact).where(broker_contact.c.vehicle_id == vehicle_id)
+    row = connection.execute(query).one_or_none()
+    return Contact(row.broker, row.at, row.other, row.other_at) if row else None
+
+
+def contacts(connection: Connection) -> dict[int, Contact]:
+    """Return the last requests of brokers by vehicle."""
+    rows = connection.execute(select(broker_contact))
+    return {row.vehicle_id: Contact(row.broker, row.at, row.other, row.other_at) for row in rows}
 
 
 def _stored(row: Any) -> StoredVehicle:

@@ -2,6 +2,7 @@
 
 import logging
 import os
+import re
 import shutil
 import stat
 import subprocess
@@ -54,6 +55,26 @@ def test_two_brokers_cannot_use_one_folder(tmp_path: Path) -> None:
     first.close()
     second.open()
     second.close()
+
+
+def test_a_broker_is_the_same_after_a_restart_and_another_one_on_another_folder(
+    tmp_path: Path,
+) -> None:
+    def identity(name: str) -> str:
+        database = Database(tmp_path / name)
+        database.open()
+        database.close()
+        return database.instance_id
+
+    first = identity("first")
+    assert re.fullmatch(r"[0-9A-HJKMNP-TV-Z]{26}", first)
+    (tmp_path / "first" / DATABASE_FILE).write_bytes(b"damaged" * 1000)
+    assert identity("first") == first
+    assert identity("second") != first
+    (tmp_path / "first" / LOCK_FILE).write_text(first[:9])
+    renewed = identity("first")
+    assert renewed != first
+    assert identity("first") == renewed
 
 
 def test_a_change_is_on_the_disk_and_the_lock_ends_when_the_broker_is_killed(

@@ -163,7 +163,7 @@ def test_a_batch_that_comes_twice_at_once_is_kept_once(servers: list[Context]) -
 def test_a_mission_is_either_taken_or_cancelled(servers: list[Context]) -> None:
     for mission_id in range(1, ROUNDS + 1):
         stored = plans.create(servers[0], plan(mission_id), OPERATOR)
-        (item,) = broker_work.poll(servers[0], 0, 0.0)["commands"]
+        (item,) = broker_work.poll(servers[0], 0, 0.0, "broker")["commands"]
 
         def act(
             context: Context, _: int, plan_id: int = stored["id"], work_id: int = item["id"]
@@ -188,7 +188,7 @@ def test_a_mission_is_either_taken_or_cancelled(servers: list[Context]) -> None:
 def test_an_end_that_is_reported_twice_at_once_is_told_once(servers: list[Context]) -> None:
     for mission_id in range(1, ROUNDS + 1):
         plans.create(servers[0], plan(mission_id), OPERATOR)
-        item = broker_work.poll(servers[0], 0, 0.0)["commands"][-1]
+        item = broker_work.poll(servers[0], 0, 0.0, "broker")["commands"][-1]
         broker_work.acknowledge(servers[0], item["id"], Acknowledgement.ACCEPTED, None)
         body = documents.mission_report(3, 3, 3, 3, mission_id=mission_id, work_id=item["id"])
         report = read(Kind.MISSION_REPORT, body)
@@ -297,7 +297,9 @@ def test_a_broker_that_waits_at_one_server_is_woken_by_the_other(
     waiting, posting = servers
     waiting.database.listen(waiting.receive_notice)
     found: list[dict[str, Any]] = []
-    thread = threading.Thread(target=lambda: found.append(broker_work.poll(waiting, 0, 60.0)))
+    thread = threading.Thread(
+        target=lambda: found.append(broker_work.poll(waiting, 0, 60.0, "broker"))
+    )
     thread.start()
     wait_for(lambda: waiting.work_signal.count > 0, "a listening server")
     plans.create(posting, plan(), OPERATOR)

@@ -120,6 +120,21 @@ def test_posts_arrive_in_order(server: FakeEdgeServer, tmp_path: Path) -> None:
     assert client.waiting == 0
 
 
+def test_every_request_names_the_instance_of_the_broker(
+    server: FakeEdgeServer, tmp_path: Path
+) -> None:
+    (tmp_path / "broker.key").write_text(KEY)
+    key_file, woken = tmp_path / "broker.key", Woken()
+    client = EdgeClient(server.url, key_file, woken, instance_id="01BROKER")
+    client.start()
+    client.post(pose(0))
+    server.plan(first_flight())
+    assert numbers(server.wait_for("/pose/", 1)) == [0]
+    assert woken.event.wait(10.0)
+    client.stop(1.0)
+    assert server.instances_seen == {("GET", "01BROKER"), ("POST", "01BROKER")}
+
+
 @pytest.mark.thorough
 def test_a_failed_post_is_retried_with_its_key_and_never_overtaken(
     server: FakeEdgeServer, tmp_path: Path

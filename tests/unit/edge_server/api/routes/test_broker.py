@@ -206,7 +206,7 @@ def test_a_waiting_broker_is_woken_by_a_plan(edge: Edge) -> None:
     woken = threading.Event()
 
     def wait_for_work() -> None:
-        answers.append(broker_work.poll(edge.context, 0, 25.0))
+        answers.append(broker_work.poll(edge.context, 0, 25.0, "broker/broker"))
         woken.set()
 
     thread = threading.Thread(target=wait_for_work)
@@ -219,7 +219,9 @@ def test_a_waiting_broker_is_woken_by_a_plan(edge: Edge) -> None:
 
 @pytest.mark.first_case
 def test_a_wait_ends_when_the_server_stops(edge: Edge) -> None:
-    thread = threading.Thread(target=broker_work.poll, args=(edge.context, 0, 25.0))
+    thread = threading.Thread(
+        target=broker_work.poll, args=(edge.context, 0, 25.0, "broker/broker")
+    )
     thread.start()
     edge.context.work_signal.close()
     thread.join(20.0)
@@ -238,7 +240,7 @@ def test_only_so_many_may_wait(edge: Edge) -> None:
     for _ in range(WAITING_LIMIT):
         assert edge.context.places_to_wait.acquire(blocking=False)
     with pytest.raises(TooMuchError):
-        broker_work.poll(edge.context, 0, 1.0)
+        broker_work.poll(edge.context, 0, 1.0, "broker/broker")
     assert edge.ask("GET", "/broker/commands", "broker").status_code == 429
     edge.context.places_to_wait.release()
     assert edge.work() == []

@@ -99,7 +99,7 @@ def test_a_waiting_broker_is_woken(edge: Edge) -> None:
     cursor = edge.get("/broker/commands?after=0", "broker")["cursor"]
     answers: list[Any] = []
     thread = threading.Thread(
-        target=lambda: answers.append(broker_work.poll(edge.context, cursor, 25.0))
+        target=lambda: answers.append(broker_work.poll(edge.context, cursor, 25.0, "broker/broker"))
     )
     thread.start()
     send(edge)

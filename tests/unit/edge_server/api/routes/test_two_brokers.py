@@ -1,0 +1,135 @@
+"""A vehicle has one broker: a second one gets no work of it, whatever its access key."""
+
+from typing import Any
+
+import pytest
+
+from edge_server.store.rows.vehicles import SERVED_S
+from tests.unit.edge_server.conftest import Edge
+from tests.unit.edge_server.documents import event, mission, plan, telemetry
+
+FIRST, SECOND = "01FIRST", "01SECOND"
+
+
+class Broker:
+    """Requests of one broker."""
+
+    def __init__(self, edge: Edge, instance: str | None, key: str | None = None) -> None:
+        self._edge = edge
+        self._headers = {"Authorization": f"Bearer {key or edge.key('broker')}"}
+        if instance is not None:
+            self._headers["Broker-Instance"] = instance
+
+    def ask(self, method: str, path: str, body: Any = None) -> Any:
+        return self._edge.client.open(path, method=method, headers=self._headers, json=body)
+
+    def update(self, vehicle_id: int = 1) -> None:
+        answer = self.ask("PUT", f"/vehicles/{vehicle_id}", {"link_state": "connected"})
+        assert answer.status_code in {200, 201}
+
+    def poll(self, after: int = 0) -> tuple[list[int], int]:
+        """Poll for work; gives the ids and the cursor."""
+        answer = self.ask("GET", f"/broker/commands?after={after}").json
+        return [one["id"] for one in answer["commands"]], answer["cursor"]
+
+    def accept(self, work_id: int) -> int:
+        answer = self.ask("POST", f"/broker/commands/{work_id}/ack", {"status": "accepted"})
+        return int(answer.status_code)
+
+
+@pytest.fixture(params=["two keys", "one key"])
+def brokers(edge: Edge, request: pytest.FixtureRequest) -> tuple[Broker, Broker]:
+    """Two brokers that hear the same vehicle; the first one was there before."""
+    first = Broker(edge, FIRST)
+    first.update()
+    if request.param == "one key":
+        return first, Broker(edge, SECOND)
+    made = edge.post("/keys/", {"name": "south", "role": "broker"}, "admin").json or {}
+    return first, Broker(edge, None, made["key"])
+
+
+def test_a_second_broker_gets_no_work_of_the_vehicle(
+    edge: Edge, brokers: tuple[Broker, Broker]
+) -> None:
+    first, second = brokers
+    edge.post_plan(plan(mission(1)))
+    second.update()
+    assert second.poll()[0] == []
+    assert first.poll()[0] == [1]
+    assert second.accept(1) == 409
+    assert first.accept(1) == 200
+    assert second.poll()[0] == []
+    assert edge.post("/events/", event(), "operator").status_code == 201
+    assert second.poll()[0] == []
+    assert first.poll(1)[0] == [2]
+    assert second.accept(2) == 409
+    assert first.accept(2) == 200
+
+
+def test_its_reports_are_stored_and_the_operator_sees_both(
+    edge: Edge, brokers: tuple[Broker, Broker], caplog: pytest.LogCaptureFixture
+) -> None:
+    first, second = brokers
+    assert len(edge.get("/vehicles/1")["brokers"]) == 1
+    assert second.ask("POST", "/pose/", telemetry("pose")).status_code == 201
+    seen = edge.get("/vehicles/1")["brokers"]
+    assert (len(seen), seen[0]) == (2, f"broker/broker {FIRST}")
+    assert edge.get("/vehicles/")[0]["brokers"] == seen
+    assert "vehicle 1 has two brokers" in caplog.text
+    edge.clock.pass_s(SERVED_S)
+    first.update()
+    assert edge.get("/vehicles/1")["brokers"] == seen[:1]
+
+
+def test_a_vehicle_goes_to_the_second_broker_once_the_first_is_gone(
+    edge: Edge, brokers: tuple[Broker, Broker]
+) -> None:
+    first, second = brokers
+    edge.post_plan(plan(mission(1)))
+    assert first.accept(1) == 200
+    second.update(7)
+    edge.post_plan(plan(mission(2, vehicle_id=7)))
+    found, cursor = second.poll()
+    assert (found, cursor) == ([2], 2)
+    edge.clock.pass_s(SERVED_S)
+    found, cursor = second.poll(cursor)
+    assert (found, cursor) == ([1, 2], 2)
+    assert second.accept(1) == 200
+    assert first.accept(1) == 409
+    assert first.poll()[0] == []
+
+
+def test_polling_alone_keeps_a_vehicle(edge: Edge, brokers: tuple[Broker, Broker]) -> None:
+    first, second = brokers
+    edge.post_plan(plan(mission(1)))
+    for _ in range(5):
+        edge.clock.pass_s(SERVED_S / 2)
+        assert first.poll(1)[0] == []
+        second.update()
+    assert second.poll()[0] == []
+
+
+def test_of_two_brokers_that_got_a_mission_one_may_accept_it(edge: Edge) -> None:
+    first, second = Broker(edge, FIRST), Broker(edge, SECOND)
+    edge.register(2)
+    edge.post_plan(plan(mission(1)))
+    assert first.poll()[0] == second.poll()[0] == [1]
+    assert (second.accept(1), first.accept(1)) == (200, 409)
+
+
+def test_a_broker_that_does_not_state_its_instance_is_known_by_its_key(edge: Edge) -> None:
+    edge.register(1)
+    edge.post_plan(plan(mission(1)))
+    named = Broker(edge, FIRST)
+    assert named.poll()[0] == [1]
+    assert named.accept(1) == 200
+    edge.register(1)
+    assert edge.work()[0]["state"] == "accepted"
+    assert edge.get("/vehicles/1")["brokers"] == [f"broker/broker {FIRST}"]
+
+
+@pytest.mark.parametrize("instance", ["a b", "x" * 33, "\u00e9"])
+def test_an_instance_is_letters_and_digits(edge: Edge, instance: str) -> None:
+    headers = {"Broker-Instance": instance.encode("latin-1").decode("latin-1")}
+    answer = edge.ask("GET", "/broker/commands?after=0", "broker", headers=headers)
+    assert answer.status_code == 422
