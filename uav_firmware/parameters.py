@@ -18,10 +18,13 @@ import struct
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeAlias, TypeVar
 
 P = TypeVar("P")
 _METADATA = "parameter"
+
+ParameterValue: TypeAlias = float | int
+"""An int is an INT32, a float a REAL32. A compiled function takes an int for a `float` as 1.0."""
 
 
 class ParameterError(Exception):

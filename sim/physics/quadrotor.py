@@ -16,7 +16,7 @@ gyros' readings do not add up to it. Its second-order integrator (Buss, "Accurat
 simulation of rigid-body rotations", 2000) is chosen instead.
 
 Errors:
-    AirframeError(RuntimeError): JSBSim cannot load, initialise or run the airframe.
+    AirframeError: JSBSim cannot load, initialise or run the airframe.
     MotorCommandError(ValueError): a motor command is no finite number.
 """
 
@@ -51,7 +51,7 @@ _ALL_ENGINES: Final = -1.0
 _BUSS_SECOND_ORDER: Final = 7.0
 
 
-class AirframeError(RuntimeError):
+class AirframeError(Exception):
     """JSBSim refused to load, initialise or run the airframe."""
 
 

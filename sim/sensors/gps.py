@@ -36,7 +36,7 @@ _DOP_UNKNOWN: Final = 99.99
 
 def radial(*sigmas: float) -> float:
     """Standard deviation of the length of a vector with independent components."""
-    return math.sqrt(sum(sigma * sigma for sigma in sigmas))
+    return math.sqrt(sum((sigma * sigma for sigma in sigmas), 0.0))
 
 
 class Gps:

@@ -23,8 +23,8 @@ class LineWriter:
         self._lines: Queue[str | int | None] = Queue(waiting_max)  # A number is of lines lost
         self._lost = 0
         self._lock = Lock()
-        self._thread = Thread(target=self._write, name="lines", daemon=True)
-        self._thread.start()
+        self._writing_thread = Thread(target=self._write, name="lines", daemon=True)
+        self._writing_thread.start()
 
     def write(self, line: str) -> None:
         """Queue a line without its end; it is lost while the queue is full."""
@@ -44,7 +44,7 @@ class LineWriter:
             self._lines.put(None, timeout=_CLOSE_S)
         except Full:
             return
-        self._thread.join(_CLOSE_S)
+        self._writing_thread.join(_CLOSE_S)
 
     def _count_lost(self, number: int) -> None:
         with self._lock:

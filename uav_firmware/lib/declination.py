@@ -35,8 +35,8 @@ def declination(latitude_deg: float, longitude_deg: float) -> float:
         (up * right, _TENTHS[south + 1][east]),
     )
     # Directions are averaged, not numbers: near the magnetic poles they go round the circle
-    x = sum(weight * math.cos(math.radians(0.1 * tenths)) for weight, tenths in corners)
-    y = sum(weight * math.sin(math.radians(0.1 * tenths)) for weight, tenths in corners)
+    x = sum((weight * math.cos(math.radians(0.1 * tenths)) for weight, tenths in corners), 0.0)
+    y = sum((weight * math.sin(math.radians(0.1 * tenths)) for weight, tenths in corners), 0.0)
     return math.atan2(y, x)
 
 

@@ -176,7 +176,7 @@ def join(state: MotionState, waypoints: Sequence[Waypoint]) -> tuple[Piece, Leg]
 
 
 def _duration(leg: Leg) -> float:
-    return sum(piece.duration for piece in (*leg.straight, *leg.turn))
+    return sum((piece.duration for piece in (*leg.straight, *leg.turn)), 0.0)
 
 
 def _bend_towards(state: MotionState, waypoint: Waypoint, share: float) -> Piece | None:

@@ -38,7 +38,7 @@ class Compass(NamedTuple):
 
 def read_compass(field_frd: Vector3, q_ned_frd: Quaternion, declination: float) -> Compass | None:
     """Compare the field with the attitude; None if it is no usable field of the Earth."""
-    strength = math.sqrt(sum(component * component for component in field_frd))
+    strength = math.sqrt(sum((component * component for component in field_frd), 0.0))
     if not _FIELD_GAUSS[0] < strength < _FIELD_GAUSS[1]:
         return None
     north, east, down = rotate(q_ned_frd, field_frd)

@@ -11,6 +11,8 @@ import struct
 from collections.abc import Callable, Sequence
 from typing import Any, Final, NamedTuple
 
+from uav_firmware.parameters import ParameterValue
+
 MAGIC: Final = b"\x55\x4c\x6f\x67\x01\x12\x35"
 FILE_VERSION: Final = 1
 SYNC_BYTES: Final = b"\x2f\x73\x13\x20\x25\x0c\xbb\x12"
@@ -99,12 +101,12 @@ def information_part(key: str, value: str, *, continued: bool) -> bytes:
     return _message(b"M", bytes([continued]) + _key_and_value(key, value))
 
 
-def parameter(name: str, value: float) -> bytes:
+def parameter(name: str, value: ParameterValue) -> bytes:
     """Encode the value of a parameter: int for INT32, float for REAL32."""
     return _message(b"P", _parameter(name, value))
 
 
-def parameter_default(name: str, value: float) -> bytes:
+def parameter_default(name: str, value: ParameterValue) -> bytes:
     """Encode the default of a parameter; written for parameters that have been set."""
     return _message(b"Q", bytes([_SYSTEM_DEFAULT]) + _parameter(name, value))
 
@@ -138,7 +140,7 @@ def _key_and_value(key: str, value: str | int) -> bytes:
     return _key(f"{kind} {key}") + struct.pack(code, value)
 
 
-def _parameter(name: str, value: float) -> bytes:
+def _parameter(name: str, value: ParameterValue) -> bytes:
     if isinstance(value, int):
         return _key(f"int32_t {name}") + struct.pack("<i", value)
     return _key(f"float {name}") + struct.pack("<f", value)

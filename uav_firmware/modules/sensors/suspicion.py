@@ -41,7 +41,8 @@ class Suspicion:
             self._before = past[0][1] if past else bias_frd
             past.clear()
         moved = tuple(new - old for new, old in zip(bias_frd, self._before, strict=True))
-        share = sum(m * d for m, d in zip(moved, apart, strict=True)) / sum(d * d for d in apart)
+        along = sum((m * d for m, d in zip(moved, apart, strict=True)), 0.0)
+        share = along / sum((d * d for d in apart), 0.0)
         if abs(share) < _CLEAR:
             return None
         x, y, z = moved

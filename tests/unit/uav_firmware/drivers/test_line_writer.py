@@ -77,7 +77,7 @@ def test_a_line_that_the_streams_encoding_refuses_costs_itself_and_is_counted() 
     writer.write("first")
     writer.write("11 \N{DEGREE SIGN}C")
     while not contents.getvalue() or writer._lines.qsize() or not writer._lost:
-        assert writer._thread.is_alive()
+        assert writer._writing_thread.is_alive()
         Event().wait(0.01)
     writer.write("last")
     writer.close()

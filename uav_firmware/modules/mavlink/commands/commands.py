@@ -101,7 +101,7 @@ HANDLED_HERE: Final[Mapping[int, frozenset[int]]] = {
 """Commands that this module executes, or translates to a forwarded one, with the parameters that
 have an effect. A command that sets another parameter is refused."""
 
-KNOWN: Final = FORWARDED | FOR_PAYLOAD | HANDLED_HERE.keys()
+KNOWN: Final = FORWARDED | FOR_PAYLOAD | frozenset(HANDLED_HERE)
 
 
 FRAME_KEPT: Final = frozenset({int(status.Command.DO_ORBIT), int(status.Command.DO_SET_HOME)})

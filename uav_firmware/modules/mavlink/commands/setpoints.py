@@ -224,7 +224,10 @@ class SetpointInput:
     Each different refusal is reported once until a set-point is accepted.
     """
 
-    message_types = tuple(READERS)
+    @property
+    def message_types(self) -> tuple[str, ...]:
+        """The messages that it handles."""
+        return tuple(READERS)
 
     def __init__(self, system_id: int, topics: Topics, texts: StatusTexts) -> None:
         self._system_id = system_id

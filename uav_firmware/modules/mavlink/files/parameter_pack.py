@@ -15,6 +15,8 @@ import struct
 from collections.abc import Iterator, Sequence
 from typing import Final, NamedTuple
 
+from uav_firmware.parameters import ParameterValue
+
 MAGIC: Final = 0x671B
 MAGIC_WITH_DEFAULTS: Final = 0x671C
 NAME_MAX: Final = 16
@@ -39,8 +41,8 @@ class PackedParameter(NamedTuple):
     """One parameter."""
 
     name: str
-    value: float
-    default: float
+    value: ParameterValue
+    default: ParameterValue
     is_integer: bool
 
 

@@ -28,7 +28,7 @@ MAX_STREAMS: Final = 256
 """Streams stored per key; only a holder of the key can create one."""
 
 _SIGNATURE_LENGTH: Final = 6
-_TIME: Final = slice(-12, -6)
+_TIME_LENGTH: Final = 6
 _LINK: Final = -13
 
 
@@ -115,7 +115,9 @@ class Signer:
             self._signature(frame[:-_SIGNATURE_LENGTH]), frame[-_SIGNATURE_LENGTH:]
         ):
             return Refusal.BAD_SIGNATURE
-        time = int.from_bytes(frame[_TIME], "little")
+        time = int.from_bytes(
+            frame[-_SIGNATURE_LENGTH - _TIME_LENGTH : -_SIGNATURE_LENGTH], "little"
+        )
         stream = Stream(frame[_LINK], system, component)
         if time > LATEST or not self._is_newer(stream, time):
             return Refusal.REPLAYED

@@ -18,7 +18,7 @@ class TokenBucket:
     def __init__(self, per_second: int = TOKENS_PER_SECOND, most: int = TOKENS_MAX) -> None:
         self._per_second = per_second
         self._most = most
-        self._tokens: float = most
+        self._tokens = float(most)
         self._filled_us = 0
 
     def refill(self, now_us: int) -> None:

@@ -46,7 +46,7 @@ def find_detour(fence: Geofence, start: Point, goal: Point) -> tuple[Point, ...]
 
 def length(start: Point, turns: tuple[Point, ...], goal: Point) -> float:
     """Length [m] of a path."""
-    return sum(math.dist(a, b) for a, b in itertools.pairwise((start, *turns, goal)))
+    return sum((math.dist(a, b) for a, b in itertools.pairwise((start, *turns, goal))), 0.0)
 
 
 def _corners(fence: Geofence, clearance: float) -> Iterator[Point]:

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable, Mapping
-from typing import ClassVar
 
 from uav_firmware.lib.mission_rules import HOVERING, PAYLOAD, altitude_amsl, unset
 from uav_firmware.lib.resets import EstimateStep
@@ -54,6 +53,29 @@ class MissionMode(NavigatorMode):
         self._held = False  # The item is reached and waits for a command to continue
         self._speeds = Speeds()
         self._keeps_yaw = False  # The next leg keeps the heading of a CONDITION_YAW
+        self._begin: Mapping[MissionCommand, Callable[[MissionItem, Flight], Task | None]] = {
+            MissionCommand.NAV_WAYPOINT: self._fly_to,
+            MissionCommand.NAV_LOITER_UNLIM: self._fly_to,
+            MissionCommand.NAV_LOITER_TIME: self._fly_to,
+            MissionCommand.NAV_SPLINE_WAYPOINT: self._fly_to,
+            MissionCommand.NAV_LOITER_TURNS: self._orbit,
+            MissionCommand.NAV_LOITER_TO_ALT: self._to_altitude,
+            MissionCommand.NAV_TAKEOFF: self._take_off,
+            MissionCommand.NAV_LAND: self._land,
+            MissionCommand.NAV_RETURN_TO_LAUNCH: self._return,
+            MissionCommand.NAV_DELAY: self._delay,
+            MissionCommand.CONDITION_DELAY: self._delay_on_the_leg,
+            MissionCommand.CONDITION_DISTANCE: self._wait_for_distance,
+            MissionCommand.CONDITION_YAW: self._turn,
+            MissionCommand.DO_CHANGE_SPEED: self._change_speed,
+            MissionCommand.DO_SET_HOME: self._set_home,
+            MissionCommand.DO_LAND_START: self._ignore,
+            MissionCommand.DO_FENCE_ENABLE: self._switch_fence,
+            MissionCommand.DO_SET_ROI: self._set_region_of_interest,
+            MissionCommand.DO_SET_ROI_LOCATION: self._set_region_of_interest,
+            MissionCommand.DO_SET_ROI_NONE: self._set_region_of_interest,
+            **dict.fromkeys(PAYLOAD, self._command_payload),
+        }
 
     def load(self, mission: Mission) -> None:
         """Replace the mission; a mode that is active must be activated again."""
@@ -97,7 +119,7 @@ class MissionMode(NavigatorMode):
         self.cursor.begun = True
         self._extend_route(flight)
         if self._task is None:
-            self._task = self._BEGIN[MissionCommand(item.command)](self, item, flight)
+            self._task = self._begin[MissionCommand(item.command)](item, flight)
         elif self._held:
             return
         if isinstance(self._task, WaypointTask) and self._task.missed(flight):
@@ -260,29 +282,3 @@ class MissionMode(NavigatorMode):
         place = (item.x, item.y, altitude_amsl(item, home))
         region = (math.nan, math.nan, math.nan) if none else place
         apply_region_of_interest(flight, RegionOfInterest(flight.now_us, *region))
-
-    _BEGIN: ClassVar[
-        Mapping[MissionCommand, Callable[["MissionMode", MissionItem, Flight], Task | None]]
-    ] = {
-        MissionCommand.NAV_WAYPOINT: _fly_to,
-        MissionCommand.NAV_LOITER_UNLIM: _fly_to,
-        MissionCommand.NAV_LOITER_TIME: _fly_to,
-        MissionCommand.NAV_SPLINE_WAYPOINT: _fly_to,
-        MissionCommand.NAV_LOITER_TURNS: _orbit,
-        MissionCommand.NAV_LOITER_TO_ALT: _to_altitude,
-        MissionCommand.NAV_TAKEOFF: _take_off,
-        MissionCommand.NAV_LAND: _land,
-        MissionCommand.NAV_RETURN_TO_LAUNCH: _return,
-        MissionCommand.NAV_DELAY: _delay,
-        MissionCommand.CONDITION_DELAY: _delay_on_the_leg,
-        MissionCommand.CONDITION_DISTANCE: _wait_for_distance,
-        MissionCommand.CONDITION_YAW: _turn,
-        MissionCommand.DO_CHANGE_SPEED: _change_speed,
-        MissionCommand.DO_SET_HOME: _set_home,
-        MissionCommand.DO_LAND_START: _ignore,
-        MissionCommand.DO_FENCE_ENABLE: _switch_fence,
-        MissionCommand.DO_SET_ROI: _set_region_of_interest,
-        MissionCommand.DO_SET_ROI_LOCATION: _set_region_of_interest,
-        MissionCommand.DO_SET_ROI_NONE: _set_region_of_interest,
-        **dict.fromkeys(PAYLOAD, _command_payload),
-    }

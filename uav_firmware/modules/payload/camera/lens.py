@@ -16,8 +16,8 @@ FARTHEST_M: Final = 2_000.0
 """[m] A ray that meets the ground beyond this distance counts as level."""
 
 FOCAL_LENGTH_MM: Final = 4.5
-SENSOR_MM: Final = (6.3, 4.725)
-"""Width and height [mm] of a 1/2.3 inch sensor: 70 by 55 degrees of view."""
+SENSOR_WIDTH_MM: Final = 6.3
+SENSOR_HEIGHT_MM: Final = 4.725
 
 
 class Picture(NamedTuple):
@@ -27,12 +27,16 @@ class Picture(NamedTuple):
     down: float  # [-] tan of half the vertical angle of view
 
 
-PICTURE: Final = Picture(0.5 * SENSOR_MM[0] / FOCAL_LENGTH_MM, 0.5 * SENSOR_MM[1] / FOCAL_LENGTH_MM)
+PICTURE: Final = Picture(
+    0.5 * SENSOR_WIDTH_MM / FOCAL_LENGTH_MM, 0.5 * SENSOR_HEIGHT_MM / FOCAL_LENGTH_MM
+)
 
 
 def lens(width_px: int) -> CameraLens:
     """Return the lens for pictures `width_px` wide and three quarters as high."""
-    return CameraLens(FOCAL_LENGTH_MM, *SENSOR_MM, width_px, width_px * 3 // 4)
+    return CameraLens(
+        FOCAL_LENGTH_MM, SENSOR_WIDTH_MM, SENSOR_HEIGHT_MM, width_px, width_px * 3 // 4
+    )
 
 
 def ray_ned(q_ned_camera: Quaternion, x: float, y: float) -> Vector3:
