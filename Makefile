@@ -78,6 +78,10 @@ fly: SPEED = 0
 fly: $(DEV) ## fly PLAN as fast as it goes; write logs, true track and a report to OUT
 	@exec $(RUN) -m sim fly
 
+.PHONY: compile
+compile: $(DEV) ## compile the flight stack (some minutes); FARM_PURE=1 flies without
+	@exec $(RUN) -m deploy.compile
+
 .PHONY: edge
 edge: $(RUNTIME) ## run the edge server alone
 	@exec $(RUN) -m edge_server
@@ -171,5 +175,5 @@ image-proof: ## build the containers from nothing and fly in them (root on Debia
 	deploy/prove.sh $(PROFILES)
 
 .PHONY: clean
-clean: ## remove the state and the virtual environment
-	rm -rf $(VENV) $(STATE_DIR)
+clean: ## remove the state, what was compiled and the virtual environment
+	rm -rf $(VENV) $(STATE_DIR) build uav_firmware/_compiled

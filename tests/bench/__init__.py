@@ -1,0 +1,3 @@
+"""Measurements: `python -m tests.bench`."""
+
+import uav_firmware  # noqa: F401 - first: it loads what is compiled, and the simulation with it

@@ -1,0 +1,265 @@
+"""`python -m deploy.compile`: compile the flight stack with mypyc, for `uav_firmware.compiled`.
+
+mypyc translates typed modules to C: the same statements on the same numbers, so that a flight
+has the same bytes of telemetry, without the interpreter. All modules of the autopilot and of the
+physics in which it flies are one library. The result is `uav_firmware/_compiled/`; C files and
+objects stay in `build/compiled/`, where the next run finds what has not changed.
+
+Exit codes: 0 compiled; 1 a module cannot be compiled; 2 the machine lacks a compiler, Python's
+headers or mypyc.
+"""
+
+import contextlib
+import hashlib
+import io
+import json
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+import sysconfig
+from collections.abc import Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Final
+
+from uav_firmware.compiled import (
+    FOLDER,
+    LIBRARY,
+    MANIFEST,
+    ROOT,
+    SUFFIX,
+    Manifest,
+    abi,
+    hashes,
+    sources,
+)
+
+BUILD: Final = ROOT / "build" / "compiled"
+EXIT_FAILED: Final = 1
+EXIT_NOT_EQUIPPED: Final = 2
+
+LEFT_OUT: Final = {
+    "uav_firmware/compiled.py": "it finds the others",
+    "uav_firmware/parameters.py": "an int given for a float is a float in C: INT32 or REAL32",
+    "uav_firmware/cal/": "protocols that are checked at run time have no instance check in C",
+    "uav_firmware/drivers/background.py": "ParamSpec, and an exception with OSError's layout",
+    "uav_firmware/modules/mavlink/wire/dialect_extensions.py": "inherits from pymavlink's classes",
+    "uav_firmware/modules/rotor_loss_control/controller.py": "complex numbers",
+    "sim/fault_schedule.py": "its numbers keep the type that a file gives them",
+    "sim/faults/console.py": "polls a file; beside the notation",
+    "sim/faults/notation.py": "a starred value in a return ends mypyc 2.4.1; read once",
+    "sim/physics/airframe.py": "an exception with the layout of OSError; runs once",
+    "sim/world/": "cached properties, numpy; read once a second",
+}
+"""Modules that stay in Python, and why. A path that ends with / stands for a folder."""
+
+# Compiled for any processor of the kind, never -march=native; and a product and a sum are rounded
+# one after the other as the interpreter rounds them: GCC fuses the two on ARM unless it is told.
+_FLAGS: Final = (
+    "-O1", "-DNDEBUG", "-fwrapv", "-fPIC", "-fvisibility=hidden", "-ffp-contract=off", "-w",
+    "-pthread",
+)  # fmt: skip
+_MYPY: Final = """[mypy]
+[mypy-pymavlink.*,jsbsim.*]
+ignore_missing_imports = True
+follow_imports = skip
+"""
+_FAULTY_CHECK: Final = re.compile(r"(\.f\d+ != -113\.0) && PyErr_Occurred\(\)")
+
+
+class CompileError(Exception):
+    """What stands in the way, in a sentence."""
+
+
+def modules(root: Path = ROOT) -> list[Path]:
+    """Sources that are compiled, by path from the root."""
+    names = (path.relative_to(root).as_posix() for path in sources(root))
+    return [Path(name) for name in names if not _is_left_out(name)]
+
+
+def _is_left_out(name: str) -> bool:
+    if Path(name).name in {"__init__.py", "__main__.py"}:
+        return True
+    return any(name.startswith(left) if left[-1] == "/" else name == left for left in LEFT_OUT)
+
+
+def lacking() -> str | None:
+    """What this machine needs before anything can be compiled; None if it has it all."""
+    command = compiler()[0]
+    if shutil.which(command) is None:
+        return f"there is no C compiler {command!r}; on Debian: apt-get install gcc"
+    header = Path(sysconfig.get_path("include")) / "Python.h"
+    if not header.exists():
+        return f"there is no {header}; on Debian: apt-get install python3-dev"
+    try:
+        import mypyc.build  # noqa: F401, PLC0415 - looked for
+    except ImportError as error:
+        return f"mypyc cannot be loaded ({error}); pip install mypy setuptools"
+    return None
+
+
+def compiler() -> list[str]:
+    """The C compiler as a command: CC, or the one that Python was built with."""
+    return shlex.split(os.environ.get("CC") or str(sysconfig.get_config_var("CC") or "cc"))
+
+
+def translate(paths: Sequence[Path], build: Path) -> tuple[list[Path], list[Path]]:
+    """Write the C of the library and of the stub of each module; give the paths of both.
+
+    mypyc exits with its own messages where a module cannot be compiled.
+    """
+    from mypyc.build import (  # noqa: PLC0415 - see `lacking`
+        generate_c_extension_shim,
+        include_dir,
+        mypyc_build,
+    )
+    from mypyc.common import RUNTIME_C_FILES  # noqa: PLC0415 - as above
+    from mypyc.options import CompilerOptions  # noqa: PLC0415 - as above
+
+    build.mkdir(parents=True, exist_ok=True)
+    config = build / "mypy.ini"
+    config.write_text(_MYPY, encoding="utf-8")
+    name = LIBRARY.removesuffix("__mypyc")
+    options = CompilerOptions(multi_file=True, target_dir=str(build), group_name=name)
+    arguments = [f"--config-file={config}", *map(str, paths)]
+    with contextlib.redirect_stdout(io.StringIO()):  # Its advice on speed, by the hundred
+        groups, files, needs = mypyc_build(arguments, options, always_use_shared_lib=True)
+    shims = [
+        generate_c_extension_shim(source.module, source.module.split(".")[-1], str(build), name)
+        for source in groups[0][0]
+    ]
+    runtime = {*RUNTIME_C_FILES, *(need.path for need in needs)}
+    c_files = [Path(file) for file in files[0][0]]
+    c_files += (Path(include_dir()) / name for name in sorted(runtime))
+    return c_files, [Path(shim) for shim in shims]
+
+
+def repair(texts: Iterable[str]) -> list[str]:
+    """Correct mypyc's check that a final tuple of floats has been set.
+
+    mypyc 2.4.1 writes `value != -113.0 && PyErr_Occurred()`, which holds for no tuple that has
+    been set; every use raises a NameError. It means `||` and `!`.
+
+    Raises:
+        CompileError: if there is nothing to correct: this mypyc needs no repair any more.
+    """
+    repaired, number = [], 0
+    for text in texts:
+        better, count = _FAULTY_CHECK.subn(r"\1 || !PyErr_Occurred()", text)
+        repaired.append(better)
+        number += count
+    if number == 0:
+        raise CompileError("this mypyc checks final tuples otherwise: take `repair` out, or adapt")
+    return repaired
+
+
+def build_library(files: Sequence[Path], shims: Sequence[Path], build: Path, into: Path) -> None:
+    """Compile and link the library and the stubs.
+
+    Raises:
+        CompileError: with the compiler's message.
+    """
+    from mypyc.build import include_dir  # noqa: PLC0415 - see `lacking`
+
+    include = [f"-I{path}" for path in (sysconfig.get_path("include"), include_dir(), build)]
+    runtime = sorted(Path(include_dir()).glob("*.[ch]"))
+    headers = _digest([*build.rglob("*.h"), *runtime], [*_FLAGS, *compiler()])
+    objects = build / "objects"
+    objects.mkdir(exist_ok=True)
+
+    def compiled(file: Path) -> Path:
+        made = objects / f"{file.stem}-{_digest([file], [headers])}.o"
+        if not made.exists():
+            _run([*compiler(), *_FLAGS, *include, "-c", str(file), "-o", f"{made}.new"])
+            Path(f"{made}.new").rename(made)
+        return made
+
+    def linked(name: str, parts: Sequence[Path]) -> None:
+        _run([*compiler(), "-shared", *map(str, parts), "-lm", "-o", str(into / f"{name}{SUFFIX}")])
+
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        parts = list(pool.map(compiled, files))
+        linked(LIBRARY, parts)
+        stubs = list(pool.map(compiled, shims))
+        names = [".".join(shim.relative_to(build).with_suffix("").parts) for shim in shims]
+        list(
+            pool.map(
+                lambda pair: linked(*pair), [(n, [s]) for n, s in zip(names, stubs, strict=True)]
+            )
+        )
+    for old in set(objects.iterdir()) - {*parts, *stubs}:
+        old.unlink()
+
+
+def _digest(files: Iterable[Path], texts: Iterable[str] = ()) -> str:
+    digest = hashlib.sha256("\n".join(texts).encode())
+    for file in sorted(files):
+        digest.update(file.read_bytes())
+    return digest.hexdigest()[:24]
+
+
+def _run(command: Sequence[str]) -> None:
+    done = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603 - ours
+    if done.returncode != 0:
+        raise CompileError(f"{command[0]} failed:\n{done.stderr}")
+
+
+def compile_stack() -> int:
+    """Compile, load every module once, and only then put the build in the old one's place."""
+    paths, read = modules(), hashes()
+    os.chdir(ROOT)
+    files, shims = translate(paths, BUILD)
+    for file, text in zip(files, repair([f.read_text("utf-8") for f in files]), strict=True):
+        if file.read_text("utf-8") != text:
+            file.write_text(text, encoding="utf-8")
+    made = BUILD / "made"
+    shutil.rmtree(made, ignore_errors=True)
+    made.mkdir()
+    build_library(files, shims, BUILD, made)
+    names = [".".join(path.with_suffix("").parts) for path in paths]
+    manifest = Manifest(abi(), names, read)
+    (made / MANIFEST).write_text(json.dumps(manifest._asdict()), encoding="utf-8")
+    shutil.rmtree(FOLDER, ignore_errors=True)
+    shutil.move(made, FOLDER)
+    _load(names)
+    return len(paths)
+
+
+def _load(names: Sequence[str]) -> None:
+    """Import every module of the build in a process of its own.
+
+    Raises:
+        CompileError: if one cannot be imported; the build is then removed.
+    """
+    text = (
+        "import importlib, uav_firmware.compiled as c; assert c.is_installed()\n"
+        f"for name in {list(names)}: assert importlib.import_module(name).__file__[-3:] == '.so'"
+    )
+    try:
+        _run([sys.executable, "-c", text])
+    except CompileError as error:
+        shutil.rmtree(FOLDER, ignore_errors=True)
+        raise CompileError(f"a compiled module cannot be loaded: {error}") from error
+
+
+def main() -> int:
+    """Compile; 0, or a sentence about what stands in the way."""
+    os.environ.pop("FARM_PURE", None)
+    missing = lacking()
+    if missing is not None:
+        print(f"not compiled: {missing}", file=sys.stderr)
+        return EXIT_NOT_EQUIPPED
+    try:
+        number = compile_stack()
+    except CompileError as error:
+        print(f"not compiled: {error}", file=sys.stderr)
+        return EXIT_FAILED
+    print(f"{number} modules compiled into {FOLDER.relative_to(ROOT)}; FARM_PURE=1 flies without")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

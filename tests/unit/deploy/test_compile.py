@@ -1,0 +1,59 @@
+"""What the flight stack is compiled from, and what a machine without a compiler says."""
+
+import sys
+
+import pytest
+
+from deploy import compile as build
+from uav_firmware.compiled import ROOT
+
+
+def test_the_modules_that_every_step_runs_are_compiled() -> None:
+    names = {path.as_posix() for path in build.modules()}
+    assert names > {
+        "sim/simulation.py",
+        "sim/sensors/imu.py",
+        "uav_firmware/modules/estimator/ekf.py",
+        "uav_firmware/scheduler.py",
+        "uav_firmware/topology.py",
+    }
+
+
+def test_packages_and_programs_stay_in_python() -> None:
+    assert not {"__init__.py", "__main__.py"} & {path.name for path in build.modules()}
+
+
+@pytest.mark.parametrize("name", build.LEFT_OUT)
+def test_whatever_is_left_out_exists_and_has_a_reason(name: str) -> None:
+    assert (ROOT / name).exists()
+    assert build.LEFT_OUT[name]
+
+
+def test_a_check_that_a_tuple_has_been_set_is_corrected() -> None:
+    wrong = "if (likely(x.f0 != -113.0 && PyErr_Occurred())) goto CPyL3;"
+    right = "if (likely(x.f0 != -113.0 || !PyErr_Occurred())) goto CPyL3;"
+    assert build.repair(["a", wrong]) == ["a", right]
+
+
+def test_a_mypyc_that_needs_no_correction_is_noticed() -> None:
+    with pytest.raises(build.CompileError, match="take `repair` out"):
+        build.repair(["if (likely(x.f0 != -113.0 || !PyErr_Occurred())) goto CPyL3;"])
+
+
+def test_a_machine_without_a_compiler_says_so(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("CC", "no-such-compiler")
+    assert build.main() == build.EXIT_NOT_EQUIPPED
+    assert capsys.readouterr().err == (
+        "not compiled: there is no C compiler 'no-such-compiler'; on Debian: apt-get install gcc\n"
+    )
+
+
+def test_a_machine_without_the_headers_of_python_says_so(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("CC", sys.executable)
+    monkeypatch.setattr("sysconfig.get_path", lambda _: "/nowhere")
+    assert build.main() == build.EXIT_NOT_EQUIPPED
+    assert "there is no /nowhere/Python.h" in capsys.readouterr().err
