@@ -126,6 +126,7 @@ class Family:
     orbiting: OrbitMethod = OrbitMethod.ENDLESS
     orbit_headings: Mapping[OrbitType, float] = field(default_factory=lambda: STANDARD_HEADINGS)
     circle_rate_max_deg_s: float = math.inf  # Of its own circle
+    limits_horizontal_speed: bool = True  # DO_CHANGE_SPEED leaves out the climb of a leg
     resets_speed_each_leg: bool = False  # To its default, whatever was set before
     speed_by_command: bool = False  # DO_CHANGE_SPEED after a reposition, which has no speed
     following: FollowMethod = FollowMethod.BY_COMMAND
@@ -213,6 +214,7 @@ OWN: Final = replace(
     name="farm-flight",
     stored_parameters={},
     orbiting=OrbitMethod.COUNTED,
+    limits_horizontal_speed=False,
     orbit_headings=FARM_FLIGHT_HEADINGS,
     following=FollowMethod.BY_COMMAND,
     follow_overrides=parameter_settings.farm_flight_follow,

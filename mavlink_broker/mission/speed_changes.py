@@ -69,7 +69,7 @@ class SpeedChanges:
             if self._running is not None and self._running[0] is not None:
                 reason, earlier = "a later event gives another speed", self._running[0].work_id
                 effects.for_edge.append(Acknowledgement(earlier, "refused", reason))
-            self._order(work, speed_m_s, now, effects)
+            self._order(work, now, effects)
 
     def order_late(self, state: State, now: float, effects: Effects) -> None:
         """Order the speed that came during a transfer, when that is over."""
@@ -79,7 +79,7 @@ class SpeedChanges:
         self._late_speed_m_s = None
         self._segments.set_speed(speed_m_s)
         if state is State.RUNNING:
-            self._order(None, speed_m_s, now, effects)
+            self._order(None, now, effects)
 
     def repeat(self, now: float, effects: Effects) -> None:
         """Order a changed speed again behind items that set the one of the upload."""
@@ -95,7 +95,7 @@ class SpeedChanges:
         if place is not None and place != self._repeated_behind:
             self._repeated_behind = place
             if self._has_changed:
-                self._order(None, self._segments.speed_m_s, now, effects)
+                self._order(None, now, effects)
 
     def cancel(self, reason: str, effects: Effects) -> None:
         """Order no speed any more; an event that waits is refused."""
@@ -104,14 +104,19 @@ class SpeedChanges:
         if work is not None:
             effects.for_edge.append(Acknowledgement(work.work_id, "refused", reason))
 
-    def _order(
-        self, work: EventWork | None, speed_m_s: float, now: float, effects: Effects
-    ) -> None:
-        alternatives = ((speed_command(speed_m_s),),)
+    def _order(self, work: EventWork | None, now: float, effects: Effects) -> None:
+        alternatives = ((speed_command(self._leg_speed_m_s),),)
         sequence = CommandSequence(alternatives, self._vehicle.route, self._vehicle.round_trip)
         self._has_changed = self._is_new = True
         self._running = work, sequence
         effects.messages += sequence.start(now)
+
+    @property
+    def _leg_speed_m_s(self) -> float:
+        """Speed of the leg that is flown, as the items would set it now."""
+        plan, mission = self._segments.plan, self._vehicle.snapshot.mission
+        flown = [] if mission is None else [n for n in _mission_speeds(plan) if n < mission.seq]
+        return plan.items[flown[-1]].parameters[1] if flown else self._segments.speed_m_s
 
     def receive(self, message: Message, now: float, effects: Effects) -> None:
         """Take the answer."""

@@ -20,8 +20,20 @@ from mavlink_broker.microservices.config_overrides import ParameterOverride
 from mavlink_broker.planning import camera_commands, flight_commands, target_commands
 from mavlink_broker.planning.hotpoint import hotpoint
 from mavlink_broker.planning.live_actions import LiveAction
-from mavlink_broker.planning.situation import Home, Items, Refusal, RefusedError, Situation
-from mavlink_broker.planning.speed_items import with_speed
+from mavlink_broker.planning.situation import (
+    Home,
+    Items,
+    Refusal,
+    RefusedError,
+    Situation,
+    Spot,
+)
+from mavlink_broker.planning.speed_items import (
+    LegSpeeds,
+    horizontal_share,
+    horizontal_speed_m_s,
+    with_speed,
+)
 
 __all__ = ["FlightPlan", "Home", "Itinerary", "LiveCommand", "RefusedError", "translate"]
 
@@ -175,6 +187,7 @@ class _Segment:
     overrides: list[tuple[int, ParameterOverride]] = field(default_factory=list)
     ends_on_ground: bool = False
     has_speed: bool = False
+    leg_speeds: LegSpeeds = field(default_factory=LegSpeeds)
 
     def add(self, owner: int, *more: MissionItem) -> None:
         self.items.extend(more)
@@ -234,7 +247,7 @@ class _Translation:
             part = _translate_command(index, command, self._situation)
             if isinstance(part, LiveAction):
                 self._close()
-                self.segments.append(LiveCommand(index, part))
+                self.segments.append(LiveCommand(index, self._with_approach_speed(part)))
                 if part.moves:
                     self._situation = self._situation._replace(spot=part.ends_at, after_live=True)
             else:
@@ -242,6 +255,21 @@ class _Translation:
             self._situation = self._situation._replace(aim=self._aim_behind(command, part))
         self._close()
         return Itinerary(tuple(self.segments))
+
+    @property
+    def _start(self) -> Spot | None:
+        """Where the next command begins; None if that is unknown."""
+        return None if self._situation.after_live else self._situation.spot
+
+    def _with_approach_speed(self, action: LiveAction) -> LiveAction:
+        """Bound the leg to the start of a live command, which may climb."""
+        start, end, speed_m_s = self._start, action.approach, action.approach_speed_m_s
+        if not self._situation.family.limits_horizontal_speed or speed_m_s is None:
+            return action
+        if start is None or end is None:
+            return action
+        bound_m_s = horizontal_speed_m_s(speed_m_s, horizontal_share(start, end))
+        return replace(action, approach_speed_m_s=bound_m_s)
 
     def _aim_behind(
         self, command: Command, part: Items | LiveAction
@@ -267,6 +295,8 @@ class _Translation:
         if not segment.has_speed and command.command_type_id in FLYING:
             segment.has_speed = True
             part = with_speed(part, self._mission.maximum_speed, self._situation.family)
+        if self._situation.family.limits_horizontal_speed:
+            part = segment.leg_speeds.bound(part, self._start)
         segment.take(index, part)
         if part.spot is not None:
             self._at_home = part.at_home

@@ -23,6 +23,7 @@ from tests.support.scripted_vehicle import HOME, Script, ScriptedVehicle
 from tests.unit.mavlink_broker.test_real_autopilots import example, flown
 
 SPEED = mavlink.MAV_CMD_DO_CHANGE_SPEED
+WAYPOINT = mavlink.MAV_CMD_NAV_WAYPOINT
 CIRCLE = mavlink.MAV_CMD_NAV_LOITER_TURNS
 
 
@@ -125,6 +126,24 @@ class TestANewSpeed:
         assert set(world.edge.statuses(1201)) == {3}
         assert {values[1] for number, values in vehicle.parameters if number == SPEED} == {2.0}
         assert world.edge.acknowledgements(event)[-1]["status"] == "done"
+
+    @pytest.mark.parametrize("script", [PX4_1_17, COPTER_4_6], ids=["px4", "copter"])
+    def test_bounds_the_vector_of_a_leg_that_climbs(self, script: Script) -> None:
+        """Both limit the horizontal speed of it alone: 2 m/s up a slope of 45 degrees."""
+        world = World()
+        vehicle = world.add_vehicle(script=script)
+        climb = waypoint(2, north_m=10.0, altitude=15.0)
+        level = waypoint(3, north_m=30.0, altitude=15.0)
+        world.edge.plan(mission(takeoff(altitude=5.0), climb, level, go_home(4)))
+        world.run_until(lambda: vehicle.airborne)
+        legs = [n for n, item in enumerate(vehicle.items) if item.command == WAYPOINT]
+        world.run_until(lambda: vehicle.current == legs[-2])
+        world.edge.event(3, maximum_speed=2.0)
+        world.run_until(lambda: vehicle.current > legs[-2])
+        world.run(1.0)
+        speeds = [values[1] for number, values in vehicle.parameters if number == SPEED]
+        assert speeds[0] == pytest.approx(2.0 * math.cos(math.radians(45.0)), rel=0.3)
+        assert speeds[0] < speeds[-1] == 2.0
 
 
 @pytest.mark.thorough
