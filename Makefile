@@ -34,6 +34,7 @@ OUT ?=
 PARALLEL := -n 3 --dist worksteal
 export VEHICLES TESTERS TESTER_SCRIPT SPEED WIND GPS SEED EDGE_PORT CLOUD_PORT MAVLINK_PORT GCS_PORT VEHICLE_PORT_BASE MQTT_PORT STATE_DIR TRUTH PLAN OUT
 
+COMPILE = $(VENV)/bin/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-annotate --no-header pyproject.toml
 RUNTIME := $(VENV)/.runtime
 DEV := $(VENV)/.dev
 
@@ -61,9 +62,11 @@ $(DEV): requirements-dev.lock | $(VENV)/bin/python
 install: $(DEV) ## create the virtual environment with everything
 
 .PHONY: lock
-lock: $(DEV) ## resolve pyproject.toml again into the two lock files
-	$(VENV)/bin/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-annotate --no-header pyproject.toml -o requirements.lock
-	$(VENV)/bin/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-annotate --no-header --extra dev --extra docs pyproject.toml -o requirements-dev.lock
+lock: $(DEV) ## resolve pyproject.toml again into the lock files
+	$(COMPILE) --extra dev --extra docs --extra sim -o requirements-dev.lock
+	$(COMPILE) --extra sim --constraint requirements-dev.lock -o requirements.lock
+	$(COMPILE) --extra edge --constraint requirements-dev.lock -o requirements-edge.lock
+	$(COMPILE) --extra broker --constraint requirements-dev.lock -o requirements-broker.lock
 
 .PHONY: sim
 sim: $(if $(TESTER_SCRIPT),$(DEV),$(RUNTIME)) ## run the whole system: edge server, relay, broker, vehicles, mock cloud; TESTERS=1 leaves a seat
@@ -169,6 +172,12 @@ dst: $(DEV) ## simulate the whole system under faults: SEEDS=20 JOBS=2, or repla
 .PHONY: fuzz
 fuzz: $(DEV) ## fly a mission under FRAMES (1000000) hostile frames; 0 if nothing moved by them
 	@exec env FRAMES=$(FRAMES) $(RUN) -m tests.bench.fuzz
+
+.PHONY: dist
+dist: $(DEV) ## build source archive and wheel in STATE_DIR/dist, install them afresh and fly the demo
+	rm -rf $(STATE_DIR)/dist
+	$(VENV)/bin/uv build --quiet --out-dir $(STATE_DIR)/dist .
+	$(RUN) -m deploy.check_distribution $(STATE_DIR)/dist
 
 .PHONY: image-proof
 image-proof: ## build the containers from nothing and fly in them (root on Debian; PROFILES="postgres mqtt tls")

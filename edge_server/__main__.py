@@ -20,12 +20,14 @@ from edge_server import logs
 from edge_server.config import SETTINGS, Config, ConfigError, load
 from edge_server.process.exit_codes import FAILED, INTERRUPTED, OK, WRONG_SETUP
 from edge_server.process.supervisor import PARENT_VARIABLE, Supervisor
+from farm_flight_bridge import VERSION
 
 LOG = logging.getLogger("edge_server")
 
 
-def main(arguments: list[str]) -> int:
-    """Run a command; returns the exit code."""
+def main(arguments: list[str] | None = None) -> int:
+    """Run a command, by default that of the command line; returns the exit code."""
+    arguments = sys.argv[1:] if arguments is None else arguments
     options = _parser().parse_args(arguments)
     flags = {setting.name: getattr(options, setting.name) for setting in SETTINGS}
     try:
@@ -139,6 +141,7 @@ _COMMANDS: Final = (
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="edge_server", description=__doc__)
+    parser.add_argument("--version", action="version", version=f"%(prog)s {VERSION}")
     parser.add_argument("--config", type=Path, help="TOML file with a table [edge_server]")
     for setting in SETTINGS:
         flag = "--" + setting.name.replace("_", "-")
@@ -200,4 +203,4 @@ def _add_access(commands: "argparse._SubParsersAction[argparse.ArgumentParser]")
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    sys.exit(main())

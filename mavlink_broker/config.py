@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
+from farm_flight_bridge import VERSION
 from mavlink_broker.links import settings as link_settings
 from mavlink_broker.links.settings import LinkSettings
 from mavlink_broker.links.url import ANY_ADDRESS, DEFAULT_MAVLINK_PORT, LinkKind, LinkUrl
@@ -138,6 +139,7 @@ def load(arguments: Sequence[str], environment: Mapping[str, str]) -> Config:
         description="Flies the edge server's missions over MAVLink.",
         epilog="Other commands, each with its own --help: translate, vehicles, fly, dead-letters.",
     )
+    parser.add_argument("--version", action="version", version=f"%(prog)s {VERSION}")
     return settings(parser, parser.parse_args(arguments))
 
 

@@ -10,6 +10,7 @@ import os
 import sys
 from pathlib import Path
 
+from farm_flight_bridge import VERSION
 from sim.launch import demo, launcher
 from sim.launch.settings import VARIABLES, SettingsError, from_environment
 
@@ -34,6 +35,7 @@ def _run() -> int:
         epilog="\n".join(["settings, as environment variables:", *rows]),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
+    parser.add_argument("--version", action="version", version=f"%(prog)s {VERSION}")
     parser.add_argument("what", nargs="?", choices=("run", "demo", "fly"), default="run")
     arguments = parser.parse_args()
     try:

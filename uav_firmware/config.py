@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from farm_flight_bridge import VERSION
+
 _DRIVERS: Final = ("jsbsim",)
 _SETUP_TRUSTS: Final = ("never", "signed", "loopback")
 _LARGEST_SPEED: Final = 1000.0
@@ -132,6 +134,7 @@ def _parser(environment: Mapping[str, str]) -> argparse.ArgumentParser:
         description="One vehicle: the autopilot around its driver. Flags override environment.",
     )
     add = parser.add_argument
+    add("--version", action="version", version=f"%(prog)s {VERSION}")
     add("--system-id", default=get("SYSTEM_ID", "1"), help="MAVLink system id, 1 to 250")
     add("--driver", default=get("DRIVER", "jsbsim"), choices=_DRIVERS, help="vehicle to fly")
     add("--speed", default=get("SPEED", "1"), help="times real time; 0 or max: as fast as it goes")

@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Iterable
-from importlib.metadata import PackageNotFoundError, version
 from typing import Any, Final, NamedTuple
 
 from pydantic import BaseModel
@@ -12,6 +11,7 @@ from afarcloud.wire import TELEMETRY
 from edge_server.api import schemas
 from edge_server.api.contract import Contract
 from edge_server.exchange import geojson
+from farm_flight_bridge import VERSION
 
 REFERENCE: Final = "#/components/schemas/{model}"
 CONVERTER: Final = re.compile(r"<(?:(?P<kind>[^:<>]+):)?(?P<name>\w+)>")
@@ -89,7 +89,7 @@ def document(routes: Iterable[Route]) -> dict[str, Any]:
         "openapi": "3.1.0",
         "info": {
             "title": "Edge server",
-            "version": _version(),
+            "version": VERSION,
             "description": "Flight plans, and vehicles' reports, stored until the cloud has them.",
         },
         "paths": paths,
@@ -121,13 +121,6 @@ def _allow_either(operation: dict[str, Any], earlier: dict[str, Any]) -> None:
     for new, old in zip(operation["parameters"], earlier["parameters"], strict=True):
         if new["schema"] != old["schema"]:
             new["schema"] = {"anyOf": [old["schema"], new["schema"]]}
-
-
-def _version() -> str:
-    try:
-        return version("farm-flight-bridge")
-    except PackageNotFoundError:
-        return "unreleased"
 
 
 def _operation(route: Route) -> dict[str, Any]:

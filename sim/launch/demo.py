@@ -11,8 +11,8 @@ from typing import Any, Protocol
 
 from sim.launch.console import TERMINAL, Screen
 from sim.launch.farm_client import NotReadyError, RefusedError, rows
-from sim.launch.launcher import EXAMPLE_PLAN, Stopped, System
-from sim.launch.settings import Settings
+from sim.launch.launcher import Stopped, System
+from sim.launch.settings import Settings, example_plan
 from sim.launch.supervisor import SupervisorError
 from sim.mosaic.album import write_album
 from sim.physics.worlds import DEFAULT
@@ -136,7 +136,7 @@ def read_plan(settings: Settings) -> dict[str, Any]:
     vehicles = len(settings.started_ids)
     if not 1 <= vehicles <= MAXIMUM_MISSIONS:
         raise DemoError(f"VEHICLES: a plan holds 1 to {MAXIMUM_MISSIONS} missions, not {vehicles}")
-    path = settings.plan or Path(EXAMPLE_PLAN)
+    path = settings.plan or example_plan()
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
         return for_vehicles(document, vehicles)

@@ -15,7 +15,7 @@ from typing import Final, Self
 from sim.launch.console import Screen
 from sim.launch.farm_client import FarmClient, NotReadyError, RefusedError
 from sim.launch.processes import fleet_limits, programs, uplink
-from sim.launch.settings import Settings
+from sim.launch.settings import Settings, example_plan
 from sim.launch.supervisor import Supervisor, SupervisorError, check_ports
 
 _LOCK_FILE: Final = "system.lock"
@@ -94,7 +94,6 @@ READY_TIMEOUT_S = 120.0
 READY_TIMEOUT_PER_VEHICLE_S = 6.0
 """The longest time without progress while the system starts; a busy machine starts slowly."""
 POLL_S = 0.2
-EXAMPLE_PLAN = "examples/plans/first_flight.json"
 
 
 class Stopped(Exception):  # noqa: N818  # not an error: the user asked for it
@@ -248,7 +247,7 @@ def greeting(settings: Settings) -> str:
             (
                 f"  curl -sS -X POST {settings.edge_url}/plans/ "
                 f'-H "Authorization: Bearer $(cat {key})" '
-                f'-H "Content-Type: application/json" -d @{EXAMPLE_PLAN}'
+                f'-H "Content-Type: application/json" -d @{example_plan()}'
             ),
             "Stop with Ctrl-C.",
         )

@@ -104,6 +104,14 @@ class Settings:
         return self.vehicle_port_base + system_id
 
 
+def example_plan() -> Path:
+    """File of the first flight: that of the checkout, else the one that is installed."""
+    in_checkout = Path("examples/plans/first_flight.json")
+    if in_checkout.is_file():
+        return in_checkout
+    return Path(__file__).parent.parent / "examples" / in_checkout.name
+
+
 def from_environment(environment: Mapping[str, str]) -> Settings:
     """Read the settings.
 
