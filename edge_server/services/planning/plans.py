@@ -333,14 +333,15 @@ def remove(context: Context, reference: int | str) -> None:
 def close(
     context: Context, reference: int | str, reason: str, vehicle_id: int | None = None
 ) -> dict[str, Any]:
-    """End accepted missions of a broker that has failed.
+    """End accepted missions of a broker that has failed, or has lost them.
 
     `vehicle_id` selects the missions of one vehicle; without it all that are accepted are ended.
     Ended and queued missions stay as they are.
 
     Raises:
         NotFoundError: if there is no such plan.
-        ConflictError: if a broker has made a request about a vehicle recently.
+        ConflictError: if a broker has made a request about a vehicle recently, unless it has
+            answered an abort of the mission and the mission goes on here.
     """
     with context.database.write(WORK) as connection:
         now = context.clock()
@@ -351,7 +352,8 @@ def close(
             if item.state == work.ACCEPTED and vehicle_id in {None, item.vehicle_id}
         ]
         for item in missions:
-            _check_silent(connection, item, now)
+            if not _is_lost(connection, item):
+                _check_silent(connection, item, now)
             text = f"closed by an operator: {reason}"
             broker_work.end(connection, item, Status.ABORTED, text, now)
         if missions:
@@ -361,6 +363,20 @@ def close(
         shown = _show(connection, stored)
     context.wake_relay()
     return shown
+
+
+def _is_lost(connection: Connection, item: work.Work) -> bool:
+    """Whether the broker of an accepted mission has shown that it does not fly it.
+
+    It has answered an abort, which would have ended the mission, and does not name the mission in
+    its state of the vehicle. Its state alone proves nothing: a mission that waits for its vehicle
+    is not named there either.
+    """
+    vehicle_id = item.vehicle_id or 0
+    known = vehicles.get(connection, vehicle_id)
+    if known is not None and known.state.get("mission_id") == item.mission_id:
+        return False
+    return work.has_answered_abort(connection, vehicle_id, item.accepted_at or 0.0)
 
 
 def _check_silent(connection: Connection, item: work.Work, now: float) -> None:
@@ -382,8 +398,8 @@ def _check_silent(connection: Connection, item: work.Work, now: float) -> None:
         return
     raise ConflictError(
         f"the broker of vehicle {vehicle_id} is connected: its last request was {age_s:.0f} s ago;"
-        f" a mission can be closed {SILENT_S:.0f} s after the last request, until then abort it by"
-        " an event",
+        f" abort the mission by an event: it can be closed once the broker has answered that, or"
+        f" {SILENT_S:.0f} s after the last request",
         (Fault("vehicle_id", "has a broker that is connected"),),
     )
 

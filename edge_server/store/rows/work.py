@@ -18,7 +18,7 @@ from sqlalchemy import (
     update,
 )
 
-from afarcloud.enumerations import Status
+from afarcloud.enumerations import EventType, Status
 from edge_server.store.connection.database import new_id, to_json
 from edge_server.store.rows.tables import command, plan, vehicle_hold, withdrawn, work
 
@@ -263,6 +263,21 @@ def newest_event_about(connection: Connection, mission: Work) -> Work | None:
     )
     row = connection.execute(query.order_by(work.c.id.desc()).limit(1)).one_or_none()
     return _work(row) if row else None
+
+
+def has_answered_abort(connection: Connection, vehicle_id: int, since_s: float) -> bool:
+    """Whether the broker has carried out or refused an abort that was received since a time."""
+    query = _QUERY.where(
+        work.c.kind == EVENT,
+        work.c.vehicle_id == vehicle_id,
+        work.c.created_at >= since_s,
+        work.c.status_id.in_((int(Status.FINISHED), int(Status.FAILED))),
+    )
+    return any(_is_abort(_work(row).body or {}) for row in connection.execute(query))
+
+
+def _is_abort(event: dict[str, Any]) -> bool:
+    return event["event_type_id"] in {EventType.ABORT_MISSION, EventType.SOFT_ABORT_MISSION}
 
 
 def overdue(connection: Connection, now: float) -> list[Work]:

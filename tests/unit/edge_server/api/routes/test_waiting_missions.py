@@ -9,7 +9,14 @@ from edge_server.api.routes.surveys import EXAMPLE
 from tests.support.databases import BOTH_ENGINES
 from tests.unit.edge_server.api.routes.test_plan_files import FILE
 from tests.unit.edge_server.conftest import NOON, Edge
-from tests.unit.edge_server.documents import mission, mission_report, plan, telemetry
+from tests.unit.edge_server.documents import (
+    event,
+    mission,
+    mission_report,
+    plan,
+    speed_event,
+    telemetry,
+)
 
 WHY = {"reason": "the laptop with the broker fell into the pond"}
 HOURS_S = 3600.0
@@ -114,6 +121,38 @@ def test_every_request_of_the_broker_keeps_its_mission(
     assert "its last request was 299 s ago" in refused.json["message"]
     edge.clock.pass_s(1.0)
     assert close(edge, identifier).status_code == 200
+
+
+@pytest.mark.parametrize("answer", ["refused", "done"])
+def test_a_mission_that_its_connected_broker_has_lost_is_closed_after_an_abort(
+    edge: Edge, answer: str
+) -> None:
+    """It updates the vehicle, but the end of the mission was lost with its disk."""
+    identifier = flying(edge, mission(1))
+    assert close(edge, identifier).status_code == 409
+    edge.clock.pass_s(1.0)
+    assert edge.post("/events/", event(), "operator").status_code == 201
+    assert close(edge, identifier).status_code == 409
+    assert edge.acknowledge(2, "accepted").status_code == 200
+    assert close(edge, identifier).status_code == 409
+    assert edge.acknowledge(2, answer, "no active mission").status_code == 200
+    edge.ask("PUT", "/vehicles/1", "broker", json={"link_state": "connected", "mission_id": 1})
+    assert close(edge, identifier).status_code == 409
+    edge.ask("PUT", "/vehicles/1", "broker", json={"link_state": "connected", "mission_id": None})
+    assert close(edge, identifier).status_code == 200
+    assert statuses(edge, identifier) == ["ABORTED"]
+
+
+def test_an_abort_before_the_acceptance_or_a_new_speed_shows_no_loss(edge: Edge) -> None:
+    flying(edge, mission(1))
+    assert edge.post("/events/", event(), "operator").status_code == 201
+    assert edge.acknowledge(2, "refused").status_code == 200
+    edge.report("mission_report", mission_report(5, 5, 5, 5, mission_id=1))
+    edge.clock.pass_s(1.0)
+    identifier = flying(edge, mission(2))
+    assert edge.post("/events/", speed_event(), "operator").status_code == 201
+    assert edge.acknowledge(edge.work()[0]["id"], "done").status_code == 200
+    assert close(edge, identifier).status_code == 409
 
 
 def test_a_request_about_another_vehicle_does_not_keep_a_mission(edge: Edge) -> None:
