@@ -23,7 +23,7 @@ import sysconfig
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 from uav_firmware.compiled import (
     FOLDER,
@@ -38,6 +38,7 @@ from uav_firmware.compiled import (
 )
 
 BUILD: Final = ROOT / "build" / "compiled"
+FAST_PATHS: Final = Path(__file__).with_name("fast_paths.h")
 EXIT_FAILED: Final = 1
 EXIT_NOT_EQUIPPED: Final = 2
 
@@ -52,14 +53,13 @@ LEFT_OUT: Final = {
     "sim/faults/console.py": "polls a file; beside the notation",
     "sim/faults/notation.py": "a starred value in a return ends mypyc 2.4.1; read once",
     "sim/physics/airframe.py": "an exception with the layout of OSError; runs once",
-    "sim/world/": "cached properties, numpy; read once a second",
 }
 """Modules that stay in Python, and why. A path that ends with / stands for a folder."""
 
 # Compiled for any processor of the kind, never -march=native; and a product and a sum are rounded
 # one after the other as the interpreter rounds them: GCC fuses the two on ARM unless it is told.
 _FLAGS: Final = (
-    "-O1", "-DNDEBUG", "-fwrapv", "-fPIC", "-fvisibility=hidden", "-ffp-contract=off", "-w",
+    "-O2", "-DNDEBUG", "-fwrapv", "-fPIC", "-fvisibility=hidden", "-ffp-contract=off", "-w",
     "-pthread",
 )  # fmt: skip
 _MYPY: Final = """[mypy]
@@ -67,6 +67,10 @@ _MYPY: Final = """[mypy]
 ignore_missing_imports = True
 follow_imports = skip
 """
+_GLOBAL: Final = re.compile(
+    r"(cpy_r_\w+) = CPyStatic_\w+___globals;\n\s+(cpy_r_\w+) = CPyStatics\[\d+\];.*\n"
+    r"\s+cpy_r_\w+ = CPyDict_GetItem\(\1, \2\);"
+)
 _FAULTY_CHECK: Final = re.compile(r"(\.f\d+ != -113\.0) && PyErr_Occurred\(\)")
 
 
@@ -106,8 +110,16 @@ def compiler() -> list[str]:
     return shlex.split(os.environ.get("CC") or str(sysconfig.get_config_var("CC") or "cc"))
 
 
-def translate(paths: Sequence[Path], build: Path) -> tuple[list[Path], list[Path]]:
-    """Write the C of the library and of the stub of each module; give the paths of both.
+class CFiles(NamedTuple):
+    """What the library is made of."""
+
+    modules: Sequence[Path]  # Written by mypyc
+    stubs: Sequence[Path]  # As above, one per module
+    runtime: Sequence[Path]  # That comes with mypyc
+
+
+def translate(paths: Sequence[Path], build: Path) -> CFiles:
+    """Write the C of the library and of the stub of each module.
 
     mypyc exits with its own messages where a module cannot be compiled.
     """
@@ -127,14 +139,16 @@ def translate(paths: Sequence[Path], build: Path) -> tuple[list[Path], list[Path
     arguments = [f"--config-file={config}", *map(str, paths)]
     with contextlib.redirect_stdout(io.StringIO()):  # Its advice on speed, by the hundred
         groups, files, needs = mypyc_build(arguments, options, always_use_shared_lib=True)
-    shims = [
+    stubs = [
         generate_c_extension_shim(source.module, source.module.split(".")[-1], str(build), name)
         for source in groups[0][0]
     ]
-    runtime = {*RUNTIME_C_FILES, *(need.path for need in needs)}
-    c_files = [Path(file) for file in files[0][0]]
-    c_files += (Path(include_dir()) / name for name in sorted(runtime))
-    return c_files, [Path(shim) for shim in shims]
+    runtime = sorted({*RUNTIME_C_FILES, *(need.path for need in needs)})
+    return CFiles(
+        [Path(file) for file in files[0][0]],
+        [Path(stub) for stub in stubs],
+        [Path(include_dir()) / name for name in runtime],
+    )
 
 
 def repair(texts: Iterable[str]) -> list[str]:
@@ -156,7 +170,15 @@ def repair(texts: Iterable[str]) -> list[str]:
     return repaired
 
 
-def build_library(files: Sequence[Path], shims: Sequence[Path], build: Path, into: Path) -> None:
+def quicken(text: str) -> str:
+    """Let lookups of fields and of a module's names take the paths of `fast_paths.h`."""
+    text = text.replace("= CPyObject_GetAttr(", "= FLIGHT_STACK_GETATTR(")
+    return _GLOBAL.sub(
+        lambda found: found[0].replace("CPyDict_GetItem", "FLIGHT_STACK_GLOBAL"), text
+    )
+
+
+def build_library(files: CFiles, build: Path, into: Path) -> None:
     """Compile and link the library and the stubs.
 
     Raises:
@@ -164,9 +186,10 @@ def build_library(files: Sequence[Path], shims: Sequence[Path], build: Path, int
     """
     from mypyc.build import include_dir  # noqa: PLC0415 - see `lacking`
 
-    include = [f"-I{path}" for path in (sysconfig.get_path("include"), include_dir(), build)]
+    include = ["-include", str(FAST_PATHS)]
+    include += [f"-I{path}" for path in (sysconfig.get_path("include"), include_dir(), build)]
     runtime = sorted(Path(include_dir()).glob("*.[ch]"))
-    headers = _digest([*build.rglob("*.h"), *runtime], [*_FLAGS, *compiler()])
+    headers = _digest([*build.rglob("*.h"), *runtime, FAST_PATHS], [*_FLAGS, *compiler()])
     objects = build / "objects"
     objects.mkdir(exist_ok=True)
 
@@ -181,10 +204,10 @@ def build_library(files: Sequence[Path], shims: Sequence[Path], build: Path, int
         _run([*compiler(), "-shared", *map(str, parts), "-lm", "-o", str(into / f"{name}{SUFFIX}")])
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        parts = list(pool.map(compiled, files))
+        parts = list(pool.map(compiled, [*files.runtime, *files.modules]))
         linked(LIBRARY, parts)
-        stubs = list(pool.map(compiled, shims))
-        names = [".".join(shim.relative_to(build).with_suffix("").parts) for shim in shims]
+        stubs = list(pool.map(compiled, files.stubs))
+        names = [".".join(shim.relative_to(build).with_suffix("").parts) for shim in files.stubs]
         list(
             pool.map(
                 lambda pair: linked(*pair), [(n, [s]) for n, s in zip(names, stubs, strict=True)]
@@ -211,14 +234,16 @@ def compile_stack() -> int:
     """Compile, load every module once, and only then put the build in the old one's place."""
     paths, read = modules(), hashes()
     os.chdir(ROOT)
-    files, shims = translate(paths, BUILD)
-    for file, text in zip(files, repair([f.read_text("utf-8") for f in files]), strict=True):
-        if file.read_text("utf-8") != text:
-            file.write_text(text, encoding="utf-8")
+    files = translate(paths, BUILD)
+    texts = repair([file.read_text("utf-8") for file in files.modules])
+    for file, text in zip(files.modules, texts, strict=True):
+        file.write_text(quicken(text), encoding="utf-8")
     made = BUILD / "made"
     shutil.rmtree(made, ignore_errors=True)
     made.mkdir()
-    build_library(files, shims, BUILD, made)
+    build_library(files, BUILD, made)
+    if hashes() != read:
+        raise CompileError("a source has changed in the meantime; compile again")
     names = [".".join(path.with_suffix("").parts) for path in paths]
     manifest = Manifest(abi(), names, read)
     (made / MANIFEST).write_text(json.dumps(manifest._asdict()), encoding="utf-8")

@@ -33,7 +33,10 @@ LIBRARY: Final = "flight_stack__mypyc"
 """The extension that holds the code of all modules; the others only point into it."""
 SUFFIX: Final = ".so"
 
-_SIMULATION: Final = ("faults", "physics", "sensors", "world")
+_SIMULATION: Final = (
+    *("sim/config.py", "sim/fault_schedule.py", "sim/gnss_receivers.py", "sim/simulation.py"),
+    *("sim/faults/*.py", "sim/physics/*.py", "sim/sensors/*.py"),
+)
 """What the simulated vehicle runs in every step."""
 
 
@@ -52,10 +55,8 @@ def abi() -> str:
 
 def sources(root: Path = ROOT) -> list[Path]:
     """Every source that a build depends on: the autopilot, and the physics that it flies in."""
-    found = [*(root / "uav_firmware").rglob("*.py"), *(root / "sim").glob("*.py")]
-    for name in _SIMULATION:
-        found += (root / "sim" / name).rglob("*.py")
-    return sorted(found)
+    patterns = ("uav_firmware/**/*.py", *_SIMULATION)
+    return sorted({path for pattern in patterns for path in root.glob(pattern)})
 
 
 def hashes(root: Path = ROOT) -> dict[str, str]:

@@ -30,7 +30,7 @@ VOLTAGE_SIGMA_V: Final = 0.02
 CURRENT_SIGMA_A: Final = 0.1
 _SECONDS_PER_HOUR: Final = 3600.0
 
-CELL_CURVE: Final = (
+CELL_CURVE: Final[tuple[tuple[float, float], ...]] = (
     (0.00, 3.30),
     (0.05, 3.50),
     (0.10, 3.61),

@@ -12,7 +12,7 @@ from typing import Final
 _STEP_DEG: Final = 10.0
 _COLUMNS: Final = 36
 # fmt: off
-_HEIGHTS_M: Final = (
+_HEIGHTS_M: Final[tuple[tuple[int, ...], ...]] = (
     # Rows from south to north, columns from 180 W to 170 E
     (  # 90S
         -30, -30, -30, -30, -30, -30, -30, -30, -30, -30, -30, -30, -30, -30, -30, -30, -30, -30,

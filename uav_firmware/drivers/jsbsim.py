@@ -95,7 +95,8 @@ class JsbsimVehicle:
 
     def read_imu(self, instance: int = 0) -> SensorImu:
         """Inertial sample of this step."""
-        return SensorImu._make(self._readings.imus[instance])  # The same fields in the same order
+        imu = self._readings.imus[instance]
+        return SensorImu(imu.time_us, imu.rate_frd, imu.specific_force_frd)
 
     def read_baro(self, instance: int = 0) -> SensorBaro | None:
         """Barometer sample if one is due."""

@@ -40,6 +40,24 @@ def test_a_mypyc_that_needs_no_correction_is_noticed() -> None:
         build.repair(["if (likely(x.f0 != -113.0 || !PyErr_Occurred())) goto CPyL3;"])
 
 
+def test_fields_and_names_of_a_module_are_looked_up_by_fast_paths() -> None:
+    text = """
+    cpy_r_r2 = CPyObject_GetAttr(cpy_r_r0, cpy_r_r1);
+    cpy_r_r3 = CPyStatic_imu___globals;
+    cpy_r_r4 = CPyStatics[510]; /* 'ImuReading' */
+    cpy_r_r5 = CPyDict_GetItem(cpy_r_r3, cpy_r_r4);
+    cpy_r_r6 = CPyDict_GetItem(cpy_r_values, cpy_r_r4);
+"""
+    quick = """
+    cpy_r_r2 = FLIGHT_STACK_GETATTR(cpy_r_r0, cpy_r_r1);
+    cpy_r_r3 = CPyStatic_imu___globals;
+    cpy_r_r4 = CPyStatics[510]; /* 'ImuReading' */
+    cpy_r_r5 = FLIGHT_STACK_GLOBAL(cpy_r_r3, cpy_r_r4);
+    cpy_r_r6 = CPyDict_GetItem(cpy_r_values, cpy_r_r4);
+"""
+    assert build.quicken(text) == quick
+
+
 def test_a_machine_without_a_compiler_says_so(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
