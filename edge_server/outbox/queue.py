@@ -134,6 +134,31 @@ def requeue(connection: Connection, record_id: int) -> None:
     )
 
 
+def mark_sent(connection: Connection, records: Sequence[OutboxRecord]) -> None:
+    """Store that records may reach the cloud, whatever becomes of this process."""
+    rows = [record.outbox_id for record in records]
+    connection.execute(update(outbox).where(outbox.c.id.in_(rows)).values(sent=True))
+
+
+def was_sent_after(connection: Connection, record_id: int, vehicle_id: int, mission: int) -> bool:
+    """Whether a report of a mission behind this record may have reached the cloud already.
+
+    One that the cloud has confirmed is deleted; of the others, those that were sent count.
+    """
+    later = (
+        select(telemetry.c.payload)
+        .join(outbox, outbox.c.record_id == telemetry.c.id)
+        .where(
+            outbox.c.vehicle_id == vehicle_id,
+            outbox.c.kind == MISSION_REPORT,
+            outbox.c.sent,
+            telemetry.c.id > record_id,
+        )
+    )
+    payloads = connection.execute(later).scalars()
+    return any(json.loads(payload)["mission_id"] == mission for payload in payloads)
+
+
 def streams_after(connection: Connection, outbox_id: int) -> tuple[set[Stream], int]:
     """Return the streams that have rows after this one, and the newest row's id."""
     newest = connection.execute(select(func.max(outbox.c.id))).scalar_one() or 0

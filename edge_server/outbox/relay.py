@@ -100,6 +100,7 @@ class Relay:
         self._look_unless_full(now)
         if not self._writer.is_full:
             for batch in self._schedule.take(now, self._uplink.batch_limit()):
+                self._writer.note_sending(batch.records)
                 self._senders.send(batch)
         if self._writer.is_due(now, idle=not self._schedule.batches_in_flight):
             self._write(now)

@@ -61,6 +61,17 @@ class ResultWriter:
         """Whether the relay has to wait until something can be written."""
         return len(self._pending) >= MAXIMUM_PENDING
 
+    def note_sending(self, records: Sequence[OutboxRecord]) -> None:
+        """Store which mission reports are about to be sent; they are sent on a full disk too."""
+        reports = [one for one in records if one.stream.kind == queue.MISSION_REPORT]
+        if not reports:
+            return
+        try:
+            with self._database.write() as connection:
+                queue.mark_sent(connection, reports)
+        except OperationalError as error:
+            LOG.warning("it is not stored that reports are being sent: %s", error.orig)
+
     @property
     def streams(self) -> set[Stream]:
         """Streams with a result that is not written yet."""

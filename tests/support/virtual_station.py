@@ -157,7 +157,10 @@ class VirtualStation:
             for stream, after_id, limit in self._schedule.to_read():
                 found = queue.read_queued(connection, stream, after_id, limit)
                 self._schedule.feed(stream, found, limit)
-        return self._schedule.take(self.passed_s, self.cloud.batch_limit())
+        batches = self._schedule.take(self.passed_s, self.cloud.batch_limit())
+        for batch in batches:
+            self._writer.note_sending(batch.records)
+        return batches
 
     def answered(self, batch: Batch, replies: Sequence[Reply]) -> None:
         """Apply the replies of the cloud."""

@@ -79,13 +79,14 @@ def _apply_correction(
 
     Raises:
         InvalidError, ConflictError: if they do not fit the mission's state, a later report was
-            accepted, or another one has reported its end.
+            accepted, another one has reported its end, or the cloud may have a later one.
     """
     work.note_new_end(connection, report.vehicle_id, report.mission_id, old.id, new.message_id)
     before, after = old.body(), new.body()
     if all(before[name] == after[name] for name in ("mission_status_id", _COMMANDS)):
         if report.work_id is not None or before.get("plan_id") != report.plan_id:
             progress.find(connection, report)  # It names more than before, which has to fit
+        _check_before_later(connection, old, report)
         return
     change = effects.apply(connection, report, now, ())
     was = Status(before["mission_status_id"])
@@ -102,8 +103,24 @@ def _apply_correction(
             f"mission {report.mission_id} has a later report that contradicts this correction",
             (Fault("mission_status_id", "contradicts a later report"),),
         )
+    _check_before_later(connection, old, report)
     if change is not None and change.ended:
         work.note_end(connection, change.mission.id, new.id, new.message_id)
+
+
+def _check_before_later(connection: Connection, old: Record, report: MissionReport) -> None:
+    """Check that the correction cannot reach the cloud behind a later report of the mission."""
+    mission = progress.find(connection, report)
+    is_behind_end = (
+        mission is not None
+        and mission.end_record not in {None, old.id}
+        and telemetry.get(connection, old.kind, mission.end_record or 0) is None
+    )
+    if is_behind_end or queue.was_sent_after(connection, old.id, old.vehicle_id, report.mission_id):
+        raise ConflictError(
+            f"a later report of mission {report.mission_id} was sent to the cloud already",
+            (Fault("mission_id", "has a later report that was sent"),),
+        )
 
 
 def _is_last(connection: Connection, record: Record, mission_id: int) -> bool:

@@ -68,6 +68,7 @@ outbox = Table(
     Column("state", String(8), nullable=False, server_default="queued"),
     Column("attempts", Integer, nullable=False, server_default="0"),
     Column("last_error", Text),
+    Column("sent", Boolean, nullable=False, server_default=false()),  # Of mission reports
     CheckConstraint("state IN ('queued', 'dead')", name="state"),
     CheckConstraint("state <> 'dead' OR last_error IS NOT NULL", name="dead_has_reason"),
     Index(None, "vehicle_id", "kind", "state", "id"),
