@@ -1,6 +1,15 @@
-"""What pyproject.toml cannot say: the example plans go along with the simulator, as its data."""
+"""What pyproject.toml cannot say: the example plans go along with the simulator, as its data.
 
-from setuptools import find_packages, setup
+`FARM_COMPILED=1` takes along what `make compile` has made: the wheel is then of one platform and
+one Python, and its vehicles fly compiled.
+"""
+
+import os
+from pathlib import Path
+
+from setuptools import Distribution, find_packages, setup
+
+COMPILED = os.environ.get("FARM_COMPILED", "0") == "1"
 
 PROGRAMS = (
     "afarcloud",
@@ -11,7 +20,20 @@ PROGRAMS = (
     "uav_firmware",
 )
 
+if COMPILED and not Path("uav_firmware/_compiled/manifest.json").exists():
+    raise SystemExit("FARM_COMPILED=1: nothing has been compiled; run make compile first")
+
+
+class ProgramsDistribution(Distribution):
+    """The programs, for every platform or, compiled, for this one."""
+
+    def has_ext_modules(self) -> bool:
+        """Whether the wheel is of one platform."""
+        return COMPILED
+
+
 setup(
+    distclass=ProgramsDistribution,
     packages=[
         *find_packages(include=[pattern for name in PROGRAMS for pattern in (name, f"{name}.*")]),
         "sim.examples",
@@ -19,6 +41,7 @@ setup(
     package_dir={"sim.examples": "examples/plans"},
     package_data={
         **{name: ["py.typed"] for name in PROGRAMS},
+        "uav_firmware": ["py.typed", *(["_compiled/*"] if COMPILED else [])],
         "edge_server.store.migrations": ["script.py.mako"],
         "sim.examples": ["*.json"],
     },

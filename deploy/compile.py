@@ -121,7 +121,8 @@ class CFiles(NamedTuple):
 def translate(paths: Sequence[Path], build: Path) -> CFiles:
     """Write the C of the library and of the stub of each module.
 
-    mypyc exits with its own messages where a module cannot be compiled.
+    Raises:
+        CompileError: with mypyc's messages, if a module cannot be compiled.
     """
     from mypyc.build import (  # noqa: PLC0415 - see `lacking`
         generate_c_extension_shim,
@@ -137,8 +138,13 @@ def translate(paths: Sequence[Path], build: Path) -> CFiles:
     name = LIBRARY.removesuffix("__mypyc")
     options = CompilerOptions(multi_file=True, target_dir=str(build), group_name=name)
     arguments = [f"--config-file={config}", *map(str, paths)]
-    with contextlib.redirect_stdout(io.StringIO()):  # Its advice on speed, by the hundred
-        groups, files, needs = mypyc_build(arguments, options, always_use_shared_lib=True)
+    said = io.StringIO()
+    try:
+        with contextlib.redirect_stdout(said):  # Mostly advice on speed, by the hundred
+            groups, files, needs = mypyc_build(arguments, options, always_use_shared_lib=True)
+    except SystemExit as error:
+        errors = [line for line in said.getvalue().splitlines() if " warning: " not in line]
+        raise CompileError("\n".join(("mypyc refuses:", *errors))) from error
     stubs = [
         generate_c_extension_shim(source.module, source.module.split(".")[-1], str(build), name)
         for source in groups[0][0]

@@ -10,39 +10,60 @@ usual path. */
 
 PyObject *CPyDict_GetItem(PyObject *dict, PyObject *key);
 
-/* Names of the fields of a NamedTuple class, borrowed; NULL for anything else. */
-static PyObject *flight_stack_fields(PyTypeObject *type)
+/* Entry of the dictionary of a class whose base is tuple, borrowed; NULL for anything else. */
+static PyObject *flight_stack_entry(PyTypeObject *type, PyObject **key, const char *name)
 {
-    static PyObject *name = NULL;
     if (type->tp_base != &PyTuple_Type || type->tp_dict == NULL) {
         return NULL;
     }
-    if (name == NULL && (name = PyUnicode_InternFromString("_fields")) == NULL) {
+    if (*key == NULL && (*key = PyUnicode_InternFromString(name)) == NULL) {
         PyErr_Clear();
         return NULL;
     }
-    PyObject *fields = PyDict_GetItemWithError(type->tp_dict, name);
+    return PyDict_GetItemWithError(type->tp_dict, *key);
+}
+
+/* Names of the fields of a NamedTuple class, borrowed; NULL for anything else. */
+static PyObject *flight_stack_fields(PyTypeObject *type)
+{
+    static PyObject *key = NULL;
+    PyObject *fields = flight_stack_entry(type, &key, "_fields");
     return fields != NULL && PyTuple_CheckExact(fields) ? fields : NULL;
 }
 
-/* A call; if it is of a NamedTuple class with every field in its place, the tuple is made here. */
+/* Default of a field of a NamedTuple class, borrowed; NULL if it has none. */
+static PyObject *flight_stack_default(PyTypeObject *type, PyObject *field)
+{
+    static PyObject *key = NULL;
+    PyObject *defaults = flight_stack_entry(type, &key, "_field_defaults");
+    return defaults == NULL ? NULL : PyDict_GetItemWithError(defaults, field);
+}
+
+/* A call; if it is of a NamedTuple class with its fields in their order, the last ones perhaps by
+default, the tuple is made here. */
 static PyObject *flight_stack_call(
     PyObject *callable, PyObject *const *arguments, size_t flags, PyObject *names)
 {
     Py_ssize_t placed = PyVectorcall_NARGS(flags);
-    Py_ssize_t named = names == NULL ? 0 : PyTuple_GET_SIZE(names);
+    Py_ssize_t named = names == NULL ? 0 : PyTuple_GET_SIZE(names), given = placed + named;
     PyTypeObject *type = (PyTypeObject *)callable;
     PyObject *fields = PyType_Check(callable) ? flight_stack_fields(type) : NULL;
-    int is_whole = fields != NULL && PyTuple_GET_SIZE(fields) == placed + named;
+    Py_ssize_t all = fields == NULL ? -1 : PyTuple_GET_SIZE(fields);
+    int is_whole = given <= all;
     for (Py_ssize_t i = 0; is_whole && i < named; i++) { /* Both are interned */
         is_whole = PyTuple_GET_ITEM(names, i) == PyTuple_GET_ITEM(fields, placed + i);
+    }
+    for (Py_ssize_t i = given; is_whole && i < all; i++) {
+        is_whole = flight_stack_default(type, PyTuple_GET_ITEM(fields, i)) != NULL;
     }
     if (!is_whole) {
         return PyObject_Vectorcall(callable, arguments, flags, names);
     }
-    PyObject *made = type->tp_alloc(type, placed + named);
-    for (Py_ssize_t i = 0; made != NULL && i < placed + named; i++) {
-        PyTuple_SET_ITEM(made, i, Py_NewRef(arguments[i]));
+    PyObject *made = type->tp_alloc(type, all);
+    for (Py_ssize_t i = 0; made != NULL && i < all; i++) {
+        PyObject *value = i < given
+            ? arguments[i] : flight_stack_default(type, PyTuple_GET_ITEM(fields, i));
+        PyTuple_SET_ITEM(made, i, Py_NewRef(value));
     }
     return made;
 }

@@ -13,17 +13,14 @@ from deploy.compile import BUILD
 from tests.golden.recorded_flight import STATE
 from uav_firmware.compiled import ROOT
 
-_COPIED = ("afarcloud", "deploy", "edge_server", "mavlink_broker", "sim", "tests", "uav_firmware")
-
 
 @pytest.fixture(scope="module")
 def checkout(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """A copy of this checkout with a compiled flight stack; it shares the objects of GCC."""
     root = tmp_path_factory.mktemp("checkout")
-    for name in _COPIED:
-        shutil.copytree(
-            ROOT / name, root / name, ignore=shutil.ignore_patterns("_compiled", "__pycache__")
-        )
+    left_out = shutil.ignore_patterns("_compiled", "__pycache__")
+    for package in (path.parent for path in ROOT.glob("*/__init__.py")):
+        shutil.copytree(package, root / package.name, ignore=left_out)
     shutil.copy(ROOT / "pyproject.toml", root)
     BUILD.mkdir(parents=True, exist_ok=True)
     (root / "build").symlink_to(BUILD.parent)
