@@ -5,6 +5,8 @@ Vehicles that give ids to their missions show it at once
 items, the acknowledgement of somebody's upload, the vehicle's STATUSTEXT, an item number that goes
 back. None of them proves anything, so the mission is read back and compared. The same mission with
 an earlier item current was set back by another ground station: it flies on, its report notes it.
+An earlier run of the broker has reported which items were reached, so a vehicle that was set back
+while no broker ran is found too.
 """
 
 from typing import Final
@@ -30,11 +32,12 @@ _TRANSFER: Final = frozenset({"MISSION_REQUEST", "MISSION_REQUEST_INT", "MISSION
 class MissionChangeMonitor:
     """Monitors one segment in flight."""
 
-    def __init__(self, plan: FlightPlan, vehicle: Vehicle) -> None:
+    def __init__(self, plan: FlightPlan, vehicle: Vehicle, reached: int = -1) -> None:
+        """Begin behind the last item that is known to be `reached`; -1: none."""
         self._plan = plan
         self._vehicle = vehicle
         self._total: int | None = None
-        self._highest = -1
+        self._highest = reached
         self._back_since: float | None = None
         self._back_at = -1
         self._is_back_reported = False

@@ -127,6 +127,8 @@ class ProgressMonitor:
         self._reporter = reporter
         self._progress = Progress.after(plan, max(0, ledger.finished - plan.first_command))
         self._plan = plan
+        self.reached_before = self._progress.reached
+        """The last item that an earlier run of the broker has reported, -1 if there is none."""
         self._mission_id: int | None = None  # The vehicle's own, once received
         self._under_way = self._resumed = resumed
         self._reported_at = 0.0

@@ -49,7 +49,7 @@ class Running(Phase):
         progress = ProgressMonitor(
             mission.plan, mission.ledger, vehicle, mission.reporter, resumed=mission.was_running
         )
-        changes = MissionChangeMonitor(mission.plan, vehicle)
+        changes = MissionChangeMonitor(mission.plan, vehicle, progress.reached_before)
         self._monitors = _Monitors(progress, changes, SkippedWaypointMonitor(mission.plan, vehicle))
         effects.for_edge += progress.begin(now)
         return None

@@ -327,6 +327,46 @@ def test_a_mission_that_is_resumed_within_seconds_goes_on_also_for_a_new_broker(
     assert world.edge.status(1201) == Status.FINISHED
 
 
+@pytest.mark.parametrize(
+    ("script", "mode", "resumed"),
+    [
+        (PX4, PX4_POSITION, PX4_MISSION),
+        (OWN, PX4_POSITION, PX4_MISSION),
+        (ARDUPILOT, COPTER_STABILIZE, COPTER_AUTO),
+    ],
+)
+@pytest.mark.parametrize("is_set_back", [False, True])
+def test_what_a_pilot_has_set_back_while_no_broker_ran_is_noted(
+    script: Script, mode: int, resumed: int, *, is_set_back: bool
+) -> None:
+    """A takeover that is over leaves no other sign: the mission that he resumed goes on."""
+    world = World()
+    vehicle = world.add_vehicle(script=slow(script))
+    last = go_home(5)
+    world.edge.plan(
+        mission(takeoff(1), waypoint(2), waypoint(3, north_m=20), waypoint(4, north_m=30), last)
+    )
+    world.run_until(lambda: world.edge.reports(1201) and world.edge.statuses(1201)[2] == 3)
+    world.kill_broker()
+    vehicle.steer(mode)
+    world.run(10.0)
+    vehicle.is_manual = False
+    if is_set_back:
+        waypoint_item = mavlink.MAV_CMD_NAV_WAYPOINT
+        legs = [n for n, item in enumerate(vehicle.items) if item.command == waypoint_item]
+        vehicle.current = legs[-4]
+    vehicle.set_mode(resumed)
+    world.restart_broker()
+    world.run_until_over(1201)
+    assert world.edge.statuses(1201) == [Status.FINISHED] * 5
+    texts = [
+        command.get("message") or ""
+        for report in world.edge.reports(1201)
+        for command in report["command_report_array"]
+    ]
+    assert any("set the vehicle back to item" in text for text in texts) == is_set_back
+
+
 def test_a_takeover_of_an_abort_is_reported() -> None:
     world = in_mission(PX4)
     event = world.edge.event(ABORT, abort=POINT)
