@@ -12,9 +12,9 @@ import math
 
 from tests.support.autopilot_tester import AutopilotTester
 from uav_firmware.lib.rotation import conjugate, multiply, to_rotation_vector
-from uav_firmware.modules.estimator.core import Core
-from uav_firmware.modules.estimator.gate import Aid
-from uav_firmware.modules.estimator.state import ATTITUDE, VELOCITY
+from uav_firmware.modules.estimator.ekf_core import EkfCore
+from uav_firmware.modules.estimator.kalman_filter.gate import Aid
+from uav_firmware.modules.estimator.kalman_filter.state import ATTITUDE, VELOCITY
 
 QUANTITIES = (
     "horizontal position error",
@@ -66,7 +66,7 @@ class Consistency:
         for name, size in zip(QUANTITIES, sigmas, strict=True):
             self._within[name] += size <= _SIGMAS
 
-    def _position_errors(self, core: Core) -> tuple[float, float]:
+    def _position_errors(self, core: EkfCore) -> tuple[float, float]:
         """Horizontal and vertical, in sigmas as published, against the geodetic truth."""
         assert core.origin is not None
         truth = self._tester.truth
@@ -79,7 +79,7 @@ class Consistency:
             abs(altitude - truth.altitude_amsl_m) / vertical_sigma,
         )
 
-    def _velocity_error(self, core: Core) -> float:
+    def _velocity_error(self, core: EkfCore) -> float:
         """Worst component, in sigmas."""
         pairs = zip(core.state.velocity_ned, self._tester.truth.velocity_ned, strict=True)
         return max(
@@ -87,7 +87,7 @@ class Consistency:
             for axis, (estimated, true) in enumerate(pairs)
         )
 
-    def _attitude_error(self, core: Core) -> float:
+    def _attitude_error(self, core: EkfCore) -> float:
         """Worst component about north, east and down, in sigmas."""
         error = to_rotation_vector(
             multiply(self._tester.truth.q_ned_frd, conjugate(core.state.q_ned_frd))

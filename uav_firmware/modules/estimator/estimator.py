@@ -7,18 +7,17 @@ optional and may come, go and come back at any time.
 import math
 
 from uav_firmware.lib.drag import DragModel
-from uav_firmware.modules.estimator.alignment import RestAverage
-from uav_firmware.modules.estimator.baro_aiding import BaroAiding
-from uav_firmware.modules.estimator.compass_aiding import CompassAiding
-from uav_firmware.modules.estimator.core import RESET_AFTER_S, Core
-from uav_firmware.modules.estimator.drag_aiding import DragAiding
-from uav_firmware.modules.estimator.force_drift import ForceDrift
-from uav_firmware.modules.estimator.gps_aiding import GpsAiding
+from uav_firmware.modules.estimator.aid_sources.barometer import BaroAiding
+from uav_firmware.modules.estimator.aid_sources.drag import DragAiding
+from uav_firmware.modules.estimator.aid_sources.gnss import GpsAiding
+from uav_firmware.modules.estimator.aid_sources.magnetometer import CompassAiding
+from uav_firmware.modules.estimator.aid_sources.rest import RestAiding
+from uav_firmware.modules.estimator.ekf_core import RESET_AFTER_S, EkfCore
+from uav_firmware.modules.estimator.fault_detection.accel_bias_drift import AccelDriftDetector
+from uav_firmware.modules.estimator.fault_detection.imu_checks import ImuChecks
 from uav_firmware.modules.estimator.health import Validity
-from uav_firmware.modules.estimator.imu_guard import ImuGuard
-from uav_firmware.modules.estimator.params import EstimatorParams, HeightReference
-from uav_firmware.modules.estimator.rest_aiding import RestAiding
-from uav_firmware.modules.estimator.state import (
+from uav_firmware.modules.estimator.kalman_filter.alignment import RestAverage
+from uav_firmware.modules.estimator.kalman_filter.state import (
     ACCEL_BIAS,
     ATTITUDE,
     DOWN,
@@ -26,13 +25,14 @@ from uav_firmware.modules.estimator.state import (
     HEADING,
     VELOCITY,
 )
+from uav_firmware.modules.estimator.params import EstimatorParams, HeightReference
 from uav_firmware.msg.estimate import AidSource
 from uav_firmware.msg.sensors import ImuShift, SensorBaro, SensorGps, SensorImu, SensorMag
 from uav_firmware.msg.vectors import Vector3
 
 _LARGEST_TILT_SIGMA_RAD = 0.1
 _LARGEST_HEADING_SIGMA_RAD = 0.35
-_SCALE_ERROR = 0.01  # [1/s] Of the angle turned through of late, taken for a bias
+_SCALE_ERROR = 0.01  # [1/s] Of the angle turned through recently, taken for a bias
 _SHIFT_DOUBT = 0.3  # [-] Of a change of bias, one sigma
 _AIDED_S = 1.0  # A velocity that was fused longer ago does not hold the position any more
 _RECKONING_S = 1.5  # Without a fix for longer, the estimate is dead reckoning
@@ -50,14 +50,14 @@ class Estimator:
     """Alignment, then the Kalman filter with its four kinds of aiding."""
 
     def __init__(self, params: EstimatorParams, drag: DragModel | None = None) -> None:
-        self.core: Core | None = None  # None until aligned
-        self.guard = ImuGuard()
+        self.core: EkfCore | None = None  # None until aligned
+        self.imu_checks = ImuChecks()
         self.gps = GpsAiding(params)
         self.baro = BaroAiding(params)
         self.compass = CompassAiding(params)
         self.rest = RestAiding()
         self.drag = DragAiding(drag)
-        self._force_drift = ForceDrift()
+        self._accel_drift = AccelDriftDetector()
         self.rate_frd: Vector3 = (0.0, 0.0, 0.0)  # [rad/s] Of the last good sample, bias removed
         self._params = params
         self._average = RestAverage()
@@ -78,11 +78,11 @@ class Estimator:
         self.compass.configure(params)
         if self.core is not None:
             self.core.configure(params)
-            self.core.lateral.expect_drag(drag)
+            self.core.lateral.set_drag(drag)
 
-    def take_imu(self, imu: SensorImu) -> bool:
+    def update_imu(self, imu: SensorImu) -> bool:
         """Advance to an inertial sample; false while there is no estimate to advance."""
-        admitted = self.guard.admit(imu)
+        admitted = self.imu_checks.admit(imu)
         if admitted is None:
             return self.core is not None
         rate, force, dt = admitted
@@ -90,12 +90,12 @@ class Estimator:
         if core is None:
             self._align(SensorImu(imu.time_us, rate, force))
             return self.core is not None
-        core.model_force(modelled=self.guard.force_lost)
+        core.model_force(modelled=self.imu_checks.force_lost)
         if core.force_modelled:
             force = self.drag.model(core, force)
         core.step(imu.time_us, rate, force, dt)
         if not core.force_modelled:
-            self.drag.take(core, force, rate[2] * dt, self._params)
+            self.drag.update(core, force, rate[2] * dt, self._params)
         bias = core.state.gyro_bias_frd
         self.rate_frd = (rate[0] - bias[0], rate[1] - bias[1], rate[2] - bias[2])
         return True
@@ -116,8 +116,8 @@ class Estimator:
             covariance[place, place] += (_SHIFT_DOUBT * change) ** 2
         if any(shift.accel_bias_frd):
             self.accel_broken = False
-            self.guard.use_force()
-            self._force_drift.restart()
+            self.imu_checks.use_force()
+            self._accel_drift.restart()
         if any(shift.gyro_bias_frd):
             self.gyro_broken = False
             core.gyro_jump.forget()
@@ -125,33 +125,33 @@ class Estimator:
     def _align(self, imu: SensorImu) -> None:
         alignment = self._average.add(imu)
         if alignment is not None:
-            self.core = Core(alignment, imu.time_us, self._params)
+            self.core = EkfCore(alignment, imu.time_us, self._params)
             self.core.on_ground = self._on_ground
-            self.core.lateral.expect_drag(self.drag.drag)
+            self.core.lateral.set_drag(self.drag.drag)
 
-    def take_gps(self, gps: SensorGps) -> None:
+    def update_gps(self, gps: SensorGps) -> None:
         """Use a fix."""
         if self.core is not None:
-            self.gps.take(self.core, gps, self.baro.height)
+            self.gps.update(self.core, gps, self.baro.height)
 
-    def take_baro(self, baro: SensorBaro) -> None:
+    def update_baro(self, baro: SensorBaro) -> None:
         """Use a pressure."""
         if self.core is not None:
-            self.baro.take(self.core, baro, failed=self._barometer_is_last(self.core))
+            self.baro.update(self.core, baro, failed=self._barometer_is_last(self.core))
 
-    def _barometer_is_last(self, core: Core) -> bool:
+    def _barometer_is_last(self, core: EkfCore) -> bool:
         """Whether the height has no aid left and the barometer is the one to reset it to."""
         by_gps = self._params.height_reference == HeightReference.GPS
         receiver = self.gps.horizontal.age_s(core.time_us) <= RESET_AFTER_S
         return not (by_gps and receiver) and self.gps.height_failed(core, self.baro.height)
 
-    def take_mag(self, mag: SensorMag) -> None:
+    def update_mag(self, mag: SensorMag) -> None:
         """Use a magnetic field."""
         if self.core is not None:
-            self.compass.take(self.core, mag)
+            self.compass.update(self.core, mag)
 
-    def take_landed(self, *, landed: bool, contact: bool = False) -> None:
-        """Take what the land detector says: whether it stands, and whether something carries it."""
+    def update_landed(self, *, landed: bool, contact: bool = False) -> None:
+        """Apply the report of the land detector: at rest on the ground, carried by something."""
         self._on_ground = landed
         self.drag.carried = contact
         if self.core is not None:
@@ -164,7 +164,7 @@ class Estimator:
             return
         validity = self.validity()
         self.drag.reckoning = validity.dead_reckoning
-        self.rest.take(
+        self.rest.update(
             core,
             horizontal_lost=not (validity.position or validity.velocity),
             height_lost=not validity.altitude,
@@ -173,23 +173,23 @@ class Estimator:
             params.accel_bias_limit if core.accel_jump_us is None else _BROKEN_ACCEL_LIMIT_M_S2,
             _BROKEN_GYRO_LIMIT * params.gyro_bias_limit,
         )
-        self._judge_biases(core)
-        self._look_for_drift(core)
+        self._check_biases(core)
+        self._detect_drift(core)
 
-    def _look_for_drift(self, core: Core) -> None:
+    def _detect_drift(self, core: EkfCore) -> None:
         """Give up an accelerometer that has drifted; what it has led the estimate to is undone."""
         flying = core.on_ground is False and not self.drag.carried
         if not flying or core.origin is None or core.force_modelled:
-            self._force_drift.restart()
+            self._accel_drift.restart()
             return
-        former = self._force_drift.look(core)
+        former = self._accel_drift.update(core)
         if former is None and not self._goes_on_drifting(core):
             return
         self.accel_broken = True
-        self.guard.give_up_force()
-        core.turn_back(former or self._force_drift.former)
+        self.imu_checks.give_up_force()
+        core.turn_back(former or self._accel_drift.former)
 
-    def _goes_on_drifting(self, core: Core) -> bool:
+    def _goes_on_drifting(self, core: EkfCore) -> bool:
         """Whether a bias that is beyond its limit has been found, and does not stay there."""
         bias = core.state.accel_bias_frd
         if not self.accel_broken:
@@ -205,13 +205,13 @@ class Estimator:
             )
         )
 
-    def _judge_biases(self, core: Core) -> None:
+    def _check_biases(self, core: EkfCore) -> None:
         """Which inertial sensor is biased as no healthy one is; what is found stays so."""
-        if self.guard.force_lost or not self.guard.healthy:
+        if self.imu_checks.force_lost or not self.imu_checks.healthy:
             return  # What is not measured is not biased
         ekf, state, params = core.ekf, core.state, self._params
         x, y, z = (ekf.sigma(axis) for axis in range(GYRO_BIAS.start, GYRO_BIAS.stop))
-        turning = _SCALE_ERROR * core.turned.angle_rad
+        turning = _SCALE_ERROR * core.recent_rotation.angle_rad
         core.gyro_jump.update(state.gyro_bias_frd, (x, y, z), turning, core.time_us)
         self.accel_broken = self.accel_broken or any(
             abs(bias) > params.accel_bias_limit + _CERTAIN * ekf.sigma(axis)
@@ -263,7 +263,7 @@ class Estimator:
         if core is None:
             return Validity()
         now_us, limit_s, ekf = core.time_us, self._params.no_aid_timeout_us * 1e-6, core.ekf
-        healthy = self.guard.healthy and core.state.is_finite()
+        healthy = self.imu_checks.healthy and core.state.is_finite()
         located = healthy and core.origin is not None
         moving_s = min(self.gps.velocity.age_s(now_us), self.rest.velocity.age_s(now_us))
         position_s = self.gps.horizontal.age_s(now_us)
@@ -294,7 +294,7 @@ class Estimator:
             any(
                 aid.rejecting for aid in (self.gps.horizontal, self.gps.velocity, self.gps.vertical)
             ),
-            self.accel_broken or self.guard.force_lost or not self.guard.healthy,
+            self.accel_broken or self.imu_checks.force_lost or not self.imu_checks.healthy,
             located and min(moving_s, position_s) > _RECKONING_S,
         )
 

@@ -1,4 +1,4 @@
-"""Which parts of the estimate may be used, and the same in MAVLink's words."""
+"""Which parts of the estimate may be used, and as MAVLink's flags."""
 
 from enum import IntFlag
 from typing import NamedTuple

@@ -6,11 +6,11 @@ from typing import Final, TypeVar
 from uav_firmware.bus import Topic
 from uav_firmware.lib.drag import DragModel
 from uav_firmware.lib.rotation import yaw_of
-from uav_firmware.modules.estimator.core import Core
+from uav_firmware.modules.estimator.ekf_core import EkfCore
 from uav_firmware.modules.estimator.estimator import Estimator
 from uav_firmware.modules.estimator.health import Validity, status_flags
+from uav_firmware.modules.estimator.kalman_filter.state import VELOCITY
 from uav_firmware.modules.estimator.params import EstimatorParams
-from uav_firmware.modules.estimator.state import VELOCITY
 from uav_firmware.msg.estimate import (
     EstimatorStatus,
     VehicleAttitude,
@@ -82,7 +82,7 @@ class EstimatorModule:
         self._status_due_us = 0
 
     def update(self) -> None:
-        """Take what is new on the topics and publish the estimate."""
+        """Process new messages of the topics and publish the estimate."""
         if self._registry.version != self._seen_version:
             self._seen_version = self._registry.version
             self.estimator.configure(self._registry.read(EstimatorParams), drag_of(self._registry))
@@ -95,8 +95,8 @@ class EstimatorModule:
             estimator.shift_biases(shift)
         commanded = self._torque_thrust.value
         if commanded is not None:
-            estimator.guard.expect_thrust(commanded.thrust)
-        if not estimator.take_imu(imu):
+            estimator.imu_checks.expect_thrust(commanded.thrust)
+        if not estimator.update_imu(imu):
             self._publish_status(imu.time_us)
             return
         self._take_aids(estimator)
@@ -118,18 +118,18 @@ class EstimatorModule:
         self._aid_counts = counts
         landed = self._new(1, self._landed)
         if landed is not None:
-            estimator.take_landed(landed=landed.landed, contact=landed.ground_contact)
+            estimator.update_landed(landed=landed.landed, contact=landed.ground_contact)
         mag = self._new(2, self._mag)
         if mag is not None:
-            estimator.take_mag(mag)
+            estimator.update_mag(mag)
         baro = self._new(3, self._baro)
         if baro is not None:
-            estimator.take_baro(baro)
+            estimator.update_baro(baro)
         gps = self._new(4, self._gps)
         if gps is not None:
-            estimator.take_gps(gps)
+            estimator.update_gps(gps)
 
-    def _publish(self, core: Core) -> None:
+    def _publish(self, core: EkfCore) -> None:
         """Attitude and local position now, the others when they are due."""
         state, time_us = core.state, core.time_us
         self._attitude.publish(VehicleAttitude(time_us, state.q_ned_frd, self.estimator.rate_frd))
@@ -142,7 +142,7 @@ class EstimatorModule:
         self._publish_local(core)
         self._publish_status(time_us)
 
-    def _publish_local(self, core: Core) -> None:
+    def _publish_local(self, core: EkfCore) -> None:
         state, origin, validity = core.state, core.origin, self._validity
         horizontal, vertical = self._accuracy_m
         latitude, longitude, altitude = (
@@ -172,7 +172,7 @@ class EstimatorModule:
             )
         )
 
-    def _publish_global(self, core: Core) -> None:
+    def _publish_global(self, core: EkfCore) -> None:
         if core.origin is None:
             return
         latitude, longitude, altitude = core.origin.to_geodetic(core.state.position_ned)

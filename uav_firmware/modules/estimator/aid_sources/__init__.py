@@ -1,0 +1,1 @@
+"""The sources that correct the filter: GNSS, barometer, magnetometer, drag and rest."""

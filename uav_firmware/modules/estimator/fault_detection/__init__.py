@@ -1,0 +1,1 @@
+"""Detection of bad inertial samples, and of biases that jump or drift."""
