@@ -19,10 +19,10 @@ from uav_firmware.lib.geo import STANDARD_GRAVITY_M_S2
 from uav_firmware.lib.rotation import rotate, rotate_inverse
 from uav_firmware.modules.sensors.params import SensorsParams
 from uav_firmware.modules.sensors.slow_vote import SlowVote
-from uav_firmware.modules.sensors.suspicion import Suspicion
 from uav_firmware.modules.sensors.triad_vote import (
     WINDOW,
     Array,
+    DisputeByBias,
     Limits,
     TriadVote,
     changes,
@@ -88,7 +88,7 @@ class SensorsModule:
         self._accels: TriadVote | None = None
         self._baro_vote: SlowVote | None = None
         self._mag_vote: SlowVote | None = None
-        self._gyro_suspicion, self._accel_suspicion = Suspicion(), Suspicion()
+        self._gyro_dispute, self._accel_dispute = DisputeByBias(), DisputeByBias()
         self._field_ned: Vector3 | None = None
         self._status_us = -_REPEAT_US
         self._disputed = 0
@@ -103,11 +103,11 @@ class SensorsModule:
         if self._seen_version != self._registry.version:
             self._configure()
         if counts[0] != before[0]:
-            self._take_imus(imus)
+            self._vote_imus(imus)
         if counts[1] != before[1]:
-            self._take_baros(imus[0].time_us)
+            self._vote_baros(imus[0].time_us)
         if counts[2] != before[2]:
-            self._take_mags(imus[0].time_us)
+            self._vote_mags(imus[0].time_us)
 
     def _configure(self) -> None:
         self._seen_version = self._registry.version
@@ -124,7 +124,7 @@ class SensorsModule:
         if self._mag_vote is not None:
             self._mag_vote.limit = self._field_gauss
 
-    def _take_imus(self, imus: tuple[SensorImu, ...]) -> None:
+    def _vote_imus(self, imus: tuple[SensorImu, ...]) -> None:
         gyros, accels = self._gyros, self._accels
         if gyros is None or accels is None:
             gyros = self._gyros = TriadVote(len(imus), self._rate_limits)
@@ -157,10 +157,10 @@ class SensorsModule:
         estimate = self._estimator_status.value
         if estimate is not None:
             gyro = self._settle(
-                gyros, self._gyro_suspicion, estimate.gyro_bias_frd, now_us, "Gyroscope"
+                gyros, self._gyro_dispute, estimate.gyro_bias_frd, now_us, "Gyroscope"
             )
             accel = self._settle(
-                accels, self._accel_suspicion, estimate.accel_bias_frd, now_us, "Accelerometer"
+                accels, self._accel_dispute, estimate.accel_bias_frd, now_us, "Accelerometer"
             )
             if gyro is not None or accel is not None:  # In one message: a topic holds the newest
                 zero = (0.0, 0.0, 0.0)
@@ -168,21 +168,21 @@ class SensorsModule:
         self._publish(now_us)
 
     def _settle(
-        self, vote: TriadVote, suspicion: Suspicion, bias_frd: Vector3, now_us: int, name: str
+        self, vote: TriadVote, dispute: DisputeByBias, bias_frd: Vector3, now_us: int, name: str
     ) -> Vector3 | None:
-        """Of two that are in dispute give up the one that the estimate contradicts.
+        """Exclude the one of two disputed units that the estimate contradicts.
 
-        Gives the change of the bias of what is published, None without a verdict.
+        Returns the change of the bias of what is published, None while neither has failed.
         """
-        verdict = suspicion.update(vote.dispute, bias_frd, now_us)
-        if verdict is None:
+        failed = dispute.update(vote.dispute, bias_frd, now_us)
+        if failed is None:
             return None
-        wrong = vote.good[verdict.which]
+        wrong = vote.good[failed.which]
         vote.give_up(wrong)
         self._report(now_us, name, wrong, "biased", len(vote.good))
-        return verdict.shift_frd
+        return failed.shift_frd
 
-    def _take_baros(self, now_us: int) -> None:
+    def _vote_baros(self, now_us: int) -> None:
         baros = self._baros.value
         if baros is None:
             return
@@ -203,7 +203,7 @@ class SensorsModule:
         else:
             self._baro.publish(baro._replace(pressure_pa=pressure_from_altitude(height[0])))
 
-    def _take_mags(self, now_us: int) -> None:
+    def _vote_mags(self, now_us: int) -> None:
         mags = self._mags.value
         if mags is None:
             return

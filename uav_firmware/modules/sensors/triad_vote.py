@@ -15,10 +15,12 @@ What has failed is found at leisure, over windows of a fifth of a second:
 
 and stays failed until a restart. Differences that instances have from the start are learnt within
 what a calibration leaves, so that a jump shows sooner. Of two instances that disagree the vote
-cannot decide which is wrong: they are disputed until one is excluded (`give_up`).
+cannot decide which is wrong: they are disputed until one is excluded (`give_up`), by
+`DisputeByBias`.
 """
 
 import math
+from collections import deque
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
@@ -35,6 +37,8 @@ _SMOOTHING: Final = 0.3  # [-] Share of a window in the mean difference; 0.6 s
 _LEARNING: Final = 0.01  # [-] Share of a window in the learnt difference; 20 s
 _NOISE_GATE: Final = 5.0  # [SD] Of the smoothed mean of a window
 _THREE: Final = 3
+_MEMORY_US: Final = 1_500_000  # A dispute shows within that
+_CLEAR: Final = 0.25  # [-] Of the disagreement: halfway to what a sensor that is wrong gives
 _NOTHING: Final[Vector3] = (math.nan, math.nan, math.nan)
 
 
@@ -177,6 +181,49 @@ class TriadVote:
         self._learnt[used] += max(1.0 / self._windows, _LEARNING) * off
         standing = self.limits.standing
         np.clip(self._learnt, -standing, standing, out=self._learnt)
+
+
+class FailedOfTwo(NamedTuple):
+    """The end of a dispute."""
+
+    which: int  # 0 the first of the two is wrong, 1 the second
+    shift_frd: Vector3  # By which the estimator's bias has to change
+
+
+class DisputeByBias:
+    """Decides which of two units that disagree is wrong, by the bias that the estimator has found.
+
+    The estimator flies by the mean of the two. When the first is off by d, the mean is off by d/2,
+    and the bias that the estimator finds by GPS and barometer moves by d/2; when it is the second,
+    by -d/2. The bias before the dispute is the right one for the sensor that stays.
+    """
+
+    def __init__(self) -> None:
+        self._past: deque[tuple[int, Vector3]] = deque()
+        self._before: Vector3 | None = None
+
+    def update(self, apart: Vector3 | None, bias_frd: Vector3, now_us: int) -> FailedOfTwo | None:
+        """Compare the bias before and after a dispute.
+
+        `apart` is the first's reading minus the second's, None without a dispute.
+        """
+        past = self._past
+        if apart is None:
+            self._before = None
+            past.append((now_us, bias_frd))
+            while now_us - past[0][0] > _MEMORY_US:
+                past.popleft()
+            return None
+        if self._before is None:
+            self._before = past[0][1] if past else bias_frd
+            past.clear()
+        moved = tuple(new - old for new, old in zip(bias_frd, self._before, strict=True))
+        along = sum((m * d for m, d in zip(moved, apart, strict=True)), 0.0)
+        share = along / sum((d * d for d in apart), 0.0)
+        if abs(share) < _CLEAR:
+            return None
+        x, y, z = moved
+        return FailedOfTwo(0 if share > 0.0 else 1, (-x, -y, -z))
 
 
 def changes(window: Array) -> NDArray[np.bool_]:

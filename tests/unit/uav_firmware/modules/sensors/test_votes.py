@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from uav_firmware.modules.sensors.slow_vote import SlowVote
-from uav_firmware.modules.sensors.suspicion import Suspicion
-from uav_firmware.modules.sensors.triad_vote import WINDOW, Limits, TriadVote
+from uav_firmware.modules.sensors.triad_vote import WINDOW, DisputeByBias, Limits, TriadVote
 
 Array: TypeAlias = NDArray[np.float64]
 Spoil: TypeAlias = Callable[[Array], Array]
@@ -164,15 +163,15 @@ def test_of_two_the_one_whose_side_the_estimators_bias_takes_is_wrong(wrong: int
     apart = flown.vote.dispute
     assert apart is not None
     assert apart[0] == pytest.approx(2.0 if wrong == 0 else -2.0, rel=0.4)
-    suspicion = Suspicion()
+    dispute = DisputeByBias()
     for number in range(10):
-        assert suspicion.update(None, (0.02, 0.0, 0.0), number * 200_000) is None
-    assert suspicion.update(apart, (0.1, 0.0, 0.0), 2_000_000) is None
+        assert dispute.update(None, (0.02, 0.0, 0.0), number * 200_000) is None
+    assert dispute.update(apart, (0.1, 0.0, 0.0), 2_000_000) is None
     # The mean is off by half of the error, whichever of the two makes it
-    verdict = suspicion.update(apart, (1.02, 0.0, 0.0), 2_200_000)
-    assert verdict is not None
-    assert verdict.which == wrong
-    assert verdict.shift_frd[0] == pytest.approx(-1.0)
+    failed = dispute.update(apart, (1.02, 0.0, 0.0), 2_200_000)
+    assert failed is not None
+    assert failed.which == wrong
+    assert failed.shift_frd[0] == pytest.approx(-1.0)
 
 
 class Slow:
