@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from sim.physics.magnetic_field import field_ned_gauss
 from sim.physics.worlds import WORLDS
-from uav_firmware.lib.declination import declination
+from uav_firmware.modules.estimator.declination import declination
 
 
 def error_deg(latitude_deg: float, longitude_deg: float, altitude_m: float) -> float:

@@ -1,1 +1,1 @@
-"""Mathematics shared by the modules: rotations, geodesy, filters."""
+"""Mathematics and rules shared by the modules: rotations, geodesy, motion, mission checks."""

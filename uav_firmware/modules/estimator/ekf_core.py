@@ -8,9 +8,9 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from uav_firmware.lib.declination import declination
 from uav_firmware.lib.geo import STANDARD_GRAVITY_M_S2, LocalFrame, gravity_m_s2
 from uav_firmware.lib.rotation import multiply, normalise
+from uav_firmware.modules.estimator.declination import declination
 from uav_firmware.modules.estimator.fault_detection.gyro_jump_confirmation import (
     GyroJumpConfirmation,
 )

@@ -17,7 +17,7 @@ from typing import Final
 import numpy as np
 
 from uav_firmware.lib.atmosphere import altitude_from_pressure
-from uav_firmware.lib.filters import LowPass
+from uav_firmware.modules.estimator.aid_sources.low_pass import LowPass
 from uav_firmware.modules.estimator.ekf_core import RESET_AFTER_S, EkfCore
 from uav_firmware.modules.estimator.kalman_filter.ekf import Measurement
 from uav_firmware.modules.estimator.kalman_filter.gate import Aid

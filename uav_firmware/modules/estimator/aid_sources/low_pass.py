@@ -1,12 +1,10 @@
-"""First-order low-pass filters; the time step is an argument, so that no clock is needed.
+"""First-order low-pass filter; the time step is an argument, so that no clock is needed.
 
 y follows x with dy/dt = (x - y) / tau, tau = 1 / (2 pi f). The step is solved exactly for an
 input held constant over it, so the filter is stable for any dt and never overshoots.
 """
 
 import math
-
-from uav_firmware.msg.vectors import Vector3
 
 
 def _share(cutoff_hz: float, dt: float) -> float:
@@ -28,41 +26,9 @@ class LowPass:
         self.value = value
 
     def update(self, sample: float, dt: float) -> float:
-        """Take a sample that holds since dt [s] and give the output."""
+        """Filter a sample that holds since dt [s]; return the output."""
         if dt != self._dt:
             self._dt, self._gain = dt, _share(self._cutoff_hz, dt)
         held = sample if self.value is None else self.value
         self.value = held + self._gain * (sample - held)
         return self.value
-
-    def reset(self, value: float | None = None) -> None:
-        """Set the output, or start again from the next input."""
-        self.value = value
-
-
-class LowPassVector3:
-    """Low pass for a vector, component by component."""
-
-    __slots__ = ("_cutoff_hz", "_dt", "_gain", "value")
-
-    def __init__(self, cutoff_hz: float, value: Vector3 | None = None) -> None:
-        self._cutoff_hz = cutoff_hz
-        self._dt = math.nan
-        self._gain = 1.0
-        self.value = value
-
-    def update(self, sample: Vector3, dt: float) -> Vector3:
-        """Take a sample that holds since dt [s] and give the output."""
-        if dt != self._dt:
-            self._dt, self._gain = dt, _share(self._cutoff_hz, dt)
-        gain, (x, y, z) = self._gain, sample if self.value is None else self.value
-        self.value = (
-            x + gain * (sample[0] - x),
-            y + gain * (sample[1] - y),
-            z + gain * (sample[2] - z),
-        )
-        return self.value
-
-    def reset(self, value: Vector3 | None = None) -> None:
-        """Set the output, or start again from the next input."""
-        self.value = value

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uav_firmware.lib.declination import declination
+from uav_firmware.modules.estimator.declination import declination
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uav_firmware.lib.filters import LowPass, LowPassVector3
+from uav_firmware.modules.estimator.aid_sources.low_pass import LowPass
 
 values = st.floats(-1e3, 1e3)
 
@@ -40,20 +40,3 @@ def test_one_long_step_is_two_short_ones(
 
 def test_no_cutoff_passes_all() -> None:
     assert LowPass(0.0, 5.0).update(1.0, 0.004) == 1.0
-
-
-@given(st.tuples(values, values, values), st.tuples(values, values, values))
-def test_a_vector_is_filtered_by_component(
-    state: tuple[float, float, float], sample: tuple[float, float, float]
-) -> None:
-    output = LowPassVector3(3.0, state).update(sample, 0.02)
-    expected = [LowPass(3.0, s).update(x, 0.02) for s, x in zip(state, sample, strict=True)]
-    assert output == pytest.approx(expected)
-
-
-def test_reset_forgets() -> None:
-    scalar, vector = LowPass(1.0, 3.0), LowPassVector3(1.0, (1.0, 2.0, 3.0))
-    scalar.reset()
-    vector.reset()
-    assert scalar.update(9.0, 0.1) == 9.0
-    assert vector.update((4.0, 5.0, 6.0), 0.1) == (4.0, 5.0, 6.0)
