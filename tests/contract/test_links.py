@@ -23,11 +23,12 @@ from mavlink_broker.links.settings import LinkSettings
 from mavlink_broker.links.url import LinkUrl
 from mavlink_broker.mavlink.codec import Encoder
 from mavlink_broker.mavlink.dialect import mavlink
-from tests.support.broker_world import FINISHED, TICK_S, Clock, first_flight
+from tests.support.broker_world import FINISHED, Clock, first_flight
 from tests.support.fake_edge import FakeEdge
 from tests.support.link_ends import Cable
 from tests.support.scripted_vehicle import PX4, ScriptedVehicle
 
+TICK_S: Final = 0.02
 BYTES_PER_TICK: Final = round(57_600 / 10 * TICK_S)
 HOST: Final = "127.0.0.1"
 SLOW: Final = dataclasses.replace(PX4, item_time_s=5.0)

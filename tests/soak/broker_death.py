@@ -153,7 +153,7 @@ def scripted(
     commands: Sequence[dict[str, Any]], script: Script, death: Death | None
 ) -> tuple[World, str]:
     """Fly a mission on a scripted vehicle; gives what the broker was doing when it died."""
-    world, state = World(), ""
+    world, state = World(tick_s=0.02), ""
     world.add_vehicle(script=dataclasses.replace(script, item_time_s=SCRIPTED_ITEM_S))
     world.edge.plan(mission(*commands))
     if death is not None:

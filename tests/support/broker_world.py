@@ -28,7 +28,8 @@ GENERIC = Script(autopilot=mavlink.MAV_AUTOPILOT_GENERIC)
 FAMILIES = pytest.mark.parametrize("script", [PX4, ARDUPILOT, GENERIC])
 FINISHED = [Status.FINISHED] * 3
 EPOCH = datetime(2026, 11, 21, 8, 0, tzinfo=UTC)
-TICK_S = 0.02
+TICK_S = 0.05
+"""Period of the broker's steps, unless a test needs a finer one."""
 HOME_PLACE = {"latitude": HOME[0], "longitude": HOME[1]}
 
 
@@ -141,9 +142,11 @@ class World:
         config: Config | None = None,
         journal: Path | None = None,
         disk_lag_s: float = 0.0,
+        tick_s: float = TICK_S,
     ) -> None:
         """Begin without vehicles; without a `journal` a killed broker keeps no record."""
         self.clock = Clock()
+        self._tick_s = tick_s
         self.air = Air(self.clock, loss, seed)
         self.edge = FakeEdge()
         self.config = config or Config()
@@ -226,7 +229,7 @@ class World:
             self.tick()
 
     def tick(self) -> None:
-        self.clock.now += TICK_S
+        self.clock.now += self._tick_s
         self.air.step()
         if self.is_broker_running:
             self.app.step(0.0)
@@ -298,9 +301,11 @@ def first_flight(mission_id: int = 1201, vehicle_id: int = 1) -> Any:
     return mission(takeoff(), waypoint(), go_home(), mission_id=mission_id, vehicle_id=vehicle_id)
 
 
-def flying_world(script: Script = PX4, config: Config | None = None) -> World:
+def flying_world(
+    script: Script = PX4, config: Config | None = None, *, tick_s: float = TICK_S
+) -> World:
     """A world whose one vehicle has just been seen to fly."""
-    world = World(config=config)
+    world = World(config=config, tick_s=tick_s)
     world.add_vehicle(script=script)
     world.edge.plan(first_flight())
     world.run_until(lambda: any(s.state is State.RUNNING for s in world.app.sessions.values()))

@@ -139,7 +139,7 @@ def test_a_set_that_was_sent_is_not_sent_again_by_a_restarted_broker() -> None:
 
 
 def test_an_aborted_command_has_no_results() -> None:
-    world = flying_world(SLOW)
+    world = flying_world(SLOW, tick_s=0.02)
     world.edge.event(1)
     world.run_until(lambda: not world.only_vehicle.armed)
     world.run(1.0)
