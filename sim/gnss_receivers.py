@@ -1,4 +1,4 @@
-"""Satellite receivers that the simulation knows, by name: their errors and what they say of them.
+"""Satellite receivers of the simulation, by name: their errors, and the accuracy that they report.
 
 The position error of a receiver is the sum of two Gauss-Markov processes and white noise: what
 changes with satellites and atmosphere, over minutes, what reflections do, over half a minute,

@@ -32,8 +32,8 @@ class Light(NamedTuple):
     exposure: float = 1.0  # [-] How bright the picture is; less than 1 where no exposure is enough
 
     @property
-    def way_m(self) -> tuple[float, float]:
-        """Level way to the sun (east, north) per metre of height."""
+    def sun_offset_m(self) -> tuple[float, float]:
+        """Level distance towards the sun (east, north) per metre of height."""
         east, north, up = self.sun.towards_enu
         steep = max(up, 0.05)
         return east / steep, north / steep

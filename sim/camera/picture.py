@@ -158,57 +158,63 @@ def _view(shot: Shot) -> _View:
 
 def _band(view: _View, band: slice) -> Image:
     """The rows of a band."""
-    way = rays(view.shot.lens, view.shot.pose.q_ned_camera, band)
-    way = Rays(way.east * view.stretch[0], way.north * view.stretch[1], way.up)
+    direction = rays(view.shot.lens, view.shot.pose.q_ned_camera, band)
+    direction = Rays(
+        direction.east * view.stretch[0], direction.north * view.stretch[1], direction.up
+    )
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        depth = np.where(way.up < 0.0, np.float32(-view.height_m) / way.up, np.float32(np.inf))
-    length = np.sqrt(way.east**2 + way.north**2 + way.up**2)
-    met = view.hills.meet(way, depth, view.light.sun.towards_enu)
+        depth = np.where(
+            direction.up < 0.0, np.float32(-view.height_m) / direction.up, np.float32(np.inf)
+        )
+    length = np.sqrt(direction.east**2 + direction.north**2 + direction.up**2)
+    met = view.hills.meet(direction, depth, view.light.sun.towards_enu)
     depth[met.mask] = met.depth
     on_ground = (depth * length < _FARTHEST_M) | met.mask
     if on_ground.all():
         colours = np.empty((*depth.shape, 3), dtype=np.float32)
     else:
-        colours = sky_colour(np.maximum(way.up, 0.0) / length)
+        colours = sky_colour(np.maximum(direction.up, 0.0) / length)
     infrared = np.zeros(depth.shape, dtype=np.float32)
     index = np.full(depth.shape, -1.0, dtype=np.float32)
     if on_ground.any():
         # Most pictures look down: what is all ground needs no picking out
         picked: _Picked = ... if on_ground.all() else on_ground
-        bands, lit = _ground(view, way, depth, picked)
+        bands, lit = _ground(view, direction, depth, picked)
         lit[met.mask[picked]] = met.lit
         seen = developed(bands, lit * view.light.direct, view.light.sky)
         colours[picked] = hazed(seen, (depth * length)[picked])
         infrared[picked] = bands.near_infrared
         index[picked] = _vegetation_index(bands.red, bands.near_infrared)
-    _add_solids(view, band, way, depth, colours, infrared, index)
+    _add_solids(view, band, direction, depth, colours, infrared, index)
     if view.light.exposure < 1.0:
         colours *= np.float32(view.light.exposure)
     return Image(encoded(colours), _byte(infrared), _byte(0.5 + 0.5 * index))
 
 
-def _ground(view: _View, way: Rays, depth: Pixels, on_ground: _Picked) -> tuple[Bands, Pixels]:
+def _ground(
+    view: _View, direction: Rays, depth: Pixels, on_ground: _Picked
+) -> tuple[Bands, Pixels]:
     """What the ground reflects where it is met, and whether the sun shines on it."""
     met = depth[on_ground]
-    east = np.float32(view.east_m) + met * way.east[on_ground]
-    north = np.float32(view.north_m) + met * way.north[on_ground]
+    east = np.float32(view.east_m) + met * direction.east[on_ground]
+    north = np.float32(view.north_m) + met * direction.north[on_ground]
     size = float(np.median(met.ravel()[:: max(1, met.size // 512)])) * view.shot.lens.pixel
-    moisture, vigour = _maps(view, way, depth, on_ground)
+    moisture, vigour = _maps(view, direction, depth, on_ground)
     patch = ground.Patch(
-        east, north, size, ground.quality(moisture, vigour), moisture, view.light.way_m
+        east, north, size, ground.quality(moisture, vigour), moisture, view.light.sun_offset_m
     )
     bands = ground.reflectance(view.shot.farm, patch)
     return bands, _sunlit(view, east, north)
 
 
-def _maps(view: _View, way: Rays, depth: Pixels, on_ground: _Picked) -> tuple[Pixels, Pixels]:
+def _maps(view: _View, direction: Rays, depth: Pixels, on_ground: _Picked) -> tuple[Pixels, Pixels]:
     """The farm's smooth maps at the pixels: read coarsely, then stretched between."""
     rows = _knots(depth.shape[0])
     columns = _knots(depth.shape[1])
     coarse = np.ix_(rows, columns)
     far = np.minimum(depth[coarse], np.float32(_FARTHEST_M))
-    east = view.east_m + far * way.east[coarse]
-    north = view.north_m + far * way.north[coarse]
+    east = view.east_m + far * direction.east[coarse]
+    north = view.north_m + far * direction.north[coarse]
     farm = view.shot.farm
     found = []
     for smooth in (farm.moisture_map, farm.vigour_map):
@@ -246,12 +252,12 @@ def _sunlit(view: _View, east: Pixels, north: Pixels) -> Pixels:
     if view.light.direct == 0.0:
         return lit
     low, high = (float(east.min()), float(north.min())), (float(east.max()), float(north.max()))
-    toward, (way_east, way_north) = view.light.sun.towards_enu, view.light.way_m
+    toward, (sun_east, sun_north) = view.light.sun.towards_enu, view.light.sun_offset_m
     for solid in view.solids:
         reach = solid.middle[2] + solid.half[2]
         ends = [
-            solid.middle[0] - reach * way_east,
-            solid.middle[1] - reach * way_north,
+            solid.middle[0] - reach * sun_east,
+            solid.middle[1] - reach * sun_north,
         ]
         least = [min(solid.middle[i], ends[i]) - solid.radius_m for i in (0, 1)]
         most = [max(solid.middle[i], ends[i]) + solid.radius_m for i in (0, 1)]
@@ -266,7 +272,7 @@ def _sunlit(view: _View, east: Pixels, north: Pixels) -> Pixels:
 def _add_solids(
     view: _View,
     band: slice,
-    way: Rays,
+    direction: Rays,
     depth: Pixels,
     colours: NDArray[np.float32],
     infrared: Pixels,
@@ -278,7 +284,7 @@ def _add_solids(
         window = box.within(band)
         if window is None:
             continue
-        part = (way.east[window], way.north[window], way.up[window])
+        part = (direction.east[window], direction.north[window], direction.up[window])
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             hits = solid.hits(origin, part)
         shown = hits.depth < depth[window]

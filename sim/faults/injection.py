@@ -31,7 +31,7 @@ class Unit(IntEnum):
 
 
 class Failure(IntEnum):
-    """MAVLink's FAILURE_TYPE, as far as the simulated vehicle knows them."""
+    """MAVLink's FAILURE_TYPE, those that the simulated vehicle supports."""
 
     OK = 0
     OFF = 1

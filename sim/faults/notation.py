@@ -80,36 +80,36 @@ def read_order(line: str, now_us: int) -> Fault | Clear:
     Raises:
         FaultError: saying what is wrong with it.
     """
-    words = line.split()
-    if not words:
+    fields = line.split()
+    if not fields:
         raise FaultError("an empty line is no command")
-    if words[0] == _CLEAR:
-        return _clear_of(words[1:])
-    entry: dict[str, Any] = {"kind": words[0], **_assignments(words[1:])}
+    if fields[0] == _CLEAR:
+        return _clear_of(fields[1:])
+    entry: dict[str, Any] = {"kind": fields[0], **_assignments(fields[1:])}
     entry.setdefault("start_s", now_us * 1e-6)
     return _fault_of(entry)
 
 
-def _clear_of(words: list[str]) -> Clear:
-    if not words:
+def _clear_of(fields: list[str]) -> Clear:
+    if not fields:
         return Clear(None, None)
-    kind = _kind_of(words[0])
-    numbers = _assignments(words[1:])
+    kind = _kind_of(fields[0])
+    numbers = _assignments(fields[1:])
     part = "motor" if kind is Kind.MOTOR_LOSS else "instance"
     if set(numbers) - {part} or (numbers and part not in FIELDS[kind]):
-        raise FaultError(f"clear {kind}: {' '.join(words[1:])!r} is not understood")
+        raise FaultError(f"clear {kind}: {' '.join(fields[1:])!r} is not understood")
     if not numbers:
         return Clear(kind, None)
     number = int(Fault(kind=kind, values=numbers).values[part])
     return Clear(kind, number) if part == "motor" else Clear(kind, None, number)
 
 
-def _assignments(words: list[str]) -> dict[str, float]:
+def _assignments(fields: list[str]) -> dict[str, float]:
     numbers: dict[str, float] = {}
-    for word in words:
-        name, equals, text = word.partition("=")
+    for field in fields:
+        name, equals, text = field.partition("=")
         if not equals or name in numbers:
-            raise FaultError(f"{word!r} is no name=number, or stands twice")
+            raise FaultError(f"{field!r} is no name=number, or stands twice")
         if (name, text) == _ALL:
             numbers[name] = ALL_INSTANCES
             continue

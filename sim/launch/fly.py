@@ -219,7 +219,7 @@ def _folder(out: Path, vehicle_id: int) -> Path:
 
 
 def _facts(flown: Flown, settings: Settings, flights: list[Flight]) -> list[tuple[str, str]]:
-    """What one should know of the run."""
+    """Notes on the run."""
     flown_s = max(flight.armed_for_s for flight in flights)
     return [
         ("wind", f"{os.environ.get('WIND') or '0'} m/s"),

@@ -55,7 +55,7 @@ def uplink(settings: Settings) -> dict[str, str]:
 def _mqtt_broker(settings: Settings) -> list[Program]:
     if settings.mqtt_port is None or settings.mosquitto is None:
         return []
-    # Without a file of configuration Mosquitto listens on this machine alone, and knows no users.
+    # Without a file of configuration Mosquitto listens on this machine alone, and checks no user.
     command = (settings.mosquitto, "-p", str(settings.mqtt_port))
     return [Program("mosquitto", command, tcp_port=settings.mqtt_port)]
 

@@ -10,7 +10,7 @@ together (Mahony, Kumar, Corke, "Multirotor Aerial Vehicles", IEEE Robotics and 
 Magazine 19 (3), 2012, section "Blade Flapping and Induced Drag"; Martin and Salaun, "The True
 Role of Accelerometer Feedback in Quadrotor Control", ICRA 2010). Gazebo's motor model, which
 PX4's simulated vehicles fly with, has the same law (`rotorDragCoefficient` times rotor speed
-times velocity across the axis). JSBSim's rotors know nothing of it.
+times velocity across the axis). JSBSim's rotors do not model it.
 
 The coefficient c is fixed by 0.1 N s/m for one rotor in hover at home, 650 m. Four rotors and
 1.4 kg make 0.286 1/s, PX4's EKF2_MCOEF at that density; Faessler, Franchi and Scaramuzza

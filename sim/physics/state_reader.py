@@ -1,6 +1,6 @@
 """JSBSim's properties read as a `Truth`: where feet, pounds and Rankine become SI.
 
-Knows the property tree but not JSBSim itself: it is given a function that finds a property.
+Uses the property tree but not JSBSim itself: it is given a function that finds a property.
 """
 
 import math

@@ -14,7 +14,7 @@ Motors: TypeAlias = tuple[float, float, float, float]
 
 
 class Truth(NamedTuple):
-    """What no instrument knows exactly. Everything belongs to the same instant."""
+    """The true state, which no instrument measures exactly, all at the same instant."""
 
     time_us: int  # [us] Since the start of the simulation
     latitude_deg: float  # [deg] WGS-84 geodetic, of the centre of gravity

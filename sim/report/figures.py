@@ -85,7 +85,7 @@ class Flight:
     tracking: Series  # [m] true place minus set-point, in the air
     passages: list[Passage]
     landing: Landing
-    way_m: float
+    distance_flown_m: float
     events: list[Event]  # times since arming
     modes: list[Span]  # times since arming
 
@@ -124,7 +124,7 @@ def examine(vehicle_id: int, planned: Planned, log: FlightLog, truth: TruthTrack
         tracking=_tracking(setpoint, true),
         passages=_passages(planned.points, true),
         landing=_landing(planned, true, velocity),
-        way_m=float(np.sum(np.linalg.norm(np.diff(position, axis=0), axis=1))),
+        distance_flown_m=float(np.sum(np.linalg.norm(np.diff(position, axis=0), axis=1))),
         events=[event._replace(time_s=event.time_s - begin_s) for event in events(log)],
         modes=[
             Span(span.start_s - begin_s, span.end_s - begin_s, span.mode)

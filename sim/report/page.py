@@ -32,7 +32,7 @@ def described(facts: Sequence[tuple[str, str]]) -> str:
 
 
 def page(title: str, subtitle: str, flights: Sequence[Flight], albums: Sequence[Album] = ()) -> str:
-    """Give the page: what there is to know of the run, then a section per vehicle.
+    """Give the page: facts of the run, then a section per vehicle.
 
     Raises:
         OSError: if a sheet of an album cannot be read.

@@ -1,6 +1,6 @@
 """What was to be flown, read from a plan as the edge server shows it: JSON, not types.
 
-Degrees and metres above home, as AFarCloud has them. The launcher knows no type of the other
+Degrees and metres above home, as AFarCloud has them. The launcher imports no type of the other
 programs, so the numbers of commands and statuses are spelled here once more.
 """
 

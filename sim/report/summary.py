@@ -22,7 +22,10 @@ def summary(flight: Flight) -> list[tuple[str, str]]:
     level, down = np.hypot(velocity[:, 0], velocity[:, 1]), velocity[:, 2]
     return [
         ("Armed; in the air", f"{flight.armed_for_s:.1f} s; {flight.airborne_s:.1f} s"),
-        ("Way flown; greatest height", f"{flight.way_m:.1f} m; {_top(flight.true):.2f} m"),
+        (
+            "Distance flown; greatest height",
+            f"{flight.distance_flown_m:.1f} m; {_top(flight.true):.2f} m",
+        ),
         (
             "Fastest: level; up; down",
             "; ".join(f"{float(np.max(speed)):.2f}" for speed in (level, -down, down)) + " m/s",

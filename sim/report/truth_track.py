@@ -36,7 +36,7 @@ class Plane:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TruthTrack:
-    """What the simulator knows, a row per instant."""
+    """True states of the simulator, a row per instant."""
 
     plane: Plane  # about where the vehicle stood first, height zero on the ground there
     time_s: Array  # since boot

@@ -1,4 +1,4 @@
-"""Height of the geoid above the WGS-84 ellipsoid, as receivers know it: a grid of 10 degrees.
+"""Height of the geoid above the WGS-84 ellipsoid, as in receivers: a grid of 10 degrees.
 
 Receivers measure heights above the ellipsoid and subtract the geoid's height of such a table to
 give altitudes above mean sea level. The values are the WGS 84 geoid heights of the Defense Mapping

@@ -41,7 +41,7 @@ class Schedule:
 class SensorSuite:
     """Instruments on a common clock, with noise from one seed.
 
-    Their first samples are some milliseconds apart, as instruments that know nothing of each
+    Their first samples are some milliseconds apart, as instruments that are independent of each
     other would take them; that also keeps their work out of the same control step.
     """
 

@@ -81,7 +81,7 @@ def _surroundings(plane: Plane) -> Iterator[dict[str, Any]]:
     yield _feature(_polygon(plane, YARD), kind="yard", name="Yard")
     for track in TRACKS:
         yield _feature(
-            _line(plane, track.way), kind="track", name=track.name, width_m=track.width_m
+            _line(plane, track.centre_line), kind="track", name=track.name, width_m=track.width_m
         )
     for building in BUILDINGS:
         yield _feature(
@@ -117,8 +117,8 @@ def _polygon(plane: Plane, ring: Sequence[Place]) -> dict[str, Any]:
     return {"type": "Polygon", "coordinates": [_positions(plane, [*ring, ring[0]])]}
 
 
-def _line(plane: Plane, way: Iterable[Place]) -> dict[str, Any]:
-    return {"type": "LineString", "coordinates": _positions(plane, way)}
+def _line(plane: Plane, line: Iterable[Place]) -> dict[str, Any]:
+    return {"type": "LineString", "coordinates": _positions(plane, line)}
 
 
 def _positions(plane: Plane, places: Iterable[Place]) -> list[list[float]]:

@@ -9,7 +9,7 @@ from sim.world.plane import Place
 def edge_distance_m(boundary: Sequence[Place], place: tuple[float, float]) -> float:
     """Distance [m] to the edges of a convex, counter-clockwise ring; positive inside.
 
-    Outside, beyond a corner, it is the distance to the farther edge's line: less than the way.
+    Outside, beyond a corner, it is the distance to the farther edge's line: less than the distance.
     """
     nearest = math.inf
     for start, end in zip(boundary, [*boundary[1:], boundary[0]], strict=True):
@@ -33,11 +33,11 @@ def chord(
     None if it misses the ring. The first end is the one that the bearing [deg] comes from.
     """
     bearing = math.radians(bearing_deg)
-    way = (math.sin(bearing), math.cos(bearing))
+    direction = (math.sin(bearing), math.cos(bearing))
     first, last = -math.inf, math.inf
     for start, end in zip(boundary, [*boundary[1:], boundary[0]], strict=True):
         east, north = end.east_m - start.east_m, end.north_m - start.north_m
-        gain = east * way[1] - north * way[0]
+        gain = east * direction[1] - north * direction[0]
         left = east * (through.north_m - start.north_m) - north * (through.east_m - start.east_m)
         if abs(gain) < 1e-12:
             if left < 0.0:
@@ -48,8 +48,10 @@ def chord(
             last = min(last, -left / gain)
     if first >= last:
         return None
-    return _on(through, way, first), _on(through, way, last)
+    return _on(through, direction, first), _on(through, direction, last)
 
 
-def _on(start: Place, way: tuple[float, float], distance_m: float) -> Place:
-    return Place(start.east_m + distance_m * way[0], start.north_m + distance_m * way[1])
+def _on(start: Place, direction: tuple[float, float], distance_m: float) -> Place:
+    return Place(
+        start.east_m + distance_m * direction[0], start.north_m + distance_m * direction[1]
+    )

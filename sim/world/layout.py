@@ -64,7 +64,7 @@ class Track(NamedTuple):
     """A dirt road."""
 
     name: str
-    way: tuple[Place, ...]  # [m] Its middle
+    centre_line: tuple[Place, ...]  # [m]
     width_m: float  # [m]
 
 

@@ -17,7 +17,7 @@ _HEADLAND: Final = (
     Place(-65.0, 144.0),
 )
 _COW_RANGE_M: Final = 16.0
-_COW_PERIODS_S: Final = (410.0, 623.0)  # East and north: never quite the same way again
+_COW_PERIODS_S: Final = (410.0, 623.0)  # East and north: no two rounds are the same
 
 
 class Kind(Enum):
@@ -52,7 +52,7 @@ def _tractor(time_utc_s: float) -> Subject:
 
 
 def _along(corners: Sequence[Place], distance_m: float) -> tuple[Place, float]:
-    """Place and heading [deg] that far along a closed way."""
+    """Place and heading [deg] that far along a closed path."""
     legs = list(zip(corners, [*corners[1:], corners[0]], strict=True))
     lengths = [math.dist(start, end) for start, end in legs]
     rest = distance_m % sum(lengths)
@@ -63,7 +63,7 @@ def _along(corners: Sequence[Place], distance_m: float) -> tuple[Place, float]:
             place = Place(start.east_m + share * east, start.north_m + share * north)
             return place, math.degrees(math.atan2(east, north)) % 360.0
         rest -= length
-    return corners[0], 0.0  # Rounding at the very end of the way
+    return corners[0], 0.0  # Rounding at the very end of the path
 
 
 def _cow(seed: int, number: int, time_utc_s: float) -> Subject:

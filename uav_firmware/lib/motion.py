@@ -84,20 +84,20 @@ class Arc(NamedTuple):
 
     duration: float  # [s]
     centre: Vector3  # [m]
-    radius: float  # [m] Positive clockwise seen from above, negative the other way
+    radius: float  # [m] Positive clockwise seen from above, negative anticlockwise
     bearing: float  # [rad] From the centre, at the beginning; 0 north, pi/2 east
     speed: float  # [m/s] At the beginning
     acceleration: float  # [m/s^2] Along the circle, at the beginning
     jerk: float  # [m/s^3] Along the circle
 
-    def way(self, time: float) -> float:
+    def length_at(self, time: float) -> float:
         """Distance [m] covered `time` [s] after the beginning."""
         half = 0.5 * time * time
         return self.speed * time + self.acceleration * half + self.jerk * half * time / 3.0
 
     def at(self, time: float) -> MotionState:
         """State `time` [s] after the beginning: p = c + |r| u, v = s' t, a = s'' t - s'^2/|r| u."""
-        bearing = self.bearing + self.way(time) / self.radius
+        bearing = self.bearing + self.length_at(time) / self.radius
         speed = self.speed + (self.acceleration + 0.5 * self.jerk * time) * time
         slope = self.acceleration + self.jerk * time
         size, sense = abs(self.radius), math.copysign(1.0, self.radius)
@@ -162,7 +162,7 @@ def arcs(
 
     Args:
         centre: of the circle [m]; its down coordinate is that of the motion.
-        radius: [m] positive clockwise seen from above, negative the other way.
+        radius: [m] positive clockwise seen from above, negative anticlockwise.
         bearing: of the beginning, from the centre [rad].
         phases: the profile, from rest.
     """
@@ -172,7 +172,7 @@ def arcs(
         arc = Arc(phase.duration, centre, radius, bearing, speed, slope, phase.jerk)
         pieces.append(arc)
         if math.isfinite(phase.duration):
-            bearing += arc.way(phase.duration) / radius
+            bearing += arc.length_at(phase.duration) / radius
             speed += (slope + 0.5 * phase.jerk * phase.duration) * phase.duration
             slope += phase.jerk * phase.duration
     return tuple(pieces)

@@ -30,7 +30,7 @@ from sim.camera.picture import render
 
 QUALITY: Final = 70
 PATIENCE_S: Final = 10.0
-"""A viewer whom no frame reaches, or who takes none, for so long is let go."""
+"""A viewer that receives no frame for so long is disconnected."""
 VIEWERS_MAX: Final = 16
 """How many may look at once."""
 _NICENESS: Final = 5

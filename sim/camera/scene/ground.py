@@ -48,7 +48,7 @@ class Patch(NamedTuple):
     size_m: float  # [m] Of a pixel on the ground, about the middle of the patch
     quality: Pixels  # [-] How good the ground is for plants, about 0
     wetness: Pixels  # [-] Map of the soil's water, about 0
-    sun: tuple[float, float]  # [-] Level way to the sun (east, north) per metre of height
+    sun: tuple[float, float]  # [-] Level distance towards the sun (east, north) per metre of height
 
     def part(self, mask: Mask) -> "Patch":
         """Those pixels alone."""
@@ -211,7 +211,7 @@ def _along(field: Field, patch: Patch) -> Pixels:
 
 
 def _towards(patch: Patch, height_m: float) -> tuple[float, float]:
-    """The level way [m] to where something of that height shades the place from."""
+    """The level distance [m] to where something of that height shades the place from."""
     return height_m * patch.sun[0], height_m * patch.sun[1]
 
 
@@ -233,7 +233,7 @@ def _add_trodden(
         trodden = mixed(worn, LEAF, np.clip(0.10 + 0.14 * texture, 0.0, 1.0))
         _put(bands, inside, Bands(*(band[inside] for band in trodden)))
     for track in TRACKS:
-        for start, end in zip(track.way, track.way[1:], strict=False):
+        for start, end in zip(track.centre_line, track.centre_line[1:], strict=False):
             if _meets(extent, (start, end), track.width_m):
                 _add_track(bands, patch, worn, (start, end), track.width_m)
     for pad in PADS:
@@ -249,10 +249,10 @@ def _add_track(
     """Two wheel tracks with a strip of grass between them."""
     start, end = leg
     length = math.dist(start, end)
-    way = ((end.east_m - start.east_m) / length, (end.north_m - start.north_m) / length)
+    along_track = ((end.east_m - start.east_m) / length, (end.north_m - start.north_m) / length)
     east, north = patch.east - np.float32(start.east_m), patch.north - np.float32(start.north_m)
-    along = np.float32(way[0]) * east + np.float32(way[1]) * north
-    aside = np.abs(np.float32(way[1]) * east - np.float32(way[0]) * north)
+    along = np.float32(along_track[0]) * east + np.float32(along_track[1]) * north
+    aside = np.abs(np.float32(along_track[1]) * east - np.float32(along_track[0]) * north)
     on = (aside < 0.5 * width_m) & (along > -0.5 * width_m) & (along < length + 0.5 * width_m)
     middle = 0.55 * np.clip(1.0 - aside[on] / (0.2 * width_m), 0.0, 1.0)
     _put(bands, on, mixed(Bands(*(band[on] for band in worn)), LEAF, middle))

@@ -59,19 +59,24 @@ class Hills:
         rising = (steepest + _ROOM * np.arange(_BEARINGS)[:, np.newaxis]).ravel()
         return _Table(height, slope, rising, float(steepest[:, -1].max()))
 
-    def meet(self, way: Rays, depth: Pixels, sun: tuple[float, float, float]) -> Met:
+    def meet(self, direction: Rays, depth: Pixels, sun: tuple[float, float, float]) -> Met:
         """Which rays meet the hills, of those that do not meet the floor at `depth`."""
         with np.errstate(invalid="ignore"):
-            away = np.hypot(self._east_m + depth * way.east, self._north_m + depth * way.north)
+            away = np.hypot(
+                self._east_m + depth * direction.east, self._north_m + depth * direction.north
+            )
         mask = ~(away < FLOOR_M)
         if not mask.any():
             return Met(mask, depth[mask], depth[mask])
-        level = np.hypot(way.east, way.north) + np.float32(1e-9)
-        slope = way.up / level
+        level = np.hypot(direction.east, direction.north) + np.float32(1e-9)
+        slope = direction.up / level
         mask &= (slope < self._table.top) & (slope > -_STEEPEST)
         if not mask.any():
             return Met(mask, depth[mask], depth[mask])
-        east, north = way.east[mask].astype(np.float64), way.north[mask].astype(np.float64)
+        east, north = (
+            direction.east[mask].astype(np.float64),
+            direction.north[mask].astype(np.float64),
+        )
         bearing, step = self._found(east, north, slope[mask].astype(np.float64))
         hit = step < _STEPS
         mask[mask] = hit

@@ -1,4 +1,4 @@
-"""The lens and the place of the camera: which way each pixel looks. Pure.
+"""The lens and the place of the camera: the direction of each pixel. Pure.
 
 A pinhole without distortion (Hartley and Zisserman 2004, "Multiple View Geometry", section 6.1).
 The camera's frame is forward (along the optical axis), right, down. Column 0, row 0 is the top

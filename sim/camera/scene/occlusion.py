@@ -34,11 +34,14 @@ def share_in_sight(farm: Farm, camera: Point, subject: Subject) -> float:
     if not between:
         return 1.0
     points = np.array(tuple(_points(subject)), dtype=np.float32)
-    ways = points - np.array(camera, dtype=np.float32)
+    directions = points - np.array(camera, dtype=np.float32)
     hidden = np.zeros(len(points), dtype=np.bool_)
     for solid in between:
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            hidden |= solid.hits(camera, (ways[:, 0], ways[:, 1], ways[:, 2])).depth < 1.0
+            hidden |= (
+                solid.hits(camera, (directions[:, 0], directions[:, 1], directions[:, 2])).depth
+                < 1.0
+            )
     return 1.0 - float(hidden.mean())
 
 
@@ -74,9 +77,9 @@ def _between(farm: Farm, camera: Point, subject: Subject) -> list[Solid]:
     """Those whose spheres come near the line of sight."""
     solids, middles, radii = _hiding(farm.seed)
     start = np.array(camera)
-    way = np.array((*subject.place, 0.5 * subject.height_m)) - start
+    line = np.array((*subject.place, 0.5 * subject.height_m)) - start
     towards = middles - start
-    share = np.clip(towards @ way / max(float(way @ way), 1e-9), 0.0, 1.0)
-    aside = np.linalg.norm(towards - share[:, np.newaxis] * way, axis=1)
+    share = np.clip(towards @ line / max(float(line @ line), 1e-9), 0.0, 1.0)
+    aside = np.linalg.norm(towards - share[:, np.newaxis] * line, axis=1)
     near = aside < radii + max(subject.length_m, subject.height_m)
     return [solids[number] for number in np.flatnonzero(near)]

@@ -28,7 +28,7 @@ _TRUNK_M: Final = 0.9
 """From the ground to the lowest leaves [m]."""
 _RAGGED, _UNEVEN = 0.30, 0.22  # The rim and the brightness of crowns
 _SLANTS: Final = ((0.6, -1.0), (-0.9, -0.7))
-"""Two ways to lay the ground's texture on a crown: where one draws streaks the other does not."""
+"""Two mappings of the ground's texture on a crown: where one draws streaks the other does not."""
 _WIDEST_M: Final = 4.0
 """No crown reaches farther from its middle."""
 _COARSEST_M: Final = 2.5
@@ -69,25 +69,25 @@ def crowns_ahead(
 def leaves(
     seed: int,
     camera: Point,
-    way: tuple[Pixels, Pixels, Pixels],
+    direction: tuple[Pixels, Pixels, Pixels],
     hits: Hits,
     shown: NDArray[np.bool_],
     pixel: float,
 ) -> Pixels:
     """How bright a crown's leaves are where it is shown; its ragged rim is taken out of `shown`."""
-    depth, ways = hits.depth[shown], [part[shown] for part in way]
-    east, north, up = (np.float32(a) + depth * b for a, b in zip(camera, ways, strict=True))
+    depth, directions = hits.depth[shown], [part[shown] for part in direction]
+    east, north, up = (np.float32(a) + depth * b for a, b in zip(camera, directions, strict=True))
     size = float(np.median(depth)) * pixel
     texture = np.zeros(depth.shape, dtype=np.float32)
     for lean, rise in _SLANTS:
         slanted = east + np.float32(lean) * up, north + np.float32(rise) * up
         texture += np.float32(0.7) * grain(seed, *slanted, size)
     facing = -(
-        hits.normal_east[shown] * ways[0]
-        + hits.normal_north[shown] * ways[1]
-        + hits.normal_up[shown] * ways[2]
+        hits.normal_east[shown] * directions[0]
+        + hits.normal_north[shown] * directions[1]
+        + hits.normal_up[shown] * directions[2]
     )
-    facing /= np.sqrt(ways[0] ** 2 + ways[1] ** 2 + ways[2] ** 2)
+    facing /= np.sqrt(directions[0] ** 2 + directions[1] ** 2 + directions[2] ** 2)
     kept = facing > np.float32(_RAGGED) * (1.0 + texture)
     shown[shown] = kept
     brightness: Pixels = 1.0 + np.float32(_UNEVEN) * texture[kept]

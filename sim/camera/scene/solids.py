@@ -1,4 +1,4 @@
-"""Things that stand on the ground: where a ray meets them, and which way their surface faces.
+"""Things that stand on the ground: where a ray meets them, and where their surface faces.
 
 Two shapes are enough for barns, trees, tractors and cows: boxes that stand upright, and
 ellipsoids. A ray through either is solved in the shape's own frame, where the box is the unit cube
@@ -52,10 +52,12 @@ class Solid:
         bearing = math.radians(self.bearing_deg)
         return math.sin(bearing), math.cos(bearing)
 
-    def hits(self, origin: tuple[Pixels | float, ...], way: tuple[Pixels | float, ...]) -> Hits:
-        """Where rays from `origin` along `way` (east, north, up) first enter the solid."""
+    def hits(
+        self, origin: tuple[Pixels | float, ...], direction: tuple[Pixels | float, ...]
+    ) -> Hits:
+        """Where rays from `origin` along `direction` (east, north, up) first enter the solid."""
         start = self._inward(origin[0], origin[1], origin[2], self.middle)
-        ahead = self._inward(way[0], way[1], way[2], (0.0, 0.0, 0.0))
+        ahead = self._inward(direction[0], direction[1], direction[2], (0.0, 0.0, 0.0))
         return self._ellipsoid(start, ahead) if self.is_round else self._box(start, ahead)
 
     def shades(self, east: Pixels, north: Pixels, sun: Point) -> Pixels:

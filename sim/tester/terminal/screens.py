@@ -1,6 +1,6 @@
 """The seed's menus, as tables: what is shown, which number leads where, which questions follow.
 
-Words and numbers are those of the seed (section 4.4.7 of its description).
+Texts and numbers are those of the seed (section 4.4.7 of its description).
 """
 
 import json

@@ -188,8 +188,8 @@ class MavsdkVehicle:
         self._telemetry.publish_extended_sys_state(VtolState.UNDEFINED, landed)
         left = vehicle.percentage / 100.0 + _HALF_A_PERCENT
         self._telemetry.publish_battery(Battery(voltage_v=_VOLTAGE_V, remaining_percent=left))
-        for words in regular_reports(vehicle, now, time.time()):
-            self._autopilot.send(words)
+        for message in regular_reports(vehicle, now, time.time()):
+            self._autopilot.send(message)
 
     def carry_out(self, order: Order, vehicle: StandIn, now: float) -> None:
         """Do on the link what the vehicle does; what is for the person is passed over."""

@@ -9,7 +9,7 @@ Per cell, with current I and internal resistance R:
     w = 0.3 (1 - by voltage) dt
     remaining <- min(remaining - I dt / capacity + w (by voltage - remaining), by current)
 
-The emptier the pack, the more the voltage counts: integrated current knows neither with what
+The emptier the pack, the more the voltage counts: integrated current contains neither with what
 charge the pack was put in nor what it has lost by age. Until two seconds after a pack is there,
 and with an unknown capacity, voltage alone counts.
 """

@@ -63,7 +63,7 @@ class VehicleView(NamedTuple):
 
     @property
     def aligned(self) -> bool:
-        """Whether the estimator knows tilt and heading."""
+        """Whether tilt and heading are estimated."""
         return self.estimator is not None and self.estimator.aligned
 
     @property

@@ -43,7 +43,7 @@ class EstimatorModule:
     `update` is called once per control step, after the driver has published the sensors.
     Attitude and local position follow each inertial sample, global position at 50 Hz, status
     at 5 Hz. Attitude appears with the alignment, global position with the origin. The registry
-    must know `EstimatorParams`.
+    must contain `EstimatorParams`.
     """
 
     def __init__(

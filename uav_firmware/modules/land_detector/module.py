@@ -46,7 +46,7 @@ class LandDetectorModule:
         vehicle_control_mode: Topic[VehicleControlMode],
         hover_thrust_estimate: Topic[HoverThrustEstimate],
     ) -> None:
-        """`registry` must know the thrusts of position_control and manual_control."""
+        """`registry` must contain the thrusts of position_control and manual_control."""
         self._control_mode = vehicle_control_mode
         self._hover_thrust = hover_thrust_estimate
         self._attitude = attitude

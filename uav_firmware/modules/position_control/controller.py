@@ -72,7 +72,7 @@ class PositionController:
         self.integral_ned = (0.0, 0.0, self.integral_ned[2])
 
     def follow_hover(self, former: float, present: float) -> None:
-        """Take a new hover thrust without a jump of the thrust: the integral gives way."""
+        """Set a new hover thrust without a jump of the thrust: the integral compensates."""
         north, east, down = self.integral_ned
         down = GRAVITY - (GRAVITY - down) * former / present
         self.integral_ned = (north, east, _limited(down))

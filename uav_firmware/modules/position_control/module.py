@@ -109,7 +109,7 @@ class PositionControlModule:
     def _thrust_limit(
         self, position: VehicleLocalPosition, status: VehicleStatus, wanted: Motion
     ) -> float:
-        """Let the take-off go its way; gives the largest thrust of this moment."""
+        """Advance the take-off; return the largest thrust that is allowed now."""
         params = self._params
         now_s = position.time_us * 1e-6
         land = self._land_detected.value

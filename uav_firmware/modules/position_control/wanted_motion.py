@@ -47,7 +47,7 @@ def observable(wanted: Motion, estimate: VehicleLocalPosition) -> Motion:
 
 
 def _sink_without_height(asked_m_s: float, accuracy_m_s: float) -> tuple[float, float]:
-    """Velocity [m/s] and acceleration [m/s^2] down of a vehicle that knows no height."""
+    """Velocity [m/s] and acceleration [m/s^2] down of a vehicle without a height estimate."""
     if not accuracy_m_s < _KNOWN_SINK_M_S:
         return _NAN, _SINK_WITHOUT_SPEED
     surely = max(_SINK_WITHOUT_HEIGHT_M_S, _CERTAIN_TO_SINK * accuracy_m_s)

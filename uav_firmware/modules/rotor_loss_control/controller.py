@@ -42,7 +42,7 @@ _TIME_S = 0.02
 
 
 class VehicleDynamics(NamedTuple):
-    """What the law knows of the vehicle."""
+    """What the law uses of the vehicle."""
 
     acceleration: float  # [rad/s^2] By the full thrust of one rotor about the axis across its arm
     motor_time_s: float  # [s]

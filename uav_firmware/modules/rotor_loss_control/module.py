@@ -41,7 +41,7 @@ class RotorLossControlModule:
         failure_status: Topic[FailureDetectorStatus],
         rotor_loss_thrust: Topic[RotorLossThrust],
     ) -> None:
-        """`registry` must know the rotors' places, CA_ROTOR*."""
+        """`registry` must contain the rotors' places, CA_ROTOR*."""
         registry.add(RotorLossParams)
         self._registry = registry
         self._attitude = attitude

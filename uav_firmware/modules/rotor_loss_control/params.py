@@ -1,4 +1,4 @@
-"""What the law of three rotors has to know of the vehicle; names that PX4 does not have."""
+"""Properties of the vehicle that the law of three rotors uses; names that PX4 does not have."""
 
 from dataclasses import dataclass
 

@@ -105,7 +105,7 @@ def test_the_summary_tells_the_figures() -> None:
     assert told["Estimate error, level"].startswith("1.000 m RMS; 1.000 m")
     assert told["Estimate error, height"].startswith("0.000 m RMS")
     assert told["Fastest: level; up; down"].startswith("1.00; 0.97; 0.61")
-    assert told["Way flown; greatest height"].endswith("5.00 m")
+    assert told["Distance flown; greatest height"].endswith("5.00 m")
     assert told["Battery used"].startswith(f"{(25.9 + 2.0) * 12.0 / 3.6:.0f} mAh, 1.4 Wh; 90% left")
 
 

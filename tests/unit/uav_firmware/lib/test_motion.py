@@ -27,7 +27,7 @@ def test_an_arc_stays_on_its_circle_and_turns_exactly_its_angle(
     radius: float, bearing: float, angle: float
 ) -> None:
     pieces = arcs(CENTRE, radius, bearing, cruise_for(angle * abs(radius), PROFILE))
-    turned = sum(arc.way(arc.duration) for arc in pieces) / radius
+    turned = sum(arc.length_at(arc.duration) for arc in pieces) / radius
     assert math.isclose(turned, math.copysign(angle, radius), rel_tol=1e-6)
     state = pieces[0].at(0.0)
     for arc in pieces:

@@ -141,7 +141,7 @@ def _unscaled(value: int, scale: float) -> float:
 
 
 def has_no_ignored_parameter(command: Command) -> bool:
-    """Whether every parameter that is set has an effect, as far as this module knows."""
+    """Whether every parameter that is set has an effect, as far as this module can decide."""
     supported = HANDLED_HERE.get(command.number, _ALL)
     ignored = (p for i, p in enumerate(command.parameters, 1) if i not in supported)
     return all(math.isnan(parameter) or parameter == 0.0 for parameter in ignored)

@@ -1,7 +1,7 @@
 """Messages and values of MAVLink that the shipped dialect lacks.
 
 Extension fields are at the end of a payload and do not change CRC_EXTRA, so a peer with the
-shipped dialect reads these messages without the fields it does not know. Definitions: MAVLink
+shipped dialect reads these messages without the fields that it lacks. Definitions: MAVLink
 common.xml and development.xml, messages 42, 44, 47, 80 and 300.
 """
 

@@ -112,13 +112,13 @@ def choose_destination(flight: Flight) -> tuple[Vector3 | None, tuple[Point, ...
     home = () if flight.home is None else (flight.home.position_ned,)
     allowed = tuple(point for point in flight.rally_points if flight.fence.allows(point[:2]))
     places = (*home, *allowed)
-    ways = [
+    paths = [
         (length(here, turns, place[:2]), place, turns)
         for place in places
         if (turns := find_detour(flight.fence, here, place[:2])) is not None
     ]
-    if ways:
-        _, place, turns = min(ways, key=operator.itemgetter(0))
+    if paths:
+        _, place, turns = min(paths, key=operator.itemgetter(0))
         return place, turns
     nearest = min(places, key=lambda point: math.dist(here, point[:2]), default=None)
     if nearest is not None and not flight.breached:
