@@ -93,8 +93,8 @@ class Database:
         self._lock: int | None = None
         self._connection: sqlite3.Connection | None = None
         self._is_closed = False
-        self.instance_id = str(ULID())
-        """Identifies the broker of this folder, also after a restart; of this run without one."""
+        self.instance_id = ""
+        """Identifies the broker of this folder, also after a restart; empty if none is stored."""
 
     def open(self) -> None:
         """Lock the folder and open the file, which is created if there is none.
@@ -174,7 +174,7 @@ class Database:
             self.folder.mkdir(parents=True, exist_ok=True)
             if self._lock is None:
                 self._lock = _lock(self.folder / LOCK_FILE)
-                self.instance_id = _identity(self._lock, self.instance_id)
+                self.instance_id = _identity(self._lock)
             self._connection = self._opened()
         return self._connection
 
@@ -417,13 +417,20 @@ def _lock(path: Path) -> int:
     return descriptor
 
 
-def _identity(lock: int, new: str) -> str:
-    """Read the identity in a lock file; a file without one gets a new one, if the disk takes it."""
-    with suppress(OSError):
+def _identity(lock: int) -> str:
+    """Read the identity in a lock file; a file without one gets a new one.
+
+    Empty if the disk refuses: a broker with another identity after each restart would wait until
+    the edge server takes its predecessor for gone.
+    """
+    new = str(ULID()).encode()
+    try:
         known = os.pread(lock, 64, 0)
         if _IDENTITY.fullmatch(known):
             return known.decode()
         os.ftruncate(lock, 0)
-        os.pwrite(lock, new.encode(), 0)
+        is_complete = os.pwrite(lock, new, 0) == len(new)
         os.fsync(lock)
-    return new
+    except OSError:
+        return ""
+    return new.decode() if is_complete else ""

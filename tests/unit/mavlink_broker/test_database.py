@@ -1,5 +1,6 @@
 """The broker's database: one broker at a time, nothing lost in a kill, damage set aside."""
 
+import errno
 import logging
 import os
 import re
@@ -75,6 +76,20 @@ def test_a_broker_is_the_same_after_a_restart_and_another_one_on_another_folder(
     renewed = identity("first")
     assert renewed != first
     assert identity("first") == renewed
+
+
+def test_a_broker_whose_disk_stores_no_identity_is_known_by_its_key_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object) -> int:
+        raise OSError(errno.ENOSPC, "full")
+
+    monkeypatch.setattr(os, "pwrite", refuse)
+    database = Database(tmp_path)
+    assert database.instance_id == ""
+    database.open()
+    database.close()
+    assert database.instance_id == ""
 
 
 def test_a_change_is_on_the_disk_and_the_lock_ends_when_the_broker_is_killed(
