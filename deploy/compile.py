@@ -225,7 +225,7 @@ def build_library(files: CFiles, build: Path, into: Path) -> None:
 
 def _digest(files: Iterable[Path], texts: Iterable[str] = ()) -> str:
     digest = hashlib.sha256("\n".join(texts).encode())
-    for file in sorted(files):
+    for file in sorted(files, key=lambda file: file.name):  # The same in another folder
         digest.update(file.read_bytes())
     return digest.hexdigest()[:24]
 
