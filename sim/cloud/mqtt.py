@@ -32,7 +32,7 @@ class MqttReceiver:
     """Receives records from a broker until it is closed."""
 
     def __init__(self, store: Store, url: str, login: str | None = None) -> None:
-        """Take the broker's address and a login as `user:password` if it requires one."""
+        """Set the broker's address and a login as `user:password` if it requires one."""
         parts = urlsplit(url)
         self._store = store
         self._root = unquote(parts.path).strip("/") or "afarcloud/farm"

@@ -37,7 +37,7 @@ class StateLock:
         self._descriptor: int | None = None
 
     def take(self) -> None:
-        """Take the folder, before anything in it is touched.
+        """Claim the folder, before anything in it is touched.
 
         Raises:
             StateTakenError: naming the process that has it.

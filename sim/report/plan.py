@@ -77,7 +77,7 @@ class Planned:
 
 
 def planned_for(document: Mapping[str, Any], vehicle_id: int, plane: Plane) -> Planned:
-    """Take a vehicle's part of a plan; home is the middle of the plane."""
+    """Read a vehicle's part of a plan; home is the middle of the plane."""
     plan = document.get("plan", document)
     missions = [
         mission

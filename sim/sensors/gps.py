@@ -76,7 +76,7 @@ class Gps:
         )
 
     def measure(self, truth: Truth) -> None:
-        """Take a solution for this instant; `deliver` hands it over later."""
+        """Compute a solution for this instant; `deliver` returns it later."""
         if truth.time_us < FIRST_FIX_US:
             self._pending.append(without_fix(truth.time_us))
         else:

@@ -110,7 +110,7 @@ def _run_operator(
 
 
 def _enter_lines(operator: Operator, lines: Lines, script: Script | None, now: float) -> None:
-    """Take the lines that have come, for as long as one is waited for."""
+    """Handle the lines of input while a prompt is open."""
     while operator.takes_line(now):
         if script is not None:
             line = script.next_line(operator.menu.place, now)

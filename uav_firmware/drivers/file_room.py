@@ -34,7 +34,7 @@ class Room:
     """The limits of a folder and how much of them is used."""
 
     def __init__(self, bytes_max: int, entries_max: int, content: Callable[[], Content]) -> None:
-        """Take the limits, and a function that measures the folder."""
+        """Set the limits, and a function that measures the folder."""
         if bytes_max < 1 or entries_max < 1:
             raise ValueError(f"room for {entries_max} entries of {bytes_max} bytes holds nothing")
         self.bytes_max = bytes_max

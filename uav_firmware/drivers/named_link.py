@@ -23,7 +23,7 @@ class PeerResolver:
     def __init__(
         self, peers: Sequence[Address], resolve: Callable[[str], str] = socket.gethostbyname
     ) -> None:
-        """Take peers as (name, port), none of them resolved yet."""
+        """Set the peers as (name, port), none of them resolved yet."""
         self._peers = tuple(peers)
         self._resolve = resolve
         self._numeric: dict[Address, Address] = {}

@@ -28,7 +28,7 @@ class ResetFollower:
     def __init__(self) -> None:
         self._seen: EstimateResets | None = None
 
-    def take(self, resets: EstimateResets) -> EstimateStep | None:
+    def update(self, resets: EstimateResets) -> EstimateStep | None:
         """The step since the last call; None when there was no reset. The first call has none."""
         seen, self._seen = self._seen, resets
         if seen is None or resets is seen or resets.number == seen.number:

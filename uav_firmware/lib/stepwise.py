@@ -15,7 +15,7 @@ class Stepwise(Generic[T]):
     """A computation in progress."""
 
     def __init__(self, steps: Generator[int, None, T]) -> None:
-        """Take the work; nothing is done yet."""
+        """Prepare the work; nothing is done yet."""
         self._steps = steps
         self._results: list[T] = []
 

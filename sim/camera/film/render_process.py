@@ -45,7 +45,7 @@ class _Running(NamedTuple):
 
 
 class RenderProcess:
-    """Takes orders and gives their ends, in the same sequence."""
+    """Receives orders and returns their results, in the same sequence."""
 
     def __init__(self, command: Sequence[str] = _COMMAND, *, inherits: Sequence[int] = ()) -> None:
         """Start processes with a command, which inherit file descriptors."""

@@ -78,7 +78,7 @@ class Lines:
         return bool(self._lines)
 
     def pop(self) -> str:
-        """Take the oldest line."""
+        """Remove and return the oldest line."""
         return self._lines.popleft()
 
     def fileno(self) -> int:

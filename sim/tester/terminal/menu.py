@@ -76,7 +76,7 @@ class Menu:
         return self.place is not Place.IDLE
 
     def answer(self, line: str) -> Action | None:
-        """Take a line; gives what the person wants done."""
+        """Interpret a line; return the action that it requests."""
         return self._answers[self.place](line.strip()) if self.is_asking else None
 
     def _go(self, place: Place) -> None:

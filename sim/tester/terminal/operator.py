@@ -44,7 +44,7 @@ class Operator:
         self._carry_out(self.vehicle.receive(event, now), now, asked=False)
 
     def answer(self, line: str, now: float) -> None:
-        """Take a line of the person."""
+        """Handle a line of input."""
         action = self.menu.answer(line)
         orders = [] if action is None else self.vehicle.act(action, now)
         self._carry_out(orders, now, asked=True)

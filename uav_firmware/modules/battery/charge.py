@@ -50,7 +50,7 @@ class ChargeEstimator:
         self._last_us: int | None = None
 
     def update(self, time_us: int, voltage_v: float, current_a: float) -> None:
-        """Take in a sample [us, V, A]; one with an invalid voltage is ignored.
+        """Add a sample [us, V, A]; one with an invalid voltage is ignored.
 
         An invalid current counts as 0: the voltage is then used without compensation.
         """

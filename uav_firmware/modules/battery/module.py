@@ -27,7 +27,7 @@ class BatteryModule:
         self._charge = ChargeEstimator(registry.read(BatteryParams).pack)
 
     def update(self) -> None:
-        """Take in the newest sample, if there is a new one."""
+        """Add the newest sample, if there is a new one."""
         if self._sensor_battery.count == self._seen_count:
             return
         self._seen_count = self._sensor_battery.count

@@ -135,7 +135,7 @@ class CommanderModule:
             if view.home is not self._topics.home_position.value:
                 view = view._replace(home=self._topics.home_position.value)
         self._waited = self._mission_is_new() and not self._waited
-        self._view = view if self._waited else self._take_commands(view)
+        self._view = view if self._waited else self._handle_commands(view)
 
     def resume(self) -> None:
         """Answer the command whose target the navigator has checked, and continue with the next."""
@@ -147,7 +147,7 @@ class CommanderModule:
                 _, command, decision = unchecked
                 self._unchecked = None
                 decision = decide_on_target(command, decision, result.refusal)
-                self._view = self._take_commands(self._answer(command, decision, view))
+                self._view = self._handle_commands(self._answer(command, decision, view))
 
     def finish(self) -> None:
         """Finish the step that `update` has begun: all that changes without a command."""
@@ -162,7 +162,7 @@ class CommanderModule:
         self._supervise(view)
         self._publish(view)
 
-    def _take_commands(self, view: VehicleView) -> VehicleView:
+    def _handle_commands(self, view: VehicleView) -> VehicleView:
         """Answer the commands in their order, up to one whose target the navigator has to check."""
         queue = self._topics.vehicle_command
         while self._unchecked is None and (command := queue.pop()) is not None:

@@ -48,7 +48,7 @@ class ControlAllocatorModule:
         self._reported = False
         self._registry = registry
         self._seen_version = registry.version
-        self._take(registry.read(ControlAllocatorParams))
+        self._apply(registry.read(ControlAllocatorParams))
 
     def update(self, now_us: int) -> None:
         """Run the law once. Safety: a motor turns only while the vehicle is armed."""
@@ -96,14 +96,14 @@ class ControlAllocatorModule:
             self._status_text.publish(StatusText(now_us, _CRITICAL, "Motor command is no number"))
 
     def _retune(self, now_us: int) -> None:
-        """Take changed parameters; rotors that cannot fly leave the former mix in place."""
+        """Apply changed parameters; rotors that cannot fly leave the former mix in place."""
         self._seen_version = self._registry.version
         try:
-            self._take(self._registry.read(ControlAllocatorParams))
+            self._apply(self._registry.read(ControlAllocatorParams))
         except GeometryError as error:
             self._status_text.publish(StatusText(now_us, _ERROR, f"Geometry not taken: {error}"))
 
-    def _take(self, params: ControlAllocatorParams) -> None:
+    def _apply(self, params: ControlAllocatorParams) -> None:
         self._mix: Mix = mix_of(_rotors(params))
         self._model_factor = params.thrust_model_factor
         self._idle = params.idle

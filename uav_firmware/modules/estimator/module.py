@@ -99,7 +99,7 @@ class EstimatorModule:
         if not estimator.update_imu(imu):
             self._publish_status(imu.time_us)
             return
-        self._take_aids(estimator)
+        self._update_aids(estimator)
         estimator.finish_step()
         if estimator.core is not None:
             self._publish(estimator.core)
@@ -111,7 +111,7 @@ class EstimatorModule:
         self._counts[index] = topic.count
         return topic.value
 
-    def _take_aids(self, estimator: Estimator) -> None:
+    def _update_aids(self, estimator: Estimator) -> None:
         counts = (self._landed.count, self._mag.count, self._baro.count, self._gps.count)
         if counts == self._aid_counts:  # Most steps bring an inertial sample alone
             return

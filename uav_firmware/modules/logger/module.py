@@ -98,13 +98,13 @@ class LoggerModule:
     def close(self) -> None:
         """Write the remaining records at shutdown."""
         if self._writer is not None:
-            self._warn(self._writer.finish(self._take_chunk(self._writer)))
+            self._warn(self._writer.finish(self._collect_chunk(self._writer)))
 
     def _write_chunk(self, writer: LogWriter) -> None:
         if self._registry.version != self._read_version:
             self._read_parameters()
         self._collecting = self._params.mode >= 0 or self._streamer.is_wanted
-        began_us, chunk = self._began_us, self._take_chunk(writer)
+        began_us, chunk = self._began_us, self._collect_chunk(writer)
         self._streamer.publish(began_us, chunk)
         self._warn(
             writer.write_chunk(
@@ -133,7 +133,7 @@ class LoggerModule:
             StorageStatus(self._time_us(), free_bytes, writer.state is Logging.BROKEN)
         )
 
-    def _take_chunk(self, writer: LogWriter) -> bytes:
+    def _collect_chunk(self, writer: LogWriter) -> bytes:
         """Return records, status texts and changed parameters since the previous chunk.
 
         Without an open file or stream changed parameters are skipped: the definitions of the next

@@ -36,7 +36,7 @@ class LogWriter:
         size_max: int,
         describe: Callable[[int], bytes],
     ) -> str | None:
-        """Take the next chunk; return an error text when the storage fails, else None.
+        """Write the next chunk; return an error text when the storage fails, else None.
 
         Args:
             chunk: records since the previous one.

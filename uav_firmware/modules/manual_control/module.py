@@ -80,7 +80,7 @@ class ManualControlModule:
             return
         if self._parameter_version != self._registry.version:
             self._read_parameters()
-        step = self._resets.take(estimate.resets)
+        step = self._resets.update(estimate.resets)
         if step is not None:
             self._guide.shift(step.position_ned, step.velocity_ned)
             self._yaw = wrap_pi(self._yaw + step.heading)

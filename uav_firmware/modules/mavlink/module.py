@@ -172,13 +172,13 @@ class MavlinkModule:
             self.refused.malformed += parsed.faults
             taken += len(parsed.messages) + parsed.faults
             for message in parsed.messages[:left]:
-                self._take(message, address, now_us)
+                self._handle_message(message, address, now_us)
 
     def resume(self, now_us: int) -> None:
         """Go on with what the navigator and the parameter storage have answered."""
         self._transmitter.send(self._dispatcher.resume(now_us))
 
-    def _take(self, message: Message, address: Address, now_us: int) -> None:
+    def _handle_message(self, message: Message, address: Address, now_us: int) -> None:
         """Serve one message if it is admitted."""
         sender = Sender(message.get_srcSystem(), message.get_srcComponent(), address)
         if sender.identity in self._own:

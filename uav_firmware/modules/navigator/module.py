@@ -141,8 +141,8 @@ class NavigatorModule:
             return
         self._last_us = now_us
         self._observe(now_us)
-        self._take_mission()
-        self._take_requests()
+        self._accept_mission()
+        self._handle_requests()
         self._choose_mode()
         self._watch_fence()
         self._fly(min(elapsed_us * 1e-6, _LONGEST_STEP_S))
@@ -171,14 +171,14 @@ class NavigatorModule:
 
     def _follow_resets(self, estimate: VehicleLocalPosition) -> None:
         """Move the set-point with an estimate that was reset."""
-        step = self._resets.take(estimate.resets)
+        step = self._resets.update(estimate.resets)
         if step is None:
             return
         self._flight.shift(step)
         if self._active is not None:
             self._active.on_reset(self._flight, step)
 
-    def _take_mission(self) -> None:
+    def _accept_mission(self) -> None:
         mission = self._topics.mission.value
         if mission is not None and self._mission_count != self._topics.mission.count:
             self._mission_count = self._topics.mission.count
@@ -215,7 +215,7 @@ class NavigatorModule:
         if self._active is self._mission:
             self._mission.on_activation(self._flight, None)
 
-    def _take_requests(self) -> None:
+    def _handle_requests(self) -> None:
         for request in self._topics.navigator_request.drain():
             match request:
                 case NavigatorTarget() | OrbitTarget() | FollowOrder():

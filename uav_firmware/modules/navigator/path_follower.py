@@ -112,7 +112,7 @@ class PathFollower:
         joined = join(self.state, self._ahead())
         if joined is not None:
             bend, leg = joined
-            self._take(leg)
+            self._start_leg(leg)
             self._origin, self._joining = bend.end().position, True
             self._pieces.insert(0, bend)
 
@@ -180,7 +180,7 @@ class PathFollower:
         slope = dot(acceleration, scale(velocity, 1.0 / speed))
         other = plan_leg(position, speed, ahead, acceleration=slope, origin=self._origin)
         if other is not None:
-            self._take(other)
+            self._start_leg(other)
             self._time = 0.0
 
     def advance(self, dt: float) -> MotionState:
@@ -247,12 +247,12 @@ class PathFollower:
             piece = stop_piece(MotionState(position, velocity, ZERO), ahead[0].limits)
             self._leg, self._pieces = None, [piece] if piece is not None else []
         else:
-            self._take(leg)
+            self._start_leg(leg)
             if not self._pieces:
                 self._end_leg()
         return True
 
-    def _take(self, leg: Leg) -> None:
+    def _start_leg(self, leg: Leg) -> None:
         self._leg, self._pieces = leg, [*leg.straight, *leg.turn]
 
     def _end_leg(self) -> None:

@@ -122,7 +122,7 @@ class OffboardModule:
     def _advance_yaw(
         self, setpoint: TrajectorySetpoint, estimate: VehicleLocalPosition, dt: float
     ) -> float:
-        """Take the heading set-point, or advance it by the rate; return the rate [rad/s]."""
+        """Use the heading set-point, or advance it by the rate; return the rate [rad/s]."""
         rate = 0.0 if math.isnan(setpoint.yaw_rate) else setpoint.yaw_rate
         if not math.isnan(setpoint.yaw):
             self._yaw = setpoint.yaw

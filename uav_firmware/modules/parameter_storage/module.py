@@ -111,7 +111,7 @@ class ParameterStorageModule:
         self._check_write()
 
     def _check_write(self) -> None:
-        """Take the result of the last write if it has ended.
+        """Collect the result of the last write if it has ended.
 
         Raises:
             OSError: if it failed.

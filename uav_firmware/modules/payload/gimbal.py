@@ -82,7 +82,7 @@ class Gimbal:
         return from_euler(0.0, self.pitch, self.yaw)
 
     def follow(self, aim: Aim) -> None:
-        """Take a new order; NaN keeps the present value."""
+        """Apply a new order; NaN keeps the present value."""
         if isinstance(aim, Angles):
             now = self.yaw if aim.locked else wrap_pi(self.yaw - self.heading)
             pitch = self.pitch if math.isnan(aim.pitch) else aim.pitch

@@ -122,7 +122,7 @@ class PayloadModule:
         situation = self._situation(now_us)
         attitude = self._attitude.value
         self._parts.q_ned_frd = _LEVEL if attitude is None else attitude.q_ned_frd
-        self._take_orders(situation)
+        self._handle_orders(situation)
         self._move(situation, elapsed_us * 1e-6)
         self._take_pictures(situation)
         self._publish(situation)
@@ -153,7 +153,7 @@ class PayloadModule:
             status is not None and status.armed,
         )
 
-    def _take_orders(self, situation: Situation) -> None:
+    def _handle_orders(self, situation: Situation) -> None:
         if self._region.count != self._region_count and self._region.value is not None:
             self._region_count = self._region.count
             gimbal_orders.take_region(self._region.value, self._parts, situation)

@@ -149,7 +149,7 @@ class PositionControlModule:
 
     def _follow_resets(self, position: VehicleLocalPosition) -> None:
         """Move a set-point that is older than a reset of the estimate with the estimate."""
-        step = self._resets.take(position.resets)
+        step = self._resets.update(position.resets)
         setpoint = self._trajectory.value
         if step is None or setpoint is None or setpoint.time_us >= position.time_us:
             return
@@ -220,7 +220,7 @@ class PositionControlModule:
         self._hover_thrust.publish(HoverThrustEstimate(time_us, estimate.hover, estimate.learnt))
 
     def _follow_yaw(self, position: VehicleLocalPosition) -> float:
-        """Take over the wanted yaw, keep the former one where none is set; gives the rate."""
+        """Set the wanted yaw, keep the former one where none is set; return the rate."""
         setpoint = self._trajectory.value
         if setpoint is None or position.time_us - setpoint.time_us > _STALE_US:
             return 0.0

@@ -70,7 +70,7 @@ class TakeoffRamp:
         spool_up_time_s: float,
         ramp_time_s: float,
     ) -> Takeoff:
-        """Take the events that hold now, at most one, the most urgent first."""
+        """Apply the events that hold now, at most one, the most urgent first."""
         if self.state is Takeoff.FLIGHT and armed and not landed:  # The usual case: none of them
             self._was_airborne = True
             return self.state

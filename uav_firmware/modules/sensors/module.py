@@ -193,7 +193,7 @@ class SensorsModule:
         estimate, reference = self._local_position.value, None
         if estimate is not None and estimate.altitude_valid:
             reference = (-estimate.position_ned[2],)
-        for failed in vote.take(now_us, heights, reference):
+        for failed in vote.update(now_us, heights, reference):
             self._report(now_us, "Barometer", failed.instance, failed.reason, len(vote.good))
         baro, height = baros[vote.selected], vote.use(heights)
         if baro is None:
@@ -214,7 +214,7 @@ class SensorsModule:
         attitude, reference = self._attitude.value, None
         if attitude is not None and self._field_ned is not None:
             reference = rotate_inverse(attitude.q_ned_frd, self._field_ned)
-        for failed in vote.take(now_us, fields, reference):
+        for failed in vote.update(now_us, fields, reference):
             self._report(now_us, "Compass", failed.instance, failed.reason, len(vote.good))
         mag, field = mags[vote.selected], vote.use(fields)
         if mag is None or field is None:

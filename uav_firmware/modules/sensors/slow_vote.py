@@ -61,10 +61,10 @@ class SlowVote:
         self._correction: Vector | None = None
         self._last_us: int | None = None
 
-    def take(
+    def update(
         self, now_us: int, samples: Sequence[Vector | None], reference: Vector | None
     ) -> list[Failed]:
-        """Take what has come of every instance; what has failed by that.
+        """Add the new samples of every instance; return what has failed by them.
 
         `reference` is what the estimate expects of a perfect instance, None while it expects
         nothing.

@@ -10,13 +10,13 @@ from uav_firmware.msg.estimate import EstimateResets
 
 def test_what_was_before_the_first_look_is_not_followed() -> None:
     follower = ResetFollower()
-    assert follower.take(EstimateResets(xy_count=3, position_total_ned=(9.0, 0.0, 0.0))) is None
+    assert follower.update(EstimateResets(xy_count=3, position_total_ned=(9.0, 0.0, 0.0))) is None
 
 
 def test_several_resets_between_two_looks_are_one_step() -> None:
     follower = ResetFollower()
-    follower.take(EstimateResets(xy_count=1, position_total_ned=(1.0, 2.0, 0.0)))
-    step = follower.take(
+    follower.update(EstimateResets(xy_count=1, position_total_ned=(1.0, 2.0, 0.0)))
+    step = follower.update(
         EstimateResets(
             xy_count=3,
             z_count=1,
@@ -36,6 +36,6 @@ def test_several_resets_between_two_looks_are_one_step() -> None:
 def test_without_a_reset_there_is_no_step() -> None:
     follower = ResetFollower()
     resets = EstimateResets(z_count=2)
-    follower.take(resets)
-    assert follower.take(resets) is None
-    assert follower.take(EstimateResets(z_count=2)) is None
+    follower.update(resets)
+    assert follower.update(resets) is None
+    assert follower.update(EstimateResets(z_count=2)) is None

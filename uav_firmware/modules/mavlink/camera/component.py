@@ -90,11 +90,11 @@ class CameraComponent:
         return number in OWN
 
     def handle(self, message: Message, sender: Sender, now_us: int) -> list[Outgoing]:
-        """Take a command."""
+        """Handle a command."""
         return _as_camera(self._commands.handle(message, sender, now_us))
 
     def cancel(self, message: Message, sender: Sender, now_us: int) -> list[Outgoing]:
-        """Take COMMAND_CANCEL."""
+        """Handle COMMAND_CANCEL."""
         return _as_camera(self._commands.cancel(message, sender, now_us))
 
     def tick(self, acks: Iterable[VehicleCommandAck], now_us: int) -> list[Outgoing]:

@@ -129,7 +129,7 @@ class CommandServer:
         self._history = CommandHistory()
 
     def handle(self, message: Message, sender: Sender, now_us: int) -> list[Outgoing]:
-        """Take COMMAND_LONG or COMMAND_INT."""
+        """Handle COMMAND_LONG or COMMAND_INT."""
         if not self._is_addressed(message):
             return []
         if message.command not in self._known:
@@ -139,10 +139,10 @@ class CommandServer:
         if command is None:
             return [_acknowledge(message.command, BAD_FRAME, sender)]
         repeated = self._history.is_repetition(message, sender, now_us)
-        return self._take(command, sender, now_us, repeated=repeated)
+        return self._handle(command, sender, now_us, repeated=repeated)
 
     def cancel(self, message: Message, _sender: Sender, _now_us: int) -> list[Outgoing]:
-        """Take COMMAND_CANCEL; ignored unless the command is running."""
+        """Handle COMMAND_CANCEL; ignored unless the command is running."""
         if is_for_us(message, self._system_id, self._component):
             for token, pending in self._pending.items():
                 if pending.number == message.command and pending.progress is not None:
@@ -150,7 +150,7 @@ class CommandServer:
         return []
 
     def set_mode(self, message: Message, sender: Sender, now_us: int) -> list[Outgoing]:
-        """Take SET_MODE, which has no answer."""
+        """Handle SET_MODE, which has no answer."""
         if message.target_system != self._system_id:
             return []
         command = modes.command_from_set_mode(message.base_mode, message.custom_mode)
@@ -159,7 +159,7 @@ class CommandServer:
         return []
 
     def set_current_item(self, seq: int, sender: Sender, now_us: int) -> bool:
-        """Take MISSION_SET_CURRENT; return False when it is out of range."""
+        """Handle MISSION_SET_CURRENT; return False when it is out of range."""
         if not 0 <= seq < self._mission_length():
             return False
         command = Command(
@@ -189,7 +189,7 @@ class CommandServer:
             return message.target_component in {0, self._component}
         return is_for_us(message, self._system_id, self._component)
 
-    def _take(
+    def _handle(
         self, command: Command, sender: Sender, now_us: int, *, repeated: bool
     ) -> list[Outgoing]:
         earlier = self._earlier(command, sender, now_us, repeated=repeated)

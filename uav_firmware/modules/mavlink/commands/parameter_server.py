@@ -127,7 +127,7 @@ class ParameterServer:
         self._changed: deque[str] = deque()
 
     def handle(self, message: Message, sender: Sender, now_us: int) -> list[Outgoing]:
-        """Take a message of the parameter protocol."""
+        """Handle a message of the parameter protocol."""
         if not is_for_us(message, self._system_id):
             return []
         self._index_names()

@@ -107,7 +107,7 @@ class FollowInput:
         self._topic = topic
 
     def handle(self, message: Message, sender: Sender, now_us: int) -> list[Outgoing]:
-        """Take FOLLOW_TARGET."""
+        """Handle FOLLOW_TARGET."""
         target = target_of(message, sender.system, now_us)
         if target is not None:
             self._topic.publish(target)
@@ -157,7 +157,7 @@ class GimbalInput:
         self._orders = orders
 
     def handle(self, message: Message, sender: Sender, now_us: int) -> list[Outgoing]:
-        """Take one of the three messages."""
+        """Handle one of the three messages."""
         if not is_for_us(message, self._system_id) or message.gimbal_device_id not in _DEVICES:
             return []
         flags: int = message.flags

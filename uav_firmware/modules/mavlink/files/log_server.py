@@ -124,7 +124,7 @@ class LogServer:
         }
 
     def handle(self, message: Message, sender: Sender, now_us: int) -> list[Outgoing]:
-        """Take a message of the log protocol."""
+        """Handle a message of the log protocol."""
         if not is_for_us(message, self._system_id):
             return []
         kind = message.get_type()

@@ -136,7 +136,7 @@ class LogStream:
         return Answer(_ACCEPTED)
 
     def acknowledged(self, message: Message, sender: Sender, now_us: int) -> list[Outgoing]:
-        """Take LOGGING_ACK and send the next definition."""
+        """Handle LOGGING_ACK and send the next definition."""
         waiting, owner = self._unacknowledged, self._owner
         if waiting is None or owner is None or not is_for_us(message, self._system_id):
             return []
@@ -151,7 +151,7 @@ class LogStream:
         if owner is None:
             return []
         for chunk in chunks:
-            self._take(chunk)
+            self._accept_chunk(chunk)
         if self._unacknowledged is not None:
             return self._retry(self._unacknowledged, owner, now_us)
         if self._definitions:
@@ -172,7 +172,7 @@ class LogStream:
         self._dropping_since_us = None
         self._request.publish(LogStreamRequest(0))
 
-    def _take(self, chunk: LogStreamChunk) -> None:
+    def _accept_chunk(self, chunk: LogStreamChunk) -> None:
         """Queue a chunk of this stream as packets if there is room."""
         if chunk.number != self._number:
             return

@@ -42,7 +42,7 @@ class FileServer:
         self._housekeeping_us = 0
 
     def handle(self, message: Message, sender: Sender, now_us: int) -> list[Outgoing]:
-        """Take a request; return the messages to send at once."""
+        """Handle a request; return the messages to send at once."""
         if not is_for_us(message, self._system_id):
             return []
         request = read_request(bytes(message.payload))

@@ -83,16 +83,16 @@ class FileService:
         return frozenset(self._handlers)
 
     def handle(self, message: Message, sender: Sender, now_us: int) -> list[Outgoing]:
-        """Take a message of either protocol."""
+        """Handle a message of either protocol."""
         outgoing = self._handlers[message.get_type()](message, sender, now_us)
-        return outgoing + self._take_pending()
+        return outgoing + self._drain_pending()
 
     def tick(self, now_us: int) -> list[Outgoing]:
         """Continue transfers."""
         outgoing = self._server.tick(now_us)
         if self._logs is not None:
             outgoing += self._logs.tick(now_us)
-        return outgoing + self._take_pending()
+        return outgoing + self._drain_pending()
 
     def _is_armed(self) -> bool:
         status = self._topics.vehicle_status.value
@@ -101,7 +101,7 @@ class FileService:
     def _refused(self, text: str) -> None:
         self._pending += self._texts.encode(mavlink.MAV_SEVERITY_WARNING, text)
 
-    def _take_pending(self) -> list[Outgoing]:
+    def _drain_pending(self) -> list[Outgoing]:
         """Messages other than replies."""
         pending, self._pending = self._pending, []
         return pending

@@ -82,7 +82,7 @@ class MissionServer:
         return [fault for store in self._stores.values() if (fault := store.load())]
 
     def handle(self, message: Message, sender: Sender, now_us: int) -> list[Outgoing]:
-        """Take a message of the mission protocol."""
+        """Handle a message of the mission protocol."""
         addressed = message.target_system == self._system_id
         if not addressed or message.target_component not in _COMPONENTS:
             return []
@@ -181,7 +181,7 @@ class MissionServer:
         return frame == cleared != b"" and now_us - time_us < DUPLICATE_US
 
     def _ack(self, message: Message, sender: Sender, _now_us: int) -> list[Outgoing]:
-        """Take an ACK: it ends a download, or cancels the sender's upload."""
+        """Handle an ACK: it ends a download, or cancels the sender's upload."""
         upload = self._uploads.get(message.mission_type)
         if upload is not None and message.type != ACCEPTED:
             upload.cancel(sender)

@@ -143,7 +143,7 @@ class UploadReceiver:
         return self._transfer is not None and self._transfer.sender.identity != sender.identity
 
     def begin(self, message: Message, sender: Sender, now_us: int) -> Reply:
-        """Take MISSION_COUNT."""
+        """Handle MISSION_COUNT."""
         opening = bytes(message.get_msgbuf() or b"")
         if self.is_by_another(sender):
             return Reply((self._ack(sender, Outcome(_DENIED)),))
@@ -173,7 +173,7 @@ class UploadReceiver:
         return self._advance_check(self._transfer, removal, now_us)
 
     def item(self, message: Message, sender: Sender, now_us: int) -> Reply:
-        """Take MISSION_ITEM_INT or MISSION_ITEM."""
+        """Handle MISSION_ITEM_INT or MISSION_ITEM."""
         transfer = self._transfer
         if transfer is None or transfer.sender.identity != sender.identity:
             return self._unexpected(message, sender)
@@ -192,7 +192,7 @@ class UploadReceiver:
         return self._advance_check(transfer, transfer.check, now_us)
 
     def cancel(self, sender: Sender) -> None:
-        """Take a MISSION_ACK of the uploader: cancel its upload."""
+        """Handle a MISSION_ACK of the uploader: cancel its upload."""
         if self.is_by_another(sender) or self._store.is_writing:
             return
         self._transfer = None
@@ -232,7 +232,7 @@ class UploadReceiver:
         return self._store.fault_of(message.seq, item) or item
 
     def _unexpected(self, message: Message, sender: Sender) -> Reply:
-        """Take an item without a transfer of its sender: a repeated last one or another one."""
+        """Handle an item without a transfer of its sender: a repeated last one or another one."""
         last = self._last_transfer
         if last is not None and (sender.identity, message.seq) == (last.identity, last.seq):
             same = _as_text(self._readable(message)) == _as_text(last.item)

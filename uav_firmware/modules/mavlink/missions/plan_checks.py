@@ -70,7 +70,7 @@ class PlanChecker:
         self._received: dict[PlanType, PlanCheckResult] = {}
 
     def receive(self) -> bool:
-        """Take the results of the navigator; return whether there was one."""
+        """Apply the results of the navigator; return whether there was one."""
         results = self._results.drain()
         for result in results:
             self._received[result.plan_type] = result

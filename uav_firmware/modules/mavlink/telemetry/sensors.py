@@ -226,7 +226,7 @@ class VibrationMeter:
         self._due_us = 0
 
     def update(self, imu: SensorImu | None, now_us: int) -> None:
-        """Take the newest inertial sample."""
+        """Add the newest inertial sample."""
         if now_us < self._due_us or imu is None:
             return
         self._due_us = now_us + SAMPLE_US

@@ -42,7 +42,7 @@ from uav_firmware.parameters import Registry
 from uav_firmware.topics import Topics
 
 Handler: TypeAlias = Callable[[Message, Sender, int], list[Outgoing]]
-"""Takes a message, its sender and the time [us]; returns the messages to send."""
+"""Handle a message, its sender and the time [us]; returns the messages to send."""
 
 _COMMANDING_TYPES: Final = frozenset({mavlink.MAV_TYPE_GCS, mavlink.MAV_TYPE_ONBOARD_CONTROLLER})
 
@@ -225,7 +225,7 @@ class Dispatcher:
         return min(progress.seq_current, len(mission.items) - 1)
 
     def _set_current(self, message: Message, sender: Sender, now_us: int) -> list[Outgoing]:
-        """Take MISSION_SET_CURRENT; it has no acknowledgement, so a failure is a STATUSTEXT."""
+        """Handle MISSION_SET_CURRENT; it has no acknowledgement, so a failure is a STATUSTEXT."""
         if not is_for_us(message, self._system_id):
             return []
         if self._commands.set_current_item(message.seq, sender, now_us):

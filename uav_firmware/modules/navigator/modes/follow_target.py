@@ -55,7 +55,7 @@ class FollowMode(NavigatorMode):
 
     def on_active(self, flight: Flight) -> None:
         """Fuse the newest report and follow the estimate."""
-        self._take_report(flight)
+        self._accept_report(flight)
         dt = (flight.now_us - self._last_us) * 1e-6
         self._last_us = flight.now_us
         if self._filter.known(flight.now_us):
@@ -69,7 +69,7 @@ class FollowMode(NavigatorMode):
     def on_speeds(self, flight: Flight) -> None:
         """Ignore the change: FLW_TGT_MAX_VEL is the speed of this mode."""
 
-    def _take_report(self, flight: Flight) -> None:
+    def _accept_report(self, flight: Flight) -> None:
         report = self._reports.value
         if report is None or self._reports.count == self._seen:
             return

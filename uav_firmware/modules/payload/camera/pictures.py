@@ -101,7 +101,7 @@ class Pictures:
         if device is None:
             return
         for outcome in device.collect(now_us):
-            self._take(outcome, now_us)
+            self._handle_outcome(outcome, now_us)
         self._parts.camera.memory_full = not device.is_ready
         self._note_removals(device)
         self._parts.camera.answers = device.answers
@@ -126,7 +126,7 @@ class Pictures:
         else:
             self._parts.storing = len(self._pending) - len(self._ended)
 
-    def _take(self, outcome: Outcome, now_us: int) -> None:
+    def _handle_outcome(self, outcome: Outcome, now_us: int) -> None:
         picture = outcome.picture
         if picture is None:
             self._publish_text(now_us, f"Picture {outcome.image_index} lost: {outcome.reason}")

@@ -194,7 +194,7 @@ class Slow:
                 None if off is None else (height + off + float(n),)
                 for off, n in zip((first, second), noise, strict=False)
             ]
-            news = self.vote.take(self._now_us, samples, (height + 0.3 * float(noise[2]),))
+            news = self.vote.update(self._now_us, samples, (height + 0.3 * float(noise[2]),))
             self.failed += [(failure.instance, failure.reason) for failure in news]
             used = self.vote.use(samples)
             if used is not None:
@@ -232,7 +232,7 @@ def test_a_frozen_compass_fails_while_the_other_changes() -> None:
     vote, failed = SlowVote(2, 0.05), []
     for number in range(100):
         field = (0.3 + 1e-4 * math.sin(number), 0.0, 0.4)
-        news = vote.take(number * 20_000, [(0.3, 0.0, 0.4), field], None)
+        news = vote.update(number * 20_000, [(0.3, 0.0, 0.4), field], None)
         failed += [(failure.instance, failure.reason) for failure in news]
     assert failed == [(0, "stuck")]
     assert vote.selected == 1
