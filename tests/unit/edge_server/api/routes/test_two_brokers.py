@@ -5,6 +5,7 @@ from typing import Any
 import pytest
 
 from edge_server.store.rows.vehicles import SERVED_S
+from tests.support.databases import BOTH_ENGINES
 from tests.unit.edge_server.conftest import Edge
 from tests.unit.edge_server.documents import event, mission, plan, telemetry
 
@@ -48,6 +49,7 @@ def brokers(edge: Edge, request: pytest.FixtureRequest) -> tuple[Broker, Broker]
     return first, Broker(edge, None, made["key"])
 
 
+@BOTH_ENGINES
 def test_a_second_broker_gets_no_work_of_the_vehicle(
     edge: Edge, brokers: tuple[Broker, Broker]
 ) -> None:
@@ -81,6 +83,7 @@ def test_its_reports_are_stored_and_the_operator_sees_both(
     assert edge.get("/vehicles/1")["brokers"] == seen[:1]
 
 
+@BOTH_ENGINES
 def test_a_vehicle_goes_to_the_second_broker_once_the_first_is_gone(
     edge: Edge, brokers: tuple[Broker, Broker]
 ) -> None:
