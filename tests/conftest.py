@@ -14,6 +14,7 @@ from hypothesis import settings
 
 from edge_server.store import migrate
 from edge_server.store.connection.engines import sqlite_url
+from tests.support import url_rules
 from tests.support.databases import ENGINES, PostgresServer, running_server
 
 # No example is judged by the wall clock: these machines are shared. Where CI is set, the same
@@ -21,6 +22,8 @@ from tests.support.databases import ENGINES, PostgresServer, running_server
 settings.register_profile("default", deadline=None)
 settings.register_profile("ci", deadline=None, derandomize=True)
 settings.load_profile("ci" if os.environ.get("CI") else "default")
+
+url_rules.compile_once()
 
 # The programs that tests start shall use the databases of the tests
 os.environ.pop("DATABASE_URL", None)
