@@ -15,6 +15,7 @@ from edge_server.api.routes import (
     audit,
     broker,
     bulk,
+    console,
     dead_letters,
     documentation,
     events,
@@ -62,6 +63,7 @@ _MODULES = (
     health,
     metrics,
     documentation,
+    console,
 )
 """Modules with a blueprint."""
 
@@ -92,6 +94,7 @@ def create_app(config: Config, *, clock: Callable[[], float] = time.time) -> Fla
     ring = auth.KeyRing(database, clock)
     limits = Limits(config)
     app.extensions[keys.KEY_RING] = ring
+    app.before_request(console.lead_browser_to_console)
     app.before_request(documentation.link_browser_to_docs)
     app.before_request(lambda: auth.authorize(ring, limits, context))
     if config.cloud_jws_key_file is not None:

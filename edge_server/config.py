@@ -30,6 +30,7 @@ class Config:
 
     state_dir: Path = Path("var")
     keys_folder: Path | None = None  # None: in the state folder
+    console_dir: Path = Path(__file__).resolve().parents[1] / "console" / "dist"
     host: str = "127.0.0.1"
     port: int = 8000
     cloud_url: str = "http://127.0.0.1:8100"
@@ -239,6 +240,7 @@ _PER_MINUTE: Final = _whole(1, 10_000_000)
 SETTINGS: Final = (
     Setting("state_dir", "STATE_DIR", Path, "folder of database, keys and pipe"),
     Setting("keys_folder", "KEYS_DIR", Path, "folder of key files; default: STATE_DIR/keys"),
+    Setting("console_dir", "EDGE_CONSOLE_DIR", Path, "folder of the built console"),
     Setting(
         "database_url",
         "DATABASE_URL",

@@ -149,13 +149,18 @@ def config(
     folder = tmp_path / "state"
     shutil.copytree(prepared, folder)
     if engine_name == "sqlite":
-        yield Config(state_dir=folder, cloud_jws_key_file=folder / CLOUD_JWS)
+        yield Config(
+            state_dir=folder,
+            console_dir=tmp_path / "console",
+            cloud_jws_key_file=folder / CLOUD_JWS,
+        )
         return
     server: PostgresServer = request.getfixturevalue("postgres")
     name = request.getfixturevalue("prepared_on_postgres")
     server.renew(name)
     yield Config(
         state_dir=folder,
+        console_dir=tmp_path / "console",
         database_url=server.url(name),
         cloud_jws_key_file=folder / CLOUD_JWS,
     )

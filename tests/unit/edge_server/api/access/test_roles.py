@@ -83,8 +83,18 @@ for _kind in TELEMETRY:
         ("PUT", f"/{_kind}/1", {"admin"}, telemetry(_kind)),
         ("DELETE", f"/{_kind}/1", {"admin"}, None),
     ]
-OPEN = {("GET", "/healthz"), ("GET", "/readyz")}
-PLACES = (("int64", "1"), (r"string\(length=26\)", ULID), (r"string\(length=8\)", "0123abcd"))
+OPEN = {
+    ("GET", "/healthz"),
+    ("GET", "/readyz"),
+    ("GET", "/console"),
+    ("GET", "/console/fleet"),
+}
+PLACES = (
+    ("int64", "1"),
+    (r"string\(length=26\)", ULID),
+    (r"string\(length=8\)", "0123abcd"),
+    ("path", "fleet"),
+)
 """Values in a path, by converter."""
 WITHOUT_VEHICLES = ("/openapi.json", "/docs", "/metrics", "/audit", "/keys", "/fields")
 """Paths of resources without a vehicle."""
