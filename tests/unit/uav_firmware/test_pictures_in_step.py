@@ -22,24 +22,24 @@ ORDERED_US, PICTURES, END_US = 2_000_000, 2, 5_000_000
 
 
 class Run(NamedTuple):
-    """What a vehicle has done and told."""
+    """What a vehicle has done and reported."""
 
     truth: Truth
-    told: list[tuple[int, ImageCaptured]]  # When [us], what
+    reported: list[tuple[int, ImageCaptured]]  # When [us], what
     files: dict[str, bytes]
 
 
-class Ear(Queue[CameraEvent]):
-    """Hears what is told of pictures, and when."""
+class PictureRecorder(Queue[CameraEvent]):
+    """Records the reports of pictures, and when."""
 
     def __init__(self, vehicle: JsbsimVehicle) -> None:
         super().__init__()
         self.vehicle = vehicle
-        self.told: list[tuple[int, ImageCaptured]] = []
+        self.reported: list[tuple[int, ImageCaptured]] = []
 
     def publish(self, item: CameraEvent) -> None:
         assert isinstance(item, ImageCaptured)
-        self.told.append((self.vehicle.time_us, item))
+        self.reported.append((self.vehicle.time_us, item))
 
 
 def run(folder: Path, *, with_camera: bool) -> Run:
@@ -59,8 +59,8 @@ def run(folder: Path, *, with_camera: bool) -> Run:
         write_line=lambda _time_us, _text: None,
     )
     autopilot.registry.set("CAM_IMAGE_WIDTH", 1152)
-    ear = Ear(vehicle)
-    autopilot.payload._camera_event = ear
+    recorder = PictureRecorder(vehicle)
+    autopilot.payload._camera_event = recorder
     ordered = False
     while vehicle.time_us < END_US:
         if not ordered and vehicle.time_us >= ORDERED_US:
@@ -73,7 +73,7 @@ def run(folder: Path, *, with_camera: bool) -> Run:
         autopilot.scheduler.step()
     vehicle.close()
     files = {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*.jpg")}
-    return Run(simulation.truth, ear.told, files)
+    return Run(simulation.truth, recorder.reported, files)
 
 
 @pytest.fixture(scope="module")
@@ -84,11 +84,11 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Run:
 @pytest.mark.thorough
 def test_the_same_flight_has_the_same_pictures_and_reports(flown: Run, tmp_path: Path) -> None:
     assert run(tmp_path, with_camera=True) == flown
-    assert len(flown.told) == PICTURES
+    assert len(flown.reported) == PICTURES
     assert len(flown.files) == 2 * PICTURES  # Each with its small copy
-    for told_us, image in flown.told:
+    for reported_us, image in flown.reported:
         assert image.succeeded
-        assert STORING_US <= told_us - image.time_us <= STORING_US + 80_000
+        assert STORING_US <= reported_us - image.time_us <= STORING_US + 80_000
         assert f"image/{image.file_url.rpartition('/')[2]}" in flown.files
 
 

@@ -47,7 +47,7 @@ def axes_ned(latitude_deg: float, longitude_deg: float) -> NDArray[np.float64]:
 
 @dataclass(frozen=True)
 class Survey:
-    """What a picture tells of itself."""
+    """Metadata of a picture."""
 
     latitude_deg: float
     longitude_deg: float

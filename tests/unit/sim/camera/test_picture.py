@@ -117,8 +117,8 @@ def test_the_mean_of_ndvi_is_the_farms_own(field: object) -> None:
         for east in np.linspace(-20.0, 20.0, 9)
         for north in np.linspace(-15.0, 15.0, 7)
     ]
-    told = np.mean([FARM.vegetation_index(*place, MORNING_S) for place in places])
-    assert seen == pytest.approx(told, abs=0.05)
+    expected = np.mean([FARM.vegetation_index(*place, MORNING_S) for place in places])
+    assert seen == pytest.approx(expected, abs=0.05)
 
 
 def test_the_same_shot_is_the_same_picture_in_every_band() -> None:

@@ -1,4 +1,4 @@
-"""Which programs a system is made of, and what they are told."""
+"""Which programs a system is made of, and their arguments."""
 
 from pathlib import Path
 

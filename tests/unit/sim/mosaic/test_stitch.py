@@ -66,12 +66,12 @@ def test_consecutive_pictures_overlap_as_planned(survey: Path) -> None:
 def test_the_map_agrees_with_the_surveyor(survey: Path) -> None:
     """Two ways from a picture to the ground that share no code."""
     for picture in in_order(survey)[::4]:
-        told, _ = read(picture.path.read_bytes())
+        metadata, _ = read(picture.path.read_bytes())
         latitude, longitude = FARM.plane.geodetic((EAST[1], NORTH[2]))
-        ground_m = told.altitude_m - picture.height_m
+        ground_m = metadata.altitude_m - picture.height_m
         north, east = picture.offset_m(latitude, longitude)
         column, row = picture.pixels(np.array([-north]), np.array([-east]))
-        seen = told.pixel(latitude, longitude, ground_m)
+        seen = metadata.pixel(latitude, longitude, ground_m)
         assert (column[0], row[0]) == pytest.approx(seen, abs=0.05)
 
 
@@ -106,7 +106,7 @@ def _over(whole: Mosaic, part: Mosaic) -> NDArray[np.uint8]:
 def test_the_map_of_ndvi_is_the_farms_map(survey: Path) -> None:
     mosaic = stitch(pictures_in(survey / "ndvi"), cell_m=0.25)
     assert mosaic is not None
-    seen, told = [], []
+    seen, expected = [], []
     north, east = (places.ravel() for places in mosaic.places())
     origin = FARM.plane.place(mosaic.latitude_deg, mosaic.longitude_deg)
     block = 16  # Four metres: some rows
@@ -120,10 +120,10 @@ def test_the_map_of_ndvi_is_the_farms_map(survey: Path) -> None:
                 (origin.east_m + east[middle[1]], origin.north_m + north[middle[0]])
             )
             seen.append(cells.mean() / 127.5 - 1.0)
-            told.append(FARM.vegetation_index(*place, MORNING_S))
+            expected.append(FARM.vegetation_index(*place, MORNING_S))
     assert len(seen) > 150
-    assert np.sqrt(np.mean((np.array(seen) - np.array(told)) ** 2)) < 0.05
-    assert np.corrcoef(seen, told)[0, 1] > 0.8
+    assert np.sqrt(np.mean((np.array(seen) - np.array(expected)) ** 2)) < 0.05
+    assert np.corrcoef(seen, expected)[0, 1] > 0.8
 
 
 def test_the_whole_area_is_shown_and_its_share_of_the_field_told(

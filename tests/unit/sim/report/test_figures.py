@@ -101,12 +101,12 @@ def test_an_orbit_is_no_point_to_pass() -> None:
 
 
 def test_the_summary_tells_the_figures() -> None:
-    told = dict(summary(flight(position_error=(0.6, 0.8, 0.0))))
-    assert told["Estimate error, level"].startswith("1.000 m RMS; 1.000 m")
-    assert told["Estimate error, height"].startswith("0.000 m RMS")
-    assert told["Fastest: level; up; down"].startswith("1.00; 0.97; 0.61")
-    assert told["Distance flown; greatest height"].endswith("5.00 m")
-    assert told["Battery used"].startswith(f"{(25.9 + 2.0) * 12.0 / 3.6:.0f} mAh, 1.4 Wh; 90% left")
+    rows = dict(summary(flight(position_error=(0.6, 0.8, 0.0))))
+    assert rows["Estimate error, level"].startswith("1.000 m RMS; 1.000 m")
+    assert rows["Estimate error, height"].startswith("0.000 m RMS")
+    assert rows["Fastest: level; up; down"].startswith("1.00; 0.97; 0.61")
+    assert rows["Distance flown; greatest height"].endswith("5.00 m")
+    assert rows["Battery used"].startswith(f"{(25.9 + 2.0) * 12.0 / 3.6:.0f} mAh, 1.4 Wh; 90% left")
 
 
 def test_a_vehicle_that_never_armed_has_no_flight() -> None:

@@ -115,9 +115,9 @@ def test_modes_arming_and_warnings_are_events() -> None:
     ((begin_s, end_s),) = armed_times(log)
     assert (begin_s, end_s) == pytest.approx((synthetic.BOOT_S, synthetic.BOOT_S + 25.0), abs=0.11)
     assert [span.mode for span in mode_spans(log)] == ["HOLD", "MISSION", "HOLD"]
-    told = [(event.kind, event.text) for event in events(log)]
-    assert told[0] == ("mode", "mode HOLD")
-    assert ("warning", "Battery low") in told
+    found = [(event.kind, event.text) for event in events(log)]
+    assert found[0] == ("mode", "mode HOLD")
+    assert ("warning", "Battery low") in found
     times = [event.time_s for event in events(log)]
     assert times == sorted(times)
 
@@ -140,8 +140,8 @@ def test_landing_states_and_items_are_events() -> None:
         "seq_reached": np.array([-1.0, 0.0, 1.0]),
         "finished": np.array([0.0, 0.0, 1.0]),
     }
-    told = {event.text: event.time_s for event in events(log)}
-    assert told["taking off"] == 2.0
-    assert told["in the air"] == 3.0
-    assert told["item 1 reached"] == 5.0
-    assert told["mission complete"] == 5.0
+    found = {event.text: event.time_s for event in events(log)}
+    assert found["taking off"] == 2.0
+    assert found["in the air"] == 3.0
+    assert found["item 1 reached"] == 5.0
+    assert found["mission complete"] == 5.0

@@ -141,11 +141,11 @@ def test_the_picture_is_taken_from_the_true_place_and_attitude(tmp_path: Path) -
     rig.camera.expose(exposure()._replace(q_ned_frd=believed))
     (order,) = notebook.orders
     assert order.pose[:3] == (truth.latitude_deg, truth.longitude_deg, truth.altitude_amsl_m)
-    seen, told = order.pose.q_ned_camera, order.estimate.q_ned_camera
+    seen, reported = order.pose.q_ned_camera, order.estimate.q_ned_camera
     apart = 2.0 * math.degrees(
-        math.acos(min(1.0, abs(sum(a * b for a, b in zip(seen, told, strict=True)))))
+        math.acos(min(1.0, abs(sum(a * b for a, b in zip(seen, reported, strict=True)))))
     )
-    assert told == DOWN
+    assert reported == DOWN
     assert apart == pytest.approx(4.0, abs=0.5)  # The vehicle stands a third of a degree nose down
     assert order.estimate.serial == "F450-0007"
 

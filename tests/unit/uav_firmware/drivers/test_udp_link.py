@@ -76,7 +76,7 @@ def test_a_port_in_use_is_refused(links: tuple[UdpLink, UdpLink]) -> None:
         UdpLink(*links[0].address)
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="only Linux tells it")
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux reports it")
 def test_where_nobody_listens_is_told_once(links: tuple[UdpLink, UdpLink]) -> None:
     one, other = links
     gone = other.address

@@ -1,4 +1,4 @@
-"""The guided point: it gets where it is told, within its limits, and waits for its vehicle."""
+"""The guided point: it reaches its target within its limits, and waits for its vehicle."""
 
 import math
 from itertools import pairwise

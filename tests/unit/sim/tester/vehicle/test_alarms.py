@@ -69,15 +69,15 @@ def test_an_alarm_is_exactly_that_alarm_before_the_vehicle_lands_by_itself(alarm
     ear = Ear()
     vehicle = StandIn(Home(40.4434, -3.7382, 650.0), 0.0)
     operator = Operator(vehicle, ear, lambda low, _high: low, lambda _text: None)
-    told: list[AlarmCode] = []
+    reported: list[AlarmCode] = []
     for step in range(round((10.0 + ORDER_WITHIN_S) / PUBLISH_EVERY_S)):
         now = step * PUBLISH_EVERY_S
         if now == 10.0:
-            assert told == []
+            assert reported == []
             vehicle.act(SetAlarm(alarm, (0.5, 1.5)), now)
         operator.tick(now)
-        told += [failure.code for failure in ear.watch.tick(now, is_connected=True)]
-    assert told == [CODES[alarm]]
+        reported += [failure.code for failure in ear.watch.tick(now, is_connected=True)]
+    assert reported == [CODES[alarm]]
 
 
 def test_what_is_ill_is_there() -> None:

@@ -138,7 +138,7 @@ def test_the_mission_begins_at_the_item_that_was_made_current() -> None:
     vehicle.receive(ItemMadeCurrent(2), 1.0)
     vehicle.receive(Armed(armed=True), 1.0)
     vehicle.receive(command(300), 1.0)
-    vehicle.receive(ItemMadeCurrent(0), 1.0)  # MAVSDK also tells its own steps, later
+    vehicle.receive(ItemMadeCurrent(0), 1.0)  # MAVSDK also reports its own steps, later
     assert vehicle.act(FinishCommand(), 2.0)[2] == CompleteItems(3)
 
 

@@ -1,4 +1,4 @@
-"""The charge that voltage and current tell, against a pack of known charge made up here."""
+"""The charge by voltage and current, against a pack of known charge made up here."""
 
 import math
 

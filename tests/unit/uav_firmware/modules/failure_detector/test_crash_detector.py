@@ -1,4 +1,4 @@
-"""Crashes told from flight by what the inertial sensor, the rotors and the attitude show."""
+"""Crashes distinguished from flight by inertial sensor, rotors and attitude."""
 
 import math
 

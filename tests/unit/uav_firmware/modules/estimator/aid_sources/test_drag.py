@@ -1,4 +1,4 @@
-"""Drag tells airspeed: its model against one written down here, its Jacobian by differences."""
+"""Drag gives the airspeed: its model against one written down here, its Jacobian by differences."""
 
 import math
 
@@ -112,7 +112,7 @@ def test_a_vehicle_that_spins_finds_the_wind_where_it_comes_from() -> None:
     drag, params = DragModel(60.0, 60.0, momentum_per_s=0.3), EstimatorParams()
     core = EkfCore(TiltAlignment((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 1e-3), 0, params)
     core.set_origin(40.0, -3.7, 650.0)
-    core.ekf.forget(VELOCITY, 0.05)  # GPS tells it
+    core.ekf.forget(VELOCITY, 0.05)  # Known by GPS
     core.on_ground = False
     aiding = DragAiding(drag)
     push = wind_m_s * drag.factors_per_s(wind_m_s, density_at(650.0))[0]

@@ -1,4 +1,4 @@
-"""What tells a jump of the gyroscope bias, and what the filter is then told to reckon with."""
+"""How a jump of the gyroscope bias is detected, and the covariance that it adds."""
 
 import math
 from collections.abc import Iterable
@@ -47,10 +47,10 @@ COMPASS_US = 36_000
 PARAMS = EstimatorParams()
 
 
-def told(watch: InnovationCusum, innovations: list[list[float]]) -> Drift | None:
-    """What is told of innovations at the rate of a receiver."""
+def detected(monitor: InnovationCusum, innovations: list[list[float]]) -> Drift | None:
+    """What is detected in innovations at the rate of a receiver."""
     for number, vector in enumerate(innovations):
-        drift = watch.update(vector, number * FIX_US)
+        drift = monitor.update(vector, number * FIX_US)
         if drift is not None:
             return drift
     return None
@@ -63,11 +63,11 @@ def cusum_of_fixes() -> InnovationCusum:
 @pytest.mark.parametrize("seed", [1, 2])
 def test_ten_minutes_of_honest_noise_are_no_drift(seed: int) -> None:
     noise = 0.8 * np.random.default_rng(seed).standard_normal((6000, 3))
-    assert told(cusum_of_fixes(), noise.tolist()) is None
+    assert detected(cusum_of_fixes(), noise.tolist()) is None
 
 
 @given(st.floats(0.5, 10.0), st.sampled_from([-1.0, 1.0]), st.integers(0, 2))
-def test_what_grows_is_told_whichever_way_and_sooner_when_it_grows_faster(
+def test_what_grows_is_detected_on_either_side_and_sooner_when_it_grows_faster(
     pace: float, sign: float, axis: int
 ) -> None:
     def growing(pace: float) -> list[list[float]]:
@@ -76,7 +76,7 @@ def test_what_grows_is_told_whichever_way_and_sooner_when_it_grows_faster(
             for n in range(60)
         ]
 
-    slow, fast = (told(cusum_of_fixes(), growing(p)) for p in (pace, 2.0 * pace))
+    slow, fast = (detected(cusum_of_fixes(), growing(p)) for p in (pace, 2.0 * pace))
     assert slow is not None
     assert fast is not None
     assert fast.age_s <= slow.age_s
@@ -84,13 +84,13 @@ def test_what_grows_is_told_whichever_way_and_sooner_when_it_grows_faster(
 
 
 def test_what_leaps_is_left_out_until_it_is_back() -> None:
-    watch = cusum_of_fixes()
-    assert told(watch, [[0.0], *([[30.0]] * 100)]) is None
-    out = watch.leapt
+    monitor = cusum_of_fixes()
+    assert detected(monitor, [[0.0], *([[30.0]] * 100)]) is None
+    out = monitor.leapt
     assert out
-    assert told(watch, [[27.0], [0.0], [0.0]]) is None
-    assert watch.leapt is not out
-    assert told(watch, [[3.0]] * 10) is not None
+    assert detected(monitor, [[27.0], [0.0], [0.0]]) is None
+    assert monitor.leapt is not out
+    assert detected(monitor, [[3.0]] * 10) is not None
 
 
 @pytest.mark.parametrize("axes", [EVERY_AXIS, TURNING])
@@ -148,12 +148,12 @@ def hovering() -> EkfCore:
 
 
 @pytest.mark.parametrize("rate_deg_s", [1.0, 3.0, 10.0])
-def test_a_jump_that_tilts_is_told_and_found_by_the_next_fix(rate_deg_s: float) -> None:
-    core, watch, bias = hovering(), HorizontalVelocityMonitor(), math.radians(rate_deg_s)
+def test_a_jump_that_tilts_is_detected_and_found_by_the_next_fix(rate_deg_s: float) -> None:
+    core, monitor, bias = hovering(), HorizontalVelocityMonitor(), math.radians(rate_deg_s)
     for number in range(40):
         core.time_us = number * FIX_US
         group = velocity(0.5 * GRAVITY * bias * (0.1 * number) ** 2)
-        watch.update(core, group)
+        monitor.update(core, group)
         if core.tilt_jump_us is not None:
             break
     assert core.time_us < 3_000_000
@@ -165,12 +165,12 @@ def test_a_jump_that_tilts_is_told_and_found_by_the_next_fix(rate_deg_s: float) 
 
 
 def test_a_velocity_that_a_wrong_heading_explains_is_no_jump() -> None:
-    core, watch = hovering(), HorizontalVelocityMonitor()
+    core, monitor = hovering(), HorizontalVelocityMonitor()
     for number in range(30):
         # It gains 5 m/s each second, by a compass that is off by 6 degrees
         core.time_us = number * FIX_US
         core.state.velocity_ned = (0.0, 0.5 * number, 0.0)
-        watch.update(core, velocity(0.1 * 5.0 * min(0.1 * number, 1.0)))
+        monitor.update(core, velocity(0.1 * 5.0 * min(0.1 * number, 1.0)))
     assert core.tilt_jump_us is None
 
 
@@ -178,19 +178,19 @@ def heading(innovation: float) -> Measurement:
     return Measurement(innovation, np.eye(1, SIZE, HEADING)[0], 0.0025)
 
 
-def look(core: EkfCore, watch: HeadingMonitor, innovations: Iterable[float]) -> float:
-    """Show headings at 28 Hz until a jump is told; the last one."""
+def look(core: EkfCore, monitor: HeadingMonitor, innovations: Iterable[float]) -> float:
+    """Show headings at 28 Hz until a jump is detected; the last one."""
     last = 0.0
     for last in innovations:
         core.time_us += COMPASS_US
-        watch.update(core, heading(last))
+        monitor.update(core, heading(last))
         if core.turn_jump_us is not None:
             break
     return last
 
 
 @pytest.mark.parametrize("rate_deg_s", [-3.0, 3.0, 10.0])
-def test_a_jump_that_turns_is_told_and_found(rate_deg_s: float) -> None:
+def test_a_jump_that_turns_is_detected_and_found(rate_deg_s: float) -> None:
     core, rate = hovering(), math.radians(rate_deg_s)
     ramp = (-rate * COMPASS_US * 1e-6 * number for number in range(200))
     last = look(core, HeadingMonitor(), ramp)
@@ -205,30 +205,30 @@ def test_a_jump_that_turns_is_told_and_found(rate_deg_s: float) -> None:
 def test_a_magnet_is_no_jump_and_its_compass_is_not_believed_until_aligned(
     magnet_deg: float,
 ) -> None:
-    core, watch, magnet = hovering(), HeadingMonitor(), math.radians(magnet_deg)
+    core, monitor, magnet = hovering(), HeadingMonitor(), math.radians(magnet_deg)
     ramp = [0.002 * number for number in range(400)]
-    look(core, watch, [0.0, *([magnet] * 400)])
+    look(core, monitor, [0.0, *([magnet] * 400)])
     assert core.turn_jump_us is None
     if magnet > 0.1:  # rad; else it is no leap
-        look(core, watch, [magnet + drift for drift in ramp])
+        look(core, monitor, [magnet + drift for drift in ramp])
         assert core.turn_jump_us is None
-    watch.restart()
-    look(core, watch, ramp)
+    monitor.restart()
+    look(core, monitor, ramp)
     assert core.turn_jump_us is not None
 
 
 def test_a_heading_that_the_current_of_the_motors_turns_is_no_jump() -> None:
-    core, watch, thrust_g = hovering(), HeadingMonitor(), 3.5
+    core, monitor, thrust_g = hovering(), HeadingMonitor(), 3.5
     core.ekf.acceleration_ned = (0.0, 0.0, GRAVITY * (1.0 - thrust_g))
     turned = 0.09 * (thrust_g - 1.0)
-    look(core, watch, [turned * min(0.25 * number, 1.0) for number in range(30)])
+    look(core, monitor, [turned * min(0.25 * number, 1.0) for number in range(30)])
     assert core.turn_jump_us is None
 
 
 def test_while_the_tilt_is_found_the_compass_is_not_judged() -> None:
-    core, watch = hovering(), HeadingMonitor()
+    core, monitor = hovering(), HeadingMonitor()
     core.tilt_jump_us = 0
-    look(core, watch, [0.0, 0.5, -0.5, 1.0])
+    look(core, monitor, [0.0, 0.5, -0.5, 1.0])
     core.time_us = 1_000_000
-    look(core, watch, [0.002 * number for number in range(400)])
+    look(core, monitor, [0.002 * number for number in range(400)])
     assert core.turn_jump_us is not None
