@@ -18,7 +18,7 @@ from uav_firmware.modules.commander.failsafe.wind import (
 from uav_firmware.msg.vectors import Quaternion
 
 MODEL, DENSITY = DragModel(87.0, 87.0, 0.295), 1.15
-speeds = st.floats(-15.0, 15.0)
+speeds = st.floats(-12.0, 12.0)  # Airspeeds of 34 m/s; beyond 40 the tilt is not used any more
 
 
 def leaning(drag: tuple[float, float], yaw: float) -> Quaternion:
