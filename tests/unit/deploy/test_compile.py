@@ -13,7 +13,7 @@ def test_the_modules_that_every_step_runs_are_compiled() -> None:
     assert names > {
         "sim/simulation.py",
         "sim/sensors/imu.py",
-        "uav_firmware/modules/estimator/ekf.py",
+        "uav_firmware/modules/estimator/kalman_filter/ekf.py",
         "uav_firmware/scheduler.py",
         "uav_firmware/topology.py",
     }
