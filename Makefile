@@ -35,6 +35,8 @@ PARALLEL := -n 3 --dist worksteal
 export VEHICLES TESTERS TESTER_SCRIPT SPEED WIND GPS SEED EDGE_PORT CLOUD_PORT MAVLINK_PORT GCS_PORT VEHICLE_PORT_BASE MQTT_PORT STATE_DIR TRUTH PLAN OUT
 
 COMPILE = $(VENV)/bin/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-annotate --no-header pyproject.toml
+# Programs that start again and again load what they have compiled once.
+unexport PYTHONDONTWRITEBYTECODE
 RUNTIME := $(VENV)/.runtime
 DEV := $(VENV)/.dev
 

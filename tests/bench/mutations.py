@@ -97,14 +97,14 @@ BREAKS: Final = (
         "edge_server/api/access/jws.py",
         "if now >= expires_at:",
         "if now >= expires_at + 3600.0:",
-        f"{_EDGE}/api/test_signatures.py",
+        f"{_EDGE}/api/access/test_signatures.py",
     ),
     Break(
         "a signature for another edge server is refused",
         "edge_server/api/access/jws.py",
         "if self._edge_id not in audiences:",
         "if not audiences:",
-        f"{_EDGE}/api/test_signatures.py",
+        f"{_EDGE}/api/access/test_signatures.py",
     ),
     Break(
         "an Idempotency-Key with another body is refused",

@@ -138,7 +138,7 @@ def test_telegraf18528_without_its_first_page_the_records_are_saved(
 def test_telegraf18528_of_half_a_file_the_half_is_saved(path: Path, originals: Payloads) -> None:
     whole = path.read_bytes()
     path.write_bytes(whole[: len(whole) // 2 // PAGE * PAGE])
-    check(path, originals, at_least=RECORDS // 6)
+    check(path, originals, at_least=RECORDS // 8)  # Half of the pages, and some hold no records
 
 
 def test_a_dead_letter_stays_one_and_no_id_is_used_again(path: Path, originals: Payloads) -> None:
