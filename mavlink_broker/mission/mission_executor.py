@@ -431,7 +431,8 @@ class MissionExecutor:
     def fail_after_error(self, reason: str, now: float, effects: Effects) -> None:
         """Fail the mission in which the broker has had an unexpected error, in any state.
 
-        A vehicle that flies it returns; one on the ground with turning propellers is disarmed.
+        A vehicle that flies it returns. One that was ordered to arm or to start is disarmed; it
+        may take off before that order arrives, refuse it then, and lands.
         """
         context, snapshot = self._context, self._vehicle.snapshot
         if not self.ledger.status.is_terminal:
@@ -443,14 +444,13 @@ class MissionExecutor:
         is_ours = self._who is Authority.BROKER
         if not is_ours:
             self._vehicle.take_away()
-        if self.state in ARMED_BY_BROKER and not context.is_hovering and is_ours:
-            effects.messages += exchanges.disarming(self._vehicle)
         self._aborting.drop()
         if self.state is State.IDLE:
             return
+        starts = self.state in ARMED_BY_BROKER and not context.is_hovering
         flies = bool(snapshot.armed) and snapshot.landed_state != _STANDS
         flew = self.state in IN_FLIGHT or (context.is_hovering and context.is_start_ordered)
-        if flies and flew and is_ours and not context.authority.is_lost:
+        if (starts or (flies and flew)) and is_ours and not context.authority.is_lost:
             self._return_home(now, effects)
         else:
             self._move(Event.ENDED, now, effects)

@@ -32,6 +32,8 @@ COPTER_LAND = 9
 LANDING_S = 8.0
 STATION_S = 5.0
 """Time for which a ground station counts as present after its heartbeat."""
+FORCED = 21196.0
+"""Second parameter of MAV_CMD_COMPONENT_ARM_DISARM that disarms in the air."""
 SENSORS = (
     mavlink.MAV_SYS_STATUS_SENSOR_3D_GYRO
     | mavlink.MAV_SYS_STATUS_SENSOR_3D_ACCEL
@@ -509,7 +511,7 @@ class ScriptedVehicle:
         """MAV_RESULT of a command, before it is obeyed."""
         script = self.script
         refusals: dict[int, Callable[[], int]] = {
-            mavlink.MAV_CMD_COMPONENT_ARM_DISARM: self._judge_arming,
+            mavlink.MAV_CMD_COMPONENT_ARM_DISARM: lambda: self._judge_arming(message),
             mavlink.MAV_CMD_MISSION_START: self._judge_start,
             mavlink.MAV_CMD_DO_SET_MODE: lambda: self._judge_mode(int(message.param2)),
         }
@@ -533,7 +535,15 @@ class ScriptedVehicle:
             return False
         return arms_in is None or self.custom_mode in arms_in
 
-    def _judge_arming(self) -> int:
+    def _judge_arming(self, message: Message) -> int:
+        """Arming needs readiness; disarming in the air needs the number that forces it."""
+        if message.param1 == 0.0:
+            denied = self.airborne and message.param2 != FORCED
+            is_px4 = self.script.autopilot == mavlink.MAV_AUTOPILOT_PX4
+            refusal = (
+                mavlink.MAV_RESULT_TEMPORARILY_REJECTED if is_px4 else mavlink.MAV_RESULT_FAILED
+            )
+            return int(refusal if denied else mavlink.MAV_RESULT_ACCEPTED)
         if self._ready and self._may_arm_here:
             return int(mavlink.MAV_RESULT_ACCEPTED)
         if self.script.arming_complaint:

@@ -26,6 +26,7 @@ class Failing(Phase):
         self._raises_alarm = False
         self._is_left_to_failsafe = False
         self._waits_in_air = False  # And no other system flies it
+        self._may_take_off = False  # It was ordered to start; in the air it refuses to disarm
 
     @property
     def claim(self) -> Claim | None:
@@ -46,6 +47,7 @@ class Failing(Phase):
         self._stops_propellers = armed_by_broker and not is_taken
         if self._stops_propellers:
             effects.messages += exchanges.disarming(vehicle)
+        self._may_take_off = self._stops_propellers and mission.is_start_ordered
         held = vehicle.is_held_by_failsafe
         # What a failsafe does is no alarm (its cause may be one), nor is what another system does
         self._raises_alarm = state in IN_FLIGHT and not is_taken and not held
@@ -56,7 +58,7 @@ class Failing(Phase):
 
     def forget_vehicle(self) -> None:
         """Give no further order: the vehicle was restarted."""
-        self._waits_in_air = self._stops_propellers = False
+        self._waits_in_air = self._stops_propellers = self._may_take_off = False
 
     def enter(self, now: float, effects: Effects) -> Result:
         """Begin to wait for the vehicle's reasons."""
@@ -65,7 +67,10 @@ class Failing(Phase):
         return None
 
     def tick(self, now: float, effects: Effects) -> Result:
-        """Report the failure with the vehicle's reasons; one that waits in the air returns."""
+        """Report the failure with the vehicle's reasons.
+
+        A vehicle that waits in the air returns; one that may take off disarms, or lands.
+        """
         if now - self._entered_at < REASONS_WITHIN_S:
             return None
         mission, vehicle = self._mission, self._vehicle
@@ -80,5 +85,6 @@ class Failing(Phase):
         mission.ledger.fail(text, self._fault.command)
         mission.report(effects)
         is_free = not vehicle.is_taken and not mission.authority.is_lost
-        comes_home = self._waits_in_air and is_free and vehicle.snapshot.armed
+        may_fly = self._waits_in_air or self._may_take_off
+        comes_home = may_fly and is_free and vehicle.snapshot.armed
         return Request.RETURN_HOME if comes_home else Event.ENDED
