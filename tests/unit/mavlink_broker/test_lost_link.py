@@ -27,7 +27,7 @@ IN_FLIGHT = {
 
 def world_of(script: Script, delay_s: float | None = None) -> World:
     """A world with a mission of a circle between two segments."""
-    world = World()
+    world = World(tick_s=0.02)  # Some states last for a step only
     vehicle = world.add_vehicle(script=dataclasses.replace(script, item_time_s=1.0))
     if delay_s is not None:
         world.air.delay(vehicle, delay_s)
