@@ -1,4 +1,4 @@
-"""Command line: `python -m edge_server [serve|relay|migrate|backup|dead-letters|keys|audit]`.
+"""Command line: `python -m edge_server [serve|relay|migrate|backup|dead-letters|keys|users|audit]`.
 
 Without a command: server and relay.
 """
@@ -198,8 +198,32 @@ def _add_access(commands: "argparse._SubParsersAction[argparse.ArgumentParser]")
     )
     log.add_parser("export", help="export the log as NDJSON")
     log.add_parser("verify", help="verify the hash chain; names the first broken row")
-    for parser in (*keys.choices.values(), *log.choices.values()):
+    for parser in (*keys.choices.values(), *log.choices.values(), *_add_users(commands)):
         parser.set_defaults(run=_access)
+
+
+def _add_users(
+    commands: "argparse._SubParsersAction[argparse.ArgumentParser]",
+) -> list[argparse.ArgumentParser]:
+    users = commands.add_parser("users", help="accounts of people who sign in at the console")
+    actions = users.add_subparsers(dest="access", required=True)
+    actions.add_parser("list", help="all accounts")
+    create = actions.add_parser("create", help="create an account; asks for the password")
+    create.add_argument("name")
+    create.add_argument("role", help="operator, farmer or admin")
+    create.add_argument("--without-password", action="store_true", help="sign in by link only")
+    for action, meaning in (
+        ("password", "set a new password and end the person's sessions"),
+        ("disable", "end the person's sessions and admit no new one"),
+        ("enable", "admit the person again"),
+        ("delete", "delete an account"),
+    ):
+        actions.add_parser(action, help=meaning).add_argument("name")
+    link = actions.add_parser("link", help="print an address that signs the person in once")
+    link.add_argument("name")
+    link.add_argument("--role", help="create the account with this role if there is none")
+    link.add_argument("--minutes", type=float, default=10.0, help="minutes it is valid")
+    return list(actions.choices.values())
 
 
 if __name__ == "__main__":

@@ -25,8 +25,10 @@ from edge_server.api.routes import (
     metrics,
     plan_files,
     plans,
+    session,
     surveys,
     telemetry,
+    users,
     vehicles,
 )
 from edge_server.config import Config
@@ -59,6 +61,8 @@ _MODULES = (
     vehicles,
     broker,
     keys,
+    session,
+    users,
     audit,
     health,
     metrics,
@@ -93,7 +97,8 @@ def create_app(config: Config, *, clock: Callable[[], float] = time.time) -> Fla
     audit_trail.install(app, context)
     ring = auth.KeyRing(database, clock)
     limits = Limits(config)
-    app.extensions[keys.KEY_RING] = ring
+    app.extensions[auth.KEY_RING] = ring
+    app.extensions[session.LIMITS] = limits
     app.before_request(console.lead_browser_to_console)
     app.before_request(documentation.link_browser_to_docs)
     app.before_request(lambda: auth.authorize(ring, limits, context))

@@ -63,6 +63,8 @@ class Config:
     requests_per_minute: int = 12_000  # Of one key of a person or the cloud
     broker_requests_per_minute: int = 600_000
     failures_per_minute: int = 600  # Unknown keys from one address
+    sign_ins_per_minute: int = 10  # From one address
+    session_hours: float = 12.0
     tls_certificate_file: Path | None = None
     tls_key_file: Path | None = None
     tls_client_ca_file: Path | None = None
@@ -232,6 +234,7 @@ def _fingerprint(value: Any) -> str:
 
 
 _DAYS: Final = _real(0.001, 36_500, "days")
+_SESSION_HOURS: Final = _real(0.1, 8760, "hours")
 _METRES: Final = _real(0, 1e6, "metres")
 _MIB: Final = _whole(1, 2**20)
 _PER_MINUTE: Final = _whole(1, 10_000_000)
@@ -329,6 +332,12 @@ SETTINGS: Final = (
     ),
     Setting(
         "failures_per_minute", "EDGE_FAILURES_PER_MINUTE", _PER_MINUTE, "unknown keys of an address"
+    ),
+    Setting(
+        "sign_ins_per_minute", "EDGE_SIGN_INS_PER_MINUTE", _PER_MINUTE, "sign-ins from an address"
+    ),
+    Setting(
+        "session_hours", "EDGE_SESSION_HOURS", _SESSION_HOURS, "hours until a person signs in again"
     ),
     Setting("tls_certificate_file", "EDGE_TLS_CERTIFICATE_FILE", Path, "certificate chain, PEM"),
     Setting("tls_key_file", "EDGE_TLS_KEY_FILE", Path, "private key, PEM, mode 0600"),

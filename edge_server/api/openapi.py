@@ -15,6 +15,9 @@ from farm_flight_bridge import VERSION
 
 REFERENCE: Final = "#/components/schemas/{model}"
 CONVERTER: Final = re.compile(r"<(?:(?P<kind>[^:<>]+):)?(?P<name>\w+)>")
+_ULID: Final = "^[0-9A-Z]{26}$"
+_PATTERNS: Final = {"prefix": "^[0-9a-f]{8}$", "name": "^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$"}
+"""Of the parameters in paths that are no ULID."""
 _ERRORS: Final = {
     304: "Not modified",
     400: "The body is not JSON",
@@ -198,7 +201,7 @@ def _answer(status: int, *, with_body: bool) -> dict[str, Any]:
 
 def _path_parameters(rule: str) -> Iterable[dict[str, Any]]:
     for found in CONVERTER.finditer(rule):
-        schema: dict[str, Any] = {"type": "string", "pattern": "^[0-9A-Z]{26}$"}
+        schema: dict[str, Any] = {"type": "string", "pattern": _PATTERNS.get(found["name"], _ULID)}
         if found["kind"] == "int64":
             schema = dict(_VEHICLE if found["name"] == "vehicle_id" else _INTEGER)
         yield {"name": found["name"], "in": "path", "required": True, "schema": schema}

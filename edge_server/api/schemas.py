@@ -233,6 +233,43 @@ class NewAccessKey(AccessKey):
     key: str
 
 
+class PresentSession(Answer):
+    """Who the caller is; `csrf_token` is null for a key."""
+
+    name: str
+    role: Role
+    csrf_token: str | None
+    expires_at: datetime | None
+
+
+class Account(Answer):
+    """An account of a person, without its password."""
+
+    name: str
+    role: Role
+    has_password: bool
+    disabled: bool
+    created_at: datetime
+    last_sign_in_at: datetime | None
+
+
+class Session(Answer):
+    """A browser in which a person is signed in."""
+
+    id: str
+    name: str
+    address: str
+    created_at: datetime
+    expires_at: datetime
+
+
+class SignInLink(Answer):
+    """A link that signs in once; `path` is relative to this server."""
+
+    link: str
+    path: str
+
+
 class Work(Answer):
     """Work for the broker; `cursor` is the `after` of the next request."""
 

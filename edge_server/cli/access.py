@@ -1,4 +1,4 @@
-"""`python -m edge_server keys ...` and `audit ...`: commands that need no access key.
+"""`python -m edge_server keys ...`, `users ...`, `audit ...`: commands that need no access key.
 
 A key is named by its prefix, or by its name if one active key has it.
 """
@@ -14,6 +14,8 @@ from typing import Final
 
 from pydantic import ValidationError
 
+from afarcloud.faults import DocumentError
+from edge_server.cli import users
 from edge_server.config import Config
 from edge_server.process import key_files, preparation
 from edge_server.process.exit_codes import FAILED, OK, WRONG_SETUP
@@ -33,10 +35,16 @@ def run(config: Config, options: argparse.Namespace) -> int:
     """Run the command that the options name; returns the exit code."""
     if not is_ready(config.database):
         preparation.prepare(config)
-    command = _COMMANDS[options.access]
     with closing(preparation.open_database(config)) as database:
         try:
-            return command(config, database, options)
+            if options.command == "users":
+                subject = f"users/{getattr(options, 'name', '')}"
+                with _audited(f"users.{options.access}", subject):
+                    return users.COMMANDS[options.access](config, database, options)
+            return _COMMANDS[options.access](config, database, options)
+        except DocumentError as error:
+            print(f"edge server: {error}", file=sys.stderr)
+            return WRONG_SETUP
         except ValidationError as error:
             for fault in error.errors():
                 place = ".".join(str(part) for part in fault["loc"])

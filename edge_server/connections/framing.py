@@ -277,14 +277,17 @@ _URGENT: Final = re.compile(rb"(?:POST|PUT|DELETE) /events?[/? ]")
 _BROKER: Final = re.compile(rb"[A-Z]+ /broker/")
 _BEARER: Final = re.compile(rb"\r\nauthorization:[ \t]*bearer[ \t]+([!-~]+)", re.IGNORECASE)
 _API_KEY: Final = re.compile(rb"\r\nx-api-key:[ \t]*([!-~]+)", re.IGNORECASE)
+_SESSION: Final = re.compile(
+    rb"\r\ncookie:(?:[^\r\n]*?[ \t;])?session=(fs_[0-9a-f]{8}_[0-9a-f]{64})", re.IGNORECASE
+)
 
 
 def lane_of(raw: bytes, is_known: Callable[[str], bool]) -> Lane:
     """Choose the threads for a request: events, such as aborts, and the broker have their own.
 
-    The broker has, because an abort must also reach the vehicle. A request without a key that
-    `is_known` does not get them: it would be refused, and while the database stalls a refusal takes
-    time too.
+    The broker has, because an abort must also reach the vehicle. A request without a key or session
+    that `is_known` does not get them: it would be refused, and while the database stalls a refusal
+    takes time too.
     """
     lane = Lane.GENERAL
     if _URGENT.match(raw):
@@ -295,7 +298,7 @@ def lane_of(raw: bytes, is_known: Callable[[str], bool]) -> Lane:
 
 
 def _key_of(raw: bytes) -> str:
-    """Give the access key of a request; "" without one."""
+    """Give the access key of a request, or the secret of its session; "" without one."""
     head = raw[: raw.find(_HEAD_END)]
-    found = _BEARER.search(head) or _API_KEY.search(head)
+    found = _BEARER.search(head) or _API_KEY.search(head) or _SESSION.search(head)
     return found[1].decode("ascii") if found else ""

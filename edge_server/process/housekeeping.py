@@ -20,7 +20,7 @@ from edge_server.services.context import Context
 from edge_server.services.fleet import broker_work
 from edge_server.store.connection.locks import WORK
 from edge_server.store.files import integrity
-from edge_server.store.rows import audit, idempotency, keys, plans, tokens, work
+from edge_server.store.rows import accounts, audit, idempotency, keys, plans, tokens, work
 from edge_server.store.rows.audit import Entry
 
 LOG = logging.getLogger(__name__)
@@ -76,6 +76,7 @@ def delete_old_records(context: Context) -> None:
         continue
     with context.database.write() as connection:
         tokens.delete_before(connection, now)
+        accounts.delete_expired(connection, now)
         keys.delete_ended(connection, now - context.config.retain_audit_days * DAY_S)
         _cut_audit(context, connection, now)
 

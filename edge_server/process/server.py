@@ -189,7 +189,7 @@ class _Application(BaseApplication):  # type: ignore[misc]  # gunicorn has no ty
             self.cfg.set(name, value)
 
     def load(self) -> _WsgiApp:
-        from edge_server.api.routes.keys import KEY_RING  # noqa: PLC0415  # in the worker only
+        from edge_server.api.access.auth import KEY_RING  # noqa: PLC0415  # in the worker only
         from edge_server.app import context_of, create_app  # noqa: PLC0415  # as above
         from edge_server.process import housekeeping  # noqa: PLC0415  # as above
 

@@ -1,4 +1,4 @@
-"""Rate limits: requests of a key, and unknown keys from an address.
+"""Rate limits: requests of a key, unknown keys from an address, sign-ins of a person.
 
 Counted in memory by sliding windows of one minute, in each server process separately. The broker
 has a limit of its own, so that people and vehicles cannot starve each other.
@@ -19,6 +19,8 @@ from edge_server.connections.client_address import network_of
 from edge_server.store.rows.keys import Role, StoredKey
 
 _CLEANUP_INTERVAL_S: Final = 60.0
+_ADDRESSES_PER_NAME: Final = 6
+"""So many addresses may use up their sign-ins with one name before it is blocked for all."""
 
 
 class _Counts(MemoryStorage):
@@ -60,6 +62,11 @@ class Limits:
         self._of_people = RateLimitItemPerMinute(config.requests_per_minute, namespace="key")
         self._of_broker = RateLimitItemPerMinute(config.broker_requests_per_minute, namespace="key")
         self._of_failures = RateLimitItemPerMinute(config.failures_per_minute, namespace="wrong")
+        attempts = config.sign_ins_per_minute
+        self._of_sign_ins = RateLimitItemPerMinute(attempts, namespace="sign-in")
+        self._of_names = RateLimitItemPerMinute(
+            attempts * _ADDRESSES_PER_NAME, namespace="sign-in name"
+        )
 
     def count(self, key: StoredKey) -> None:
         """Count a request of a key; raises 429 beyond its limit."""
@@ -69,6 +76,16 @@ class Limits:
     def count_failure(self, address: str | None) -> None:
         """Count an unknown key from an address; raises 429 beyond the limit."""
         self._hit(self._of_failures, network_of(address), "too many unknown keys from this address")
+
+    def count_sign_in(self, name: str | None, address: str | None) -> None:
+        """Count an attempt to sign in, successful or not; raises 429 beyond the limits.
+
+        `name` is None for a link, whose token nobody can guess.
+        """
+        reason = "too many attempts to sign in"
+        self._hit(self._of_sign_ins, network_of(address), reason)
+        if name is not None:
+            self._hit(self._of_names, name, reason)
 
     def _hit(self, limit: RateLimitItem, who: str, reason: str) -> None:
         if self._limiter.hit(limit, who):

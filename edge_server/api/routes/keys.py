@@ -2,19 +2,17 @@
 
 from typing import Any, Final
 
-from flask import Blueprint, current_app
+from flask import Blueprint
 from flask.typing import ResponseReturnValue
 
 from edge_server.api import bodies, schemas, urls
-from edge_server.api.access import scopes
-from edge_server.api.access.auth import ADMIN, KeyRing, allow, audit, refusal
+from edge_server.api.access.auth import ADMIN, allow, audit, key_ring, refuse_restricted
 from edge_server.api.contract import Contract, describe
 from edge_server.services import keys
 from edge_server.services.keys import KeyRequest
 
 NAMES: Final = ("keys", "key")
 ITEM: Final = "string(length=8):prefix"
-KEY_RING: Final = "edge_key_ring"
 EXAMPLE: Final = {"name": "north-broker", "role": "broker", "vehicle_ids": [1, 2]}
 
 
@@ -42,11 +40,11 @@ def page() -> list[dict[str, Any]]:
 def create() -> ResponseReturnValue:
     """Create a key; the answer holds its secret, which is stored nowhere."""
     wanted = bodies.model(KeyRequest)
-    _check_unrestricted()
+    refuse_restricted("keys")
     context = bodies.context()
     now = context.clock()
     made, secret = keys.create(context.database, wanted, now)
-    _ring().invalidate()
+    key_ring().invalidate()
     audit(f"created key {made.prefix} ({made.name}, {made.role})")
     location = {"Location": f"/keys/{made.prefix}"}
     return {**keys.show(made, now), "key": secret}, 201, location
@@ -64,20 +62,9 @@ def get(prefix: str) -> dict[str, Any]:
 @describe(Contract({204: None}, errors=(409,)))
 def revoke(prefix: str) -> ResponseReturnValue:
     """Revoke a key: at once in this process, within 1 s in every other one."""
-    _check_unrestricted()
+    refuse_restricted("keys")
     context = bodies.context()
     keys.revoke(context.database, prefix, context.clock())
-    _ring().invalidate()
+    key_ring().invalidate()
     audit(f"revoked key {prefix}")
     return "", 204
-
-
-def _check_unrestricted() -> None:
-    """Refuse a restricted key: it could create one with more permissions."""
-    if scopes.is_restricted():
-        raise refusal("a restricted key may not change keys")
-
-
-def _ring() -> KeyRing:
-    ring: KeyRing = current_app.extensions[KEY_RING]
-    return ring

@@ -269,6 +269,40 @@ access_key = Table(
 )
 """Access keys, without their secrets."""
 
+account = Table(
+    "account",
+    METADATA,
+    Column("name", String(64), primary_key=True),
+    Column("role", String(10), nullable=False),
+    Column("password", String(200)),  # Argon2 in its encoded form; null: by link only
+    Column("created_at", Float, nullable=False),
+    Column("signed_in_at", Float),
+    Column("is_disabled", Boolean, nullable=False, server_default=false()),
+)
+"""People who sign in at the console."""
+
+session = Table(
+    "session",
+    METADATA,
+    Column("prefix", String(8), primary_key=True),
+    Column("sha256", LargeBinary(32), nullable=False),
+    Column("account", String(64), ForeignKey("account.name", ondelete="CASCADE"), nullable=False),
+    Column("created_at", Float, nullable=False),
+    Column("expires_at", Float, nullable=False, index=True),
+    Column("address", String(64), nullable=False),
+    Index(None, "account"),
+)
+"""Browsers that are signed in, without their secrets; a session that has ended has no row."""
+
+sign_in_link = Table(
+    "sign_in_link",
+    METADATA,
+    Column("sha256", LargeBinary(32), primary_key=True),
+    Column("account", String(64), ForeignKey("account.name", ondelete="CASCADE"), nullable=False),
+    Column("expires_at", Float, nullable=False, index=True),
+)
+"""Links that sign a person in once, until they are used or expire."""
+
 audit = Table(
     "audit",
     METADATA,

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from argon2 import PasswordHasher
 from flask.testing import FlaskClient
 from sqlalchemy import text
 from werkzeug.test import TestResponse
@@ -15,6 +16,7 @@ from edge_server.app import context_of, create_app
 from edge_server.config import Config
 from edge_server.process import key_files
 from edge_server.process.preparation import prepare
+from edge_server.services import passwords
 from edge_server.services.context import Context
 from edge_server.store.rows.keys import Role
 from tests.support.databases import PostgresServer
@@ -110,6 +112,14 @@ class Edge:
     def count(self, table: str) -> int:
         with self.context.database.read() as connection:
             return int(connection.execute(text(f"SELECT count(*) FROM {table}")).scalar_one())
+
+
+@pytest.fixture(autouse=True, scope="session")
+def quick_hashes() -> Iterator[None]:
+    """Hash the passwords of tests with the least effort; how a hash is used is the same."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(passwords, "_HASHER", PasswordHasher(1, 64, 1))
+        yield
 
 
 @pytest.fixture

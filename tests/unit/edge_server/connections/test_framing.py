@@ -259,6 +259,25 @@ def test_events_and_the_broker_have_threads_of_their_own(raw: bytes, lane: Lane)
     assert lane_of(raw, lambda _key: True) is lane
 
 
+SESSION = b"fs_01234567_" + b"a" * 64
+
+
+@pytest.mark.parametrize(
+    "field",
+    [
+        b"Cookie: session=" + SESSION,
+        b"cookie:session=" + SESSION,
+        b"Cookie: theme=dark; session=" + SESSION + b"; language=es",
+    ],
+)
+def test_an_abort_of_a_person_who_is_signed_in_is_urgent(field: bytes) -> None:
+    raw = b"POST /events/ HTTP/1.1\r\n" + field + b"\r\n\r\n"
+    assert lane_of(raw, lambda secret: secret == SESSION.decode()) is Lane.URGENT
+    assert lane_of(raw, lambda _secret: False) is Lane.GENERAL
+    other = raw.replace(b"session=", b"another_session=")
+    assert lane_of(other, bool) is Lane.GENERAL
+
+
 @pytest.mark.parametrize(
     ("field", "lane"),
     [

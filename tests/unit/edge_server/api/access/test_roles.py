@@ -73,6 +73,16 @@ MATRIX: list[tuple[str, str, set[str], Any]] = [
     ("GET", "/keys/0123abcd", {"admin"}, None),
     ("DELETE", "/keys/0123abcd", {"admin"}, None),
     ("GET", "/audit/", {"admin"}, None),
+    ("GET", "/session/", EVERYBODY, None),
+    ("DELETE", "/session/", EVERYBODY, None),
+    ("GET", "/users/", {"admin"}, None),
+    ("POST", "/users/", {"admin"}, {"name": "maria", "role": "farmer"}),
+    ("GET", "/users/maria", {"admin"}, None),
+    ("PATCH", "/users/maria", {"admin"}, {"role": "operator"}),
+    ("DELETE", "/users/maria", {"admin"}, None),
+    ("POST", "/users/maria/link", {"admin"}, None),
+    ("GET", "/sessions/", {"admin"}, None),
+    ("DELETE", "/sessions/0123abcd", {"admin"}, None),
     ("POST", "/telemetry/", {"broker"}, {"records": [{"pose": telemetry("pose")}]}),
 ]
 for _kind in TELEMETRY:
@@ -88,15 +98,29 @@ OPEN = {
     ("GET", "/readyz"),
     ("GET", "/console"),
     ("GET", "/console/fleet"),
+    ("POST", "/session"),
 }
 PLACES = (
     ("int64", "1"),
     (r"string\(length=26\)", ULID),
     (r"string\(length=8\)", "0123abcd"),
+    (r"string\(maxlength=64\)", "maria"),
     ("path", "fleet"),
 )
 """Values in a path, by converter."""
-WITHOUT_VEHICLES = ("/openapi.json", "/docs", "/metrics", "/audit", "/keys", "/fields")
+WITHOUT_VEHICLES = (
+    *(
+        "/openapi.json",
+        "/docs",
+        "/metrics",
+        "/audit",
+        "/keys",
+        "/fields",
+        "/session",
+        "/users",
+        "/live",
+    ),
+)
 """Paths of resources without a vehicle."""
 
 
