@@ -1,5 +1,6 @@
 """Application factory: joins configuration, database, services and routes."""
 
+import secrets
 import time
 from collections.abc import Callable
 from typing import Any
@@ -22,6 +23,7 @@ from edge_server.api.routes import (
     fields,
     health,
     keys,
+    live,
     metrics,
     plan_files,
     plans,
@@ -32,6 +34,10 @@ from edge_server.api.routes import (
     vehicles,
 )
 from edge_server.config import Config
+from edge_server.live.changes import Changes
+from edge_server.live.farm import Farm
+from edge_server.live.reading import reader
+from edge_server.live.watcher import Watcher
 from edge_server.metrics import Metrics
 from edge_server.services.context import Context
 from edge_server.store.connection.database import Database
@@ -60,6 +66,7 @@ _MODULES = (
     dead_letters,
     vehicles,
     broker,
+    live,
     keys,
     session,
     users,
@@ -98,6 +105,7 @@ def create_app(config: Config, *, clock: Callable[[], float] = time.time) -> Fla
     ring = auth.KeyRing(database, clock)
     limits = Limits(config)
     app.extensions[auth.KEY_RING] = ring
+    app.extensions[live.EXTENSION] = _live(context, ring)
     app.extensions[session.LIMITS] = limits
     app.before_request(console.lead_browser_to_console)
     app.before_request(documentation.link_browser_to_docs)
@@ -112,6 +120,18 @@ def create_app(config: Config, *, clock: Callable[[], float] = time.time) -> Fla
     for module in _MODULES:
         app.register_blueprint(module.blueprint())
     return app
+
+
+def _live(context: Context, ring: auth.KeyRing) -> live.Live:
+    """Make the live stream; while it is read, ended keys and sessions are noticed too."""
+    read = reader(context)
+
+    def read_all() -> Farm:
+        ring.refresh()
+        return read()
+
+    changes = Changes(secrets.token_hex(4))
+    return live.Live(changes, Watcher(read_all, changes))
 
 
 def context_of(app: Flask) -> Context:

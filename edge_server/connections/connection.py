@@ -6,6 +6,8 @@ stateDiagram-v2
     READING --> SERVING: request complete
     SERVING --> READING: answered, kept alive
     SERVING --> LINGERING: answered, to be closed
+    SERVING --> STREAMING: its answer has no end
+    STREAMING --> CLOSED: end, slow reader, eviction
     READING --> LINGERING: refused
     HANDSHAKE --> CLOSED: timeout, failure
     READING --> CLOSED: timeout, end, eviction
@@ -27,9 +29,14 @@ from edge_server.connections.admission import (
     LINGER_S,
     Reason,
 )
+from edge_server.connections.exchange import Stream
 from edge_server.connections.framing import RequestFraming, Stage
 
 _RECEIVED_BYTES: Final = 65_536
+UNSENT_BYTES: Final = 2 * 1024 * 1024
+"""Of a stream that its reader has not received; beyond it the connection is closed."""
+UNSENT_S: Final = 20.0
+"""How long a reader of a stream may receive nothing of what waits for it."""
 _CONTINUE: Final = b"HTTP/1.1 100 Continue\r\n\r\n"
 
 
@@ -39,6 +46,7 @@ class Phase(Enum):
     HANDSHAKE = auto()
     READING = auto()
     SERVING = auto()
+    STREAMING = auto()
     LINGERING = auto()
     CLOSED = auto()
 
@@ -61,11 +69,13 @@ class Connection:
         self._lingered_bytes = 0
         self._stage = Stage.HEAD
         self._has_continued = False
+        self._stream: Stream | None = None
+        self._unsent = bytearray()
 
     @property
     def kept_bytes(self) -> int:
-        """Size of the request so far."""
-        return self.framing.kept_bytes
+        """Size of the request so far, or of what a stream's reader has not received."""
+        return self.framing.kept_bytes + len(self._unsent)
 
     @property
     def has_begun(self) -> bool:
@@ -91,6 +101,10 @@ class Connection:
             return False
         if self.phase is Phase.LINGERING:
             self._discard()
+            return False
+        if self.phase is Phase.STREAMING:
+            self._discard()
+            self.send_stream(now)
             return False
         while (data := self._receive()) is not None:
             if not data:
@@ -170,6 +184,37 @@ class Connection:
         self.has_been_served = False
         self.since = now
         self.deadline = now + LINGER_S
+
+    def begin_stream(self, stream: Stream, now: float) -> None:
+        """Send a stream from now on."""
+        self.sock.settimeout(0.0)
+        self.phase = Phase.STREAMING
+        self.has_been_served = True  # Where there is no room, an unfinished request goes first
+        self.since = now
+        self.deadline = now + UNSENT_S
+        self._stream = stream
+
+    def send_stream(self, now: float) -> None:
+        """Send what is new; sets `interest` by whether the reader can receive more.
+
+        Raises:
+            OSError: if the connection failed.
+            EOFError: at the end of the stream, or if the reader is too slow.
+        """
+        data = None if self._stream is None else self._stream.take(now)
+        if data is None or len(self._unsent) > UNSENT_BYTES:
+            raise EOFError
+        self._unsent += data
+        try:
+            while self._unsent:
+                sent = self.sock.send(self._unsent[:_RECEIVED_BYTES])
+                del self._unsent[:sent]
+                self.deadline = now + UNSENT_S
+        except (BlockingIOError, InterruptedError, ssl.SSLWantReadError, ssl.SSLWantWriteError):
+            self.interest = selectors.EVENT_READ | selectors.EVENT_WRITE
+            return
+        self.deadline = now + UNSENT_S
+        self.interest = selectors.EVENT_READ
 
     def _discard(self) -> None:
         while (data := self._receive()) is not None:

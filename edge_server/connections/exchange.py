@@ -6,7 +6,7 @@ a time budget, which grows with each byte that the client receives.
 
 import socket
 import time
-from typing import Final
+from typing import Final, Protocol
 
 from edge_server.connections.framing import FramedRequest
 
@@ -16,6 +16,16 @@ LEAST_RATE_BYTES_S: Final = 16_384.0
 """A client that receives more slowly than this uses up its budget."""
 _PIECE_BYTES: Final = 65_536
 _CONTINUE: Final = b"HTTP/1.1 100 Continue\r\n\r\n"
+
+
+class Stream(Protocol):
+    """An answer without an end, which the loop sends as it comes."""
+
+    def take(self, now: float) -> bytes | None:
+        """Give the next bytes, perhaps none; None ends the answer. `now` is monotonic.
+
+        The loop calls it several times a second: it must not block.
+        """
 
 
 class TooSlowError(OSError):
@@ -41,6 +51,17 @@ class Exchange:
         self._sock = sock
         self._raw = memoryview(request.raw)
         self._send_budget_s = SEND_S
+        self.stream: Stream | None = None
+        """What the loop sends from now on."""
+
+    def begin_stream(self, head: bytes, stream: Stream) -> None:
+        """Send the head of an answer without an end; what the view returns is not sent.
+
+        Raises:
+            TooSlowError: as `sendall`.
+        """
+        self.sendall(head)
+        self.stream = stream
 
     def recv(self, size: int) -> bytes:
         """Read the next bytes of the request; none after its end."""
@@ -54,8 +75,11 @@ class Exchange:
         return len(data)
 
     def sendall(self, data: bytes) -> None:
-        """Send all of it; raises TooSlowError, or OSError if the client has disconnected."""
-        rest = memoryview(data)
+        """Send all of it; raises TooSlowError, or OSError if the client has disconnected.
+
+        Once a stream has begun, nothing else is sent.
+        """
+        rest = memoryview(data if self.stream is None else b"")
         while rest:
             began = time.monotonic()
             self._sock.settimeout(max(self._send_budget_s, 0.001))

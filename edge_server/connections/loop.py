@@ -2,7 +2,8 @@
 
 A connection occupies a descriptor and memory for what it has sent, but no thread before its request
 is complete; so silent or slow clients, however many, delay no requests. Events and the broker's
-requests have threads of their own.
+requests have threads of their own. A stream, which has no end, occupies no thread either: the loop
+sends it.
 """
 
 import contextlib
@@ -25,7 +26,7 @@ from edge_server.connections.admission import Eviction, Limits, NoRoomError, Rea
 from edge_server.connections.client_address import network_of
 from edge_server.connections.connection import Connection, Phase
 from edge_server.connections.counts import ConnectionCounts
-from edge_server.connections.exchange import Exchange
+from edge_server.connections.exchange import Exchange, Stream
 from edge_server.connections.framing import Lane, lane_of
 
 LOG = logging.getLogger(__name__)
@@ -63,6 +64,8 @@ class _Served(NamedTuple):
     kept_bytes: int
     keep: bool
     """Whether the connection may be used again."""
+    stream: Stream | None
+    """What it sends from now on, if the answer has no end."""
 
 
 class ConnectionLoop:
@@ -91,6 +94,7 @@ class ConnectionLoop:
         os.set_blocking(self._wake_read, False)
         os.set_blocking(self._wake_write, False)
         self._connections: set[Connection] = set()
+        self._streams: set[Connection] = set()
         self._by_network: Counter[str] = Counter()
         self._unreported: Counter[tuple[Reason, str]] = Counter()
         self._report_at = 0.0
@@ -127,6 +131,8 @@ class ConnectionLoop:
                 self._advance_connection(key.data, time.monotonic())
         self._shake_hands(handshakes)
         self._collect(time.monotonic())
+        for connection in list(self._streams):
+            self._advance_connection(connection, time.monotonic())
         if now >= self._sweep_at:
             self._sweep_at = now + _SWEEP_S
             self._sweep(time.monotonic())
@@ -137,8 +143,8 @@ class ConnectionLoop:
         self._accepts_from = 0.0
 
     def close_idle(self) -> None:
-        """Close connections without a request."""
-        for connection in [one for one in self._connections if one.is_idle]:
+        """Close connections without a request, and streams."""
+        for connection in [one for one in self._connections if one.is_idle or one in self._streams]:
             self._close(connection)
 
     @property
@@ -267,7 +273,7 @@ class ConnectionLoop:
             try:
                 keep = self._serve(exchange) and request.is_whole
             finally:
-                self._done.put(_Served(connection, lane, kept_bytes, keep))
+                self._done.put(_Served(connection, lane, kept_bytes, keep, exchange.stream))
                 self.wake()
 
         self._pools[lane].submit(serve)
@@ -285,12 +291,15 @@ class ConnectionLoop:
     def _collect(self, now: float) -> None:
         """Resume the connections whose requests have been served."""
         while not self._done.empty():
-            connection, lane, kept_bytes, keep = self._done.get()
+            connection, lane, kept_bytes, keep, stream = self._done.get()
             self._dispatched_bytes[lane] -= kept_bytes
             if connection.phase is Phase.CLOSED:
                 continue
             try:
-                if not keep:
+                if stream is not None:
+                    connection.begin_stream(stream, now)
+                    self._streams.add(connection)
+                elif not keep:
                     connection.linger(now)
                 elif connection.answered(now):
                     self._dispatch(connection, now)
@@ -306,7 +315,8 @@ class ConnectionLoop:
     def _sweep(self, now: float) -> None:
         """Close connections beyond their deadline or the memory limit."""
         for connection in [one for one in self._not_served() if now >= one.deadline]:
-            if connection.phase is Phase.LINGERING or connection.has_been_served:
+            quiet = connection.phase in {Phase.LINGERING, Phase.STREAMING}
+            if quiet or connection.has_been_served:
                 self._close(connection)
             else:
                 self._refuse_late(connection, connection.timeout_reason)
@@ -327,7 +337,7 @@ class ConnectionLoop:
 
     def _refuse_late(self, connection: Connection, reason: Reason) -> None:
         """Close a connection before its request is complete; answer 408 if one has begun."""
-        if connection.phase is not Phase.LINGERING:
+        if connection.phase not in {Phase.LINGERING, Phase.STREAMING}:
             self._note_refused(reason, connection.network)
         if connection.has_begun:
             with contextlib.suppress(OSError):
@@ -340,6 +350,7 @@ class ConnectionLoop:
         with contextlib.suppress(KeyError, ValueError):
             self._selector.unregister(connection.sock)
         self._connections.remove(connection)
+        self._streams.discard(connection)
         self._by_network[connection.network] -= 1
         if not self._by_network[connection.network]:
             del self._by_network[connection.network]

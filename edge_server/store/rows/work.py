@@ -215,6 +215,19 @@ def missions_of(connection: Connection, vehicle_id: int, mission_id: int) -> lis
     return [_work(row) for row in connection.execute(query.order_by(work.c.id))]
 
 
+def recent_missions(connection: Connection, *, ended_since: float, limit: int) -> list[Work]:
+    """List the missions that have not ended, and the others that ended since a time; newest last.
+
+    If there are more than the limit, the oldest are left out.
+    """
+    query = _QUERY.where(
+        work.c.kind == MISSION,
+        or_(work.c.state.in_((QUEUED, ACCEPTED)), work.c.ended_at >= ended_since),
+    )
+    rows = connection.execute(query.order_by(work.c.id.desc()).limit(limit))
+    return [_work(row) for row in rows][::-1]
+
+
 def not_flown(
     connection: Connection, *, vehicle_id: int | None = None, ended_since: float | None = None
 ) -> list[Work]:

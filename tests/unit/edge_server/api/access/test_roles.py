@@ -73,6 +73,7 @@ MATRIX: list[tuple[str, str, set[str], Any]] = [
     ("GET", "/keys/0123abcd", {"admin"}, None),
     ("DELETE", "/keys/0123abcd", {"admin"}, None),
     ("GET", "/audit/", {"admin"}, None),
+    ("GET", "/live/", EVERYBODY, None),
     ("GET", "/session/", EVERYBODY, None),
     ("DELETE", "/session/", EVERYBODY, None),
     ("GET", "/users/", {"admin"}, None),

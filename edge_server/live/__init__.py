@@ -1,0 +1,1 @@
+"""What changes on the farm, as it happens: one stream for every browser that watches."""

@@ -1,0 +1,64 @@
+"""The latest changes, numbered, so that a reader who was away goes on behind the last one it has.
+
+A number belongs to one run of the server: `<run>-<number>`. A reader who has the number of another
+run, or one that is no longer kept, begins anew with the complete state.
+"""
+
+import json
+import re
+import threading
+from collections import deque
+from collections.abc import Iterable
+from typing import Any, Final, NamedTuple
+
+KEPT: Final = 2000
+"""Changes; two minutes of 16 vehicles."""
+_ID: Final = re.compile(r"([0-9a-f]{1,32})-([0-9]{1,18})")
+
+
+class Change(NamedTuple):
+    """One change: the name of its event, and its JSON object as text."""
+
+    number: int
+    name: str
+    vehicle_id: int | None  # None: not about one vehicle
+    data: str
+
+
+class Changes:
+    """Written by the watcher, read by every stream; safe in any thread."""
+
+    def __init__(self, run: str, kept: int = KEPT) -> None:
+        """Begin without changes; `run` (hexadecimal) distinguishes this run of the server."""
+        self._run = run
+        self._lock = threading.Lock()
+        self._kept: deque[Change] = deque(maxlen=kept)
+        self.last = 0
+        """Number of the latest change."""
+
+    def add(self, changes: Iterable[tuple[str, int | None, Any]]) -> None:
+        """Number and keep changes: name, vehicle, JSON object."""
+        with self._lock:
+            for name, vehicle_id, data in changes:
+                text = json.dumps(data, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
+                self._kept.append(Change(self.last + 1, name, vehicle_id, text))
+                self.last += 1
+
+    def after(self, number: int) -> list[Change] | None:
+        """The changes behind a number; None if some of them are no longer kept."""
+        if number == self.last:
+            return []
+        with self._lock:
+            first = self._kept[0].number if self._kept else self.last + 1
+            if not first - 1 <= number <= self.last:
+                return None
+            return [change for change in self._kept if change.number > number]
+
+    def id_of(self, number: int) -> str:
+        """Write a number as the `id` of an event."""
+        return f"{self._run}-{number}"
+
+    def number_of(self, identifier: str) -> int | None:
+        """Read an `id`; None for one of another run, or what is none."""
+        found = _ID.fullmatch(identifier)
+        return int(found[2]) if found and found[1] == self._run else None

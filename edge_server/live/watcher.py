@@ -1,0 +1,78 @@
+"""Reads the farm twice a second while somebody watches, and publishes what has changed.
+
+It compares states instead of being called by each writer: a change counts whoever made it, also
+another edge server on the same database, and no write becomes slower or can fail because of it.
+"""
+
+import logging
+import threading
+import time
+from collections.abc import Callable
+from typing import Final
+
+from sqlalchemy.exc import SQLAlchemyError
+
+from edge_server.live.changes import Changes
+from edge_server.live.farm import NOTHING, Farm, differences
+
+LOG = logging.getLogger(__name__)
+PERIOD_S: Final = 0.5
+LINGER_S: Final = 30.0
+"""It goes on so long after the last reader, who may come back and go on where it was."""
+
+
+class Watcher:
+    """One thread, alive while there are readers; every reader counts itself with `note_reader`."""
+
+    def __init__(
+        self, read: Callable[[], Farm], changes: Changes, wake: Callable[[], None] | None = None
+    ) -> None:
+        """Begin asleep; `wake` is called after changes were published."""
+        self._read = read
+        self._changes = changes
+        self._lock = threading.Lock()
+        self._wanted_until = float("-inf")
+        self._thread: threading.Thread | None = None
+        self._is_first_read = threading.Event()
+        self.farm = NOTHING
+        self.wake: Callable[[], None] = wake or (lambda: None)
+
+    def note_reader(self) -> None:
+        """Note that somebody watches now; starts the thread if it sleeps."""
+        with self._lock:
+            self._wanted_until = time.monotonic() + LINGER_S
+            if self._thread is None:
+                self._is_first_read.clear()
+                self._thread = threading.Thread(target=self._run, name="live", daemon=True)
+                self._thread.start()
+
+    def wait_for_first(self, timeout_s: float) -> bool:
+        """Wait until the state is known; false if it is not within the time."""
+        return self._is_first_read.wait(timeout_s)
+
+    def look(self) -> None:
+        """Read once and publish what has changed; the database's failures pass."""
+        try:
+            farm = self._read()
+        except SQLAlchemyError as error:
+            LOG.warning("the live stream cannot read the database: %s", error)
+            return
+        before, self.farm = self.farm, farm
+        if self._is_first_read.is_set():
+            found = list(differences(before, farm))
+            if found:
+                self._changes.add(found)
+                self.wake()
+        self._is_first_read.set()
+
+    def _run(self) -> None:
+        while True:
+            try:
+                self.look()
+            except Exception:
+                LOG.exception("the live stream cannot read the farm")  # The next time it may
+            time.sleep(PERIOD_S)
+            with self._lock:
+                if time.monotonic() > self._wanted_until:
+                    self._thread = None
+                    return
