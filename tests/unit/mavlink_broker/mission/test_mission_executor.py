@@ -88,6 +88,19 @@ class TestARefusal:
             "start accepted, but mode is AUTO.LOITER"
         )
 
+    def test_a_start_that_is_obeyed_after_it_has_failed_is_not_flown(self) -> None:
+        world = World()
+        vehicle = world.add_vehicle(script=dataclasses.replace(PX4, ignores_start=True))
+        world.air.delay(vehicle, 0.2)
+        world.run(3.0)
+        world.edge.plan(first_flight())
+        world.run_until(lambda: world.app.sessions[1].state is State.FAILING)
+        vehicle.airborne = True  # The order to disarm arrives too late, and is refused
+        vehicle.set_mode(PX4_MISSION)
+        world.run_until(lambda: not vehicle.in_mission, within_s=5.0)
+        world.run_until(lambda: not vehicle.armed, within_s=60.0)
+        assert world.edge.status(1201) == Status.FAILED
+
     def test_a_store_that_differs_is_never_flown(self) -> None:
         world = World()
         vehicle = world.add_vehicle(
