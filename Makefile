@@ -52,7 +52,6 @@ $(VENV)/bin/python:
 $(RUNTIME): requirements.lock | $(VENV)/bin/python
 	@echo "installing the locked run-time packages into $(VENV)"
 	$(RUN) -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.lock
-	@touch $@
 
 # The lock names every package that is needed and leaves out what pyproject.toml overrides.
 $(DEV): requirements-dev.lock | $(VENV)/bin/python
@@ -86,6 +85,34 @@ fly: $(DEV) ## fly PLAN as fast as it goes; write logs, true track and a report 
 .PHONY: compile
 compile: $(DEV) ## compile the flight stack (some minutes); FARM_PURE=1 flies without
 	@exec $(RUN) -m deploy.compile
+
+CONSOLE_SOURCES := $(shell find console -type f -not -path 'console/node_modules/*' -not -path 'console/dist/*' -not -path 'console/generated/*' -not -path 'console/tests/*')
+CONSOLE_INSTALLED := console/node_modules/.package-lock.json
+
+$(CONSOLE_INSTALLED): console/package.json console/package-lock.json console/.npmrc
+	@node -e 'process.exit(+(process.versions.node.split(".")[0] < 20))' || { echo "Node 20 or newer is needed"; exit 1; }
+	cd console && npm ci
+
+# Types and forms come from the edge server's own description.
+console/generated/openapi.json: docs/tools/openapi_document.py $(shell find edge_server/api afarcloud -name '*.py') | $(RUNTIME)
+	@$(RUN) -m docs.tools.openapi_document $@
+
+console/generated/schema.ts: console/generated/openapi.json console/scripts/command_schemas.mjs | $(CONSOLE_INSTALLED)
+	cd console && npm run generate
+
+console/dist/index.html: $(CONSOLE_SOURCES) console/generated/schema.ts $(CONSOLE_INSTALLED)
+	cd console && npm run build
+
+.PHONY: console
+console: console/dist/index.html ## build the farm console, which the edge server shows at /console/
+
+.PHONY: console-dev
+console-dev: console/generated/schema.ts $(CONSOLE_INSTALLED) ## serve the console's sources with live reload; EDGE_URL names the edge server
+	@cd console && exec npm run dev
+
+.PHONY: console-test
+console-test: console/generated/schema.ts $(CONSOLE_INSTALLED) ## check the console's types and run its unit tests
+	cd console && npm run check && npm run test
 
 .PHONY: edge
 edge: $(RUNTIME) ## run the edge server alone

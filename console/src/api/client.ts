@@ -1,0 +1,117 @@
+/** Requests to the edge server that served this page: one place for cookie, CSRF token and errors. */
+
+/** What the edge server answers to a request that it refuses; see its HTTP errors. */
+interface Problem {
+  message?: string;
+  detail?: Record<string, Record<string, string[]>>;
+}
+
+/** A faulty member of a document, by its path in the document. */
+export interface Fault {
+  path: string;
+  text: string;
+}
+
+/** Status of a request that never reached the server. */
+export const UNREACHABLE = 0;
+
+/** A request that was refused or never arrived. */
+export class RequestError extends Error {
+  constructor(
+    readonly status: number,
+    message: string,
+    readonly faults: Fault[] = [],
+    readonly retryAfterS: number | null = null,
+  ) {
+    super(message);
+  }
+}
+
+const TIMEOUT_MS = 15_000;
+let csrfToken: string | null = null;
+let reportSignedOut: () => void = () => undefined;
+
+/** Sets the token that every write needs; null after the session has ended. */
+export function setCsrfToken(token: string | null): void {
+  csrfToken = token;
+}
+
+/** Sets what to call when the server no longer knows the session. */
+export function onSignedOut(callback: () => void): void {
+  reportSignedOut = callback;
+}
+
+export interface Request {
+  method?: "GET" | "POST" | "PUT" | "PATCH" | "DELETE";
+  body?: unknown;
+  file?: File;
+  timeoutMs?: number;
+  /** Makes a repetition of a write harmless. */
+  idempotencyKey?: string;
+}
+
+/** Sends a request and gives its JSON body; raises RequestError. */
+export async function request<Body>(path: string, options: Request = {}): Promise<Body> {
+  const response = await send(path, options);
+  if (response.status === 204) return undefined as Body;
+  const text = await response.text();
+  return (text === "" ? undefined : JSON.parse(text)) as Body;
+}
+
+/** Sends a request and gives its body as text; raises RequestError. */
+export async function requestText(path: string): Promise<string> {
+  return (await send(path, {})).text();
+}
+
+async function send(path: string, options: Request): Promise<Response> {
+  const method = options.method ?? "GET";
+  const headers: Record<string, string> = { Accept: "application/json" };
+  if (method !== "GET" && csrfToken !== null) headers["X-CSRF-Token"] = csrfToken;
+  if (options.idempotencyKey !== undefined) headers["Idempotency-Key"] = options.idempotencyKey;
+  let body: BodyInit | null = null;
+  if (options.file !== undefined) {
+    headers["Content-Type"] = contentType(options.file.name);
+    body = options.file;
+  } else if (options.body !== undefined) {
+    headers["Content-Type"] = "application/json";
+    body = JSON.stringify(options.body);
+  }
+  let response: Response;
+  try {
+    response = await fetch(path, {
+      method,
+      headers,
+      body,
+      credentials: "same-origin",
+      signal: AbortSignal.timeout(options.timeoutMs ?? TIMEOUT_MS),
+    });
+  } catch {
+    throw new RequestError(UNREACHABLE, "unreachable");
+  }
+  if (response.ok) return response;
+  if (response.status === 401 && !path.startsWith("/session/")) reportSignedOut();
+  throw await refusalOf(response);
+}
+
+function contentType(fileName: string): string {
+  if (/\.geojson$/i.test(fileName)) return "application/geo+json";
+  return /\.(plan|json)$/i.test(fileName) ? "application/json" : "text/plain";
+}
+
+async function refusalOf(response: Response): Promise<RequestError> {
+  const retryAfter = Number(response.headers.get("Retry-After"));
+  const problem = (await response.json().catch(() => ({}))) as Problem;
+  return new RequestError(
+    response.status,
+    problem.message ?? response.statusText,
+    faultsOf(problem),
+    Number.isFinite(retryAfter) && retryAfter > 0 ? retryAfter : null,
+  );
+}
+
+/** Lists the faults of an answer in the order of the answer. */
+export function faultsOf(problem: Problem): Fault[] {
+  return Object.values(problem.detail ?? {}).flatMap((paths) =>
+    Object.entries(paths).flatMap(([path, texts]) => texts.map((text) => ({ path, text }))),
+  );
+}

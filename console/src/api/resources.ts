@@ -1,0 +1,121 @@
+/** The edge server's resources that the console reads and writes. */
+
+import { request, requestText } from "./client";
+import type {
+  AccessKey, Alarm, Command, DeadLetter, Flight, Picture, Plan, StoredEvent, StoredField, User,
+  Vehicle,
+} from "./types";
+
+const PAGE = 500;
+const MOST_PAGES = 10;
+
+/** Lists answer the oldest first, so all pages are read to get the newest. */
+async function allOf<Row extends { id: number }>(path: string): Promise<Row[]> {
+  const rows: Row[] = [];
+  for (let page = 0; page < MOST_PAGES; page += 1) {
+    const after = rows.at(-1)?.id ?? 0;
+    const joint = path.includes("?") ? "&" : "?";
+    const more = await request<Row[]>(`${path}${joint}limit=${PAGE}&after=${after}`);
+    rows.push(...more);
+    if (more.length < PAGE) break;
+  }
+  return rows;
+}
+
+export const listVehicles = (): Promise<Vehicle[]> => request("/vehicles/");
+export const releaseVehicle = (vehicleId: number, reason: string): Promise<Vehicle> =>
+  request(`/vehicles/${vehicleId}/release`, { method: "POST", body: { reason } });
+
+export const listFields = (): Promise<StoredField[]> => allOf("/fields/");
+
+/** Lists the plans that were received since a time. */
+export const listPlans = (since: Date): Promise<Plan[]> =>
+  allOf(`/plans/?since=${encodeURIComponent(since.toISOString())}`);
+export const getPlan = (reference: string): Promise<Plan> => request(`/plans/${reference}`);
+export const dispatchPlan = (id: number): Promise<Plan> =>
+  request(`/plans/${id}/dispatch`, { method: "POST" });
+export const deletePlan = (id: number): Promise<void> =>
+  request(`/plans/${id}`, { method: "DELETE" });
+
+/** A plan of one mission as the editor makes it. */
+export interface Draft {
+  name: string;
+  dispatch: boolean;
+  missions: {
+    mission_id: number;
+    vehicle_id: number;
+    maximum_speed?: number;
+    command_array: Command[];
+  }[];
+}
+
+export const createPlan = (draft: Draft): Promise<Plan> =>
+  request("/plans/", { method: "POST", body: draft });
+export const replacePlan = (id: number, draft: Draft): Promise<Plan> =>
+  request(`/plans/${id}`, { method: "PUT", body: draft });
+/** Stores a plan document as it is in a file, held until somebody dispatches it. */
+export const createPlanFromDocument = (document: object): Promise<Plan> =>
+  request("/plans/", { method: "POST", body: { ...document, dispatch: false } });
+/** Imports a mission file of a ground station for one vehicle. */
+export const importPlan = (file: File, vehicleId: number): Promise<Plan> =>
+  request(`/plans/import?vehicle_id=${vehicleId}&name=${encodeURIComponent(file.name)}`, {
+    method: "POST",
+    file,
+  });
+
+/** Numbers of the events that stop a mission. */
+export const LAND_HERE = 1;
+export const RETURN_HOME = 2;
+export type StopKind = typeof LAND_HERE | typeof RETURN_HOME;
+
+/** Orders a vehicle to land or to return; it is tried once and never queued in the browser. */
+export const stopVehicle = (vehicleId: number, kind: StopKind): Promise<StoredEvent> =>
+  request("/events/", {
+    method: "POST",
+    body: { vehicle_id: vehicleId, event_type_id: kind },
+    timeoutMs: 5_000,
+  });
+export const getEvent = (id: number): Promise<StoredEvent> =>
+  request(`/events/${id}`, { timeoutMs: 3_000 });
+
+export const listFlights = (): Promise<Flight[]> => request("/flights/?limit=100");
+export const getFlight = (id: number): Promise<Flight> => request(`/flights/${id}`);
+export const flightTrack = (id: number): Promise<GeoJSON.FeatureCollection | GeoJSON.Feature> =>
+  request(`/flights/${id}/track?format=geojson`);
+export const listPictures = (id: number): Promise<Picture[]> => request(`/flights/${id}/pictures`);
+
+export const listAlarms = (): Promise<Alarm[]> => request("/alarms/history/");
+export const acknowledgeAlarm = (id: number): Promise<Alarm> =>
+  request(`/alarms/history/${id}/acknowledge`, { method: "POST" });
+
+export const listUsers = (): Promise<User[]> => request("/users/");
+export const createUser = (name: string, role: string, password: string): Promise<User> =>
+  request("/users/", { method: "POST", body: { name, role, password } });
+export const changeUser = (name: string, change: Partial<User>): Promise<User> =>
+  request(`/users/${encodeURIComponent(name)}`, { method: "PATCH", body: change });
+
+export const listKeys = (): Promise<AccessKey[]> => request("/keys/");
+export const revokeKey = (prefix: string): Promise<void> =>
+  request(`/keys/${prefix}`, { method: "DELETE" });
+
+export const listDeadLetters = (): Promise<DeadLetter[]> => request("/dead_letters/?limit=100");
+export const retryDeadLetter = (id: number): Promise<unknown> =>
+  request(`/dead_letters/${id}/retry`, { method: "POST" });
+
+/** A row of the audit log. */
+export interface AuditRow {
+  id: number;
+  [member: string]: unknown;
+}
+
+/** Reads the audit log since a time, the newest row first. */
+export async function listAudit(since: Date): Promise<AuditRow[]> {
+  const text = await requestText(`/audit?since=${encodeURIComponent(since.toISOString())}`);
+  const lines = text.split("\n").filter((line) => line !== "");
+  return lines.map((line) => JSON.parse(line) as AuditRow).reverse();
+}
+
+/** Whether the relay reaches the cloud, where the live feed does not say it. */
+export async function readUplink(): Promise<boolean> {
+  return (await request<{ uplink?: string }>("/readyz")).uplink === "open";
+}

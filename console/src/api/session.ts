@@ -1,0 +1,40 @@
+/** The session of the person at this browser. */
+
+import { request, setCsrfToken } from "./client";
+import type { Session } from "./types";
+
+/** Gives the present session; raises RequestError 401 if there is none. */
+export async function presentSession(): Promise<Session> {
+  return remember(await request<Session>("/session/"));
+}
+
+/** Signs in with name and password; raises RequestError. */
+export async function signIn(name: string, password: string): Promise<Session> {
+  return remember(
+    await request<Session>("/session/", { method: "POST", body: { name, password } }),
+  );
+}
+
+/** Signs in with a one-time link; raises RequestError. */
+export async function signInByLink(link: string): Promise<Session> {
+  return remember(await request<Session>("/session/", { method: "POST", body: { link } }));
+}
+
+/** Ends the session on the server. */
+export async function signOut(): Promise<void> {
+  await request("/session/", { method: "DELETE" });
+  setCsrfToken(null);
+}
+
+/** Takes the token of a one-time link out of the address, so that it is in no history. */
+export function takeLink(): string | null {
+  const found = /^#link=(.+)$/.exec(window.location.hash);
+  if (found?.[1] === undefined) return null;
+  window.history.replaceState(null, "", window.location.pathname + window.location.search);
+  return decodeURIComponent(found[1]);
+}
+
+function remember(session: Session): Session {
+  setCsrfToken(session.csrf_token);
+  return session;
+}

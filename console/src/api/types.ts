@@ -1,0 +1,120 @@
+/** Names for the types that are generated from the edge server's OpenAPI document. */
+
+import type { components } from "../../generated/schema";
+
+type Schemas = components["schemas"];
+
+export type Role = "farmer" | "operator" | "admin" | "broker" | "cloud";
+export type StoredField = Schemas["StoredField"];
+export type AccessKey = Schemas["AccessKey"];
+export type DeadLetter = Schemas["DeadLetter"];
+export type StoredEvent = Schemas["StoredEvent"] & { message?: string };
+
+/** A vehicle; `heading` and `speed` come with the live feed where the vehicle reports them. */
+export type Vehicle = Schemas["Vehicle"] & { heading?: number | null; speed?: number | null };
+
+/** Number of a status of a mission or command: 1 not started, 2 running, 3 finished, 4 failed, 5 aborted. */
+export type StatusId = 1 | 2 | 3 | 4 | 5;
+
+/** A value of a command's parameter; corners of a picture are pairs. */
+export type ParameterValue = number | boolean | null | number[][];
+
+/** A command as it is sent. */
+export interface Command {
+  command_id: number;
+  command_type_id: number;
+  parameters: Record<string, ParameterValue>;
+}
+
+/** A command with its live status. */
+export interface CommandState extends Command {
+  command_status_id: StatusId;
+  message?: string;
+}
+
+/** A mission of a stored plan. */
+export interface Mission {
+  mission_id: number;
+  vehicle_id: number;
+  maximum_speed?: number | null;
+  dispatch_state: "held" | "queued" | "accepted" | "closed";
+  mission_status_id: StatusId;
+  waiting?: string;
+  message?: string;
+  command_array: CommandState[];
+}
+
+/** A stored plan with its live statuses. */
+export interface Plan {
+  id: number;
+  plan_id: string;
+  name?: string | null;
+  received_at: string;
+  expires_at: string;
+  plan_status_id: StatusId;
+  missions: Mission[];
+  warnings: { path?: string; message?: string }[];
+}
+
+/** Live state of a mission, as the feed sends it. */
+export interface MissionChange {
+  plan_id: string;
+  mission_id: number;
+  vehicle_id: number;
+  mission_status_id: StatusId;
+  command_array: { command_id: number; command_status_id: StatusId }[];
+}
+
+export interface Uplink {
+  reachable: boolean;
+  records_waiting: number | null;
+}
+
+export interface Alarm {
+  id: number;
+  recorded_at: string;
+  vehicle_id: number;
+  alarm_type_id?: number;
+  alarm_code_id?: number;
+  alarm_type?: string;
+  description?: string;
+  acknowledged_at: string | null;
+}
+
+export interface Flight {
+  id: number;
+  vehicle_id: number;
+  mission_id: number | null;
+  plan_id: string | null;
+  started_at: string;
+  ended_at: string | null;
+  mission_status_id: StatusId | null;
+  distance_m: number | null;
+  pictures: number;
+  alarms: number;
+}
+
+export interface Picture {
+  id: number;
+  recorded_at: string;
+  latitude: number | null;
+  longitude: number | null;
+  altitude: number | null;
+  url: string;
+  thumbnail_url: string;
+}
+
+export interface User {
+  name: string;
+  role: Role;
+  created_at: string;
+  last_sign_in_at: string | null;
+  disabled: boolean;
+}
+
+export interface Session {
+  name: string;
+  role: Role;
+  csrf_token: string;
+  expires_at: string;
+}

@@ -1,0 +1,73 @@
+import { useCallback, useEffect, useMemo, useState } from "react";
+import { useTranslation } from "react-i18next";
+import { onSignedOut } from "../api/client";
+import { presentSession, signInByLink, signOut, takeLink } from "../api/session";
+import type { Session } from "../api/types";
+import { Splash } from "../controls/Splash";
+import { LANGUAGES } from "../i18n/i18n";
+import { asRequestError } from "../live/use_resource";
+import { SignIn } from "../screens/SignIn";
+import type { RequestError } from "../api/client";
+import { applyPreferences, PreferencesContext, readPreferences } from "./preferences";
+import type { Preferences } from "./preferences";
+import { SessionContext } from "./session_context";
+import { Shell } from "./Shell";
+
+type Entry =
+  | { kind: "checking" }
+  | { kind: "signed out"; error: RequestError | null; hasEnded: boolean }
+  | { kind: "signed in"; session: Session };
+
+/** The console: the sign-in, or the shell for a person who is signed in. */
+export function App() {
+  const { i18n } = useTranslation();
+  const [entry, setEntry] = useState<Entry>({ kind: "checking" });
+  const [preferences, setPreferences] = useState(() => readPreferences(Object.keys(LANGUAGES)));
+  const change = useCallback((part: Partial<Preferences>) => {
+    setPreferences((present) => ({ ...present, ...part }));
+  }, []);
+  const value = useMemo(() => ({ preferences, change }), [preferences, change]);
+
+  useEffect(() => {
+    applyPreferences(preferences);
+    if (i18n.language !== preferences.language) void i18n.changeLanguage(preferences.language);
+  }, [preferences, i18n]);
+
+  useEffect(() => {
+    onSignedOut(() => setEntry({ kind: "signed out", error: null, hasEnded: true }));
+    const link = takeLink();
+    const entering = link === null ? presentSession() : signInByLink(link);
+    entering
+      .then((session) => setEntry({ kind: "signed in", session }))
+      .catch((reason: unknown) => {
+        const error = asRequestError(reason);
+        // Without a link a missing session is the usual beginning, not an error
+        const isUsual = link === null && error.status === 401;
+        setEntry({ kind: "signed out", error: isUsual ? null : error, hasEnded: false });
+      });
+  }, []);
+
+  const leave = useCallback(() => {
+    // The server may be out of reach; this browser is signed out in any case
+    void signOut().catch(() => undefined);
+    setEntry({ kind: "signed out", error: null, hasEnded: false });
+  }, []);
+
+  return (
+    <PreferencesContext value={value}>
+      {entry.kind === "checking" && <Splash />}
+      {entry.kind === "signed out" && (
+        <SignIn
+          firstError={entry.error}
+          hasEnded={entry.hasEnded}
+          enter={(session) => setEntry({ kind: "signed in", session })}
+        />
+      )}
+      {entry.kind === "signed in" && (
+        <SessionContext value={{ session: entry.session, leave }}>
+          <Shell />
+        </SessionContext>
+      )}
+    </PreferencesContext>
+  );
+}

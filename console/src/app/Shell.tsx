@@ -1,0 +1,51 @@
+import { Suspense, useEffect, useState } from "react";
+import { useTranslation } from "react-i18next";
+import { Empty, Skeleton } from "../controls/states";
+import { Feed } from "../live/feed";
+import { FeedContext } from "../live/use_live";
+import { Fleet } from "../screens/Fleet";
+import { StopDialog } from "../screens/StopDialog";
+import { Header } from "./Header";
+import { Navigation } from "./Navigation";
+import { useRoute } from "./route";
+
+
+/** Header, navigation and the screen of the present address. */
+export function Shell() {
+  const { t } = useTranslation();
+  const [feed] = useState(() => new Feed());
+  const [stops, setStops] = useState<{ vehicleId: number | null } | null>(null);
+  useEffect(() => {
+    feed.start();
+    return () => feed.stop();
+  }, [feed]);
+
+  return (
+    <FeedContext value={feed}>
+      <a className="skip" href="#content">
+        {t("shell.skip")}
+      </a>
+      <div className="shell">
+        <Header stop={() => setStops({ vehicleId: null })} />
+        <Navigation />
+        <main id="content" tabIndex={-1}>
+          <Suspense fallback={<Skeleton />}>
+            <Screen stopVehicle={(vehicleId) => setStops({ vehicleId })} />
+          </Suspense>
+        </main>
+      </div>
+      {stops && <StopDialog vehicleId={stops.vehicleId} close={() => setStops(null)} />}
+    </FeedContext>
+  );
+}
+
+function Screen({ stopVehicle }: { stopVehicle: (vehicleId: number) => void }) {
+  const { t } = useTranslation();
+  const [first] = useRoute();
+  switch (first) {
+    case undefined:
+      return <Fleet stopVehicle={stopVehicle} />;
+    default:
+      return <Empty icon="map" title={t("shell.not_found")} />;
+  }
+}

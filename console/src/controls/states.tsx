@@ -1,0 +1,86 @@
+import type { ReactNode } from "react";
+import { useTranslation } from "react-i18next";
+import type { RequestError } from "../api/client";
+import { describeError } from "../i18n/describe_error";
+import type { Resource } from "../live/use_resource";
+import { Button } from "./Button";
+import { Icon, type IconName } from "./Icon";
+
+/** A message in its place on the page; errors are announced at once. */
+export function Notice({ kind, children }: { kind: "error" | "info" | "good"; children: ReactNode }) {
+  return (
+    <div className={`notice notice-${kind}`} role={kind === "error" ? "alert" : "status"}>
+      <Icon name={kind === "good" ? "check" : "warning"} />
+      <div>{children}</div>
+    </div>
+  );
+}
+
+/** An error in plain words, with a way to try again. */
+export function ErrorNotice({ error, retry }: { error: RequestError; retry?: () => void }) {
+  const { t } = useTranslation();
+  return (
+    <Notice kind="error">
+      <p>{describeError(error, t)}</p>
+      {retry && (
+        <Button kind="plain" onClick={retry}>
+          {t("action.try_again")}
+        </Button>
+      )}
+    </Notice>
+  );
+}
+
+/** What a list shows when it is empty: what would be there, and how it gets there. */
+export function Empty({ icon, title, text, children }: {
+  icon: IconName;
+  title: string;
+  text?: string;
+  children?: ReactNode;
+}) {
+  return (
+    <div className="empty">
+      <span className="empty-icon">
+        <Icon name={icon} size={28} />
+      </span>
+      <h2>{title}</h2>
+      {text !== undefined && <p>{text}</p>}
+      {children}
+    </div>
+  );
+}
+
+/** Grey lines in the shape of a list that loads. */
+export function Skeleton({ rows = 4 }: { rows?: number }) {
+  const { t } = useTranslation();
+  return (
+    <div className="skeleton" role="status">
+      <span className="visually-hidden">{t("state.loading")}</span>
+      {Array.from({ length: rows }, (_, index) => (
+        <span key={index} />
+      ))}
+    </div>
+  );
+}
+
+/** A loaded list, or its state: loading, an error, or nothing there. */
+export function Loaded<Row>({ resource, empty, missing, children }: {
+  resource: Resource<Row[]>;
+  empty: ReactNode;
+  /** What to show where this edge server does not have the resource. */
+  missing?: ReactNode;
+  children: (rows: Row[]) => ReactNode;
+}) {
+  const { value, error, isLoading, reload } = resource;
+  if (error?.status === 404 && missing !== undefined) return <>{missing}</>;
+  if (value === null) {
+    if (error) return <ErrorNotice error={error} retry={reload} />;
+    return isLoading ? <Skeleton /> : null;
+  }
+  return (
+    <>
+      {error && <ErrorNotice error={error} retry={reload} />}
+      {value.length === 0 ? empty : children(value)}
+    </>
+  );
+}

@@ -1,0 +1,111 @@
+/** The connection to the live feed: connects again by itself, and polls where there is no feed. */
+
+import { listVehicles, readUplink } from "../api/resources";
+import { RequestError } from "../api/client";
+import { readStream, StreamRefusedError } from "./event_stream";
+import { apply, EMPTY, type Connection, type LiveState } from "./state";
+
+const RETRY_MS = [500, 1000, 2000, 4000, 5000];
+/** Three heartbeats of the server. */
+const SILENCE_MS = 30_000;
+const POLL_MS = 1000;
+
+/** Holds the live state and notifies its readers of each change. */
+export class Feed {
+  #state: LiveState = EMPTY;
+  #listeners = new Set<() => void>();
+  #stop = new AbortController();
+  #lastId: string | null = null;
+
+  readonly subscribe = (listener: () => void): (() => void) => {
+    this.#listeners.add(listener);
+    return () => this.#listeners.delete(listener);
+  };
+
+  readonly state = (): LiveState => this.#state;
+
+  start(): void {
+    this.#stop = new AbortController();
+    void this.#run(this.#stop.signal);
+  }
+
+  stop(): void {
+    this.#stop.abort();
+  }
+
+  /** Takes an event that this browser has caused, so that it shows before the feed sends it. */
+  take(type: string, data: unknown): void {
+    this.#change(apply(this.#state, type, data, Date.now()));
+  }
+
+  async #run(stop: AbortSignal): Promise<void> {
+    let failures = 0;
+    while (!stop.aborted) {
+      try {
+        await this.#stream(stop, () => (failures = 0));
+        // The server may end a stream in good order; only a refusal or silence is offline
+        await pause(RETRY_MS[0] ?? 500, stop);
+        continue;
+      } catch (error) {
+        if (error instanceof StreamRefusedError && error.status === 404) {
+          await this.#poll(stop);
+        }
+      }
+      if (stop.aborted) return;
+      this.#connection("offline");
+      await pause(RETRY_MS[Math.min(failures, RETRY_MS.length - 1)] ?? 5000, stop);
+      failures += 1;
+    }
+  }
+
+  async #stream(stop: AbortSignal, connected: () => void): Promise<void> {
+    const silence = new AbortController();
+    let timer = setTimeout(() => silence.abort(), SILENCE_MS);
+    try {
+      await readStream("/live/", this.#lastId, AbortSignal.any([stop, silence.signal]), (event) => {
+        clearTimeout(timer);
+        timer = setTimeout(() => silence.abort(), SILENCE_MS);
+        connected();
+        if (event.id !== null) this.#lastId = event.id;
+        const data: unknown = event.data === "" ? null : JSON.parse(event.data);
+        this.#change({ ...apply(this.#state, event.type, data, Date.now()), connection: "live" });
+      });
+    } finally {
+      clearTimeout(timer);
+    }
+  }
+
+  /** Reads the vehicles each second until the server is out of reach. */
+  async #poll(stop: AbortSignal): Promise<void> {
+    for (let round = 0; !stop.aborted; round += 1) {
+      try {
+        const vehicles = await listVehicles();
+        for (const vehicle of vehicles) this.take("vehicle", vehicle);
+        if (round % 5 === 0) {
+          this.take("uplink", { reachable: await readUplink(), records_waiting: null });
+        }
+      } catch (error) {
+        if (!(error instanceof RequestError) || error.status === 0 || error.status === 401) return;
+      }
+      const missionChanges = this.#state.missionChanges + (round % 3 === 0 ? 1 : 0);
+      this.#change({ ...this.#state, missionChanges, contactAtMs: Date.now(), connection: "polling" });
+      await pause(POLL_MS, stop);
+    }
+  }
+
+  #connection(connection: Connection): void {
+    this.#change({ ...this.#state, connection });
+  }
+
+  #change(state: LiveState): void {
+    this.#state = state;
+    for (const listener of this.#listeners) listener();
+  }
+}
+
+function pause(milliseconds: number, stop: AbortSignal): Promise<void> {
+  return new Promise((resolve) => {
+    const timer = setTimeout(resolve, milliseconds);
+    stop.addEventListener("abort", () => (clearTimeout(timer), resolve()), { once: true });
+  });
+}

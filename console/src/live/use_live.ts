@@ -1,0 +1,32 @@
+/** The live state for components. */
+
+import { createContext, useContext, useEffect, useState, useSyncExternalStore } from "react";
+import { Feed } from "./feed";
+import type { LiveState } from "./state";
+
+export const FeedContext = createContext<Feed>(new Feed());
+
+export function useFeed(): Feed {
+  return useContext(FeedContext);
+}
+
+/** A part of the live state; the component renders again when that part changes. */
+export function useLive<Part>(part: (state: LiveState) => Part): Part {
+  const feed = useFeed();
+  return useSyncExternalStore(feed.subscribe, () => part(feed.state()));
+}
+
+/** The present time in milliseconds, each second. */
+export function useNow(): number {
+  const [now, setNow] = useState(() => Date.now());
+  useEffect(() => {
+    const timer = setInterval(() => setNow(Date.now()), 1000);
+    return () => clearInterval(timer);
+  }, []);
+  return now;
+}
+
+/** Whether orders reach the server now. */
+export function useIsConnected(): boolean {
+  return useLive((state) => state.connection === "live" || state.connection === "polling");
+}

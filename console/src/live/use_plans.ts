@@ -1,0 +1,51 @@
+/** The plans of the last weeks with their live statuses. */
+
+import { listPlans } from "../api/resources";
+import type { Mission, Plan, StatusId } from "../api/types";
+import { missionKey, type LiveState } from "./state";
+import { useLive } from "./use_live";
+import { useResource, type Resource } from "./use_resource";
+
+const DAYS = 30;
+const DAY_MS = 86_400_000;
+
+/** Loads the plans, the newest first, and again when a mission has changed. */
+export function usePlans(): Resource<Plan[]> {
+  const missions = useLive((state) => state.missions);
+  const version = useLive((state) => state.missionChanges);
+  const resource = useResource(
+    () => listPlans(new Date(Date.now() - DAYS * DAY_MS)).then((plans) => plans.reverse()),
+    version,
+  );
+  const value = resource.value?.map((plan) => withLive(plan, missions)) ?? null;
+  return { ...resource, value };
+}
+
+/** Gives the plan with the statuses of the live feed, which are newer than the list. */
+export function withLive(plan: Plan, missions: LiveState["missions"]): Plan {
+  return { ...plan, missions: plan.missions.map((mission) => merge(plan, mission, missions)) };
+}
+
+function merge(plan: Plan, mission: Mission, missions: LiveState["missions"]): Mission {
+  const live = missions.get(missionKey({ plan_id: plan.plan_id, mission_id: mission.mission_id }));
+  if (live === undefined) return mission;
+  const statuses = new Map<number, StatusId>(
+    live.command_array?.map((one) => [one.command_id, one.command_status_id]),
+  );
+  return {
+    ...mission,
+    mission_status_id: Math.max(live.mission_status_id, mission.mission_status_id) as StatusId,
+    command_array: mission.command_array.map((command) => ({
+      ...command,
+      command_status_id: Math.max(
+        statuses.get(command.command_id) ?? 1,
+        command.command_status_id,
+      ) as StatusId,
+    })),
+  };
+}
+
+/** Whether a mission is with its vehicle and has not ended. */
+export function isInFlight(mission: Mission): boolean {
+  return mission.dispatch_state === "accepted" && mission.mission_status_id <= 2;
+}

@@ -1,0 +1,198 @@
+import { useEffect, useRef, useState } from "react";
+import { useTranslation } from "react-i18next";
+import type { GeoJSONSource, LngLatBoundsLike, Map as MapLibreMap, Marker } from "maplibre-gl";
+import { usePreferences } from "../app/preferences";
+import { Icon } from "../controls/Icon";
+import { Notice } from "../controls/states";
+import { gridOf } from "./grid";
+import maplibregl from "./maplibre";
+import { mapStyle, type SourceName } from "./style";
+
+/** A symbol on the map; `element` is made once for each key. */
+export interface Symbol {
+  key: string;
+  longitude: number;
+  latitude: number;
+  /** Moves the symbol below others: 0 is the lowest. */
+  level?: number;
+  make: () => HTMLElement;
+  update?: (element: HTMLElement) => void;
+  /** Called while the symbol is dragged; without it the symbol cannot be. */
+  drag?: (longitude: number, latitude: number, isDropped: boolean) => void;
+}
+
+export interface FarmMapProperties {
+  layers: Partial<Record<Exclude<SourceName, "grid">, GeoJSON.FeatureCollection>>;
+  symbols: Symbol[];
+  /** What the map shows at first, once it is known: [west, south, east, north]. */
+  extent: [number, number, number, number] | null;
+  click?: (longitude: number, latitude: number) => void;
+  label: string;
+}
+
+const FIRST_PLACE: [number, number] = [-3.7382, 40.4434];
+const CLOSEST_ZOOM = 18;
+
+/** The farm from above: a grid with a scale, and what is drawn on it. */
+export default function FarmMap({ layers, symbols, extent, click, label }: FarmMapProperties) {
+  const { t } = useTranslation();
+  const { preferences } = usePreferences();
+  const container = useRef<HTMLDivElement>(null);
+  const [map, setMap] = useState<MapLibreMap | null>(null);
+  const [hasFailed, setFailed] = useState(false);
+  const [styles, setStyles] = useState(0);
+  const hasFitted = useRef(false);
+  const latestClick = useRef(click);
+  latestClick.current = click;
+
+  useEffect(() => {
+    if (container.current === null) return;
+    let made: MapLibreMap;
+    try {
+      made = new maplibregl.Map({
+        container: container.current,
+        style: mapStyle(),
+        center: FIRST_PLACE,
+        zoom: 16,
+        maxZoom: 21,
+        attributionControl: false,
+        dragRotate: false,
+        pitchWithRotate: false,
+        touchPitch: false,
+      });
+    } catch {
+      setFailed(true); // No WebGL: everything but the map works
+      return;
+    }
+    made.touchZoomRotate.disableRotation();
+    made.on("style.load", () => {
+      setMap(made);
+      setStyles((count) => count + 1);
+    });
+    made.on("moveend", () => drawGrid(made));
+    made.on("click", (event) => latestClick.current?.(event.lngLat.lng, event.lngLat.lat));
+    return () => made.remove();
+  }, []);
+
+  useEffect(() => {
+    if (map === null) return;
+    const scale = new maplibregl.ScaleControl({ unit: preferences.units, maxWidth: 120 });
+    map.addControl(scale, "bottom-left");
+    return () => {
+      if (map.hasControl(scale)) map.removeControl(scale);
+    };
+  }, [map, preferences.units]);
+
+  useEffect(() => {
+    map?.setStyle(mapStyle());
+    // The first style has this theme already
+    // eslint-disable-next-line react-hooks/exhaustive-deps
+  }, [preferences.theme]);
+
+  useEffect(() => {
+    if (map === null) return;
+    drawGrid(map);
+    for (const [name, data] of Object.entries(layers)) {
+      (map.getSource(name) as GeoJSONSource | undefined)?.setData(data);
+    }
+  }, [map, styles, layers]);
+
+  useSymbols(map, symbols);
+
+  useEffect(() => {
+    if (map === null || extent === null || hasFitted.current) return;
+    hasFitted.current = true;
+    fit(map, extent, 0);
+  }, [map, extent]);
+
+  return (
+    <div className="farm-map" role="region" aria-label={label}>
+      <div ref={container} className="farm-map-canvas" />
+      {hasFailed && (
+        <div className="farm-map-failed">
+          <Notice kind="info">{t("map.no_webgl")}</Notice>
+        </div>
+      )}
+      {map && (
+        <div className="map-tools">
+          <button type="button" aria-label={t("map.zoom_in")} onClick={() => map.zoomIn()}>
+            <Icon name="add" />
+          </button>
+          <button type="button" aria-label={t("map.zoom_out")} onClick={() => map.zoomOut()}>
+            <span className="minus" />
+          </button>
+          <button
+            type="button"
+            aria-label={t("map.show_all")}
+            disabled={extent === null}
+            onClick={() => extent && fit(map, extent, 400)}
+          >
+            <Icon name="fit" />
+          </button>
+        </div>
+      )}
+    </div>
+  );
+}
+
+function fit(map: MapLibreMap, [west, south, east, north]: [number, number, number, number], duration: number) {
+  const bounds: LngLatBoundsLike = [[west, south], [east, north]];
+  map.fitBounds(bounds, { padding: 56, maxZoom: CLOSEST_ZOOM, duration });
+}
+
+function drawGrid(map: MapLibreMap): void {
+  const bounds = map.getBounds();
+  (map.getSource("grid") as GeoJSONSource | undefined)?.setData(
+    gridOf({
+      west: bounds.getWest(),
+      south: bounds.getSouth(),
+      east: bounds.getEast(),
+      north: bounds.getNorth(),
+    }),
+  );
+}
+
+/** Keeps one marker for each symbol, moved and not made again. */
+function useSymbols(map: MapLibreMap | null, symbols: Symbol[]): void {
+  const markers = useRef(new Map<string, { marker: Marker; symbol: Symbol }>());
+  useEffect(() => {
+    const present = markers.current;
+    if (map === null) return;
+    const wanted = new Set(symbols.map((symbol) => symbol.key));
+    for (const [key, { marker }] of present) {
+      if (wanted.has(key)) continue;
+      marker.remove();
+      present.delete(key);
+    }
+    for (const symbol of symbols) {
+      const known = present.get(symbol.key);
+      if (known) {
+        known.symbol = symbol;
+        known.marker.setLngLat([symbol.longitude, symbol.latitude]);
+        symbol.update?.(known.marker.getElement());
+        continue;
+      }
+      const element = symbol.make();
+      element.style.zIndex = String(symbol.level ?? 0);
+      symbol.update?.(element);
+      const marker = new maplibregl.Marker({ element, draggable: symbol.drag !== undefined })
+        .setLngLat([symbol.longitude, symbol.latitude])
+        .addTo(map);
+      const entry = { marker, symbol };
+      present.set(symbol.key, entry);
+      for (const kind of ["drag", "dragend"] as const) {
+        marker.on(kind, () => {
+          const place = marker.getLngLat();
+          entry.symbol.drag?.(place.lng, place.lat, kind === "dragend");
+        });
+      }
+    }
+  }, [map, symbols]);
+  useEffect(() => {
+    const present = markers.current;
+    return () => {
+      for (const { marker } of present.values()) marker.remove();
+      present.clear();
+    };
+  }, [map]);
+}

@@ -1,0 +1,95 @@
+import { lazy, Suspense, useMemo, useState } from "react";
+import { useTranslation } from "react-i18next";
+import { listFields } from "../api/resources";
+import type { Mission, Plan } from "../api/types";
+import { Empty, ErrorNotice, Skeleton } from "../controls/states";
+import { useLive } from "../live/use_live";
+import { isInFlight, usePlans } from "../live/use_plans";
+import { useResource } from "../live/use_resource";
+import { collection, fieldFeatures, routeFeatures, trailFeature } from "../map/features";
+import { extentOf } from "../map/extent";
+import { useFleetSymbols } from "./use_fleet_symbols";
+import { VehicleCard } from "./VehicleCard";
+
+const FarmMap = lazy(() => import("../map/FarmMap"));
+
+/** A mission in flight, and its plan. */
+export interface Running {
+  plan: Plan;
+  mission: Mission;
+}
+
+/** The first screen: every vehicle on the map, and beside it what each is doing. */
+export function Fleet({ stopVehicle }: { stopVehicle: (vehicleId: number) => void }) {
+  const { t } = useTranslation();
+  const vehicles = useLive((state) => state.vehicles);
+  const connection = useLive((state) => state.connection);
+  const [selected, setSelected] = useState<number | null>(null);
+  const fields = useResource(listFields);
+  const plans = usePlans();
+
+  const running = useMemo(() => runningMissions(plans.value ?? []), [plans.value]);
+  const layers = useMemo(() => {
+    const tracked = [...vehicles.values()];
+    return {
+      fields: fieldFeatures(fields.value ?? []),
+      trails: collection(tracked.filter((one) => one.trail.length > 1).map((one) => trailFeature(one.trail))),
+      routes: collection(
+        tracked.flatMap((one) => {
+          const found = running.get(one.vehicle.vehicle_id);
+          return found ? routeFeatures(found.mission.command_array, one.home) : [];
+        }),
+      ),
+    };
+  }, [vehicles, fields.value, running]);
+  const symbols = useFleetSymbols(fields.value ?? [], selected, setSelected);
+  const extent = useMemo(() => {
+    const corners = (fields.value ?? []).flatMap((field) =>
+      field.boundary.map(([latitude = 0, longitude = 0]) => [longitude, latitude] as const),
+    );
+    const places = [...vehicles.values()].flatMap(({ vehicle }) =>
+      typeof vehicle.longitude === "number" && typeof vehicle.latitude === "number"
+        ? [[vehicle.longitude, vehicle.latitude] as const]
+        : [],
+    );
+    return fields.isLoading && fields.value === null ? null : extentOf([...corners, ...places]);
+  }, [fields.value, fields.isLoading, vehicles]);
+
+  return (
+    <div className="fleet">
+      <h1 className="visually-hidden">{t("nav.fleet")}</h1>
+      <Suspense fallback={<div className="farm-map" />}>
+        <FarmMap layers={layers} symbols={symbols} extent={extent} label={t("map.label")} />
+      </Suspense>
+      <section className="fleet-list" aria-label={t("fleet.list")}>
+        {fields.error && <ErrorNotice error={fields.error} retry={fields.reload} />}
+        {connection === "connecting" && <Skeleton rows={2} />}
+        {connection !== "connecting" && vehicles.size === 0 && (
+          <Empty icon="flight" title={t("fleet.empty_title")} text={t("fleet.empty_text")} />
+        )}
+        {[...vehicles.values()].map((tracked) => (
+          <VehicleCard
+            key={tracked.vehicle.vehicle_id}
+            tracked={tracked}
+            running={running.get(tracked.vehicle.vehicle_id) ?? null}
+            isSelected={selected === tracked.vehicle.vehicle_id}
+            select={() => setSelected(tracked.vehicle.vehicle_id)}
+            stop={() => stopVehicle(tracked.vehicle.vehicle_id)}
+          />
+        ))}
+      </section>
+    </div>
+  );
+}
+
+function runningMissions(plans: Plan[]): Map<number, Running> {
+  const found = new Map<number, Running>();
+  for (const plan of plans) {
+    for (const mission of plan.missions) {
+      if (isInFlight(mission) && !found.has(mission.vehicle_id)) {
+        found.set(mission.vehicle_id, { plan, mission });
+      }
+    }
+  }
+  return found;
+}

@@ -1,0 +1,101 @@
+import { useTranslation } from "react-i18next";
+import { useUnits } from "../app/preferences";
+import { linkTo } from "../app/route";
+import { Button } from "../controls/Button";
+import { Icon, type IconName } from "../controls/Icon";
+import { Pill, type Tone } from "../controls/StatusPill";
+import type { Tracked } from "../live/state";
+import { useNow } from "../live/use_live";
+import { isBatteryLow, statusOf, type VehicleStatus } from "../live/vehicle_status";
+import type { Running } from "./Fleet";
+import { ReleaseForm } from "./ReleaseForm";
+
+const TONES: Record<VehicleStatus, Tone> = {
+  lost: "bad", stale: "warning", held: "warning", on_mission: "active", flying: "active",
+  armed: "warning", ready: "good",
+};
+
+/** What one vehicle is doing: its state, its figures, its mission and its own stop. */
+export function VehicleCard({ tracked, running, isSelected, select, stop }: {
+  tracked: Tracked;
+  running: Running | null;
+  isSelected: boolean;
+  select: () => void;
+  stop: () => void;
+}) {
+  const { t } = useTranslation();
+  const units = useUnits();
+  const now = useNow();
+  const { vehicle, motion } = tracked;
+  const status = statusOf(vehicle);
+  const name = t("vehicle.name", { id: vehicle.vehicle_id });
+  return (
+    <article className={`vehicle-card ${isSelected ? "is-selected" : ""}`} aria-label={name}>
+      <header>
+        <button type="button" className="vehicle-name" onClick={select} aria-pressed={isSelected}>
+          <h2>{name}</h2>
+        </button>
+        <Pill tone={TONES[status]}>{t(`vehicle.${status}`)}</Pill>
+      </header>
+      <dl className="figures">
+        <Figure icon="height" label={t("vehicle.height")} value={units.height(vehicle.altitude)} />
+        <Figure icon="speed" label={t("vehicle.speed")} value={units.speed(motion.speed_m_s)} />
+        <Figure
+          icon="battery"
+          label={t("vehicle.battery")}
+          value={units.percentage(vehicle.battery_percentage)}
+          isBad={isBatteryLow(vehicle)}
+        />
+        <Figure
+          icon="link"
+          label={t("vehicle.link")}
+          value={units.duration(now - tracked.reportedAtMs)}
+          isBad={vehicle.link_state !== "connected"}
+        />
+      </dl>
+      {vehicle.warning && <p className="vehicle-warning">{vehicle.warning}</p>}
+      {running && <Progress running={running} />}
+      {vehicle.held && <ReleaseForm vehicleId={vehicle.vehicle_id} reason={vehicle.held.reason} />}
+      {vehicle.armed && (
+        <Button kind="danger" icon="stop" onClick={stop}>
+          {t("vehicle.stop")}
+        </Button>
+      )}
+    </article>
+  );
+}
+
+function Figure({ icon, label, value, isBad = false }: {
+  icon: IconName;
+  label: string;
+  value: string;
+  isBad?: boolean;
+}) {
+  return (
+    <div className={isBad ? "is-bad" : ""}>
+      <dt>
+        <Icon name={icon} size={16} />
+        {label}
+      </dt>
+      <dd>{value}</dd>
+    </div>
+  );
+}
+
+function Progress({ running }: { running: Running }) {
+  const { t } = useTranslation();
+  const commands = running.mission.command_array;
+  const ended = commands.filter((one) => one.command_status_id >= 3).length;
+  const present = commands.find((one) => one.command_status_id === 2);
+  const name = running.plan.name ?? t("plans.unnamed", { id: running.plan.id });
+  return (
+    <a className="vehicle-mission" {...linkTo(`plans/${running.plan.id}`)}>
+      <strong>{name}</strong>
+      <progress max={commands.length} value={ended} aria-label={t("fleet.progress")} />
+      <span className="muted small">
+        {t("fleet.done_of", { done: ended, all: commands.length })}
+        {present && ` · ${t(`command.${present.command_type_id}`)}`}
+      </span>
+    </a>
+  );
+}

@@ -1,0 +1,57 @@
+/** The symbols of the fleet on the map: names of fields, homes and vehicles. */
+
+import { useMemo } from "react";
+import { useTranslation } from "react-i18next";
+import type { StoredField } from "../api/types";
+import { useLive } from "../live/use_live";
+import { statusOf } from "../live/vehicle_status";
+import type { Symbol } from "../map/FarmMap";
+import { homeElement, nameElement, updateVehicleElement, vehicleElement } from "../map/markers";
+
+export function useFleetSymbols(
+  fields: readonly StoredField[],
+  selected: number | null,
+  select: (vehicleId: number) => void,
+): Symbol[] {
+  const { t } = useTranslation();
+  const vehicles = useLive((state) => state.vehicles);
+  return useMemo(() => {
+    const symbols = fieldNames(fields);
+    for (const { vehicle, motion, home } of vehicles.values()) {
+      const id = vehicle.vehicle_id;
+      if (home !== null) {
+        symbols.push({
+          key: `home-${id}`,
+          longitude: home.longitude_deg,
+          latitude: home.latitude_deg,
+          level: 1,
+          make: () => homeElement(t("map.home")),
+        });
+      }
+      if (typeof vehicle.longitude !== "number" || typeof vehicle.latitude !== "number") continue;
+      symbols.push({
+        key: `vehicle-${id}`,
+        longitude: vehicle.longitude,
+        latitude: vehicle.latitude,
+        level: 3,
+        make: () => vehicleElement(t("vehicle.name", { id }), () => select(id)),
+        update: (element) =>
+          updateVehicleElement(element, motion.heading_deg, statusOf(vehicle), id === selected),
+      });
+    }
+    return symbols;
+  }, [fields, vehicles, selected, select, t]);
+}
+
+/** The name of each field, in the middle of its corners. */
+export function fieldNames(fields: readonly StoredField[]): Symbol[] {
+  return fields.flatMap((field) => {
+    if (!field.name || field.boundary.length === 0) return [];
+    const mean = (index: number) =>
+      field.boundary.reduce((sum, corner) => sum + (corner[index] ?? 0), 0) / field.boundary.length;
+    const name = field.name;
+    return [
+      { key: `field-${field.id}`, latitude: mean(0), longitude: mean(1), make: () => nameElement(name) },
+    ];
+  });
+}

@@ -1,0 +1,83 @@
+/** Numbers with their units, as people read them. The edge server knows SI units only. */
+
+export type System = "metric" | "imperial";
+
+const FEET_PER_M = 3.28084;
+const MPH_PER_M_S = 2.23694;
+const KMH_PER_M_S = 3.6;
+const M_PER_MILE = 1609.344;
+const M2_PER_HA = 10_000;
+const M2_PER_ACRE = 4046.856;
+
+function rounded(value: number, digits: number, language: string): string {
+  return new Intl.NumberFormat(language, {
+    minimumFractionDigits: digits,
+    maximumFractionDigits: digits,
+  }).format(value);
+}
+
+/** Formats values in one system of units and one language. */
+export class Units {
+  constructor(
+    readonly system: System,
+    readonly language: string,
+  ) {}
+
+  height(metres: number | null | undefined): string {
+    if (metres === null || metres === undefined) return "–";
+    const isImperial = this.system === "imperial";
+    return `${this.#write(isImperial ? metres * FEET_PER_M : metres, 0)} ${isImperial ? "ft" : "m"}`;
+  }
+
+  distance(metres: number | null | undefined): string {
+    if (metres === null || metres === undefined) return "–";
+    if (this.system === "imperial") {
+      const isLong = metres >= M_PER_MILE / 4;
+      return isLong ? `${this.#write(metres / M_PER_MILE, 2)} mi` : this.height(metres);
+    }
+    return metres >= 1000 ? `${this.#write(metres / 1000, 2)} km` : this.height(metres);
+  }
+
+  speed(metresPerSecond: number | null | undefined): string {
+    if (metresPerSecond === null || metresPerSecond === undefined) return "–";
+    const isImperial = this.system === "imperial";
+    const value = metresPerSecond * (isImperial ? MPH_PER_M_S : KMH_PER_M_S);
+    return `${this.#write(value, 0)} ${isImperial ? "mph" : "km/h"}`;
+  }
+
+  area(squareMetres: number | null | undefined): string {
+    if (squareMetres === null || squareMetres === undefined) return "–";
+    return this.system === "imperial"
+      ? `${this.#write(squareMetres / M2_PER_ACRE, 1)} ac`
+      : `${this.#write(squareMetres / M2_PER_HA, 1)} ha`;
+  }
+
+  percentage(fraction: number | null | undefined): string {
+    if (fraction === null || fraction === undefined) return "–";
+    return `${this.#write(fraction * 100, 0)} %`;
+  }
+
+  /** A duration such as "12 s", "4 min" or "2 h 5 min". */
+  duration(milliseconds: number): string {
+    const seconds = Math.max(0, Math.round(milliseconds / 1000));
+    if (seconds < 60) return `${seconds} s`;
+    const minutes = Math.floor(seconds / 60);
+    if (minutes < 60) return `${minutes} min`;
+    return `${Math.floor(minutes / 60)} h ${minutes % 60} min`;
+  }
+
+  /** Date and time, in the browser's time zone. */
+  time(stamp: string | null | undefined): string {
+    if (!stamp) return "–";
+    return new Date(stamp).toLocaleString(this.language, {
+      day: "numeric",
+      month: "short",
+      hour: "2-digit",
+      minute: "2-digit",
+    });
+  }
+
+  #write(value: number, digits: number): string {
+    return rounded(Object.is(Math.round(value), -0) ? 0 : value, digits, this.language);
+  }
+}

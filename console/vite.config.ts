@@ -1,0 +1,26 @@
+import react from "@vitejs/plugin-react";
+import { defineConfig } from "vitest/config";
+
+// The edge server serves the built files below /console/; in development its paths are passed on.
+const EDGE = process.env["EDGE_URL"] ?? "http://127.0.0.1:8000";
+const PATHS = [
+  "session", "sessions", "users", "live", "flights", "alarms", "vehicles", "plans", "events",
+  "fields", "surveys", "keys", "audit", "dead_letters", "readyz",
+];
+
+export default defineConfig({
+  base: "/console/",
+  plugins: [react()],
+  resolve: {
+    // MapLibre's usual build makes its worker from a string, which the server's policy forbids.
+    alias: [{ find: /^maplibre-gl$/, replacement: "maplibre-gl/dist/maplibre-gl-csp.js" }],
+  },
+  build: {
+    target: "es2022",
+    assetsInlineLimit: 0,
+    chunkSizeWarningLimit: 1200,
+    rollupOptions: { output: { manualChunks: { map: ["maplibre-gl"] } } },
+  },
+  server: { proxy: Object.fromEntries(PATHS.map((path) => [`/${path}`, EDGE])) },
+  test: { include: ["tests/**/*.test.ts"], environment: "node" },
+});
