@@ -76,6 +76,8 @@ class Config:
     retain_images_days: float = 30.0
     retain_plans_days: float = 365.0
     retain_audit_days: float = 365.0
+    archive_days: float = 30.0
+    archive_mib: int = 512  # 0: no archive
     edge_dir: Path = field(init=False)
     keys_dir: Path = field(init=False)
 
@@ -100,6 +102,11 @@ class Config:
     def database_path(self) -> Path:
         """SQLite file; its -wal and -shm are in the same folder."""
         return self.edge_dir / "edge.sqlite3"
+
+    @property
+    def archive_path(self) -> Path:
+        """SQLite file of the flight archive; a PostgreSQL database does not replace it."""
+        return self.edge_dir / "archive.db"
 
     @property
     def server_tally_path(self) -> Path:
@@ -354,6 +361,13 @@ SETTINGS: Final = (
     Setting("retain_images_days", "RETAIN_IMAGES_DAYS", _DAYS, "days to keep undelivered pictures"),
     Setting("retain_plans_days", "RETAIN_PLANS_DAYS", _DAYS, "days to keep ended plans"),
     Setting("retain_audit_days", "RETAIN_AUDIT_DAYS", _DAYS, "days to keep the audit log"),
+    Setting("archive_days", "EDGE_ARCHIVE_DAYS", _DAYS, "days to keep flights"),
+    Setting(
+        "archive_mib",
+        "EDGE_ARCHIVE_MIB",
+        _whole(0, 2**20),
+        "MiB of the flight archive; 0 switches it off",
+    ),
     Setting("log_format", "LOG_FORMAT", _choice("auto", "json", "text"), "auto, json or text"),
 )
 

@@ -43,6 +43,8 @@ def run(context: Context, stopping: threading.Event) -> None:
     while not stopping.is_set():
         try:
             broker_work.expire_if_due(context)
+            # Before the records are refused for lack of room, the archive gives it back
+            context.archive.maintain(trusts_clock=context.space.trusts_clock(time.monotonic()))
             context.space.maintain(time.monotonic())
             if turn % CLEANUP_EVERY == 0:
                 clean_up(context)

@@ -10,6 +10,7 @@ from typing import Any, Final, NamedTuple
 
 from afarcloud.flyable import VehicleLimits
 from afarcloud.numbers import LAST_YEAR, format_time
+from edge_server.archive.writer import FlightArchive
 from edge_server.config import Config
 from edge_server.outbox import wakeup
 from edge_server.services.brokers import BrokerContacts, WorkSignal
@@ -94,6 +95,7 @@ class Context:
     space: Space = field(init=False)
     contacts: BrokerContacts = field(init=False)
     high_water: HighWater | None = field(init=False)
+    archive: FlightArchive = field(init=False)
     fence_check: threading.Lock = field(default_factory=threading.Lock)
     """Held while a plan is checked against its geofence: aborts share the interpreter."""
     not_flown: BriefCache = field(default_factory=BriefCache)
@@ -108,6 +110,13 @@ class Context:
         space = Space(self.config, self.database, self.clock, lambda: self.wake_relay(changed=True))
         object.__setattr__(self, "space", space)
         object.__setattr__(self, "contacts", BrokerContacts(self.database, self.clock))
+        archive = FlightArchive(
+            self.config.archive_path,
+            budget_bytes=self.config.archive_mib * 1024 * 1024,
+            days=self.config.archive_days,
+            clock=self.clock,
+        )
+        object.__setattr__(self, "archive", archive)
         mark = HighWater(high_water.path_of(self.config.database_path))
         object.__setattr__(self, "high_water", None if self.database.is_shared else mark)
 

@@ -17,6 +17,7 @@ from afarcloud.numbers import (
     Time,
     json_number,
 )
+from edge_server.archive import flights
 from edge_server.services.context import Context, Precondition, show_time, unconditionally
 from edge_server.services.errors import ConflictError, NotFoundError
 from edge_server.services.retries import retry_on_conflict
@@ -71,7 +72,11 @@ def put(
         precondition(shown(connection, vehicle_id, now) if known else {})
         merged = {**known.state, **given} if known else given
         vehicles.put(connection, vehicle_id, merged, now)
-        return shown(connection, vehicle_id, now), known is None
+        stored = shown(connection, vehicle_id, now)
+    if state.armed is not None:
+        at = flights.time_of(state.recorded_at, now)
+        context.archive.take_armed(vehicle_id, armed=state.armed, at=at)
+    return stored, known is None
 
 
 def everyone(context: Context) -> list[dict[str, Any]]:

@@ -9,6 +9,8 @@ from sqlalchemy import Connection
 from afarcloud.faults import InvalidError
 from afarcloud.state import Image, Report
 from afarcloud.wire import Kind, write
+from edge_server.archive.flights import MissionName
+from edge_server.archive.writer import Received
 from edge_server.services import idempotency as post_idempotency
 from edge_server.services import records
 from edge_server.services.context import (
@@ -33,6 +35,7 @@ from edge_server.store.connection.locks import WORK
 from edge_server.store.rows import idempotency, telemetry, work
 from edge_server.store.rows.idempotency import Answered
 from edge_server.store.rows.telemetry import Record
+from edge_server.store.rows.work import Work
 
 Refusal = KeyReusedError | FullError | ConflictError | InvalidError
 """Why one report of many is refused."""
@@ -62,7 +65,7 @@ def ingest(context: Context, kind: Kind, report: Report, caller: Caller) -> dict
     now = context.clock()
     flights = effects.new_flights(context, [report], now)
     try:
-        answered = context.database.write_together(
+        kept = context.database.write_together(
             lambda connection: _store(
                 connection, kind, report, body, body_sha256, caller, now, flights
             ),
@@ -72,8 +75,10 @@ def ingest(context: Context, kind: Kind, report: Report, caller: Caller) -> dict
         with context.database.write(WORK) as connection:
             effects.apply_refused(connection, report, now)
         raise
+    answered = kept.answered
     context.note_acknowledged(answered.object_id)
     context.wake_relay()
+    context.archive.take([_received(kind, report, answered, kept.mission)])
     return {"id": answered.object_id, **body, **_receipt(answered)}
 
 
@@ -108,6 +113,14 @@ def ingest_all(
     acknowledged = [one.answer.object_id for one in stored if isinstance(one.answer, Answered)]
     context.note_acknowledged(max(acknowledged, default=0))
     context.wake_relay()
+    context.archive.take(
+        [
+            _received(arrivals[number].kind, arrivals[number].report, answer, mission)
+            for number, answer in sorted(answers.items())
+            if isinstance(answer, Answered)
+            for mission in (effects_of_batch.missions.get(number),)
+        ]
+    )
     return [
         effects_of_batch.refused[number]
         if number in effects_of_batch.refused
@@ -124,12 +137,17 @@ class _BatchEffects(NamedTuple):
     """Reports that end a mission, with its work id."""
     repeats: dict[int, int]
     """Reports that repeat the end of a mission and are not stored again, with its work id."""
+    missions: dict[int, Work]
+    """The mission of each mission report, as it was before."""
 
     def note(self, number: int, change: Change | None) -> None:
         """Note the change of a report; the cloud receives the end of a mission once."""
-        if change is None or not (change.ended or change.is_repetition):
+        if change is None:
             return
         mission = change.mission
+        self.missions[number] = mission
+        if not (change.ended or change.is_repetition):
+            return
         is_reported = mission.end_record is not None or mission.id in self.ends.values()
         part = self.repeats if change.is_repetition and is_reported else self.ends
         part[number] = mission.id
@@ -147,7 +165,7 @@ def _apply_all(
     keys = [one.idempotency_key for one in arrivals if one.idempotency_key]
     known = set(idempotency.find_all(connection, keys, owner))
     repeated: dict[str, int] = {}  # Index by key
-    effects_of_batch = _BatchEffects(dict(refused), {}, {})
+    effects_of_batch = _BatchEffects(dict(refused), {}, {}, {})
     for number, (_, report, key) in enumerate(arrivals):
         if number in refused or key in known:
             continue
@@ -230,6 +248,13 @@ def _picture_bytes(report: Report) -> int:
     return len(report.frame) if isinstance(report, Image) else 0
 
 
+class _Kept(NamedTuple):
+    """The answer to a report, and the mission that a new mission report is about."""
+
+    answered: Answered
+    mission: Work | None
+
+
 def _store(  # a record, its sender and its time
     connection: Connection,
     kind: Kind,
@@ -239,11 +264,11 @@ def _store(  # a record, its sender and its time
     caller: Caller,
     now: float,
     flights: Collection[int],
-) -> Answered:
+) -> _Kept:
     """Store a report unless it has been stored under this key; raises KeyReusedError."""
     answered = post_idempotency.find_answer(connection, caller, kind.value, body_sha256)
     if answered is not None:
-        return answered
+        return _Kept(answered, None)
     change = effects.apply(connection, report, now, flights)
     if change is not None and change.is_repetition:
         answered = effects.end_of(change.mission, kind.value, body_sha256)
@@ -253,7 +278,15 @@ def _store(  # a record, its sender and its time
         if change is not None and (change.ended or change.is_repetition):
             work.note_end(connection, change.mission.id, record.id, record.message_id)
     post_idempotency.store_answer(connection, caller, answered)
-    return answered
+    return _Kept(answered, None if change is None else change.mission)
+
+
+def _received(kind: Kind, report: Report, answered: Answered, mission: Work | None) -> Received:
+    """Describe a report that is stored to the archive."""
+    name = None
+    if mission is not None and mission.mission_id is not None:
+        name = MissionName(mission.mission_id, mission.plan_id)
+    return Received(kind, report, answered.message_id, answered.created_at, name)
 
 
 def _receipt(answered: Answered) -> dict[str, Any]:

@@ -1,0 +1,237 @@
+"""When a flight begins and ends, and which flight a report belongs to.
+
+A flight begins with the first report of a mission that runs, or when its vehicle is armed; it ends
+with the mission's terminal status, or when the vehicle is disarmed. A mission has one flight: its
+repeated and reordered reports, and a landing in between, begin no other one.
+
+All functions run in the transaction of their caller. Times are seconds since 1970.
+"""
+
+import sqlite3
+from collections.abc import Iterable
+from datetime import datetime
+from typing import Any, Final, NamedTuple
+
+from afarcloud.enumerations import Status
+from afarcloud.state import CommandReport, MissionReport
+
+LATE_S: Final = 60.0
+"""A result may be recorded so long after the end of its flight."""
+EARLY_S: Final = 5.0
+STALE_S: Final = 12 * 3600.0
+"""A flight without any report for so long has ended with its last one."""
+_PAST_S: Final = 7 * 86_400.0
+_AHEAD_S: Final = 60.0
+_BEGUN: Final = frozenset({Status.RUNNING, Status.FINISHED})
+
+
+class MissionName(NamedTuple):
+    """What identifies a mission; `plan_id` is None if its plan is not known here."""
+
+    mission_id: int
+    plan_id: str | None
+
+
+def time_of(recorded_at: datetime | None, received_at: float) -> float:
+    """Return when something was recorded; a time that cannot be right is that of its receipt."""
+    if recorded_at is None:
+        return received_at
+    recorded = recorded_at.timestamp()
+    if not received_at - _PAST_S <= recorded <= received_at + _AHEAD_S:
+        return received_at
+    return recorded
+
+
+def at_time(connection: sqlite3.Connection, vehicle_id: int, at: float) -> int | None:
+    """Find the flight of a vehicle that something recorded then belongs to; None without one."""
+    row = connection.execute(
+        "SELECT id, ended_at FROM flight WHERE vehicle_id = ? AND started_at <= ? AND dropped = 0"
+        " ORDER BY started_at DESC, id DESC LIMIT 1",
+        (vehicle_id, at + EARLY_S),
+    ).fetchone()
+    if row is None or (row[1] is not None and at > row[1] + LATE_S):
+        return None
+    return int(row[0])
+
+
+def note_report(connection: sqlite3.Connection, flight: int, at: float, received_at: float) -> None:
+    """Note when a flight was last reported on."""
+    connection.execute(
+        "UPDATE flight SET last_at = max(last_at, ?), received_at = max(received_at, ?)"
+        " WHERE id = ?",
+        (at, received_at, flight),
+    )
+
+
+def take_mission_report(
+    connection: sqlite3.Connection,
+    report: MissionReport,
+    mission: MissionName,
+    at: float,
+    received_at: float,
+) -> None:
+    """Begin, continue or end the flight of a mission."""
+    status = report.mission_status_id
+    flight = _of_mission(connection, report.vehicle_id, mission, status, at)
+    if flight is None:
+        if status not in _BEGUN:
+            return  # It has not flown
+        flight = _begin_mission(connection, report.vehicle_id, mission, at, received_at)
+    note_report(connection, flight, at, received_at)
+    _take_commands(connection, flight, report.command_report_array, at)
+    (known,) = connection.execute(
+        "SELECT mission_status_id FROM flight WHERE id = ?", (flight,)
+    ).fetchone()
+    if known is not None and (Status(known).is_terminal or status <= known):
+        return
+    connection.execute(
+        "UPDATE flight SET mission_status_id = ?, message = coalesce(?, message) WHERE id = ?",
+        (int(status), report.message, flight),
+    )
+    if status.is_terminal:
+        _end(connection, flight, at)
+        _abort_the_rest(connection, flight, at)
+
+
+def _of_mission(
+    connection: sqlite3.Connection, vehicle_id: int, mission: MissionName, status: Status, at: float
+) -> int | None:
+    row = connection.execute(
+        "SELECT id, ended_at, mission_status_id FROM flight WHERE plan_id IS ? AND mission_id = ?"
+        " AND vehicle_id = ? AND dropped = 0 ORDER BY id DESC LIMIT 1",
+        (mission.plan_id, mission.mission_id, vehicle_id),
+    ).fetchone()
+    if row is None:
+        return None
+    flight, ended_at, known = row
+    is_this_one = mission.plan_id is not None or ended_at is None or at <= ended_at
+    # Without its plan a mission may be flown again under its number
+    return int(flight) if is_this_one or known in {Status.RUNNING, status} else None
+
+
+def _begin_mission(
+    connection: sqlite3.Connection,
+    vehicle_id: int,
+    mission: MissionName,
+    at: float,
+    received_at: float,
+) -> int:
+    """Begin the flight of a mission, or continue the one that began when the vehicle was armed."""
+    opened = _open_flight(connection, vehicle_id)
+    if opened is not None:
+        flight, mission_id = opened
+        if mission_id is None:
+            connection.execute(
+                "UPDATE flight SET mission_id = ?, plan_id = ? WHERE id = ?",
+                (mission.mission_id, mission.plan_id, flight),
+            )
+            return flight
+        _end(connection, flight, at)
+    return _insert(connection, vehicle_id, mission, at, received_at)
+
+
+def take_armed(connection: sqlite3.Connection, vehicle_id: int, at: float, *, armed: bool) -> None:
+    """Begin or end a flight of a vehicle that was armed or disarmed."""
+    row = connection.execute(
+        "SELECT armed FROM vehicle WHERE vehicle_id = ?", (vehicle_id,)
+    ).fetchone()
+    was_armed = row is not None and bool(row[0])
+    if row is None or was_armed != armed:
+        connection.execute("REPLACE INTO vehicle VALUES (?, ?)", (vehicle_id, int(armed)))
+    opened = _open_flight(connection, vehicle_id)
+    if armed and not was_armed and opened is None and not _resume(connection, vehicle_id):
+        _insert(connection, vehicle_id, MissionName(0, None), at, at, has_mission=False)
+    elif was_armed and not armed and opened is not None:
+        _end(connection, opened[0], at)
+
+
+def _resume(connection: sqlite3.Connection, vehicle_id: int) -> bool:
+    """Continue the last flight of a vehicle if its mission still runs: it has landed in between."""
+    return bool(
+        connection.execute(
+            "UPDATE flight SET ended_at = NULL WHERE mission_status_id = ? AND dropped = 0 AND id ="
+            " (SELECT max(id) FROM flight WHERE vehicle_id = ?)",
+            (int(Status.RUNNING), vehicle_id),
+        ).rowcount
+    )
+
+
+def _open_flight(connection: sqlite3.Connection, vehicle_id: int) -> tuple[int, int | None] | None:
+    found: tuple[int, int | None] | None = connection.execute(
+        "SELECT id, mission_id FROM flight WHERE vehicle_id = ? AND ended_at IS NULL"
+        " AND dropped = 0 ORDER BY id DESC LIMIT 1",
+        (vehicle_id,),
+    ).fetchone()
+    return found
+
+
+def _insert(
+    connection: sqlite3.Connection,
+    vehicle_id: int,
+    mission: MissionName,
+    at: float,
+    received_at: float,
+    *,
+    has_mission: bool = True,
+) -> int:
+    names = mission if has_mission else (None, None)
+    made = connection.execute(
+        "INSERT INTO flight (vehicle_id, mission_id, plan_id, started_at, last_at, received_at)"
+        " VALUES (?, ?, ?, ?, ?, ?)",
+        (vehicle_id, *names, at, at, received_at),
+    )
+    return int(made.lastrowid or 0)
+
+
+def _end(connection: sqlite3.Connection, flight: int, at: float) -> None:
+    connection.execute(
+        "UPDATE flight SET ended_at = max(started_at, ?) WHERE id = ? AND ended_at IS NULL",
+        (at, flight),
+    )
+
+
+def end_stale(connection: sqlite3.Connection, now: float) -> None:
+    """End flights that nothing has been received of for a long time, with their last report."""
+    connection.execute(
+        "UPDATE flight SET ended_at = last_at WHERE ended_at IS NULL AND received_at < ?",
+        (now - STALE_S,),
+    )
+
+
+def _take_commands(
+    connection: sqlite3.Connection, flight: int, reports: Iterable[CommandReport], at: float
+) -> None:
+    known: dict[int, int] = dict(
+        connection.execute("SELECT command_id, status_id FROM command WHERE flight = ?", (flight,))
+    )
+    changed: list[dict[str, Any]] = []
+    for report in reports:
+        status = report.command_status_id
+        before = known.get(report.command_id)
+        if before is not None and (Status(before).is_terminal or status <= before):
+            continue
+        changed.append(
+            {
+                "flight": flight,
+                "command": report.command_id,
+                "status": int(status),
+                "message": report.message,
+                "started_at": at if status == Status.RUNNING else None,
+                "ended_at": at if status.is_terminal else None,
+            }
+        )
+    connection.executemany(
+        "INSERT INTO command VALUES"
+        " (:flight, :command, :status, :message, :started_at, :ended_at)"
+        " ON CONFLICT DO UPDATE SET status_id = excluded.status_id,"
+        " message = coalesce(excluded.message, message),"
+        " started_at = coalesce(started_at, excluded.started_at), ended_at = excluded.ended_at",
+        changed,
+    )
+
+
+def _abort_the_rest(connection: sqlite3.Connection, flight: int, at: float) -> None:
+    connection.execute(
+        "UPDATE command SET status_id = ?, ended_at = ? WHERE flight = ? AND status_id <= ?",
+        (int(Status.ABORTED), at, flight, int(Status.RUNNING)),
+    )

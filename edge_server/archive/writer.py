@@ -1,0 +1,313 @@
+"""Writes the archive. A failure of it is logged and counted, and affects nobody else.
+
+Reports are archived after they are committed to the outbox, in the thread that stored them, so a
+killed process loses one report at most. After a failure nothing is written for `PAUSE_S`, so that a
+locked or slow file delays few requests.
+"""
+
+import logging
+import shutil
+import sqlite3
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing, contextmanager
+from pathlib import Path
+from typing import Final, NamedTuple, TypeVar
+
+from afarcloud.state import MissionReport, Report
+from afarcloud.wire import Kind
+from edge_server.archive import flights, results, tables, upkeep
+from edge_server.archive.flights import MissionName
+from edge_server.archive.results import Stored
+
+LOG = logging.getLogger(__name__)
+PAUSE_S: Final = 10.0
+LOCK_PATIENCE_S: Final = 0.2
+STEPS: Final = 20  # Transactions of a cycle of `maintain`
+CALM_SHARE: Final = 0.9
+"""The oldest flights are dropped from this share of the budget on."""
+_RESERVE_BYTES: Final = 64 * 1024 * 1024
+_RESERVE_PART: Final = 4
+_DAY_S: Final = 86_400.0
+_Result = TypeVar("_Result")
+
+
+class Received(NamedTuple):
+    """A report that is stored in the outbox; `mission` is what it is about, if that is known."""
+
+    kind: Kind
+    report: Report
+    message_id: str | None
+    received_at: float
+    mission: MissionName | None = None
+
+
+class Figures(NamedTuple):
+    """State of the archive, for the metrics."""
+
+    is_working: bool
+    size_bytes: int
+    flights: int
+    lost: int
+    """Reports and changes that could not be archived since the start."""
+
+
+class FlightArchive:
+    """The archive of one edge server; safe to use from several threads."""
+
+    def __init__(
+        self, path: Path, *, budget_bytes: int, days: float, clock: Callable[[], float]
+    ) -> None:
+        """`budget_bytes` is the size of the file at most; 0 switches the archive off."""
+        self._path = path
+        self._budget_bytes = budget_bytes
+        self._days = days
+        self._clock = clock
+        self._lock = threading.Lock()
+        self._connection: sqlite3.Connection | None = None
+        self._inode = 0
+        self._armed: dict[int, bool] = {}
+        self._resume_at = float("-inf")
+        self._disk_is_short = False
+        self._has_failed = False
+        self._lost = 0
+
+    @property
+    def is_on(self) -> bool:
+        """Whether reports are archived at all."""
+        return self._budget_bytes > 0
+
+    def take(self, received: Sequence[Received]) -> None:
+        """Archive reports that are stored; call after the commit. Never raises."""
+
+        def write(connection: sqlite3.Connection) -> None:
+            for one in received:
+                _take(connection, one)
+
+        if received:
+            self._attempt(write, len(received))
+
+    def take_armed(self, vehicle_id: int, *, armed: bool, at: float) -> None:
+        """Archive that a vehicle is armed or disarmed; call after the commit. Never raises."""
+        if self._armed.get(vehicle_id) == armed:
+            return
+        if self._attempt(
+            lambda connection: flights.take_armed(connection, vehicle_id, at, armed=armed), 1
+        ):
+            self._armed[vehicle_id] = armed
+
+    def acknowledge(self, alarm_id: int, name: str, at: float) -> None:
+        """Note who has acknowledged an alarm; the first one stays. Raises sqlite3.Error."""
+        with self._lock:
+            self._transact(
+                lambda connection: connection.execute(
+                    "UPDATE alarm SET acknowledged_at = ?, acknowledged_by = ?"
+                    " WHERE id = ? AND acknowledged_at IS NULL",
+                    (at, name, alarm_id),
+                )
+            )
+
+    @contextmanager
+    def reading(self) -> Iterator[sqlite3.Connection | None]:
+        """Give a connection that sees one state of the archive; None while there is none.
+
+        Raises:
+            sqlite3.Error: if the archive cannot be read.
+        """
+        connection = tables.open_for_reading(self._path) if self.is_on else None
+        if connection is None:
+            yield None
+            return
+        with closing(connection):
+            connection.execute("BEGIN").close()
+            yield connection
+
+    def figures(self) -> Figures:
+        """Return the state of the archive."""
+        size = sum(file.stat().st_size for file in tables.files_of(self._path) if file.exists())
+        count = 0
+        try:
+            with self.reading() as connection:
+                if connection is not None:
+                    (count,) = connection.execute(
+                        "SELECT count(*) FROM flight WHERE dropped = 0"
+                    ).fetchone()
+        except sqlite3.Error:
+            return Figures(is_working=False, size_bytes=size, flights=0, lost=self._lost)
+        is_working = self.is_on and not (self._has_failed or self._disk_is_short)
+        return Figures(is_working, size, count, self._lost)
+
+    def close(self) -> None:
+        """Close the file."""
+        with self._lock:
+            self._close()
+
+    def maintain(self, *, trusts_clock: bool) -> None:
+        """One cycle: drop flights beyond days and budget, and whatever the disk needs.
+
+        Never raises. Flights count as old only by a clock that may be trusted.
+        """
+        if not self.is_on or not self._path.exists() or time.monotonic() < self._resume_at:
+            return
+        try:
+            with self._lock:
+                self._check_file()
+            if trusts_clock:
+                self._locked(self._drop_aged)
+            self._keep_budget()
+            self._spare_disk()
+        except Exception as error:  # noqa: BLE001  # whatever it is, the housekeeping goes on
+            with self._lock:
+                self._fail(error)
+            self._discard_if_needed()
+
+    def _attempt(self, write: Callable[[sqlite3.Connection], object], count: int) -> bool:
+        """Write, or count what is lost."""
+        if not self.is_on:
+            return False
+        if self._disk_is_short or time.monotonic() < self._resume_at:
+            self._lost += count
+            return False
+        if not self._lock.acquire(timeout=LOCK_PATIENCE_S):
+            self._lost += count
+            return False
+        try:
+            self._write(write)
+        except Exception as error:  # noqa: BLE001  # whatever it is, the report is stored
+            self._lost += count
+            self._fail(error)
+            return False
+        finally:
+            self._lock.release()
+        if self._has_failed:
+            LOG.info("the flight archive is written again")
+            self._has_failed = False
+        return True
+
+    def _write(self, write: Callable[[sqlite3.Connection], object]) -> None:
+        """Write; beyond the budget the oldest flight makes room."""
+        try:
+            self._transact(write)
+        except sqlite3.OperationalError as error:
+            if not tables.is_full(error) or not self._transact(upkeep.mark_oldest):
+                raise
+            while self._transact(upkeep.drop_part):
+                continue
+            self._transact(write)
+
+    def _transact(self, write: Callable[[sqlite3.Connection], _Result]) -> _Result:
+        connection = self._opened()
+        connection.execute("BEGIN IMMEDIATE").close()
+        try:
+            result = write(connection)
+            connection.execute("COMMIT").close()
+        except BaseException:
+            if connection.in_transaction:
+                connection.execute("ROLLBACK").close()
+            raise
+        return result
+
+    def _opened(self) -> sqlite3.Connection:
+        if self._connection is None:
+            self._connection = tables.open_for_writing(self._path, self._budget_bytes)
+            self._inode = self._path.stat().st_ino
+        return self._connection
+
+    def _check_file(self) -> None:
+        """Open the file anew if somebody has replaced it."""
+        if self._connection is not None and self._path.stat().st_ino != self._inode:
+            self._close()
+        self._opened()
+
+    def _close(self) -> None:
+        self._armed.clear()
+        if self._connection is not None:
+            self._connection.close()
+            self._connection = None
+
+    def _fail(self, error: Exception) -> None:
+        """Log a failure, once until it works again, and pause; a broken file is set aside."""
+        if not self._has_failed:
+            LOG.warning("the flight archive cannot be written; reports are stored: %s", error)
+        self._has_failed = True
+        self._close()
+        if tables.is_unusable(error) and self._path.exists():
+            tables.set_aside(self._path, str(error))
+            return
+        self._resume_at = time.monotonic() + PAUSE_S
+
+    def _locked(self, change: Callable[[sqlite3.Connection], _Result]) -> _Result:
+        """Change the archive in a transaction of its own, between those of reports."""
+        with self._lock:
+            return self._transact(change)
+
+    def _drop_aged(self, connection: sqlite3.Connection) -> None:
+        now = self._clock()
+        flights.end_stale(connection, now)
+        upkeep.mark_aged(connection, now - self._days * _DAY_S)
+
+    def _keep_budget(self) -> None:
+        """Delete what is marked, and the oldest flights while the budget is nearly used up."""
+        for _ in range(STEPS):
+            if self._locked(upkeep.drop_part):
+                continue
+            with self._lock:
+                used = upkeep.used_bytes(self._opened())
+            if used <= CALM_SHARE * self._budget_bytes or not self._locked(upkeep.mark_oldest):
+                break
+        self._return_pages()
+
+    def _return_pages(self) -> None:
+        for _ in range(STEPS):
+            with self._lock:
+                if not upkeep.return_pages(self._opened()):
+                    break
+
+    def _spare_disk(self) -> None:
+        """Drop flights while the disk is short: undelivered records come first."""
+        kept = tables.set_aside_path(self._path)
+        is_short = self._free_bytes() < self._reserve_bytes()
+        if is_short and not self._disk_is_short:
+            LOG.warning("the disk is short: the flight archive gives way")
+        for _ in range(STEPS):
+            if self._free_bytes() >= self._reserve_bytes():
+                break
+            kept.unlink(missing_ok=True)
+            if not (self._locked(upkeep.drop_part) or self._locked(upkeep.mark_oldest)):
+                self._discard_if_needed()
+                break
+            self._return_pages()
+            with self._lock:
+                upkeep.checkpoint(self._opened())
+        self._disk_is_short = self._free_bytes() < self._reserve_bytes()
+
+    def _discard_if_needed(self) -> None:
+        """Delete the whole archive if nothing else helps and the records need its room soon."""
+        if self._free_bytes() >= self._reserve_bytes() // 2:
+            return
+        with self._lock:
+            LOG.error("the disk is short: the flight archive %s is deleted", self._path)
+            self._close()
+            for file in tables.files_of(self._path):
+                file.unlink(missing_ok=True)
+
+    def _free_bytes(self) -> int:
+        return shutil.disk_usage(self._path.parent).free
+
+    def _reserve_bytes(self) -> int:
+        """Return how much of the disk the archive leaves to the records."""
+        total = shutil.disk_usage(self._path.parent).total
+        return min(_RESERVE_BYTES, total // _RESERVE_PART)
+
+
+def _take(connection: sqlite3.Connection, received: Received) -> None:
+    report, at = received.report, flights.time_of(received.report.recorded_at, received.received_at)
+    if isinstance(report, MissionReport):
+        mission = received.mission or MissionName(report.mission_id, report.plan_id)
+        flights.take_mission_report(connection, report, mission, at, received.received_at)
+    elif received.message_id is not None:
+        results.take(
+            connection,
+            Stored(report, received.kind, received.message_id, at, received.received_at),
+        )
