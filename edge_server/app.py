@@ -13,6 +13,7 @@ from edge_server.api import bodies, errors, headers, request_log, urls
 from edge_server.api.access import audit_trail, auth, signatures
 from edge_server.api.access.limits import Limits
 from edge_server.api.routes import (
+    alarm_history,
     audit,
     broker,
     bulk,
@@ -21,6 +22,7 @@ from edge_server.api.routes import (
     documentation,
     events,
     fields,
+    flights,
     health,
     keys,
     live,
@@ -65,6 +67,8 @@ _MODULES = (
     bulk,
     dead_letters,
     vehicles,
+    flights,
+    alarm_history,
     broker,
     live,
     keys,
@@ -97,7 +101,7 @@ def create_app(config: Config, *, clock: Callable[[], float] = time.time) -> Fla
         database = Database(prepare_engine(store.engine))
     context = Context(config, database, clock)
     app.extensions["edge_context"] = context
-    figures = Metrics(config, database, clock)
+    figures = Metrics(config, database, context.archive, clock)
     context.space.count = figures.dropped
     app.extensions[metrics.EXTENSION] = figures
     request_log.install(app, figures)

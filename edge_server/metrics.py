@@ -29,6 +29,7 @@ from prometheus_client.registry import Collector
 from sqlalchemy import text
 
 from edge_server import relay_health
+from edge_server.archive.writer import FlightArchive
 from edge_server.config import Config
 from edge_server.connections.counts import COUNTS
 from edge_server.outbox import counts
@@ -57,7 +58,13 @@ _Counts = Mapping[str, Mapping[Labels, float]]
 class Metrics:
     """Metrics of one edge server; made once per process."""
 
-    def __init__(self, config: Config, database: Database, clock: Callable[[], float]) -> None:
+    def __init__(
+        self,
+        config: Config,
+        database: Database,
+        archive: FlightArchive,
+        clock: Callable[[], float],
+    ) -> None:
         self.registry = CollectorRegistry()
         self._tally = Tally(config.server_tally_path)
         self._requests = Counter(
@@ -73,7 +80,7 @@ class Metrics:
             buckets=_REQUEST_BUCKETS_S,
             registry=self.registry,
         )
-        self.registry.register(_EdgeCollector(config, database, clock))
+        self.registry.register(_EdgeCollector(config, database, archive, clock))
         ProcessCollector(registry=self.registry)
         PlatformCollector(registry=self.registry)
 
@@ -98,7 +105,14 @@ class Metrics:
 class _EdgeCollector(Collector):
     """Reads database, tallies and disk at each scrape."""
 
-    def __init__(self, config: Config, database: Database, clock: Callable[[], float]) -> None:
+    def __init__(
+        self,
+        config: Config,
+        database: Database,
+        archive: FlightArchive,
+        clock: Callable[[], float],
+    ) -> None:
+        self._archive = archive
         self._config = config
         self._database = database
         self._clock = clock
@@ -128,6 +142,7 @@ class _EdgeCollector(Collector):
             relay_health.read(self._config).uplink,
         )
         yield from self._storage()
+        yield from self._archived()
         yield from _connections()
 
     def _outbox(self) -> Iterator[Metric]:
@@ -158,6 +173,15 @@ class _EdgeCollector(Collector):
         yield _gauge("fm_disk_free_bytes", "Free space on the disk of the database", free)
         quarantined = len(list((self._config.edge_dir / "quarantine").glob("*.sqlite3")))
         yield _gauge("fm_quarantined_databases", "Broken databases in quarantine", quarantined)
+
+    def _archived(self) -> Iterator[Metric]:
+        figures = self._archive.figures()
+        working = float(figures.is_working)
+        yield _gauge("fm_archive_working", "Whether flights are archived", working)
+        yield _gauge("fm_archive_bytes", "Size of the flight archive", figures.size_bytes)
+        yield _gauge("fm_archive_flights", "Flights in the archive", figures.flights)
+        lost = "Reports that are stored and could not be archived"
+        yield CounterMetricFamily("fm_archive_lost", lost, value=figures.lost)
 
     def _database_bytes(self) -> int:
         if self._database.is_shared:

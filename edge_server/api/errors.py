@@ -27,6 +27,7 @@ from edge_server.services.errors import (
     ServiceError,
     SpentError,
     TooMuchError,
+    UnavailableError,
 )
 from edge_server.store.connection.failures import is_busy, is_full, is_lost
 from edge_server.store.files.integrity import is_broken, note_fault
@@ -41,6 +42,7 @@ STATUS: Final[dict[type[ServiceError], int]] = {
     ChangedError: 412,
     FullError: 507,
     SpentError: 403,
+    UnavailableError: 503,
 }
 RETRY_SOON: Final = {"Retry-After": "1"}
 
@@ -118,7 +120,7 @@ def _document(error: DocumentError) -> ResponseReturnValue:
 
 
 def _service(error: ServiceError) -> ResponseReturnValue:
-    headers = RETRY_SOON if isinstance(error, TooMuchError) else {}
+    headers = RETRY_SOON if isinstance(error, TooMuchError | UnavailableError) else {}
     return _answer(str(error), error.faults), STATUS[type(error)], headers
 
 

@@ -291,6 +291,84 @@ class StateVectorRequest(Answer):
     expires_at: datetime
 
 
+class Flight(Answer):
+    """A flight in the archive; one without a mission began when its vehicle was armed."""
+
+    id: Id
+    vehicle_id: int
+    mission_id: int | None
+    plan_id: str | None
+    started_at: datetime
+    ended_at: datetime | None
+    mission_status_id: Status | None
+    distance_m: float
+    pictures: int
+    alarms: int
+
+
+class FlownCommand(Answer):
+    """A command of a flight, and when its status was reported."""
+
+    command_id: int
+    command_status_id: Status
+    command_status_name: str
+    message: str | None
+    started_at: datetime | None
+    ended_at: datetime | None
+
+
+class FlightWithResults(Flight):
+    """A flight with its commands, and the poses and batteries at their ends."""
+
+    message: str | None
+    command_array: list[FlownCommand]
+    results: list[dict[str, Any]]
+
+
+class FlightPicture(Answer):
+    """A picture of a flight without its data; `thumbnail_url` is null where there is none."""
+
+    id: Id
+    recorded_at: datetime
+    name: str
+    size_bytes: int
+    latitude: float | None
+    longitude: float | None
+    altitude: float | None
+    content_type: str
+    url: str
+    thumbnail_url: str | None
+
+
+class FlightObservations(Answer):
+    """Measurements made at one place."""
+
+    id: Id
+    vehicle_id: int
+    recorded_at: datetime
+    latitude: float
+    longitude: float
+    altitude: float
+    observation_array: list[dict[str, Any]]
+
+
+class RecordedAlarm(Answer):
+    """An alarm in the archive."""
+
+    id: Id
+    recorded_at: datetime
+    vehicle_id: int
+    flight_id: int | None
+    mission_id: int | None
+    alarm_type_id: int
+    alarm_type_name: str
+    alarm_code_id: int
+    param_array: list[float]
+    description: str | None
+    acknowledged_at: datetime | None
+    acknowledged_by: str | None
+
+
 class Health(Answer):
     """State of the server, of its database and, in `/readyz`, of its relay."""
 

@@ -8,6 +8,7 @@ ServiceError
   +- ChangedError       the object has changed since the caller read it
   +- SpentError         the signature has been used for something else
   +- FullError          there is no room for it on the disk, or within its budget
+  +- UnavailableError   what it is about cannot be read or written now
 """
 
 from afarcloud.faults import Fault
@@ -39,6 +40,10 @@ class KeyReusedError(ServiceError):
 
 class FullError(ServiceError):
     """There is no room for it."""
+
+
+class UnavailableError(ServiceError):
+    """What the request is about cannot be read or written now."""
 
 
 class ChangedError(ServiceError):

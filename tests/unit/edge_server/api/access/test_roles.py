@@ -84,6 +84,14 @@ MATRIX: list[tuple[str, str, set[str], Any]] = [
     ("POST", "/users/maria/link", {"admin"}, None),
     ("GET", "/sessions/", {"admin"}, None),
     ("DELETE", "/sessions/0123abcd", {"admin"}, None),
+    ("GET", "/flights/", PEOPLE, None),
+    ("GET", "/flights/1", PEOPLE, None),
+    ("GET", "/flights/1/track", PEOPLE, None),
+    ("GET", "/flights/1/pictures", PEOPLE, None),
+    ("GET", "/flights/1/pictures/1", PEOPLE, None),
+    ("GET", "/flights/1/observations", PEOPLE, None),
+    ("GET", "/alarms/history/", PEOPLE, None),
+    ("POST", "/alarms/history/1/acknowledge", {"operator", "admin"}, None),
     ("POST", "/telemetry/", {"broker"}, {"records": [{"pose": telemetry("pose")}]}),
 ]
 for _kind in TELEMETRY:

@@ -1,0 +1,112 @@
+"""`/flights/`: what was flown, from the archive; kept after the cloud has the reports."""
+
+from typing import Any, Final
+
+from flask import Blueprint, Response, request
+
+from afarcloud.faults import Fault
+from edge_server.api import bodies, schemas, urls
+from edge_server.api.access import scopes
+from edge_server.api.access.auth import PEOPLE, allow
+from edge_server.api.contract import PAGE, Contract, describe
+from edge_server.api.errors import RequestError
+from edge_server.archive.track_files import FORMATS
+from edge_server.services import flight_archive
+from edge_server.services.flight_archive import Page
+
+NAMES: Final = ("flights", "flight")
+ITEM: Final = "int64:flight_id"
+PART: Final = ("after", "limit")
+
+
+def blueprint() -> Blueprint:
+    """Make the routes."""
+    routes = Blueprint("flights", __name__)
+    urls.add(routes, NAMES, "page", page, "GET")
+    urls.add(routes, NAMES, "get", get, "GET", item=ITEM)
+    for name, view in (
+        ("track", track),
+        ("pictures", pictures),
+        ("observations", observations),
+    ):
+        urls.add(routes, NAMES, name, view, "GET", item=ITEM, action=name)
+    number = "pictures/<int64:number>"
+    urls.add(routes, NAMES, "picture", picture, "GET", item=ITEM, action=number)
+    return routes
+
+
+@allow(PEOPLE)
+@describe(Contract({200: schemas.Flight}, is_list=True, query=PAGE))
+def page() -> list[dict[str, Any]]:
+    """List the flights in the archive, oldest first."""
+    asked, since_s = _part(), bodies.query_time("since")
+
+    def of(vehicle_id: int | None) -> list[dict[str, Any]]:
+        wanted = asked._replace(vehicle_id=vehicle_id, since_s=since_s)
+        return flight_archive.flights(bodies.context(), wanted)
+
+    return scopes.pages(of, bodies.query_vehicle(), asked.limit)
+
+
+@allow(PEOPLE)
+@describe(Contract({200: schemas.FlightWithResults}))
+def get(flight_id: int) -> dict[str, Any]:
+    """Give a flight with its commands and their results."""
+    return scopes.permitted(flight_archive.flight_with_results(bodies.context(), flight_id))
+
+
+@allow(PEOPLE)
+@describe(Contract({200: None}, query=("format:track",)))
+def track(flight_id: int) -> Response:
+    """Give the track of a flight as GeoJSON, CSV or GPX 1.1."""
+    form = request.args.get("format", "geojson")
+    if form not in FORMATS:
+        fault = Fault("format", f"must be one of {', '.join(FORMATS)}")
+        raise RequestError(422, "the query cannot be used", (fault,))
+    _check(flight_id)
+    media_type, _ = FORMATS[form]
+    name = f'attachment; filename="flight-{flight_id}.{form}"'
+    return Response(
+        flight_archive.track(bodies.context(), flight_id, form),
+        content_type=media_type,
+        headers={"Content-Disposition": name},
+    )
+
+
+@allow(PEOPLE)
+@describe(Contract({200: schemas.FlightPicture}, is_list=True, query=PART))
+def pictures(flight_id: int) -> list[dict[str, Any]]:
+    """List the pictures of a flight, without their data."""
+    asked = _part()
+    _check(flight_id)
+    return flight_archive.pictures(bodies.context(), flight_id, asked)
+
+
+@allow(PEOPLE)
+@describe(Contract({200: None}))
+def picture(flight_id: int, number: int) -> Response:
+    """Give a picture as the vehicle has taken it."""
+    _check(flight_id)
+    found = flight_archive.picture(bodies.context(), flight_id, number)
+    return Response(found.data, content_type=found.media_type)
+
+
+@allow(PEOPLE)
+@describe(Contract({200: schemas.FlightObservations}, is_list=True, query=PART))
+def observations(flight_id: int) -> list[dict[str, Any]]:
+    """List the measurements of a flight."""
+    asked = _part()
+    _check(flight_id)
+    return flight_archive.observations(bodies.context(), flight_id, asked)
+
+
+def _part() -> Page:
+    """Read which part of a list is wanted; raises 422."""
+    after_id = bodies.query_integer("after", 0, 0, 2**63 - 1)
+    limit = bodies.query_integer("limit", bodies.PAGE_DEFAULT, 1, bodies.PAGE_LIMIT)
+    return Page(after_id, limit)
+
+
+def _check(flight_id: int) -> None:
+    """Check that a flight exists and that the key permits its vehicle; raises 403 or 404."""
+    scopes.permitted(flight_archive.flight(bodies.context(), flight_id))

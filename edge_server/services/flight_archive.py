@@ -1,0 +1,266 @@
+"""The flight archive as the API shows it: flights, their tracks, pictures and results; alarms."""
+
+import json
+import sqlite3
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any, Final, NamedTuple
+
+from afarcloud.enumerations import AlarmType, Status
+from afarcloud.wire import Kind
+from edge_server.archive import reader, track_files
+from edge_server.archive.reader import Row
+from edge_server.archive.track_files import Track
+from edge_server.services import audit
+from edge_server.services.context import Context, show_time
+from edge_server.services.errors import NotFoundError, UnavailableError
+from edge_server.services.reports.listing import Listing, fill
+
+MOST_RESULTS: Final = 1000
+"""Poses and batteries that are shown with a flight; a mission has at most 700 commands."""
+_MEDIA_TYPES: Final = {"dng": "image/x-adobe-dng"}
+
+
+class Picture(NamedTuple):
+    """A picture's bytes and their media type."""
+
+    data: bytes
+    media_type: str
+
+
+class Page(NamedTuple):
+    """Part of a list: at most `limit` items after an id."""
+
+    after_id: int
+    limit: int
+    vehicle_id: int | None = None
+    since_s: float = 0.0
+
+
+@contextmanager
+def _reading(context: Context) -> Iterator[sqlite3.Connection | None]:
+    """Give a connection to the archive; raises UnavailableError if it cannot be read."""
+    try:
+        with context.archive.reading() as connection:
+            yield connection
+    except sqlite3.Error as error:
+        raise UnavailableError(f"the flight archive cannot be read: {error}") from None
+
+
+def flights(context: Context, page: Page) -> Listing:
+    """List flights, oldest first."""
+    with _reading(context) as connection:
+        if connection is None:
+            return Listing()
+        return fill(reader.flights(connection, **page._asdict()), _show_flight)
+
+
+def flight(context: Context, flight_id: int) -> dict[str, Any]:
+    """Return a flight without its commands; raises NotFoundError."""
+    with _reading(context) as connection:
+        return _show_flight(_find(connection, flight_id))
+
+
+def flight_with_results(context: Context, flight_id: int) -> dict[str, Any]:
+    """Return a flight, its commands, poses and batteries; raises NotFoundError."""
+    with _reading(context) as connection:
+        found = _find(connection, flight_id)
+        if connection is None:
+            raise _missing(flight_id)
+        kinds = (Kind.POSE.value, Kind.BATTERY.value)
+        results = reader.results(connection, flight_id, kinds, limit=MOST_RESULTS)
+        return {
+            **_show_flight(found),
+            "message": found["message"],
+            "command_array": [_show_command(row) for row in reader.commands(connection, flight_id)],
+            "results": [_show_result(row) for row in results],
+        }
+
+
+def _find(connection: sqlite3.Connection | None, flight_id: int) -> Row:
+    found = None if connection is None else reader.flight(connection, flight_id)
+    if found is None:
+        raise _missing(flight_id)
+    return found
+
+
+def _missing(flight_id: int) -> NotFoundError:
+    return NotFoundError(f"there is no flight {flight_id} in the archive")
+
+
+def track(context: Context, flight_id: int, form: str) -> Iterator[str]:
+    """Write the track of a flight in one of `track_files.FORMATS`, as of now."""
+    with _reading(context) as connection:
+        found = _find(connection, flight_id)
+        if connection is None:
+            return
+        properties = {
+            "flight_id": found["id"],
+            "vehicle_id": found["vehicle_id"],
+            "mission_id": found["mission_id"],
+            "plan_id": found["plan_id"],
+            "started_at": show_time(found["started_at"]),
+            "ended_at": _show_time(found["ended_at"]),
+        }
+        _, write = track_files.FORMATS[form]
+        yield from write(Track(properties, lambda: reader.points(connection, flight_id)))
+
+
+def pictures(context: Context, flight_id: int, page: Page) -> Listing:
+    """List the pictures of a flight without their data; raises NotFoundError."""
+    return _of_flight(
+        context,
+        flight_id,
+        lambda connection: fill(
+            reader.pictures(connection, flight_id, after_id=page.after_id, limit=page.limit),
+            lambda row: _show_picture(flight_id, row),
+        ),
+    )
+
+
+def observations(context: Context, flight_id: int, page: Page) -> Listing:
+    """List the measurements of a flight; raises NotFoundError."""
+    return _of_flight(
+        context,
+        flight_id,
+        lambda connection: fill(
+            reader.results(
+                connection,
+                flight_id,
+                (Kind.OBSERVATION.value,),
+                after_id=page.after_id,
+                limit=page.limit,
+            ),
+            lambda row: {"id": row["id"], **_show_document(row)},
+        ),
+    )
+
+
+def _of_flight(
+    context: Context, flight_id: int, read: Callable[[sqlite3.Connection], Listing]
+) -> Listing:
+    with _reading(context) as connection:
+        _find(connection, flight_id)
+        return Listing() if connection is None else read(connection)
+
+
+def picture(context: Context, flight_id: int, number: int) -> Picture:
+    """Return a picture; raises NotFoundError."""
+    with _reading(context) as connection:
+        _find(connection, flight_id)
+        found = None if connection is None else reader.picture(connection, flight_id, number)
+        if found is None:
+            raise NotFoundError(f"flight {flight_id} has no picture {number}")
+        return Picture(found["data"], _media_type(found["format"]))
+
+
+def alarms(context: Context, page: Page) -> Listing:
+    """List alarms, oldest first."""
+    with _reading(context) as connection:
+        if connection is None:
+            return Listing()
+        return fill(reader.alarms(connection, **page._asdict()), _show_alarm)
+
+
+def alarm(context: Context, alarm_id: int) -> dict[str, Any]:
+    """Return an alarm; raises NotFoundError."""
+    with _reading(context) as connection:
+        found = None if connection is None else reader.alarm(connection, alarm_id)
+        if found is None:
+            raise NotFoundError(f"there is no alarm {alarm_id} in the archive")
+        return _show_alarm(found)
+
+
+def acknowledge(context: Context, alarm_id: int, name: str) -> dict[str, Any]:
+    """Acknowledge an alarm; the first acknowledgement stays.
+
+    Raises:
+        NotFoundError: if there is no such alarm.
+        UnavailableError: if the archive cannot be written; nothing is in the audit log.
+    """
+    shown = alarm(context, alarm_id)
+    if shown["acknowledged_at"] is not None:
+        return shown
+    try:
+        with context.database.write():
+            audit.about(f"alarms/history/{alarm_id}")
+            context.archive.acknowledge(alarm_id, name, context.clock())
+    except sqlite3.Error as error:
+        raise UnavailableError(f"the flight archive cannot be written: {error}") from None
+    return alarm(context, alarm_id)
+
+
+def _show_flight(row: Row) -> dict[str, Any]:
+    return {
+        "id": row["id"],
+        "vehicle_id": row["vehicle_id"],
+        "mission_id": row["mission_id"],
+        "plan_id": row["plan_id"],
+        "started_at": show_time(row["started_at"]),
+        "ended_at": _show_time(row["ended_at"]),
+        "mission_status_id": row["mission_status_id"],
+        "distance_m": round(row["distance_m"], 1),
+        "pictures": row["pictures"],
+        "alarms": row["alarms"],
+    }
+
+
+def _show_command(row: Row) -> dict[str, Any]:
+    return {
+        "command_id": row["command_id"],
+        "command_status_id": row["status_id"],
+        "command_status_name": Status(row["status_id"]).name,
+        "message": row["message"],
+        "started_at": _show_time(row["started_at"]),
+        "ended_at": _show_time(row["ended_at"]),
+    }
+
+
+def _show_result(row: Row) -> dict[str, Any]:
+    return {"kind": row["kind"], **_show_document(row)}
+
+
+def _show_document(row: Row) -> dict[str, Any]:
+    document: dict[str, Any] = json.loads(row["document"])
+    return {**document, "recorded_at": show_time(row["recorded_at"])}
+
+
+def _show_picture(flight_id: int, row: Row) -> dict[str, Any]:
+    return {
+        "id": row["number"],
+        "recorded_at": show_time(row["recorded_at"]),
+        "name": row["name"],
+        "size_bytes": row["size_bytes"],
+        "latitude": row["latitude"],
+        "longitude": row["longitude"],
+        "altitude": row["altitude"],
+        "content_type": _media_type(row["format"]),
+        "url": f"/flights/{flight_id}/pictures/{row['number']}",
+        "thumbnail_url": None,  # The edge server has no library that reads pictures
+    }
+
+
+def _media_type(form: str) -> str:
+    return _MEDIA_TYPES.get(form, f"image/{form}")
+
+
+def _show_alarm(row: Row) -> dict[str, Any]:
+    kind = AlarmType(row["alarm_type_id"])
+    return {
+        "id": row["id"],
+        "recorded_at": show_time(row["recorded_at"]),
+        "vehicle_id": row["vehicle_id"],
+        "flight_id": row["flight"],
+        "mission_id": row["mission_id"],
+        "alarm_type_id": int(kind),
+        "alarm_type_name": kind.name,
+        "alarm_code_id": row["alarm_code_id"],
+        "param_array": json.loads(row["param_array"]),
+        "description": row["message"],
+        "acknowledged_at": _show_time(row["acknowledged_at"]),
+        "acknowledged_by": row["acknowledged_by"],
+    }
+
+
+def _show_time(epoch_s: float | None) -> str | None:
+    return None if epoch_s is None else show_time(epoch_s)
