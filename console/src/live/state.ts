@@ -42,6 +42,20 @@ export const EMPTY: LiveState = {
   missionChanges: 0,
 };
 
+/** What the feed says about the uplink: "open" while records reach the cloud. */
+interface UplinkRow {
+  state?: string;
+  reachable?: boolean;
+  records_waiting: number | null;
+}
+
+interface Snapshot {
+  vehicles: Vehicle[];
+  missions: MissionChange[];
+  events?: StoredEvent[];
+  uplink: UplinkRow | null;
+}
+
 const TRAIL_STEP_M = 1;
 const TRAIL_LENGTH = 1500;
 const ON_GROUND_M = 0.5;
@@ -51,18 +65,24 @@ export function apply(state: LiveState, type: string, data: unknown, nowMs: numb
   const contacted = { ...state, contactAtMs: nowMs };
   switch (type) {
     case "snapshot": {
-      const all = data as { vehicles: Vehicle[]; missions: MissionChange[]; uplink: Uplink | null };
+      const all = data as Snapshot;
       return {
         ...contacted,
         vehicles: new Map(all.vehicles.map((one) => [one.vehicle_id, track(state, one, nowMs)])),
         missions: new Map(all.missions.map((one) => [missionKey(one), one])),
-        uplink: all.uplink,
+        events: new Map((all.events ?? []).map((one) => [one.id, one])),
+        uplink: uplinkOf(all.uplink),
         missionChanges: state.missionChanges + 1,
       };
     }
     case "vehicle": {
       const one = data as Vehicle;
       return { ...contacted, vehicles: set(state.vehicles, one.vehicle_id, track(state, one, nowMs)) };
+    }
+    case "vehicle_removed": {
+      const vehicles = new Map(state.vehicles);
+      vehicles.delete((data as Vehicle).vehicle_id);
+      return { ...contacted, vehicles };
     }
     case "mission": {
       const one = data as MissionChange;
@@ -78,10 +98,15 @@ export function apply(state: LiveState, type: string, data: unknown, nowMs: numb
       return { ...contacted, alarms: set(state.alarms, one.id, one) };
     }
     case "uplink":
-      return { ...contacted, uplink: data as Uplink };
+      return { ...contacted, uplink: uplinkOf(data as UplinkRow) };
     default:
       return contacted;
   }
+}
+
+function uplinkOf(row: UplinkRow | null): Uplink | null {
+  if (row === null) return null;
+  return { reachable: row.reachable ?? row.state === "open", records_waiting: row.records_waiting };
 }
 
 export function missionKey(mission: { plan_id: string; mission_id: number }): string {
@@ -106,7 +131,9 @@ function track(state: LiveState, vehicle: Vehicle, nowMs: number): Tracked {
       Object.assign(motion, motionBetween(last, fix, lastMotion));
       // A vehicle that rests moves the last place's time, not its trail
       const isNew = distanceM(last, fix) >= TRAIL_STEP_M || trail.length === 1;
-      trail = isNew ? [...trail.slice(-TRAIL_LENGTH), fix] : [...trail.slice(0, -1), { ...last, time_ms: fix.time_ms }];
+      trail = isNew
+        ? [...trail.slice(-TRAIL_LENGTH), fix]
+        : [...trail.slice(0, -1), { ...last, time_ms: fix.time_ms }];
     }
   }
   if (typeof vehicle.heading === "number") motion.heading_deg = vehicle.heading;

@@ -1,0 +1,47 @@
+import { expect, test } from "vitest";
+import type { Vehicle } from "../src/api/types";
+import { apply, EMPTY } from "../src/live/state";
+
+const vehicle = (time: string, latitude: number, altitude = 20): Vehicle =>
+  ({
+    vehicle_id: 1, link_state: "connected", armed: true, latitude, longitude: -3.7382, altitude,
+    held: null, brokers: [], registered_at: time, updated_at: time, recorded_at: time,
+  }) as unknown as Vehicle;
+
+test("a vehicle that flies north gets a heading, a speed and a trail", () => {
+  const first = apply(EMPTY, "vehicle", vehicle("2026-05-01T10:00:00Z", 40.4434), 0);
+  const next = apply(first, "vehicle", vehicle("2026-05-01T10:00:02Z", 40.4435), 2000);
+  const tracked = next.vehicles.get(1);
+  expect(tracked?.motion.heading_deg).toBeCloseTo(0);
+  expect(tracked?.motion.speed_m_s).toBeCloseTo(5.56, 1);
+  expect(tracked?.trail).toHaveLength(2);
+});
+
+test("home is where a vehicle was seen on the ground, and stays there", () => {
+  const ground = apply(EMPTY, "vehicle", vehicle("2026-05-01T10:00:00Z", 40.4434, 0), 0);
+  const above = apply(ground, "vehicle", vehicle("2026-05-01T10:00:09Z", 40.4444), 9000);
+  expect(above.vehicles.get(1)?.home?.latitude_deg).toBe(40.4434);
+});
+
+test("a snapshot replaces the vehicles that are no longer there", () => {
+  const one = apply(EMPTY, "vehicle", vehicle("2026-05-01T10:00:00Z", 40.4434), 0);
+  const none = apply(one, "snapshot", { vehicles: [], missions: [], uplink: null }, 10);
+  expect(none.vehicles.size).toBe(0);
+});
+
+test("a vehicle that the server has deleted is gone", () => {
+  const one = apply(EMPTY, "vehicle", vehicle("2026-05-01T10:00:00Z", 40.4434), 0);
+  expect(apply(one, "vehicle_removed", { vehicle_id: 1 }, 10).vehicles.size).toBe(0);
+});
+
+test("the uplink is reachable while its state is open", () => {
+  const blocked = apply(EMPTY, "uplink", { state: "blocked", records_waiting: 3 }, 0);
+  expect(blocked.uplink).toEqual({ reachable: false, records_waiting: 3 });
+});
+
+test("the age of a report counts from its arrival, not from its repetition", () => {
+  const one = apply(EMPTY, "vehicle", vehicle("2026-05-01T10:00:00Z", 40.4434), 1000);
+  const again = apply(one, "vehicle", vehicle("2026-05-01T10:00:00Z", 40.4434), 9000);
+  expect(again.vehicles.get(1)?.reportedAtMs).toBe(1000);
+  expect(again.contactAtMs).toBe(9000);
+});
