@@ -7,7 +7,7 @@ import json
 import sys
 import tempfile
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from edge_server.api.routes import documentation
 from edge_server.app import create_app
@@ -21,8 +21,7 @@ def document() -> dict[str, Any]:
         config.edge_dir.mkdir(parents=True)
         app = create_app(config)
         with app.app_context():
-            body: dict[str, Any] = documentation.show_document()  # type: ignore[assignment]
-    return body
+            return cast("dict[str, Any]", documentation.show_document())
 
 
 def main(path: Path) -> None:

@@ -1,0 +1,31 @@
+import { expect, test } from "vitest";
+import { gridOf, stepOf } from "../src/map/grid";
+import { Units } from "../src/units/units";
+
+test("people read kilometres per hour or miles per hour", () => {
+  expect(new Units("metric", "en").speed(10)).toBe("36 km/h");
+  expect(new Units("imperial", "en").speed(10)).toBe("22 mph");
+});
+
+test("a height just below zero is no negative zero", () => {
+  expect(new Units("metric", "en").height(-0.2)).toBe("0 m");
+});
+
+test("a value that is not known is a dash", () => {
+  expect(new Units("metric", "es").percentage(null)).toBe("–");
+});
+
+test("long distances use the long unit", () => {
+  expect(new Units("metric", "es").distance(1240)).toBe("1,24 km");
+  expect(new Units("imperial", "en").distance(100)).toBe("328 ft");
+});
+
+test("the grid has round steps and keeps its lines while the map moves", () => {
+  expect([stepOf(200), stepOf(1000), stepOf(9000)]).toEqual([20, 100, 1000]);
+  const view = { west: -3.74, south: 40.44, east: -3.73, north: 40.45 };
+  const moved = { ...view, west: -3.738, east: -3.728 };
+  const places = (lines: ReturnType<typeof gridOf>) =>
+    lines.features.map((one) => one.geometry.coordinates[0]?.[0]?.toFixed(9));
+  const shared = places(gridOf(view)).filter((x) => places(gridOf(moved)).includes(x));
+  expect(shared.length).toBeGreaterThan(5);
+});
