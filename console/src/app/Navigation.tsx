@@ -5,6 +5,7 @@ import { linkTo, useRoute } from "./route";
 
 const ENTRIES: readonly (readonly [string, IconName, string])[] = [
   ["", "map", "nav.fleet"],
+  ["plans", "plan", "nav.plans"],
 ];
 
 /** A rail beside the screen; on a phone a bar below it. */

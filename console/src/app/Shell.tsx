@@ -1,4 +1,4 @@
-import { Suspense, useEffect, useState } from "react";
+import { lazy, Suspense, useEffect, useState } from "react";
 import { useTranslation } from "react-i18next";
 import { Empty, Skeleton } from "../controls/states";
 import { Feed } from "../live/feed";
@@ -9,6 +9,9 @@ import { Header } from "./Header";
 import { Navigation } from "./Navigation";
 import { useRoute } from "./route";
 
+const Plans = lazy(() => import("../screens/Plans"));
+const PlanEditor = lazy(() => import("../screens/PlanEditor"));
+const PlanView = lazy(() => import("../screens/PlanView"));
 
 /** Header, navigation and the screen of the present address. */
 export function Shell() {
@@ -41,10 +44,15 @@ export function Shell() {
 
 function Screen({ stopVehicle }: { stopVehicle: (vehicleId: number) => void }) {
   const { t } = useTranslation();
-  const [first] = useRoute();
+  const [first, second, third] = useRoute();
   switch (first) {
     case undefined:
       return <Fleet stopVehicle={stopVehicle} />;
+    case "plans":
+      if (second === undefined) return <Plans />;
+      if (second === "new") return <PlanEditor reference={null} />;
+      if (third === "edit") return <PlanEditor key={second} reference={second} />;
+      return <PlanView key={second} reference={second} />;
     default:
       return <Empty icon="map" title={t("shell.not_found")} />;
   }

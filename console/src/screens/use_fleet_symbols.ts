@@ -43,15 +43,21 @@ export function useFleetSymbols(
   }, [fields, vehicles, selected, select, t]);
 }
 
-/** The name of each field, in the middle of its corners. */
+/** The name of each field, below the middle of its northern edge. */
 export function fieldNames(fields: readonly StoredField[]): Symbol[] {
   return fields.flatMap((field) => {
     if (!field.name || field.boundary.length === 0) return [];
-    const mean = (index: number) =>
-      field.boundary.reduce((sum, corner) => sum + (corner[index] ?? 0), 0) / field.boundary.length;
+    const values = (index: number) => field.boundary.map((corner) => corner[index] ?? 0);
+    const north = Math.max(...values(0));
+    const south = Math.min(...values(0));
     const name = field.name;
     return [
-      { key: `field-${field.id}`, latitude: mean(0), longitude: mean(1), make: () => nameElement(name) },
+      {
+        key: `field-${field.id}`,
+        latitude: north - (north - south) * 0.06,
+        longitude: (Math.min(...values(1)) + Math.max(...values(1))) / 2,
+        make: () => nameElement(name),
+      },
     ];
   });
 }

@@ -1,0 +1,183 @@
+import { useState } from "react";
+import { useTranslation } from "react-i18next";
+import type { TFunction } from "i18next";
+import type { Fault } from "../api/client";
+import type { Command, ParameterValue } from "../api/types";
+import { Button } from "../controls/Button";
+import { SelectField, TextField } from "../controls/fields";
+import { parametersOf, placeOfFault, problemOf, type Parameter } from "../planning/command_forms";
+
+const UNITS: Record<string, string> = {
+  altitude: "m", orbit_altitude: "m", landing_altitude: "m", minimum_target_altitude: "m", radius: "m",
+  acceptance_radius: "m", trajectory_control: "m", hold_time: "s", time_interval: "s",
+  angular_velocity: "°/s", latitude: "°", longitude: "°", yaw_angle: "°", desired_yaw_angle: "°",
+  pitch_angle: "°", minimum_pitch: "°",
+};
+
+/** One step of a plan: its name, and while it is open a field for each parameter. */
+export function CommandForm({ index, count, command, isOpen, faults, toggle, change, remove, up, down }: {
+  index: number;
+  count: number;
+  command: Command;
+  isOpen: boolean;
+  faults: Fault[];
+  toggle: () => void;
+  change: (parameters: Record<string, ParameterValue>) => void;
+  remove: () => void;
+  up: () => void;
+  down: () => void;
+}) {
+  const { t } = useTranslation();
+  const parameters = parametersOf(command.command_type_id);
+  const number = index + 1;
+  const general = faults.filter(
+    (fault) => !parameters.some((one) => placeOfFault(fault.path)?.parameter === one.name),
+  );
+  const height = command.parameters["altitude"] ?? command.parameters["orbit_altitude"];
+  const hasProblem =
+    faults.length > 0 || parameters.some((one) => problemOf(one, command.parameters[one.name]) !== null);
+  const set = (name: string, value: ParameterValue) => change({ ...command.parameters, [name]: value });
+  return (
+    <li className={`step ${isOpen ? "is-open" : ""} ${hasProblem ? "has-error" : ""}`}>
+      <div className="step-head">
+        <button type="button" className="step-title" aria-expanded={isOpen} onClick={toggle}>
+          <b>{number}</b>
+          {t(`command.${command.command_type_id}`)}
+          {typeof height === "number" && <small>{height} m</small>}
+        </button>
+        <Button kind="quiet" icon="up" aria-label={t("editor.up", { index: number })} disabled={index === 0} onClick={up} />
+        <Button kind="quiet" icon="down" aria-label={t("editor.down", { index: number })} disabled={number === count} onClick={down} />
+        <Button kind="quiet" icon="remove" aria-label={t("editor.remove", { index: number })} onClick={remove} />
+      </div>
+      {general.map((fault) => (
+        <p key={fault.text} className="fault step-body" role="alert">
+          {fault.text}
+        </p>
+      ))}
+      {isOpen && (
+        <div className="step-body">
+          <div className="form-grid">
+            {parameters.map((one) => (
+              <ParameterField
+                key={one.name}
+                parameter={one}
+                value={command.parameters[one.name]}
+                fault={faults.find((fault) => placeOfFault(fault.path)?.parameter === one.name)?.text}
+                set={(value) => set(one.name, value)}
+              />
+            ))}
+          </div>
+        </div>
+      )}
+    </li>
+  );
+}
+
+interface ParameterProperties {
+  parameter: Parameter;
+  value: ParameterValue | undefined;
+  fault: string | undefined;
+  set: (value: ParameterValue) => void;
+}
+
+function ParameterField({ parameter, value, fault, set }: ParameterProperties) {
+  const { t } = useTranslation();
+  const { name } = parameter;
+  const label = t(`parameter.${name}`) + (UNITS[name] ? ` (${UNITS[name]})` : "");
+  if (parameter.type === "boolean") {
+    return (
+      <SelectField label={label} error={fault} value={String(value ?? parameter.default)} onChange={(event) => set(event.target.value === "true")}>
+        <option value="true">{t("choice.true")}</option>
+        <option value="false">{t("choice.false")}</option>
+      </SelectField>
+    );
+  }
+  if (parameter.choices !== null) {
+    return (
+      <SelectField label={label} error={fault} value={Number(value ?? parameter.default)} onChange={(event) => set(Number(event.target.value))}>
+        {parameter.choices.map((choice) => (
+          <option key={choice} value={choice}>
+            {t(`choice.${name}.${choice}`)}
+          </option>
+        ))}
+      </SelectField>
+    );
+  }
+  if (parameter.type === "array") {
+    return <CornersField label={label} fault={fault} value={value} set={set} />;
+  }
+  const problem = problemOf(parameter, value);
+  const range = rangeOf(parameter, t);
+  const ownFault = problem === null ? undefined : t(`editor.${problem}`, { range });
+  return (
+    <NumberField
+      label={label}
+      value={typeof value === "number" ? value : null}
+      hint={parameter.required ? range : `${range}, ${t("editor.optional")}`}
+      error={fault ?? ownFault}
+      placeholder={parameter.default === null ? t("editor.automatic") : String(parameter.default)}
+      set={set}
+    />
+  );
+}
+
+function rangeOf(one: Parameter, t: TFunction): string {
+  const values = { low: one.minimum ?? "…", high: one.maximum ?? "…" };
+  return t(one.above_minimum ? "editor.above" : "editor.range", values);
+}
+
+/** A number that may be typed step by step: "-" and "1." are no numbers yet. */
+function NumberField({ label, value, hint, error, placeholder, set }: {
+  label: string;
+  value: number | null;
+  hint: string;
+  error: string | undefined;
+  placeholder: string;
+  set: (value: number | null) => void;
+}) {
+  const [typed, setTyped] = useState<string | null>(null);
+  return (
+    <TextField
+      label={label}
+      hint={hint}
+      error={error}
+      inputMode="decimal"
+      placeholder={placeholder}
+      value={typed ?? (value === null || Number.isNaN(value) ? "" : String(value))}
+      onChange={(event) => {
+        setTyped(event.target.value);
+        const text = event.target.value.trim().replace(",", ".");
+        set(text === "" ? null : Number(text));
+      }}
+      onBlur={() => {
+        if (value === null || Number.isFinite(value)) setTyped(null);
+      }}
+    />
+  );
+}
+
+/** A rectangle of the picture as four fractions. */
+function CornersField({ label, value, fault, set }: {
+  label: string;
+  value: ParameterValue | undefined;
+  fault: string | undefined;
+  set: (value: ParameterValue) => void;
+}) {
+  const [typed, setTyped] = useState(() => (Array.isArray(value) ? value.flat().join(" ") : ""));
+  return (
+    <TextField
+      label={label}
+      hint="0 … 1"
+      error={fault}
+      value={typed}
+      onChange={(event) => {
+        setTyped(event.target.value);
+        const [left = NaN, top = NaN, right = NaN, bottom = NaN] = event.target.value
+          .trim()
+          .split(/[\s;]+/)
+          .map((part) => Number(part.replace(",", ".")));
+        set([[left, top], [right, bottom]]);
+      }}
+    />
+  );
+}

@@ -1,0 +1,286 @@
+import { lazy, Suspense, useEffect, useMemo, useState } from "react";
+import { useTranslation } from "react-i18next";
+import { RequestError } from "../api/client";
+import { createPlan, getPlan, listFields, replacePlan, type Draft } from "../api/resources";
+import type { Command, Plan } from "../api/types";
+import { go, linkTo } from "../app/route";
+import { useIsOperator } from "../app/session_context";
+import { Button } from "../controls/Button";
+import { SelectField, TextField } from "../controls/fields";
+import { Icon } from "../controls/Icon";
+import { ErrorNotice, Notice, Skeleton } from "../controls/states";
+import { describeError } from "../i18n/describe_error";
+import { useLive } from "../live/use_live";
+import { asRequestError, useResource } from "../live/use_resource";
+import { extentOf } from "../map/extent";
+import { collection, fieldFeatures, placeOf, routeFeatures } from "../map/features";
+import { waypointElement } from "../map/markers";
+import {
+  COMMAND_TYPES, hasPlace, HOME, newCommand, parametersOf, placeOfFault, problemOf, renumbered,
+  rounded, TAKEOFF, WAYPOINT,
+} from "../planning/command_forms";
+import { fieldNames } from "./use_fleet_symbols";
+import { CommandForm } from "./CommandForm";
+
+const FarmMap = lazy(() => import("../map/FarmMap"));
+
+/** A new plan, or one that no vehicle has yet. */
+export default function PlanEditor({ reference }: { reference: string | null }) {
+  const { t } = useTranslation();
+  const plan = useResource(
+    () => (reference === null ? Promise.resolve(null) : getPlan(reference)),
+    reference ?? "",
+  );
+  if (reference === null) return <Editor plan={null} />;
+  if (plan.value === null) {
+    return (
+      <div className="screen">
+        {plan.error ? <ErrorNotice error={plan.error} retry={plan.reload} /> : <Skeleton />}
+      </div>
+    );
+  }
+  const isOpen = plan.value.missions.every((one) => ["held", "queued"].includes(one.dispatch_state));
+  const problem = plan.value.missions.length > 1 ? "several" : isOpen ? null : "not_editable";
+  if (problem !== null) {
+    return (
+      <div className="screen">
+        <Notice kind="info">{t(`editor.${problem}`)}</Notice>
+        <a className="back-link" {...linkTo(`plans/${plan.value.id}`)}>
+          <Icon name="back" /> {t("action.back")}
+        </a>
+      </div>
+    );
+  }
+  return <Editor plan={plan.value} />;
+}
+
+function Editor({ plan }: { plan: Plan | null }) {
+  const { t } = useTranslation();
+  const isOperator = useIsOperator();
+  const vehicles = useLive((state) => state.vehicles);
+  const fields = useResource(listFields);
+  const mission = plan?.missions[0];
+  const [name, setName] = useState(plan?.name ?? "");
+  const [vehicleId, setVehicleId] = useState<number | null>(mission?.vehicle_id ?? null);
+  const [speed, setSpeed] = useState(String(mission?.maximum_speed ?? 5));
+  const [commands, setCommands] = useState<Command[]>(() => (mission?.command_array ?? []).map(bare));
+  const [open, setOpen] = useState<number | null>(null);
+  const [error, setError] = useState<RequestError | null>(null);
+  const [isBusy, setBusy] = useState(false);
+  const chosen = vehicleId ?? [...vehicles.keys()][0] ?? 1;
+
+  const change = (update: (present: Command[]) => Command[]) => {
+    setCommands((present) => renumbered(update(present)));
+    setError(null);
+  };
+  const add = (type: number, place: { latitude: number; longitude: number }) => {
+    // A flight begins with a takeoff and, until somebody decides otherwise, ends at home
+    change((present) => {
+      if (present.length === 0 && type === WAYPOINT) {
+        return [newCommand(TAKEOFF, 1, place), newCommand(HOME, 2, place)];
+      }
+      const made = newCommand(type, present.length + 1, place);
+      const last = present.at(-1);
+      return last?.command_type_id === HOME
+        ? [...present.slice(0, -1), made, last]
+        : [...present, made];
+    });
+  };
+  const move = (index: number, latitude: number, longitude: number) =>
+    change((present) =>
+      present.map((one, at) =>
+        at === index
+          ? { ...one, parameters: { ...one.parameters, latitude: rounded(latitude), longitude: rounded(longitude) } }
+          : one,
+      ),
+    );
+  const swap = (index: number, other: number) =>
+    change((present) => {
+      const moved = [...present];
+      const [one, two] = [present[index], present[other]];
+      if (one && two) [moved[index], moved[other]] = [two, one];
+      return moved;
+    });
+
+  const hasProblem = commands.some((command) =>
+    parametersOf(command.command_type_id).some((one) => problemOf(one, command.parameters[one.name]) !== null),
+  );
+  const save = (dispatch: boolean) => {
+    const draft: Draft = {
+      name: name.trim() || t("editor.title_new"),
+      dispatch,
+      missions: [
+        {
+          mission_id: mission?.mission_id ?? Math.floor(Date.now() / 1000) % 2_000_000_000,
+          vehicle_id: chosen,
+          maximum_speed: Number(speed),
+          command_array: commands,
+        },
+      ],
+    };
+    setBusy(true);
+    (plan === null ? createPlan(draft) : replacePlan(plan.id, draft))
+      .then((stored) => go(`plans/${stored.id}`))
+      .catch((reason: unknown) => {
+        const refusal = asRequestError(reason);
+        setError(refusal);
+        const first = refusal.faults.map((fault) => placeOfFault(fault.path)).find((one) => one !== null);
+        if (first) setOpen(first.index);
+      })
+      .finally(() => setBusy(false));
+  };
+
+  const faultsOf = (index: number) =>
+    (error?.faults ?? []).filter((fault) => placeOfFault(fault.path)?.index === index);
+  const otherFaults = (error?.faults ?? []).filter((fault) => placeOfFault(fault.path) === null);
+
+  const layers = useMemo(
+    () => ({
+      fields: fieldFeatures(fields.value ?? []),
+      routes: collection(routeFeatures(commands, null)),
+    }),
+    [fields.value, commands],
+  );
+  const symbols = useMemo(
+    () => [
+      ...fieldNames(fields.value ?? []),
+      ...commands.flatMap((command, index) => {
+        const place = placeOf(command);
+        if (place === null) return [];
+        const label = t("editor.step", { index: index + 1, name: t(`command.${command.command_type_id}`) });
+        return [
+          {
+            key: `step-${index}`,
+            longitude: place[0],
+            latitude: place[1],
+            level: 3,
+            make: () => waypointElement(String(index + 1), label, () => setOpen(index)),
+            update: (element: HTMLElement) => element.classList.toggle("is-selected", index === open),
+            drag: (longitude: number, latitude: number) => move(index, latitude, longitude),
+          },
+        ];
+      }),
+    ],
+    // `move` only calls a state setter
+    [fields.value, commands, open, t],
+  );
+  const extent = useMemo(() => {
+    const corners = (fields.value ?? []).flatMap((one) =>
+      one.boundary.map(([latitude = 0, longitude = 0]) => [longitude, latitude] as const),
+    );
+    const places = commands.map(placeOf).filter((place) => place !== null);
+    return fields.value === null ? null : extentOf([...corners, ...places]);
+  }, [fields.value, commands]);
+  const middle = useMiddle(commands, fields.value?.[0]?.boundary[0] ?? null);
+
+  return (
+    <div className="split">
+      <div className="split-map">
+        <Suspense fallback={<div className="farm-map" />}>
+          <FarmMap
+            layers={layers}
+            symbols={symbols}
+            extent={extent}
+            label={t("map.label")}
+            click={(longitude, latitude) => add(WAYPOINT, { latitude, longitude })}
+          />
+        </Suspense>
+        <p className="map-hint">{t(commands.length === 0 ? "editor.empty" : "editor.map_hint")}</p>
+      </div>
+      <section className="split-side">
+        <a className="back-link" {...linkTo(plan === null ? "plans" : `plans/${plan.id}`)}>
+          <Icon name="back" /> {t("action.back")}
+        </a>
+        <h1>{t(plan === null ? "editor.title_new" : "editor.title_edit")}</h1>
+        {error && (
+          <Notice kind="error">
+            <p>{error.faults.length > 0 ? t("editor.faults") : describeError(error, t)}</p>
+            <ul>
+              {otherFaults.map((fault) => (
+                <li key={fault.path + fault.text}>{fault.text}</li>
+              ))}
+            </ul>
+          </Notice>
+        )}
+        <TextField label={t("editor.name")} value={name} onChange={(event) => setName(event.target.value)} maxLength={120} />
+        <div className="form-line">
+          <SelectField label={t("editor.vehicle")} value={chosen} onChange={(event) => setVehicleId(Number(event.target.value))}>
+            {[...new Set([chosen, ...vehicles.keys()])].map((id) => (
+              <option key={id} value={id}>
+                {t("vehicle.name", { id })}
+              </option>
+            ))}
+          </SelectField>
+          <TextField
+            label={t("editor.speed")}
+            type="number"
+            inputMode="decimal"
+            min={0.1}
+            step="any"
+            value={speed}
+            onChange={(event) => setSpeed(event.target.value)}
+          />
+        </div>
+        <ol className="steps">
+          {commands.map((command, index) => (
+            <CommandForm
+              key={index}
+              index={index}
+              count={commands.length}
+              command={command}
+              isOpen={open === index}
+              faults={faultsOf(index)}
+              toggle={() => setOpen(open === index ? null : index)}
+              change={(parameters) =>
+                change((present) => present.map((one, at) => (at === index ? { ...one, parameters } : one)))
+              }
+              remove={() => {
+                setOpen(null);
+                change((present) => present.filter((_, at) => at !== index));
+              }}
+              up={() => swap(index, index - 1)}
+              down={() => swap(index, index + 1)}
+            />
+          ))}
+        </ol>
+        <SelectField label={t("editor.add")} value="" onChange={(event) => add(Number(event.target.value), middle)}>
+          <option value="" disabled>
+            …
+          </option>
+          {COMMAND_TYPES.map((type) => (
+            <option key={type} value={type}>
+              {t(`command.${type}`)}
+              {hasPlace(type) ? " ⌖" : ""}
+            </option>
+          ))}
+        </SelectField>
+        <div className="actions">
+          <Button kind="primary" isBusy={isBusy} disabled={commands.length === 0 || hasProblem} onClick={() => save(false)}>
+            {t("editor.save")}
+          </Button>
+          {isOperator && (
+            <Button icon="flight" isBusy={isBusy} disabled={commands.length === 0 || hasProblem} onClick={() => save(true)}>
+              {t("editor.save_and_fly")}
+            </Button>
+          )}
+        </div>
+      </section>
+    </div>
+  );
+}
+
+/** A command as it is sent: without its status. */
+function bare({ command_id, command_type_id, parameters }: Command): Command {
+  return { command_id, command_type_id, parameters };
+}
+
+/** Where a command is put that was chosen from the list: at the last place, or in the first field. */
+function useMiddle(commands: Command[], corner: number[] | null) {
+  const [middle, setMiddle] = useState({ latitude: 40.4434, longitude: -3.7382 });
+  useEffect(() => {
+    const last = commands.map(placeOf).filter((place) => place !== null).at(-1);
+    if (last) setMiddle({ latitude: last[1], longitude: last[0] });
+    else if (corner) setMiddle({ latitude: corner[0] ?? 0, longitude: corner[1] ?? 0 });
+  }, [commands, corner]);
+  return middle;
+}

@@ -1,0 +1,212 @@
+import { lazy, Suspense, useMemo, useState } from "react";
+import { useTranslation } from "react-i18next";
+import type { RequestError } from "../api/client";
+import { deletePlan, dispatchPlan, getPlan, listFields } from "../api/resources";
+import type { Mission, Plan } from "../api/types";
+import { useUnits } from "../app/preferences";
+import { go, linkTo } from "../app/route";
+import { useIsOperator } from "../app/session_context";
+import { Button } from "../controls/Button";
+import { Dialog } from "../controls/Dialog";
+import { HoldButton } from "../controls/HoldButton";
+import { Icon } from "../controls/Icon";
+import { ErrorNotice, Notice, Skeleton } from "../controls/states";
+import { Pill, StatusPill } from "../controls/StatusPill";
+import { useLive } from "../live/use_live";
+import { withLive } from "../live/use_plans";
+import { asRequestError, useResource } from "../live/use_resource";
+import { extentOf } from "../map/extent";
+import { collection, fieldFeatures, placeOf, routeFeatures } from "../map/features";
+import { PlanState } from "./Plans";
+import { useFleetSymbols } from "./use_fleet_symbols";
+
+const FarmMap = lazy(() => import("../map/FarmMap"));
+
+/** A plan: its route on the map, and each step with its live status. */
+export default function PlanView({ reference }: { reference: string }) {
+  const { t } = useTranslation();
+  const version = useLive((state) => state.missionChanges);
+  const missions = useLive((state) => state.missions);
+  const resource = useResource(() => getPlan(reference), version);
+  const plan = useMemo(
+    () => (resource.value === null ? null : withLive(resource.value, missions)),
+    [resource.value, missions],
+  );
+  if (plan === null) {
+    return (
+      <div className="screen">
+        {resource.error ? <ErrorNotice error={resource.error} retry={resource.reload} /> : <Skeleton />}
+      </div>
+    );
+  }
+  return (
+    <div className="split">
+      <div className="split-map">
+        <PlanMap plan={plan} />
+      </div>
+      <section className="split-side" aria-label={t("plans.timeline")}>
+        <a className="back-link" {...linkTo("plans")}>
+          <Icon name="back" /> {t("plans.title")}
+        </a>
+        <header className="screen-head">
+          <h1>{plan.name ?? t("plans.unnamed", { id: plan.id })}</h1>
+          <PlanState plan={plan} />
+        </header>
+        <PlanActions plan={plan} reload={resource.reload} />
+        {plan.warnings.length > 0 && (
+          <Notice kind="info">
+            <strong>{t("plans.warnings")}</strong>
+            <ul>
+              {plan.warnings.map((warning, index) => (
+                <li key={index}>{warning.message ?? warning.path}</li>
+              ))}
+            </ul>
+          </Notice>
+        )}
+        {plan.missions.map((mission) => (
+          <MissionTimeline key={mission.mission_id} mission={mission} />
+        ))}
+      </section>
+    </div>
+  );
+}
+
+function PlanMap({ plan }: { plan: Plan }) {
+  const { t } = useTranslation();
+  const fields = useResource(listFields);
+  const vehicles = useLive((state) => state.vehicles);
+  const symbols = useFleetSymbols(fields.value ?? [], null, () => go(""));
+  const layers = useMemo(
+    () => ({
+      fields: fieldFeatures(fields.value ?? []),
+      routes: collection(
+        plan.missions.flatMap((mission) =>
+          routeFeatures(mission.command_array, vehicles.get(mission.vehicle_id)?.home ?? null),
+        ),
+      ),
+    }),
+    [fields.value, plan, vehicles],
+  );
+  const extent = useMemo(
+    () =>
+      extentOf(
+        plan.missions.flatMap((mission) =>
+          mission.command_array.map(placeOf).filter((place) => place !== null),
+        ),
+      ),
+    [plan],
+  );
+  return (
+    <Suspense fallback={<div className="farm-map" />}>
+      <FarmMap layers={layers} symbols={symbols} extent={extent} label={t("map.label")} />
+    </Suspense>
+  );
+}
+
+function PlanActions({ plan, reload }: { plan: Plan; reload: () => void }) {
+  const { t } = useTranslation();
+  const isOperator = useIsOperator();
+  const [question, setQuestion] = useState<"dispatch" | "cancel" | null>(null);
+  const [error, setError] = useState<RequestError | null>(null);
+  const isHeld = plan.missions.some((mission) => mission.dispatch_state === "held");
+  const isOpen = plan.missions.every((mission) => ["held", "queued"].includes(mission.dispatch_state));
+
+  const act = (work: () => Promise<unknown>, then: () => void) => {
+    setQuestion(null);
+    setError(null);
+    work()
+      .then(then)
+      .catch((reason: unknown) => setError(asRequestError(reason)));
+  };
+  return (
+    <>
+      {error && <ErrorNotice error={error} />}
+      <div className="actions">
+        {isHeld && isOperator && (
+          <Button kind="primary" icon="flight" onClick={() => setQuestion("dispatch")}>
+            {t("plans.dispatch")}
+          </Button>
+        )}
+        {isOpen && (
+          <Button icon="settings" onClick={() => go(`plans/${plan.id}/edit`)}>
+            {t("action.edit")}
+          </Button>
+        )}
+        <a className="button button-plain" href={`/plans/${plan.id}?format=plan`} download>
+          <Icon name="down" /> {t("plans.download")}
+        </a>
+        {isOperator && (
+          <Button kind="danger" icon="remove" onClick={() => setQuestion("cancel")}>
+            {t("plans.cancel")}
+          </Button>
+        )}
+      </div>
+      {question !== null && (
+        <Dialog title={t(`plans.${question}`)} close={() => setQuestion(null)}>
+          <p>{t(`plans.${question}_text`)}</p>
+          {question === "dispatch" ? (
+            <HoldButton
+              className="hold-home"
+              hint={t("stop.hold")}
+              act={() => act(() => dispatchPlan(plan.id), reload)}
+            >
+              <Icon name="flight" size={26} /> {t("plans.dispatch")}
+            </HoldButton>
+          ) : (
+            <footer className="dialog-actions">
+              <Button onClick={() => setQuestion(null)}>{t("action.back")}</Button>
+              <Button
+                kind="danger"
+                icon="remove"
+                onClick={() => act(() => deletePlan(plan.id), () => go("plans"))}
+              >
+                {t("plans.cancel")}
+              </Button>
+            </footer>
+          )}
+        </Dialog>
+      )}
+    </>
+  );
+}
+
+/** The steps of a mission in their order; the status of each changes while it flies. */
+function MissionTimeline({ mission }: { mission: Mission }) {
+  const { t } = useTranslation();
+  const units = useUnits();
+  return (
+    <div className="card">
+      <div className="card-body">
+        <header className="screen-head">
+          <h2>{t("vehicle.name", { id: mission.vehicle_id })}</h2>
+          {typeof mission.maximum_speed === "number" && (
+            <span className="muted small">
+              {t("plans.maximum_speed")}: {units.speed(mission.maximum_speed)}
+            </span>
+          )}
+          <Pill tone="neutral">{t(`dispatch.${mission.dispatch_state}`)}</Pill>
+        </header>
+        {mission.waiting && <Notice kind="info">{t("plans.waiting", { reason: mission.waiting })}</Notice>}
+        {mission.message && <Notice kind="info">{mission.message}</Notice>}
+        <ol className="timeline">
+          {mission.command_array.map((command, index) => (
+            <li key={command.command_id} data-status={command.command_status_id}>
+              <span className="timeline-number">{index + 1}</span>
+              <span>
+                <strong>{t(`command.${command.command_type_id}`)}</strong>
+                <br />
+                <span className="muted small">
+                  {command.message ??
+                    (typeof command.parameters["altitude"] === "number"
+                      ? units.height(command.parameters["altitude"])
+                      : "")}
+                </span>
+              </span>
+              <StatusPill status={command.command_status_id} />
+            </li>
+          ))}
+        </ol>
+      </div>
+    </div>
+  );
+}

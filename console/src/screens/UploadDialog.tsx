@@ -1,0 +1,101 @@
+import { useState, type FormEvent } from "react";
+import { useTranslation } from "react-i18next";
+import type { RequestError } from "../api/client";
+import { createPlanFromDocument, importPlan } from "../api/resources";
+import type { Plan } from "../api/types";
+import { go } from "../app/route";
+import { Button } from "../controls/Button";
+import { Dialog } from "../controls/Dialog";
+import { SelectField, TextField } from "../controls/fields";
+import { Notice } from "../controls/states";
+import { describeError } from "../i18n/describe_error";
+import { useLive } from "../live/use_live";
+import { asRequestError } from "../live/use_resource";
+
+class NotAPlanError extends Error {}
+
+/** Stores a plan file as a draft: a plan document, or a ground station's mission file. */
+export function UploadDialog({ close }: { close: () => void }) {
+  const { t } = useTranslation();
+  const vehicles = useLive((state) => state.vehicles);
+  const [file, setFile] = useState<File | null>(null);
+  const [vehicleId, setVehicleId] = useState<number | null>(null);
+  const [error, setError] = useState<RequestError | NotAPlanError | null>(null);
+  const [isBusy, setBusy] = useState(false);
+  const chosen = vehicleId ?? [...vehicles.keys()][0] ?? 1;
+
+  const submit = (event: FormEvent) => {
+    event.preventDefault();
+    if (file === null) return;
+    setBusy(true);
+    upload(file, chosen)
+      .then((plan) => {
+        close();
+        go(`plans/${plan.id}`);
+      })
+      .catch((reason: unknown) =>
+        setError(reason instanceof NotAPlanError ? reason : asRequestError(reason)),
+      )
+      .finally(() => setBusy(false));
+  };
+  return (
+    <Dialog title={t("plans.upload_title")} close={close}>
+      <p className="muted">{t("plans.upload_text")}</p>
+      {error instanceof NotAPlanError && <Notice kind="error">{t("plans.not_json")}</Notice>}
+      {error !== null && !(error instanceof NotAPlanError) && (
+        <Notice kind="error">
+          <p>{describeError(error, t)}</p>
+          <ul className="small">
+            {error.faults.map((fault) => (
+              <li key={fault.path + fault.text}>
+                <code>{fault.path}</code> {fault.text}
+              </li>
+            ))}
+          </ul>
+        </Notice>
+      )}
+      <form className="card-form" onSubmit={submit}>
+        <TextField
+          label={t("plans.upload_file")}
+          type="file"
+          accept=".json,.plan,.waypoints,.txt"
+          onChange={(event) => setFile(event.target.files?.[0] ?? null)}
+          required
+        />
+        <SelectField
+          label={t("plans.upload_vehicle")}
+          value={chosen}
+          onChange={(event) => setVehicleId(Number(event.target.value))}
+        >
+          {[...vehicles.keys()].map((id) => (
+            <option key={id} value={id}>
+              {t("vehicle.name", { id })}
+            </option>
+          ))}
+        </SelectField>
+        <footer className="dialog-actions">
+          <Button onClick={close}>{t("action.cancel")}</Button>
+          <Button kind="primary" icon="upload" type="submit" isBusy={isBusy} disabled={file === null}>
+            {t("plans.upload")}
+          </Button>
+        </footer>
+      </form>
+    </Dialog>
+  );
+}
+
+/** The content decides, not the name: a .plan of a ground station is JSON too. */
+async function upload(file: File, vehicleId: number): Promise<Plan> {
+  const text = await file.text();
+  if (text.startsWith("QGC WPL")) return importPlan(file, vehicleId);
+  let document: unknown;
+  try {
+    document = JSON.parse(text);
+  } catch {
+    throw new NotAPlanError();
+  }
+  if (typeof document !== "object" || document === null) throw new NotAPlanError();
+  if ("fileType" in document) return importPlan(file, vehicleId);
+  const bare = "plan" in document && typeof document.plan === "object" ? document.plan : document;
+  return createPlanFromDocument(bare ?? document);
+}

@@ -1,0 +1,33 @@
+import { expect, test } from "vitest";
+import {
+  COMMAND_TYPES, newCommand, parametersOf, placeOfFault, problemOf,
+} from "../src/planning/command_forms";
+
+const PLACE = { latitude: 40.4434, longitude: -3.7382 };
+const parameter = (type: number, name: string) => {
+  const found = parametersOf(type).find((one) => one.name === name);
+  if (found === undefined) throw new Error(`command ${type} has no ${name}`);
+  return found;
+};
+
+test("every command type of the edge server has a form whose first values are valid", () => {
+  expect(COMMAND_TYPES).toEqual([1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11]);
+  for (const type of COMMAND_TYPES) {
+    const { parameters } = newCommand(type, 1, PLACE);
+    for (const one of parametersOf(type)) expect(problemOf(one, parameters[one.name])).toBeNull();
+  }
+});
+
+test("ranges are those of the edge server", () => {
+  expect(problemOf(parameter(1, "altitude"), 0)).toBe("out_of_range");
+  expect(problemOf(parameter(3, "altitude"), 0)).toBeNull();
+  expect(problemOf(parameter(3, "altitude"), 120.5)).toBe("out_of_range");
+  expect(problemOf(parameter(4, "photo_count"), 1.5)).toBe("whole");
+  expect(problemOf(parameter(7, "radius"), null)).toBe("number");
+});
+
+test("a fault of the edge server belongs to the command and parameter of its path", () => {
+  expect(placeOfFault("missions.0.command_array.3.parameters.altitude")).toEqual({ index: 3, parameter: "altitude" });
+  expect(placeOfFault("missions.0.command_array.2")).toEqual({ index: 2, parameter: null });
+  expect(placeOfFault("missions.0.vehicle_id")).toBeNull();
+});
