@@ -84,7 +84,7 @@ export const flightTrack = (id: number): Promise<GeoJSON.FeatureCollection | Geo
   request(`/flights/${id}/track?format=geojson`);
 export const listPictures = (id: number): Promise<Picture[]> => request(`/flights/${id}/pictures`);
 
-export const listAlarms = (): Promise<Alarm[]> => request("/alarms/history/");
+export const listAlarms = (): Promise<Alarm[]> => allOf("/alarms/history/");
 export const acknowledgeAlarm = (id: number): Promise<Alarm> =>
   request(`/alarms/history/${id}/acknowledge`, { method: "POST" });
 

@@ -77,7 +77,7 @@ export interface Alarm {
   alarm_type_id?: number;
   alarm_code_id?: number;
   alarm_type?: string;
-  description?: string;
+  description?: string | null;
   acknowledged_at: string | null;
 }
 
@@ -101,7 +101,7 @@ export interface Picture {
   longitude: number | null;
   altitude: number | null;
   url: string;
-  thumbnail_url: string;
+  thumbnail_url: string | null;
 }
 
 export interface User {

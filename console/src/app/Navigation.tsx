@@ -6,6 +6,8 @@ import { linkTo, useRoute } from "./route";
 const ENTRIES: readonly (readonly [string, IconName, string])[] = [
   ["", "map", "nav.fleet"],
   ["plans", "plan", "nav.plans"],
+  ["flights", "flight", "nav.flights"],
+  ["alarms", "alarm", "nav.alarms"],
 ];
 
 /** A rail beside the screen; on a phone a bar below it. */

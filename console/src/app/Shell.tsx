@@ -12,6 +12,9 @@ import { useRoute } from "./route";
 const Plans = lazy(() => import("../screens/Plans"));
 const PlanEditor = lazy(() => import("../screens/PlanEditor"));
 const PlanView = lazy(() => import("../screens/PlanView"));
+const Flights = lazy(() => import("../screens/Flights"));
+const FlightView = lazy(() => import("../screens/FlightView"));
+const Alarms = lazy(() => import("../screens/Alarms"));
 
 /** Header, navigation and the screen of the present address. */
 export function Shell() {
@@ -53,6 +56,10 @@ function Screen({ stopVehicle }: { stopVehicle: (vehicleId: number) => void }) {
       if (second === "new") return <PlanEditor reference={null} />;
       if (third === "edit") return <PlanEditor key={second} reference={second} />;
       return <PlanView key={second} reference={second} />;
+    case "flights":
+      return second === undefined ? <Flights /> : <FlightView key={second} id={Number(second)} />;
+    case "alarms":
+      return <Alarms />;
     default:
       return <Empty icon="map" title={t("shell.not_found")} />;
   }

@@ -1,0 +1,89 @@
+import { useMemo, useState } from "react";
+import { useTranslation } from "react-i18next";
+import type { RequestError } from "../api/client";
+import { acknowledgeAlarm, listAlarms } from "../api/resources";
+import type { Alarm } from "../api/types";
+import { useUnits } from "../app/preferences";
+import { Button } from "../controls/Button";
+import { Empty, ErrorNotice, Loaded } from "../controls/states";
+import { Pill } from "../controls/StatusPill";
+import { useFeed, useLive } from "../live/use_live";
+import { asRequestError, useResource } from "../live/use_resource";
+import { Missing } from "./Missing";
+
+/** Alarms of all vehicles, the newest first; each stays open until somebody acknowledges it. */
+export default function Alarms() {
+  const { t } = useTranslation();
+  const live = useLive((state) => state.alarms);
+  const stored = useResource(listAlarms);
+  const rows = useMemo(() => {
+    if (stored.value === null) return null;
+    const all = new Map(stored.value.map((alarm) => [alarm.id, alarm]));
+    for (const alarm of live.values()) all.set(alarm.id, alarm);
+    return [...all.values()].sort((one, other) => other.id - one.id);
+  }, [stored.value, live]);
+  return (
+    <div className="screen">
+      <header className="screen-head">
+        <h1>{t("alarms.title")}</h1>
+      </header>
+      <div className="card">
+        <Loaded
+          resource={{ ...stored, value: rows }}
+          missing={<Missing />}
+          empty={<Empty icon="check" title={t("alarms.empty_title")} text={t("alarms.empty_text")} />}
+        >
+          {(alarms) => (
+            <ul className="rows">
+              {alarms.map((alarm) => (
+                <AlarmRow key={alarm.id} alarm={alarm} />
+              ))}
+            </ul>
+          )}
+        </Loaded>
+      </div>
+    </div>
+  );
+}
+
+function AlarmRow({ alarm }: { alarm: Alarm }) {
+  const { t } = useTranslation();
+  const units = useUnits();
+  const feed = useFeed();
+  const [error, setError] = useState<RequestError | null>(null);
+  const [isBusy, setBusy] = useState(false);
+  const type = [1, 2].includes(alarm.alarm_type_id ?? 0) ? alarm.alarm_type_id : "other";
+  const acknowledge = () => {
+    setBusy(true);
+    acknowledgeAlarm(alarm.id)
+      .then((changed) =>
+        feed.take("alarm", changed ?? { ...alarm, acknowledged_at: new Date().toISOString() }),
+      )
+      .catch((reason: unknown) => setError(asRequestError(reason)))
+      .finally(() => setBusy(false));
+  };
+  return (
+    <li>
+      <div className="row-main">
+        <strong>{alarm.description || t(`alarms.type_${type}`)}</strong>
+        <span>
+          {t("vehicle.name", { id: alarm.vehicle_id })} · {t(`alarms.type_${type}`)} ·{" "}
+          {units.time(alarm.recorded_at)}
+        </span>
+        {error && <ErrorNotice error={error} />}
+      </div>
+      {alarm.acknowledged_at === null ? (
+        <>
+          <Pill tone="bad">{t("alarms.open")}</Pill>
+          <Button icon="check" isBusy={isBusy} onClick={acknowledge}>
+            {t("alarms.acknowledge")}
+          </Button>
+        </>
+      ) : (
+        <span className="muted small">
+          {t("alarms.acknowledged", { time: units.time(alarm.acknowledged_at) })}
+        </span>
+      )}
+    </li>
+  );
+}
