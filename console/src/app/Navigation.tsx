@@ -2,6 +2,7 @@ import { useTranslation } from "react-i18next";
 import { Icon, type IconName } from "../controls/Icon";
 import { useLive } from "../live/use_live";
 import { linkTo, useRoute } from "./route";
+import { useSession } from "./session_context";
 
 const ENTRIES: readonly (readonly [string, IconName, string])[] = [
   ["", "map", "nav.fleet"],
@@ -13,13 +14,16 @@ const ENTRIES: readonly (readonly [string, IconName, string])[] = [
 /** A rail beside the screen; on a phone a bar below it. */
 export function Navigation() {
   const { t } = useTranslation();
+  const { session } = useSession();
   const [first = ""] = useRoute();
   const openAlarms = useLive(
     (state) => [...state.alarms.values()].filter((alarm) => alarm.acknowledged_at === null).length,
   );
+  const entries =
+    session.role === "admin" ? [...ENTRIES, ["system", "system", "nav.system"] as const] : ENTRIES;
   return (
     <nav className="navigation" aria-label={t("nav.label")}>
-      {ENTRIES.map(([to, icon, text]) => (
+      {entries.map(([to, icon, text]) => (
         <a key={to} {...linkTo(to)} aria-current={first === to ? "page" : undefined}>
           <span className="navigation-icon">
             <Icon name={icon} size={22} />

@@ -15,6 +15,7 @@ const PlanView = lazy(() => import("../screens/PlanView"));
 const Flights = lazy(() => import("../screens/Flights"));
 const FlightView = lazy(() => import("../screens/FlightView"));
 const Alarms = lazy(() => import("../screens/Alarms"));
+const System = lazy(() => import("../screens/System"));
 
 /** Header, navigation and the screen of the present address. */
 export function Shell() {
@@ -60,6 +61,8 @@ function Screen({ stopVehicle }: { stopVehicle: (vehicleId: number) => void }) {
       return second === undefined ? <Flights /> : <FlightView key={second} id={Number(second)} />;
     case "alarms":
       return <Alarms />;
+    case "system":
+      return <System section={second ?? "users"} />;
     default:
       return <Empty icon="map" title={t("shell.not_found")} />;
   }

@@ -1,0 +1,37 @@
+import { useTranslation } from "react-i18next";
+import { linkTo } from "../app/route";
+import { useSession } from "../app/session_context";
+import { Empty } from "../controls/states";
+import { AuditLog } from "./system/AuditLog";
+import { DeadLetters } from "./system/DeadLetters";
+import { Keys } from "./system/Keys";
+import { Users } from "./system/Users";
+
+const SECTIONS = { users: Users, keys: Keys, audit: AuditLog, dead_letters: DeadLetters } as const;
+
+/** People, keys, the audit log and rejected records, for administrators. */
+export default function System({ section }: { section: string }) {
+  const { t } = useTranslation();
+  const { session } = useSession();
+  if (session.role !== "admin") return <Empty icon="system" title={t("system.admin_only")} />;
+  const Section = SECTIONS[section as keyof typeof SECTIONS] ?? Users;
+  return (
+    <div className="screen">
+      <header className="screen-head">
+        <h1>{t("system.title")}</h1>
+      </header>
+      <nav className="tabs" aria-label={t("system.title")}>
+        {Object.keys(SECTIONS).map((name) => (
+          <a
+            key={name}
+            {...linkTo(`system/${name}`)}
+            aria-current={name === section ? "page" : undefined}
+          >
+            {t(`system.${name}`)}
+          </a>
+        ))}
+      </nav>
+      <Section />
+    </div>
+  );
+}

@@ -1,0 +1,50 @@
+import { useState } from "react";
+import { useTranslation } from "react-i18next";
+import type { RequestError } from "../../api/client";
+import { listDeadLetters, retryDeadLetter } from "../../api/resources";
+import { Button } from "../../controls/Button";
+import { Empty, ErrorNotice, Loaded } from "../../controls/states";
+import { asRequestError, useResource } from "../../live/use_resource";
+
+/** Records that the cloud has rejected, with the reason; each can be sent again. */
+export function DeadLetters() {
+  const { t } = useTranslation();
+  const letters = useResource(listDeadLetters);
+  const [error, setError] = useState<RequestError | null>(null);
+  const retry = (id: number) => {
+    retryDeadLetter(id)
+      .then(letters.reload)
+      .catch((reason: unknown) => setError(asRequestError(reason)));
+  };
+  return (
+    <div className="card">
+      {error && <ErrorNotice error={error} />}
+      <Loaded
+        resource={letters}
+        empty={
+          <Empty
+            icon="check"
+            title={t("system.empty_dead_letters")}
+            text={t("system.empty_dead_letters_text")}
+          />
+        }
+      >
+        {(rows) => (
+          <ul className="rows">
+            {rows.map((letter) => (
+              <li key={letter.id}>
+                <div className="row-main">
+                  <strong>{letter.reason}</strong>
+                  <span>
+                    {letter.kind} · {t("vehicle.name", { id: letter.vehicle_id })}
+                  </span>
+                </div>
+                <Button onClick={() => retry(letter.id)}>{t("system.retry")}</Button>
+              </li>
+            ))}
+          </ul>
+        )}
+      </Loaded>
+    </div>
+  );
+}
