@@ -97,9 +97,9 @@ def _of_mission(
     connection: sqlite3.Connection, vehicle_id: int, mission: MissionName, status: Status, at: float
 ) -> int | None:
     row = connection.execute(
-        "SELECT id, ended_at, mission_status_id FROM flight WHERE plan_id IS ? AND mission_id = ?"
-        " AND vehicle_id = ? AND dropped = 0 ORDER BY id DESC LIMIT 1",
-        (mission.plan_id, mission.mission_id, vehicle_id),
+        "SELECT id, ended_at, mission_status_id FROM flight WHERE (? IS NULL OR plan_id = ?)"
+        " AND mission_id = ? AND vehicle_id = ? AND dropped = 0 ORDER BY id DESC LIMIT 1",
+        (mission.plan_id, mission.plan_id, mission.mission_id, vehicle_id),
     ).fetchone()
     if row is None:
         return None

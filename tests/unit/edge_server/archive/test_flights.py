@@ -1,0 +1,113 @@
+"""When a flight begins and ends, and which reports belong to it."""
+
+import json
+
+import pytest
+
+from tests.unit.edge_server.archive.flown import (
+    FAILED,
+    FINISHED,
+    RUNNING,
+    arm,
+    begin,
+    points,
+    report,
+    send,
+)
+from tests.unit.edge_server.conftest import Edge
+from tests.unit.edge_server.documents import mission, plan, telemetry
+
+
+def test_repeated_reports_make_no_second_flight(edge: Edge) -> None:
+    begin(edge)
+    for status in (RUNNING, FINISHED, FINISHED):
+        edge.clock.pass_s(10.0)
+        report(edge, status, key=f"status-{status}")
+    (flight,) = edge.get("/flights/")
+    assert flight["ended_at"] == "2026-11-21T12:00:20Z"
+
+
+def test_a_repeated_report_of_an_unknown_mission_makes_no_second_flight(edge: Edge) -> None:
+    for status in (RUNNING, FINISHED, FINISHED):
+        edge.clock.pass_s(100.0)
+        report(edge, status, mission_id=77)
+    edge.clock.pass_s(100.0)
+    report(edge, RUNNING, mission_id=77)  # Without its plan: flown again
+    assert [one["ended_at"] for one in edge.get("/flights/")] == ["2026-11-21T12:03:20Z", None]
+
+
+def test_the_end_of_a_mission_may_be_all_that_arrives(edge: Edge) -> None:
+    edge.post_plan(plan(mission()))
+    edge.accept()
+    report(edge, FINISHED)
+    (flight,) = edge.get("/flights/")
+    assert flight["started_at"] == flight["ended_at"]
+
+
+def test_a_mission_that_failed_before_takeoff_is_no_flight(edge: Edge) -> None:
+    edge.post_plan(plan(mission()))
+    edge.accept()
+    report(edge, FAILED)
+    assert edge.get("/flights/") == []
+
+
+def test_a_point_that_arrives_late_is_in_the_track_of_its_flight(edge: Edge) -> None:
+    begin(edge)
+    edge.clock.pass_s(60.0)
+    report(edge, FINISHED)
+    edge.clock.pass_s(3600.0)
+    send(edge, "state_vector", recorded_at="2026-11-21T12:00:30Z")
+    send(edge, "state_vector", recorded_at="2026-11-21T12:30:00Z")
+    assert points(edge) == 1
+
+
+def test_a_vehicle_flown_by_hand_has_a_flight_from_arming_to_disarming(edge: Edge) -> None:
+    arm(edge, armed=True)
+    edge.clock.pass_s(30.0)
+    send(edge, "state_vector")
+    arm(edge, armed=False)
+    (flight,) = edge.get("/flights/")
+    assert (flight["mission_id"], flight["ended_at"]) == (None, "2026-11-21T12:00:30Z")
+    assert points(edge) == 1
+
+
+def test_a_mission_has_one_flight_also_after_a_landing_in_between(edge: Edge) -> None:
+    for armed in (False, True):
+        arm(edge, armed=armed)
+    begin(edge)
+    for armed in (False, True):
+        edge.clock.pass_s(20.0)
+        arm(edge, armed=armed)
+    edge.clock.pass_s(20.0)
+    report(edge, FINISHED)
+    arm(edge, armed=False)
+    (flight,) = edge.get("/flights/")
+    assert (flight["mission_id"], flight["ended_at"]) == (1201, "2026-11-21T12:01:00Z")
+
+
+@pytest.mark.parametrize(
+    "recorded_at", [None, "0001-01-01T00:00:00Z", "1970-01-01T00:00:00Z", "9998-12-31T23:59:59Z"]
+)
+def test_a_time_that_cannot_be_right_is_that_of_the_receipt(
+    edge: Edge, recorded_at: str | None
+) -> None:
+    begin(edge)
+    edge.clock.pass_s(7.0)
+    for kind in ("state_vector", "pose", "alarm", "image"):
+        send(edge, kind, recorded_at=recorded_at)
+    report(edge, FINISHED, recorded_at=recorded_at)
+    at = "2026-11-21T12:00:07Z"
+    assert edge.get("/flights/1")["ended_at"] == at
+    assert edge.get("/flights/1")["results"][0]["recorded_at"] == at
+    assert edge.get("/flights/1/pictures")[0]["recorded_at"] == at
+    assert edge.get("/alarms/history/")[0]["recorded_at"] == at
+    assert points(edge) == 1
+
+
+def test_a_refused_report_is_not_archived(edge: Edge) -> None:
+    begin(edge)
+    for latitude in ("NaN", "Infinity", "null"):
+        body = json.dumps(telemetry("state_vector")).replace("40.4434", latitude)
+        options = {"data": body, "content_type": "application/json"}
+        assert edge.ask("POST", "/state_vector/", "broker", **options).status_code == 422
+    assert points(edge) == 0
