@@ -148,11 +148,11 @@ class FlightArchive:
 
         Never raises. Flights count as old only by a clock that may be trusted.
         """
-        if not self.is_on or not self._path.exists() or time.monotonic() < self._resume_at:
+        if not self.is_on or time.monotonic() < self._resume_at:
             return
         try:
-            with self._lock:
-                self._check_file()
+            if not self._has_file():
+                return
             if trusts_clock:
                 self._locked(self._drop_aged)
             self._keep_budget()
@@ -214,11 +214,13 @@ class FlightArchive:
             self._inode = self._path.stat().st_ino
         return self._connection
 
-    def _check_file(self) -> None:
-        """Open the file anew if somebody has replaced it."""
-        if self._connection is not None and self._path.stat().st_ino != self._inode:
-            self._close()
-        self._opened()
+    def _has_file(self) -> bool:
+        """Whether there is a file; one that somebody has deleted or replaced is closed."""
+        with self._lock:
+            inode = self._path.stat().st_ino if self._path.exists() else 0
+            if inode != self._inode:
+                self._close()
+        return inode != 0
 
     def _close(self) -> None:
         self._armed.clear()

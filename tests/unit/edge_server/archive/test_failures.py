@@ -1,0 +1,99 @@
+"""A failure of the archive costs the archive alone."""
+
+import os
+import sqlite3
+from collections.abc import Sequence
+from contextlib import closing
+
+import pytest
+
+from edge_server.archive import tables, writer
+from edge_server.archive.writer import FlightArchive, Received
+from edge_server.config import Config
+from tests.unit.edge_server.archive.flown import begin, figure, points, send, serve
+from tests.unit.edge_server.conftest import Edge
+
+
+def test_a_locked_archive_delays_no_report(edge: Edge, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(writer, "PAUSE_S", 0.0)
+    begin(edge)
+    with closing(sqlite3.connect(edge.config.archive_path, isolation_level=None)) as other:
+        other.execute("BEGIN IMMEDIATE")
+        send(edge, "state_vector", sequence_number=1)
+        assert figure(edge, "fm_archive_working") == 0
+    send(edge, "state_vector", sequence_number=2)
+    assert (points(edge), edge.count("telemetry")) == (1, 3)
+    assert figure(edge, "fm_archive_working") == 1
+    assert figure(edge, "fm_archive_lost_total") == 1
+
+
+def test_an_archive_that_cannot_be_opened_costs_no_report(
+    edge: Edge, caplog: pytest.LogCaptureFixture
+) -> None:
+    edge.config.archive_path.mkdir()
+    begin(edge)
+    for number in range(3):
+        send(edge, "state_vector", sequence_number=number)
+    edge.context.archive.maintain(trusts_clock=True)
+    assert edge.count("telemetry") == 4
+    assert caplog.text.count("the flight archive cannot be written") == 1
+    assert edge.ask("GET", "/flights/", "operator").status_code == 503
+    assert figure(edge, "fm_archive_lost_total") == 4
+
+
+def test_an_alarm_is_not_acknowledged_while_the_archive_is_locked(edge: Edge) -> None:
+    send(edge, "alarm")
+    with closing(sqlite3.connect(edge.config.archive_path, isolation_level=None)) as other:
+        other.execute("BEGIN IMMEDIATE")
+        answer = edge.ask("POST", "/alarms/history/1/acknowledge", "operator")
+    assert answer.status_code == 503
+    assert "alarms/history/1" not in edge.ask("GET", "/audit/", "admin").text
+
+
+@pytest.mark.parametrize("fault", ["no database", "newer"])
+def test_an_unusable_archive_is_set_aside(edge: Edge, fault: str) -> None:
+    path = edge.config.archive_path
+    if fault == "newer":
+        with closing(tables.open_for_writing(path, 2**20)) as newer:
+            newer.execute(f"PRAGMA user_version={tables.VERSION + 1}")
+    else:
+        path.write_bytes(b"no database at all" * 1000)
+    before = path.read_bytes()
+    begin(edge)
+    send(edge, "state_vector")
+    assert points(edge) == 1
+    assert tables.set_aside_path(path).stat().st_size >= len(before) > 0
+
+
+def test_an_archive_that_somebody_deletes_is_made_again(edge: Edge) -> None:
+    begin(edge)
+    edge.context.archive.maintain(trusts_clock=False)
+    for file in tables.files_of(edge.config.archive_path):
+        file.unlink(missing_ok=True)
+    edge.context.archive.maintain(trusts_clock=False)
+    begin(edge, 1202)
+    assert [one["mission_id"] for one in edge.get("/flights/")] == [1202]
+
+
+def test_a_kill_before_the_archive_loses_that_point_only(
+    config: Config, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    child = os.fork()
+    if child == 0:
+        edge = serve(config)
+        begin(edge)
+        send(edge, "state_vector", sequence_number=1)
+        monkeypatch.setattr(FlightArchive, "take", _exit)
+        send(edge, "state_vector", sequence_number=2)
+        os._exit(1)  # Not reached
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 9
+    edge = serve(config)
+    edge.clock.pass_s(1.0)
+    assert (edge.count("telemetry"), points(edge)) == (3, 1)
+    send(edge, "state_vector", sequence_number=3)
+    assert points(edge) == 2
+    edge.context.database.close()
+
+
+def _exit(_archive: FlightArchive, _received: Sequence[Received]) -> None:
+    os._exit(9)
