@@ -9,6 +9,8 @@ import requests
 from sim.launch.settings import Settings
 
 TIMEOUT_S = 5.0
+PERSON = "operator"
+"""Account of the person who runs the system."""
 
 
 class NotReadyError(Exception):
@@ -38,6 +40,26 @@ class FarmClient:
         """POST a plan as the operator; raises NotReadyError or RefusedError."""
         return self._request("POST", self._settings.edge_url + "/plans/", self._key(), plan)
 
+    def console_address(self) -> str | None:
+        """Give an address that signs the operator in at the console once; None if it is not built.
+
+        Raises:
+            NotReadyError: if the edge server cannot be asked.
+            RefusedError: if it makes no such address.
+        """
+        edge_url, admin = self._settings.edge_url, self._key("admin")
+        try:
+            answer = self._session.get(f"{edge_url}/console/", timeout=TIMEOUT_S)
+        except requests.RequestException as error:
+            raise NotReadyError(f"{edge_url}: {type(error).__name__}") from None
+        if not answer.ok:
+            return None
+        account = {"name": PERSON, "role": "operator"}
+        if PERSON not in {one["name"] for one in self._request("GET", f"{edge_url}/users/", admin)}:
+            self._request("POST", f"{edge_url}/users/", admin, account)
+        link = self._request("POST", f"{edge_url}/users/{PERSON}/link", admin)
+        return f"{edge_url}{link['path']}"
+
     def connected_vehicles(self, since: datetime | None = None) -> dict[int, dict[str, Any]]:
         """Give the vehicles that the broker is in touch with, by vehicle id.
 
@@ -51,8 +73,8 @@ class FarmClient:
             and (since is None or datetime.fromisoformat(entry["updated_at"]) >= since)
         }
 
-    def _key(self) -> str:
-        path: Path = self._settings.key_path("operator")
+    def _key(self, role: str = "operator") -> str:
+        path: Path = self._settings.key_path(role)
         try:
             return path.read_text(encoding="utf-8").strip()
         except OSError as error:

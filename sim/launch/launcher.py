@@ -227,12 +227,24 @@ def _seats(settings: Settings) -> list[str]:
     ]
 
 
-def greeting(settings: Settings) -> str:
+def console_line(client: FarmClient) -> str:
+    """Show where the console is; the system runs without it too."""
+    try:
+        address = client.console_address()
+    except (NotReadyError, RefusedError) as error:
+        return f"  console       no address: {error}"
+    if address is None:
+        return "  console       is not built: make console"
+    return f"  console       {address} (signs in once, within 10 minutes)"
+
+
+def greeting(settings: Settings, console: str) -> str:
     """Show the addresses, and how to fly the first plan."""
     key = settings.key_path("operator")
     return "\n".join(
         (
             "The system is up.",
+            console,
             f"  edge server   {settings.edge_url}",
             f"  mock cloud    {settings.cloud_url}" + _by_mqtt(settings),
             (
@@ -260,7 +272,7 @@ def run(settings: Settings) -> int:
         try:
             with System(settings, screen) as system:
                 system.wait_until_healthy()
-                screen.say(greeting(settings))
+                screen.say(greeting(settings, console_line(system.client)))
                 while True:
                     system.step()
         except Stopped:

@@ -15,12 +15,14 @@ import pytest
 
 from sim.launch import launcher
 from sim.launch.console import Screen
-from sim.launch.farm_client import FarmClient, NotReadyError
+from sim.launch.farm_client import FarmClient, NotReadyError, RefusedError
 from sim.launch.launcher import (
     NotHealthyError,
     StateLock,
     StateTakenError,
     System,
+    console_line,
+    greeting,
     prepare_signing_keys,
 )
 from sim.launch.settings import from_environment
@@ -234,3 +236,32 @@ def test_a_folder_that_cannot_be_used_is_named(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("no folder")
     with pytest.raises(SupervisorError, match=r"STATE_DIR .*file"):
         StateLock(tmp_path / "file" / "var").take()
+
+
+class Answers:
+    """Answers the question for the console's address."""
+
+    def __init__(self, answer: str | Exception | None) -> None:
+        self._answer = answer
+
+    def console_address(self) -> str | None:
+        if isinstance(self._answer, Exception):
+            raise self._answer
+        return self._answer
+
+
+@pytest.mark.parametrize(
+    ("answer", "shown"),
+    [
+        ("http://127.0.0.1:8000/console/#link=abc", "#link=abc (signs in once"),
+        (None, "make console"),
+        (NotReadyError("var/keys/admin.key: No such file"), "admin.key"),
+        (RefusedError("403: no"), "403"),
+    ],
+)
+def test_the_system_is_up_with_and_without_its_console(
+    answer: str | Exception | None, shown: str
+) -> None:
+    line = console_line(Answers(answer))  # type: ignore[arg-type]  # answers one question
+    assert shown in line
+    assert line in greeting(from_environment({}), line)
