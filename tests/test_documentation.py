@@ -13,6 +13,7 @@ from docs.tools import reference
 ROOT = Path(__file__).parent.parent
 TOP_LEVEL = {
     "afarcloud",
+    "console",
     "edge_server",
     "mavlink_broker",
     "uav_firmware",

@@ -2,7 +2,8 @@
 
 The console's own addresses below `/console/` are not files: they answer its `index.html`, so that
 a page can be opened again. A missing file below `assets/` or with a suffix is 404 instead, because
-a browser would take the page for a script.
+a browser would take the page for a script. The build puts `<file>.gz` beside what is large; a
+client that accepts gzip receives that.
 """
 
 from pathlib import Path, PurePosixPath
@@ -17,6 +18,7 @@ from edge_server.api.access.auth import PUBLIC, allow
 
 PATH: Final = "/console/"
 INDEX: Final = "index.html"
+GZIP: Final = ".gz"
 ASSETS: Final = "assets/"
 """Folder of the files whose names contain a hash of their content."""
 CONTENT_SECURITY_POLICY: Final = (
@@ -28,7 +30,8 @@ REVALIDATED: Final = "no-cache"
 NOT_BUILT: Final = (
     "<!doctype html><html lang=en><meta charset=utf-8><title>Edge server</title>"
     "<h1>The console is not built</h1>"
-    "<p>There is no index.html in the folder of the setting EDGE_CONSOLE_DIR.</p>"
+    "<p>There is no index.html in the folder of the setting EDGE_CONSOLE_DIR; "
+    "<code>make console</code> builds one.</p>"
     "<p><a href=/docs>API documentation</a></p>"
 )
 TYPES: Final = {
@@ -66,6 +69,10 @@ def show_file(name: str = "") -> Response:
         return _answer(NOT_BUILT.encode(), INDEX, 404)
     content = _read(folder, name)
     if content is not None:
+        accepts_gzip = "gzip" in request.accept_encodings and "Range" not in request.headers
+        compressed = _read(folder, name + GZIP) if accepts_gzip else None
+        if compressed is not None:
+            return _answer(compressed, name, is_gzip=True)
         return _answer(content, name)
     if name.startswith(ASSETS) or PurePosixPath(name).suffix:
         raise NotFound("the console has no such file")
@@ -111,12 +118,15 @@ def _read(folder: Path, name: str) -> bytes | None:
         return None
 
 
-def _answer(content: bytes, name: str, status: int = 200) -> Response:
+def _answer(content: bytes, name: str, status: int = 200, *, is_gzip: bool = False) -> Response:
     suffix = PurePosixPath(name).suffix.lower()
     answer = Response(content, status, content_type=TYPES.get(suffix, "application/octet-stream"))
     answer.headers["Content-Security-Policy"] = CONTENT_SECURITY_POLICY
     answer.headers["Cache-Control"] = IMMUTABLE if name.startswith(ASSETS) else REVALIDATED
+    answer.headers["Vary"] = "Accept-Encoding"
+    if is_gzip:
+        answer.headers["Content-Encoding"] = "gzip"
     if status == 200:
         answer.add_etag()
-        answer.make_conditional(request, accept_ranges=True, complete_length=len(content))
+        answer.make_conditional(request, accept_ranges=not is_gzip, complete_length=len(content))
     return answer

@@ -1,5 +1,6 @@
 """The built console is served to everybody, and nothing else of the machine is."""
 
+import gzip
 from pathlib import Path
 
 import pytest
@@ -50,6 +51,21 @@ def test_a_file_with_a_hash_in_its_name_is_cached_for_ever(edge: Edge) -> None:
     assert script.headers["Cache-Control"] == "public, max-age=31536000, immutable"
     icon = edge.ask("GET", "/console/favicon.svg", None)
     assert (icon.mimetype, icon.headers["Cache-Control"]) == ("image/svg+xml", "no-cache")
+
+
+def test_a_compressed_file_is_sent_to_a_browser_that_accepts_it(edge: Edge, built: Path) -> None:
+    path = built / "assets" / "index-4f2a.js"
+    path.with_suffix(".js.gz").write_bytes(gzip.compress(SCRIPT.encode()))
+    place = "/console/assets/index-4f2a.js"
+    packed = edge.ask("GET", place, None, headers={"Accept-Encoding": "gzip, br"})
+    assert (packed.headers["Content-Encoding"], packed.mimetype) == ("gzip", "text/javascript")
+    assert gzip.decompress(packed.data).decode() == SCRIPT
+    plain = edge.ask("GET", place, None)
+    assert ("Content-Encoding" in plain.headers, plain.text) == (False, SCRIPT)
+    assert plain.headers["Vary"] == packed.headers["Vary"] == "Accept-Encoding"
+    assert plain.headers["ETag"] != packed.headers["ETag"]
+    part = {"Accept-Encoding": "gzip", "Range": "bytes=0-6"}
+    assert edge.ask("GET", place, None, headers=part).text == SCRIPT[:7]
 
 
 def test_a_page_is_sent_again_only_after_it_has_changed(edge: Edge, built: Path) -> None:
