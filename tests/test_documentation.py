@@ -27,6 +27,7 @@ DOCUMENTS = sorted(
     path
     for path in ROOT.rglob("*.md")
     if path.relative_to(ROOT).parts[0] in TOP_LEVEL or path.parent == ROOT
+    if "node_modules" not in path.parts
 )
 CODE_SPAN = re.compile(r"`([^`\n]+)`")
 FENCE = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)

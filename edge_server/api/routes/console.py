@@ -69,7 +69,9 @@ def show_file(name: str = "") -> Response:
         return _answer(NOT_BUILT.encode(), INDEX, 404)
     content = _read(folder, name)
     if content is not None:
-        accepts_gzip = "gzip" in request.accept_encodings and "Range" not in request.headers
+        accepts_gzip = (
+            request.accept_encodings.quality("gzip") > 0 and "Range" not in request.headers
+        )
         compressed = _read(folder, name + GZIP) if accepts_gzip else None
         if compressed is not None:
             return _answer(compressed, name, is_gzip=True)

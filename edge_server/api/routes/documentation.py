@@ -17,7 +17,7 @@ from edge_server.api import openapi, schemas, urls
 from edge_server.api.access.auth import READERS, allow, roles_of
 from edge_server.api.contract import Contract, contract_of, describe
 
-_METHODS: Final = ("GET", "POST", "PUT", "DELETE")
+_METHODS: Final = ("GET", "POST", "PUT", "PATCH", "DELETE")
 _STYLE: Final = """
 body{font:16px/1.5 system-ui,sans-serif;max-width:60rem;margin:2rem auto;padding:0 1rem;color:#222}
 h2{margin-top:2.5rem;border-bottom:1px solid #ccc}code,pre{font:14px/1.4 ui-monospace,monospace}

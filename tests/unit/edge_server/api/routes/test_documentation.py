@@ -10,7 +10,7 @@ from afarcloud import wire
 from tests.unit.edge_server.conftest import Edge
 from tests.unit.edge_server.documents import plan, telemetry
 
-METHODS = {"GET", "POST", "PUT", "DELETE"}
+METHODS = {"GET", "POST", "PUT", "PATCH", "DELETE"}
 
 
 @pytest.fixture

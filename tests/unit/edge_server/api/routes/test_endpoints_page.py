@@ -1,4 +1,4 @@
-"""The reference page of the endpoints lists what the server's OpenAPI document describes."""
+"""The reference pages of the endpoints list what the server's OpenAPI document describes."""
 
 import re
 
@@ -14,11 +14,11 @@ def normalised(path: str) -> str:
     return re.sub(rf"^/({KINDS})\b", "/pose", path).rstrip("/")
 
 
-def test_the_page_lists_every_endpoint(edge: Edge) -> None:
-    text = pages.text("reference/http-endpoints.md")
+def test_the_pages_list_every_endpoint(edge: Edge) -> None:
+    text = pages.text("reference/http-endpoints.md") + pages.text("reference/access.md")
     listed = {
         (method, normalised(path))
-        for method, path in re.findall(r"`(GET|POST|PUT|DELETE) (/[^`]*)`", text)
+        for method, path in re.findall(r"`(GET|POST|PUT|PATCH|DELETE) (/[^`]*)`", text)
     }
     listed.add(("GET", "/pose"))  # "`GET` the same"
     listed -= {("GET", "/docs"), ("GET", "/console"), ("GET", "/console/<>")}  # For people
