@@ -42,7 +42,7 @@ try {
   await page.evaluate(([theme, language]) => {
     localStorage.setItem("farm-console", JSON.stringify({ theme, language }));
   }, [process.env.THEME ?? "light", process.env.LANGUAGE ?? "en"]);
-  const link = `${BASE}#link=fixture`;
+  const link = `${BASE}#link=${process.env.LINK ?? "fixture"}`;
   if (names.length === 0 || names.includes("sign_in")) {
     await page.request.delete(new URL("/session/", BASE).href);
     await page.goto(`${BASE}?again`);

@@ -109,6 +109,9 @@ function PlanActions({ plan, reload }: { plan: Plan; reload: () => void }) {
   const [question, setQuestion] = useState<"dispatch" | "cancel" | null>(null);
   const [error, setError] = useState<RequestError | null>(null);
   const isHeld = plan.missions.some((mission) => mission.dispatch_state === "held");
+  const isWaiting = plan.missions.some((mission) =>
+    ["held", "queued"].includes(mission.dispatch_state),
+  );
   const isOpen = plan.missions.every((mission) => ["held", "queued"].includes(mission.dispatch_state));
 
   const act = (work: () => Promise<unknown>, then: () => void) => {
@@ -135,7 +138,7 @@ function PlanActions({ plan, reload }: { plan: Plan; reload: () => void }) {
         <a className="button button-plain" href={`/plans/${plan.id}?format=plan`} download>
           <Icon name="down" /> {t("plans.download")}
         </a>
-        {isOperator && (
+        {isOperator && isWaiting && (
           <Button kind="danger" icon="remove" onClick={() => setQuestion("cancel")}>
             {t("plans.cancel")}
           </Button>
