@@ -41,6 +41,7 @@ from tests.unit.edge_server import documents
 from tests.unit.edge_server.conftest import Clock
 
 OPERATOR = Caller("operator")
+BROKER = Caller("broker")
 ROUNDS = 5
 
 
@@ -188,7 +189,7 @@ def test_a_mission_is_either_taken_or_cancelled(servers: list[Context]) -> None:
 def test_an_end_that_is_reported_twice_at_once_is_told_once(servers: list[Context]) -> None:
     for mission_id in range(1, ROUNDS + 1):
         plans.create(servers[0], plan(mission_id), OPERATOR)
-        item = broker_work.poll(servers[0], 0, 0.0, "broker")["commands"][-1]
+        item = broker_work.poll(servers[0], 0, 0.0, BROKER.broker)["commands"][-1]
         broker_work.acknowledge(servers[0], item["id"], Acknowledgement.ACCEPTED, None)
         body = documents.mission_report(3, 3, 3, 3, mission_id=mission_id, work_id=item["id"])
         report = read(Kind.MISSION_REPORT, body)
@@ -196,9 +197,9 @@ def test_an_end_that_is_reported_twice_at_once_is_told_once(servers: list[Contex
 
         def tell(context: Context, number: int, said: Report = report) -> Any:
             if number == 0:
-                return telemetry.ingest(context, Kind.MISSION_REPORT, said, OPERATOR)["message_id"]
+                return telemetry.ingest(context, Kind.MISSION_REPORT, said, BROKER)["message_id"]
             arrival = Arrival(Kind.MISSION_REPORT, said, None)
-            (answer,) = telemetry.ingest_all(context, [arrival], "broker")
+            (answer,) = telemetry.ingest_all(context, [arrival], BROKER.owner)
             return answer["message_id"] if isinstance(answer, dict) else answer
 
         assert len(set(at_once(servers, tell, times=2))) == 1
