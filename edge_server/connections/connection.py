@@ -33,8 +33,6 @@ from edge_server.connections.exchange import Stream
 from edge_server.connections.framing import RequestFraming, Stage
 
 _RECEIVED_BYTES: Final = 65_536
-UNSENT_BYTES: Final = 2 * 1024 * 1024
-"""Of a stream that its reader has not received; beyond it the connection is closed."""
 UNSENT_S: Final = 20.0
 """How long a reader of a stream may receive nothing of what waits for it."""
 _CONTINUE: Final = b"HTTP/1.1 100 Continue\r\n\r\n"
@@ -70,7 +68,7 @@ class Connection:
         self._stage = Stage.HEAD
         self._has_continued = False
         self._stream: Stream | None = None
-        self._unsent = bytearray()
+        self._unsent = memoryview(b"")
 
     @property
     def kept_bytes(self) -> int:
@@ -197,18 +195,22 @@ class Connection:
     def send_stream(self, now: float) -> None:
         """Send what is new; sets `interest` by whether the reader can receive more.
 
+        What follows is taken from the stream only when everything before it was sent, so a slow
+        reader keeps one part of it in memory, however much has changed meanwhile.
+
         Raises:
             OSError: if the connection failed.
-            EOFError: at the end of the stream, or if the reader is too slow.
+            EOFError: at the end of the stream.
         """
-        data = None if self._stream is None else self._stream.take(now)
-        if data is None or len(self._unsent) > UNSENT_BYTES:
-            raise EOFError
-        self._unsent += data
+        if not self._unsent:
+            data = None if self._stream is None else self._stream.take(now)
+            if data is None:
+                raise EOFError
+            self._unsent = memoryview(data)
         try:
             while self._unsent:
                 sent = self.sock.send(self._unsent[:_RECEIVED_BYTES])
-                del self._unsent[:sent]
+                self._unsent = self._unsent[sent:]
                 self.deadline = now + UNSENT_S
         except (BlockingIOError, InterruptedError, ssl.SSLWantReadError, ssl.SSLWantWriteError):
             self.interest = selectors.EVENT_READ | selectors.EVENT_WRITE

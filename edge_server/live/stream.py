@@ -1,11 +1,9 @@
 """One reader's stream as server-sent events (HTML Standard, section 9.2)."""
 
-import json
 from collections.abc import Callable
 from typing import Final
 
 from edge_server.live.changes import Change, Changes
-from edge_server.live.farm import Farm, snapshot
 
 HEARTBEAT_S: Final = 10.0
 _HEARTBEAT: Final = b":\n\n"
@@ -17,7 +15,7 @@ class LiveStream:
     def __init__(
         self,
         changes: Changes,
-        farm: Callable[[], Farm],
+        state: Callable[[frozenset[int] | None], str],
         *,
         vehicle_ids: frozenset[int] | None,
         last_id: str,
@@ -30,7 +28,7 @@ class LiveStream:
         or session has ended; it never blocks.
         """
         self._changes = changes
-        self._farm = farm
+        self._state = state
         self._vehicle_ids = vehicle_ids
         self._sent = changes.number_of(last_id)
         self._is_admitted = is_admitted
@@ -55,8 +53,7 @@ class LiveStream:
         found = None if self._sent is None else self._changes.after(self._sent)
         if found is None:
             self._sent = last
-            data = json.dumps(snapshot(self._farm(), self._vehicle_ids), ensure_ascii=False)
-            return self._encode("snapshot", last, data)
+            return self._encode("snapshot", last, self._state(self._vehicle_ids))
         if found:
             self._sent = found[-1].number
         return b"".join(

@@ -4,6 +4,7 @@ It compares states instead of being called by each writer: a change counts whoev
 another edge server on the same database, and no write becomes slower or can fail because of it.
 """
 
+import json
 import logging
 import threading
 import time
@@ -13,7 +14,7 @@ from typing import Final
 from sqlalchemy.exc import SQLAlchemyError
 
 from edge_server.live.changes import Changes
-from edge_server.live.farm import NOTHING, Farm, differences
+from edge_server.live.farm import NOTHING, Farm, differences, snapshot
 
 LOG = logging.getLogger(__name__)
 PERIOD_S: Final = 0.5
@@ -34,7 +35,8 @@ class Watcher:
         self._wanted_until = float("-inf")
         self._thread: threading.Thread | None = None
         self._is_first_read = threading.Event()
-        self.farm = NOTHING
+        self._farm = NOTHING
+        self._encoded: tuple[Farm, str] = NOTHING, ""
         self.wake: Callable[[], None] = wake or (lambda: None)
 
     def note_reader(self) -> None:
@@ -57,13 +59,26 @@ class Watcher:
         except SQLAlchemyError as error:
             LOG.warning("the live stream cannot read the database: %s", error)
             return
-        before, self.farm = self.farm, farm
+        before, self._farm = self._farm, farm
         if self._is_first_read.is_set():
             found = list(differences(before, farm))
             if found:
                 self._changes.add(found)
                 self.wake()
         self._is_first_read.set()
+
+    def state(self, vehicle_ids: frozenset[int] | None) -> str:
+        """Give the complete state as JSON, of these vehicles alone (None: of all).
+
+        Readers who connect together share one text.
+        """
+        farm, (encoded_farm, encoded) = self._farm, self._encoded
+        if vehicle_ids is None and encoded_farm is farm and encoded:
+            return encoded
+        text = json.dumps(snapshot(farm, vehicle_ids), ensure_ascii=False, separators=(",", ":"))
+        if vehicle_ids is None:
+            self._encoded = farm, text
+        return text
 
     def _run(self) -> None:
         while True:

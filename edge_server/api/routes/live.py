@@ -70,7 +70,7 @@ def get() -> ResponseReturnValue:
             raise TooMuchError("the database does not answer in time; try again")
     stream = LiveStream(
         live.changes,
-        lambda: live.watcher.farm,
+        live.watcher.state,
         vehicle_ids=scopes.vehicles(),
         last_id=request.headers.get("Last-Event-ID", ""),
         is_admitted=partial(auth.key_ring().is_active, key, bodies.context().clock),

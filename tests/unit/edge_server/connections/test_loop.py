@@ -377,3 +377,71 @@ def test_a_client_that_expects_100_continue_receives_it() -> None:
         assert sock.recv(4096) == b"HTTP/1.1 100 Continue\r\n\r\n"
         sock.sendall(b"x")
         assert sock.recv(4096) == ANSWER
+
+
+class Numbers:
+    """A stream of numbered lines, each as long as is asked for; it ends when it is told to."""
+
+    def __init__(self, length: int) -> None:
+        self._length = length
+        self.taken = 0
+        self.is_over = False
+
+    def take(self, _now: float) -> bytes | None:
+        if self.is_over:
+            return None
+        self.taken += 1
+        return b"%d" % self.taken + b"." * self._length + b"\n"
+
+
+def streaming(stream: Numbers) -> Callable[[Exchange], bool]:
+    def serve(exchange: Exchange) -> bool:
+        exchange.begin_stream(b"HTTP/1.1 200 OK\r\n\r\n", stream)
+        exchange.sendall(b"what the view returns")
+        return False
+
+    return serve
+
+
+def lines(sock: socket.socket, count: int) -> list[bytes]:
+    found = b""
+    while found.count(b"\n") < count + 2:
+        found += sock.recv(65_536)
+    return found.split(b"\r\n\r\n", 1)[1].split(b"\n")[:count]
+
+
+@pytest.mark.parametrize("length", [10, 5_000_000])
+def test_a_stream_arrives_whole_and_in_order_however_long_its_parts_are(length: int) -> None:
+    stream = Numbers(length)
+    with running(streaming(stream)) as service, service.connect() as sock:
+        sock.sendall(GET)
+        found = lines(sock, 3)
+        assert [line.rstrip(b".") for line in found] == [b"1", b"2", b"3"]
+        assert {len(line) for line in found} == {length + 1}
+        stream.is_over = True
+        wait_until(lambda: service.counts.open == 0)
+
+
+def test_a_reader_that_does_not_read_keeps_one_part_and_no_thread() -> None:
+    stream = Numbers(5_000_000)
+    with running(streaming(stream), threads=1) as service, contextlib.ExitStack() as stack:
+        for _ in range(3):
+            stack.enter_context(service.connect()).sendall(GET)
+        wait_until(lambda: service.counts.open == 3)
+        assert service.ask(GET)[:15] == b"HTTP/1.1 200 OK"
+        taken = stream.taken
+        for _ in range(5):
+            service.ask(GET)
+        assert stream.taken - taken <= 2 * 5 + 8  # The new readers', not those who do not read
+
+
+@pytest.mark.parametrize("cut", [0, 1, len(GET) - 1])
+def test_a_reader_that_leaves_is_forgotten(cut: int) -> None:
+    stream = Numbers(10)
+    with running(streaming(stream)) as service:
+        with service.connect() as sock:
+            sock.sendall(GET[: len(GET) - cut])
+            if not cut:
+                sock.recv(10)
+        wait_until(lambda: service.counts.open == 0)
+        stream.is_over = True

@@ -43,7 +43,7 @@ class Server:
     def read(self, last_id: str = "", vehicle_ids: frozenset[int] | None = None) -> "Reader":
         stream = LiveStream(
             self.changes,
-            lambda: self.watcher.farm,
+            self.watcher.state,
             vehicle_ids=vehicle_ids,
             last_id=last_id,
             is_admitted=lambda: self.is_admitted,
