@@ -47,7 +47,7 @@ class AccountChange(Model):
 class SignIn(Model):
     """Name and password, or the token of a link."""
 
-    name: str | None = Field(default=None, min_length=1, max_length=64)
+    name: Name | None = None
     password: str | None = Field(default=None, min_length=1, max_length=200)
     link: str | None = Field(default=None, min_length=1, max_length=100)
 

@@ -15,7 +15,7 @@ from edge_server.store.rows.keys import Role, StoredKey
 from edge_server.store.rows.tables import account, session, sign_in_link
 
 _SESSION: Final = re.compile(r"fs_([0-9a-f]{8})_[0-9a-f]{64}")
-PREFIX: Final = re.compile(r"[0-9a-f]{8}")
+NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
 
 
 class Account(NamedTuple):
@@ -65,7 +65,9 @@ def digest(secret: str) -> bytes:
 
 
 def find(connection: Connection, name: str) -> Account | None:
-    """Find an account by its name."""
+    """Find an account by its name; a text that cannot be a name is not looked up."""
+    if NAME.fullmatch(name) is None:
+        return None
     query = select(account).where(account.c.name == name)
     row = connection.execute(query).mappings().one_or_none()
     return Account(**row) if row else None

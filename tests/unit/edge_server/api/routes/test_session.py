@@ -122,7 +122,6 @@ def test_a_wrong_password_and_an_unknown_name_have_the_same_answer(edge: Edge) -
         ("nobody", PASSWORD),
         ("linked", PASSWORD),
         ("old", PASSWORD),
-        ("user/maria", PASSWORD),
     ):
         answer = sign_in(edge, name=name, password=password)
         assert (answer.status_code, (answer.json or {})["message"]) == (401, WRONG), name
@@ -176,6 +175,8 @@ def test_guessing_from_many_addresses_is_throttled_by_name(strict: Edge) -> None
         {"name": "maria", "password": PASSWORD, "link": "x"},
         {"name": "maria", "link": "x"},
         {"name": "", "password": PASSWORD},
+        {"name": "user/maria", "password": PASSWORD},
+        {"name": "maria\x00", "password": PASSWORD},
         {"name": "maria", "password": ["x"]},
         {"name": "maria", "password": "x" * 201},
         {"name": "m" * 65, "password": PASSWORD},
@@ -263,3 +264,26 @@ def test_the_oldest_of_many_sessions_ends(edge: Edge) -> None:
     assert browsers[0].page("GET", "/plans/").status_code == 401
     assert browsers[1].page("GET", "/plans/").status_code == 200
     assert edge.count("session") == 20
+
+
+@pytest.mark.parametrize("name", ["%00", "%ff", "a%20b", "..", "\u00e4", "x" * 64, "-"])
+def test_a_path_that_names_no_account_is_a_404(edge: Edge, name: str) -> None:
+    assert edge.ask("GET", f"/users/{name}", "admin").status_code == 404
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        rb'{"name": "maria", "password": "\ud800 is half of a character"}',
+        rb'{"name": "maria", "password": "nul \u0000 within"}',
+        rb'{"link": "\ud800"}',
+        rb'{"link": "\u0000"}',
+    ],
+)
+def test_a_secret_of_strange_characters_is_refused_and_costs_nothing(
+    edge: Edge, body: bytes
+) -> None:
+    make(edge)
+    answer = edge.ask("POST", "/session/", None, data=body, content_type="application/json")
+    assert answer.status_code in {400, 401, 422}
+    assert sign_in(edge, name="maria", password=PASSWORD).status_code == 201
