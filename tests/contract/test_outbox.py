@@ -260,7 +260,7 @@ def test_what_is_corrected_or_deleted_while_it_waits_is_sent_so(station: CloudSt
     station.wait_empty()
     station.cloud.store.wait_for(2)
     arrived = station.cloud.store.stream(1, "pose")
-    # Corrected while an attempt is on its way that reaches the cloud after all, it goes again: in its
+    # Corrected in the middle of an attempt that reaches the cloud after all, it goes again: in its
     # place, or last if the relay had already taken what stands behind it.
     assert arrived in ([100, 2], [0, 100, 2], [0, 2, 100])
 
