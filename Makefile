@@ -203,8 +203,8 @@ soak: $(DEV) ## kill the edge server CYCLES (200) times under load, and what els
 	@exec $(RUN) -m tests.soak
 
 .PHONY: dst
-dst: $(DEV) ## simulate the whole system under faults: SEEDS=20 JOBS=2, or replay SEED=7 FAULTS=loss,pilot SHRINK=1
-	@exec $(RUN) -m dst --seeds $(SEEDS) --jobs $(JOBS) --first $(FIRST) $(if $(filter command line environment,$(origin SEED)),--seed $(SEED)) $(if $(FAULTS),--faults $(FAULTS)) $(if $(SHRINK),--shrink)
+dst: $(DEV) ## simulate the whole system under faults: SEEDS=20 JOBS=2 HOURS=24, or replay SEED=7 FAULTS=loss,pilot SHRINK=1
+	@exec $(RUN) -m dst --seeds $(SEEDS) --jobs $(JOBS) --first $(FIRST) $(if $(filter command line environment,$(origin SEED)),--seed $(SEED)) $(if $(HOURS),--hours $(HOURS)) $(if $(FAULTS),--faults $(FAULTS)) $(if $(SHRINK),--shrink)
 
 .PHONY: fuzz
 fuzz: $(DEV) ## fly a mission under FRAMES (1000000) hostile frames; 0 if nothing moved by them

@@ -4,7 +4,7 @@ import argparse
 import logging
 import sys
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from multiprocessing import get_context
@@ -24,6 +24,9 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--seeds", type=int, default=20, help="how many seeds (20)")
     parser.add_argument("--first", type=int, default=1, help="the first of them (1)")
     parser.add_argument("--jobs", type=int, default=1, help="processes (1)")
+    parser.add_argument(
+        "--hours", type=float, default=0.0, help="hours of farm, in shifts with breaks (one shift)"
+    )
     parser.add_argument("--seed", type=int, help="replay this seed with its trace")
     parser.add_argument("--faults", help="replay with these faults: comma-separated, or none")
     parser.add_argument("--shrink", action="store_true", help="drop faults while the seed fails")
@@ -31,11 +34,10 @@ def main(arguments: Sequence[str]) -> int:
     logging.disable(logging.CRITICAL)
     with _folder() as prepared:
         if options.seed is not None:
-            return _replay(
-                options.seed, prepared, _faults(options.faults), must_shrink=options.shrink
-            )
+            run = partial(simulate, options.seed, prepared, hours=options.hours, kept_lines=None)
+            return _replay(run, _faults(options.faults), must_shrink=options.shrink)
         seeds = range(options.first, options.first + options.seeds)
-        return _run_all(seeds, prepared, options.jobs)
+        return _run_all(seeds, partial(simulate, prepared=prepared, hours=options.hours), options)
 
 
 @contextmanager
@@ -51,9 +53,8 @@ def _faults(text: str | None) -> frozenset[Fault] | None:
 
 
 def _replay(
-    seed: int, prepared: Path, faults: frozenset[Fault] | None, *, must_shrink: bool
+    run: Callable[..., Outcome], faults: frozenset[Fault] | None, *, must_shrink: bool
 ) -> int:
-    run = partial(simulate, seed, prepared, kept_lines=None)
     outcome = run(faults=faults)
     if must_shrink and outcome.failure is not None:
         outcome = shrink(outcome, lambda fewer: run(faults=fewer))
@@ -62,31 +63,36 @@ def _replay(
     return outcome.failure is not None
 
 
-def _run_all(seeds: Sequence[int], prepared: Path, jobs: int) -> int:
+def _run_all(
+    seeds: Sequence[int], run: Callable[[int], Outcome], options: argparse.Namespace
+) -> int:
     outcomes = []
-    with get_context("spawn").Pool(jobs, initializer=logging.disable) as pool:
-        for outcome in pool.imap_unordered(partial(simulate, prepared=prepared), seeds):
+    with get_context("spawn").Pool(options.jobs, initializer=logging.disable) as pool:
+        for outcome in pool.imap_unordered(run, seeds):
             outcomes.append(outcome)
             if outcome.failure is not None:
-                print(_text(outcome), flush=True)
+                print(_text(outcome, options.hours), flush=True)
     failed = sum(outcome.failure is not None for outcome in outcomes)
     simulated_s = sum(outcome.simulated_s for outcome in outcomes)
     cpu_s = sum(outcome.cpu_s for outcome in outcomes)
+    flight_s = sum(outcome.flight_s for outcome in outcomes)
     plans = sum(outcome.plans for outcome in outcomes)
     print(
         f"{len(outcomes)} seeds, {failed} failed; {plans} plans, "
-        f"{simulated_s / 3600:.1f} simulated hours, {simulated_s / cpu_s:.0f} per hour and core"
+        f"{simulated_s / 3600:.1f} simulated hours, {simulated_s / cpu_s:.0f} per hour and core; "
+        f"{flight_s / 3600:.2f} flight hours, {flight_s / cpu_s:.1f} per hour and core"
     )
     return failed > 0
 
 
-def _text(outcome: Outcome) -> str:
+def _text(outcome: Outcome, hours: float = 0.0) -> str:
     """Describe an outcome, with the command that replays it."""
     faults = ",".join(sorted(outcome.faults)) or "none"
+    duration = f" HOURS={hours:g}" if hours else ""
     return (
         f"seed {outcome.seed}: {outcome.failure or 'every law holds'}\n"
         f"  trace {outcome.digest[:16]}, {outcome.simulated_s:.0f} s\n"
-        f"  make dst SEED={outcome.seed} FAULTS={faults}"
+        f"  make dst SEED={outcome.seed} FAULTS={faults}{duration}"
     )
 
 

@@ -25,6 +25,10 @@ from mavlink_broker.recovery.record_tracker import RecordUpdate
 
 IDLE_STEP_S: Final = 0.25
 """Period of the loop without datagrams."""
+QUIET_STEP_S: Final = 10.0
+"""Period of the loop, and of the look for posts, while no vehicle is switched on."""
+QUIET_AFTER_S: Final = 120.0
+"""Without a datagram for this time, every vehicle is taken for switched off."""
 WAKE_S: Final = 0.01
 POLL_S: Final = 0.5
 """How often a long poll looks for new work."""
@@ -134,6 +138,7 @@ class BrokerProcess:
         self._starts = 0
         self._received: list[tuple[Address, bytes]] = []
         self._is_due = False
+        self._received_s = 0.0
         self.app: App | None = None
         self.client: EdgeClient | None = None
         self._database: Database | None = None
@@ -167,7 +172,7 @@ class BrokerProcess:
             def act() -> None:
                 if self._starts == start and self.is_up:
                     action()
-                    scheduler.after(period_s, act)
+                    scheduler.after(self._period(period_s), act)
 
             scheduler.after(0.0, act)
 
@@ -189,6 +194,7 @@ class BrokerProcess:
     def arrive(self, address: Address, frame: bytes) -> None:
         """Take a datagram of a vehicle; lost if the broker does not run."""
         if self.is_up:
+            self._received_s = self._scheduler.now_s
             self._received.append((address, frame))
             self.wake()
 
@@ -211,6 +217,11 @@ class BrokerProcess:
 
     # Steps.
 
+    def _period(self, period_s: float) -> float:
+        """Give the period of something, which is longer while every vehicle is switched off."""
+        is_quiet = self._scheduler.now_s - self._received_s > QUIET_AFTER_S
+        return QUIET_STEP_S if is_quiet else period_s
+
     def wake(self) -> None:
         """Have the loop run soon."""
         if not self._is_due:
@@ -229,7 +240,7 @@ class BrokerProcess:
             return
         post = client.take_post()
         if post is None:
-            self._scheduler.after(0.2, lambda: self._send_posts(start))
+            self._scheduler.after(self._period(0.2), lambda: self._send_posts(start))
             return
 
         def settle(answer: Answer | Exception) -> None:

@@ -9,7 +9,7 @@ from typing import Any, Final, NamedTuple
 
 from sqlalchemy.exc import SQLAlchemyError
 
-from dst.scheduler import Scheduler
+from dst.scheduler import Event, Scheduler
 from edge_server.app import context_of, create_app
 from edge_server.config import Config
 from edge_server.outbox import wakeup
@@ -28,7 +28,11 @@ from edge_server.store.connection.engines import open_engine
 from edge_server.store.rows.keys import Role
 
 RELAY_PERIOD_S: Final = 2.0
+RELAY_LOOK_S: Final = 120.0
+"""How often the relay looks for records while nobody writes any and none is due."""
 HOUSEKEEPING_S: Final = 5.0
+BREAK_HOUSEKEEPING_S: Final = 120.0
+"""While every vehicle is switched off."""
 
 
 class Response(NamedTuple):
@@ -67,6 +71,9 @@ class EdgeProcess:
         self._client: Any = None
         self._context: Any = None
         self._generation = 0
+        self.housekeeping_s = HOUSEKEEPING_S
+        self.on_write: Callable[[], None] = lambda: None
+        """Called when a request that may write was served."""
         self.start()
 
     @property
@@ -109,6 +116,8 @@ class EdgeProcess:
             raise EdgeDownError("connection refused")
         all_headers = {"Authorization": f"Bearer {self._keys[role]}", **(headers or {})}
         answer = self._client.open(path, method=method, headers=all_headers, json=body)
+        if method != "GET":
+            self.on_write()
         return Response(answer.status_code, answer.data)
 
     def _keep_house(self, generation: int) -> None:
@@ -116,7 +125,7 @@ class EdgeProcess:
         if generation == self._generation and self.is_up:
             broker_work.expire_if_due(self._context)
             self._context.space.maintain(self._scheduler.monotonic())
-            self._scheduler.after(HOUSEKEEPING_S, lambda: self._keep_house(generation))
+            self._scheduler.after(self.housekeeping_s, lambda: self._keep_house(generation))
 
 
 class Cloud:
@@ -164,8 +173,8 @@ class RelayProcess:
         self._close: Callable[[], None] = lambda: None
         self._relay: Relay | None = None
         self._starts = 0
+        self._next: Event | None = None
         self.start()
-        scheduler.every(RELAY_PERIOD_S, self._step)
 
     @property
     def is_up(self) -> bool:
@@ -198,17 +207,36 @@ class RelayProcess:
             database.close()
 
         self._close = close
+        self.wake()
+
+    def wake(self) -> None:
+        """Have it look for new records soon."""
+        self._step_after(RELAY_PERIOD_S)
 
     def kill(self) -> None:
         """Lose the answers that are not written yet."""
         self._close()
         self._relay = None
 
+    def _step_after(self, delay_s: float) -> None:
+        """Be stepped after a delay [s], or before if that is planned already."""
+        if self._next is not None:
+            if self._next.time_s <= self._scheduler.now_s + delay_s:
+                return
+            self._next.cancel()
+        self._next = self._scheduler.after(delay_s, self._step)
+
     def _step(self) -> None:
-        if self._relay is not None:
-            try:
-                self._relay.step(self._scheduler.monotonic())
-            except SQLAlchemyError as error:
-                self._scheduler.note("relay", "-", f"ends: {type(error).__name__}")
-                self.kill()
-                self._scheduler.after(1.0, self.start)
+        self._next = None
+        if self._relay is None:
+            return
+        now = self._scheduler.monotonic()
+        try:
+            self._relay.step(now)
+        except SQLAlchemyError as error:
+            self._scheduler.note("relay", "-", f"ends: {type(error).__name__}")
+            self.kill()
+            self._scheduler.after(1.0, self.start)
+            return
+        due = self._relay.next_due(now)
+        self._step_after(RELAY_LOOK_S if due is None else max(RELAY_PERIOD_S, due - now))

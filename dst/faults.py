@@ -13,7 +13,9 @@ from dst.network import PERFECT, Conditions
 from dst.world import World
 
 MEAN_INTERVAL_S: Final = 150.0
-"""Between two occurrences of one fault."""
+"""Between two occurrences of one fault while vehicles fly."""
+BREAK_FACTOR: Final = 60.0
+"""While every vehicle is switched off, faults are so many times as rare, and last as long."""
 
 
 class Fault(StrEnum):
@@ -62,6 +64,8 @@ class Faults:
         self._world = world
         self._enabled = frozenset(enabled)
         self._is_stopped = False
+        self.factor = 1.0
+        """How many times as rare, and as long, faults are at present."""
         self._degrade()
         self._schedule()
 
@@ -125,14 +129,17 @@ class Faults:
 
     def _repeat(self, action: Callable[[Random], None], random: Random) -> None:
         def act() -> None:
-            if not self._is_stopped:
+            if self._is_stopped:
+                return
+            if random.random() * self.factor < 1.0:
                 action(random)
-                self._repeat(action, random)
+            self._repeat(action, random)
 
         self._world.scheduler.after(random.expovariate(1.0 / MEAN_INTERVAL_S), act)
 
     def _later(self, delay_s: float, action: Callable[[], None]) -> None:
         """Take an action that ends a fault, unless all have ended already."""
+        delay_s *= self.factor
         self._world.scheduler.after(delay_s, lambda: None if self._is_stopped else action())
 
     def _link_down(self, random: Random) -> None:

@@ -17,6 +17,8 @@ from mavlink_broker.edge.bounded_http import Answer
 from mavlink_broker.edge.outbox import Post
 
 CHECK_PERIOD_S: Final = 10.0
+BREAK_CHECK_PERIOD_S: Final = 600.0
+"""While every vehicle is switched off."""
 ENDED_MISSION_S: Final = 10.0
 """After its terminal status nothing of a mission is flown any more within this time."""
 TAKEOVER_S: Final = 15.0
@@ -36,8 +38,13 @@ class Laws:
         self._acknowledged: dict[tuple[str, int], str] = {}
         self._ids_of_key: dict[str, set[int]] = defaultdict(set)
         self._ended: dict[int, tuple[Status, float]] = {}  # By plan: first terminal status, when
+        self.period_s = CHECK_PERIOD_S
         world.http.on_taken = self._taken
-        world.scheduler.every(CHECK_PERIOD_S, self.check)
+        self._check_again()
+
+    def _check_again(self) -> None:
+        self._world.scheduler.after(self.period_s, self._check_again)
+        self.check()
 
     def _taken(self, post: Post, answer: Answer) -> None:
         """Note what the edge server has acknowledged to the broker."""

@@ -39,22 +39,34 @@ class Operator:
         self._random = world.scheduler.random("operator")
         self._missions = 0
         self._events = 0
-        self._is_stopped = False
-        self._next()
-        world.scheduler.every(RELEASE_PERIOD_S, self._release)
+        self._shift = 0
+        self._is_posting = False
+        self.start()
+
+    def start(self) -> None:
+        """Begin a shift: post, cancel, abort and release."""
+        self._shift += 1
+        self._is_posting = True
+        self._next(self._shift)
+        self._release(self._shift)
 
     def stop(self) -> None:
-        """Post nothing more."""
-        self._is_stopped = True
+        """Post nothing more, and go on releasing vehicles."""
+        self._is_posting = False
 
-    def _next(self) -> None:
+    def go_home(self) -> None:
+        """End the shift."""
+        self.stop()
+        self._shift += 1
+
+    def _next(self, shift: int) -> None:
         pause_s = self._random.expovariate(1.0 / MEAN_PAUSE_S)
-        self._world.scheduler.after(pause_s, self._act)
+        self._world.scheduler.after(pause_s, lambda: self._act(shift))
 
-    def _act(self) -> None:
-        if self._is_stopped:
+    def _act(self, shift: int) -> None:
+        if shift != self._shift or not self._is_posting:
             return
-        self._next()
+        self._next(shift)
         choice = self._random.random()
         if choice < 0.2 and Fault.ABORTS in self._enabled:
             self._abort()
@@ -108,8 +120,11 @@ class Operator:
         if response is not None and response.status == 204 and plan.cancelled_s is None:
             plan.cancelled_s = self._world.scheduler.now_s
 
-    def _release(self) -> None:
-        """Release each vehicle that stands, in case it is held after a fault."""
+    def _release(self, shift: int) -> None:
+        """Release each vehicle that stands, in case it is held after a fault; then again."""
+        if shift != self._shift:
+            return
+        self._world.scheduler.after(RELEASE_PERIOD_S, lambda: self._release(shift))
         for system, vehicle in self._world.vehicles.items():
             if not vehicle.is_flying:
                 self._request("POST", f"/vehicles/{system}/release", {"reason": "checked"})

@@ -8,14 +8,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from dst.faults import Fault, Faults, draw
-from dst.laws import LawError, Laws
+from dst.faults import BREAK_FACTOR, Fault, Faults, draw
+from dst.laws import BREAK_CHECK_PERIOD_S, CHECK_PERIOD_S, LawError, Laws
 from dst.operator_person import Operator
 from dst.scheduler import KEPT_LINES
 from dst.world import World
 
 FAULTS_S: Final = 300.0
-"""Virtual time with faults."""
+"""Virtual time with faults, or of each shift of a longer simulation."""
+SHIFTS_PER_DAY: Final = 3
+SHIFT_END_S: Final = 1200.0
+"""Within this time after a shift every vehicle has landed."""
 QUIET_S: Final = 1200.0
 """Virtual time after which everything has come to its end without faults."""
 LOOK_S: Final = 20.0
@@ -33,6 +36,8 @@ class Outcome:
     simulated_s: float
     cpu_s: float
     plans: int
+    flight_s: float = 0.0
+    """Sum over the vehicles."""
 
 
 def simulate(
@@ -42,8 +47,12 @@ def simulate(
     faults: Collection[Fault] | None = None,
     kept_lines: int | None = KEPT_LINES,
     vehicles: int = 2,
+    hours: float = 0.0,
 ) -> Outcome:
-    """Run one seed, by default with the faults that it draws."""
+    """Run one seed, by default with the faults that it draws.
+
+    With `hours`, the farm works in shifts, between which every vehicle is switched off.
+    """
     enabled = draw(seed) if faults is None else frozenset(faults)
     folder = Path(tempfile.mkdtemp(prefix="dst-", dir=prepared.parent))
     began_s = time.process_time()
@@ -51,7 +60,7 @@ def simulate(
     operator = Operator(world, enabled)
     failure = None
     try:
-        _run(world, operator, enabled)
+        _run(world, operator, enabled, hours)
     except LawError as error:
         failure = str(error)
     except Exception as error:  # noqa: BLE001  # an exception of the product is a failure too
@@ -69,13 +78,17 @@ def simulate(
         simulated_s=world.scheduler.now_s,
         cpu_s=time.process_time() - began_s,
         plans=len(operator.plans),
+        flight_s=sum(vehicle.truth.flight_s for vehicle in world.vehicles.values()),
     )
 
 
-def _run(world: World, operator: Operator, enabled: frozenset[Fault]) -> None:
+def _run(world: World, operator: Operator, enabled: frozenset[Fault], hours: float) -> None:
     laws = Laws(world, operator)
     faults = Faults(world, enabled)
     world.run(FAULTS_S)
+    for start_s in _shift_starts(world, hours):
+        _take_break(world, operator, laws, faults, start_s)
+        world.run(FAULTS_S)
     operator.stop()
     faults.stop()
     end_s = world.scheduler.now_s + QUIET_S
@@ -84,6 +97,40 @@ def _run(world: World, operator: Operator, enabled: frozenset[Fault]) -> None:
         if not laws.open_matters():
             break
     laws.check_end()
+
+
+def _shift_starts(world: World, hours: float) -> list[float]:
+    """Draw when the later shifts begin [s]; the last one ends the simulation."""
+    if not hours:
+        return []
+    random, end_s = world.scheduler.random("shifts"), hours * 3600.0
+    count = max(0, round(hours / 24.0 * SHIFTS_PER_DAY) - 2)
+    return [*sorted(random.uniform(0.0, end_s) for _ in range(count)), end_s]
+
+
+def _take_break(
+    world: World, operator: Operator, laws: Laws, faults: Faults, until_s: float
+) -> None:
+    """Have every vehicle land, then be switched off until the next shift [s].
+
+    Raises:
+        LawError: if a vehicle is still in the air long after the shift.
+    """
+    operator.stop()
+    latest_s = world.scheduler.now_s + SHIFT_END_S
+    while any(vehicle.armed for vehicle in world.vehicles.values()):
+        if world.scheduler.now_s >= latest_s:
+            raise LawError("a vehicle is armed long after the shift")
+        world.run(LOOK_S)
+    operator.go_home()
+    world.switch_off()
+    faults.factor, laws.period_s = BREAK_FACTOR, BREAK_CHECK_PERIOD_S
+    world.scheduler.note("farm", "-", "every vehicle is switched off")
+    world.run(until_s - world.scheduler.now_s)
+    world.scheduler.note("farm", "-", "every vehicle is switched on")
+    faults.factor, laws.period_s = 1.0, CHECK_PERIOD_S
+    world.switch_on()
+    operator.start()
 
 
 def shrink(outcome: Outcome, run: Callable[[frozenset[Fault]], Outcome]) -> Outcome:

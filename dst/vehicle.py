@@ -12,7 +12,7 @@ from typing import Any, Final, NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from dst.scheduler import Scheduler
+from dst.scheduler import Event, Scheduler
 
 HOME: Final = (40.44340, -3.73820, 650.0)
 """Latitude, longitude [deg], altitude above mean sea level [m]."""
@@ -123,7 +123,8 @@ class Vehicle:
         self._due_s: dict[int, float] = {}
         self._heartbeat_s = 0.0
         self._parameters = {"COM_DL_LOSS_T": 10.0, "BAT1_CAPACITY": 4200.0}
-        scheduler.every(STEP_S, self.step)
+        self._next_step: Event | None = None
+        self.switch_on()
 
     # Persons and faults.
 
@@ -150,7 +151,24 @@ class Vehicle:
         self._transfer_count = 0
         self._current = 0
 
+    def switch_off(self) -> None:
+        """End the autopilot, and whatever it sends, on the ground."""
+        if self._next_step is not None:
+            self._next_step.cancel()
+        self._next_step = None
+
+    def switch_on(self) -> None:
+        """Start the autopilot with a full battery; the stored mission survives."""
+        self.switch_off()
+        self.reboot()
+        self.battery = 1.0
+        self._next_step = self._scheduler.after(0.0, self._step_again)
+
     # Time.
+
+    def _step_again(self) -> None:
+        self._next_step = self._scheduler.after(STEP_S, self._step_again)
+        self.step()
 
     def step(self) -> None:
         """Fly on, and send what is due."""
@@ -359,8 +377,12 @@ class Vehicle:
 
     # Messages from the broker.
 
-    def receive(self, datagram: bytes) -> None:  # noqa: C901  # a case per message
-        """Take a datagram; what is broken is dropped."""
+    def receive(self, datagram: bytes) -> None:
+        """Take a datagram; what is broken is dropped, as is everything while it is off."""
+        if self._next_step is not None:
+            self._receive(datagram)
+
+    def _receive(self, datagram: bytes) -> None:  # noqa: C901  # a case per message
         try:
             message = self._codec.decode(bytearray(datagram))
         except (mavlink.MAVError, IndexError):

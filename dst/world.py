@@ -5,7 +5,14 @@ from pathlib import Path
 from typing import Any
 
 from dst.broker_process import BrokerProcess, EdgeHttp
-from dst.edge_process import Cloud, EdgeProcess, RelayProcess, Response
+from dst.edge_process import (
+    BREAK_HOUSEKEEPING_S,
+    HOUSEKEEPING_S,
+    Cloud,
+    EdgeProcess,
+    RelayProcess,
+    Response,
+)
 from dst.network import Path as NetworkPath
 from dst.scheduler import KEPT_LINES, Scheduler
 from dst.vehicle import Vehicle
@@ -29,6 +36,7 @@ class World:
         self.edge = EdgeProcess(self.scheduler, prepared, folder / "edge")
         self.cloud = Cloud(self.scheduler)
         self.relay = RelayProcess(self.scheduler, self.edge.config, self.cloud)
+        self.edge.on_write = self.relay.wake
         self.http = EdgeHttp(self.scheduler, self.edge)
         self.broker = BrokerProcess(self.scheduler, self.http, folder / "broker", self._to_vehicle)
         self.vehicles: dict[int, Vehicle] = {}
@@ -49,6 +57,19 @@ class World:
         path = self.down.get(address.port - 14580)
         if path is not None:
             path.send(frame)
+
+    def switch_off(self) -> None:
+        """Switch every vehicle off; call it while none flies."""
+        for vehicle in self.vehicles.values():
+            vehicle.switch_off()
+        self.edge.housekeeping_s = BREAK_HOUSEKEEPING_S
+
+    def switch_on(self) -> None:
+        """Switch every vehicle on."""
+        for system, vehicle in self.vehicles.items():
+            vehicle.switch_on()
+            self.connected(system)
+        self.edge.housekeeping_s = HOUSEKEEPING_S
 
     def connected(self, system: int) -> None:
         """Note that a vehicle's link or the broker is up again."""

@@ -163,10 +163,15 @@ class Relay:
         if self._writer.write(now, self._wall_clock()):
             self._schedule.rewind()
 
+    def next_due(self, now: float) -> float | None:
+        """When a record or a result is due; None if `step` has nothing to do until it is woken."""
+        times = (self._schedule.next_due(now), self._writer.due_at())
+        return min((moment for moment in times if moment is not None), default=None)
+
     def _wait(self) -> None:
         now = time.monotonic()
-        times = [self._look_at, self._schedule.next_due(now), self._writer.due_at()]
-        soonest = min(moment for moment in times if moment is not None)
+        due = self.next_due(now)
+        soonest = self._look_at if due is None else min(self._look_at, due)
         # A `stop` whose byte has been drained already is seen here; a later one ends the select.
         timeout = 0.0 if self._stopping.is_set() else max(soonest - now, 0.0)
         select.select([self._wake, self._senders.descriptor], [], [], timeout)

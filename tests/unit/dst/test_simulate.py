@@ -1,10 +1,12 @@
 from collections.abc import Collection
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
+from dst.edge_process import prepared_folder
 from dst.faults import Fault, draw
-from dst.simulate import Outcome, shrink
+from dst.simulate import FAULTS_S, Outcome, shrink, simulate
 
 FAILED = Outcome(7, frozenset(), "broken", "", (), 600.0, 1.0, 3)
 
@@ -25,3 +27,17 @@ def test_faults_that_are_not_needed_are_dropped(cause: Collection[Fault]) -> Non
     found = shrink(run(frozenset(Fault)), run)
     assert found.faults == frozenset(cause)
     assert found.failure == "broken"
+
+
+@pytest.mark.thorough
+def test_the_farm_works_in_shifts_with_breaks(tmp_path: Path) -> None:
+    prepared = prepared_folder(tmp_path / "prepared")
+    outcomes = [simulate(3, prepared, hours=2.0, kept_lines=None) for _ in range(2)]
+    assert outcomes[0].digest == outcomes[1].digest
+    [outcome, _] = outcomes
+    assert outcome.failure is None
+    assert outcome.simulated_s >= 2.0 * 3600.0 + FAULTS_S
+    assert 0.0 < outcome.flight_s < 2.0 * FAULTS_S * 2.0
+    text = "\n".join(outcome.lines)
+    assert text.count("every vehicle is switched off") == 1
+    assert text.count("every vehicle is switched on") == 1

@@ -76,6 +76,19 @@ def test_a_mission_survives_kills_of_every_process(world: World) -> None:
     assert times_flown(world) == 1
 
 
+def test_a_plan_waits_for_a_vehicle_that_is_switched_off(world: World) -> None:
+    world.run(10.0)
+    world.switch_off()
+    world.run(200.0)
+    number = post(world)
+    world.run(20.0)
+    assert status(world, number) in {Status.NOT_STARTED, Status.RUNNING}
+    world.switch_on()
+    world.run(180.0)
+    assert status(world, number) == Status.FINISHED
+    assert times_flown(world) == 1
+
+
 def test_the_same_seed_gives_the_same_trace(prepared: Path, tmp_path: Path) -> None:
     digests = []
     for name in ("first", "second"):
