@@ -10,8 +10,8 @@ export type AccessKey = Schemas["AccessKey"];
 export type DeadLetter = Schemas["DeadLetter"];
 export type StoredEvent = Schemas["StoredEvent"] & { message?: string };
 
-/** A vehicle; `heading` and `speed` come with the live feed where the vehicle reports them. */
-export type Vehicle = Schemas["Vehicle"] & { heading?: number | null; speed?: number | null };
+/** A vehicle with the last values that it has reported. */
+export type Vehicle = Schemas["Vehicle"];
 
 /** Number of a status of a mission or command: 1 not started, 2 running, 3 finished, 4 failed, 5 aborted. */
 export type StatusId = 1 | 2 | 3 | 4 | 5;

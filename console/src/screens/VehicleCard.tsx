@@ -4,7 +4,9 @@ import { linkTo } from "../app/route";
 import { Button } from "../controls/Button";
 import { Icon, type IconName } from "../controls/Icon";
 import { Pill, type Tone } from "../controls/StatusPill";
+import type { Vehicle } from "../api/types";
 import type { Tracked } from "../live/state";
+import type { Units } from "../units/units";
 import { useNow } from "../live/use_live";
 import { isBatteryLow, statusOf, type VehicleStatus } from "../live/vehicle_status";
 import type { Running } from "./Fleet";
@@ -43,8 +45,14 @@ export function VehicleCard({ tracked, running, isSelected, select, stop }: {
         <Figure
           icon="battery"
           label={t("vehicle.battery")}
-          value={units.percentage(vehicle.battery_percentage)}
+          value={batteryText(units, vehicle)}
           isBad={isBatteryLow(vehicle)}
+        />
+        <Figure
+          icon="locate"
+          label={t("vehicle.gps")}
+          value={gpsText(vehicle)}
+          isBad={vehicle.gps_fix === "none" || vehicle.gps_fix === "2d"}
         />
         <Figure
           icon="link"
@@ -63,6 +71,20 @@ export function VehicleCard({ tracked, running, isSelected, select, stop }: {
       )}
     </article>
   );
+}
+
+/** The charge, and the flight time that is left where the vehicle estimates it. */
+function batteryText(units: Units, vehicle: Vehicle): string {
+  const charge = units.percentage(vehicle.battery_percentage);
+  const left_s = vehicle.battery_time_remaining;
+  return typeof left_s === "number" ? `${charge} · ${units.duration(left_s * 1000)}` : charge;
+}
+
+/** The kind of position fix with the number of satellites, such as "3D · 14". */
+function gpsText(vehicle: Vehicle): string {
+  if (!vehicle.gps_fix) return "–";
+  const fix = vehicle.gps_fix.replace("_", " ").toUpperCase();
+  return typeof vehicle.satellites === "number" ? `${fix} · ${vehicle.satellites}` : fix;
 }
 
 function Figure({ icon, label, value, isBad = false }: {
