@@ -130,6 +130,8 @@ class App:
             member.session.watch(self._router.requested_messages(member.system, now))
             member.session.vehicle.warn(self._warning_of(member, now))
             member.session.pictures.has_room = has_room
+            vehicle_id = member.session.vehicle.vehicle_id
+            member.session.set_update_interval(self._edge.update_interval_of(vehicle_id))
             self._call(member, now, partial(self._records.recall, member.session, now))
             self._call(member, now, partial(member.session.step, now))
 

@@ -26,6 +26,9 @@ class Edge(Protocol):
     def waiting_pictures(self) -> int:
         """Number of pictures that are not answered yet."""
 
+    def update_interval_of(self, vehicle_id: int) -> float | None:
+        """Interval [s] at which it requests updates of a vehicle; None: the usual one."""
+
     def dead_letters_of(self, vehicle_id: int) -> int:
         """Number of posts of a vehicle that the edge server has rejected."""
 

@@ -26,7 +26,11 @@ from mavlink_broker.vehicle.alarms import AlarmMonitor, Failure
 from mavlink_broker.vehicle.control_authority import is_order
 from mavlink_broker.vehicle.gcs_heartbeat import GcsHeartbeat
 from mavlink_broker.vehicle.reporter import Reporter
-from mavlink_broker.vehicle.telemetry_publisher import BatteryCapacity, TelemetryPublisher
+from mavlink_broker.vehicle.telemetry_publisher import (
+    UPDATE_EVERY_S,
+    BatteryCapacity,
+    TelemetryPublisher,
+)
 from mavlink_broker.vehicle.vehicle import Vehicle
 
 UNREACHABLE_AFTER_S: Final = 5.0
@@ -169,6 +173,10 @@ class Session:
         self._alarms.forget()
         self.pictures.restarted()
         self.missions.vehicle_restarted(now, effects)
+
+    def set_update_interval(self, every_s: float | None) -> None:
+        """Update the vehicle on the edge server at an interval [s]; None: the usual one."""
+        self._telemetry.update_every_s = UPDATE_EVERY_S if every_s is None else every_s
 
     # Time
 

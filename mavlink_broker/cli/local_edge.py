@@ -99,6 +99,11 @@ class LocalEdge:
         """Always 0: pictures are stored at once."""
         return 0
 
+    def update_interval_of(self, vehicle_id: int) -> float | None:
+        """Always None: nobody watches."""
+        del vehicle_id
+        return None
+
     def dead_letters_of(self, vehicle_id: int) -> int:
         """Always 0: every post is accepted."""
         del vehicle_id

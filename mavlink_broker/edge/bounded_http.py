@@ -31,6 +31,8 @@ from urllib3 import HTTPConnectionPool, HTTPSConnectionPool
 from urllib3.connection import HTTPConnection, HTTPSConnection
 
 CHUNK_BYTES: Final = 64 * 1024
+UPDATE_INTERVAL: Final = "Update-Interval"
+"""Header of the answer to an update of a vehicle: seconds until the next one is wanted."""
 _BOTH_DIRECTIONS: Final = 2
 """SHUT_RDWR."""
 
@@ -45,6 +47,8 @@ class Answer:
 
     status_code: int
     body: bytes
+    update_interval: str | None = None
+    """The header `UPDATE_INTERVAL`."""
 
     @property
     def text(self) -> str:
@@ -229,7 +233,9 @@ class BoundedHttp:
                     allow_redirects=False,
                     stream=True,
                 ) as response:
-                    answer = Answer(response.status_code, _body(response, max_bytes))
+                    body_bytes = _body(response, max_bytes)
+                    interval = response.headers.get(UPDATE_INTERVAL)
+                    answer = Answer(response.status_code, body_bytes, interval)
             except TooLargeError:
                 raise
             except (OSError, ValueError) as error:

@@ -14,6 +14,7 @@ states of a mission is true only when it has received every report about it.
 import logging
 import queue
 import random
+import re
 import threading
 import time
 from collections.abc import Callable
@@ -33,7 +34,7 @@ from mavlink_broker.edge.connection import (
     is_temporary_refusal,
 )
 from mavlink_broker.edge.outbox import Outbox, Post
-from mavlink_broker.edge.posts import is_acknowledgement
+from mavlink_broker.edge.posts import VEHICLE_LANE, is_acknowledgement
 from mavlink_broker.edge.spool import Spool
 from mavlink_broker.edge.spool_writer import SpoolWriter
 from mavlink_broker.edge.work import AcceptanceResult
@@ -45,6 +46,9 @@ T = TypeVar("T")
 LONG_POLL_S: Final = 20.0
 SENDERS: Final = 2
 RETRY_WORK_S: Final = 0.5
+SHORTEST_UPDATE_S: Final = 0.2
+"""A vehicle sends its position five times a second."""
+_INTERVAL: Final = re.compile(r"[0-9]{1,3}(\.[0-9]{1,6})?", re.ASCII)
 MAX_LOGGED_CHARACTERS: Final = 500
 """Of a refusal's text."""
 
@@ -104,6 +108,7 @@ class EdgeClient:
         self._work: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
         self._acceptance_results: queue.SimpleQueue[AcceptanceResult] = queue.SimpleQueue()
         self._outbox = Outbox(jitter or random.Random())
+        self._update_intervals_s: dict[int, float] = {}  # By vehicle
         lock = threading.Lock()
         self._changed = threading.Condition(lock)  # For the threads that send
         self._answered = threading.Condition(lock)  # For threads that wait for answers
@@ -176,6 +181,10 @@ class EdgeClient:
             unstored = self._outbox.dead_letters_of(vehicle_id)
         stored = {} if self._spool_writer is None else self._spool_writer.dead_letters
         return unstored + stored.get(vehicle_id, 0)
+
+    def update_interval_of(self, vehicle_id: int) -> float | None:
+        """Interval [s] that the answer to the last update of a vehicle has requested, or None."""
+        return self._update_intervals_s.get(vehicle_id)
 
     @property
     def dropped(self) -> int:
@@ -328,6 +337,8 @@ class EdgeClient:
             status, text = answer.status_code, answer.text[:MAX_LOGGED_CHARACTERS]
             self._set_reachable(is_reachable=True)
         reason = text if status is None else f"HTTP {status} {text}"
+        if post.lane == VEHICLE_LANE:
+            self._note_update_interval(post.vehicle_id, answer)
         with self._changed:
             if status is None or not is_final(status):
                 is_dead = self._outbox.failed(
@@ -355,6 +366,13 @@ class EdgeClient:
             self._log_refusal(post, status, text)
         if post.accepted_work_id is not None:
             self._put_acceptance_result(_acceptance_result(post.accepted_work_id, status, text))
+
+    def _note_update_interval(self, vehicle_id: int, answer: Answer | Exception) -> None:
+        text = None if isinstance(answer, Exception) else answer.update_interval
+        if text is not None and _INTERVAL.fullmatch(text):
+            self._update_intervals_s[vehicle_id] = max(SHORTEST_UPDATE_S, float(text))
+        else:
+            self._update_intervals_s.pop(vehicle_id, None)
 
     def _given_up(self, post: Post, status: int | None, text: str) -> None:
         """Log a post that was given up; if it is an acceptance, its mission fails."""

@@ -31,6 +31,8 @@ _KINDS: Final[Mapping[type[Report], tuple[wire.Kind, Urgency]]] = {
     StateVector: (wire.Kind.STATE_VECTOR, Urgency.TELEMETRY),
     MissionReport: (wire.Kind.MISSION_REPORT, Urgency.REPORT),
 }
+VEHICLE_LANE: Final = "vehicle"
+"""Of the updates of a vehicle."""
 _MISSION_LANE: Final = wire.Kind.MISSION_REPORT.value
 _WORK: Final = "/broker/commands/"
 _HASH_LENGTH: Final = 48
@@ -121,7 +123,7 @@ def _vehicle_update(update: VehicleUpdate, recorded_at: datetime) -> Post:
         path=f"/vehicles/{update.vehicle_id}",
         body=update.body | {"recorded_at": format_time(recorded_at)},
         vehicle_id=update.vehicle_id,
-        lane="vehicle",
+        lane=VEHICLE_LANE,
         urgency=Urgency.REGISTRATION,
         needs_registration=False,
         replaces=True,

@@ -66,6 +66,7 @@ STREAMS: Final = (
     Stream("SYS_STATUS", mavlink.MAVLINK_MSG_ID_SYS_STATUS, 1.0),
     Stream("BATTERY_STATUS", mavlink.MAVLINK_MSG_ID_BATTERY_STATUS, 1.0),
     Stream("HOME_POSITION", mavlink.MAVLINK_MSG_ID_HOME_POSITION, 0.5, is_periodic=False),
+    Stream("GPS_RAW_INT", mavlink.MAVLINK_MSG_ID_GPS_RAW_INT, 1.0, is_periodic=False),
     Stream("SYSTEM_TIME", mavlink.MAVLINK_MSG_ID_SYSTEM_TIME, 0.5, is_periodic=False),
     Stream("ESTIMATOR_STATUS", mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS, 1.0, is_periodic=False),
     Stream("EKF_STATUS_REPORT", mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT, 1.0, is_periodic=False),
@@ -86,7 +87,6 @@ UNREAD: Final = {
         mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED,
         mavlink.MAVLINK_MSG_ID_ODOMETRY,
         mavlink.MAVLINK_MSG_ID_RC_CHANNELS,
-        mavlink.MAVLINK_MSG_ID_GPS_RAW_INT,
         mavlink.MAVLINK_MSG_ID_DISTANCE_SENSOR,
         mavlink.MAVLINK_MSG_ID_GIMBAL_DEVICE_ATTITUDE_STATUS,
         mavlink.MAVLINK_MSG_ID_ALTITUDE,
@@ -341,7 +341,6 @@ def request_message(route: Route, message_id: int) -> Message:
 
 
 GCS_RATES_HZ: Final = {
-    mavlink.MAVLINK_MSG_ID_GPS_RAW_INT: 1.0,
     mavlink.MAVLINK_MSG_ID_VFR_HUD: 4.0,
     mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION: 5.0,
     mavlink.MAVLINK_MSG_ID_ALTITUDE: 1.0,
@@ -351,7 +350,7 @@ GCS_RATES_HZ: Final = {
     mavlink.MAVLINK_MSG_ID_GIMBAL_DEVICE_ATTITUDE_STATUS: 2.0,
     mavlink.MAVLINK_MSG_ID_DISTANCE_SENSOR: 1.0,
 }
-"""By message id, the most important first: some 800 bytes a second together."""
+"""By message id, the most important first: some 750 bytes a second together."""
 DEFAULT_RATE_US: Final = 0.0
 """Interval of SET_MESSAGE_INTERVAL that stands for the vehicle's default rate."""
 

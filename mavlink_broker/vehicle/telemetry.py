@@ -22,6 +22,20 @@ _EARLIEST_UTC_S: Final = 1_420_070_400.0
 """2015: a clock that shows less has not been set."""
 
 
+_UNKNOWN_UINT8: Final = 255
+_FIXES: Final[Mapping[int, str]] = {
+    mavlink.GPS_FIX_TYPE_NO_GPS: "none",
+    mavlink.GPS_FIX_TYPE_NO_FIX: "none",
+    mavlink.GPS_FIX_TYPE_2D_FIX: "2d",
+    mavlink.GPS_FIX_TYPE_3D_FIX: "3d",
+    mavlink.GPS_FIX_TYPE_DGPS: "dgps",
+    mavlink.GPS_FIX_TYPE_RTK_FLOAT: "rtk_float",
+    mavlink.GPS_FIX_TYPE_RTK_FIXED: "rtk_fixed",
+    mavlink.GPS_FIX_TYPE_STATIC: "static",
+    mavlink.GPS_FIX_TYPE_PPP: "ppp",
+}
+
+
 class Position(NamedTuple):
     """Where the vehicle is and how fast it moves."""
 
@@ -58,6 +72,13 @@ class MissionNow(NamedTuple):
     mission_id: int  # 0 where the vehicle gives none
 
 
+class GpsQuality(NamedTuple):
+    """The newest GPS_RAW_INT."""
+
+    fix: str
+    satellites: int | None  # None: not reported
+
+
 @dataclass(slots=True)
 class Snapshot:
     """The newest of everything that one vehicle has sent."""
@@ -74,6 +95,8 @@ class Snapshot:
     home_amsl_m: float | None = None  # By its two altitudes, should it never send its home
     battery_fraction: float | None = None
     battery_capacity_ah: float | None = None
+    battery_time_s: float | None = None  # As the vehicle estimates it
+    gps: GpsQuality | None = None
     landed_state: int = mavlink.MAV_LANDED_STATE_UNDEFINED
     ready_to_arm: bool | None = None  # None: not reported
     passes_checks: bool = False  # The same, of a vehicle that reports passed checks only
@@ -171,6 +194,14 @@ def _battery(snapshot: Snapshot, message: Message) -> None:
     if message.id == 0:
         remaining = message.battery_remaining
         snapshot.battery_fraction = remaining / 100.0 if 0 <= remaining <= 100 else None
+        time_s = message.time_remaining  # 0: the vehicle does not estimate it
+        snapshot.battery_time_s = float(time_s) if time_s > 0 else None
+
+
+def _gps(snapshot: Snapshot, message: Message) -> None:
+    fix = _FIXES.get(message.fix_type, "unknown")
+    satellites = message.satellites_visible
+    snapshot.gps = GpsQuality(fix, satellites if satellites < _UNKNOWN_UINT8 else None)
 
 
 def _system_time(snapshot: Snapshot, message: Message) -> None:
@@ -233,6 +264,7 @@ _READERS: Final[Mapping[str, Callable[[Snapshot, Message], None]]] = {
     "ATTITUDE": _attitude,
     "HOME_POSITION": _home,
     "BATTERY_STATUS": _battery,
+    "GPS_RAW_INT": _gps,
     "EXTENDED_SYS_STATE": _extended_state,
     "SYS_STATUS": _system_status,
     "EKF_STATUS_REPORT": _estimate,

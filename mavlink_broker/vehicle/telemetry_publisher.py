@@ -21,6 +21,7 @@ from mavlink_broker.vehicle.reporter import Reporter
 from mavlink_broker.vehicle.vehicle import Vehicle
 
 UPDATE_EVERY_S: Final = 2.0
+"""Unless the edge server has requested another interval, because somebody watches."""
 UPDATE_LOST_EVERY_S: Final = 30.0
 """Of a vehicle that is not connected."""
 _NEEDED: Final = frozenset({"position", "attitude"})
@@ -82,6 +83,8 @@ class TelemetryPublisher:
         self._observations_every_s = observations_every_s
         self._observed_at = 0.0
         self._updated_at: float | None = None
+        self.update_every_s = UPDATE_EVERY_S
+        """Interval of the updates of a vehicle that is reachable."""
         self._last_update: tuple[Any, ...] = ()
 
     def update(self, mission_id: int | None, now: float, effects: Effects) -> None:
@@ -91,7 +94,7 @@ class TelemetryPublisher:
             *(vehicle.link_state(now), vehicle.snapshot.armed, vehicle.mode, mission_id),
             *(vehicle.warning, stale(vehicle, now)),
         )
-        every_s = UPDATE_EVERY_S if vehicle.is_reachable(now) else UPDATE_LOST_EVERY_S
+        every_s = self.update_every_s if vehicle.is_reachable(now) else UPDATE_LOST_EVERY_S
         due = self._updated_at is None or now - self._updated_at >= every_s
         if not due and change == self._last_update:
             return
@@ -142,9 +145,15 @@ def description(vehicle: Vehicle, mission_id: int | None, now: float) -> dict[st
             "longitude": snapshot.position.longitude_deg,
             "altitude": snapshot.position.altitude_m,
             "position_age": None if age_s is None else round(max(0.0, age_s), 1),
+            "speed": round(snapshot.position.speed_m_s, 2),
         }
+    if snapshot.attitude is not None:
+        body["heading"] = round(snapshot.attitude.yaw_deg, 1) % 360.0
+    if snapshot.gps is not None:
+        body |= {"gps_fix": snapshot.gps.fix, "satellites": snapshot.gps.satellites}
     if snapshot.battery_fraction is not None:
         body["battery_percentage"] = snapshot.battery_fraction
+        body["battery_time_remaining"] = snapshot.battery_time_s
     return body
 
 

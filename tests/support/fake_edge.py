@@ -29,6 +29,7 @@ class FakeEdge:
         self._new: list[dict[str, Any]] = []
         self._acceptance_results: list[AcceptanceResult] = []
         self.dead_letters: dict[int, int] = {}  # By vehicle
+        self.update_intervals: dict[int, float] = {}  # By vehicle
         self.is_stalled = False  # Stores nothing: what is posted is lost if the broker is killed
         self.answers_acceptances = True  # False while it is slow or unreachable
 
@@ -142,6 +143,10 @@ class FakeEdge:
         return results
 
     waiting_pictures = 0
+
+    def update_interval_of(self, vehicle_id: int) -> float | None:
+        """What a test has set."""
+        return self.update_intervals.get(vehicle_id)
 
     def dead_letters_of(self, vehicle_id: int) -> int:
         """Give what the test has set."""

@@ -42,6 +42,12 @@ class Live:
         self.watcher = watcher
 
 
+def is_watched() -> bool:
+    """Whether somebody watches the farm now."""
+    live: Live | None = current_app.extensions.get(EXTENSION)
+    return live is not None and live.watcher.is_watched
+
+
 def blueprint() -> Blueprint:
     """Make the route."""
     routes = Blueprint("live", __name__)

@@ -1,6 +1,6 @@
 """`/vehicles/`: the registry of vehicles."""
 
-from typing import Any
+from typing import Any, Final
 
 from flask import Blueprint, make_response, url_for
 from flask.typing import ResponseReturnValue
@@ -11,6 +11,7 @@ from edge_server.api import bodies, etags, schemas, urls
 from edge_server.api.access import scopes
 from edge_server.api.access.auth import ADMIN, PLANNERS, READERS, allow, audit, broker, caller
 from edge_server.api.contract import Contract, describe
+from edge_server.api.routes import live
 from edge_server.services.fleet import vehicle_holds, vehicles
 from edge_server.services.fleet.vehicles import VehicleState
 from edge_server.store.rows.keys import Role
@@ -22,6 +23,8 @@ class Release(Model):
     reason: ShortText
 
 
+WATCHED_UPDATE_S: Final = 0.4
+"""Interval of the updates that a broker is asked for while somebody watches."""
 NAMES = ("vehicles", "vehicle")
 ITEM = "int64:vehicle_id"
 
@@ -58,7 +61,7 @@ def get(vehicle_id: int) -> ResponseReturnValue:
     Contract({200: schemas.Vehicle, 201: schemas.Vehicle}, body=VehicleState, conditional=True)
 )
 def put(vehicle_id: int) -> ResponseReturnValue:
-    """Register or update a vehicle."""
+    """Register or update a vehicle; while somebody watches, the answer has an `Update-Interval`."""
     state = bodies.model(VehicleState)
     if not 1 <= vehicle_id <= INT32_MAX:
         raise InvalidError((Fault("vehicle_id", f"must be 1 to {INT32_MAX}"),))
@@ -69,6 +72,8 @@ def put(vehicle_id: int) -> ResponseReturnValue:
     if caller().role != Role.BROKER:
         audit(f"put vehicle {vehicle_id}")
     response = make_response(etags.tagged(stored, 201 if is_new else 200))
+    if live.is_watched():
+        response.headers["Update-Interval"] = f"{WATCHED_UPDATE_S:g}"
     if is_new:
         response.headers["Location"] = url_for("vehicles.get", vehicle_id=vehicle_id)
     return response

@@ -7,6 +7,7 @@ from sqlalchemy import Connection
 
 from afarcloud.numbers import (
     Boolean,
+    Byte,
     Fraction,
     Int32,
     Latitude,
@@ -15,6 +16,7 @@ from afarcloud.numbers import (
     Number,
     ShortText,
     Time,
+    Yaw,
     json_number,
 )
 from edge_server.archive import flights
@@ -26,14 +28,15 @@ from edge_server.store.rows import vehicle_holds, vehicles, work
 from edge_server.store.rows.vehicle_holds import VehicleHold
 from edge_server.store.rows.vehicles import Contact, StoredVehicle
 
-Age = Annotated[float, Field(ge=0), BeforeValidator(json_number)]
+NotNegative = Annotated[float, Field(ge=0), BeforeValidator(json_number)]
 
 
 class VehicleState(Model):
     """State of a vehicle that a broker reports; altitude in metres above home.
 
     `position_age` is the age of the position at that time, in seconds; `stale` names what has not
-    been received for some time.
+    been received for some time. `speed` is the length of the velocity [m/s], `heading` in degrees
+    clockwise from north, `battery_time_remaining` the vehicle's own estimate [s].
     """
 
     link_state: Literal["connected", "stale", "lost"]
@@ -47,7 +50,12 @@ class VehicleState(Model):
     mission_id: Int32 | None = None
     family: ShortText | None = None
     version: ShortText | None = None
-    position_age: Age | None = None
+    position_age: NotNegative | None = None
+    speed: NotNegative | None = None
+    heading: Yaw | None = None
+    gps_fix: ShortText | None = None
+    satellites: Byte | None = None
+    battery_time_remaining: NotNegative | None = None
     stale: Annotated[tuple[ShortText, ...], Field(max_length=16)] | None = None
     warning: ShortText | None = None
     recorded_at: Time | None = None

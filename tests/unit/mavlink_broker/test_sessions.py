@@ -38,6 +38,30 @@ class TestTheRegistry:
         assert row["stale"] == []
         assert row["warning"] is None
 
+    def test_shows_heading_speed_and_gps(self) -> None:
+        world = World()
+        world.add_vehicle(script=COPTER_4_6)
+        world.run(12.0)
+        row = registered(world)
+        assert 0.0 <= row["heading"] < 360.0
+        assert row["speed"] == pytest.approx(0.0, abs=0.1)
+
+    def test_is_updated_as_often_as_the_edge_server_requests(self) -> None:
+        world = World()
+        world.add_vehicle()
+        world.run(12.0)
+        world.edge.update_intervals[1] = 0.4
+        world.run(1.0)
+        before = len(world.edge.bodies("/vehicles/1"))
+        world.run(10.0)
+        updates = len(world.edge.bodies("/vehicles/1")) - before
+        assert 20 <= updates <= 26
+        del world.edge.update_intervals[1]
+        world.run(1.0)
+        before = len(world.edge.bodies("/vehicles/1"))
+        world.run(10.0)
+        assert 4 <= len(world.edge.bodies("/vehicles/1")) - before <= 7
+
     def test_shows_a_frozen_position_as_old_while_the_vehicle_is_connected(self) -> None:
         """Its heartbeats arrive and its position is old: the position does not look fresh."""
         world = World()

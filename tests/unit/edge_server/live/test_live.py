@@ -85,6 +85,14 @@ def test_a_viewer_sees_a_vehicle_move_and_its_plan_arrive(server: Program) -> No
         assert again.next("vehicle")["link_state"] == "lost"
 
 
+def test_a_broker_is_asked_for_frequent_updates_while_somebody_watches(server: Program) -> None:
+    state = {"link_state": "connected"}
+    with closing((viewer := Viewer(server)).sock):
+        viewer.next("snapshot")
+        answer = send(server, "PUT", "/vehicles/1", state, "broker")
+        assert 0.2 <= float(answer.headers["Update-Interval"]) <= 0.5
+
+
 def test_without_a_key_there_is_no_stream(server: Program) -> None:
     with closing((viewer := Viewer(server, key="wrong")).sock):
         assert "401" in viewer.head.split("\r\n")[0]

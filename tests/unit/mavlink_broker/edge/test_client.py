@@ -24,7 +24,7 @@ from mavlink_broker.edge.outbox import Post, Urgency
 from mavlink_broker.edge.posts import post_for
 from mavlink_broker.edge.spool import Spool
 from mavlink_broker.edge.work import AcceptanceResult
-from mavlink_broker.effects import Acknowledgement
+from mavlink_broker.effects import Acknowledgement, VehicleUpdate
 from tests.support import spooled_posts
 from tests.support.broker_world import first_flight
 from tests.support.certificates import Authority
@@ -490,6 +490,39 @@ def test_the_steps_between_exchanges_need_no_thread(tmp_path: Path) -> None:
     assert client.take_answer(client.next_poll(), work) is Pause.NONE
     assert client.take_work() == [{"id": 3, "vehicle_id": 1}]
     assert client.next_poll().path.startswith("/broker/commands?after=3&")
+
+
+@pytest.mark.parametrize(
+    ("header", "interval_s"),
+    [
+        ("0.4", 0.4),
+        ("0", 0.2),
+        (None, None),
+        ("nan", None),
+        ("-1", None),
+        ("1e9", None),
+        ("9999", None),
+        ("٤", None),
+        ("", None),
+    ],
+)
+def test_the_answer_to_an_update_sets_the_interval_of_the_next_ones(
+    tmp_path: Path, header: str | None, interval_s: float | None
+) -> None:
+    client = EdgeClient(NOWHERE, tmp_path / "key", Woken(), clock=lambda: 0.0)
+
+    def update(answer: Answer | Exception) -> float | None:
+        message = VehicleUpdate(1, {"link_state": "connected"})
+        client.post(post_for(message, vehicle_id=1, recorded_at=datetime.now(UTC), key="key"))
+        post = client.take_post()
+        assert post is not None
+        client.settle(post, answer)
+        return client.update_interval_of(1)
+
+    assert update(Answer(200, b"{}", header)) == interval_s
+    assert client.update_interval_of(2) is None
+    assert update(Answer(200, b"{}", "1.5")) == 1.5
+    assert update(requests.ConnectionError("cut off")) is None
 
 
 def test_a_post_without_an_answer_is_taken_again_after_its_pause(tmp_path: Path) -> None:

@@ -80,6 +80,33 @@ def test_battery_percentage_is_a_fraction() -> None:
     assert report.capacity == 5.2
 
 
+@pytest.mark.parametrize(("sent_s", "known_s"), [(600, 600.0), (0, None), (-5, None)])
+def test_the_battery_time_is_the_estimate_of_the_vehicle(
+    sent_s: int, known_s: float | None
+) -> None:
+    status = battery_status(80)
+    status.time_remaining = sent_s
+    assert seen(status).battery_time_s == known_s
+
+
+@pytest.mark.parametrize(
+    ("fix_type", "satellites", "known"),
+    [
+        (3, 14, ("3d", 14)),
+        (6, 30, ("rtk_fixed", 30)),
+        (1, 255, ("none", None)),
+        (99, 0, ("unknown", 0)),
+    ],
+)
+def test_the_quality_of_the_gps_is_named(
+    fix_type: int, satellites: int, known: tuple[str, int | None]
+) -> None:
+    message = mavlink.MAVLink_gps_raw_int_message(
+        0, fix_type, 0, 0, 0, 65535, 65535, 0, 0, satellites
+    )
+    assert seen(message).gps == known
+
+
 def test_only_the_first_battery_counts() -> None:
     assert seen(battery_status(80), battery_status(10, number=1)).battery_fraction == 0.8
 

@@ -40,6 +40,10 @@ def test_an_absent_member_stays_and_a_null_replaces_it(edge: Edge) -> None:
     assert shown["updated_at"] > shown["registered_at"]
 
 
+def test_without_a_watcher_updates_come_at_the_usual_interval(edge: Edge) -> None:
+    assert "Update-Interval" not in edge.ask("PUT", "/vehicles/1", "broker", json=STATE).headers
+
+
 def test_a_vehicle_shows_the_age_of_its_position(edge: Edge) -> None:
     known = {
         "family": "ardupilot",
@@ -47,6 +51,11 @@ def test_a_vehicle_shows_the_age_of_its_position(edge: Edge) -> None:
         "position_age": 12.5,
         "stale": ["position", "battery"],
         "warning": "a second vehicle has this system id",
+        "speed": 4.5,
+        "heading": 271.5,
+        "gps_fix": "3d",
+        "satellites": 14,
+        "battery_time_remaining": 720.0,
     }
     edge.ask("PUT", "/vehicles/1", "broker", json=STATE | known)
     assert known.items() <= edge.get("/vehicles/1").items()
@@ -58,6 +67,10 @@ def test_a_vehicle_shows_the_age_of_its_position(edge: Edge) -> None:
     [
         ({"position_age": -1}, "position_age"),
         ({"stale": "position"}, "stale"),
+        ({"speed": -1}, "speed"),
+        ({"heading": 360}, "heading"),
+        ({"satellites": 256}, "satellites"),
+        ({"battery_time_remaining": -1}, "battery_time_remaining"),
         ({"version": 4}, "version"),
         ({"link_state": "fine"}, "link_state"),
         ({"latitude": 91}, "latitude"),
