@@ -127,6 +127,13 @@ def alarms(
     ).fetchall()
 
 
+def latest_alarms(connection: sqlite3.Connection, since_s: float, limit: int) -> list[Row]:
+    """List alarms received from a time [s since 1970], newest first."""
+    return connection.execute(
+        "SELECT * FROM alarm WHERE received_at >= ? ORDER BY id DESC LIMIT ?", (since_s, limit)
+    ).fetchall()
+
+
 def alarm(connection: sqlite3.Connection, alarm_id: int) -> Row | None:
     """Find an alarm."""
     found: Row | None = connection.execute(

@@ -13,17 +13,19 @@ class Farm(NamedTuple):
     missions: Mapping[int, Row]
     """Those that have not ended, and the latest of the others."""
     events: Mapping[int, Row]
+    alarms: Mapping[int, Row]
+    """The latest ones of the flight archive."""
     uplink: Row
 
 
-NOTHING = Farm({}, {}, {}, {})
+NOTHING = Farm({}, {}, {}, {}, {})
 
 
 def differences(before: Farm, after: Farm) -> Iterator[tuple[str, int | None, Any]]:
     """Give what has changed: the name of the event, the vehicle that it is about, its object.
 
-    A vehicle that was deleted is `vehicle_removed`. A mission or event that is no longer among the
-    latest has not changed.
+    A vehicle that was deleted is `vehicle_removed`. A mission, event or alarm that is no
+    longer among the latest has not changed.
     """
     for vehicle_id in before.vehicles.keys() - after.vehicles.keys():
         yield "vehicle_removed", vehicle_id, {"vehicle_id": vehicle_id}
@@ -31,6 +33,7 @@ def differences(before: Farm, after: Farm) -> Iterator[tuple[str, int | None, An
         ("vehicle", before.vehicles, after.vehicles),
         ("mission", before.missions, after.missions),
         ("event", before.events, after.events),
+        ("alarm", before.alarms, after.alarms),
     ):
         for identifier, row in new.items():
             if old.get(identifier) != row:
@@ -51,5 +54,6 @@ def snapshot(farm: Farm, vehicle_ids: frozenset[int] | None) -> dict[str, Any]:
         "vehicles": permitted(farm.vehicles),
         "missions": permitted(farm.missions),
         "events": permitted(farm.events),
+        "alarms": permitted(farm.alarms),
         "uplink": farm.uplink,
     }

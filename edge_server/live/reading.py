@@ -1,5 +1,6 @@
 """Reads the state of the farm from the database."""
 
+import logging
 import time
 from collections.abc import Callable
 from typing import Any, Final
@@ -8,13 +9,16 @@ from afarcloud.enumerations import Status
 from edge_server import relay_health
 from edge_server.live.farm import Farm, Row
 from edge_server.outbox import counts
+from edge_server.services import flight_archive
 from edge_server.services.context import Context
+from edge_server.services.errors import UnavailableError
 from edge_server.services.fleet import events as event_service
 from edge_server.services.fleet import vehicles
 from edge_server.store.rows import events, work
 
+LOG = logging.getLogger(__name__)
 RECENT_S: Final = 600.0
-"""Missions and events stay in the complete state so long after their end."""
+"""Missions, events and alarms stay in the complete state so long after their end."""
 MOST_ROWS: Final = 200
 UPLINK_PERIOD_S: Final = 5.0
 """Counting the records that wait takes longer the more there are."""
@@ -24,9 +28,10 @@ def reader(context: Context) -> Callable[[], Farm]:
     """Make the function that reads the state of the farm."""
     uplink: Row = {}
     uplink_at = float("-inf")
+    alarms: dict[int, Row] = {}
 
     def read() -> Farm:
-        nonlocal uplink, uplink_at
+        nonlocal uplink, uplink_at, alarms
         if time.monotonic() >= uplink_at:
             uplink, uplink_at = _uplink(context), time.monotonic() + UPLINK_PERIOD_S
         since = context.clock() - RECENT_S
@@ -38,10 +43,16 @@ def reader(context: Context) -> Callable[[], Farm]:
                 _mission(item, work.commands(connection, item.id))
                 for item in work.recent_missions(connection, ended_since=since, limit=MOST_ROWS)
             ]
+        try:
+            recent = flight_archive.recent_alarms(context, since, MOST_ROWS)
+            alarms = {row["id"]: row for row in recent}
+        except UnavailableError as error:
+            LOG.warning("the live stream shows no new alarms: %s", error)
         return Farm(
             vehicles={row["vehicle_id"]: row for row in vehicles.everyone(context)},
             missions={row["id"]: row for row in missions},
             events={one.id: event_service.show(one) for one in stored},
+            alarms=alarms,
             uplink=uplink,
         )
 

@@ -53,6 +53,7 @@ interface Snapshot {
   vehicles: Vehicle[];
   missions: MissionChange[];
   events?: StoredEvent[];
+  alarms?: Alarm[];
   uplink: UplinkRow | null;
 }
 
@@ -71,6 +72,7 @@ export function apply(state: LiveState, type: string, data: unknown, nowMs: numb
         vehicles: new Map(all.vehicles.map((one) => [one.vehicle_id, track(state, one, nowMs)])),
         missions: new Map(all.missions.map((one) => [missionKey(one), one])),
         events: new Map((all.events ?? []).map((one) => [one.id, one])),
+        alarms: new Map((all.alarms ?? []).map((one) => [one.id, one])),
         uplink: uplinkOf(all.uplink),
         missionChanges: state.missionChanges + 1,
       };

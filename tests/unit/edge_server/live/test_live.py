@@ -11,7 +11,7 @@ import pytest
 import requests
 
 from tests.support.polling import PATIENCE_S, wait_until
-from tests.unit.edge_server.documents import plan
+from tests.unit.edge_server.documents import plan, telemetry
 from tests.unit.edge_server.program import Program, program_in
 
 
@@ -83,6 +83,22 @@ def test_a_viewer_sees_a_vehicle_move_and_its_plan_arrive(server: Program) -> No
     send(server, "PUT", "/vehicles/1", {"link_state": "lost"}, "broker")
     with closing((again := Viewer(server, last_id)).sock):
         assert again.next("vehicle")["link_state"] == "lost"
+
+
+def test_a_viewer_sees_an_alarm_and_who_acknowledges_it(server: Program) -> None:
+    send(server, "PUT", "/vehicles/1", {"link_state": "connected"}, "broker")
+    with closing((viewer := Viewer(server)).sock):
+        known = [one["id"] for one in viewer.next("snapshot")["alarms"]]
+        body = telemetry("alarm", 1)
+        assert send(server, "POST", "/alarm/", body, "broker").status_code == 201
+        alarm = viewer.next("alarm")
+        assert alarm["id"] not in known
+        assert (alarm["vehicle_id"], alarm["acknowledged_at"]) == (1, None)
+        path = f"/alarms/history/{alarm['id']}/acknowledge"
+        assert send(server, "POST", path, None, "operator").status_code == 200
+        assert viewer.next("alarm")["acknowledged_by"]
+    with closing((again := Viewer(server)).sock):
+        assert alarm["id"] in [one["id"] for one in again.next("snapshot")["alarms"]]
 
 
 def test_a_broker_is_asked_for_frequent_updates_while_somebody_watches(server: Program) -> None:
