@@ -4,7 +4,7 @@
 cores), `speed` (how fast it is simulated), `system` (the running programs), `links`
 (files over MAVLink), `missions` (their upload, by a tight client and by the broker), `edge` (what
 the edge server takes in and sends on), `hostile` (the same among bad clients and behind a bad
-network). Without it, all.
+network), `console` (how fast its STOP acts, and what its viewers cost). Without it, all.
 """
 
 import os
@@ -16,6 +16,7 @@ from typing import Final
 
 from tests.bench import (
     broker_upload,
+    console,
     edge,
     edge_hostile,
     flight_quality,
@@ -46,6 +47,7 @@ PARTS: Final[Mapping[str, Callable[[], Iterable[Result]]]] = {
     "missions": _missions,
     "edge": edge.measure,
     "hostile": edge_hostile.measure,
+    "console": console.measure,
 }
 
 
