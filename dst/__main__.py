@@ -12,6 +12,7 @@ from pathlib import Path
 
 from dst.edge_process import prepared_folder
 from dst.faults import Fault
+from dst.report import text_of
 from dst.simulate import Outcome, shrink, simulate
 
 MEMORY = Path("/dev/shm")  # noqa: S108  # a folder of its own is made in it
@@ -59,7 +60,7 @@ def _replay(
     if must_shrink and outcome.failure is not None:
         outcome = shrink(outcome, lambda fewer: run(faults=fewer))
     print(*outcome.lines, sep="\n")
-    print(_text(outcome))
+    print(text_of(outcome))
     return outcome.failure is not None
 
 
@@ -71,7 +72,7 @@ def _run_all(
         for outcome in pool.imap_unordered(run, seeds):
             outcomes.append(outcome)
             if outcome.failure is not None:
-                print(_text(outcome, options.hours), flush=True)
+                print(text_of(outcome, options.hours), flush=True)
     failed = sum(outcome.failure is not None for outcome in outcomes)
     simulated_s = sum(outcome.simulated_s for outcome in outcomes)
     cpu_s = sum(outcome.cpu_s for outcome in outcomes)
@@ -83,17 +84,6 @@ def _run_all(
         f"{flight_s / 3600:.2f} flight hours, {flight_s / cpu_s:.1f} per hour and core"
     )
     return failed > 0
-
-
-def _text(outcome: Outcome, hours: float = 0.0) -> str:
-    """Describe an outcome, with the command that replays it."""
-    faults = ",".join(sorted(outcome.faults)) or "none"
-    duration = f" HOURS={hours:g}" if hours else ""
-    return (
-        f"seed {outcome.seed}: {outcome.failure or 'every law holds'}\n"
-        f"  trace {outcome.digest[:16]}, {outcome.simulated_s:.0f} s\n"
-        f"  make dst SEED={outcome.seed} FAULTS={faults}{duration}"
-    )
 
 
 if __name__ == "__main__":

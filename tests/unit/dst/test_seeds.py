@@ -1,0 +1,63 @@
+"""Every law holds in every seed; one that fails prints the command that replays it."""
+
+import logging
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from random import SystemRandom
+
+import pytest
+
+from dst.edge_process import prepared_folder
+from dst.report import text_of
+from dst.simulate import simulate
+
+FIXED = range(1, 5)
+MORE = range(5, 45)
+DAYS = range(1, 4)
+FRESH = 1
+LARGEST_SEED = 10**6
+IS_CI = bool(os.environ.get("CI"))
+"""Whether a change decides over the result, not chance."""
+
+
+@pytest.fixture(scope="module")
+def prepared(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return prepared_folder(tmp_path_factory.mktemp("prepared") / "state")
+
+
+@pytest.fixture(autouse=True)
+def _quiet() -> Iterator[None]:
+    """Log nothing: faults are expected here, thousands of them."""
+    logging.disable(logging.CRITICAL)
+    yield
+    logging.disable(logging.NOTSET)
+
+
+def check(seed: int, prepared: Path, hours: float = 0.0) -> None:
+    outcome = simulate(seed, prepared, hours=hours)
+    assert outcome.failure is None, text_of(outcome, hours)
+    assert outcome.plans > 0
+
+
+@pytest.mark.parametrize("seed", FIXED)
+def test_every_law_holds(seed: int, prepared: Path) -> None:
+    check(seed, prepared)
+
+
+@pytest.mark.skipif(IS_CI, reason="the same seeds at every run of CI")
+def test_every_law_holds_in_a_seed_that_nobody_has_seen(prepared: Path) -> None:
+    for _ in range(FRESH):
+        check(SystemRandom().randrange(LARGEST_SEED), prepared)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("seed", MORE)
+def test_every_law_holds_in_more_seeds(seed: int, prepared: Path) -> None:
+    check(seed, prepared)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("seed", DAYS)
+def test_every_law_holds_on_days_of_the_farm(seed: int, prepared: Path) -> None:
+    check(seed, prepared, hours=24.0)
