@@ -34,6 +34,21 @@ POLL_S: Final = 0.5
 """How often a long poll looks for new work."""
 LONG_POLL_S: Final = 20.0
 SENDERS: Final = 2
+STALL_S: Final = 10.0
+"""How long a client waits for an answer that does not come."""
+FOREIGN_ANSWERS: Final = (
+    Answer(200, b"<html>Please sign in to the network</html>"),
+    Answer(200, b""),
+    Answer(200, b"null"),
+    Answer(302, b""),
+    Answer(400, b"<html>Bad request</html>"),
+    Answer(404, b"<html>Not found</html>"),
+    Answer(409, b""),
+    Answer(429, b"slow down"),
+    Answer(500, b"<html>Internal error</html>"),
+    Answer(502, b"<html>Bad gateway</html>"),
+    Answer(503, b""),
+)
 STATE_VECTOR_S: Final = 30.0
 
 
@@ -47,6 +62,9 @@ class EdgeHttp:
         self.is_up = True
         self.request_loss = 0.0
         self.answer_loss = 0.0
+        self.stall_rate = 0.0
+        self.foreign_rate = 0.0
+        """How often somebody else answers: a proxy, a captive portal."""
         self.delay_s = 0.005
         self.on_taken: Callable[[Post, Answer], None] = lambda _post, _answer: None
         """Called when the edge server has answered a post, whether or not the answer arrives."""
@@ -67,6 +85,10 @@ class EdgeHttp:
             if not self.is_up or self._random.random() < self.request_loss:
                 fail("no connection")
                 return
+            if self._random.random() < self.foreign_rate:
+                foreign = self._random.choice(FOREIGN_ANSWERS)
+                self._scheduler.after(self.delay_s, lambda: settle(foreign))
+                return
             body, headers = (None, {}) if post is None else (post.body, headers_of(post))
             try:
                 response = self.edge.request(method, path, "broker", body, headers)
@@ -81,6 +103,9 @@ class EdgeHttp:
                 self.on_taken(post, answer)
             if self._random.random() < self.answer_loss:
                 fail("the answer is cut off")
+                return
+            if self._random.random() < self.stall_rate:
+                self._scheduler.after(STALL_S, lambda: fail("no answer in time"))
                 return
             self._scheduler.after(self.delay_s, lambda: settle(answer))
 

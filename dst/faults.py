@@ -28,6 +28,8 @@ class Fault(StrEnum):
     LINK_DOWN = "link-down"
     EDGE_REQUESTS_LOST = "edge-requests-lost"
     EDGE_ANSWERS_LOST = "edge-answers-lost"
+    EDGE_ANSWERS_STALLED = "edge-answers-stalled"
+    EDGE_ANSWERS_FOREIGN = "edge-answers-foreign"
     EDGE_UNREACHABLE = "edge-unreachable"
     CLOUD_UNREACHABLE = "cloud-unreachable"
     CLOUD_ANSWERS_LOST = "cloud-answers-lost"
@@ -77,6 +79,7 @@ class Faults:
             path.conditions, path.is_up = PERFECT, True
         world.http.is_up = world.cloud.is_up = True
         world.http.request_loss = world.http.answer_loss = world.cloud.answer_loss = 0.0
+        world.http.stall_rate = world.http.foreign_rate = 0.0
         for process in self._processes.values():
             if not process.is_up:
                 process.start()
@@ -111,6 +114,8 @@ class Faults:
             path.conditions = conditions
         world.http.request_loss = rate(Fault.EDGE_REQUESTS_LOST)
         world.http.answer_loss = rate(Fault.EDGE_ANSWERS_LOST)
+        world.http.stall_rate = rate(Fault.EDGE_ANSWERS_STALLED) / 4.0
+        world.http.foreign_rate = rate(Fault.EDGE_ANSWERS_FOREIGN)
         world.cloud.answer_loss = rate(Fault.CLOUD_ANSWERS_LOST)
 
     def _schedule(self) -> None:

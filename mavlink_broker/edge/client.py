@@ -9,6 +9,8 @@ steps between, which take no time. A simulation calls them without threads.
 
 A vehicle's work is held back while reports of an earlier run about it wait: what the edge server
 states of a mission is true only when it has received every report about it.
+
+ForeignAnswerError  somebody else answered in the place of the edge server
 """
 
 import logging
@@ -49,6 +51,8 @@ RETRY_WORK_S: Final = 0.5
 SHORTEST_UPDATE_S: Final = 0.2
 """A vehicle sends its position five times a second."""
 _INTERVAL: Final = re.compile(r"[0-9]{1,3}(\.[0-9]{1,6})?", re.ASCII)
+_REFUSALS: Final = HTTPStatus.BAD_REQUEST
+"""Status codes from here on."""
 MAX_LOGGED_CHARACTERS: Final = 500
 """Of a refusal's text."""
 
@@ -57,6 +61,10 @@ _WITHDRAWN: Final = frozenset({HTTPStatus.NOT_FOUND, HTTPStatus.CONFLICT, HTTPSt
 _KNOWN: Final = "Idempotency-Key was used"
 """The edge server's refusal of another body under a key that it has received before."""
 _LOG = logging.getLogger(__name__)
+
+
+class ForeignAnswerError(requests.RequestException):
+    """Somebody else answered in the place of the edge server."""
 
 
 class Poll(NamedTuple):
@@ -328,7 +336,12 @@ class EdgeClient:
             return self._outbox.take(self._clock())
 
     def settle(self, post: Post, answer: Answer | Exception) -> None:
-        """Take the answer to a post, or why there was none."""
+        """Take the answer to a post, or why there was none.
+
+        A success of anybody else than the edge server, such as a captive portal, is no answer; a
+        refusal, such as a proxy's, is not final.
+        """
+        answer, is_own = _examined(answer)
         status, text, is_dead = None, "", False
         if isinstance(answer, Exception):
             text = str(answer)[:MAX_LOGGED_CHARACTERS]
@@ -337,10 +350,11 @@ class EdgeClient:
             status, text = answer.status_code, answer.text[:MAX_LOGGED_CHARACTERS]
             self._set_reachable(is_reachable=True)
         reason = text if status is None else f"HTTP {status} {text}"
+        is_settled = is_own and status is not None and is_final(status)
         if post.lane == VEHICLE_LANE:
             self._note_update_interval(post.vehicle_id, answer)
         with self._changed:
-            if status is None or not is_final(status):
+            if status is None or not is_settled:
                 is_dead = self._outbox.failed(
                     post,
                     self._clock(),
@@ -360,7 +374,7 @@ class EdgeClient:
         if is_dead:
             self._given_up(post, status, text)
             return
-        if status is None or not is_final(status):
+        if status is None or not is_settled:
             return
         if status >= HTTPStatus.BAD_REQUEST:
             self._log_refusal(post, status, text)
@@ -434,6 +448,23 @@ def _acceptance_result(work_id: int, status: int | None, text: str) -> Acceptanc
     answer = text if status is None else f"HTTP {status} {text}"
     reason = f"the edge server did not take the acceptance: {answer}"
     return AcceptanceResult(work_id, is_confirmed=False, reason=reason, has_failed=True)
+
+
+def _examined(answer: Answer | Exception) -> tuple[Answer | Exception, bool]:
+    """Give an answer, and whether it is the edge server's: its answers are JSON objects.
+
+    A success or redirection of somebody else becomes an error.
+    """
+    if isinstance(answer, Exception):
+        return answer, False
+    try:
+        if isinstance(answer.json(), dict):
+            return answer, True
+    except requests.RequestException as error:
+        _LOG.debug("an answer is not JSON: %s", error)
+    if answer.status_code >= _REFUSALS:
+        return answer, False
+    return ForeignAnswerError(f"HTTP {answer.status_code} is not of the edge server"), False
 
 
 def _loses_nothing(post: Post, status: int, text: str) -> bool:

@@ -492,6 +492,25 @@ def test_the_steps_between_exchanges_need_no_thread(tmp_path: Path) -> None:
     assert client.next_poll().path.startswith("/broker/commands?after=3&")
 
 
+@pytest.mark.parametrize("body", [b"<html>Please sign in</html>", b"", b"null", b"[]", b'{"id": 1'])
+@pytest.mark.parametrize("status", [200, 201, 204, 302, 400, 404, 409, 422])
+def test_an_answer_of_somebody_else_settles_nothing(
+    tmp_path: Path, status: int, body: bytes
+) -> None:
+    now = [0.0]
+    client = EdgeClient(NOWHERE, tmp_path / "key", Woken(), clock=lambda: now[0])
+    message = Acknowledgement(5, "accepted")
+    client.post(post_for(message, vehicle_id=1, recorded_at=datetime.now(UTC), key="key"))
+    post = client.take_post()
+    assert post is not None
+    client.settle(post, Answer(status, body))
+    assert client.take_acceptance_results() == []
+    now[0] += 10.0
+    assert client.take_post() is post
+    client.settle(post, Answer(200, b"{}"))
+    assert client.take_acceptance_results() == [AcceptanceResult(5, is_confirmed=True)]
+
+
 @pytest.mark.parametrize(
     ("header", "interval_s"),
     [
