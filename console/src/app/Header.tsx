@@ -27,7 +27,7 @@ export function Header({ stop }: { stop: () => void }) {
         type="button"
         className="header-person"
         onClick={() => setOpen(true)}
-        aria-label={t("settings.title")}
+        aria-label={`${t("settings.title")}: ${session.name}`}
       >
         <Icon name="settings" />
         <span>{session.name}</span>

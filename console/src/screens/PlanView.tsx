@@ -124,6 +124,7 @@ function PlanActions({ plan, reload }: { plan: Plan; reload: () => void }) {
   return (
     <>
       {error && <ErrorNotice error={error} />}
+      {!isOperator && isWaiting && <Notice kind="info">{t("plans.operator_only")}</Notice>}
       <div className="actions">
         {isHeld && isOperator && (
           <Button kind="primary" icon="flight" onClick={() => setQuestion("dispatch")}>

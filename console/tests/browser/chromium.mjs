@@ -1,0 +1,82 @@
+/** An installed Chromium, what each journey needs of it, and what is kept when a journey fails. */
+import { mkdirSync, readFileSync } from "node:fs";
+import { createRequire } from "node:module";
+import { join } from "node:path";
+import { chromium } from "playwright-core";
+
+const AXE = readFileSync(createRequire(import.meta.url).resolve("axe-core/axe.min.js"), "utf8");
+const TAGS = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa"];
+const PATIENCE_MS = 120_000;
+/** The map is drawn without a graphics card; nothing but the edge server is asked. */
+const ARGUMENTS = [
+  "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-dev-shm-usage",
+  "--disable-background-networking", "--disable-component-update", "--disable-sync",
+];
+
+/** Starts the browser that CHROMIUM names. */
+export function startBrowser() {
+  return chromium.launch({
+    executablePath: process.env.CHROMIUM ?? "/usr/bin/chromium",
+    args: ARGUMENTS,
+  });
+}
+
+/** Takes a person through the console in a browser profile of their own.
+ *
+ * Errors of the page fail the journey. A failure keeps a picture and a trace in the folder OUT.
+ */
+export async function journey(browser, name, act, options = {}) {
+  const context = await browser.newContext({
+    viewport: { width: 1280, height: 800 }, locale: "en-GB", ...options,
+  });
+  context.setDefaultTimeout(PATIENCE_MS);
+  await context.tracing.start({ snapshots: true });
+  const page = await context.newPage();
+  const errors = [];
+  page.on("pageerror", (error) => errors.push(String(error)));
+  page.on("console", (message) => {
+    if (/Content Security Policy/.test(message.text())) errors.push(message.text());
+  });
+  try {
+    await act(page);
+    if (errors.length > 0) throw new Error(`errors of the page:\n${errors.join("\n")}`);
+    await context.tracing.stop();
+  } catch (error) {
+    const folder = process.env.OUT ?? ".";
+    mkdirSync(folder, { recursive: true });
+    await page.screenshot({ path: join(folder, `${name}.png`), timeout: 20_000 }).catch(() => undefined);
+    await context.tracing.stop({ path: join(folder, `${name}-trace.zip`) });
+    console.error(`${name}, at ${page.url().replace(/#.*/, "")}:`);
+    throw error;
+  } finally {
+    await context.close();
+  }
+}
+
+/** Requires that axe finds no violation of WCAG 2.2 AA on the screen as it is. */
+export async function requireAccessible(page, screen) {
+  // Colours that still move from one state to the other are neither
+  await page.waitForFunction(() =>
+    document.getAnimations().every((one) => one.effect?.getComputedTiming().endTime === Infinity || one.playState !== "running"));
+  await page.evaluate(AXE);
+  const { violations } = await page.evaluate(
+    (values) => globalThis.axe.run(document, { runOnly: { type: "tag", values } }), TAGS);
+  const lines = violations.flatMap(({ id, help, nodes }) =>
+    nodes.map((node) => `  ${id}: ${help}\n    ${node.html}\n    ${node.failureSummary}`));
+  if (lines.length > 0) throw new Error(`axe on ${screen}:\n${lines.join("\n")}`);
+  console.log(`axe: nothing on ${screen}`);
+}
+
+/** Holds a button until something shows that it has acted. */
+export async function hold(page, button, outcome) {
+  await button.hover();
+  await page.mouse.down();
+  await outcome.first().waitFor();
+  await page.mouse.up();
+}
+
+/** Waits until a slider is above a value. */
+export async function waitUntilAbove(page, slider, value) {
+  const element = await slider.elementHandle();
+  await page.waitForFunction(([input, low]) => Number(input.value) > low, [element, value]);
+}

@@ -1,0 +1,92 @@
+/** A farmer uploads a plan and may not fly it; an operator flies it, stops it and replays it.
+ *
+ *     node tests/browser/fly_and_stop.mjs
+ *
+ * FARMER_LINK and OPERATOR_LINK sign each in, PLAN is the file, OUT takes what a failure leaves.
+ */
+import { hold, journey, requireAccessible, startBrowser, waitUntilAbove } from "./chromium.mjs";
+
+const { FARMER_LINK, OPERATOR_LINK, PLAN } = process.env;
+const NAME = "Stopped on its way";
+const screenLink = (page, name) => page.getByRole("navigation").getByRole("link", { name });
+
+async function uploadAsFarmer(page) {
+  await page.goto(FARMER_LINK);
+  await screenLink(page, "Plans").click();
+  await page.getByRole("button", { name: "Upload a file" }).click();
+  await page.locator("input[type=file]").setInputFiles(PLAN);
+  await requireAccessible(page, "the upload");
+  await page.getByRole("dialog").getByRole("button", { name: "Upload a file" }).click();
+  await page.getByRole("heading", { name: NAME }).waitFor();
+  await page.getByText("Only an operator may dispatch or cancel this plan.").waitFor();
+  if (await page.getByRole("button", { name: "Fly now" }).count()) {
+    throw new Error("a farmer is offered to fly");
+  }
+  // What the page does not offer, the edge server refuses too
+  const refusal = await page.evaluate(async () => {
+    const { csrf_token: token } = await (await fetch("/session/")).json();
+    const id = location.pathname.split("/").at(-1);
+    const headers = { "X-CSRF-Token": token };
+    const answer = await fetch(`/plans/${id}/dispatch`, { method: "POST", headers });
+    return { status: answer.status, ...(await answer.json()) };
+  });
+  if (refusal.status !== 403 || !refusal.message.includes("farmer")) {
+    throw new Error(`a farmer's dispatch: ${JSON.stringify(refusal)}`);
+  }
+  await requireAccessible(page, "the plan of a farmer");
+  await screenLink(page, "System").waitFor({ state: "detached" });
+}
+
+async function flyAndStop(page) {
+  await page.goto(OPERATOR_LINK);
+  const drone = page.getByRole("article", { name: "Drone 1" });
+  await drone.getByText("Ready", { exact: true }).waitFor();
+  await requireAccessible(page, "the fleet");
+
+  await screenLink(page, "Plans").click();
+  await page.getByRole("link", { name: NAME }).waitFor();
+  await requireAccessible(page, "the plans");
+  await page.getByRole("link", { name: NAME }).click();
+  await page.getByRole("button", { name: "Fly now" }).click();
+  const dialog = page.getByRole("dialog");
+  await requireAccessible(page, "the dispatch");
+  await hold(page, dialog.getByRole("button", { name: "Fly now" }),
+    page.getByText("With the drone").or(page.locator("[data-status='2']")));
+  await page.locator(".timeline li:nth-child(2)[data-status='2']").waitFor();
+  await requireAccessible(page, "a plan in flight");
+
+  await screenLink(page, "Fleet").click();
+  await drone.getByText("On mission", { exact: true }).waitFor();
+  await requireAccessible(page, "the fleet in flight");
+  await page.getByRole("button", { name: "STOP", exact: true }).click();
+  await requireAccessible(page, "the stop");
+  const orders = page.locator(".stop-orders li");
+  await hold(page, dialog.getByRole("button", { name: /Land here/ }), orders);
+  await orders.getByText("Done", { exact: true }).waitFor();
+  await requireAccessible(page, "the stop that was done");
+  await dialog.getByRole("button", { name: "Close" }).last().click();
+  await drone.getByText("Ready", { exact: true }).waitFor();
+}
+
+async function lookBack(page) {
+  await screenLink(page, "Flights").click();
+  await page.locator(".rows").getByText("Aborted").waitFor();
+  await requireAccessible(page, "the flights");
+  await page.getByRole("link", { name: /^Flight / }).click();
+  await page.getByRole("button", { name: "Replay" }).click();
+  const slider = page.getByRole("slider");
+  await waitUntilAbove(page, slider, 0.05);
+  await page.getByRole("button", { name: "Pause" }).click();
+  await requireAccessible(page, "a flight");
+}
+
+const browser = await startBrowser();
+try {
+  await journey(browser, "farmer", uploadAsFarmer);
+  await journey(browser, "operator", async (page) => {
+    await flyAndStop(page);
+    await lookBack(page);
+  });
+} finally {
+  await browser.close();
+}

@@ -1,0 +1,31 @@
+"""A farmer and an operator at the console, in a real Chromium, against the running system."""
+
+from pathlib import Path
+
+from tests.support.browser import console_journey, sign_in_link
+from tests.support.system import running, short_plan
+
+HOLD_S = 600.0
+"""Time at the waypoint: the vehicle is still there when the operator stops it."""
+
+
+def long_plan() -> dict[str, object]:
+    """A plan that does not end before somebody ends it."""
+    plan = short_plan()
+    plan["name"] = "Stopped on its way"
+    plan["missions"][0]["command_array"][1]["parameters"]["hold_time"] = HOLD_S
+    return plan
+
+
+def test_a_plan_is_uploaded_refused_flown_stopped_and_replayed(tmp_path: Path) -> None:
+    with console_journey(tmp_path) as take, running(tmp_path / "farm") as farm:
+        take(
+            "fly_and_stop",
+            plan=long_plan(),
+            FARMER_LINK=sign_in_link(farm, "farmer"),
+            OPERATOR_LINK=sign_in_link(farm, "operator"),
+        )
+        events = farm.get("/events/")
+        plan = farm.get("/plans/1")
+    assert [(event["event_type_id"], event["state"]) for event in events] == [(1, "done")]
+    assert plan["missions"][0]["mission_status_id"] == 5, plan

@@ -1,0 +1,66 @@
+"""The console in a real Chromium: journeys of console/tests/browser, against a running system."""
+
+import json
+import os
+import shutil
+import subprocess
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Final
+
+import pytest
+import requests
+
+from tests.support.system import ROOT, FarmSystem
+
+CONSOLE: Final = ROOT / "console"
+CHROMIUMS: Final = ("chromium", "chromium-browser", "google-chrome")
+TIMEOUT_S: Final = 280.0
+"""Below the time limit of a test, so that a failure still says at which step."""
+
+
+def sign_in_link(farm: FarmSystem, role: str) -> str:
+    """Make an account of a role, named as the role; gives the address that signs it in once."""
+    url, headers = farm.settings.edge_url, farm.headers("admin")
+    account = {"name": f"test-{role}", "role": role}
+    made = requests.post(f"{url}/users/", json=account, headers=headers, timeout=10)
+    assert made.status_code == 201, made.text
+    link = requests.post(f"{url}/users/{account['name']}/link", headers=headers, timeout=10)
+    assert link.ok, link.text
+    return f"{url}{link.json()['path']}"
+
+
+@contextmanager
+def console_journey(folder: Path) -> Iterator[Callable[..., None]]:
+    """Give a function that runs a journey; skips where a browser, Node or the build is missing.
+
+    A failed journey keeps its picture and its trace in the folder and prints where.
+    """
+    chromium = next(filter(None, map(shutil.which, CHROMIUMS)), None)
+    search = f"{ROOT / '.venv' / 'bin'}{os.pathsep}{os.environ['PATH']}"
+    node = shutil.which("node", path=search)
+    if chromium is None:
+        pytest.skip("there is no Chromium: apt-get install chromium")
+    if node is None or not (CONSOLE / "node_modules" / "playwright-core").exists():
+        pytest.skip("the console's packages are not installed: make console-test")
+    if not (CONSOLE / "dist" / "index.html").exists():
+        pytest.skip("the console is not built: make console")
+
+    def take(name: str, *, plan: dict[str, Any] | None = None, **variables: str) -> None:
+        if plan is not None:
+            variables["PLAN"] = str(folder / "plan.json")
+            (folder / "plan.json").write_text(json.dumps(plan))
+        kept = folder / "kept"
+        result = subprocess.run(
+            [node, CONSOLE / "tests" / "browser" / f"{name}.mjs"],
+            env={**os.environ, "CHROMIUM": chromium, "OUT": str(kept), **variables},
+            timeout=TIMEOUT_S,
+            check=False,
+            capture_output=True,
+            text=True,
+        )
+        output = f"{result.stdout}{result.stderr}\npicture and trace: {kept}"
+        assert result.returncode == 0, output
+
+    yield take
