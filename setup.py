@@ -1,4 +1,7 @@
-"""What pyproject.toml cannot say: the example plans go along with the simulator, as its data.
+"""What pyproject.toml cannot say: what goes along with the programs as their data.
+
+The example plans go with the simulator; the console goes with the edge server once `make console`
+has built it.
 
 `FARM_COMPILED=1` takes along what `make compile` has made: the wheel is then of one platform and
 one Python, and its vehicles fly compiled.
@@ -10,6 +13,10 @@ from pathlib import Path
 from setuptools import Distribution, find_packages, setup
 
 COMPILED = os.environ.get("FARM_COMPILED", "0") == "1"
+
+CONSOLE = Path("console/dist")
+CONSOLE_PACKAGE = "edge_server.console_dist"
+HAS_CONSOLE = (CONSOLE / "index.html").exists()
 
 PROGRAMS = (
     "afarcloud",
@@ -37,12 +44,14 @@ setup(
     packages=[
         *find_packages(include=[pattern for name in PROGRAMS for pattern in (name, f"{name}.*")]),
         "sim.examples",
+        *([CONSOLE_PACKAGE] if HAS_CONSOLE else []),
     ],
-    package_dir={"sim.examples": "examples/plans"},
+    package_dir={"sim.examples": "examples/plans", CONSOLE_PACKAGE: str(CONSOLE)},
     package_data={
         **{name: ["py.typed"] for name in PROGRAMS},
         "uav_firmware": ["py.typed", *(["_compiled/*"] if COMPILED else [])],
         "edge_server.store.migrations": ["script.py.mako"],
         "sim.examples": ["*.json"],
+        CONSOLE_PACKAGE: ["*", "assets/*"],
     },
 )

@@ -3,6 +3,7 @@
 In fresh environments, outside the checkout, with nothing but the wheel and what a lock file names:
 
     edge, broker   the program starts, and neither simulator nor numpy is installed
+    edge           the console is there if the checkout has built it
     sim            every program starts, and the demo is flown to its end
 """
 
@@ -31,6 +32,7 @@ LOCKS: Final = {
 }
 SIMULATOR: Final = ("jsbsim", "numpy")
 """Packages that edge server and broker do without."""
+SHOW_CONSOLE: Final = "from edge_server.config import Config; print(Config().console_dir)"
 DEMO_TIMEOUT_S: Final = 600.0
 PORTS: Final = {
     "EDGE_PORT": "18000",
@@ -96,6 +98,10 @@ def check(wheel: Path, extra: str) -> None:
         if extra == "sim":
             _run([str(programs / "farm-sim"), "demo"], folder, SPEED="5", **PORTS)
             return
+        if extra == "edge" and (ROOT / "console" / "dist" / "index.html").exists():
+            console = _run([str(programs / "python"), "-c", SHOW_CONSOLE], folder).strip()
+            if not (Path(console) / "index.html").is_file():
+                raise DistributionError(f"the wheel has no console in {console}")
         listed = _run([str(programs / "python"), "-m", "pip", "list", "--format=freeze"], folder)
         found = [package for package in SIMULATOR if f"\n{package}==" in f"\n{listed}"]
         if found:

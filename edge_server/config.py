@@ -20,6 +20,13 @@ _TOPIC_ROOT: Final = re.compile(r"/*+(?!\$)[^+#\x00-\x1f\x7f-\x9f]{0,200}")
 _NAME: Final = re.compile(r"[A-Za-z0-9._-]{1,64}")
 
 
+def _console_dir() -> Path:
+    """Folder of the built console: in a wheel part of the package, in a checkout beside it."""
+    package = Path(__file__).resolve().parent
+    installed = package / "console_dist"
+    return installed if installed.is_dir() else package.parent / "console" / "dist"
+
+
 class ConfigError(Exception):
     """A setting that cannot be used."""
 
@@ -30,7 +37,7 @@ class Config:
 
     state_dir: Path = Path("var")
     keys_folder: Path | None = None  # None: in the state folder
-    console_dir: Path = Path(__file__).resolve().parents[1] / "console" / "dist"
+    console_dir: Path = field(default_factory=_console_dir)
     host: str = "127.0.0.1"
     port: int = 8000
     cloud_url: str = "http://127.0.0.1:8100"
