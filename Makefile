@@ -120,6 +120,10 @@ console-dev: console/generated/schema.ts $(CONSOLE_INSTALLED) ## serve the conso
 console-test: console/generated/schema.ts $(CONSOLE_INSTALLED) ## check the console's types and run its unit tests
 	$(NPM) run check && $(NODE_PATH_FIRST) npm run test
 
+.PHONY: screenshots
+screenshots: $(DEV) console ## take pictures of every screen of the console into STATE_DIR/screenshots, and those of docs/pictures
+	@exec $(RUN) -m tests.console.pictures $(STATE_DIR)/screenshots
+
 .PHONY: edge
 edge: $(RUNTIME) ## run the edge server alone
 	@exec $(RUN) -m edge_server

@@ -1,5 +1,6 @@
 // Takes pictures of the screens with an installed Chromium: node tests/screens.mjs FOLDER [NAME...]
-// The fixture server must run; THEME and LANGUAGE choose the appearance.
+// CONSOLE_URL names the console, else that of the fixture server; LINK signs in once; THEME and
+// LANGUAGE choose the appearance; FLYING and DRAFT are numbers of plans.
 import { mkdtempSync, rmSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
@@ -14,13 +15,15 @@ const SCREENS = {
   stop: ["", (page) => page.click(".stop-button")],
   settings: ["", (page) => page.click(".header-person")],
   plans: ["plans"],
-  plan: ["plans/1"],
-  editor: ["plans/2/edit", (page) => page.locator(".step-title").first().click()],
+  plan: [`plans/${process.env.FLYING ?? 1}`],
+  editor: [`plans/${process.env.DRAFT ?? 2}/edit`, (page) => page.locator(".step-title").first().click()],
   flights: ["flights"],
   flight: ["flights/1"],
   alarms: ["alarms"],
   users: ["system/users"],
+  keys: ["system/keys"],
   audit: ["system/audit"],
+  rejected: ["system/dead_letters"],
 };
 const profile = mkdtempSync(join(tmpdir(), "console-screens-"));
 const browser = await chromium.launchPersistentContext(profile, {

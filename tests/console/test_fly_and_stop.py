@@ -22,8 +22,8 @@ def test_a_plan_is_uploaded_refused_flown_stopped_and_replayed(tmp_path: Path) -
         take(
             "fly_and_stop",
             plan=long_plan(),
-            FARMER_LINK=sign_in_link(farm, "farmer"),
-            OPERATOR_LINK=sign_in_link(farm, "operator"),
+            FARMER_LINK=sign_in_link(farm, "farmer", "maria"),
+            OPERATOR_LINK=sign_in_link(farm, "operator", "juan"),
         )
         events = farm.get("/events/")
         plan = farm.get("/plans/1")

@@ -20,13 +20,13 @@ TIMEOUT_S: Final = 280.0
 """Below the time limit of a test, so that a failure still says at which step."""
 
 
-def sign_in_link(farm: FarmSystem, role: str) -> str:
-    """Make an account of a role, named as the role; gives the address that signs it in once."""
+def sign_in_link(farm: FarmSystem, role: str, name: str) -> str:
+    """Make an account of a role; gives the address that signs it in once."""
     url, headers = farm.settings.edge_url, farm.headers("admin")
-    account = {"name": f"test-{role}", "role": role}
+    account = {"name": name, "role": role}
     made = requests.post(f"{url}/users/", json=account, headers=headers, timeout=10)
     assert made.status_code == 201, made.text
-    link = requests.post(f"{url}/users/{account['name']}/link", headers=headers, timeout=10)
+    link = requests.post(f"{url}/users/{name}/link", headers=headers, timeout=10)
     assert link.ok, link.text
     return f"{url}{link.json()['path']}"
 
