@@ -47,7 +47,7 @@ def draw(seed: int) -> frozenset[Fault]:
     """Give the faults that a seed enables."""
     random = Random(f"{seed}/swarm")
     share = random.uniform(0.1, 0.7)
-    return frozenset(fault for fault in Fault if random.random() < share)
+    return frozenset(fault for fault in Fault if Random(f"{seed}/swarm/{fault}").random() < share)
 
 
 class _Process(Protocol):
@@ -98,11 +98,11 @@ class Faults:
 
     def _degrade(self) -> None:
         """Set the rates that hold until the end."""
-        world, random = self._world, self._world.scheduler.random("rates")
-        rates = {fault: random.uniform(0.02, 0.2) for fault in Fault}
+        world = self._world
 
         def rate(fault: Fault) -> float:
-            return rates[fault] if fault in self._enabled else 0.0
+            drawn = world.scheduler.random(f"rate/{fault}").uniform(0.02, 0.2)
+            return drawn if fault in self._enabled else 0.0
 
         conditions = Conditions(
             loss=rate(Fault.LOSS),

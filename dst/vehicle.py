@@ -29,6 +29,8 @@ ACCEPTANCE_M: Final = 1.0
 LOW_BATTERY: Final = 0.15
 FULL_BATTERY_S: Final = 1500.0
 """Flight time of a full battery."""
+BOOT_S: Final = 4.0
+"""From the start of the autopilot, which has then counted so far, to its first message."""
 REPEAT_REQUEST_S: Final = 0.5
 TRANSFER_TIMEOUT_S: Final = 5.0
 HEALTHY: Final = (
@@ -145,24 +147,24 @@ class Vehicle:
 
     def reboot(self) -> None:
         """Restart the autopilot of a vehicle on the ground; the stored mission survives."""
+        self.switch_off()
         self._booted_at_s = self._scheduler.now_s
-        self.armed, self.mode = False, HOLD
-        self._periods_s.clear()
-        self._transfer_count = 0
-        self._current = 0
+        self._next_step = self._scheduler.after(BOOT_S, self._step_again)
 
     def switch_off(self) -> None:
         """End the autopilot, and whatever it sends, on the ground."""
         if self._next_step is not None:
             self._next_step.cancel()
         self._next_step = None
+        self.armed, self.mode = False, HOLD
+        self._periods_s.clear()
+        self._transfer_count = 0
+        self._current = 0
 
     def switch_on(self) -> None:
         """Start the autopilot with a full battery; the stored mission survives."""
-        self.switch_off()
         self.reboot()
         self.battery = 1.0
-        self._next_step = self._scheduler.after(0.0, self._step_again)
 
     # Time.
 
@@ -378,8 +380,9 @@ class Vehicle:
     # Messages from the broker.
 
     def receive(self, datagram: bytes) -> None:
-        """Take a datagram; what is broken is dropped, as is everything while it is off."""
-        if self._next_step is not None:
+        """Take a datagram; dropped if it is broken, or while the vehicle is off or boots."""
+        is_booting = self._scheduler.now_s < self._booted_at_s + BOOT_S
+        if self._next_step is not None and not is_booting:
             self._receive(datagram)
 
     def _receive(self, datagram: bytes) -> None:  # noqa: C901  # a case per message
