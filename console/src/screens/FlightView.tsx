@@ -13,6 +13,7 @@ import { FlightFigures } from "./Flights";
 import { fieldNames } from "./use_fleet_symbols";
 
 const FarmMap = lazy(() => import("../map/FarmMap"));
+const FORMATS = { gpx: "GPX", csv: "CSV", geojson: "GeoJSON" } as const;
 const REPLAY_MS = 20_000;
 const FRAME_MS = 50;
 
@@ -108,7 +109,7 @@ export default function FlightView({ id }: { id: number }) {
               href={`/flights/${id}/track?format=${format}`}
               download
             >
-              <Icon name="down" /> {format.toUpperCase()}
+              <Icon name="download" /> {FORMATS[format]}
             </a>
           ))}
         </div>

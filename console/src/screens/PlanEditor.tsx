@@ -185,7 +185,7 @@ function Editor({ plan }: { plan: Plan | null }) {
             click={(longitude, latitude) => add(WAYPOINT, { latitude, longitude })}
           />
         </Suspense>
-        <p className="map-hint">{t(commands.length === 0 ? "editor.empty" : "editor.map_hint")}</p>
+        {commands.length === 0 && <p className="map-hint">{t("editor.empty")}</p>}
       </div>
       <section className="split-side">
         <a className="back-link" {...linkTo(plan === null ? "plans" : `plans/${plan.id}`)}>
@@ -221,6 +221,7 @@ function Editor({ plan }: { plan: Plan | null }) {
             onChange={(event) => setSpeed(event.target.value)}
           />
         </div>
+        {commands.length > 0 && <p className="muted small">{t("editor.map_hint")}</p>}
         <ol className="steps">
           {commands.map((command, index) => (
             <CommandForm

@@ -137,7 +137,7 @@ function PlanActions({ plan, reload }: { plan: Plan; reload: () => void }) {
           </Button>
         )}
         <a className="button button-plain" href={`/plans/${plan.id}?format=plan`} download>
-          <Icon name="down" /> {t("plans.download")}
+          <Icon name="download" /> {t("plans.download")}
         </a>
         {isOperator && isWaiting && (
           <Button kind="danger" icon="remove" onClick={() => setQuestion("cancel")}>

@@ -45,13 +45,19 @@ export function VehicleCard({ tracked, running, isSelected, select, stop }: {
         <Figure
           icon="battery"
           label={t("vehicle.battery")}
-          value={batteryText(units, vehicle)}
+          value={units.percentage(vehicle.battery_percentage)}
+          more={timeLeft(units, vehicle)}
           isBad={isBatteryLow(vehicle)}
         />
         <Figure
           icon="locate"
           label={t("vehicle.gps")}
-          value={gpsText(vehicle)}
+          value={vehicle.gps_fix ? t(`gps.${vehicle.gps_fix}`, { defaultValue: vehicle.gps_fix }) : "–"}
+          more={
+            typeof vehicle.satellites === "number"
+              ? t("gps.satellites", { count: vehicle.satellites })
+              : ""
+          }
           isBad={vehicle.gps_fix === "none" || vehicle.gps_fix === "2d"}
         />
         <Figure
@@ -73,24 +79,18 @@ export function VehicleCard({ tracked, running, isSelected, select, stop }: {
   );
 }
 
-/** The charge, and the flight time that is left where the vehicle estimates it. */
-function batteryText(units: Units, vehicle: Vehicle): string {
-  const charge = units.percentage(vehicle.battery_percentage);
+/** The flight time that is left; nothing while the motors stand, when it says hours. */
+function timeLeft(units: Units, vehicle: Vehicle): string {
   const left_s = vehicle.battery_time_remaining;
-  return typeof left_s === "number" ? `${charge} · ${units.duration(left_s * 1000)}` : charge;
+  return vehicle.armed && typeof left_s === "number" ? units.duration(left_s * 1000) : "";
 }
 
-/** The kind of position fix with the number of satellites, such as "3D · 14". */
-function gpsText(vehicle: Vehicle): string {
-  if (!vehicle.gps_fix) return "–";
-  const fix = vehicle.gps_fix.replace("_", " ").toUpperCase();
-  return typeof vehicle.satellites === "number" ? `${fix} · ${vehicle.satellites}` : fix;
-}
-
-function Figure({ icon, label, value, isBad = false }: {
+function Figure({ icon, label, value, more = "", isBad = false }: {
   icon: IconName;
   label: string;
   value: string;
+  /** What stands smaller beside the value. */
+  more?: string;
   isBad?: boolean;
 }) {
   return (
@@ -99,7 +99,9 @@ function Figure({ icon, label, value, isBad = false }: {
         <Icon name={icon} size={16} />
         {label}
       </dt>
-      <dd>{value}</dd>
+      <dd>
+        {value} {more && <small>{more}</small>}
+      </dd>
     </div>
   );
 }

@@ -17,7 +17,7 @@ export function AuditLog() {
     <div className="card">
       <Loaded resource={rows} empty={<Empty icon="check" title={t("system.empty_audit")} />}>
         {(all) => (
-          <div className="table-scroll" tabIndex={0} role="region" aria-label={t("system.audit")}>
+          <div className="table-scroll table-as-cards" tabIndex={0} role="region" aria-label={t("system.audit")}>
             <table className="table">
               <thead>
                 <tr>
@@ -31,11 +31,11 @@ export function AuditLog() {
               <tbody>
                 {all.slice(0, SHOWN).map((row) => (
                   <tr key={row.id}>
-                    <td>{units.time(text(row["time"] ?? row["recorded_at"]))}</td>
-                    <td>{text(row["name"]).replace(/^user\//, "")}</td>
-                    <td>{text(row["role"])}</td>
-                    <td>{[text(row["action"]), text(row["object"])].filter(Boolean).join(" ")}</td>
-                    <td>{text(row["result"])}</td>
+                    <td data-label={t("system.when")}>{units.time(text(row["time"] ?? row["recorded_at"]))}</td>
+                    <td data-label={t("system.who")}>{text(row["who"]).replace(/^user\//, "")}</td>
+                    <td data-label={t("system.role")}>{text(row["role"]) && t(`role.${text(row["role"])}`)}</td>
+                    <td data-label={t("system.what")}>{[text(row["action"]), text(row["object"])].filter(Boolean).join(" ")}</td>
+                    <td data-label={t("system.result")}>{text(row["result"])}</td>
                   </tr>
                 ))}
               </tbody>
