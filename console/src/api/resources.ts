@@ -7,7 +7,7 @@ import type {
 } from "./types";
 
 const PAGE = 500;
-const MOST_PAGES = 10;
+const MOST_PAGES = 100;
 
 /** Lists answer the oldest first, so all pages are read to get the newest. */
 async function allOf<Row extends { id: number }>(path: string): Promise<Row[]> {
@@ -78,7 +78,9 @@ export const stopVehicle = (vehicleId: number, kind: StopKind): Promise<StoredEv
 export const getEvent = (id: number): Promise<StoredEvent> =>
   request(`/events/${id}`, { timeoutMs: 3_000 });
 
-export const listFlights = (): Promise<Flight[]> => request("/flights/?limit=100");
+/** Lists the flights of the archive, the newest first. */
+export const listFlights = async (): Promise<Flight[]> =>
+  (await allOf<Flight>("/flights/")).reverse();
 export const getFlight = (id: number): Promise<Flight> => request(`/flights/${id}`);
 export const flightTrack = (id: number): Promise<GeoJSON.FeatureCollection | GeoJSON.Feature> =>
   request(`/flights/${id}/track?format=geojson`);

@@ -1,6 +1,7 @@
 import { lazy, Suspense, useEffect, useState } from "react";
 import { useTranslation } from "react-i18next";
 import { Empty, Skeleton } from "../controls/states";
+import { useAlarmSound } from "../live/alarm_sound";
 import { Feed } from "../live/feed";
 import { FeedContext } from "../live/use_live";
 import { Fleet } from "../screens/Fleet";
@@ -36,6 +37,7 @@ export function Shell() {
         <Header stop={() => setStops({ vehicleId: null })} />
         <Navigation />
         <main id="content" tabIndex={-1}>
+          <AlarmSound />
           <Suspense fallback={<Skeleton />}>
             <Screen stopVehicle={(vehicleId) => setStops({ vehicleId })} />
           </Suspense>
@@ -44,6 +46,12 @@ export function Shell() {
       {stops && <StopDialog vehicleId={stops.vehicleId} close={() => setStops(null)} />}
     </FeedContext>
   );
+}
+
+/** Inside the feed: new alarms sound on every screen. */
+function AlarmSound() {
+  useAlarmSound();
+  return null;
 }
 
 function Screen({ stopVehicle }: { stopVehicle: (vehicleId: number) => void }) {

@@ -10,6 +10,8 @@ export interface Preferences {
   language: string;
   theme: Theme;
   units: System;
+  /** Whether an alarm makes no sound. */
+  isMuted: boolean;
 }
 
 const KEY = "farm-console";
@@ -22,6 +24,7 @@ export function readPreferences(languages: readonly string[]): Preferences {
     language: languages.includes(preferred) ? preferred : "en",
     theme: prefersDark ? "dark" : "light",
     units: "metric",
+    isMuted: false,
   };
   try {
     const stored = JSON.parse(localStorage.getItem(KEY) ?? "{}") as Partial<Preferences>;

@@ -3,8 +3,9 @@ import { useTranslation } from "react-i18next";
 import type { RequestError } from "../api/client";
 import { acknowledgeAlarm, listAlarms } from "../api/resources";
 import type { Alarm } from "../api/types";
-import { useUnits } from "../app/preferences";
+import { usePreferences, useUnits } from "../app/preferences";
 import { Button } from "../controls/Button";
+import { MoreRows } from "../controls/MoreRows";
 import { Empty, ErrorNotice, Loaded } from "../controls/states";
 import { Pill } from "../controls/StatusPill";
 import { useFeed, useLive } from "../live/use_live";
@@ -14,6 +15,7 @@ import { Missing } from "./Missing";
 /** Alarms of all vehicles, the newest first; each stays open until somebody acknowledges it. */
 export default function Alarms() {
   const { t } = useTranslation();
+  const { preferences, change } = usePreferences();
   const live = useLive((state) => state.alarms);
   const stored = useResource(listAlarms);
   const rows = useMemo(() => {
@@ -26,6 +28,12 @@ export default function Alarms() {
     <div className="screen">
       <header className="screen-head">
         <h1>{t("alarms.title")}</h1>
+        <Button
+          icon={preferences.isMuted ? "soundOff" : "sound"}
+          onClick={() => change({ isMuted: !preferences.isMuted })}
+        >
+          {t(preferences.isMuted ? "alarms.unmute" : "alarms.mute")}
+        </Button>
       </header>
       <div className="card">
         <Loaded
@@ -34,11 +42,7 @@ export default function Alarms() {
           empty={<Empty icon="check" title={t("alarms.empty_title")} text={t("alarms.empty_text")} />}
         >
           {(alarms) => (
-            <ul className="rows">
-              {alarms.map((alarm) => (
-                <AlarmRow key={alarm.id} alarm={alarm} />
-              ))}
-            </ul>
+            <MoreRows rows={alarms}>{(alarm) => <AlarmRow key={alarm.id} alarm={alarm} />}</MoreRows>
           )}
         </Loaded>
       </div>

@@ -3,12 +3,13 @@ import { listFlights } from "../api/resources";
 import type { Flight } from "../api/types";
 import { useUnits } from "../app/preferences";
 import { linkTo } from "../app/route";
+import { MoreRows } from "../controls/MoreRows";
 import { Empty, Loaded } from "../controls/states";
 import { Pill, StatusPill } from "../controls/StatusPill";
 import { useResource } from "../live/use_resource";
 import { Missing } from "./Missing";
 
-/** Every flight that was recorded. */
+/** Every flight that was recorded, the newest first. */
 export default function Flights() {
   const { t } = useTranslation();
   const flights = useResource(listFlights);
@@ -24,11 +25,7 @@ export default function Flights() {
           empty={<Empty icon="flight" title={t("flights.empty_title")} text={t("flights.empty_text")} />}
         >
           {(rows) => (
-            <ul className="rows">
-              {[...rows].sort((one, other) => other.id - one.id).map((flight) => (
-                <FlightRow key={flight.id} flight={flight} />
-              ))}
-            </ul>
+            <MoreRows rows={rows}>{(flight) => <FlightRow key={flight.id} flight={flight} />}</MoreRows>
           )}
         </Loaded>
       </div>

@@ -4,6 +4,7 @@ import type { Plan } from "../api/types";
 import { useUnits } from "../app/preferences";
 import { go, linkTo } from "../app/route";
 import { Button } from "../controls/Button";
+import { MoreRows } from "../controls/MoreRows";
 import { Empty, Loaded } from "../controls/states";
 import { Pill, StatusPill } from "../controls/StatusPill";
 import { usePlans } from "../live/use_plans";
@@ -31,11 +32,7 @@ export default function Plans() {
           empty={<Empty icon="plan" title={t("plans.empty_title")} text={t("plans.empty_text")} />}
         >
           {(rows) => (
-            <ul className="rows">
-              {rows.map((plan) => (
-                <PlanRow key={plan.id} plan={plan} />
-              ))}
-            </ul>
+            <MoreRows rows={rows}>{(plan) => <PlanRow key={plan.id} plan={plan} />}</MoreRows>
           )}
         </Loaded>
       </div>
