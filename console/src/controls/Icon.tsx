@@ -18,6 +18,8 @@ const PATHS = {
   upload: "M12 16V4M7 9l5-5 5 5M4 20h16",
   sound: "M4 10v4h4l5 4V6L8 10zM16 9a4 4 0 0 1 0 6M18.5 6.500a8 8 0 0 1 0 11",
   soundOff: "M4 10v4h4l5 4V6L8 10zM17 10l4 4M21 10l-4 4",
+  undo: "M9 14L4 9l5-5M4 9h10a6 6 0 0 1 0 12h-3",
+  redo: "M15 14l5-5-5-5M20 9H10a6 6 0 0 0 0 12h3",
   download: "M12 4v12M7 11l5 5 5-5M4 20h16",
   add: "M12 5v14M5 12h14",
   remove: "M5 7h14M10 7V4h4v3M7 7l1 13h8l1-13",

@@ -1,4 +1,4 @@
-import { lazy, Suspense, useEffect, useMemo, useState } from "react";
+import { lazy, Suspense, useEffect, useMemo, useRef, useState } from "react";
 import { useTranslation } from "react-i18next";
 import { RequestError } from "../api/client";
 import { createPlan, getPlan, listFields, replacePlan, type Draft } from "../api/resources";
@@ -19,6 +19,8 @@ import {
   COMMAND_TYPES, hasPlace, HOME, newCommand, parametersOf, placeOfFault, problemOf, renumbered,
   rounded, TAKEOFF, WAYPOINT,
 } from "../planning/command_forms";
+import { begin, change as record, redo, undo } from "../planning/history";
+import { HeightProfile } from "./HeightProfile";
 import { fieldNames } from "./use_fleet_symbols";
 import { CommandForm } from "./CommandForm";
 
@@ -63,16 +65,24 @@ function Editor({ plan }: { plan: Plan | null }) {
   const [name, setName] = useState(plan?.name ?? "");
   const [vehicleId, setVehicleId] = useState<number | null>(mission?.vehicle_id ?? null);
   const [speed, setSpeed] = useState(String(mission?.maximum_speed ?? 5));
-  const [commands, setCommands] = useState<Command[]>(() => (mission?.command_array ?? []).map(bare));
+  const [history, setHistory] = useState(() => begin((mission?.command_array ?? []).map(bare)));
+  const commands = history.present;
+  const dragged = useRef<number | null>(null);
   const [open, setOpen] = useState<number | null>(null);
   const [error, setError] = useState<RequestError | null>(null);
   const [isBusy, setBusy] = useState(false);
   const chosen = vehicleId ?? [...vehicles.keys()][0] ?? 1;
 
-  const change = (update: (present: Command[]) => Command[]) => {
-    setCommands((present) => renumbered(update(present)));
+  const change = (update: (present: Command[]) => Command[], isContinued = false) => {
+    setHistory((all) => record(all, renumbered(update(all.present)), isContinued));
     setError(null);
   };
+  const step = (to: typeof undo) => {
+    setHistory((all) => to(all));
+    setOpen(null);
+    setError(null);
+  };
+  useUndoKeys(() => step(undo), () => step(redo));
   const add = (type: number, place: { latitude: number; longitude: number }) => {
     // A flight begins with a takeoff and, until somebody decides otherwise, ends at home
     change((present) => {
@@ -86,14 +96,18 @@ function Editor({ plan }: { plan: Plan | null }) {
         : [...present, made];
     });
   };
-  const move = (index: number, latitude: number, longitude: number) =>
+  const move = (index: number, latitude: number, longitude: number, isDropped: boolean) => {
+    const isContinued = dragged.current === index;
+    dragged.current = isDropped ? null : index;
     change((present) =>
       present.map((one, at) =>
         at === index
           ? { ...one, parameters: { ...one.parameters, latitude: rounded(latitude), longitude: rounded(longitude) } }
           : one,
       ),
+      isContinued,
     );
+  };
   const swap = (index: number, other: number) =>
     change((present) => {
       const moved = [...present];
@@ -156,7 +170,8 @@ function Editor({ plan }: { plan: Plan | null }) {
             level: 3,
             make: () => waypointElement(String(index + 1), label, () => setOpen(index)),
             update: (element: HTMLElement) => element.classList.toggle("is-selected", index === open),
-            drag: (longitude: number, latitude: number) => move(index, latitude, longitude),
+            drag: (longitude: number, latitude: number, isDropped: boolean) =>
+              move(index, latitude, longitude, isDropped),
           },
         ];
       }),
@@ -221,6 +236,15 @@ function Editor({ plan }: { plan: Plan | null }) {
             onChange={(event) => setSpeed(event.target.value)}
           />
         </div>
+        <div className="actions">
+          <Button icon="undo" disabled={history.past.length === 0} onClick={() => step(undo)}>
+            {t("editor.undo")}
+          </Button>
+          <Button icon="redo" disabled={history.future.length === 0} onClick={() => step(redo)}>
+            {t("editor.redo")}
+          </Button>
+        </div>
+        <HeightProfile commands={commands} open={open} />
         {commands.length > 0 && <p className="muted small">{t("editor.map_hint")}</p>}
         <ol className="steps">
           {commands.map((command, index) => (
@@ -273,6 +297,24 @@ function Editor({ plan }: { plan: Plan | null }) {
 /** A command as it is sent: without its status. */
 function bare({ command_id, command_type_id, parameters }: Command): Command {
   return { command_id, command_type_id, parameters };
+}
+
+/** Ctrl+Z undoes and Ctrl+Shift+Z or Ctrl+Y redoes; in a field the keys are the field's own. */
+function useUndoKeys(undoStep: () => void, redoStep: () => void) {
+  const latest = useRef({ undoStep, redoStep });
+  latest.current = { undoStep, redoStep };
+  useEffect(() => {
+    const press = (event: KeyboardEvent) => {
+      if (!(event.ctrlKey || event.metaKey) || event.target instanceof HTMLInputElement) return;
+      const key = event.key.toLowerCase();
+      if (key !== "z" && key !== "y") return;
+      event.preventDefault();
+      if (key === "y" || event.shiftKey) latest.current.redoStep();
+      else latest.current.undoStep();
+    };
+    window.addEventListener("keydown", press);
+    return () => window.removeEventListener("keydown", press);
+  }, []);
 }
 
 /** Where a command is put that was chosen from the list: at the last place, or in the first field. */

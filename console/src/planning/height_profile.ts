@@ -1,0 +1,61 @@
+/** The heights of a plan over the distance that it flies. Pure. */
+
+import type { Command } from "../api/types";
+import { HOME, TAKEOFF } from "./command_forms";
+
+/** A place of the plan: distance flown and height above home, in metres. */
+export interface ProfilePoint {
+  /** Place of the command in the plan, from 0. */
+  index: number;
+  distance_m: number;
+  height_m: number;
+}
+
+const M_PER_DEG = 111_195;
+const RAD = Math.PI / 180;
+const LAND = 2;
+
+/** The points between which a plan climbs and descends; none for a plan without a takeoff. */
+export function heightProfile(commands: readonly Command[]): ProfilePoint[] {
+  const points: ProfilePoint[] = [];
+  let distance_m = 0;
+  let before: { latitude: number; longitude: number } | null = null;
+  let start: { latitude: number; longitude: number } | null = null;
+  commands.forEach((command, index) => {
+    const { latitude, longitude, altitude, orbit_altitude } = command.parameters;
+    const type = command.command_type_id;
+    const height = typeof altitude === "number" ? altitude : orbit_altitude;
+    let place: { latitude: number; longitude: number } | null = null;
+    if (typeof latitude === "number" && typeof longitude === "number") place = { latitude, longitude };
+    if (type === HOME) place = start;
+    if (type === TAKEOFF) {
+      start = place;
+      points.push({ index, distance_m, height_m: 0 });
+    }
+    if (place !== null && before !== null) distance_m += metresBetween(before, place);
+    if (place !== null) before = place;
+    const last = points.at(-1);
+    if (last === undefined) return;
+    if (type === HOME || type === LAND) {
+      points.push({ index, distance_m, height_m: last.height_m }, { index, distance_m, height_m: 0 });
+    } else if (typeof height === "number" && place !== null) {
+      points.push({ index, distance_m, height_m: height });
+    }
+  });
+  return points;
+}
+
+/** The length of the path over ground, in metres. */
+export function lengthOf(profile: readonly ProfilePoint[]): number {
+  return profile.at(-1)?.distance_m ?? 0;
+}
+
+/** On a flat earth: plans are a few kilometres long at most. */
+function metresBetween(
+  one: { latitude: number; longitude: number },
+  other: { latitude: number; longitude: number },
+): number {
+  const north = (other.latitude - one.latitude) * M_PER_DEG;
+  const east = (other.longitude - one.longitude) * M_PER_DEG * Math.cos(one.latitude * RAD);
+  return Math.hypot(north, east);
+}
