@@ -2,7 +2,7 @@
 
 import { request, requestText } from "./client";
 import type {
-  AccessKey, Alarm, Command, DeadLetter, Flight, Picture, Plan, StoredEvent, StoredField, User,
+  AccessKey, Alarm, Command, DeadLetter, Flight, FlownCommand, Picture, Plan, StoredEvent, StoredField, User,
   Vehicle,
 } from "./types";
 
@@ -81,7 +81,8 @@ export const getEvent = (id: number): Promise<StoredEvent> =>
 /** Lists the flights of the archive, the newest first. */
 export const listFlights = async (): Promise<Flight[]> =>
   (await allOf<Flight>("/flights/")).reverse();
-export const getFlight = (id: number): Promise<Flight> => request(`/flights/${id}`);
+export const getFlight = (id: number): Promise<Flight & { command_array: FlownCommand[] }> =>
+  request(`/flights/${id}`);
 export const flightTrack = (id: number): Promise<GeoJSON.FeatureCollection | GeoJSON.Feature> =>
   request(`/flights/${id}/track?format=geojson`);
 export const listPictures = (id: number): Promise<Picture[]> => request(`/flights/${id}/pictures`);

@@ -94,6 +94,15 @@ export interface Flight {
   alarms: number;
 }
 
+/** A command of a recorded flight; times are null where it has not begun or ended. */
+export interface FlownCommand {
+  command_id: number;
+  command_status_id: StatusId;
+  message?: string | null;
+  started_at: string | null;
+  ended_at: string | null;
+}
+
 export interface Picture {
   id: number;
   recorded_at: string;

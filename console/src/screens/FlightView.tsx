@@ -8,7 +8,9 @@ import { Empty, ErrorNotice, Skeleton } from "../controls/states";
 import { useResource } from "../live/use_resource";
 import { extentOf } from "../map/extent";
 import { collection, fieldFeatures } from "../map/features";
-import { updateVehicleElement, vehicleElement } from "../map/markers";
+import { pictureElement, updateVehicleElement, vehicleElement } from "../map/markers";
+import { picturePlaces } from "../map/picture_places";
+import { FlightSteps } from "./FlightSteps";
 import { FlightFigures } from "./Flights";
 import { fieldNames } from "./use_fleet_symbols";
 
@@ -43,7 +45,20 @@ export default function FlightView({ id }: { id: number }) {
     [fields.value, places],
   );
   const symbols = useMemo(() => {
-    const names = fieldNames(fields.value ?? []);
+    const names = [
+      ...fieldNames(fields.value ?? []),
+      ...picturePlaces(pictures.value ?? []).map(({ latitude, longitude, pictures: taken }) => ({
+        key: `picture-${taken[0]?.id}`,
+        longitude,
+        latitude,
+        level: 2,
+        make: () =>
+          pictureElement(
+            taken.map(({ id: number }) => t("flights.picture", { id: number })).join(", "),
+            taken[0]?.url ?? "",
+          ),
+      })),
+    ];
     if (present === null || flight.value === null) return names;
     const name = t("vehicle.name", { id: flight.value.vehicle_id });
     const { place, heading_deg } = present;
@@ -58,7 +73,7 @@ export default function FlightView({ id }: { id: number }) {
         update: (element: HTMLElement) => updateVehicleElement(element, heading_deg, "flying", false),
       },
     ];
-  }, [fields.value, flight.value, present?.place[0], present?.place[1], t]);
+  }, [fields.value, pictures.value, flight.value, present?.place[0], present?.place[1], t]);
   const extent = useMemo(() => extentOf(places), [places]);
 
   return (
@@ -113,6 +128,7 @@ export default function FlightView({ id }: { id: number }) {
             </a>
           ))}
         </div>
+        {flight.value && <FlightSteps flight={flight.value} />}
         <h2>{t("flights.pictures")}</h2>
         {pictures.value === null || pictures.value.length === 0 ? (
           !pictures.isLoading && <Empty icon="picture" title={t("flights.no_pictures")} />

@@ -77,6 +77,11 @@ export class Units {
     });
   }
 
+  /** Time of day to the second, in the browser's time zone. */
+  clock(stamp: string): string {
+    return new Date(stamp).toLocaleTimeString(this.language);
+  }
+
   #write(value: number, digits: number): string {
     return rounded(Object.is(Math.round(value), -0) ? 0 : value, digits, this.language);
   }

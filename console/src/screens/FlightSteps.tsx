@@ -1,0 +1,47 @@
+import { useTranslation } from "react-i18next";
+import { getPlan } from "../api/resources";
+import type { Flight, FlownCommand } from "../api/types";
+import { useUnits } from "../app/preferences";
+import { StatusPill } from "../controls/StatusPill";
+import { useResource } from "../live/use_resource";
+
+/** What a flight has done, step by step: when each command began and how long it took. */
+export function FlightSteps({ flight }: { flight: Flight & { command_array: FlownCommand[] } }) {
+  const { t } = useTranslation();
+  const units = useUnits();
+  const { plan_id } = flight;
+  // The plan names the commands; it may have been deleted
+  const plan = useResource(async () => (plan_id === null ? null : getPlan(plan_id)), plan_id ?? "");
+  const planned = plan.value?.missions.find((one) => one.mission_id === flight.mission_id);
+  if (flight.command_array.length === 0) return null;
+  return (
+    <>
+      <h2>{t("plans.timeline")}</h2>
+      <ol className="timeline">
+        {flight.command_array.map((command, index) => {
+          const type = planned?.command_array.find((one) => one.command_id === command.command_id);
+          const { started_at, ended_at } = command;
+          return (
+            <li key={command.command_id} data-status={command.command_status_id}>
+              <span className="timeline-number">{index + 1}</span>
+              <span>
+                <strong>
+                  {type ? t(`command.${type.command_type_id}`) : t("flights.step", { id: command.command_id })}
+                </strong>
+                <br />
+                <span className="muted small">
+                  {started_at && units.clock(started_at)}
+                  {started_at && ended_at && (
+                    <> · {units.duration(Date.parse(ended_at) - Date.parse(started_at))}</>
+                  )}
+                  {command.message && <> · {command.message}</>}
+                </span>
+              </span>
+              <StatusPill status={command.command_status_id} />
+            </li>
+          );
+        })}
+      </ol>
+    </>
+  );
+}
