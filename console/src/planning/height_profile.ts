@@ -51,7 +51,7 @@ export function lengthOf(profile: readonly ProfilePoint[]): number {
 }
 
 /** On a flat earth: plans are a few kilometres long at most. */
-function metresBetween(
+export function metresBetween(
   one: { latitude: number; longitude: number },
   other: { latitude: number; longitude: number },
 ): number {

@@ -17,6 +17,7 @@ import { withLive } from "../live/use_plans";
 import { asRequestError, useResource } from "../live/use_resource";
 import { extentOf } from "../map/extent";
 import { collection, fieldFeatures, placeOf, routeFeatures } from "../map/features";
+import { Checklist } from "./Checklist";
 import { PlanState } from "./Plans";
 import { useFleetSymbols } from "./use_fleet_symbols";
 
@@ -147,6 +148,7 @@ function PlanActions({ plan, reload }: { plan: Plan; reload: () => void }) {
       </div>
       {question !== null && (
         <Dialog title={t(`plans.${question}`)} close={() => setQuestion(null)}>
+          {question === "dispatch" && <Checklist plan={plan} />}
           <p>{t(`plans.${question}_text`)}</p>
           {question === "dispatch" ? (
             <HoldButton
