@@ -19,9 +19,12 @@ from tests.support.browser import CONSOLE, sign_in_link
 from tests.support.system import ROOT, FarmSystem, example_plan, running, short_plan
 
 APPEARANCES: Final = (("light", "en"), ("dark", "en"), ("outdoor", "es"), ("light", "es"))
+PEOPLE: Final = ("maria", "juan", "ana", "luis")
+"""Who is signed in for each."""
 DOCUMENTED: Final = {
     "fleet-desktop": "console-fleet",
-    "stop-phone": "console-stop",
+    "sign_in-tablet": "console-sign-in",
+    "stop-tablet": "console-stop",
     "plan-desktop": "console-plan",
     "editor-tablet": "console-editor",
     "flight-desktop": "console-flight",
@@ -82,13 +85,13 @@ def _prepare(farm: FarmSystem) -> None:
     assert answer.status_code == 201, answer.text
 
 
-def _take(farm: FarmSystem, folder: Path, theme: str, language: str, names: list[str]) -> None:
+def _take(farm: FarmSystem, folder: Path, person: str, names: list[str]) -> None:
     folder.mkdir(parents=True, exist_ok=True)
-    account = f"admin-{theme}-{language}"
+    theme, language = folder.name.split("-")
     environment = {
         **os.environ,
         "CONSOLE_URL": f"{farm.settings.edge_url}/console/",
-        "LINK": sign_in_link(farm, "admin", account).partition("#link=")[2],
+        "LINK": sign_in_link(farm, "admin", person).partition("#link=")[2],
         "THEME": theme,
         "LANGUAGE": language,
         "DRAFT": "1",
@@ -113,12 +116,12 @@ def main() -> None:
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as state, running(Path(state), vehicles=2) as farm:
         _prepare(farm)
-        for theme, language in APPEARANCES:
+        for person, (theme, language) in zip(PEOPLE, APPEARANCES, strict=True):
             folder = arguments.folder / f"{theme}-{language}"
             shutil.rmtree(folder, ignore_errors=True)
-            _take(farm, folder, theme, language, arguments.screens)
-    if not arguments.screens:
-        _document(arguments.folder / "-".join(APPEARANCES[0]))
+            _take(farm, folder, person, arguments.screens)
+            if not arguments.screens and (theme, language) == APPEARANCES[0]:
+                _document(folder)
 
 
 if __name__ == "__main__":
