@@ -17,7 +17,7 @@ export function Header({ stop }: { stop: () => void }) {
   const { session } = useSession();
   return (
     <header className="header">
-      <a className="brand" {...linkTo("")}>
+      <a className="brand" aria-label={t("shell.name")} {...linkTo("")}>
         <img src="/console/icon.svg" alt="" width="32" height="32" />
         <span>{t("shell.name")}</span>
       </a>
