@@ -210,6 +210,10 @@ soak: $(DEV) ## kill the edge server CYCLES (200) times under load, and what els
 dst: $(DEV) ## simulate the whole system under faults: SEEDS=20 JOBS=2 HOURS=24, or replay SEED=7 FAULTS=loss,pilot SHRINK=1
 	@exec $(RUN) -m dst --seeds $(SEEDS) --jobs $(JOBS) --first $(FIRST) $(if $(filter command line environment,$(origin SEED)),--seed $(SEED)) $(if $(HOURS),--hours $(HOURS)) $(if $(FAULTS),--faults $(FAULTS)) $(if $(SHRINK),--shrink)
 
+.PHONY: dst-prove
+dst-prove: $(DEV) ## break the product in ten places, one at a time: after how many of SEEDS=1000 it is found
+	@exec $(RUN) -m dst.prove
+
 .PHONY: fuzz
 fuzz: $(DEV) ## fly a mission under FRAMES (1000000) hostile frames; 0 if nothing moved by them
 	@exec env FRAMES=$(FRAMES) $(RUN) -m tests.bench.fuzz

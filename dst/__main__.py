@@ -30,6 +30,7 @@ def main(arguments: Sequence[str]) -> int:
     )
     parser.add_argument("--seed", type=int, help="replay this seed with its trace")
     parser.add_argument("--faults", help="replay with these faults: comma-separated, or none")
+    parser.add_argument("--stop", action="store_true", help="stop at the first seed that fails")
     parser.add_argument("--shrink", action="store_true", help="drop faults while the seed fails")
     options = parser.parse_args(arguments)
     logging.disable(logging.CRITICAL)
@@ -73,6 +74,8 @@ def _run_all(
             outcomes.append(outcome)
             if outcome.failure is not None:
                 print(text_of(outcome, options.hours), flush=True)
+                if options.stop:
+                    break
     failed = sum(outcome.failure is not None for outcome in outcomes)
     simulated_s = sum(outcome.simulated_s for outcome in outcomes)
     cpu_s = sum(outcome.cpu_s for outcome in outcomes)
