@@ -40,9 +40,9 @@ BREAKS: Final = (
     ),
     Break(
         "a pilot's takeover is not noticed",
-        "mavlink_broker/mission/authority_monitor.py",
-        "        if claim is None:\n",
-        "        if claim is None or claim:\n",
+        "mavlink_broker/vehicle/control_authority.py",
+        "    if not seen.armed:\n        return Authority.BROKER\n",
+        "    if seen:\n        return Authority.BROKER\n",
     ),
     Break(
         "a POST that is repeated is carried out again",
