@@ -194,7 +194,7 @@ class Faults:
             if vehicle.pilot_since_s is not None:
                 vehicle.release()
 
-        self._world.scheduler.after(random.uniform(5.0, 60.0), release)
+        self._world.scheduler.after(random.uniform(5.0, 120.0), release)
 
     def _kill(self, fault: Fault, process: _Process) -> Callable[[Random], None]:
         def kill(random: Random) -> None:

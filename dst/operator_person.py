@@ -10,6 +10,7 @@ from dst.vehicle import place
 from dst.world import World
 
 MEAN_PAUSE_S: Final = 60.0
+MEAN_ABORT_S: Final = 60.0
 RELEASE_PERIOD_S: Final = 30.0
 ALTITUDE_M: Final = 5.0
 
@@ -37,6 +38,7 @@ class Operator:
         self._world = world
         self._enabled = frozenset(enabled)
         self._random = world.scheduler.random("operator")
+        self._orders = world.scheduler.random("aborts")
         self._missions = 0
         self._events = 0
         self._shift = 0
@@ -48,6 +50,7 @@ class Operator:
         self._shift += 1
         self._is_posting = True
         self._next(self._shift)
+        self._watch(self._shift)
         self._release(self._shift)
 
     def stop(self) -> None:
@@ -67,13 +70,17 @@ class Operator:
         if shift != self._shift or not self._is_posting:
             return
         self._next(shift)
-        choice = self._random.random()
-        if choice < 0.2 and Fault.ABORTS in self._enabled:
-            self._abort()
-        elif choice < 0.4 and Fault.CANCELLATIONS in self._enabled and self.plans:
+        if self._random.random() < 0.3 and Fault.CANCELLATIONS in self._enabled and self.plans:
             self._cancel(self._random.choice(self.plans[-3:]))
         else:
             self._post_plan()
+
+    def _watch(self, shift: int) -> None:
+        """Abort now and then, above all what flies, whoever flies it; then again."""
+        if shift != self._shift or not self._is_posting or Fault.ABORTS not in self._enabled:
+            return
+        pause_s = self._orders.expovariate(1.0 / MEAN_ABORT_S)
+        self._world.scheduler.after(pause_s, lambda: self._abort(shift))
 
     def _request(
         self, method: str, path: str, body: Any = None, key: str | None = None
@@ -129,10 +136,13 @@ class Operator:
             if not vehicle.is_flying:
                 self._request("POST", f"/vehicles/{system}/release", {"reason": "checked"})
 
-    def _abort(self) -> None:
+    def _abort(self, shift: int) -> None:
+        self._watch(shift)
         self._events += 1
-        vehicle_id = self._random.choice(list(self._world.vehicles))
-        kind = self._random.choice((1, 2))
+        vehicles = self._world.vehicles
+        flying = [system for system, vehicle in vehicles.items() if vehicle.is_flying]
+        vehicle_id = self._orders.choice(flying or list(vehicles))
+        kind = self._orders.choice((1, 2))
         event = {"sequence_number": self._events, "vehicle_id": vehicle_id, "event_type_id": kind}
         self._request("POST", "/events/", event)
 
