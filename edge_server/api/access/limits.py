@@ -23,6 +23,10 @@ _ADDRESSES_PER_NAME: Final = 6
 """So many addresses may use up their sign-ins with one name before it is blocked for all."""
 
 
+_PLACES_KEPT: Final = 1000
+"""Names with an address from which they have signed in."""
+
+
 class _Counts(MemoryStorage):
     """Deletes expired windows once a minute; the base class starts a thread for every request."""
 
@@ -67,6 +71,8 @@ class Limits:
         self._of_names = RateLimitItemPerMinute(
             attempts * _ADDRESSES_PER_NAME, namespace="sign-in name"
         )
+        self._lock = threading.Lock()
+        self._signed_in: dict[tuple[str | None, str], None] = {}  # The oldest first
 
     def count(self, key: StoredKey) -> None:
         """Count a request of a key; raises 429 beyond its limit."""
@@ -80,12 +86,24 @@ class Limits:
     def count_sign_in(self, name: str | None, address: str | None) -> None:
         """Count an attempt to sign in, successful or not; raises 429 beyond the limits.
 
-        `name` is None for a link, whose token nobody can guess.
+        `name` is None for a link, whose token nobody can guess. Who guesses a name's password from
+        many addresses does not block those from which the person has signed in before.
         """
-        reason = "too many attempts to sign in"
-        self._hit(self._of_sign_ins, network_of(address), reason)
-        if name is not None:
+        reason, network = "too many attempts to sign in", network_of(address)
+        self._hit(self._of_sign_ins, network, reason)
+        with self._lock:
+            is_known = (name, network) in self._signed_in
+        if name is not None and not is_known:
             self._hit(self._of_names, name, reason)
+
+    def note_sign_in(self, name: str, address: str | None) -> None:
+        """Note from where a person has signed in; the last ones are kept until a restart."""
+        place = name, network_of(address)
+        with self._lock:
+            self._signed_in.pop(place, None)
+            self._signed_in[place] = None
+            if len(self._signed_in) > _PLACES_KEPT:
+                del self._signed_in[next(iter(self._signed_in))]
 
     def _hit(self, limit: RateLimitItem, who: str, reason: str) -> None:
         if self._limiter.hit(limit, who):

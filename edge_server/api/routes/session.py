@@ -55,6 +55,7 @@ def sign_in() -> ResponseReturnValue:
     if begun is None:
         raise Unauthorized(_REFUSED if wanted.link is None else _LINK_REFUSED)
     person, session, secret = begun
+    limits.note_sign_in(person.name, request.remote_addr)
     auth.key_ring().invalidate()
     answer: Response = jsonify(
         {

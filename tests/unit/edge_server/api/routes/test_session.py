@@ -166,6 +166,17 @@ def test_guessing_from_many_addresses_is_throttled_by_name(strict: Edge) -> None
     assert sign_in(strict, "198.51.100.1", name="nobody", password=PASSWORD).status_code == 401
 
 
+def test_guessing_from_many_addresses_does_not_lock_a_person_out(strict: Edge) -> None:
+    """Where she has signed in before, she does so again; elsewhere her name is blocked."""
+    make(strict)
+    assert sign_in(strict, "198.51.100.1", name="maria", password=PASSWORD).status_code == 201
+    for number in range(12):
+        sign_in(strict, f"192.0.2.{number}", name="maria", password="a guess")
+    assert sign_in(strict, "198.51.100.2", name="maria", password=PASSWORD).status_code == 429
+    assert sign_in(strict, "198.51.100.1", name="maria", password=PASSWORD).status_code == 201
+    assert sign_in(strict, "198.51.100.1", name="maria", password="a guess").status_code == 429
+
+
 @pytest.mark.parametrize(
     "body",
     [
