@@ -44,6 +44,12 @@ class Changes:
                 self._kept.append(Change(self.last + 1, name, vehicle_id, text))
                 self.last += 1
 
+    def forget(self) -> None:
+        """Keep no change: every reader with an earlier number begins anew."""
+        with self._lock:
+            self._kept.clear()
+            self.last += 1
+
     def after(self, number: int) -> list[Change] | None:
         """The changes behind a number; None if some of them are no longer kept."""
         if number == self.last:

@@ -71,6 +71,10 @@ class Watcher:
             if found:
                 self._changes.add(found)
                 self.wake()
+        elif before is not NOTHING:
+            # It slept: what changed, and what has left the latest meanwhile, is not known
+            self._changes.forget()
+            self.wake()
         self._is_first_read.set()
 
     def state(self, vehicle_ids: frozenset[int] | None) -> str:

@@ -1,6 +1,7 @@
 """A reader receives the complete state and then every change, also after a break."""
 
 import json
+import time
 from collections.abc import Mapping
 from typing import Any
 
@@ -9,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from sqlalchemy.exc import OperationalError
 
+from edge_server.live import watcher as watcher_module
 from edge_server.live.changes import Changes
 from edge_server.live.farm import NOTHING, Farm, differences
 from edge_server.live.stream import HEARTBEAT_S, LiveStream
@@ -213,3 +215,25 @@ class TestTheWatcher:
         found = changes.after(0)
         assert found is not None
         assert [json.loads(change.data) for change in found] == [vehicle(1, 5.0)]
+
+    def test_what_changes_while_nobody_watches_is_not_lost(
+        self, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr(watcher_module, "LINGER_S", 0.0)
+        monkeypatch.setattr(watcher_module, "PERIOD_S", 0.01)
+        server = Server()
+        mission = {"id": 7, "vehicle_id": 1, "dispatch_state": "running"}
+        server.become(farm(vehicle(1), missions={7: mission}))
+        reader = server.read()
+        reader.take()
+        watch_until_asleep(server.watcher)
+        server.farm = farm(vehicle(1, 5.0))  # The mission ended too long ago to be listed
+        watch_until_asleep(server.watcher)
+        ((_, name, state),) = server.read(reader.last_id).take()
+        assert (name, state["vehicles"], state["missions"]) == ("snapshot", [vehicle(1, 5.0)], [])
+
+
+def watch_until_asleep(watcher: Watcher) -> None:
+    watcher.note_reader()
+    while watcher.is_watched:
+        time.sleep(0.01)
