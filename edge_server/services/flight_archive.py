@@ -189,12 +189,12 @@ def acknowledge(context: Context, alarm_id: int, name: str) -> dict[str, Any]:
     shown = alarm(context, alarm_id)
     if shown["acknowledged_at"] is not None:
         return shown
-    try:
-        with context.database.write():
-            audit.about(f"alarms/history/{alarm_id}")
-            context.archive.acknowledge(alarm_id, name, context.clock())
+    try:  # Outside of the transaction: no other write waits for the archive's disk
+        context.archive.acknowledge(alarm_id, name, context.clock())
     except sqlite3.Error as error:
         raise UnavailableError(f"the flight archive cannot be written: {error}") from None
+    with context.database.write():
+        audit.about(f"alarms/history/{alarm_id}")
     return alarm(context, alarm_id)
 
 
