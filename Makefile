@@ -39,23 +39,28 @@ COMPILE = $(VENV)/bin/uv pip compile --quiet --universal --python-version 3.11 -
 unexport PYTHONDONTWRITEBYTECODE
 RUNTIME := $(VENV)/.runtime
 DEV := $(VENV)/.dev
+BUILDS_JSBSIM := $(if $(filter aarch64 arm64,$(shell uname -m)), (jsbsim from its source archive: some minutes; needs g++ and cmake))
 
 .PHONY: help
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sort | sed -E 's/:[^#]*## /\t/' | expand -t 12
 
-$(VENV)/bin/python:
+# pip is the last that an interrupted attempt lacks: without it everything is made again.
+$(VENV)/bin/pip:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
 	    || { echo "Python 3.11 or newer is needed; name it: make PYTHON=python3.11 ..."; exit 1; }
-	$(PYTHON) -m venv $(VENV)
+	@$(PYTHON) -m deploy.environment make $(VENV)
 
-$(RUNTIME): requirements.lock | $(VENV)/bin/python
-	@echo "installing the locked run-time packages into $(VENV)"
+$(RUNTIME): requirements.lock | $(VENV)/bin/pip
+	@$(RUN) -m deploy.environment index
+	@echo "installing the locked run-time packages into $(VENV)$(BUILDS_JSBSIM)"
 	$(RUN) -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.lock
+	@touch $@
 
 # The lock names every package that is needed and leaves out what pyproject.toml overrides.
-$(DEV): requirements-dev.lock | $(VENV)/bin/python
-	@echo "installing the locked development packages into $(VENV)"
+$(DEV): requirements-dev.lock | $(VENV)/bin/pip
+	@$(RUN) -m deploy.environment index
+	@echo "installing the locked development packages into $(VENV)$(BUILDS_JSBSIM)"
 	$(RUN) -m pip install --quiet --disable-pip-version-check --require-hashes --no-deps -r requirements-dev.lock
 	@touch $@ $(RUNTIME)
 
@@ -95,7 +100,7 @@ NODE_PATH_FIRST := PATH="$(CURDIR)/$(VENV)/bin:$$PATH"
 NEW_NODE := $(NODE_PATH_FIRST) node -e 'process.exit(+(process.versions.node.split(".")[0] < 20))' 2>/dev/null
 NPM := cd console && $(NODE_PATH_FIRST) npm
 
-$(CONSOLE_INSTALLED): console/package.json console/package-lock.json console/.npmrc | $(VENV)/bin/python
+$(CONSOLE_INSTALLED): console/package.json console/package-lock.json console/.npmrc | $(VENV)/bin/pip
 	@$(NEW_NODE) || $(RUN) -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements-console.lock
 	$(NPM) ci
 
@@ -144,21 +149,23 @@ tester: $(DEV) ## stand in for vehicle SYSTEM_ID at the keyboard, where `make si
 cloud: $(RUNTIME) ## run the mock cloud alone
 	@exec $(RUN) -m sim.cloud
 
-.PHONY: test
-test: $(DEV) ## run the units, contracts, golden records and one scenario per promise
+# First of all, so that what is missing shows before anything is installed
+.PHONY: servers
+servers:
 	@.ci/servers
+
+.PHONY: test
+test: servers $(DEV) ## run the units, contracts, golden records and one scenario per promise
 	@if $(MAKE) --no-print-directory $(CONSOLE_INSTALLED); then $(MAKE) --no-print-directory console console-test; \
 	else echo "The console's packages cannot be installed: its tests are not run."; fi
 	$(RUN) -m pytest $(PARALLEL) -m "not thorough"
 
 .PHONY: test-thorough
-test-thorough: $(DEV) ## run what `make test` leaves out
-	@.ci/servers
+test-thorough: servers $(DEV) ## run what `make test` leaves out
 	$(RUN) -m pytest $(PARALLEL) -m thorough
 
 .PHONY: test-failed
-test-failed: $(DEV) ## run the tests that failed last once more, one after the other
-	@.ci/servers
+test-failed: servers $(DEV) ## run the tests that failed last once more, one after the other
 	$(RUN) -m pytest --last-failed --last-failed-no-failures none
 
 .PHONY: soak-short
