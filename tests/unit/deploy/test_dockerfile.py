@@ -2,6 +2,7 @@
 
 import ast
 import re
+import subprocess
 import sys
 from functools import cache
 from importlib.metadata import packages_distributions
@@ -161,13 +162,50 @@ def test_a_vehicle_listens_where_its_image_says() -> None:
 
 def test_packages_come_from_the_lock_files_with_hashes_and_nothing_else() -> None:
     runs = [line for stage in STAGES.values() for line in stage.all("RUN") if "-m pip" in line]
-    downloads = {line for line in runs if " download " in line}
-    assert all("--require-hashes" in line and ".lock" in line for line in downloads)
+    fetched = {line for line in runs if " download " in line or " wheel " in line}
+    assert all("--require-hashes" in line and ".lock" in line for line in fetched)
     assert EDGE_FILES.environment["PIP_NO_INDEX"] == "1"
-    assert all(" download " in line or " install " in line for line in runs)
+    assert all(line in fetched or " install " in line for line in runs)
 
 
-@pytest.mark.parametrize("lock", ["requirements.lock", "requirements-dev.lock"])
+@pytest.mark.parametrize(
+    ("target", "extra"),
+    [("edge-server", "edge"), ("relay", "edge"), ("broker", "broker"), ("cloud", "edge")],
+)
+def test_the_farms_images_are_built_from_locks_without_the_simulator(
+    target: str, extra: str
+) -> None:
+    runs = " ".join(STAGES[STAGES[target].files_from].all("RUN"))
+    assert set(re.findall(r"[\w-]+\.lock", runs)) == {f"requirements-{extra}.lock"}
+    assert not re.search(
+        r"^jsbsim==", (ROOT / f"requirements-{extra}.lock").read_text(), re.MULTILINE
+    )
+
+
+def test_only_the_vehicles_image_builds_the_simulator_where_it_has_no_wheel() -> None:
+    names = {
+        name
+        for name, stage in STAGES.items()
+        if any("from_source=--no-binary=jsbsim" in line for line in stage.all("RUN"))
+    }
+    assert names == {"vehicle-wheels", "vehicle-files"}
+
+
+def test_the_simulator_is_left_out_of_the_lock_of_tester_and_acceptance() -> None:
+    (line,) = (line for line in STAGES["more-wheels"].all("RUN") if "awk" in line)
+    program = re.search(r"awk '([^']*)'", line)
+    assert program is not None
+    lock = ROOT / "requirements-dev.lock"
+    kept = subprocess.run(
+        ["awk", program[1], str(lock)], capture_output=True, text=True, check=True
+    ).stdout
+    every = re.findall(r"^([\w-]+)==", lock.read_text(), re.MULTILINE)
+    assert re.findall(r"^([\w-]+)==", kept, re.MULTILINE) == [
+        name for name in every if name != "jsbsim"
+    ]
+
+
+@pytest.mark.parametrize("lock", sorted(path.name for path in ROOT.glob("requirements*.lock")))
 def test_every_line_of_a_lock_file_has_its_version_and_hash(lock: str) -> None:
     entries = re.split(r"\n(?=\S)", (ROOT / lock).read_text().strip())
     assert all(re.search(r"^[\w.\[\]-]+==\S+", e) and "--hash=sha256:" in e for e in entries)
