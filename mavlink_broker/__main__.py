@@ -7,41 +7,36 @@ if __name__ == "__main__":  # Ctrl-C while the rest is loaded ends the program w
 
 import os
 import sys
+from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
+from typing import Final
 
-from mavlink_broker.cli import dead_letters, fly, run, translate, vehicles
+from mavlink_broker.cli import dead_letters, fly, run, sign_setup, translate, vehicles
 from mavlink_broker.cli.program import MISUSED, UsageError
 from mavlink_broker.live.follow_target import TargetSourceError
 
+_COMMANDS: Final[Mapping[str, Callable[[Sequence[str]], int]]] = {
+    "run": lambda rest: run.run(rest, os.environ),
+    "fly": lambda rest: fly.run(rest, os.environ),
+    "translate": lambda rest: translate.run(rest, datetime.now(UTC)),
+    "vehicles": lambda rest: vehicles.run(rest, os.environ),
+    "sign-setup": lambda rest: sign_setup.run(rest, os.environ),
+    "dead-letters": lambda rest: dead_letters.run(rest, os.environ),
+}
+
 
 def main() -> int:
-    """Do what was asked for; gives the exit status."""
-    subcommand, *rest = sys.argv[1:] or ["run"]
+    """Do what was asked for; gives the exit status. Arguments without a command serve."""
+    arguments = sys.argv[1:]
+    command = arguments.pop(0) if arguments and arguments[0] in _COMMANDS else "run"
     try:
-        return _do(subcommand, rest)
+        return _COMMANDS[command](arguments)
     except UsageError as error:
         print(f"mavlink_broker: {error}", file=sys.stderr)
         return error.status
     except TargetSourceError as error:
         print(f"mavlink_broker: {error}", file=sys.stderr)
         return MISUSED
-
-
-def _do(subcommand: str, rest: list[str]) -> int:
-    """Run a subcommand; arguments without one serve the edge server."""
-    match subcommand:
-        case "translate":
-            return translate.run(rest, datetime.now(UTC))
-        case "vehicles":
-            return vehicles.run(rest, os.environ)
-        case "fly":
-            return fly.run(rest, os.environ)
-        case "dead-letters":
-            return dead_letters.run(rest, os.environ)
-        case "run":
-            return run.run(rest, os.environ)
-        case _:
-            return run.run([subcommand, *rest], os.environ)
 
 
 if __name__ == "__main__":

@@ -137,7 +137,8 @@ def load(arguments: Sequence[str], environment: Mapping[str, str]) -> Config:
         environment,
         prog="mavlink_broker",
         description="Flies the edge server's missions over MAVLink.",
-        epilog="Other commands, each with its own --help: translate, vehicles, fly, dead-letters.",
+        epilog="Other commands, each with its own --help: translate, vehicles, fly, sign-setup, "
+        "dead-letters.",
     )
     parser.add_argument("--version", action="version", version=f"%(prog)s {VERSION}")
     return settings(parser, parser.parse_args(arguments))

@@ -85,6 +85,7 @@ PROGRAMS: Final = (
     ("mavlink_broker", "translate"),
     ("mavlink_broker", "vehicles"),
     ("mavlink_broker", "fly"),
+    ("mavlink_broker", "sign-setup"),
     ("mavlink_broker", "dead-letters"),
     ("uav_firmware",),
     ("sim",),

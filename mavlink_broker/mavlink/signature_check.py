@@ -72,8 +72,7 @@ class LinkSigning:
 
     def check(self, frame: bytearray, source: Source) -> Refusal | None:
         """Why a signed frame is refused; None for a genuine one that was not received before."""
-        digest = hashlib.sha256(self._key + frame[:-_DIGEST_LENGTH]).digest()[:_DIGEST_LENGTH]
-        if not hmac.compare_digest(digest, frame[-_DIGEST_LENGTH:]):
+        if not self.is_of_this_key(frame):
             return Refusal.BAD_SIGNATURE
         # A new stream is compared with the current time of day and the newest genuine frame: after
         # a clock that was ahead is corrected, genuine frames must still be accepted.
@@ -84,6 +83,11 @@ class LinkSigning:
             return Refusal.REPLAYED
         self._newest = max(self._newest, int.from_bytes(frame[-12:-6], "little"))
         return None
+
+    def is_of_this_key(self, frame: bytearray) -> bool:
+        """Whether a signed frame was signed with this key, at whatever time."""
+        digest = hashlib.sha256(self._key + frame[:-_DIGEST_LENGTH]).digest()[:_DIGEST_LENGTH]
+        return hmac.compare_digest(digest, frame[-_DIGEST_LENGTH:])
 
     def _ticks(self) -> int:
         return int((self._utc() - EPOCH).total_seconds() * TICKS_PER_S)
