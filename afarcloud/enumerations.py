@@ -36,11 +36,29 @@ class Status(IntEnum):
 
 
 class EventType(IntEnum):
-    """`event_type_id`: what interrupts a mission."""
+    """`event_type_id`: what interrupts a mission; from 101 on types beside AFarCloud's."""
 
     ABORT_MISSION = 1
     SOFT_ABORT_MISSION = 2
     DRONE_SPEED = 3
+    PAUSE_MISSION = 101
+    RESUME_MISSION = 102
+    RETURN_HOME = 103
+
+    @property
+    def ends_mission(self) -> bool:
+        """Whether it aborts what flies, and what waits behind it."""
+        return self in _ENDING_EVENTS
+
+    @property
+    def takes_place(self) -> bool:
+        """Whether it may name a place to which the vehicle goes."""
+        return self in {EventType.ABORT_MISSION, EventType.SOFT_ABORT_MISSION}
+
+
+_ENDING_EVENTS: Final = frozenset(
+    {EventType.ABORT_MISSION, EventType.SOFT_ABORT_MISSION, EventType.RETURN_HOME}
+)
 
 
 class AlarmType(IntEnum):

@@ -114,7 +114,7 @@ class Event(Model):
         wants_speed = self.event_type_id == EventType.DRONE_SPEED
         if wants_speed != (self.maximum_speed is not None):
             raise field_error("maximum_speed", "goes with event_type_id 3, and only with it")
-        if wants_speed and self.abort is not None:
+        if self.abort is not None and not self.event_type_id.takes_place:
             raise field_error("abort", "goes with event_type_id 1 or 2")
         return self
 

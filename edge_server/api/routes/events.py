@@ -1,4 +1,4 @@
-"""`/events/`: abort, soft abort and speed; they expire after seconds and stay readable."""
+"""`/events/`: they interrupt a mission, expire after seconds and stay readable."""
 
 from typing import Any, Final
 
@@ -18,6 +18,8 @@ from edge_server.store.rows.keys import Role
 
 NAMES: Final = ("events", "event")
 ITEM: Final = "int64:identifier"
+FLYING_ON: Final = frozenset({EventType.RESUME_MISSION, EventType.DRONE_SPEED})
+"""Events after which a vehicle flies on; a farmer may only stop it."""
 EXAMPLE: Final = {
     "sequence_number": 5,
     "vehicle_id": 1,
@@ -48,7 +50,7 @@ def blueprint() -> Blueprint:
     )
 )
 def create() -> ResponseReturnValue:
-    """Interrupt a vehicle's mission; a farmer may abort, and not change the speed."""
+    """Interrupt a vehicle's mission; a farmer may stop it, not resume it or change its speed."""
     stored = events.create(bodies.context(), _event(), caller())
     audit(f"posted event {stored['id']}: {stored['event_type_name']}")
     return stored, 201, {"Location": url_for("events.get", identifier=stored["id"])}
@@ -105,7 +107,7 @@ def delete(identifier: int) -> ResponseReturnValue:
 def _event() -> Event:
     """Read an event that the caller may post; raises 403."""
     event = bodies.document(Kind.EVENT, Event)
-    if caller().role == Role.FARMER and event.event_type_id == EventType.DRONE_SPEED:
-        raise Forbidden("a farmer may abort a mission, not change its speed")
+    if caller().role == Role.FARMER and event.event_type_id in FLYING_ON:
+        raise Forbidden("a farmer may stop a mission, not resume it or change its speed")
     scopes.check(event.vehicle_id)
     return event

@@ -209,7 +209,7 @@ def _check_vehicle(connection: Connection, event: Event) -> None:
 
 def _empty_queue(connection: Connection, event: Event, identifier: int, now: float) -> None:
     """End the queued missions behind an aborted one; the broker ends those that it has accepted."""
-    if event.event_type_id == EventType.DRONE_SPEED:
+    if not event.event_type_id.ends_mission:
         return
     for item in _missions(connection, event.vehicle_id):
         if item.state == work.QUEUED:

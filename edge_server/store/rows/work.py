@@ -290,7 +290,7 @@ def has_answered_abort(connection: Connection, vehicle_id: int, since_s: float) 
 
 
 def _is_abort(event: dict[str, Any]) -> bool:
-    return event["event_type_id"] in {EventType.ABORT_MISSION, EventType.SOFT_ABORT_MISSION}
+    return EventType(event["event_type_id"]).ends_mission
 
 
 def overdue(connection: Connection, now: float) -> list[Work]:

@@ -15,6 +15,7 @@ from edge_server.store.rows.work import CLOCK_SLACK_S, UNDER_WAY_S
 from tests.unit.edge_server.conftest import NOON, Clock, Edge
 from tests.unit.edge_server.documents import event, mission, mission_report, plan, speed_event
 
+PAUSE, RESUME, RETURN_HOME = 101, 102, 103
 POINT = {"latitude": 40.4434, "longitude": -3.7382, "altitude": 5.0}
 
 
@@ -260,6 +261,34 @@ def test_a_new_speed_empties_no_queue(edge: Edge) -> None:
     assert edge.get("/plans/2")["plan_status_name"] == "NOT_STARTED"
 
 
+@pytest.mark.parametrize("kind", [PAUSE, RESUME])
+def test_a_pause_or_resume_empties_no_queue(edge: Edge, kind: int) -> None:
+    fly(edge)
+    edge.post_plan(plan(mission(1202)))
+    assert send(edge, event(kind))["event_type_name"] in {"PAUSE_MISSION", "RESUME_MISSION"}
+    assert [item["state"] for item in edge.work() if item["kind"] == "mission"] == [
+        "accepted",
+        "queued",
+    ]
+
+
+def test_a_return_home_empties_the_queue(edge: Edge) -> None:
+    fly(edge)
+    edge.post_plan(plan(mission(1202)))
+    send(edge, event(RETURN_HOME))
+    left = [item["mission"]["mission_id"] for item in edge.work() if item["kind"] == "mission"]
+    assert left == [1201]
+
+
+def test_a_farmer_may_stop_a_mission_and_not_make_it_fly_on(edge: Edge) -> None:
+    fly(edge)
+    for kind in (PAUSE, RETURN_HOME):
+        assert send(edge, event(kind), "farmer")["state"] == "queued"
+    answer = edge.post("/events/", event(RESUME), "farmer")
+    assert answer.status_code == 403
+    assert "not resume it" in answer.get_data(as_text=True)
+
+
 def test_an_unknown_vehicle_is_not_found(edge: Edge) -> None:
     answer = refused(edge, event(vehicle_id=77), 404)
     assert "vehicle_id" in answer["detail"]["json"]
@@ -298,6 +327,11 @@ def test_a_flight_that_only_the_vehicle_knows_can_be_aborted(
         (speed_event(12.5), "maximum_speed"),
         (speed_event(0.0), "maximum_speed"),
         (speed_event(abort=POINT), "abort"),
+        (event(PAUSE, abort=POINT), "abort"),
+        (event(RETURN_HOME, abort=POINT), "abort"),
+        (event(PAUSE, maximum_speed=2.0), "maximum_speed"),
+        (event(100), "event_type_id"),
+        (event(104), "event_type_id"),
         (event(abort={"latitude": 40.0}), "abort.longitude"),
         (event(abort=POINT | {"altitude": 121}), "abort.altitude"),
         (event(expires_at=at(NOON)), "expires_at"),
