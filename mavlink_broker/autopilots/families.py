@@ -29,6 +29,7 @@ def _mode(main: int, sub: int = 0) -> CommandLong:
 _ARM: Final = long_command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)
 _START: Final = CommandLong(command=mavlink.MAV_CMD_MISSION_START)
 _PAUSE: Final = CommandLong(command=mavlink.MAV_CMD_DO_PAUSE_CONTINUE)
+_CONTINUE: Final = long_command(mavlink.MAV_CMD_DO_PAUSE_CONTINUE, 1.0)
 _LAND: Final = long_command(
     mavlink.MAV_CMD_NAV_LAND, 0.0, 0.0, 0.0, math.nan, math.nan, math.nan, math.nan
 )
@@ -41,6 +42,7 @@ _PX4_HOLD: Final = _mode(4, 3)
 _PX4_MISSION_MODE: Final = _mode(4, 4)
 _COPTER_AUTO: Final = _mode(3)
 _COPTER_GUIDED: Final = _mode(4)
+_COPTER_BRAKE: Final = _mode(17)
 
 
 _PX4_FOLLOW: Final = _mode(4, 8)
@@ -121,6 +123,9 @@ class Family:
     runs_missions_disarmed: bool = False  # In its mission mode, also before its propellers turn
     arming_retry_s: float = 0.0  # A refusal to arm may pass: in its modes it checks other things
     holding: CommandAlternatives = ((_PAUSE,),)  # Stay in the air, out of the mission
+    pausing: CommandAlternatives = ((_PAUSE,),)  # Stop now, whatever is flown
+    resuming: CommandAlternatives = ((_CONTINUE,),)  # Fly on with the mission items
+    paused_mode: str | None = None  # Mode to which pausing leads, if no other order does
     landing: CommandAlternatives = ((_LAND,),)  # Here and now
     returning: CommandAlternatives = ((_RETURN,),)  # Home, and land there
     orbiting: OrbitMethod = OrbitMethod.ENDLESS
@@ -192,6 +197,8 @@ PX4: Final = Family(
     arming=((_ARM,), (_PX4_MISSION_MODE, _ARM)),
     starting=((_START,), (_PX4_MISSION_MODE,)),
     holding=((_PX4_HOLD,), (_PAUSE,)),
+    pausing=((_PX4_HOLD,), (_PAUSE,)),
+    resuming=((_PX4_MISSION_MODE,), (_CONTINUE,)),
     landing=((_PX4_LAND,), (_LAND,)),
     returning=((_PX4_RETURN,), (_RETURN,)),
     following=FollowMethod.BY_MODE,
@@ -274,6 +281,9 @@ ARDUPILOT: Final = Family(
     arming=((_COPTER_GUIDED, _ARM),),
     starting=((_START,), (_COPTER_AUTO,)),
     holding=((_COPTER_GUIDED,), (_PAUSE,)),
+    pausing=((_COPTER_BRAKE,), (_PAUSE,)),  # A second GUIDED would fly on to its old place
+    resuming=((_COPTER_AUTO,), (_CONTINUE,)),
+    paused_mode="BRAKE",
     busy_pause_s=9.0,
     battery_capacity_parameter="BATT_CAPACITY",
     fence_parameters=geofence_parameters.ardupilot_fence,
@@ -292,6 +302,9 @@ ARDUPILOT_OTHER: Final = replace(
     arming=GENERIC.arming,
     starting=GENERIC.starting,
     holding=GENERIC.holding,
+    pausing=GENERIC.pausing,
+    resuming=GENERIC.resuming,
+    paused_mode=None,
     landing=GENERIC.landing,
     returning=GENERIC.returning,
     follow_modes=(),

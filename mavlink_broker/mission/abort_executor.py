@@ -44,6 +44,7 @@ REPLACED: Final = "a later event replaced it"
 REASONS: Final = {
     EventType.ABORT_MISSION: "aborted by an event",
     EventType.SOFT_ABORT_MISSION: "aborted softly by an event",
+    EventType.RETURN_HOME: "aborted by an event: the vehicle returns home",
 }
 COMMAND_WITHIN_S: Final = 30.0
 """How long a soft abort waits for the running command, by the vehicle's time."""
@@ -64,8 +65,8 @@ class SoftAbort:
 
 
 def return_event(vehicle_id: int) -> Event:
-    """The event that ends a mission after an alarm: a soft abort without a place."""
-    return Event(vehicle_id=vehicle_id, event_type_id=EventType.SOFT_ABORT_MISSION)
+    """The event that ends a mission after an alarm."""
+    return Event(vehicle_id=vehicle_id, event_type_id=EventType.RETURN_HOME)
 
 
 def abort_note(event: Event, work_id: int, vehicle: Vehicle) -> PendingAbort:
@@ -131,7 +132,7 @@ def disarm_action(vehicle: Vehicle) -> LiveAction:
 
 
 def _last_order(event: Event, family: Family) -> CommandAlternatives:
-    if event.event_type_id is not EventType.SOFT_ABORT_MISSION:
+    if event.event_type_id is EventType.ABORT_MISSION:
         return family.landing
     return family.returning if event.abort is None else family.holding
 
@@ -261,8 +262,8 @@ class AbortExecutor:
             return disarm_action(self._vehicle)
         if self._lands_instead or self._lacks_position:
             return land_action(self._vehicle)
-        is_soft = self._event.event_type_id is EventType.SOFT_ABORT_MISSION
-        self._needs_position = is_soft or (with_place and self._event.abort is not None)
+        lands_here = self._event.event_type_id is EventType.ABORT_MISSION
+        self._needs_position = not lands_here or (with_place and self._event.abort is not None)
         return _airborne_action(self._event, self._vehicle, with_place=with_place)
 
     def _is_taken(self, now: float) -> bool:

@@ -27,9 +27,14 @@ class AuthorityMonitor:
         self.was_taken = False  # Another system had the vehicle while the broker attached to it
 
     def who(self, claim: Claim | None) -> Authority:
-        """Decide who is in command; without a claim the broker orders nothing in this phase."""
+        """Decide who is in command; without a claim the broker orders nothing in this phase.
+
+        While an event has paused the mission, the mode in which the vehicle holds is the broker's.
+        """
         if claim is None:
             return Authority.BROKER
+        if self._vehicle.recovery.paused is not None and claim.mode is None:
+            claim = claim._replace(mode=self._vehicle.family.paused_mode)
         return control_authority.authority_of(self._vehicle.observed_mode, claim)
 
     def update(self, claim: Claim | None, *, is_attaching: bool) -> Authority:

@@ -11,6 +11,7 @@ from mavlink_broker.effects import Effects
 from mavlink_broker.live.series_monitor import SeriesMonitor
 from mavlink_broker.mavlink.dialect import Message
 from mavlink_broker.mission.authority_monitor import AuthorityMonitor
+from mavlink_broker.mission.pause_orders import PauseOrders
 from mavlink_broker.mission.segments import Segments
 from mavlink_broker.mission.speed_changes import SpeedChanges
 from mavlink_broker.mission.states import Event
@@ -46,6 +47,7 @@ class MissionContext:
         self.area = None if work.geofence is None else AreaCheck(work.geofence)
         self.authority = AuthorityMonitor(vehicle)
         self.speeds = SpeedChanges(vehicle, self.segments)
+        self.pauses = PauseOrders(vehicle, work.name)
         self.captures = PendingCaptures(work, vehicle)
         self.began_at = 0.0
         self.is_confirmed = work.was_accepted  # The edge server knows that this broker flies it
@@ -76,6 +78,11 @@ class MissionContext:
     def is_flying(self) -> bool:
         """Whether the vehicle holds in the air and is armed."""
         return self.is_hovering and bool(self.vehicle.snapshot.armed)
+
+    @property
+    def is_held_back(self) -> bool:
+        """Whether the next segment waits, because an event has paused the mission."""
+        return self.pauses.is_paused and not self.segments.is_last
 
     def report(self, effects: Effects) -> None:
         """Post a mission report."""

@@ -25,6 +25,7 @@ from mavlink_broker.mission.abort_executor import (
     return_event,
 )
 from mavlink_broker.mission.context import MissionContext
+from mavlink_broker.mission.pause_orders import NOT_IN_THE_AIR, PAUSED
 from mavlink_broker.mission.phases.aborting import RESTARTED, Aborting
 from mavlink_broker.mission.phases.attaching import Attaching
 from mavlink_broker.mission.phases.failing import Failing
@@ -209,6 +210,7 @@ class MissionExecutor:
         phase.receive(message, now, effects)
         self._context.captures.receive(message, now)
         self._context.speeds.receive(message, now, effects)
+        self._context.pauses.receive(message, now, effects)
         if phase.exchange is not None:
             effects.messages += phase.exchange.receive(message, now)
             self._apply(phase.settle(now, effects), now, effects)
@@ -222,11 +224,20 @@ class MissionExecutor:
             self._apply(phase.settle(now, effects), now, effects)
         if not yields:
             self._context.speeds.tick(now, effects)
+        self._context.pauses.tick(self.state, self._who, now, effects)
+        self._report_pause(effects)
         self._apply(self._phase.tick(now, effects), now, effects)
         if not yields:
             self._context.speeds.order_late(self.state, now, effects)
-        if self._soft_abort is not None:
+        if self._soft_abort is not None and not self._context.pauses.is_paused:
             self._abort_when_due(self._soft_abort, now, effects)
+
+    def _report_pause(self, effects: Effects) -> None:
+        """Write into the report that an event has paused the mission."""
+        if self._context.pauses.take_news():
+            last = len(self.ledger.commands) - 1
+            self.ledger.add_note(min(self.ledger.finished, last), PAUSED)
+            self._context.report(effects)
 
     def _yields(self, now: float, effects: Effects) -> bool:
         """Fail at once when another system takes the vehicle; whether no order may be given.
@@ -277,6 +288,7 @@ class MissionExecutor:
         _LOG.info("mission %d: %s, %s -> %s", mission_id, before.name, event.name, after.name)
         if after in ENDING:
             self._context.speeds.cancel(MISSION_ENDED, effects)
+            self._context.pauses.cancel(MISSION_ENDED, effects)
         self._apply(self._phase.enter(now, effects), now, effects)
 
     def _is_link_away(self, now: float) -> bool:
@@ -314,28 +326,43 @@ class MissionExecutor:
     # Events
 
     def handle_event(self, work: EventWork, now: float, effects: Effects) -> None:
-        """Carry out an event: abort now, abort behind the running command, or change the speed."""
+        """Carry out an event: abort now or behind the running command, pause, change the speed."""
         if not work.was_accepted:
             effects.for_edge.append(Acknowledgement(work.work_id, "accepted"))
-        if work.event.maximum_speed is not None:
-            speed_m_s, speeds = work.event.maximum_speed, self._context.speeds
-            speeds.change(work, speed_m_s, self.state, self._who, now, effects)
-        elif work.event.event_type_id is EventType.ABORT_MISSION:
-            self._abort_now(work, now, effects)
+        speed_m_s, speeds = work.event.maximum_speed, self._context.speeds
+        match work.event.event_type_id:
+            case EventType.DRONE_SPEED if speed_m_s is not None:
+                speeds.change(work, speed_m_s, self.state, self._who, now, effects)
+            case EventType.PAUSE_MISSION | EventType.RESUME_MISSION:
+                self._pause_or_resume(work, now, effects)
+            case EventType.SOFT_ABORT_MISSION:
+                self._abort_softly(work, now, effects)
+            case EventType.ABORT_MISSION | EventType.RETURN_HOME:
+                self._abort_now(work, now, effects)
+
+    def _pause_or_resume(self, work: EventWork, now: float, effects: Effects) -> None:
+        pauses, state, who = self._context.pauses, self.state, self._who
+        if work.event.event_type_id is EventType.RESUME_MISSION:
+            has_items = self._running.has_items
+            pauses.resume(work, state, who, now, effects, has_items=has_items)
+        elif state in IN_FLIGHT or self._context.is_flying:
+            pauses.pause(work, state, who, now, effects)
         else:
-            self._abort_softly(work, now, effects)
+            effects.for_edge.append(Acknowledgement(work.work_id, "refused", NOT_IN_THE_AIR))
 
     def answer_events(self, reason: str, effects: Effects) -> None:
         """Answer every event that the end of the mission leaves without an answer."""
         self._end_soft_abort(effects, reason)
         self._context.speeds.cancel(reason, effects)
+        self._context.pauses.cancel(reason, effects)
         self._aborting.refuse(reason, effects)
 
     def _abort_softly(self, work: EventWork, now: float, effects: Effects) -> None:
         """Wait for the running command; another soft abort changes the place, not the deadline."""
         before = self._soft_abort
         self._end_soft_abort(effects, REPLACED)
-        command = self.ledger.finished if self.state in IN_FLIGHT else None
+        waits = self.state in IN_FLIGHT and not self._context.pauses.is_paused
+        command = self.ledger.finished if waits else None
         deadline_s = self._vehicle_time_s(now) + COMMAND_WITHIN_S
         if before is not None:
             command, deadline_s = before.command, before.deadline_s

@@ -13,14 +13,14 @@ from collections import deque
 from collections.abc import Sequence
 from typing import Final
 
-from afarcloud.enumerations import EventType, Status
+from afarcloud.enumerations import Status
 from mavlink_broker.autopilots.families import MOST_CAPABLE
 from mavlink_broker.edge.work import AcceptanceResult, EventWork, MissionWork
 from mavlink_broker.effects import Acknowledgement, EdgeMessage, Effects
 from mavlink_broker.mavlink.dialect import Message
 from mavlink_broker.mission.abort_executor import REASONS, abort_note
 from mavlink_broker.mission.mission_executor import MissionExecutor
-from mavlink_broker.mission.pending_events import PendingEvents, is_abort
+from mavlink_broker.mission.pending_events import PendingEvents, aborts_now, is_abort
 from mavlink_broker.mission.phases.aborting import RETURN_ENDED
 from mavlink_broker.mission.speed_changes import MISSION_ENDED
 from mavlink_broker.mission.states import State
@@ -279,8 +279,7 @@ class MissionQueue:
             return True  # The journal may hold an older one that the vehicle obeys
         if is_unknown:
             return resumed or (is_abort(work) and self._events.is_before(work.work_id))
-        aborts_now = work.event.event_type_id is EventType.ABORT_MISSION
-        return resumed and not aborts_now
+        return resumed and not aborts_now(work)
 
     def _abort(self, work: EventWork, now: float, effects: Effects) -> None:
         """End the mission that flies, and those that wait behind it; it replaces older aborts."""
@@ -304,9 +303,10 @@ class MissionQueue:
         if self._current is not None and _concerns(work, self._current):
             self._current.handle_event(work, now, effects)
             self.close_ended(effects)
-        elif replaces or (work.was_accepted and not ended):
+        elif replaces or self.vehicle.hovers or (work.was_accepted and not ended):
             self._has_begun = True  # What waits was behind it, and has not begun
-            self._events.resume_abort(work, now, effects, is_newer=replaces)
+            is_newer = replaces or self.vehicle.hovers
+            self._events.resume_abort(work, now, effects, is_newer=is_newer)
         elif ended:
             if self._unconfirmed.are_open and not work.was_accepted:
                 effects.for_edge.append(Acknowledgement(work.work_id, "accepted"))

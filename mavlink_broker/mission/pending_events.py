@@ -116,7 +116,8 @@ class PendingEvents:
         snapshot = self._vehicle.snapshot
         if not (is_abort(work) and of_earlier_run and snapshot.armed):
             return False
-        leads = work.event.abort is not None or not _aborts_now(work)
+        lands_here = work.event.event_type_id is EventType.ABORT_MISSION
+        leads = work.event.abort is not None or not lands_here
         lacks_place = snapshot.home is None or not snapshot.knows_whether_placed
         lacks_time = self._noted_s is not None and snapshot.time_s is None
         if not (lacks_time or (leads and lacks_place)):
@@ -275,10 +276,11 @@ def _acknowledge(
         effects.for_edge.append(Acknowledgement(work.work_id, status, taken or done))
 
 
-def _aborts_now(work: EventWork) -> bool:
-    return work.event.event_type_id is EventType.ABORT_MISSION
+def aborts_now(work: EventWork) -> bool:
+    """Whether an event ends a mission without waiting for the running command."""
+    return work.event.event_type_id in {EventType.ABORT_MISSION, EventType.RETURN_HOME}
 
 
 def is_abort(work: EventWork) -> bool:
     """Whether an event ends a mission."""
-    return work.event.event_type_id is not EventType.DRONE_SPEED
+    return work.event.event_type_id.ends_mission

@@ -13,8 +13,16 @@ import math
 from collections.abc import Callable
 from typing import Annotated, Final, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    StringConstraints,
+    ValidationError,
+)
 
+from afarcloud.enumerations import EventType
 from mavlink_broker.mavlink.mission_item import Four, MissionItem
 from mavlink_broker.microservices.config_overrides import Items, OverriddenParameter, OverriddenPlan
 from mavlink_broker.microservices.mission_protocol import FENCE, RALLY
@@ -87,9 +95,16 @@ class _Return(_Row):
     noted: _Number | None = None
 
 
+def _check_kind(number: int) -> int:
+    """Refuse an event that ends no mission; raises ValueError."""
+    if not EventType(number).ends_mission:
+        raise ValueError("ends no mission")
+    return number
+
+
 class _Abort(_Row):
     work: _Count
-    kind: Annotated[int, Field(ge=1, le=2)]
+    kind: Annotated[int, AfterValidator(_check_kind)]  # `event_type_id`
     point: _Pose | None = None
     noted: _Number | None = None
 
@@ -115,6 +130,7 @@ class _Document(_Row):
     abort: _Abort | None = None
     live: _Live | None = None
     started: _Text | None = None
+    paused: _Text | None = None
 
 
 def encode(identity: VehicleIdentity, record: RecoveryRecord) -> bytes:
@@ -136,6 +152,7 @@ def encode(identity: VehicleIdentity, record: RecoveryRecord) -> bytes:
             abort=_if_any(_abort, record.abort),
             live=_if_any(_live, record.live),
             started=record.started,
+            paused=record.paused,
         )
     except ValidationError as error:
         raise JournalError(_first(error)) from error
@@ -184,6 +201,7 @@ def _record(document: _Document) -> RecoveryRecord:
         abort=_if_any(_read_abort, document.abort),
         live=_if_any(_read_live, document.live),
         started=document.started,
+        paused=document.paused,
     )
 
 

@@ -46,7 +46,7 @@ class PendingAbort:
     """An abort that was accepted, and that the vehicle has not obeyed yet."""
 
     work_id: int  # Of the event
-    event_type: int  # Of AFarCloud's: 1 abort, 2 soft abort
+    event_type: int  # The `event_type_id` of one that ends missions
     point: Pose | None = None  # Where the vehicle is to go first
     noted_s: float | None = None  # [s] By the vehicle's clock since boot
 
@@ -75,6 +75,7 @@ class RecoveryRecord:
     abort: PendingAbort | None = None
     live: LiveCommandProgress | None = None
     started: str | None = None  # First command of the mission items that it was last ordered to fly
+    paused: str | None = None  # Name of the work that an event has paused
 
 
 EMPTY_RECORD: Final = RecoveryRecord()
@@ -99,6 +100,7 @@ def merge_records(earlier: RecoveryRecord, later: RecoveryRecord) -> RecoveryRec
         abort=later.abort or earlier.abort,
         live=later.live or earlier.live,
         started=later.started or earlier.started,
+        paused=later.paused or earlier.paused,
     )
 
 

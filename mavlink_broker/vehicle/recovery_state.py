@@ -30,6 +30,7 @@ class RecoveryState:
         self._held_abort: PendingAbort | None = None
         self._live: LiveCommandProgress | None = None
         self._segment: str | None = None
+        self._paused: str | None = None
 
     @property
     def live(self) -> LiveCommandProgress | None:
@@ -48,6 +49,23 @@ class RecoveryState:
     def note_segment(self, first_command: str) -> None:
         """Note that the vehicle is about to be ordered to fly items."""
         self._segment = first_command
+
+    @property
+    def paused(self) -> str | None:
+        """Name of the work that an event has paused."""
+        return self._paused
+
+    def note_pause(self, mission: str) -> None:
+        """Note that an event has paused a mission."""
+        self._paused = mission
+
+    def clear_pause(self) -> None:
+        """Forget the pause: the mission flies, or has ended."""
+        self._paused = None
+
+    def clear_live(self) -> None:
+        """Forget the live command: the vehicle has left it, and it begins anew."""
+        self._live = None
 
     def clear_commands(self) -> None:
         """Forget live command and segment: none is flown, or those of another mission."""
@@ -89,6 +107,7 @@ class RecoveryState:
             abort=self._abort or self._held_abort,
             live=self._live,
             started=self._segment,
+            paused=self._paused,
         )
 
     @property
@@ -104,10 +123,11 @@ class RecoveryState:
         self.hover.recall(both.hover)
         self._return, self._live = both.pending_return, both.live
         self._abort, self._segment = both.abort, both.started
+        self._paused = both.paused
 
     def forget(self) -> None:
         """Begin with nothing again: another vehicle has taken the place of this one."""
         self.overrides, self.parameters = VehicleOverrides(), ParameterOverrider()
         self.hover.end()
-        self._return = self._abort = self._held_abort = None
+        self._return = self._abort = self._held_abort = self._paused = None
         self.clear_commands()

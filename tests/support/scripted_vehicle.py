@@ -615,6 +615,9 @@ class ScriptedVehicle:
                 self._target = None
                 self.custom_mode = PX4_HOLD
                 self._send_mode_change()
+            case mavlink.MAV_CMD_DO_PAUSE_CONTINUE:
+                self.custom_mode = PX4_MISSION
+                self._send_mode_change()
             case mavlink.MAV_CMD_RUN_PREARM_CHECKS if not self._ready and self.script.fault:
                 self.send_status_text(self.script.fault)
             case mavlink.MAV_CMD_DO_SET_MISSION_CURRENT:

@@ -1,4 +1,8 @@
-"""FLYING_LIVE: the broker flies one command live, between segments of mission items."""
+"""FLYING_LIVE: the broker flies one command live, between segments of mission items.
+
+An event that pauses the mission ends a command that moves the vehicle; when the mission is resumed
+it begins anew. A command that does not move the vehicle goes on to its end.
+"""
 
 from afarcloud.enumerations import Status
 from mavlink_broker.autopilots.flight_modes import LIVE_MODES
@@ -6,6 +10,7 @@ from mavlink_broker.effects import Effects
 from mavlink_broker.live.executor import LiveCommandExecutor
 from mavlink_broker.live.executor import Phase as LivePhase
 from mavlink_broker.mavlink.dialect import Message
+from mavlink_broker.mission.authority_monitor import HOVERING
 from mavlink_broker.mission.context import MissionContext
 from mavlink_broker.mission.phases.phase import Fault, Phase, Request, Result
 from mavlink_broker.vehicle.control_authority import Claim
@@ -21,8 +26,10 @@ class FlyingLive(Phase):
     @property
     def claim(self) -> Claim | None:
         """Modes of the live command; on the ground, where only a camera works, none."""
-        if self._executor is None or not self._mission.is_hovering:
+        if not self._mission.is_hovering:
             return None
+        if self._executor is None:
+            return HOVERING if self._mission.pauses.is_paused else None
         return self._executor.claim
 
     @property
@@ -31,8 +38,10 @@ class FlyingLive(Phase):
         return self._executor is not None and self._executor.has_departed
 
     def enter(self, now: float, effects: Effects) -> Result:
-        """Begin the command, or go on with it."""
+        """Begin the command, or go on with it; not while the mission is paused."""
         mission, vehicle = self._mission, self._mission.vehicle
+        if mission.pauses.is_paused:
+            return None
         live = mission.segments.live
         is_under_way = mission.was_running and live.action.moves and vehicle.mode in LIVE_MODES
         is_running = mission.ledger.commands[live.command] is Status.RUNNING
@@ -48,14 +57,15 @@ class FlyingLive(Phase):
 
     def receive(self, message: Message, now: float, effects: Effects) -> None:
         """Take a message of the vehicle."""
-        if self._executor is not None:
+        if self._executor is not None and not self._is_interrupted:
             effects.messages += self._executor.receive(message, now)
 
     def tick(self, now: float, effects: Effects) -> Result:
         """Report the command; the next segment waits for its pictures."""
-        mission, executor = self._mission, self._executor
-        if executor is None:
-            return None
+        mission = self._mission
+        if self._is_interrupted:
+            return self._wait()
+        executor = self._executor or self._begin_anew(now, effects)
         effects.messages += executor.tick(now)
         index = mission.segments.live.command
         if executor.has_begun:
@@ -69,9 +79,36 @@ class FlyingLive(Phase):
         is_done = executor.phase is LivePhase.DONE
         if not is_done or mission.captures.are_pending(index, now, effects):
             return None
+        if mission.is_held_back:
+            return None
         mission.ledger.set_command(index, Status.FINISHED)
         effects.for_edge += mission.reporter.results(mission.ledger.name_of(index), now)
         if mission.segments.is_last:
             mission.ledger.set_mission(Status.FINISHED)
         mission.report(effects)
         return Request.NEXT_SEGMENT
+
+    @property
+    def _is_interrupted(self) -> bool:
+        """Whether the mission is being paused, or is paused, while the command has to wait."""
+        has_to_wait = self._executor is None or self._mission.segments.live.action.moves
+        return self._mission.pauses.is_paused and has_to_wait
+
+    def _wait(self) -> Result:
+        """Drop the command that the vehicle has left; without an end it waits to be resumed."""
+        mission = self._mission
+        if not mission.pauses.has_obeyed:
+            return None
+        self._executor = None
+        mission.vehicle.recovery.clear_live()
+        if mission.vehicle.snapshot.armed is False:
+            return Fault("the vehicle disarmed before the end of the mission")
+        return None
+
+    def _begin_anew(self, now: float, effects: Effects) -> LiveCommandExecutor:
+        """Begin the command from its start, behind a pause."""
+        live = self._mission.segments.live
+        name = self._mission.ledger.name_of(live.command)
+        self._executor = LiveCommandExecutor(live.action, self._mission.vehicle, name)
+        effects.messages += self._executor.start(now)
+        return self._executor

@@ -38,6 +38,11 @@ class Running(Phase):
         return None if self._monitors is None else self._monitors.progress.claim
 
     @property
+    def has_items(self) -> bool:
+        """Whether items of the segment are still to be flown."""
+        return self._monitors is not None and not self._monitors.progress.is_finished
+
+    @property
     def was_given_up(self) -> bool:
         """Whether the vehicle has given up the mission, and waits where it is."""
         return self._monitors is not None and self._monitors.progress.has_given_up
@@ -80,7 +85,7 @@ class Running(Phase):
         if mission.authority.who(self.claim) is Authority.BROKER:
             mission.speeds.repeat(now, effects)
         if progress.is_finished:
-            return Request.NEXT_SEGMENT
+            return None if mission.is_held_back else Request.NEXT_SEGMENT
         self._observe_changes(changes, now, effects)
         departure = progress.departure or changes.departure
         return None if departure is None else Fault(departure)
@@ -92,14 +97,15 @@ class Running(Phase):
                 ledger.set_command(index, Status.ABORTED, reason)
 
     def _observe_pause(self, now: float, effects: Effects) -> None:
-        """Report that another system has paused the vehicle: the broker pauses no mission.
+        """Report that another system has paused the vehicle.
 
         The vehicle stays where it is until whoever paused it resumes the mission. PX4 also holds
         at the end of a mission, mostly before its last report of progress.
         """
         vehicle, ledger = self._vehicle, self._mission.ledger
         holds = vehicle.mode_role in {ModeRole.HOLD, ModeRole.PAUSED} and vehicle.family.knows_modes
-        if not holds or not vehicle.snapshot.armed or vehicle.is_held_by_failsafe:
+        is_explained = self._mission.pauses.is_paused or vehicle.is_held_by_failsafe
+        if not holds or not vehicle.snapshot.armed or is_explained:
             self._paused_at, self._is_pause_reported = None, False
             return
         self._paused_at = self._paused_at or now

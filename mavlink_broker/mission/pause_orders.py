@@ -1,0 +1,238 @@
+"""Pause and resume of one mission by events, while it flies.
+
+    flies --PAUSE_MISSION--> ordered to hold --holds--> paused
+    paused --RESUME_MISSION--> ordered to fly on --flies--> flies
+
+A mission that is paused stays RUNNING. Mission items go on where they were. A command that is flown
+live begins anew: the vehicle has left it. Between two segments the vehicle holds anyway, so a pause
+that comes while items are transferred is ordered as soon as they fly.
+
+Who pauses a vehicle resumes it: a pause by another system is not ended by an event, and an event
+orders nothing while another system is in command.
+"""
+
+from typing import Final
+
+from mavlink_broker.autopilots.flight_modes import LIVE_MODES, ModeRole
+from mavlink_broker.edge.work import EventWork
+from mavlink_broker.effects import Acknowledgement, Effects
+from mavlink_broker.mavlink.dialect import Message
+from mavlink_broker.microservices.command import (
+    Accepted,
+    CommandAlternatives,
+    CommandSequence,
+    Refused,
+)
+from mavlink_broker.mission.speed_changes import MISSION_ENDED
+from mavlink_broker.mission.states import ENDING, State
+from mavlink_broker.vehicle import control_authority
+from mavlink_broker.vehicle.control_authority import Authority
+from mavlink_broker.vehicle.vehicle import Vehicle
+
+REPLACED: Final = "a later event replaced it"
+NOT_IN_THE_AIR: Final = "the vehicle is not in the air for this mission: abort the mission instead"
+NOT_PAUSED: Final = "no event has paused the mission"
+PAUSED: Final = "paused by an event"
+SHOWN_WITHIN_S: Final = 5.0
+"""How long a vehicle may take to show a mode that it has accepted."""
+LATE_WITHIN_S: Final = 30.0
+"""How long behind an order without an answer a hold of the vehicle is taken for its effect."""
+_FLYING_ITEMS: Final = frozenset({ModeRole.MISSION, ModeRole.ENDING})
+_READY_FOR_LIVE: Final = frozenset({ModeRole.HOLD, ModeRole.GUIDED})
+
+
+class PauseOrders:
+    """Whether an event has paused one mission, and the order that is on its way."""
+
+    def __init__(self, vehicle: Vehicle, mission: str) -> None:
+        """`mission` is the name of its work; the journal knows by it what an earlier run paused."""
+        self._vehicle = vehicle
+        self._mission = mission
+        self._work: EventWork | None = None  # Waits for its answer
+        self._pauses = False  # What it asks for
+        self._sequence: CommandSequence | None = None  # None: it waits until items fly
+        self._resumed_in: frozenset[ModeRole] = frozenset()  # Modes that show a resume
+        self._shown_until: float | None = None  # The vehicle has accepted the order
+        self._late_until = 0.0
+        self._is_new = False  # Not written into a report yet
+
+    @property
+    def is_paused(self) -> bool:
+        """Whether an event has paused the mission, from the order on; in the journal."""
+        return self._vehicle.recovery.paused == self._mission
+
+    @property
+    def has_obeyed(self) -> bool:
+        """Whether the vehicle has obeyed an order to hold."""
+        return self.is_paused and not (self._pauses and self._sequence is not None)
+
+    def take_news(self) -> bool:
+        """Whether the mission has been paused since the last call."""
+        is_new, self._is_new = self._is_new, False
+        return is_new
+
+    def pause(
+        self, work: EventWork, state: State, who: Authority, now: float, effects: Effects
+    ) -> None:
+        """Hold where the vehicle is; `state` is that of a mission whose vehicle is in the air."""
+        if self._refuses(work, state, who, effects):
+            return
+        rests = self.is_paused and self._sequence is None and self._holds
+        self._answer("refused", REPLACED, effects)
+        self._work, self._pauses = work, True
+        if rests:
+            self._answer("done", None, effects)
+        elif state in {State.RUNNING, State.FLYING_LIVE}:
+            self._order(self._vehicle.family.pausing, now, effects)
+
+    def resume(
+        self,
+        work: EventWork,
+        state: State,
+        who: Authority,
+        now: float,
+        effects: Effects,
+        *,
+        has_items: bool,
+    ) -> None:
+        """Fly on; `has_items` if mission items are still to be flown in this segment."""
+        if self._refuses(work, state, who, effects):
+            return
+        foreign = self._vehicle.foreign_order
+        if not self.is_paused:
+            effects.for_edge.append(Acknowledgement(work.work_id, "refused", NOT_PAUSED))
+            return
+        if foreign is not None:
+            reason = f"system {foreign.system} has paused or moved the vehicle meanwhile"
+            effects.for_edge.append(Acknowledgement(work.work_id, "refused", reason))
+            return
+        self._answer("refused", REPLACED, effects)
+        self._work, self._pauses = work, False
+        family = self._vehicle.family
+        if state is State.RUNNING and has_items:
+            self._resumed_in = _FLYING_ITEMS
+            self._order(family.resuming, now, effects)
+        elif state is State.FLYING_LIVE:
+            self._resumed_in = _READY_FOR_LIVE
+            self._order(family.holding, now, effects)
+        else:
+            self._settle_as(is_paused=False, effects=effects)
+
+    def receive(self, message: Message, now: float, effects: Effects) -> None:
+        """Take the answer of the vehicle."""
+        if self._sequence is not None:
+            effects.messages += self._sequence.receive(message, now)
+            self._judge(now, effects)
+
+    def tick(self, state: State, who: Authority, now: float, effects: Effects) -> None:
+        """Repeat what is overdue, order what waited, and observe whether the vehicle still holds.
+
+        Nothing is ordered while another system is in command.
+        """
+        if self._work is not None and who is not Authority.BROKER:
+            seen = self._vehicle.observed_mode
+            self._answer("refused", control_authority.reason(who, seen), effects)
+        if self._work is not None and self._sequence is None:
+            if state in {State.RUNNING, State.FLYING_LIVE}:
+                self._order(self._vehicle.family.pausing, now, effects)
+        elif self._sequence is not None:
+            effects.messages += self._sequence.tick(now)
+            self._judge(now, effects)
+        else:
+            self._observe(now)
+
+    def cancel(self, reason: str, effects: Effects) -> None:
+        """End with the mission: nothing is paused any more, an event that waits is refused."""
+        self._answer("refused", reason, effects)
+        self._late_until = 0.0
+        if self.is_paused:
+            self._vehicle.recovery.clear_pause()
+
+    def _refuses(self, work: EventWork, state: State, who: Authority, effects: Effects) -> bool:
+        reason = None
+        if state in ENDING:
+            reason = MISSION_ENDED
+        elif who is not Authority.BROKER:
+            reason = control_authority.reason(who, self._vehicle.observed_mode)
+        if reason is not None:
+            effects.for_edge.append(Acknowledgement(work.work_id, "refused", reason))
+        return reason is not None
+
+    def _answer(self, status: str, message: str | None, effects: Effects) -> None:
+        """Answer the event that waits, and order nothing more for it."""
+        work, self._work = self._work, None
+        self._sequence = self._shown_until = None
+        if work is not None:
+            effects.for_edge.append(Acknowledgement(work.work_id, status, message))
+
+    def _order(self, alternatives: CommandAlternatives, now: float, effects: Effects) -> None:
+        vehicle = self._vehicle
+        vehicle.recovery.note_pause(self._mission)  # Before the vehicle can hold
+        vehicle.forget_foreign_order()
+        self._sequence = CommandSequence(alternatives, vehicle.route, vehicle.round_trip)
+        effects.messages += self._sequence.start(now)
+
+    def _judge(self, now: float, effects: Effects) -> None:
+        """Answer when the vehicle has obeyed, refused, or does not show what it has accepted."""
+        outcome = None if self._sequence is None else self._sequence.outcome
+        if isinstance(outcome, Refused):
+            self._refuse(outcome.reason, now, effects)
+        elif isinstance(outcome, Accepted):
+            self._shown_until = self._shown_until or now + SHOWN_WITHIN_S
+            if self._is_obeyed:
+                self._settle_as(is_paused=self._pauses, effects=effects)
+            elif now >= self._shown_until:
+                stays = f"the vehicle accepts it and stays in {self._vehicle.mode}"
+                self._refuse(stays, now, effects)
+
+    def _refuse(self, reason: str, now: float, effects: Effects) -> None:
+        """Refuse the event; a vehicle that has not answered may still obey an order to hold."""
+        if self._pauses:
+            self._late_until = now + LATE_WITHIN_S
+            self._vehicle.recovery.clear_pause()
+        self._answer("refused", reason, effects)
+
+    def _settle_as(self, *, is_paused: bool, effects: Effects) -> None:
+        self._answer("done", None, effects)
+        self._note(is_paused=is_paused)
+
+    def _note(self, *, is_paused: bool) -> None:
+        self._late_until = 0.0
+        self._is_new = is_paused
+        if is_paused:
+            self._vehicle.recovery.note_pause(self._mission)
+        else:
+            self._vehicle.recovery.clear_pause()
+
+    @property
+    def _holds(self) -> bool:
+        """Whether the vehicle holds; without known modes its answers count."""
+        vehicle = self._vehicle
+        is_hold = vehicle.mode_role is ModeRole.HOLD or vehicle.mode == vehicle.family.paused_mode
+        return not vehicle.family.knows_modes or is_hold
+
+    @property
+    def _is_obeyed(self) -> bool:
+        return self._holds if self._pauses else self._flies_on
+
+    @property
+    def _flies_on(self) -> bool:
+        """Whether the vehicle is in a mode in which it goes on."""
+        vehicle = self._vehicle
+        return not vehicle.family.knows_modes or vehicle.mode_role in self._resumed_in
+
+    def _observe(self, now: float) -> None:
+        """Notice a hold that follows an order late, and a mission that somebody else resumed."""
+        vehicle = self._vehicle
+        if not vehicle.family.knows_modes or not vehicle.snapshot.armed:
+            return
+        is_late = now < self._late_until and vehicle.foreign_order is None
+        if is_late and not self.is_paused and self._holds and not vehicle.is_held_by_failsafe:
+            self._note(is_paused=True)
+        elif self.is_paused and self._is_flown_on:
+            self._note(is_paused=False)
+
+    @property
+    def _is_flown_on(self) -> bool:
+        vehicle = self._vehicle
+        return vehicle.mode_role is ModeRole.MISSION or vehicle.mode in LIVE_MODES

@@ -1,0 +1,380 @@
+"""An event pauses a mission, another one resumes it, and a third one ends it and returns home."""
+
+import dataclasses
+from pathlib import Path
+
+import pytest
+
+from afarcloud.enumerations import Status
+from mavlink_broker.mavlink.dialect import mavlink
+from mavlink_broker.mission.pause_orders import NOT_IN_THE_AIR, NOT_PAUSED, PAUSED
+from mavlink_broker.mission.states import State
+from tests.support.broker_world import GENERIC, World, follow, go_home, mission, takeoff, waypoint
+from tests.support.scripted_vehicle import (
+    ARDUPILOT,
+    COPTER_AUTO,
+    COPTER_GUIDED,
+    COPTER_RETURN,
+    PX4,
+    PX4_FOLLOW,
+    PX4_HOLD,
+    PX4_MISSION,
+    PX4_POSITION,
+    PX4_RETURN,
+    Script,
+)
+from tests.unit.mavlink_broker.test_events import ABORT, SOFT_ABORT, answer_statuses
+from tests.unit.mavlink_broker.test_live_commands import OWN
+from tests.unit.mavlink_broker.test_takeover import in_mission, live, orders, slow, state
+
+PAUSE, RESUME, RETURN_HOME = 101, 102, 103
+COPTER_LOITER, COPTER_BRAKE = 5, 17
+PAUSED_MODES = {"px4": PX4_HOLD, "own": PX4_HOLD, "ardupilot": COPTER_BRAKE, "generic": PX4_HOLD}
+FLYING_MODES = {
+    "px4": PX4_MISSION,
+    "own": PX4_MISSION,
+    "ardupilot": COPTER_AUTO,
+    "generic": PX4_MISSION,
+}
+SCRIPTS = {"px4": PX4, "own": OWN, "ardupilot": ARDUPILOT, "generic": GENERIC}
+EVERY = pytest.mark.parametrize("family", SCRIPTS)
+KNOWN = pytest.mark.parametrize("family", ["px4", "own", "ardupilot"])
+
+
+def answer(world: World, event: int) -> tuple[str, str | None]:
+    last = world.edge.acknowledgements(event)[-1]
+    return last["status"], last.get("message")
+
+
+def paused(script: Script, journal: Path | None = None) -> World:
+    """A world whose mission an event has paused within its items."""
+    world = World(journal=journal)
+    vehicle = world.add_vehicle(script=slow(script))
+    world.edge.plan(mission(takeoff(1), waypoint(2, hold_time=60.0), go_home(3)))
+    world.run_until(lambda: vehicle.airborne and state(world) is State.RUNNING)
+    world.run(7.0)
+    pause = world.edge.event(PAUSE)
+    world.run(3.0)
+    assert answer_statuses(world, pause) == ["accepted", "done"]
+    return world
+
+
+def paused_live(script: Script, journal: Path | None = None) -> World:
+    """A world whose mission an event has paused while it followed a target."""
+    world = World(journal=journal)
+    vehicle = world.add_vehicle(script=slow(script))
+    world.edge.plan(mission(takeoff(1), follow(2), go_home(3)))
+    world.run_until(lambda: vehicle.airborne and state(world) is State.FLYING_LIVE)
+    world.run(12.0)
+    assert world.edge.statuses(1201)[1] == Status.RUNNING
+    pause = world.edge.event(PAUSE)
+    world.run(3.0)
+    assert answer_statuses(world, pause) == ["accepted", "done"]
+    return world
+
+
+class TestItems:
+    @pytest.mark.first_case
+    @EVERY
+    def test_a_paused_mission_stays_and_goes_on_when_it_is_resumed(self, family: str) -> None:
+        world = paused(SCRIPTS[family])
+        vehicle = world.only_vehicle
+        assert vehicle.custom_mode == PAUSED_MODES[family]
+        since = len(vehicle.frames)
+        world.run(100.0)
+        assert orders(vehicle, since) == []
+        assert vehicle.custom_mode == PAUSED_MODES[family]
+        assert world.edge.status(1201) == Status.RUNNING
+        resume = world.edge.event(RESUME)
+        world.run(3.0)
+        assert answer_statuses(world, resume) == ["accepted", "done"]
+        assert vehicle.custom_mode == FLYING_MODES[family]
+        world.run_until_over(1201)
+        assert world.edge.statuses(1201) == [Status.FINISHED] * 3
+
+    @KNOWN
+    def test_the_report_says_that_an_event_has_paused_it(self, family: str) -> None:
+        world = paused(SCRIPTS[family])
+        world.run(20.0)
+        messages = [c.get("message") for c in world.edge.reports(1201)[-1]["command_report_array"]]
+        assert PAUSED in messages
+        assert not any("somebody else" in (message or "") for message in messages)
+
+    @KNOWN
+    def test_an_abort_ends_a_paused_mission_at_once(self, family: str) -> None:
+        world = paused(SCRIPTS[family])
+        event = world.edge.event(ABORT)
+        world.run_until(lambda: not world.only_vehicle.armed)
+        world.run(1.0)
+        assert answer_statuses(world, event) == ["accepted", "done"]
+        assert world.edge.status(1201) == Status.ABORTED
+
+    @KNOWN
+    def test_a_soft_abort_of_a_paused_mission_waits_for_nothing(self, family: str) -> None:
+        world = paused(SCRIPTS[family])
+        world.edge.event(SOFT_ABORT)
+        world.run(2.0)
+        assert world.edge.status(1201) == Status.ABORTED
+        returning = COPTER_RETURN if family == "ardupilot" else PX4_RETURN
+        assert world.only_vehicle.custom_mode == returning
+
+    @KNOWN
+    def test_a_pause_puts_off_a_soft_abort_until_the_mission_is_resumed(self, family: str) -> None:
+        world = in_mission(SCRIPTS[family])
+        soft = world.edge.event(SOFT_ABORT)
+        world.run(1.0)
+        world.edge.event(PAUSE)
+        world.run(60.0)
+        assert world.only_vehicle.custom_mode == PAUSED_MODES[family]
+        assert answer_statuses(world, soft) == ["accepted"]
+        world.edge.event(RESUME)
+        world.run(5.0)
+        assert world.edge.status(1201) == Status.ABORTED
+
+    def test_pausing_twice_is_done_twice(self) -> None:
+        world = paused(PX4)
+        again = world.edge.event(PAUSE)
+        world.run(1.0)
+        assert answer(world, again) == ("done", None)
+
+    def test_a_pause_behind_a_resume_that_is_on_its_way_is_obeyed(self) -> None:
+        world = paused(PX4)
+        world.edge.event(RESUME)
+        pause = world.edge.event(PAUSE)
+        world.run(5.0)
+        assert answer(world, pause) == ("done", None)
+        assert world.only_vehicle.custom_mode == PX4_HOLD
+        world.run(30.0)
+        assert world.only_vehicle.custom_mode == PX4_HOLD
+
+    def test_a_vehicle_that_refuses_to_hold_flies_on_and_says_so(self) -> None:
+        denied = mavlink.MAV_RESULT_DENIED
+        results = {
+            mavlink.MAV_CMD_DO_SET_MODE: denied,
+            mavlink.MAV_CMD_DO_PAUSE_CONTINUE: denied,
+        }
+        world = in_mission(PX4)
+        world.only_vehicle.script = dataclasses.replace(
+            world.only_vehicle.script, results=results, item_time_s=1.0
+        )
+        pause = world.edge.event(PAUSE)
+        world.run(5.0)
+        status, message = answer(world, pause)
+        assert status == "refused"
+        assert "MAV_RESULT_DENIED" in (message or "")
+        world.run_until_over(1201)
+        assert world.edge.status(1201) == Status.FINISHED
+
+    def test_nothing_is_resumed_that_no_event_has_paused(self) -> None:
+        world = in_mission(PX4)
+        resume = world.edge.event(RESUME)
+        world.run(2.0)
+        assert answer(world, resume) == ("refused", NOT_PAUSED)
+
+    @KNOWN
+    def test_a_mission_that_a_ground_station_resumes_is_not_paused_any_more(
+        self, family: str
+    ) -> None:
+        world = paused(SCRIPTS[family])
+        world.only_vehicle.set_mode(FLYING_MODES[family])
+        world.run(2.0)
+        resume = world.edge.event(RESUME)
+        world.run(2.0)
+        assert answer(world, resume) == ("refused", NOT_PAUSED)
+        world.run_until_over(1201)
+        assert world.edge.status(1201) == Status.FINISHED
+
+
+class TestWhoeverElseFlies:
+    @pytest.mark.parametrize(
+        ("family", "mode"),
+        [("px4", PX4_POSITION), ("own", PX4_POSITION), ("ardupilot", COPTER_LOITER)],
+    )
+    @pytest.mark.parametrize("begin", [paused, paused_live])
+    def test_a_pilot_who_takes_a_paused_vehicle_keeps_it(
+        self, begin: object, family: str, mode: int
+    ) -> None:
+        assert callable(begin)
+        world = begin(SCRIPTS[family])
+        vehicle = world.only_vehicle
+        vehicle.steer(mode)
+        world.run(1.5)
+        since = len(vehicle.frames)
+        resume = world.edge.event(RESUME)
+        world.run(30.0)
+        assert orders(vehicle, since) == []
+        assert vehicle.custom_mode == mode
+        assert answer(world, resume)[0] == "refused"
+
+    def test_a_pause_by_a_ground_station_is_not_ended_by_an_event(self) -> None:
+        world = paused(PX4)
+        vehicle = world.only_vehicle
+        reposition = mavlink.MAV_CMD_DO_REPOSITION
+        vehicle.send(mavlink.MAVLink_command_ack_message(reposition, 0, 0, 0, 255, 190))
+        world.run(1.0)
+        since = len(vehicle.frames)
+        resume = world.edge.event(RESUME)
+        world.run(3.0)
+        status, message = answer(world, resume)
+        assert (status, orders(vehicle, since)) == ("refused", [])
+        assert "system 255" in (message or "")
+
+    def test_no_event_pauses_a_vehicle_that_its_pilot_flies(self) -> None:
+        world = in_mission(PX4)
+        world.only_vehicle.steer(PX4_POSITION)
+        world.run(1.5)
+        since = len(world.only_vehicle.frames)
+        pause = world.edge.event(PAUSE)
+        world.run(3.0)
+        assert answer(world, pause)[0] == "refused"
+        assert orders(world.only_vehicle, since) == []
+
+
+class TestLiveCommands:
+    @KNOWN
+    def test_a_command_flown_live_begins_anew_when_the_mission_is_resumed(
+        self, family: str
+    ) -> None:
+        world = paused_live(SCRIPTS[family])
+        vehicle = world.only_vehicle
+        assert vehicle.custom_mode == PAUSED_MODES[family]
+        since = len(vehicle.frames)
+        world.run(100.0)
+        assert orders(vehicle, since) == []
+        assert world.edge.status(1201) == Status.RUNNING
+        resume = world.edge.event(RESUME)
+        world.run(12.0)
+        assert answer_statuses(world, resume) == ["accepted", "done"]
+        assert vehicle.custom_mode not in {PX4_HOLD, COPTER_BRAKE, COPTER_GUIDED}
+        world.run_until_over(1201)
+        assert world.edge.statuses(1201) == [Status.FINISHED] * 3
+
+    @KNOWN
+    def test_a_return_home_ends_it(self, family: str) -> None:
+        world = paused_live(SCRIPTS[family])
+        world.edge.event(RETURN_HOME)
+        world.run(3.0)
+        returning = COPTER_RETURN if family == "ardupilot" else PX4_RETURN
+        assert world.only_vehicle.custom_mode == returning
+        assert world.edge.statuses(1201) == [Status.FINISHED, Status.ABORTED, Status.ABORTED]
+
+    def test_a_refused_pause_lets_it_go_on(self) -> None:
+        world = live(PX4)
+        denied = mavlink.MAV_RESULT_DENIED
+        results = {
+            mavlink.MAV_CMD_DO_SET_MODE: denied,
+            mavlink.MAV_CMD_DO_PAUSE_CONTINUE: denied,
+        }
+        world.run(12.0)
+        before = world.only_vehicle.script
+        world.only_vehicle.script = dataclasses.replace(before, results=results)
+        pause = world.edge.event(PAUSE)
+        world.run(5.0)
+        assert answer(world, pause)[0] == "refused"
+        world.only_vehicle.script = before
+        assert world.only_vehicle.custom_mode == PX4_FOLLOW
+        world.run_until_over(1201)
+        assert world.edge.status(1201) == Status.FINISHED
+
+
+class TestBeforeTakeoff:
+    def test_a_mission_on_the_ground_is_not_paused(self) -> None:
+        world = World()
+        world.add_vehicle(script=dataclasses.replace(PX4, ready_to_arm_after_s=30.0))
+        world.edge.plan(mission(takeoff(1), go_home(2)))
+        world.run_until(lambda: state(world) is State.WAITING)
+        pause = world.edge.event(PAUSE)
+        world.run(1.0)
+        assert answer(world, pause) == ("refused", NOT_IN_THE_AIR)
+
+    def test_between_two_missions_items_it_waits_until_they_fly(self) -> None:
+        world = World()
+        vehicle = world.add_vehicle(script=slow(PX4))
+        world.edge.plan(mission(takeoff(1), waypoint(2)))
+        world.run_until_over(1201)
+        vehicle.missions.busy_until = world.clock.now + 4.0
+        world.edge.plan(mission(waypoint(1, 20.0), go_home(2), mission_id=1202))
+        world.run_until(lambda: state(world) is State.UPLOADING)
+        pause = world.edge.event(PAUSE)
+        world.run_until(lambda: state(world) is State.RUNNING)
+        world.run(3.0)
+        assert answer(world, pause) == ("done", None)
+        assert vehicle.custom_mode == PX4_HOLD
+        world.edge.event(RESUME)
+        world.run_until_over(1202)
+        assert world.edge.status(1202) == Status.FINISHED
+
+
+class TestRestarts:
+    @pytest.mark.first_case
+    @KNOWN
+    @pytest.mark.parametrize("begin", [paused, paused_live])
+    def test_a_restarted_broker_leaves_it_paused_and_resumes_it(
+        self, begin: object, family: str, tmp_path: Path
+    ) -> None:
+        assert callable(begin)
+        world = begin(SCRIPTS[family], tmp_path / "journal")
+        vehicle = world.only_vehicle
+        world.restart_broker()
+        world.run(30.0)
+        assert vehicle.custom_mode == PAUSED_MODES[family]
+        assert world.edge.status(1201) == Status.RUNNING
+        resume = world.edge.event(RESUME)
+        world.run_until_over(1201)
+        assert answer_statuses(world, resume)[-1] == "done"
+        assert world.edge.statuses(1201) == [Status.FINISHED] * 3
+
+    def test_a_vehicle_that_lands_while_it_is_paused_ends_the_mission(self) -> None:
+        world = paused_live(PX4)
+        world.only_vehicle.armed = False
+        world.only_vehicle.airborne = False
+        world.run(8.0)
+        assert world.edge.status(1201) == Status.FAILED
+
+
+class TestReturnHome:
+    @KNOWN
+    def test_it_does_not_wait_for_the_running_command(self, family: str) -> None:
+        world = in_mission(SCRIPTS[family])
+        event = world.edge.event(RETURN_HOME)
+        world.run(1.5)
+        assert world.edge.status(1201) == Status.ABORTED
+        returning = COPTER_RETURN if family == "ardupilot" else PX4_RETURN
+        assert world.only_vehicle.custom_mode == returning
+        world.run_until(lambda: not world.only_vehicle.armed)
+        world.run(1.0)
+        assert answer_statuses(world, event) == ["accepted", "done"]
+
+    @KNOWN
+    @pytest.mark.parametrize("kind", [ABORT, SOFT_ABORT, RETURN_HOME])
+    def test_a_vehicle_that_hovers_behind_its_mission_obeys_too(
+        self, family: str, kind: int
+    ) -> None:
+        world = World()
+        vehicle = world.add_vehicle(script=slow(SCRIPTS[family]))
+        world.edge.plan(mission(takeoff(1), waypoint(2)))
+        world.run_until_over(1201)
+        world.run(5.0)
+        assert vehicle.airborne
+        event = world.edge.event(kind)
+        world.run_until(lambda: not vehicle.armed)
+        world.run(1.0)
+        assert answer_statuses(world, event) == ["accepted", "done"]
+
+    def test_it_survives_a_restart_of_the_broker(self, tmp_path: Path) -> None:
+        world = World(journal=tmp_path / "journal")
+        vehicle = world.add_vehicle(script=slow(PX4))
+        world.edge.plan(mission(takeoff(1), waypoint(2, hold_time=60.0), go_home(3)))
+        world.run_until(lambda: vehicle.airborne and state(world) is State.RUNNING)
+        deaf = {mavlink.MAV_CMD_DO_SET_MODE: mavlink.MAV_RESULT_TEMPORARILY_REJECTED}
+        before = vehicle.script
+        vehicle.script = dataclasses.replace(before, results=deaf)
+        event = world.edge.event(RETURN_HOME)
+        world.run(0.5)
+        world.restart_broker()
+        vehicle.script = before
+        world.run(20.0)
+        assert vehicle.custom_mode == PX4_RETURN or not vehicle.armed
+        world.run_until(lambda: not vehicle.armed)
+        world.run(2.0)
+        assert answer_statuses(world, event)[-1] == "done"
