@@ -1,7 +1,4 @@
-"""Command line: `python -m edge_server [serve|relay|migrate|backup|dead-letters|keys|users|audit]`.
-
-Without a command: server and relay.
-"""
+"""Command line: `python -m edge_server [COMMAND]`; without a command: server and relay."""
 
 import signal
 
@@ -97,7 +94,13 @@ def _migrate(config: Config, _options: argparse.Namespace) -> int:
 def _back_up(config: Config, options: argparse.Namespace) -> int:
     from edge_server.cli import backup  # noqa: PLC0415  # as above
 
-    return backup.run(config, options.target)
+    return backup.run(config, options.target, options.keep)
+
+
+def _restore(config: Config, options: argparse.Namespace) -> int:
+    from edge_server.cli import backup  # noqa: PLC0415  # as above
+
+    return backup.run_restore(config, options.source)
 
 
 def _dead_letters(config: Config, options: argparse.Namespace) -> int:
@@ -150,8 +153,16 @@ def _parser() -> argparse.ArgumentParser:
     for name, run, meaning in _COMMANDS:
         commands.add_parser(name, help=meaning).set_defaults(run=run)
     copy = commands.add_parser("backup", help="back up the database while it is in use")
-    copy.add_argument("target", type=Path, help="the new file")
+    copy.add_argument(
+        "target", type=Path, help="the new file, or a folder for a file named by time"
+    )
+    copy.add_argument(
+        "--keep", type=_count, metavar="NUMBER", help="in a folder: delete all but the newest"
+    )
     copy.set_defaults(run=_back_up)
+    restored = commands.add_parser("restore", help="put a backup in the place of the database")
+    restored.add_argument("source", type=Path, help="the backup; server and relay must be stopped")
+    restored.set_defaults(run=_restore)
     letters = commands.add_parser("dead-letters", help="reports that the cloud has rejected")
     actions = letters.add_subparsers(dest="action", required=True)
     for name, meaning in (
@@ -161,15 +172,21 @@ def _parser() -> argparse.ArgumentParser:
     ):
         actions.add_parser(name, help=meaning).set_defaults(run=_dead_letters, id=[], file=None)
     edit = actions.add_parser("edit", help="correct one and retry it")
-    edit.add_argument("id", type=int, nargs=1)
+    edit.add_argument("id", type=int, nargs=1, help="of the dead letter, as listed")
     edit.add_argument("file", type=Path, help="JSON file with the corrected report")
     edit.set_defaults(run=_dead_letters)
     for name, meaning in (("retry", "retry them"), ("discard", "discard them")):
         action = actions.add_parser(name, help=meaning)
-        action.add_argument("id", type=int, nargs="+")
+        action.add_argument("id", type=int, nargs="+", help="of the dead letters, as listed")
         action.set_defaults(run=_dead_letters, file=None)
     _add_access(commands)
     return parser
+
+
+def _count(text: str) -> int:
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number above 0")
+    return int(text)
 
 
 def _add_access(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -179,8 +196,8 @@ def _add_access(commands: "argparse._SubParsersAction[argparse.ArgumentParser]")
     keys.add_parser("show-paths", help="paths of the key files")
     keys.add_parser("list", help="all keys, without their secrets")
     create = keys.add_parser("create", help="create a key; its secret is shown once")
-    create.add_argument("role")
-    create.add_argument("name")
+    create.add_argument("role", help="operator, farmer, broker, cloud or admin")
+    create.add_argument("name", help="how it is called in lists and in the audit log")
     create.add_argument("--scope", action="append", default=[], help="read, report or metrics")
     create.add_argument(
         "--vehicle", type=int, action="append", default=[], help="vehicle_id it is restricted to"
@@ -209,7 +226,7 @@ def _add_users(
     actions = users.add_subparsers(dest="access", required=True)
     actions.add_parser("list", help="all accounts")
     create = actions.add_parser("create", help="create an account; asks for the password")
-    create.add_argument("name")
+    create.add_argument("name", help="of the account")
     create.add_argument("role", help="operator, farmer or admin")
     create.add_argument("--without-password", action="store_true", help="sign in by link only")
     for action, meaning in (
@@ -218,9 +235,9 @@ def _add_users(
         ("enable", "admit the person again"),
         ("delete", "delete an account"),
     ):
-        actions.add_parser(action, help=meaning).add_argument("name")
+        actions.add_parser(action, help=meaning).add_argument("name", help="of the account")
     link = actions.add_parser("link", help="print an address that signs the person in once")
-    link.add_argument("name")
+    link.add_argument("name", help="of the account")
     link.add_argument("--role", help="create the account with this role if there is none")
     link.add_argument("--minutes", type=float, default=10.0, help="minutes it is valid")
     return list(actions.choices.values())

@@ -3,17 +3,25 @@
 import base64
 import sqlite3
 import stat
+import subprocess
+import sys
 import threading
+import time
+from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 
 import pytest
+import requests
 
 from edge_server.__main__ import main
-from edge_server.cli.backup import BackupError, back_up
-from edge_server.process.exit_codes import WRONG_SETUP
+from edge_server.cli import backup
+from edge_server.cli.backup import BackupError, RestoreError, back_up, restore
+from edge_server.process.exit_codes import FAILED, OK, WRONG_SETUP
+from tests.support.polling import PATIENCE_S
 from tests.unit.edge_server.conftest import Edge
 from tests.unit.edge_server.documents import telemetry
+from tests.unit.edge_server.program import Program
 
 POSTGRESQL = "postgresql+psycopg://edge:s3cret@db.example/edge"
 
@@ -122,3 +130,106 @@ def test_a_database_of_a_server_is_pg_dumps_business(
     assert "pg_dump" in said
     assert "s3cret" not in said
     assert not copy.exists()
+
+
+def test_in_a_folder_the_newest_backups_stay(
+    edge: Edge, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "backups"
+    folder.mkdir()
+    (folder / "mine.sqlite3").write_text("mine")
+    for second in range(4):
+        monkeypatch.setattr(
+            time, "gmtime", lambda at=second: time.struct_time((2026, 1, 1, 0, 0, at, 0, 1, 0))
+        )
+        assert backup.run(edge.config, folder, keep=2) == OK
+    assert sorted(path.name for path in folder.iterdir()) == [
+        "edge-20260101T000002Z.sqlite3",
+        "edge-20260101T000003Z.sqlite3",
+        "mine.sqlite3",
+    ]
+
+
+@pytest.fixture
+def program(tmp_path: Path) -> Iterator[Program]:
+    program = Program(tmp_path / "state", "http://127.0.0.1:9")
+    yield program
+    if program.process is not None:
+        program.end()
+
+
+def command(program: Program, *arguments: str) -> "subprocess.CompletedProcess[str]":
+    return subprocess.run(
+        [sys.executable, "-m", "edge_server", *arguments],
+        env=program.environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def poses_kept(program: Program) -> int:
+    answer = requests.get(
+        f"{program.url}/pose/", headers={"X-API-Key": program.key("operator")}, timeout=PATIENCE_S
+    )
+    answer.raise_for_status()
+    return len(answer.json())
+
+
+def report_pose(program: Program, number: int) -> None:
+    requests.post(
+        f"{program.url}/pose/",
+        json=telemetry("pose", number),
+        headers={"X-API-Key": program.key("broker")},
+        timeout=PATIENCE_S,
+    ).raise_for_status()
+
+
+def test_a_backup_is_restored_only_while_the_server_is_stopped(
+    program: Program, tmp_path: Path
+) -> None:
+    copy = tmp_path / "copy.sqlite3"
+    program.start()
+    report_pose(program, 0)
+    assert command(program, "backup", str(copy)).returncode == OK
+    report_pose(program, 1)
+    refused = command(program, "restore", str(copy))
+    assert (refused.returncode, poses_kept(program)) == (FAILED, 2)
+    assert "stop server and relay first" in refused.stderr
+    program.end()
+    assert command(program, "restore", str(copy)).returncode == OK
+    program.start()
+    assert poses_kept(program) == 1
+    (former,) = (tmp_path / "state/edge/quarantine").glob("*.sqlite3")
+    assert poses_in(former) == 2
+
+
+@pytest.mark.thorough
+def test_an_upgrade_is_taken_back_by_the_backup_before_it(program: Program, tmp_path: Path) -> None:
+    copy = tmp_path / "copy.sqlite3"
+    program.start()
+    report_pose(program, 0)
+    assert command(program, "backup", str(copy)).returncode == OK
+    program.end()
+    database = tmp_path / "state/edge/edge.sqlite3"
+    with closing(sqlite3.connect(database)) as upgraded, upgraded:
+        upgraded.execute("UPDATE alembic_version SET version_num = '9999'")
+    refused = command(program, "serve")
+    assert refused.returncode == WRONG_SETUP
+    assert "use a newer one" in refused.stderr
+    assert command(program, "restore", str(copy)).returncode == OK
+    program.start()
+    assert poses_kept(program) == 1
+
+
+@pytest.mark.parametrize("content", [b"", b"no database", None])
+def test_what_is_no_backup_is_not_restored(
+    content: bytes | None, edge: Edge, tmp_path: Path
+) -> None:
+    source = tmp_path / "source.sqlite3"
+    if content is not None:
+        source.write_bytes(content)
+    edge.report("pose", telemetry("pose"))
+    with pytest.raises(RestoreError, match=r"source\.sqlite3"):
+        restore(edge.config.database_path, source)
+    assert poses_in(edge.config.database_path) == 1
