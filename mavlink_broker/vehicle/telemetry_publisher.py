@@ -10,9 +10,11 @@ vector made between two of them would be as old as the last one. The capacity of
 parameter on most vehicles, not in BATTERY_STATUS.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
+from mavlink_broker.autopilots.flight_modes import ModeRole
 from mavlink_broker.effects import Effects, VehicleUpdate
 from mavlink_broker.mavlink.dialect import Message
 from mavlink_broker.microservices.heartbeat import LinkState
@@ -92,7 +94,7 @@ class TelemetryPublisher:
         vehicle = self._vehicle
         change = (
             *(vehicle.link_state(now), vehicle.snapshot.armed, vehicle.mode, mission_id),
-            *(vehicle.warning, stale(vehicle, now)),
+            *(vehicle.warning, stale(vehicle, now), activity(vehicle)),
         )
         every_s = self.update_every_s if vehicle.is_reachable(now) else UPDATE_LOST_EVERY_S
         due = self._updated_at is None or now - self._updated_at >= every_s
@@ -137,7 +139,7 @@ def description(vehicle: Vehicle, mission_id: int | None, now: float) -> dict[st
         "warning": vehicle.warning,
     }
     if snapshot.armed is not None:
-        body |= {"armed": snapshot.armed, "mode": vehicle.mode}
+        body |= {"armed": snapshot.armed, "mode": vehicle.mode, "activity": activity(vehicle)}
     if snapshot.position is not None:
         age_s = vehicle.age_s("GLOBAL_POSITION_INT", now)
         body |= {
@@ -155,6 +157,27 @@ def description(vehicle: Vehicle, mission_id: int | None, now: float) -> dict[st
         body["battery_percentage"] = snapshot.battery_fraction
         body["battery_time_remaining"] = snapshot.battery_time_s
     return body
+
+
+_ACTIVITIES: Final[Mapping[ModeRole, str]] = {
+    ModeRole.MISSION: "mission",
+    ModeRole.HOLD: "hold",
+    ModeRole.PAUSED: "hold",
+    ModeRole.GUIDED: "guided",
+    ModeRole.ENDING: "return_or_land",
+    ModeRole.OTHER: "manual",
+}
+
+
+def activity(vehicle: Vehicle) -> str | None:
+    """Name what the vehicle does in the edge server's terms; None: its modes are not known."""
+    if not vehicle.snapshot.armed:
+        return "on_ground"
+    if vehicle.recovery.paused is not None:
+        return "paused"
+    if not vehicle.family.knows_modes:
+        return None
+    return "failsafe" if vehicle.snapshot.in_failsafe else _ACTIVITIES[vehicle.mode_role]
 
 
 def stale(vehicle: Vehicle, now: float) -> list[str]:

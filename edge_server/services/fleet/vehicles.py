@@ -43,6 +43,19 @@ class VehicleState(Model):
     autopilot: Literal["px4", "ardupilot", "generic"] | None = None
     armed: Boolean | None = None
     mode: ShortText | None = None
+    activity: (
+        Literal[
+            "on_ground",
+            "mission",
+            "paused",
+            "hold",
+            "guided",
+            "return_or_land",
+            "failsafe",
+            "manual",
+        ]
+        | None
+    ) = None
     latitude: Latitude | None = None
     longitude: Longitude | None = None
     altitude: Number | None = None

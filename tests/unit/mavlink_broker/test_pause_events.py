@@ -101,6 +101,18 @@ class TestItems:
         assert not any("somebody else" in (message or "") for message in messages)
 
     @KNOWN
+    def test_the_vehicle_is_shown_as_paused_until_it_flies_on(self, family: str) -> None:
+        world = paused(SCRIPTS[family])
+        assert world.edge.bodies("/vehicles/1")[-1]["activity"] == "paused"
+        world.edge.event(RESUME)
+        world.run(3.0)
+        assert world.edge.bodies("/vehicles/1")[-1]["activity"] == "mission"
+        world.only_vehicle.steer(COPTER_LOITER if family == "ardupilot" else PX4_POSITION)
+        world.run(1.5)
+        shown = "hold" if family == "ardupilot" else "manual"
+        assert world.edge.bodies("/vehicles/1")[-1]["activity"] == shown
+
+    @KNOWN
     def test_an_abort_ends_a_paused_mission_at_once(self, family: str) -> None:
         world = paused(SCRIPTS[family])
         event = world.edge.event(ABORT)
