@@ -27,5 +27,9 @@ def test_a_plan_is_uploaded_refused_flown_stopped_and_replayed(tmp_path: Path) -
         )
         events = farm.get("/events/")
         plan = farm.get("/plans/1")
-    assert [(event["event_type_id"], event["state"]) for event in events] == [(1, "done")]
+    assert [(event["event_type_name"], event["state"]) for event in events] == [
+        ("PAUSE_MISSION", "done"),
+        ("RESUME_MISSION", "done"),
+        ("ABORT_MISSION", "done"),
+    ]
     assert plan["missions"][0]["mission_status_id"] == 5, plan

@@ -63,12 +63,14 @@ export const importPlan = (file: File, vehicleId: number): Promise<Plan> =>
     file,
   });
 
-/** Numbers of the events that stop a mission. */
+/** Numbers of the events that stop a mission, or let it fly on. */
 export const LAND_HERE = 1;
-export const RETURN_HOME = 2;
-export type StopKind = typeof LAND_HERE | typeof RETURN_HOME;
+export const PAUSE = 101;
+export const RESUME = 102;
+export const RETURN_HOME = 103;
+export type StopKind = typeof LAND_HERE | typeof PAUSE | typeof RESUME | typeof RETURN_HOME;
 
-/** Orders a vehicle to land or to return; it is tried once and never queued in the browser. */
+/** Gives a vehicle an order at once; it is tried once and never queued in the browser. */
 export const stopVehicle = (vehicleId: number, kind: StopKind): Promise<StoredEvent> =>
   request("/events/", {
     method: "POST",

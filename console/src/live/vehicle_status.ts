@@ -2,7 +2,9 @@
 
 import type { Vehicle } from "../api/types";
 
-export type VehicleStatus = "lost" | "held" | "on_mission" | "flying" | "armed" | "ready" | "stale";
+export type VehicleStatus =
+  | "lost" | "stale" | "held" | "ready" | "armed" | "flying"
+  | "on_mission" | "paused" | "return_or_land" | "failsafe" | "manual";
 
 const AIRBORNE_M = 1.0;
 const LOW_BATTERY = 0.25;
@@ -12,6 +14,9 @@ export function statusOf(vehicle: Vehicle): VehicleStatus {
   if (vehicle.link_state === "lost") return "lost";
   if (vehicle.link_state === "stale") return "stale";
   if (vehicle.armed) {
+    const activity = vehicle.activity;
+    if (activity === "paused" || activity === "failsafe" || activity === "manual") return activity;
+    if (activity === "return_or_land" && isAirborne(vehicle)) return activity;
     if (vehicle.mission_id !== null && vehicle.mission_id !== undefined) return "on_mission";
     return isAirborne(vehicle) ? "flying" : "armed";
   }

@@ -1,10 +1,11 @@
 import { useState } from "react";
 import { useTranslation } from "react-i18next";
-import { LAND_HERE, RETURN_HOME, type StopKind } from "../api/resources";
+import { LAND_HERE, PAUSE, RESUME, RETURN_HOME, type StopKind } from "../api/resources";
+import { useIsOperator } from "../app/session_context";
 import { Button } from "../controls/Button";
 import { Dialog } from "../controls/Dialog";
 import { HoldButton } from "../controls/HoldButton";
-import { Icon } from "../controls/Icon";
+import { Icon, type IconName } from "../controls/Icon";
 import { Notice } from "../controls/states";
 import { SelectField } from "../controls/fields";
 import { Pill, type Tone } from "../controls/StatusPill";
@@ -18,7 +19,23 @@ const TONES: Record<OrderState, Tone> = {
   refused: "bad", expired: "bad", idle: "neutral", failed: "bad",
 };
 
-/** Lands a vehicle or calls it home: says what will happen, then what happened. */
+type ChoiceName = "land" | "home" | "pause" | "resume";
+
+interface Choice {
+  kind: StopKind;
+  name: ChoiceName;
+  icon: IconName;
+  className: string;
+}
+
+const HOLD_HERE: Choice = { kind: PAUSE, name: "pause", icon: "pause", className: "hold-plain" };
+const FLY_ON: Choice = { kind: RESUME, name: "resume", icon: "play", className: "hold-plain" };
+const ENDINGS: readonly Choice[] = [
+  { kind: RETURN_HOME, name: "home", icon: "home", className: "hold-home" },
+  { kind: LAND_HERE, name: "land", icon: "land", className: "hold-danger" },
+];
+
+/** Pauses a vehicle, calls it home or lands it: says what will happen, then what happened. */
 export function StopDialog({ vehicleId, close }: { vehicleId: number | null; close: () => void }) {
   const { t } = useTranslation();
   const isConnected = useIsConnected();
@@ -26,6 +43,10 @@ export function StopDialog({ vehicleId, close }: { vehicleId: number | null; clo
   const [target, setTarget] = useState(vehicleId === null ? ALL : String(vehicleId));
   const [orders, send] = useStopOrders();
   const ids = target === ALL ? [...vehicles.keys()] : [Number(target)];
+  const chosen = ids.map((id) => vehicles.get(id)?.vehicle);
+  const isPaused = chosen.some((vehicle) => vehicle?.activity === "paused");
+  const isOperator = useIsOperator();
+  const choices = [HOLD_HERE, ...(isPaused && isOperator ? [FLY_ON] : []), ...ENDINGS];
   const flying = [...vehicles.values()].filter(({ vehicle }) => isAirborne(vehicle)).length;
 
   const order = (kind: StopKind) => send(ids, kind);
@@ -46,28 +67,19 @@ export function StopDialog({ vehicleId, close }: { vehicleId: number | null; clo
       {!isConnected && <Notice kind="error">{t("stop.offline")}</Notice>}
       {isConnected && ids.length === 0 && <Notice kind="info">{t("fleet.empty_title")}</Notice>}
       <div className="stop-choices">
-        <section>
-          <HoldButton
-            className="hold-danger"
-            hint={t("stop.hold")}
-            disabled={!isConnected || ids.length === 0}
-            act={() => order(LAND_HERE)}
-          >
-            <Icon name="land" size={26} /> {t("stop.land")}
-          </HoldButton>
-          <p>{t("stop.land_text")}</p>
-        </section>
-        <section>
-          <HoldButton
-            className="hold-home"
-            hint={t("stop.hold")}
-            disabled={!isConnected || ids.length === 0}
-            act={() => order(RETURN_HOME)}
-          >
-            <Icon name="home" size={26} /> {t("stop.home")}
-          </HoldButton>
-          <p>{t("stop.home_text")}</p>
-        </section>
+        {choices.map(({ kind, name, icon, className }) => (
+          <section key={name}>
+            <HoldButton
+              className={className}
+              hint={t("stop.hold")}
+              disabled={!isConnected || ids.length === 0}
+              act={() => order(kind)}
+            >
+              <Icon name={icon} size={26} /> {t(`stop.${name}`)}
+            </HoldButton>
+            <p>{t(`stop.${name}_text`)}</p>
+          </section>
+        ))}
       </div>
       <p className="muted small">{t("stop.expiry")}</p>
       <ul className="stop-orders" aria-live="assertive">
@@ -88,7 +100,7 @@ function OrderRow({ order }: { order: StopOrder }) {
     <li>
       <div>
         <strong>{t("vehicle.name", { id: order.vehicleId })}</strong>
-        <span>{t(order.kind === LAND_HERE ? "stop.land" : "stop.home")}</span>
+        <span>{t(`stop.${nameOf(order.kind)}`)}</span>
         <Pill tone={TONES[order.state]}>{t(`order.${order.state}`)}</Pill>
       </div>
       <p className="small">
@@ -97,4 +109,8 @@ function OrderRow({ order }: { order: StopOrder }) {
       </p>
     </li>
   );
+}
+
+function nameOf(kind: StopKind): ChoiceName {
+  return [HOLD_HERE, FLY_ON, ...ENDINGS].find((choice) => choice.kind === kind)?.name ?? "land";
 }

@@ -14,6 +14,7 @@ import { ReleaseForm } from "./ReleaseForm";
 
 const TONES: Record<VehicleStatus, Tone> = {
   lost: "bad", stale: "warning", held: "warning", on_mission: "active", flying: "active",
+  paused: "warning", return_or_land: "active", failsafe: "bad", manual: "warning",
   armed: "warning", ready: "good",
 };
 

@@ -61,8 +61,11 @@ async function flyAndStop(page) {
   await page.getByRole("button", { name: "STOP", exact: true }).click();
   await requireAccessible(page, "the stop");
   const orders = page.locator(".stop-orders li");
-  await hold(page, dialog.getByRole("button", { name: /Land here/ }), orders);
-  await orders.getByText("Done", { exact: true }).waitFor();
+  for (const [index, name] of [/Pause here/, /Fly on/, /Land here/].entries()) {
+    const order = orders.nth(index);  // The newest one comes first, so that many exist
+    await hold(page, dialog.getByRole("button", { name }), order);
+    await orders.first().getByText("Done", { exact: true }).waitFor();
+  }
   await requireAccessible(page, "the stop that was done");
   await dialog.getByRole("button", { name: "Close" }).last().click();
   await drone.getByText("Ready", { exact: true }).waitFor();
