@@ -4,7 +4,8 @@
 cores), `speed` (how fast it is simulated), `system` (the running programs), `links`
 (files over MAVLink), `missions` (their upload, by a tight client and by the broker), `edge` (what
 the edge server takes in and sends on), `hostile` (the same among bad clients and behind a bad
-network), `console` (how fast its STOP acts, and what its viewers cost). Without it, all.
+network), `console` (how fast its STOP acts, and what its viewers cost), `seed` (times and memory
+per message type beside those of the first system's thesis). Without it, all.
 """
 
 import os
@@ -22,6 +23,7 @@ from tests.bench import (
     flight_quality,
     links,
     mission_upload,
+    seed_table,
     simulation,
     system,
 )
@@ -48,6 +50,7 @@ PARTS: Final[Mapping[str, Callable[[], Iterable[Result]]]] = {
     "edge": edge.measure,
     "hostile": edge_hostile.measure,
     "console": console.measure,
+    "seed": seed_table.measure,
 }
 
 

@@ -232,6 +232,13 @@ class FakeEdgeServer:
             self._changed.notify_all()
             return number
 
+    def event(self, kind: int, vehicle_id: int = 1) -> int:
+        """Hand out an event to the broker that polls."""
+        with self._changed:
+            number = self.edge.event(kind, vehicle_id)
+            self._changed.notify_all()
+            return number
+
     def wait_for(self, path: str, count: int, timeout_s: float = 10.0) -> list[dict[str, Any]]:
         """Wait until so many bodies have come to a path; gives what has come."""
         with self._changed:
