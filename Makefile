@@ -206,7 +206,7 @@ format: $(DEV) ## format and fix what a tool can fix
 	$(VENV)/bin/ruff check --fix .
 
 .PHONY: bench
-bench: $(DEV) ## measure and write STATE_DIR/bench/results.json; BENCH=flight,speed,system,links,missions,edge,hostile,console,seed chooses
+bench: $(DEV) ## measure and write STATE_DIR/bench/results.json; BENCH=flight,speed,system,links,missions,edge,hostile,console,seed,board chooses
 	@exec $(RUN) -m tests.bench
 
 .PHONY: soak

@@ -28,7 +28,8 @@ use_tls() {
 }
 
 use_nothing_more() {
-    unset DATABASE_URL CLOUD_URL CLOUD_MQTT_URL
+    unset DATABASE_URL CLOUD_MQTT_URL
+    CLOUD_URL=http://cloud:8100
     compose_files=(--file "$root/deploy/compose.yaml")
     with=(--profile sim)
 }

@@ -18,6 +18,8 @@ from edge_server.process.exit_codes import FAILED, OK, WRONG_SETUP
 from edge_server.store import migrate
 
 _NAME: Final = "edge-%Y%m%dT%H%M%SZ.sqlite3"
+_REPLACED: Final = "replaced"
+"""Folder of the databases that a restoration has replaced."""
 _PATTERN: Final = "edge-*Z.sqlite3"
 
 
@@ -108,7 +110,8 @@ def restore(database: Path, source: Path) -> Path | None:
         kept = None
         if database.exists():
             _close(database)
-            kept = migrate.set_aside(database, time.strftime("%Y%m%dT%H%M%S", time.gmtime()))
+            stamp = time.strftime("%Y%m%dT%H%M%S", time.gmtime())
+            kept = migrate.set_aside(database, stamp, _REPLACED)
         part.rename(database)
         _sync(database.parent)
     except OSError as error:

@@ -268,9 +268,9 @@ def _allow_long_waits(connection: Connection) -> None:
             ).close()
 
 
-def set_aside(path: Path, stamp: str) -> Path:
-    """Move a database and its side files to quarantine; returns where the database is now."""
-    quarantine = path.parent / "quarantine"
+def set_aside(path: Path, stamp: str, folder: str = "quarantine") -> Path:
+    """Move a database and its side files to a folder; returns where the database is now."""
+    quarantine = path.parent / folder
     quarantine.mkdir(exist_ok=True, mode=0o700)
     moved_to = quarantine / f"{path.stem}-{stamp}{path.suffix}"
     number = 1

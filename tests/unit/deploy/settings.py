@@ -4,6 +4,7 @@ import re
 from pathlib import Path
 
 from edge_server.config import SETTINGS
+from mavlink_broker.config import settings_parser
 from tests.unit.deploy.dockerfile import ROOT
 
 _ASKED = re.compile(r'(?:\bget\(|environment\[|environment\.get\(\s*)"([A-Z][A-Z_]+)"')
@@ -14,8 +15,8 @@ def _asked_in(*files: str) -> set[str]:
 
 
 def _broker() -> set[str]:
-    text = (ROOT / "mavlink_broker/config.py").read_text()
-    return set(re.findall(r'^        \("([A-Z_]+)", ', text, re.MULTILINE))
+    actions = settings_parser({})._actions
+    return {name for a in actions for name in re.findall(r"environment: ([A-Z_]+)", a.help or "")}
 
 
 _EDGE = {setting.variable for setting in SETTINGS}

@@ -18,6 +18,7 @@ from tests.unit.deploy.dockerfile import ROOT, TARGETS, stages
 from tests.unit.deploy.settings import ANYWHERE, KNOWN
 
 VARIABLE = re.compile(r"\$\{([A-Z_]+):-([^}]*)\}")
+REQUIRED = re.compile(r"\$\{([A-Z_]+):\?[^}]*\}")
 ENV_FILES = sorted((ROOT / "deploy").glob("*.env"))
 STATE = "/var/lib/farm"
 Service = dict[str, Any]
@@ -28,8 +29,10 @@ def read(name: str) -> dict[str, Any]:
     return document
 
 
-COMPOSE, TLS = read("compose.yaml"), read("tls.yaml")
-VARIABLE_NAMES = VARIABLE.sub(r" \1 ", (ROOT / "deploy/compose.yaml").read_text()).split()
+COMPOSE, TLS, SERIAL = read("compose.yaml"), read("tls.yaml"), read("serial.yaml")
+VARIABLE_NAMES = REQUIRED.sub(
+    r" \1 ", VARIABLE.sub(r" \1 ", (ROOT / "deploy/compose.yaml").read_text())
+).split()
 SERVICES: dict[str, Service] = COMPOSE["services"]
 OURS = {name: service for name, service in SERVICES.items() if "build" in service}
 every_service = pytest.mark.parametrize("name", SERVICES)
@@ -38,6 +41,7 @@ every_program = pytest.mark.parametrize("name", OURS)
 
 def filled_in(text: str, **given: str) -> str:
     """What a value is with these variables, else with its defaults."""
+    text = REQUIRED.sub(lambda found: given.get(found[1]) or EXAMPLE[found[1]], text)
     return VARIABLE.sub(lambda found: given.get(found[1]) or found[2], text)
 
 
@@ -53,6 +57,35 @@ def environment(name: str, *further: dict[str, Any], **given: str) -> dict[str, 
 def settings_of(env_file: Path) -> dict[str, str]:
     lines = env_file.read_text().splitlines()
     return dict(line.split("=", 1) for line in lines if line and not line.startswith("#"))
+
+
+EXAMPLE = settings_of(ROOT / "deploy/farm.env.example")
+
+
+def test_the_example_gives_what_is_required_and_names_no_unknown_variable() -> None:
+    files = ("compose.yaml", "tls.yaml", "serial.yaml")
+    text = "".join((ROOT / "deploy" / name).read_text() for name in files)
+    required = set(REQUIRED.findall((ROOT / "deploy/compose.yaml").read_text()))
+    assert required == set(EXAMPLE) == {"CLOUD_URL"}
+    shown = re.findall(
+        r"^#?([A-Z_]+)=", (ROOT / "deploy/farm.env.example").read_text(), re.MULTILINE
+    )
+    settings = KNOWN["edge-server"] | KNOWN["broker"]
+    assert set(shown) <= set(re.findall(r"\$\{([A-Z_]+):", text)) | settings
+
+
+def test_a_radio_is_passed_through_to_the_broker_and_its_group_owns_it() -> None:
+    assert set(SERIAL["services"]) == {"broker"}
+    given = {"RADIO": "/dev/ttyUSB0", "RADIO_BAUD": "115200"}
+    service = SERIAL["services"]["broker"]
+    (device,) = (REQUIRED.sub(lambda found: given[found[1]], one) for one in service["devices"])
+    inside = device.removeprefix("/dev/ttyUSB0:")
+    config = mavlink_broker.config.load([], environment("broker", SERIAL, **given))
+    assert [str(link) for link in config.vehicle_links] == [
+        "udpin://0.0.0.0:14540",
+        f"serial://{inside}:115200",
+    ]
+    assert service["group_add"] == ["${RADIO_GROUP:-20}"]
 
 
 def test_every_program_has_its_service_from_its_own_target() -> None:
@@ -83,7 +116,7 @@ def test_the_edge_server_takes_its_settings(name: str, env_file: Path | None) ->
     given = settings_of(env_file) if env_file else {}
     config = edge_server.config.load({}, environment(name, TLS, **given))
     assert str(config.state_dir) == STATE
-    assert config.cloud_url == given.get("CLOUD_URL", "http://cloud:8100")
+    assert config.cloud_url == given.get("CLOUD_URL", EXAMPLE["CLOUD_URL"])
     assert config.database_url == given.get("DATABASE_URL")
 
 
@@ -216,8 +249,9 @@ def test_a_vehicle_and_the_broker_sign_with_the_same_key() -> None:
 
 
 def test_the_readme_tells_every_variable_and_none_that_does_not_exist() -> None:
-    text = "".join((ROOT / "deploy" / name).read_text() for name in ("compose.yaml", "tls.yaml"))
-    defaults = dict(VARIABLE.findall(text))
+    files = ("compose.yaml", "tls.yaml", "serial.yaml")
+    text = "".join((ROOT / "deploy" / name).read_text() for name in files)
+    defaults = dict(VARIABLE.findall(text)) | dict.fromkeys(REQUIRED.findall(text), "required")
     table = re.search(
         r"\| variable \|.*?\n\n", (ROOT / "docs/how-to/deploy-containers.md").read_text(), re.DOTALL
     )

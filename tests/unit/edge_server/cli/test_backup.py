@@ -200,7 +200,7 @@ def test_a_backup_is_restored_only_while_the_server_is_stopped(
     assert command(program, "restore", str(copy)).returncode == OK
     program.start()
     assert poses_kept(program) == 1
-    (former,) = (tmp_path / "state/edge/quarantine").glob("*.sqlite3")
+    (former,) = (tmp_path / "state/edge/replaced").glob("*.sqlite3")
     assert poses_in(former) == 2
 
 
