@@ -1,4 +1,4 @@
-"""Prometheus and Grafana ask for what the edge server tells, and the alerts fire when they must."""
+"""Prometheus and Grafana ask for what the edge server serves; the alerts fire when they must."""
 
 import json
 import re
@@ -47,13 +47,15 @@ def metrics_in(expression: str) -> set[str]:
     return set(re.findall(r"\b(?:fm_\w+|process_\w+|up)\b", plain))
 
 
-def test_every_metric_that_is_asked_for_is_told(edge: Edge) -> None:
+def test_every_metric_that_is_asked_for_is_served(edge: Edge) -> None:
     page = edge.ask("GET", "/metrics", "operator").text
-    told = set(re.findall(r"^# TYPE (\w+) ", page, re.MULTILINE))
+    served = set(re.findall(r"^# TYPE (\w+) ", page, re.MULTILINE))
     asked = {name: metrics_in(expression) for name, expression in EXPRESSIONS.items()}
     assert all(asked.values())
     base = {name: {re.sub(r"_bucket$", "", m) for m in found} for name, found in asked.items()}
-    assert {n: m - told - OF_PROMETHEUS for n, m in base.items() if m - told - OF_PROMETHEUS} == {}
+    assert {
+        n: m - served - OF_PROMETHEUS for n, m in base.items() if m - served - OF_PROMETHEUS
+    } == {}
 
 
 @pytest.mark.parametrize("rule", ALERTS, ids=lambda rule: str(rule["alert"]))
