@@ -16,6 +16,7 @@ COMPILED = os.environ.get("FARM_COMPILED", "0") == "1"
 
 CONSOLE = Path("console/dist")
 CONSOLE_PACKAGE = "edge_server.console_dist"
+COMPLETIONS = Path("deploy/completion")
 HAS_CONSOLE = (CONSOLE / "index.html").exists()
 
 PROGRAMS = (
@@ -40,6 +41,7 @@ class ProgramsDistribution(Distribution):
 
 
 setup(
+    data_files=[("share/bash-completion/completions", sorted(map(str, COMPLETIONS.iterdir())))],
     distclass=ProgramsDistribution,
     packages=[
         *find_packages(include=[pattern for name in PROGRAMS for pattern in (name, f"{name}.*")]),

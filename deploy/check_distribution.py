@@ -94,7 +94,12 @@ def check(wheel: Path, extra: str) -> None:
             shown = _run([str(programs / program), "--version"], folder).strip()
             if not shown.endswith(f" {VERSION}"):
                 raise DistributionError(f"{program} --version prints {shown!r}, not {VERSION}")
-            _run([str(programs / program), "--help"], folder)
+            shown = _run([str(programs / program), "--help"], folder)
+            if not shown.startswith(f"usage: {program} "):
+                raise DistributionError(f"{program} --help begins with {shown[:40]!r}")
+            completion = programs.parent / "share/bash-completion/completions" / program
+            if not completion.is_file():
+                raise DistributionError(f"there is no completion {completion}")
         if extra == "sim":
             _run([str(programs / "farm-sim"), "demo"], folder, SPEED="5", **PORTS)
             return
@@ -110,7 +115,9 @@ def check(wheel: Path, extra: str) -> None:
 
 def main() -> int:
     """Check every extra of the wheel in a folder; 1 if one fails."""
-    parser = argparse.ArgumentParser(prog="deploy.check_distribution", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="deploy.check_distribution", description="Check a wheel as its users install it."
+    )
     parser.add_argument("folder", type=Path, help="folder with one wheel")
     wheels = sorted(parser.parse_args().folder.glob("*.whl"))
     if len(wheels) != 1:

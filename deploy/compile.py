@@ -9,6 +9,7 @@ Exit codes: 0 compiled; 1 a module cannot be compiled; 2 the machine lacks a com
 headers or mypyc.
 """
 
+import argparse
 import contextlib
 import hashlib
 import io
@@ -276,8 +277,11 @@ def _load(names: Sequence[str]) -> None:
         raise CompileError(f"a compiled module cannot be loaded: {error}") from error
 
 
-def main() -> int:
+def main(arguments: Sequence[str] = ()) -> int:
     """Compile; 0, or a sentence about what stands in the way."""
+    argparse.ArgumentParser(
+        prog="deploy.compile", description="Compile the flight stack with mypyc."
+    ).parse_args(arguments)
     os.environ.pop("FARM_PURE", None)
     missing = lacking()
     if missing is not None:
@@ -293,4 +297,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(sys.argv[1:]))

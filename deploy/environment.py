@@ -68,7 +68,9 @@ def check_index(timeout_s: float = INDEX_TIMEOUT_S) -> None:
 
 def main(arguments: list[str]) -> int:
     """Make or check; 1 with a sentence if that fails."""
-    parser = argparse.ArgumentParser(prog="deploy.environment", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="deploy.environment", description="Make the virtual environment of make."
+    )
     actions = parser.add_subparsers(dest="action", required=True)
     making = actions.add_parser("make", help="make the environment")
     making.add_argument("folder", type=Path, help="where; what is there is replaced")

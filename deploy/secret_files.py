@@ -98,8 +98,11 @@ def _write(path: Path, text: str) -> None:
 
 def main(arguments: list[str]) -> int:
     """Make the files; gives the exit code."""
-    parser = argparse.ArgumentParser(prog="deploy.secret_files", description=__doc__)
-    parser.add_argument("folder", type=Path)
+    parser = argparse.ArgumentParser(
+        prog="deploy.secret_files",
+        description="Make every secret that the containers need and that is not there yet.",
+    )
+    parser.add_argument("folder", type=Path, help="where the secrets are")
     parser.add_argument("--vehicles", type=int, default=2, help="how many signing keys (2)")
     parser.add_argument("--replace", action="append", default=[], help="a file to make anew")
     options = parser.parse_args(arguments)

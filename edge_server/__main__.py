@@ -17,7 +17,7 @@ from edge_server import logs
 from edge_server.config import SETTINGS, Config, ConfigError, load
 from edge_server.process.exit_codes import FAILED, INTERRUPTED, OK, WRONG_SETUP
 from edge_server.process.supervisor import PARENT_VARIABLE, Supervisor
-from farm_flight_bridge import VERSION
+from farm_flight_bridge import VERSION, program_name
 
 LOG = logging.getLogger("edge_server")
 
@@ -143,7 +143,12 @@ _COMMANDS: Final = (
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="edge_server", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog=program_name("edge_server"),
+        description="The farm's edge server; without a command it serves and sends to the cloud.",
+        epilog="Exit status: 0 done, or ended by a signal; 1 failed; 2 a wrong setting, a port or "
+        "database that cannot be used; 130 a command that Ctrl-C has ended.",
+    )
     parser.add_argument("--version", action="version", version=f"%(prog)s {VERSION}")
     parser.add_argument("--config", type=Path, help="TOML file with a table [edge_server]")
     for setting in SETTINGS:

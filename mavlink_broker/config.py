@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from farm_flight_bridge import VERSION
+from farm_flight_bridge import VERSION, program_name
 from mavlink_broker.links import settings as link_settings
 from mavlink_broker.links.settings import LinkSettings
 from mavlink_broker.links.url import ANY_ADDRESS, DEFAULT_MAVLINK_PORT, LinkKind, LinkUrl
@@ -135,10 +135,11 @@ def load(arguments: Sequence[str], environment: Mapping[str, str]) -> Config:
     """Read the configuration; an invalid value ends the program with its error and status 2."""
     parser = settings_parser(
         environment,
-        prog="mavlink_broker",
+        prog=program_name("mavlink_broker"),
         description="Flies the edge server's missions over MAVLink.",
         epilog="Other commands, each with its own --help: translate, vehicles, fly, sign-setup, "
-        "dead-letters.",
+        "dead-letters. Exit status: 0 done, or ended by a signal; 1 failed; 2 a wrong setting, a "
+        "link or folder that cannot be used; 130 a command that Ctrl-C has ended.",
     )
     parser.add_argument("--version", action="version", version=f"%(prog)s {VERSION}")
     return settings(parser, parser.parse_args(arguments))

@@ -10,7 +10,7 @@ import os
 import sys
 from pathlib import Path
 
-from farm_flight_bridge import VERSION
+from farm_flight_bridge import VERSION, program_name
 from sim.launch import demo, launcher
 from sim.launch.settings import VARIABLES, SettingsError, from_environment
 
@@ -30,13 +30,27 @@ def _run() -> int:
         for name, (default, meaning) in VARIABLES.items()
     ]
     parser = argparse.ArgumentParser(
-        prog="sim",
-        description=__doc__,
-        epilog="\n".join(["settings, as environment variables:", *rows]),
+        prog=program_name("sim"),
+        description="Run the whole system, or fly a plan in it.",
+        epilog="\n".join(
+            [
+                "settings, as environment variables:",
+                *rows,
+                "",
+                "Exit status: 0 done, or ended by a signal; 1 a mission or a program has failed;",
+                "2 a wrong setting.",
+            ]
+        ),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action="version", version=f"%(prog)s {VERSION}")
-    parser.add_argument("what", nargs="?", choices=("run", "demo", "fly"), default="run")
+    parser.add_argument(
+        "what",
+        nargs="?",
+        choices=("run", "demo", "fly"),
+        default="run",
+        help="run: until Ctrl-C; demo: fly a plan and end; fly: fly a plan and report on it",
+    )
     arguments = parser.parse_args()
     try:
         settings = from_environment(os.environ)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from farm_flight_bridge import VERSION
+from farm_flight_bridge import VERSION, program_name
 
 _DRIVERS: Final = ("jsbsim",)
 _SETUP_TRUSTS: Final = ("never", "signed", "loopback")
@@ -130,8 +130,9 @@ def _parser(environment: Mapping[str, str]) -> argparse.ArgumentParser:
     """Flags whose defaults come from the environment."""
     get = environment.get
     parser = argparse.ArgumentParser(
-        prog="python -m uav_firmware",
+        prog=program_name("python -m uav_firmware"),
         description="One vehicle: the autopilot around its driver. Flags override environment.",
+        epilog="Exit status: 0 ended by a signal; 2 a wrong setting, port or signing state.",
     )
     add = parser.add_argument
     add("--version", action="version", version=f"%(prog)s {VERSION}")

@@ -4,6 +4,7 @@ A test compares the pages with what this module writes, so that a change of the 
 reviewed change of the page.
 """
 
+import argparse
 import io
 import os
 import re
@@ -17,6 +18,7 @@ from pathlib import Path
 from typing import Final
 from unittest.mock import patch
 
+from docs.tools import completion
 from sim.config import SimulationConfig
 from sim.simulation import Simulation
 from uav_firmware.cal.link import Address
@@ -106,7 +108,12 @@ def command_lines() -> str:
     about = (
         "Arguments and flags of every program, from its `--help`. Defaults and details: "
         "[edge server](edge-server-settings.md), [broker](broker-settings.md), "
-        "[autopilot](autopilot-settings.md), [simulation](../how-to/run-the-simulation.md)."
+        "[autopilot](autopilot-settings.md), [simulation](../how-to/run-the-simulation.md).\n\n"
+        "| exit status | meaning |\n|---|---|\n"
+        "| 0 | done, or ended by SIGINT or SIGTERM where the program serves until then |\n"
+        "| 1 | failed: a mission, a check, a delivery; the standard error has the reason |\n"
+        "| 2 | cannot start: a wrong argument or setting, a port, link, folder or database |\n"
+        "| 129, 130, 143 | a command that SIGHUP, SIGINT or SIGTERM has ended before its end |"
     )
     parts = ["# Command lines", "", about]
     for program in PROGRAMS:
@@ -154,20 +161,28 @@ def _arguments(text: str) -> Iterator[str]:
             yield f"| `{' '.join(filter(None, (found[1], found[2])))}` | {meaning} |"
 
 
+def _completion(program: str) -> Callable[[], str]:
+    return lambda: completion.scripts(_help)[program]
+
+
 PAGES: Final[Mapping[str, Callable[[], str]]] = {
     "reference/autopilot-parameters.md": parameters,
     "reference/command-lines.md": command_lines,
+    **{f"../deploy/completion/{program}": _completion(program) for program in completion.PROGRAMS},
 }
-"""The generated pages by their path below `docs/`."""
+"""The generated files by their path, starting from `docs/`."""
 
 
 def main() -> None:
     """Write every page that differs."""
+    argparse.ArgumentParser(
+        prog="docs.tools.reference", description="Write the files that come from code."
+    ).parse_args()
     for path, written in PAGES.items():
         page = DOCS / path
         if (text := written()) != (page.read_text(encoding="utf-8") if page.exists() else ""):
             page.write_text(text, encoding="utf-8")
-            print(f"written: docs/{path}")
+            print(f"written: {page.resolve().relative_to(DOCS.parent)}")
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
+from farm_flight_bridge import program_name
 from mavlink_broker.cli.program import FAILED, SUCCEEDED, UsageError, print_output
 from mavlink_broker.edge.dead_letters import StoredLetter, read_dead_letters, request_action
 
@@ -75,10 +76,16 @@ def _record(number: int, letter: Any) -> dict[str, Any]:
 
 def _parser(environment: Mapping[str, str]) -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="mavlink_broker dead-letters",
+        prog=f"{program_name('mavlink_broker')} dead-letters",
         description="Reports that the edge server never accepted: list, retry or drop them.",
     )
-    parser.add_argument("action", nargs="?", choices=(_LIST, _RETRY, _DROP), default=_LIST)
+    parser.add_argument(
+        "action",
+        nargs="?",
+        choices=(_LIST, _RETRY, _DROP),
+        default=_LIST,
+        help="%(default)s unless given",
+    )
     parser.add_argument("numbers", nargs="*", type=int, help="of the dead letters")
     parser.add_argument("--all", action="store_true", help="all of them")
     parser.add_argument("--json", action="store_true", help="as JSON, with bodies")

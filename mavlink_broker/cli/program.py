@@ -22,6 +22,7 @@ from pathlib import Path
 from types import FrameType
 from typing import Final
 
+from farm_flight_bridge import program_name
 from mavlink_broker import config
 from mavlink_broker.config import Config
 from mavlink_broker.database import Database, DatabaseBusyError
@@ -211,7 +212,7 @@ def offline_parser(
 ) -> argparse.ArgumentParser:
     """Make the parser of a command without an edge server: settings, `--connect`, `--json`."""
     parser = config.settings_parser(
-        environment, prog=f"mavlink_broker {command}", description=description
+        environment, prog=f"{program_name('mavlink_broker')} {command}", description=description
     )
     parser.set_defaults(log_level=environment.get("LOG_LEVEL") or "WARNING")
     parser.add_argument("--connect", metavar="URL", help="the vehicles' link: udp://0.0.0.0:14540")

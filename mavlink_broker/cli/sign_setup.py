@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
+from farm_flight_bridge import program_name
 from mavlink_broker.cli.program import (
     FAILED,
     SUCCEEDED,
@@ -179,7 +180,7 @@ def _system(text: str) -> int:
 
 def _parser(environment: Mapping[str, str]) -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="mavlink_broker sign-setup",
+        prog=f"{program_name('mavlink_broker')} sign-setup",
         description="Load the signing key of a vehicle into its autopilot (PX4, ArduPilot), over "
         "a cable. The vehicle must be disarmed, and no other program may use the cable.",
     )

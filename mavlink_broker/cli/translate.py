@@ -9,6 +9,7 @@ from typing import Any, Final
 
 from afarcloud.commands import NavTakeoff
 from afarcloud.plan import Mission
+from farm_flight_bridge import program_name
 from mavlink_broker.autopilots.families import (
     ARDUPILOT,
     ARDUPILOT_OTHER,
@@ -120,7 +121,7 @@ def _assumed_home(mission: Mission) -> Home:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="mavlink_broker translate",
+        prog=f"{program_name('mavlink_broker')} translate",
         description="Print the mission items and live commands that a plan becomes.",
     )
     parser.add_argument("plan", help="a plan as JSON, or - for the standard input")

@@ -56,7 +56,9 @@ def _views(farm: Farm) -> list[View]:
 
 def main() -> int:
     """Render and write."""
-    parser = argparse.ArgumentParser(prog="sim.camera.views", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="sim.camera.views", description="Show what the camera sees of the farm on one sheet."
+    )
     parser.add_argument("sheet", type=Path, help="JPEG to write")
     sheet: Path = parser.parse_args().sheet
     farm = Farm()

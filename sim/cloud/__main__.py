@@ -39,9 +39,14 @@ def _mqtt_receiver(store: Store, url: str | None, login_file: Path | None) -> Mq
 def main() -> int:
     """Serve until SIGINT or SIGTERM; 2 when the port is taken."""
     environment = os.environ
-    parser = argparse.ArgumentParser(prog="sim.cloud", description=__doc__)
-    parser.add_argument("--port", type=int, default=int(environment.get("CLOUD_PORT", "8100")))
-    parser.add_argument("--host", default="127.0.0.1")
+    parser = argparse.ArgumentParser(prog="sim.cloud", description="Run the mock cloud alone.")
+    parser.add_argument(
+        "--port",
+        type=int,
+        default=int(environment.get("CLOUD_PORT", "8100")),
+        help="TCP port to listen on (environment: CLOUD_PORT)",
+    )
+    parser.add_argument("--host", default="127.0.0.1", help="address to listen on: %(default)s")
     parser.add_argument(
         "--mqtt", default=environment.get("CLOUD_MQTT_URL"), help="mqtt://broker/<topics of a farm>"
     )
@@ -51,7 +56,12 @@ def main() -> int:
         default=environment.get("CLOUD_MQTT_LOGIN_FILE"),
         help="file with user:password for the MQTT broker",
     )
-    parser.add_argument("--state-dir", type=Path, default=Path(environment.get("STATE_DIR", "var")))
+    parser.add_argument(
+        "--state-dir",
+        type=Path,
+        default=Path(environment.get("STATE_DIR", "var")),
+        help="folder of what it holds (environment: STATE_DIR)",
+    )
     parser.add_argument(
         "--batch",
         type=int,

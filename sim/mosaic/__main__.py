@@ -15,7 +15,9 @@ from sim.world.farm import Farm
 
 def main() -> int:
     """Write the map; 1 when there is nothing to lay."""
-    parser = argparse.ArgumentParser(prog="sim.mosaic", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="sim.mosaic", description="Lay the pictures of a flight on one map."
+    )
     parser.add_argument("folder", type=Path, help="folder with the pictures of a flight")
     parser.add_argument("map", type=Path, help="JPEG to write")
     arguments = parser.parse_args()

@@ -125,7 +125,9 @@ def _enter_lines(operator: Operator, lines: Lines, script: Script | None, now: f
 
 
 def _options(arguments: Sequence[str], environment: Mapping[str, str]) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(prog="sim.tester", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="sim.tester", description="Stand in for a vehicle at the keyboard."
+    )
     port = environment.get("MAVLINK_PORT") or "14540"
     parser.add_argument(
         "--system-id",

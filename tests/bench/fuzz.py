@@ -4,6 +4,7 @@ Ends with 0 only if both flights were, bit for bit, the flights in peace. The op
 sends no valid commands, the signed link's every command there is, without the key.
 """
 
+import argparse
 import os
 import sys
 import tempfile
@@ -54,6 +55,9 @@ def _page(link: str, calm: Outcome, outcome: Outcome, wall_s: float) -> str:
 
 def main() -> int:
     """Fly both; 0 if nothing has moved that was not commanded, 2 for a wrong FRAMES."""
+    argparse.ArgumentParser(
+        prog="FRAMES=NUMBER make fuzz", description="Fly a mission under hostile frames."
+    ).parse_args()
     text = os.environ.get("FRAMES") or str(DEFAULT_FRAMES)
     if not text.isdecimal() or int(text) < 1:
         sys.stderr.write(f"FRAMES: {text!r} is no number above 0\n")
