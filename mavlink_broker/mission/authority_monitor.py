@@ -13,6 +13,8 @@ from mavlink_broker.vehicle.vehicle import Vehicle
 
 DESCENDING: Final = Claim(DESCENT_MODES)
 ON_GROUND: Final = Claim(frozenset(), may_be_armed=False)
+TAKEN: Final = Claim(frozenset(), may_be_armed=False)
+"""A vehicle that another system has taken, until it is disarmed."""
 HOVERING: Final = Claim(AIRBORNE_MODES, is_exclusive=True)
 """A vehicle in the air that waits for its next order."""
 

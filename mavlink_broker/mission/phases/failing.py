@@ -4,6 +4,7 @@ from typing import Final
 
 from mavlink_broker.effects import Effects
 from mavlink_broker.mission import exchanges
+from mavlink_broker.mission.authority_monitor import TAKEN
 from mavlink_broker.mission.context import MissionContext
 from mavlink_broker.mission.phases.phase import Fault, Phase, Request, Result
 from mavlink_broker.mission.states import ARMED_BY_BROKER, ASKING, IN_FLIGHT, Event, State
@@ -25,12 +26,18 @@ class Failing(Phase):
         self._stops_propellers = False  # The broker armed the vehicle, and it does not take off
         self._raises_alarm = False
         self._is_left_to_failsafe = False
+        self._is_taken = False  # Another system, or a failsafe, has the vehicle
         self._waits_in_air = False  # And no other system flies it
         self._may_take_off = False  # It was ordered to start; in the air it refuses to disarm
 
     @property
     def claim(self) -> Claim | None:
-        """The mode in which the broker has armed the vehicle, until it is left."""
+        """The mode in which the broker has armed the vehicle, until it is left.
+
+        None of a vehicle that was taken: an abort that comes now must not order it.
+        """
+        if self._is_taken:
+            return TAKEN
         if not self._stops_propellers:
             return None
         return Claim(AIRBORNE_MODES, mode=self._mission.authority.arming_mode)
@@ -41,7 +48,8 @@ class Failing(Phase):
         who = mission.authority.who(phase.claim)
         is_taken, was_taken = who is not Authority.BROKER, phase.was_taken
         self._fault = fault
-        if is_taken or (was_taken and vehicle.snapshot.armed):
+        self._is_taken = is_taken or (was_taken and bool(vehicle.snapshot.armed))
+        if self._is_taken:
             vehicle.take_away()
         armed_by_broker = state in ARMED_BY_BROKER and not mission.is_hovering
         self._stops_propellers = armed_by_broker and not is_taken

@@ -50,6 +50,7 @@ REFUSING_RETURN: Final = {
     mavlink.MAV_CMD_NAV_LAND: mavlink.MAV_RESULT_DENIED,
 }
 ASKING: Final = {511, 512, 2003, 2504}  # Intervals and messages, of a camera too
+RETURN_HOME: Final = 103
 READING: Final = {
     "HEARTBEAT",
     "REQUEST_DATA_STREAM",
@@ -646,3 +647,23 @@ def test_a_mission_whose_acceptance_is_not_answered_yet_has_one_too() -> None:
     world.run(10.0)
     assert world.edge.reports(1201) == []
     assert answer_statuses(world, event)[-1] == "done"
+
+
+@pytest.mark.parametrize("kind", [ABORT, SOFT_ABORT, RETURN_HOME])
+@pytest.mark.parametrize(
+    ("script", "mode"), [(PX4, PX4_POSITION), (OWN, PX4_POSITION), (ARDUPILOT, COPTER_STABILIZE)]
+)
+def test_an_abort_while_a_takeover_fails_the_mission_orders_nothing(
+    script: Script, mode: int, kind: int
+) -> None:
+    """The failure waits half a second for the vehicle's reasons; the abort comes meanwhile."""
+    world = in_mission(script)
+    vehicle = world.only_vehicle
+    vehicle.steer(mode)
+    world.run_until(lambda: state(world) is State.FAILING)
+    since = len(vehicle.frames)
+    event = world.edge.event(kind)
+    world.run(30.0)
+    assert orders(vehicle, since) == []
+    assert vehicle.custom_mode == mode
+    assert answer_statuses(world, event)[-1] == "refused"
