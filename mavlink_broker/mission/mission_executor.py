@@ -25,7 +25,7 @@ from mavlink_broker.mission.abort_executor import (
     return_event,
 )
 from mavlink_broker.mission.context import MissionContext
-from mavlink_broker.mission.pause_orders import NOT_IN_THE_AIR, PAUSED
+from mavlink_broker.mission.pause_orders import NOT_IN_THE_AIR, PAUSED, PAUSED_INSTEAD
 from mavlink_broker.mission.phases.aborting import RESTARTED, Aborting
 from mavlink_broker.mission.phases.attaching import Attaching
 from mavlink_broker.mission.phases.failing import Failing
@@ -233,8 +233,11 @@ class MissionExecutor:
             self._abort_when_due(self._soft_abort, now, effects)
 
     def _report_pause(self, effects: Effects) -> None:
-        """Write into the report that an event has paused the mission."""
+        """Write into the report that an event has paused the mission; no soft abort waits then."""
         if self._context.pauses.take_news():
+            if self._soft_abort is not None:
+                work_id, self._soft_abort = self._soft_abort.work.work_id, None
+                effects.for_edge.append(Acknowledgement(work_id, "refused", PAUSED_INSTEAD))
             last = len(self.ledger.commands) - 1
             self.ledger.add_note(min(self.ledger.finished, last), PAUSED)
             self._context.report(effects)

@@ -33,6 +33,7 @@ REPLACED: Final = "a later event replaced it"
 NOT_IN_THE_AIR: Final = "the vehicle is not in the air for this mission: abort the mission instead"
 NOT_PAUSED: Final = "no event has paused the mission"
 PAUSED: Final = "paused by an event"
+PAUSED_INSTEAD: Final = "a later event has paused the mission"
 SHOWN_WITHIN_S: Final = 5.0
 """How long a vehicle may take to show a mode that it has accepted."""
 LATE_WITHIN_S: Final = 30.0

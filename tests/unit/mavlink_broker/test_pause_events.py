@@ -7,7 +7,7 @@ import pytest
 
 from afarcloud.enumerations import Status
 from mavlink_broker.mavlink.dialect import mavlink
-from mavlink_broker.mission.pause_orders import NOT_IN_THE_AIR, NOT_PAUSED, PAUSED
+from mavlink_broker.mission.pause_orders import NOT_IN_THE_AIR, NOT_PAUSED, PAUSED, PAUSED_INSTEAD
 from mavlink_broker.mission.states import State
 from tests.support.broker_world import GENERIC, World, follow, go_home, mission, takeoff, waypoint
 from tests.support.scripted_vehicle import (
@@ -131,17 +131,17 @@ class TestItems:
         assert world.only_vehicle.custom_mode == returning
 
     @KNOWN
-    def test_a_pause_puts_off_a_soft_abort_until_the_mission_is_resumed(self, family: str) -> None:
+    def test_a_pause_replaces_a_soft_abort_that_waits(self, family: str) -> None:
         world = in_mission(SCRIPTS[family])
         soft = world.edge.event(SOFT_ABORT)
         world.run(1.0)
         world.edge.event(PAUSE)
         world.run(60.0)
         assert world.only_vehicle.custom_mode == PAUSED_MODES[family]
-        assert answer_statuses(world, soft) == ["accepted"]
+        assert answer(world, soft) == ("refused", PAUSED_INSTEAD)
         world.edge.event(RESUME)
-        world.run(5.0)
-        assert world.edge.status(1201) == Status.ABORTED
+        world.run_until_over(1201)
+        assert world.edge.status(1201) == Status.FINISHED
 
     def test_pausing_twice_is_done_twice(self) -> None:
         world = paused(PX4)
