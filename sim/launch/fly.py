@@ -53,6 +53,7 @@ def run(settings: Settings, out: Path) -> int:
         try:
             plan = read_plan(settings)
             flown = _fly(_own_system(plan, settings, Path(scratch)), plan, screen)
+            screen.say("drawing the report, which takes some seconds")
             written = write_report(flown, settings, Path(scratch), out)
         except Stopped:
             screen.say("ERROR stopped before the plan had ended")

@@ -21,14 +21,14 @@ from sim.report.style import (
     legend,
 )
 
-_FENCE_MARGIN: Final = 0.35  # of the track's size, up to which a fence widens the view
+_LARGEST_FENCE: Final = 6.0  # Of the track's size, up to which a fence is shown whole
 
 
 def plan_view(axes: Axes, flight: Flight) -> None:
     """The track from above, against the plan and its fence."""
     planned, true, estimated = flight.planned, flight.true.values, flight.estimated.values
     for number, corners in enumerate(planned.inclusions):
-        label = "fence" if number == 0 else None
+        label = _fence_label(flight) if number == 0 else None
         axes.add_patch(
             Polygon(corners[:, ::-1], fill=False, ec="#7a9a7a", ls=(0, (6, 3)), lw=1.2, label=label)
         )
@@ -88,16 +88,26 @@ def _points(axes: Axes, flight: Flight) -> None:
 
 
 def _frame(axes: Axes, flight: Flight) -> None:
-    """Show track and points; of a fence as much as does not make them small."""
+    """Show track and points, and the whole fence unless it would make them very small."""
     seen = np.concatenate((flight.true.values[:, :2], _route(flight)))
+    if _is_fence_shown_whole(flight):
+        seen = np.concatenate((seen, *flight.planned.inclusions, *flight.planned.exclusions))
     low, high = seen.min(axis=0), seen.max(axis=0)
-    size = max(float(np.max(high - low)), 6.0)
-    corners = flight.planned.inclusions
-    if corners:
-        fence = np.concatenate(corners)
-        low = np.maximum(np.minimum(low, fence.min(axis=0)), low - _FENCE_MARGIN * size)
-        high = np.minimum(np.maximum(high, fence.max(axis=0)), high + _FENCE_MARGIN * size)
-    _equal_scales(axes, low - 0.08 * size, high + 0.08 * size)
+    border = 0.08 * max(float(np.max(high - low)), 6.0)
+    _equal_scales(axes, low - border, high + border)
+
+
+def _fence_label(flight: Flight) -> str:
+    return "fence" if _is_fence_shown_whole(flight) else "fence, larger than this view"
+
+
+def _is_fence_shown_whole(flight: Flight) -> bool:
+    corners = [*flight.planned.inclusions, *flight.planned.exclusions]
+    if not corners:
+        return True
+    track = np.concatenate((flight.true.values[:, :2], _route(flight)))
+    size = max(float(np.max(np.ptp(track, axis=0))), 6.0)
+    return bool(np.max(np.ptp(np.concatenate((track, *corners)), axis=0)) <= _LARGEST_FENCE * size)
 
 
 def _equal_scales(axes: Axes, low: Array, high: Array) -> None:

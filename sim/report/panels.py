@@ -143,9 +143,6 @@ def tracking(axes: Axes, flight: Flight) -> None:
         label="level",
     )
     axes.plot(error.time_s, error.values[:, 2], color=ESTIMATED, lw=1.2, label="height")
-    known = np.abs(error.values[np.isfinite(error.values)])
-    limit = max(2.5 * float(np.quantile(known, 0.9)), 0.2) if known.size else 1.0
-    axes.set_ylim(max(-limit, axes.get_ylim()[0]), min(limit, axes.get_ylim()[1]))
     axes.set(
         title=f"Truth minus set-point, up to {largest(error.values):.2f} m", ylabel="distance [m]"
     )

@@ -6,9 +6,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from matplotlib.figure import Figure
 
 from sim.report.figures import Flight, examine
+from sim.report.maps import plan_view
 from sim.report.page import page
+from sim.report.panels import tracking
 from sim.report.plan import COMMAND_NAMES
 from sim.report.sheet import write_overview, write_sheet
 from tests.unit.sim.report import synthetic
@@ -81,3 +84,30 @@ def test_several_vehicles_share_one_overview(
     write_overview(tmp_path / "report.png", "Title", "subtitle", [flight(), flight()])
     assert (tmp_path / "report.png").read_bytes().startswith(PNG)
     assert caplog.messages == []
+
+
+def fenced(half_m: float) -> dict[str, Any]:
+    """The plan within a square fence."""
+    ends = ((-half_m, -half_m), (-half_m, half_m), (half_m, half_m), (half_m, -half_m))
+    corners = [tuple(synthetic.place(*end).values()) for end in ends]
+    return synthetic.plan() | {"geofence": {"inclusion": [corners]}}
+
+
+@pytest.mark.parametrize(("half_m", "label"), [(25.0, "fence"), (500.0, "fence, larger than")])
+def test_a_fence_lies_in_the_frame_or_is_said_to_be_larger(half_m: float, label: str) -> None:
+    axes = Figure(figsize=(6.0, 6.0)).add_subplot()
+    plan_view(axes, flight(fenced(half_m)))
+    whole = axes.get_xlim()[1] > half_m and axes.get_ylim()[0] < -half_m
+    (shown,) = (patch for patch in axes.patches if str(patch.get_label()).startswith("fence"))
+    assert str(shown.get_label()).startswith(label)
+    assert bool(whole) is (label == "fence")
+
+
+def test_the_largest_distance_from_the_set_point_is_in_the_frame() -> None:
+    flown = examine(
+        1, synthetic.planned(), synthetic.log(setpoint_error=(0.0, 0.4, -0.2)), synthetic.truth()
+    )
+    flown.tracking.values[5] = (3.0, 0.0, 0.0)
+    axes = Figure().add_subplot()
+    tracking(axes, flown)
+    assert axes.get_ylim()[1] > 3.0
