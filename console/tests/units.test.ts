@@ -20,6 +20,12 @@ test("long distances use the long unit", () => {
   expect(new Units("imperial", "en").distance(100)).toBe("328 ft");
 });
 
+test("an area that is small is no 0.0 of the large unit", () => {
+  expect(new Units("metric", "en").area(340.2)).toBe("340 m²");
+  expect(new Units("imperial", "en").area(340.2)).toBe("3,662 ft²");
+  expect(new Units("metric", "es").area(6400)).toBe("0,6 ha");
+});
+
 test("the grid has round steps and keeps its lines while the map moves", () => {
   expect([stepOf(200), stepOf(1000), stepOf(9000)]).toEqual([20, 100, 1000]);
   const view = { west: -3.74, south: 40.44, east: -3.73, north: 40.45 };

@@ -95,6 +95,8 @@ async function send(path: string, options: Request): Promise<Response> {
 
 function contentType(fileName: string): string {
   if (/\.geojson$/i.test(fileName)) return "application/geo+json";
+  if (/\.kml$/i.test(fileName)) return "application/vnd.google-earth.kml+xml";
+  if (/\.kmz$/i.test(fileName)) return "application/vnd.google-earth.kmz";
   return /\.(plan|json)$/i.test(fileName) ? "application/json" : "text/plain";
 }
 

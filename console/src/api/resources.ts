@@ -28,6 +28,29 @@ export const releaseVehicle = (vehicleId: number, reason: string): Promise<Vehic
 
 export const listFields = (): Promise<StoredField[]> => allOf("/fields/");
 
+/** A field as it is drawn: rings of [latitude, longitude], the first corner not repeated. */
+export interface FieldDraft {
+  name: string | null;
+  boundary: [number, number][];
+  holes: [number, number][][];
+  exclusions: [number, number][][];
+}
+
+export const createField = (draft: FieldDraft): Promise<StoredField> =>
+  request("/fields/", { method: "POST", body: draft });
+export const replaceField = (id: number, draft: FieldDraft): Promise<StoredField> =>
+  request(`/fields/${id}`, { method: "PUT", body: draft });
+export const deleteField = (id: number): Promise<void> =>
+  request(`/fields/${id}`, { method: "DELETE" });
+/** Stores every field of a GeoJSON, KML or KMZ file, or none of them. */
+export const importFields = async (file: File): Promise<StoredField[]> => {
+  const stored = await request<StoredField | { fields: StoredField[] }>("/fields/", {
+    method: "POST",
+    file,
+  });
+  return "fields" in stored ? stored.fields : [stored];
+};
+
 /** Lists the plans that were received since a time. */
 export const listPlans = (since: Date): Promise<Plan[]> =>
   allOf(`/plans/?since=${encodeURIComponent(since.toISOString())}`);

@@ -6,6 +6,7 @@ import { useSession } from "./session_context";
 
 const ENTRIES: readonly (readonly [string, IconName, string])[] = [
   ["", "map", "nav.fleet"],
+  ["fields", "field", "nav.fields"],
   ["plans", "plan", "nav.plans"],
   ["flights", "flight", "nav.flights"],
   ["alarms", "alarm", "nav.alarms"],

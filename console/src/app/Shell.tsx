@@ -10,6 +10,8 @@ import { Header } from "./Header";
 import { Navigation } from "./Navigation";
 import { useRoute } from "./route";
 
+const Fields = lazy(() => import("../screens/Fields"));
+const FieldEditor = lazy(() => import("../screens/FieldEditor"));
 const Plans = lazy(() => import("../screens/Plans"));
 const PlanEditor = lazy(() => import("../screens/PlanEditor"));
 const PlanView = lazy(() => import("../screens/PlanView"));
@@ -60,6 +62,9 @@ function Screen({ stopVehicle }: { stopVehicle: (vehicleId: number) => void }) {
   switch (first) {
     case undefined:
       return <Fleet stopVehicle={stopVehicle} />;
+    case "fields":
+      if (second === undefined) return <Fields />;
+      return <FieldEditor key={second} id={second === "new" ? null : Number(second)} />;
     case "plans":
       if (second === undefined) return <Plans />;
       if (second === "new") return <PlanEditor reference={null} />;

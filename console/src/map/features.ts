@@ -1,6 +1,6 @@
 /** GeoJSON of what the map draws: fields, trails and routes. Pure. */
 
-import type { Command, CommandState, StoredField } from "../api/types";
+import type { Command, CommandState } from "../api/types";
 import type { Fix } from "../live/motion";
 
 type Lines = GeoJSON.FeatureCollection;
@@ -15,20 +15,27 @@ export function collection(features: GeoJSON.Feature[]): Lines {
   return features.length === 0 ? NOTHING : { type: "FeatureCollection", features };
 }
 
+/** The rings of a field that the map draws. */
+export type Rings = {
+  boundary: readonly (readonly number[])[];
+  holes?: readonly (readonly (readonly number[])[])[];
+  exclusions?: readonly (readonly (readonly number[])[])[];
+};
+
 /** Fields as areas, and what no vehicle may enter as areas of kind "exclusion". */
-export function fieldFeatures(fields: readonly StoredField[]): Lines {
-  const ring = (corners: number[][]): Place[] => {
+export function fieldFeatures(fields: readonly Rings[], kind: "field" | "drawn" = "field"): Lines {
+  const ring = (corners: readonly (readonly number[])[]): Place[] => {
     const places = corners.map((corner): Place => [corner[1] ?? 0, corner[0] ?? 0]);
     return places[0] === undefined ? [] : [...places, places[0]];
   };
-  const area = (kind: string, rings: Place[][]): GeoJSON.Feature => ({
+  const area = (name: string, rings: Place[][]): GeoJSON.Feature => ({
     type: "Feature",
-    properties: { kind },
+    properties: { kind: name },
     geometry: { type: "Polygon", coordinates: rings },
   });
   return collection(
     fields.flatMap((field) => [
-      area("field", [field.boundary, ...(field.holes ?? [])].map(ring)),
+      area(kind, [field.boundary, ...(field.holes ?? [])].map(ring)),
       ...(field.exclusions ?? []).map((one) => area("exclusion", [ring(one)])),
     ]),
   );

@@ -84,3 +84,54 @@ export function waypointElement(label: string, name: string, select: () => void)
   });
   return element;
 }
+
+/** What a person does with a corner from the keyboard. */
+export interface CornerKeys {
+  select: () => void;
+  remove: () => void;
+  /** Steps of a metre, or of ten with Shift. */
+  move: (north_m: number, east_m: number) => void;
+}
+
+const STEPS: Record<string, [north: number, east: number]> = {
+  ArrowUp: [1, 0], ArrowDown: [-1, 0], ArrowRight: [0, 1], ArrowLeft: [0, -1],
+};
+
+/** Makes the symbol of a corner: arrow keys move it, Delete removes it. */
+export function cornerElement(name: string, keys: CornerKeys): HTMLElement {
+  const element = pointElement("corner-marker", name, keys.select);
+  element.addEventListener("keydown", (event) => {
+    const step = STEPS[event.key];
+    if (step !== undefined) {
+      const metres = event.shiftKey ? 10 : 1;
+      keys.move(step[0] * metres, step[1] * metres);
+    } else if (event.key === "Delete" || event.key === "Backspace") {
+      keys.remove();
+    } else {
+      return;
+    }
+    // The map itself moves by the same keys
+    event.preventDefault();
+    event.stopPropagation();
+  });
+  return element;
+}
+
+/** Makes the symbol in the middle of an edge, where a corner can be added. */
+export function edgeElement(name: string, add: () => void): HTMLElement {
+  return pointElement("edge-marker", name, add);
+}
+
+function pointElement(className: string, name: string, act: () => void): HTMLElement {
+  const element = document.createElement("button");
+  element.type = "button";
+  element.className = className;
+  element.setAttribute("aria-label", name);
+  element.title = name;
+  element.addEventListener("click", (event) => {
+    event.stopPropagation();
+    element.focus(); // The map keeps a press from doing so
+    act();
+  });
+  return element;
+}

@@ -37,7 +37,7 @@ function layers(): LayerSpecification[] {
       id: "field",
       type: "fill",
       source: "fields",
-      filter: ["==", ["get", "kind"], "field"],
+      filter: ["!=", ["get", "kind"], "exclusion"],
       paint: { "fill-color": colour("map-field"), "fill-opacity": 0.55 },
     },
     {
@@ -61,8 +61,11 @@ function layers(): LayerSpecification[] {
       type: "line",
       source: "fields",
       paint: {
-        "line-color": ["match", ["get", "kind"], "exclusion", colour("bad"), colour("map-edge")],
-        "line-width": 2,
+        "line-color": [
+          "match", ["get", "kind"],
+          "exclusion", colour("bad"), "drawn", colour("accent"), colour("map-edge"),
+        ],
+        "line-width": ["match", ["get", "kind"], "drawn", 3, 2],
       },
     },
     {

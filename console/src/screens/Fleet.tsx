@@ -6,8 +6,8 @@ import { Empty, ErrorNotice, Skeleton } from "../controls/states";
 import { useLive } from "../live/use_live";
 import { isInFlight, usePlans } from "../live/use_plans";
 import { useResource } from "../live/use_resource";
+import { farmExtent } from "../map/farm_extent";
 import { collection, fieldFeatures, routeFeatures, trailFeature } from "../map/features";
-import { extentOf } from "../map/extent";
 import { useFleetSymbols } from "./use_fleet_symbols";
 import { VehicleCard } from "./VehicleCard";
 
@@ -43,17 +43,13 @@ export function Fleet({ stopVehicle }: { stopVehicle: (vehicleId: number) => voi
     };
   }, [vehicles, fields.value, running]);
   const symbols = useFleetSymbols(fields.value ?? [], selected, setSelected);
-  const extent = useMemo(() => {
-    const corners = (fields.value ?? []).flatMap((field) =>
-      field.boundary.map(([latitude = 0, longitude = 0]) => [longitude, latitude] as const),
-    );
-    const places = [...vehicles.values()].flatMap(({ vehicle }) =>
-      typeof vehicle.longitude === "number" && typeof vehicle.latitude === "number"
-        ? [[vehicle.longitude, vehicle.latitude] as const]
-        : [],
-    );
-    return fields.isLoading && fields.value === null ? null : extentOf([...corners, ...places]);
-  }, [fields.value, fields.isLoading, vehicles]);
+  const extent = useMemo(
+    () =>
+      fields.isLoading && fields.value === null
+        ? null
+        : farmExtent(fields.value ?? [], vehicles.values()),
+    [fields.value, fields.isLoading, vehicles],
+  );
 
   return (
     <div className="fleet">

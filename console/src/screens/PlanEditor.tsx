@@ -9,6 +9,7 @@ import { Button } from "../controls/Button";
 import { SelectField, TextField } from "../controls/fields";
 import { Icon } from "../controls/Icon";
 import { ErrorNotice, Notice, Skeleton } from "../controls/states";
+import { useUndoKeys } from "../controls/use_undo_keys";
 import { describeError } from "../i18n/describe_error";
 import { useLive } from "../live/use_live";
 import { asRequestError, useResource } from "../live/use_resource";
@@ -297,24 +298,6 @@ function Editor({ plan }: { plan: Plan | null }) {
 /** A command as it is sent: without its status. */
 function bare({ command_id, command_type_id, parameters }: Command): Command {
   return { command_id, command_type_id, parameters };
-}
-
-/** Ctrl+Z undoes and Ctrl+Shift+Z or Ctrl+Y redoes; in a field the keys are the field's own. */
-function useUndoKeys(undoStep: () => void, redoStep: () => void) {
-  const latest = useRef({ undoStep, redoStep });
-  latest.current = { undoStep, redoStep };
-  useEffect(() => {
-    const press = (event: KeyboardEvent) => {
-      if (!(event.ctrlKey || event.metaKey) || event.target instanceof HTMLInputElement) return;
-      const key = event.key.toLowerCase();
-      if (key !== "z" && key !== "y") return;
-      event.preventDefault();
-      if (key === "y" || event.shiftKey) latest.current.redoStep();
-      else latest.current.undoStep();
-    };
-    window.addEventListener("keydown", press);
-    return () => window.removeEventListener("keydown", press);
-  }, []);
 }
 
 /** Where a command is put that was chosen from the list: at the last place, or in the first field. */

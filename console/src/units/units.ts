@@ -8,6 +8,8 @@ const KMH_PER_M_S = 3.6;
 const M_PER_MILE = 1609.344;
 const M2_PER_HA = 10_000;
 const M2_PER_ACRE = 4046.856;
+/** A smaller area is shown in m² or ft². */
+const SMALL_M2 = 1_000;
 
 function rounded(value: number, digits: number, language: string): string {
   return new Intl.NumberFormat(language, {
@@ -47,7 +49,12 @@ export class Units {
 
   area(squareMetres: number | null | undefined): string {
     if (squareMetres === null || squareMetres === undefined) return "–";
-    return this.system === "imperial"
+    const isImperial = this.system === "imperial";
+    if (squareMetres < SMALL_M2) {
+      const value = isImperial ? squareMetres * FEET_PER_M ** 2 : squareMetres;
+      return `${this.#write(value, 0)} ${isImperial ? "ft²" : "m²"}`;
+    }
+    return isImperial
       ? `${this.#write(squareMetres / M2_PER_ACRE, 1)} ac`
       : `${this.#write(squareMetres / M2_PER_HA, 1)} ha`;
   }

@@ -9,7 +9,7 @@ import { journey, requireAccessible, startBrowser } from "./chromium.mjs";
 const { ADMIN_LINK, DRAFT } = process.env;
 const BASE = ADMIN_LINK.split("#")[0];
 const SCREENS = [
-  "", "plans", `plans/${DRAFT}`, "plans/new", `plans/${DRAFT}/edit`, "flights", "alarms",
+  "", "fields", "fields/new", "plans", `plans/${DRAFT}`, "plans/new", `plans/${DRAFT}/edit`, "flights", "alarms",
   "system/users", "system/keys", "system/audit", "system/dead_letters", "nowhere",
 ];
 const APPEARANCES = [["light", "desktop"], ["dark", "phone"], ["outdoor", "phone"]];

@@ -1,0 +1,40 @@
+import { useTranslation } from "react-i18next";
+import { Button } from "../controls/Button";
+import { TextField } from "../controls/fields";
+import type { Corner } from "../planning/outline";
+
+/** Place of the corner that is selected, in degrees. */
+export function CornerForm({ index, corner, move, remove }: {
+  index: number;
+  corner: Corner;
+  move: (corner: Corner) => void;
+  remove: () => void;
+}) {
+  const { t } = useTranslation();
+  const [latitude, longitude] = corner;
+  const field = (label: string, value: number, limit: number, set: (degrees: number) => void) => (
+    <TextField
+      label={label}
+      type="number"
+      inputMode="decimal"
+      step="any"
+      min={-limit}
+      max={limit}
+      value={value}
+      onChange={(event) => {
+        const degrees = event.target.valueAsNumber;
+        if (Math.abs(degrees) <= limit) set(degrees);
+      }}
+    />
+  );
+  return (
+    <fieldset className="corner-form">
+      <legend>{t("fields.corner", { number: index + 1 })}</legend>
+      <div className="form-line">
+        {field(t("parameter.latitude"), latitude, 90, (degrees) => move([degrees, longitude]))}
+        {field(t("parameter.longitude"), longitude, 180, (degrees) => move([latitude, degrees]))}
+        <Button icon="remove" onClick={remove}>{t("fields.remove_corner")}</Button>
+      </div>
+    </fieldset>
+  );
+}
