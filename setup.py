@@ -52,6 +52,7 @@ setup(
     package_data={
         **{name: ["py.typed"] for name in PROGRAMS},
         "uav_firmware": ["py.typed", *(["_compiled/*"] if COMPILED else [])],
+        "edge_server.api.routes": ["*.js"],
         "edge_server.store.migrations": ["script.py.mako"],
         "sim.examples": ["*.json"],
         CONSOLE_PACKAGE: ["*", "assets/*"],

@@ -1,13 +1,14 @@
 """`/openapi.json` and `/docs`: the API for programs and for people, readable without a network.
 
 Both need a key like everything else; a browser asks for it (any name, the key as the password).
-`/` answers a browser with a link to it.
+`/` answers a browser with a link to it. On the page every request can be tried out.
 """
 
 import html
 import json
 from collections.abc import Iterable, Iterator
 from functools import cache
+from pathlib import Path
 from typing import Any, Final
 
 from flask import Blueprint, Flask, Response, current_app, request
@@ -23,8 +24,15 @@ body{font:16px/1.5 system-ui,sans-serif;max-width:60rem;margin:2rem auto;padding
 h2{margin-top:2.5rem;border-bottom:1px solid #ccc}code,pre{font:14px/1.4 ui-monospace,monospace}
 pre{background:#f4f4f2;padding:1rem;overflow:auto}table{border-collapse:collapse}
 td,th{padding:.2rem 1rem .2rem 0;text-align:left;vertical-align:top}
+form{margin:1rem 0}label{display:block}textarea{width:100%;height:10rem}
+output{display:block;white-space:pre-wrap;font:14px/1.4 ui-monospace,monospace}
 summary{cursor:pointer}.method{display:inline-block;min-width:4.5rem;font-weight:600}
 """
+_SCRIPT: Final = Path(__file__).with_name("try_out.js")
+_POLICY: Final = "default-src 'none'; style-src 'unsafe-inline'; frame-ancestors 'none'"
+_POLICY_WITH_SCRIPT: Final = f"{_POLICY}; script-src 'self'; connect-src 'self'"
+_STREAM: Final = "/live/"
+"""An answer that never ends; it cannot be tried out."""
 _START_PAGE: Final = (
     f"<!doctype html><html lang=en><meta charset=utf-8><title>Edge server</title>"
     f"<style>{_STYLE}</style><h1>Edge server</h1>"
@@ -38,6 +46,7 @@ def blueprint() -> Blueprint:
     routes = Blueprint("documentation", __name__)
     urls.add(routes, ("openapi.json",), "openapi", show_document, "GET")
     urls.add(routes, ("docs",), "docs", show_page, "GET")
+    urls.add(routes, ("docs",), "script", show_script, "GET", action="try.js")
     return routes
 
 
@@ -51,7 +60,13 @@ def show_document() -> ResponseReturnValue:
 @allow(READERS)
 def show_page() -> ResponseReturnValue:
     """Show the document as a page."""
-    return _html("".join(_page(_document(_app()))))
+    return _html("".join(_page(_document(_app()))), _POLICY_WITH_SCRIPT)
+
+
+@allow(READERS)
+def show_script() -> ResponseReturnValue:
+    """Give the script that sends requests from the page."""
+    return Response(_SCRIPT.read_bytes(), content_type="text/javascript; charset=utf-8")
 
 
 def link_browser_to_docs() -> Response | None:
@@ -69,11 +84,9 @@ def link_browser_to_docs() -> Response | None:
     )
 
 
-def _html(text: str) -> Response:
+def _html(text: str, policy: str = _POLICY) -> Response:
     page = Response(text, content_type="text/html; charset=utf-8")
-    page.headers["Content-Security-Policy"] = (
-        "default-src 'none'; style-src 'unsafe-inline'; frame-ancestors 'none'"
-    )
+    page.headers["Content-Security-Policy"] = policy
     return page
 
 
@@ -108,14 +121,15 @@ def _page(document: dict[str, Any]) -> Iterable[str]:
     info = document["info"]
     yield (
         f"<!doctype html><html lang=en><meta charset=utf-8><title>{_text(info['title'])}</title>"
-        f"<style>{_STYLE}</style><h1>{_text(info['title'])} {_text(info['version'])}</h1>"
+        f"<style>{_STYLE}</style><script defer src=/docs/try.js></script>"
+        f"<h1>{_text(info['title'])} {_text(info['version'])}</h1>"
         f"<p>{_text(info['description'])} For programs: "
         "<a href=openapi.json>openapi.json</a>.</p>"
     )
     for path, operations in document["paths"].items():
         yield f"<h2><code>{_text(path)}</code></h2>"
         for method, operation in operations.items():
-            yield from _operation(method, operation)
+            yield from _operation(path, method, operation)
     yield "<h1>Schemas</h1>"
     for name, schema in document["components"]["schemas"].items():
         yield (
@@ -124,7 +138,7 @@ def _page(document: dict[str, Any]) -> Iterable[str]:
         )
 
 
-def _operation(method: str, operation: dict[str, Any]) -> Iterable[str]:
+def _operation(path: str, method: str, operation: dict[str, Any]) -> Iterable[str]:
     yield (
         f"<details><summary><span class=method>{method.upper()}</span> "
         f"{_text(operation['summary'])} {_text(operation.get('description', ''))}</summary><table>"
@@ -139,7 +153,23 @@ def _operation(method: str, operation: dict[str, Any]) -> Iterable[str]:
         yield f"<p>Body: {_link(body['schema'])}</p>"
         if "example" in body:
             yield _code(body["example"])
+    if path != _STREAM:
+        yield from _form(path, method, operation)
     yield "</details>"
+
+
+def _form(path: str, method: str, operation: dict[str, Any]) -> Iterable[str]:
+    """A form that sends the request; the script fills its output."""
+    yield f'<form data-method="{method.upper()}" data-path="{_text(path)}">'
+    for parameter in operation.get("parameters", []):
+        name, place = _text(parameter["name"]), _text(parameter["in"])
+        required = " required" if place == "path" else ""
+        yield f'<label>{name} <input name="{name}" data-in="{place}"{required}></label>'
+    content = operation.get("requestBody", {}).get("content", {})
+    if body := content.get("application/json"):
+        example = _text(json.dumps(body["example"], indent=2)) if "example" in body else ""
+        yield f"<label>Body <textarea spellcheck=false>{example}</textarea></label>"
+    yield "<button>Try it out</button><output></output></form>"
 
 
 def _row(name: str, text: str, answer: dict[str, Any] | None = None) -> str:

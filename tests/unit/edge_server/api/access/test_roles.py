@@ -67,6 +67,7 @@ MATRIX: list[tuple[str, str, set[str], Any]] = [
     ("DELETE", "/dead_letters/1", {"admin"}, None),
     ("GET", "/openapi.json", EVERYBODY, None),
     ("GET", "/docs", EVERYBODY, None),
+    ("GET", "/docs/try.js", EVERYBODY, None),
     ("GET", "/metrics", {"operator", "admin"}, None),
     ("GET", "/keys/", {"admin"}, None),
     ("POST", "/keys/", {"admin"}, {"name": "another", "role": "farmer"}),

@@ -1,6 +1,7 @@
 """The OpenAPI document describes what the server does."""
 
 import html
+import re
 from base64 import b64encode
 from typing import Any
 
@@ -39,7 +40,7 @@ def test_every_route_that_answers_data_is_described(edge: Edge, document: dict[s
         (rule.endpoint.replace(".", "_") + f"_{method.lower()}", method)
         for rule in edge.client.application.url_map.iter_rules()
         for method in set(rule.methods or ()) & METHODS
-        if rule.endpoint not in {"documentation.docs", "console.file"}
+        if rule.endpoint not in {"documentation.docs", "documentation.script", "console.file"}
     }
     assert described == routes
 
@@ -90,6 +91,32 @@ def test_the_page_needs_nothing_but_a_browser_and_a_key(edge: Edge) -> None:
         assert f"<code>{html.escape(path)}</code>" in page.text
     assert "http://" not in page.text
     assert "https://" not in page.text
+
+
+def test_every_request_can_be_tried_out_but_the_stream(
+    edge: Edge, document: dict[str, Any]
+) -> None:
+    page = edge.ask("GET", "/docs", "operator").text
+    offered = set(re.findall(r'<form data-method="([A-Z]+)" data-path="([^"]+)">', page))
+    described = {
+        (method.upper(), html.escape(path))
+        for path, operations in document["paths"].items()
+        for method in operations
+    }
+    assert offered == described - {("GET", "/live/")}
+    plan_form = page.split('<form data-method="POST" data-path="/plans/">')[1].split("</form>")[0]
+    assert "command_array" in plan_form.split("<textarea")[1]
+
+
+def test_the_page_runs_its_own_script_and_no_other(edge: Edge) -> None:
+    page = edge.ask("GET", "/docs", "operator")
+    assert re.findall(r"<script[^>]*>", page.text) == ["<script defer src=/docs/try.js>"]
+    assert "script-src 'self'; connect-src 'self'" in page.headers["Content-Security-Policy"]
+    assert "onclick" not in page.text
+    script = edge.ask("GET", "/docs/try.js", "operator")
+    assert script.mimetype == "text/javascript"
+    assert "csrf_token" in script.text
+    assert edge.ask("GET", "/docs/try.js", None).status_code == 401
 
 
 def test_authorization_takes_precedence_over_x_api_key(edge: Edge) -> None:
