@@ -14,6 +14,8 @@ from dst.world import World
 
 MEAN_INTERVAL_S: Final = 150.0
 """Between two occurrences of one fault while vehicles fly."""
+MEAN_PILOT_S: Final = 40.0
+"""Between two takeovers of a vehicle that flies: flights are short."""
 BREAK_FACTOR: Final = 60.0
 """While every vehicle is switched off, faults are so many times as rare, and last as long."""
 
@@ -125,22 +127,25 @@ class Faults:
             Fault.EDGE_UNREACHABLE: self._edge_unreachable,
             Fault.CLOUD_UNREACHABLE: self._cloud_unreachable,
             Fault.VEHICLE_REBOOTED: self._reboot,
-            Fault.PILOT: self._take_over,
             **{fault: self._kill(fault, process) for fault, process in self._processes.items()},
         }
         for fault, action in actions.items():
             if fault in self._enabled:
                 self._repeat(action, self._world.scheduler.random(fault))
+        if Fault.PILOT in self._enabled:
+            self._repeat(self._take_over, self._world.scheduler.random(Fault.PILOT), MEAN_PILOT_S)
 
-    def _repeat(self, action: Callable[[Random], None], random: Random) -> None:
+    def _repeat(
+        self, action: Callable[[Random], None], random: Random, mean_s: float = MEAN_INTERVAL_S
+    ) -> None:
         def act() -> None:
             if self._is_stopped:
                 return
             if random.random() * self.factor < 1.0:
                 action(random)
-            self._repeat(action, random)
+            self._repeat(action, random, mean_s)
 
-        self._world.scheduler.after(random.expovariate(1.0 / MEAN_INTERVAL_S), act)
+        self._world.scheduler.after(random.expovariate(1.0 / mean_s), act)
 
     def _later(self, delay_s: float, action: Callable[[], None]) -> None:
         """Take an action that ends a fault, unless all have ended already."""
@@ -185,9 +190,12 @@ class Faults:
             vehicle.reboot()
 
     def _take_over(self, random: Random) -> None:
-        vehicle = self._world.vehicles[random.choice(list(self._world.vehicles))]
-        if not vehicle.is_flying:
+        """Take over a vehicle that flies, whatever it does: a mission, an abort, its way home."""
+        vehicles = self._world.vehicles.values()
+        ours = [one for one in vehicles if one.is_flying and one.pilot_since_s is None]
+        if not ours:
             return
+        vehicle = random.choice(ours)
         vehicle.take_over()
 
         def release() -> None:

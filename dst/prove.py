@@ -18,7 +18,7 @@ ROOT: Final = Path(__file__).resolve().parents[1]
 PARTS: Final = ("afarcloud", "dst", "edge_server", "farm_flight_bridge", "mavlink_broker")
 SEEDS: Final = int(os.environ.get("SEEDS") or 1000)
 """Within which a mistake is to be found."""
-JOBS: Final = os.cpu_count() or 1
+JOBS: Final = int(os.environ.get("JOBS") or os.cpu_count() or 1)
 LONGEST_S: Final = 3600.0
 
 
