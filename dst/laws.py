@@ -4,13 +4,14 @@ LawError  a law is broken
 """
 
 import json
+import math
 from collections import Counter, defaultdict
 from collections.abc import Iterator
 from typing import Any, Final
 
 from afarcloud.enumerations import Status
 from dst.edge_process import EdgeDownError
-from dst.operator_person import Operator, PostedPlan
+from dst.operator_person import Operator, PostedAbort, PostedPlan
 from dst.vehicle import Reached
 from dst.world import World
 from mavlink_broker.edge.bounded_http import Answer
@@ -23,6 +24,9 @@ ENDED_MISSION_S: Final = 10.0
 """After its terminal status nothing of a mission is flown any more within this time."""
 TAKEOVER_S: Final = 15.0
 """The broker has noticed a pilot within this time on a link that is up."""
+
+ABORT_S: Final = 30.0
+"""A vehicle that is connected has left its mission within this time after an abort is accepted."""
 
 
 class LawError(Exception):
@@ -38,6 +42,8 @@ class Laws:
         self._acknowledged: dict[tuple[str, int], str] = {}
         self._ids_of_key: dict[str, set[int]] = defaultdict(set)
         self._ended: dict[int, tuple[Status, float]] = {}  # By plan: first terminal status, when
+        self._ended_aborts: dict[int, tuple[str, float]] = {}  # By number: state, when
+        self._accepted_s: dict[int, float] = {}  # By number of the abort, as it was seen
         self.period_s = CHECK_PERIOD_S
         world.http.on_taken = self._taken
         self._check_again()
@@ -67,7 +73,9 @@ class Laws:
         self._nothing_under_two_ids()
         if self._world.edge.is_up:
             self._one_terminal_status()
+            self._note_aborts()
         self._nothing_flown_afterwards()
+        self._nothing_flown_after_abort()
 
     def _no_order_under_pilot(self) -> None:
         """Nobody commands a vehicle that a pilot has taken."""
@@ -109,9 +117,45 @@ class Laws:
             for one in self._flown(plan):
                 if ends and one.time_s > min(ends):
                     raise LawError(
-                        f"plan {plan.number}: a waypoint is flown at {one.time_s:.1f} s, though "
-                        f"it ended at {min(ends):.1f} s"
+                        f"plan {plan.number}: a waypoint is flown at {one.time_s:.1f} s, "
+                        f"though it ended at {min(ends):.1f} s"
                     )
+
+    def _nothing_flown_after_abort(self) -> None:
+        """An abort that was accepted ends the missions that were posted before it."""
+        for abort in self._operator.aborts:
+            ended_s = self._abort_end_s(abort)
+            for plan in self._operator.plans:
+                is_meant = plan.vehicle_id == abort.vehicle_id and plan.posted_s < abort.posted_s
+                for one in self._flown(plan) if is_meant else ():
+                    if one.time_s > ended_s:
+                        raise LawError(
+                            f"plan {plan.number}: a waypoint is flown at {one.time_s:.1f} s, "
+                            f"though abort {abort.number} has ended it by {ended_s:.1f} s"
+                        )
+
+    def _abort_end_s(self, abort: PostedAbort) -> float:
+        """Give from when on nothing older is flown.
+
+        A broker that cannot reach the vehicle carries an abort out later, also after a restart; an
+        abort of a vehicle that was restarted on the ground is refused.
+        """
+        world, system = self._world, abort.vehicle_id
+        state, ended_s = self._ended_aborts.get(abort.number, ("", math.inf))
+        done_s = ended_s + ENDED_MISSION_S if state == "done" else math.inf
+        accepted_s = self._accepted_s.get(abort.number, math.inf)
+        is_connected = world.broker.is_up and world.up[system].is_up and world.down[system].is_up
+        if abort.waits or not is_connected or world.vehicles[system].booted_at_s > abort.posted_s:
+            return done_s
+        return min(done_s, max(accepted_s, world.connected_s[system]) + ABORT_S)
+
+    def _note_aborts(self) -> None:
+        now_s = self._world.scheduler.now_s
+        for abort, state in self._open_aborts():
+            if state == "accepted":
+                self._accepted_s.setdefault(abort.number, now_s)
+            elif state != "queued":
+                self._ended_aborts[abort.number] = state, now_s
 
     # When everything is quiet.
 
@@ -122,6 +166,11 @@ class Laws:
             f"plan {plan.number} is {Status(mission['mission_status_id']).name}"
             for plan, mission in self._missions()
             if not Status(mission["mission_status_id"]).is_terminal
+        ]
+        found += [
+            f"abort {abort.number} is {state}"
+            for abort, state in self._open_aborts()
+            if state in {"queued", "accepted"}
         ]
         waiting = world.broker.client.waiting if world.broker.client is not None else 0
         found += [f"{waiting} posts of the broker wait"] if waiting > 3 else []
@@ -183,6 +232,19 @@ class Laws:
             if response.status != 200:
                 raise LawError(f"plan {plan.number} was acknowledged and is lost")
             yield plan, response.json()["missions"][0]
+
+    def _open_aborts(self) -> Iterator[tuple[PostedAbort, str]]:
+        """Give each abort that had not ended when it was last looked at, with its state."""
+        for abort in self._operator.aborts:
+            if abort.number in self._ended_aborts:
+                continue
+            try:
+                response = self._world.request("GET", f"/events/{abort.number}")
+            except EdgeDownError:
+                return
+            if response.status != 200:
+                raise LawError(f"abort {abort.number} was acknowledged and is lost")
+            yield abort, response.json()["state"]
 
     def _delivered(self) -> set[tuple[str, int]]:
         records = self._world.cloud.received.values()

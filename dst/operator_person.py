@@ -13,6 +13,9 @@ MEAN_PAUSE_S: Final = 60.0
 MEAN_ABORT_S: Final = 60.0
 RELEASE_PERIOD_S: Final = 30.0
 ALTITUDE_M: Final = 5.0
+SOFT_ABORT: Final = 2
+ENDING_EVENTS: Final = (1, SOFT_ABORT, 103)
+"""Abort, soft abort and return home: `event_type_id`."""
 
 
 @dataclass
@@ -24,8 +27,20 @@ class PostedPlan:
     vehicle_id: int
     waypoints: dict[int, tuple[int, int]]
     """By command id: latitude and longitude [1e-7 deg]."""
+    posted_s: float = 0.0
     cancelled_s: float | None = None
     """When its deletion was acknowledged."""
+
+
+@dataclass(frozen=True, slots=True)
+class PostedAbort:
+    """An event that ends missions, and that the edge server has acknowledged."""
+
+    number: int
+    vehicle_id: int
+    posted_s: float
+    waits: bool
+    """Whether the running command comes to its end first."""
 
 
 class Operator:
@@ -33,6 +48,7 @@ class Operator:
 
     def __init__(self, world: World, enabled: Collection[Fault]) -> None:
         self.plans: list[PostedPlan] = []
+        self.aborts: list[PostedAbort] = []
         self.double_ids: list[str] = []
         """Repeated requests that were answered by another id."""
         self._world = world
@@ -112,7 +128,8 @@ class Operator:
         if response is None or response.status != 201:
             return
         number = int(response.json()["id"])
-        self.plans.append(PostedPlan(number, mission_id, vehicle_id, waypoints))
+        now_s = self._world.scheduler.now_s
+        self.plans.append(PostedPlan(number, mission_id, vehicle_id, waypoints, posted_s=now_s))
         if Fault.REPEATED_POSTS in self._enabled:
             pause_s = random.uniform(0.0, 60.0)
             self._world.scheduler.after(pause_s, lambda: self._repeat(body, key, number))
@@ -142,9 +159,12 @@ class Operator:
         vehicles = self._world.vehicles
         flying = [system for system, vehicle in vehicles.items() if vehicle.is_flying]
         vehicle_id = self._orders.choice(flying or list(vehicles))
-        kind = self._orders.choice((1, 2))
+        kind = self._orders.choice(ENDING_EVENTS)
         event = {"sequence_number": self._events, "vehicle_id": vehicle_id, "event_type_id": kind}
-        self._request("POST", "/events/", event)
+        response = self._request("POST", "/events/", event)
+        if response is not None and response.status == 201:
+            number, now_s = int(response.json()["id"]), self._world.scheduler.now_s
+            self.aborts.append(PostedAbort(number, vehicle_id, now_s, waits=kind == SOFT_ABORT))
 
 
 def _command(command_id: int, kind: int, parameters: dict[str, Any]) -> dict[str, Any]:

@@ -109,7 +109,7 @@ class Vehicle:
         self._scheduler = scheduler
         self._send_frame = send
         self._codec = mavlink.MAVLink(None, srcSystem=system, srcComponent=1)
-        self._booted_at_s = scheduler.now_s
+        self.booted_at_s = scheduler.now_s
         self._plans: dict[int, list[Any]] = {}  # By MAV_MISSION_TYPE
         self._transfer: dict[int, Any] = {}
         self._transfer_count = 0
@@ -148,7 +148,7 @@ class Vehicle:
     def reboot(self) -> None:
         """Restart the autopilot of a vehicle on the ground; the stored mission survives."""
         self.switch_off()
-        self._booted_at_s = self._scheduler.now_s
+        self.booted_at_s = self._scheduler.now_s
         self._next_step = self._scheduler.after(BOOT_S, self._step_again)
 
     def switch_off(self) -> None:
@@ -308,7 +308,7 @@ class Vehicle:
 
     @property
     def _boot_ms(self) -> int:
-        return int((self._scheduler.now_s - self._booted_at_s) * 1e3)
+        return int((self._scheduler.now_s - self.booted_at_s) * 1e3)
 
     def _send_stream(self, message_id: int) -> None:
         makers: dict[int, Callable[[], Any]] = {
@@ -381,7 +381,7 @@ class Vehicle:
 
     def receive(self, datagram: bytes) -> None:
         """Take a datagram; dropped if it is broken, or while the vehicle is off or boots."""
-        is_booting = self._scheduler.now_s < self._booted_at_s + BOOT_S
+        is_booting = self._scheduler.now_s < self.booted_at_s + BOOT_S
         if self._next_step is not None and not is_booting:
             self._receive(datagram)
 

@@ -7,9 +7,10 @@ import pytest
 
 from dst.edge_process import prepared_folder
 from dst.laws import LawError, Laws
-from dst.operator_person import Operator
+from dst.operator_person import Operator, PostedAbort
 from dst.vehicle import OrderUnderPilot
 from dst.world import World
+from tests.unit.dst.test_world import plan
 
 
 class Farm:
@@ -83,3 +84,38 @@ def test_an_order_to_a_vehicle_that_a_pilot_flies_is_found(farm: Farm) -> None:
     with pytest.raises(LawError, match="MAV_CMD_NAV_LAND"):
         farm.laws.check()
     farm.world.vehicles[1].truth.orders_under_pilot.clear()
+
+
+def abort_in_flight(farm: Farm, mission_id: int) -> PostedAbort:
+    """Post a plan for vehicle 1, and abort it when it flies."""
+    world = farm.world
+    assert world.request("POST", "/plans/", plan(mission_id)).status == 201
+    while not world.vehicles[1].is_flying:
+        world.run(1.0)
+    event = {"sequence_number": mission_id, "vehicle_id": 1, "event_type_id": 1}
+    number = world.request("POST", "/events/", event).json()["id"]
+    return PostedAbort(number, 1, world.scheduler.now_s, waits=False)
+
+
+def test_a_waypoint_that_is_flown_after_an_abort_is_found(
+    farm: Farm, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(farm.operator, "aborts", [abort_in_flight(farm, 901)])
+    farm.world.run(60.0)
+    farm.laws.check()
+    monkeypatch.setattr(farm.laws, "_ended", {})  # Of the law about missions that have ended
+    truth = farm.world.vehicles[1].truth
+    again = [one._replace(time_s=farm.world.scheduler.now_s + 5.0) for one in truth.reached]
+    monkeypatch.setattr(truth, "reached", [*truth.reached, *again])
+    with pytest.raises(LawError, match="though abort"):
+        farm.laws.check()
+
+
+def test_an_abort_that_has_not_ended_is_an_open_matter(
+    farm: Farm, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    abort = abort_in_flight(farm, 902)
+    monkeypatch.setattr(farm.operator, "aborts", [abort])
+    assert f"abort {abort.number} is queued" in farm.laws.open_matters()
+    farm.world.run(60.0)
+    assert farm.laws.open_matters() == []
