@@ -2,8 +2,8 @@
 
 import { request, requestText } from "./client";
 import type {
-  AccessKey, Alarm, Command, DeadLetter, Flight, FlownCommand, Picture, Plan, StoredEvent, StoredField, User,
-  Vehicle,
+  AccessKey, Alarm, Command, DeadLetter, Flight, FlownCommand, Picture, Plan, PlannedSurvey, StoredEvent,
+  StoredField, SurveyOrder, User, Vehicle,
 } from "./types";
 
 const PAGE = 500;
@@ -50,6 +50,13 @@ export const importFields = async (file: File): Promise<StoredField[]> => {
   });
   return "fields" in stored ? stored.fields : [stored];
 };
+
+const SURVEY_TIMEOUT_MS = 60_000;
+export const previewSurvey = (order: SurveyOrder): Promise<PlannedSurvey> =>
+  request("/surveys/?preview=true", { method: "POST", body: order, timeoutMs: SURVEY_TIMEOUT_MS });
+/** Stores the plans of a survey; the same key again gives the same plans. */
+export const createSurvey = (order: SurveyOrder, idempotencyKey: string): Promise<PlannedSurvey> =>
+  request("/surveys/", { method: "POST", body: order, timeoutMs: SURVEY_TIMEOUT_MS, idempotencyKey });
 
 /** Lists the plans that were received since a time. */
 export const listPlans = (since: Date): Promise<Plan[]> =>

@@ -13,6 +13,21 @@ export type StoredEvent = Schemas["StoredEvent"] & { message?: string };
 /** A vehicle with the last values that it has reported. */
 export type Vehicle = Schemas["Vehicle"];
 
+/** A survey as it is ordered; what is left out has the edge server's value. */
+export type SurveyOrder = Partial<Schemas["SurveyOrder"]> & Pick<Schemas["SurveyOrder"], "altitude" | "vehicles">;
+
+/** Figures of a survey, and its plans in the order of flight; a preview's have no number yet. */
+export interface PlannedSurvey {
+  area_m2: number;
+  angle_deg: number;
+  lines: number;
+  pictures: number;
+  flights: number;
+  length_m: number;
+  duration_s: number;
+  plans: (Pick<Plan, "missions"> & { id?: number })[];
+}
+
 /** Number of a status of a mission or command: 1 not started, 2 running, 3 finished, 4 failed, 5 aborted. */
 export type StatusId = 1 | 2 | 3 | 4 | 5;
 

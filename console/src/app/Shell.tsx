@@ -12,6 +12,7 @@ import { useRoute } from "./route";
 
 const Fields = lazy(() => import("../screens/Fields"));
 const FieldEditor = lazy(() => import("../screens/FieldEditor"));
+const SurveyEditor = lazy(() => import("../screens/SurveyEditor"));
 const Plans = lazy(() => import("../screens/Plans"));
 const PlanEditor = lazy(() => import("../screens/PlanEditor"));
 const PlanView = lazy(() => import("../screens/PlanView"));
@@ -64,6 +65,7 @@ function Screen({ stopVehicle }: { stopVehicle: (vehicleId: number) => void }) {
       return <Fleet stopVehicle={stopVehicle} />;
     case "fields":
       if (second === undefined) return <Fields />;
+      if (third === "survey") return <SurveyEditor key={second} fieldId={Number(second)} />;
       return <FieldEditor key={second} id={second === "new" ? null : Number(second)} />;
     case "plans":
       if (second === undefined) return <Plans />;

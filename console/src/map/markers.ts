@@ -71,6 +71,13 @@ export function nameElement(text: string): HTMLElement {
   return element;
 }
 
+/** Makes the name of a flight, in the colour of its vehicle. */
+export function flightElement(text: string, colour: number): HTMLElement {
+  const element = nameElement(text);
+  element.classList.add("flight-marker", `drone-colour-${colour}`);
+  return element;
+}
+
 /** Makes the numbered symbol of a command's place. */
 export function waypointElement(label: string, name: string, select: () => void): HTMLElement {
   const element = document.createElement("button");

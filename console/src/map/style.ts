@@ -1,6 +1,6 @@
 /** The map's sources and layers; colours come from the theme's custom properties. */
 
-import type { LayerSpecification, StyleSpecification } from "maplibre-gl";
+import type { ExpressionSpecification, LayerSpecification, StyleSpecification } from "maplibre-gl";
 
 export const SOURCES = ["grid", "fields", "routes", "trails"] as const;
 export type SourceName = (typeof SOURCES)[number];
@@ -31,6 +31,11 @@ function layers(): LayerSpecification[] {
     layout: { "line-cap": "round", "line-join": "round" },
     paint,
   });
+  const drone: ExpressionSpecification = [
+    "match", ["get", "drone"],
+    1, colour("drone-1"), 2, colour("drone-2"), 3, colour("drone-3"), 4, colour("drone-4"),
+    5, colour("drone-5"), colour("drone-6"),
+  ];
   return [
     { id: "ground", type: "background", paint: { "background-color": colour("map-ground") } },
     {
@@ -81,6 +86,19 @@ function layers(): LayerSpecification[] {
       "line-dasharray": [1.5, 2],
     }),
     route("flown", { "line-color": colour("accent"), "line-width": 4 }),
+    route("survey", { "line-color": drone, "line-width": 2.5 }),
+    {
+      id: "survey-picture",
+      type: "circle",
+      source: "routes",
+      filter: ["==", ["get", "part"], "picture"],
+      paint: {
+        "circle-radius": ["interpolate", ["linear"], ["zoom"], 15, 1, 19, 4],
+        "circle-color": colour("surface"),
+        "circle-stroke-color": drone,
+        "circle-stroke-width": ["interpolate", ["linear"], ["zoom"], 15, 0.5, 19, 2],
+      },
+    },
     route("present", { "line-color": colour("accent"), "line-width": 4, "line-dasharray": [2, 1] }),
   ];
 }

@@ -5,6 +5,7 @@ import type { StoredField } from "../api/types";
 import { useUnits } from "../app/preferences";
 import { go, linkTo } from "../app/route";
 import { Button } from "../controls/Button";
+import { Icon } from "../controls/Icon";
 import { MoreRows } from "../controls/MoreRows";
 import { Empty, Loaded } from "../controls/states";
 import { useLive } from "../live/use_live";
@@ -74,13 +75,22 @@ function FieldRow({ field }: { field: StoredField }) {
   const { t } = useTranslation();
   const units = useUnits();
   const parts = [units.area(field.area_m2)];
+  const name = field.name ?? t("fields.unnamed", { id: field.id });
   const excluded = field.exclusions?.length ?? 0;
   if (excluded > 0) parts.push(t("fields.exclusions", { count: excluded }));
   return (
     <li>
       <a className="row-main" {...linkTo(`fields/${field.id}`)}>
-        <strong>{field.name ?? t("fields.unnamed", { id: field.id })}</strong>
+        <strong>{name}</strong>
         <span>{parts.join(" · ")}</span>
+      </a>
+      <a
+        className="button button-plain"
+        aria-label={t("fields.survey_of", { field: name })}
+        {...linkTo(`fields/${field.id}/survey`)}
+      >
+        <Icon name="picture" />
+        <span>{t("fields.survey")}</span>
       </a>
     </li>
   );

@@ -3,6 +3,7 @@
 export type System = "metric" | "imperial";
 
 const FEET_PER_M = 3.28084;
+const INCHES_PER_M = 39.3701;
 const MPH_PER_M_S = 2.23694;
 const KMH_PER_M_S = 3.6;
 const M_PER_MILE = 1609.344;
@@ -57,6 +58,29 @@ export class Units {
     return isImperial
       ? `${this.#write(squareMetres / M2_PER_ACRE, 1)} ac`
       : `${this.#write(squareMetres / M2_PER_HA, 1)} ha`;
+  }
+
+  /** Units in which a person enters a height, a speed [m/s] and a small length [m]. */
+  get heightInput() {
+    return this.system === "imperial"
+      ? { symbol: "ft", factor: FEET_PER_M, digits: 0 }
+      : { symbol: "m", factor: 1, digits: 1 };
+  }
+
+  get speedInput() {
+    return this.system === "imperial"
+      ? { symbol: "mph", factor: MPH_PER_M_S, digits: 1 }
+      : { symbol: "km/h", factor: KMH_PER_M_S, digits: 1 };
+  }
+
+  get resolutionInput() {
+    return this.system === "imperial"
+      ? { symbol: "in/px", factor: INCHES_PER_M, digits: 2 }
+      : { symbol: "cm/px", factor: 100, digits: 2 };
+  }
+
+  count(number: number | null | undefined): string {
+    return number === null || number === undefined ? "–" : this.#write(number, 0);
   }
 
   percentage(fraction: number | null | undefined): string {

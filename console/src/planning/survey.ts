@@ -1,0 +1,110 @@
+/** What a person chooses for a survey, and the order to the edge server that it makes. Pure. */
+
+import type { SurveyOrder } from "../api/types";
+
+/** A camera that looks straight down; its width lies across the line of flight. */
+export interface Camera {
+  sensor_width_mm: number;
+  sensor_height_mm: number;
+  focal_length_mm: number;
+  /** Pixels along the width of the sensor. */
+  pixels_across: number;
+}
+
+/** Cameras by the name of their text; sizes are those of data sheets. */
+export const CAMERAS = {
+  one_inch: { sensor_width_mm: 13.2, sensor_height_mm: 8.8, focal_length_mm: 8.8, pixels_across: 5472 },
+  aps_c: { sensor_width_mm: 23.5, sensor_height_mm: 15.6, focal_length_mm: 16, pixels_across: 6000 },
+  full_frame: { sensor_width_mm: 35.9, sensor_height_mm: 24, focal_length_mm: 35, pixels_across: 7952 },
+  multispectral: { sensor_width_mm: 4.8, sensor_height_mm: 3.6, focal_length_mm: 5.4, pixels_across: 1280 },
+} as const satisfies Record<string, Camera>;
+
+/** A camera of the list, one by its own sizes, or none: a swath, as of a sprayer. */
+export type CameraChoice = keyof typeof CAMERAS | "own" | "none";
+export const CAMERA_CHOICES: readonly CameraChoice[] = [
+  ...(Object.keys(CAMERAS) as (keyof typeof CAMERAS)[]), "own", "none",
+];
+
+/** Values in SI units, fractions and degrees; null where nothing usable was entered. */
+export interface SurveyForm {
+  camera: CameraChoice;
+  own: { [name in keyof Camera]: number | null };
+  swath_width_m: number | null;
+  height_m: number | null;
+  side_overlap: number | null;
+  front_overlap: number | null;
+  speed_m_s: number | null;
+  /** Bearing of the lines; "automatic" leaves it to the edge server. */
+  direction_deg: number | "automatic";
+  endurance_s: number | null;
+}
+
+export const FIRST_FORM: SurveyForm = {
+  camera: "one_inch",
+  own: CAMERAS.one_inch,
+  swath_width_m: 5,
+  height_m: 30,
+  side_overlap: 0.6,
+  front_overlap: 0.75,
+  speed_m_s: 5,
+  direction_deg: "automatic",
+  endurance_s: 900,
+};
+
+/** A mission's limit: where it ends, a flight should end by its battery and not before. */
+const MOST_COMMANDS = 700;
+
+/** The camera of a form; null without one, or while a size of it is missing. */
+export function cameraOf(form: SurveyForm): Camera | null {
+  if (form.camera === "none") return null;
+  if (form.camera !== "own") return CAMERAS[form.camera];
+  const { sensor_width_mm, sensor_height_mm, focal_length_mm, pixels_across } = form.own;
+  if (!sensor_width_mm || !sensor_height_mm || !focal_length_mm || !pixels_across) return null;
+  return { sensor_width_mm, sensor_height_mm, focal_length_mm, pixels_across };
+}
+
+/** Width of a pixel on level ground. */
+export function resolutionOf_m(camera: Camera, height_m: number): number {
+  return (camera.sensor_width_mm * height_m) / (camera.focal_length_mm * camera.pixels_across);
+}
+
+/** The height from which a pixel is so wide on the ground. */
+export function heightOf_m(camera: Camera, resolution_m: number): number {
+  return (resolution_m * camera.focal_length_mm * camera.pixels_across) / camera.sensor_width_mm;
+}
+
+/** The order of a form for a field, held until somebody dispatches it; null while a value is missing. */
+export function orderOf(form: SurveyForm, fieldId: number, vehicles: readonly number[]): SurveyOrder | null {
+  const { height_m, side_overlap, front_overlap, speed_m_s, endurance_s, swath_width_m } = form;
+  const numbers = [height_m, side_overlap, front_overlap, speed_m_s, endurance_s];
+  if (numbers.includes(null) || vehicles.length === 0) return null;
+  const shared = {
+    field_id: fieldId,
+    altitude: height_m ?? 0,
+    side_overlap: side_overlap ?? 0,
+    front_overlap: front_overlap ?? 0,
+    maximum_speed: speed_m_s ?? 0,
+    endurance: endurance_s ?? 0,
+    vehicles: [...vehicles],
+    most_commands: MOST_COMMANDS,
+    dispatch: false,
+    ...(form.direction_deg === "automatic" ? {} : { angle: form.direction_deg }),
+  };
+  if (form.camera === "none") return swath_width_m === null ? null : { ...shared, swath_width: swath_width_m };
+  const camera = cameraOf(form);
+  if (camera === null) return null;
+  const { sensor_width_mm, sensor_height_mm, focal_length_mm } = camera;
+  return { ...shared, camera: { sensor_width_mm, sensor_height_mm, focal_length_mm } };
+}
+
+/** The inputs of the form at which a fault of the edge server can be shown. */
+export const FAULT_PATHS = [
+  "camera.sensor_width_mm", "camera.sensor_height_mm", "camera.focal_length_mm", "swath_width",
+  "altitude", "side_overlap", "front_overlap", "maximum_speed", "angle", "endurance", "vehicles",
+] as const;
+export type FaultPath = (typeof FAULT_PATHS)[number];
+
+/** Which input a path of the edge server's faults names; null for none. */
+export function inputOfFault(path: string): FaultPath | null {
+  return FAULT_PATHS.find((one) => path === one || path.startsWith(`${one}.`)) ?? null;
+}

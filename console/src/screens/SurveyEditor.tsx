@@ -1,0 +1,170 @@
+import { lazy, Suspense, useMemo, useRef, useState } from "react";
+import { useTranslation } from "react-i18next";
+import { RequestError } from "../api/client";
+import { createSurvey, listFields, previewSurvey } from "../api/resources";
+import type { StoredField, SurveyOrder } from "../api/types";
+import { go, linkTo } from "../app/route";
+import { Button } from "../controls/Button";
+import { Icon } from "../controls/Icon";
+import { ErrorNotice, Notice, Skeleton } from "../controls/states";
+import { useLive } from "../live/use_live";
+import { usePreview } from "../live/use_preview";
+import { asRequestError, useResource } from "../live/use_resource";
+import { farmExtent } from "../map/farm_extent";
+import { collection, fieldFeatures } from "../map/features";
+import { flightElement } from "../map/markers";
+import { colourOf, surveyFeatures, surveyFlights } from "../map/survey_features";
+import { FIRST_FORM, inputOfFault, orderOf, type SurveyForm } from "../planning/survey";
+import { SurveyFigures } from "./SurveyFigures";
+import { SurveyInputs } from "./SurveyInputs";
+import { useFleetSymbols } from "./use_fleet_symbols";
+
+const FarmMap = lazy(() => import("../map/FarmMap"));
+const NO_FIELDS: StoredField[] = [];
+const nothing = () => undefined;
+
+/** A survey of a field: what a person chooses, its preview on the map, and the plans it becomes. */
+export default function SurveyEditor({ fieldId }: { fieldId: number }) {
+  const fields = useResource(listFields);
+  const field = fields.value?.find((one) => one.id === fieldId) ?? null;
+  if (field !== null) return <Editor field={field} />;
+  const error = fields.value === null ? fields.error : new RequestError(404, "");
+  return (
+    <div className="screen">
+      {error ? <ErrorNotice error={error} retry={fields.reload} /> : <Skeleton />}
+    </div>
+  );
+}
+
+function Editor({ field }: { field: StoredField }) {
+  const { t } = useTranslation();
+  const known = useLive((state) => state.vehicles);
+  const [form, setForm] = useState<SurveyForm>(FIRST_FORM);
+  const [picked, setPicked] = useState<number[] | null>(null);
+  const vehicles = picked ?? [[...known.keys()][0] ?? 1];
+  const order = orderOf(form, field.id, vehicles);
+  const preview = usePreview(order, previewSurvey);
+  const storing = useStoring();
+  const error = storing.error ?? preview.error;
+  const survey = preview.value;
+
+  const flights = useMemo(() => (survey === null ? [] : surveyFlights(survey)), [survey]);
+  const chosen = vehicles.join();
+  const layers = useMemo(() => {
+    const ids = chosen.split(",").map(Number);
+    return {
+      fields: fieldFeatures([field]),
+      routes: flights.length === 0 ? collection([]) : surveyFeatures(flights, ids),
+    };
+  }, [field, flights, chosen]);
+  const fleet = useFleetSymbols(NO_FIELDS, null, nothing);
+  const symbols = useMemo(() => {
+    const ids = chosen.split(",").map(Number);
+    const starts = flights.flatMap(({ vehicleId, round, places }) => {
+      const [place] = places;
+      const colour = colourOf(vehicleId, ids);
+      const text = t("survey.flight_start", { id: vehicleId, round });
+      return place === undefined
+        ? []
+        : [{
+            key: `flight-${vehicleId}-${round}-${colour}`,
+            longitude: place[0],
+            latitude: place[1],
+            level: 4,
+            make: () => flightElement(text, colour),
+          }];
+    });
+    return [...fleet, ...starts];
+  }, [fleet, flights, chosen, t]);
+  const extent = useMemo(() => farmExtent([field], []), [field]);
+
+  const change = (part: Partial<SurveyForm>) => {
+    setForm((present) => ({ ...present, ...part }));
+    storing.forget();
+  };
+  return (
+    <div className="split">
+      <div className="split-map is-drawn-on">
+        <Suspense fallback={<div className="farm-map" />}>
+          <FarmMap layers={layers} symbols={symbols} extent={extent} label={t("map.label")} />
+        </Suspense>
+      </div>
+      <section className="split-side">
+        <a className="back-link" {...linkTo("fields")}>
+          <Icon name="back" /> {t("fields.title")}
+        </a>
+        <h1>{t("survey.title", { field: field.name ?? t("fields.unnamed", { id: field.id }) })}</h1>
+        <SurveyFigures survey={survey} isLoading={preview.isLoading} />
+        {preview.error && <Refusal error={preview.error} retry={preview.retry} />}
+        <SurveyInputs
+          form={form}
+          vehicles={vehicles}
+          flights={flights}
+          direction_deg={survey?.angle_deg ?? null}
+          faults={error?.faults ?? []}
+          change={change}
+          pick={(ids) => {
+            setPicked(ids);
+            storing.forget();
+          }}
+        />
+        {order === null && <Notice kind="info">{t("survey.incomplete")}</Notice>}
+        {storing.error && <Refusal error={storing.error} />}
+        <p className="muted small">
+          {survey !== null && survey.plans.length > 1
+            ? t("survey.several", { count: survey.plans.length })
+            : t("survey.held")}
+        </p>
+        <div className="actions">
+          <Button
+            kind="primary"
+            icon="plan"
+            isBusy={storing.isBusy}
+            disabled={order === null || survey === null || preview.isLoading}
+            onClick={() => order && storing.store(order)}
+          >
+            {t("survey.make")}
+          </Button>
+        </div>
+      </section>
+    </div>
+  );
+}
+
+/** Why there is no survey; what concerns one input stands there. */
+function Refusal({ error, retry }: { error: RequestError; retry?: () => void }) {
+  const { t } = useTranslation();
+  const others = error.faults.filter((fault) => inputOfFault(fault.path) === null);
+  if (error.faults.length === 0) return <ErrorNotice error={error} {...(retry ? { retry } : {})} />;
+  return (
+    <Notice kind="error">
+      <p>{t("editor.faults")}</p>
+      <ul>
+        {others.map((fault) => (
+          <li key={fault.path + fault.text}>{fault.text}</li>
+        ))}
+      </ul>
+      {others.length < error.faults.length && <p>{t("survey.fault_below")}</p>}
+    </Notice>
+  );
+}
+
+/** Stores the plans once, also when the answer to the first attempt was lost, and goes to the first. */
+function useStoring() {
+  const [error, setError] = useState<RequestError | null>(null);
+  const [isBusy, setBusy] = useState(false);
+  const key = useRef<string | null>(null);
+  const store = (order: SurveyOrder) => {
+    key.current ??= `survey-${Date.now()}-${Math.random().toString(36).slice(2)}`;
+    setBusy(true);
+    createSurvey(order, key.current)
+      .then(({ plans }) => go(`plans/${plans[0]?.id ?? ""}`))
+      .catch((reason: unknown) => setError(asRequestError(reason)))
+      .finally(() => setBusy(false));
+  };
+  const forget = () => {
+    key.current = null;
+    setError(null);
+  };
+  return { error, isBusy, store, forget };
+}
