@@ -39,7 +39,9 @@ class Fault(StrEnum):
     EDGE_KILLED = "edge-killed"
     RELAY_KILLED = "relay-killed"
     VEHICLE_REBOOTED = "vehicle-rebooted"
+    POWER_CUT = "power-cut"
     PILOT = "pilot"
+    REPEATED_MISSIONS = "repeated-missions"
     REPEATED_POSTS = "repeated-posts"
     CANCELLATIONS = "cancellations"
     ABORTS = "aborts"
@@ -127,6 +129,7 @@ class Faults:
             Fault.EDGE_UNREACHABLE: self._edge_unreachable,
             Fault.CLOUD_UNREACHABLE: self._cloud_unreachable,
             Fault.VEHICLE_REBOOTED: self._reboot,
+            Fault.POWER_CUT: self._cut_power,
             **{fault: self._kill(fault, process) for fault, process in self._processes.items()},
         }
         for fault, action in actions.items():
@@ -154,7 +157,8 @@ class Faults:
 
     def _link_down(self, random: Random) -> None:
         world = self._world
-        system = random.choice(list(world.vehicles))
+        flying = [number for number, one in world.vehicles.items() if one.is_flying]
+        system = random.choice(flying or list(world.vehicles))
         paths = [world.up[system], world.down[system]]
         if random.random() < 0.3:  # One direction alone
             paths = [random.choice(paths)]
@@ -204,6 +208,40 @@ class Faults:
 
         self._world.scheduler.after(random.uniform(5.0, 120.0), release)
 
+    def _cut_power(self, random: Random) -> None:
+        """Have the farm's radio fail, then its machine; the edge server is the last to return."""
+        world = self._world
+        world.scheduler.note("faults", "farm", "the radio sends no more")
+        paths = [*world.up.values(), *world.down.values()]
+        for path in world.down.values():
+            path.is_up = False
+
+        def cut() -> None:
+            world.scheduler.note("faults", "farm", "power cut")
+            for process in self._processes.values():
+                if process.is_up:
+                    process.kill()
+            for path in paths:
+                path.is_up = False
+            self._later(random.uniform(2.0, 10.0), lambda: self._start(world.broker))
+            self._later(random.uniform(2.0, 20.0), restore)
+            self._later(random.uniform(60.0, 180.0), lambda: self._start(world.relay))
+            self._later(random.uniform(60.0, 180.0), lambda: self._start(world.edge))
+
+        def restore() -> None:
+            for path in paths:
+                path.is_up = True
+            for system in world.vehicles:
+                world.connected(system)
+
+        self._later(random.uniform(0.0, 20.0), cut)
+
+    def _start(self, process: _Process) -> None:
+        if not process.is_up:
+            process.start()
+            for system in self._world.vehicles:
+                self._world.connected(system)
+
     def _kill(self, fault: Fault, process: _Process) -> Callable[[Random], None]:
         def kill(random: Random) -> None:
             if not process.is_up:
@@ -214,9 +252,7 @@ class Faults:
             def start() -> None:
                 if not process.is_up:
                     self._world.scheduler.note("faults", fault.split("-")[0], "started")
-                    process.start()
-                    for system in self._world.vehicles:
-                        self._world.connected(system)
+                    self._start(process)
 
             self._later(random.expovariate(1.0 / 5.0), start)
 

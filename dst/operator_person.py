@@ -10,7 +10,9 @@ from dst.vehicle import place
 from dst.world import World
 
 MEAN_PAUSE_S: Final = 60.0
-MEAN_ABORT_S: Final = 60.0
+MEAN_LOOK_S: Final = 15.0
+"""Between two looks at the vehicles: one that is out of reach is aborted, others sometimes."""
+ABORT_SHARE: Final = 0.25
 RELEASE_PERIOD_S: Final = 30.0
 ALTITUDE_M: Final = 5.0
 SOFT_ABORT: Final = 2
@@ -55,6 +57,7 @@ class Operator:
         self._enabled = frozenset(enabled)
         self._random = world.scheduler.random("operator")
         self._orders = world.scheduler.random("aborts")
+        self._numbers = world.scheduler.random("mission numbers")
         self._missions = 0
         self._events = 0
         self._shift = 0
@@ -92,10 +95,10 @@ class Operator:
             self._post_plan()
 
     def _watch(self, shift: int) -> None:
-        """Abort now and then, above all what flies, whoever flies it; then again."""
+        """Abort now and then, above all what is out of reach or flies, whoever flies it."""
         if shift != self._shift or not self._is_posting or Fault.ABORTS not in self._enabled:
             return
-        pause_s = self._orders.expovariate(1.0 / MEAN_ABORT_S)
+        pause_s = self._orders.expovariate(1.0 / MEAN_LOOK_S)
         self._world.scheduler.after(pause_s, lambda: self._abort(shift))
 
     def _request(
@@ -109,7 +112,7 @@ class Operator:
 
     def _post_plan(self) -> None:
         self._missions += 1
-        mission_id, random = self._missions, self._random
+        mission_id, random = self._mission_id(), self._random
         vehicle_id = random.choice(list(self._world.vehicles))
         home = place(0.0, 0.0)
         home_fields = {"latitude": home[0], "longitude": home[1]}
@@ -123,7 +126,7 @@ class Operator:
         commands.append(_command(9, 11, {"landing": True}))
         mission = {"mission_id": mission_id, "vehicle_id": vehicle_id, "maximum_speed": 5.0}
         body = {"name": "simulated", "missions": [mission | {"command_array": commands}]}
-        key = f"plan-{mission_id}"
+        key = f"plan-{self._missions}"
         response = self._request("POST", "/plans/", body, key)
         if response is None or response.status != 201:
             return
@@ -133,6 +136,12 @@ class Operator:
         if Fault.REPEATED_POSTS in self._enabled:
             pause_s = random.uniform(0.0, 60.0)
             self._world.scheduler.after(pause_s, lambda: self._repeat(body, key, number))
+
+    def _mission_id(self) -> int:
+        """Give a number, which another plan may have had before."""
+        if Fault.REPEATED_MISSIONS not in self._enabled:
+            return self._missions
+        return self._numbers.randint(1, 2)
 
     def _repeat(self, body: Any, key: str, number: int) -> None:
         response = self._request("POST", "/plans/", body, key)
@@ -155,10 +164,15 @@ class Operator:
 
     def _abort(self, shift: int) -> None:
         self._watch(shift)
+        world = self._world
+        flying = [system for system, vehicle in world.vehicles.items() if vehicle.is_flying]
+        lost = [
+            system for system in flying if not (world.up[system].is_up and world.down[system].is_up)
+        ]
+        if not lost and self._orders.random() > ABORT_SHARE:
+            return
         self._events += 1
-        vehicles = self._world.vehicles
-        flying = [system for system, vehicle in vehicles.items() if vehicle.is_flying]
-        vehicle_id = self._orders.choice(flying or list(vehicles))
+        vehicle_id = self._orders.choice(lost or flying or list(world.vehicles))
         kind = self._orders.choice(ENDING_EVENTS)
         event = {"sequence_number": self._events, "vehicle_id": vehicle_id, "event_type_id": kind}
         response = self._request("POST", "/events/", event)
