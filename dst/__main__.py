@@ -4,12 +4,14 @@ import argparse
 import logging
 import sys
 import tempfile
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 
+from dst import coverage
 from dst.edge_process import prepared_folder
 from dst.faults import Fault
 from dst.report import text_of
@@ -76,6 +78,10 @@ def _run_all(
                 print(text_of(outcome, options.hours), flush=True)
                 if options.stop:
                     break
+    reached: Counter[str] = Counter()
+    for outcome in outcomes:
+        reached.update(outcome.reached)
+    print(coverage.text_of(reached))
     failed = sum(outcome.failure is not None for outcome in outcomes)
     simulated_s = sum(outcome.simulated_s for outcome in outcomes)
     cpu_s = sum(outcome.cpu_s for outcome in outcomes)

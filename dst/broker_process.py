@@ -68,6 +68,8 @@ class EdgeHttp:
         self.delay_s = 0.005
         self.on_taken: Callable[[Post, Answer], None] = lambda _post, _answer: None
         """Called when the edge server has answered a post, whether or not the answer arrives."""
+        self.on_answered: Callable[[Post, Answer], None] = lambda _post, _answer: None
+        """As `on_taken`, for the counters."""
 
     def exchange(
         self,
@@ -101,6 +103,7 @@ class EdgeHttp:
                     "broker", "edge server", f"{method} {path} {answer.status_code}"
                 )
                 self.on_taken(post, answer)
+                self.on_answered(post, answer)
             if self._random.random() < self.answer_loss:
                 fail("the answer is cut off")
                 return

@@ -3,11 +3,12 @@
 import shutil
 import tempfile
 import time
-from collections.abc import Callable, Collection
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
+from dst.coverage import Coverage
 from dst.faults import BREAK_FACTOR, Fault, Faults, draw
 from dst.laws import BREAK_CHECK_PERIOD_S, CHECK_PERIOD_S, LawError, Laws
 from dst.operator_person import Operator
@@ -38,6 +39,8 @@ class Outcome:
     plans: int
     flight_s: float = 0.0
     """Sum over the vehicles."""
+    reached: Mapping[str, int] = field(default_factory=dict)
+    """As `Coverage.counts`."""
 
 
 def simulate(
@@ -59,8 +62,11 @@ def simulate(
     world = World(seed, prepared, folder, vehicles=vehicles, kept_lines=kept_lines)
     operator = Operator(world, enabled)
     failure = None
+    coverage = Coverage()
+    world.http.on_answered = coverage.note_answer
     try:
-        _run(world, operator, enabled, hours)
+        with coverage.counting():
+            _run(world, operator, enabled, hours)
     except LawError as error:
         failure = str(error)
     except Exception as error:  # noqa: BLE001  # an exception of the product is a failure too
@@ -79,6 +85,7 @@ def simulate(
         cpu_s=time.process_time() - began_s,
         plans=len(operator.plans),
         flight_s=sum(vehicle.truth.flight_s for vehicle in world.vehicles.values()),
+        reached=dict(coverage.counts),
     )
 
 
