@@ -6,6 +6,7 @@ One inertial unit, so that no vote hides what the estimator suspects. Arguments:
 (1000), the first seed (1). A line for each alarm, then the count; 0 if there was none.
 """
 
+import argparse
 import math
 import random
 import sys
@@ -143,8 +144,14 @@ def alarms(seeds: Iterator[int] | range, note: Callable[[int, str], None], **con
 
 def main() -> int:
     """Fly, print; 0 if nothing was blamed."""
-    flights = int(sys.argv[1]) if len(sys.argv) > 1 else FLIGHTS
-    first = int(sys.argv[2]) if len(sys.argv) > 2 else 1
+    parser = argparse.ArgumentParser(description="Fly aggressively; no sensor may be blamed.")
+    parser.add_argument(
+        "flights", type=int, nargs="?", default=FLIGHTS, help="how many: %(default)s"
+    )
+    parser.add_argument("first", type=int, nargs="?", default=1, help="the first seed: %(default)s")
+    options = parser.parse_args()
+    flights: int = options.flights
+    first: int = options.first
     write = sys.stdout.write
 
     def note(seed: int, text: str) -> None:

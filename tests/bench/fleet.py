@@ -7,6 +7,7 @@ because it wants the machine for itself; on one that has other work, `nice -n -1
 comes close.
 """
 
+import argparse
 import re
 import statistics
 import sys
@@ -104,8 +105,16 @@ def _used(system: FarmSystem, names: list[str]) -> Mapping[str, float]:
 
 def main() -> int:
     """Measure and print."""
-    vehicles = int(sys.argv[1]) if len(sys.argv) > 1 else VEHICLES
-    seconds = float(sys.argv[2]) if len(sys.argv) > 2 else SECONDS
+    parser = argparse.ArgumentParser(description="Fly a fleet with the whole system.")
+    parser.add_argument(
+        "vehicles", type=int, nargs="?", default=VEHICLES, help="how many: %(default)s"
+    )
+    parser.add_argument(
+        "seconds", type=float, nargs="?", default=SECONDS, help="how many: %(default)s"
+    )
+    options = parser.parse_args()
+    vehicles: int = options.vehicles
+    seconds: float = options.seconds
     with tempfile.TemporaryDirectory() as folder:
         sys.stdout.write(page(list(measure(Path(folder), vehicles, seconds))))
     return 0

@@ -5,6 +5,7 @@ A table of the greatest horizontal distance from the place or the leg [m] is pri
 the sizes [deg/s] to fly instead of all.
 """
 
+import argparse
 import math
 import sys
 from itertools import product
@@ -72,7 +73,9 @@ def _cruise(tester: AutopilotTester) -> None:
 
 def main() -> int:
     """Fly, print the table; 0 if no vehicle was harmed."""
-    sizes = [float(size) for size in sys.argv[1:]] or _SIZES_DEG_S
+    parser = argparse.ArgumentParser(description="Let every gyroscope jump in flight.")
+    parser.add_argument("sizes", type=float, nargs="*", help="sizes of the jump [deg/s]")
+    sizes = parser.parse_args().sizes or _SIZES_DEG_S
     cases = list(product((False, True), _WINDS_M_S))
     heads = [f"{'8 m/s' if cruise else 'hover'}, wind {wind:g} m/s" for cruise, wind in cases]
     write = sys.stdout.write

@@ -6,6 +6,7 @@ is not found any more. Arguments choose laws by a part of their file's path. Exi
 break was noticed.
 """
 
+import argparse
 import os
 import shutil
 import subprocess
@@ -366,4 +367,6 @@ def _break(copy: Path, one: Break) -> str | None:
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    parser = argparse.ArgumentParser(description="Break forty laws, one at a time.")
+    parser.add_argument("part", nargs="*", help="of the file of a law; without one all laws")
+    sys.exit(main(parser.parse_args().part))

@@ -7,6 +7,7 @@ machine was busy with. The clock is read between the rate groups, at some 0.1 us
 then go to the broker's address.
 """
 
+import argparse
 import statistics
 import sys
 import tempfile
@@ -110,8 +111,12 @@ def table(times: StepTimes) -> str:
 
 def main() -> int:
     """Print the table."""
-    runs = int(sys.argv[1]) if len(sys.argv) > 1 else RUNS
-    times = fly(runs, broker="alone" not in sys.argv[2:])
+    parser = argparse.ArgumentParser(description="Measure where a step's time goes.")
+    parser.add_argument("runs", type=int, nargs="?", default=RUNS, help="flights: %(default)s")
+    parser.add_argument("alone", choices=("alone",), nargs="?", help="without a broker's requests")
+    options = parser.parse_args()
+    runs: int = options.runs
+    times = fly(runs, broker=options.alone is None)
     percentiles = [
         f"p{percent} {percentile(times.steps_us, percent):.1f} us" for percent in STEP_BAR_US
     ]
