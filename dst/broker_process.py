@@ -9,6 +9,7 @@ from typing import Final
 
 from requests import RequestException
 
+from afarcloud.enumerations import Status
 from dst.edge_process import EdgeDownError, EdgeProcess
 from dst.scheduler import Scheduler
 from mavlink_broker.app import App
@@ -49,6 +50,7 @@ FOREIGN_ANSWERS: Final = (
     Answer(502, b"<html>Bad gateway</html>"),
     Answer(503, b""),
 )
+INTERNAL_ERROR: Final = Answer(500, b'{"error": {"code": "internal", "message": "internal error"}}')
 STATE_VECTOR_S: Final = 30.0
 
 
@@ -65,6 +67,11 @@ class EdgeHttp:
         self.stall_rate = 0.0
         self.foreign_rate = 0.0
         """How often somebody else answers: a proxy, a captive portal."""
+        self.poison_rate = 0.0
+        """How often a report of a running mission fails with 500, for good: a fault that one
+        report meets in the edge server, while others are taken."""
+        self._poison = scheduler.random("poisoned reports")
+        self._is_poisoned: dict[str | None, bool] = {}  # By idempotency key
         self.delay_s = 0.005
         self.on_taken: Callable[[Post, Answer], None] = lambda _post, _answer: None
         """Called when the edge server has answered a post, whether or not the answer arrives."""
@@ -91,6 +98,10 @@ class EdgeHttp:
                 foreign = self._random.choice(FOREIGN_ANSWERS)
                 self._scheduler.after(self.delay_s, lambda: settle(foreign))
                 return
+            if post is not None and self._fails_always(post):
+                self._scheduler.note("broker", "edge server", f"{method} {path} 500")
+                self._scheduler.after(self.delay_s, lambda: settle(INTERNAL_ERROR))
+                return
             body, headers = (None, {}) if post is None else (post.body, headers_of(post))
             try:
                 response = self.edge.request(method, path, "broker", body, headers)
@@ -113,6 +124,15 @@ class EdgeHttp:
             self._scheduler.after(self.delay_s, lambda: settle(answer))
 
         self._scheduler.after(self.delay_s, serve)
+
+    def _fails_always(self, post: Post) -> bool:
+        """Whether a report meets a fault of the edge server at each attempt."""
+        key = post.idempotency_key
+        if post.body.get("mission_status_id") != Status.RUNNING:
+            return False
+        if key not in self._is_poisoned:
+            self._is_poisoned[key] = self._poison.random() < self.poison_rate
+        return self._is_poisoned[key]
 
 
 class Journal:

@@ -32,6 +32,7 @@ class Fault(StrEnum):
     EDGE_ANSWERS_LOST = "edge-answers-lost"
     EDGE_ANSWERS_STALLED = "edge-answers-stalled"
     EDGE_ANSWERS_FOREIGN = "edge-answers-foreign"
+    REPORT_ALWAYS_FAILS = "report-always-fails"
     EDGE_UNREACHABLE = "edge-unreachable"
     CLOUD_UNREACHABLE = "cloud-unreachable"
     CLOUD_ANSWERS_LOST = "cloud-answers-lost"
@@ -83,7 +84,7 @@ class Faults:
             path.conditions, path.is_up = PERFECT, True
         world.http.is_up = world.cloud.is_up = True
         world.http.request_loss = world.http.answer_loss = world.cloud.answer_loss = 0.0
-        world.http.stall_rate = world.http.foreign_rate = 0.0
+        world.http.stall_rate = world.http.foreign_rate = world.http.poison_rate = 0.0
         for process in self._processes.values():
             if not process.is_up:
                 process.start()
@@ -120,6 +121,7 @@ class Faults:
         world.http.answer_loss = rate(Fault.EDGE_ANSWERS_LOST)
         world.http.stall_rate = rate(Fault.EDGE_ANSWERS_STALLED) / 4.0
         world.http.foreign_rate = rate(Fault.EDGE_ANSWERS_FOREIGN)
+        world.http.poison_rate = 2.0 * rate(Fault.REPORT_ALWAYS_FAILS)
         world.cloud.answer_loss = rate(Fault.CLOUD_ANSWERS_LOST)
 
     def _schedule(self) -> None:

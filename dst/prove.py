@@ -88,6 +88,12 @@ BREAKS: Final = (
         "    return missions[-1] if missions else None\n",
     ),
     Break(
+        "a report that always fails blocks those behind it",
+        "mavlink_broker/edge/outbox.py",
+        "MAX_ATTEMPTS: Final = 20",
+        "MAX_ATTEMPTS: Final = 1_000_000",
+    ),
+    Break(
         "a request of the edge server that fails once is not repeated",
         "mavlink_broker/edge/client.py",
         "            if status is None or not is_settled:\n                is_dead",
