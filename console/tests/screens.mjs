@@ -14,6 +14,12 @@ const SCREENS = {
   fleet: [""],
   stop: ["", (page) => page.click(".stop-button")],
   settings: ["", (page) => page.click(".header-person")],
+  fields: ["fields"],
+  field: ["fields/1", (page) => page.locator(".corner-marker").first().click()],
+  survey: ["fields/1/survey", async (page) => {
+    await page.locator(".check input").last().check();
+    await page.locator(".split-side").evaluate((side) => side.scrollTo(0, 0));
+  }],
   plans: ["plans"],
   plan: [`plans/${process.env.FLYING ?? 1}`],
   editor: [`plans/${process.env.DRAFT ?? 2}/edit`, (page) => page.locator(".step-title").first().click()],

@@ -25,6 +25,8 @@ DOCUMENTED: Final = {
     "fleet-desktop": "console-fleet",
     "sign_in-tablet": "console-sign-in",
     "stop-tablet": "console-stop",
+    "field-tablet": "console-field",
+    "survey-tablet": "console-survey",
     "plan-desktop": "console-plan",
     "editor-tablet": "console-editor",
     "flight-desktop": "console-flight",

@@ -1,4 +1,4 @@
-"""A farmer and an operator at the console, in a real Chromium, against the running system."""
+"""Farmers and an operator at the console, in a real Chromium, against the running system."""
 
 from pathlib import Path
 
@@ -17,7 +17,7 @@ def long_plan() -> dict[str, object]:
     return plan
 
 
-def test_a_plan_is_uploaded_refused_flown_stopped_and_replayed(tmp_path: Path) -> None:
+def test_a_plan_is_flown_and_stopped_and_a_field_is_planned(tmp_path: Path) -> None:
     with console_journey(tmp_path) as take, running(tmp_path / "farm") as farm:
         take(
             "fly_and_stop",
@@ -25,11 +25,24 @@ def test_a_plan_is_uploaded_refused_flown_stopped_and_replayed(tmp_path: Path) -
             FARMER_LINK=sign_in_link(farm, "farmer", "maria"),
             OPERATOR_LINK=sign_in_link(farm, "operator", "juan"),
         )
+        take("plan_a_field", PLANNER_LINK=sign_in_link(farm, "farmer", "luis"))
         events = farm.get("/events/")
         plan = farm.get("/plans/1")
+        (field,) = farm.get("/fields/")
+        survey = farm.get("/plans/2")
     assert [(event["event_type_name"], event["state"]) for event in events] == [
         ("PAUSE_MISSION", "done"),
         ("RESUME_MISSION", "done"),
         ("ABORT_MISSION", "done"),
     ]
     assert plan["missions"][0]["mission_status_id"] == 5, plan
+    assert field["name"] == "Olive grove"
+    assert [len(ring) for ring in (field["boundary"], *field["exclusions"])] == [4, 3]
+    assert (survey["name"], survey["field_id"]) == ("Olive grove 1", field["id"])
+    assert {mission["dispatch_state"] for mission in survey["missions"]} == {"held"}
+    heights = {
+        command["parameters"].get("altitude")
+        for command in survey["missions"][0]["command_array"]
+        if command["command_type_id"] == 3
+    }
+    assert heights == {40.0}

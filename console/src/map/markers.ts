@@ -58,6 +58,7 @@ export function pictureElement(label: string, url: string): HTMLElement {
 export function homeElement(label: string): HTMLElement {
   const element = document.createElement("span");
   element.className = "home-marker";
+  nameAsPicture(element, label);
   element.title = label;
   element.textContent = "H";
   return element;
@@ -67,8 +68,15 @@ export function homeElement(label: string): HTMLElement {
 export function nameElement(text: string): HTMLElement {
   const element = document.createElement("span");
   element.className = "name-marker";
+  nameAsPicture(element, text);
   element.textContent = text;
   return element;
+}
+
+/** Without a role and a name the map makes each marker a button with a name of its own. */
+function nameAsPicture(element: HTMLElement, name: string): void {
+  element.setAttribute("role", "img");
+  element.setAttribute("aria-label", name);
 }
 
 /** Makes the name of a flight, in the colour of its vehicle. */

@@ -2,14 +2,15 @@
  *
  *     node tests/browser/all_screens.mjs
  *
- * ADMIN_LINK signs in; DRAFT is the number of a draft; OUT takes what a failure leaves.
+ * ADMIN_LINK signs in; DRAFT and FIELD are numbers of a draft and a field; OUT takes what a failure leaves.
  */
 import { journey, requireAccessible, startBrowser } from "./chromium.mjs";
 
-const { ADMIN_LINK, DRAFT } = process.env;
+const { ADMIN_LINK, DRAFT, FIELD } = process.env;
 const BASE = ADMIN_LINK.split("#")[0];
 const SCREENS = [
-  "", "fields", "fields/new", "plans", `plans/${DRAFT}`, "plans/new", `plans/${DRAFT}/edit`, "flights", "alarms",
+  "", "fields", "fields/new", `fields/${FIELD}`, `fields/${FIELD}/survey`, "plans",
+  `plans/${DRAFT}`, "plans/new", `plans/${DRAFT}/edit`, "flights", "alarms",
   "system/users", "system/keys", "system/audit", "system/dead_letters", "nowhere",
 ];
 const APPEARANCES = [["light", "desktop"], ["dark", "phone"], ["outdoor", "phone"]];
