@@ -277,6 +277,8 @@ class MissionQueue:
         is_idle = self._current is None and not self._waiting
         if is_abort(work) and is_idle and not is_journal_read:
             return True  # The journal may hold an older one that the vehicle obeys
+        if not is_journal_read and self.vehicle.mode == self.vehicle.family.paused_mode:
+            return True  # The journal may say that an event has paused it, else somebody has it
         if is_unknown:
             return resumed or (is_abort(work) and self._events.is_before(work.work_id))
         return resumed and not aborts_now(work)

@@ -113,7 +113,8 @@ class PauseOrders:
         if state is State.RUNNING and has_items:
             self._resumed_in = _FLYING_ITEMS
             self._order(family.resuming, now, effects)
-        elif state is State.FLYING_LIVE:
+        elif state is State.FLYING_LIVE or self._vehicle.mode == family.paused_mode:
+            # The next command is flown live, which needs a mode in which the vehicle is guided
             self._resumed_in = _READY_FOR_LIVE
             self._order(family.holding, now, effects)
         else:

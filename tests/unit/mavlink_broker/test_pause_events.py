@@ -288,6 +288,27 @@ class TestLiveCommands:
         world.run_until_over(1201)
         assert world.edge.status(1201) == Status.FINISHED
 
+    @KNOWN
+    def test_a_pause_between_items_and_a_live_command_ends_with_the_live_command(
+        self, family: str
+    ) -> None:
+        world = World()
+        vehicle = world.add_vehicle(script=slow(SCRIPTS[family]))
+        world.edge.plan(mission(takeoff(1), waypoint(2), follow(3), go_home(4)))
+        world.run_until(lambda: state(world) is State.RUNNING and vehicle.airborne)
+        world.run(1.0)
+        world.edge.event(PAUSE)
+        world.run(2.0)
+        vehicle.current = len(vehicle.items) - 1  # It has braked behind its last waypoint
+        vehicle.send(mavlink.MAVLink_mission_item_reached_message(vehicle.current))
+        world.run(20.0)
+        assert state(world) is State.RUNNING
+        assert vehicle.custom_mode == PAUSED_MODES[family]
+        resume = world.edge.event(RESUME)
+        world.run_until_over(1201)
+        assert answer_statuses(world, resume) == ["accepted", "done"]
+        assert world.edge.status(1201) == Status.FINISHED
+
 
 class TestBeforeTakeoff:
     def test_a_mission_on_the_ground_is_not_paused(self) -> None:
@@ -335,6 +356,19 @@ class TestRestarts:
         world.run_until_over(1201)
         assert answer_statuses(world, resume)[-1] == "done"
         assert world.edge.statuses(1201) == [Status.FINISHED] * 3
+
+    @KNOWN
+    @pytest.mark.parametrize("kind", [ABORT, RETURN_HOME])
+    def test_a_paused_vehicle_obeys_a_restarted_broker(
+        self, family: str, kind: int, tmp_path: Path
+    ) -> None:
+        """The event arrives before the broker has read that an event has paused it."""
+        world = paused(SCRIPTS[family], tmp_path / "journal")
+        world.restart_broker()
+        event = world.edge.event(kind)
+        world.run_until(lambda: not world.only_vehicle.armed)
+        world.run(1.0)
+        assert answer_statuses(world, event)[-1] == "done"
 
     def test_a_vehicle_that_lands_while_it_is_paused_ends_the_mission(self) -> None:
         world = paused_live(PX4)
