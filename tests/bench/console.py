@@ -3,6 +3,7 @@
 The time from the order (the browser's POST) to the vehicle's acknowledgement of the command that
 ends its mission, on a link that is listened to; and what a hundred viewers of the live stream cost
 the edge server while ten vehicles are updated and reports come in, against the same without them.
+The browser's side is in `tests.bench.console_browser`.
 """
 
 import multiprocessing
@@ -17,6 +18,7 @@ from multiprocessing.synchronize import Event
 from pathlib import Path
 from typing import Final
 
+from tests.bench import console_browser
 from tests.bench.edge import Client, edge_server
 from tests.bench.process import cpu_seconds
 from tests.bench.results import Result, at_most, percentile
@@ -43,7 +45,7 @@ POST_S: Final = 0.05
 
 def measure() -> Iterator[Result]:
     """Give every figure, each from a state folder of its own."""
-    for part in (_stops, _viewers):
+    for part in (_stops, _viewers, console_browser.measure):
         with tempfile.TemporaryDirectory() as folder:
             yield from part(Path(folder))
 

@@ -1,0 +1,108 @@
+"""What the console costs the browser that shows it: a part of `BENCH=console make bench`.
+
+Fifty vehicles move twice a second for CONSOLE_MINUTES (10) in a real Chromium. It draws without a
+graphics card: frames are slower than on a tablet that has one. The first load is measured with an
+empty cache and a processor that is slowed down to a quarter, until the map zooms.
+"""
+
+import json
+import math
+import os
+import shutil
+import subprocess
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Final
+
+from tests.bench.edge import Client, edge_server
+from tests.bench.results import Result, at_most
+from tests.support.browser import CHROMIUMS, CONSOLE
+from tests.unit.edge_server.program import Program
+
+VEHICLES: Final = 50
+UPDATE_S: Final = 0.5
+MINUTES: Final = float(os.environ.get("CONSOLE_MINUTES", "10"))
+SLACK_S: Final = 180.0
+HOME: Final = (40.4434, -3.7382)
+CIRCLE_DEG: Final = 5e-4
+
+
+def measure(folder: Path) -> Iterator[Result]:
+    """Give every figure; none where Chromium, Node or the built console is missing."""
+    chromium = next(filter(None, map(shutil.which, CHROMIUMS)), None)
+    node = shutil.which("node")
+    if chromium is None or node is None or not (CONSOLE / "dist" / "index.html").exists():
+        return
+    with edge_server(folder, "http://127.0.0.1:9", "serve") as program, _moving(program):
+        seen = _look(folder, program, node, chromium)
+    megabytes = seen["first_load_bytes"] / 1e6
+    yield at_most("first load of the console", megabytes, "MB", 1.5, [megabytes])
+    interactive_s = seen["interactive_ms"] / 1e3
+    name = f"until the map zooms, {VEHICLES} vehicles, a quarter of the processor"
+    yield at_most(name, interactive_s, "s", 2.0, [interactive_s])
+    growth = 100.0 * (seen["heap_after_bytes"] / seen["heap_before_bytes"] - 1.0)
+    yield at_most(f"heap after {MINUTES:g} minutes, grown by", growth, "%", 10.0, [growth])
+    frame_ms = seen["frame_p95_ms"]
+    yield at_most("time of a frame, without a graphics card, p95", frame_ms, "ms", 33.4, [frame_ms])
+
+
+def _look(folder: Path, program: Program, node: str, chromium: str) -> dict[str, Any]:
+    """Show the console to a browser, and take what it measures."""
+    out = folder / "measured.json"
+    admin = Client(program, "admin")
+    admin.ask("POST", "/users/", {"name": "viewer", "role": "operator"})
+    path = admin.ask("POST", "/users/viewer/link")["path"]
+    admin.close()
+    subprocess.run(
+        [node, CONSOLE / "tests" / "browser" / "measure.mjs"],
+        env={
+            **os.environ,
+            "CHROMIUM": chromium,
+            "LINK": f"http://127.0.0.1:{program.port}{path}",
+            "VEHICLES": str(VEHICLES),
+            "MINUTES": str(MINUTES),
+            "OUT": str(out),
+        },
+        timeout=MINUTES * 60.0 + SLACK_S,
+        check=True,
+    )
+    measured: dict[str, Any] = json.loads(out.read_text())
+    return measured
+
+
+@contextmanager
+def _moving(program: Program) -> Iterator[None]:
+    """Let every vehicle fly a circle."""
+    is_over = threading.Event()
+    thread = threading.Thread(target=_move, args=(program, is_over), daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        is_over.set()
+        thread.join()
+
+
+def _move(program: Program, is_over: threading.Event) -> None:
+    client, began = Client(program), time.monotonic()
+    turn = 0
+    while not is_over.wait(max(0.0, began + turn * UPDATE_S - time.monotonic())):
+        turn += 1
+        for vehicle_id in range(1, VEHICLES + 1):
+            angle = 0.02 * turn + math.tau * vehicle_id / VEHICLES
+            state = {
+                "link_state": "connected",
+                "armed": True,
+                "activity": "mission",
+                "latitude": HOME[0] + CIRCLE_DEG * math.cos(angle),
+                "longitude": HOME[1] + CIRCLE_DEG * math.sin(angle),
+                "altitude": 10.0,
+                "heading": math.degrees(angle + math.pi / 2.0) % 360.0,
+                "speed": 5.0,
+                "battery_percentage": 0.8,
+            }
+            client.ask("PUT", f"/vehicles/{vehicle_id}", state)
+    client.close()
