@@ -10,12 +10,16 @@ const RETRY_MS = [500, 1000, 2000, 4000, 5000];
 const SILENCE_MS = 30_000;
 const POLL_MS = 1000;
 
-/** Holds the live state and notifies its readers of each change. */
+/** Changes that arrive together are shown together: fifty vehicles come as fifty events. */
+const SHOWN_EVERY_MS = 100;
+
+/** Holds the live state and notifies its readers of changes. */
 export class Feed {
   #state: LiveState = EMPTY;
   #listeners = new Set<() => void>();
   #stop = new AbortController();
   #lastId: string | null = null;
+  #timer: ReturnType<typeof setTimeout> | null = null;
 
   readonly subscribe = (listener: () => void): (() => void) => {
     this.#listeners.add(listener);
@@ -68,7 +72,10 @@ export class Feed {
         connected();
         if (event.id !== null) this.#lastId = event.id;
         const data: unknown = event.data === "" ? null : JSON.parse(event.data);
-        this.#change({ ...apply(this.#state, event.type, data, Date.now()), connection: "live" });
+        const isFirst = this.#state.connection !== "live";
+        this.#state = { ...apply(this.#state, event.type, data, Date.now()), connection: "live" };
+        if (isFirst) this.#notify();
+        else this.#timer ??= setTimeout(() => this.#notify(), SHOWN_EVERY_MS);
       });
     } finally {
       clearTimeout(timer);
@@ -99,6 +106,12 @@ export class Feed {
 
   #change(state: LiveState): void {
     this.#state = state;
+    this.#notify();
+  }
+
+  #notify(): void {
+    if (this.#timer !== null) clearTimeout(this.#timer);
+    this.#timer = null;
     for (const listener of this.#listeners) listener();
   }
 }

@@ -1,6 +1,6 @@
 /** The live state for components. */
 
-import { createContext, useContext, useEffect, useState, useSyncExternalStore } from "react";
+import { createContext, useContext, useEffect, useRef, useState, useSyncExternalStore } from "react";
 import { Feed } from "./feed";
 import type { LiveState } from "./state";
 
@@ -14,6 +14,18 @@ export function useFeed(): Feed {
 export function useLive<Part>(part: (state: LiveState) => Part): Part {
   const feed = useFeed();
   return useSyncExternalStore(feed.subscribe, () => part(feed.state()));
+}
+
+/** A value that changes often, taken at most once in so many milliseconds. */
+export function useSeldom<Value>(value: Value, every_ms: number): Value {
+  const [taken, setTaken] = useState(value);
+  const latest = useRef(value);
+  latest.current = value;
+  useEffect(() => {
+    const timer = setInterval(() => setTaken(latest.current), every_ms);
+    return () => clearInterval(timer);
+  }, [every_ms]);
+  return taken;
 }
 
 /** The present time in milliseconds, each second. */

@@ -42,6 +42,8 @@ export default function FarmMap({ layers, symbols, extent, click, label }: FarmM
   const [hasFailed, setFailed] = useState(false);
   const [styles, setStyles] = useState(0);
   const hasFitted = useRef(false);
+  /** What the sources of the present style hold: an unchanged layer is not sent again. */
+  const drawn = useRef<{ styles: number; layers: FarmMapProperties["layers"] }>({ styles: 0, layers: {} });
   const latestClick = useRef(click);
   latestClick.current = click;
 
@@ -91,10 +93,14 @@ export default function FarmMap({ layers, symbols, extent, click, label }: FarmM
 
   useEffect(() => {
     if (map === null) return;
-    drawGrid(map);
+    const isNewStyle = drawn.current.styles !== styles;
+    if (isNewStyle) drawGrid(map);
     for (const [name, data] of Object.entries(layers)) {
+      const isDrawn = drawn.current.layers[name as keyof typeof layers] === data;
+      if (!isNewStyle && isDrawn) continue;
       (map.getSource(name) as GeoJSONSource | undefined)?.setData(data);
     }
+    drawn.current = { styles, layers };
   }, [map, styles, layers]);
 
   useSymbols(map, symbols);

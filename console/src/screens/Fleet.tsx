@@ -3,7 +3,7 @@ import { useTranslation } from "react-i18next";
 import { listFields } from "../api/resources";
 import type { Mission, Plan } from "../api/types";
 import { Empty, ErrorNotice, Skeleton } from "../controls/states";
-import { useLive } from "../live/use_live";
+import { useLive, useSeldom } from "../live/use_live";
 import { isInFlight, usePlans } from "../live/use_plans";
 import { useResource } from "../live/use_resource";
 import { farmExtent } from "../map/farm_extent";
@@ -12,6 +12,9 @@ import { useFleetSymbols } from "./use_fleet_symbols";
 import { VehicleCard } from "./VehicleCard";
 
 const FarmMap = lazy(() => import("../map/FarmMap"));
+
+/** Trails and routes are drawn again as a whole; the symbols move at once. */
+const REDRAWN_EVERY_MS = 1000;
 
 /** A mission in flight, and its plan. */
 export interface Running {
@@ -29,10 +32,12 @@ export function Fleet({ stopVehicle }: { stopVehicle: (vehicleId: number) => voi
   const plans = usePlans();
 
   const running = useMemo(() => runningMissions(plans.value ?? []), [plans.value]);
+  const seldom = useSeldom(vehicles, REDRAWN_EVERY_MS);
+  const outlines = useMemo(() => fieldFeatures(fields.value ?? []), [fields.value]);
   const layers = useMemo(() => {
-    const tracked = [...vehicles.values()];
+    const tracked = [...seldom.values()];
     return {
-      fields: fieldFeatures(fields.value ?? []),
+      fields: outlines,
       trails: collection(tracked.filter((one) => one.trail.length > 1).map((one) => trailFeature(one.trail))),
       routes: collection(
         tracked.flatMap((one) => {
@@ -41,7 +46,7 @@ export function Fleet({ stopVehicle }: { stopVehicle: (vehicleId: number) => voi
         }),
       ),
     };
-  }, [vehicles, fields.value, running]);
+  }, [seldom, outlines, running]);
   const symbols = useFleetSymbols(fields.value ?? [], selected, setSelected);
   const extent = useMemo(
     () =>
@@ -69,8 +74,8 @@ export function Fleet({ stopVehicle }: { stopVehicle: (vehicleId: number) => voi
             tracked={tracked}
             running={running.get(tracked.vehicle.vehicle_id) ?? null}
             isSelected={selected === tracked.vehicle.vehicle_id}
-            select={() => setSelected(tracked.vehicle.vehicle_id)}
-            stop={() => stopVehicle(tracked.vehicle.vehicle_id)}
+            select={setSelected}
+            stop={stopVehicle}
           />
         ))}
       </section>

@@ -1,3 +1,4 @@
+import { memo } from "react";
 import { useTranslation } from "react-i18next";
 import { useUnits } from "../app/preferences";
 import { linkTo } from "../app/route";
@@ -19,12 +20,12 @@ const TONES: Record<VehicleStatus, Tone> = {
 };
 
 /** What one vehicle is doing: its state, its figures, its mission and its own stop. */
-export function VehicleCard({ tracked, running, isSelected, select, stop }: {
+export const VehicleCard = memo(function VehicleCard({ tracked, running, isSelected, select, stop }: {
   tracked: Tracked;
   running: Running | null;
   isSelected: boolean;
-  select: () => void;
-  stop: () => void;
+  select: (vehicleId: number) => void;
+  stop: (vehicleId: number) => void;
 }) {
   const { t } = useTranslation();
   const units = useUnits();
@@ -35,7 +36,7 @@ export function VehicleCard({ tracked, running, isSelected, select, stop }: {
   return (
     <article className={`vehicle-card ${isSelected ? "is-selected" : ""}`} aria-label={name}>
       <header>
-        <button type="button" className="vehicle-name" onClick={select} aria-pressed={isSelected}>
+        <button type="button" className="vehicle-name" onClick={() => select(vehicle.vehicle_id)} aria-pressed={isSelected}>
           <h2>{name}</h2>
         </button>
         <Pill tone={TONES[status]}>{t(`vehicle.${status}`)}</Pill>
@@ -72,13 +73,13 @@ export function VehicleCard({ tracked, running, isSelected, select, stop }: {
       {running && <Progress running={running} />}
       {vehicle.held && <ReleaseForm vehicleId={vehicle.vehicle_id} reason={vehicle.held.reason} />}
       {vehicle.armed && (
-        <Button kind="danger" icon="stop" onClick={stop}>
+        <Button kind="danger" icon="stop" onClick={() => stop(vehicle.vehicle_id)}>
           {t("vehicle.stop")}
         </Button>
       )}
     </article>
   );
-}
+});
 
 /** The flight time that is left; nothing while the motors stand, when it says hours. */
 function timeLeft(units: Units, vehicle: Vehicle): string {
