@@ -59,6 +59,7 @@ _QUERY: Final[dict[str, tuple[str, dict[str, Any]]]] = {
     "name": ("Name of the plan", {"type": "string", "minLength": 1, "maxLength": 255}),
     "format:plan": ("JSON, or a .plan file of QGroundControl", {"enum": ["json", "plan"]}),
     "format:geojson": ("JSON or GeoJSON", {"enum": ["json", "geojson"]}),
+    "format:csv": ("JSON or CSV", {"enum": ["json", "csv"]}),
     "format:track": ("GeoJSON, CSV or GPX", {"enum": ["geojson", "csv", "gpx"]}),
     "preview": ("Plan only, store nothing", {"type": "boolean"}),
     "wait": ("Seconds to wait for work", {"type": "number", "minimum": 0, "maximum": 25}),

@@ -8,7 +8,7 @@ from typing import Any, Final, NamedTuple
 
 from afarcloud.enumerations import AlarmType, Status
 from afarcloud.wire import Kind
-from edge_server.archive import reader, track_files
+from edge_server.archive import observation_files, reader, track_files
 from edge_server.archive.reader import Row
 from edge_server.archive.track_files import Track
 from edge_server.services import audit
@@ -134,6 +134,29 @@ def observations(context: Context, flight_id: int, page: Page) -> Listing:
             lambda row: {"id": row["id"], **_show_document(row)},
         ),
     )
+
+
+def observations_csv(context: Context, flight_id: int) -> Iterator[str]:
+    """Write all measurements of a flight as CSV, as of now."""
+    with _reading(context) as connection:
+        _find(connection, flight_id)
+        if connection is not None:
+            yield from observation_files.write(_observed(connection, flight_id))
+
+
+def _observed(connection: sqlite3.Connection, flight_id: int) -> Iterator[dict[str, Any]]:
+    """Read the measurements, a part at a time."""
+    after_id = 0
+    while rows := reader.results(
+        connection,
+        flight_id,
+        (Kind.OBSERVATION.value,),
+        after_id=after_id,
+        limit=MOST_RESULTS,
+    ):
+        after_id = rows[-1]["id"]
+        for row in rows:
+            yield json.loads(row["document"])
 
 
 def _of_flight(

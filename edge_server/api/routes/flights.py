@@ -1,5 +1,6 @@
 """`/flights/`: what was flown, from the archive; kept after the cloud has the reports."""
 
+from collections.abc import Collection, Iterator
 from typing import Any, Final
 
 from flask import Blueprint, Response, request
@@ -10,6 +11,7 @@ from edge_server.api.access import scopes
 from edge_server.api.access.auth import PEOPLE, allow
 from edge_server.api.contract import PAGE, Contract, describe
 from edge_server.api.errors import RequestError
+from edge_server.archive import observation_files
 from edge_server.archive.track_files import FORMATS
 from edge_server.services import flight_archive
 from edge_server.services.flight_archive import Page
@@ -17,6 +19,7 @@ from edge_server.services.flight_archive import Page
 NAMES: Final = ("flights", "flight")
 ITEM: Final = "int64:flight_id"
 PART: Final = ("after", "limit")
+OBSERVATION_FORMATS: Final = ("json", "csv")
 
 
 def blueprint() -> Blueprint:
@@ -59,18 +62,11 @@ def get(flight_id: int) -> dict[str, Any]:
 @describe(Contract({200: None}, query=("format:track",)))
 def track(flight_id: int) -> Response:
     """Give the track of a flight as GeoJSON, CSV or GPX 1.1."""
-    form = request.args.get("format", "geojson")
-    if form not in FORMATS:
-        fault = Fault("format", f"must be one of {', '.join(FORMATS)}")
-        raise RequestError(422, "the query cannot be used", (fault,))
+    form = _form("geojson", FORMATS)
     _check(flight_id)
     media_type, _ = FORMATS[form]
-    name = f'attachment; filename="flight-{flight_id}.{form}"'
-    return Response(
-        flight_archive.track(bodies.context(), flight_id, form),
-        content_type=media_type,
-        headers={"Content-Disposition": name},
-    )
+    lines = flight_archive.track(bodies.context(), flight_id, form)
+    return _file(lines, media_type, f"flight-{flight_id}.{form}")
 
 
 @allow(PEOPLE)
@@ -92,12 +88,41 @@ def picture(flight_id: int, number: int) -> Response:
 
 
 @allow(PEOPLE)
-@describe(Contract({200: schemas.FlightObservations}, is_list=True, query=PART))
-def observations(flight_id: int) -> list[dict[str, Any]]:
-    """List the measurements of a flight."""
+@describe(
+    Contract(
+        {200: schemas.FlightObservations},
+        is_list=True,
+        query=(*PART, "format:csv"),
+        other_answers=("text/csv",),
+    )
+)
+def observations(flight_id: int) -> list[dict[str, Any]] | Response:
+    """List the measurements of a flight, or give all of them as CSV."""
+    is_file = _form("json", OBSERVATION_FORMATS) == "csv"
     asked = _part()
     _check(flight_id)
-    return flight_archive.observations(bodies.context(), flight_id, asked)
+    if not is_file:
+        return flight_archive.observations(bodies.context(), flight_id, asked)
+    return _file(
+        flight_archive.observations_csv(bodies.context(), flight_id),
+        observation_files.MEDIA_TYPE,
+        f"flight-{flight_id}-measurements.csv",
+    )
+
+
+def _form(default: str, forms: Collection[str]) -> str:
+    """Read which format is wanted; raises 422."""
+    form = request.args.get("format", default)
+    if form not in forms:
+        fault = Fault("format", f"must be one of {', '.join(forms)}")
+        raise RequestError(422, "the query cannot be used", (fault,))
+    return form
+
+
+def _file(lines: Iterator[str], media_type: str, name: str) -> Response:
+    """Answer a file that is written while it is sent."""
+    headers = {"Content-Disposition": f'attachment; filename="{name}"'}
+    return Response(lines, content_type=media_type, headers=headers)
 
 
 def _part() -> Page:

@@ -148,6 +148,40 @@ def test_observations_are_listed(edge: Edge) -> None:
     assert measured["observation_array"][0]["result_value"] == 20.0
 
 
+def test_the_measurements_as_csv(edge: Edge) -> None:
+    fly(edge)
+    answer = edge.ask("GET", "/flights/1/observations?format=csv", "farmer")
+    assert answer.content_type == "text/csv; charset=utf-8"
+    assert "attachment" in answer.headers["Content-Disposition"]
+    (row,) = csv.DictReader(io.StringIO(answer.text))
+    assert row == {
+        "time": "2024-06-17T13:14:06Z",
+        "latitude_deg": "40.4434",
+        "longitude_deg": "-3.7382",
+        "altitude_m": "4.84",
+        "resource": "temp",
+        "property": "temperature",
+        "value": "20.0",
+        "unit": "C",
+    }
+
+
+def test_a_spreadsheet_calculates_nothing_that_a_vehicle_wrote(edge: Edge) -> None:
+    begin(edge)
+    one = {
+        "resource_id": "=HYPERLINK(1)",
+        "observed_property": 'leaf, "wet"',
+        "result_time": 1718630046,
+        "result_value": -1.5,
+        "result_uom": "@x",
+    }
+    send(edge, "observation", observation_array=[one])
+    answer = edge.ask("GET", "/flights/1/observations?format=csv", "operator")
+    (row,) = csv.DictReader(io.StringIO(answer.text))
+    assert (row["resource"], row["unit"]) == ("'=HYPERLINK(1)", "'@x")
+    assert (row["property"], row["value"]) == ('leaf, "wet"', "-1.5")
+
+
 def test_the_archive_keeps_what_the_outbox_deletes(edge: Edge) -> None:
     begin(edge)
     record_id = send(edge, "pose")
