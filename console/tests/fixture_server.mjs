@@ -85,8 +85,26 @@ const FIELD = {
   id: 1, name: "North field", boundary: [[40.4436, -3.7392], [40.4447, -3.7392], [40.4447, -3.7374], [40.4436, -3.7374]],
   holes: [], exclusions: [[[40.44405, -3.73835], [40.44425, -3.73835], [40.44425, -3.73805]]], area_m2: 18600, received_at: ago(9e5), updated_at: ago(9e5),
 };
-const flight = (id) => ({ id, vehicle_id: 1, mission_id: 11, plan_id: null, started_at: ago(id * 8000), ended_at: ago(id * 8000 - 540), mission_status_id: id === 2 ? 5 : 3, distance_m: 1240, pictures: id === 1 ? 6 : 0, alarms: id === 2 ? 1 : 0 });
-const track = () => ({ type: "Feature", properties: {}, geometry: { type: "LineString", coordinates: [[HOME[1], HOME[0], 0], ...LEGS.map(([y, x]) => [x, y, 25]), [HOME[1], HOME[0], 0]] } });
+const flight = (id) => ({ id, vehicle_id: 1, mission_id: 11, plan_id: null, started_at: ago(id * 8000), ended_at: ago(id * 8000 - 660), mission_status_id: id === 2 ? 5 : 3, distance_m: 1240, pictures: id === 1 ? 6 : 0, alarms: id === 2 ? 1 : 0,
+  command_array: [1, 2, 3].map((number) => ({ command_id: number, command_status_id: 3, message: null, started_at: ago(id * 8000 - 100 * number), ended_at: ago(id * 8000 - 100 * number - 90) })) });
+// A flight over ten legs of one minute: climbs, crosses the field, lands
+const PATH = [[...HOME, 0], [...HOME, 25], ...LEGS.map((leg) => [...leg, 25]), ...LEGS.map((leg) => [...leg, 15]), [...HOME, 15], [...HOME, 0]];
+const flown = () => Array.from({ length: (PATH.length - 1) * 60 + 1 }, (_, second) => {
+  const leg = Math.min(Math.floor(second / 60), PATH.length - 2);
+  const part = second / 60 - leg;
+  const [latitude, longitude, altitude] = PATH[leg].map((from, axis) => from + (PATH[leg + 1][axis] - from) * part);
+  return { latitude, longitude, altitude, speed: leg === 0 ? 0.4 : 3 + 2 * Math.sin(second / 20), at: ago(8000 - second) };
+});
+const observations = () => flown().filter((_, second) => second % 20 === 10).map((one, index) => ({
+  id: index + 1, vehicle_id: 1, recorded_at: one.at, latitude: one.latitude, longitude: one.longitude, altitude: one.altitude,
+  observation_array: [["air_temperature", 21 + 3 * Math.sin(index / 5), "Cel"], ["relative_humidity", 48 + index / 3, "%"], ["soil_moisture", 18 + 6 * Math.cos(index / 4), "%"], ["illuminance", 40000 + 900 * index, "lx"], ["wind_speed", 3 + Math.sin(index), "m/s"]]
+    .map(([observed_property, result_value, result_uom]) => ({ resource_id: `urn:fixture:${observed_property}`, observed_property, result_time: Date.parse(one.at) / 1000, result_value, result_uom })),
+}));
+const track = () => ({
+  type: "Feature",
+  properties: { coordinateProperties: { times: flown().map((one) => one.at), speeds: flown().map((one) => one.speed) } },
+  geometry: { type: "LineString", coordinates: flown().map((one) => [one.longitude, one.latitude, one.altitude]) },
+});
 const problem = (message, detail = {}) => ({ message, detail });
 
 const ROUTES = [
@@ -115,6 +133,7 @@ const ROUTES = [
   ["GET", /^\/flights\/$/, () => [200, [1, 2, 3].map(flight)]],
   ["GET", /^\/flights\/(\d+)$/, (id) => [200, flight(Number(id))]],
   ["GET", /^\/flights\/\d+\/track$/, () => [200, track()]],
+  ["GET", /^\/flights\/(\d+)\/observations$/, (id) => [200, id === "1" ? observations() : []]],
   ["GET", /^\/flights\/\d+\/pictures$/, () => [200, []]],
   ["GET", /^\/alarms\/history\/$/, () => [200, alarms]],
   ["POST", /^\/alarms\/history\/(\d+)\/acknowledge$/, (id) => {

@@ -35,3 +35,14 @@ test("the grid has round steps and keeps its lines while the map moves", () => {
   const shared = places(gridOf(view)).filter((x) => places(gridOf(moved)).includes(x));
   expect(shared.length).toBeGreaterThan(5);
 });
+
+test("measured values keep their unit, or have that of the system", () => {
+  const metric = new Units("metric", "en");
+  const imperial = new Units("imperial", "en");
+  expect(metric.measured(21.44, "Cel")).toBe("21.4 °C");
+  expect(imperial.measured(20, "C")).toBe("68.0 °F");
+  expect(imperial.measured(10, "m/s")).toBe("22.4 mph");
+  expect(metric.measured(47.25, "%")).toBe("47.3 %");
+  expect(metric.measured(12345, "lx")).toBe("12,345 lx");
+  expect(metric.measured(0.5, "1")).toBe("0.50");
+});

@@ -2,8 +2,8 @@
 
 import { request, requestText } from "./client";
 import type {
-  AccessKey, Alarm, Command, DeadLetter, Flight, FlownCommand, Picture, Plan, PlannedSurvey, StoredEvent,
-  StoredField, SurveyOrder, User, Vehicle,
+  AccessKey, Alarm, Command, DeadLetter, Flight, FlightObservations, FlownCommand, Picture, Plan,
+  PlannedSurvey, StoredEvent, StoredField, SurveyOrder, User, Vehicle,
 } from "./types";
 
 const PAGE = 500;
@@ -118,6 +118,16 @@ export const getFlight = (id: number): Promise<Flight & { command_array: FlownCo
 export const flightTrack = (id: number): Promise<GeoJSON.FeatureCollection | GeoJSON.Feature> =>
   request(`/flights/${id}/track?format=geojson`);
 export const listPictures = (id: number): Promise<Picture[]> => request(`/flights/${id}/pictures`);
+
+export const listObservations = (id: number): Promise<FlightObservations[]> =>
+  allOf(`/flights/${id}/observations`);
+/** Lists the alarms of a flight, the oldest first. */
+export const listFlightAlarms = async (flight: Flight): Promise<Alarm[]> => {
+  if (flight.alarms === 0) return [];
+  const since = encodeURIComponent(flight.started_at);
+  const alarms = await allOf<Alarm>(`/alarms/history/?vehicle_id=${flight.vehicle_id}&since=${since}`);
+  return alarms.filter((alarm) => alarm.flight_id === flight.id);
+};
 
 export const listAlarms = (): Promise<Alarm[]> => allOf("/alarms/history/");
 export const acknowledgeAlarm = (id: number): Promise<Alarm> =>

@@ -89,11 +89,27 @@ export interface Alarm {
   id: number;
   recorded_at: string;
   vehicle_id: number;
+  flight_id?: number | null;
   alarm_type_id?: number;
   alarm_code_id?: number;
   alarm_type?: string;
   description?: string | null;
   acknowledged_at: string | null;
+}
+
+/** Measurements that a vehicle has made at one place; times are seconds since 1970. */
+export interface FlightObservations {
+  id: number;
+  latitude: number;
+  longitude: number;
+  altitude: number;
+  observation_array: {
+    resource_id: string;
+    observed_property: string;
+    result_time: number;
+    result_value: number;
+    result_uom: string;
+  }[];
 }
 
 export interface Flight {

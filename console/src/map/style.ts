@@ -2,7 +2,7 @@
 
 import type { ExpressionSpecification, LayerSpecification, StyleSpecification } from "maplibre-gl";
 
-export const SOURCES = ["grid", "fields", "routes", "trails"] as const;
+export const SOURCES = ["grid", "fields", "routes", "trails", "measurements"] as const;
 export type SourceName = (typeof SOURCES)[number];
 
 /** Reads a colour of the present theme. */
@@ -97,6 +97,17 @@ function layers(): LayerSpecification[] {
         "circle-color": colour("surface"),
         "circle-stroke-color": drone,
         "circle-stroke-width": ["interpolate", ["linear"], ["zoom"], 15, 0.5, 19, 2],
+      },
+    },
+    {
+      id: "measurement",
+      type: "circle",
+      source: "measurements",
+      paint: {
+        "circle-color": ["get", "colour"],
+        "circle-radius": ["case", ["get", "chosen"], 11, 7],
+        "circle-stroke-color": ["case", ["get", "chosen"], colour("accent"), colour("ink")],
+        "circle-stroke-width": ["case", ["get", "chosen"], 4, 1.5],
       },
     },
     route("present", { "line-color": colour("accent"), "line-width": 4, "line-dasharray": [2, 1] }),

@@ -1,48 +1,85 @@
 import { lazy, Suspense, useEffect, useMemo, useState } from "react";
 import { useTranslation } from "react-i18next";
-import { flightTrack, getFlight, listFields, listPictures } from "../api/resources";
+import {
+  flightTrack, getFlight, listFields, listFlightAlarms, listObservations, listPictures,
+} from "../api/resources";
 import { linkTo } from "../app/route";
 import { Button } from "../controls/Button";
 import { Icon } from "../controls/Icon";
 import { Empty, ErrorNotice, Skeleton } from "../controls/states";
+import { kindsOf, measurementFeatures } from "../flights/measurements";
+import { momentAt, pointsOf } from "../flights/track";
+import { useReplay } from "../flights/use_replay";
 import { useResource } from "../live/use_resource";
 import { extentOf } from "../map/extent";
 import { collection, fieldFeatures } from "../map/features";
 import { pictureElement, updateVehicleElement, vehicleElement } from "../map/markers";
 import { picturePlaces } from "../map/picture_places";
+import { FlightPlots, type Mark } from "./flight/FlightPlots";
+import { Measurements, nameOf } from "./flight/Measurements";
 import { FlightSteps } from "./FlightSteps";
 import { FlightFigures } from "./Flights";
 import { fieldNames } from "./use_fleet_symbols";
 
 const FarmMap = lazy(() => import("../map/FarmMap"));
 const FORMATS = { gpx: "GPX", csv: "CSV", geojson: "GeoJSON" } as const;
-const REPLAY_MS = 20_000;
-const FRAME_MS = 50;
+/** How often a flight that goes on is loaded again. */
+const REFRESH_MS = 4_000;
 
-type Place = readonly [longitude: number, latitude: number];
-
-/** A recorded flight: its track with a replay, its figures and its pictures. */
+/** A recorded flight: its track with a replay, its curves, figures, measurements and pictures. */
 export default function FlightView({ id }: { id: number }) {
   const { t } = useTranslation();
   const flight = useResource(() => getFlight(id), id);
   const track = useResource(() => flightTrack(id), id);
   const pictures = useResource(() => listPictures(id), id);
   const fields = useResource(listFields);
-  const places = useMemo(() => placesOf(track.value), [track.value]);
-  const [part, setPart] = useState(1);
-  const [isPlaying, setPlaying] = useReplay(part, setPart);
+  const observations = useResource(() => listObservations(id), id);
+  const alarms = useResource(
+    async () => (flight.value === null ? [] : listFlightAlarms(flight.value)),
+    `${id} ${flight.value?.alarms ?? 0}`,
+  );
+  useRefresh(flight.value?.ended_at === null, flight.reload, track.reload, observations.reload);
+  const points = useMemo(() => pointsOf(track.value), [track.value]);
+  const replay = useReplay();
+  const kinds = useMemo(() => kindsOf(observations.value ?? []), [observations.value]);
+  const [kindName, setKindName] = useState<string | null>(null);
+  const [chosen, setChosen] = useState<string | null>(null);
+  const kind = kindName === null ? (kinds[0] ?? null) : (kinds.find((one) => nameOf(one) === kindName) ?? null);
 
-  const present = placeAt(places, part);
+  const present = momentAt(points, replay.part);
+  const marks = useMemo(
+    (): Mark[] => [
+      ...(alarms.value ?? []).map((alarm): Mark => ({
+        at_ms: Date.parse(alarm.recorded_at),
+        text: alarm.description ?? t(`alarms.type_${alarm.alarm_type_id ?? "other"}`),
+        kind: "alarm",
+      })),
+      ...(flight.value?.command_array ?? []).flatMap((command, index): Mark[] =>
+        command.started_at === null
+          ? []
+          : [{ at_ms: Date.parse(command.started_at), text: t("flights.step", { id: index + 1 }), kind: "step" }],
+      ),
+    ],
+    [alarms.value, flight.value, t],
+  );
   const layers = useMemo(
     () => ({
       fields: fieldFeatures(fields.value ?? []),
       trails: collection(
-        places.length < 2
+        points.length < 2
           ? []
-          : [{ type: "Feature", properties: {}, geometry: { type: "LineString", coordinates: places.map(([x, y]) => [x, y]) } }],
+          : [{
+              type: "Feature",
+              properties: {},
+              geometry: {
+                type: "LineString",
+                coordinates: points.map((one) => [one.longitude_deg, one.latitude_deg]),
+              },
+            }],
       ),
+      measurements: measurementFeatures(kind, chosen),
     }),
-    [fields.value, places],
+    [fields.value, points, kind, chosen],
   );
   const symbols = useMemo(() => {
     const names = [
@@ -61,20 +98,23 @@ export default function FlightView({ id }: { id: number }) {
     ];
     if (present === null || flight.value === null) return names;
     const name = t("vehicle.name", { id: flight.value.vehicle_id });
-    const { place, heading_deg } = present;
+    const { heading_deg } = present;
     return [
       ...names,
       {
         key: "vehicle",
-        longitude: place[0],
-        latitude: place[1],
+        longitude: present.longitude_deg,
+        latitude: present.latitude_deg,
         level: 3,
         make: () => vehicleElement(name, () => undefined),
         update: (element: HTMLElement) => updateVehicleElement(element, heading_deg, "flying", false),
       },
     ];
-  }, [fields.value, pictures.value, flight.value, present?.place[0], present?.place[1], t]);
-  const extent = useMemo(() => extentOf(places), [places]);
+  }, [fields.value, pictures.value, flight.value, present?.longitude_deg, present?.latitude_deg, t]);
+  const extent = useMemo(
+    () => extentOf(points.map((one) => [one.longitude_deg, one.latitude_deg] as const)),
+    [points],
+  );
 
   return (
     <div className="split">
@@ -91,31 +131,29 @@ export default function FlightView({ id }: { id: number }) {
         {flight.error && <ErrorNotice error={flight.error} retry={flight.reload} />}
         {flight.isLoading && flight.value === null && <Skeleton rows={2} />}
         {flight.value && <FlightFigures flight={flight.value} />}
-        {places.length > 1 ? (
+        {points.length > 1 ? (
           <div className="replay">
             <Button
               kind="primary"
-              icon={isPlaying ? "pause" : "play"}
-              onClick={() => setPlaying(!isPlaying)}
+              icon={replay.isPlaying ? "pause" : "play"}
+              onClick={() => replay.play(!replay.isPlaying)}
             >
-              {t(isPlaying ? "flights.pause" : "flights.replay")}
+              {t(replay.isPlaying ? "flights.pause" : "flights.replay")}
             </Button>
             <input
               type="range"
               min={0}
               max={1}
               step={0.001}
-              value={part}
+              value={replay.part}
               aria-label={t("flights.position")}
-              onChange={(event) => {
-                setPlaying(false);
-                setPart(Number(event.target.value));
-              }}
+              onChange={(event) => replay.show(Number(event.target.value))}
             />
           </div>
         ) : (
           !track.isLoading && <p className="muted">{t("flights.no_track")}</p>
         )}
+        <FlightPlots points={points} replay={replay} marks={marks} />
         <div className="actions">
           {(["gpx", "csv", "geojson"] as const).map((format) => (
             <a
@@ -129,6 +167,11 @@ export default function FlightView({ id }: { id: number }) {
           ))}
         </div>
         {flight.value && <FlightSteps flight={flight.value} />}
+        <Measurements
+          flightId={id}
+          resource={observations}
+          choice={{ kinds, kind, choose: setKindName, chosen, mark: (one) => setChosen(one.key) }}
+        />
         <h2>{t("flights.pictures")}</h2>
         {pictures.value === null || pictures.value.length === 0 ? (
           !pictures.isLoading && <Empty icon="picture" title={t("flights.no_pictures")} />
@@ -150,50 +193,15 @@ export default function FlightView({ id }: { id: number }) {
   );
 }
 
-/** Moves the part from 0 to 1 while it plays. */
-function useReplay(
-  part: number,
-  setPart: (change: (part: number) => number) => void,
-): [boolean, (isPlaying: boolean) => void] {
-  const [isPlaying, setPlaying] = useState(false);
+/** Loads again while the flight goes on and somebody looks. */
+function useRefresh(isFlying: boolean, ...reloads: (() => void)[]): void {
   useEffect(() => {
-    if (!isPlaying) return;
-    const timer = setInterval(() => setPart((now) => Math.min(1, now + FRAME_MS / REPLAY_MS)), FRAME_MS);
+    if (!isFlying) return;
+    const timer = setInterval(() => {
+      if (!document.hidden) reloads.forEach((reload) => reload());
+    }, REFRESH_MS);
     return () => clearInterval(timer);
-  }, [isPlaying, setPart]);
-  const hasEnded = part >= 1;
-  useEffect(() => {
-    if (hasEnded) setPlaying(false);
-  }, [hasEnded]);
-  return [
-    isPlaying,
-    (wanted) => {
-      if (wanted && hasEnded) setPart(() => 0);
-      setPlaying(wanted);
-    },
-  ];
-}
-
-function placesOf(track: GeoJSON.FeatureCollection | GeoJSON.Feature | null): Place[] {
-  if (track === null) return [];
-  const features = track.type === "FeatureCollection" ? track.features : [track];
-  return features.flatMap(({ geometry }) =>
-    geometry?.type === "LineString"
-      ? geometry.coordinates.map(([x = 0, y = 0]): Place => [x, y])
-      : [],
-  );
-}
-
-/** The place at a part of the track, between its points; null without a track. */
-function placeAt(places: Place[], part: number): { place: Place; heading_deg: number } | null {
-  if (places.length < 2) return null;
-  const at = Math.min(part * (places.length - 1), places.length - 1.001);
-  const index = Math.floor(at);
-  const one = places[index];
-  const next = places[index + 1];
-  if (one === undefined || next === undefined) return null;
-  const between = (axis: 0 | 1) => one[axis] + (next[axis] - one[axis]) * (at - index);
-  const east = (next[0] - one[0]) * Math.cos((one[1] * Math.PI) / 180);
-  const heading_deg = (Math.atan2(east, next[1] - one[1]) * 180) / Math.PI;
-  return { place: [between(0), between(1)], heading_deg };
+    // Each reload stays the same function
+    // eslint-disable-next-line react-hooks/exhaustive-deps
+  }, [isFlying]);
 }

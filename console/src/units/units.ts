@@ -48,6 +48,27 @@ export class Units {
     return `${this.#write(value, 0)} ${isImperial ? "mph" : "km/h"}`;
   }
 
+  /** A measured value in the unit in which it was reported, or in that of the system. */
+  measured(value: number, unit: string): string {
+    switch (unit) {
+      case "Cel":
+      case "C":
+        return this.system === "imperial"
+          ? `${this.#write(value * 1.8 + 32, 1)} °F`
+          : `${this.#write(value, 1)} °C`;
+      case "m/s":
+        return this.system === "imperial"
+          ? `${this.#write(value * MPH_PER_M_S, 1)} mph`
+          : `${this.#write(value, 1)} m/s`;
+      case "deg":
+        return `${this.#write(value, 0)}°`;
+      case "lx":
+        return `${this.#write(value, 0)} lx`;
+      default:
+        return unit === "1" ? this.#write(value, 2) : `${this.#write(value, 1)} ${unit}`;
+    }
+  }
+
   area(squareMetres: number | null | undefined): string {
     if (squareMetres === null || squareMetres === undefined) return "–";
     const isImperial = this.system === "imperial";
