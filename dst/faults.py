@@ -14,8 +14,8 @@ from dst.world import World
 
 MEAN_INTERVAL_S: Final = 150.0
 """Between two occurrences of one fault while vehicles fly."""
-MEAN_PILOT_S: Final = 40.0
-"""Between two takeovers of a vehicle that flies: flights are short."""
+MEAN_IN_FLIGHT_S: Final = 40.0
+"""Between two occurrences of a fault that only a vehicle in flight can have: flights are short."""
 BREAK_FACTOR: Final = 60.0
 """While every vehicle is switched off, faults are so many times as rare, and last as long."""
 
@@ -40,6 +40,8 @@ class Fault(StrEnum):
     EDGE_KILLED = "edge-killed"
     RELAY_KILLED = "relay-killed"
     VEHICLE_REBOOTED = "vehicle-rebooted"
+    VEHICLE_FAILS = "vehicle-fails"
+    NOT_A_NUMBER = "not-a-number"
     POWER_CUT = "power-cut"
     PILOT = "pilot"
     REPEATED_MISSIONS = "repeated-missions"
@@ -88,7 +90,8 @@ class Faults:
         for process in self._processes.values():
             if not process.is_up:
                 process.start()
-        for system in world.vehicles:
+        for system, vehicle in world.vehicles.items():
+            vehicle.has_attitude = True
             world.connected(system)
         world.scheduler.note("faults", "-", "end")
 
@@ -131,14 +134,20 @@ class Faults:
             Fault.EDGE_UNREACHABLE: self._edge_unreachable,
             Fault.CLOUD_UNREACHABLE: self._cloud_unreachable,
             Fault.VEHICLE_REBOOTED: self._reboot,
-            Fault.POWER_CUT: self._cut_power,
+            Fault.NOT_A_NUMBER: self._spoil_attitude,
             **{fault: self._kill(fault, process) for fault, process in self._processes.items()},
         }
         for fault, action in actions.items():
             if fault in self._enabled:
                 self._repeat(action, self._world.scheduler.random(fault))
-        if Fault.PILOT in self._enabled:
-            self._repeat(self._take_over, self._world.scheduler.random(Fault.PILOT), MEAN_PILOT_S)
+        in_flight = {
+            Fault.PILOT: self._take_over,
+            Fault.VEHICLE_FAILS: self._fail_vehicle,
+            Fault.POWER_CUT: self._cut_power,
+        }
+        for fault, action in in_flight.items():
+            if fault in self._enabled:
+                self._repeat(action, self._world.scheduler.random(fault), MEAN_IN_FLIGHT_S)
 
     def _repeat(
         self, action: Callable[[Random], None], random: Random, mean_s: float = MEAN_INTERVAL_S
@@ -195,6 +204,20 @@ class Faults:
             self._world.scheduler.note("faults", f"vehicle {system}", "reboot")
             vehicle.reboot()
 
+    def _fail_vehicle(self, random: Random) -> None:
+        """Have a vehicle that flies lose its position or a motor, and act by its own failsafe."""
+        vehicles = self._world.vehicles.values()
+        flying = [one for one in vehicles if one.is_flying and one.pilot_since_s is None]
+        if flying:
+            vehicle = random.choice(flying)
+            vehicle.fail(lands=random.random() < 0.5)
+
+    def _spoil_attitude(self, random: Random) -> None:
+        """Have a vehicle send an attitude of no numbers for a while."""
+        vehicle = random.choice(list(self._world.vehicles.values()))
+        vehicle.has_attitude = False
+        self._later(random.expovariate(1.0 / 25.0), lambda: setattr(vehicle, "has_attitude", True))
+
     def _take_over(self, random: Random) -> None:
         """Take over a vehicle that flies, whatever it does: a mission, an abort, its way home."""
         vehicles = self._world.vehicles.values()
@@ -213,6 +236,8 @@ class Faults:
     def _cut_power(self, random: Random) -> None:
         """Have the farm's radio fail, then its machine; the edge server is the last to return."""
         world = self._world
+        if not any(vehicle.is_flying for vehicle in world.vehicles.values()):
+            return
         world.scheduler.note("faults", "farm", "the radio sends no more")
         paths = [*world.up.values(), *world.down.values()]
         for path in world.down.values():

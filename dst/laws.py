@@ -14,6 +14,7 @@ from dst.edge_process import EdgeDownError
 from dst.operator_person import Operator, PostedAbort, PostedPlan
 from dst.vehicle import Reached
 from dst.world import World
+from edge_server.outbox.queue import Stream
 from mavlink_broker.edge.bounded_http import Answer
 from mavlink_broker.edge.outbox import Post
 
@@ -25,7 +26,7 @@ ENDED_MISSION_S: Final = 10.0
 TAKEOVER_S: Final = 15.0
 """The broker has noticed a pilot within this time on a link that is up."""
 
-ABORT_S: Final = 30.0
+ABORT_S: Final = 20.0
 """A vehicle that is connected has left its mission within this time after an abort is accepted."""
 
 
@@ -53,7 +54,9 @@ class Laws:
         self.check()
 
     def _taken(self, post: Post, answer: Answer) -> None:
-        """Note what the edge server has acknowledged to the broker."""
+        """Note what the edge server has acknowledged to the broker, and who has accepted what."""
+        if post.is_acceptance:
+            self._note_aborts()
         if post.method != "POST" or answer.status_code >= 300 or post.idempotency_key is None:
             return
         number = json.loads(answer.body).get("id")
@@ -172,6 +175,7 @@ class Laws:
             for abort, state in self._open_aborts()
             if state in {"queued", "accepted"}
         ]
+        found += [f"vehicle {one.system} is armed" for one in world.vehicles.values() if one.armed]
         waiting = world.broker.client.waiting if world.broker.client is not None else 0
         found += [f"{waiting} posts of the broker wait"] if waiting > 3 else []
         missing = set(self._acknowledged) - self._delivered()
@@ -191,6 +195,7 @@ class Laws:
             raise LawError(f"not within the time after the faults: {'; '.join(matters)}")
         self._status_agrees_with_truth()
         self._delivered_under_one_id()
+        self._delivered_in_order()
 
     def _status_agrees_with_truth(self) -> None:
         """A waypoint that is reported as finished was flown."""
@@ -217,6 +222,15 @@ class Laws:
         for (kind, text), found in ids.items():
             if len(found) > 1:
                 raise LawError(f"the cloud has one {kind} under {len(found)} ids: {text}")
+
+    def _delivered_in_order(self) -> None:
+        """The cloud has received the records of each stream in the order of the outbox."""
+        newest: dict[Stream, int] = {}
+        for record in self._world.cloud.received.values():
+            before = newest.get(record.stream, 0)
+            if record.outbox_id < before:
+                raise LawError(f"the cloud has {record.stream} {record.outbox_id} after {before}")
+            newest[record.stream] = record.outbox_id
 
     # Facts.
 

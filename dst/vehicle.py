@@ -106,6 +106,8 @@ class Vehicle:
         self.mode = HOLD
         self.pilot_since_s: float | None = None
         self.battery = 1.0
+        self.has_attitude = True
+        self._in_failsafe = False
         self._scheduler = scheduler
         self._send_frame = send
         self._codec = mavlink.MAVLink(None, srcSystem=system, srcComponent=1)
@@ -145,6 +147,13 @@ class Vehicle:
         self.pilot_since_s = None
         self._set_mode(LAND)
 
+    def fail(self, *, lands: bool) -> None:
+        """Have the autopilot's own failsafe land the vehicle, or return it, and say why."""
+        self._in_failsafe = True
+        self._set_mode(LAND if lands else RETURN)
+        text = b"Failsafe activated: " + (b"position lost" if lands else b"motor failure")
+        self._send(mavlink.MAVLink_statustext_message(mavlink.MAV_SEVERITY_CRITICAL, text))
+
     def reboot(self) -> None:
         """Restart the autopilot of a vehicle on the ground; the stored mission survives."""
         self.switch_off()
@@ -156,7 +165,7 @@ class Vehicle:
         if self._next_step is not None:
             self._next_step.cancel()
         self._next_step = None
-        self.armed, self.mode = False, HOLD
+        self.armed, self.mode, self._in_failsafe = False, HOLD, False
         self._periods_s.clear()
         self._transfer_count = 0
         self._current = 0
@@ -275,7 +284,7 @@ class Vehicle:
         return True
 
     def _disarm(self) -> None:
-        self.armed = False
+        self.armed = self._in_failsafe = False
         self._speed_m_s = SPEED_M_S
         if self.mode != MISSION:
             self.mode = HOLD
@@ -304,6 +313,7 @@ class Vehicle:
         base |= mavlink.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED if self.pilot_since_s is not None else 0
         kind, autopilot = mavlink.MAV_TYPE_QUADROTOR, mavlink.MAV_AUTOPILOT_PX4
         state = mavlink.MAV_STATE_ACTIVE if self.armed else mavlink.MAV_STATE_STANDBY
+        state = mavlink.MAV_STATE_CRITICAL if self._in_failsafe else state
         self._send(mavlink.MAVLink_heartbeat_message(kind, autopilot, base, self.mode, state, 3))
 
     @property
@@ -314,7 +324,7 @@ class Vehicle:
         makers: dict[int, Callable[[], Any]] = {
             mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: self._position,
             mavlink.MAVLINK_MSG_ID_ATTITUDE: lambda: mavlink.MAVLink_attitude_message(
-                self._boot_ms, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+                self._boot_ms, *[0.0 if self.has_attitude else math.nan] * 6
             ),
             mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: self._landed,
             mavlink.MAVLINK_MSG_ID_SYS_STATUS: lambda: mavlink.MAVLink_sys_status_message(
@@ -527,6 +537,7 @@ class Vehicle:
     def _take_mode(self, mode: int) -> None:
         """Change the mode by command; the pilot's sticks have no precedence over it, as in PX4."""
         self.pilot_since_s = None
+        self._in_failsafe = False
         if mode == MISSION and self.mode != MISSION and self._is_complete:
             self._current, self._is_complete = 0, False
         self._set_mode(mode)

@@ -60,6 +60,22 @@ def test_a_record_under_two_ids_is_found(farm: Farm, monkeypatch: pytest.MonkeyP
         farm.laws.check_end()
 
 
+def test_records_of_a_stream_in_another_order_are_found(
+    farm: Farm, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    received = dict(reversed(farm.world.cloud.received.items()))
+    monkeypatch.setattr(farm.world.cloud, "received", received)
+    with pytest.raises(LawError, match="after"):
+        farm.laws.check_end()
+
+
+def test_a_vehicle_that_stays_armed_is_an_open_matter(
+    farm: Farm, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(farm.world.vehicles[1], "armed", True)
+    assert farm.laws.open_matters() == ["vehicle 1 is armed"]
+
+
 def test_a_finished_waypoint_that_was_not_flown_is_found(
     farm: Farm, monkeypatch: pytest.MonkeyPatch
 ) -> None:
