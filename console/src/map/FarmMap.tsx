@@ -32,6 +32,8 @@ export interface FarmMapProperties {
 
 const FIRST_PLACE: [number, number] = [-3.7382, 40.4434];
 const CLOSEST_ZOOM = 18;
+/** What is shown does not lie below the buttons on the left. */
+const PADDING = { top: 56, right: 56, bottom: 56, left: 84 };
 
 /** The farm from above: a grid with a scale, and what is drawn on it. */
 export default function FarmMap({ layers, symbols, extent, click, label }: FarmMapProperties) {
@@ -143,7 +145,7 @@ export default function FarmMap({ layers, symbols, extent, click, label }: FarmM
 
 function fit(map: MapLibreMap, [west, south, east, north]: [number, number, number, number], duration: number) {
   const bounds: LngLatBoundsLike = [[west, south], [east, north]];
-  map.fitBounds(bounds, { padding: 56, maxZoom: CLOSEST_ZOOM, duration });
+  map.fitBounds(bounds, { padding: PADDING, maxZoom: CLOSEST_ZOOM, duration });
 }
 
 function drawGrid(map: MapLibreMap): void {

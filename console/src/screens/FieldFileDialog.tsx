@@ -2,6 +2,7 @@ import { useState, type FormEvent } from "react";
 import { useTranslation } from "react-i18next";
 import type { RequestError } from "../api/client";
 import { importFields } from "../api/resources";
+import type { StoredField } from "../api/types";
 import { Button } from "../controls/Button";
 import { Dialog } from "../controls/Dialog";
 import { TextField } from "../controls/fields";
@@ -10,7 +11,7 @@ import { describeError } from "../i18n/describe_error";
 import { asRequestError } from "../live/use_resource";
 
 /** Stores every field of a file, or says where the file is wrong. */
-export function FieldFileDialog({ close, stored }: { close: () => void; stored: () => void }) {
+export function FieldFileDialog({ close, stored }: { close: () => void; stored: (fields: StoredField[]) => void }) {
   const { t } = useTranslation();
   const [file, setFile] = useState<File | null>(null);
   const [error, setError] = useState<RequestError | null>(null);

@@ -61,9 +61,11 @@ export default function Fields() {
       {isUploading && (
         <FieldFileDialog
           close={() => setUploading(false)}
-          stored={() => {
+          stored={([first, ...others]) => {
             setUploading(false);
-            fields.reload();
+            // One field is shown at once; several are in the list
+            if (first !== undefined && others.length === 0) go(`fields/${first.id}`);
+            else fields.reload();
           }}
         />
       )}
