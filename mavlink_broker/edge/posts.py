@@ -110,7 +110,7 @@ def _acknowledgement(acknowledgement: Acknowledgement, vehicle_id: int) -> Post:
         path=f"{_WORK}{acknowledgement.work_id}/ack",
         body=body,
         vehicle_id=vehicle_id,
-        lane=_MISSION_LANE if status != "done" else "done",
+        lane=_MISSION_LANE,  # Also of what is done at once: its acceptance comes first
         urgency=Urgency.REPORT,
         needs_registration=False,
         accepted_work_id=acknowledgement.work_id if status == "accepted" else None,

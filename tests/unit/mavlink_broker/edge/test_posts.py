@@ -1,10 +1,11 @@
 """Messages as requests to the edge server."""
 
 from datetime import UTC, datetime
+from random import Random
 from typing import Any
 
 from afarcloud.state import Pose
-from mavlink_broker.edge.outbox import Post, Urgency
+from mavlink_broker.edge.outbox import Outbox, Post, Urgency
 from mavlink_broker.edge.posts import post_for
 from mavlink_broker.effects import Acknowledgement, EdgeMessage, VehicleUpdate
 
@@ -29,6 +30,20 @@ def test_acknowledgements_and_reports_share_a_lane() -> None:
     assert post.path == "/broker/commands/16/ack"
     assert post.body == {"status": "refused", "message": "no wings"}
     assert post.lane == "mission_report"
+
+
+def test_an_event_that_is_done_at_once_is_accepted_first() -> None:
+    outbox = Outbox(Random(1))
+    for status in ("accepted", "done"):
+        outbox.put(sent(Acknowledgement(16, status)))
+    first = outbox.take(0.0)
+    assert first is not None
+    assert first.body == {"status": "accepted"}
+    assert outbox.take(0.0) is None, "the edge server would refuse the acceptance of what is done"
+    outbox.answered(first)
+    second = outbox.take(0.0)
+    assert second is not None
+    assert second.body == {"status": "done"}
 
 
 def test_an_acknowledgement_is_no_longer_than_the_edge_server_accepts() -> None:
