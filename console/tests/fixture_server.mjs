@@ -100,6 +100,10 @@ const observations = () => flown().filter((_, second) => second % 20 === 10).map
   observation_array: [["air_temperature", 21 + 3 * Math.sin(index / 5), "Cel"], ["relative_humidity", 48 + index / 3, "%"], ["soil_moisture", 18 + 6 * Math.cos(index / 4), "%"], ["illuminance", 40000 + 900 * index, "lx"], ["wind_speed", 3 + Math.sin(index), "m/s"]]
     .map(([observed_property, result_value, result_uom]) => ({ resource_id: `urn:fixture:${observed_property}`, observed_property, result_time: Date.parse(one.at) / 1000, result_value, result_uom })),
 }));
+const pictures = () => flown().filter((_, second) => second % 110 === 80).map((one, index) => ({
+  id: index + 1, recorded_at: one.at, latitude: one.latitude, longitude: one.longitude, altitude: one.altitude,
+  url: `data:image/svg+xml,<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 4 3'><rect width='4' height='3' fill='hsl(${90 + 9 * index},40%25,40%25)'/></svg>`, thumbnail_url: null,
+}));
 const track = () => ({
   type: "Feature",
   properties: { coordinateProperties: { times: flown().map((one) => one.at), speeds: flown().map((one) => one.speed) } },
@@ -134,7 +138,7 @@ const ROUTES = [
   ["GET", /^\/flights\/(\d+)$/, (id) => [200, flight(Number(id))]],
   ["GET", /^\/flights\/\d+\/track$/, () => [200, track()]],
   ["GET", /^\/flights\/(\d+)\/observations$/, (id) => [200, id === "1" ? observations() : []]],
-  ["GET", /^\/flights\/\d+\/pictures$/, () => [200, []]],
+  ["GET", /^\/flights\/(\d+)\/pictures$/, (id) => [200, id === "1" ? pictures() : []]],
   ["GET", /^\/alarms\/history\/$/, () => [200, alarms]],
   ["POST", /^\/alarms\/history\/(\d+)\/acknowledge$/, (id) => {
     alarms = alarms.map((one) => (one.id === Number(id) ? { ...one, acknowledged_at: ago(0) } : one));

@@ -25,6 +25,7 @@ const SCREENS = {
   editor: [`plans/${process.env.DRAFT ?? 2}/edit`, (page) => page.locator(".step-title").first().click()],
   flights: ["flights"],
   flight: ["flights/1"],
+  picture: ["flights/1", (page) => page.locator(".pictures button").first().click()],
   alarms: ["alarms"],
   users: ["system/users"],
   keys: ["system/keys"],

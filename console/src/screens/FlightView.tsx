@@ -16,6 +16,7 @@ import { collection, fieldFeatures } from "../map/features";
 import { pictureElement, updateVehicleElement, vehicleElement } from "../map/markers";
 import { picturePlaces } from "../map/picture_places";
 import { FlightPlots, type Mark } from "./flight/FlightPlots";
+import { Gallery } from "./flight/Gallery";
 import { Measurements, nameOf } from "./flight/Measurements";
 import { FlightSteps } from "./FlightSteps";
 import { FlightFigures } from "./Flights";
@@ -176,17 +177,7 @@ export default function FlightView({ id }: { id: number }) {
         {pictures.value === null || pictures.value.length === 0 ? (
           !pictures.isLoading && <Empty icon="picture" title={t("flights.no_pictures")} />
         ) : (
-          <div className="pictures">
-            {pictures.value.map((picture) => (
-              <a key={picture.id} href={picture.url} target="_blank" rel="noreferrer">
-                <img
-                  src={picture.thumbnail_url ?? picture.url}
-                  alt={t("flights.picture", { id: picture.id })}
-                  loading="lazy"
-                />
-              </a>
-            ))}
-          </div>
+          <Gallery pictures={pictures.value} />
         )}
       </section>
     </div>
