@@ -1,5 +1,6 @@
 """The environment that the Makefile works in: made again where it is half made, refused plainly."""
 
+import os
 import socket
 import subprocess
 import sys
@@ -14,8 +15,11 @@ from tests.unit.deploy.dockerfile import ROOT
 
 def dry_run(target: str, folder: Path) -> list[str]:
     """The commands of a target in a machine without an environment, in order."""
-    command = ["make", "--dry-run", target, f"VENV={folder}"]
-    shown = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
+    command = ["make", "--dry-run", "--no-print-directory", target, f"VENV={folder}"]
+    variables = {name: value for name, value in os.environ.items() if not name.startswith("MAKE")}
+    shown = subprocess.run(
+        command, cwd=ROOT, env=variables, capture_output=True, text=True, check=True
+    )
     return shown.stdout.splitlines()
 
 
