@@ -5,11 +5,12 @@ from pathlib import Path
 import pytest
 
 from edge_server.api.routes.fields import EXAMPLE
-from tests.support.browser import console_journey, sign_in_link
+from tests.support.browser import TEST_TIMEOUT_S, console_journey, sign_in_link
 from tests.support.system import running, short_plan
 
 
 @pytest.mark.thorough
+@pytest.mark.timeout(TEST_TIMEOUT_S)
 def test_no_screen_breaks_a_rule_of_accessibility(tmp_path: Path) -> None:
     with console_journey(tmp_path) as take, running(tmp_path / "farm") as farm:
         draft = farm.post("/plans/", short_plan() | {"dispatch": False})

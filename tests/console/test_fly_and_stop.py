@@ -2,7 +2,9 @@
 
 from pathlib import Path
 
-from tests.support.browser import console_journey, sign_in_link
+import pytest
+
+from tests.support.browser import TEST_TIMEOUT_S, console_journey, sign_in_link
 from tests.support.system import running, short_plan
 
 HOLD_S = 600.0
@@ -17,6 +19,7 @@ def long_plan() -> dict[str, object]:
     return plan
 
 
+@pytest.mark.timeout(TEST_TIMEOUT_S)
 def test_a_plan_is_flown_and_stopped_and_a_field_is_planned(tmp_path: Path) -> None:
     with console_journey(tmp_path) as take, running(tmp_path / "farm") as farm:
         take(
