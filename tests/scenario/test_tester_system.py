@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from afarcloud.enumerations import Status
-from tests.support.system import FarmSystem, short_plan
+from tests.support.system import FarmSystem, short_plan, wait_for
 
 pytestmark = pytest.mark.scenario
 
@@ -55,5 +55,7 @@ def test_entered_values_reach_the_cloud(tmp_path: Path) -> None:
 
 
 def newest(system: FarmSystem, kind: str) -> dict[str, Any]:
-    body: dict[str, Any] = system.cloud(f"/{kind}")[-1]["body"]
+    """The newest of a kind at the cloud; a busy broker may post it behind the mission's end."""
+    received = wait_for(lambda: system.cloud(f"/{kind}"), f"{kind} at the cloud")
+    body: dict[str, Any] = received[-1]["body"]
     return body

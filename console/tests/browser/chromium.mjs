@@ -62,9 +62,17 @@ export async function requireAccessible(page, screen) {
   const { violations } = await page.evaluate(
     (values) => globalThis.axe.run(document, { runOnly: { type: "tag", values } }), TAGS);
   const lines = violations.flatMap(({ id, help, nodes }) =>
-    nodes.map((node) => `  ${id}: ${help}\n    ${node.html}\n    ${node.failureSummary}`));
+    nodes.filter(({ html }) => !isPlacedByTheMap(id, html)).map((node) => `  ${id}: ${help}\n    ${node.html}\n    ${node.failureSummary}`));
   if (lines.length > 0) throw new Error(`axe on ${screen}:\n${lines.join("\n")}`);
   console.log(`axe: nothing on ${screen}`);
+}
+
+/** Whether markers lie so near to each other that a touch may hit the wrong one.
+ *
+ * WCAG 2.5.8 exempts targets whose place is the information, as on a map; steps are in the list too.
+ */
+function isPlacedByTheMap(rule, html) {
+  return rule === "target-size" && html.includes("maplibregl-marker");
 }
 
 /** Holds a button until something shows that it has acted. */
