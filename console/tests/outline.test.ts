@@ -1,6 +1,6 @@
 import { expect, test } from "vitest";
 import {
-  areaOf_m2, draftOf, EMPTY, fieldArea_m2, isComplete, middleOf, nextCorner, ringOf, ringOfFault,
+  areaOf_m2, draftOf, EMPTY, fieldArea_m2, isComplete, middleOf, nextCorner, presentRing, ringOf, ringOfFault,
   ringsOf, shifted, withCorner, withMovedCorner, withoutCorner, withRing, type Corner, type Outline,
   type Ring,
 } from "../src/planning/outline";
@@ -71,4 +71,10 @@ test("a fault names the ring that it concerns", () => {
   expect(ringOfFault("exclusions.1")).toBe("exclusions.1");
   expect(ringOfFault("holes.0.2")).toBe("holes.0");
   expect(ringOfFault("name")).toBeNull();
+});
+
+test("an undo that takes the chosen part away leads back to the boundary", () => {
+  const part: Outline = { ...EMPTY, exclusions: [[START]] };
+  expect(presentRing(part, "exclusions.0")).toBe("exclusions.0");
+  expect(presentRing(EMPTY, "exclusions.0")).toBe("boundary");
 });

@@ -47,6 +47,11 @@ export function ringOf(outline: Outline, name: RingName): Ring {
   return ringsOf(outline).find(([one]) => one === name)?.[1] ?? [];
 }
 
+/** The ring that is edited: the boundary when an undo has taken the chosen one away. */
+export function presentRing(outline: Outline, chosen: RingName): RingName {
+  return ringsOf(outline).some(([name]) => name === chosen) ? chosen : "boundary";
+}
+
 /** An outline with one ring replaced; null removes a hole or a no-fly area. */
 export function withRing(outline: Outline, name: RingName, ring: Ring | null): Outline {
   if (name === "boundary") return { ...outline, boundary: ring ?? [] };

@@ -19,8 +19,8 @@ import { farmExtent } from "../map/farm_extent";
 import { collection, fieldFeatures } from "../map/features";
 import { begin, change as record, redo, undo } from "../planning/history";
 import {
-  draftOf, EMPTY, fieldArea_m2, isComplete, nextCorner, outlineOf, ringOf, ringOfFault, withCorner,
-  withMovedCorner, withoutCorner, withRing, type Corner, type Outline, type Ring, type RingName,
+  draftOf, EMPTY, fieldArea_m2, isComplete, nextCorner, outlineOf, presentRing, ringOf, ringOfFault,
+  withCorner, withMovedCorner, withoutCorner, withRing, type Corner, type Outline, type Ring, type RingName,
 } from "../planning/outline";
 import { CornerForm } from "./CornerForm";
 import { RingList } from "./RingList";
@@ -58,12 +58,13 @@ function Editor({ field, others }: { field: StoredField | null; others: StoredFi
   const vehicles = useLive((state) => state.vehicles);
   const [name, setName] = useState(field?.name ?? "");
   const [history, setHistory] = useState(() => begin(field === null ? EMPTY : outlineOf(field)));
-  const [ringName, setRingName] = useState<RingName>("boundary");
+  const [chosenRing, setChosenRing] = useState<RingName>("boundary");
   const [selected, setSelected] = useState<number | null>(null);
   const [error, setError] = useState<RequestError | null>(null);
   const [isBusy, setBusy] = useState(false);
   const dragged = useRef<number | null>(null);
   const outline = history.present;
+  const ringName = presentRing(outline, chosenRing);
   const ring = ringOf(outline, ringName);
 
   const change = (update: (present: Outline) => Outline, isContinued = false) => {
@@ -79,7 +80,7 @@ function Editor({ field, others }: { field: StoredField | null; others: StoredFi
   };
   useUndoKeys(() => step(undo), () => step(redo));
   const choose = (chosen: RingName) => {
-    setRingName(chosen);
+    setChosenRing(chosen);
     setSelected(null);
   };
   const add = (corner: Corner, after?: number) => {
