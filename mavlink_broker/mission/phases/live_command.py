@@ -4,16 +4,20 @@ An event that pauses the mission ends a command that moves the vehicle; when the
 it begins anew. A command that does not move the vehicle goes on to its end.
 """
 
+from typing import Final
+
 from afarcloud.enumerations import Status
-from mavlink_broker.autopilots.flight_modes import LIVE_MODES
+from mavlink_broker.autopilots.flight_modes import LIVE_MODES, ModeRole
 from mavlink_broker.effects import Effects
 from mavlink_broker.live.executor import LiveCommandExecutor
 from mavlink_broker.live.executor import Phase as LivePhase
 from mavlink_broker.mavlink.dialect import Message
-from mavlink_broker.mission.authority_monitor import HOVERING
 from mavlink_broker.mission.context import MissionContext
 from mavlink_broker.mission.phases.phase import Fault, Phase, Request, Result
-from mavlink_broker.vehicle.control_authority import Claim
+from mavlink_broker.vehicle.control_authority import AIRBORNE_MODES, Claim
+
+_PAUSED: Final = Claim(AIRBORNE_MODES - {ModeRole.MISSION}, is_exclusive=True)
+"""A vehicle that has left its command: only another system puts it into its mission mode."""
 
 
 class FlyingLive(Phase):
@@ -29,7 +33,7 @@ class FlyingLive(Phase):
         if not self._mission.is_hovering:
             return None
         if self._executor is None:
-            return HOVERING if self._mission.pauses.is_paused else None
+            return _PAUSED
         return self._executor.claim
 
     @property

@@ -218,6 +218,18 @@ class TestWhoeverElseFlies:
         assert vehicle.custom_mode == mode
         assert answer(world, resume)[0] == "refused"
 
+    @KNOWN
+    def test_whoever_sets_the_mission_mode_during_a_paused_live_command_has_the_vehicle(
+        self, family: str
+    ) -> None:
+        world = paused_live(SCRIPTS[family])
+        vehicle = world.only_vehicle
+        vehicle.set_mode(FLYING_MODES[family])
+        since = len(vehicle.frames)
+        world.run(20.0)
+        assert orders(vehicle, since) == []
+        assert world.edge.status(1201) == Status.FAILED
+
     def test_a_pause_by_a_ground_station_is_not_ended_by_an_event(self) -> None:
         world = paused(PX4)
         vehicle = world.only_vehicle
