@@ -35,6 +35,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -471,7 +472,7 @@ def measure() -> Iterator[Result]:
     logging.getLogger("mavlink_broker").setLevel(logging.CRITICAL)  # It reports what is planned
     for vehicles, column in ((1, 0), (WRITERS, 1)):
         writers = "one writer" if vehicles == 1 else f"{vehicles} writers at once"
-        samples = _executions(lambda folder, n=vehicles: execute(folder, n))  # type: ignore[misc]  # a loop's variable, bound
+        samples = _executions(partial(execute, vehicles=vehicles))
         for kind, figures in THESIS.items():
             for name in ("propagation", "processing"):
                 values = samples[kind, name]
