@@ -84,3 +84,16 @@ export function Loaded<Row>({ resource, empty, missing, children }: {
     </>
   );
 }
+
+/** What is wrong with a file, by its place in it. */
+export function FaultList({ faults }: { faults: readonly { path: string; text: string }[] }) {
+  return (
+    <ul className="small">
+      {faults.map((fault) => (
+        <li key={fault.path + fault.text}>
+          <code>{fault.path}</code> {fault.text}
+        </li>
+      ))}
+    </ul>
+  );
+}

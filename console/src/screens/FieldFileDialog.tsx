@@ -6,7 +6,7 @@ import type { StoredField } from "../api/types";
 import { Button } from "../controls/Button";
 import { Dialog } from "../controls/Dialog";
 import { TextField } from "../controls/fields";
-import { Notice } from "../controls/states";
+import { FaultList, Notice } from "../controls/states";
 import { describeError } from "../i18n/describe_error";
 import { asRequestError } from "../live/use_resource";
 
@@ -32,13 +32,7 @@ export function FieldFileDialog({ close, stored }: { close: () => void; stored: 
       {error !== null && (
         <Notice kind="error">
           <p>{error.faults.length > 0 ? t("error.422") : describeError(error, t)}</p>
-          <ul className="small">
-            {error.faults.map((fault) => (
-              <li key={fault.path + fault.text}>
-                <code>{fault.path}</code> {fault.text}
-              </li>
-            ))}
-          </ul>
+          <FaultList faults={error.faults} />
         </Notice>
       )}
       <form className="card-form" onSubmit={submit}>

@@ -7,7 +7,7 @@ import { go } from "../app/route";
 import { Button } from "../controls/Button";
 import { Dialog } from "../controls/Dialog";
 import { SelectField, TextField } from "../controls/fields";
-import { Notice } from "../controls/states";
+import { FaultList, Notice } from "../controls/states";
 import { describeError } from "../i18n/describe_error";
 import { useLive } from "../live/use_live";
 import { asRequestError } from "../live/use_resource";
@@ -45,13 +45,7 @@ export function UploadDialog({ close }: { close: () => void }) {
       {error !== null && !(error instanceof NotAPlanError) && (
         <Notice kind="error">
           <p>{describeError(error, t)}</p>
-          <ul className="small">
-            {error.faults.map((fault) => (
-              <li key={fault.path + fault.text}>
-                <code>{fault.path}</code> {fault.text}
-              </li>
-            ))}
-          </ul>
+          <FaultList faults={error.faults} />
         </Notice>
       )}
       <form className="card-form" onSubmit={submit}>
