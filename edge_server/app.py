@@ -7,7 +7,6 @@ from typing import Any
 
 from flask import Flask
 from flask.json.provider import DefaultJSONProvider
-from flask_sqlalchemy import SQLAlchemy
 
 from edge_server.api import bodies, errors, headers, request_log, urls
 from edge_server.api.access import audit_trail, auth, signatures
@@ -43,8 +42,7 @@ from edge_server.live.watcher import Watcher
 from edge_server.metrics import Metrics
 from edge_server.services.context import Context
 from edge_server.store.connection.database import Database
-from edge_server.store.connection.engines import engine_options, prepare_engine
-from edge_server.store.rows.tables import METADATA
+from edge_server.store.connection.engines import open_engine
 
 
 class _Json(DefaultJSONProvider):
@@ -88,17 +86,12 @@ def create_app(config: Config, *, clock: Callable[[], float] = time.time) -> Fla
     app = Flask("edge_server", static_folder=None)
     app.json = _Json(app)
     app.config.update(
-        SQLALCHEMY_DATABASE_URI=config.database,
-        SQLALCHEMY_ENGINE_OPTIONS=engine_options(config.database),
         MAX_CONTENT_LENGTH=bodies.MAXIMUM_IMAGE_BODY_BYTES,
         PROPAGATE_EXCEPTIONS=False,
     )
     urls.install(app)
     errors.install(app)
-    store = SQLAlchemy(metadata=METADATA)
-    store.init_app(app)
-    with app.app_context():
-        database = Database(prepare_engine(store.engine))
+    database = Database(open_engine(config.database))
     context = Context(config, database, clock)
     app.extensions["edge_context"] = context
     figures = Metrics(config, database, context.archive, clock)

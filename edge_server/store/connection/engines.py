@@ -74,18 +74,10 @@ def sqlite_url(path: object) -> str:
     return f"sqlite:///{path}"
 
 
-def engine_options(url: str) -> dict[str, Any]:
-    """Return the options of an engine for a URL."""
-    return dict(_SQLITE_OPTIONS if url.startswith("sqlite:") else _POSTGRESQL_OPTIONS)
-
-
 def open_engine(url: str) -> Engine:
-    """Make a prepared engine."""
-    return prepare_engine(create_engine(url, **engine_options(url)))
-
-
-def prepare_engine(engine: Engine) -> Engine:
-    """Configure every connection of an engine for its kind of database."""
+    """Make an engine that configures every connection for its kind of database."""
+    options = _SQLITE_OPTIONS if url.startswith("sqlite:") else _POSTGRESQL_OPTIONS
+    engine = create_engine(url, **options)
     if engine.dialect.name == "sqlite":
         event.listen(engine, "connect", _on_sqlite_connect)
         event.listen(engine, "begin", _on_sqlite_begin)
