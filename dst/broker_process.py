@@ -30,7 +30,8 @@ QUIET_STEP_S: Final = 10.0
 """Period of the loop, and of the look for posts, while no vehicle is switched on."""
 QUIET_AFTER_S: Final = 120.0
 """Without a datagram for this time, every vehicle is taken for switched off."""
-WAKE_S: Final = 0.01
+WAKE_S: Final = 0.02
+"""Datagrams that arrive within this time are taken together."""
 POLL_S: Final = 0.5
 """How often a long poll looks for new work."""
 LONG_POLL_S: Final = 20.0

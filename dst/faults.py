@@ -12,9 +12,9 @@ from typing import Final, Protocol
 from dst.network import PERFECT, Conditions
 from dst.world import World
 
-MEAN_INTERVAL_S: Final = 150.0
+MEAN_INTERVAL_S: Final = 60.0
 """Between two occurrences of one fault while vehicles fly."""
-MEAN_IN_FLIGHT_S: Final = 40.0
+MEAN_IN_FLIGHT_S: Final = 25.0
 """Between two occurrences of a fault that only a vehicle in flight can have: flights are short."""
 BREAK_FACTOR: Final = 60.0
 """While every vehicle is switched off, faults are so many times as rare, and last as long."""

@@ -9,11 +9,11 @@ from dst.faults import Fault
 from dst.vehicle import place
 from dst.world import World
 
-MEAN_PAUSE_S: Final = 60.0
-MEAN_LOOK_S: Final = 15.0
+MEAN_PAUSE_S: Final = 20.0
+MEAN_LOOK_S: Final = 8.0
 """Between two looks at the vehicles: one that is out of reach is aborted, others sometimes."""
 ABORT_SHARE: Final = 0.25
-RELEASE_PERIOD_S: Final = 30.0
+RELEASE_PERIOD_S: Final = 15.0
 ALTITUDE_M: Final = 5.0
 SOFT_ABORT: Final = 2
 ENDING_EVENTS: Final = (1, SOFT_ABORT, 103)
@@ -119,7 +119,7 @@ class Operator:
         commands: list[dict[str, Any]] = [_command(1, 1, home_fields | {"altitude": ALTITUDE_M})]
         waypoints: dict[int, tuple[int, int]] = {}
         for command_id in range(2, random.randint(3, 5)):
-            latitude, longitude = place(random.uniform(5.0, 50.0), random.uniform(-50.0, 50.0))
+            latitude, longitude = place(random.uniform(5.0, 30.0), random.uniform(-30.0, 30.0))
             waypoints[command_id] = round(latitude * 1e7), round(longitude * 1e7)
             fields = {"latitude": latitude, "longitude": longitude, "altitude": ALTITUDE_M}
             commands.append(_command(command_id, 3, fields))

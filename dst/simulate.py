@@ -15,7 +15,7 @@ from dst.operator_person import Operator
 from dst.scheduler import KEPT_LINES
 from dst.world import World
 
-FAULTS_S: Final = 300.0
+FAULTS_S: Final = 120.0
 """Virtual time with faults, or of each shift of a longer simulation."""
 SHIFTS_PER_DAY: Final = 3
 SHIFT_END_S: Final = 1200.0

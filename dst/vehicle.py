@@ -23,6 +23,8 @@ POSITION: Final = 3 << 16
 HOLD, MISSION, RETURN, LAND = (4 << 16 | sub << 24 for sub in (3, 4, 5, 6))
 """PX4's custom modes."""
 STEP_S: Final = 0.25
+STREAM_S: Final = 0.5
+"""The shortest interval of a stream: a slow radio, and a simulation that is fast."""
 SPEED_M_S: Final = 5.0
 CLIMB_M_S: Final = 2.0
 ACCEPTANCE_M: Final = 1.0
@@ -554,5 +556,5 @@ class Vehicle:
     def _set_interval(self, message_id: int, interval_us: float) -> None:
         self._periods_s.pop(message_id, None)
         if interval_us >= 0.0:
-            self._periods_s[message_id] = max(STEP_S, interval_us * 1e-6)
+            self._periods_s[message_id] = max(STREAM_S, interval_us * 1e-6)
             self._due_s[message_id] = self._scheduler.now_s

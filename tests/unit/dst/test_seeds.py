@@ -12,10 +12,10 @@ from dst.edge_process import prepared_folder
 from dst.report import text_of
 from dst.simulate import Outcome, simulate
 
-FIXED = range(1, 5)
-MORE = range(5, 45)
+FIXED = range(1, 10)
+MORE = range(10, 110)
 DAYS = range(1, 4)
-FRESH = 1
+FRESH = 2
 LARGEST_SEED = 10**6
 IS_CI = bool(os.environ.get("CI"))
 """Whether a change decides over the result, not chance."""
