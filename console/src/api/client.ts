@@ -48,6 +48,15 @@ export interface Request {
   timeoutMs?: number;
   /** Makes a repetition of a write harmless. */
   idempotencyKey?: string;
+  /** Writes only what still has this tag; otherwise the answer is 412. */
+  ifMatch?: string;
+}
+
+/** What was read, and the tag by which the edge server knows whether it has changed since. */
+export interface Tagged<Value> {
+  value: Value;
+  /** Empty where the edge server has given none. */
+  tag: string;
 }
 
 /** Sends a request and gives its JSON body; raises RequestError. */
@@ -56,6 +65,12 @@ export async function request<Body>(path: string, options: Request = {}): Promis
   if (response.status === 204) return undefined as Body;
   const text = await response.text();
   return (text === "" ? undefined : JSON.parse(text)) as Body;
+}
+
+/** Reads a resource with its tag; raises RequestError. */
+export async function requestTagged<Body>(path: string): Promise<Tagged<Body>> {
+  const response = await send(path, {});
+  return { value: (await response.json()) as Body, tag: response.headers.get("ETag") ?? "" };
 }
 
 /** Sends a request and gives its body as text; raises RequestError. */
@@ -68,6 +83,7 @@ async function send(path: string, options: Request): Promise<Response> {
   const headers: Record<string, string> = { Accept: "application/json" };
   if (method !== "GET" && csrfToken !== null) headers["X-CSRF-Token"] = csrfToken;
   if (options.idempotencyKey !== undefined) headers["Idempotency-Key"] = options.idempotencyKey;
+  if (options.ifMatch) headers["If-Match"] = options.ifMatch;
   let body: BodyInit | null = null;
   if (options.file !== undefined) {
     headers["Content-Type"] = contentType(options.file.name);

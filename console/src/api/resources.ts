@@ -1,9 +1,9 @@
 /** The edge server's resources that the console reads and writes. */
 
-import { request, requestText } from "./client";
+import { request, requestTagged, requestText, type Tagged } from "./client";
 import type {
-  AccessKey, Alarm, Command, DeadLetter, Flight, FlightObservations, FlownCommand, Picture, Plan,
-  PlannedSurvey, StoredEvent, StoredField, SurveyOrder, User, Vehicle,
+  AccessKey, Alarm, DeadLetter, Flight, FlightObservations, FlownCommand, Picture, Plan,
+  PlanDocument, PlannedSurvey, StoredEvent, StoredField, SurveyOrder, User, Vehicle,
 } from "./types";
 
 const PAGE = 500;
@@ -38,8 +38,10 @@ export interface FieldDraft {
 
 export const createField = (draft: FieldDraft): Promise<StoredField> =>
   request("/fields/", { method: "POST", body: draft });
-export const replaceField = (id: number, draft: FieldDraft): Promise<StoredField> =>
-  request(`/fields/${id}`, { method: "PUT", body: draft });
+export const getField = (id: number): Promise<Tagged<StoredField>> => requestTagged(`/fields/${id}`);
+/** Replaces a field that still has this tag; raises RequestError 412 for any other. */
+export const replaceField = (id: number, draft: FieldDraft, tag: string): Promise<StoredField> =>
+  request(`/fields/${id}`, { method: "PUT", body: draft, ifMatch: tag });
 export const deleteField = (id: number): Promise<void> =>
   request(`/fields/${id}`, { method: "DELETE" });
 /** Stores every field of a GeoJSON, KML or KMZ file, or none of them. */
@@ -62,27 +64,18 @@ export const createSurvey = (order: SurveyOrder, idempotencyKey: string): Promis
 export const listPlans = (since: Date): Promise<Plan[]> =>
   allOf(`/plans/?since=${encodeURIComponent(since.toISOString())}`);
 export const getPlan = (reference: string): Promise<Plan> => request(`/plans/${reference}`);
+export const getTaggedPlan = (reference: string): Promise<Tagged<Plan>> =>
+  requestTagged(`/plans/${reference}`);
 export const dispatchPlan = (id: number): Promise<Plan> =>
   request(`/plans/${id}/dispatch`, { method: "POST" });
 export const deletePlan = (id: number): Promise<void> =>
   request(`/plans/${id}`, { method: "DELETE" });
 
-/** A plan of one mission as the editor makes it. */
-export interface Draft {
-  name: string;
-  dispatch: boolean;
-  missions: {
-    mission_id: number;
-    vehicle_id: number;
-    maximum_speed?: number;
-    command_array: Command[];
-  }[];
-}
-
-export const createPlan = (draft: Draft): Promise<Plan> =>
-  request("/plans/", { method: "POST", body: draft });
-export const replacePlan = (id: number, draft: Draft): Promise<Plan> =>
-  request(`/plans/${id}`, { method: "PUT", body: draft });
+export const createPlan = (document: PlanDocument): Promise<Plan> =>
+  request("/plans/", { method: "POST", body: document });
+/** Replaces a plan that still has this tag; raises RequestError 412 for any other. */
+export const replacePlan = (id: number, document: PlanDocument, tag: string): Promise<Plan> =>
+  request(`/plans/${id}`, { method: "PUT", body: document, ifMatch: tag });
 /** Stores a plan document as it is in a file, held until somebody dispatches it. */
 export const createPlanFromDocument = (document: object): Promise<Plan> =>
   request("/plans/", { method: "POST", body: { ...document, dispatch: false } });

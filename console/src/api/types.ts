@@ -49,6 +49,7 @@ export interface CommandState extends Command {
 
 /** A mission of a stored plan. */
 export interface Mission {
+  sequence_number?: number;
   mission_id: number;
   vehicle_id: number;
   maximum_speed?: number | null;
@@ -59,11 +60,35 @@ export interface Mission {
   command_array: CommandState[];
 }
 
+/** A plan as it is sent and kept in a file: without numbers and statuses of the edge server. */
+export interface PlanDocument {
+  name?: string | null;
+  sequence_number?: number;
+  field_id?: number | null;
+  profile?: string;
+  expires_at?: string;
+  dispatch?: boolean;
+  geofence?: object | null;
+  rally_points?: object[];
+  missions: {
+    sequence_number?: number;
+    mission_id: number;
+    vehicle_id: number;
+    maximum_speed?: number | null;
+    command_array: Command[];
+  }[];
+}
+
 /** A stored plan with its live statuses. */
 export interface Plan {
   id: number;
   plan_id: string;
   name?: string | null;
+  sequence_number?: number;
+  field_id?: number | null;
+  profile?: string;
+  geofence?: object | null;
+  rally_points?: object[];
   received_at: string;
   expires_at: string;
   plan_status_id: StatusId;

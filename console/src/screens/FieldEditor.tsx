@@ -1,84 +1,96 @@
 import { lazy, Suspense, useMemo, useRef, useState } from "react";
 import { useTranslation } from "react-i18next";
-import { RequestError } from "../api/client";
-import { createField, deleteField, listFields, replaceField } from "../api/resources";
+import { RequestError, type Tagged } from "../api/client";
+import { createField, deleteField, getField, listFields, replaceField } from "../api/resources";
 import type { StoredField } from "../api/types";
 import { useUnits } from "../app/preferences";
-import { go, linkTo } from "../app/route";
+import { go, linkTo, setGuard } from "../app/route";
 import { useIsOperator } from "../app/session_context";
 import { Button } from "../controls/Button";
 import { Dialog } from "../controls/Dialog";
 import { TextField } from "../controls/fields";
 import { Icon } from "../controls/Icon";
 import { ErrorNotice, Notice, Skeleton } from "../controls/states";
-import { useUndoKeys } from "../controls/use_undo_keys";
 import { describeError } from "../i18n/describe_error";
 import { useLive } from "../live/use_live";
 import { asRequestError, useResource } from "../live/use_resource";
 import { farmExtent } from "../map/farm_extent";
 import { collection, fieldFeatures } from "../map/features";
-import { begin, change as record, redo, undo } from "../planning/history";
+import { fieldChanges, isSame, isSameField } from "../planning/changes";
 import {
   draftOf, EMPTY, fieldArea_m2, isComplete, nextCorner, outlineOf, presentRing, ringOf, ringOfFault,
   withCorner, withMovedCorner, withoutCorner, withRing, type Corner, type Outline, type Ring, type RingName,
 } from "../planning/outline";
+import { save as saveOver } from "../planning/saving";
+import { ConflictNotice } from "./ConflictNotice";
 import { CornerForm } from "./CornerForm";
+import { RestoredNotice, StepButtons } from "./EditingState";
+import { LeaveWarning } from "./LeaveWarning";
 import { RingList } from "./RingList";
 import { useCornerSymbols } from "./use_corner_symbols";
+import { useEditing } from "./use_editing";
 import { useFleetSymbols } from "./use_fleet_symbols";
+import { useSaving } from "./use_saving";
 
 const FarmMap = lazy(() => import("../map/FarmMap"));
 const DEFAULT_START: Corner = [40.4434, -3.7382];
 const nothing = () => undefined;
 
+interface FieldForm {
+  name: string;
+  outline: Outline;
+}
+
+function formOf(field: StoredField | null): FieldForm {
+  return field === null ? { name: "", outline: EMPTY } : { name: field.name ?? "", outline: outlineOf(field) };
+}
+
 /** A new field, or one that is stored. */
 export default function FieldEditor({ id }: { id: number | null }) {
   const fields = useResource(listFields);
-  if (fields.value === null) {
+  const read = useResource(() => (id === null ? Promise.resolve(null) : getField(id)));
+  const error = fields.error ?? read.error;
+  if (fields.value === null || (id !== null && read.value === null)) {
+    const reload = () => [fields, read].forEach((one) => one.reload());
     return (
       <div className="screen">
-        {fields.error ? <ErrorNotice error={fields.error} retry={fields.reload} /> : <Skeleton />}
+        {error ? <ErrorNotice error={error} retry={reload} /> : <Skeleton />}
       </div>
     );
   }
-  const field = fields.value.find((one) => one.id === id) ?? null;
-  if (id !== null && field === null) {
-    return (
-      <div className="screen">
-        <ErrorNotice error={new RequestError(404, "")} retry={fields.reload} />
-      </div>
-    );
-  }
-  return <Editor field={field} others={fields.value.filter((one) => one.id !== id)} />;
+  return <Editor read={read.value} others={fields.value.filter((one) => one.id !== id)} />;
 }
 
-function Editor({ field, others }: { field: StoredField | null; others: StoredField[] }) {
+function Editor({ read, others }: { read: Tagged<StoredField> | null; others: StoredField[] }) {
   const { t } = useTranslation();
   const units = useUnits();
   const vehicles = useLive((state) => state.vehicles);
-  const [name, setName] = useState(field?.name ?? "");
-  const [history, setHistory] = useState(() => begin(field === null ? EMPTY : outlineOf(field)));
   const [chosenRing, setChosenRing] = useState<RingName>("boundary");
   const [selected, setSelected] = useState<number | null>(null);
-  const [error, setError] = useState<RequestError | null>(null);
-  const [isBusy, setBusy] = useState(false);
+  const saving = useSaving<StoredField>();
+  const { error, conflict, isBusy } = saving;
+  const editing = useEditing<FieldForm, StoredField>({
+    name: `fields/${read?.value.id ?? "new"}`,
+    read,
+    stateOf: formOf,
+    stepped: () => {
+      setSelected(null);
+      saving.forget();
+    },
+  });
+  const field = read?.value ?? null;
   const dragged = useRef<number | null>(null);
-  const outline = history.present;
+  const drags = useRef(0);
+  const { name, outline } = editing.present;
   const ringName = presentRing(outline, chosenRing);
   const ring = ringOf(outline, ringName);
 
-  const change = (update: (present: Outline) => Outline, isContinued = false) => {
-    setHistory((all) => record(all, update(all.present), isContinued));
-    setError(null);
+  const change = (update: (present: Outline) => Outline, continued?: string) => {
+    editing.change((present) => ({ ...present, outline: update(present.outline) }), continued);
+    if (error !== null) saving.forget();
   };
-  const changeRing = (update: (present: Ring) => Ring, isContinued = false) =>
-    change((present) => withRing(present, ringName, update(ringOf(present, ringName))), isContinued);
-  const step = (to: typeof undo) => {
-    setHistory((all) => to(all));
-    setSelected(null);
-    setError(null);
-  };
-  useUndoKeys(() => step(undo), () => step(redo));
+  const changeRing = (update: (present: Ring) => Ring, continued?: string) =>
+    change((present) => withRing(present, ringName, update(ringOf(present, ringName))), continued);
   const choose = (chosen: RingName) => {
     setChosenRing(chosen);
     setSelected(null);
@@ -92,22 +104,35 @@ function Editor({ field, others }: { field: StoredField | null; others: StoredFi
     setSelected(null);
   };
   const move = (index: number, corner: Corner, isDropped = true) => {
-    const isContinued = dragged.current === index;
+    drags.current += dragged.current === index ? 0 : 1;
     dragged.current = isDropped ? null : index;
-    changeRing((present) => withMovedCorner(present, index, corner), isContinued);
+    changeRing((present) => withMovedCorner(present, index, corner), `drag ${drags.current}`);
+  };
+  const stored = () => {
+    editing.forget();
+    setGuard(null);
+    go("fields");
   };
   const save = () => {
-    setBusy(true);
     const draft = draftOf(name, outline);
-    (field === null ? createField(draft) : replaceField(field.id, draft))
-      .then(() => go("fields"))
-      .catch((reason: unknown) => {
-        const refusal = asRequestError(reason);
-        setError(refusal);
-        const first = refusal.faults.map((fault) => ringOfFault(fault.path)).find((one) => one !== null);
-        if (first) choose(first);
-      })
-      .finally(() => setBusy(false));
+    const base = editing.base;
+    const work = () =>
+      base === null
+        ? createField(draft)
+        : saveOver(base, {
+            put: (tag) => replaceField(base.value.id, draft, tag),
+            read: () => getField(base.value.id),
+            isSame: isSameField,
+            isMine: (theirs) => isSame(formOf(theirs), { name: name.trim(), outline }),
+          });
+    saving.run(work, stored, (refusal) => {
+      const first = refusal.faults.map((fault) => ringOfFault(fault.path)).find((one) => one !== null);
+      if (first) choose(first);
+    });
+  };
+  const copy = () => {
+    const shown = name.trim() || t("fields.unnamed", { id: field?.id });
+    saving.run(() => createField(draftOf(t("conflict.copy_of", { name: shown }), outline)), stored);
   };
 
   const fleet = useFleetSymbols(others, null, nothing);
@@ -140,6 +165,7 @@ function Editor({ field, others }: { field: StoredField | null; others: StoredFi
 
   return (
     <div className="split">
+      <LeaveWarning isChanged={editing.isChanged} discard={editing.forget} />
       <div className="split-map is-drawn-on">
         <Suspense fallback={<div className="farm-map" />}>
           <FarmMap
@@ -157,10 +183,26 @@ function Editor({ field, others }: { field: StoredField | null; others: StoredFi
           <Icon name="back" /> {t("fields.title")}
         </a>
         <h1>{t(field === null ? "fields.new" : "fields.edit")}</h1>
+        <RestoredNotice editing={editing} />
+        {conflict && (
+          <ConflictNotice
+            kind="field"
+            changes={conflict.theirs && editing.base && fieldChanges(editing.base.value, conflict.theirs.value)}
+            isBusy={isBusy}
+            load={() => {
+              if (conflict.theirs) editing.rebase(conflict.theirs);
+              saving.forget();
+            }}
+            copy={copy}
+          />
+        )}
         <TextField
           label={t("fields.name")}
           value={name}
-          onChange={(event) => setName(event.target.value)}
+          onChange={(event) => {
+            const typed = event.target.value;
+            editing.change((present) => ({ ...present, name: typed }), "name");
+          }}
           maxLength={120}
           error={error?.faults.find((fault) => fault.path === "name")?.text}
         />
@@ -180,12 +222,7 @@ function Editor({ field, others }: { field: StoredField | null; others: StoredFi
         />
         <p className="muted small">{t("fields.map_hint")}</p>
         <div className="actions">
-          <Button icon="undo" disabled={history.past.length === 0} onClick={() => step(undo)}>
-            {t("editor.undo")}
-          </Button>
-          <Button icon="redo" disabled={history.future.length === 0} onClick={() => step(redo)}>
-            {t("editor.redo")}
-          </Button>
+          <StepButtons editing={editing} />
           <Button icon="add" onClick={() => add(nextCorner(ring, start()))}>
             {t("fields.add_corner")}
           </Button>
@@ -213,7 +250,7 @@ function Editor({ field, others }: { field: StoredField | null; others: StoredFi
           <Button kind="primary" isBusy={isBusy} disabled={!isComplete(outline)} onClick={save}>
             {t("fields.save")}
           </Button>
-          {field !== null && <DeleteButton field={field} />}
+          {field !== null && <DeleteButton field={field} deleted={stored} />}
         </div>
       </section>
     </div>
@@ -221,7 +258,7 @@ function Editor({ field, others }: { field: StoredField | null; others: StoredFi
 }
 
 /** Deletes a field after a question; plans that were made of it stay. */
-function DeleteButton({ field }: { field: StoredField }) {
+function DeleteButton({ field, deleted }: { field: StoredField; deleted: () => void }) {
   const { t } = useTranslation();
   const isOperator = useIsOperator();
   const [isAsking, setAsking] = useState(false);
@@ -229,7 +266,7 @@ function DeleteButton({ field }: { field: StoredField }) {
   if (!isOperator) return null;
   const remove = () => {
     deleteField(field.id)
-      .then(() => go("fields"))
+      .then(deleted)
       .catch((reason: unknown) => setError(asRequestError(reason)));
   };
   return (

@@ -1,29 +1,36 @@
 import { lazy, Suspense, useEffect, useMemo, useRef, useState } from "react";
 import { useTranslation } from "react-i18next";
-import { RequestError } from "../api/client";
-import { createPlan, getPlan, listFields, replacePlan, type Draft } from "../api/resources";
-import type { Command, Plan } from "../api/types";
-import { go, linkTo } from "../app/route";
+import type { Tagged } from "../api/client";
+import { createPlan, getTaggedPlan, listFields, replacePlan } from "../api/resources";
+import type { Command, Plan, PlanDocument } from "../api/types";
+import { go, linkTo, setGuard } from "../app/route";
 import { useIsOperator } from "../app/session_context";
 import { Button } from "../controls/Button";
 import { SelectField, TextField } from "../controls/fields";
 import { Icon } from "../controls/Icon";
 import { ErrorNotice, Notice, Skeleton } from "../controls/states";
-import { useUndoKeys } from "../controls/use_undo_keys";
 import { describeError } from "../i18n/describe_error";
 import { useLive } from "../live/use_live";
-import { asRequestError, useResource } from "../live/use_resource";
+import { useResource } from "../live/use_resource";
 import { extentOf } from "../map/extent";
 import { collection, fieldFeatures, placeOf, routeFeatures } from "../map/features";
 import { waypointElement } from "../map/markers";
+import { isSamePlan, planChanges } from "../planning/changes";
 import {
   COMMAND_TYPES, hasPlace, HOME, newCommand, parametersOf, placeOfFault, problemOf, renumbered,
   rounded, TAKEOFF, WAYPOINT,
 } from "../planning/command_forms";
-import { begin, change as record, redo, undo } from "../planning/history";
-import { HeightProfile } from "./HeightProfile";
-import { fieldNames } from "./use_fleet_symbols";
+import { documentOf, newMissionId, renumberedFrom } from "../planning/plan_document";
+import { formOf, isSameForm, withForm, type PlanForm } from "../planning/plan_form";
+import { save as saveOver } from "../planning/saving";
 import { CommandForm } from "./CommandForm";
+import { ConflictNotice } from "./ConflictNotice";
+import { RestoredNotice, StepButtons } from "./EditingState";
+import { HeightProfile } from "./HeightProfile";
+import { LeaveWarning } from "./LeaveWarning";
+import { useEditing } from "./use_editing";
+import { fieldNames } from "./use_fleet_symbols";
+import { useSaving } from "./use_saving";
 
 const FarmMap = lazy(() => import("../map/FarmMap"));
 
@@ -31,10 +38,10 @@ const FarmMap = lazy(() => import("../map/FarmMap"));
 export default function PlanEditor({ reference }: { reference: string | null }) {
   const { t } = useTranslation();
   const plan = useResource(
-    () => (reference === null ? Promise.resolve(null) : getPlan(reference)),
+    () => (reference === null ? Promise.resolve(null) : getTaggedPlan(reference)),
     reference ?? "",
   );
-  if (reference === null) return <Editor plan={null} />;
+  if (reference === null) return <Editor read={null} />;
   if (plan.value === null) {
     return (
       <div className="screen">
@@ -42,48 +49,52 @@ export default function PlanEditor({ reference }: { reference: string | null }) 
       </div>
     );
   }
-  const isOpen = plan.value.missions.every((one) => ["held", "queued"].includes(one.dispatch_state));
-  const problem = plan.value.missions.length > 1 ? "several" : isOpen ? null : "not_editable";
+  const { id, missions } = plan.value.value;
+  const isOpen = missions.every((one) => ["held", "queued"].includes(one.dispatch_state));
+  const problem = missions.length > 1 ? "several" : isOpen ? null : "not_editable";
   if (problem !== null) {
     return (
       <div className="screen">
         <Notice kind="info">{t(`editor.${problem}`)}</Notice>
-        <a className="back-link" {...linkTo(`plans/${plan.value.id}`)}>
+        <a className="back-link" {...linkTo(`plans/${id}`)}>
           <Icon name="back" /> {t("action.back")}
         </a>
       </div>
     );
   }
-  return <Editor plan={plan.value} />;
+  return <Editor read={plan.value} />;
 }
 
-function Editor({ plan }: { plan: Plan | null }) {
+function Editor({ read }: { read: Tagged<Plan> | null }) {
   const { t } = useTranslation();
   const isOperator = useIsOperator();
   const vehicles = useLive((state) => state.vehicles);
   const fields = useResource(listFields);
-  const mission = plan?.missions[0];
-  const [name, setName] = useState(plan?.name ?? "");
-  const [vehicleId, setVehicleId] = useState<number | null>(mission?.vehicle_id ?? null);
-  const [speed, setSpeed] = useState(String(mission?.maximum_speed ?? 5));
-  const [history, setHistory] = useState(() => begin((mission?.command_array ?? []).map(bare)));
-  const commands = history.present;
   const dragged = useRef<number | null>(null);
+  const drags = useRef(0);
   const [open, setOpen] = useState<number | null>(null);
-  const [error, setError] = useState<RequestError | null>(null);
-  const [isBusy, setBusy] = useState(false);
-  const chosen = vehicleId ?? [...vehicles.keys()][0] ?? 1;
+  const saving = useSaving<Plan>();
+  const { error, conflict, isBusy } = saving;
+  const editing = useEditing<PlanForm, Plan>({
+    name: `plans/${read?.value.id ?? "new"}`,
+    read,
+    stateOf: formOf,
+    stepped: () => {
+      setOpen(null);
+      saving.forget();
+    },
+  });
+  const plan = read?.value ?? null;
+  const form = editing.present;
+  const commands = form.commands;
+  const chosen = form.vehicleId ?? [...vehicles.keys()][0] ?? 1;
 
-  const change = (update: (present: Command[]) => Command[], isContinued = false) => {
-    setHistory((all) => record(all, renumbered(update(all.present)), isContinued));
-    setError(null);
+  const changeForm = (part: Partial<PlanForm>, continued?: string) =>
+    editing.change((present) => ({ ...present, ...part }), continued);
+  const change = (update: (present: Command[]) => Command[], continued?: string) => {
+    editing.change((present) => ({ ...present, commands: renumbered(update(present.commands)) }), continued);
+    if (error !== null) saving.forget();
   };
-  const step = (to: typeof undo) => {
-    setHistory((all) => to(all));
-    setOpen(null);
-    setError(null);
-  };
-  useUndoKeys(() => step(undo), () => step(redo));
   const add = (type: number, place: { latitude: number; longitude: number }) => {
     // A flight begins with a takeoff and, until somebody decides otherwise, ends at home
     change((present) => {
@@ -98,7 +109,7 @@ function Editor({ plan }: { plan: Plan | null }) {
     });
   };
   const move = (index: number, latitude: number, longitude: number, isDropped: boolean) => {
-    const isContinued = dragged.current === index;
+    drags.current += dragged.current === index ? 0 : 1;
     dragged.current = isDropped ? null : index;
     change((present) =>
       present.map((one, at) =>
@@ -106,7 +117,7 @@ function Editor({ plan }: { plan: Plan | null }) {
           ? { ...one, parameters: { ...one.parameters, latitude: rounded(latitude), longitude: rounded(longitude) } }
           : one,
       ),
-      isContinued,
+      `drag ${drags.current}`,
     );
   };
   const swap = (index: number, other: number) =>
@@ -120,29 +131,38 @@ function Editor({ plan }: { plan: Plan | null }) {
   const hasProblem = commands.some((command) =>
     parametersOf(command.command_type_id).some((one) => problemOf(one, command.parameters[one.name]) !== null),
   );
-  const save = (dispatch: boolean) => {
-    const draft: Draft = {
-      name: name.trim() || t("editor.title_new"),
+  const draftFor = (dispatch: boolean): PlanDocument =>
+    withForm(editing.base === null ? null : documentOf(editing.base.value), {
+      form: { ...form, name: form.name.trim() || t("editor.title_new") },
+      vehicleId: chosen,
+      missionId: newMissionId(Date.now()),
       dispatch,
-      missions: [
-        {
-          mission_id: mission?.mission_id ?? Math.floor(Date.now() / 1000) % 2_000_000_000,
-          vehicle_id: chosen,
-          maximum_speed: Number(speed),
-          command_array: commands,
-        },
-      ],
-    };
-    setBusy(true);
-    (plan === null ? createPlan(draft) : replacePlan(plan.id, draft))
-      .then((stored) => go(`plans/${stored.id}`))
-      .catch((reason: unknown) => {
-        const refusal = asRequestError(reason);
-        setError(refusal);
-        const first = refusal.faults.map((fault) => placeOfFault(fault.path)).find((one) => one !== null);
-        if (first) setOpen(first.index);
-      })
-      .finally(() => setBusy(false));
+    });
+  const stored = ({ id }: Plan) => {
+    editing.forget();
+    setGuard(null);
+    go(`plans/${id}`);
+  };
+  const save = (dispatch: boolean) => {
+    const document = draftFor(dispatch);
+    const base = editing.base;
+    const work = () =>
+      base === null
+        ? createPlan(document)
+        : saveOver(base, {
+            put: (tag) => replacePlan(base.value.id, document, tag),
+            read: () => getTaggedPlan(String(base.value.id)),
+            isSame: isSamePlan,
+            isMine: (theirs) => !dispatch && isSameForm(formOf(theirs), { ...form, vehicleId: chosen }),
+          });
+    saving.run(work, stored, (refusal) => {
+      const first = refusal.faults.map((fault) => placeOfFault(fault.path)).find((one) => one !== null);
+      if (first) setOpen(first.index);
+    });
+  };
+  const copy = () => {
+    const document = renumberedFrom(draftFor(false), newMissionId(Date.now()));
+    saving.run(() => createPlan({ ...document, name: t("conflict.copy_of", { name: document.name }) }), stored);
   };
 
   const faultsOf = (index: number) =>
@@ -191,6 +211,7 @@ function Editor({ plan }: { plan: Plan | null }) {
 
   return (
     <div className="split">
+      <LeaveWarning isChanged={editing.isChanged} discard={editing.forget} />
       <div className="split-map">
         <Suspense fallback={<div className="farm-map" />}>
           <FarmMap
@@ -208,6 +229,19 @@ function Editor({ plan }: { plan: Plan | null }) {
           <Icon name="back" /> {t("action.back")}
         </a>
         <h1>{t(plan === null ? "editor.title_new" : "editor.title_edit")}</h1>
+        <RestoredNotice editing={editing} />
+        {conflict && (
+          <ConflictNotice
+            kind="plan"
+            changes={conflict.theirs && editing.base && planChanges(editing.base.value, conflict.theirs.value)}
+            isBusy={isBusy}
+            load={() => {
+              if (conflict.theirs) editing.rebase(conflict.theirs);
+              saving.forget();
+            }}
+            copy={copy}
+          />
+        )}
         {error && (
           <Notice kind="error">
             <p>{error.faults.length > 0 ? t("editor.faults") : describeError(error, t)}</p>
@@ -218,9 +252,9 @@ function Editor({ plan }: { plan: Plan | null }) {
             </ul>
           </Notice>
         )}
-        <TextField label={t("editor.name")} value={name} onChange={(event) => setName(event.target.value)} maxLength={120} />
+        <TextField label={t("editor.name")} value={form.name} onChange={(event) => changeForm({ name: event.target.value }, "name")} maxLength={120} />
         <div className="form-line">
-          <SelectField label={t("editor.vehicle")} value={chosen} onChange={(event) => setVehicleId(Number(event.target.value))}>
+          <SelectField label={t("editor.vehicle")} value={chosen} onChange={(event) => changeForm({ vehicleId: Number(event.target.value) })}>
             {[...new Set([chosen, ...vehicles.keys()])].map((id) => (
               <option key={id} value={id}>
                 {t("vehicle.name", { id })}
@@ -233,17 +267,12 @@ function Editor({ plan }: { plan: Plan | null }) {
             inputMode="decimal"
             min={0.1}
             step="any"
-            value={speed}
-            onChange={(event) => setSpeed(event.target.value)}
+            value={form.speed}
+            onChange={(event) => changeForm({ speed: event.target.value }, "speed")}
           />
         </div>
         <div className="actions">
-          <Button icon="undo" disabled={history.past.length === 0} onClick={() => step(undo)}>
-            {t("editor.undo")}
-          </Button>
-          <Button icon="redo" disabled={history.future.length === 0} onClick={() => step(redo)}>
-            {t("editor.redo")}
-          </Button>
+          <StepButtons editing={editing} />
         </div>
         <HeightProfile commands={commands} open={open} />
         {commands.length > 0 && <p className="muted small">{t("editor.map_hint")}</p>}
@@ -293,11 +322,6 @@ function Editor({ plan }: { plan: Plan | null }) {
       </section>
     </div>
   );
-}
-
-/** A command as it is sent: without its status. */
-function bare({ command_id, command_type_id, parameters }: Command): Command {
-  return { command_id, command_type_id, parameters };
 }
 
 /** Where a command is put that was chosen from the list: at the last place, or in the first field. */

@@ -17,6 +17,9 @@ def make(edge: Edge, kind: str) -> tuple[str, Any]:
     if kind == "pose":
         posted = edge.report("pose", telemetry("pose")).json or {}
         return f"/pose/{posted['id']}", telemetry("pose", 9)
+    if kind == "field":
+        posted = edge.ask("POST", "/fields/", "farmer", json=FIELD).json or {}
+        return f"/fields/{posted['id']}", {**FIELD, "name": "South field"}
     return "/vehicles/1", {"link_state": "lost"}
 
 
@@ -25,7 +28,7 @@ def put(edge: Edge, path: str, body: Any, **headers: str) -> Any:
     return edge.ask("PUT", path, "admin", json=body, headers=named)
 
 
-KINDS = pytest.mark.parametrize("kind", ["plan", "pose", "vehicle"])
+KINDS = pytest.mark.parametrize("kind", ["plan", "field", "pose", "vehicle"])
 
 
 @pytest.mark.first_case

@@ -1,0 +1,56 @@
+/** Saving what several people may edit: nobody overwrites what they have not seen. */
+
+import { RequestError, type Tagged } from "../api/client";
+
+/** Somebody else has changed what was to be saved, or deleted it (`theirs` is null). */
+export class ChangedError<Value> extends Error {
+  constructor(readonly theirs: Tagged<Value> | null) {
+    super("changed by somebody else");
+  }
+}
+
+const MOST_ATTEMPTS = 3;
+const GONE = 404;
+const PRECONDITION_FAILED = 412;
+
+/** How one kind of resource is saved. */
+export interface Saving<Value> {
+  /** Replaces what still has this tag. */
+  put: (tag: string) => Promise<Value>;
+  read: () => Promise<Tagged<Value>>;
+  /** Whether two versions have the same content; a live status is none of it. */
+  isSame: (one: Value, other: Value) => boolean;
+  /** Whether a version is what was to be saved: the answer to an earlier attempt was lost. */
+  isMine: (theirs: Value) => boolean;
+}
+
+/** Replaces `base` as it was read.
+ *
+ * Raises ChangedError if its content has changed since; RequestError as the edge server refuses it.
+ */
+export async function save<Value>(base: Tagged<Value>, saving: Saving<Value>): Promise<Value> {
+  let tag = base.tag;
+  for (let attempt = 1; ; attempt += 1) {
+    try {
+      return await saving.put(tag);
+    } catch (reason) {
+      const status = reason instanceof RequestError ? reason.status : null;
+      if (status === GONE) throw new ChangedError<Value>(null);
+      if (status !== PRECONDITION_FAILED || attempt === MOST_ATTEMPTS) throw reason;
+    }
+    const theirs = await present(saving.read);
+    if (theirs === null) throw new ChangedError<Value>(null);
+    if (saving.isMine(theirs.value)) return theirs.value;
+    if (!saving.isSame(base.value, theirs.value)) throw new ChangedError(theirs);
+    tag = theirs.tag;
+  }
+}
+
+async function present<Value>(read: () => Promise<Tagged<Value>>): Promise<Tagged<Value> | null> {
+  try {
+    return await read();
+  } catch (reason) {
+    if (reason instanceof RequestError && reason.status === GONE) return null;
+    throw reason;
+  }
+}

@@ -1,0 +1,98 @@
+/** What an editor edits: steps back and forward, and whether it differs from what is stored. */
+
+import { useEffect, useMemo, useRef, useState } from "react";
+import type { Tagged } from "../api/client";
+import { useSession } from "../app/session_context";
+import { useUndoKeys } from "../controls/use_undo_keys";
+import { isSame } from "../planning/changes";
+import { Drafts } from "../planning/drafts";
+import { begin, change as record, redo, undo, type History } from "../planning/history";
+
+export interface Editing<State, Value> {
+  present: State;
+  /** The version that is edited; null for something new. */
+  base: Tagged<Value> | null;
+  isChanged: boolean;
+  /** When the draft was written that this browser had kept; null without one. */
+  restoredAtMs: number | null;
+  canUndo: boolean;
+  canRedo: boolean;
+  /** Makes a new state; those with the same name after each other are one step back. */
+  change: (update: (present: State) => State, continued?: string) => void;
+  undo: () => void;
+  redo: () => void;
+  /** Takes another version as the base; what was edited is one step back. */
+  rebase: (base: Tagged<Value>) => void;
+  /** Goes back to the version as it was read; what was edited is one step back. */
+  discard: () => void;
+  /** Forgets the draft: it is saved, or nobody wants it. */
+  forget: () => void;
+}
+
+export function useEditing<State, Value>({ name, read, stateOf, stepped }: {
+  /** Under which the draft is kept. */
+  name: string;
+  /** The version as it was read; null for something new. */
+  read: Tagged<Value> | null;
+  stateOf: (value: Value | null) => State;
+  /** Called after a step back or forward. */
+  stepped: () => void;
+}): Editing<State, Value> {
+  const { session } = useSession();
+  const drafts = useMemo(() => new Drafts(window.localStorage, session.name), [session.name]);
+  const [kept] = useState(() => drafts.read<State, Value>(name));
+  const [base, setBase] = useState(kept === null ? read : kept.base);
+  const [restoredAtMs, setRestoredAtMs] = useState(kept?.at_ms ?? null);
+  const [history, setHistory] = useState<History<State>>(() => {
+    const first = begin(stateOf(base?.value ?? null));
+    return kept === null ? first : record(first, kept.state);
+  });
+  const last = useRef<string | undefined>(undefined);
+  const isForgotten = useRef(false);
+  const present = history.present;
+  const stored = useMemo(() => stateOf(base?.value ?? null), [base]);
+  const isChanged = !isSame(stored, present);
+
+  useEffect(() => {
+    if (isForgotten.current) return;
+    if (isChanged) drafts.write(name, { at_ms: Date.now(), base, state: present });
+    else drafts.remove(name);
+  }, [drafts, name, base, present, isChanged]);
+
+  const change = (update: (present: State) => State, continued?: string) => {
+    const isContinued = continued !== undefined && continued === last.current;
+    last.current = continued;
+    setHistory((all) => record(all, update(all.present), isContinued));
+  };
+  const step = (to: typeof undo) => {
+    last.current = undefined;
+    setHistory((all) => to(all));
+    stepped();
+  };
+  const steps = { undo: () => step(undo), redo: () => step(redo) };
+  useUndoKeys(steps.undo, steps.redo);
+  return {
+    present,
+    base,
+    isChanged,
+    restoredAtMs,
+    canUndo: history.past.length > 0,
+    canRedo: history.future.length > 0,
+    change,
+    ...steps,
+    rebase: (version) => {
+      setBase(version);
+      setRestoredAtMs(null);
+      change(() => stateOf(version.value));
+    },
+    discard: () => {
+      setBase(read);
+      setRestoredAtMs(null);
+      change(() => stateOf(read?.value ?? null));
+    },
+    forget: () => {
+      isForgotten.current = true;
+      drafts.remove(name);
+    },
+  };
+}

@@ -1,0 +1,48 @@
+import { expect, test } from "vitest";
+import { Drafts } from "../src/planning/drafts";
+
+/** The browser's storage; `isFull` refuses what is written. */
+class MemoryStorage {
+  items = new Map<string, string>();
+  isFull = false;
+  get length() { return this.items.size; }
+  key(index: number) { return [...this.items.keys()][index] ?? null; }
+  getItem(key: string) { return this.items.get(key) ?? null; }
+  removeItem(key: string) { this.items.delete(key); }
+  setItem(key: string, value: string) {
+    if (this.isFull) throw new Error("quota");
+    this.items.set(key, value);
+  }
+}
+
+const draft = (state: string, at_ms = 1) => ({ at_ms, base: { value: "stored", tag: "t" }, state });
+
+test("a draft is there again with the version that it was made of", () => {
+  const place = new MemoryStorage();
+  new Drafts(place, "ana").write("plans/7", draft("mine"));
+  expect(new Drafts(place, "ana").read("plans/7")).toEqual(draft("mine"));
+});
+
+test("nobody gets a draft of another person, or of another plan", () => {
+  const place = new MemoryStorage();
+  new Drafts(place, "ana").write("plans/7", draft("mine"));
+  expect(new Drafts(place, "juan").read("plans/7")).toBeNull();
+  expect(new Drafts(place, "ana").read("plans/8")).toBeNull();
+});
+
+test("the oldest drafts are forgotten", () => {
+  const drafts = new Drafts(new MemoryStorage(), "ana");
+  for (let index = 0; index < 25; index += 1) drafts.write(`plans/${index}`, draft("mine", index));
+  expect(drafts.read("plans/4")).toBeNull();
+  expect(drafts.read("plans/5")).not.toBeNull();
+});
+
+test("storage that is full, or holds something else, does not stop anybody", () => {
+  const place = new MemoryStorage();
+  const drafts = new Drafts(place, "ana");
+  drafts.write("plans/7", draft("mine"));
+  for (const key of place.items.keys()) place.items.set(key, "{broken");
+  expect(drafts.read("plans/7")).toBeNull();
+  place.isFull = true;
+  drafts.write("plans/7", draft("mine"));
+});

@@ -1,0 +1,51 @@
+"""People at the console who plan, each in a browser, against an edge server without vehicles."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+import requests
+
+from edge_server.api.routes.fields import EXAMPLE
+from tests.support.browser import TEST_TIMEOUT_S, console_journey
+from tests.support.system import short_plan
+from tests.unit.edge_server.program import Program, program_in
+
+
+def headers(server: Program) -> dict[str, str]:
+    return {"Authorization": f"Bearer {server.key('admin')}"}
+
+
+def post(server: Program, path: str, body: dict[str, Any]) -> Any:
+    """Post as an administrator; returns the answer's body."""
+    answer = requests.post(f"{server.url}{path}", json=body, headers=headers(server), timeout=10)
+    assert answer.ok, answer.text
+    return answer.json()
+
+
+def link(server: Program, name: str) -> str:
+    """The address that signs a person in once."""
+    return f"{server.url}{post(server, f'/users/{name}/link', {})['path']}"
+
+
+@pytest.mark.timeout(TEST_TIMEOUT_S)
+def test_two_editors_overwrite_nothing_and_lose_nothing(tmp_path: Path) -> None:
+    with console_journey(tmp_path) as take, program_in(tmp_path / "edge") as server:
+        server.start()
+        vehicle = {"link_state": "connected"}
+        requests.put(f"{server.url}/vehicles/1", json=vehicle, headers=headers(server), timeout=10)
+        for name in ("ana", "juan"):
+            post(server, "/users/", {"name": name, "role": "operator"})
+        draft = post(server, "/plans/", short_plan() | {"dispatch": False, "name": "Draft"})
+        field = post(server, "/fields/", EXAMPLE)
+        take(
+            "edit_together",
+            ANA_LINK=link(server, "ana"),
+            JUAN_LINK=link(server, "juan"),
+            ANA_LINK_AGAIN=link(server, "ana"),
+            DRAFT=str(draft["id"]),
+            FIELD=str(field["id"]),
+        )
+        plans = requests.get(f"{server.url}/plans/", headers=headers(server), timeout=10).json()
+    seen = [(plan["name"], plan["missions"][0]["maximum_speed"]) for plan in plans]
+    assert seen == [("Draft", 7.0), ("Juan's plan (copy)", 5.0)]
