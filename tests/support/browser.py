@@ -24,7 +24,11 @@ TEST_TIMEOUT_S: Final = 900
 
 def sign_in_link(farm: FarmSystem, role: str, name: str) -> str:
     """Make an account of a role; gives the address that signs it in once."""
-    url, headers = farm.settings.edge_url, farm.headers("admin")
+    return link_at(farm.settings.edge_url, farm.headers("admin"), role, name)
+
+
+def link_at(url: str, headers: dict[str, str], role: str, name: str) -> str:
+    """Make an account at an edge server, with an administrator's headers."""
     account = {"name": name, "role": role}
     made = requests.post(f"{url}/users/", json=account, headers=headers, timeout=10)
     assert made.status_code == 201, made.text

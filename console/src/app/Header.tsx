@@ -4,6 +4,7 @@ import { Dialog } from "../controls/Dialog";
 import { Button } from "../controls/Button";
 import { Segments, SelectField } from "../controls/fields";
 import { Icon } from "../controls/Icon";
+import { StopButton } from "../controls/StopButton";
 import { LANGUAGES } from "../i18n/i18n";
 import { useLive, useNow } from "../live/use_live";
 import { THEMES, usePreferences, useUnits } from "./preferences";
@@ -32,10 +33,7 @@ export function Header({ stop }: { stop: () => void }) {
         <Icon name="settings" />
         <span>{session.name}</span>
       </button>
-      <button type="button" className="stop-button" onClick={stop}>
-        <Icon name="stop" size={22} />
-        <span>{t("stop.button")}</span>
-      </button>
+      <StopButton stop={stop} />
       {isOpen && <Settings close={() => setOpen(false)} />}
     </header>
   );

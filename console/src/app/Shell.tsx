@@ -42,7 +42,7 @@ export function Shell() {
         <main id="content" tabIndex={-1}>
           <AlarmSound />
           <Suspense fallback={<Skeleton />}>
-            <Screen stopVehicle={(vehicleId) => setStops({ vehicleId })} />
+            <Screen stop={(vehicleId) => setStops({ vehicleId })} />
           </Suspense>
         </main>
       </div>
@@ -57,12 +57,12 @@ function AlarmSound() {
   return null;
 }
 
-function Screen({ stopVehicle }: { stopVehicle: (vehicleId: number) => void }) {
+function Screen({ stop }: { stop: (vehicleId: number | null) => void }) {
   const { t } = useTranslation();
   const [first, second, third] = useRoute();
   switch (first) {
     case undefined:
-      return <Fleet stopVehicle={stopVehicle} />;
+      return <Fleet stopVehicle={stop} />;
     case "fields":
       if (second === undefined) return <Fields />;
       if (third === "survey") return <SurveyEditor key={second} fieldId={Number(second)} />;
@@ -73,7 +73,8 @@ function Screen({ stopVehicle }: { stopVehicle: (vehicleId: number) => void }) {
       if (third === "edit") return <PlanEditor key={second} reference={second} />;
       return <PlanView key={second} reference={second} />;
     case "flights":
-      return second === undefined ? <Flights /> : <FlightView key={second} id={Number(second)} />;
+      if (second === undefined) return <Flights />;
+      return <FlightView key={second} id={Number(second)} stop={() => stop(null)} />;
     case "alarms":
       return <Alarms />;
     case "system":

@@ -41,17 +41,9 @@ export function updateVehicleElement(
   element.classList.toggle("is-selected", isSelected);
 }
 
-/** Makes the symbol of a place where pictures were taken: it opens the first of them. */
-export function pictureElement(label: string, url: string): HTMLElement {
-  const element = document.createElement("a");
-  element.className = "picture-marker";
-  element.href = url;
-  element.target = "_blank";
-  element.rel = "noreferrer";
-  element.setAttribute("aria-label", label);
-  element.title = label;
-  element.addEventListener("click", (event) => event.stopPropagation());
-  return element;
+/** Makes the symbol of a place where pictures were taken. */
+export function pictureElement(label: string, show: () => void): HTMLElement {
+  return pointElement("picture-marker", label, show);
 }
 
 /** Makes the symbol of a home place. */

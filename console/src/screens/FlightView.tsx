@@ -28,7 +28,7 @@ const FORMATS = { gpx: "GPX", csv: "CSV", geojson: "GeoJSON" } as const;
 const REFRESH_MS = 4_000;
 
 /** A recorded flight: its track with a replay, its curves, figures, measurements and pictures. */
-export default function FlightView({ id }: { id: number }) {
+export default function FlightView({ id, stop }: { id: number; stop: () => void }) {
   const { t } = useTranslation();
   const flight = useResource(() => getFlight(id), id);
   const track = useResource(() => flightTrack(id), id);
@@ -45,6 +45,7 @@ export default function FlightView({ id }: { id: number }) {
   const kinds = useMemo(() => kindsOf(observations.value ?? []), [observations.value]);
   const [kindName, setKindName] = useState<string | null>(null);
   const [chosen, setChosen] = useState<string | null>(null);
+  const [open, setOpen] = useState<number | null>(null);
   const kind = kindName === null ? (kinds[0] ?? null) : (kinds.find((one) => nameOf(one) === kindName) ?? null);
 
   const present = momentAt(points, replay.part);
@@ -93,7 +94,7 @@ export default function FlightView({ id }: { id: number }) {
         make: () =>
           pictureElement(
             taken.map(({ id: number }) => t("flights.picture", { id: number })).join(", "),
-            taken[0]?.url ?? "",
+            () => setOpen(taken[0]?.id ?? null),
           ),
       })),
     ];
@@ -177,7 +178,7 @@ export default function FlightView({ id }: { id: number }) {
         {pictures.value === null || pictures.value.length === 0 ? (
           !pictures.isLoading && <Empty icon="picture" title={t("flights.no_pictures")} />
         ) : (
-          <Gallery pictures={pictures.value} />
+          <Gallery pictures={pictures.value} open={open} show={setOpen} stop={stop} />
         )}
       </section>
     </div>

@@ -1,20 +1,27 @@
-import { useEffect, useRef, useState } from "react";
+import { useLayoutEffect, useRef, useState } from "react";
 import { useTranslation } from "react-i18next";
 import type { Picture } from "../../api/types";
 import { useUnits } from "../../app/preferences";
 import { Button } from "../../controls/Button";
 import { Icon } from "../../controls/Icon";
+import { StopButton } from "../../controls/StopButton";
 
-/** The pictures of a flight; one is shown in full, the arrow keys change it. */
-export function Gallery({ pictures }: { pictures: Picture[] }) {
+/** The pictures of a flight; the one with the number `open` is shown in full, the arrow keys change it. */
+export function Gallery({ pictures, open, show, stop }: {
+  pictures: Picture[];
+  open: number | null;
+  show: (id: number | null) => void;
+  stop: () => void;
+}) {
   const { t } = useTranslation();
-  const [open, setOpen] = useState<number | null>(null);
-  const picture = open === null ? undefined : pictures[open];
+  const index = pictures.findIndex((one) => one.id === open);
+  const picture = pictures[index];
+  const [before, next] = [pictures[index - 1], pictures[index + 1]];
   return (
     <>
       <div className="pictures">
-        {pictures.map((one, index) => (
-          <button key={one.id} type="button" onClick={() => setOpen(index)}>
+        {pictures.map((one) => (
+          <button key={one.id} type="button" onClick={() => show(one.id)}>
             <img
               src={one.thumbnail_url ?? one.url}
               alt={t("flights.picture", { id: one.id })}
@@ -23,30 +30,33 @@ export function Gallery({ pictures }: { pictures: Picture[] }) {
           </button>
         ))}
       </div>
-      {picture && open !== null && (
+      {picture && (
         <FullPicture
           picture={picture}
-          place={`${open + 1} / ${pictures.length}`}
-          before={open > 0 ? () => setOpen(open - 1) : null}
-          next={open < pictures.length - 1 ? () => setOpen(open + 1) : null}
-          close={() => setOpen(null)}
+          place={`${index + 1} / ${pictures.length}`}
+          before={before ? () => show(before.id) : null}
+          next={next ? () => show(next.id) : null}
+          close={() => show(null)}
+          stop={stop}
         />
       )}
     </>
   );
 }
 
-function FullPicture({ picture, place, before, next, close }: {
+function FullPicture({ picture, place, before, next, close, stop }: {
   picture: Picture;
   place: string;
   before: (() => void) | null;
   next: (() => void) | null;
   close: () => void;
+  stop: () => void;
 }) {
   const { t } = useTranslation();
   const units = useUnits();
   const dialog = useRef<HTMLDialogElement>(null);
-  useEffect(() => {
+  // Closed before it leaves the page: the browser then gives the focus back to where it was
+  useLayoutEffect(() => {
     const element = dialog.current;
     element?.showModal();
     return () => element?.close();
@@ -70,9 +80,10 @@ function FullPicture({ picture, place, before, next, close }: {
       <header>
         <h2>{title}</h2>
         <a className="button button-plain" href={picture.url} download={`picture-${picture.id}`}>
-          <Icon name="download" /> {t("flights.picture_download")}
+          <Icon name="download" /> <span>{t("flights.picture_download")}</span>
         </a>
         <Button kind="quiet" icon="close" aria-label={t("action.close")} onClick={close} />
+        <StopButton stop={stop} />
       </header>
       {failedUrl === picture.url ? (
         <p className="gallery-missing">{t("flights.picture_unreadable")}</p>

@@ -1,0 +1,72 @@
+"""An operator looks back at what was flown, in a real Chromium and without a broker."""
+
+import base64
+import io
+from pathlib import Path
+from typing import Any
+
+import pytest
+import requests
+from PIL import Image
+
+from tests.support.browser import TEST_TIMEOUT_S, console_journey, link_at
+from tests.unit.edge_server.documents import mission, mission_report, plan, telemetry
+from tests.unit.edge_server.program import Program, program_in
+
+RUNNING, FINISHED = 2, 3
+PICTURES = 3
+
+
+class Archive:
+    """Reports of a broker to a running edge server."""
+
+    def __init__(self, program: Program) -> None:
+        self._program = program
+
+    def ask(self, method: str, path: str, role: str, body: Any) -> None:
+        headers = {"Authorization": f"Bearer {self._program.key(role)}"}
+        url = self._program.url + path
+        answer = requests.request(method, url, json=body, headers=headers, timeout=30)
+        assert answer.ok, answer.text
+
+    def send(self, kind: str, **fields: Any) -> None:
+        self.ask("POST", f"/{kind}/", "broker", telemetry(kind) | fields)
+
+    def report(self, status: int) -> None:
+        self.ask("POST", "/mission_report/", "broker", mission_report(status, 3, 3, 3))
+
+
+def jpeg(red: int) -> bytes:
+    """A picture of one colour, larger than any screen shows it in the list."""
+    out = io.BytesIO()
+    Image.new("RGB", (1200, 900), (red, 120, 60)).save(out, "JPEG")
+    return out.getvalue()
+
+
+def fly(archive: Archive) -> None:
+    """Fly one mission to the north with pictures and measurements."""
+    archive.ask("PUT", "/vehicles/1", "broker", {"link_state": "connected"})
+    archive.ask("POST", "/plans/", "operator", plan(mission()))
+    archive.ask("POST", "/broker/commands/1/ack", "broker", {"status": "accepted"})
+    archive.report(RUNNING)
+    for number in range(PICTURES):
+        place = {"latitude": 40.4434 + number * 2e-4, "longitude": -3.7382}
+        archive.send("state_vector", sequence_number=number, **place)
+        data = jpeg(60 * number)
+        archive.send(
+            "image",
+            sequence_number=number,
+            image_size=len(data),
+            frame=base64.b64encode(data).decode(),
+        )
+        archive.send("observation", sequence_number=number, **place)
+    archive.report(FINISHED)
+
+
+@pytest.mark.timeout(TEST_TIMEOUT_S)
+def test_a_flight_is_looked_back_at_with_stop_in_reach(tmp_path: Path) -> None:
+    with console_journey(tmp_path) as take, program_in(tmp_path / "farm") as program:
+        program.start()
+        fly(Archive(program))
+        headers = {"Authorization": f"Bearer {program.key('admin')}"}
+        take("look_back", OPERATOR_LINK=link_at(program.url, headers, "operator", "juan"))
