@@ -57,7 +57,10 @@ _QUERY: Final[dict[str, tuple[str, dict[str, Any]]]] = {
         {"type": "number", "exclusiveMinimum": 0},
     ),
     "name": ("Name of the plan", {"type": "string", "minLength": 1, "maxLength": 255}),
-    "format:plan": ("JSON, or a .plan file of QGroundControl", {"enum": ["json", "plan"]}),
+    "format:plan": (
+        "JSON, a .plan file of QGroundControl, or a QGC WPL 110 file",
+        {"enum": ["json", "plan", "waypoints"]},
+    ),
     "format:geojson": ("JSON or GeoJSON", {"enum": ["json", "geojson"]}),
     "format:csv": ("JSON or CSV", {"enum": ["json", "csv"]}),
     "format:track": ("GeoJSON, CSV or GPX", {"enum": ["geojson", "csv", "gpx"]}),

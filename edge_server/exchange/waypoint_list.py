@@ -7,11 +7,11 @@ no way to leave a heading open but NaN, and those tools write 0 for it, so 0 is 
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Final
 
 from afarcloud.faults import Fault, InvalidError
-from edge_server.exchange.mission_item import ABSOLUTE, Cmd, Home, Item, MissionFile
+from edge_server.exchange.mission_item import ABSOLUTE, Cmd, Frame, Home, Item, MissionFile
 
 HEADER: Final = re.compile(r"QGC\s+WPL\s+(\d+)\s*")
 VERSION: Final = "110"
@@ -111,3 +111,25 @@ def _home(rows: list[Item]) -> Home | None:
     if latitude is None or longitude is None or not (is_absolute or takes_off_next):
         return None
     return Home(latitude, longitude, altitude if is_absolute else None)
+
+
+def write(items: Sequence[Item], home: Home) -> str:
+    """Write a file that ArduPilot's tools and QGroundControl open, home in its first row.
+
+    What is not set is written as 0, as those tools do; fence, rally points and what an item has
+    beside its numbers have no place in this format.
+    """
+    place = (home.latitude_deg, home.longitude_deg, home.altitude_amsl_m)
+    rows = [_columns(0, 1, Frame.GLOBAL, Cmd.NAV_WAYPOINT, (0.0, 0.0, 0.0, 0.0, *place))]
+    for number, item in enumerate(items, start=1):
+        rows.append(_columns(number, 0, item.frame, item.command, item.parameters))
+    return "\n".join((f"QGC WPL {VERSION}", *rows, ""))
+
+
+def _columns(
+    number: int, current: int, frame: int, command: int, parameters: Sequence[float | None]
+) -> str:
+    *first, latitude, longitude, altitude = (one or 0.0 for one in parameters)
+    places = [f"{latitude:.8f}", f"{longitude:.8f}", f"{altitude:.6f}"]
+    numbers = [str(int(one)) for one in (number, current, frame, command)]
+    return "\t".join([*numbers, *(f"{one:.8f}" for one in first), *places, "1"])

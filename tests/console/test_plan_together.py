@@ -1,5 +1,7 @@
 """People at the console who plan, each in a browser, against an edge server without vehicles."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -28,24 +30,51 @@ def link(server: Program, name: str) -> str:
     return f"{server.url}{post(server, f'/users/{name}/link', {})['path']}"
 
 
-@pytest.mark.timeout(TEST_TIMEOUT_S)
-def test_two_editors_overwrite_nothing_and_lose_nothing(tmp_path: Path) -> None:
-    with console_journey(tmp_path) as take, program_in(tmp_path / "edge") as server:
+@contextmanager
+def edge_server(folder: Path) -> Iterator[tuple[Program, dict[str, str]]]:
+    """Run an edge server with a vehicle, two operators and a draft; gives what a journey needs."""
+    with program_in(folder / "edge") as server:
         server.start()
         vehicle = {"link_state": "connected"}
         requests.put(f"{server.url}/vehicles/1", json=vehicle, headers=headers(server), timeout=10)
         for name in ("ana", "juan"):
             post(server, "/users/", {"name": name, "role": "operator"})
         draft = post(server, "/plans/", short_plan() | {"dispatch": False, "name": "Draft"})
+        yield server, {"ANA_LINK": link(server, "ana"), "DRAFT": str(draft["id"])}
+
+
+def plans_of(server: Program) -> list[dict[str, Any]]:
+    found: list[dict[str, Any]] = requests.get(
+        f"{server.url}/plans/", headers=headers(server), timeout=10
+    ).json()
+    return found
+
+
+@pytest.mark.timeout(TEST_TIMEOUT_S)
+def test_two_editors_overwrite_nothing_and_lose_nothing(tmp_path: Path) -> None:
+    with console_journey(tmp_path) as take, edge_server(tmp_path) as (server, needs):
         field = post(server, "/fields/", EXAMPLE)
         take(
             "edit_together",
-            ANA_LINK=link(server, "ana"),
+            **needs,
             JUAN_LINK=link(server, "juan"),
             ANA_LINK_AGAIN=link(server, "ana"),
-            DRAFT=str(draft["id"]),
             FIELD=str(field["id"]),
         )
-        plans = requests.get(f"{server.url}/plans/", headers=headers(server), timeout=10).json()
+        plans = plans_of(server)
     seen = [(plan["name"], plan["missions"][0]["maximum_speed"]) for plan in plans]
     assert seen == [("Draft", 7.0), ("Juan's plan (copy)", 5.0)]
+
+
+@pytest.mark.timeout(TEST_TIMEOUT_S)
+def test_a_plan_is_copied_and_kept_as_files_that_come_back(tmp_path: Path) -> None:
+    with console_journey(tmp_path) as take, edge_server(tmp_path) as (server, needs):
+        take("keep_plans", **needs)
+        plans = plans_of(server)
+    assert [plan["name"] for plan in plans[:3]] == ["Draft", "Draft (copy)", "Draft"]
+    kept = [
+        [command["parameters"] for command in plan["missions"][0]["command_array"]]
+        for plan in plans
+    ]
+    assert len(kept) == 5
+    assert all(commands == kept[0] for commands in kept)

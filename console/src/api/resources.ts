@@ -76,9 +76,6 @@ export const createPlan = (document: PlanDocument): Promise<Plan> =>
 /** Replaces a plan that still has this tag; raises RequestError 412 for any other. */
 export const replacePlan = (id: number, document: PlanDocument, tag: string): Promise<Plan> =>
   request(`/plans/${id}`, { method: "PUT", body: document, ifMatch: tag });
-/** Stores a plan document as it is in a file, held until somebody dispatches it. */
-export const createPlanFromDocument = (document: object): Promise<Plan> =>
-  request("/plans/", { method: "POST", body: { ...document, dispatch: false } });
 /** Imports a mission file of a ground station for one vehicle. */
 export const importPlan = (file: File, vehicleId: number): Promise<Plan> =>
   request(`/plans/import?vehicle_id=${vehicleId}&name=${encodeURIComponent(file.name)}`, {

@@ -62,6 +62,8 @@ export interface Mission {
 
 /** A plan as it is sent and kept in a file: without numbers and statuses of the edge server. */
 export interface PlanDocument {
+  plan_id?: string;
+  created_at?: string;
   name?: string | null;
   sequence_number?: number;
   field_id?: number | null;

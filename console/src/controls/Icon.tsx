@@ -23,6 +23,7 @@ const PATHS = {
   redo: "M15 14l5-5-5-5M20 9H10a6 6 0 0 0 0 12h3",
   download: "M12 4v12M7 11l5 5 5-5M4 20h16",
   add: "M12 5v14M5 12h14",
+  copy: "M9 9h11v11H9zM5 15H4V4h11v1",
   remove: "M5 7h14M10 7V4h4v3M7 7l1 13h8l1-13",
   up: "M6 15l6-6 6 6",
   down: "M6 9l6 6 6-6",

@@ -39,6 +39,12 @@ export function renumberedFrom(document: PlanDocument, firstMissionId: number): 
   };
 }
 
+/** The same plan without what belongs to one sending of it: its number and its times. */
+export function withoutTimes(document: PlanDocument): PlanDocument {
+  const { plan_id: _id, created_at: _created, expires_at: _expires, ...rest } = document;
+  return rest;
+}
+
 /** A mission number that is probably free: the edge server refuses one that is not. */
 export function newMissionId(nowMs: number): number {
   return Math.floor(nowMs / 1000) % 2_000_000_000;

@@ -1,7 +1,7 @@
 import { lazy, Suspense, useMemo, useState } from "react";
 import { useTranslation } from "react-i18next";
 import type { RequestError } from "../api/client";
-import { deletePlan, dispatchPlan, getPlan, listFields } from "../api/resources";
+import { createPlan, deletePlan, dispatchPlan, getPlan, listFields } from "../api/resources";
 import type { Mission, Plan } from "../api/types";
 import { useUnits } from "../app/preferences";
 import { go, linkTo } from "../app/route";
@@ -17,7 +17,9 @@ import { withLive } from "../live/use_plans";
 import { asRequestError, useResource } from "../live/use_resource";
 import { extentOf } from "../map/extent";
 import { collection, fieldFeatures, placeOf, routeFeatures } from "../map/features";
+import { documentOf, newMissionId, renumberedFrom } from "../planning/plan_document";
 import { Checklist } from "./Checklist";
+import { DownloadDialog } from "./DownloadDialog";
 import { PlanState } from "./Plans";
 import { useFleetSymbols } from "./use_fleet_symbols";
 
@@ -107,7 +109,7 @@ function PlanMap({ plan }: { plan: Plan }) {
 function PlanActions({ plan, reload }: { plan: Plan; reload: () => void }) {
   const { t } = useTranslation();
   const isOperator = useIsOperator();
-  const [question, setQuestion] = useState<"dispatch" | "cancel" | null>(null);
+  const [question, setQuestion] = useState<"dispatch" | "cancel" | "download" | null>(null);
   const [error, setError] = useState<RequestError | null>(null);
   const isHeld = plan.missions.some((mission) => mission.dispatch_state === "held");
   const isWaiting = plan.missions.some((mission) =>
@@ -121,6 +123,12 @@ function PlanActions({ plan, reload }: { plan: Plan; reload: () => void }) {
     work()
       .then(then)
       .catch((reason: unknown) => setError(asRequestError(reason)));
+  };
+  const copy = async () => {
+    const document = renumberedFrom(documentOf(plan), newMissionId(Date.now()));
+    const name = t("conflict.copy_of", { name: plan.name ?? t("plans.unnamed", { id: plan.id }) });
+    const { id, missions } = await createPlan({ ...document, name });
+    go(missions.length > 1 ? `plans/${id}` : `plans/${id}/edit`);
   };
   return (
     <>
@@ -137,16 +145,20 @@ function PlanActions({ plan, reload }: { plan: Plan; reload: () => void }) {
             {t("action.edit")}
           </Button>
         )}
-        <a className="button button-plain" href={`/plans/${plan.id}?format=plan`} download>
-          <Icon name="download" /> {t("plans.download")}
-        </a>
+        <Button icon="copy" onClick={() => act(copy, () => undefined)}>
+          {t("plans.duplicate")}
+        </Button>
+        <Button icon="download" onClick={() => setQuestion("download")}>
+          {t("plans.download")}
+        </Button>
         {isOperator && isWaiting && (
           <Button kind="danger" icon="remove" onClick={() => setQuestion("cancel")}>
             {t("plans.cancel")}
           </Button>
         )}
       </div>
-      {question !== null && (
+      {question === "download" && <DownloadDialog plan={plan} close={() => setQuestion(null)} />}
+      {question !== null && question !== "download" && (
         <Dialog title={t(`plans.${question}`)} close={() => setQuestion(null)}>
           {question === "dispatch" && <Checklist plan={plan} />}
           <p>{t(`plans.${question}_text`)}</p>

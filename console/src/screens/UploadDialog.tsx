@@ -1,8 +1,8 @@
 import { useState, type FormEvent } from "react";
 import { useTranslation } from "react-i18next";
 import type { RequestError } from "../api/client";
-import { createPlanFromDocument, importPlan } from "../api/resources";
-import type { Plan } from "../api/types";
+import { createPlan, importPlan } from "../api/resources";
+import type { Plan, PlanDocument } from "../api/types";
 import { go } from "../app/route";
 import { Button } from "../controls/Button";
 import { Dialog } from "../controls/Dialog";
@@ -11,6 +11,7 @@ import { FaultList, Notice } from "../controls/states";
 import { describeError } from "../i18n/describe_error";
 import { useLive } from "../live/use_live";
 import { asRequestError } from "../live/use_resource";
+import { newMissionId, renumberedFrom, withoutTimes } from "../planning/plan_document";
 
 class NotAPlanError extends Error {}
 
@@ -91,5 +92,19 @@ async function upload(file: File, vehicleId: number): Promise<Plan> {
   if (typeof document !== "object" || document === null) throw new NotAPlanError();
   if ("fileType" in document) return importPlan(file, vehicleId);
   const bare = "plan" in document && typeof document.plan === "object" ? document.plan : document;
-  return createPlanFromDocument(bare ?? document);
+  return createHeld((bare ?? document) as PlanDocument);
+}
+
+/** Stores a document as a draft; under new numbers where its plan is here already, or its time is over. */
+async function createHeld(document: PlanDocument): Promise<Plan> {
+  const held = { ...document, dispatch: false };
+  try {
+    return await createPlan(held);
+  } catch (reason) {
+    const { status, faults } = asRequestError(reason);
+    const isTaken = status === 409 && Array.isArray(held.missions);
+    const isOver = status === 422 && faults.length > 0 && faults.every(({ path }) => path === "expires_at");
+    if (!isTaken && !isOver) throw reason;
+    return createPlan(renumberedFrom(withoutTimes(held), newMissionId(Date.now())));
+  }
 }

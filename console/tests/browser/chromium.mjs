@@ -7,6 +7,7 @@ import { chromium } from "playwright-core";
 const AXE = readFileSync(createRequire(import.meta.url).resolve("axe-core/axe.min.js"), "utf8");
 const TAGS = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa"];
 const PATIENCE_MS = 120_000;
+const SIZES = { desktop: [1280, 800], tablet: [820, 1180], phone: [390, 844] };
 /** The map is drawn without a graphics card; nothing but the edge server is asked. */
 const ARGUMENTS = [
   "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-dev-shm-usage",
@@ -51,6 +52,19 @@ export async function journey(browser, name, act, options = {}) {
   } finally {
     await context.close();
   }
+}
+
+/** Keeps the screen in the folder PICTURES, if it is set, as a desktop, a tablet and a phone show it. */
+export async function picture(page, name) {
+  const folder = process.env.PICTURES;
+  if (!folder) return;
+  for (const [size, [width, height]] of Object.entries(SIZES)) {
+    await page.setViewportSize({ width, height });
+    await page.waitForTimeout(400);
+    await page.screenshot({ path: join(folder, `${name}-${size}.png`) });
+  }
+  const [width, height] = SIZES.desktop;
+  await page.setViewportSize({ width, height });
 }
 
 /** Requires that axe finds no violation of WCAG 2.2 AA on the screen as it is. */

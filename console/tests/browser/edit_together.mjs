@@ -3,24 +3,11 @@
  *     node tests/browser/edit_together.mjs
  *
  * ANA_LINK and JUAN_LINK sign an operator each in; FIELD and DRAFT are what they edit. OUT takes
- * what a failure leaves, and the pictures where PICTURES is set.
+ * what a failure leaves.
  */
-import { join } from "node:path";
-import { journey, requireAccessible, startBrowser } from "./chromium.mjs";
+import { journey, picture, requireAccessible, startBrowser } from "./chromium.mjs";
 
-const { ANA_LINK, JUAN_LINK, FIELD, DRAFT, PICTURES } = process.env;
-const SIZES = { desktop: [1280, 800], tablet: [820, 1180], phone: [390, 844] };
-
-async function picture(page, name) {
-  if (!PICTURES) return;
-  for (const [size, [width, height]] of Object.entries(SIZES)) {
-    await page.setViewportSize({ width, height });
-    await page.waitForTimeout(400);
-    await page.screenshot({ path: join(PICTURES, `${name}-${size}.png`) });
-  }
-  await page.setViewportSize({ width: 1280, height: 800 });
-}
-
+const { ANA_LINK, JUAN_LINK, FIELD, DRAFT } = process.env;
 const origin = new URL(ANA_LINK).origin;
 const open = async (page, address) => {
   await page.goto(`${origin}/console/${address}`);

@@ -1,4 +1,4 @@
-"""`/plans/import`, and a plan as `.plan`: mission files of ground stations."""
+"""`/plans/import`, and a plan as `.plan` or `.waypoints`: mission files of ground stations."""
 
 import re
 from typing import Any, Final
@@ -55,7 +55,8 @@ EXAMPLE: Final[dict[str, Any]] = {
     "rallyPoints": {"version": 2, "points": []},
 }
 ORDER: Final = ("vehicle_id:required", "dispatch", "mission_id", "maximum_speed", "name")
-_FORMATS: Final = ("json", "plan")
+_JSON: Final = "json"
+_FORMATS: Final = (_JSON, "plan", "waypoints")
 _WHOLE: Final = re.compile(r"\d{1,10}")
 _FRACTION: Final = re.compile(r"\d{1,6}(\.\d{1,6})?")
 _FLAGS: Final = {"true": True, "false": False}
@@ -99,25 +100,30 @@ def _file(upload: uploads.Upload) -> MissionFile:
     return qgc_plan.read(uploads.parsed(upload, "a .plan or QGC WPL 110 file"))
 
 
-def wants_plan_file() -> bool:
-    """Whether the query asks for a `.plan`; raises 422 for an unknown format."""
-    form = request.args.get("format", "json")
+def wanted_file() -> str | None:
+    """Return which mission file the query asks for, if any; raises 422 for an unknown format."""
+    form = request.args.get("format", _JSON)
     if form not in _FORMATS:
-        fault = Fault("format", "must be json or plan")
+        fault = Fault("format", f"must be {', '.join(_FORMATS[:-1])} or {_FORMATS[-1]}")
         raise RequestError(422, "the query cannot be used", (fault,))
-    return form == "plan"
+    return None if form == _JSON else form
 
 
-def export(reference: int | str) -> ResponseReturnValue:
-    """Export one mission of a plan as a `.plan`."""
+def export(reference: int | str, form: str) -> ResponseReturnValue:
+    """Export one mission of a plan as a mission file of this format."""
     vehicle_id = bodies.query_vehicle()
     try:
-        document, chosen = plan_files.export(bodies.context(), reference, vehicle_id)
+        exported = plan_files.export(bodies.context(), reference, vehicle_id)
     except InvalidError as error:
         raise RequestError(422, "the query cannot be used", error.faults) from None
+    chosen, items, home, *rest = exported
     scopes.check(chosen)
-    response = make_response(document)
-    name = f"plan-{reference}-vehicle-{chosen}.plan"
+    if form == "plan":
+        response = make_response(qgc_plan.write(items, home, *rest))
+    else:
+        response = make_response(waypoint_list.write(items, home))
+        response.content_type = "text/plain; charset=utf-8"
+    name = f"plan-{reference}-vehicle-{chosen}.{form}"
     response.headers["Content-Disposition"] = f'attachment; filename="{name}"'
     return response
 

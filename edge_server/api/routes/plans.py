@@ -104,12 +104,17 @@ def page() -> list[dict[str, Any]]:
 
 @allow(READERS)
 @describe(
-    Contract({200: schemas.StoredPlan}, query=("format:plan", "vehicle_id"), conditional=True)
+    Contract(
+        {200: schemas.StoredPlan},
+        query=("format:plan", "vehicle_id"),
+        conditional=True,
+        other_answers=("text/plain",),
+    )
 )
 def get(reference: int | str) -> ResponseReturnValue:
-    """Give a plan with its live status, or one of its missions as a `.plan` file."""
-    if plan_files.wants_plan_file():
-        return plan_files.export(reference)
+    """Give a plan with its live status, or one of its missions as a mission file."""
+    if (form := plan_files.wanted_file()) is not None:
+        return plan_files.export(reference, form)
     return etags.tagged(own_missions(plans.find(bodies.context(), reference)))
 
 

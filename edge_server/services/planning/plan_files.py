@@ -1,8 +1,8 @@
-"""Plans imported from other programs' mission files, and exported to one."""
+"""Plans imported from other programs' mission files, and exported to them."""
 
 import re
-from collections.abc import Sequence
-from typing import Any, Final
+from collections.abc import Mapping, Sequence
+from typing import Any, Final, NamedTuple
 
 from afarcloud.annex import in_seconds
 from afarcloud.enumerations import Profile
@@ -10,8 +10,8 @@ from afarcloud.faults import Fault, InvalidError
 from afarcloud.numbers import INT32_MAX, Boolean, Int32, Model, ShortText, VehicleId
 from afarcloud.plan import Mission, Plan, Speed
 from afarcloud.wire import read_as, write
-from edge_server.exchange import from_commands, qgc_plan, to_commands
-from edge_server.exchange.mission_item import MissionFile
+from edge_server.exchange import from_commands, to_commands
+from edge_server.exchange.mission_item import Home, Item, MissionFile
 from edge_server.exchange.to_commands import Translated
 from edge_server.services.context import Caller, Context
 from edge_server.services.errors import NotFoundError
@@ -105,10 +105,19 @@ def _place(fault: Fault, paths: Sequence[str]) -> Fault:
     return fault._replace(path=fault.path.removeprefix(_OF_MISSION))
 
 
-def export(
-    context: Context, reference: int | str, vehicle_id: int | None
-) -> tuple[dict[str, Any], int]:
-    """Return one mission of a plan as a `.plan`, of several the vehicle's, and its vehicle.
+class Exported(NamedTuple):
+    """One mission of a plan as items, and what a file says beside them."""
+
+    vehicle_id: int
+    items: list[Item]
+    home: Home
+    speed_m_s: float
+    geofence: Mapping[str, Any] | None
+    rally_points: Sequence[Mapping[str, Any]]
+
+
+def export(context: Context, reference: int | str, vehicle_id: int | None) -> Exported:
+    """Translate the mission of a plan, of several the vehicle's.
 
     Raises:
         NotFoundError: if there is no such plan, or no mission of the vehicle in it.
@@ -124,9 +133,14 @@ def export(
     if stored.body.get("profile") == Profile.ANNEX:
         mission = in_seconds(mission)
     home = from_commands.home_of(mission)
-    items = from_commands.items_of(mission, home)
-    fence, rally = stored.body.get("geofence"), stored.body.get("rally_points", ())
-    return qgc_plan.write(items, home, mission.maximum_speed, fence, rally), mission.vehicle_id
+    return Exported(
+        mission.vehicle_id,
+        from_commands.items_of(mission, home),
+        home,
+        mission.maximum_speed,
+        stored.body.get("geofence"),
+        stored.body.get("rally_points", ()),
+    )
 
 
 def _chosen(missions: Sequence[Mission], vehicle_id: int | None) -> Mission:

@@ -7,8 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from afarcloud.faults import InvalidError
-from edge_server.exchange import to_commands, waypoint_list
-from edge_server.exchange.mission_item import Home
+from afarcloud.plan import Mission
+from edge_server.exchange import from_commands, to_commands, waypoint_list
+from edge_server.exchange.mission_item import Home, MissionFile
 
 ARDUPILOT = """QGC WPL 110
 0\t1\t0\t16\t0\t0\t0\t0\t40.443400\t-3.738200\t650.000000\t1
@@ -28,6 +29,18 @@ def kinds(text: str) -> list[int]:
     file = waypoint_list.read(text.encode())
     found = to_commands.translate(file.items, file.home, zero_yaw_is_unset=file.zero_yaw_is_unset)
     return [one["command_type_id"] for one in found.commands]
+
+
+def mission_of(file: MissionFile) -> Mission:
+    found = to_commands.translate(file.items, file.home, zero_yaw_is_unset=True)
+    return Mission.model_validate(
+        {
+            "mission_id": 1,
+            "vehicle_id": 1,
+            "maximum_speed": found.maximum_speed_m_s or 6.5,
+            "command_array": found.commands,
+        }
+    )
 
 
 def faults(raw: bytes) -> dict[str, str]:
@@ -122,3 +135,22 @@ def test_anything_is_read_or_refused(raw: bytes) -> None:
     for one in (raw, b"QGC WPL 110\n" + raw):
         with contextlib.suppress(InvalidError):
             waypoint_list.read(one)
+
+
+def test_what_is_written_is_read_as_the_same_mission() -> None:
+    file = waypoint_list.read(ARDUPILOT.encode())
+    mission = mission_of(file)
+    home = from_commands.home_of(mission)
+    text = waypoint_list.write(from_commands.items_of(mission, home), home)
+    again = waypoint_list.read(text.encode())
+    assert again.home == Home(40.4434, -3.7382, 0.0)
+    assert mission_of(again) == mission
+
+
+def test_each_row_has_its_number_and_twelve_columns() -> None:
+    file = waypoint_list.read(PX4.encode())
+    header, *rows = waypoint_list.write(file.items, Home(40.4434, -3.7382, None)).splitlines()
+    assert header == "QGC WPL 110"
+    assert [(line.split("\t")[0], len(line.split("\t"))) for line in rows] == [
+        (str(number), waypoint_list.COLUMNS) for number in range(4)
+    ]

@@ -58,6 +58,7 @@ MATRIX: list[tuple[str, str, set[str], Any]] = [
     ("POST", "/plans/import?vehicle_id=1", {"farmer", "operator", "admin"}, dict(PLAN_FILE)),
     ("POST", "/plans/import?vehicle_id=1&dispatch=true", {"operator", "admin"}, dict(PLAN_FILE)),
     ("GET", "/plans/1?format=plan", EVERYBODY, None),
+    ("GET", "/plans/1?format=waypoints", EVERYBODY, None),
     ("GET", "/dead_letters/", {"operator", "admin"}, None),
     ("GET", "/dead_letters/1", {"operator", "admin"}, None),
     ("POST", "/dead_letters/1/retry", {"operator", "admin"}, None),

@@ -192,6 +192,19 @@ def test_a_plan_comes_out_as_a_file_and_in_again(edge: Edge) -> None:
     assert commands == kept
 
 
+def test_a_plan_comes_out_as_a_list_of_waypoints_and_in_again(edge: Edge) -> None:
+    edge.post_plan(plan(dispatch=False))
+    answer = edge.ask("GET", "/plans/1?format=waypoints", "farmer")
+    assert (answer.status_code, answer.mimetype) == (200, "text/plain")
+    assert answer.headers["Content-Disposition"].endswith('filename="plan-1-vehicle-1.waypoints"')
+    path = "/plans/import?vehicle_id=1"
+    stored: Any = edge.ask(
+        "POST", path, "operator", data=answer.text, content_type="text/plain"
+    ).json
+    kept = edge.get("/plans/1")["missions"][0]["command_array"]
+    assert stored["missions"][0]["command_array"] == kept
+
+
 def test_of_several_missions_one_is_asked_for(edge: Edge) -> None:
     edge.post_plan(plan(mission(1, 1), mission(2, 2), dispatch=False))
     path = "/plans/1?format=plan"
