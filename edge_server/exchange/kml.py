@@ -5,9 +5,6 @@ a link to elsewhere, or a tree too deep or too large is refused before anything 
 """
 
 import io
-import struct
-import zipfile
-import zlib
 from collections.abc import Iterator
 from typing import Final
 from xml.etree.ElementTree import Element, ParseError  # types; defusedxml does the reading
@@ -18,6 +15,7 @@ from defusedxml.ElementTree import iterparse
 from afarcloud.faults import Fault, InvalidError
 from afarcloud.plan import Vertex
 from edge_server.exchange.rings import MOST_FIELDS, Boundary, Ring, fields_of
+from edge_server.exchange.zipped import Archive, is_zip
 
 MEDIA_TYPES: Final = frozenset(
     {"application/vnd.google-earth.kml+xml", "application/xml", "text/xml"}
@@ -26,22 +24,9 @@ ZIPPED_MEDIA_TYPE: Final = "application/vnd.google-earth.kmz"
 DEEPEST: Final = 40
 LARGEST_BYTES: Final = 4 * 1024 * 1024
 """Size of the KML that a KMZ unpacks to, whatever size the archive states."""
-MOST_MEMBERS: Final = 200
-_ZIP: Final = b"PK\x03\x04"
 _GEOMETRIES: Final = frozenset(
     {"Point", "LineString", "LinearRing", "Model", "Track", "MultiTrack", "Polygon"}
 )
-_BROKEN_ZIP: Final = (
-    zipfile.BadZipFile,
-    zlib.error,
-    struct.error,
-    EOFError,
-    OSError,
-    RuntimeError,
-    ValueError,
-)
-"""What the library raises over broken archives: the last three also for what it cannot do."""
-_KNOWN_PACKING: Final = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 
 
 def read(raw: bytes) -> list[Boundary]:
@@ -50,7 +35,7 @@ def read(raw: bytes) -> list[Boundary]:
     Raises:
         InvalidError: naming each part that is no boundary, and why.
     """
-    root = _parsed(_unzipped(raw) if raw.startswith(_ZIP) else raw)
+    root = _parsed(_unzipped(raw) if is_zip(raw) else raw)
     if _tag(root) != "kml":
         raise _refusal("", "must be KML: its outermost element is another")
     if any(_tag(element) == "NetworkLink" for element in root.iter()):
@@ -77,28 +62,11 @@ def _refusal(path: str, message: str) -> InvalidError:
 
 def _unzipped(raw: bytes) -> bytes:
     """The KML of a KMZ: `doc.kml`, else the first one; never more than it may be."""
-    try:
-        with zipfile.ZipFile(io.BytesIO(raw)) as archive:
-            members = archive.infolist()
-            if len(members) > MOST_MEMBERS:
-                raise _refusal("", f"holds more than {MOST_MEMBERS} files")
-            with archive.open(_document_of(members)) as file:
-                text = file.read(LARGEST_BYTES + 1)
-    except _BROKEN_ZIP as error:
-        raise _refusal("", f"is no whole KMZ: {error}") from None
-    if len(text) > LARGEST_BYTES:
-        raise _refusal("", f"unpacks to more than {LARGEST_BYTES} bytes")
-    return text
-
-
-def _document_of(members: list[zipfile.ZipInfo]) -> zipfile.ZipInfo:
-    documents = [one for one in members if one.filename.lower().endswith(".kml")]
-    documents.sort(key=lambda one: one.filename.lower() != "doc.kml")
+    archive = Archive(raw, "KMZ")
+    documents = sorted(archive.names(".kml"), key=lambda name: name.lower() != "doc.kml")
     if not documents:
         raise _refusal("", "is a KMZ without KML")
-    if documents[0].flag_bits & 1 or documents[0].compress_type not in _KNOWN_PACKING:
-        raise _refusal("", "is a KMZ that is encrypted, or packed in an unusual way")
-    return documents[0]
+    return archive.read(documents[0], LARGEST_BYTES)
 
 
 def _parsed(raw: bytes) -> Element:

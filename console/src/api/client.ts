@@ -113,6 +113,7 @@ function contentType(fileName: string): string {
   if (/\.geojson$/i.test(fileName)) return "application/geo+json";
   if (/\.kml$/i.test(fileName)) return "application/vnd.google-earth.kml+xml";
   if (/\.kmz$/i.test(fileName)) return "application/vnd.google-earth.kmz";
+  if (/\.zip$/i.test(fileName)) return "application/zip";
   return /\.(plan|json)$/i.test(fileName) ? "application/json" : "text/plain";
 }
 

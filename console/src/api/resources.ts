@@ -44,7 +44,7 @@ export const replaceField = (id: number, draft: FieldDraft, tag: string): Promis
   request(`/fields/${id}`, { method: "PUT", body: draft, ifMatch: tag });
 export const deleteField = (id: number): Promise<void> =>
   request(`/fields/${id}`, { method: "DELETE" });
-/** Stores every field of a GeoJSON, KML or KMZ file, or none of them. */
+/** Stores every field of a GeoJSON, KML, KMZ or zipped Shapefile, or none of them. */
 export const importFields = async (file: File): Promise<StoredField[]> => {
   const stored = await request<StoredField | { fields: StoredField[] }>("/fields/", {
     method: "POST",

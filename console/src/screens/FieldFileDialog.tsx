@@ -39,7 +39,7 @@ export function FieldFileDialog({ close, stored }: { close: () => void; stored: 
         <TextField
           label={t("fields.upload_file")}
           type="file"
-          accept=".geojson,.json,.kml,.kmz"
+          accept=".geojson,.json,.kml,.kmz,.zip"
           onChange={(event) => {
             setFile(event.target.files?.[0] ?? null);
             setError(null);

@@ -1,4 +1,4 @@
-"""`/fields/`: boundaries of fields, as AFarCloud-like JSON, GeoJSON, KML or KMZ."""
+"""`/fields/`: boundaries of fields, as AFarCloud-like JSON, GeoJSON, KML, KMZ or Shapefile."""
 
 import json
 from typing import Any, Final
@@ -12,7 +12,7 @@ from edge_server.api import bodies, etags, schemas, uploads, urls
 from edge_server.api.access.auth import PLANNERS, READERS, allow, audit, caller
 from edge_server.api.contract import Contract, describe
 from edge_server.api.errors import RequestError
-from edge_server.exchange import field, geojson, kml
+from edge_server.exchange import field, geojson, kml, shapefile, zipped
 from edge_server.exchange.field import Field
 from edge_server.services.planning import fields
 from edge_server.store.rows.keys import Role
@@ -20,7 +20,12 @@ from edge_server.store.rows.keys import Role
 NAMES: Final = ("fields", "field")
 ITEM: Final = "int64:identifier"
 WRITERS: Final = PLANNERS | {Role.FARMER}
-FILES: Final = (geojson.MEDIA_TYPE, *sorted(kml.MEDIA_TYPES), kml.ZIPPED_MEDIA_TYPE)
+FILES: Final = (
+    geojson.MEDIA_TYPE,
+    *sorted(kml.MEDIA_TYPES),
+    kml.ZIPPED_MEDIA_TYPE,
+    *sorted(shapefile.MEDIA_TYPES),
+)
 EXAMPLE: Final = {
     "name": "North field",
     "boundary": [
@@ -138,9 +143,11 @@ def delete(identifier: int) -> ResponseReturnValue:
 def _fields() -> list[Field]:
     """Read fields in any supported format; raises DocumentError or RequestError."""
     upload = uploads.upload((uploads.JSON, *FILES))
+    if _is_shapefile(upload):
+        return [boundary.field for boundary in shapefile.read(upload.raw)]
     if _is_kml(upload):
         return [boundary.field for boundary in kml.read(upload.raw)]
-    document = uploads.parsed(upload, "JSON, GeoJSON, KML or KMZ")
+    document = uploads.parsed(upload, "JSON, GeoJSON, KML, KMZ or a zipped Shapefile")
     if upload.media_type == geojson.MEDIA_TYPE or geojson.is_geojson(document):
         return [boundary.field for boundary in geojson.read(document)]
     if isinstance(document, dict) and set(document) == {"field"}:
@@ -150,10 +157,19 @@ def _fields() -> list[Field]:
     return [read]
 
 
+def _is_shapefile(upload: uploads.Upload) -> bool:
+    """Whether it is a Shapefile; a KMZ that is sent as a zip archive is none."""
+    if upload.media_type not in shapefile.MEDIA_TYPES | {uploads.UNSPECIFIED}:
+        return False
+    if upload.media_type in shapefile.MEDIA_TYPES and not zipped.is_zip(upload.raw):
+        raise InvalidError((Fault("", "is no zip archive"),))
+    return shapefile.is_shapefile(upload.raw)
+
+
 def _is_kml(upload: uploads.Upload) -> bool:
     if upload.media_type == uploads.UNSPECIFIED:
         return upload.raw.lstrip(b"\xef\xbb\xbf \t\r\n")[:2] in {b"<?", b"<k", b"<!", b"PK"}
-    return upload.media_type in kml.MEDIA_TYPES | {kml.ZIPPED_MEDIA_TYPE}
+    return upload.media_type in kml.MEDIA_TYPES | {kml.ZIPPED_MEDIA_TYPE} | shapefile.MEDIA_TYPES
 
 
 def _wants_geojson() -> bool:

@@ -17,7 +17,7 @@ from edge_server.api.errors import RequestError
 from edge_server.exchange import qgc_plan, waypoint_list
 from edge_server.exchange.mission_item import MissionFile
 from edge_server.services.planning import plan_files
-from edge_server.services.planning.plan_files import ImportOrder
+from edge_server.services.planning.plan_files import Exported, ImportOrder
 from edge_server.store.rows.keys import Role
 
 FILES: Final = ("text/plain", uploads.UNSPECIFIED)
@@ -116,16 +116,19 @@ def export(reference: int | str, form: str) -> ResponseReturnValue:
         exported = plan_files.export(bodies.context(), reference, vehicle_id)
     except InvalidError as error:
         raise RequestError(422, "the query cannot be used", error.faults) from None
-    chosen, items, home, *rest = exported
-    scopes.check(chosen)
-    if form == "plan":
-        response = make_response(qgc_plan.write(items, home, *rest))
-    else:
-        response = make_response(waypoint_list.write(items, home))
+    scopes.check(exported.vehicle_id)
+    response = make_response(_written(exported, form))
+    if form != "plan":
         response.content_type = "text/plain; charset=utf-8"
-    name = f"plan-{reference}-vehicle-{chosen}.{form}"
+    name = f"plan-{reference}-vehicle-{exported.vehicle_id}.{form}"
     response.headers["Content-Disposition"] = f'attachment; filename="{name}"'
     return response
+
+
+def _written(one: Exported, form: str) -> dict[str, Any] | str:
+    if form != "plan":
+        return waypoint_list.write(one.items, one.home)
+    return qgc_plan.write(one.items, one.home, one.speed_m_s, one.geofence, one.rally_points)
 
 
 def _order() -> ImportOrder:

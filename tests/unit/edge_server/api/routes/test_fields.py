@@ -8,11 +8,15 @@ from werkzeug.test import TestResponse
 
 from edge_server.api.routes.fields import EXAMPLE
 from tests.unit.edge_server.conftest import Edge
+from tests.unit.edge_server.exchange.shapefiles import archive, dbf, record, shp
 from tests.unit.edge_server.exchange.test_geojson import EAST, OUTER, POLYGON, feature
 from tests.unit.edge_server.exchange.test_kml import file, placemark, polygon, zipped
 
 KML = "application/vnd.google-earth.kml+xml"
 KMZ = "application/vnd.google-earth.kmz"
+SHAPEFILE = archive(
+    shp(record([(-3.74, 40.44), (-3.74, 40.45), (-3.73, 40.45)])), table=dbf([b"North"])
+)
 GEOJSON = "application/geo+json"
 DOCUMENT = file(placemark(polygon(), name="North"))
 
@@ -60,6 +64,10 @@ def test_a_field_is_kept_and_shown(edge: Edge) -> None:
         (DOCUMENT, "application/octet-stream"),
         (zipped(("doc.kml", DOCUMENT)), KMZ),
         (zipped(("doc.kml", DOCUMENT)), "application/octet-stream"),
+        (zipped(("doc.kml", DOCUMENT)), "application/zip"),
+        (SHAPEFILE, "application/zip"),
+        (SHAPEFILE, "application/x-zip-compressed"),
+        (SHAPEFILE, "application/octet-stream"),
     ],
 )
 def test_a_file_is_taken_as_what_it_is(edge: Edge, raw: bytes, media_type: str) -> None:
@@ -71,7 +79,12 @@ def test_a_file_is_taken_as_what_it_is(edge: Edge, raw: bytes, media_type: str) 
 @pytest.mark.first_case
 @pytest.mark.parametrize(
     "raw",
-    [DOCUMENT, zipped(("doc.kml", DOCUMENT)), json.dumps(feature(name="North")).encode()],
+    [
+        DOCUMENT,
+        zipped(("doc.kml", DOCUMENT)),
+        SHAPEFILE,
+        json.dumps(feature(name="North")).encode(),
+    ],
 )
 def test_a_file_may_come_in_a_form(edge: Edge, raw: bytes) -> None:
     answer = send_form(edge, file=raw)
@@ -138,6 +151,9 @@ def test_one_bad_part_of_a_file_refuses_all_of_it(edge: Edge) -> None:
         (b"hello", "application/octet-stream", 422),
         (b"<kml/>", KML, 422),
         (b"PK\x03\x04", KMZ, 422),
+        (b"PK\x03\x04", "application/zip", 422),
+        (b"PK\x03\x04", "application/octet-stream", 422),
+        (b"no zip", "application/zip", 422),
         (b"name=1", "application/x-www-form-urlencoded", 415),
         (b"x", "text/plain", 415),
         (b" " * (1024 * 1024 + 1), KML, 413),
@@ -147,6 +163,12 @@ def test_a_file_that_cannot_be_read_is_refused(
     edge: Edge, raw: bytes, media_type: str, status: int
 ) -> None:
     refusal(edge, send(edge, raw, media_type), status)
+
+
+def test_a_shapefile_is_refused_with_the_file_of_the_archive(edge: Edge) -> None:
+    raw = archive(shp(record([(-3.74, 40.44), (-3.74, 40.45), (-3.73, 40.45)])), None)
+    answer = send(edge, raw, "application/zip")
+    assert "farm/north.prj" in refusal(edge, answer, 422)["json"]
 
 
 def test_a_form_has_one_file_of_a_bounded_size(edge: Edge) -> None:
