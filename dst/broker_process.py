@@ -21,8 +21,12 @@ from mavlink_broker.edge.outbox import Post
 from mavlink_broker.edge.spool import MIB, Spool
 from mavlink_broker.links.url import Address
 from mavlink_broker.recovery.journal import JournalTable
-from mavlink_broker.recovery.record import EMPTY_RECORD, RecoveryRecord, VehicleIdentity
-from mavlink_broker.recovery.record_tracker import RecordUpdate
+from mavlink_broker.recovery.record import (
+    EMPTY_RECORD,
+    RecordUpdate,
+    RecoveryRecord,
+    VehicleIdentity,
+)
 
 IDLE_STEP_S: Final = 0.25
 """Period of the loop without datagrams."""

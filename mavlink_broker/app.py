@@ -14,12 +14,16 @@ from typing import Any, Final
 from mavlink_broker.autopilots.flight_modes import ModeRole
 from mavlink_broker.config import Config
 from mavlink_broker.edge.posts import post_for
-from mavlink_broker.edge.work import AcceptanceResult, EventWork, MissionWork, StateVectorWork
-from mavlink_broker.edge.work_parser import Inbox, WorkError
+from mavlink_broker.edge.work import (
+    AcceptanceResult,
+    EventWork,
+    Inbox,
+    MissionWork,
+    StateVectorWork,
+    WorkError,
+)
 from mavlink_broker.effects import Acknowledgement, EdgeMessage, Effects
-from mavlink_broker.fleet import Fleet, FleetMember
-from mavlink_broker.interfaces import Edge, Jobs, Journal, NoJobs
-from mavlink_broker.internal_errors import InternalErrors
+from mavlink_broker.fleet import Edge, Fleet, FleetMember, Jobs, Journal, NoJobs, VehicleRecords
 from mavlink_broker.live.tracking import TRACKING_MESSAGES as TRACKED
 from mavlink_broker.mavlink.dialect import Message, source_of
 from mavlink_broker.mission.states import State
@@ -27,9 +31,9 @@ from mavlink_broker.pictures.pictures import PICTURE_MESSAGES
 from mavlink_broker.routing.policy import BrokerControl
 from mavlink_broker.routing.router import Clock, Link, Router
 from mavlink_broker.session import Session
+from mavlink_broker.supervision import InternalErrors
 from mavlink_broker.vehicle.measurements import OBSERVED
 from mavlink_broker.vehicle.vehicle import Vehicle
-from mavlink_broker.vehicle_records import VehicleRecords
 
 IDLE_WAIT_S: Final = 0.02
 """Longest wait of the loop, the resolution of timeouts. Datagrams and work end it at once."""

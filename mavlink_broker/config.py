@@ -10,9 +10,14 @@ from pathlib import Path
 from typing import Final
 
 from farm_flight_bridge import VERSION, program_name
-from mavlink_broker.links import settings as link_settings
-from mavlink_broker.links.settings import LinkSettings
-from mavlink_broker.links.url import ANY_ADDRESS, DEFAULT_MAVLINK_PORT, LinkKind, LinkUrl
+from mavlink_broker.links import url as link_urls
+from mavlink_broker.links.url import (
+    ANY_ADDRESS,
+    DEFAULT_MAVLINK_PORT,
+    LinkKind,
+    LinkSettings,
+    LinkUrl,
+)
 
 DEFAULT_EDGE_PORT: Final = 8000
 DEFAULT_SYSTEM_ID: Final = 254
@@ -177,7 +182,7 @@ def settings(parser: argparse.ArgumentParser, options: argparse.Namespace) -> Co
         follow_targets=options.follow_targets,
         log_level=options.log_level.upper(),
         log_file=options.log_file,
-        traffic=link_settings.read_options(parser, options),
+        traffic=link_urls.read_options(parser, options),
     )
 
 
@@ -227,5 +232,5 @@ def settings_parser(environment: Mapping[str, str], **about: str) -> argparse.Ar
             default=environment.get(name) or default,
             help=f"{text} (environment: {name})",
         )
-    link_settings.add_options(parser, environment)
+    link_urls.add_options(parser, environment)
     return parser

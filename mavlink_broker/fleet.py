@@ -1,25 +1,160 @@
-"""The vehicles of one broker by MAVLink system id, with a session for each."""
+"""The vehicles of one broker by MAVLink system id, each with its session and its journal record.
+
+Records are stored after each change and recalled after a restart. The interfaces of the loop to
+edge server, jobs and journal are here too.
+
+"""
 
 import logging
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Any, Final, Protocol
 
 from mavlink_broker.config import Config
-from mavlink_broker.effects import EdgeMessage
+from mavlink_broker.edge.outbox import Post
+from mavlink_broker.edge.work import AcceptanceResult
+from mavlink_broker.effects import EdgeMessage, Effects, Job, JobFailed, JobOutcome
 from mavlink_broker.live.follow_target import read_target_sources
-from mavlink_broker.mavlink.addressing import Route
-from mavlink_broker.mavlink.dialect import Message, Source, source_of
+from mavlink_broker.mavlink.dialect import Message, Route, Source, source_of
 from mavlink_broker.microservices.heartbeat import is_vehicle, replaces_autopilot
+from mavlink_broker.recovery.record import (
+    EMPTY_RECORD,
+    RecordTracker,
+    RecordUpdate,
+    RecoveryRecord,
+    VehicleIdentity,
+    merge_records,
+)
 from mavlink_broker.session import Session
 from mavlink_broker.vehicle.recovery_state import RecoveryState
 from mavlink_broker.vehicle.vehicle import Vehicle
-from mavlink_broker.vehicle_records import VehicleRecords
 
+NO_NUMBER: Final = ""
+"""Number of a vehicle that has sent none, or not yet."""
+_LOG = logging.getLogger(__name__)
 AUTOPILOT: Final = 1
 """MAV_COMP_ID_AUTOPILOT1."""
 
-_LOG = logging.getLogger(__name__)
+
+class Edge(Protocol):
+    """The edge server: gives work, takes posts."""
+
+    def take_work(self) -> list[dict[str, Any]]:
+        """Return new work as the edge server sent it."""
+
+    def post(self, post: Post) -> None:
+        """Queue a post; posts are sent in order and repeated until they are answered."""
+
+    def take_acceptance_results(self) -> Sequence[AcceptanceResult]:
+        """Return the edge server's answers to acceptances of missions."""
+
+    @property
+    def waiting_pictures(self) -> int:
+        """Number of pictures that are not answered yet."""
+
+    def update_interval_of(self, vehicle_id: int) -> float | None:
+        """Interval [s] at which it requests updates of a vehicle; None: the usual one."""
+
+    def dead_letters_of(self, vehicle_id: int) -> int:
+        """Number of posts of a vehicle that the edge server has rejected."""
+
+
+class Jobs(Protocol):
+    """Runs slow jobs outside of the loop."""
+
+    def put(self, system: int, job: Job) -> None:
+        """Queue a job of a vehicle."""
+
+    def take_finished(self) -> Sequence[tuple[int, JobOutcome]]:
+        """Return the outcomes since the last call, each with its system id."""
+
+
+class Journal(Protocol):
+    """The recovery records on disk."""
+
+    def recall(self, identity: VehicleIdentity) -> RecoveryRecord:
+        """Give the record of a vehicle; an empty one if there is none."""
+
+    def put(self, update: RecordUpdate) -> None:
+        """Queue a record to be written; only the newest of a vehicle is."""
+
+    def take_settled(self) -> Sequence[tuple[VehicleIdentity, int]]:
+        """Give the updates that were written or refused since the last call."""
+
+
+class NoJobs:
+    """Fails every job."""
+
+    def __init__(self) -> None:
+        self._refused: list[tuple[int, JobOutcome]] = []
+
+    def put(self, system: int, job: Job) -> None:
+        """Fail a job."""
+        self._refused.append((system, JobFailed(job.number, "this program runs no jobs")))
+
+    def take_finished(self) -> Sequence[tuple[int, JobOutcome]]:
+        """Return the failed jobs."""
+        refused, self._refused = self._refused, []
+        return refused
+
+
+class VehicleRecords:
+    """All records of one broker; without a journal there are none."""
+
+    def __init__(self, journal: Journal | None) -> None:
+        self._journal = journal
+
+    def new_tracker(self) -> RecordTracker:
+        """Make the tracker of a new vehicle."""
+        return RecordTracker(in_use=self._journal is not None)
+
+    def recall(self, session: Session, now: float, effects: Effects) -> None:
+        """Recall what an earlier run has noted of a vehicle, once its identity is known.
+
+        A vehicle that sends its number late keeps its record; another vehicle in its place gets a
+        record of its own.
+        """
+        vehicle = session.vehicle
+        system, before = vehicle.route.target_system, vehicle.recovery.tracker.identity
+        identity = VehicleIdentity(system, vehicle.uid)
+        if self._journal is None or not vehicle.is_identified or identity == before:
+            return
+        if before is not None and (not identity.uid or not self._may_change(session, before)):
+            return
+        on_disk = self._journal.recall(identity)
+        without_number = self._journal.recall(VehicleIdentity(system, NO_NUMBER))
+        vehicle.recovery.tracker.load(identity, on_disk)
+        self._recall(merge_records(on_disk, without_number), session, now, effects)
+        if identity.uid and without_number != EMPTY_RECORD:
+            self.store(vehicle, now)  # Under its own number first
+            self._journal.put(RecordUpdate(VehicleIdentity(system, NO_NUMBER), 0, EMPTY_RECORD))
+
+    def store(self, vehicle: Vehicle, now: float) -> bool:
+        """Store what has changed; whether all of it is on the disk, or never will be."""
+        update = vehicle.recovery.tracker.update(vehicle.recovery.record, now)
+        if update is not None and self._journal is not None:
+            self._journal.put(update)
+        return vehicle.recovery.tracker.is_settled
+
+    def confirm(self, find: Callable[[int], Session | None]) -> None:
+        """Take which records are on the disk; `find` gives the session of a system id."""
+        if self._journal is None:
+            return
+        for identity, number in self._journal.take_settled():
+            session = find(identity.system)
+            if session is not None and session.vehicle.recovery.tracker.identity == identity:
+                session.vehicle.recovery.tracker.confirm(number)
+
+    def _may_change(self, session: Session, before: VehicleIdentity) -> bool:
+        return before.uid == NO_NUMBER or session.change_vehicle()
+
+    def _recall(
+        self, recalled: RecoveryRecord, session: Session, now: float, effects: Effects
+    ) -> None:
+        if recalled != EMPTY_RECORD:
+            number = session.vehicle.vehicle_id
+            _LOG.info("vehicle %d: an earlier run of the broker has left a record of it", number)
+            session.missions.recall(recalled, now, effects)
 
 
 @dataclass(slots=True)

@@ -22,8 +22,7 @@ from mavlink_broker.database import Database
 from mavlink_broker.edge.client import EdgeClient
 from mavlink_broker.edge.spool import MIB, Spool
 from mavlink_broker.pictures.worker_pool import WorkerPool
-from mavlink_broker.recovery.journal import JournalTable
-from mavlink_broker.recovery.writer import JournalWriter
+from mavlink_broker.recovery.journal import JournalTable, JournalWriter
 from mavlink_broker.supervision import ThreadFailureHook
 
 LAST_POSTS_WITHIN_S: Final = 1.0

@@ -28,7 +28,7 @@ from mavlink_broker.links.hub import Hub
 from mavlink_broker.links.link import LinkError, PortBusyError
 from mavlink_broker.links.url import Address, LinkKind, LinkUrl, LinkUrlError
 from mavlink_broker.mavlink.codec import Decoder
-from mavlink_broker.mavlink.key_ring import KeyRing
+from mavlink_broker.mavlink.signing import KeyRing
 from mavlink_broker.microservices.signing_setup import KEY_LENGTH, Outcome, SigningSetup
 
 _USB: Final = "serial:///dev/ttyACM0:115200"

@@ -1,7 +1,13 @@
-"""`translate`: prints the mission items and live commands of a plan, without flying it."""
+"""`translate`: prints the mission items and live commands of a plan, without flying it.
+
+As text: a table per stretch, a paragraph per live command. With `--json` as plain data: the fields
+of the messages to the vehicle; NaN, which JSON does not support, is null.
+
+"""
 
 import argparse
 import json
+import math
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from datetime import datetime
@@ -20,14 +26,232 @@ from mavlink_broker.autopilots.families import (
 )
 from mavlink_broker.cli.plan_file import read_plan, select_missions
 from mavlink_broker.cli.program import FAILED, SUCCEEDED, print_output
-from mavlink_broker.cli.translation_json import mission_record
-from mavlink_broker.cli.translation_text import mission_lines
-from mavlink_broker.planning.geofence_check import AreaCheck
-from mavlink_broker.planning.mission import Home, Itinerary, RefusedError, translate
+from mavlink_broker.mavlink.dialect import Message, Route, mavlink
+from mavlink_broker.microservices.command import CommandAlternatives
+from mavlink_broker.planning.geofence import AreaCheck
+from mavlink_broker.planning.live_actions import Circled, End, Lasted, Series, Tracked, Turned
+from mavlink_broker.planning.mission import (
+    FlightPlan,
+    Home,
+    Itinerary,
+    LiveCommand,
+    RefusedError,
+    translate,
+)
+from mavlink_broker.planning.situation import Spot
 
+_ITEM_FIELDS = (
+    *("seq", "frame", "command", "current", "autocontinue"),
+    *("param1", "param2", "param3", "param4", "x", "y", "z"),
+)
+_ROUTE = Route(254, 191, 1, 1)
+_FRAMES: Final = {0: "0 above sea", 2: "2 none", 6: "6 above home"}
+_HEADER: Final = (
+    *("seq", "command", "frame", "p1", "p2", "p3", "p4", "x", "y", "z"),
+    "command_id",
+)
+_E7: Final = 1e7
 FAMILIES: Final[Mapping[str, Family]] = {
     family.name: family for family in (OWN, PX4, ARDUPILOT, ARDUPILOT_OTHER, GENERIC)
 }
+
+
+def command_name(number: int) -> str:
+    """Give the name of a MAV_CMD without its prefix."""
+    entry = mavlink.enums["MAV_CMD"].get(number)
+    return str(number) if entry is None else entry.name.removeprefix("MAV_CMD_")
+
+
+def mission_record(mission: Mission, itinerary: Itinerary) -> dict[str, Any]:
+    """Give a whole mission."""
+    ids = [command.command_id for command in mission.command_array]
+    return {
+        "mission_id": mission.mission_id,
+        "vehicle_id": mission.vehicle_id,
+        "segments": [
+            _stretch(segment, ids) if isinstance(segment, FlightPlan) else _live(segment, ids)
+            for segment in itinerary.segments
+        ],
+        "commands": [
+            {
+                "command_id": command.command_id,
+                "command_type_id": int(command.command_type_id),
+                "name": command.command_type_id.name,
+                "notes": list(notes),
+            }
+            for command, notes in zip(mission.command_array, itinerary.notes, strict=True)
+        ],
+    }
+
+
+def items(plan: FlightPlan) -> list[dict[str, Any]]:
+    """Give the items as they are uploaded."""
+    return [
+        {name: plain(getattr(message, name)) for name in _ITEM_FIELDS}
+        | {"name": command_name(message.command)}
+        for message in plan.messages(_ROUTE.target_system, _ROUTE.target_component)
+    ]
+
+
+def command_lists(alternatives: CommandAlternatives) -> list[list[dict[str, Any]]]:
+    """Give the commands of each alternative, as they are sent."""
+    return [
+        [_command(command.message(_ROUTE, 0)) for command in alternative]
+        for alternative in alternatives
+    ]
+
+
+def end_sentence(end: End) -> str:
+    """Give a sentence on the end of a live command."""
+    match end:
+        case Turned(radius_m=radius_m, angle_rad=angle_rad):
+            return f"until {angle_rad / math.tau:g} turn at {radius_m:g} m is flown"
+        case Circled(turn=Turned(radius_m=radius_m), heading=heading):
+            return f"until 1 turn at {radius_m:g} m is flown from point to point, {heading.name}"
+        case Series(steps):
+            return f"until {len(steps)} steps are done"
+        case Tracked(mode=mode, duration_s=duration_s):
+            return f"for {duration_s:g} s or until the subject is lost, {mode.name}"
+        case Lasted(duration_s):
+            return f"for {duration_s:g} s" if duration_s > 0.0 else "until it is accepted"
+
+
+def plain(value: Any) -> Any:
+    """Give a value that JSON supports."""
+    return None if isinstance(value, float) and math.isnan(value) else value
+
+
+def _stretch(plan: FlightPlan, ids: list[int]) -> dict[str, Any]:
+    owners = [ids[index] for index in plan.command_of_item]
+    return {
+        "kind": "items",
+        "first_item": plan.first_item,
+        "ends_on_ground": plan.ends_on_ground,
+        "items": [
+            item | {"command_id": owner} for item, owner in zip(items(plan), owners, strict=True)
+        ],
+    }
+
+
+def _live(live: LiveCommand, ids: list[int]) -> dict[str, Any]:
+    action = live.action
+    return {
+        "kind": "live",
+        "command_id": ids[live.command],
+        "approach": _spot(action.approach),
+        "target": _spot(action.follow),
+        "begin": command_lists(action.begin),
+        "way_notes": list(action.alternative_notes),
+        "end": end_sentence(action.end),
+        "finish": command_lists(action.finish),
+    }
+
+
+def _command(message: Message) -> dict[str, Any]:
+    fields = {
+        k: v for k, v in message.to_dict().items() if k not in {"target_system", "mavpackettype"}
+    }
+    return {name: plain(value) for name, value in fields.items()} | {
+        "message": message.get_type(),
+        "name": command_name(message.command),
+    }
+
+
+def _spot(spot: Spot | None) -> dict[str, float] | None:
+    return None if spot is None else spot._asdict()
+
+
+def mission_lines(mission: Mission, itinerary: Itinerary) -> Iterator[str]:
+    """Give the lines of one mission."""
+    count = len(itinerary.segments)
+    for number, segment in enumerate(itinerary.segments, 1):
+        yield ""
+        if isinstance(segment, FlightPlan):
+            yield f"part {number} of {count}: mission items"
+            yield from _stretch_text(segment, mission)
+        else:
+            command = mission.command_array[segment.command]
+            name = command.command_type_id.name
+            yield f"part {number} of {count}: command {command.command_id} ({name}), live"
+            yield from _live_text(segment)
+    yield from _notes(mission, itinerary)
+
+
+def _stretch_text(plan: FlightPlan, mission: Mission) -> Iterator[str]:
+    rows = [
+        _row(item, mission.command_array[owner].command_id)
+        for item, owner in zip(items(plan), plan.command_of_item, strict=True)
+    ]
+    widths = [max(len(row[i]) for row in (_HEADER, *rows)) for i in range(len(_HEADER))]
+    for row in (_HEADER, *rows):
+        yield "  " + "  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip()
+
+
+def _row(item: dict[str, Any], command_id: int) -> Sequence[str]:
+    has_place = item["frame"] != 2
+    return (
+        str(item["seq"]),
+        f"{item['name']} ({item['command']})",
+        _FRAMES.get(item["frame"], str(item["frame"])),
+        *(_number(item[f"param{i}"]) for i in range(1, 5)),
+        *(f"{item[a] / _E7:.7f}" if has_place else str(item[a]) for a in ("x", "y")),
+        _number(item["z"]),
+        str(command_id),
+    )
+
+
+def _live_text(live: LiveCommand) -> Iterator[str]:
+    action = live.action
+    if action.approach is not None:
+        yield f"  first  to {_place(action.approach)}"
+    if action.follow is not None:
+        yield f"  target {_place(action.follow)}, sent 5 times a second"
+    yield from _alternatives("begin ", action.begin, action.alternative_notes)
+    yield f"  lasts  {end_sentence(action.end)}"
+    yield from _alternatives("finish", action.finish, ())
+
+
+def _alternatives(
+    title: str, alternatives: CommandAlternatives, notes: Sequence[str]
+) -> Iterator[str]:
+    for number, alternative in enumerate(command_lists(alternatives)):
+        lost = notes[number] if number < len(notes) else ""
+        behind = f"  [{lost}]" if lost else ""
+        for step, command in enumerate(alternative):
+            label = title if number == step == 0 else "or    " if step == 0 else "then  "
+            yield f"  {label} {_command_text(command)}{behind}"
+
+
+def _command_text(command: dict[str, Any]) -> str:
+    last = (
+        ("x", "y", "z") if command["message"] == "COMMAND_INT" else ("param5", "param6", "param7")
+    )
+    names = (*(f"param{i}" for i in range(1, 5)), *last)
+    values = " ".join(_number(command[name]) for name in names)
+    return f"{command['message']} {command['name']} ({command['command']}): {values}"
+
+
+def _notes(mission: Mission, itinerary: Itinerary) -> Iterator[str]:
+    noted = [
+        (command, notes)
+        for command, notes in zip(mission.command_array, itinerary.notes, strict=True)
+        if notes
+    ]
+    if noted:
+        yield ""
+        yield "notes"
+    for command, notes in noted:
+        for note in notes:
+            yield f"  command {command.command_id} ({command.command_type_id.name}): {note}"
+
+
+def _place(spot: Spot) -> str:
+    height = f"{spot.relative_altitude_m:g} m above home"
+    return f"{spot.latitude_deg:.7f}, {spot.longitude_deg:.7f}, {height}"
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.8g}"
 
 
 def parse_home(text: str) -> Home:

@@ -40,8 +40,7 @@ from mavlink_broker.edge.posts import VEHICLE_LANE, is_acknowledgement
 from mavlink_broker.edge.spool import Spool
 from mavlink_broker.edge.spool_writer import SpoolWriter
 from mavlink_broker.edge.work import AcceptanceResult
-from mavlink_broker.internal_errors import reason_of
-from mavlink_broker.supervision import SupervisedThread
+from mavlink_broker.supervision import SupervisedThread, reason_of
 
 T = TypeVar("T")
 

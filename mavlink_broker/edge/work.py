@@ -1,14 +1,27 @@
-"""Work that the edge server assigns: missions, events, requests for a state vector."""
+"""Work that the edge server assigns: missions, events, requests for a state vector.
+
+Each piece is parsed once. The edge server may assign the same work again: after a restart on either
+side the broker gets all unfinished work anew.
+
+WorkError  work that cannot be parsed, with its number if it has one
+
+"""
 
 import re
+from collections import OrderedDict
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final, TypeAlias
+from datetime import datetime
+from typing import Any, Final, Literal, TypeAlias
+
+from pydantic import AwareDatetime, BaseModel, StrictInt, ValidationError
 
 from afarcloud.plan import Event, Geofence, Mission, RallyPoint
 from afarcloud.state import MissionReport
 from mavlink_broker.planning.situation import Spot
 
 _ULID: Final = re.compile(r"[0-7][0-9A-HJKMNP-TV-Z]{25}")
+MAX_KNOWN_WORK: Final = 10_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,3 +99,126 @@ class AcceptanceResult:
 
 
 Work: TypeAlias = MissionWork | StateVectorWork | EventWork
+
+
+class WorkError(Exception):
+    """Work that cannot be parsed."""
+
+    def __init__(self, work_id: int | None, reason: str) -> None:
+        super().__init__(reason)
+        self.work_id = work_id
+
+
+class _RawWork(BaseModel):
+    """The common fields of work; unknown fields are ignored."""
+
+    id: StrictInt
+    expires_at: AwareDatetime | None = None
+
+    def deadline(self, now: float, utc: datetime) -> float | None:
+        """Give the time of expiry on the program's clock [s]."""
+        if self.expires_at is None:
+            return None
+        return now + (self.expires_at - utc).total_seconds()
+
+
+class _RawMission(_RawWork):
+    plan_id: str | None = None
+    state: Literal["queued", "accepted"] = "queued"
+    mission: Mission
+    geofence: Geofence | None = None
+    rally_points: tuple[RallyPoint, ...] = ()
+    report: dict[str, Any] | None = None
+
+
+class _RawStateVector(_RawWork):
+    vehicle_id: StrictInt | None = None
+    sequence_number: StrictInt | None = None
+
+
+class _RawEvent(_RawWork):
+    state: Literal["queued", "accepted"] = "queued"
+    event: Event
+
+
+class Inbox:
+    """Recognises work that was taken before."""
+
+    def __init__(self) -> None:
+        self._known: OrderedDict[tuple[Any, ...], None] = OrderedDict()
+
+    def read(self, raw: Mapping[str, Any], now: float, utc: datetime) -> Work | None:
+        """Parse work; None if it was taken before.
+
+        Raises:
+            WorkError: if it cannot be parsed.
+        """
+        number = raw.get("id")
+        work_id = number if isinstance(number, int) and not isinstance(number, bool) else None
+        try:
+            work, key = _read(raw, now, utc)
+        except ValidationError as error:
+            first = error.errors()[0]
+            path = ".".join(str(step) for step in first["loc"])
+            raise WorkError(work_id, f"work cannot be read: {path}: {first['msg']}") from error
+        if work is None:
+            raise WorkError(work_id, f"work of kind {raw.get('kind')} is not supported")
+        return work if self._is_new(key) else None
+
+    def _is_new(self, key: tuple[Any, ...]) -> bool:
+        if key in self._known:
+            return False
+        self._known[key] = None
+        if len(self._known) > MAX_KNOWN_WORK:
+            self._known.popitem(last=False)
+        return True
+
+
+def _read(raw: Mapping[str, Any], now: float, utc: datetime) -> tuple[Work | None, tuple[Any, ...]]:
+    """Give the work and its identity."""
+    match raw.get("kind"):
+        case "mission":
+            mission = _mission(_RawMission.model_validate(raw), now, utc)
+            return mission, mission.key
+        case "latest_state_vector":
+            request = _RawStateVector.model_validate(raw)
+            work = StateVectorWork(
+                work_id=request.id,
+                vehicle_id=request.vehicle_id,
+                expires_at=request.deadline(now, utc),
+            )
+            return work, (request.id, "latest_state_vector", request.sequence_number)
+        case "event":
+            event = _RawEvent.model_validate(raw)
+            event_work = EventWork(
+                work_id=event.id,
+                event=event.event,
+                was_accepted=event.state == "accepted",
+                expires_at=event.deadline(now, utc),
+            )
+            return event_work, (event.id, "event", repr(event.event))
+        case _:
+            return None, ()
+
+
+def _mission(raw: _RawMission, now: float, utc: datetime) -> MissionWork:
+    report = None if raw.report is None else _report(raw.report)
+    reported_at = None if report is None else report.recorded_at
+    return MissionWork(
+        work_id=raw.id,
+        plan_id=str(raw.plan_id),
+        vehicle_id=raw.mission.vehicle_id,
+        mission=raw.mission,
+        geofence=raw.geofence,
+        rally_points=raw.rally_points,
+        was_accepted=raw.state == "accepted",
+        report=report,
+        reported_at=None if reported_at is None else now + (reported_at - utc).total_seconds(),
+        expires_at=raw.deadline(now, utc),
+    )
+
+
+def _report(raw: Mapping[str, Any]) -> MissionReport:
+    """Parse the last report; fields that the edge server has added are ignored."""
+    known = {name: value for name, value in raw.items() if name in MissionReport.model_fields}
+    return MissionReport.model_validate(known)

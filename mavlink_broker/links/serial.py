@@ -11,9 +11,8 @@ import termios
 from typing import Final
 
 from mavlink_broker.links.link import Arrival, LinkError, RetryTimer
-from mavlink_broker.links.one_peer import SinglePeerLink
 from mavlink_broker.links.rate_limit import RateLimiter
-from mavlink_broker.links.stream import QUEUE_BYTES, Stream
+from mavlink_broker.links.stream import QUEUE_BYTES, SinglePeerLink, Stream
 from mavlink_broker.links.url import LinkUrl
 
 LOOKUP_INTERVAL_S: Final = 1.0

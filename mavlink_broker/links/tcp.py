@@ -11,10 +11,8 @@ import socket
 from collections.abc import Callable
 from typing import Final
 
-from mavlink_broker.links.link import Arrival, RetryTimer
-from mavlink_broker.links.name_lookup import HostName
-from mavlink_broker.links.one_peer import SinglePeerLink
-from mavlink_broker.links.stream import Stream, StreamEndedError
+from mavlink_broker.links.link import Arrival, HostName, RetryTimer
+from mavlink_broker.links.stream import SinglePeerLink, Stream, StreamEndedError
 from mavlink_broker.links.udp import bind
 from mavlink_broker.links.url import Address, LinkUrl
 

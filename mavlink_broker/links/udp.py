@@ -6,8 +6,7 @@ import socket
 from collections.abc import Callable
 from typing import Any, Final
 
-from mavlink_broker.links.link import Arrival, LinkError, PortBusyError
-from mavlink_broker.links.name_lookup import HostName
+from mavlink_broker.links.link import Arrival, HostName, LinkError, PortBusyError
 from mavlink_broker.links.url import ANY_ADDRESS, Address, LinkKind, LinkUrl
 
 RECEIVE_BUFFER_BYTES: Final = 1 << 20

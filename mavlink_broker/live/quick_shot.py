@@ -13,8 +13,8 @@ import math
 from typing import Final, NamedTuple
 
 from afarcloud.geodesy import distance_m, offset, shifted
+from mavlink_broker.live.orbit import TurnAngle
 from mavlink_broker.live.series import heading_command, reposition_command
-from mavlink_broker.live.turn_angle import TurnAngle
 from mavlink_broker.mavlink.dialect import Message, mavlink
 from mavlink_broker.microservices.command import (
     Accepted,

@@ -5,6 +5,7 @@ pymavlink's generated classes `mavlink.MAVLink_<name>_message`; `get_type()` ret
 Three of them are replaced here, because the shipped dialect lacks
 the opaque plan ids of the current message definitions (extension fields: the checksum seed and
 the older fields stay as they are, and a sender without them is read as id 0, "not supported").
+
 """
 
 import struct
@@ -23,10 +24,8 @@ __all__ = [
     "mavlink",
     "source_of",
 ]
-
 Message: TypeAlias = Any
 """An instance of one of pymavlink's generated message classes."""
-
 RESULT_NAMES: Final[dict[int, str]] = {
     **{number: entry.name for number, entry in mavlink.enums["MAV_RESULT"].items()},
     6: "MAV_RESULT_CANCELLED",
@@ -34,7 +33,6 @@ RESULT_NAMES: Final[dict[int, str]] = {
     10: "MAV_RESULT_NOT_IN_CONTROL",
 }
 """Answers to commands; the shipped dialect lacks the names of 6, 9 and 10."""
-
 MISSION_RESULT_NAMES: Final[dict[int, str]] = {
     number: entry.name for number, entry in mavlink.enums["MAV_MISSION_RESULT"].items()
 }
@@ -180,3 +178,18 @@ class Source(NamedTuple):
 def source_of(message: Message) -> Source:
     """Read the sender from a decoded message."""
     return Source(message.get_srcSystem(), message.get_srcComponent())
+
+
+class Route(NamedTuple):
+    """The broker's own ids and those of one vehicle's autopilot."""
+
+    own_system: int
+    own_component: int
+    target_system: int
+    target_component: int
+
+    def is_for_us(self, message: Message) -> bool:
+        """Whether a message addresses the broker; 0 or a missing field addresses everybody."""
+        system = getattr(message, "target_system", 0)
+        component = getattr(message, "target_component", 0)
+        return system in {0, self.own_system} and component in {0, self.own_component}

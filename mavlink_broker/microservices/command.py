@@ -9,9 +9,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Final, TypeAlias
 
-from mavlink_broker.mavlink.addressing import Route
-from mavlink_broker.mavlink.dialect import RESULT_NAMES, Message, mavlink
-from mavlink_broker.microservices.round_trip import RoundTrip
+from mavlink_broker.mavlink.dialect import RESULT_NAMES, Message, Route, mavlink
+from mavlink_broker.microservices.timeouts import RoundTrip
 
 ATTEMPTS: Final = 8
 """At 20 % loss each way one command in 3,500 stays unanswered."""

@@ -14,8 +14,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Final, NamedTuple, TypeAlias
 
-from mavlink_broker.mavlink.addressing import Route
-from mavlink_broker.mavlink.dialect import Message
+from mavlink_broker.mavlink.dialect import Message, Route
 from mavlink_broker.mavlink.mission_item import MissionItem
 from mavlink_broker.microservices.parameter import (
     NotOverwritten,
@@ -25,7 +24,7 @@ from mavlink_broker.microservices.parameter import (
     Setting,
     Written,
 )
-from mavlink_broker.microservices.round_trip import RoundTrip
+from mavlink_broker.microservices.timeouts import RoundTrip
 
 RETRY_INTERVAL_S: Final = 10.0
 

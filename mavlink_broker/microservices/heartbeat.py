@@ -1,11 +1,20 @@
-"""The broker's heartbeat, and the link state of a vehicle by its heartbeats.
+"""Heartbeats: the one of the broker, and the link state and the reboots of a vehicle.
 
 The broker is an onboard controller (type 18), unless a vehicle requires a ground station (type 6):
 a vehicle may return home when it loses its last ground station, but a mission must survive a broker
 that dies.
+
+A vehicle has rebooted when its time since boot goes back. These are not reboots: frames that
+overtake one another; frames that a radio has delayed, some seconds of them in a row; messages whose
+clocks differ by some seconds, which is why each kind of message is tracked separately; and the
+overflow of the counter at 2^32 ms, after 49.7 days. The speed of the clock does not matter: a
+simulated one may run at any speed.
+
 """
 
+import math
 import re
+from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final
 
@@ -14,7 +23,6 @@ from mavlink_broker.mavlink.dialect import Message, mavlink
 INTERVAL_S: Final = 1.0
 STALE_AFTER_S: Final = 2.0
 LOST_AFTER_S: Final = 5.0
-
 NOT_VEHICLES: Final = frozenset(
     {
         mavlink.MAV_TYPE_ANTENNA_TRACKER,
@@ -36,6 +44,17 @@ NOT_VEHICLES: Final = frozenset(
     }
 )
 """MAV_TYPEs that send heartbeats and cannot fly a mission."""
+TOLERANCE_MS: Final = 1000
+"""Frames that overtake one another step back by less."""
+CONFIRMATIONS: Final = 3
+"""One late frame proves nothing; a rebooted vehicle continues to count from zero."""
+SILENCE_S: Final = 2.0
+"""After this silence any step back counts: the vehicle may have been switched off."""
+FAR_BACK_MS: Final = 30_000
+"""Step back that counts without a silence: no radio delays frames for so long."""
+MESSAGES_KEPT: Final = 64
+_COUNTER: Final = 1 << 32
+_NEAR_THE_END_MS: Final = 600_000
 
 
 class LinkState(StrEnum):
@@ -118,3 +137,54 @@ class LinkMonitor:
         if now - self._received_at > STALE_AFTER_S:
             return LinkState.STALE
         return LinkState.CONNECTED
+
+
+@dataclass(slots=True)
+class _Clock:
+    """The clock of one kind of message."""
+
+    newest_ms: int
+    received_at: float
+    behind: int = 0
+    was_silent: bool = False  # Before it went back
+
+
+class RebootMonitor:
+    """Follows `time_boot_ms` of one vehicle."""
+
+    def __init__(self) -> None:
+        self._clocks: dict[str, _Clock] = {}
+        self.confirmed_at = -math.inf  # When the clock last went on, or a reboot was detected
+
+    def sample(self, kind: str, time_boot_ms: int, now: float) -> bool:
+        """Take a time since boot of a kind of message; true when it proves a reboot."""
+        clock = self._clocks.get(kind)
+        if clock is None:
+            if len(self._clocks) < MESSAGES_KEPT:
+                self._clocks[kind] = _Clock(time_boot_ms, now)
+            return False
+        gap_s, clock.received_at = now - clock.received_at, now
+        if time_boot_ms >= clock.newest_ms or _has_wrapped(clock.newest_ms, time_boot_ms):
+            clock.newest_ms, clock.behind, clock.was_silent = time_boot_ms, 0, False
+            self.confirmed_at = now
+        else:
+            clock.was_silent |= gap_s >= SILENCE_S
+            clock.behind += _is_suspicious(clock, time_boot_ms)
+        if clock.behind < CONFIRMATIONS:
+            return False
+        self._clocks = {kind: _Clock(time_boot_ms, now)}
+        self.confirmed_at = now
+        return True
+
+
+def _is_suspicious(clock: _Clock, time_boot_ms: int) -> bool:
+    back_ms = clock.newest_ms - time_boot_ms
+    if back_ms <= TOLERANCE_MS:
+        return False
+    begun_again = back_ms > FAR_BACK_MS or time_boot_ms < clock.newest_ms / 2
+    return begun_again or clock.was_silent
+
+
+def _has_wrapped(newest_ms: int, time_boot_ms: int) -> bool:
+    at_the_end = newest_ms > _COUNTER - _NEAR_THE_END_MS
+    return at_the_end and time_boot_ms < _NEAR_THE_END_MS

@@ -20,15 +20,14 @@ import math
 from collections.abc import Collection
 from typing import Final, NamedTuple
 
-from mavlink_broker.mavlink.addressing import Route
-from mavlink_broker.mavlink.dialect import Message, mavlink
+from mavlink_broker.mavlink.dialect import Message, Route, mavlink
 from mavlink_broker.microservices.command import (
     Accepted,
     CommandLong,
     CommandOutcome,
     CommandTransaction,
 )
-from mavlink_broker.microservices.round_trip import RoundTrip
+from mavlink_broker.microservices.timeouts import RoundTrip
 
 
 class Stream(NamedTuple):

@@ -12,8 +12,7 @@ sends MISSION_CURRENT once a second, and not on request.
 from collections.abc import Collection
 from typing import Final
 
-from mavlink_broker.mavlink.addressing import Route
-from mavlink_broker.mavlink.dialect import Message, mavlink
+from mavlink_broker.mavlink.dialect import Message, Route, mavlink
 from mavlink_broker.microservices.command import (
     Accepted,
     CommandLong,
@@ -22,7 +21,7 @@ from mavlink_broker.microservices.command import (
     Refused,
 )
 from mavlink_broker.microservices.message_rates import request_message
-from mavlink_broker.microservices.round_trip import RoundTrip
+from mavlink_broker.microservices.timeouts import RoundTrip
 
 ATTEMPTS: Final = 10
 REQUEST_INTERVAL_S: Final = 1.0

@@ -13,6 +13,9 @@ silent, or requests the same item more often than losses explain.
 
 An acknowledgement counts only after every item was requested. The caller then verifies what the
 vehicle holds.
+
+`MissionClear` clears a plan and waits for the answer.
+
 """
 
 from collections.abc import Sequence
@@ -20,10 +23,15 @@ from dataclasses import dataclass
 from enum import Enum, auto
 from typing import Final, TypeAlias
 
-from mavlink_broker.mavlink.addressing import Route
-from mavlink_broker.mavlink.dialect import MISSION_RESULT_NAMES, Message, MissionCount, mavlink
+from mavlink_broker.mavlink.dialect import (
+    MISSION_RESULT_NAMES,
+    Message,
+    MissionCount,
+    Route,
+    mavlink,
+)
 from mavlink_broker.microservices.mission_protocol import PLAN_NAMES, to_float_item
-from mavlink_broker.microservices.round_trip import RoundTrip
+from mavlink_broker.microservices.timeouts import RoundTrip
 
 COUNT_ATTEMPTS: Final = 8
 LAST_ITEM_ATTEMPTS: Final = 6
@@ -32,7 +40,6 @@ STALLED_AFTER_S: Final = 5.0
 MOST_REPETITIONS: Final = 60
 """Of one request: more than 30 % loss each way would cause."""
 FIRST_PAUSE_S: Final = 1.0
-
 _REQUESTS: Final = frozenset({"MISSION_REQUEST", "MISSION_REQUEST_INT"})
 _BUSY: Final = frozenset({mavlink.MAV_MISSION_ERROR, mavlink.MAV_MISSION_DENIED})
 _TRANSIENT: Final = frozenset({mavlink.MAV_MISSION_ERROR, mavlink.MAV_MISSION_INVALID_SEQUENCE})
@@ -46,6 +53,8 @@ _UNSUPPORTED: Final = frozenset(
     }
 )
 """Answers to an item whose command or parameters the vehicle does not support."""
+CLEAR_ATTEMPTS: Final = 10
+CLEAR_REFUSALS: Final = 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -249,3 +258,77 @@ class MissionUpload:
             return
         self._phase = _Phase.PAUSING
         self._deadline = now + seconds
+
+
+@dataclass(frozen=True, slots=True)
+class Cleared:
+    """The vehicle has confirmed that it holds none."""
+
+
+@dataclass(frozen=True, slots=True)
+class NotCleared:
+    """The vehicle has refused, or has not answered."""
+
+    reason: str
+
+
+ClearOutcome: TypeAlias = Cleared | NotCleared
+
+
+class MissionClear:
+    """One MISSION_CLEAR_ALL(45), repeated until it is acknowledged."""
+
+    def __init__(
+        self, route: Route, round_trip: RoundTrip, *, mission_type: int, busy_pause_s: float
+    ) -> None:
+        self._route = route
+        self._round_trip = round_trip
+        self._type = mission_type
+        self._busy_pause_s = busy_pause_s
+        self._attempts = 0
+        self._refusals = 0
+        self._deadline = 0.0
+        self._pausing = False
+        self.outcome: ClearOutcome | None = None
+
+    def start(self, now: float) -> list[Message]:
+        """Send the request."""
+        self._attempts += 1
+        self._pausing = False
+        self._deadline = now + self._round_trip.timeout_s
+        target = self._route.target_system, self._route.target_component
+        return [mavlink.MAVLink_mission_clear_all_message(*target, self._type)]
+
+    def receive(self, message: Message, now: float) -> list[Message]:
+        """Take the acknowledgement; a busy vehicle is retried."""
+        if self.outcome is not None or self._pausing or not self._is_answer(message):
+            return []
+        if message.type == mavlink.MAV_MISSION_ACCEPTED:
+            self.outcome = Cleared()
+            return []
+        self._refusals += 1
+        if message.type in _BUSY and self._refusals < CLEAR_REFUSALS:
+            self._pausing, self._attempts = True, 0
+            self._deadline = now + self._busy_pause_s
+        else:
+            self._fail(MISSION_RESULT_NAMES.get(message.type, str(message.type)))
+        return []
+
+    def tick(self, now: float) -> list[Message]:
+        """Repeat what is overdue."""
+        if self.outcome is not None or now < self._deadline:
+            return []
+        if self._attempts >= CLEAR_ATTEMPTS:
+            self._fail("no answer")
+            return []
+        return self.start(now)
+
+    def _is_answer(self, message: Message) -> bool:
+        return (
+            message.get_type() == "MISSION_ACK"
+            and getattr(message, "mission_type", 0) == self._type
+            and self._route.is_for_us(message)
+        )
+
+    def _fail(self, why: str) -> None:
+        self.outcome = NotCleared(f"{PLAN_NAMES[self._type]} could not be removed: {why}")

@@ -17,10 +17,9 @@ from dataclasses import dataclass
 from enum import Enum, auto
 from typing import Final, NamedTuple, TypeAlias
 
-from mavlink_broker.mavlink.addressing import Route
-from mavlink_broker.mavlink.dialect import Message, mavlink
+from mavlink_broker.mavlink.dialect import Message, Route, mavlink
 from mavlink_broker.microservices.command import Refused
-from mavlink_broker.microservices.round_trip import RoundTrip
+from mavlink_broker.microservices.timeouts import RoundTrip
 
 WRITE_ATTEMPTS: Final = 6
 """Per request: at 20 % loss each way one in 460 stays unanswered."""

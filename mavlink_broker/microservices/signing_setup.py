@@ -13,7 +13,7 @@ from typing import Any, Final
 
 from mavlink_broker.mavlink.codec import Encoder
 from mavlink_broker.mavlink.dialect import Message, mavlink, source_of
-from mavlink_broker.mavlink.signature_check import EPOCH, TICKS_PER_S, LinkSigning
+from mavlink_broker.mavlink.signing import EPOCH, TICKS_PER_S, LinkSigning
 from mavlink_broker.microservices.status_text import StatusTexts
 
 KEY_LENGTH: Final = 32

@@ -23,7 +23,7 @@ from mavlink_broker.live.executor import LiveCommandExecutor, Phase
 from mavlink_broker.mavlink.dialect import Message, mavlink
 from mavlink_broker.microservices.command import CommandAlternatives, long_command
 from mavlink_broker.microservices.heartbeat import LinkState
-from mavlink_broker.planning.geofence_check import AreaCheck
+from mavlink_broker.planning.geofence import AreaCheck
 from mavlink_broker.planning.live_actions import Lasted, LiveAction
 from mavlink_broker.planning.situation import Spot
 from mavlink_broker.recovery.record import PendingAbort, Pose

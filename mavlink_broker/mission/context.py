@@ -8,14 +8,14 @@ from typing import Final
 from afarcloud.enumerations import Status
 from mavlink_broker.edge.work import MissionWork
 from mavlink_broker.effects import Effects
-from mavlink_broker.live.series_monitor import SeriesMonitor
+from mavlink_broker.live.camera_state import SeriesMonitor
 from mavlink_broker.mavlink.dialect import Message
 from mavlink_broker.mission.authority_monitor import AuthorityMonitor
 from mavlink_broker.mission.pause_orders import PauseOrders
 from mavlink_broker.mission.segments import Segments
 from mavlink_broker.mission.speed_changes import SpeedChanges
 from mavlink_broker.mission.states import Event
-from mavlink_broker.planning.geofence_check import AreaCheck
+from mavlink_broker.planning.geofence import AreaCheck
 from mavlink_broker.planning.mission import FlightPlan, LiveCommand
 from mavlink_broker.planning.situation import Spot
 from mavlink_broker.vehicle.mission_ledger import MissionLedger

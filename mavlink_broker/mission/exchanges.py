@@ -11,10 +11,10 @@ from mavlink_broker.microservices.command import (
     CommandSequence,
     long_command,
 )
+from mavlink_broker.microservices.mission_download import MissionVerify, VerifyOutcome
 from mavlink_broker.microservices.mission_protocol import supports_only_float_items
 from mavlink_broker.microservices.mission_set_current import MissionSetCurrent
 from mavlink_broker.microservices.mission_upload import MissionUpload, UploadOutcome
-from mavlink_broker.microservices.mission_verify import MissionVerify, VerifyOutcome
 from mavlink_broker.planning.mission import FlightPlan
 from mavlink_broker.planning.read_back import difference
 from mavlink_broker.vehicle.vehicle import Vehicle

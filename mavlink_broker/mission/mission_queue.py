@@ -24,7 +24,7 @@ from mavlink_broker.mission.pending_events import PendingEvents, aborts_now, is_
 from mavlink_broker.mission.phases.aborting import RETURN_ENDED
 from mavlink_broker.mission.speed_changes import MISSION_ENDED
 from mavlink_broker.mission.states import State
-from mavlink_broker.planning.geofence_check import check_flyable
+from mavlink_broker.planning.geofence import check_flyable
 from mavlink_broker.planning.mission import Home, RefusedError, translate
 from mavlink_broker.recovery.record import PendingReturn, RecoveryRecord
 from mavlink_broker.vehicle.alarms import mission_error

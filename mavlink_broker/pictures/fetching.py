@@ -13,12 +13,11 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from mavlink_broker.effects import FetchUrl, Job
-from mavlink_broker.ftp.download import NO_ANSWER, FileDownload
-from mavlink_broker.ftp.partial_file import Fetched, PartialFile
-from mavlink_broker.mavlink.addressing import Route
-from mavlink_broker.mavlink.dialect import Message
+from mavlink_broker.mavlink.dialect import Message, Route
+from mavlink_broker.microservices.ftp_download import NO_ANSWER, FileDownload
+from mavlink_broker.microservices.ftp_partial_file import Fetched, PartialFile
+from mavlink_broker.pictures.announcements import Capture, FileLocation, Location, WebLocation
 from mavlink_broker.pictures.attribution import PictureCommand
-from mavlink_broker.pictures.capture import Capture, FileLocation, Location, WebLocation
 
 MAX_FILE_BYTES: Final = 32 * 1024 * 1024
 """ a camera of 50 megapixels writes half of it."""

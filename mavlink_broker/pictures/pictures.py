@@ -21,14 +21,13 @@ from mavlink_broker.effects import (
     JobOutcome,
 )
 from mavlink_broker.mavlink.dialect import Message, mavlink, source_of
+from mavlink_broker.pictures.announcements import AnnouncementTracker, Capture, read_capture
 from mavlink_broker.pictures.attribution import (
     Attribution,
     CommandInterval,
     PictureCommand,
     current_command,
 )
-from mavlink_broker.pictures.capture import Capture, read_capture
-from mavlink_broker.pictures.counting import AnnouncementTracker
 from mavlink_broker.pictures.fetching import PictureDownload, PictureFetcher, Progress
 from mavlink_broker.vehicle.mission_ledger import MissionLedger
 from mavlink_broker.vehicle.reporter import Reporter

@@ -33,9 +33,8 @@ from mavlink_broker.effects import (
     JobFailed,
     JobOutcome,
 )
-from mavlink_broker.internal_errors import reason_of
 from mavlink_broker.pictures import shrink
-from mavlink_broker.supervision import SupervisedThread
+from mavlink_broker.supervision import SupervisedThread, reason_of
 
 CONNECT_TIMEOUT_S: Final = 5.0
 READ_TIMEOUT_S: Final = 10.0

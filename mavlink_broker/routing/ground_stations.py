@@ -14,8 +14,7 @@ from mavlink_broker.config import Config
 from mavlink_broker.links.url import Address, LinkKind
 from mavlink_broker.mavlink.codec import Decoder
 from mavlink_broker.mavlink.dialect import Message, Source
-from mavlink_broker.mavlink.key_ring import KeyRing
-from mavlink_broker.mavlink.signature_check import SignatureCheck
+from mavlink_broker.mavlink.signing import KeyRing, SignatureCheck
 from mavlink_broker.microservices.message_rates import STREAMS
 from mavlink_broker.routing.gateway import GCS_TIMEOUT_S, Gateway
 from mavlink_broker.routing.policy import BrokerControl

@@ -12,24 +12,22 @@ from datetime import datetime
 from typing import Final, Protocol
 
 from mavlink_broker.config import Config
-from mavlink_broker.internal_errors import InternalErrors
 from mavlink_broker.links.frame_log import FrameLog
 from mavlink_broker.links.url import Address
 from mavlink_broker.mavlink.codec import Decoder, Encoder
 from mavlink_broker.mavlink.dialect import Message, Source, mavlink, source_of
 from mavlink_broker.mavlink.frames import unsigned
-from mavlink_broker.mavlink.key_ring import KeyRing
-from mavlink_broker.mavlink.signature_check import SignatureCheck
+from mavlink_broker.mavlink.signing import KeyRing, SignatureCheck
 from mavlink_broker.microservices.heartbeat import (
     INTERVAL_S,
     is_vehicle,
     own_heartbeat,
     replaces_autopilot,
 )
-from mavlink_broker.routing.duplicate_system_ids import DuplicateSystemIds
 from mavlink_broker.routing.ground_stations import GroundStations
-from mavlink_broker.routing.link_selection import LinkSelection
+from mavlink_broker.routing.link_selection import DuplicateSystemIds, LinkSelection
 from mavlink_broker.routing.policy import BrokerControl
+from mavlink_broker.supervision import InternalErrors
 
 PEERS_KEPT: Final = 1024
 OWN_ID_WARNING_INTERVAL_S: Final = 60.0

@@ -14,7 +14,7 @@ from afarcloud.enumerations import AlarmCode, AlarmType
 from mavlink_broker.autopilots.status_texts import TextMeaning, means
 from mavlink_broker.autopilots.tunnel_messages import alarm_parameters
 from mavlink_broker.mavlink.dialect import Message, mavlink, source_of
-from mavlink_broker.microservices.message_timeout import FrameLoss, PeriodicSource
+from mavlink_broker.microservices.timeouts import FrameLoss, PeriodicSource
 from mavlink_broker.vehicle.measurements import HUMIDITY, OBSERVED, readings
 
 DEBOUNCE_S: Final = 2.0

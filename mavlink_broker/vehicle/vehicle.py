@@ -7,23 +7,21 @@ from typing import Final
 
 from mavlink_broker.autopilots.families import GENERIC, Family, family_of
 from mavlink_broker.autopilots.flight_modes import ModeRole
-from mavlink_broker.mavlink.addressing import Route
-from mavlink_broker.mavlink.dialect import Message, mavlink
+from mavlink_broker.mavlink.dialect import Message, Route, mavlink
 from mavlink_broker.microservices.config_overrides import (
     ParameterOverride,
     ParameterOverrider,
     VehicleOverrides,
 )
-from mavlink_broker.microservices.heartbeat import LinkMonitor, LinkState, is_vehicle
+from mavlink_broker.microservices.heartbeat import LinkMonitor, LinkState, RebootMonitor, is_vehicle
 from mavlink_broker.microservices.parameter import ParameterEncoding, encoding_of
-from mavlink_broker.microservices.reboot import RebootMonitor
-from mavlink_broker.microservices.round_trip import RoundTrip
 from mavlink_broker.microservices.status_text import StatusTexts
+from mavlink_broker.microservices.timeouts import RoundTrip
 from mavlink_broker.planning.situation import Home
 from mavlink_broker.planning.target_track import TargetSource
 from mavlink_broker.vehicle import control_authority
 from mavlink_broker.vehicle.control_authority import ForeignOrder, ObservedMode
-from mavlink_broker.vehicle.measurement_lists import Observations
+from mavlink_broker.vehicle.measurements import Observations
 from mavlink_broker.vehicle.recovery_state import RecoveryState
 from mavlink_broker.vehicle.telemetry import Snapshot
 

@@ -21,13 +21,12 @@ from mavlink_broker.cli.program import SystemClock
 from mavlink_broker.config import Config
 from mavlink_broker.links.hub import open_links
 from mavlink_broker.links.url import parse_links
-from mavlink_broker.mavlink.addressing import Route
 from mavlink_broker.mavlink.codec import Decoder, Encoder
-from mavlink_broker.mavlink.dialect import Message, mavlink
+from mavlink_broker.mavlink.dialect import Message, Route, mavlink
 from mavlink_broker.mavlink.mission_item import waypoint
+from mavlink_broker.microservices.mission_download import MissionVerify, Verified
 from mavlink_broker.microservices.mission_upload import MissionUpload, Stored
-from mavlink_broker.microservices.mission_verify import MissionVerify, Verified
-from mavlink_broker.microservices.round_trip import RoundTrip
+from mavlink_broker.microservices.timeouts import RoundTrip
 from mavlink_broker.mission.states import State
 from mavlink_broker.planning.mission import FlightPlan
 from mavlink_broker.planning.read_back import difference

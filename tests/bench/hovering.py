@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from mavlink_broker.config import DEFAULT_SYSTEM_ID
-from mavlink_broker.mavlink.addressing import Route
-from mavlink_broker.mavlink.dialect import mavlink
+from mavlink_broker.mavlink.dialect import Route, mavlink
 from mavlink_broker.microservices.message_rates import STREAMS, UNREAD, set_interval
 from sim.config import SimulationConfig
 from tests.support.autopilot_tester import SYSTEM_ID, AutopilotTester

@@ -11,13 +11,16 @@ import pytest
 
 from mavlink_broker.autopilots.families import PX4
 from mavlink_broker.mavlink import codec as broker_codec
-from mavlink_broker.mavlink.addressing import Route
-from mavlink_broker.mavlink.dialect import Message
+from mavlink_broker.mavlink.dialect import Message, Route
 from mavlink_broker.mavlink.mission_item import waypoint
-from mavlink_broker.microservices.mission_download import Downloaded, MissionDownload
+from mavlink_broker.microservices.mission_download import (
+    Downloaded,
+    MissionDownload,
+    MissionVerify,
+    Verified,
+)
 from mavlink_broker.microservices.mission_upload import MissionUpload, NotStored, Stored, Uncertain
-from mavlink_broker.microservices.mission_verify import MissionVerify, Verified
-from mavlink_broker.microservices.round_trip import RoundTrip
+from mavlink_broker.microservices.timeouts import RoundTrip
 from mavlink_broker.planning.mission import FlightPlan
 from mavlink_broker.planning.read_back import difference
 from tests.support.lossy_link import GROUND_ADDRESS, VEHICLE_ADDRESS, Conditions, LossyLink

@@ -10,9 +10,8 @@ from PIL import Image as Pictures
 from mavlink_broker.edge.client import _KNOWN
 from mavlink_broker.edge.posts import post_for
 from mavlink_broker.effects import ConvertedPicture, ConvertPicture, EdgeReport
-from mavlink_broker.mavlink.addressing import Route
 from mavlink_broker.mavlink.codec import Decoder, Encoder
-from mavlink_broker.mavlink.dialect import Message, mavlink
+from mavlink_broker.mavlink.dialect import Message, Route, mavlink
 from mavlink_broker.pictures.worker_pool import run_job
 from mavlink_broker.vehicle.reporter import Reporter
 from mavlink_broker.vehicle.vehicle import Vehicle

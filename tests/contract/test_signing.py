@@ -9,8 +9,7 @@ from pymavlink.dialects.v20 import common
 
 from mavlink_broker.mavlink.codec import Decoder, Encoder
 from mavlink_broker.mavlink.dialect import mavlink
-from mavlink_broker.mavlink.key_ring import KeyRing
-from mavlink_broker.mavlink.signature_check import LinkSigning, SignatureCheck
+from mavlink_broker.mavlink.signing import KeyRing, LinkSigning, SignatureCheck
 from uav_firmware.modules.mavlink.wire import dialect
 from uav_firmware.modules.mavlink.wire.signature import Signer, SigningClock
 

@@ -16,8 +16,7 @@ import pytest
 from afarcloud.enumerations import OrbitType, TrackMode
 from afarcloud.plan import Mission
 from mavlink_broker.autopilots.families import ARDUPILOT, GENERIC, OWN, PX4, Family
-from mavlink_broker.mavlink.addressing import Route
-from mavlink_broker.mavlink.dialect import Message
+from mavlink_broker.mavlink.dialect import Message, Route
 from mavlink_broker.microservices.config_overrides import ParameterOverride
 from mavlink_broker.planning.mission import FlightPlan, Home, LiveCommand, translate
 

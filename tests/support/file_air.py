@@ -7,11 +7,10 @@ import random
 from pathlib import Path
 from typing import Final
 
-from mavlink_broker.ftp.download import FileDownload
-from mavlink_broker.ftp.partial_file import FetchOutcome
-from mavlink_broker.mavlink.addressing import Route
 from mavlink_broker.mavlink.codec import Decoder, Encoder
-from mavlink_broker.mavlink.dialect import Message, mavlink
+from mavlink_broker.mavlink.dialect import Message, Route, mavlink
+from mavlink_broker.microservices.ftp_download import FileDownload
+from mavlink_broker.microservices.ftp_partial_file import FetchOutcome
 from tests.support.lossy_link import VEHICLE_ADDRESS, Conditions, LossyLink
 from tests.unit.uav_firmware.modules.mavlink.harness import SYSTEM, empty_topics
 from uav_firmware.cal.files import Card

@@ -5,8 +5,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 from mavlink_broker.recovery.encoding import decode, encode
-from mavlink_broker.recovery.record import EMPTY_RECORD, RecoveryRecord, VehicleIdentity
-from mavlink_broker.recovery.record_tracker import RecordUpdate
+from mavlink_broker.recovery.record import (
+    EMPTY_RECORD,
+    RecordUpdate,
+    RecoveryRecord,
+    VehicleIdentity,
+)
 
 
 class ScriptedDisk:

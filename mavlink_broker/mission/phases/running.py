@@ -7,10 +7,9 @@ from mavlink_broker.autopilots.flight_modes import ModeRole
 from mavlink_broker.effects import Effects
 from mavlink_broker.mavlink.dialect import Message
 from mavlink_broker.mission.context import MissionContext
-from mavlink_broker.mission.mission_change_monitor import MissionChangeMonitor
+from mavlink_broker.mission.integrity import MissionChangeMonitor, SkippedWaypointMonitor
 from mavlink_broker.mission.phases.phase import Fault, Phase, Request, Result
 from mavlink_broker.mission.progress_monitor import ProgressMonitor
-from mavlink_broker.mission.skipped_waypoint_monitor import SkippedWaypointMonitor
 from mavlink_broker.vehicle.control_authority import TAKEOVER_AFTER_S, Authority, Claim
 
 

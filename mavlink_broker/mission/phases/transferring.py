@@ -7,16 +7,15 @@ items is then uploaded, proved, and its first item selected.
 from afarcloud.route import highest_m
 from mavlink_broker.effects import Effects
 from mavlink_broker.microservices.command import Accepted, Refused
+from mavlink_broker.microservices.mission_download import Different, Verified
 from mavlink_broker.microservices.mission_upload import NotStored, Stored, Uncertain
-from mavlink_broker.microservices.mission_verify import Different, Verified
 from mavlink_broker.mission import exchanges
 from mavlink_broker.mission.authority_monitor import HOVERING, ON_GROUND
 from mavlink_broker.mission.context import MissionContext
 from mavlink_broker.mission.geofence_transfer import GeofenceTransfer, WantedGeofence
 from mavlink_broker.mission.phases.phase import Fault, Phase, Result
 from mavlink_broker.mission.states import Event
-from mavlink_broker.planning.geofence import rally_items
-from mavlink_broker.planning.geofence_check import as_flown
+from mavlink_broker.planning.geofence import as_flown, rally_items
 from mavlink_broker.planning.mission import RefusedError
 from mavlink_broker.vehicle.control_authority import Claim
 

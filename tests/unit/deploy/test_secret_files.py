@@ -11,7 +11,7 @@ from deploy import secret_files
 from edge_server.store.rows import keys
 from edge_server.store.rows.keys import Role
 from edge_server.uplinks.mqtt_connection import read_login
-from mavlink_broker.mavlink.key_ring import KeyRing
+from mavlink_broker.mavlink.signing import KeyRing
 from uav_firmware.drivers.key_file import read_key
 
 

@@ -1,17 +1,16 @@
 """What the states of the cameras of one vehicle show about a command."""
 
 from afarcloud.commands import CameraImage
-from mavlink_broker.live.capture_check import (
+from mavlink_broker.live.camera_state import (
     ANSWER_TIMEOUT_S,
+    SERIES_EXTRA_S,
     SILENT_AFTER_S,
     CaptureCheck,
     CaptureState,
+    SeriesMonitor,
 )
-from mavlink_broker.live.series_monitor import EXTRA_S as SERIES_EXTRA_S
-from mavlink_broker.live.series_monitor import SeriesMonitor
-from mavlink_broker.mavlink.addressing import Route
 from mavlink_broker.mavlink.codec import Decoder, Encoder
-from mavlink_broker.mavlink.dialect import Message, mavlink
+from mavlink_broker.mavlink.dialect import Message, Route, mavlink
 from mavlink_broker.vehicle.vehicle import Vehicle
 
 CREATE = mavlink.MAV_CMD_PANORAMA_CREATE

@@ -1,6 +1,6 @@
 """Internal errors are shown with their vehicle for a while."""
 
-from mavlink_broker.internal_errors import WARNING_DURATION_S, InternalErrors
+from mavlink_broker.supervision import WARNING_DURATION_S, InternalErrors
 
 
 def test_a_warning_ends_after_the_latest_error_and_the_count_continues() -> None:

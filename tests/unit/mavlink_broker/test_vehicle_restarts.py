@@ -5,9 +5,8 @@ from pathlib import Path
 import pytest
 
 from afarcloud.enumerations import Status
-from mavlink_broker.mavlink.addressing import Route
 from mavlink_broker.mavlink.codec import Decoder, Encoder
-from mavlink_broker.mavlink.dialect import mavlink
+from mavlink_broker.mavlink.dialect import Route, mavlink
 from mavlink_broker.mission.states import State
 from mavlink_broker.vehicle.vehicle import Vehicle
 from tests.support.broker_world import World

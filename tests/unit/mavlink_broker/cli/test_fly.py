@@ -19,10 +19,9 @@ import pytest
 from afarcloud import wire
 from afarcloud.enumerations import EventType, Status
 from mavlink_broker.app import App
-from mavlink_broker.cli.fly import PlanFlight
+from mavlink_broker.cli.fly import JsonPrinter, PlanFlight, ProgressPrinter
 from mavlink_broker.cli.local_edge import LocalEdge
 from mavlink_broker.cli.program import Signals, UsageError
-from mavlink_broker.cli.progress_text import JsonPrinter, ProgressPrinter
 from mavlink_broker.config import Config
 from mavlink_broker.edge.outbox import Post, Urgency
 from mavlink_broker.links.url import Address

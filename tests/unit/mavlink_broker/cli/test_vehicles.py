@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 
 from mavlink_broker.cli.vehicles import COLUMNS, row, table
-from mavlink_broker.mavlink.addressing import Route
+from mavlink_broker.mavlink.dialect import Route
 from mavlink_broker.vehicle.vehicle import Vehicle, version
 from tests.support.broker_world import World
 from tests.support.scripted_vehicle import ARDUPILOT, PX4, ScriptedVehicle

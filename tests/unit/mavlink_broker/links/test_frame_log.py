@@ -14,8 +14,7 @@ import pytest
 from pymavlink import mavutil
 
 from mavlink_broker.links import frame_log
-from mavlink_broker.links.frame_log import FrameLog
-from mavlink_broker.links.frame_log_files import FrameFiles
+from mavlink_broker.links.frame_log import FrameFiles, FrameLog
 from mavlink_broker.mavlink.codec import Encoder
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.mavlink.frames import signed
@@ -148,7 +147,7 @@ def test_a_full_disk_is_logged_once_drops_frames_and_leaves_no_partial_record(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     disk = FullDisk()
-    monkeypatch.setattr("mavlink_broker.links.frame_log_files.os.write", disk.write)
+    monkeypatch.setattr("mavlink_broker.links.frame_log.os.write", disk.write)
     monkeypatch.setattr(frame_log, "RETRY_INTERVAL_S", 0.05)
     with opened(tmp_path) as log:
         log.write(*record("before"))

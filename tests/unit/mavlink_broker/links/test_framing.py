@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mavlink_broker.links.framing import FRAME_TIMEOUT_S, FrameScanner
+from mavlink_broker.links.stream import FRAME_TIMEOUT_S, FrameScanner
 from mavlink_broker.mavlink.codec import Encoder
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.mavlink.frames import LARGEST_FRAME, signed

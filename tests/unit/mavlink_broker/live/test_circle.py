@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from afarcloud.enumerations import OrbitType, Status
-from mavlink_broker.live.circle import MAX_DEVIATION_M, point_count
+from mavlink_broker.live.orbit import MAX_DEVIATION_M, point_count
 from mavlink_broker.mavlink.dialect import mavlink
 from tests.support.broker_world import World, go_home, mission, takeoff
 from tests.support.geodesy import LocalGround

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from afarcloud.geodesy import shifted
-from mavlink_broker.live.turn_angle import TurnAngle
+from mavlink_broker.live.orbit import TurnAngle
 from mavlink_broker.planning.live_actions import Turned
 from mavlink_broker.recovery.record import Pose
 

@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 
-from mavlink_broker.mavlink.key_ring import RETRY_INTERVAL_S, KeyRing
+from mavlink_broker.mavlink.signing import RETRY_INTERVAL_S, KeyRing
 
 KEY = bytes(range(32))
 

@@ -8,9 +8,9 @@ import pytest
 
 from mavlink_broker.mavlink.codec import Decoder, Encoder
 from mavlink_broker.mavlink.dialect import Message, mavlink
-from mavlink_broker.mavlink.key_ring import KeyRing
-from mavlink_broker.mavlink.signature_check import (
+from mavlink_broker.mavlink.signing import (
     LOG_INTERVAL_S,
+    KeyRing,
     LinkSigning,
     Refusal,
     SignatureCheck,

@@ -3,9 +3,8 @@
 from collections.abc import Sequence
 from typing import Any
 
-from mavlink_broker.mavlink.addressing import Route
 from mavlink_broker.mavlink.codec import Decoder, Encoder
-from mavlink_broker.mavlink.dialect import Message, mavlink
+from mavlink_broker.mavlink.dialect import Message, Route, mavlink
 
 ROUTE = Route(own_system=254, own_component=191, target_system=1, target_component=1)
 

@@ -14,7 +14,7 @@ from mavlink_broker.microservices.command import (
     CommandTransaction,
     Refused,
 )
-from mavlink_broker.microservices.round_trip import RoundTrip
+from mavlink_broker.microservices.timeouts import RoundTrip
 from tests.unit.mavlink_broker.microservices.harness import ROUTE, acknowledgement, tick_until
 
 ARM = mavlink.MAV_CMD_COMPONENT_ARM_DISARM

@@ -10,10 +10,10 @@ from mavlink_broker.microservices.heartbeat import (
     LinkMonitor,
     LinkState,
     OwnHeartbeat,
+    RebootMonitor,
     is_vehicle,
 )
-from mavlink_broker.microservices.reboot import RebootMonitor
-from mavlink_broker.microservices.round_trip import (
+from mavlink_broker.microservices.timeouts import (
     FIRST_TIMEOUT_S,
     LONGEST_TIMEOUT_S,
     SHORTEST_TIMEOUT_S,

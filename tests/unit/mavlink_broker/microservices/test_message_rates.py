@@ -3,8 +3,7 @@
 from collections.abc import Collection
 from itertools import cycle, pairwise
 
-from mavlink_broker.mavlink.addressing import Route
-from mavlink_broker.mavlink.dialect import Message, MissionCurrent, mavlink
+from mavlink_broker.mavlink.dialect import Message, MissionCurrent, Route, mavlink
 from mavlink_broker.microservices.message_rates import (
     GCS_RATES_HZ,
     MAX_STOPS,
@@ -14,8 +13,8 @@ from mavlink_broker.microservices.message_rates import (
     StreamRequests,
 )
 from mavlink_broker.microservices.parameter import READ_ATTEMPTS, ParameterRead
-from mavlink_broker.microservices.round_trip import RoundTrip
 from mavlink_broker.microservices.status_text import StatusTexts
+from mavlink_broker.microservices.timeouts import RoundTrip
 from tests.unit.mavlink_broker.microservices.harness import (
     ROUTE,
     acknowledgement,

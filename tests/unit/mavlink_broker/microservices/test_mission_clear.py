@@ -3,8 +3,13 @@
 import pytest
 
 from mavlink_broker.mavlink.dialect import Message, MissionAck, mavlink
-from mavlink_broker.microservices.mission_clear import ATTEMPTS, Cleared, MissionClear, NotCleared
-from mavlink_broker.microservices.round_trip import RoundTrip
+from mavlink_broker.microservices.mission_upload import (
+    CLEAR_ATTEMPTS,
+    Cleared,
+    MissionClear,
+    NotCleared,
+)
+from mavlink_broker.microservices.timeouts import RoundTrip
 from tests.unit.mavlink_broker.microservices.harness import ROUTE, received, tick_until
 
 FENCE = 1
@@ -31,7 +36,7 @@ def test_it_ends_when_the_vehicle_acknowledges() -> None:
 def test_a_silent_vehicle_is_retried_and_then_fails() -> None:
     one = clear()
     sent = one.start(0.0) + tick_until(one, 0.0, 60.0)
-    assert len(sent) == ATTEMPTS
+    assert len(sent) == CLEAR_ATTEMPTS
     assert one.outcome == NotCleared("geofence could not be removed: no answer")
 
 

@@ -19,7 +19,7 @@ from mavlink_broker.microservices.mission_upload import (
     Stored,
     Uncertain,
 )
-from mavlink_broker.microservices.round_trip import RoundTrip
+from mavlink_broker.microservices.timeouts import RoundTrip
 from tests.unit.mavlink_broker.microservices.harness import ROUTE, kinds, received, tick_until
 
 COUNT = 3

@@ -22,7 +22,7 @@ from mavlink_broker.microservices.parameter import (
     from_field,
     to_field,
 )
-from mavlink_broker.microservices.round_trip import RoundTrip
+from mavlink_broker.microservices.timeouts import RoundTrip
 from tests.unit.mavlink_broker.microservices.harness import ROUTE, kinds, received, tick_until
 
 INT32 = mavlink.MAV_PARAM_TYPE_INT32

@@ -7,7 +7,7 @@ import pytest
 
 from mavlink_broker.mavlink.codec import Decoder, Encoder
 from mavlink_broker.mavlink.dialect import mavlink
-from mavlink_broker.mavlink.signature_check import LinkSigning
+from mavlink_broker.mavlink.signing import LinkSigning
 from mavlink_broker.microservices.signing_setup import Outcome, SigningSetup
 
 NOW = datetime(2026, 9, 1, tzinfo=UTC)

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from mavlink_broker.mavlink.codec import Decoder, Encoder
 from mavlink_broker.mavlink.dialect import Message, mavlink
-from mavlink_broker.pictures.capture import (
+from mavlink_broker.pictures.announcements import (
     FileLocation,
     Location,
     WebLocation,

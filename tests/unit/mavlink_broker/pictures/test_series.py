@@ -8,9 +8,8 @@ import pytest
 
 from afarcloud.enumerations import Status
 from mavlink_broker.mavlink.dialect import mavlink
-from mavlink_broker.microservices.round_trip import RoundTrip
-from mavlink_broker.pictures.capture import Capture
-from mavlink_broker.pictures.counting import MAX_NUMBERS, AnnouncementTracker
+from mavlink_broker.microservices.timeouts import RoundTrip
+from mavlink_broker.pictures.announcements import MAX_NUMBERS, AnnouncementTracker, Capture
 from tests.support.broker_world import World, go_home, mission, takeoff
 from tests.support.scripted_camera import ScriptedCamera
 from tests.support.scripted_vehicle import PX4, PX4_POSITION, ScriptedVehicle

@@ -11,7 +11,7 @@ from afarcloud.plan import Geofence, Mission
 from afarcloud.route import Circle, highest_m, route_of
 from mavlink_broker.autopilots import families
 from mavlink_broker.autopilots.families import Family
-from mavlink_broker.planning.geofence_check import AreaCheck, as_flown, check_flyable
+from mavlink_broker.planning.geofence import AreaCheck, as_flown, check_flyable
 from mavlink_broker.planning.situation import Home, RefusedError, Spot
 from tests.support.cases import failures
 

@@ -6,11 +6,12 @@ import pytest
 
 from mavlink_broker.recovery.record import (
     EMPTY_RECORD,
+    WRITE_TIMEOUT_S,
     PendingReturn,
+    RecordTracker,
     RecoveryRecord,
     VehicleIdentity,
 )
-from mavlink_broker.recovery.record_tracker import WRITE_TIMEOUT_S, RecordTracker
 
 IDENTITY = VehicleIdentity(1, "")
 ONE = RecoveryRecord(pending_return=PendingReturn(mission="1/plan", reason="GPS"))

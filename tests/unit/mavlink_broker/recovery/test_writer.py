@@ -8,16 +8,15 @@ from pathlib import Path
 import pytest
 
 from mavlink_broker.database import Database
-from mavlink_broker.recovery import writer as writer_module
-from mavlink_broker.recovery.journal import JournalTable
+from mavlink_broker.recovery import journal as journal_module
+from mavlink_broker.recovery.journal import JournalTable, JournalWriter
 from mavlink_broker.recovery.record import (
     EMPTY_RECORD,
     PendingReturn,
+    RecordUpdate,
     RecoveryRecord,
     VehicleIdentity,
 )
-from mavlink_broker.recovery.record_tracker import RecordUpdate
-from mavlink_broker.recovery.writer import JournalWriter
 
 IDENTITY = VehicleIdentity(1, "")
 TIMEOUT_S = 20.0
@@ -76,7 +75,7 @@ def test_the_next_run_reads_the_records_of_this_one(tmp_path: Path) -> None:
 def test_a_refusing_disk_is_logged_once_and_retried(
     tmp_path: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(writer_module, "RETRY_AFTER_S", 0.05)
+    monkeypatch.setattr(journal_module, "RETRY_AFTER_S", 0.05)
     place = tmp_path / "broker"
     place.write_text("a file where the folder should be")
     loop, journal = Loop(), journal_in(place)

@@ -8,12 +8,11 @@ from typing import Any
 import pytest
 
 from mavlink_broker.config import Config
-from mavlink_broker.links.settings import LinkSettings
-from mavlink_broker.links.url import Address, LinkUrl
+from mavlink_broker.links.url import Address, LinkSettings, LinkUrl
 from mavlink_broker.mavlink.codec import Decoder, Encoder
 from mavlink_broker.mavlink.dialect import Message, mavlink, source_of
 from mavlink_broker.mavlink.frames import is_signed
-from mavlink_broker.mavlink.signature_check import LinkSigning
+from mavlink_broker.mavlink.signing import LinkSigning
 from mavlink_broker.routing.policy import BrokerControl
 from mavlink_broker.routing.router import Router
 

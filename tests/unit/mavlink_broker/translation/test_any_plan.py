@@ -16,9 +16,8 @@ from afarcloud.enumerations import CommandType, PanoramaMode, PrecisionLandMode,
 from afarcloud.flyable import VehicleLimits
 from afarcloud.plan import Mission, Plan
 from mavlink_broker.autopilots.families import ARDUPILOT, GENERIC, OWN, PX4, Family
-from mavlink_broker.mavlink.addressing import Route
 from mavlink_broker.mavlink.codec import Decoder, Encoder
-from mavlink_broker.mavlink.dialect import Message, mavlink
+from mavlink_broker.mavlink.dialect import Message, Route, mavlink
 from mavlink_broker.planning.live_actions import Circled, SendCommand, Series, TurnInPlace
 from mavlink_broker.planning.mission import (
     FlightPlan,

@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 from afarcloud.state import ObservationList
 from mavlink_broker.mavlink.codec import Decoder, Encoder
 from mavlink_broker.mavlink.dialect import Message, mavlink
-from mavlink_broker.vehicle.measurement_lists import Observations
-from mavlink_broker.vehicle.measurements import readings
+from mavlink_broker.vehicle.measurements import Observations, readings
 from mavlink_broker.vehicle.telemetry import Snapshot
 
 

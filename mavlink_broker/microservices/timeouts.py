@@ -1,7 +1,14 @@
-"""Timeouts of periodic messages that take the loss of the link into account.
+"""Timeouts that follow the link: of repeated requests, and of periodic messages.
 
-At 20 % loss five messages in a row are lost once an hour; that must not end a mission. So the
-timeout grows with the ratio of lost frames.
+Requests: smoothed round trip and variation as in RFC 6298 section 2, with limits for MAVLink links
+from the loopback to a satellite modem. Only requests that were not repeated are sampled (Karn's
+algorithm), because the answer to a repetition is ambiguous. A link that is slower than the first
+timeout would then never be sampled: when every request had to be repeated, the time since the first
+one is taken, which is too long rather than too short.
+
+Periodic messages: at 20 % loss five messages in a row are lost once an hour; that must not end a
+mission. So the timeout grows with the ratio of lost frames.
+
 """
 
 import math
@@ -10,6 +17,12 @@ from typing import Final
 
 from mavlink_broker.mavlink.dialect import Message
 
+FIRST_TIMEOUT_S: Final = 1.0
+SHORTEST_TIMEOUT_S: Final = 0.3
+LONGEST_TIMEOUT_S: Final = 5.0
+AMBIGUOUS_IN_A_ROW: Final = 2
+_SMOOTHED_GAIN: Final = 1 / 8
+_VARIATION_GAIN: Final = 1 / 4
 MIN_TIMEOUT_S: Final = 5.0
 MAX_TIMEOUT_S: Final = 30.0
 CHANCE_LIMIT: Final = 1e-6
@@ -20,6 +33,40 @@ MIN_MESSAGES: Final = 3
 _MEMORY: Final = 500
 _ROUND: Final = 256
 _GAIN: Final = 0.2
+
+
+class RoundTrip:
+    """Estimate for one vehicle's link."""
+
+    def __init__(self) -> None:
+        self._smoothed_s: float | None = None
+        self._variation_s = 0.0
+        self._ambiguous = 0
+
+    def sample_repeated(self, seconds: float) -> None:
+        """Take the time [s] from the first of several requests to an answer to one of them."""
+        self._ambiguous += 1
+        if self._ambiguous >= AMBIGUOUS_IN_A_ROW:
+            self.sample(min(seconds, LONGEST_TIMEOUT_S))
+
+    def sample(self, seconds: float) -> None:
+        """Take the time [s] between a request and its answer."""
+        self._ambiguous = 0
+        if self._smoothed_s is None:
+            self._smoothed_s = seconds
+            self._variation_s = seconds / 2
+            return
+        error = seconds - self._smoothed_s
+        self._variation_s += _VARIATION_GAIN * (abs(error) - self._variation_s)
+        self._smoothed_s += _SMOOTHED_GAIN * error
+
+    @property
+    def timeout_s(self) -> float:
+        """Time after which a request is repeated."""
+        if self._smoothed_s is None:
+            return FIRST_TIMEOUT_S
+        wanted = self._smoothed_s + 4 * self._variation_s
+        return min(max(wanted, SHORTEST_TIMEOUT_S), LONGEST_TIMEOUT_S)
 
 
 class FrameLoss:

@@ -1,4 +1,7 @@
-"""Checks signatures of received frames and signs sent ones; counts refused frames.
+"""Signing of MAVLink frames: the keys, the check of received frames, the signature of sent ones.
+
+The keys are files, one per MAVLink system, readable by their owner only. Refused frames are
+counted.
 
 The rules for timestamps and the computation of signatures are pymavlink's. The order is ours:
 pymavlink 2.4.50 stores a frame's timestamp before it checks the signature, so that one forged frame
@@ -7,31 +10,85 @@ locks the genuine sender out. Here pymavlink checks the timestamp of genuine fra
 No timestamp is stored over a restart. A vehicle signs with a timestamp above all that it has
 accepted, so its first frame raises the broker's timestamp above all that the broker ever sent to
 it; and the broker sends nothing to a vehicle that it has not received.
+
 """
 
 import hashlib
 import hmac
 import logging
+import os
+import re
+import stat
 from collections import Counter
 from collections.abc import Callable, Collection
 from datetime import UTC, datetime
 from enum import Enum
+from pathlib import Path
 from typing import Any, Final
 
 from mavlink_broker.mavlink.dialect import Message, Source, mavlink, source_of
 from mavlink_broker.mavlink.frames import signed
-from mavlink_broker.mavlink.key_ring import KeyRing
 
+KEY_LENGTH: Final = 32
+RETRY_INTERVAL_S: Final = 5.0
+"""Interval at which a missing key file is read again."""
+_FILE_NAME: Final = re.compile(r"signing-([1-9][0-9]{0,2})\.key")
+_LOG = logging.getLogger(__name__)
 EPOCH: Final = datetime(2015, 1, 1, tzinfo=UTC)
 TICKS_PER_S: Final = 100_000
 LOG_INTERVAL_S: Final = 30.0
 """Interval of log lines."""
-
 _DIGEST_LENGTH: Final = 6
 _SIGNED_FLAG: Final = 0x01
 _VERSION_1: Final = 0xFE
 
-_LOG = logging.getLogger(__name__)
+
+class KeyRing:
+    """Keys by system id, read when first needed; a missing file may appear later."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self._keys: dict[int, bytes] = {}
+        self._missing: dict[int, float] = {}
+
+    def key_of(self, system: int, now: float) -> bytes | None:
+        """Key of a system; None without a valid key file."""
+        if system not in self._keys and now >= self._missing.get(system, now):
+            key = self._read(system)
+            if key is None:
+                self._missing[system] = now + RETRY_INTERVAL_S
+            else:
+                self._keys[system] = key
+        return self._keys.get(system)
+
+    def systems(self) -> list[int]:
+        """Systems that have a key file in the folder, valid or not."""
+        try:
+            names = [path.name for path in self.folder.iterdir()]
+        except OSError:
+            return []
+        found = (_FILE_NAME.fullmatch(name) for name in names)
+        return sorted(int(match[1]) for match in found if match and int(match[1]) <= 255)
+
+    def _read(self, system: int) -> bytes | None:
+        path = self.folder / f"signing-{system}.key"
+        try:
+            with path.open("rb") as file:
+                accepts_unsigned = stat.S_IMODE(os.fstat(file.fileno()).st_mode) & 0o077
+                contents = file.read(4 * KEY_LENGTH)
+            key = contents if len(contents) == KEY_LENGTH else bytes.fromhex(contents.decode())
+        except FileNotFoundError:
+            return None
+        except (OSError, ValueError) as error:
+            _LOG.warning("%s cannot be used: %s", path, error)
+            return None
+        if accepts_unsigned:
+            _LOG.warning("%s cannot be used: others may read it; set its mode to 600", path)
+            return None
+        if len(key) != KEY_LENGTH or not any(key):
+            _LOG.warning("%s does not contain a key of %d bytes", path, KEY_LENGTH)
+            return None
+        return key
 
 
 class Refusal(Enum):

@@ -6,23 +6,45 @@
 Bursts fill the large gaps, at first the whole file. One burst is outstanding at a time, and the
 next one starts after a pause of a quarter of its duration, so that telemetry gets through
 on a slow radio. Data that bursts have lost is read in pieces meanwhile, as many at once as the link
-carries (`flow_control`); a server without bursts is read in pieces from the start. After a restart
+carries; a server without bursts is read in pieces from the start. After a restart
 of the vehicle the file is opened again and the transfer continues, as does a later transfer that
 gets the data of an earlier one. At the end the server's CRC32, if it computes one, must match.
+
+Flow control. The window is as large as possible without lengthening the round trip, as in LEDBAT
+(RFC 6817). Loss is no measure: a radio loses frames whether it is busy or idle. But a full link
+queues, so that answers are delayed. While answers arrive about as fast as ever, each increases the
+window by one; when they take twice as long, the window is halved. New reads are spaced, because
+some servers queue five requests and drop the sixth.
+
 """
 
 import struct
 from enum import Enum, auto
 from typing import Final
 
-from mavlink_broker.ftp import packets
-from mavlink_broker.ftp.flow_control import BurstTracker, ReadWindow
-from mavlink_broker.ftp.packets import DATA_MAX, NAK_REASONS, Packet
-from mavlink_broker.ftp.partial_file import Fetched, FetchOutcome, NotFetched, PartialFile
-from mavlink_broker.ftp.requests import PendingRequest, PendingRequests
-from mavlink_broker.mavlink.addressing import Route
-from mavlink_broker.mavlink.dialect import Message, source_of
+from mavlink_broker.mavlink.dialect import Message, Route, source_of
+from mavlink_broker.microservices import ftp_requests
+from mavlink_broker.microservices.ftp_partial_file import (
+    Fetched,
+    FetchOutcome,
+    NotFetched,
+    PartialFile,
+)
+from mavlink_broker.microservices.ftp_requests import (
+    DATA_MAX,
+    NAK_REASONS,
+    Packet,
+    PendingRequest,
+    PendingRequests,
+)
 
+PAUSE_SHARE: Final = 0.25
+"""Pause after a burst, as a share of its duration."""
+MAX_PAUSE_S: Final = 1.0
+MIN_SILENCE_S: Final = 0.25
+"""Packets of a burst are sent closely: after such a silence the rest of it is lost."""
+SILENCE_GAPS: Final = 3.0
+"""Least silence as a multiple of the longest gap between packets so far."""
 BURST_GAP_BYTES: Final = 16 * DATA_MAX
 """Smallest gap for a burst; smaller ones are read in pieces."""
 MAX_EMPTY_BURSTS: Final = 3
@@ -37,6 +59,97 @@ MAX_USELESS_ANSWERS: Final = 20
 """Answers in a row without data, after which the download fails."""
 NO_ANSWER: Final = "the vehicle does not answer"
 _WORD: Final = struct.Struct("<I")
+
+
+class BurstTracker:
+    """Tracks the bursts of one file."""
+
+    def __init__(self) -> None:
+        self._started_at: float | None = None
+        self._received_at = 0.0
+        self._longest_gap_s = 0.0
+        self._new_packets = 0  # Packets of the current burst with new data
+        self.position = 0  # [bytes] End of the newest packet, or start of the requested burst
+
+    @property
+    def is_active(self) -> bool:
+        """Whether a burst is being received."""
+        return self._started_at is not None
+
+    def start(self, now: float) -> None:
+        """Start a burst: its first packet was received."""
+        self._started_at = self._received_at = now
+        self._new_packets = 0
+
+    def received(self, now: float, end: int, *, is_new: bool) -> None:
+        """Take a packet whose data ends at this offset."""
+        if self.is_active:
+            self._longest_gap_s = max(self._longest_gap_s, now - self._received_at)
+        self._received_at = now
+        self._new_packets += is_new
+        self.position = max(self.position, end)
+
+    def is_silent(self, now: float, timeout_s: float) -> bool:
+        """Whether the rest of a burst is lost."""
+        silence_s = min(timeout_s, max(MIN_SILENCE_S, SILENCE_GAPS * self._longest_gap_s))
+        return self.is_active and now - self._received_at >= silence_s
+
+    def end(self, now: float) -> tuple[float, bool]:
+        """End the burst; returns how long to pause [s], and whether it had new data."""
+        started_at = now if self._started_at is None else self._started_at
+        self._started_at = None
+        return min(PAUSE_SHARE * (now - started_at), MAX_PAUSE_S), self._new_packets > 0
+
+    def stop(self) -> None:
+        """Expect no further packets."""
+        self._started_at = None
+
+
+MIN_WINDOW: Final = 4
+MAX_WINDOW: Final = 32
+"""The servers of PX4, ArduPilot and this project's vehicle accept so many if they are spaced."""
+SPACING_S: Final = 0.01
+MAX_NEW_REQUESTS: Final = 4
+ROUND_TRIP_TOLERANCE_S: Final = 0.1
+"""Variation of round trips on an idle link."""
+
+
+class ReadWindow:
+    """Window of parallel reads of one transfer."""
+
+    def __init__(self) -> None:
+        self._size = float(MIN_WINDOW)
+        self._shortest_s: float | None = None
+        self._halved_at = 0.0
+        self._sent_at = 0.0
+
+    @property
+    def size(self) -> int:
+        """How many reads may be unanswered."""
+        return int(self._size)
+
+    def answered(self, round_trip_s: float, now: float) -> None:
+        """Take the round trip of a read that was not repeated."""
+        if self._shortest_s is None or round_trip_s < self._shortest_s:
+            self._shortest_s = round_trip_s
+        if round_trip_s <= 1.5 * self._shortest_s + ROUND_TRIP_TOLERANCE_S:
+            self._size = min(float(MAX_WINDOW), self._size + 1.0)
+        elif round_trip_s > 2.0 * self._shortest_s + ROUND_TRIP_TOLERANCE_S:
+            self._halve(now, round_trip_s)
+
+    def allowance(self, now: float, pending: int) -> int:
+        """How many may be sent now, with `pending` unanswered."""
+        spaced = min(MAX_NEW_REQUESTS, int((now - self._sent_at) / SPACING_S))
+        count = max(0, min(self.size - pending, spaced))
+        if count:
+            self._sent_at = now
+        return count
+
+    def _halve(self, now: float, round_trip_s: float) -> None:
+        """Halve it, at most once per round trip."""
+        if now - self._halved_at >= round_trip_s:
+            self._halved_at = now
+            self._size = max(float(MIN_WINDOW), self._size / 2.0)
 
 
 class _Phase(Enum):
@@ -99,13 +212,13 @@ class FileDownload:
         """Take an answer of the component; other messages are ignored."""
         if self.outcome is not None or not self._is_ours(message):
             return []
-        answer = packets.answer_of(message)
+        answer = ftp_requests.answer_of(message)
         if answer is None:
             return []
         request = self._requests.answered_by(answer, now)
-        if request is not None and request.attempts == 1 and answer.requested == packets.READ:
+        if request is not None and request.attempts == 1 and answer.requested == ftp_requests.READ:
             self._window.answered(now - request.sent_at, now)
-        if answer.requested == packets.BURST:
+        if answer.requested == ftp_requests.BURST:
             self._take_burst(answer, now, is_first=request is not None)
         elif request is not None:
             self._take_answer(answer, request, now)
@@ -145,14 +258,14 @@ class FileDownload:
     def _ask_next(self, now: float) -> list[Message]:
         match self._phase:
             case _Phase.OPENING if self._must_reset:
-                return [self._requests.new(packets.RESET, now)]
+                return [self._requests.new(ftp_requests.RESET, now)]
             case _Phase.OPENING:
-                return [self._requests.new(packets.OPEN, now, data=self._path)]
+                return [self._requests.new(ftp_requests.OPEN, now, data=self._path)]
             case _Phase.CHECKING:
-                return [self._requests.new(packets.CHECKSUM, now, data=self._path)]
+                return [self._requests.new(ftp_requests.CHECKSUM, now, data=self._path)]
             case _Phase.CLOSING:
                 session = self._session or 0
-                return [self._requests.new(packets.TERMINATE, now, session=session)]
+                return [self._requests.new(ftp_requests.TERMINATE, now, session=session)]
         return []
 
     def _read_on(self, now: float) -> list[Message]:
@@ -167,22 +280,22 @@ class FileDownload:
         if not self._supports_bursts or at is None:
             return self._read_pieces(now, 0, self._file.size)
         messages = []
-        if not self._requests.count(packets.BURST) and now >= self._not_before:
+        if not self._requests.count(ftp_requests.BURST) and now >= self._not_before:
             self._bursts.position = at
-            messages.append(self._ask_for(packets.BURST, at, DATA_MAX, now))
+            messages.append(self._ask_for(ftp_requests.BURST, at, DATA_MAX, now))
         # Gaps after the burst's position are filled by it or by the next one.
         return [*messages, *self._read_pieces(now, 0, self._bursts.position)]
 
     def _read_pieces(self, now: float, start: int, end: int) -> list[Message]:
         """Request missing pieces of a part of the file, as far as the window allows."""
-        requested = self._requests.offsets(packets.READ)
+        requested = self._requests.offsets(ftp_requests.READ)
         allowed = self._window.allowance(now, len(requested))
         messages: list[Message] = []
         for offset, size in self._file.missing.pieces(DATA_MAX) if allowed else ():
             if len(messages) >= allowed or offset >= end:
                 break
             if start <= offset and offset not in requested:
-                messages.append(self._ask_for(packets.READ, offset, size, now))
+                messages.append(self._ask_for(ftp_requests.READ, offset, size, now))
         return messages
 
     def _ask_for(self, opcode: int, offset: int, size: int, now: float) -> Message:
@@ -198,7 +311,7 @@ class FileDownload:
         """Take a packet of a burst, also a late one: the file's data is the same."""
         if self._phase is not _Phase.READING or answer.session != self._session:
             return
-        if answer.opcode == packets.NAK:
+        if answer.opcode == ftp_requests.NAK:
             self._burst_refused(answer, now)
             return
         self._has_burst = True
@@ -211,7 +324,7 @@ class FileDownload:
 
     def _burst_refused(self, answer: Packet, now: float) -> None:
         self._bursts.stop()
-        if answer.error in {packets.END_OF_FILE, packets.UNKNOWN}:
+        if answer.error in {ftp_requests.END_OF_FILE, ftp_requests.UNKNOWN}:
             self._supports_bursts = False  # Reads show whether the file is shorter
         else:
             self._refused(answer, now)
@@ -224,19 +337,19 @@ class FileDownload:
         self._supports_bursts &= self._empty_bursts < MAX_EMPTY_BURSTS
 
     def _take_answer(self, answer: Packet, request: PendingRequest, now: float) -> None:
-        if answer.opcode == packets.NAK:
+        if answer.opcode == ftp_requests.NAK:
             self._refused(answer, now)
             return
         match answer.requested:
-            case packets.OPEN:
+            case ftp_requests.OPEN:
                 self._opened(answer)
-            case packets.READ if answer.offset == request.packet.offset:
+            case ftp_requests.READ if answer.offset == request.packet.offset:
                 self._read(answer)
-            case packets.CHECKSUM:
+            case ftp_requests.CHECKSUM:
                 self._check(answer)
-            case packets.TERMINATE:
+            case ftp_requests.TERMINATE:
                 self._closed()
-            case packets.RESET:
+            case ftp_requests.RESET:
                 self._must_reset = False
 
     def _opened(self, answer: Packet) -> None:
@@ -271,17 +384,17 @@ class FileDownload:
             self._enter(_Phase.CLOSING)
 
     def _refused(self, answer: Packet, now: float) -> None:
-        error, again = answer.error, {packets.INVALID_SESSION, packets.END_OF_FILE}
+        error, again = answer.error, {ftp_requests.INVALID_SESSION, ftp_requests.END_OF_FILE}
         match answer.requested:
-            case packets.CHECKSUM:  # The server computes none: all bytes were received
+            case ftp_requests.CHECKSUM:  # The server computes none: all bytes were received
                 self._close(Fetched(self._file.data))
-            case packets.TERMINATE:
+            case ftp_requests.TERMINATE:
                 self._closed()
-            case packets.RESET:
+            case ftp_requests.RESET:
                 self._must_reset = False
-            case packets.OPEN if error == packets.NO_SESSIONS:
+            case ftp_requests.OPEN if error == ftp_requests.NO_SESSIONS:
                 self._wait_for_a_session(now)
-            case packets.READ | packets.BURST if error in again:
+            case ftp_requests.READ | ftp_requests.BURST if error in again:
                 self._open_again(error, now)
             case _:
                 reason = NAK_REASONS.get(error, f"refusal {error}")
@@ -302,7 +415,7 @@ class FileDownload:
         self._reopened += 1
         if self._reopened > MAX_REOPENINGS:
             self._close(NotFetched(f"the vehicle answers: {NAK_REASONS[error]}"))
-        elif error == packets.INVALID_SESSION:
+        elif error == ftp_requests.INVALID_SESSION:
             self._session = None
             self._enter(_Phase.OPENING)
         else:
@@ -323,13 +436,13 @@ class FileDownload:
 
     def _unanswered(self, opcode: int) -> None:
         match opcode:
-            case packets.TERMINATE:
+            case ftp_requests.TERMINATE:
                 self._closed()
-            case packets.CHECKSUM:
+            case ftp_requests.CHECKSUM:
                 self._close(Fetched(self._file.data))
-            case packets.BURST if not self._has_burst:
+            case ftp_requests.BURST if not self._has_burst:
                 self._supports_bursts = False
-            case packets.RESET:
+            case ftp_requests.RESET:
                 self._must_reset = False
             case _:
                 self.outcome = NotFetched(NO_ANSWER)

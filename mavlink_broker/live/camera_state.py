@@ -1,29 +1,102 @@
-"""Finds out whether a camera has carried out a command whose final acknowledgement is missing.
+"""What the cameras of a vehicle do, by CAMERA_CAPTURE_STATUS: who waits for them, and for what.
 
-A camera that carries out a command acknowledges it with IN_PROGRESS and takes pictures. When it
-falls silent, its final acknowledgement may be lost, and a repeated command would be carried out
-again: a vehicle stores its acknowledgements for some seconds only. So the broker requests the
+SeriesMonitor waits for the pictures of a command that has ended before the next command begins. A
+camera may begin late, because its gimbal still turns, and a series of pictures that a mission has
+begun pauses while the mission is not flown: a live command that begins too early finds the camera
+busy, and interrupts the series. So the broker requests CAMERA_CAPTURE_STATUS until image_status is
+idle. It does not wait if no camera is known, or none answers.
+
+CaptureCheck finds out whether a camera has carried out a command whose final acknowledgement is
+missing. A camera that carries out a command acknowledges it with IN_PROGRESS and takes pictures.
+When it falls silent, its final acknowledgement may be lost, and a repeated command would be carried
+out again: a vehicle stores its acknowledgements for some seconds only. So the broker requests the
 camera's state, and the pictures decide: if it is idle and has taken pictures, the command is done;
 if it is idle without new pictures, the command may be sent again. With several cameras all of them
 must be idle: the command may be for any. A camera that does not answer is waited for as long as
 after a series of pictures: then the command is done if only other cameras have shown signs of work
 and are idle; else the result is unknown, and the command fails.
+
 """
 
 from enum import Enum, auto
 from typing import Final
 
+from afarcloud.commands import CameraImage, Command
 from mavlink_broker.mavlink.dialect import Message, mavlink, source_of
 from mavlink_broker.microservices.command import long_command
 from mavlink_broker.vehicle.vehicle import Vehicle
 
+SERIES_REQUEST_EVERY_S: Final = 0.5
+SERIES_SILENT_AFTER_S: Final = 5.0
+"""The broker does not wait longer for a camera that does not answer."""
+SERIES_EXTRA_S: Final = 20.0
+"""Beyond the duration of the series itself."""
+_STATUS: Final[int] = mavlink.MAVLINK_MSG_ID_CAMERA_CAPTURE_STATUS
+_IDLE: Final = 0
 SILENT_AFTER_S: Final = 3.0
 """Several times as long as a working camera is silent."""
 REQUEST_EVERY_S: Final = 1.0
 ANSWER_TIMEOUT_S: Final = 20.0
-"""For a camera that does not answer; `series_monitor` adds as much to the time of a series."""
-_STATUS: Final[int] = mavlink.MAVLINK_MSG_ID_CAMERA_CAPTURE_STATUS
-_IDLE: Final = 0
+"""For a camera that does not answer; `SeriesMonitor` adds as much to the time of a series."""
+
+
+class SeriesMonitor:
+    """The cameras of one vehicle after one command."""
+
+    def __init__(self, command: Command, vehicle: Vehicle) -> None:
+        """Wait for the pictures of a command; commands without pictures are over at once."""
+        self._vehicle = vehicle
+        self._timeout_s = 0.0
+        if isinstance(command, CameraImage):
+            p = command.parameters
+            self._timeout_s = p.photo_count * max(1.0, p.time_interval) + SERIES_EXTRA_S
+        self._began_at: float | None = None  # By the broker's clock
+        self._began_s: float | None = None  # By the vehicle's, once it has one
+        self._requested_at: float | None = None
+        self._answered_at = 0.0
+        self._busy = set(vehicle.cameras)
+
+    def receive(self, message: Message, now: float) -> None:
+        """Process the answer of a camera."""
+        if message.get_type() != "CAMERA_CAPTURE_STATUS" or self._requested_at is None:
+            return
+        component = source_of(message).component
+        self._answered_at = now
+        if message.image_status == _IDLE:
+            self._busy.discard(component)
+
+    def tick(self, now: float) -> list[Message]:
+        """Request the state of the cameras that are not known to be idle."""
+        if self._began_at is None:
+            self._began_at = self._answered_at = now
+        time_s = self._vehicle.snapshot.time_s
+        if self._began_s is None and time_s is not None:
+            self._began_s = time_s - (now - self._began_at)
+        if self.is_over(now) or (
+            self._requested_at is not None and now - self._requested_at < SERIES_REQUEST_EVERY_S
+        ):
+            return []
+        self._requested_at = now
+        route = self._vehicle.route
+        request = mavlink.MAV_CMD_REQUEST_MESSAGE
+        return [
+            long_command(request, _STATUS, component=component).message(route, 0)
+            for component in sorted(self._busy)
+        ]
+
+    def is_over(self, now: float) -> bool:
+        """Whether the next command may begin."""
+        if self._timeout_s == 0.0 or not self._busy:
+            return True
+        if self._began_at is None:
+            return False
+        is_silent = now - self._answered_at >= SERIES_SILENT_AFTER_S
+        time_s = self._vehicle.snapshot.time_s
+        if time_s is None or self._began_s is None:
+            lasted_s = now - self._began_at
+        else:
+            lasted_s = time_s - self._began_s
+        return is_silent or lasted_s >= self._timeout_s
 
 
 class CaptureState(Enum):

@@ -6,15 +6,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mavlink_broker.ftp.download import FileDownload
-from mavlink_broker.ftp.partial_file import (
+from mavlink_broker.mavlink.codec import Decoder, Encoder
+from mavlink_broker.mavlink.dialect import Message, mavlink
+from mavlink_broker.microservices.ftp_download import FileDownload
+from mavlink_broker.microservices.ftp_partial_file import (
     Fetched,
     FetchOutcome,
     MissingRanges,
     NotFetched,
 )
-from mavlink_broker.mavlink.codec import Decoder, Encoder
-from mavlink_broker.mavlink.dialect import Message, mavlink
 from tests.support.file_server import (
     BURST,
     CHECKSUM,

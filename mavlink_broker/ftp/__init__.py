@@ -1,1 +1,0 @@
-"""MAVFTP client: downloads one file of a vehicle over a lossy link."""
