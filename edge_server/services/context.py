@@ -13,6 +13,7 @@ from afarcloud.numbers import LAST_YEAR, format_time
 from edge_server.archive.writer import FlightArchive
 from edge_server.config import Config
 from edge_server.outbox import wakeup
+from edge_server.pictures.thumbnails import Thumbnails
 from edge_server.services.brokers import BrokerContacts, WorkSignal
 from edge_server.services.space import Space
 from edge_server.store.connection.database import Database, Topic
@@ -100,6 +101,7 @@ class Context:
     """Held while a plan is checked against its geofence: aborts share the interpreter."""
     not_flown: BriefCache = field(default_factory=BriefCache)
     """Missions that were accepted and are not known to have flown."""
+    thumbnails: Thumbnails = field(default_factory=Thumbnails)
     places_to_wait: threading.BoundedSemaphore = field(
         default_factory=lambda: threading.BoundedSemaphore(WAITING_LIMIT)
     )

@@ -11,21 +11,25 @@ from afarcloud.wire import Kind
 from edge_server.archive import observation_files, reader, track_files
 from edge_server.archive.reader import Row
 from edge_server.archive.track_files import Track
+from edge_server.pictures.thumbnails import BusyError, UnreadableError
 from edge_server.services import audit
 from edge_server.services.context import Context, show_time
-from edge_server.services.errors import NotFoundError, UnavailableError
+from edge_server.services.errors import NotFoundError, TooMuchError, UnavailableError
 from edge_server.services.reports.listing import Listing, fill
 
 MOST_RESULTS: Final = 1000
 """Poses and batteries that are shown with a flight; a mission has at most 700 commands."""
 _MEDIA_TYPES: Final = {"dng": "image/x-adobe-dng"}
+_WITHOUT_THUMBNAIL: Final = frozenset({"dng"})
+"""Raw formats, which need a library of their own."""
 
 
 class Picture(NamedTuple):
-    """A picture's bytes and their media type."""
+    """A picture's bytes, their media type, and a key that no other picture has."""
 
     data: bytes
     media_type: str
+    key: str
 
 
 class Page(NamedTuple):
@@ -174,7 +178,23 @@ def picture(context: Context, flight_id: int, number: int) -> Picture:
         found = None if connection is None else reader.picture(connection, flight_id, number)
         if found is None:
             raise NotFoundError(f"flight {flight_id} has no picture {number}")
-        return Picture(found["data"], _media_type(found["format"]))
+        return Picture(found["data"], _media_type(found["format"]), found["message_id"])
+
+
+def thumbnail(context: Context, flight_id: int, number: int, found: Picture) -> bytes:
+    """Return a small JPEG of a picture.
+
+    Raises:
+        NotFoundError: if the picture cannot be read.
+        TooMuchError: if too many are wanted at once.
+    """
+    try:
+        return context.thumbnails.of(found.key, found.data)
+    except UnreadableError as error:
+        message = f"picture {number} of flight {flight_id} has no thumbnail: {error}"
+        raise NotFoundError(message) from None
+    except BusyError as error:
+        raise TooMuchError(str(error)) from None
 
 
 def alarms(context: Context, page: Page) -> Listing:
@@ -257,6 +277,7 @@ def _show_document(row: Row) -> dict[str, Any]:
 
 
 def _show_picture(flight_id: int, row: Row) -> dict[str, Any]:
+    url = f"/flights/{flight_id}/pictures/{row['number']}"
     return {
         "id": row["number"],
         "recorded_at": show_time(row["recorded_at"]),
@@ -266,8 +287,8 @@ def _show_picture(flight_id: int, row: Row) -> dict[str, Any]:
         "longitude": row["longitude"],
         "altitude": row["altitude"],
         "content_type": _media_type(row["format"]),
-        "url": f"/flights/{flight_id}/pictures/{row['number']}",
-        "thumbnail_url": None,  # The edge server has no library that reads pictures
+        "url": url,
+        "thumbnail_url": None if row["format"] in _WITHOUT_THUMBNAIL else f"{url}/thumbnail",
     }
 
 

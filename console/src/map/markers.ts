@@ -41,9 +41,21 @@ export function updateVehicleElement(
   element.classList.toggle("is-selected", isSelected);
 }
 
-/** Makes the symbol of a place where pictures were taken. */
-export function pictureElement(label: string, show: () => void): HTMLElement {
-  return pointElement("picture-marker", label, show);
+/** Makes the symbol of a place where pictures were taken: a pointer or the focus shows a small one. */
+export function pictureElement(label: string, thumbnail: string | null, show: () => void): HTMLElement {
+  const element = pointElement("picture-marker", label, show);
+  if (thumbnail === null) return element;
+  const preview = document.createElement("img");
+  preview.alt = "";
+  preview.addEventListener("error", () => preview.remove());
+  const load = () => {
+    if (preview.src !== "") return;
+    preview.src = thumbnail;
+    element.append(preview);
+  };
+  element.addEventListener("pointerenter", load);
+  element.addEventListener("focus", load);
+  return element;
 }
 
 /** Makes the symbol of a home place. */

@@ -94,6 +94,7 @@ export default function FlightView({ id, stop }: { id: number; stop: () => void 
         make: () =>
           pictureElement(
             taken.map(({ id: number }) => t("flights.picture", { id: number })).join(", "),
+            taken[0]?.thumbnail_url ?? null,
             () => setOpen(taken[0]?.id ?? null),
           ),
       })),

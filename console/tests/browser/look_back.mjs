@@ -2,7 +2,7 @@
  *
  *     node tests/browser/look_back.mjs
  *
- * OPERATOR_LINK signs in; flight 1 has pictures; OUT takes what a failure leaves.
+ * OPERATOR_LINK signs in; flight 1 has three pictures; OUT takes what a failure leaves.
  */
 import { journey, requireAccessible, startBrowser } from "./chromium.mjs";
 
@@ -18,6 +18,22 @@ async function requireInReach(page, element, where) {
     return one.contains(hit) && left >= 0 && top >= 0 && right <= innerWidth && bottom <= innerHeight;
   });
   if (!inReach) throw new Error(`STOP is not in reach ${where}`);
+}
+
+/** Small pictures in the list and beside a place of the map, and no large one before it is opened. */
+async function requireThumbnails(page) {
+  const small = page.locator(".pictures img");
+  const asked = [];
+  page.on("request", (request) => asked.push(new URL(request.url()).pathname));
+  await small.first().scrollIntoViewIfNeeded();
+  await page.waitForFunction(() => {
+    const pictures = [...document.querySelectorAll(".pictures img")];
+    return pictures.length === 3 && pictures.every((one) => one.naturalWidth === 320);
+  });
+  await page.locator(".picture-marker").first().hover();
+  await page.locator(".picture-marker img").first().waitFor();
+  const large = asked.filter((path) => /\/pictures\/\d+$/.test(path));
+  if (large.length > 0) throw new Error(`asked for large pictures: ${large}`);
 }
 
 async function stopFromAPicture(page) {
@@ -59,6 +75,7 @@ try {
     await page.goto(OPERATOR_LINK);
     await page.locator(".shell").waitFor();
     await page.goto(`${BASE}flights/1`);
+    await requireThumbnails(page);
     await stopFromAPicture(page);
   });
 } finally {

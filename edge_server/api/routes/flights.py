@@ -1,5 +1,6 @@
 """`/flights/`: what was flown, from the archive; kept after the cloud has the reports."""
 
+import hashlib
 from collections.abc import Collection, Iterator
 from typing import Any, Final
 
@@ -35,6 +36,8 @@ def blueprint() -> Blueprint:
         urls.add(routes, NAMES, name, view, "GET", item=ITEM, action=name)
     number = "pictures/<int64:number>"
     urls.add(routes, NAMES, "picture", picture, "GET", item=ITEM, action=number)
+    small = f"{number}/thumbnail"
+    urls.add(routes, NAMES, "thumbnail", thumbnail, "GET", item=ITEM, action=small)
     return routes
 
 
@@ -85,6 +88,25 @@ def picture(flight_id: int, number: int) -> Response:
     _check(flight_id)
     found = flight_archive.picture(bodies.context(), flight_id, number)
     return Response(found.data, content_type=found.media_type)
+
+
+@allow(PEOPLE)
+@describe(Contract({200: None}, conditional=True, errors=(429,)))
+def thumbnail(flight_id: int, number: int) -> Response:
+    """Give a picture as a JPEG of at most 320 pixels a side; 404 if it cannot be read."""
+    _check(flight_id)
+    context = bodies.context()
+    found = flight_archive.picture(context, flight_id, number)
+    tag = f"{hashlib.sha256(found.key.encode()).hexdigest()[:32]}-thumbnail"
+    if request.if_none_match.contains(tag):
+        answer = Response(status=304)
+    else:
+        small = flight_archive.thumbnail(context, flight_id, number, found)
+        answer = Response(small, content_type="image/jpeg")
+    answer.set_etag(tag)
+    # Asked again each time: who may see a picture changes
+    answer.headers["Cache-Control"] = "private, no-cache"
+    return answer
 
 
 @allow(PEOPLE)

@@ -1,10 +1,13 @@
-import { useLayoutEffect, useRef, useState } from "react";
+import { useEffect, useLayoutEffect, useRef, useState } from "react";
 import { useTranslation } from "react-i18next";
 import type { Picture } from "../../api/types";
 import { useUnits } from "../../app/preferences";
 import { Button } from "../../controls/Button";
 import { Icon } from "../../controls/Icon";
 import { StopButton } from "../../controls/StopButton";
+
+const ATTEMPTS = 2;
+const RETRY_MS = 1_000;
 
 /** The pictures of a flight; the one with the number `open` is shown in full, the arrow keys change it. */
 export function Gallery({ pictures, open, show, stop }: {
@@ -13,7 +16,6 @@ export function Gallery({ pictures, open, show, stop }: {
   show: (id: number | null) => void;
   stop: () => void;
 }) {
-  const { t } = useTranslation();
   const index = pictures.findIndex((one) => one.id === open);
   const picture = pictures[index];
   const [before, next] = [pictures[index - 1], pictures[index + 1]];
@@ -22,11 +24,7 @@ export function Gallery({ pictures, open, show, stop }: {
       <div className="pictures">
         {pictures.map((one) => (
           <button key={one.id} type="button" onClick={() => show(one.id)}>
-            <img
-              src={one.thumbnail_url ?? one.url}
-              alt={t("flights.picture", { id: one.id })}
-              loading="lazy"
-            />
+            <Thumbnail picture={one} />
           </button>
         ))}
       </div>
@@ -41,6 +39,32 @@ export function Gallery({ pictures, open, show, stop }: {
         />
       )}
     </>
+  );
+}
+
+/** A small picture; the edge server makes few at once, so one that it refuses is asked for again. */
+function Thumbnail({ picture }: { picture: Picture }) {
+  const { t } = useTranslation();
+  const [attempt, setAttempt] = useState(0);
+  const [isShown, setShown] = useState(true);
+  useEffect(() => {
+    if (isShown || attempt >= ATTEMPTS) return;
+    const timer = setTimeout(() => {
+      setAttempt(attempt + 1);
+      setShown(true);
+    }, RETRY_MS * (1 + attempt));
+    return () => clearTimeout(timer);
+  }, [isShown, attempt]);
+  const name = t("flights.picture", { id: picture.id });
+  if (!isShown) return <span className="picture-missing" role="img" aria-label={name}><Icon name="picture" /></span>;
+  return (
+    <img
+      key={attempt}
+      src={picture.thumbnail_url ?? picture.url}
+      alt={name}
+      loading="lazy"
+      onError={() => setShown(false)}
+    />
   );
 }
 

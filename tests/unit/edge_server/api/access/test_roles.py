@@ -91,6 +91,7 @@ MATRIX: list[tuple[str, str, set[str], Any]] = [
     ("GET", "/flights/1/track", PEOPLE, None),
     ("GET", "/flights/1/pictures", PEOPLE, None),
     ("GET", "/flights/1/pictures/1", PEOPLE, None),
+    ("GET", "/flights/1/pictures/1/thumbnail", PEOPLE, None),
     ("GET", "/flights/1/observations", PEOPLE, None),
     ("GET", "/alarms/history/", PEOPLE, None),
     ("POST", "/alarms/history/1/acknowledge", {"operator", "admin"}, None),

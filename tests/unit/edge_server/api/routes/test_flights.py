@@ -136,7 +136,7 @@ def test_pictures_have_the_place_where_they_were_taken(edge: Edge) -> None:
     fly(edge)
     (picture,) = edge.get("/flights/1/pictures")
     assert picture["latitude"] == pytest.approx(40.4436)
-    assert picture["thumbnail_url"] is None
+    assert picture["thumbnail_url"] == f"{picture['url']}/thumbnail"
     answer = edge.ask("GET", picture["url"], "farmer")
     assert (answer.content_type, answer.data) == ("image/jpeg", JPEG)
     assert edge.ask("GET", "/flights/1/pictures/2", "farmer").status_code == 404

@@ -1,0 +1,1 @@
+"""Pictures made smaller, by a separate program with bounded memory and time."""
