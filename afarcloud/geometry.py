@@ -31,6 +31,11 @@ def _to_plane(point: Point, origin: Point) -> tuple[float, float]:
     return east, (point[0] - origin[0]) * METRES_PER_DEGREE
 
 
+def distance_m(start: Point, end: Point) -> float:
+    """Distance over ground of two places a few kilometres apart."""
+    return math.hypot(*_to_plane(end, start))
+
+
 def contains(polygon: Sequence[Point], point: Point) -> bool:
     """Whether the polygon holds the point, by counting edges crossed to the east."""
     plane = [_to_plane(vertex, point) for vertex in polygon]

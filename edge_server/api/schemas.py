@@ -407,6 +407,7 @@ class StoredField(Field, Answer):
     boundary: _Ring  # type: ignore[assignment]  # as it is answered: lists
     holes: list[_Ring]  # type: ignore[assignment]  # as above
     exclusions: list[_Ring]  # type: ignore[assignment]  # as above
+    entry: _Corner | None = None  # type: ignore[assignment]  # as above
     id: Id
     area_m2: float
     received_at: datetime

@@ -8,23 +8,27 @@ from pydantic import Field as Bounds
 from afarcloud import geometry
 from afarcloud.faults import Fault, InvalidError
 from afarcloud.numbers import Model, ShortText
-from afarcloud.plan import Polygon
+from afarcloud.plan import Polygon, Vertex
 
 SMALLEST_M2: Final = 1.0
 MOST_CORNERS: Final = 5000
+FARTHEST_ENTRY_M: Final = 2000.0
+"""From the nearest corner: an entry farther away is that of another field, or mistyped."""
 Rings = Annotated[tuple[Polygon, ...], Bounds(max_length=50)]
 
 
 class Field(Model):
     """The boundary of a field: rings of (latitude, longitude), the first corner not repeated.
 
-    A hole is not part of the field; an exclusion is, but no vehicle may fly there.
+    A hole is not part of the field; an exclusion is, but no vehicle may fly there. Vehicles enter
+    at the entry, where they are started and a survey begins.
     """
 
     name: ShortText | None = None
     boundary: Polygon
     holes: Rings = ()
     exclusions: Rings = ()
+    entry: Vertex | None = None
 
 
 def check(field: Field, path: str = "") -> None:
@@ -53,3 +57,8 @@ def _faults(field: Field) -> Iterator[Fault]:
             geometry.contains(field.boundary, corner) for corner in ring
         ):
             yield Fault(path, "lies outside of the boundary")
+    if field.entry is not None:
+        distance_m = min(geometry.distance_m(corner, field.entry) for corner in field.boundary)
+        if distance_m > FARTHEST_ENTRY_M:
+            text = f"is {distance_m:.0f} m from the field, at most {FARTHEST_ENTRY_M:.0f} m"
+            yield Fault("entry", text)

@@ -2,7 +2,7 @@
 
 Every polygon is a field. A feature's own name becomes the field's; a MultiPolygon of several
 becomes several fields, numbered. Exclusions, for which GeoJSON has no type, are in the
-property `exclusions` as rings like those of a polygon.
+property `exclusions` as rings like those of a polygon; the property `entry` is a position.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -102,7 +102,14 @@ def _boundaries(feature: Any, path: str, place: str) -> list[Boundary]:
     if exclusions and len(polygons) > 1:
         message = "goes with one polygon: it does not say of which"
         raise InvalidError((Fault(f"{path}properties.exclusions", message),))
-    return fields_of(_name(properties, feature), polygons, exclusions)
+    entry = properties.get("entry")
+    if entry is None:
+        return fields_of(_name(properties, feature), polygons, exclusions)
+    place = f"{path}properties.entry"
+    if len(polygons) > 1:
+        raise InvalidError((Fault(place, "goes with one polygon: it does not say of which"),))
+    position = (place, _corner(entry, place))
+    return fields_of(_name(properties, feature), polygons, exclusions, position)
 
 
 def _polygons(
@@ -180,10 +187,12 @@ def write_one(field: Mapping[str, Any]) -> dict[str, Any]:
     """
     rings = [_closed(field["boundary"], anticlockwise=True)]
     rings += [_closed(ring, anticlockwise=False) for ring in field.get("holes", ())]
-    shape = {"boundary", "holes", "exclusions"}
+    shape = {"boundary", "holes", "exclusions", "entry"}
     properties = {name: value for name, value in field.items() if name not in shape | {"id"}}
     if exclusions := field.get("exclusions"):
         properties["exclusions"] = [_closed(ring, anticlockwise=True) for ring in exclusions]
+    if (entry := field.get("entry")) is not None:
+        properties["entry"] = [entry[1], entry[0]]
     return {
         "type": "Feature",
         "id": field["id"],

@@ -23,9 +23,14 @@ class Boundary(NamedTuple):
 
 
 def fields_of(
-    name: str | None, polygons: Sequence[tuple[str, Sequence[Ring]]], exclusions: Sequence[Ring]
+    name: str | None,
+    polygons: Sequence[tuple[str, Sequence[Ring]]],
+    exclusions: Sequence[Ring],
+    entry: tuple[str, Vertex] | None = None,
 ) -> list[Boundary]:
     """Make one field of each polygon; several of one name are numbered.
+
+    An entry has its path in the file, like a ring.
 
     Raises:
         InvalidError: if a polygon is no boundary, at its place in the file; or if there are
@@ -36,7 +41,7 @@ def fields_of(
     found = []
     for number, (path, rings) in enumerate(polygons, start=1):
         title = name if name is None or len(polygons) == 1 else _numbered(name, number)
-        found.append(Boundary(path, _field(title, rings, exclusions)))
+        found.append(Boundary(path, _field(title, rings, exclusions, entry)))
     return found
 
 
@@ -44,13 +49,19 @@ def _numbered(name: str, number: int) -> str:
     return f"{name[: LONGEST_NAME - 8]} {number}"
 
 
-def _field(name: str | None, rings: Sequence[Ring], exclusions: Sequence[Ring]) -> Field:
+def _field(
+    name: str | None,
+    rings: Sequence[Ring],
+    exclusions: Sequence[Ring],
+    entry: tuple[str, Vertex] | None,
+) -> Field:
     outer, *holes = rings
     document = {
         "name": None if name is None else name[:LONGEST_NAME],
         "boundary": outer[1],
         "holes": [corners for _, corners in holes],
         "exclusions": [corners for _, corners in exclusions],
+        "entry": None if entry is None else entry[1],
     }
     try:
         field = read_as(Field, document)
@@ -59,6 +70,7 @@ def _field(name: str | None, rings: Sequence[Ring], exclusions: Sequence[Ring]) 
         places = {"boundary": outer[0]}
         places |= {f"holes.{index}": path for index, (path, _) in enumerate(holes)}
         places |= {f"exclusions.{index}": path for index, (path, _) in enumerate(exclusions)}
+        places |= {} if entry is None else {"entry": entry[0]}
         raise InvalidError(tuple(_placed(fault, places) for fault in error.faults)) from None
     return field
 

@@ -58,7 +58,8 @@ def survey(request: SurveyRequest, home: Place, first_mission_id: int) -> Survey
         takes_pictures=request.camera is not None,
         most_commands=request.most_commands,
     )
-    stops = _stops(area, rows)
+    entry = None if request.entry is None else frame.to_plane(request.entry)
+    stops = _stops(area, rows, entry)
     parts = _parts(stops, request, flight)
     plans = list(_plans(request, frame, parts, first_mission_id))
     flown = [stops for flights in parts for stops in flights]
@@ -123,9 +124,9 @@ def _best_bearing(request: SurveyRequest) -> float:
     )
 
 
-def _stops(area: Area, rows: Sequence[Sequence[lines.Line]]) -> list[Stop]:
+def _stops(area: Area, rows: Sequence[Sequence[lines.Line]], entry: Point | None) -> list[Stop]:
     try:
-        stops = route.route(area, route.order(rows), MARGIN_M)
+        stops = route.route(area, route.order(rows, entry), MARGIN_M)
     except route.NoPathError as error:
         raise NoSurveyError("exclusions", str(error)) from None
     if not stops:

@@ -19,7 +19,7 @@ from afarcloud.numbers import (
     json_integer,
     json_number,
 )
-from afarcloud.plan import DEFAULT_SPEED_M_S, Geofence, Polygon, Speed
+from afarcloud.plan import DEFAULT_SPEED_M_S, Geofence, Polygon, Speed, Vertex
 from edge_server.survey.lines import Footprint
 
 Overlap = Annotated[float, Field(ge=0, le=0.95), BeforeValidator(json_number)]
@@ -58,6 +58,7 @@ class SurveyTerms(Model):
     maximum_speed: Speed = DEFAULT_SPEED_M_S
     vehicles: Annotated[tuple[VehicleId, ...], Field(min_length=1, max_length=16)]
     home: Place | None = None
+    entry: Vertex | None = None
     endurance: Annotated[float, Field(ge=60, le=86_400), BeforeValidator(json_number)] = 900.0
     most_commands: Annotated[int, Field(ge=4, le=700), BeforeValidator(json_integer)] = 100
     first_mission_id: Int32 | None = None
@@ -108,7 +109,8 @@ class SurveyRequest(SurveyTerms):
 class SurveyOrder(SurveyTerms):
     """What is asked for: a field by its number, or by a boundary of its own.
 
-    Holes and exclusions are those of this survey; a field that is named has its own besides.
+    Holes and exclusions are those of this survey; a field that is named has its own besides. Its
+    entry holds unless this survey has another.
     """
 
     field_id: Int32 | None = None

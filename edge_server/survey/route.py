@@ -25,15 +25,16 @@ class NoPathError(Exception):
     """Parts of the area are not connected by any path inside it."""
 
 
-def order(rows: Sequence[Sequence[Line]]) -> list[tuple[Point, ...]]:
+def order(rows: Sequence[Sequence[Line]], start: Point | None = None) -> list[tuple[Point, ...]]:
     """Put lines in the order of flight: block by block, each line in the other direction.
 
     A block is a run of lines of neighbouring rows, each beside exactly one of the next row
-    (boustrophedon cells; Choset and Pignon, 1997). The next block is the nearest one.
+    (boustrophedon cells; Choset and Pignon, 1997). The next block is the nearest one; the first
+    is the one that begins nearest to `start`, if there is any.
     """
     blocks = _blocks(rows)
     flown: list[tuple[Point, ...]] = []
-    here: Point | None = None
+    here = start
     while blocks:
         index, block = min(
             ((index, lines) for index, block in enumerate(blocks) for lines in _directions(block)),

@@ -79,6 +79,7 @@ def _request(order: SurveyOrder, field: Field | None) -> SurveyRequest:
     }
     if field is not None:
         terms["name"] = order.name or field.name
+        terms["entry"] = order.entry or field.entry
         outline = {
             "boundary": field.boundary,
             "holes": (*field.holes, *order.holes),
@@ -88,7 +89,7 @@ def _request(order: SurveyOrder, field: Field | None) -> SurveyRequest:
 
 
 def _home(context: Context, request: SurveyRequest) -> Place:
-    """Where the vehicles start: as given, else where the first one is, else the field's corner."""
+    """Where the vehicles start: as given, where the first one is, or where the field begins."""
     if request.home is not None:
         return request.home
     with context.database.read() as connection:
@@ -97,5 +98,5 @@ def _home(context: Context, request: SurveyRequest) -> Place:
         at := (known.state.get("latitude"), known.state.get("longitude"))
     ):
         return Place(latitude=at[0], longitude=at[1])
-    latitude, longitude = request.boundary[0]
+    latitude, longitude = request.entry or request.boundary[0]
     return Place(latitude=latitude, longitude=longitude)

@@ -102,3 +102,9 @@ def test_too_many_corners_are_refused_before_they_are_looked_at() -> None:
         )
     )
     assert "boundary" in faults(Field(boundary=circle, exclusions=(circle,) * 5))
+
+
+def test_an_entry_lies_at_the_field() -> None:
+    assert faults(Field(boundary=square(100), entry=place(0, 1500))) == {}
+    found = faults(Field(boundary=square(100), entry=place(0, 3000)))
+    assert list(found) == ["entry"]

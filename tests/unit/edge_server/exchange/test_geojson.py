@@ -124,6 +124,12 @@ INVALID: list[tuple[Any, str]] = [
     ({**POLYGON, "crs": {"type": "name", "properties": {"name": "EPSG:25830"}}}, "crs"),
     ({**POLYGON, "crs": 5}, "crs"),
     (feature(exclusions=[[[1, 2]]]), "properties.exclusions.0"),
+    (feature(entry=[1]), "properties.entry"),
+    (feature(entry=[-3.74, 41.0]), "properties.entry"),
+    (
+        feature({"type": "MultiPolygon", "coordinates": [[OUTER], [EAST]]}, entry=OUTER[0]),
+        "properties.entry",
+    ),
     (
         feature({"type": "MultiPolygon", "coordinates": [[OUTER], [EAST]]}, exclusions=[HOLE]),
         "properties.exclusions",
@@ -212,3 +218,11 @@ def test_anything_is_read_or_refused(document: Any) -> None:
     geojson.is_geojson(document)
     with contextlib.suppress(InvalidError):
         assert all(isinstance(field, Field) for field in fields(document))
+
+
+def test_an_entry_is_a_position_in_and_out() -> None:
+    (field,) = fields(feature(entry=[-3.7395, 40.4401]))
+    assert field.entry == (40.4401, -3.7395)
+    written = geojson.write_one({"id": 1, **field.model_dump(mode="json")})
+    assert written["properties"]["entry"] == [-3.7395, 40.4401]
+    assert fields(written)[0].entry == field.entry

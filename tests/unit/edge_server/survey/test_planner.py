@@ -8,6 +8,7 @@ import pytest
 from hypothesis import assume, given, settings
 
 from afarcloud.enumerations import CommandType
+from afarcloud.geometry import distance_m
 from edge_server.survey import lines
 from edge_server.survey.plane import Area
 from edge_server.survey.planner import MARGIN_M, NoSurveyError, Survey, survey
@@ -186,3 +187,11 @@ def test_a_way_that_only_just_misses_a_corner_is_not_free() -> None:
     assert area.is_free(*beside)
     assert not area.is_free(*beside, clearance_m=0.005)
     assert area.is_free((30.0, 39.99), (70.0, 39.99), clearance_m=0.005)
+
+
+@pytest.mark.parametrize("corner", [(-60, -40), (60, -40), (60, 40), (-60, 40)])
+def test_the_lines_begin_beside_the_entry(corner: tuple[float, float]) -> None:
+    (plan,) = planned(entry=place(*corner), most_commands=700, endurance=9000).plans
+    first = plan["missions"][0]["command_array"][0]["parameters"]
+    begin = (first["latitude"], first["longitude"])
+    assert distance_m(begin, place(*corner)) < 10.0

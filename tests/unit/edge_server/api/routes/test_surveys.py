@@ -158,3 +158,21 @@ def test_preview_is_true_or_false(edge: Edge) -> None:
     answer = ask(edge, "?preview=perhaps")
     assert answer.status_code == 422
     assert list(answer.json["detail"]["query"]) == ["preview"]
+
+
+def test_a_survey_begins_at_the_entry_of_its_field(edge: Edge) -> None:
+    corners = EXAMPLE["boundary"]
+    assert isinstance(corners, list)
+    begins = []
+    for entry in (corners[0], corners[2]):
+        field = {"name": "North field", "boundary": corners, "entry": entry}
+        stored = edge.post("/fields/", field, "operator").json or {}
+        assert stored["entry"] == entry
+        order = {name: value for name, value in EXAMPLE.items() if name != "boundary"}
+        planned = edge.post(
+            "/surveys/?preview=true", {**order, "field_id": stored["id"]}, "operator"
+        ).json
+        place = (planned or {})["plans"][0]["missions"][0]["command_array"][0]["parameters"]
+        begins.append((place["latitude"], place["longitude"]))
+    assert begins[0][0] < 40.4435 < begins[1][0]
+    assert begins[0][1] < -3.7386 < begins[1][1]
