@@ -1,7 +1,7 @@
 import { expect, test } from "vitest";
 import {
   areaOf_m2, draftOf, EMPTY, fieldArea_m2, isComplete, middleOf, nextCorner, presentRing, ringOf, ringOfFault,
-  ringsOf, shifted, withCorner, withMovedCorner, withoutCorner, withRing, type Corner, type Outline,
+  ringsOf, shifted, withCorner, withEntry, withMovedCorner, withoutCorner, withRing, type Corner, type Outline,
   type Ring,
 } from "../src/planning/outline";
 
@@ -10,7 +10,7 @@ const square = (side_m: number, from: Corner = START): Ring => [
   from, shifted(from, side_m, 0), shifted(from, side_m, side_m), shifted(from, 0, side_m),
 ];
 const field: Outline = {
-  boundary: square(100), holes: [square(10)], exclusions: [square(20), square(30)],
+  boundary: square(100), holes: [square(10)], exclusions: [square(20), square(30)], entry: null,
 };
 
 test("corners are added in order or between two others, moved and deleted", () => {
@@ -63,6 +63,13 @@ test("a field without a name is sent without one, with every ring", () => {
   const draft = draftOf("  ", field);
   expect(draft.name).toBeNull();
   expect([draft.boundary.length, draft.holes.length, draft.exclusions.length]).toEqual([4, 1, 2]);
+});
+
+test("an entry is sent where there is one, to a centimetre", () => {
+  expect(draftOf("", field)).not.toHaveProperty("entry");
+  const entered = withEntry(field, [40.123456789, -3.7]);
+  expect(draftOf("", entered).entry).toEqual([40.1234568, -3.7]);
+  expect(draftOf("", withEntry(entered, null))).not.toHaveProperty("entry");
 });
 
 test("a fault names the ring that it concerns", () => {

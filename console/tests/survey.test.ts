@@ -1,8 +1,9 @@
 import { expect, test } from "vitest";
 import type { PlannedSurvey } from "../src/api/types";
-import { colourOf, surveyFeatures, surveyFlights } from "../src/map/survey_features";
+import en from "../src/i18n/en.json";
+import { colourOf, footprintFeatures, footprintOf, surveyFeatures, surveyFlights } from "../src/map/survey_features";
 import {
-  CAMERAS, FIRST_FORM, heightOf_m, inputOfFault, orderOf, resolutionOf_m,
+  CAMERAS, FAULT_PATHS, FIRST_FORM, heightOf_m, inputOfFault, orderOf, resolutionOf_m, textOfFault,
 } from "../src/planning/survey";
 
 test("ground resolution and height follow each other", () => {
@@ -32,9 +33,46 @@ test("there is no order while a value or a vehicle is missing", () => {
 });
 
 test("a fault is shown at the input that it names", () => {
-  expect(inputOfFault("camera.focal_length_mm")).toBe("camera.focal_length_mm");
-  expect(inputOfFault("vehicles.1")).toBe("vehicles");
-  expect(inputOfFault("field_id")).toBeNull();
+  const own = { ...FIRST_FORM, camera: "own" as const };
+  expect(inputOfFault("camera.focal_length_mm", own)).toBe("camera.focal_length_mm");
+  expect(inputOfFault("vehicles.1", own)).toBe("vehicles");
+  expect(inputOfFault("angle", own)).toBe("angle");
+  expect(inputOfFault("field_id", own)).toBeNull();
+});
+
+test("a fault of an input that is not shown is named in the notice", () => {
+  expect(inputOfFault("camera.focal_length_mm", FIRST_FORM)).toBeNull();
+  expect(inputOfFault("swath_width", FIRST_FORM)).toBeNull();
+  const swath = { ...FIRST_FORM, camera: "none" as const };
+  expect(inputOfFault("front_overlap", swath)).toBeNull();
+  expect(textOfFault("camera.focal_length_mm")).toBe("survey.focal_length_mm");
+  expect(textOfFault("camera")).toBe("survey.camera");
+  expect(textOfFault("exclusions.2")).toBe("survey.field_exclusions");
+  expect(textOfFault("most_commands")).toBeNull();
+});
+
+test("every name of a fault is a text", () => {
+  const texts: { [section: string]: { [name: string]: string } } = { survey: en.survey, fields: en.fields };
+  for (const path of [...FAULT_PATHS, "field_id", "boundary", "holes", "exclusions", "entry", "home", "missions"]) {
+    const [section = "", name = ""] = textOfFault(path)?.split(".") ?? [];
+    expect([path, texts[section]?.[name]]).toEqual([path, expect.any(String)]);
+  }
+});
+
+test("a footprint is as large as the camera shows it, along the lines", () => {
+  const footprint = footprintOf(CAMERAS.one_inch, 30, 90);
+  expect(footprint.across_m).toBeCloseTo(45, 9);
+  expect(footprint.along_m).toBeCloseTo(30, 9);
+  const [area] = footprintFeatures(surveyFlights(survey), [2, 1], footprint);
+  const ring = (area?.geometry as GeoJSON.Polygon).coordinates[0] ?? [];
+  const width = (axis: 0 | 1) => {
+    const values = ring.map((place) => place[axis] ?? 0);
+    return Math.max(...values) - Math.min(...values);
+  };
+  // Lines to the east: the long side of the picture lies north to south
+  expect(width(1) * 111_195).toBeCloseTo(45, 3);
+  expect(width(0) * 111_195 * Math.cos((40 * Math.PI) / 180)).toBeCloseTo(30, 3);
+  expect(ring[0]).toEqual(ring.at(-1));
 });
 
 const place = (longitude: number) => ({ latitude: 40, longitude, altitude: 30 });

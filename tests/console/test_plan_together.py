@@ -78,3 +78,13 @@ def test_a_plan_is_copied_and_kept_as_files_that_come_back(tmp_path: Path) -> No
     ]
     assert len(kept) == 5
     assert all(commands == kept[0] for commands in kept)
+
+
+@pytest.mark.timeout(TEST_TIMEOUT_S)
+def test_a_field_has_an_entry_and_a_survey_begins_there(tmp_path: Path) -> None:
+    with console_journey(tmp_path) as take, edge_server(tmp_path) as (server, needs):
+        field = post(server, "/fields/", EXAMPLE)
+        take("enter_a_field", **needs, FIELD=str(field["id"]))
+        path = f"{server.url}/fields/{field['id']}"
+        stored = requests.get(path, headers=headers(server), timeout=10).json()
+    assert stored["entry"] == pytest.approx([40.4435, -3.7392], abs=2e-4)

@@ -34,6 +34,7 @@ export interface FieldDraft {
   boundary: [number, number][];
   holes: [number, number][][];
   exclusions: [number, number][][];
+  entry?: [number, number];
 }
 
 export const createField = (draft: FieldDraft): Promise<StoredField> =>

@@ -136,6 +136,20 @@ export function cornerElement(name: string, keys: CornerKeys): HTMLElement {
   return element;
 }
 
+/** Makes the symbol of a field's entry, which can be moved like a corner where there are keys. */
+export function entryElement(name: string, keys: CornerKeys | null): HTMLElement {
+  if (keys !== null) {
+    const element = cornerElement(name, keys);
+    element.classList.add("entry-marker");
+    return element;
+  }
+  const element = document.createElement("span");
+  element.className = "entry-marker";
+  nameAsPicture(element, name);
+  element.title = name;
+  return element;
+}
+
 /** Makes the symbol in the middle of an edge, where a corner can be added. */
 export function edgeElement(name: string, add: () => void): HTMLElement {
   return pointElement("edge-marker", name, add);

@@ -88,6 +88,13 @@ function layers(): LayerSpecification[] {
     route("flown", { "line-color": colour("accent"), "line-width": 4 }),
     route("survey", { "line-color": drone, "line-width": 2.5 }),
     {
+      id: "survey-footprint",
+      type: "fill",
+      source: "routes",
+      filter: ["==", ["get", "part"], "footprint"],
+      paint: { "fill-color": drone, "fill-opacity": 0.045, "fill-outline-color": drone },
+    },
+    {
       id: "survey-picture",
       type: "circle",
       source: "routes",

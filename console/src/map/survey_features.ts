@@ -1,11 +1,14 @@
 /** GeoJSON of a survey: a line for each flight and its pictures, by vehicle. Pure. */
 
 import type { PlannedSurvey } from "../api/types";
+import type { Camera } from "../planning/survey";
 import { placeOf } from "./features";
 
 /** So many colours; further vehicles begin again with the first. */
 export const DRONE_COLOURS = 6;
 const PICTURE = 4;
+const M_PER_DEG = 111_195;
+const RAD = Math.PI / 180;
 
 /** One flight of a survey: its places and where it takes pictures, as [longitude, latitude]. */
 export interface SurveyFlight {
@@ -45,4 +48,45 @@ export function surveyFeatures(flights: readonly SurveyFlight[], vehicles: reado
     ];
   });
   return { type: "FeatureCollection", features };
+}
+
+/** The ground that a picture shows, on level ground: across the line of flight and along it. */
+export interface Footprint {
+  across_m: number;
+  along_m: number;
+  /** Of the lines, from north. */
+  bearing_deg: number;
+}
+
+export function footprintOf(camera: Camera, height_m: number, bearing_deg: number): Footprint {
+  const scale = height_m / camera.focal_length_mm;
+  return {
+    across_m: camera.sensor_width_mm * scale,
+    along_m: camera.sensor_height_mm * scale,
+    bearing_deg,
+  };
+}
+
+/** An area for each picture; where two overlap, the map shows it darker. */
+export function footprintFeatures(
+  flights: readonly SurveyFlight[], vehicles: readonly number[], footprint: Footprint,
+): GeoJSON.Feature[] {
+  return flights.flatMap(({ vehicleId, pictures }) =>
+    pictures.map((place): GeoJSON.Feature => ({
+      type: "Feature",
+      properties: { part: "footprint", drone: colourOf(vehicleId, vehicles) },
+      geometry: { type: "Polygon", coordinates: [cornersOf(place, footprint)] },
+    })),
+  );
+}
+
+function cornersOf([longitude, latitude]: [number, number], one: Footprint): [number, number][] {
+  const [cosine, sine] = [Math.cos(one.bearing_deg * RAD), Math.sin(one.bearing_deg * RAD)];
+  const narrowing = M_PER_DEG * Math.cos(latitude * RAD);
+  return [[1, 1], [1, -1], [-1, -1], [-1, 1], [1, 1]].map(([forward = 0, right = 0]) => {
+    const [along_m, across_m] = [(forward * one.along_m) / 2, (right * one.across_m) / 2];
+    const north_m = along_m * cosine - across_m * sine;
+    const east_m = along_m * sine + across_m * cosine;
+    return [longitude + east_m / narrowing, latitude + north_m / M_PER_DEG];
+  });
 }

@@ -40,6 +40,7 @@ export function fieldChanges(base: StoredField, theirs: StoredField): Change[] {
   for (const name of ["boundary", "holes", "exclusions"] as const) {
     if (!isSame(base[name] ?? [], theirs[name] ?? [])) changes.push({ name });
   }
+  if (!isSame(base.entry ?? null, theirs.entry ?? null)) changes.push({ name: "entry" });
   return changes;
 }
 

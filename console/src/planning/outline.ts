@@ -1,4 +1,4 @@
-/** The outline of a field while it is drawn: its boundary, holes and no-fly areas. Pure. */
+/** The outline of a field while it is drawn: its boundary, holes, no-fly areas and entry. Pure. */
 
 import type { FieldDraft } from "../api/resources";
 import type { StoredField } from "../api/types";
@@ -12,12 +12,14 @@ export interface Outline {
   boundary: Ring;
   holes: readonly Ring[];
   exclusions: readonly Ring[];
+  /** Where vehicles enter: they are started there, and a survey begins beside it. */
+  entry: Corner | null;
 }
 
 /** Which ring of an outline: its path in the edge server's document. */
 export type RingName = "boundary" | `holes.${number}` | `exclusions.${number}`;
 
-export const EMPTY: Outline = { boundary: [], holes: [], exclusions: [] };
+export const EMPTY: Outline = { boundary: [], holes: [], exclusions: [], entry: null };
 export const FEWEST_CORNERS = 3;
 const M_PER_DEG = 111_195;
 const RAD = Math.PI / 180;
@@ -31,6 +33,7 @@ export function outlineOf(field: StoredField): Outline {
     boundary: ring(field.boundary),
     holes: (field.holes ?? []).map(ring),
     exclusions: (field.exclusions ?? []).map(ring),
+    entry: field.entry ? [field.entry[0] ?? 0, field.entry[1] ?? 0] : null,
   };
 }
 
@@ -89,6 +92,11 @@ export function shifted([latitude, longitude]: Corner, north_m: number, east_m: 
   return [latitude + north_m / M_PER_DEG, longitude + east_deg];
 }
 
+/** An outline with its entry elsewhere; null removes it. */
+export function withEntry(outline: Outline, entry: Corner | null): Outline {
+  return { ...outline, entry: entry && precise(entry) };
+}
+
 /** Where the next corner goes that nobody has clicked: `start` is that of a ring without any. */
 export function nextCorner(ring: Ring, start: Corner): Corner {
   const last = ring.at(-1);
@@ -131,6 +139,7 @@ export function draftOf(name: string, outline: Outline): FieldDraft {
     boundary: written(outline.boundary),
     holes: outline.holes.map(written),
     exclusions: outline.exclusions.map(written),
+    ...(outline.entry === null ? {} : { entry: [outline.entry[0], outline.entry[1]] }),
   };
 }
 

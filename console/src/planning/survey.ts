@@ -104,7 +104,46 @@ export const FAULT_PATHS = [
 ] as const;
 export type FaultPath = (typeof FAULT_PATHS)[number];
 
-/** Which input a path of the edge server's faults names; null for none. */
-export function inputOfFault(path: string): FaultPath | null {
-  return FAULT_PATHS.find((one) => path === one || path.startsWith(`${one}.`)) ?? null;
+/** Which input of the form as it is a path of the edge server's faults names; null for none. */
+export function inputOfFault(path: string, form: SurveyForm): FaultPath | null {
+  return FAULT_PATHS.find((one) => isAt(path, one) && isShown(one, form)) ?? null;
+}
+
+function isShown(path: FaultPath, { camera }: SurveyForm): boolean {
+  if (path.startsWith("camera.")) return camera === "own";
+  if (path === "swath_width") return camera === "none";
+  return path !== "front_overlap" || camera !== "none";
+}
+
+/** By paths of the edge server's document: the texts that a person sees for them. */
+const TEXTS = {
+  "camera.sensor_width_mm": "survey.sensor_width_mm",
+  "camera.sensor_height_mm": "survey.sensor_height_mm",
+  "camera.focal_length_mm": "survey.focal_length_mm",
+  camera: "survey.camera",
+  swath_width: "survey.swath_width_m",
+  altitude: "survey.height_m",
+  side_overlap: "survey.side_overlap",
+  front_overlap: "survey.front_overlap",
+  maximum_speed: "survey.speed_m_s",
+  angle: "survey.direction",
+  endurance: "survey.endurance_s",
+  vehicles: "survey.vehicles",
+  field_id: "survey.field",
+  boundary: "survey.field",
+  holes: "survey.field",
+  exclusions: "survey.field_exclusions",
+  entry: "fields.entry",
+  home: "survey.home",
+  missions: "survey.plan",
+} as const;
+
+/** The text by which a person knows what a path names; null where the console has none. */
+export function textOfFault(path: string): (typeof TEXTS)[keyof typeof TEXTS] | null {
+  const found = (Object.keys(TEXTS) as (keyof typeof TEXTS)[]).find((one) => isAt(path, one));
+  return found === undefined ? null : TEXTS[found];
+}
+
+function isAt(path: string, place: string): boolean {
+  return path === place || path.startsWith(`${place}.`);
 }

@@ -3,12 +3,13 @@ import { Button } from "../controls/Button";
 import { TextField } from "../controls/fields";
 import type { Corner } from "../planning/outline";
 
-/** Place of the corner that is selected, in degrees. */
-export function CornerForm({ index, corner, move, remove }: {
-  index: number;
+/** Place of the corner or the entry that is selected, in degrees. */
+export function CornerForm({ title, corner, move, remove, removeText }: {
+  title: string;
   corner: Corner;
   move: (corner: Corner) => void;
   remove: () => void;
+  removeText: string;
 }) {
   const { t } = useTranslation();
   const [latitude, longitude] = corner;
@@ -29,11 +30,11 @@ export function CornerForm({ index, corner, move, remove }: {
   );
   return (
     <fieldset className="corner-form">
-      <legend>{t("fields.corner", { number: index + 1 })}</legend>
+      <legend>{title}</legend>
       <div className="form-line">
         {field(t("parameter.latitude"), latitude, 90, (degrees) => move([degrees, longitude]))}
         {field(t("parameter.longitude"), longitude, 180, (degrees) => move([latitude, degrees]))}
-        <Button icon="remove" onClick={remove}>{t("fields.remove_corner")}</Button>
+        <Button icon="remove" onClick={remove}>{removeText}</Button>
       </div>
     </fieldset>
   );

@@ -19,15 +19,16 @@ import { collection, fieldFeatures } from "../map/features";
 import { fieldChanges, isSame, isSameField } from "../planning/changes";
 import {
   draftOf, EMPTY, fieldArea_m2, isComplete, nextCorner, outlineOf, presentRing, ringOf, ringOfFault,
-  withCorner, withMovedCorner, withoutCorner, withRing, type Corner, type Outline, type Ring, type RingName,
+  withCorner, withEntry, withMovedCorner, withoutCorner, withRing, type Corner, type Outline, type Ring, type RingName,
 } from "../planning/outline";
 import { save as saveOver } from "../planning/saving";
 import { ConflictNotice } from "./ConflictNotice";
 import { CornerForm } from "./CornerForm";
+import { EntryForm } from "./EntryForm";
 import { RestoredNotice, StepButtons } from "./EditingState";
 import { LeaveWarning } from "./LeaveWarning";
 import { RingList } from "./RingList";
-import { useCornerSymbols } from "./use_corner_symbols";
+import { useCornerSymbols, useEntrySymbol } from "./use_corner_symbols";
 import { useEditing } from "./use_editing";
 import { useFleetSymbols } from "./use_fleet_symbols";
 import { useSaving } from "./use_saving";
@@ -137,7 +138,10 @@ function Editor({ read, others }: { read: Tagged<StoredField> | null; others: St
 
   const fleet = useFleetSymbols(others, null, nothing);
   const corners = useCornerSymbols(ringName, ring, selected, { select: setSelected, add, remove, move });
-  const symbols = useMemo(() => [...fleet, ...corners], [fleet, corners]);
+  const entry = useEntrySymbol(outline.entry, (place, continued) =>
+    change((present) => withEntry(present, place), continued),
+  );
+  const symbols = useMemo(() => [...fleet, ...corners, ...entry], [fleet, corners, entry]);
   const layers = useMemo(
     () => ({
       fields: collection([
@@ -160,7 +164,7 @@ function Editor({ read, others }: { read: Tagged<StoredField> | null; others: St
       : DEFAULT_START;
   };
   const otherFaults = (error?.faults ?? []).filter(
-    (fault) => ringOfFault(fault.path) === null && fault.path !== "name",
+    (fault) => ringOfFault(fault.path) === null && !/^(name|entry)\b/.test(fault.path),
   );
 
   return (
@@ -229,12 +233,18 @@ function Editor({ read, others }: { read: Tagged<StoredField> | null; others: St
         </div>
         {selected !== null && ring[selected] && (
           <CornerForm
-            index={selected}
+            title={t("fields.corner", { number: selected + 1 })}
             corner={ring[selected]}
             move={(corner) => move(selected, corner)}
             remove={() => remove(selected)}
+            removeText={t("fields.remove_corner")}
           />
         )}
+        <EntryForm
+          outline={outline}
+          fault={error?.faults.find((fault) => fault.path.startsWith("entry"))?.text}
+          set={(entry) => change((present) => withEntry(present, entry), "entry")}
+        />
         <p>{t("fields.area", { area: units.area(fieldArea_m2(outline)) })}</p>
         {error && (
           <Notice kind="error">

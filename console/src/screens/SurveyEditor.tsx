@@ -2,7 +2,7 @@ import { lazy, Suspense, useMemo, useRef, useState } from "react";
 import { useTranslation } from "react-i18next";
 import { RequestError } from "../api/client";
 import { createSurvey, listFields, previewSurvey } from "../api/resources";
-import type { StoredField, SurveyOrder } from "../api/types";
+import type { PlannedSurvey, StoredField, SurveyOrder } from "../api/types";
 import { go, linkTo } from "../app/route";
 import { Button } from "../controls/Button";
 import { Icon } from "../controls/Icon";
@@ -12,9 +12,11 @@ import { usePreview } from "../live/use_preview";
 import { asRequestError, useResource } from "../live/use_resource";
 import { farmExtent } from "../map/farm_extent";
 import { collection, fieldFeatures } from "../map/features";
-import { flightElement } from "../map/markers";
-import { colourOf, surveyFeatures, surveyFlights } from "../map/survey_features";
-import { FIRST_FORM, inputOfFault, orderOf, type SurveyForm } from "../planning/survey";
+import { entryElement, flightElement } from "../map/markers";
+import {
+  colourOf, footprintFeatures, footprintOf, surveyFeatures, surveyFlights, type SurveyFlight,
+} from "../map/survey_features";
+import { cameraOf, FIRST_FORM, inputOfFault, orderOf, textOfFault, type SurveyForm } from "../planning/survey";
 import { SurveyFigures } from "./SurveyFigures";
 import { SurveyInputs } from "./SurveyInputs";
 import { useFleetSymbols } from "./use_fleet_symbols";
@@ -50,13 +52,12 @@ function Editor({ field }: { field: StoredField }) {
 
   const flights = useMemo(() => (survey === null ? [] : surveyFlights(survey)), [survey]);
   const chosen = vehicles.join();
+  const pictures = useFootprints(form, survey, flights, chosen);
   const layers = useMemo(() => {
     const ids = chosen.split(",").map(Number);
-    return {
-      fields: fieldFeatures([field]),
-      routes: flights.length === 0 ? collection([]) : surveyFeatures(flights, ids),
-    };
-  }, [field, flights, chosen]);
+    const lines = flights.length === 0 ? [] : surveyFeatures(flights, ids).features;
+    return { fields: fieldFeatures([field]), routes: collection([...pictures, ...lines]) };
+  }, [field, flights, pictures, chosen]);
   const fleet = useFleetSymbols(NO_FIELDS, null, nothing);
   const symbols = useMemo(() => {
     const ids = chosen.split(",").map(Number);
@@ -74,8 +75,12 @@ function Editor({ field }: { field: StoredField }) {
             make: () => flightElement(text, colour),
           }];
     });
-    return [...fleet, ...starts];
-  }, [fleet, flights, chosen, t]);
+    const [latitude, longitude] = field.entry ?? [];
+    const entry = latitude === undefined || longitude === undefined
+      ? []
+      : [{ key: "entry", latitude, longitude, level: 5, make: () => entryElement(t("fields.entry"), null) }];
+    return [...fleet, ...starts, ...entry];
+  }, [fleet, flights, field, chosen, t]);
   const extent = useMemo(() => farmExtent([field], []), [field]);
 
   const change = (part: Partial<SurveyForm>) => {
@@ -95,7 +100,7 @@ function Editor({ field }: { field: StoredField }) {
         </a>
         <h1>{t("survey.title", { field: field.name ?? t("fields.unnamed", { id: field.id }) })}</h1>
         <SurveyFigures survey={survey} isLoading={preview.isLoading} />
-        {preview.error && <Refusal error={preview.error} retry={preview.retry} />}
+        {preview.error && <Refusal error={preview.error} form={form} retry={preview.retry} />}
         <SurveyInputs
           form={form}
           vehicles={vehicles}
@@ -109,7 +114,7 @@ function Editor({ field }: { field: StoredField }) {
           }}
         />
         {order === null && <Notice kind="info">{t("survey.incomplete")}</Notice>}
-        {storing.error && <Refusal error={storing.error} />}
+        {storing.error && <Refusal error={storing.error} form={form} />}
         <p className="muted small">
           {survey !== null && survey.plans.length > 1
             ? t("survey.several", { count: survey.plans.length })
@@ -131,22 +136,48 @@ function Editor({ field }: { field: StoredField }) {
   );
 }
 
+/** The ground of every picture, as the camera and height of the shown survey give it. */
+function useFootprints(
+  form: SurveyForm, survey: PlannedSurvey | null, flights: readonly SurveyFlight[], chosen: string,
+): GeoJSON.Feature[] {
+  const latest = useRef(form);
+  latest.current = form;
+  return useMemo(() => {
+    const { height_m } = latest.current;
+    const camera = cameraOf(latest.current);
+    if (survey === null || camera === null || height_m === null) return [];
+    const footprint = footprintOf(camera, height_m, survey.angle_deg);
+    return footprintFeatures(flights, chosen.split(",").map(Number), footprint);
+    // A form that has changed counts when its survey is there
+  }, [survey, flights, chosen]);
+}
+
 /** Why there is no survey; what concerns one input stands there. */
-function Refusal({ error, retry }: { error: RequestError; retry?: () => void }) {
+function Refusal({ error, form, retry }: { error: RequestError; form: SurveyForm; retry?: () => void }) {
   const { t } = useTranslation();
-  const others = error.faults.filter((fault) => inputOfFault(fault.path) === null);
+  const others = error.faults.filter((fault) => inputOfFault(fault.path, form) === null);
   if (error.faults.length === 0) return <ErrorNotice error={error} {...(retry ? { retry } : {})} />;
   return (
     <Notice kind="error">
       <p>{t("editor.faults")}</p>
       <ul>
         {others.map((fault) => (
-          <li key={fault.path + fault.text}>{fault.text}</li>
+          <li key={fault.path + fault.text}>
+            <FaultName path={fault.path} /> {fault.text}
+          </li>
         ))}
       </ul>
       {others.length < error.faults.length && <p>{t("survey.fault_below")}</p>}
     </Notice>
   );
+}
+
+/** What a fault concerns, by the text beside its input where the screen has one. */
+function FaultName({ path }: { path: string }) {
+  const { t } = useTranslation();
+  const text = textOfFault(path);
+  if (text !== null) return <strong>{t(text)}:</strong>;
+  return path === "" ? null : <code>{path}</code>;
 }
 
 /** Stores the plans once, also when the answer to the first attempt was lost, and goes to the first. */

@@ -35,7 +35,7 @@ export function SurveyInputs({ form, vehicles, flights, direction_deg, faults, c
   const units = useUnits();
   const camera = cameraOf(form);
   const errorOf = (path: FaultPath): string | undefined =>
-    faults.find((fault) => inputOfFault(fault.path) === path)?.text;
+    faults.find((fault) => inputOfFault(fault.path, form) === path)?.text;
   const quantity = (
     name: "height_m" | "swath_width_m" | "side_overlap" | "front_overlap" | "speed_m_s" | "endurance_s",
     unit: typeof PERCENT,
@@ -93,7 +93,7 @@ export function SurveyInputs({ form, vehicles, flights, direction_deg, faults, c
         {quantity("speed_m_s", units.speedInput, "maximum_speed")}
         {quantity("endurance_s", MINUTES, "endurance")}
       </div>
-      <Direction form={form} found_deg={direction_deg} change={change} />
+      <Direction form={form} found_deg={direction_deg} error={errorOf("angle")} change={change} />
       <SurveyVehicles
         chosen={vehicles}
         flights={flights}
@@ -106,9 +106,10 @@ export function SurveyInputs({ form, vehicles, flights, direction_deg, faults, c
 }
 
 /** The bearing of the lines: the edge server's, or a person's. */
-function Direction({ form, found_deg, change }: {
+function Direction({ form, found_deg, error, change }: {
   form: SurveyForm;
   found_deg: number | null;
+  error: string | undefined;
   change: (part: Partial<SurveyForm>) => void;
 }) {
   const { t } = useTranslation();
@@ -133,11 +134,14 @@ function Direction({ form, found_deg, change }: {
           min={0}
           max={179}
           disabled={isAutomatic}
+          aria-invalid={error !== undefined}
+          aria-describedby={error === undefined ? undefined : `${id}-fault`}
           value={Math.round(shown ?? 0)}
           onChange={(event) => change({ direction_deg: event.target.valueAsNumber })}
         />
         <output htmlFor={id}>{shown === null ? "–" : `${Math.round(shown)}°`}</output>
       </div>
+      {error !== undefined && <p className="fault" id={`${id}-fault`}>{error}</p>}
     </>
   );
 }

@@ -3,7 +3,7 @@
 import { useMemo, useRef } from "react";
 import { useTranslation } from "react-i18next";
 import type { Symbol } from "../map/FarmMap";
-import { cornerElement, edgeElement } from "../map/markers";
+import { cornerElement, edgeElement, entryElement } from "../map/markers";
 import { FEWEST_CORNERS, middleOf, shifted, type Corner, type Ring, type RingName } from "../planning/outline";
 
 interface CornerActions {
@@ -61,4 +61,37 @@ export function useCornerSymbols(
     });
     return [...edges, ...corners];
   }, [name, ring, selected, t]);
+}
+
+/** The entry of a field, which can be dragged and moved by the keys. */
+export function useEntrySymbol(
+  entry: Corner | null,
+  move: (entry: Corner | null, continued?: string) => void,
+): Symbol[] {
+  const { t } = useTranslation();
+  const latest = useRef({ entry, move });
+  latest.current = { entry, move };
+  const drags = useRef(0);
+  return useMemo(() => {
+    if (entry === null) return [];
+    return [{
+      key: "entry",
+      latitude: entry[0],
+      longitude: entry[1],
+      level: 6,
+      make: () =>
+        entryElement(t("fields.entry"), {
+          select: () => undefined,
+          remove: () => latest.current.move(null),
+          move: (north_m, east_m) => {
+            const present = latest.current.entry;
+            if (present) latest.current.move(shifted(present, north_m, east_m));
+          },
+        }),
+      drag: (longitude, latitude, isDropped) => {
+        latest.current.move([latitude, longitude], `entry ${drags.current}`);
+        if (isDropped) drags.current += 1;
+      },
+    }];
+  }, [entry, t]);
 }

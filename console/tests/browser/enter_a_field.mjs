@@ -1,0 +1,68 @@
+/** A farmer gives a field an entry, and looks at the survey that begins there.
+ *
+ *     node tests/browser/enter_a_field.mjs
+ *
+ * ANA_LINK signs the person in, FIELD is the field. OUT takes what a failure leaves.
+ */
+import { journey, picture, requireAccessible, startBrowser } from "./chromium.mjs";
+
+const { ANA_LINK, FIELD } = process.env;
+const origin = new URL(ANA_LINK).origin;
+const button = (page, text) => page.getByRole("button", { name: text, exact: true });
+
+async function addEntry(page) {
+  await page.goto(`${origin}/console/fields/${FIELD}`);
+  await button(page, "Add an entry point").click();
+  const marker = page.locator(".entry-marker");
+  await marker.waitFor();
+  const latitude = page.getByLabel("Latitude");
+  const before = await latitude.inputValue();
+  await marker.press("Shift+ArrowUp");
+  await page.waitForFunction(([input, old]) => input.value > old, [await latitude.elementHandle(), before]);
+  await requireAccessible(page, "the entry of a field");
+  await picture(page, "entry");
+  await latitude.fill("41");
+  await button(page, "Save the field").click();
+  await page.getByText("m from the field").waitFor();
+  await button(page, "Undo").click();
+  await button(page, "Save the field").click();
+  await page.getByRole("heading", { name: "Fields" }).waitFor();
+}
+
+async function lookAtSurvey(page) {
+  await page.goto(`${origin}/console/fields/${FIELD}/survey`);
+  await page.locator(".flight-marker").first().waitFor();
+  await page.locator(".entry-marker").waitFor();
+  await page.locator(".map-tools").waitFor();
+  await page.waitForTimeout(500);
+  await picture(page, "survey");
+}
+
+/** A fault that no input shows is a sentence with the name that the person sees. */
+async function namedFault(page) {
+  await page.route("**/surveys/?preview=true", (route) => route.fulfill({
+    status: 422,
+    json: { message: "cannot be used", detail: { json: {
+      angle: ["must be a bearing"], "camera.focal_length_mm": ["must be larger"], exclusions: ["cut the field in two"],
+    } } },
+  }));
+  await page.getByLabel("Height").fill("41");
+  await page.getByText("Focal length: must be larger").waitFor();
+  await page.getByText("No-fly areas of the field: cut the field in two").waitFor();
+  await page.locator(".fault", { hasText: "must be a bearing" }).waitFor();
+  await requireAccessible(page, "a survey with faults");
+  await picture(page, "survey-faults");
+}
+
+const browser = await startBrowser();
+try {
+  await journey(browser, "entry", async (page) => {
+    await page.goto(ANA_LINK);
+    await page.getByRole("navigation").waitFor();
+    await addEntry(page);
+    await lookAtSurvey(page);
+    await namedFault(page);
+  });
+} finally {
+  await browser.close();
+}
