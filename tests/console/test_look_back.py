@@ -59,7 +59,9 @@ def fly(archive: Archive) -> None:
             image_size=len(data),
             frame=base64.b64encode(data).decode(),
         )
-        archive.send("observation", sequence_number=number, **place)
+        (one,) = telemetry("observation")["observation_array"]
+        measured = [{**one, "result_value": 18.0 + 3 * number}]
+        archive.send("observation", sequence_number=number, observation_array=measured, **place)
     archive.report(FINISHED)
 
 

@@ -84,7 +84,7 @@ export function measurementFeatures(kind: Kind | null, chosen: string | null): G
     type: "FeatureCollection",
     features: (kind?.measurements ?? []).map((one) => ({
       type: "Feature",
-      properties: { colour: kind && colourOf(one.value, kind), chosen: one.key === chosen },
+      properties: { key: one.key, colour: kind && colourOf(one.value, kind), chosen: one.key === chosen },
       geometry: { type: "Point", coordinates: [one.longitude_deg, one.latitude_deg] },
     })),
   };

@@ -1,4 +1,4 @@
-import { useEffect, useRef, useState } from "react";
+import { useEffect, useRef, useState, type ReactNode } from "react";
 import { useTranslation } from "react-i18next";
 import type { GeoJSONSource, LngLatBoundsLike, Map as MapLibreMap, Marker } from "maplibre-gl";
 import { usePreferences } from "../app/preferences";
@@ -27,6 +27,10 @@ export interface FarmMapProperties {
   /** What the map shows at first, once it is known: [west, south, east, north]. */
   extent: [number, number, number, number] | null;
   click?: (longitude: number, latitude: number) => void;
+  /** Called with the key of a measurement that is pressed. */
+  pick?: (key: string) => void;
+  /** What the colours on the map mean. */
+  legend?: ReactNode;
   label: string;
 }
 
@@ -36,7 +40,7 @@ const CLOSEST_ZOOM = 18;
 const PADDING = { top: 56, right: 56, bottom: 56, left: 84 };
 
 /** The farm from above: a grid with a scale, and what is drawn on it. */
-export default function FarmMap({ layers, symbols, extent, click, label }: FarmMapProperties) {
+export default function FarmMap({ layers, symbols, extent, click, pick, legend, label }: FarmMapProperties) {
   const { t } = useTranslation();
   const { preferences } = usePreferences();
   const container = useRef<HTMLDivElement>(null);
@@ -48,6 +52,8 @@ export default function FarmMap({ layers, symbols, extent, click, label }: FarmM
   const drawn = useRef<{ styles: number; layers: FarmMapProperties["layers"] }>({ styles: 0, layers: {} });
   const latestClick = useRef(click);
   latestClick.current = click;
+  const latestPick = useRef(pick);
+  latestPick.current = pick;
 
   useEffect(() => {
     if (container.current === null) return;
@@ -74,7 +80,11 @@ export default function FarmMap({ layers, symbols, extent, click, label }: FarmM
       setStyles((count) => count + 1);
     });
     made.on("moveend", () => drawGrid(made));
-    made.on("click", (event) => latestClick.current?.(event.lngLat.lng, event.lngLat.lat));
+    made.on("click", (event) => {
+      const key: unknown = made.queryRenderedFeatures(event.point, { layers: ["measurement"] })[0]?.properties["key"];
+      if (typeof key === "string" && latestPick.current) latestPick.current(key);
+      else latestClick.current?.(event.lngLat.lng, event.lngLat.lat);
+    });
     return () => made.remove();
   }, []);
 
@@ -121,6 +131,7 @@ export default function FarmMap({ layers, symbols, extent, click, label }: FarmM
           <Notice kind="info">{t("map.no_webgl")}</Notice>
         </div>
       )}
+      {legend && <div className="map-legend">{legend}</div>}
       {map && (
         <div className="map-tools">
           <button type="button" aria-label={t("map.zoom_in")} onClick={() => map.zoomIn()}>

@@ -83,6 +83,14 @@ function nameAsPicture(element: HTMLElement, name: string): void {
   element.setAttribute("aria-label", name);
 }
 
+/** Makes the value of a measurement, above its place. */
+export function valueElement(text: string): HTMLElement {
+  const element = nameElement(text);
+  element.classList.add("value-marker");
+  element.setAttribute("role", "status");
+  return element;
+}
+
 /** Makes the name of a flight, in the colour of its vehicle. */
 export function flightElement(text: string, colour: number): HTMLElement {
   const element = nameElement(text);

@@ -3,6 +3,7 @@ import { useTranslation } from "react-i18next";
 import {
   flightTrack, getFlight, listFields, listFlightAlarms, listObservations, listPictures,
 } from "../api/resources";
+import { useUnits } from "../app/preferences";
 import { linkTo } from "../app/route";
 import { Button } from "../controls/Button";
 import { Icon } from "../controls/Icon";
@@ -11,13 +12,14 @@ import { kindsOf, measurementFeatures } from "../flights/measurements";
 import { momentAt, pointsOf } from "../flights/track";
 import { useReplay } from "../flights/use_replay";
 import { useResource } from "../live/use_resource";
+import type { Symbol } from "../map/FarmMap";
 import { extentOf } from "../map/extent";
 import { collection, fieldFeatures } from "../map/features";
-import { pictureElement, updateVehicleElement, vehicleElement } from "../map/markers";
+import { pictureElement, updateVehicleElement, valueElement, vehicleElement } from "../map/markers";
 import { picturePlaces } from "../map/picture_places";
 import { FlightPlots, type Mark } from "./flight/FlightPlots";
 import { Gallery } from "./flight/Gallery";
-import { Measurements, nameOf } from "./flight/Measurements";
+import { MapLegend, Measurements, nameOf } from "./flight/Measurements";
 import { FlightSteps } from "./FlightSteps";
 import { FlightFigures } from "./Flights";
 import { fieldNames } from "./use_fleet_symbols";
@@ -47,6 +49,11 @@ export default function FlightView({ id, stop }: { id: number; stop: () => void 
   const [chosen, setChosen] = useState<string | null>(null);
   const [open, setOpen] = useState<number | null>(null);
   const kind = kindName === null ? (kinds[0] ?? null) : (kinds.find((one) => nameOf(one) === kindName) ?? null);
+
+  const units = useUnits();
+  const measured = kind?.measurements.find((one) => one.key === chosen) ?? null;
+  const measuredText =
+    kind && measured && `${units.measured(measured.value, kind.unit)} · ${units.clock(new Date(measured.at_ms).toISOString())}`;
 
   const present = momentAt(points, replay.part);
   const marks = useMemo(
@@ -84,7 +91,7 @@ export default function FlightView({ id, stop }: { id: number; stop: () => void 
     [fields.value, points, kind, chosen],
   );
   const symbols = useMemo(() => {
-    const names = [
+    const names: Symbol[] = [
       ...fieldNames(fields.value ?? []),
       ...picturePlaces(pictures.value ?? []).map(({ latitude, longitude, pictures: taken }) => ({
         key: `picture-${taken[0]?.id}`,
@@ -99,6 +106,15 @@ export default function FlightView({ id, stop }: { id: number; stop: () => void 
           ),
       })),
     ];
+    if (measured !== null && measuredText !== null) {
+      names.push({
+        key: `value-${measured.key} ${measuredText}`,
+        longitude: measured.longitude_deg,
+        latitude: measured.latitude_deg,
+        level: 4,
+        make: () => valueElement(measuredText),
+      });
+    }
     if (present === null || flight.value === null) return names;
     const name = t("vehicle.name", { id: flight.value.vehicle_id });
     const { heading_deg } = present;
@@ -113,7 +129,7 @@ export default function FlightView({ id, stop }: { id: number; stop: () => void 
         update: (element: HTMLElement) => updateVehicleElement(element, heading_deg, "flying", false),
       },
     ];
-  }, [fields.value, pictures.value, flight.value, present?.longitude_deg, present?.latitude_deg, t]);
+  }, [fields.value, pictures.value, flight.value, present?.longitude_deg, present?.latitude_deg, measured, measuredText, t]);
   const extent = useMemo(
     () => extentOf(points.map((one) => [one.longitude_deg, one.latitude_deg] as const)),
     [points],
@@ -123,7 +139,14 @@ export default function FlightView({ id, stop }: { id: number; stop: () => void 
     <div className="split">
       <div className="split-map">
         <Suspense fallback={<div className="farm-map" />}>
-          <FarmMap layers={layers} symbols={symbols} extent={extent} label={t("flights.track")} />
+          <FarmMap
+            layers={layers}
+            symbols={symbols}
+            extent={extent}
+            label={t("flights.track")}
+            pick={setChosen}
+            legend={kind && <MapLegend kind={kind} />}
+          />
         </Suspense>
       </div>
       <section className="split-side">

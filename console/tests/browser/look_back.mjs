@@ -69,6 +69,17 @@ async function stopFromAPicture(page) {
   await page.getByRole("dialog").waitFor({ state: "detached" });
 }
 
+/** A measurement shows its value and its time on the map, below which a legend gives the colours. */
+async function readMeasurements(page) {
+  const row = page.locator(".measurements tbody tr").last();
+  const [time, , value] = await row.locator("td").allInnerTexts();
+  await row.getByRole("button").click();
+  await page.locator(".value-marker", { hasText: `${value.trim()} · ${time.trim()}` }).waitFor();
+  const map = page.getByRole("region", { name: "Track" });
+  await map.getByText("Temperature", { exact: true }).waitFor();
+  await requireAccessible(page, "a measurement on the map");
+}
+
 const browser = await startBrowser();
 try {
   await journey(browser, "operator", async (page) => {
@@ -77,6 +88,7 @@ try {
     await page.goto(`${BASE}flights/1`);
     await requireThumbnails(page);
     await stopFromAPicture(page);
+    await readMeasurements(page);
   });
 } finally {
   await browser.close();

@@ -1,4 +1,4 @@
-import { useState } from "react";
+import { useId, useState } from "react";
 import { useTranslation } from "react-i18next";
 import type { FlightObservations } from "../../api/types";
 import { useUnits } from "../../app/preferences";
@@ -31,7 +31,7 @@ export function Measurements({ flightId, resource, choice }: {
 }) {
   const { t } = useTranslation();
   const { kinds, kind, choose } = choice;
-  const title = ({ property }: Kind) => t(`quantity.${property}`, { defaultValue: property.replaceAll("_", " ") });
+  const title = useKindTitle();
   return (
     <>
       <h2>{t("flights.measurements")}</h2>
@@ -64,20 +64,39 @@ export function Measurements({ flightId, resource, choice }: {
   );
 }
 
+/** Gives the name of a quantity in the present language; one without a name keeps the vehicle's. */
+function useKindTitle(): (kind: Kind) => string {
+  const { t } = useTranslation();
+  return ({ property }) => t(`quantity.${property}`, { defaultValue: property.replaceAll("_", " ") });
+}
+
+/** The legend on the map. */
+export function MapLegend({ kind }: { kind: Kind }) {
+  const title = useKindTitle()(kind);
+  return (
+    <>
+      <strong>{title}</strong>
+      <Legend kind={kind} title={title} />
+    </>
+  );
+}
+
+/** The colours of a kind and their values; each instance has a gradient of its own. */
 function Legend({ kind, title }: { kind: Kind; title: string }) {
   const units = useUnits();
+  const gradient = useId();
   const ends = [kind.lowest, (kind.lowest + kind.highest) / 2, kind.highest];
   return (
     <figure className="legend" aria-label={title}>
       <svg viewBox="0 0 100 6" preserveAspectRatio="none" aria-hidden="true">
         <defs>
-          <linearGradient id="legend-colours">
+          <linearGradient id={gradient}>
             {COLOURS.map((colour, index) => (
               <stop key={colour} offset={index / (COLOURS.length - 1)} stopColor={colour} />
             ))}
           </linearGradient>
         </defs>
-        <rect width="100" height="6" fill="url(#legend-colours)" />
+        <rect width="100" height="6" fill={`url(#${gradient})`} />
       </svg>
       <figcaption>
         {(kind.highest > kind.lowest ? ends : ends.slice(1, 2)).map((value) => (
