@@ -10,12 +10,13 @@ from typing import Final
 from requests import RequestException
 
 from afarcloud.enumerations import Status
+from dst import http_wire
 from dst.edge_process import EdgeDownError, EdgeProcess
 from dst.scheduler import Scheduler
 from mavlink_broker.app import App
 from mavlink_broker.config import Config
 from mavlink_broker.database import Database
-from mavlink_broker.edge.bounded_http import Answer
+from mavlink_broker.edge.bounded_http import Answer, BoundedHttp
 from mavlink_broker.edge.client import RETRY_WORK_S, EdgeClient, Pause, headers_of
 from mavlink_broker.edge.outbox import Post
 from mavlink_broker.edge.spool import MIB, Spool
@@ -43,18 +44,29 @@ SENDERS: Final = 2
 STALL_S: Final = 10.0
 """How long a client waits for an answer that does not come."""
 FOREIGN_ANSWERS: Final = (
-    Answer(200, b"<html>Please sign in to the network</html>"),
-    Answer(200, b""),
-    Answer(200, b"null"),
-    Answer(302, b""),
-    Answer(400, b"<html>Bad request</html>"),
-    Answer(404, b"<html>Not found</html>"),
-    Answer(409, b""),
-    Answer(429, b"slow down"),
-    Answer(500, b"<html>Internal error</html>"),
-    Answer(502, b"<html>Bad gateway</html>"),
-    Answer(503, b""),
+    *(
+        http_wire.answer_bytes(status, body, {"Content-Type": "text/html"})
+        for status, body in (
+            (200, b"<html>Please sign in to the network</html>"),
+            (200, b""),
+            (200, b"null"),
+            (302, b""),
+            (400, b"<html>Bad request</html>"),
+            (404, b"<html>Not found</html>"),
+            (409, b""),
+            (429, b"slow down"),
+            (500, b"<html>Internal error</html>"),
+            (502, b"<html>Bad gateway</html>"),
+            (503, b""),
+        )
+    ),
+    b"SSH-2.0-OpenSSH_9.2\r\n",
+    b"HTTP/1.1 200\r\nTransfer-Encoding: chunked\r\n\r\nzz\r\n",
+    b"HTTP/1.1 100 Continue\r\n\r\n",
+    b"HTTP/1.1 201 Created\r\nContent-Length: -1\r\n\r\n{}",
+    b"\x16\x03\x01\x00\x02\x02\x28",
 )
+"""Of somebody else at the edge server's address."""
 INTERNAL_ERROR: Final = Answer(500, b'{"error": {"code": "internal", "message": "internal error"}}')
 STATE_VECTOR_S: Final = 30.0
 
@@ -83,6 +95,12 @@ class EdgeHttp:
         self.on_answered: Callable[[Post, Answer], None] = lambda _post, _answer: None
         """As `on_taken`, for the counters."""
 
+    @property
+    def is_perfect(self) -> bool:
+        """Whether each request is answered."""
+        rates = self.request_loss, self.answer_loss, self.stall_rate, self.foreign_rate
+        return self.is_up and not any((*rates, self.poison_rate))
+
     def exchange(
         self,
         method: str,
@@ -100,7 +118,7 @@ class EdgeHttp:
                 fail("no connection")
                 return
             if self._random.random() < self.foreign_rate:
-                foreign = self._random.choice(FOREIGN_ANSWERS)
+                foreign = self._read(self._random.choice(FOREIGN_ANSWERS))
                 self._scheduler.after(self.delay_s, lambda: settle(foreign))
                 return
             if post is not None and self._fails_always(post):
@@ -115,13 +133,14 @@ class EdgeHttp:
                 return
             answer = Answer(response.status, response.body)
             if post is not None:
-                self._scheduler.note(
-                    "broker", "edge server", f"{method} {path} {answer.status_code}"
-                )
+                text = f"{method} {path} {answer.status_code}{_facts_of(post)}"
+                self._scheduler.note("broker", "edge server", text)
                 self.on_taken(post, answer)
                 self.on_answered(post, answer)
             if self._random.random() < self.answer_loss:
-                fail("the answer is cut off")
+                whole = http_wire.answer_bytes(answer.status_code, answer.body)
+                arrived = self._read(*http_wire.broken(whole, self._random))
+                self._scheduler.after(self.delay_s, lambda: settle(arrived))
                 return
             if self._random.random() < self.stall_rate:
                 self._scheduler.after(STALL_S, lambda: fail("no answer in time"))
@@ -129,6 +148,16 @@ class EdgeHttp:
             self._scheduler.after(self.delay_s, lambda: settle(answer))
 
         self._scheduler.after(self.delay_s, serve)
+
+    def _read(self, data: bytes, is_reset: bool = False) -> Answer | Exception:  # noqa: FBT001, FBT002  # as `broken` gives it
+        """Read what arrives with the broker's client."""
+        with http_wire.serving(lambda _request: (data, is_reset)), BoundedHttp() as http:
+            try:
+                return http.exchange(
+                    "GET", "http://edge/", within_s=60.0, timeouts_s=(5.0, 5.0), max_bytes=MIB
+                )
+            except RequestException as error:
+                return error
 
     def _fails_always(self, post: Post) -> bool:
         """Whether a report meets a fault of the edge server at each attempt."""
@@ -138,6 +167,16 @@ class EdgeHttp:
         if key not in self._is_poisoned:
             self._is_poisoned[key] = self._poison.random() < self.poison_rate
         return self._is_poisoned[key]
+
+
+def _facts_of(post: Post) -> str:
+    """Give what a post says of a mission or an event, for the trace."""
+    body = post.body
+    if "mission_status_id" in body:
+        return f": mission {body['mission_id']} {Status(body['mission_status_id']).name}"
+    if post.path.endswith("/ack"):
+        return f": {body['status']} {body.get('message') or ''}"
+    return ""
 
 
 class Journal:

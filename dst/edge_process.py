@@ -9,24 +9,28 @@ from typing import Any, Final, NamedTuple
 
 from sqlalchemy.exc import SQLAlchemyError
 
+from dst import http_wire
 from dst.scheduler import Event, Scheduler
 from edge_server.app import context_of, create_app
 from edge_server.config import Config
 from edge_server.outbox import wakeup
-from edge_server.outbox.answers import Answer, Reply, Unreachable
+from edge_server.outbox.answers import Reply
 from edge_server.outbox.queue import OutboxRecord
 from edge_server.outbox.relay import Relay
 from edge_server.outbox.retry import Backoff
 from edge_server.outbox.schedule import Schedule
 from edge_server.outbox.streams import AllStreams
-from edge_server.outbox.uplink import ONE_BY_ONE, BatchLimit
+from edge_server.outbox.uplink import BatchLimit
 from edge_server.process import key_files
 from edge_server.process.preparation import prepare
 from edge_server.services.fleet import broker_work
 from edge_server.store.connection.database import Database
 from edge_server.store.connection.engines import open_engine
 from edge_server.store.rows.keys import Role
+from edge_server.uplinks.cloud_http import HttpUplink
 
+BATCH_SHARE: Final = 0.5
+"""Of the clouds that take many records in one request."""
 RELAY_PERIOD_S: Final = 2.0
 RELAY_LOOK_S: Final = 120.0
 """How often the relay looks for records while nobody writes any and none is due."""
@@ -129,11 +133,14 @@ class EdgeProcess:
 
 
 class Cloud:
-    """A mock cloud and the network to it: an uplink that may lose requests and answers."""
+    """A mock cloud behind the real uplink, and a network that may lose requests and answers."""
 
-    def __init__(self, scheduler: Scheduler) -> None:
+    def __init__(self, scheduler: Scheduler, config: Config) -> None:
         self._scheduler = scheduler
         self._random = scheduler.random("cloud")
+        self._uplink = HttpUplink(config, monotonic=scheduler.monotonic)
+        self._accepts_batches = scheduler.random("cloud batches").random() < BATCH_SHARE
+        self._sent: dict[str, OutboxRecord] = {}  # By message id: what the uplink is sending
         self.is_up = True
         self.request_loss = 0.0
         self.answer_loss = 0.0
@@ -141,25 +148,41 @@ class Cloud:
         """By message id."""
 
     def batch_limit(self) -> BatchLimit:
-        """One record per request."""
-        return ONE_BY_ONE
+        """What the cloud has stated."""
+        return self._uplink.batch_limit()
 
     def send(self, records: Sequence[OutboxRecord]) -> list[Reply]:
-        """Take records."""
-        return [self._take(record) for record in records]
+        """Send records."""
+        self._sent = {record.message_id: record for record in records}
+        with http_wire.serving(self._serve):
+            return self._uplink.send(records)
 
     def close(self) -> None:
-        """There is no connection."""
+        """Close the uplink's connections."""
+        self._uplink.close()
 
-    def _take(self, record: OutboxRecord) -> Reply:
+    def _serve(self, request: bytes) -> tuple[bytes, bool]:
+        """Take a record, or many, and answer."""
         random = self._random
         if not self.is_up or random.random() < self.request_loss:
-            return Unreachable("no connection")
-        self._scheduler.note("relay", "cloud", f"{record.stream.kind} {record.record_id}")
-        self.received.setdefault(record.message_id, record)
+            raise ConnectionRefusedError(111, "Connection refused")
+        head, _, body = request.partition(b"\r\n\r\n")
+        is_batch = head.split(b" ", 2)[1].endswith(b"/batch")
+        lines = [json.loads(line) for line in body.splitlines()] if is_batch else []
+        ids = [line["record"]["message_id"] for line in lines]
+        if not is_batch:
+            ids = [one for one in self._sent if one.encode() in head]
+        for message_id in ids:
+            record = self._sent[message_id]
+            self._scheduler.note("relay", "cloud", f"{record.stream.kind} {record.record_id}")
+            self.received.setdefault(message_id, record)
+        results = [{"message_id": one, "status": int(HTTPStatus.OK)} for one in ids]
+        document = {"results": results} if is_batch else {}
+        headers = {"Accept-Batch": "20"} if self._accepts_batches else {}
+        answer = http_wire.answer_bytes(HTTPStatus.OK, json.dumps(document).encode(), headers)
         if random.random() < self.answer_loss:
-            return Unreachable("no answer in time")
-        return Answer(HTTPStatus.OK, "application/json", b"{}")
+            return http_wire.broken(answer, random)
+        return answer, False
 
 
 class RelayProcess:

@@ -41,13 +41,16 @@ class Fault(StrEnum):
     RELAY_KILLED = "relay-killed"
     VEHICLE_REBOOTED = "vehicle-rebooted"
     VEHICLE_FAILS = "vehicle-fails"
+    REBOOTED_IN_FLIGHT = "rebooted-in-flight"
     NOT_A_NUMBER = "not-a-number"
+    POSITION_UNKNOWN = "position-unknown"
     POWER_CUT = "power-cut"
     PILOT = "pilot"
     REPEATED_MISSIONS = "repeated-missions"
     REPEATED_POSTS = "repeated-posts"
     CANCELLATIONS = "cancellations"
     ABORTS = "aborts"
+    PAUSES = "pauses"
 
 
 def draw(seed: int) -> frozenset[Fault]:
@@ -91,7 +94,7 @@ class Faults:
             if not process.is_up:
                 process.start()
         for system, vehicle in world.vehicles.items():
-            vehicle.has_attitude = True
+            vehicle.has_attitude = vehicle.has_position = True
             world.connected(system)
         world.scheduler.note("faults", "-", "end")
 
@@ -134,7 +137,8 @@ class Faults:
             Fault.EDGE_UNREACHABLE: self._edge_unreachable,
             Fault.CLOUD_UNREACHABLE: self._cloud_unreachable,
             Fault.VEHICLE_REBOOTED: self._reboot,
-            Fault.NOT_A_NUMBER: self._spoil_attitude,
+            Fault.NOT_A_NUMBER: self._spoil("has_attitude"),
+            Fault.POSITION_UNKNOWN: self._spoil("has_position"),
             **{fault: self._kill(fault, process) for fault, process in self._processes.items()},
         }
         for fault, action in actions.items():
@@ -144,6 +148,7 @@ class Faults:
             Fault.PILOT: self._take_over,
             Fault.VEHICLE_FAILS: self._fail_vehicle,
             Fault.POWER_CUT: self._cut_power,
+            Fault.REBOOTED_IN_FLIGHT: self._reboot_in_flight,
         }
         for fault, action in in_flight.items():
             if fault in self._enabled:
@@ -204,6 +209,14 @@ class Faults:
             self._world.scheduler.note("faults", f"vehicle {system}", "reboot")
             vehicle.reboot()
 
+    def _reboot_in_flight(self, random: Random) -> None:
+        vehicles = self._world.vehicles
+        flying = [system for system, vehicle in vehicles.items() if vehicle.is_flying]
+        if flying and random.random() < 0.5:
+            system = random.choice(flying)
+            self._world.scheduler.note("faults", f"vehicle {system}", "reboot in flight")
+            vehicles[system].reboot()
+
     def _fail_vehicle(self, random: Random) -> None:
         """Have a vehicle that flies lose its position or a motor, and act by its own failsafe."""
         vehicles = self._world.vehicles.values()
@@ -212,11 +225,16 @@ class Faults:
             vehicle = random.choice(flying)
             vehicle.fail(lands=random.random() < 0.5)
 
-    def _spoil_attitude(self, random: Random) -> None:
-        """Have a vehicle send an attitude of no numbers for a while."""
-        vehicle = random.choice(list(self._world.vehicles.values()))
-        vehicle.has_attitude = False
-        self._later(random.expovariate(1.0 / 25.0), lambda: setattr(vehicle, "has_attitude", True))
+    def _spoil(self, value: str) -> Callable[[Random], None]:
+        """Have a vehicle send an attitude of no numbers, or a position of none, for a while."""
+
+        def spoil(random: Random) -> None:
+            vehicle = random.choice(list(self._world.vehicles.values()))
+            self._world.scheduler.note("faults", f"vehicle {vehicle.system}", f"not {value}")
+            setattr(vehicle, value, False)
+            self._later(random.expovariate(1.0 / 8.0), lambda: setattr(vehicle, value, True))
+
+        return spoil
 
     def _take_over(self, random: Random) -> None:
         """Take over a vehicle that flies, whatever it does: a mission, an abort, its way home."""

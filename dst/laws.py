@@ -7,16 +7,17 @@ import json
 import math
 from collections import Counter, defaultdict
 from collections.abc import Iterator
+from http import HTTPStatus
 from typing import Any, Final
 
 from afarcloud.enumerations import Status
 from dst.edge_process import EdgeDownError
+from dst.flight import Reached
 from dst.operator_person import Operator, PostedAbort, PostedPlan
-from dst.vehicle import Reached
 from dst.world import World
 from edge_server.outbox.queue import Stream
 from mavlink_broker.edge.bounded_http import Answer
-from mavlink_broker.edge.outbox import Post
+from mavlink_broker.edge.outbox import MAX_STATE_VECTORS, Post
 
 CHECK_PERIOD_S: Final = 10.0
 BREAK_CHECK_PERIOD_S: Final = 600.0
@@ -26,6 +27,14 @@ ENDED_MISSION_S: Final = 10.0
 TAKEOVER_S: Final = 15.0
 """The broker has noticed a pilot within this time on a link that is up."""
 
+ALARM_S: Final = 30.0
+"""After a failure, the edge server has the alarm within this time."""
+SETTLED_S: Final = 20.0
+"""A broker that has reached a vehicle for so long knows all of its messages."""
+MOST_WAITING: Final = MAX_STATE_VECTORS + 1000
+"""Posts: state vectors are thinned out at their limit, the others are few."""
+LEAST_TURN_RAD: Final = 0.65 * math.tau
+"""The broker takes a turn for complete from 0.7 on, by positions that it has received."""
 ABORT_S: Final = 20.0
 """A vehicle that is connected has left its mission within this time after an abort is accepted."""
 
@@ -43,6 +52,10 @@ class Laws:
         self._acknowledged: dict[tuple[str, int], str] = {}
         self._ids_of_key: dict[str, set[int]] = defaultdict(set)
         self._ended: dict[int, tuple[Status, float]] = {}  # By plan: first terminal status, when
+        self._invalid: list[str] = []
+        self._alarms_s: dict[int, list[float]] = defaultdict(list)  # By vehicle: when acknowledged
+        self._edge_trouble_s = 0.0  # When the edge server was last seen out of the broker's reach
+        self._paused: dict[int, tuple[float, list[PostedPlan]]] = {}  # By event: when, what flew
         self._ended_aborts: dict[int, tuple[str, float]] = {}  # By number: state, when
         self._accepted_s: dict[int, float] = {}  # By number of the abort, as it was seen
         self.period_s = CHECK_PERIOD_S
@@ -57,6 +70,11 @@ class Laws:
         """Note what the edge server has acknowledged to the broker, and who has accepted what."""
         if post.is_acceptance:
             self._note_aborts()
+        is_invalid = answer.status_code in {HTTPStatus.BAD_REQUEST, HTTPStatus.UNPROCESSABLE_ENTITY}
+        if is_invalid and not post.may_be_duplicate:
+            self._invalid.append(f"{post.path} {post.body}: {answer.body.decode()}")
+        if post.path == "/alarm/" and answer.status_code == HTTPStatus.CREATED:
+            self._alarms_s[post.vehicle_id].append(self._world.scheduler.now_s)
         if post.method != "POST" or answer.status_code >= 300 or post.idempotency_key is None:
             return
         number = json.loads(answer.body).get("id")
@@ -74,10 +92,15 @@ class Laws:
         """
         self._no_order_under_pilot()
         self._nothing_under_two_ids()
+        self._nothing_invalid()
         if self._world.edge.is_up:
             self._one_terminal_status()
             self._note_aborts()
+            self._note_pauses()
         self._nothing_flown_afterwards()
+        self._nothing_flown_while_paused()
+        self._alarms_in_time()
+        self._queues_are_bounded()
         self._nothing_flown_after_abort()
 
     def _no_order_under_pilot(self) -> None:
@@ -101,6 +124,11 @@ class Laws:
         if self._operator.double_ids:
             raise LawError("; ".join(self._operator.double_ids))
 
+    def _nothing_invalid(self) -> None:
+        """The broker reports nothing that the edge server has to refuse for its content."""
+        if self._invalid:
+            raise LawError(f"the edge server refuses {self._invalid[0]}")
+
     def _one_terminal_status(self) -> None:
         """A mission that has ended keeps its terminal status."""
         for plan, mission in self._missions():
@@ -116,13 +144,30 @@ class Laws:
         for plan in self._operator.plans:
             ends = [plan.cancelled_s] if plan.cancelled_s is not None else []
             if plan.number in self._ended:
-                ends.append(self._ended[plan.number][1] + ENDED_MISSION_S)
+                ends.append(self._mission_end_s(plan))
             for one in self._flown(plan):
                 if ends and one.time_s > min(ends):
                     raise LawError(
                         f"plan {plan.number}: a waypoint is flown at {one.time_s:.1f} s, "
                         f"though it ended at {min(ends):.1f} s"
                     )
+
+    def _mission_end_s(self, plan: PostedPlan) -> float:
+        """Give from when on nothing of a mission is flown that has its terminal status.
+
+        A mission that is aborted or fails has its status at once; the vehicle obeys when it can be
+        reached.
+        """
+        status, ended_s = self._ended[plan.number]
+        if status is not Status.FINISHED:
+            ended_s = max(ended_s, self._connected_since_s(plan.vehicle_id))
+        return ended_s + ENDED_MISSION_S
+
+    def _connected_since_s(self, system: int) -> float:
+        """Give since when the broker can reach a vehicle; infinite while it cannot."""
+        world = self._world
+        is_connected = world.broker.is_up and world.up[system].is_up and world.down[system].is_up
+        return world.connected_s[system] if is_connected else math.inf
 
     def _nothing_flown_after_abort(self) -> None:
         """An abort that was accepted ends the missions that were posted before it."""
@@ -137,20 +182,77 @@ class Laws:
                             f"though abort {abort.number} has ended it by {ended_s:.1f} s"
                         )
 
+    def _note_pauses(self) -> None:
+        """Note which missions stand still since which event."""
+        for pause in self._operator.pauses:
+            if pause.resumed_s is not None or pause.number in self._paused:
+                continue
+            event = self._world.request("GET", f"/events/{pause.number}").json()
+            if event["state"] == "done":
+                running = [
+                    plan
+                    for plan, mission in self._missions()
+                    if plan.vehicle_id == pause.vehicle_id
+                    and mission["mission_status_id"] == Status.RUNNING
+                ]
+                self._paused[pause.number] = self._world.scheduler.now_s, running
+
+    def _nothing_flown_while_paused(self) -> None:
+        """A mission that an event has paused stands still until somebody resumes it."""
+        for pause in self._operator.pauses:
+            since_s, plans = self._paused.get(pause.number, (math.inf, []))
+            for plan in plans:
+                for one in self._flown(plan):
+                    if since_s < one.time_s < (pause.resumed_s or math.inf):
+                        raise LawError(
+                            f"plan {plan.number}: a waypoint is flown at {one.time_s:.1f} s, "
+                            f"though event {pause.number} has paused it by {since_s:.1f} s"
+                        )
+
+    def _alarms_in_time(self) -> None:
+        """The edge server knows of a motor failure soon, if link and edge server are there."""
+        world, now_s = self._world, self._world.scheduler.now_s
+        if not (world.edge.is_up and world.http.is_perfect):
+            self._edge_trouble_s = now_s
+        for system, vehicle in world.vehicles.items():
+            truth, known_s = vehicle.truth, self._alarms_s[system]
+            connected_s = max(self._connected_since_s(system), vehicle.booted_at_s)
+            for failed_s in list(truth.motor_failures_s):
+                if now_s < failed_s + ALARM_S:
+                    continue
+                truth.motor_failures_s.remove(failed_s)
+                is_judged = self._edge_trouble_s < failed_s > connected_s + SETTLED_S
+                is_known = any(failed_s <= one <= failed_s + ALARM_S for one in known_s)
+                if is_judged and not is_known:
+                    raise LawError(f"vehicle {system}: no alarm of the motor at {failed_s:.1f} s")
+
+    def _queues_are_bounded(self) -> None:
+        """What waits in the broker is bounded: each vehicle has a few posts, all are spooled."""
+        client = self._world.broker.client
+        waiting = 0 if client is None else client.waiting
+        if waiting > MOST_WAITING:
+            raise LawError(f"{waiting} posts wait in the broker")
+
     def _abort_end_s(self, abort: PostedAbort) -> float:
         """Give from when on nothing older is flown.
 
         A broker that cannot reach the vehicle carries an abort out later, also after a restart; an
         abort of a vehicle that was restarted on the ground is refused.
         """
-        world, system = self._world, abort.vehicle_id
+        system = abort.vehicle_id
         state, ended_s = self._ended_aborts.get(abort.number, ("", math.inf))
+        if any(self._replaces(other, abort) for other in self._operator.aborts):
+            ended_s = max(ended_s, self._connected_since_s(system))
         done_s = ended_s + ENDED_MISSION_S if state == "done" else math.inf
         accepted_s = self._accepted_s.get(abort.number, math.inf)
-        is_connected = world.broker.is_up and world.up[system].is_up and world.down[system].is_up
-        if abort.waits or not is_connected or world.vehicles[system].booted_at_s > abort.posted_s:
+        if abort.waits or self._world.vehicles[system].booted_at_s > abort.posted_s:
             return done_s
-        return min(done_s, max(accepted_s, world.connected_s[system]) + ABORT_S)
+        return min(done_s, max(accepted_s, self._connected_since_s(system)) + ABORT_S)
+
+    @staticmethod
+    def _replaces(other: PostedAbort, abort: PostedAbort) -> bool:
+        """Whether a later abort is carried out instead of one, which is done by that."""
+        return other.vehicle_id == abort.vehicle_id and other.number > abort.number
 
     def _note_aborts(self) -> None:
         now_s = self._world.scheduler.now_s
@@ -176,6 +278,9 @@ class Laws:
             if state in {"queued", "accepted"}
         ]
         found += [f"vehicle {one.system} is armed" for one in world.vehicles.values() if one.armed]
+        for vehicle in world.vehicles.values():
+            borrowed = vehicle.parameters.items() - vehicle.autopilot.parameters.items()
+            found += [f"vehicle {vehicle.system} has borrowed {one}" for one in sorted(borrowed)]
         waiting = world.broker.client.waiting if world.broker.client is not None else 0
         found += [f"{waiting} posts of the broker wait"] if waiting > 3 else []
         missing = set(self._acknowledged) - self._delivered()
@@ -202,10 +307,15 @@ class Laws:
         for plan, mission in self._missions():
             flown = self._flown(plan)
             for command in mission["command_array"]:
+                centre = plan.circles.get(command["command_id"])
+                turned_rad = self._world.vehicles[plan.vehicle_id].truth.turned_rad
                 place = plan.waypoints.get(command["command_id"])
                 status = command.get("command_status_id")
                 is_flown = place is not None and any(_is_at(one, place) for one in flown)
-                if place is not None and status == Status.FINISHED and not is_flown:
+                if centre is not None:
+                    is_flown = _turned_rad(turned_rad, centre) > LEAST_TURN_RAD
+                has_place = place is not None or centre is not None
+                if has_place and status == Status.FINISHED and not is_flown:
                     raise LawError(
                         f"plan {plan.number}: command {command['command_id']} is FINISHED and "
                         f"was not flown"
@@ -268,6 +378,15 @@ class Laws:
         reached = self._world.vehicles[plan.vehicle_id].truth.reached
         places = plan.waypoints.values()
         return [one for one in reached if any(_is_at(one, place) for place in places)]
+
+
+def _turned_rad(turned_rad: dict[tuple[int, int], float], centre: tuple[int, int]) -> float:
+    """Give the angle flown round a centre, which may have been rounded otherwise."""
+    return sum(
+        angle_rad
+        for (latitude, longitude), angle_rad in turned_rad.items()
+        if abs(latitude - centre[0]) <= 2 and abs(longitude - centre[1]) <= 2
+    )
 
 
 def _is_at(reached: Reached, place: tuple[int, int]) -> bool:

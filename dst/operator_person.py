@@ -1,23 +1,40 @@
-"""The operator: posts plans, repeats requests, cancels, aborts, releases held vehicles."""
+"""The operator: posts plans, repeats requests, cancels, aborts, pauses, releases held vehicles."""
 
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Final
 
+from dst.autopilot import Mode
 from dst.edge_process import EdgeDownError, Response
 from dst.faults import Fault
-from dst.vehicle import place
+from dst.flight import place
 from dst.world import World
+from mavlink_broker.mission.states import State
 
 MEAN_PAUSE_S: Final = 20.0
 MEAN_LOOK_S: Final = 8.0
 """Between two looks at the vehicles: one that is out of reach is aborted, others sometimes."""
 ABORT_SHARE: Final = 0.25
 RELEASE_PERIOD_S: Final = 15.0
+RESCUE_S: Final = 60.0
+"""A vehicle that has hovered so long without a mission is landed by its pilot."""
+RESUMES: Final = 3
+"""After so many requests to resume, a mission that stays paused is aborted."""
 ALTITUDE_M: Final = 5.0
 SOFT_ABORT: Final = 2
-ENDING_EVENTS: Final = (1, SOFT_ABORT, 103)
+ABORT: Final = 1
+ENDING_EVENTS: Final = (ABORT, SOFT_ABORT, 103)
 """Abort, soft abort and return home: `event_type_id`."""
+PAUSE: Final = 101
+RESUME: Final = 102
+
+WAYPOINT, HOTPOINT, FOLLOW = 3, 7, 8
+"""`command_type_id`."""
+FIELDS: Final[dict[int, dict[str, Any]]] = {
+    WAYPOINT: {"altitude": ALTITUDE_M},
+    HOTPOINT: {"orbit_altitude": ALTITUDE_M, "radius": 5.0, "angular_velocity": 20.0},
+    FOLLOW: {"altitude": ALTITUDE_M},
+}
 
 
 @dataclass
@@ -29,6 +46,8 @@ class PostedPlan:
     vehicle_id: int
     waypoints: dict[int, tuple[int, int]]
     """By command id: latitude and longitude [1e-7 deg]."""
+    circles: dict[int, tuple[int, int]] = field(default_factory=dict)
+    """By command id: the centre, as of a waypoint."""
     posted_s: float = 0.0
     cancelled_s: float | None = None
     """When its deletion was acknowledged."""
@@ -45,18 +64,36 @@ class PostedAbort:
     """Whether the running command comes to its end first."""
 
 
+@dataclass(slots=True)
+class PostedPause:
+    """An event that pauses a mission, and that the edge server has acknowledged."""
+
+    number: int
+    vehicle_id: int
+    posted_s: float
+    resumes: int = 0
+    resumed_s: float | None = None
+    """When the operator first asked for the mission to go on."""
+
+
 class Operator:
     """A person at the edge server's API."""
 
     def __init__(self, world: World, enabled: Collection[Fault]) -> None:
         self.plans: list[PostedPlan] = []
         self.aborts: list[PostedAbort] = []
+        self.pauses: list[PostedPause] = []
+        self.rescues = 0
+        """How often a vehicle that hovered without a mission had to be landed by hand."""
+        self._hovers_since_s: dict[int, float] = {}
         self.double_ids: list[str] = []
         """Repeated requests that were answered by another id."""
         self._world = world
         self._enabled = frozenset(enabled)
         self._random = world.scheduler.random("operator")
         self._orders = world.scheduler.random("aborts")
+        self._breaks = world.scheduler.random("pauses")
+        self._live = world.scheduler.random("live commands")
         self._numbers = world.scheduler.random("mission numbers")
         self._missions = 0
         self._events = 0
@@ -70,6 +107,7 @@ class Operator:
         self._is_posting = True
         self._next(self._shift)
         self._watch(self._shift)
+        self._pause_again(self._shift)
         self._release(self._shift)
 
     def stop(self) -> None:
@@ -118,11 +156,15 @@ class Operator:
         home_fields = {"latitude": home[0], "longitude": home[1]}
         commands: list[dict[str, Any]] = [_command(1, 1, home_fields | {"altitude": ALTITUDE_M})]
         waypoints: dict[int, tuple[int, int]] = {}
+        circles: dict[int, tuple[int, int]] = {}
         for command_id in range(2, random.randint(3, 5)):
             latitude, longitude = place(random.uniform(5.0, 30.0), random.uniform(-30.0, 30.0))
-            waypoints[command_id] = round(latitude * 1e7), round(longitude * 1e7)
-            fields = {"latitude": latitude, "longitude": longitude, "altitude": ALTITUDE_M}
-            commands.append(_command(command_id, 3, fields))
+            where = {"latitude": latitude, "longitude": longitude}
+            kind = self._live.choices((WAYPOINT, HOTPOINT, FOLLOW), (7, 3, 1))[0]
+            targets = waypoints if kind == WAYPOINT else circles
+            if kind != FOLLOW:
+                targets[command_id] = round(latitude * 1e7), round(longitude * 1e7)
+            commands.append(_command(command_id, kind, where | FIELDS[kind]))
         commands.append(_command(9, 11, {"landing": True}))
         mission = {"mission_id": mission_id, "vehicle_id": vehicle_id, "maximum_speed": 5.0}
         body = {"name": "simulated", "missions": [mission | {"command_array": commands}]}
@@ -132,7 +174,8 @@ class Operator:
             return
         number = int(response.json()["id"])
         now_s = self._world.scheduler.now_s
-        self.plans.append(PostedPlan(number, mission_id, vehicle_id, waypoints, posted_s=now_s))
+        plan = PostedPlan(number, mission_id, vehicle_id, waypoints, circles, posted_s=now_s)
+        self.plans.append(plan)
         if Fault.REPEATED_POSTS in self._enabled:
             pause_s = random.uniform(0.0, 60.0)
             self._world.scheduler.after(pause_s, lambda: self._repeat(body, key, number))
@@ -161,6 +204,84 @@ class Operator:
         for system, vehicle in self._world.vehicles.items():
             if not vehicle.is_flying:
                 self._request("POST", f"/vehicles/{system}/release", {"reason": "checked"})
+            self._rescue(system)
+        for pause in self.pauses:
+            if pause.resumed_s is not None:
+                self._resume(pause)
+
+    def _rescue(self, system: int) -> None:
+        """Have the pilot land a vehicle that hovers, and that no mission moves any more."""
+        world, vehicle = self._world, self._world.vehicles[system]
+        app = world.broker.app
+        session = None if app is None else app.sessions.get(system)
+        is_left = vehicle.is_flying and vehicle.mode in {Mode.HOLD, Mode.BRAKE}
+        if not is_left or session is None or session.state is not State.IDLE:
+            self._hovers_since_s.pop(system, None)
+            return
+        since_s = self._hovers_since_s.setdefault(system, world.scheduler.now_s)
+        if world.scheduler.now_s - since_s >= RESCUE_S:
+            self.rescues += 1
+            vehicle.take_over()
+            vehicle.release()
+
+    def _pause_again(self, shift: int) -> None:
+        """Pause a vehicle that flies, and resume it after a while; again and again."""
+        if shift != self._shift or not self._is_posting or Fault.PAUSES not in self._enabled:
+            return
+
+        def act() -> None:
+            self._pause_again(shift)
+            vehicles = self._world.vehicles.items()
+            flying = [system for system, vehicle in vehicles if vehicle.is_flying]
+            if flying and shift == self._shift and self._is_posting:
+                self._pause(self._breaks.choice(flying))
+
+        self._world.scheduler.after(self._breaks.expovariate(1.0 / MEAN_LOOK_S), act)
+
+    def _pause(self, vehicle_id: int) -> None:
+        number = self._post_event(vehicle_id, PAUSE)
+        if number is None:
+            return
+        pause = PostedPause(number, vehicle_id, self._world.scheduler.now_s)
+        self.pauses.append(pause)
+        pause_s = self._breaks.uniform(2.0, 30.0)
+        self._world.scheduler.after(pause_s, lambda: self._resume(pause))
+
+    def _resume(self, pause: PostedPause) -> None:
+        """Resume a mission; abort it if it stays paused, until the vehicle has none."""
+        if pause.resumes > RESUMES:
+            return
+        for other in self.pauses:
+            if other.vehicle_id == pause.vehicle_id and other.resumed_s is None:
+                other.resumed_s = self._world.scheduler.now_s
+        pause.resumes += 1
+        if pause.resumes <= RESUMES:
+            self._post_event(pause.vehicle_id, RESUME)
+        elif self._is_paused(pause.vehicle_id):
+            self._post_abort(pause.vehicle_id, ABORT)
+
+    def _is_paused(self, system: int) -> bool:
+        app = self._world.broker.app
+        session = None if app is None else app.sessions.get(system)
+        return session is None or session.vehicle.recovery.paused is not None
+
+    def _post_event(self, vehicle_id: int, kind: int) -> int | None:
+        """Post an event; gives its number if it was acknowledged."""
+        self._events += 1
+        event = {"sequence_number": self._events, "vehicle_id": vehicle_id, "event_type_id": kind}
+        response = self._request("POST", "/events/", event)
+        if response is None or response.status != 201:
+            return None
+        number = int(response.json()["id"])
+        text = f"event {number} of type {kind} for vehicle {vehicle_id}"
+        self._world.scheduler.note("operator", "-", text)
+        return number
+
+    def _post_abort(self, vehicle_id: int, kind: int) -> None:
+        number = self._post_event(vehicle_id, kind)
+        if number is not None:
+            now_s = self._world.scheduler.now_s
+            self.aborts.append(PostedAbort(number, vehicle_id, now_s, waits=kind == SOFT_ABORT))
 
     def _abort(self, shift: int) -> None:
         self._watch(shift)
@@ -171,14 +292,8 @@ class Operator:
         ]
         if not lost and self._orders.random() > ABORT_SHARE:
             return
-        self._events += 1
         vehicle_id = self._orders.choice(lost or flying or list(world.vehicles))
-        kind = self._orders.choice(ENDING_EVENTS)
-        event = {"sequence_number": self._events, "vehicle_id": vehicle_id, "event_type_id": kind}
-        response = self._request("POST", "/events/", event)
-        if response is not None and response.status == 201:
-            number, now_s = int(response.json()["id"]), self._world.scheduler.now_s
-            self.aborts.append(PostedAbort(number, vehicle_id, now_s, waits=kind == SOFT_ABORT))
+        self._post_abort(vehicle_id, self._orders.choice(ENDING_EVENTS))
 
 
 def _command(command_id: int, kind: int, parameters: dict[str, Any]) -> dict[str, Any]:

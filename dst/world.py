@@ -1,9 +1,11 @@
 """One simulated farm: edge server, relay, cloud, broker, vehicles, and the network between them."""
 
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+from dst.autopilot import FAMILIES, Autopilot
 from dst.broker_process import BrokerProcess, EdgeHttp
 from dst.edge_process import (
     BREAK_HOUSEKEEPING_S,
@@ -29,12 +31,16 @@ class World:
         folder: Path,
         *,
         vehicles: int = 1,
+        families: Sequence[Autopilot] = FAMILIES,
         kept_lines: int | None = KEPT_LINES,
     ) -> None:
-        """Begin with every process up; `prepared` is an edge server's state folder to copy."""
+        """Begin with every process up; `prepared` is an edge server's state folder to copy.
+
+        Each vehicle has one of the autopilot families.
+        """
         self.scheduler = Scheduler(seed, kept_lines=kept_lines)
         self.edge = EdgeProcess(self.scheduler, prepared, folder / "edge")
-        self.cloud = Cloud(self.scheduler)
+        self.cloud = Cloud(self.scheduler, self.edge.config)
         self.relay = RelayProcess(self.scheduler, self.edge.config, self.cloud)
         self.edge.on_write = self.relay.wake
         self.http = EdgeHttp(self.scheduler, self.edge)
@@ -44,13 +50,16 @@ class World:
         """Since when broker and link of each vehicle are up, or were for the last time."""
         self.up: dict[int, NetworkPath] = {}
         self.down: dict[int, NetworkPath] = {}
+        families_drawn = self.scheduler.random("families")
         for system in range(1, vehicles + 1):
-            self._add_vehicle(system)
+            self._add_vehicle(system, families_drawn.choice(families))
 
-    def _add_vehicle(self, system: int) -> None:
+    def _add_vehicle(self, system: int, autopilot: Autopilot) -> None:
         arrive = partial(self.broker.arrive, Address("192.0.2.1", 14580 + system))
         self.up[system] = NetworkPath(self.scheduler, f"up/{system}", arrive)
-        vehicle = self.vehicles[system] = Vehicle(self.scheduler, system, self.up[system].send)
+        send = self.up[system].send
+        vehicle = self.vehicles[system] = Vehicle(self.scheduler, system, send, autopilot)
+        self.scheduler.note(f"vehicle {system}", "-", f"is {autopilot.name}")
         self.down[system] = NetworkPath(self.scheduler, f"down/{system}", vehicle.receive)
 
     def _to_vehicle(self, address: Address, frame: bytes) -> None:

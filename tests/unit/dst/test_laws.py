@@ -6,10 +6,12 @@ from pathlib import Path
 import pytest
 
 from dst.edge_process import prepared_folder
+from dst.flight import OrderUnderPilot, Reached
 from dst.laws import LawError, Laws
-from dst.operator_person import Operator, PostedAbort
-from dst.vehicle import OrderUnderPilot
+from dst.operator_person import PAUSE, Operator, PostedAbort, PostedPause, PostedPlan
 from dst.world import World
+from mavlink_broker.edge.bounded_http import Answer
+from mavlink_broker.edge.outbox import Post, Urgency
 from tests.unit.dst.test_world import plan
 
 
@@ -135,3 +137,58 @@ def test_an_abort_that_has_not_ended_is_an_open_matter(
     assert f"abort {abort.number} is queued" in farm.laws.open_matters()
     farm.world.run(60.0)
     assert farm.laws.open_matters() == []
+
+
+def test_a_parameter_that_is_not_given_back_is_an_open_matter(
+    farm: Farm, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    vehicle = farm.world.vehicles[1]
+    name = next(iter(vehicle.parameters))
+    monkeypatch.setitem(vehicle.parameters, name, 7.5)
+    assert farm.laws.open_matters() == [f"vehicle 1 has borrowed ('{name}', 7.5)"]
+
+
+def test_a_motor_failure_without_an_alarm_is_found(farm: Farm) -> None:
+    farm.world.run(20.0)
+    farm.world.vehicles[1].truth.motor_failures_s.append(farm.world.scheduler.now_s)
+    with pytest.raises(LawError, match="no alarm of the motor"):
+        farm.world.run(60.0)
+    farm.world.vehicles[1].truth.motor_failures_s.clear()
+
+
+def test_a_report_that_the_edge_server_refuses_is_found(farm: Farm) -> None:
+    post = Post(
+        method="POST",
+        path="/pose/",
+        body={"latitude": 91.0},
+        vehicle_id=1,
+        lane="pose",
+        urgency=Urgency.RESULT,
+    )
+    farm.world.http.on_taken(post, Answer(422, b"{}"))
+    with pytest.raises(LawError, match=r"refuses /pose/ .*91"):
+        farm.laws.check()
+    farm.laws._invalid.clear()
+
+
+def test_a_waypoint_that_is_flown_while_the_mission_is_paused_is_found(
+    farm: Farm, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    world = farm.world
+    number = world.request("POST", "/plans/", plan(903)).json()["id"]
+    waypoint = plan(903)["missions"][0]["command_array"][1]["parameters"]
+    where = round(waypoint["latitude"] * 1e7), round(waypoint["longitude"] * 1e7)
+    posted = PostedPlan(number, 903, 1, {2: where}, posted_s=world.scheduler.now_s)
+    while not world.vehicles[1].is_flying:
+        world.run(1.0)
+    event = {"sequence_number": 903, "vehicle_id": 1, "event_type_id": PAUSE}
+    pause = PostedPause(
+        world.request("POST", "/events/", event).json()["id"], 1, world.scheduler.now_s
+    )
+    monkeypatch.setattr(farm.operator, "plans", [posted])
+    monkeypatch.setattr(farm.operator, "pauses", [pause])
+    world.run(30.0)
+    flown = Reached(world.scheduler.now_s, *where)
+    monkeypatch.setattr(world.vehicles[1].truth, "reached", [flown])
+    with pytest.raises(LawError, match="has paused it"):
+        farm.laws.check()

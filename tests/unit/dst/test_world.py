@@ -1,3 +1,4 @@
+import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -5,8 +6,10 @@ from typing import Any
 import pytest
 
 from afarcloud.enumerations import Status
+from dst.autopilot import FAMILIES, Autopilot
 from dst.edge_process import prepared_folder
-from dst.vehicle import place
+from dst.flight import place
+from dst.operator_person import FIELDS, HOTPOINT
 from dst.world import World
 
 
@@ -60,6 +63,25 @@ def test_a_plan_is_flown_and_reported_to_the_cloud(world: World) -> None:
     assert not world.vehicles[1].armed
     kinds = {record.stream.kind for record in world.cloud.received.values()}
     assert "mission_report" in kinds
+
+
+@pytest.mark.parametrize("family", FAMILIES, ids=lambda family: family.name)
+def test_each_family_flies_an_orbit_and_gets_its_parameters_back(
+    family: Autopilot, prepared: Path, tmp_path: Path
+) -> None:
+    world = World(1, prepared, tmp_path, families=[family])
+    world.run(10.0)
+    body, centre = plan(), place(20.0, 0.0)
+    where = {"latitude": centre[0], "longitude": centre[1]}
+    orbit = {"command_id": 2, "command_type_id": HOTPOINT, "parameters": where | FIELDS[HOTPOINT]}
+    body["missions"][0]["command_array"][1] = orbit
+    number = world.request("POST", "/plans/", body).json()["id"]
+    world.run(200.0)
+    assert status(world, number) == Status.FINISHED
+    [turned_rad] = world.vehicles[1].truth.turned_rad.values()
+    assert turned_rad == pytest.approx(math.tau, rel=0.1)
+    assert world.vehicles[1].parameters == family.parameters
+    world.close()
 
 
 def test_a_mission_survives_kills_of_every_process(world: World) -> None:
