@@ -32,6 +32,8 @@ FAULTS ?=
 SHRINK ?=
 OUT ?=
 PARALLEL := -n 3 --dist worksteal
+# Files of tests lie in memory where there is room: they wait for no disk.
+IN_MEMORY = $(shell [ "$$(df --output=avail -BG /dev/shm 2>/dev/null | tail -n 1 | tr -dc 0-9)" -ge 8 ] 2>/dev/null && echo TMPDIR=/dev/shm)
 export VEHICLES TESTERS TESTER_SCRIPT SPEED WIND GPS SEED EDGE_PORT CLOUD_PORT MAVLINK_PORT GCS_PORT VEHICLE_PORT_BASE MQTT_PORT STATE_DIR TRUTH PLAN OUT
 
 COMPILE = $(VENV)/bin/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-annotate --no-header pyproject.toml
@@ -159,11 +161,11 @@ servers:
 test: servers $(DEV) ## run the units, contracts, golden records and one scenario per promise
 	@if $(MAKE) --no-print-directory $(CONSOLE_INSTALLED); then $(MAKE) --no-print-directory console console-test; \
 	else echo "The console's packages cannot be installed: its tests are not run."; fi
-	$(RUN) -m pytest $(PARALLEL) -m "not thorough"
+	$(IN_MEMORY) $(RUN) -m pytest $(PARALLEL) -m "not thorough"
 
 .PHONY: test-thorough
 test-thorough: servers $(DEV) ## run what `make test` leaves out
-	$(RUN) -m pytest $(PARALLEL) -m thorough
+	$(IN_MEMORY) $(RUN) -m pytest $(PARALLEL) -m thorough
 
 .PHONY: test-failed
 test-failed: servers $(DEV) ## run the tests that failed last once more, one after the other

@@ -107,7 +107,7 @@ class History:
 
 
 @pytest.mark.parametrize("family", SCRIPTS)
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", range(1))
 def test_events_keep_their_promises_in_any_history(family: str, seed: int, tmp_path: Path) -> None:
     history = History(seed, SCRIPTS[family], tmp_path / "journal")
     history.live()
@@ -116,7 +116,7 @@ def test_events_keep_their_promises_in_any_history(family: str, seed: int, tmp_p
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("family", SCRIPTS)
-@pytest.mark.parametrize("seed", range(2, 40))
+@pytest.mark.parametrize("seed", range(1, 40))
 def test_events_keep_their_promises_in_more_histories(
     family: str, seed: int, tmp_path: Path
 ) -> None:
