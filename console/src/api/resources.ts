@@ -135,6 +135,10 @@ export const revokeKey = (prefix: string): Promise<void> =>
   request(`/keys/${prefix}`, { method: "DELETE" });
 
 export const listDeadLetters = (): Promise<DeadLetter[]> => request("/dead_letters/?limit=100");
+export const getDeadLetter = (id: number): Promise<DeadLetter> => request(`/dead_letters/${id}`);
+/** Sends a corrected record; the server names the members that it cannot use. */
+export const correctDeadLetter = (id: number, report: object): Promise<unknown> =>
+  request(`/dead_letters/${id}`, { method: "PUT", body: report, timeoutMs: 60_000 });
 export const retryDeadLetter = (id: number): Promise<unknown> =>
   request(`/dead_letters/${id}/retry`, { method: "POST" });
 

@@ -1,4 +1,4 @@
-import { useId, type InputHTMLAttributes, type ReactNode, type SelectHTMLAttributes } from "react";
+import { useId, type InputHTMLAttributes, type ReactNode, type SelectHTMLAttributes, type TextareaHTMLAttributes } from "react";
 
 interface Common {
   label: string;
@@ -14,6 +14,24 @@ export function TextField({ label, hint, error, ...rest }: Common & InputHTMLAtt
     <div className={`field ${error ? "has-error" : ""}`}>
       <label htmlFor={id}>{label}</label>
       <input
+        {...rest}
+        id={id}
+        aria-invalid={error !== undefined}
+        aria-describedby={note === undefined ? undefined : `${id}-note`}
+      />
+      {note !== undefined && <small id={`${id}-note`}>{note}</small>}
+    </div>
+  );
+}
+
+/** A labelled text of several lines; the error belongs to it for screen readers too. */
+export function TextArea({ label, hint, error, ...rest }: Common & TextareaHTMLAttributes<HTMLTextAreaElement>) {
+  const id = useId();
+  const note = error ?? hint;
+  return (
+    <div className={`field ${error ? "has-error" : ""}`}>
+      <label htmlFor={id}>{label}</label>
+      <textarea
         {...rest}
         id={id}
         aria-invalid={error !== undefined}

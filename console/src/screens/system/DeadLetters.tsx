@@ -2,14 +2,20 @@ import { useState } from "react";
 import { useTranslation } from "react-i18next";
 import type { RequestError } from "../../api/client";
 import { listDeadLetters, retryDeadLetter } from "../../api/resources";
+import type { DeadLetter } from "../../api/types";
 import { Button } from "../../controls/Button";
 import { Empty, ErrorNotice, Loaded } from "../../controls/states";
 import { asRequestError, useResource } from "../../live/use_resource";
+import { CorrectDialog } from "./CorrectDialog";
 
-/** Records that the cloud has rejected, with the reason; each can be sent again. */
+/** Kind of what declares that records were dropped: it has nothing to correct. */
+const GAP = "gap";
+
+/** Records that the cloud has rejected, with the reason; each can be corrected and sent again. */
 export function DeadLetters() {
   const { t } = useTranslation();
   const letters = useResource(listDeadLetters);
+  const [corrected, setCorrected] = useState<DeadLetter | null>(null);
   const [error, setError] = useState<RequestError | null>(null);
   const retry = (id: number) => {
     retryDeadLetter(id)
@@ -39,12 +45,27 @@ export function DeadLetters() {
                     {letter.kind} · {t("vehicle.name", { id: letter.vehicle_id })}
                   </span>
                 </div>
+                {letter.kind !== GAP && (
+                  <Button onClick={() => setCorrected(letter)}>
+                    {t("system.correct")}
+                  </Button>
+                )}
                 <Button onClick={() => retry(letter.id)}>{t("system.retry")}</Button>
               </li>
             ))}
           </ul>
         )}
       </Loaded>
+      {corrected && (
+        <CorrectDialog
+          letter={corrected}
+          close={() => setCorrected(null)}
+          done={() => {
+            setCorrected(null);
+            letters.reload();
+          }}
+        />
+      )}
     </div>
   );
 }
