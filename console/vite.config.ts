@@ -5,7 +5,7 @@ import { defineConfig } from "vitest/config";
 const EDGE = process.env["EDGE_URL"] ?? "http://127.0.0.1:8000";
 const PATHS = [
   "session", "sessions", "users", "live", "flights", "alarms", "vehicles", "plans", "events",
-  "fields", "surveys", "keys", "audit", "dead_letters", "readyz",
+  "fields", "surveys", "maps", "keys", "audit", "dead_letters", "readyz",
 ];
 
 export default defineConfig({
@@ -19,7 +19,7 @@ export default defineConfig({
     target: "es2022",
     assetsInlineLimit: 0,
     chunkSizeWarningLimit: 1200,
-    rollupOptions: { output: { manualChunks: { map: ["maplibre-gl"] } } },
+    rollupOptions: { output: { manualChunks: { map: ["maplibre-gl", "pmtiles"] } } },
   },
   server: { proxy: Object.fromEntries(PATHS.map((path) => [`/${path}`, EDGE])) },
   test: { include: ["tests/**/*.test.ts"], environment: "node" },

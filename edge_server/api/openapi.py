@@ -16,7 +16,11 @@ from farm_flight_bridge import VERSION
 REFERENCE: Final = "#/components/schemas/{model}"
 CONVERTER: Final = re.compile(r"<(?:(?P<kind>[^:<>]+):)?(?P<name>\w+)>")
 _ULID: Final = "^[0-9A-Z]{26}$"
-_PATTERNS: Final = {"prefix": "^[0-9a-f]{8}$", "name": "^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$"}
+_PATTERNS: Final = {
+    "prefix": "^[0-9a-f]{8}$",
+    "name": "^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$",
+    "file_name": "^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$",
+}
 """Of the parameters in paths that are no ULID."""
 _ERRORS: Final = {
     304: "Not modified",
@@ -28,6 +32,7 @@ _ERRORS: Final = {
     412: "Changed since it was read",
     413: "The body is too large",
     415: "The body is not application/json",
+    416: "The file has no such range of bytes",
     422: "A field violates the model or a rule",
     429: "Too many requests, or a bounded queue is full",
     503: "The database is busy or unavailable",

@@ -340,6 +340,21 @@ class FlightPicture(Answer):
     thumbnail_url: str | None
 
 
+class FarmMap(Answer):
+    """A file of the maps folder; `bounds` are west, south, east and north [deg].
+
+    One that cannot be shown has a `fault`, and null for everything but its name.
+    """
+
+    name: str
+    kind: Literal["vector_tiles", "raster_tiles"] | None
+    url: str | None
+    bounds: list[float] | None
+    minimum_zoom: int | None
+    maximum_zoom: int | None
+    fault: str | None
+
+
 class FlightObservations(Answer):
     """Measurements made at one place."""
 

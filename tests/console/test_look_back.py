@@ -10,11 +10,13 @@ import requests
 from PIL import Image
 
 from tests.support.browser import TEST_TIMEOUT_S, console_journey, link_at
+from tests.support.pmtiles import archive_at
 from tests.unit.edge_server.documents import mission, mission_report, plan, telemetry
 from tests.unit.edge_server.program import Program, program_in
 
 RUNNING, FINISHED = 2, 3
 PICTURES = 3
+MAP_COLOUR = (200, 80, 160)
 
 
 class Archive:
@@ -70,5 +72,9 @@ def test_a_flight_is_looked_back_at_with_stop_in_reach(tmp_path: Path) -> None:
     with console_journey(tmp_path) as take, program_in(tmp_path / "farm") as program:
         program.start()
         fly(Archive(program))
+        maps = tmp_path / "farm" / "maps"
+        maps.mkdir()
+        (maps / "Aerial.pmtiles").write_bytes(archive_at(40.4434, -3.7382, MAP_COLOUR))
+        (maps / "Broken.pmtiles").write_bytes(b"not a map")
         headers = {"Authorization": f"Bearer {program.key('admin')}"}
         take("look_back", OPERATOR_LINK=link_at(program.url, headers, "operator", "juan"))

@@ -2,7 +2,7 @@
 
 import { request, requestTagged, requestText, type Tagged } from "./client";
 import type {
-  AccessKey, Alarm, DeadLetter, Flight, FlightObservations, FlownCommand, Picture, Plan,
+  AccessKey, Alarm, BaseMap, DeadLetter, Flight, FlightObservations, FlownCommand, Picture, Plan,
   PlanDocument, PlannedSurvey, StoredEvent, StoredField, SurveyOrder, User, Vehicle,
 } from "./types";
 
@@ -108,7 +108,9 @@ export const getFlight = (id: number): Promise<Flight & { command_array: FlownCo
   request(`/flights/${id}`);
 export const flightTrack = (id: number): Promise<GeoJSON.FeatureCollection | GeoJSON.Feature> =>
   request(`/flights/${id}/track?format=geojson`);
-export const listPictures = (id: number): Promise<Picture[]> => request(`/flights/${id}/pictures`);
+export const listPictures = (id: number): Promise<Picture[]> => allOf(`/flights/${id}/pictures`);
+/** Lists the base maps that somebody has put into the edge server's maps folder. */
+export const listBaseMaps = (): Promise<BaseMap[]> => request("/maps/");
 
 export const listObservations = (id: number): Promise<FlightObservations[]> =>
   allOf(`/flights/${id}/observations`);

@@ -161,6 +161,16 @@ export interface FlownCommand {
   ended_at: string | null;
 }
 
+/** A file of the maps folder; one that cannot be shown has a fault and no address. */
+export interface BaseMap {
+  name: string;
+  kind: "vector_tiles" | "raster_tiles" | null;
+  url: string | null;
+  /** West, south, east, north [deg]. */
+  bounds: [number, number, number, number] | null;
+  fault: string | null;
+}
+
 export interface Picture {
   id: number;
   recorded_at: string;

@@ -4,6 +4,8 @@ import type { GeoJSONSource, LngLatBoundsLike, Map as MapLibreMap, Marker } from
 import { usePreferences } from "../app/preferences";
 import { Icon } from "../controls/Icon";
 import { Notice } from "../controls/states";
+import { keepBaseMaps } from "./base_maps";
+import { BaseMaps } from "./BaseMaps";
 import { gridOf } from "./grid";
 import maplibregl from "./maplibre";
 import { mapStyle, type SourceName } from "./style";
@@ -98,7 +100,7 @@ export default function FarmMap({ layers, symbols, extent, click, pick, legend, 
   }, [map, preferences.units]);
 
   useEffect(() => {
-    map?.setStyle(mapStyle());
+    map?.setStyle(mapStyle(), { transformStyle: keepBaseMaps });
     // The first style has this theme already
     // eslint-disable-next-line react-hooks/exhaustive-deps
   }, [preferences.theme]);
@@ -131,6 +133,7 @@ export default function FarmMap({ layers, symbols, extent, click, pick, legend, 
           <Notice kind="info">{t("map.no_webgl")}</Notice>
         </div>
       )}
+      {map && <BaseMaps map={map} styles={styles} />}
       {legend && <div className="map-legend">{legend}</div>}
       {map && (
         <div className="map-tools">

@@ -80,6 +80,49 @@ async function readMeasurements(page) {
   await requireAccessible(page, "a measurement on the map");
 }
 
+/** How many pixels of the map are nearly of a colour. */
+async function countPixels(page, map, colour) {
+  const picture = (await map.screenshot()).toString("base64");
+  return page.evaluate(async ([data, [red, green, blue]]) => {
+    const bytes = Uint8Array.from(atob(data), (one) => one.charCodeAt(0));
+    const bitmap = await createImageBitmap(new Blob([bytes], { type: "image/png" }));
+    const canvas = new OffscreenCanvas(bitmap.width, bitmap.height).getContext("2d");
+    canvas.drawImage(bitmap, 0, 0);
+    const pixels = canvas.getImageData(0, 0, bitmap.width, bitmap.height).data;
+    let count = 0;
+    for (let at = 0; at < pixels.length; at += 4) {
+      const differences = [pixels[at] - red, pixels[at + 1] - green, pixels[at + 2] - blue];
+      if (differences.every((one) => Math.abs(one) < 12)) count += 1;
+    }
+    return count;
+  }, [picture, colour]);
+}
+
+/** A base map is drawn below the track, also in another theme and after a reload. */
+async function showBaseMap(page) {
+  const map = page.getByRole("region", { name: "Track" });
+  const isDrawn = async (when) => {
+    for (let attempt = 0; attempt < 60; attempt += 1) {
+      if (await countPixels(page, map, [200, 80, 160]) > 10_000) return;
+      await page.waitForTimeout(500);
+    }
+    throw new Error(`the base map is not drawn ${when}`);
+  };
+  await map.getByRole("button", { name: "Base maps" }).click();
+  await map.getByText("it is not a PMTiles archive").waitFor();
+  await requireAccessible(page, "the base maps");
+  await map.getByLabel("Aerial", { exact: true }).check();
+  await map.getByLabel("Opacity of Aerial").waitFor();
+  await isDrawn("at first");
+  await page.evaluate(() => localStorage.setItem("farm-console", JSON.stringify({ theme: "dark", language: "en" })));
+  await page.reload();
+  await isDrawn("after a reload");
+  await page.locator(".header-person").click();
+  await page.getByRole("radio", { name: "Outdoor" }).or(page.getByRole("button", { name: "Outdoor" })).first().click();
+  await page.keyboard.press("Escape");
+  await isDrawn("in another theme");
+}
+
 const browser = await startBrowser();
 try {
   await journey(browser, "operator", async (page) => {
@@ -89,6 +132,7 @@ try {
     await requireThumbnails(page);
     await stopFromAPicture(page);
     await readMeasurements(page);
+    await showBaseMap(page);
   });
 } finally {
   await browser.close();

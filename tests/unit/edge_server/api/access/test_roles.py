@@ -93,6 +93,8 @@ MATRIX: list[tuple[str, str, set[str], Any]] = [
     ("GET", "/flights/1/pictures/1", PEOPLE, None),
     ("GET", "/flights/1/pictures/1/thumbnail", PEOPLE, None),
     ("GET", "/flights/1/observations", PEOPLE, None),
+    ("GET", "/maps/", PEOPLE, None),
+    ("GET", "/maps/farm.pmtiles", PEOPLE, None),
     ("GET", "/alarms/history/", PEOPLE, None),
     ("POST", "/alarms/history/1/acknowledge", {"operator", "admin"}, None),
     ("POST", "/telemetry/", {"broker"}, {"records": [{"pose": telemetry("pose")}]}),
@@ -117,6 +119,7 @@ PLACES = (
     (r"string\(length=26\)", ULID),
     (r"string\(length=8\)", "0123abcd"),
     (r"string\(maxlength=64\)", "maria"),
+    (r"string\(maxlength=200\)", "farm.pmtiles"),
     ("path", "fleet"),
 )
 """Values in a path, by converter."""
@@ -128,6 +131,7 @@ WITHOUT_VEHICLES = (
         "/audit",
         "/keys",
         "/fields",
+        "/maps",
         "/session",
         "/users",
         "/live",

@@ -1,0 +1,63 @@
+"""`/maps/`: maps of the farm from the maps folder, below everything that the console draws."""
+
+from typing import Any, Final
+from urllib.parse import quote
+
+from flask import Blueprint, Response, request
+from werkzeug.datastructures import Range
+from werkzeug.exceptions import RequestedRangeNotSatisfiable
+
+from edge_server.api import bodies, schemas, urls
+from edge_server.api.access.auth import PEOPLE, allow
+from edge_server.api.contract import Contract, describe
+from edge_server.services import farm_maps
+
+NAMES: Final = ("maps", "map")
+ITEM: Final = "string(maxlength=200):file_name"
+MEDIA_TYPE: Final = "application/octet-stream"
+
+
+def blueprint() -> Blueprint:
+    """Make the routes."""
+    routes = Blueprint("maps", __name__)
+    urls.add(routes, NAMES, "page", page, "GET")
+    urls.add(routes, NAMES, "tiles", tiles, "GET", item=ITEM)
+    return routes
+
+
+@allow(PEOPLE)
+@describe(Contract({200: schemas.FarmMap}, is_list=True))
+def page() -> list[dict[str, Any]]:
+    """List the maps of the farm; one that cannot be shown has a fault in place of an address."""
+    maps = farm_maps.listing(bodies.context())
+    return [one | {"url": one["url"] and quote(one["url"])} for one in maps]
+
+
+@allow(PEOPLE)
+@describe(Contract({200: None, 206: None}, conditional=True, errors=(416,)))
+def tiles(file_name: str) -> Response:
+    """Give a PMTiles archive, or the range of its bytes that is asked for."""
+    found = farm_maps.tiles(bodies.context(), file_name)
+    size = found.size_bytes
+    if request.if_none_match.contains(found.tag):
+        answer = Response(status=304)
+    elif (wanted := _wanted()) is None:
+        answer = Response(found.read(0, size), content_type=MEDIA_TYPE)
+        answer.content_length = size
+    elif (part := wanted.range_for_length(size)) is None:
+        raise RequestedRangeNotSatisfiable(length=size)
+    else:
+        answer = Response(found.read(*part), 206, content_type=MEDIA_TYPE)
+        answer.content_length = part[1] - part[0]
+        answer.content_range.set(*part, size)
+    answer.set_etag(found.tag)
+    answer.accept_ranges = "bytes"
+    answer.headers["Cache-Control"] = "private, no-cache"
+    return answer
+
+
+def _wanted() -> Range | None:
+    """Read which part is wanted; several parts, and one of a former file, become the whole."""
+    asked = request.range
+    is_one = asked is not None and asked.units == "bytes" and len(asked.ranges) == 1
+    return asked if is_one and "If-Range" not in request.headers else None

@@ -1,0 +1,111 @@
+"""Maps of the farm that a person has put into the maps folder: PMTiles archives.
+
+A file that cannot be shown is listed with the reason, so that whoever put it there finds it.
+"""
+
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+from edge_server.services.context import Context
+from edge_server.services.errors import NotFoundError
+
+MOST_MAPS: Final = 50
+"""Of the folder, by name; what comes after them is not listed."""
+PMTILES: Final = ".pmtiles"
+_HEADER: Final = struct.Struct("<7sB88xBBBBBBiiii")
+"""Of a PMTiles archive: magic, version, compressions, kind of tiles, zooms, bounds [1e-7 deg]."""
+_VECTOR_TILES: Final = 1
+_RASTER_TILES: Final = frozenset({2, 3, 4, 5})
+"""PNG, JPEG, WebP, AVIF."""
+_PER_DEG: Final = 1e7
+_PIECE_BYTES: Final = 65_536
+
+
+class MapFile(NamedTuple):
+    """The file of a map, its size and a tag that changes with its content."""
+
+    path: Path
+    size_bytes: int
+    tag: str
+
+    def read(self, start: int, stop: int) -> Iterator[bytes]:
+        """Read the bytes from `start` to before `stop`, a piece at a time."""
+        with self.path.open("rb") as file:
+            file.seek(start)
+            while start < stop and (piece := file.read(min(_PIECE_BYTES, stop - start))):
+                yield piece
+                start += len(piece)
+
+
+class _UnusableError(Exception):
+    """A file that cannot be shown; the text says why."""
+
+
+def listing(context: Context) -> list[dict[str, Any]]:
+    """List the maps of the folder by name; an absent folder has none."""
+    return [_show(path) for path in _paths(context.config.maps_dir)]
+
+
+def tiles(context: Context, name: str) -> MapFile:
+    """Find a PMTiles archive; raises NotFoundError if the folder has none of this name."""
+    for path in _paths(context.config.maps_dir):
+        if path.name == name and path.suffix.lower() == PMTILES:
+            status = path.stat()
+            return MapFile(path, status.st_size, f"{status.st_size:x}-{status.st_mtime_ns:x}")
+    raise NotFoundError(f"the maps folder has no {PMTILES} file of this name")
+
+
+def _paths(folder: Path) -> Iterator[Path]:
+    try:
+        found = sorted(path for path in folder.iterdir() if path.suffix.lower() in _READERS)
+        base = folder.resolve()
+    except OSError:
+        return
+    # A link must not lead out of the folder
+    inside = (path for path in found if path.is_file() and path.resolve().is_relative_to(base))
+    for _, path in zip(range(MOST_MAPS), inside, strict=False):
+        yield path
+
+
+def _show(path: Path) -> dict[str, Any]:
+    shown: dict[str, Any] = {
+        "name": path.name,
+        "kind": None,
+        "url": None,
+        "bounds": None,
+        "minimum_zoom": None,
+        "maximum_zoom": None,
+        "fault": None,
+    }
+    try:
+        return shown | _READERS[path.suffix.lower()](path)
+    except (_UnusableError, OSError) as error:
+        return shown | {"fault": str(error) if isinstance(error, _UnusableError) else _UNREADABLE}
+
+
+_UNREADABLE: Final = "the file cannot be read; check its permissions"
+
+
+def _tiles(path: Path) -> dict[str, Any]:
+    """Read the header of a PMTiles archive."""
+    with path.open("rb") as file:
+        head = file.read(_HEADER.size)
+    if len(head) < _HEADER.size or not head.startswith(b"PMTiles"):
+        raise _UnusableError("it is not a PMTiles archive")
+    _, version, _, _, _, kind, lowest, highest, west, south, east, north = _HEADER.unpack(head)
+    if version != 3:
+        raise _UnusableError(f"PMTiles version {version} is not supported, only version 3")
+    if kind != _VECTOR_TILES and kind not in _RASTER_TILES:
+        raise _UnusableError(f"tiles of kind {kind} are not supported: only MVT, PNG, JPEG, WebP")
+    return {
+        "kind": "vector_tiles" if kind == _VECTOR_TILES else "raster_tiles",
+        "url": f"/maps/{path.name}",
+        "bounds": [west / _PER_DEG, south / _PER_DEG, east / _PER_DEG, north / _PER_DEG],
+        "minimum_zoom": lowest,
+        "maximum_zoom": highest,
+    }
+
+
+_READERS: Final = {PMTILES: _tiles}
