@@ -1,6 +1,7 @@
 import { expect, test } from "vitest";
 import type { Mission, Vehicle } from "../src/api/types";
-import { checklist } from "../src/planning/checklist";
+import { checklist, type Circumstances } from "../src/planning/checklist";
+import type { Fence } from "../src/planning/fence";
 
 const PLACE = { latitude: 40.4434, longitude: -3.7382 };
 const mission = (hold_time: number): Mission => ({
@@ -15,12 +16,17 @@ const vehicle = (values: Partial<Vehicle> = {}): Vehicle =>
     vehicle_id: 1, link_state: "connected", armed: false, held: null, gps_fix: "3d",
     battery_percentage: 0.9, ...PLACE, ...values,
   }) as Vehicle;
-const states = (of: Mission, one: Vehicle | undefined) =>
-  Object.fromEntries(checklist(of, one).map(({ name, state }) => [name, state]));
+const around = (half_deg: number): Fence => ({
+  inclusion: [[[-1, -1], [-1, 1], [1, 1], [1, -1]].map(([north = 0, east = 0]) =>
+    [PLACE.latitude + north * half_deg, PLACE.longitude + east * half_deg])],
+  exclusion: [],
+});
+const states = (of: Mission, one: Vehicle | undefined, circumstances: Partial<Circumstances> = {}) =>
+  Object.fromEntries(checklist(of, one, { fence: around(0.01), ...circumstances }).map(({ name, state }) => [name, state]));
 
 test("a charged vehicle at the place of the takeoff is ready", () => {
   expect(states(mission(10), vehicle())).toEqual({
-    ready: "good", battery: "good", gps: "good", place: "good",
+    ready: "good", battery: "good", gps: "good", place: "good", home: "good", fence: "good", wind: "look",
   });
 });
 
@@ -38,4 +44,28 @@ test("the charge has to last for the plan", () => {
 test("a vehicle without a fix or far from the takeoff is shown", () => {
   expect(states(mission(10), vehicle({ gps_fix: "2d" }))["gps"]).toBe("bad");
   expect(states(mission(10), vehicle({ latitude: 40.4444 }))["place"]).toBe("warning");
+});
+
+test("a battery that lasts longer is enough for more", () => {
+  expect(states(mission(700), vehicle(), { endurance_s: 3600 })["battery"]).toBe("good");
+});
+
+test("pictures take their time", () => {
+  const of = mission(10);
+  const picture = { command_id: 3, command_type_id: 4, command_status_id: 1 as const, parameters: { pitch_angle: -90 } };
+  const many = { ...of, command_array: [...of.command_array, ...Array.from({ length: 200 }, () => picture)] };
+  expect(states(many, vehicle())["battery"]).toBe("warning");
+});
+
+test("a plan without a fence is to be looked at, one that leaves it is not ready", () => {
+  expect(states(mission(10), vehicle(), { fence: null })["fence"]).toBe("warning");
+  const elsewhere = { inclusion: [[[1, 1], [1, 2], [2, 2]]], exclusion: [] };
+  expect(states(mission(10), vehicle(), { fence: elsewhere })["fence"]).toBe("bad");
+  const closed = { inclusion: [], exclusion: around(0.01).inclusion };
+  expect(states(mission(10), vehicle(), { fence: closed })["fence"]).toBe("bad");
+});
+
+test("a vehicle far away would return far away", () => {
+  expect(states(mission(10), vehicle({ latitude: 40.4444 }))["home"]).toBe("good");
+  expect(states(mission(10), vehicle({ latitude: 40.4634 }))["home"]).toBe("warning");
 });

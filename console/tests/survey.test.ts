@@ -3,7 +3,8 @@ import type { PlannedSurvey } from "../src/api/types";
 import en from "../src/i18n/en.json";
 import { colourOf, footprintFeatures, footprintOf, surveyFeatures, surveyFlights } from "../src/map/survey_features";
 import {
-  CAMERAS, FAULT_PATHS, FIRST_FORM, heightOf_m, inputOfFault, orderOf, resolutionOf_m, textOfFault,
+  CAMERAS, departing, FAULT_PATHS, FIRST_FORM, heightOf_m, inputOfFault, orderOf, resolutionOf_m, textOfFault,
+  withDepartures,
 } from "../src/planning/survey";
 
 test("ground resolution and height follow each other", () => {
@@ -30,6 +31,23 @@ test("there is no order while a value or a vehicle is missing", () => {
   expect(orderOf({ ...FIRST_FORM, side_overlap: 0 }, 7, [1])).not.toBeNull();
   const own = { ...CAMERAS.one_inch, focal_length_mm: null };
   expect(orderOf({ ...FIRST_FORM, camera: "own", own }, 7, [1])).toBeNull();
+});
+
+test("vehicles that do not all fly at once get plans of their own", () => {
+  const order = orderOf(FIRST_FORM, 7, [1, 2]);
+  expect(order).not.toBeNull();
+  if (order === null) return;
+  expect(withDepartures(order, ["now", "now"])).toEqual(order);
+  expect(withDepartures(order, ["now", "hold"])).toEqual({ ...order, plan_per_vehicle: true });
+});
+
+test("the first flight of each vehicle that flies now is dispatched, and no other", () => {
+  const plan = (...ids: number[]) => ({ missions: ids.map((vehicle_id) => ({ vehicle_id })) });
+  const together = [plan(1, 2), plan(1, 2)];
+  expect(departing(together, () => true)).toEqual([together[0]]);
+  const apart = [plan(1), plan(2), plan(3), plan(1), plan(3)];
+  expect(departing(apart, (id) => id !== 2)).toEqual([apart[0], apart[2]]);
+  expect(departing(together, (id) => id === 1)).toEqual([]);
 });
 
 test("a fault is shown at the input that it names", () => {

@@ -150,7 +150,10 @@ def _parts(
 def _plans(
     request: SurveyRequest, frame: Frame, parts: Sequence[Sequence[Sequence[Stop]]], first: int
 ) -> Iterator[dict[str, Any]]:
-    """One plan for each round of batteries: the n-th flight of every vehicle."""
+    """One plan for each round of batteries: the n-th flight of every vehicle.
+
+    With `plan_per_vehicle` each of these flights is a plan, so that each is dispatched by itself.
+    """
     mission_id = first
     for number in range(max(len(flights) for flights in parts)):
         missions = []
@@ -158,14 +161,24 @@ def _plans(
             if number < len(flights):
                 missions.append(_mission(request, frame, flights[number], mission_id, vehicle_id))
                 mission_id += 1
-        plan: dict[str, Any] = {"missions": missions, "dispatch": request.dispatch}
-        if request.name is not None:
-            plan["name"] = f"{request.name} {number + 1}"[:255]
-        if request.geofence is not None:
-            plan["geofence"] = request.geofence.model_dump(mode="json", exclude_none=True)
-        if request.expires_at is not None:
-            plan["expires_at"] = request.expires_at.isoformat()
-        yield plan
+        if not request.plan_per_vehicle:
+            yield _plan(request, missions, f"{number + 1}")
+            continue
+        for mission in missions:
+            yield _plan(request, [mission], f"{number + 1}, vehicle {mission['vehicle_id']}")
+
+
+def _plan(
+    request: SurveyRequest, missions: Sequence[dict[str, Any]], suffix: str
+) -> dict[str, Any]:
+    plan: dict[str, Any] = {"missions": [*missions], "dispatch": request.dispatch}
+    if request.name is not None:
+        plan["name"] = f"{request.name} {suffix}"[:255]
+    if request.geofence is not None:
+        plan["geofence"] = request.geofence.model_dump(mode="json", exclude_none=True)
+    if request.expires_at is not None:
+        plan["expires_at"] = request.expires_at.isoformat()
+    return plan
 
 
 def _mission(

@@ -64,6 +64,7 @@ class SurveyTerms(Model):
     first_mission_id: Int32 | None = None
     expires_at: Time | None = None
     dispatch: Boolean = False
+    plan_per_vehicle: Boolean = False
 
     @model_validator(mode="after")
     def _fields_fit(self) -> Self:

@@ -32,11 +32,13 @@ def link(server: Program, name: str) -> str:
 
 @contextmanager
 def edge_server(folder: Path) -> Iterator[tuple[Program, dict[str, str]]]:
-    """Run an edge server with a vehicle, two operators and a draft; gives what a journey needs."""
+    """Run an edge server with two vehicles, two operators and a draft; gives what journeys need."""
     with program_in(folder / "edge") as server:
         server.start()
-        vehicle = {"link_state": "connected"}
-        requests.put(f"{server.url}/vehicles/1", json=vehicle, headers=headers(server), timeout=10)
+        for vehicle_id in (1, 2):
+            path = f"{server.url}/vehicles/{vehicle_id}"
+            vehicle = {"link_state": "connected"}
+            requests.put(path, json=vehicle, headers=headers(server), timeout=10)
         for name in ("ana", "juan"):
             post(server, "/users/", {"name": name, "role": "operator"})
         draft = post(server, "/plans/", short_plan() | {"dispatch": False, "name": "Draft"})
@@ -88,3 +90,17 @@ def test_a_field_has_an_entry_and_a_survey_begins_there(tmp_path: Path) -> None:
         path = f"{server.url}/fields/{field['id']}"
         stored = requests.get(path, headers=headers(server), timeout=10).json()
     assert stored["entry"] == pytest.approx([40.4435, -3.7392], abs=2e-4)
+
+
+@pytest.mark.timeout(TEST_TIMEOUT_S)
+def test_one_vehicle_of_a_survey_flies_and_the_other_waits(tmp_path: Path) -> None:
+    with console_journey(tmp_path) as take, edge_server(tmp_path) as (server, needs):
+        field = post(server, "/fields/", EXAMPLE)
+        take("fly_a_survey", **needs, FIELD=str(field["id"]))
+        plans = plans_of(server)[1:]
+    states = {
+        mission["vehicle_id"]: mission["dispatch_state"]
+        for plan in plans
+        for mission in plan["missions"]
+    }
+    assert states == {1: "queued", 2: "held"}

@@ -97,6 +97,28 @@ export function orderOf(form: SurveyForm, fieldId: number, vehicles: readonly nu
   return { ...shared, camera: { sensor_width_mm, sensor_height_mm, focal_length_mm } };
 }
 
+/** Which vehicles fly at once, and which wait for somebody. */
+export type Departure = "now" | "hold";
+
+/** An order whose flights can be dispatched by themselves, where not all vehicles fly at once. */
+export function withDepartures(order: SurveyOrder, departures: readonly Departure[]): SurveyOrder {
+  const isMixed = departures.includes("now") && departures.includes("hold");
+  return isMixed ? { ...order, plan_per_vehicle: true } : order;
+}
+
+/** The plans to dispatch: the first flight of each vehicle that flies now. */
+export function departing<Stored extends { missions: readonly { vehicle_id: number }[] }>(
+  plans: readonly Stored[], departs: (vehicleId: number) => boolean,
+): Stored[] {
+  const seen = new Set<number>();
+  return plans.filter(({ missions }) => {
+    const ids = missions.map((one) => one.vehicle_id);
+    const isFirst = !ids.some((id) => seen.has(id));
+    ids.forEach((id) => seen.add(id));
+    return isFirst && ids.every(departs);
+  });
+}
+
 /** The inputs of the form at which a fault of the edge server can be shown. */
 export const FAULT_PATHS = [
   "camera.sensor_width_mm", "camera.sensor_height_mm", "camera.focal_length_mm", "swath_width",

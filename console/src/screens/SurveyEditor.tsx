@@ -4,6 +4,7 @@ import { RequestError } from "../api/client";
 import { createSurvey, listFields, previewSurvey } from "../api/resources";
 import type { PlannedSurvey, StoredField, SurveyOrder } from "../api/types";
 import { go, linkTo } from "../app/route";
+import { useIsOperator } from "../app/session_context";
 import { Button } from "../controls/Button";
 import { Icon } from "../controls/Icon";
 import { ErrorNotice, Notice, Skeleton } from "../controls/states";
@@ -17,6 +18,7 @@ import {
   colourOf, footprintFeatures, footprintOf, surveyFeatures, surveyFlights, type SurveyFlight,
 } from "../map/survey_features";
 import { cameraOf, FIRST_FORM, inputOfFault, orderOf, textOfFault, type SurveyForm } from "../planning/survey";
+import { SurveyDeparture } from "./SurveyDeparture";
 import { SurveyFigures } from "./SurveyFigures";
 import { SurveyInputs } from "./SurveyInputs";
 import { useFleetSymbols } from "./use_fleet_symbols";
@@ -47,6 +49,8 @@ function Editor({ field }: { field: StoredField }) {
   const order = orderOf(form, field.id, vehicles);
   const preview = usePreview(order, previewSurvey);
   const storing = useStoring();
+  const isOperator = useIsOperator();
+  const [isDeparting, setDeparting] = useState(false);
   const error = storing.error ?? preview.error;
   const survey = preview.value;
 
@@ -130,7 +134,25 @@ function Editor({ field }: { field: StoredField }) {
           >
             {t("survey.make")}
           </Button>
+          {isOperator && (
+            <Button
+              icon="flight"
+              disabled={order === null || survey === null || preview.isLoading || storing.isBusy}
+              onClick={() => setDeparting(true)}
+            >
+              {t("survey.fly")}
+            </Button>
+          )}
         </div>
+        {isDeparting && order !== null && survey !== null && (
+          <SurveyDeparture
+            field={field}
+            survey={survey}
+            order={order}
+            keyFor={storing.keyFor}
+            close={() => setDeparting(false)}
+          />
+        )}
       </section>
     </div>
   );
@@ -184,18 +206,23 @@ function FaultName({ path }: { path: string }) {
 function useStoring() {
   const [error, setError] = useState<RequestError | null>(null);
   const [isBusy, setBusy] = useState(false);
-  const key = useRef<string | null>(null);
+  const keys = useRef(new Map<string, string>());
+  const keyFor = (order: SurveyOrder): string => {
+    const text = JSON.stringify(order);
+    const key = keys.current.get(text) ?? `survey-${Date.now()}-${Math.random().toString(36).slice(2)}`;
+    keys.current.set(text, key);
+    return key;
+  };
   const store = (order: SurveyOrder) => {
-    key.current ??= `survey-${Date.now()}-${Math.random().toString(36).slice(2)}`;
     setBusy(true);
-    createSurvey(order, key.current)
+    createSurvey(order, keyFor(order))
       .then(({ plans }) => go(`plans/${plans[0]?.id ?? ""}`))
       .catch((reason: unknown) => setError(asRequestError(reason)))
       .finally(() => setBusy(false));
   };
   const forget = () => {
-    key.current = null;
+    keys.current.clear();
     setError(null);
   };
-  return { error, isBusy, store, forget };
+  return { error, isBusy, store, forget, keyFor };
 }

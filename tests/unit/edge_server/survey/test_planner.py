@@ -195,3 +195,17 @@ def test_the_lines_begin_beside_the_entry(corner: tuple[float, float]) -> None:
     first = plan["missions"][0]["command_array"][0]["parameters"]
     begin = (first["latitude"], first["longitude"])
     assert distance_m(begin, place(*corner)) < 10.0
+
+
+def test_each_flight_can_be_a_plan_of_its_own() -> None:
+    terms: dict[str, Any] = {"name": "North", "vehicles": [1, 2], "most_commands": 8}
+    together, apart = planned(**terms).plans, planned(**terms, plan_per_vehicle=True).plans
+    assert len(together) > 1
+    assert [plan["name"] for plan in apart[:3]] == [
+        "North 1, vehicle 1",
+        "North 1, vehicle 2",
+        "North 2, vehicle 1",
+    ]
+    assert [plan["missions"] for plan in apart] == [
+        [mission] for plan in together for mission in plan["missions"]
+    ]

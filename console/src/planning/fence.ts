@@ -1,0 +1,31 @@
+/** Areas in which a plan may fly. Pure. */
+
+/** Rings of [latitude, longitude]: inside one inclusion if there are any, outside every exclusion. */
+export interface Fence {
+  inclusion: readonly (readonly (readonly number[])[])[];
+  exclusion: readonly (readonly (readonly number[])[])[];
+}
+
+/** The fence of a plan document; null without one. */
+export function fenceOf(geofence: object | null | undefined): Fence | null {
+  if (!geofence) return null;
+  const { inclusion = [], exclusion = [] } = geofence as Partial<Fence>;
+  return { inclusion, exclusion };
+}
+
+export function allows(fence: Fence, place: readonly [latitude: number, longitude: number]): boolean {
+  const isIncluded = fence.inclusion.length === 0 || fence.inclusion.some((ring) => contains(ring, place));
+  return isIncluded && !fence.exclusion.some((ring) => contains(ring, place));
+}
+
+/** Counts the edges that are crossed to the east. */
+function contains(ring: readonly (readonly number[])[], [latitude, longitude]: readonly [number, number]): boolean {
+  let isInside = false;
+  ring.forEach(([fromLatitude = 0, fromLongitude = 0], index) => {
+    const [toLatitude = 0, toLongitude = 0] = ring[(index + 1) % ring.length] ?? [];
+    if (fromLatitude > latitude === toLatitude > latitude) return;
+    const part = (latitude - fromLatitude) / (toLatitude - fromLatitude);
+    if (fromLongitude + part * (toLongitude - fromLongitude) > longitude) isInside = !isInside;
+  });
+  return isInside;
+}
