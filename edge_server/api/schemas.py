@@ -343,13 +343,16 @@ class FlightPicture(Answer):
 class FarmMap(Answer):
     """A file of the maps folder; `bounds` are west, south, east and north [deg].
 
+    `corners` are latitude and longitude from the north-west on clockwise, of a GeoTIFF.
+
     One that cannot be shown has a `fault`, and null for everything but its name.
     """
 
     name: str
-    kind: Literal["vector_tiles", "raster_tiles"] | None
+    kind: Literal["vector_tiles", "raster_tiles", "picture", "vegetation_index"] | None
     url: str | None
     bounds: list[float] | None
+    corners: list[list[float]] | None
     minimum_zoom: int | None
     maximum_zoom: int | None
     fault: str | None

@@ -4,12 +4,12 @@ Few requests wait for their turn: a gallery asks for many pictures at once, and 
 holds a thread that an abort may need.
 """
 
-import subprocess
-import sys
 import threading
 from collections import OrderedDict
-from pathlib import Path
 from typing import Final
+
+from edge_server.pictures import program
+from edge_server.pictures.program import BusyError
 
 SIDE_PX: Final = 320
 LARGEST_MEGAPIXELS: Final = 100
@@ -19,17 +19,6 @@ PATIENCE_S: Final = 5.0
 WAITING: Final = 3
 """Requests that may wait for their turn."""
 KEPT_BYTES: Final = 2 * 1024 * 1024
-_PROGRAM: Final = Path(__file__).with_name("reduce.py")
-"""Not imported: it loads the library that reads pictures."""
-_REASON_CHARACTERS: Final = 200
-
-
-class UnreadableError(Exception):
-    """A picture that cannot be made smaller; the text says why."""
-
-
-class BusyError(Exception):
-    """Too many pictures wait; a later request may succeed."""
 
 
 class Thumbnails:
@@ -79,20 +68,4 @@ class Thumbnails:
 
 def _reduce(data: bytes) -> bytes:
     sizes = (str(SIDE_PX), str(LARGEST_MEGAPIXELS))
-    try:
-        done = subprocess.run(  # noqa: S603  # our own program, and no shell
-            [sys.executable, "-I", str(_PROGRAM), *sizes],
-            input=data,
-            capture_output=True,
-            timeout=TIMEOUT_S,
-            check=False,
-        )
-    except subprocess.TimeoutExpired:
-        raise UnreadableError("reading it takes too long") from None
-    except OSError as error:
-        raise BusyError(f"pictures cannot be read now: {error}") from error
-    if done.returncode != 0 or not done.stdout:
-        lines = done.stderr.decode("utf-8", "replace").strip().splitlines()
-        reason = lines[-1][:_REASON_CHARACTERS] if lines else f"status {done.returncode}"
-        raise UnreadableError(reason)
-    return done.stdout
+    return program.run("reduce", *sizes, data=data, within_s=TIMEOUT_S)

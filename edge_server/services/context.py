@@ -13,6 +13,7 @@ from afarcloud.numbers import LAST_YEAR, format_time
 from edge_server.archive.writer import FlightArchive
 from edge_server.config import Config
 from edge_server.outbox import wakeup
+from edge_server.pictures.orthophotos import Orthophotos
 from edge_server.pictures.thumbnails import Thumbnails
 from edge_server.services.brokers import BrokerContacts, WorkSignal
 from edge_server.services.space import Space
@@ -101,6 +102,7 @@ class Context:
     """Held while a plan is checked against its geofence: aborts share the interpreter."""
     not_flown: BriefCache = field(default_factory=BriefCache)
     """Missions that were accepted and are not known to have flown."""
+    orthophotos: Orthophotos = field(init=False)
     thumbnails: Thumbnails = field(default_factory=Thumbnails)
     places_to_wait: threading.BoundedSemaphore = field(
         default_factory=lambda: threading.BoundedSemaphore(WAITING_LIMIT)
@@ -119,6 +121,8 @@ class Context:
             clock=self.clock,
         )
         object.__setattr__(self, "archive", archive)
+        photos = Orthophotos(self.config.edge_dir / "orthophotos")
+        object.__setattr__(self, "orthophotos", photos)
         mark = HighWater(high_water.path_of(self.config.database_path))
         object.__setattr__(self, "high_water", None if self.database.is_shared else mark)
 

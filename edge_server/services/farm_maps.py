@@ -1,19 +1,25 @@
-"""Maps of the farm that a person has put into the maps folder: PMTiles archives.
+"""Maps of the farm that a person has put into the maps folder: PMTiles archives and GeoTIFFs.
 
 A file that cannot be shown is listed with the reason, so that whoever put it there finds it.
 """
 
+import hashlib
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
+from edge_server.exchange import geotiff
+from edge_server.pictures.orthophotos import LARGEST_MEGAPIXELS
+from edge_server.pictures.program import BusyError, UnreadableError
 from edge_server.services.context import Context
-from edge_server.services.errors import NotFoundError
+from edge_server.services.errors import NotFoundError, TooMuchError
 
 MOST_MAPS: Final = 50
 """Of the folder, by name; what comes after them is not listed."""
 PMTILES: Final = ".pmtiles"
+GEOTIFF: Final = (".tif", ".tiff")
+_MOST_BANDS: Final = 4
 _HEADER: Final = struct.Struct("<7sB88xBBBBBBiiii")
 """Of a PMTiles archive: magic, version, compressions, kind of tiles, zooms, bounds [1e-7 deg]."""
 _VECTOR_TILES: Final = 1
@@ -50,11 +56,39 @@ def listing(context: Context) -> list[dict[str, Any]]:
 
 def tiles(context: Context, name: str) -> MapFile:
     """Find a PMTiles archive; raises NotFoundError if the folder has none of this name."""
+    return _find(context, name, (PMTILES,))
+
+
+def orthophoto(context: Context, name: str) -> MapFile:
+    """Find a GeoTIFF; raises NotFoundError if the folder has none of this name."""
+    return _find(context, name, GEOTIFF)
+
+
+def orthophoto_picture(context: Context, found: MapFile) -> bytes:
+    """Return the picture of a GeoTIFF as a WebP, its north up.
+
+    Raises:
+        NotFoundError: if it cannot be shown.
+        TooMuchError: if another one is being prepared.
+    """
+    try:
+        _orthophoto(found.path)
+        key = hashlib.sha256(f"{found.path.name} {found.tag}".encode()).hexdigest()
+        return context.orthophotos.of(key, found.path)
+    except (_UnusableError, UnreadableError) as error:
+        raise NotFoundError(f"the map cannot be shown: {error}") from None
+    except OSError:
+        raise NotFoundError(f"the map cannot be shown: {_UNREADABLE}") from None
+    except BusyError as error:
+        raise TooMuchError(str(error)) from None
+
+
+def _find(context: Context, name: str, suffixes: Sequence[str]) -> MapFile:
     for path in _paths(context.config.maps_dir):
-        if path.name == name and path.suffix.lower() == PMTILES:
+        if path.name == name and path.suffix.lower() in suffixes:
             status = path.stat()
             return MapFile(path, status.st_size, f"{status.st_size:x}-{status.st_mtime_ns:x}")
-    raise NotFoundError(f"the maps folder has no {PMTILES} file of this name")
+    raise NotFoundError(f"the maps folder has no {suffixes[0]} file of this name")
 
 
 def _paths(folder: Path) -> Iterator[Path]:
@@ -75,6 +109,7 @@ def _show(path: Path) -> dict[str, Any]:
         "kind": None,
         "url": None,
         "bounds": None,
+        "corners": None,
         "minimum_zoom": None,
         "maximum_zoom": None,
         "fault": None,
@@ -108,4 +143,31 @@ def _tiles(path: Path) -> dict[str, Any]:
     }
 
 
-_READERS: Final = {PMTILES: _tiles}
+def _orthophoto(path: Path) -> dict[str, Any]:
+    """Read the tags of a GeoTIFF."""
+    with path.open("rb") as file:
+        try:
+            found = geotiff.read(file)
+        except ValueError as error:
+            raise _UnusableError(str(error)) from None
+    if found.width_px * found.height_px > LARGEST_MEGAPIXELS * 1_000_000:
+        raise _UnusableError(
+            f"it has {found.width_px} x {found.height_px} pixels, more than {LARGEST_MEGAPIXELS} "
+            "megapixels: reduce it, or make a PMTiles archive of it"
+        )
+    is_index = found.bands == 1 and found.is_float
+    if not is_index and (found.bits != 8 or found.bands > _MOST_BANDS):
+        raise _UnusableError(
+            f"{found.bands} bands of {found.bits} bits are not supported: only colours of 8 bits, "
+            "or one band with a vegetation index"
+        )
+    latitudes, longitudes = zip(*found.corners, strict=True)
+    return {
+        "kind": "vegetation_index" if is_index else "picture",
+        "url": f"/maps/{path.name}/picture",
+        "bounds": [min(longitudes), min(latitudes), max(longitudes), max(latitudes)],
+        "corners": [list(corner) for corner in found.corners],
+    }
+
+
+_READERS: Final = {PMTILES: _tiles} | dict.fromkeys(GEOTIFF, _orthophoto)

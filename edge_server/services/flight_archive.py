@@ -11,7 +11,7 @@ from afarcloud.wire import Kind
 from edge_server.archive import observation_files, reader, track_files
 from edge_server.archive.reader import Row
 from edge_server.archive.track_files import Track
-from edge_server.pictures.thumbnails import BusyError, UnreadableError
+from edge_server.pictures.program import BusyError, UnreadableError
 from edge_server.services import audit
 from edge_server.services.context import Context, show_time
 from edge_server.services.errors import NotFoundError, TooMuchError, UnavailableError

@@ -10,6 +10,7 @@ import requests
 from PIL import Image
 
 from tests.support.browser import TEST_TIMEOUT_S, console_journey, link_at
+from tests.support.geotiff import geotiff
 from tests.support.pmtiles import archive_at
 from tests.unit.edge_server.documents import mission, mission_report, plan, telemetry
 from tests.unit.edge_server.program import Program, program_in
@@ -75,6 +76,9 @@ def test_a_flight_is_looked_back_at_with_stop_in_reach(tmp_path: Path) -> None:
         maps = tmp_path / "farm" / "maps"
         maps.mkdir()
         (maps / "Aerial.pmtiles").write_bytes(archive_at(40.4434, -3.7382, MAP_COLOUR))
+        (maps / "North.tif").write_bytes(
+            geotiff(Image.new("F", (40, 40), 1.0), -3.7392, 40.4444, 5e-5)
+        )
         (maps / "Broken.pmtiles").write_bytes(b"not a map")
         headers = {"Authorization": f"Bearer {program.key('admin')}"}
         take("look_back", OPERATOR_LINK=link_at(program.url, headers, "operator", "juan"))

@@ -42,7 +42,7 @@ def _latitude(row: int) -> float:
 
 def _identifier(zoom: int, x: int, y: int) -> int:
     """Number of a tile on the Hilbert curves of all zooms."""
-    found = sum(4**each for each in range(zoom))
+    found = sum(1 << 2 * each for each in range(zoom))
     side = 2**zoom // 2
     while side:
         right, down = int(bool(x & side)), int(bool(y & side))

@@ -164,10 +164,12 @@ export interface FlownCommand {
 /** A file of the maps folder; one that cannot be shown has a fault and no address. */
 export interface BaseMap {
   name: string;
-  kind: "vector_tiles" | "raster_tiles" | null;
+  kind: "vector_tiles" | "raster_tiles" | "picture" | "vegetation_index" | null;
   url: string | null;
   /** West, south, east, north [deg]. */
   bounds: [number, number, number, number] | null;
+  /** Latitude and longitude from the north-west on clockwise, of a picture. */
+  corners: [number, number][] | null;
   fault: string | null;
 }
 

@@ -11,10 +11,16 @@ export function BaseMaps({ map, styles }: { map: MapLibreMap; styles: number }) 
   const { t } = useTranslation();
   const [isOpen, setOpen] = useState(false);
   const [shown, setShown] = useState(readShownMaps);
+  const [faults, setFaults] = useState<Record<string, string>>({});
   const maps = useResource(listBaseMaps);
   const found = maps.value;
   useEffect(() => {
-    if (found !== null) void drawBaseMaps(map, found, shown).catch(() => undefined); // It stays without
+    if (found === null) return;
+    const control = new AbortController();
+    void drawBaseMaps(map, found, shown, control.signal).then((failed) => {
+      if (!control.signal.aborted) setFaults(failed);
+    });
+    return () => control.abort();
   }, [map, styles, found, shown]);
 
   const show = (next: ShownMaps) => {
@@ -40,7 +46,7 @@ export function BaseMaps({ map, styles }: { map: MapLibreMap; styles: number }) 
         <fieldset onKeyDown={(event) => event.key === "Escape" && setOpen(false)}>
           <legend>{t("map.layers")}</legend>
           {found.length === 0 && <p className="muted">{t("map.no_layers")}</p>}
-          {found.map(({ name, fault }) => (
+          {found.map(({ name, kind, fault }) => (
             <div key={name}>
               <label>
                 <input
@@ -51,7 +57,17 @@ export function BaseMaps({ map, styles }: { map: MapLibreMap; styles: number }) 
                 />
                 <span>{name.replace(/\.[^.]+$/, "")}</span>
               </label>
-              {fault !== null && <p className="small">{fault}</p>}
+              {(fault ?? faults[name]) && <p className="small">{fault ?? faults[name]}</p>}
+              {kind === "vegetation_index" && name in shown && (
+                <figure className="vegetation-legend">
+                  <i />
+                  <figcaption>
+                    <span>0</span>
+                    <span>{t("map.vegetation_index")}</span>
+                    <span>1</span>
+                  </figcaption>
+                </figure>
+              )}
               {name in shown && fault === null && (
                 <input
                   type="range"

@@ -1,4 +1,5 @@
-/** Base maps below everything else: PMTiles archives of the edge server, read a range at a time. */
+/** Base maps below everything else: PMTiles archives of the edge server, read a range at a time, and
+ *  its GeoTIFFs as pictures. */
 
 import type { LayerSpecification, Map as MapLibreMap, StyleSpecification } from "maplibre-gl";
 import { PMTiles, Protocol } from "pmtiles";
@@ -12,6 +13,8 @@ const KEY = "farm-console-maps";
 const PREFIX = "base:";
 /** Base maps lie below this layer. */
 const ABOVE = "field";
+const PREPARE_ATTEMPTS = 30;
+const PREPARE_MS = 2_000;
 const protocol = new Protocol();
 maplibregl.addProtocol("pmtiles", protocol.tile);
 
@@ -45,8 +48,14 @@ export function keepBaseMaps(previous: StyleSpecification | undefined, next: Sty
   };
 }
 
-/** Draws the shown maps of a list with their opacity and removes the others. */
-export async function drawBaseMaps(map: MapLibreMap, maps: readonly BaseMap[], shown: ShownMaps): Promise<void> {
+/** Draws the shown maps of a list with their opacity and removes the others.
+ *
+ * Gives the reasons for those that cannot be drawn, by name. What is aborted draws nothing more.
+ */
+export async function drawBaseMaps(
+  map: MapLibreMap, maps: readonly BaseMap[], shown: ShownMaps, signal: AbortSignal,
+): Promise<Record<string, string>> {
+  const faults: Record<string, string> = {};
   for (const one of maps) {
     const id = PREFIX + one.name;
     const opacity = shown[one.name];
@@ -54,21 +63,49 @@ export async function drawBaseMaps(map: MapLibreMap, maps: readonly BaseMap[], s
       remove(map, id);
       continue;
     }
-    if (map.getSource(id) === undefined) await add(map, one, id);
+    try {
+      if (map.getSource(id) === undefined) await add(map, one, id, signal);
+    } catch (error) {
+      faults[one.name] = error instanceof Error ? error.message : String(error);
+    }
+    if (signal.aborted) break;
     for (const layer of layersOf(map, id)) setOpacity(map, layer, opacity);
   }
+  return faults;
 }
 
-async function add(map: MapLibreMap, one: BaseMap, id: string): Promise<void> {
+async function add(map: MapLibreMap, one: BaseMap, id: string, signal: AbortSignal): Promise<void> {
   const url = new URL(one.url ?? "", location.href).href;
+  if (one.kind === "picture" || one.kind === "vegetation_index") return addPicture(map, one, id, url, signal);
   const archive = new PMTiles(url);
   protocol.add(archive);
   const layers = one.kind === "vector_tiles" ? vectorLayers(id, await archive.getMetadata()) : [rasterLayer(id)];
-  if (map.getSource(id) !== undefined) return; // Added while the archive was read
+  if (signal.aborted) return;
   const tiles = { url: `pmtiles://${url}` };
   if (one.kind === "vector_tiles") map.addSource(id, { type: "vector", ...tiles });
   else map.addSource(id, { type: "raster", tileSize: 256, ...tiles });
   for (const layer of layers) map.addLayer(layer, ABOVE);
+}
+
+async function addPicture(map: MapLibreMap, one: BaseMap, id: string, url: string, signal: AbortSignal): Promise<void> {
+  await prepare(url, signal);
+  const [northWest, northEast, southEast, southWest] = (one.corners ?? []).map(
+    ([latitude, longitude]): [number, number] => [longitude, latitude],
+  );
+  if (signal.aborted || !northWest || !northEast || !southEast || !southWest) return;
+  map.addSource(id, { type: "image", url, coordinates: [northWest, northEast, southEast, southWest] });
+  map.addLayer(rasterLayer(id), ABOVE);
+}
+
+/** Waits until the edge server has made a picture: a large one takes some seconds, one at a time. */
+async function prepare(url: string, signal: AbortSignal): Promise<void> {
+  for (let attempt = 0; ; attempt += 1) {
+    const answer = await fetch(url, { signal });
+    if (answer.ok) return;
+    const { message } = (await answer.json().catch(() => ({}))) as { message?: string };
+    if (answer.status !== 429 || attempt >= PREPARE_ATTEMPTS) throw new Error(message ?? `HTTP ${answer.status}`);
+    await new Promise((resolve) => setTimeout(resolve, PREPARE_MS));
+  }
 }
 
 function rasterLayer(id: string): LayerSpecification {

@@ -101,9 +101,9 @@ async function countPixels(page, map, colour) {
 /** A base map is drawn below the track, also in another theme and after a reload. */
 async function showBaseMap(page) {
   const map = page.getByRole("region", { name: "Track" });
-  const isDrawn = async (when) => {
+  const isDrawn = async (when, colour = [200, 80, 160]) => {
     for (let attempt = 0; attempt < 60; attempt += 1) {
-      if (await countPixels(page, map, [200, 80, 160]) > 10_000) return;
+      if (await countPixels(page, map, colour) > 10_000) return;
       await page.waitForTimeout(500);
     }
     throw new Error(`the base map is not drawn ${when}`);
@@ -114,6 +114,12 @@ async function showBaseMap(page) {
   await map.getByLabel("Aerial", { exact: true }).check();
   await map.getByLabel("Opacity of Aerial").waitFor();
   await isDrawn("at first");
+  await map.getByLabel("North", { exact: true }).check();
+  await map.getByText("Vegetation (NDVI)").waitFor();
+  await isDrawn("of the vegetation", [26, 152, 80]);
+  await requireAccessible(page, "a map of the vegetation");
+  await map.getByLabel("North", { exact: true }).uncheck();
+  await isDrawn("without the vegetation");
   await page.evaluate(() => localStorage.setItem("farm-console", JSON.stringify({ theme: "dark", language: "en" })));
   await page.reload();
   await isDrawn("after a reload");

@@ -22,6 +22,7 @@ def blueprint() -> Blueprint:
     routes = Blueprint("maps", __name__)
     urls.add(routes, NAMES, "page", page, "GET")
     urls.add(routes, NAMES, "tiles", tiles, "GET", item=ITEM)
+    urls.add(routes, NAMES, "picture", picture, "GET", item=ITEM, action="picture")
     return routes
 
 
@@ -52,6 +53,22 @@ def tiles(file_name: str) -> Response:
         answer.content_range.set(*part, size)
     answer.set_etag(found.tag)
     answer.accept_ranges = "bytes"
+    answer.headers["Cache-Control"] = "private, no-cache"
+    return answer
+
+
+@allow(PEOPLE)
+@describe(Contract({200: None}, conditional=True, errors=(429,)))
+def picture(file_name: str) -> Response:
+    """Give the picture of a GeoTIFF as a WebP between its corners; 404 if it cannot be shown."""
+    context = bodies.context()
+    found = farm_maps.orthophoto(context, file_name)
+    if request.if_none_match.contains(found.tag):
+        answer = Response(status=304)
+    else:
+        small = farm_maps.orthophoto_picture(context, found)
+        answer = Response(small, content_type="image/webp")
+    answer.set_etag(found.tag)
     answer.headers["Cache-Control"] = "private, no-cache"
     return answer
 

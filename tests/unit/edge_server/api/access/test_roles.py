@@ -95,6 +95,7 @@ MATRIX: list[tuple[str, str, set[str], Any]] = [
     ("GET", "/flights/1/observations", PEOPLE, None),
     ("GET", "/maps/", PEOPLE, None),
     ("GET", "/maps/farm.pmtiles", PEOPLE, None),
+    ("GET", "/maps/farm.pmtiles/picture", PEOPLE, None),
     ("GET", "/alarms/history/", PEOPLE, None),
     ("POST", "/alarms/history/1/acknowledge", {"operator", "admin"}, None),
     ("POST", "/telemetry/", {"broker"}, {"records": [{"pose": telemetry("pose")}]}),

@@ -44,6 +44,7 @@ def test_an_archive_is_listed_with_its_place(edge: Edge, kind: int, name: str) -
         "url": "/maps/north%20farm.pmtiles",
         "minimum_zoom": 12,
         "maximum_zoom": 18,
+        "corners": None,
         "fault": None,
     }
 
