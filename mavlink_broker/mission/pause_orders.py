@@ -7,6 +7,10 @@ A mission that is paused stays RUNNING. Mission items go on where they were. A c
 live begins anew: the vehicle has left it. Between two segments the vehicle holds anyway, so a pause
 that comes while items are transferred is ordered as soon as they fly.
 
+A vehicle may obey two orders the other way round if the second was sent before the first was
+answered: the network may deliver them so. A hold behind a resume is then the mission paused again,
+which an event can resume; a vehicle that flies on behind a pause is ordered to hold again.
+
 Who pauses a vehicle resumes it: a pause by another system is not ended by an event, and an event
 orders nothing while another system is in command.
 """
@@ -37,7 +41,7 @@ PAUSED_INSTEAD: Final = "a later event has paused the mission"
 SHOWN_WITHIN_S: Final = 5.0
 """How long a vehicle may take to show a mode that it has accepted."""
 LATE_WITHIN_S: Final = 30.0
-"""How long behind an order without an answer a hold of the vehicle is taken for its effect."""
+"""How long behind an order without an answer the vehicle may still obey it."""
 _FLYING_ITEMS: Final = frozenset({ModeRole.MISSION, ModeRole.ENDING})
 _READY_FOR_LIVE: Final = frozenset({ModeRole.HOLD, ModeRole.GUIDED})
 
@@ -54,7 +58,8 @@ class PauseOrders:
         self._sequence: CommandSequence | None = None  # None: it waits until items fly
         self._resumed_in: frozenset[ModeRole] = frozenset()  # Modes that show a resume
         self._shown_until: float | None = None  # The vehicle has accepted the order
-        self._late_until = 0.0
+        self._late_until = 0.0  # An order to hold may still arrive
+        self._resumes_until = 0.0  # An order to fly on may still arrive
         self._is_new = False  # Not written into a report yet
 
     @property
@@ -79,6 +84,8 @@ class PauseOrders:
         if self._refuses(work, state, who, effects):
             return
         rests = self.is_paused and self._sequence is None and self._holds
+        if self._sequence is not None and not self._pauses:
+            self._resumes_until = now + LATE_WITHIN_S
         self._answer("refused", REPLACED, effects)
         self._work, self._pauses = work, True
         if rests:
@@ -107,6 +114,8 @@ class PauseOrders:
             reason = f"system {foreign.system} has paused or moved the vehicle meanwhile"
             effects.for_edge.append(Acknowledgement(work.work_id, "refused", reason))
             return
+        if self._sequence is not None and self._pauses:
+            self._late_until = now + LATE_WITHIN_S
         self._answer("refused", REPLACED, effects)
         self._work, self._pauses = work, False
         family = self._vehicle.family
@@ -141,12 +150,12 @@ class PauseOrders:
             effects.messages += self._sequence.tick(now)
             self._judge(now, effects)
         else:
-            self._observe(now)
+            self._observe(who, now, effects)
 
     def cancel(self, reason: str, effects: Effects) -> None:
         """End with the mission: nothing is paused any more, an event that waits is refused."""
         self._answer("refused", reason, effects)
-        self._late_until = 0.0
+        self._late_until = self._resumes_until = 0.0
         if self.is_paused:
             self._vehicle.recovery.clear_pause()
 
@@ -199,9 +208,9 @@ class PauseOrders:
         self._note(is_paused=is_paused)
 
     def _note(self, *, is_paused: bool) -> None:
-        self._late_until = 0.0
         self._is_new = is_paused
         if is_paused:
+            self._late_until = 0.0
             self._vehicle.recovery.note_pause(self._mission)
         else:
             self._vehicle.recovery.clear_pause()
@@ -223,8 +232,8 @@ class PauseOrders:
         vehicle = self._vehicle
         return not vehicle.family.knows_modes or vehicle.mode_role in self._resumed_in
 
-    def _observe(self, now: float) -> None:
-        """Notice a hold that follows an order late, and a mission that somebody else resumed."""
+    def _observe(self, who: Authority, now: float, effects: Effects) -> None:
+        """Notice what follows an order late, and a mission that somebody else resumed."""
         vehicle = self._vehicle
         if not vehicle.family.knows_modes or not vehicle.snapshot.armed:
             return
@@ -232,7 +241,12 @@ class PauseOrders:
         if is_late and not self.is_paused and self._holds and not vehicle.is_held_by_failsafe:
             self._note(is_paused=True)
         elif self.is_paused and self._is_flown_on:
-            self._note(is_paused=False)
+            resumes_late = now < self._resumes_until and vehicle.foreign_order is None
+            if resumes_late and who is Authority.BROKER:
+                self._pauses = True
+                self._order(vehicle.family.pausing, now, effects)
+            else:
+                self._note(is_paused=False)
 
     @property
     def _is_flown_on(self) -> bool:

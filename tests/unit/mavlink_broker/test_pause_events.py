@@ -93,6 +93,39 @@ class TestItems:
         assert world.edge.statuses(1201) == [Status.FINISHED] * 3
 
     @KNOWN
+    def test_a_pause_that_arrives_behind_its_resume_can_be_resumed(self, family: str) -> None:
+        world = World()
+        vehicle = world.add_vehicle(script=slow(SCRIPTS[family]))
+        world.edge.plan(mission(takeoff(1), waypoint(2, hold_time=60.0), go_home(3)))
+        world.run_until(lambda: vehicle.airborne and state(world) is State.RUNNING)
+        world.run(7.0)
+        world.edge.event(PAUSE)
+        resume = world.edge.event(RESUME)
+        world.run(3.0)
+        assert answer_statuses(world, resume) == ["accepted", "done"]
+        vehicle.steer(PAUSED_MODES[family])
+        world.run(20.0)
+        assert world.edge.status(1201) == Status.RUNNING
+        assert world.edge.bodies("/vehicles/1")[-1]["activity"] == "paused"
+        resume = world.edge.event(RESUME)
+        world.run(3.0)
+        assert answer_statuses(world, resume) == ["accepted", "done"]
+        assert vehicle.custom_mode == FLYING_MODES[family]
+
+    @KNOWN
+    def test_a_resume_that_arrives_behind_the_next_pause_does_not_fly_on(self, family: str) -> None:
+        world = paused(SCRIPTS[family])
+        vehicle = world.only_vehicle
+        world.edge.event(RESUME)
+        pause = world.edge.event(PAUSE)
+        world.run(3.0)
+        assert answer_statuses(world, pause) == ["accepted", "done"]
+        vehicle.steer(FLYING_MODES[family])
+        world.run(3.0)
+        assert vehicle.custom_mode == PAUSED_MODES[family]
+        assert world.edge.bodies("/vehicles/1")[-1]["activity"] == "paused"
+
+    @KNOWN
     def test_the_report_says_that_an_event_has_paused_it(self, family: str) -> None:
         world = paused(SCRIPTS[family])
         world.run(20.0)
