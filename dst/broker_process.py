@@ -63,7 +63,7 @@ FOREIGN_ANSWERS: Final = (
     b"SSH-2.0-OpenSSH_9.2\r\n",
     b"HTTP/1.1 200\r\nTransfer-Encoding: chunked\r\n\r\nzz\r\n",
     b"HTTP/1.1 100 Continue\r\n\r\n",
-    b"HTTP/1.1 201 Created\r\nContent-Length: -1\r\n\r\n{}",
+    b"HTTP/1.1 201 Created\r\nContent-Length: -1\r\n\r\n<html>",
     b"\x16\x03\x01\x00\x02\x02\x28",
 )
 """Of somebody else at the edge server's address."""
