@@ -8,6 +8,7 @@ class Resource {
   status = 0;
   writes = 0;
   losesAnswers = false;
+  last = { by: "ana", at: "2026-05-01T08:00:00Z" };
 
   read = async (): Promise<Tagged<string>> => {
     if (this.content === null) throw new RequestError(404, "not found");
@@ -15,7 +16,7 @@ class Resource {
   };
   put = (content: string) => async (tag: string): Promise<string> => {
     const { tag: present } = await this.read();
-    if (tag !== present) throw new RequestError(412, "changed");
+    if (tag !== present) throw new RequestError(412, "changed", [], null, this.last);
     this.content = content;
     this.writes += 1;
     if (this.losesAnswers) throw new RequestError(0, "unreachable");
@@ -35,6 +36,7 @@ test("of two people who edit one version, the second learns what the first has m
   const failure = await over(there, juan, "Juan's").catch((reason: unknown) => reason);
   expect(failure).toBeInstanceOf(ChangedError);
   expect((failure as ChangedError<string>).theirs?.value).toBe("Ana's");
+  expect((failure as ChangedError<string>).last?.by).toBe("ana");
   expect(there.content).toBe("Ana's");
 });
 

@@ -121,7 +121,10 @@ def _document(error: DocumentError) -> ResponseReturnValue:
 
 def _service(error: ServiceError) -> ResponseReturnValue:
     headers = RETRY_SOON if isinstance(error, TooMuchError | UnavailableError) else {}
-    return _answer(str(error), error.faults), STATUS[type(error)], headers
+    answer = _answer(str(error), error.faults)
+    if isinstance(error, ChangedError) and error.last is not None:
+        answer["changed"] = error.last._asdict()
+    return answer, STATUS[type(error)], headers
 
 
 def _request(error: RequestError) -> ResponseReturnValue:

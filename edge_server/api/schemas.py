@@ -52,12 +52,21 @@ class ErrorCode(Answer):
     path: str
 
 
+class LastChange(Answer):
+    """Who changed a plan or a field last, and by which operation, such as `plans.put`."""
+
+    by: str
+    at: datetime
+    action: str
+
+
 class Error(Answer):
     """What is wrong, with each faulty field by its path."""
 
     message: str
     detail: dict[str, dict[str, list[str]]]
     errors: list[ErrorCode] = _optional()
+    changed: LastChange = _optional()
     request_id: str = _optional()
 
 

@@ -14,7 +14,7 @@ from typing import Final, NamedTuple
 from sqlalchemy import Connection
 
 from edge_server.services.context import show_time
-from edge_server.services.errors import SpentError
+from edge_server.services.errors import ChangedError, LastChange, SpentError
 from edge_server.store.connection.database import TRANSACTION_HOOK, Database
 from edge_server.store.rows import audit, tokens
 from edge_server.store.rows.audit import Entry, Row
@@ -133,6 +133,18 @@ def changes_nothing() -> None:
     """Note that the present transaction changes nothing."""
     if (trail := current()) is not None:
         trail.changes_nothing()
+
+
+@contextmanager
+def naming_last_change(connection: Connection, *objects: str) -> Iterator[None]:
+    """Say in a ChangedError of this block who changed the object last, by any of its names."""
+    try:
+        yield
+    except ChangedError as error:
+        found = audit.last_of(connection, objects, DONE)
+        if found is not None:
+            error.last = LastChange(found.who, show_time(found.at), found.action)
+        raise
 
 
 @contextmanager

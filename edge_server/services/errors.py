@@ -11,6 +11,8 @@ ServiceError
   +- UnavailableError   what it is about cannot be read or written now
 """
 
+from typing import NamedTuple
+
 from afarcloud.faults import Fault
 
 
@@ -46,8 +48,18 @@ class UnavailableError(ServiceError):
     """What the request is about cannot be read or written now."""
 
 
+class LastChange(NamedTuple):
+    """Who changed an object last, when, and by which route, such as `plans.put`."""
+
+    by: str
+    at: str
+    action: str
+
+
 class ChangedError(ServiceError):
-    """The object has changed since the caller read it."""
+    """The object has changed since the caller read it; `last` is known for plans and fields."""
+
+    last: LastChange | None = None
 
 
 class SpentError(ServiceError):

@@ -3,7 +3,14 @@
 /** What the edge server answers to a request that it refuses; see its HTTP errors. */
 interface Problem {
   message?: string;
+  changed?: LastChange;
   detail?: Record<string, Record<string, string[]>>;
+}
+
+/** Who has changed what was to be written, and when. */
+export interface LastChange {
+  by: string;
+  at: string;
 }
 
 /** A faulty member of a document, by its path in the document. */
@@ -22,6 +29,7 @@ export class RequestError extends Error {
     message: string,
     readonly faults: Fault[] = [],
     readonly retryAfterS: number | null = null,
+    readonly changed: LastChange | null = null,
   ) {
     super(message);
   }
@@ -125,6 +133,7 @@ async function refusalOf(response: Response): Promise<RequestError> {
     problem.message ?? response.statusText,
     faultsOf(problem),
     Number.isFinite(retryAfter) && retryAfter > 0 ? retryAfter : null,
+    problem.changed ?? null,
   );
 }
 

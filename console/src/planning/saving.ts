@@ -1,10 +1,14 @@
 /** Saving what several people may edit: nobody overwrites what they have not seen. */
 
-import { RequestError, type Tagged } from "../api/client";
+import { RequestError, type LastChange, type Tagged } from "../api/client";
 
 /** Somebody else has changed what was to be saved, or deleted it (`theirs` is null). */
 export class ChangedError<Value> extends Error {
-  constructor(readonly theirs: Tagged<Value> | null) {
+  constructor(
+    readonly theirs: Tagged<Value> | null,
+    /** Who has changed it last, as far as the edge server knows. */
+    readonly last: LastChange | null = null,
+  ) {
     super("changed by somebody else");
   }
 }
@@ -31,9 +35,11 @@ export interface Saving<Value> {
 export async function save<Value>(base: Tagged<Value>, saving: Saving<Value>): Promise<Value> {
   let tag = base.tag;
   for (let attempt = 1; ; attempt += 1) {
+    let last: LastChange | null = null;
     try {
       return await saving.put(tag);
     } catch (reason) {
+      if (reason instanceof RequestError) last = reason.changed;
       const status = reason instanceof RequestError ? reason.status : null;
       if (status === GONE) throw new ChangedError<Value>(null);
       if (status !== PRECONDITION_FAILED || attempt === MOST_ATTEMPTS) throw reason;
@@ -41,7 +47,7 @@ export async function save<Value>(base: Tagged<Value>, saving: Saving<Value>): P
     const theirs = await present(saving.read);
     if (theirs === null) throw new ChangedError<Value>(null);
     if (saving.isMine(theirs.value)) return theirs.value;
-    if (!saving.isSame(base.value, theirs.value)) throw new ChangedError(theirs);
+    if (!saving.isSame(base.value, theirs.value)) throw new ChangedError(theirs, last);
     tag = theirs.tag;
   }
 }

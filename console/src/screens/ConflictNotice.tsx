@@ -1,19 +1,23 @@
 import { useEffect, useRef } from "react";
 import { useTranslation } from "react-i18next";
+import type { LastChange } from "../api/client";
+import { useUnits } from "../app/preferences";
 import { Button } from "../controls/Button";
 import { Notice } from "../controls/states";
 import type { Change } from "../planning/changes";
 
 /** Says what somebody else has changed, and leaves the choice between the two versions. */
-export function ConflictNotice({ kind, changes, isBusy, load, copy }: {
+export function ConflictNotice({ kind, changes, last, isBusy, load, copy }: {
   kind: "plan" | "field";
   /** Null if it has been deleted. */
   changes: readonly Change[] | null;
+  last: LastChange | null;
   isBusy: boolean;
   load: () => void;
   copy: () => void;
 }) {
   const { t } = useTranslation();
+  const units = useUnits();
   const place = useRef<HTMLDivElement>(null);
   useEffect(() => {
     place.current?.scrollIntoView({ block: "nearest" });
@@ -21,7 +25,11 @@ export function ConflictNotice({ kind, changes, isBusy, load, copy }: {
   return (
     <div ref={place}>
       <Notice kind="error">
-        <strong>{t(`conflict.${kind}_${changes === null ? "deleted" : "changed"}`)}</strong>
+        <strong>
+          {changes === null || last === null
+            ? t(`conflict.${kind}_${changes === null ? "deleted" : "changed"}`)
+            : t(`conflict.${kind}_changed_by`, { name: nameOf(last), time: units.time(last.at) })}
+        </strong>
         {changes !== null && (
           <ul>
             {changes.map(({ name, text, count }) => (
@@ -45,4 +53,9 @@ export function ConflictNotice({ kind, changes, isBusy, load, copy }: {
       </Notice>
     </div>
   );
+}
+
+/** The name of a person without the prefix that tells accounts from keys. */
+function nameOf({ by }: LastChange): string {
+  return by.replace(/^user\//, "");
 }

@@ -192,6 +192,7 @@ function Editor({ read, others }: { read: Tagged<StoredField> | null; others: St
           <ConflictNotice
             kind="field"
             changes={conflict.theirs && editing.base && fieldChanges(editing.base.value, conflict.theirs.value)}
+            last={conflict.last}
             isBusy={isBusy}
             load={() => {
               if (conflict.theirs) editing.rebase(conflict.theirs);

@@ -234,6 +234,7 @@ function Editor({ read }: { read: Tagged<Plan> | null }) {
           <ConflictNotice
             kind="plan"
             changes={conflict.theirs && editing.base && planChanges(editing.base.value, conflict.theirs.value)}
+            last={conflict.last}
             isBusy={isBusy}
             load={() => {
               if (conflict.theirs) editing.rebase(conflict.theirs);

@@ -1,7 +1,7 @@
 /** Saving from an editor: busy, refused, or changed by somebody else in the meantime. */
 
 import { useState } from "react";
-import type { RequestError, Tagged } from "../api/client";
+import type { LastChange, RequestError, Tagged } from "../api/client";
 import { asRequestError } from "../live/use_resource";
 import { ChangedError } from "../planning/saving";
 
@@ -9,7 +9,7 @@ export interface Attempt<Value> {
   isBusy: boolean;
   error: RequestError | null;
   /** What somebody else has made of it; null inside if it is deleted. */
-  conflict: { theirs: Tagged<Value> | null } | null;
+  conflict: { theirs: Tagged<Value> | null; last: LastChange | null } | null;
   run: (work: () => Promise<Value>, then: (stored: Value) => void, refused?: (error: RequestError) => void) => void;
   forget: () => void;
 }
@@ -28,7 +28,8 @@ export function useSaving<Value>(): Attempt<Value> {
       })
       .catch((reason: unknown) => {
         if (reason instanceof ChangedError) {
-          setConflict({ theirs: (reason as ChangedError<Value>).theirs });
+          const { theirs, last } = reason as ChangedError<Value>;
+          setConflict({ theirs, last });
           return;
         }
         const refusal = asRequestError(reason);

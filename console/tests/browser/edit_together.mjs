@@ -30,6 +30,7 @@ async function editField(ana, juan) {
   await ana.getByRole("link", { name: "Ana's field" }).first().waitFor();
   await button(juan, "Save the field").click();
   await juan.getByText("The name is now “Ana's field”.").waitFor();
+  await juan.getByText(/^ana has changed this field since you opened it/).waitFor();
   await requireValue(juan, "Juan's field");
   await requireAccessible(juan, "a field that somebody else has changed");
   await picture(juan, "conflict-field");

@@ -7,6 +7,7 @@ from sqlalchemy import Connection
 
 from afarcloud.wire import write
 from edge_server.exchange.field import Field, area_m2
+from edge_server.services import audit
 from edge_server.services import idempotency as post_idempotency
 from edge_server.services.context import (
     Caller,
@@ -90,7 +91,8 @@ def replace(
     """Replace a field's boundary; raises NotFoundError, or ChangedError by the precondition."""
     with context.database.write() as connection:
         old = _known(fields.get(connection, identifier), identifier)
-        precondition(show(old))
+        with audit.naming_last_change(connection, f"fields/{identifier}"):
+            precondition(show(old))
         fields.replace(connection, identifier, write(document), context.clock())
         return show(_known(fields.get(connection, identifier), identifier))
 

@@ -186,7 +186,8 @@ def replace(
         now = context.clock()
         broker_work.expire(connection, now)
         old = _find(connection, reference)
-        precondition(_show(connection, old))
+        with audit.naming_last_change(connection, f"plans/{old.id}", f"plans/{old.plan_id}"):
+            precondition(_show(connection, old))
         if any(item.state != work.QUEUED for item in work.of_plan(connection, old.id)):
             raise ConflictError(
                 f"plan {old.id} cannot be replaced: a mission of it was accepted or has ended"

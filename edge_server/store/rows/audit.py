@@ -7,7 +7,7 @@ the chain; a writer locks it until the commit, so that no two rows follow the sa
 
 import hashlib
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any, Final, NamedTuple
 
 from sqlalchemy import Connection, delete, func, insert, select, text, update
@@ -97,6 +97,13 @@ def page(connection: Connection, *, after_id: int, limit: int, since_s: float = 
     """Return some rows after an id, in order."""
     query = select(audit).where(audit.c.id > after_id, audit.c.at >= since_s)
     return [_row(found) for found in connection.execute(query.order_by(audit.c.id).limit(limit))]
+
+
+def last_of(connection: Connection, objects: Sequence[str], result: str) -> Entry | None:
+    """Return the newest entry about one of these objects with this result."""
+    query = select(audit).where(audit.c.object.in_(objects), audit.c.result == result)
+    found = connection.execute(query.order_by(audit.c.id.desc()).limit(1)).one_or_none()
+    return None if found is None else _row(found).entry
 
 
 def cut(connection: Connection, before_s: float) -> int:

@@ -59,6 +59,28 @@ def test_any_tag_will_do_for_a_star_and_for_no_condition(edge: Edge, kind: str) 
     assert put(edge, path, body).status_code == 200
 
 
+@pytest.mark.parametrize("kind", ["plan", "field"])
+def test_a_refused_put_names_the_last_change(edge: Edge, kind: str) -> None:
+    path, body = make(edge, kind)
+    tag = edge.ask("GET", path, "operator").headers["ETag"]
+    edge.clock.pass_s(60.0)
+    assert edge.ask("PUT", path, "operator", json=body).status_code == 200
+    refused = put(edge, path, body, If_Match=tag)
+    assert refused.status_code == 412
+    action = f"{kind}s.put"
+    at = "2026-11-21T12:01:00Z"
+    assert (refused.json or {})["changed"] == {"by": "operator", "at": at, "action": action}
+
+
+def test_a_dispatch_is_a_change_of_its_plan(edge: Edge) -> None:
+    posted = edge.post_plan(plan(dispatch=False)).json or {}
+    path = f"/plans/{posted['plan_id']}"
+    tag = edge.ask("GET", path, "operator").headers["ETag"]
+    assert edge.ask("POST", f"{path}/dispatch", "operator").status_code == 200
+    refused = put(edge, path, plan(), If_Match=tag)
+    assert (refused.json or {})["changed"]["action"] == "plans.dispatch"
+
+
 def test_a_star_asks_for_something_that_is_there(edge: Edge) -> None:
     assert put(edge, "/vehicles/7", {"link_state": "lost"}, If_Match="*").status_code == 412
     assert edge.ask("GET", "/vehicles/7", "operator").status_code == 404
