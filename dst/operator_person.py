@@ -17,7 +17,7 @@ MEAN_LOOK_S: Final = 8.0
 ABORT_SHARE: Final = 0.25
 RELEASE_PERIOD_S: Final = 15.0
 RESCUE_S: Final = 60.0
-"""A vehicle that has hovered so long without a mission is landed by its pilot."""
+"""A vehicle that has hovered or circled so long without a mission is landed by its pilot."""
 RESUMES: Final = 3
 """After so many requests to resume, a mission that stays paused is aborted."""
 ALTITUDE_M: Final = 5.0
@@ -214,7 +214,8 @@ class Operator:
         world, vehicle = self._world, self._world.vehicles[system]
         app = world.broker.app
         session = None if app is None else app.sessions.get(system)
-        is_left = vehicle.is_flying and vehicle.mode in {Mode.HOLD, Mode.BRAKE}
+        comes_down = vehicle.mode in {Mode.RETURN, Mode.LAND}
+        is_left = vehicle.is_flying and vehicle.pilot_since_s is None and not comes_down
         if not is_left or session is None or session.state is not State.IDLE:
             self._hovers_since_s.pop(system, None)
             return
