@@ -67,8 +67,9 @@ export const listPlans = (since: Date): Promise<Plan[]> =>
 export const getPlan = (reference: string): Promise<Plan> => request(`/plans/${reference}`);
 export const getTaggedPlan = (reference: string): Promise<Tagged<Plan>> =>
   requestTagged(`/plans/${reference}`);
-export const dispatchPlan = (id: number): Promise<Plan> =>
-  request(`/plans/${id}/dispatch`, { method: "POST" });
+/** Dispatches a plan; with a tag only as it was read, otherwise RequestError 412. */
+export const dispatchPlan = (id: number, tag = ""): Promise<Plan> =>
+  request(`/plans/${id}/dispatch`, { method: "POST", ifMatch: tag });
 export const deletePlan = (id: number): Promise<void> =>
   request(`/plans/${id}`, { method: "DELETE" });
 

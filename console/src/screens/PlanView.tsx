@@ -1,7 +1,7 @@
 import { lazy, Suspense, useMemo, useState } from "react";
 import { useTranslation } from "react-i18next";
 import type { RequestError } from "../api/client";
-import { createPlan, deletePlan, dispatchPlan, getPlan, listFields } from "../api/resources";
+import { createPlan, deletePlan, dispatchPlan, getTaggedPlan, listFields } from "../api/resources";
 import type { Mission, Plan } from "../api/types";
 import { useUnits } from "../app/preferences";
 import { go, linkTo } from "../app/route";
@@ -30,9 +30,9 @@ export default function PlanView({ reference }: { reference: string }) {
   const { t } = useTranslation();
   const version = useLive((state) => state.missionChanges);
   const missions = useLive((state) => state.missions);
-  const resource = useResource(() => getPlan(reference), version);
+  const resource = useResource(() => getTaggedPlan(reference), version);
   const plan = useMemo(
-    () => (resource.value === null ? null : withLive(resource.value, missions)),
+    () => (resource.value === null ? null : withLive(resource.value.value, missions)),
     [resource.value, missions],
   );
   if (plan === null) {
@@ -55,7 +55,7 @@ export default function PlanView({ reference }: { reference: string }) {
           <h1>{plan.name ?? t("plans.unnamed", { id: plan.id })}</h1>
           <PlanState plan={plan} />
         </header>
-        <PlanActions plan={plan} reload={resource.reload} />
+        <PlanActions plan={plan} tag={resource.value?.tag ?? ""} reload={resource.reload} />
         {plan.warnings.length > 0 && (
           <Notice kind="info">
             <strong>{t("plans.warnings")}</strong>
@@ -106,7 +106,12 @@ function PlanMap({ plan }: { plan: Plan }) {
   );
 }
 
-function PlanActions({ plan, reload }: { plan: Plan; reload: () => void }) {
+function PlanActions({ plan, tag, reload }: {
+  plan: Plan;
+  /** Of the version that is shown: no other one is dispatched. */
+  tag: string;
+  reload: () => void;
+}) {
   const { t } = useTranslation();
   const isOperator = useIsOperator();
   const [question, setQuestion] = useState<"dispatch" | "cancel" | "download" | null>(null);
@@ -124,6 +129,10 @@ function PlanActions({ plan, reload }: { plan: Plan; reload: () => void }) {
       .then(then)
       .catch((reason: unknown) => setError(asRequestError(reason)));
   };
+  const again = () => {
+    setError(null);
+    reload();
+  };
   const copy = async () => {
     const document = renumberedFrom(documentOf(plan), newMissionId(Date.now()));
     const name = t("conflict.copy_of", { name: plan.name ?? t("plans.unnamed", { id: plan.id }) });
@@ -132,7 +141,7 @@ function PlanActions({ plan, reload }: { plan: Plan; reload: () => void }) {
   };
   return (
     <>
-      {error && <ErrorNotice error={error} />}
+      {error && <ErrorNotice error={error} {...(error.status === 412 ? { retry: again } : {})} />}
       {!isOperator && isWaiting && <Notice kind="info">{t("plans.operator_only")}</Notice>}
       <div className="actions">
         {isHeld && isOperator && (
@@ -166,7 +175,7 @@ function PlanActions({ plan, reload }: { plan: Plan; reload: () => void }) {
             <HoldButton
               className="hold-home"
               hint={t("stop.hold")}
-              act={() => act(() => dispatchPlan(plan.id), reload)}
+              act={() => act(() => dispatchPlan(plan.id, tag), reload)}
             >
               <Icon name="flight" size={26} /> {t("plans.dispatch")}
             </HoldButton>

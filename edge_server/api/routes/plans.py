@@ -133,13 +133,13 @@ def put(reference: int | str) -> ResponseReturnValue:
 
 
 @allow(PLANNERS | {Role.CLOUD})
-@describe(Contract({200: schemas.StoredPlan}, errors=(409, 422)))
+@describe(Contract({200: schemas.StoredPlan}, conditional=True, errors=(409, 422)))
 def dispatch(reference: int | str) -> ResponseReturnValue:
     """Queue a plan that was posted with `"dispatch": false`."""
     if _needs_dispatcher():
         raise refusal(_UNATTENDED)
     check_resource(lambda: plans.find(bodies.context(), reference))
-    stored = plans.dispatch(bodies.context(), reference)
+    stored = plans.dispatch(bodies.context(), reference, etags.check_match)
     audit(f"dispatched plan {stored['id']}")
     return etags.tagged(stored)
 

@@ -209,11 +209,14 @@ def replace(
 
 
 @retry_on_conflict
-def dispatch(context: Context, reference: int | str) -> dict[str, Any]:
+def dispatch(
+    context: Context, reference: int | str, precondition: Precondition = unconditionally
+) -> dict[str, Any]:
     """Queue the missions of a held plan; a plan that is not held stays as it is.
 
     Raises:
         NotFoundError: if there is none.
+        ChangedError: if it is held and the precondition fails.
         InvalidError: if it breaks a rule now: a vehicle was deleted, or its limits have changed.
         ConflictError: if it has expired or is changed at the same time, or as for `create`.
     """
@@ -229,6 +232,10 @@ def dispatch(context: Context, reference: int | str) -> dict[str, Any]:
         stored = _find(connection, reference)
         missions = work.of_plan(connection, stored.id)
         if any(item.held for item in missions):
+            with audit.naming_last_change(
+                connection, f"plans/{stored.id}", f"plans/{stored.plan_id}"
+            ):
+                precondition(_show(connection, stored))
             _check_whole(stored)
             if any(item.state == work.CLOSED for item in missions):
                 raise ConflictError(f"plan {stored.id} has ended: {missions[0].message}")

@@ -81,6 +81,21 @@ def test_a_dispatch_is_a_change_of_its_plan(edge: Edge) -> None:
     assert (refused.json or {})["changed"]["action"] == "plans.dispatch"
 
 
+def test_a_plan_that_has_changed_is_not_dispatched_unseen(edge: Edge) -> None:
+    posted = edge.post_plan(plan(dispatch=False)).json or {}
+    path = f"/plans/{posted['id']}"
+    seen = edge.ask("GET", path, "operator").headers["ETag"]
+    assert put(edge, path, plan(mission(mission_id=99), dispatch=False)).status_code == 200
+    refused = edge.ask("POST", f"{path}/dispatch", "operator", headers={"If-Match": seen})
+    assert refused.status_code == 412
+    assert edge.work() == []
+    now = edge.ask("GET", path, "operator").headers["ETag"]
+    for _ in range(2):  # Repeated after a lost answer
+        dispatched = edge.ask("POST", f"{path}/dispatch", "operator", headers={"If-Match": now})
+        assert dispatched.status_code == 200
+    assert len(edge.work()) == 1
+
+
 def test_a_star_asks_for_something_that_is_there(edge: Edge) -> None:
     assert put(edge, "/vehicles/7", {"link_state": "lost"}, If_Match="*").status_code == 412
     assert edge.ask("GET", "/vehicles/7", "operator").status_code == 404
