@@ -30,6 +30,7 @@ from edge_server.api.routes import (
     plan_files,
     plans,
     session,
+    storage,
     surveys,
     telemetry,
     users,
@@ -77,6 +78,7 @@ _MODULES = (
     audit,
     health,
     metrics,
+    storage,
     documentation,
     console,
 )

@@ -31,6 +31,7 @@ const SCREENS = {
   keys: ["system/keys"],
   audit: ["system/audit"],
   rejected: ["system/dead_letters"],
+  storage: ["system/storage"],
 };
 const profile = mkdtempSync(join(tmpdir(), "console-screens-"));
 const browser = await chromium.launchPersistentContext(profile, {

@@ -396,6 +396,39 @@ class RecordedAlarm(Answer):
     acknowledged_by: str | None
 
 
+class StoreUse(Answer):
+    """Bytes that a store uses, and may use."""
+
+    used_bytes: Annotated[int, Member(ge=0)]
+    budget_bytes: Annotated[int, Member(ge=0)]
+
+
+class ArchiveUse(StoreUse):
+    """The flight archive; `days` is how long a flight is kept."""
+
+    days: float
+    flights: Annotated[int, Member(ge=0)]
+    is_working: bool
+
+
+class DiskUse(Answer):
+    """The disk of the state folder."""
+
+    free_bytes: Annotated[int, Member(ge=0)]
+    total_bytes: Annotated[int, Member(ge=0)]
+
+
+class Storage(Answer):
+    """The program's version, and what its stores, budgets and disk hold."""
+
+    version: str
+    database: Literal["sqlite", "postgresql"]
+    records: StoreUse
+    pictures: StoreUse
+    archive: ArchiveUse
+    disk: DiskUse
+
+
 class Health(Answer):
     """State of the server, of its database and, in `/readyz`, of its relay."""
 

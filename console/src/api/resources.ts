@@ -3,7 +3,7 @@
 import { request, requestTagged, requestText, type Tagged } from "./client";
 import type {
   AccessKey, Alarm, BaseMap, DeadLetter, Flight, FlightObservations, FlownCommand, Picture, Plan,
-  PlanDocument, PlannedSurvey, StoredEvent, StoredField, SurveyOrder, User, Vehicle,
+  PlanDocument, PlannedSurvey, Storage, StoredEvent, StoredField, SurveyOrder, User, Vehicle,
 } from "./types";
 
 const PAGE = 500;
@@ -132,6 +132,8 @@ export const createUser = (name: string, role: string, password: string): Promis
   request("/users/", { method: "POST", body: { name, role, password } });
 export const changeUser = (name: string, change: Partial<User>): Promise<User> =>
   request(`/users/${encodeURIComponent(name)}`, { method: "PATCH", body: change });
+
+export const getStorage = (): Promise<Storage> => request("/storage");
 
 export const listKeys = (): Promise<AccessKey[]> => request("/keys/");
 export const revokeKey = (prefix: string): Promise<void> =>

@@ -7,6 +7,7 @@ type Schemas = components["schemas"];
 export type Role = "farmer" | "operator" | "admin" | "broker" | "cloud";
 export type StoredField = Schemas["StoredField"];
 export type AccessKey = Schemas["AccessKey"];
+export type Storage = Schemas["Storage"];
 export type DeadLetter = Schemas["DeadLetter"];
 export type StoredEvent = Schemas["StoredEvent"] & { message?: string };
 

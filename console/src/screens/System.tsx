@@ -5,11 +5,18 @@ import { Empty } from "../controls/states";
 import { AuditLog } from "./system/AuditLog";
 import { DeadLetters } from "./system/DeadLetters";
 import { Keys } from "./system/Keys";
+import { StorageUse } from "./system/StorageUse";
 import { Users } from "./system/Users";
 
-const SECTIONS = { users: Users, keys: Keys, audit: AuditLog, dead_letters: DeadLetters } as const;
+const SECTIONS = {
+  users: Users,
+  keys: Keys,
+  audit: AuditLog,
+  dead_letters: DeadLetters,
+  storage: StorageUse,
+} as const;
 
-/** People, keys, the audit log and rejected records, for administrators. */
+/** People, keys, the audit log, rejected records and the use of the disk, for administrators. */
 export default function System({ section }: { section: string }) {
   const { t } = useTranslation();
   const { session } = useSession();

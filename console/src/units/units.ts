@@ -48,6 +48,14 @@ export class Units {
     return `${this.#write(value, 0)} ${isImperial ? "mph" : "km/h"}`;
   }
 
+  /** An amount of data in MiB or GiB, as the edge server's settings count it. */
+  data(bytes: number): string {
+    const mebibytes = bytes / 2 ** 20;
+    return mebibytes >= 1024
+      ? `${this.#write(mebibytes / 1024, 1)} GiB`
+      : `${this.#write(mebibytes, mebibytes < 10 ? 1 : 0)} MiB`;
+  }
+
   /** A measured value in the unit in which it was reported, or in that of the system. */
   measured(value: number, unit: string): string {
     switch (unit) {

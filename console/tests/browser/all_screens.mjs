@@ -11,7 +11,8 @@ const BASE = ADMIN_LINK.split("#")[0];
 const SCREENS = [
   "", "fields", "fields/new", `fields/${FIELD}`, `fields/${FIELD}/survey`, "plans",
   `plans/${DRAFT}`, "plans/new", `plans/${DRAFT}/edit`, "flights", "alarms",
-  "system/users", "system/keys", "system/audit", "system/dead_letters", "nowhere",
+  "system/users", "system/keys", "system/audit", "system/dead_letters", "system/storage",
+  "nowhere",
 ];
 const APPEARANCES = [["light", "desktop"], ["dark", "phone"], ["outdoor", "phone"]];
 const SIZES = { desktop: { width: 1280, height: 800 }, phone: { width: 390, height: 844 } };
