@@ -205,8 +205,9 @@ class Operator:
             if not vehicle.is_flying:
                 self._request("POST", f"/vehicles/{system}/release", {"reason": "checked"})
             self._rescue(system)
-        for pause in self.pauses:
-            if pause.resumed_s is not None:
+        newest = {pause.vehicle_id: pause for pause in self.pauses}
+        for pause in newest.values():
+            if pause.resumed_s is not None and self._is_paused(pause.vehicle_id):
                 self._resume(pause)
 
     def _rescue(self, system: int) -> None:
@@ -249,16 +250,16 @@ class Operator:
         self._world.scheduler.after(pause_s, lambda: self._resume(pause))
 
     def _resume(self, pause: PostedPause) -> None:
-        """Resume a mission; abort it if it stays paused, until the vehicle has none."""
-        if pause.resumes > RESUMES:
-            return
+        """Resume a mission; abort it if it stays paused."""
         for other in self.pauses:
             if other.vehicle_id == pause.vehicle_id and other.resumed_s is None:
                 other.resumed_s = self._world.scheduler.now_s
+        if not self._world.edge.is_up:
+            return
         pause.resumes += 1
         if pause.resumes <= RESUMES:
             self._post_event(pause.vehicle_id, RESUME)
-        elif self._is_paused(pause.vehicle_id):
+        else:
             self._post_abort(pause.vehicle_id, ABORT)
 
     def _is_paused(self, system: int) -> bool:
