@@ -25,6 +25,7 @@ from mavlink_broker.pictures.pictures import PICTURE_MESSAGES, PictureCollector
 from mavlink_broker.vehicle.alarms import AlarmMonitor, Failure
 from mavlink_broker.vehicle.control_authority import is_order
 from mavlink_broker.vehicle.gcs_heartbeat import GcsHeartbeat
+from mavlink_broker.vehicle.heartbeat_order import HeartbeatOrder
 from mavlink_broker.vehicle.reporter import Reporter
 from mavlink_broker.vehicle.telemetry_publisher import (
     UPDATE_EVERY_S,
@@ -71,6 +72,7 @@ class Session:
         )
         self.pictures = PictureCollector(vehicle, self._reporter)
         self.missions = MissionQueue(vehicle, self._reporter)
+        self._heartbeat_order = HeartbeatOrder()
         self._heartbeat = GcsHeartbeat(vehicle, observes=observes)
         self._streams = StreamRequests(vehicle.route, vehicle.round_trip, observes=observes)
         self._battery_capacity = BatteryCapacity(vehicle, battery_capacity_ah)
@@ -139,6 +141,8 @@ class Session:
 
     def receive(self, message: Message, now: float, effects: Effects) -> None:
         """Take a message of the vehicle's autopilot."""
+        if self._heartbeat_order.is_overtaken(message, now):
+            return
         if self.vehicle.take(message, now):
             self._vehicle_restarted(now, effects)
         effects.messages += self._streams.receive(message, now)
