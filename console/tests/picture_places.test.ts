@@ -1,6 +1,6 @@
 import { expect, test } from "vitest";
-import type { Picture } from "../src/api/types";
-import { picturePlaces } from "../src/map/picture_places";
+import type { Footprint, Picture } from "../src/api/types";
+import { picturePlaces, placedPictures } from "../src/map/picture_places";
 
 const picture = (id: number, latitude: number | null): Picture => ({
   id, recorded_at: "2026-05-01T10:00:00Z", latitude, longitude: -3.7382, altitude: 20,
@@ -15,4 +15,27 @@ test("pictures of one place are one symbol, those of another place another", () 
 
 test("a picture without a place is not on the map", () => {
   expect(picturePlaces([picture(1, null)])).toEqual([]);
+});
+
+const small = (id: number): Picture => ({ ...picture(id, 40), thumbnail_url: `/flights/1/pictures/${id}/thumbnail` });
+const CORNERS: [number, number][] = [[40.1, -3.2], [40.1, -3.1], [40, -3.1], [40, -3.2]];
+const footprint = (id: number, corners: [number, number][] | null = CORNERS): Footprint => ({ id, corners });
+
+test("a picture that looks down lies between its corners, longitude first", () => {
+  expect(placedPictures([small(1)], [footprint(1)])).toEqual([
+    { id: 1, url: "/flights/1/pictures/1/thumbnail", corners: [[-3.2, 40.1], [-3.1, 40.1], [-3.1, 40], [-3.2, 40]] },
+  ]);
+});
+
+test("a picture that is no map, or has no small one, is left out", () => {
+  const raw = { ...small(3), thumbnail_url: null };
+  const placed = placedPictures([small(1), small(2), raw], [footprint(1, null), footprint(3)]);
+  expect(placed).toEqual([]);
+});
+
+test("of very many pictures some are drawn, over the whole flight", () => {
+  const ids = Array.from({ length: 1000 }, (_, index) => index + 1);
+  const placed = placedPictures(ids.map(small), ids.map((id) => footprint(id)));
+  expect(placed.length).toBeLessThanOrEqual(300);
+  expect(placed.at(-1)?.id).toBeGreaterThan(990);
 });

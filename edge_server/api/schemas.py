@@ -349,6 +349,13 @@ class FlightPicture(Answer):
     thumbnail_url: str | None
 
 
+class PictureFootprint(Answer):
+    """Latitude and longitude of a picture's corners on the ground, from the top left clockwise."""
+
+    id: Id
+    corners: list[list[float]] | None
+
+
 class FarmMap(Answer):
     """A file of the maps folder; `bounds` are west, south, east and north [deg].
 

@@ -87,6 +87,17 @@ def pictures(
     ).fetchall()
 
 
+def picture_heads(
+    connection: sqlite3.Connection, flight_id: int, *, after_id: int, limit: int, size_bytes: int
+) -> Iterator[Row]:
+    """Give numbers and first bytes of the pictures of a flight, one at a time."""
+    yield from connection.execute(
+        "SELECT number, substr(data, 1, ?) AS head FROM picture"
+        " WHERE flight = ? AND number > ? ORDER BY number LIMIT ?",
+        (size_bytes, flight_id, after_id, limit),
+    )
+
+
 def picture(connection: sqlite3.Connection, flight_id: int, number: int) -> Row | None:
     """Find a picture with its data."""
     found: Row | None = connection.execute(

@@ -11,6 +11,7 @@ from afarcloud.wire import Kind
 from edge_server.archive import observation_files, reader, track_files
 from edge_server.archive.reader import Row
 from edge_server.archive.track_files import Track
+from edge_server.pictures import footprint
 from edge_server.pictures.program import BusyError, UnreadableError
 from edge_server.services import audit
 from edge_server.services.context import Context, show_time
@@ -118,6 +119,24 @@ def pictures(context: Context, flight_id: int, page: Page) -> Listing:
         lambda connection: fill(
             reader.pictures(connection, flight_id, after_id=page.after_id, limit=page.limit),
             lambda row: _show_picture(flight_id, row),
+        ),
+    )
+
+
+def footprints(context: Context, flight_id: int, page: Page) -> Listing:
+    """List what ground the pictures of a flight show; raises NotFoundError."""
+    return _of_flight(
+        context,
+        flight_id,
+        lambda connection: fill(
+            reader.picture_heads(
+                connection,
+                flight_id,
+                after_id=page.after_id,
+                limit=page.limit,
+                size_bytes=footprint.HEAD_BYTES,
+            ),
+            lambda row: {"id": row["number"], "corners": footprint.footprint(row["head"])},
         ),
     )
 

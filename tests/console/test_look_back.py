@@ -17,6 +17,14 @@ from tests.unit.edge_server.program import Program, program_in
 
 RUNNING, FINISHED = 2, 3
 PICTURES = 3
+XMP = (
+    '<x:xmpmeta xmlns:x="adobe:ns:meta/" drone-dji:GpsLatitude="40.4436" '
+    'drone-dji:GpsLongitude="-3.7382" drone-dji:RelativeAltitude="+40.0" '
+    'drone-dji:GimbalYawDegree="+30.0" drone-dji:GimbalPitchDegree="-90.0" '
+    'drone-dji:GimbalRollDegree="+0.0" Camera:PerspectiveFocalLength="4.5" '
+    'Camera:PrincipalPoint="3.15,2.3625"/>'
+)
+"""Straight down, the top of the picture to the north-east."""
 MAP_COLOUR = (200, 80, 160)
 
 
@@ -42,7 +50,7 @@ class Archive:
 def jpeg(red: int) -> bytes:
     """A picture of one colour, larger than any screen shows it in the list."""
     out = io.BytesIO()
-    Image.new("RGB", (1200, 900), (red, 120, 60)).save(out, "JPEG")
+    Image.new("RGB", (1200, 900), (red, 120, 60)).save(out, "JPEG", xmp=XMP.encode())
     return out.getvalue()
 
 

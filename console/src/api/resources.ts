@@ -2,7 +2,7 @@
 
 import { request, requestTagged, requestText, type Tagged } from "./client";
 import type {
-  AccessKey, Alarm, BaseMap, DeadLetter, Flight, FlightObservations, FlownCommand, Picture, Plan,
+  AccessKey, Alarm, BaseMap, DeadLetter, Flight, FlightObservations, Footprint, FlownCommand, Picture, Plan,
   PlanDocument, PlannedSurvey, Storage, StoredEvent, StoredField, SurveyOrder, User, Vehicle,
 } from "./types";
 
@@ -110,6 +110,7 @@ export const getFlight = (id: number): Promise<Flight & { command_array: FlownCo
 export const flightTrack = (id: number): Promise<GeoJSON.FeatureCollection | GeoJSON.Feature> =>
   request(`/flights/${id}/track?format=geojson`);
 export const listPictures = (id: number): Promise<Picture[]> => allOf(`/flights/${id}/pictures`);
+export const listFootprints = (id: number): Promise<Footprint[]> => allOf(`/flights/${id}/footprints`);
 /** Lists the base maps that somebody has put into the edge server's maps folder. */
 export const listBaseMaps = (): Promise<BaseMap[]> => request("/maps/");
 

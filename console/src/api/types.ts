@@ -174,6 +174,13 @@ export interface BaseMap {
   fault: string | null;
 }
 
+/** What ground a picture shows; null for one that is no map. */
+export interface Footprint {
+  id: number;
+  /** Latitude and longitude, from the picture's top left on clockwise. */
+  corners: [number, number][] | null;
+}
+
 export interface Picture {
   id: number;
   recorded_at: string;

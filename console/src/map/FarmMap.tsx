@@ -8,6 +8,8 @@ import { keepBaseMaps } from "./base_maps";
 import { BaseMaps } from "./BaseMaps";
 import { gridOf } from "./grid";
 import maplibregl from "./maplibre";
+import { drawPictures } from "./picture_map";
+import type { PlacedPicture } from "./picture_places";
 import { mapStyle, type SourceName } from "./style";
 
 /** A symbol on the map; `element` is made once for each key. */
@@ -31,6 +33,8 @@ export interface FarmMapProperties {
   click?: (longitude: number, latitude: number) => void;
   /** Called with the key of a measurement that is pressed. */
   pick?: (key: string) => void;
+  /** Pictures on the ground that they show, and their opacity; null shows none. */
+  pictures?: { placed: PlacedPicture[]; opacity: number | null };
   /** What the colours on the map mean. */
   legend?: ReactNode;
   label: string;
@@ -42,7 +46,7 @@ const CLOSEST_ZOOM = 18;
 const PADDING = { top: 56, right: 56, bottom: 56, left: 84 };
 
 /** The farm from above: a grid with a scale, and what is drawn on it. */
-export default function FarmMap({ layers, symbols, extent, click, pick, legend, label }: FarmMapProperties) {
+export default function FarmMap({ layers, symbols, extent, click, pick, pictures, legend, label }: FarmMapProperties) {
   const { t } = useTranslation();
   const { preferences } = usePreferences();
   const container = useRef<HTMLDivElement>(null);
@@ -116,6 +120,13 @@ export default function FarmMap({ layers, symbols, extent, click, pick, legend, 
     }
     drawn.current = { styles, layers };
   }, [map, styles, layers]);
+
+  useEffect(() => {
+    if (map === null || pictures === undefined) return;
+    const control = new AbortController();
+    void drawPictures(map, pictures.placed, pictures.opacity, control.signal);
+    return () => control.abort();
+  }, [map, styles, pictures]);
 
   useSymbols(map, symbols);
 

@@ -5,14 +5,19 @@ import type { LayerSpecification, Map as MapLibreMap, StyleSpecification } from 
 import { PMTiles, Protocol } from "pmtiles";
 import type { BaseMap } from "../api/types";
 import maplibregl from "./maplibre";
+import { mapStyle } from "./style";
 
 /** Opacity of the base maps that are shown, by name. */
 export type ShownMaps = Record<string, number>;
 
 const KEY = "farm-console-maps";
-const PREFIX = "base:";
+export const PREFIX = "base:";
+/** Pictures of a flight, above the base maps. */
+export const PICTURES = `${PREFIX}picture-`;
+/** Of the fields' areas while something is below them. */
+const FIELD_OPACITY = 0.12;
 /** Base maps lie below this layer. */
-const ABOVE = "field";
+export const ABOVE = "field";
 const PREPARE_ATTEMPTS = 30;
 const PREPARE_MS = 2_000;
 const protocol = new Protocol();
@@ -44,7 +49,11 @@ export function keepBaseMaps(previous: StyleSpecification | undefined, next: Sty
   return {
     ...next,
     sources: { ...next.sources, ...Object.fromEntries(sources) },
-    layers: [...next.layers.slice(0, at), ...layers, ...next.layers.slice(at)],
+    layers: [...next.layers.slice(0, at), ...layers, ...next.layers.slice(at)].map((layer) =>
+      layer.id === ABOVE && layer.type === "fill" && layers.length > 0
+        ? { ...layer, paint: { ...layer.paint, "fill-opacity": FIELD_OPACITY } }
+        : layer,
+    ),
   };
 }
 
@@ -71,7 +80,22 @@ export async function drawBaseMaps(
     if (signal.aborted) break;
     for (const layer of layersOf(map, id)) setOpacity(map, layer, opacity);
   }
+  thinFields(map);
   return faults;
+}
+
+/** Base maps lie below the pictures of a flight. */
+function abovePlace(map: MapLibreMap): string {
+  return map.getStyle().layers.find(({ id }) => id.startsWith(PICTURES))?.id ?? ABOVE;
+}
+
+/** Lets through what lies below the fields. */
+export function thinFields(map: MapLibreMap): void {
+  const layers = map.getStyle().layers;
+  const usual = mapStyle().layers.find(({ id }) => id === ABOVE);
+  const opacity = usual?.type === "fill" ? usual.paint?.["fill-opacity"] : undefined;
+  const isCovered = layers.some(({ id }) => id.startsWith(PREFIX));
+  map.setPaintProperty(ABOVE, "fill-opacity", isCovered ? FIELD_OPACITY : opacity);
 }
 
 async function add(map: MapLibreMap, one: BaseMap, id: string, signal: AbortSignal): Promise<void> {
@@ -84,7 +108,7 @@ async function add(map: MapLibreMap, one: BaseMap, id: string, signal: AbortSign
   const tiles = { url: `pmtiles://${url}` };
   if (one.kind === "vector_tiles") map.addSource(id, { type: "vector", ...tiles });
   else map.addSource(id, { type: "raster", tileSize: 256, ...tiles });
-  for (const layer of layers) map.addLayer(layer, ABOVE);
+  for (const layer of layers) map.addLayer(layer, abovePlace(map));
 }
 
 async function addPicture(map: MapLibreMap, one: BaseMap, id: string, url: string, signal: AbortSignal): Promise<void> {
@@ -94,11 +118,11 @@ async function addPicture(map: MapLibreMap, one: BaseMap, id: string, url: strin
   );
   if (signal.aborted || !northWest || !northEast || !southEast || !southWest) return;
   map.addSource(id, { type: "image", url, coordinates: [northWest, northEast, southEast, southWest] });
-  map.addLayer(rasterLayer(id), ABOVE);
+  map.addLayer(rasterLayer(id), abovePlace(map));
 }
 
 /** Waits until the edge server has made a picture: a large one takes some seconds, one at a time. */
-async function prepare(url: string, signal: AbortSignal): Promise<void> {
+export async function prepare(url: string, signal: AbortSignal): Promise<void> {
   for (let attempt = 0; ; attempt += 1) {
     const answer = await fetch(url, { signal });
     if (answer.ok) return;

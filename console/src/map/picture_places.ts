@@ -1,6 +1,6 @@
-/** Where pictures were taken. Pure. */
+/** Where pictures were taken, and what ground they show. Pure. */
 
-import type { Picture } from "../api/types";
+import type { Footprint, Picture } from "../api/types";
 
 /** A place with the pictures that were taken there, the oldest first. */
 export interface PicturePlace {
@@ -23,4 +23,30 @@ export function picturePlaces(pictures: readonly Picture[]): PicturePlace[] {
     else places.set(key, { latitude, longitude, pictures: [picture] });
   }
   return [...places.values()];
+}
+
+type Place = [longitude: number, latitude: number];
+
+/** A small picture and its corners, from the top left on clockwise. */
+export interface PlacedPicture {
+  id: number;
+  url: string;
+  corners: [Place, Place, Place, Place];
+}
+
+/** What is drawn: more would be too much for a phone. */
+const MOST = 300;
+
+/** Places the pictures that look down; of very many, some at equal distances. */
+export function placedPictures(pictures: readonly Picture[], footprints: readonly Footprint[]): PlacedPicture[] {
+  const corners = new Map(footprints.map((one) => [one.id, one.corners]));
+  const placed = pictures.flatMap(({ id, thumbnail_url: url }): PlacedPicture[] => {
+    const [first, second, third, fourth] = (corners.get(id) ?? []).map(
+      ([latitude, longitude]): Place => [longitude, latitude],
+    );
+    if (!url || !first || !second || !third || !fourth) return [];
+    return [{ id, url, corners: [first, second, third, fourth] }];
+  });
+  const step = Math.max(1, Math.ceil(placed.length / MOST));
+  return placed.filter((_, index) => index % step === 0);
 }

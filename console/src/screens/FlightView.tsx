@@ -1,7 +1,7 @@
 import { lazy, Suspense, useEffect, useMemo, useState } from "react";
 import { useTranslation } from "react-i18next";
 import {
-  flightTrack, getFlight, listFields, listFlightAlarms, listObservations, listPictures,
+  flightTrack, getFlight, listFields, listFlightAlarms, listFootprints, listObservations, listPictures,
 } from "../api/resources";
 import { useUnits } from "../app/preferences";
 import { linkTo } from "../app/route";
@@ -16,10 +16,11 @@ import type { Symbol } from "../map/FarmMap";
 import { extentOf } from "../map/extent";
 import { collection, fieldFeatures } from "../map/features";
 import { pictureElement, updateVehicleElement, valueElement, vehicleElement } from "../map/markers";
-import { picturePlaces } from "../map/picture_places";
+import { picturePlaces, placedPictures } from "../map/picture_places";
 import { FlightPlots, type Mark } from "./flight/FlightPlots";
 import { Gallery } from "./flight/Gallery";
 import { MapLegend, Measurements, nameOf } from "./flight/Measurements";
+import { PictureMapChoice } from "./flight/PictureMapChoice";
 import { FlightSteps } from "./FlightSteps";
 import { FlightFigures } from "./Flights";
 import { fieldNames } from "./use_fleet_symbols";
@@ -35,6 +36,13 @@ export default function FlightView({ id, stop }: { id: number; stop: () => void 
   const flight = useResource(() => getFlight(id), id);
   const track = useResource(() => flightTrack(id), id);
   const pictures = useResource(() => listPictures(id), id);
+  const footprints = useResource(() => listFootprints(id), id);
+  const [pictureOpacity, setPictureOpacity] = useState<number | null>(null);
+  const placed = useMemo(
+    () => placedPictures(pictures.value ?? [], footprints.value ?? []),
+    [pictures.value, footprints.value],
+  );
+  const picturesOnMap = useMemo(() => ({ placed, opacity: pictureOpacity }), [placed, pictureOpacity]);
   const fields = useResource(listFields);
   const observations = useResource(() => listObservations(id), id);
   const alarms = useResource(
@@ -145,6 +153,7 @@ export default function FlightView({ id, stop }: { id: number; stop: () => void 
             extent={extent}
             label={t("flights.track")}
             pick={setChosen}
+            pictures={picturesOnMap}
             legend={kind && <MapLegend kind={kind} />}
           />
         </Suspense>
@@ -202,7 +211,12 @@ export default function FlightView({ id, stop }: { id: number; stop: () => void 
         {pictures.value === null || pictures.value.length === 0 ? (
           !pictures.isLoading && <Empty icon="picture" title={t("flights.no_pictures")} />
         ) : (
-          <Gallery pictures={pictures.value} open={open} show={setOpen} stop={stop} />
+          <>
+            {placed.length > 0 && (
+              <PictureMapChoice count={placed.length} opacity={pictureOpacity} change={setPictureOpacity} />
+            )}
+            <Gallery pictures={pictures.value} open={open} show={setOpen} stop={stop} />
+          </>
         )}
       </section>
     </div>

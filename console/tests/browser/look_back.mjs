@@ -98,6 +98,24 @@ async function countPixels(page, map, colour) {
   }, [picture, colour]);
 }
 
+/** The pictures that look down lie on the ground that they show. */
+async function showPicturesOnMap(page) {
+  const map = page.getByRole("region", { name: "Track" });
+  await page.getByLabel("Show 3 pictures on the map").check();
+  const last = [120, 120, 60];
+  for (let attempt = 0; await countPixels(page, map, last) < 10_000; attempt += 1) {
+    if (attempt > 60) throw new Error("the pictures are not on the map");
+    await page.waitForTimeout(500);
+  }
+  await page.getByLabel("Opacity of the pictures").waitFor();
+  await requireAccessible(page, "pictures on the map");
+  await page.getByLabel("Show 3 pictures on the map").uncheck();
+  for (let attempt = 0; await countPixels(page, map, last) > 1_000; attempt += 1) {
+    if (attempt > 60) throw new Error("the pictures stay on the map");
+    await page.waitForTimeout(500);
+  }
+}
+
 /** A base map is drawn below the track, also in another theme and after a reload. */
 async function showBaseMap(page) {
   const map = page.getByRole("region", { name: "Track" });
@@ -138,6 +156,7 @@ try {
     await requireThumbnails(page);
     await stopFromAPicture(page);
     await readMeasurements(page);
+    await showPicturesOnMap(page);
     await showBaseMap(page);
   });
 } finally {

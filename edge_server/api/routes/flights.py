@@ -31,6 +31,7 @@ def blueprint() -> Blueprint:
     for name, view in (
         ("track", track),
         ("pictures", pictures),
+        ("footprints", footprints),
         ("observations", observations),
     ):
         urls.add(routes, NAMES, name, view, "GET", item=ITEM, action=name)
@@ -79,6 +80,15 @@ def pictures(flight_id: int) -> list[dict[str, Any]]:
     asked = _part()
     _check(flight_id)
     return flight_archive.pictures(bodies.context(), flight_id, asked)
+
+
+@allow(PEOPLE)
+@describe(Contract({200: schemas.PictureFootprint}, is_list=True, query=PART))
+def footprints(flight_id: int) -> list[dict[str, Any]]:
+    """List what ground the pictures of a flight show; null for one that is no map."""
+    asked = _part()
+    _check(flight_id)
+    return flight_archive.footprints(bodies.context(), flight_id, asked)
 
 
 @allow(PEOPLE)

@@ -93,6 +93,7 @@ MATRIX: list[tuple[str, str, set[str], Any]] = [
     ("GET", "/flights/1/pictures", PEOPLE, None),
     ("GET", "/flights/1/pictures/1", PEOPLE, None),
     ("GET", "/flights/1/pictures/1/thumbnail", PEOPLE, None),
+    ("GET", "/flights/1/footprints", PEOPLE, None),
     ("GET", "/flights/1/observations", PEOPLE, None),
     ("GET", "/maps/", PEOPLE, None),
     ("GET", "/maps/farm.pmtiles", PEOPLE, None),

@@ -1,0 +1,86 @@
+"""What ground a picture shows, by its XMP alone. Pure.
+
+Place, height above home and attitude are those of DJI's names, the lens those of Pix4D's
+(`Camera:`, focal length and principal point in mm). The ground is taken to be level at home.
+"""
+
+import math
+import re
+from typing import Final
+
+from afarcloud.geometry import METRES_PER_DEGREE
+from afarcloud.plan import Vertex
+
+HEAD_BYTES: Final = 65_536
+"""Where a camera writes its XMP."""
+STEEPEST_DEG: Final = -60.0
+"""Pictures that look flatter than this are no maps [deg]."""
+_STEEP_ENOUGH: Final = 0.2
+"""Down part of a ray that is taken to meet the ground."""
+_NUMBER: Final = rb"([-+]?\d+(?:\.\d*)?)"
+
+
+def footprint(head: bytes) -> tuple[Vertex, ...] | None:
+    """Give the ground at the picture's corners, from the top left on clockwise.
+
+    None for a picture without these data, or one that does not look down.
+    """
+    found = [_number(head, b"drone-dji:" + name) for name in _NAMES]
+    focal_mm = _number(head, b"Camera:PerspectiveFocalLength")
+    middle = re.search(rb'Camera:PrincipalPoint(?:="|>)' + _NUMBER + b"," + _NUMBER, head)
+    if None in found or not focal_mm or middle is None:
+        return None
+    latitude, longitude, height_m, yaw, pitch, roll = (float(each or 0.0) for each in found)
+    if pitch > STEEPEST_DEG or height_m <= 0.0 or abs(latitude) > 89.0:
+        return None
+    right, down = float(middle[1]) / focal_mm, float(middle[2]) / focal_mm
+    corners = []
+    for across, below in ((-right, -down), (right, -down), (right, down), (-right, down)):
+        north, east, downward = _turned((1.0, across, below), yaw, pitch, roll)
+        if downward < _STEEP_ENOUGH:
+            return None
+        narrowing = METRES_PER_DEGREE * math.cos(math.radians(latitude))
+        corners.append(
+            (
+                latitude + height_m * north / downward / METRES_PER_DEGREE,
+                longitude + height_m * east / downward / narrowing,
+            )
+        )
+    return tuple(corners)
+
+
+_NAMES: Final = (
+    b"GpsLatitude",
+    b"GpsLongitude",
+    b"RelativeAltitude",
+    b"GimbalYawDegree",
+    b"GimbalPitchDegree",
+    b"GimbalRollDegree",
+)
+
+
+def _number(head: bytes, name: bytes) -> float | None:
+    """Read a value that is an attribute or an element."""
+    found = re.search(name + rb'(?:="|>)' + _NUMBER, head)
+    return None if found is None else float(found[1])
+
+
+def _turned(
+    ray: tuple[float, float, float], yaw_deg: float, pitch_deg: float, roll_deg: float
+) -> tuple[float, float, float]:
+    """Turn a ray from the camera's forward, right and down to north, east and down."""
+    forward, right, down = ray
+    yaw, pitch, roll = (math.radians(each) for each in (yaw_deg, pitch_deg, roll_deg))
+    right, down = (
+        right * math.cos(roll) - down * math.sin(roll),
+        right * math.sin(roll) + down * math.cos(roll),
+    )
+    forward, down = (
+        forward * math.cos(pitch) + down * math.sin(pitch),
+        down * math.cos(pitch) - forward * math.sin(pitch),
+    )
+    return (
+        forward * math.cos(yaw) - right * math.sin(yaw),
+        forward * math.sin(yaw) + right * math.cos(yaw),
+        down,
+    )
