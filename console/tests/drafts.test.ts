@@ -32,7 +32,7 @@ test("nobody gets a draft of another person, or of another plan", () => {
 
 test("the oldest drafts are forgotten", () => {
   const drafts = new Drafts(new MemoryStorage(), "ana");
-  for (let index = 0; index < 25; index += 1) drafts.write(`plans/${index}`, draft("mine", index));
+  for (let index = 0; index < 45; index += 1) drafts.write(`plans/${index}`, draft("mine", index));
   expect(drafts.read("plans/4")).toBeNull();
   expect(drafts.read("plans/5")).not.toBeNull();
 });

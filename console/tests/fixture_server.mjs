@@ -124,6 +124,7 @@ const ROUTES = [
     return [201, plans()[1]];
   }],
   ["GET", /^\/fields\/$/, () => [200, [FIELD]]],
+  ["GET", /^\/fields\/(\d+)$/, () => [200, FIELD]],
   ["POST", /^\/events\/$/, (_id, body) => {
     if (body.vehicle_id === 2) return [409, problem("vehicle 2 has no mission to interrupt")];
     stopped = Date.now();

@@ -11,7 +11,7 @@ export interface StoredDraft<State, Value> {
 
 const PREFIX = "farm-console draft ";
 /** More than one would look at; the oldest is forgotten. */
-const MOST = 20;
+const MOST = 40;
 
 type Place = Pick<Storage, "getItem" | "setItem" | "removeItem" | "key" | "length">;
 

@@ -1,10 +1,10 @@
-import { lazy, Suspense, useMemo, useRef, useState } from "react";
+import { lazy, Suspense, useCallback, useEffect, useMemo, useRef, useState } from "react";
 import { useTranslation } from "react-i18next";
 import { RequestError } from "../api/client";
 import { createSurvey, listFields, previewSurvey } from "../api/resources";
 import type { PlannedSurvey, StoredField, SurveyOrder } from "../api/types";
 import { go, linkTo } from "../app/route";
-import { useIsOperator } from "../app/session_context";
+import { useIsOperator, useSession } from "../app/session_context";
 import { Button } from "../controls/Button";
 import { Icon } from "../controls/Icon";
 import { ErrorNotice, Notice, Skeleton } from "../controls/states";
@@ -17,6 +17,7 @@ import { entryElement, flightElement } from "../map/markers";
 import {
   colourOf, footprintFeatures, footprintOf, surveyFeatures, surveyFlights, type SurveyFlight,
 } from "../map/survey_features";
+import { Drafts } from "../planning/drafts";
 import { cameraOf, FIRST_FORM, inputOfFault, orderOf, textOfFault, type SurveyForm } from "../planning/survey";
 import { SurveyDeparture } from "./SurveyDeparture";
 import { SurveyFigures } from "./SurveyFigures";
@@ -43,8 +44,14 @@ export default function SurveyEditor({ fieldId }: { fieldId: number }) {
 function Editor({ field }: { field: StoredField }) {
   const { t } = useTranslation();
   const known = useLive((state) => state.vehicles);
-  const [form, setForm] = useState<SurveyForm>(FIRST_FORM);
-  const [picked, setPicked] = useState<number[] | null>(null);
+  const choices = useChoices(field.id);
+  const [opened] = useState<SurveyForm>({ ...FIRST_FORM, ...choices.first?.form });
+  const [form, setForm] = useState(opened);
+  const [picked, setPicked] = useState<number[] | null>(choices.first?.picked ?? null);
+  const { keep } = choices;
+  useEffect(() => {
+    if (form !== opened || picked !== null) keep({ form, picked });
+  }, [keep, form, opened, picked]);
   const vehicles = picked ?? [[...known.keys()][0] ?? 1];
   const order = orderOf(form, field.id, vehicles);
   const preview = usePreview(order, previewSurvey);
@@ -156,6 +163,24 @@ function Editor({ field }: { field: StoredField }) {
       </section>
     </div>
   );
+}
+
+interface Choices {
+  form: SurveyForm;
+  picked: number[] | null;
+}
+
+/** What the person has chosen for this field before: after a reload nobody enters it again. */
+function useChoices(fieldId: number) {
+  const { session } = useSession();
+  const drafts = useMemo(() => new Drafts(window.localStorage, session.name), [session.name]);
+  const name = `surveys/${fieldId}`;
+  const [first] = useState(() => drafts.read<Choices, never>(name)?.state ?? null);
+  const keep = useCallback(
+    (state: Choices) => drafts.write(name, { at_ms: Date.now(), base: null, state }),
+    [drafts, name],
+  );
+  return { first, keep };
 }
 
 /** The ground of every picture, as the camera and height of the shown survey give it. */

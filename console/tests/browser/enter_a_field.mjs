@@ -54,6 +54,15 @@ async function namedFault(page) {
   await picture(page, "survey-faults");
 }
 
+/** What was chosen for a survey is there again after a reload. */
+async function keptChoices(page) {
+  await page.unroute("**/surveys/?preview=true");
+  await page.reload();
+  await page.locator(".flight-marker").first().waitFor();
+  const height = await page.getByLabel("Height").inputValue();
+  if (height !== "41") throw new Error(`the height is ${height} after the reload`);
+}
+
 const browser = await startBrowser();
 try {
   await journey(browser, "entry", async (page) => {
@@ -62,6 +71,7 @@ try {
     await addEntry(page);
     await lookAtSurvey(page);
     await namedFault(page);
+    await keptChoices(page);
   });
 } finally {
   await browser.close();
