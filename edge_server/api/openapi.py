@@ -10,7 +10,7 @@ from pydantic.json_schema import models_json_schema
 from afarcloud.wire import TELEMETRY
 from edge_server.api import schemas
 from edge_server.api.contract import Contract
-from edge_server.exchange import geojson
+from edge_server.geodata import geojson
 from farm_flight_bridge import VERSION
 
 REFERENCE: Final = "#/components/schemas/{model}"

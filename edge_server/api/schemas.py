@@ -22,7 +22,7 @@ from afarcloud.state import (
     StateVector,
 )
 from afarcloud.wire import MODELS, TELEMETRY, Kind
-from edge_server.exchange.field import Field
+from edge_server.geodata.field import Field
 from edge_server.services.fleet.event_states import State
 from edge_server.services.fleet.vehicles import VehicleState
 from edge_server.store.rows.keys import Role, Scope

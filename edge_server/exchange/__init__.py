@@ -1,1 +1,1 @@
-"""Other programs' files in and out: field boundaries and missions. Pure."""
+"""Other programs' mission files in and out: `.plan`, `.waypoints`, mission items. Pure."""

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from edge_server.exchange import geotiff
+from edge_server.geodata import geotiff
 from edge_server.pictures.orthophotos import LARGEST_MEGAPIXELS
 from edge_server.pictures.program import BusyError, UnreadableError
 from edge_server.services.context import Context

@@ -12,8 +12,8 @@ from edge_server.api import bodies, etags, schemas, uploads, urls
 from edge_server.api.access.auth import PLANNERS, READERS, allow, audit, caller
 from edge_server.api.contract import Contract, describe
 from edge_server.api.errors import RequestError
-from edge_server.exchange import field, geojson, kml, shapefile, zipped
-from edge_server.exchange.field import Field
+from edge_server.geodata import field, geojson, kml, shapefile, zipped
+from edge_server.geodata.field import Field
 from edge_server.services.planning import fields
 from edge_server.store.rows.keys import Role
 

@@ -6,7 +6,7 @@ from typing import Any, Final
 from sqlalchemy import Connection
 
 from afarcloud.wire import write
-from edge_server.exchange.field import Field, area_m2
+from edge_server.geodata.field import Field, area_m2
 from edge_server.services import audit
 from edge_server.services import idempotency as post_idempotency
 from edge_server.services.context import (

@@ -6,7 +6,7 @@ from afarcloud.faults import Fault, InvalidError
 from afarcloud.numbers import INT32_MAX
 from afarcloud.plan import Plan
 from afarcloud.wire import read_as, write
-from edge_server.exchange.field import Field
+from edge_server.geodata.field import Field
 from edge_server.services.context import Caller, Context
 from edge_server.services.planning import fields, plans
 from edge_server.store.rows import vehicles

@@ -8,9 +8,9 @@ from werkzeug.test import TestResponse
 
 from edge_server.api.routes.fields import EXAMPLE
 from tests.unit.edge_server.conftest import Edge
-from tests.unit.edge_server.exchange.shapefiles import archive, dbf, record, shp
-from tests.unit.edge_server.exchange.test_geojson import EAST, OUTER, POLYGON, feature
-from tests.unit.edge_server.exchange.test_kml import file, placemark, polygon, zipped
+from tests.unit.edge_server.geodata.shapefiles import archive, dbf, record, shp
+from tests.unit.edge_server.geodata.test_geojson import EAST, OUTER, POLYGON, feature
+from tests.unit.edge_server.geodata.test_kml import file, placemark, polygon, zipped
 
 KML = "application/vnd.google-earth.kml+xml"
 KMZ = "application/vnd.google-earth.kmz"

@@ -14,8 +14,8 @@ from defusedxml.ElementTree import iterparse
 
 from afarcloud.faults import Fault, InvalidError
 from afarcloud.plan import Vertex
-from edge_server.exchange.rings import MOST_FIELDS, Boundary, Ring, fields_of
-from edge_server.exchange.zipped import Archive, is_zip
+from edge_server.geodata.rings import MOST_FIELDS, Boundary, Ring, fields_of
+from edge_server.geodata.zipped import Archive, is_zip
 
 MEDIA_TYPES: Final = frozenset(
     {"application/vnd.google-earth.kml+xml", "application/xml", "text/xml"}

@@ -12,10 +12,10 @@ from typing import Final, NamedTuple
 
 from afarcloud import geometry
 from afarcloud.faults import Fault, InvalidError
-from edge_server.exchange import projection
-from edge_server.exchange.projection import ToGlobe
-from edge_server.exchange.rings import MOST_FIELDS, Boundary, Ring, fields_of
-from edge_server.exchange.zipped import Archive, is_zip
+from edge_server.geodata import projection
+from edge_server.geodata.projection import ToGlobe
+from edge_server.geodata.rings import MOST_FIELDS, Boundary, Ring, fields_of
+from edge_server.geodata.zipped import Archive, is_zip
 
 MEDIA_TYPES: Final = frozenset({"application/zip", "application/x-zip-compressed"})
 LARGEST_BYTES: Final = 4 * 1024 * 1024

@@ -10,7 +10,7 @@ from typing import Any, Final
 
 from afarcloud.faults import Fault, InvalidError
 from afarcloud.plan import Vertex
-from edge_server.exchange.rings import MOST_FIELDS, Boundary, fields_of
+from edge_server.geodata.rings import MOST_FIELDS, Boundary, fields_of
 
 MEDIA_TYPE: Final = "application/geo+json"
 TYPES: Final = frozenset(

@@ -3,7 +3,7 @@
 import struct
 from collections.abc import Sequence
 
-from tests.unit.edge_server.exchange.test_kml import zipped
+from tests.unit.edge_server.geodata.test_kml import zipped
 
 Ring = Sequence[tuple[float, float]]
 WGS84 = (

@@ -6,7 +6,7 @@ from typing import Final, NamedTuple, TypeAlias
 from afarcloud.faults import Fault, InvalidError
 from afarcloud.plan import Vertex
 from afarcloud.wire import read_as
-from edge_server.exchange.field import Field, check
+from edge_server.geodata.field import Field, check
 
 Ring: TypeAlias = tuple[str, list[Vertex]]
 """Its path in the file, and its corners without the repeated first."""

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from afarcloud.faults import InvalidError
-from edge_server.exchange import geojson
-from edge_server.exchange.field import Field
+from edge_server.geodata import geojson
+from edge_server.geodata.field import Field
 from tests.support.cases import failures
 
 OUTER = [[-3.74, 40.44], [-3.73, 40.44], [-3.73, 40.45], [-3.74, 40.45], [-3.74, 40.44]]

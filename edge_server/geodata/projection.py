@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from typing import Final
 
 from afarcloud.plan import Vertex
-from edge_server.exchange.utm import FALSE_EASTING_M, FALSE_NORTHING_M, SCALE, Zone
+from edge_server.geodata.utm import FALSE_EASTING_M, FALSE_NORTHING_M, SCALE, Zone
 
 ToGlobe = Callable[[float, float], Vertex]
 """First and second coordinate of a place to latitude and longitude; raises ValueError."""

@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from afarcloud.faults import InvalidError
-from edge_server.exchange import kml
-from edge_server.exchange.field import Field
+from edge_server.geodata import kml
+from edge_server.geodata.field import Field
 from tests.support.cases import failures
 
 OUTER = "-3.74,40.44,0 -3.73,40.44,0 -3.73,40.45,0\n -3.74,40.45 -3.74,40.44"

@@ -7,7 +7,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from afarcloud.faults import InvalidError
-from edge_server.exchange.field import Field, area_m2, check
+from edge_server.geodata.field import Field, area_m2, check
 
 HOME = (40.4434, -3.7382)
 

@@ -8,11 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from afarcloud.faults import InvalidError
-from edge_server.exchange import shapefile
-from edge_server.exchange.field import Field
-from edge_server.exchange.utm import Zone
-from tests.unit.edge_server.exchange.shapefiles import WGS84, archive, dbf, record, shp, utm
-from tests.unit.edge_server.exchange.test_kml import zipped
+from edge_server.geodata import shapefile
+from edge_server.geodata.field import Field
+from edge_server.geodata.utm import Zone
+from tests.unit.edge_server.geodata.shapefiles import WGS84, archive, dbf, record, shp, utm
+from tests.unit.edge_server.geodata.test_kml import zipped
 
 # Clockwise, as the format demands of outer rings: longitude, latitude
 OUTER = [(-3.74, 40.44), (-3.74, 40.45), (-3.73, 40.45), (-3.73, 40.44)]

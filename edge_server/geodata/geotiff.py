@@ -7,7 +7,7 @@ import struct
 from typing import BinaryIO, Final, NamedTuple
 
 from afarcloud.plan import Vertex
-from edge_server.exchange.utm import Zone
+from edge_server.geodata.utm import Zone
 
 _BYTE_ORDERS: Final = {b"II": "<", b"MM": ">"}
 _CLASSIC, _BIG = 42, 43

@@ -1,0 +1,1 @@
+"""Geodata in and out: boundaries of fields, projections, georeferenced pictures. Pure."""
