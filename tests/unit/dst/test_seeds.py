@@ -47,6 +47,7 @@ def test_every_law_holds(seed: int, prepared: Path) -> None:
     assert outcome.flight_s > 0.0
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(IS_CI, reason="the same seeds at every run of CI")
 def test_every_law_holds_in_a_seed_that_nobody_has_seen(prepared: Path) -> None:
     for _ in range(FRESH):
