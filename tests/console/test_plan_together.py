@@ -68,6 +68,7 @@ def test_two_editors_overwrite_nothing_and_lose_nothing(tmp_path: Path) -> None:
     assert seen == [("Draft", 7.0), ("Juan's plan (copy)", 5.0)]
 
 
+@pytest.mark.thorough
 @pytest.mark.timeout(TEST_TIMEOUT_S)
 def test_a_plan_is_copied_and_kept_as_files_that_come_back(tmp_path: Path) -> None:
     with console_journey(tmp_path) as take, edge_server(tmp_path) as (server, needs):
@@ -82,6 +83,7 @@ def test_a_plan_is_copied_and_kept_as_files_that_come_back(tmp_path: Path) -> No
     assert all(commands == kept[0] for commands in kept)
 
 
+@pytest.mark.thorough
 @pytest.mark.timeout(TEST_TIMEOUT_S)
 def test_a_field_has_an_entry_and_a_survey_begins_there(tmp_path: Path) -> None:
     with console_journey(tmp_path) as take, edge_server(tmp_path) as (server, needs):
@@ -92,6 +94,7 @@ def test_a_field_has_an_entry_and_a_survey_begins_there(tmp_path: Path) -> None:
     assert stored["entry"] == pytest.approx([40.4435, -3.7392], abs=2e-4)
 
 
+@pytest.mark.thorough
 @pytest.mark.timeout(TEST_TIMEOUT_S)
 def test_one_vehicle_of_a_survey_flies_and_the_other_waits(tmp_path: Path) -> None:
     with console_journey(tmp_path) as take, edge_server(tmp_path) as (server, needs):
