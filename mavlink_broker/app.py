@@ -136,8 +136,16 @@ class App:
             member.session.pictures.has_room = has_room
             vehicle_id = member.session.vehicle.vehicle_id
             member.session.set_update_interval(self._edge.update_interval_of(vehicle_id))
-            self._call(member, now, partial(self._records.recall, member.session, now))
-            self._call(member, now, partial(member.session.step, now))
+            self._call(member, now, partial(self._step_session, member.session, now))
+            with _ErrorBoundary() as errors:
+                member.unsent += member.session.missions.due_for_edge(())
+                self._post_when_recorded(member)
+            for error in errors:
+                self._fail_after_error(member, error, now)
+
+    def _step_session(self, session: Session, now: float, effects: Effects) -> None:
+        self._records.recall(session, now, effects)
+        session.step(now, effects)
 
     def close(self) -> None:
         """Post what is pending and close the frame log; the caller closes the links."""
@@ -297,7 +305,12 @@ class App:
         self._post(Acknowledgement(work.work_id, status, message), work.vehicle_id or 0)
 
     def _carry_out(self, effects: Effects, member: FleetMember) -> list[Exception]:
-        """Send messages, post reports and start jobs; returns errors of encoding."""
+        """Send messages, post reports and start jobs; returns errors of encoding.
+
+        Without effects nothing waits for the recovery record: the next step updates it.
+        """
+        if effects.is_empty:
+            return []
         messages = member.session.permitted(effects.messages, self._clock.monotonic())
         errors = self._router.send(member.system, messages) if messages else []
         member.unsent += member.session.missions.due_for_edge(effects.for_edge)

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from enum import Enum, auto
+from functools import lru_cache
 from typing import Final
 
 from mavlink_broker.mavlink.dialect import mavlink
@@ -105,6 +106,7 @@ _COPTER_ROLES: Final[Mapping[str, ModeRole]] = {
 }
 
 
+@lru_cache(maxsize=256)  # Every step of a session asks for it several times
 def px4_name(base_mode: int, custom_mode: int) -> str:
     """Name of a PX4 mode, main and sub mode joined by a dot."""
     del base_mode

@@ -115,6 +115,8 @@ _GROUPS: Final = (
 
 REQUEST_INTERVAL_S: Final = 10.0
 LONGEST_PAUSE_S: Final = 60.0
+CHECK_INTERVAL_S: Final = 0.2
+"""How often it is checked which messages are missing; each may be for longer than a second."""
 """Longest pause; the pauses grow for a message that a vehicle does not send."""
 REFUSALS: Final = 2
 """After so many refusals and none accepted, the vehicle lacks the command. PX4 refuses it for
@@ -161,6 +163,7 @@ class StreamRequests:
         self._unsupported: set[str] = set()  # Messages that it has refused
         self._stops: dict[str, int] = {}
         self._groups_requested_at = -math.inf
+        self._check_at = -math.inf
         self._home_requested_at: float | None = None
         self._version_requests = 0
         self._version_requested_at = -math.inf
@@ -209,6 +212,9 @@ class StreamRequests:
         messages += self._by_groups(now)
         if self._running is not None:
             messages += self._running.tick(now)
+        elif now < self._check_at:
+            return messages
+        self._check_at = now + CHECK_INTERVAL_S
         return messages + self._next(now)
 
     def _single(self, now: float) -> list[Message]:

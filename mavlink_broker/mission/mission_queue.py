@@ -443,6 +443,8 @@ class UnconfirmedMissions:
 
         The first final answer counts: whatever ends work behind an error answers it once more.
         """
+        if not messages and not self._held:
+            return []
         due: list[EdgeMessage] = []
         for message in messages:
             if not isinstance(message, Acknowledgement) or message.status == "accepted":

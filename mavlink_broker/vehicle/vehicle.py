@@ -285,9 +285,10 @@ class Vehicle:
         """What its heartbeat shows about who is in command."""
         snapshot = self.snapshot
         is_manual = self._shows_manual and control_authority.is_manual(snapshot.base_mode)
+        mode = self.mode
         return ObservedMode(
-            self.mode,
-            self.mode_role,
+            mode,
+            self.family.mode_role(mode),
             snapshot.armed,
             in_failsafe=snapshot.in_failsafe,
             is_manual=is_manual and not self.family.knows_modes,
