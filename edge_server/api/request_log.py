@@ -15,6 +15,7 @@ from urllib.parse import quote
 from flask import Flask, Response, g, request
 
 from edge_server import logs
+from edge_server.api import urls
 from edge_server.metrics import Metrics
 
 ACCESS: Final = logging.getLogger("edge_server.access")
@@ -102,7 +103,7 @@ def _routes(app: Flask) -> Callable[[], str]:
         if endpoint is None:
             return _NO_ROUTE
         if endpoint not in names:
-            names[endpoint] = next(app.url_map.iter_rules(endpoint)).rule
+            names[endpoint] = urls.canonical(next(app.url_map.iter_rules(endpoint)))
         return names[endpoint]
 
     return route_of

@@ -1,11 +1,15 @@
-"""Paths: each with and without a slash at the end, never a redirect."""
+"""Paths: each with and without a slash at the end, never a redirect.
+
+A rule is written without the slash, and matches with one too. The other way round a method that
+a path without the slash does not have would be answered with 404 instead of 405.
+"""
 
 from collections.abc import Callable, Sequence
-from typing import Final
+from typing import Any, Final
 
-from flask import Blueprint, Flask
+from flask import Blueprint, Flask, url_for
 from flask.typing import ResponseReturnValue
-from werkzeug.routing import BaseConverter
+from werkzeug.routing import BaseConverter, Rule
 
 _LAST: Final = 2**63 - 1
 
@@ -26,8 +30,18 @@ class Int64Converter(BaseConverter):
 def install(app: Flask) -> None:
     """Configure the URL map of an app; call it before routes are added."""
     app.url_map.converters["int64"] = Int64Converter
-    app.url_map.strict_slashes = True  # Both forms are separate routes
+    app.url_map.strict_slashes = False
     app.url_map.merge_slashes = False
+
+
+def canonical(rule: Rule) -> str:
+    """Give the spelling of a rule's path that documents and metrics use: with the slash."""
+    return rule.rule.rstrip("/") + "/"
+
+
+def path_of(endpoint: str, **values: Any) -> str:
+    """Give the path of a resource, for a Location header: with the slash, as documents have it."""
+    return f"{url_for(endpoint, **values)}/"
 
 
 def add(
@@ -46,6 +60,4 @@ def add(
     """
     below = "".join([f"/<{item}>" if item else "", f"/{action}" if action else ""])
     for name in names:
-        for slash in ("/", ""):
-            place = f"/{name}{below}{slash}"
-            routes.add_url_rule(place, endpoint, view, methods=[method])
+        routes.add_url_rule(f"/{name}{below}", endpoint, view, methods=[method])

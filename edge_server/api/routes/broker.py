@@ -30,9 +30,15 @@ def blueprint() -> Blueprint:
     """Make the routes."""
     routes = Blueprint("broker", __name__)
     urls.add(routes, ("broker/commands",), "poll", poll, "GET")
-    for slash in ("/", ""):
-        place = f"/broker/commands/<int64:identifier>/ack{slash}"
-        routes.add_url_rule(place, "acknowledge", acknowledge, methods=["POST"])
+    urls.add(
+        routes,
+        ("broker/commands",),
+        "acknowledge",
+        acknowledge,
+        "POST",
+        item="int64:identifier",
+        action="ack",
+    )
     names = ("latest_state_vector", "latest_state_vectors")
     urls.add(routes, names, "ask", request_state_vector, "POST")
     return routes

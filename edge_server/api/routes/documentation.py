@@ -114,7 +114,9 @@ def _routes(app: Flask) -> Iterator[openapi.Route]:
         roles = tuple(sorted(role.value for role in roles_of(view) or ()))
         summary = (view.__doc__ or "").strip().splitlines()[0]
         for method in sorted(set(rule.methods or ()) & set(_METHODS)):
-            yield openapi.Route(rule.rule, method, rule.endpoint, summary, roles, contract)
+            yield openapi.Route(
+                urls.canonical(rule), method, rule.endpoint, summary, roles, contract
+            )
 
 
 def _page(document: dict[str, Any]) -> Iterable[str]:

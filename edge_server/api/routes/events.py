@@ -2,7 +2,7 @@
 
 from typing import Any, Final
 
-from flask import Blueprint, url_for
+from flask import Blueprint
 from flask.typing import ResponseReturnValue
 from werkzeug.exceptions import Forbidden
 
@@ -53,7 +53,7 @@ def create() -> ResponseReturnValue:
     """Interrupt a vehicle's mission; a farmer may stop it, not resume it or change its speed."""
     stored = events.create(bodies.context(), _event(), caller())
     audit(f"posted event {stored['id']}: {stored['event_type_name']}")
-    return stored, 201, {"Location": url_for("events.get", identifier=stored["id"])}
+    return stored, 201, {"Location": urls.path_of("events.get", identifier=stored["id"])}
 
 
 @allow(READERS)

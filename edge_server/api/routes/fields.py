@@ -3,7 +3,7 @@
 import json
 from typing import Any, Final
 
-from flask import Blueprint, Response, make_response, request, url_for
+from flask import Blueprint, Response, make_response, request
 from flask.typing import ResponseReturnValue
 
 from afarcloud.faults import Fault, InvalidError
@@ -64,7 +64,7 @@ def create() -> ResponseReturnValue:
     """Store the boundary of a field, or of every field of a file: all of them or none."""
     kept = fields.create_all(bodies.context(), _fields(), caller())
     audit(f"posted fields {[one['id'] for one in kept]}")
-    location = url_for("fields.get", identifier=kept[0]["id"])
+    location = urls.path_of("fields.get", identifier=kept[0]["id"])
     return kept[0] if len(kept) == 1 else {"fields": kept}, 201, {"Location": location}
 
 

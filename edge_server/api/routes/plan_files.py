@@ -3,7 +3,7 @@
 import re
 from typing import Any, Final
 
-from flask import Blueprint, make_response, request, url_for
+from flask import Blueprint, make_response, request
 from flask.typing import ResponseReturnValue
 from werkzeug.exceptions import Forbidden
 
@@ -90,7 +90,7 @@ def create() -> ResponseReturnValue:
     scopes.check(order.vehicle_id)
     stored = plan_files.create(bodies.context(), _file(upload), order, caller())
     audit(f"imported plan {stored['id']}")
-    return stored, 201, {"Location": url_for("plans.get", reference=stored["id"])}
+    return stored, 201, {"Location": urls.path_of("plans.get", reference=stored["id"])}
 
 
 def _file(upload: uploads.Upload) -> MissionFile:

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from flask import Blueprint, url_for
+from flask import Blueprint
 from flask.typing import ResponseReturnValue
 
 from afarcloud.numbers import Model, ShortText, VehicleId
@@ -79,7 +79,7 @@ def create() -> ResponseReturnValue:
     check(*(mission.vehicle_id for mission in plan.missions))
     stored = plans.create(bodies.context(), plan, caller())
     audit(f"posted plan {stored['id']}")
-    return stored, 201, {"Location": url_for("plans.get", reference=stored["id"])}
+    return stored, 201, {"Location": urls.path_of("plans.get", reference=stored["id"])}
 
 
 @allow(READERS)

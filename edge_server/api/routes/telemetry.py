@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from flask import Blueprint, url_for
+from flask import Blueprint
 from flask.typing import ResponseReturnValue
 
 from afarcloud.state import Report
@@ -46,7 +46,7 @@ def _add_kind(routes: Blueprint, kind: Kind) -> None:
         report = bodies.document(kind, Report)
         scopes.check(report.vehicle_id)
         kept = telemetry.ingest(bodies.context(), kind, report, caller())
-        location = url_for(f"telemetry.{name}_get", record_id=kept["id"])
+        location = urls.path_of(f"telemetry.{name}_get", record_id=kept["id"])
         return kept, 201, {"Location": location}
 
     @allow(PEOPLE)

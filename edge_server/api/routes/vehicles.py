@@ -2,7 +2,7 @@
 
 from typing import Any, Final
 
-from flask import Blueprint, make_response, url_for
+from flask import Blueprint, make_response
 from flask.typing import ResponseReturnValue
 
 from afarcloud.faults import Fault, InvalidError
@@ -75,7 +75,7 @@ def put(vehicle_id: int) -> ResponseReturnValue:
     if live.is_watched():
         response.headers["Update-Interval"] = f"{WATCHED_UPDATE_S:g}"
     if is_new:
-        response.headers["Location"] = url_for("vehicles.get", vehicle_id=vehicle_id)
+        response.headers["Location"] = urls.path_of("vehicles.get", vehicle_id=vehicle_id)
     return response
 
 

@@ -321,3 +321,13 @@ def test_a_repeated_post_of_others_gets_its_first_answer_after_a_delete(
         assert edge.ask("DELETE", thing, "operator").status_code == 204
     again = edge.post(path, body, "operator", "first")
     assert (again.status_code, again.json) == (201, first.json)
+
+
+@pytest.mark.parametrize("slash", ["", "/"])
+def test_a_method_that_a_path_does_not_have_is_405_in_both_spellings(
+    edge: Edge, slash: str
+) -> None:
+    answer = edge.ask("DELETE", f"/plans{slash}", "operator")
+    assert answer.status_code == 405
+    assert "DELETE" not in answer.headers["Allow"]
+    assert {"GET", "POST"} <= set(answer.headers["Allow"].split(", "))
