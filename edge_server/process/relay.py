@@ -24,14 +24,13 @@ from edge_server.outbox.relay import Relay, RelayError
 from edge_server.outbox.retry import Backoff
 from edge_server.outbox.schedule import Schedule
 from edge_server.outbox.streams import AllStreams, SharedStreams, Streams
+from edge_server.outbox.uplink import Uplink
 from edge_server.store import migrate
 from edge_server.store.connection.database import Database, Topic
 from edge_server.store.connection.engines import open_engine
 from edge_server.store.connection.failures import is_lost
 from edge_server.store.files import integrity
 from edge_server.store.files.tally import Tally
-from edge_server.uplinks.cloud_http import HttpUplink
-from edge_server.uplinks.mqtt import MqttUplink
 from edge_server.uplinks.mqtt_protocol import is_mqtt
 
 LOG = logging.getLogger(__name__)
@@ -180,13 +179,24 @@ def build(config: Config, database: Database) -> Relay:
     return Relay(
         database=database,
         schedule=schedule,
-        uplink=MqttUplink(config) if is_mqtt(config.cloud_url) else HttpUplink(config),
+        uplink=_uplink(config),
         streams=_streams(config, database),
         wake=_wake(config, database),
         ballast_path=None if database.is_shared else config.database_path.with_name("ballast"),
         workers=config.relay_workers,
         counts=RelayCounts(Tally(config.relay_tally_path)),
     )
+
+
+def _uplink(config: Config) -> Uplink:
+    """Build the uplink of the cloud's address, and load the client of its protocol alone."""
+    if is_mqtt(config.cloud_url):
+        from edge_server.uplinks.mqtt import MqttUplink  # noqa: PLC0415  # paho takes memory
+
+        return MqttUplink(config)
+    from edge_server.uplinks.cloud_http import HttpUplink  # noqa: PLC0415  # requests, as above
+
+    return HttpUplink(config)
 
 
 def _streams(config: Config, database: Database) -> Streams:
