@@ -6,16 +6,15 @@ a link to elsewhere, or a tree too deep or too large is refused before anything 
 
 import io
 from collections.abc import Iterator
-from typing import Final
-from xml.etree.ElementTree import Element, ParseError  # types; defusedxml does the reading
-
-from defusedxml import DefusedXmlException
-from defusedxml.ElementTree import iterparse
+from typing import TYPE_CHECKING, Final
 
 from afarcloud.faults import Fault, InvalidError
 from afarcloud.plan import Vertex
 from edge_server.geodata.rings import MOST_FIELDS, Boundary, Ring, fields_of
 from edge_server.geodata.zipped import Archive, is_zip
+
+if TYPE_CHECKING:
+    from xml.etree.ElementTree import Element
 
 MEDIA_TYPES: Final = frozenset(
     {"application/vnd.google-earth.kml+xml", "application/xml", "text/xml"}
@@ -69,8 +68,13 @@ def _unzipped(raw: bytes) -> bytes:
     return archive.read(documents[0], LARGEST_BYTES)
 
 
-def _parsed(raw: bytes) -> Element:
-    """Parse untrusted XML."""
+def _parsed(raw: bytes) -> "Element":
+    """Parse untrusted XML; the parser is loaded with the first file, for few servers get one."""
+    from xml.etree.ElementTree import ParseError  # noqa: PLC0415  # see above
+
+    from defusedxml import DefusedXmlException  # noqa: PLC0415  # as above
+    from defusedxml.ElementTree import iterparse  # noqa: PLC0415  # as above
+
     depth = 0
     root: Element | None = None
     try:
@@ -93,7 +97,7 @@ def _parsed(raw: bytes) -> Element:
     return root
 
 
-def _boundaries(placemark: Element, path: str) -> list[Boundary]:
+def _boundaries(placemark: "Element", path: str) -> list[Boundary]:
     name = (_text(placemark, "name") or "").strip() or None
     geometries = [one for one in placemark.iter() if _tag(one) in _GEOMETRIES]
     inside = {ring for one in _all(placemark, "Polygon") for ring in _all(one, "LinearRing")}
@@ -110,7 +114,7 @@ def _boundaries(placemark: Element, path: str) -> list[Boundary]:
     return fields_of(name, polygons, [])
 
 
-def _rings(polygon: Element, path: str) -> Iterator[Ring]:
+def _rings(polygon: "Element", path: str) -> Iterator[Ring]:
     """The outer ring, then the inner ones."""
     outer = [ring for side in _all(polygon, "outerBoundaryIs") for ring in _all(side, "LinearRing")]
     if len(outer) != 1:
@@ -122,7 +126,7 @@ def _rings(polygon: Element, path: str) -> Iterator[Ring]:
         yield place, _corners(ring, place)
 
 
-def _corners(ring: Element, path: str) -> list[Vertex]:
+def _corners(ring: "Element", path: str) -> list[Vertex]:
     """A closed ring of `longitude,latitude[,height]` as open ring of corners."""
     tuples = (_text(ring, "coordinates") or "").split()
     if len(tuples) < 4:
@@ -145,16 +149,16 @@ def _corner(position: str, path: str) -> Vertex:
     return latitude, longitude
 
 
-def _all(element: Element, tag: str) -> list[Element]:
+def _all(element: "Element", tag: str) -> "list[Element]":
     return [one for one in element.iter() if _tag(one) == tag]
 
 
-def _text(element: Element, tag: str) -> str | None:
+def _text(element: "Element", tag: str) -> str | None:
     """Text of the first child of a name."""
     return next((child.text for child in element if _tag(child) == tag), None)
 
 
-def _tag(element: Element) -> str:
+def _tag(element: "Element") -> str:
     """Name of an element, whatever version of KML its namespace names."""
     return str(element.tag).rpartition("}")[2]
 
