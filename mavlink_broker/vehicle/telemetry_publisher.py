@@ -181,13 +181,18 @@ def activity(vehicle: Vehicle) -> str | None:
 
 
 def stale(vehicle: Vehicle, now: float) -> list[str]:
-    """Name what was received once and not again for some time."""
+    """Name what was received once and not again for some time.
+
+    A battery that the vehicle reports without a value is stale at once: the edge server still
+    shows the value before, also one from before a restart of the broker.
+    """
     is_connected = vehicle.link_state(now) is LinkState.CONNECTED
+    unknown = {"battery"} if vehicle.snapshot.battery_fraction is None else set()
     ages = {name: vehicle.age_s(kind, now) for name, kind in _MESSAGES.items()}
     return [
         name
         for name, age_s in ages.items()
-        if age_s is not None and (age_s > STALE_AFTER_S or not is_connected)
+        if age_s is not None and (age_s > STALE_AFTER_S or not is_connected or name in unknown)
     ]
 
 

@@ -77,6 +77,24 @@ class TestTheRegistry:
         assert row["position_age"] > 5.0
         assert len(world.edge.bodies("/state_vector/")) - vectors <= 6
 
+    def test_names_a_battery_stale_whose_value_is_no_longer_known(
+        self, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """The edge server still shows the value before: it does not look fresh."""
+        world = World()
+        vehicle = world.add_vehicle(script=COPTER_4_6)
+        world.run(10.0)
+        assert registered(world)["stale"] == []
+        unmeasured = mavlink.MAVLink_battery_status_message(
+            0, 1, 1, 32767, [65535] * 10, -1, 0, -1, -1
+        )
+        with monkeypatch.context() as patch:
+            patch.setattr(vehicle, "_battery", lambda: unmeasured)
+            world.run(10.0)
+            assert registered(world)["stale"] == ["battery"]
+        world.run(10.0)
+        assert registered(world)["stale"] == []
+
     def test_names_everything_stale_when_the_link_is_not_connected(self) -> None:
         world = World()
         vehicle = world.add_vehicle()
