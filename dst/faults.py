@@ -44,6 +44,7 @@ class Fault(StrEnum):
     REBOOTED_IN_FLIGHT = "rebooted-in-flight"
     NOT_A_NUMBER = "not-a-number"
     POSITION_UNKNOWN = "position-unknown"
+    BATTERY_UNKNOWN = "battery-unknown"
     POWER_CUT = "power-cut"
     PILOT = "pilot"
     REPEATED_MISSIONS = "repeated-missions"
@@ -94,7 +95,7 @@ class Faults:
             if not process.is_up:
                 process.start()
         for system, vehicle in world.vehicles.items():
-            vehicle.has_attitude = vehicle.has_position = True
+            vehicle.has_attitude = vehicle.has_position = vehicle.knows_battery = True
             world.connected(system)
         world.scheduler.note("faults", "-", "end")
 
@@ -139,6 +140,7 @@ class Faults:
             Fault.VEHICLE_REBOOTED: self._reboot,
             Fault.NOT_A_NUMBER: self._spoil("has_attitude"),
             Fault.POSITION_UNKNOWN: self._spoil("has_position"),
+            Fault.BATTERY_UNKNOWN: self._spoil("knows_battery"),
             **{fault: self._kill(fault, process) for fault, process in self._processes.items()},
         }
         for fault, action in actions.items():
@@ -226,7 +228,7 @@ class Faults:
             vehicle.fail(lands=random.random() < 0.5)
 
     def _spoil(self, value: str) -> Callable[[Random], None]:
-        """Have a vehicle send an attitude of no numbers, or a position of none, for a while."""
+        """Have a vehicle send an attitude, a position or a battery of no numbers for a while."""
 
         def spoil(random: Random) -> None:
             vehicle = random.choice(list(self._world.vehicles.values()))

@@ -20,6 +20,8 @@ UNKNOWN_E7: Final = 2**31 - 1
 VERSION: Final = 1 << 24 | 14 << 16
 _MILLIVOLT: Final = 12000
 _CENTIAMPERE: Final = 100
+_UNMEASURED: Final = 65535, -1, -1
+"""Voltage, current and share of a battery that is not measured, as MAVLink writes them."""
 
 
 def attitude(boot_ms: int, *, is_known: bool) -> Any:
@@ -56,20 +58,23 @@ def landed(*, is_flying: bool) -> Any:
     return mavlink.MAVLink_extended_sys_state_message(0, flying if is_flying else standing)
 
 
-def system_status(share: float, *, is_motor_failed: bool) -> Any:
-    """Sensors, and the share of the battery that is left."""
+def system_status(share: float | None, *, is_motor_failed: bool) -> Any:
+    """Sensors, and the share of the battery that is left; None: nothing of it is measured."""
     failed = mavlink.MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS if is_motor_failed else 0
     sensors = HEALTHY, HEALTHY, HEALTHY & ~failed
-    power = _MILLIVOLT, _CENTIAMPERE, round(share * 100)
+    power = _UNMEASURED
+    if share is not None:
+        power = _MILLIVOLT, _CENTIAMPERE, round(share * 100)
     return mavlink.MAVLink_sys_status_message(*sensors, 0, *power, *[0] * 6)
 
 
-def battery(share: float) -> Any:
-    """The battery, of which a share is left."""
-    cells = [_MILLIVOLT] + [65535] * 9
-    return mavlink.MAVLink_battery_status_message(
-        0, 1, 1, 32767, cells, _CENTIAMPERE, 0, -1, round(share * 100)
-    )
+def battery(share: float | None) -> Any:
+    """The battery, of which a share is left; None: nothing of it is measured."""
+    voltage, current, percent = _UNMEASURED
+    if share is not None:
+        voltage, current, percent = _MILLIVOLT, _CENTIAMPERE, round(share * 100)
+    cells = [voltage] + [65535] * 9
+    return mavlink.MAVLink_battery_status_message(0, 1, 1, 32767, cells, current, 0, -1, percent)
 
 
 def estimate() -> Any:

@@ -74,6 +74,7 @@ class Vehicle:
         self.battery = 1.0
         self.has_attitude = True
         self.has_position = True
+        self.knows_battery = True
         self._in_failsafe = False
         self._has_motor_failure = False
         self._scheduler = scheduler
@@ -325,7 +326,7 @@ class Vehicle:
                 is_flying=self.is_flying
             ),
             mavlink.MAVLINK_MSG_ID_SYS_STATUS: self._system_status,
-            mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: lambda: telemetry.battery(self.battery),
+            mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: lambda: telemetry.battery(self._known_battery),
             mavlink.MAVLINK_MSG_ID_MISSION_CURRENT: self._mission_current,
             mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT: telemetry.estimate,
             mavlink.MAVLINK_MSG_ID_HOME_POSITION: telemetry.home_position,
@@ -336,8 +337,12 @@ class Vehicle:
         if message_id in makers:
             self._send(makers[message_id]())
 
+    @property
+    def _known_battery(self) -> float | None:
+        return self.battery if self.knows_battery else None
+
     def _system_status(self) -> Any:
-        return telemetry.system_status(self.battery, is_motor_failed=self._has_motor_failure)
+        return telemetry.system_status(self._known_battery, is_motor_failed=self._has_motor_failure)
 
     def _position(self) -> Any:
         truth = self.truth if self.has_position else None

@@ -111,6 +111,17 @@ def test_a_plan_waits_for_a_vehicle_that_is_switched_off(world: World) -> None:
     assert times_flown(world) == 1
 
 
+def test_a_battery_that_is_not_measured_is_shown_as_stale(world: World) -> None:
+    world.run(10.0)
+    assert world.request("GET", "/vehicles/1").json()["stale"] == []
+    world.vehicles[1].knows_battery = False
+    world.run(10.0)
+    assert world.request("GET", "/vehicles/1").json()["stale"] == ["battery"]
+    world.vehicles[1].knows_battery = True
+    world.run(10.0)
+    assert world.request("GET", "/vehicles/1").json()["stale"] == []
+
+
 def test_the_same_seed_gives_the_same_trace(prepared: Path, tmp_path: Path) -> None:
     digests = []
     for name in ("first", "second"):
