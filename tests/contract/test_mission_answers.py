@@ -15,8 +15,8 @@ from uav_firmware.lib import fence_rules, mission_rules
 from uav_firmware.lib.mission_rules import DistanceLimits
 from uav_firmware.modules.mavlink.missions.mission_server import MissionServer
 from uav_firmware.modules.mavlink.missions.mission_store import PlanCheck, PlanStore
-from uav_firmware.modules.mavlink.telemetry.status_text import StatusTexts
 from uav_firmware.modules.mavlink.wire.dialect import Message, frame, pack
+from uav_firmware.modules.mavlink.wire.status_text import StatusTexts
 from uav_firmware.modules.navigator.params import NavigatorParams
 from uav_firmware.msg.mission import MissionItem, PlanReview
 from uav_firmware.msg.status import HomePosition

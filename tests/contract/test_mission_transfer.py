@@ -28,10 +28,10 @@ from tests.support.mission_field import any_plan
 from uav_firmware.bus import Topic
 from uav_firmware.modules.mavlink.missions.mission_server import MissionServer
 from uav_firmware.modules.mavlink.missions.mission_store import PlanCheck, PlanStore
-from uav_firmware.modules.mavlink.telemetry.status_text import StatusTexts
 from uav_firmware.modules.mavlink.wire import dialect as vehicle_dialect
 from uav_firmware.modules.mavlink.wire.addressing import Outgoing, Sender
 from uav_firmware.modules.mavlink.wire.dialect_extensions import MissionCurrent
+from uav_firmware.modules.mavlink.wire.status_text import StatusTexts
 from uav_firmware.msg.mission import Mission
 
 ROUTE = Route(own_system=254, own_component=191, target_system=1, target_component=1)

@@ -11,9 +11,9 @@ from uav_firmware.bus import Topic
 from uav_firmware.cal.storage import Storage
 from uav_firmware.modules.mavlink.missions.mission_server import MissionServer
 from uav_firmware.modules.mavlink.missions.mission_store import PlanCheck, PlanStore
-from uav_firmware.modules.mavlink.telemetry.status_text import StatusTexts
 from uav_firmware.modules.mavlink.wire import dialect
 from uav_firmware.modules.mavlink.wire.addressing import Outgoing, Sender
+from uav_firmware.modules.mavlink.wire.status_text import StatusTexts
 from uav_firmware.msg.mission import Mission, MissionItem, PlanReview
 
 STEP_US: Final = 20_000

@@ -7,19 +7,19 @@ from uav_firmware.cal.files import Card
 from uav_firmware.cal.link import Address, Link
 from uav_firmware.cal.storage import Storage
 from uav_firmware.modules.mavlink.commands.preflight_commands import PowerAction
+from uav_firmware.modules.mavlink.dispatcher import Dispatcher
 from uav_firmware.modules.mavlink.missions.plan_checks import RULES, PlanChecker, PlanRules
 from uav_firmware.modules.mavlink.telemetry.changes import ChangeDetector, ReachedReporter
 from uav_firmware.modules.mavlink.telemetry.context import BatteryThresholds, Context
 from uav_firmware.modules.mavlink.telemetry.sensors import VibrationMeter
-from uav_firmware.modules.mavlink.telemetry.status_text import StatusTexts
 from uav_firmware.modules.mavlink.telemetry.streams import LinkParams, default_intervals_us
+from uav_firmware.modules.mavlink.transmitter import Transmitter
 from uav_firmware.modules.mavlink.wire.addressing import OWN_COMPONENTS, Outgoing, Sender
 from uav_firmware.modules.mavlink.wire.dialect import Message, parse
-from uav_firmware.modules.mavlink.wire.dispatcher import Dispatcher
 from uav_firmware.modules.mavlink.wire.peers import Peer, PeerTable
 from uav_firmware.modules.mavlink.wire.reception import Reception, SigningOptions
 from uav_firmware.modules.mavlink.wire.signing_setup import SigningSetup
-from uav_firmware.modules.mavlink.wire.transmitter import Transmitter
+from uav_firmware.modules.mavlink.wire.status_text import StatusTexts
 from uav_firmware.msg.mission import PlanType
 from uav_firmware.parameters import Registry, UnknownParameterError
 from uav_firmware.topics import Topics

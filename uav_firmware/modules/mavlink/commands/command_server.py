@@ -25,13 +25,13 @@ from uav_firmware.modules.mavlink.commands.command_history import CommandHistory
 from uav_firmware.modules.mavlink.commands.commands import (
     BAD_FRAME,
     KNOWN,
+    Answer,
     Command,
     PendingAnswer,
     from_int,
     from_long,
     has_no_ignored_parameter,
 )
-from uav_firmware.modules.mavlink.telemetry.requests import Answer
 from uav_firmware.modules.mavlink.wire.addressing import (
     AUTOPILOT_COMPONENT,
     Outgoing,

@@ -45,6 +45,14 @@ class Command(NamedTuple):
         return self.parameters[index - 1]
 
 
+class Answer(NamedTuple):
+    """Result of a command, and the requested messages."""
+
+    result: int  # MAV_RESULT
+    messages: tuple[Message, ...] = ()
+    to_all: bool = False
+
+
 class PendingAnswer(NamedTuple):
     """The command is being executed; its answer is the VehicleCommandAck with this token."""
 
@@ -145,3 +153,10 @@ def has_no_ignored_parameter(command: Command) -> bool:
     supported = HANDLED_HERE.get(command.number, _ALL)
     ignored = (p for i, p in enumerate(command.parameters, 1) if i not in supported)
     return all(math.isnan(parameter) or parameter == 0.0 for parameter in ignored)
+
+
+def as_index(value: float) -> int | None:
+    """Convert a message id or index; None unless it is an integer from 0."""
+    if not math.isfinite(value) or value != int(value) or not 0.0 <= value <= 0xFFFFFF:
+        return None
+    return int(value)

@@ -14,7 +14,6 @@ from typing import Final
 
 from uav_firmware.bus import Queue
 from uav_firmware.cal.link import Address
-from uav_firmware.modules.mavlink.telemetry.status_text import StatusTexts
 from uav_firmware.modules.mavlink.wire.addressing import Outgoing, Sender, is_for_us
 from uav_firmware.modules.mavlink.wire.dialect import Message, mavlink
 from uav_firmware.modules.mavlink.wire.dialect_extensions import (
@@ -22,6 +21,7 @@ from uav_firmware.modules.mavlink.wire.dialect_extensions import (
     ParamValue,
     raw_param_value,
 )
+from uav_firmware.modules.mavlink.wire.status_text import StatusTexts
 from uav_firmware.msg.status import ParameterSaveRequest, ParameterSaveResult
 from uav_firmware.parameters import (
     ParameterError,

@@ -6,8 +6,7 @@ from enum import IntEnum
 from typing import Final
 
 from uav_firmware.bus import Queue, Topic
-from uav_firmware.modules.mavlink.commands.commands import Command, PendingAnswer
-from uav_firmware.modules.mavlink.telemetry.requests import Answer
+from uav_firmware.modules.mavlink.commands.commands import Answer, Command, PendingAnswer
 from uav_firmware.modules.mavlink.wire.addressing import Sender
 from uav_firmware.modules.mavlink.wire.dialect import mavlink
 from uav_firmware.msg.status import (

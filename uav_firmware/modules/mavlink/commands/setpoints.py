@@ -10,9 +10,9 @@ from typing import Final, NamedTuple, TypeAlias
 
 from uav_firmware.lib.geo import LocalFrame
 from uav_firmware.lib.rotation import normalise, wrap_pi
-from uav_firmware.modules.mavlink.telemetry.status_text import StatusTexts
 from uav_firmware.modules.mavlink.wire.addressing import Outgoing, Sender, is_for_us
 from uav_firmware.modules.mavlink.wire.dialect import Message, mavlink
+from uav_firmware.modules.mavlink.wire.status_text import StatusTexts
 from uav_firmware.msg.control_mode import OffboardSetpoint
 from uav_firmware.msg.estimate import VehicleLocalPosition
 from uav_firmware.msg.setpoints import (

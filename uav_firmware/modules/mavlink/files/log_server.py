@@ -17,9 +17,9 @@ from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
 from uav_firmware.cal.files import Entry, FileStore, OpenFile, OpenMode, Place
-from uav_firmware.modules.mavlink.telemetry.status_text import StatusTexts
 from uav_firmware.modules.mavlink.wire.addressing import Outgoing, Sender, is_for_us
 from uav_firmware.modules.mavlink.wire.dialect import Message, mavlink
+from uav_firmware.modules.mavlink.wire.status_text import StatusTexts
 from uav_firmware.modules.mavlink.wire.token_bucket import TokenBucket
 
 _DAY: Final = re.compile(r"(\d{4})-(\d{2})-(\d{2})")

@@ -21,11 +21,10 @@ from typing import Final, NamedTuple
 
 from uav_firmware.bus import Queue, Topic
 from uav_firmware.cal.link import Address
-from uav_firmware.modules.mavlink.commands.commands import Command
-from uav_firmware.modules.mavlink.telemetry.requests import Answer
-from uav_firmware.modules.mavlink.telemetry.status_text import StatusTexts
+from uav_firmware.modules.mavlink.commands.commands import Answer, Command
 from uav_firmware.modules.mavlink.wire.addressing import Outgoing, Sender, is_for_us
 from uav_firmware.modules.mavlink.wire.dialect import Message, mavlink
+from uav_firmware.modules.mavlink.wire.status_text import StatusTexts
 from uav_firmware.msg.log import LogStreamChunk, LogStreamRequest
 
 DATA_MAX: Final = 249

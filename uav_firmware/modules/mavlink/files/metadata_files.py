@@ -13,10 +13,9 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
 from uav_firmware.cal.files import Entry, OpenFile, OpenMode, Place
-from uav_firmware.modules.mavlink.commands.commands import Command
+from uav_firmware.modules.mavlink.commands.commands import Answer, Command
 from uav_firmware.modules.mavlink.files.client import checksum_of
 from uav_firmware.modules.mavlink.files.tree import GeneratedFile, ReadOnlyStore, refusal
-from uav_firmware.modules.mavlink.telemetry.requests import Answer
 from uav_firmware.modules.mavlink.wire.addressing import Sender
 from uav_firmware.modules.mavlink.wire.dialect import mavlink
 from uav_firmware.modules.mavlink.wire.dialect_extensions import ComponentMetadata

@@ -11,9 +11,9 @@ from uav_firmware.modules.mavlink.files.metadata_files import MetadataFiles
 from uav_firmware.modules.mavlink.files.parameter_files import ParameterFiles
 from uav_firmware.modules.mavlink.files.server import FileServer
 from uav_firmware.modules.mavlink.files.tree import MountedTree
-from uav_firmware.modules.mavlink.telemetry.status_text import StatusTexts
 from uav_firmware.modules.mavlink.wire.addressing import AUTOPILOT_COMPONENT, Outgoing, Sender
 from uav_firmware.modules.mavlink.wire.dialect import Message, mavlink
+from uav_firmware.modules.mavlink.wire.status_text import StatusTexts
 from uav_firmware.modules.mavlink.wire.token_bucket import TokenBucket
 from uav_firmware.parameters import Registry
 from uav_firmware.topics import Topics

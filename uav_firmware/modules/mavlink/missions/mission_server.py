@@ -15,10 +15,10 @@ from uav_firmware.modules.mavlink.missions.mission_upload import (
     UploadReceiver,
     acknowledge,
 )
-from uav_firmware.modules.mavlink.telemetry.status_text import StatusTexts
 from uav_firmware.modules.mavlink.wire.addressing import Outgoing, Sender
 from uav_firmware.modules.mavlink.wire.dialect import Message, mavlink
 from uav_firmware.modules.mavlink.wire.dialect_extensions import MissionCount
+from uav_firmware.modules.mavlink.wire.status_text import StatusTexts
 
 _MISSION: Final[int] = mavlink.MAV_MISSION_TYPE_MISSION
 _ALL_TYPES: Final[int] = mavlink.MAV_MISSION_TYPE_ALL

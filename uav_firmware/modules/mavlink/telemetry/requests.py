@@ -2,9 +2,9 @@
 
 import math
 from collections.abc import Callable, Mapping
-from typing import Final, NamedTuple
+from typing import Final
 
-from uav_firmware.modules.mavlink.commands.commands import Command
+from uav_firmware.modules.mavlink.commands.commands import Answer, Command, as_index
 from uav_firmware.modules.mavlink.telemetry.context import Context
 from uav_firmware.modules.mavlink.telemetry.link import autopilot_version, available_modes
 from uav_firmware.modules.mavlink.telemetry.streams import (
@@ -14,7 +14,7 @@ from uav_firmware.modules.mavlink.telemetry.streams import (
     stream_key,
 )
 from uav_firmware.modules.mavlink.wire.addressing import AUTOPILOT_COMPONENT, Sender
-from uav_firmware.modules.mavlink.wire.dialect import Message, mavlink
+from uav_firmware.modules.mavlink.wire.dialect import mavlink
 from uav_firmware.modules.mavlink.wire.dialect_extensions import ProtocolVersion
 from uav_firmware.modules.mavlink.wire.peers import Channel, PeerTable
 
@@ -31,14 +31,6 @@ _LONGEST_INTERVAL_US: Final = 2**31 - 1
 
 _SLOWEST_HEARTBEAT_US: Final = 1_000_000
 """Longest interval of a heartbeat that may be set [us]: the protocol requires 1 Hz."""
-
-
-class Answer(NamedTuple):
-    """Result of a command, and the requested messages."""
-
-    result: int  # MAV_RESULT
-    messages: tuple[Message, ...] = ()
-    to_all: bool = False
 
 
 class RequestServer:
@@ -149,13 +141,6 @@ def _apply_interval(channel: Channel, key: int, interval_us: int, now_us: int) -
     else:
         interval_us = max(interval_us, MIN_INTERVAL_US)
     channel.schedule.set_interval(key, interval_us, now_us)
-
-
-def as_index(value: float) -> int | None:
-    """Convert a message id or index; None unless it is an integer from 0."""
-    if not math.isfinite(value) or value != int(value) or not 0.0 <= value <= 0xFFFFFF:
-        return None
-    return int(value)
 
 
 def _target(command: Command) -> float | None:

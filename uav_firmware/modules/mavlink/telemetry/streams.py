@@ -9,9 +9,10 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Final, NamedTuple, TypeAlias
 
-from uav_firmware.modules.mavlink.camera import gimbal_messages, messages
 from uav_firmware.modules.mavlink.telemetry import (
+    camera,
     controls,
+    gimbal,
     guidance,
     link,
     pose,
@@ -105,19 +106,19 @@ STREAMS: Final[tuple[Stream, ...]] = (
         mavlink.MAVLINK_MSG_ID_GIMBAL_MANAGER_INFORMATION,
         0,
         0,
-        gimbal_messages.gimbal_manager_information,
+        gimbal.gimbal_manager_information,
     ),
     Stream(
         mavlink.MAVLINK_MSG_ID_GIMBAL_MANAGER_STATUS,
         0.5,
         0.5,
-        gimbal_messages.gimbal_manager_status,
+        gimbal.gimbal_manager_status,
     ),
     Stream(
         mavlink.MAVLINK_MSG_ID_GIMBAL_DEVICE_ATTITUDE_STATUS,
         5,
         10,
-        gimbal_messages.gimbal_device_attitude_status,
+        gimbal.gimbal_device_attitude_status,
     ),
     Stream(mavlink.MAVLINK_MSG_ID_PING, 0.1, 1, link.ping),
     Stream(mavlink.MAVLINK_MSG_ID_TIMESYNC, 0, 10, link.timesync),
@@ -175,19 +176,19 @@ STREAMS: Final[tuple[Stream, ...]] = (
 CAMERA_STREAMS: Final[tuple[Stream, ...]] = tuple(
     Stream(message_id, rate_hz, rate_hz, builder, CAMERA_COMPONENT)
     for message_id, rate_hz, builder in (
-        (mavlink.MAVLINK_MSG_ID_HEARTBEAT, 1, messages.heartbeat),
-        (mavlink.MAVLINK_MSG_ID_CAMERA_INFORMATION, 0, messages.camera_information),
-        (mavlink.MAVLINK_MSG_ID_CAMERA_SETTINGS, 0, messages.camera_settings),
-        (mavlink.MAVLINK_MSG_ID_STORAGE_INFORMATION, 0, messages.storage_information),
-        (mavlink.MAVLINK_MSG_ID_CAMERA_CAPTURE_STATUS, 0, messages.camera_capture_status),
+        (mavlink.MAVLINK_MSG_ID_HEARTBEAT, 1, camera.heartbeat),
+        (mavlink.MAVLINK_MSG_ID_CAMERA_INFORMATION, 0, camera.camera_information),
+        (mavlink.MAVLINK_MSG_ID_CAMERA_SETTINGS, 0, camera.camera_settings),
+        (mavlink.MAVLINK_MSG_ID_STORAGE_INFORMATION, 0, camera.storage_information),
+        (mavlink.MAVLINK_MSG_ID_CAMERA_CAPTURE_STATUS, 0, camera.camera_capture_status),
         (
             mavlink.MAVLINK_MSG_ID_CAMERA_TRACKING_IMAGE_STATUS,
             0,
-            messages.camera_tracking_image_status,
+            camera.camera_tracking_image_status,
         ),
-        (mavlink.MAVLINK_MSG_ID_CAMERA_TRACKING_GEO_STATUS, 0, messages.camera_tracking_geo_status),
-        (mavlink.MAVLINK_MSG_ID_VIDEO_STREAM_INFORMATION, 0, messages.video_stream_information),
-        (mavlink.MAVLINK_MSG_ID_VIDEO_STREAM_STATUS, 0, messages.video_stream_status),
+        (mavlink.MAVLINK_MSG_ID_CAMERA_TRACKING_GEO_STATUS, 0, camera.camera_tracking_geo_status),
+        (mavlink.MAVLINK_MSG_ID_VIDEO_STREAM_INFORMATION, 0, camera.video_stream_information),
+        (mavlink.MAVLINK_MSG_ID_VIDEO_STREAM_STATUS, 0, camera.video_stream_status),
     )
 )
 """Streams of the camera component, with the same rates on both links."""

@@ -14,7 +14,7 @@ from enum import Enum
 from typing import Final
 
 from uav_firmware.cal.link import Address
-from uav_firmware.modules.mavlink.telemetry.schedule import LONGEST_INTERVAL_US, Schedule
+from uav_firmware.modules.mavlink.wire.schedule import LONGEST_INTERVAL_US, Schedule
 from uav_firmware.modules.mavlink.wire.signature import Signer
 
 RECENTLY_US: Final = 5_000_000

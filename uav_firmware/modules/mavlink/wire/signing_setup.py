@@ -8,12 +8,12 @@ from enum import Enum
 from typing import Final
 
 from uav_firmware.bus import Topic
-from uav_firmware.modules.mavlink.telemetry.status_text import StatusTexts
 from uav_firmware.modules.mavlink.wire.addressing import Outgoing, Sender, is_for_us
 from uav_firmware.modules.mavlink.wire.dialect import Message, mavlink
 from uav_firmware.modules.mavlink.wire.link_security import LinkSecurity, is_loopback
 from uav_firmware.modules.mavlink.wire.signature import LATEST, SigningClock
 from uav_firmware.modules.mavlink.wire.signing_store import SigningStore
+from uav_firmware.modules.mavlink.wire.status_text import StatusTexts
 from uav_firmware.msg.status import VehicleStatus
 
 

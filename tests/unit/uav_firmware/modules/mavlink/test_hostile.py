@@ -15,9 +15,9 @@ from tests.unit.uav_firmware.modules.mavlink.harness import (
     command_long,
 )
 from uav_firmware.modules.mavlink.commands.commands import FORWARDED
+from uav_firmware.modules.mavlink.dispatcher import Dispatcher
 from uav_firmware.modules.mavlink.module import MAX_MESSAGES_PER_CALL
 from uav_firmware.modules.mavlink.wire.dialect import Payload, frame, mavlink, pack
-from uav_firmware.modules.mavlink.wire.dispatcher import Dispatcher
 
 HANDLED: Final = {
     cls

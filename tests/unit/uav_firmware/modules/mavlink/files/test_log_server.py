@@ -6,9 +6,9 @@ import pytest
 
 from uav_firmware.drivers.file_tree import FileTree
 from uav_firmware.modules.mavlink.files.log_server import PACKETS_PER_SECOND, LogServer
-from uav_firmware.modules.mavlink.telemetry.status_text import StatusTexts
 from uav_firmware.modules.mavlink.wire.addressing import Outgoing, Sender
 from uav_firmware.modules.mavlink.wire.dialect import mavlink, pack
+from uav_firmware.modules.mavlink.wire.status_text import StatusTexts
 
 SYSTEM: Final = 7
 ALICE: Final = Sender(255, 190, ("192.0.2.2", 14550))

@@ -17,9 +17,9 @@ from uav_firmware.modules.mavlink.files.log_stream import (
     LogStream,
     split,
 )
-from uav_firmware.modules.mavlink.telemetry.status_text import StatusTexts
 from uav_firmware.modules.mavlink.wire.addressing import Outgoing, Sender
 from uav_firmware.modules.mavlink.wire.dialect import mavlink, pack
+from uav_firmware.modules.mavlink.wire.status_text import StatusTexts
 from uav_firmware.msg.log import LogStreamChunk
 
 SYSTEM: Final = 7

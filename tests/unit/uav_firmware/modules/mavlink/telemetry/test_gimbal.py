@@ -14,8 +14,8 @@ from tests.unit.uav_firmware.modules.mavlink.harness import (
     command_long,
 )
 from uav_firmware.lib.rotation import from_euler, multiply, to_euler
-from uav_firmware.modules.mavlink.camera.gimbal_messages import gimbal_device_attitude_status
 from uav_firmware.modules.mavlink.telemetry.context import BatteryThresholds, Context
+from uav_firmware.modules.mavlink.telemetry.gimbal import gimbal_device_attitude_status
 from uav_firmware.modules.mavlink.wire.dialect import mavlink
 from uav_firmware.msg.payload import Controller, GimbalFlags, GimbalOrder, PayloadCommand
 from uav_firmware.msg.status import VehicleCommand

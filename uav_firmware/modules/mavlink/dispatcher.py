@@ -7,7 +7,7 @@ from typing import Final, TypeAlias
 from uav_firmware.cal.files import Card
 from uav_firmware.cal.link import Address
 from uav_firmware.cal.storage import Storage
-from uav_firmware.modules.mavlink.camera.component import CameraComponent, CommandRouter
+from uav_firmware.modules.mavlink.camera_component import CameraComponent, CommandRouter
 from uav_firmware.modules.mavlink.commands.command_server import CommandServer
 from uav_firmware.modules.mavlink.commands.parameter_server import ParameterServer
 from uav_firmware.modules.mavlink.commands.preflight_commands import (
@@ -31,10 +31,10 @@ from uav_firmware.modules.mavlink.missions.plan_checks import PlanChecker
 from uav_firmware.modules.mavlink.telemetry.context import Context
 from uav_firmware.modules.mavlink.telemetry.link import answer_ping, answer_timesync
 from uav_firmware.modules.mavlink.telemetry.requests import RequestServer
-from uav_firmware.modules.mavlink.telemetry.status_text import StatusTexts
 from uav_firmware.modules.mavlink.wire.addressing import Outgoing, Sender, is_for_us
 from uav_firmware.modules.mavlink.wire.dialect import Message, mavlink
 from uav_firmware.modules.mavlink.wire.peers import PeerTable
+from uav_firmware.modules.mavlink.wire.status_text import StatusTexts
 from uav_firmware.msg.geofence import Fence, RallyPoints
 from uav_firmware.msg.mission import Mission, PlanType
 from uav_firmware.msg.status import StatusText

@@ -1,7 +1,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uav_firmware.modules.mavlink.telemetry.schedule import LONGEST_INTERVAL_US, Schedule
+from uav_firmware.modules.mavlink.wire.schedule import LONGEST_INTERVAL_US, Schedule
 
 STEP_US = 4000
 

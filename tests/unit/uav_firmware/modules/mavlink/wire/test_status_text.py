@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.unit.uav_firmware.modules.mavlink.harness import BROKER, MavlinkHarness
-from uav_firmware.modules.mavlink.telemetry.status_text import StatusTexts
+from uav_firmware.modules.mavlink.wire.status_text import StatusTexts
 from uav_firmware.msg.status import StatusText
 
 

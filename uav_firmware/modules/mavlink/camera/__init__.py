@@ -1,1 +1,0 @@
-"""The camera component and its gimbal."""

@@ -1,0 +1,281 @@
+"""The camera component (100): commands, answers and reports of pictures.
+
+Its messages have component id 100 and their own sequence numbers. The camera answers a command to
+all components (0) that only it supports; the autopilot answers one that both support, so that each
+command has one answer.
+"""
+
+import math
+from collections import OrderedDict
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import Final
+
+from uav_firmware.modules.mavlink.commands.command_server import CommandServer, CommandSink
+from uav_firmware.modules.mavlink.commands.commands import (
+    FOR_GIMBAL,
+    FOR_PAYLOAD,
+    Answer,
+    Command,
+    as_index,
+)
+from uav_firmware.modules.mavlink.telemetry.camera import camera_image_captured
+from uav_firmware.modules.mavlink.telemetry.context import Context
+from uav_firmware.modules.mavlink.telemetry.requests import RequestServer
+from uav_firmware.modules.mavlink.telemetry.streams import BUILDERS, stream_key
+from uav_firmware.modules.mavlink.wire.addressing import CAMERA_COMPONENT, Outgoing, Sender
+from uav_firmware.modules.mavlink.wire.dialect import Message, mavlink
+from uav_firmware.modules.mavlink.wire.peers import PeerTable
+from uav_firmware.msg.payload import CameraEvent, CancelOrder, ImageCaptured
+from uav_firmware.msg.status import VehicleCommand, VehicleCommandAck
+from uav_firmware.topics import Topics
+
+IMAGES_STORED: Final = 10_000
+"""Number of newest pictures that can be requested again."""
+_STATUS: Final = stream_key(CAMERA_COMPONENT, mavlink.MAVLINK_MSG_ID_CAMERA_CAPTURE_STATUS)
+IMAGES_AT_ONCE: Final = 64
+"""Largest number of pictures in one answer; the rest must be requested again."""
+
+_ACCEPTED: Final[int] = mavlink.MAV_RESULT_ACCEPTED
+_DENIED: Final[int] = mavlink.MAV_RESULT_DENIED
+_UNSUPPORTED: Final[int] = mavlink.MAV_RESULT_UNSUPPORTED
+_FAILED: Final[int] = mavlink.MAV_RESULT_FAILED
+_IMAGE: Final[int] = mavlink.MAVLINK_MSG_ID_CAMERA_IMAGE_CAPTURED
+_STORAGE: Final[int] = mavlink.MAVLINK_MSG_ID_STORAGE_INFORMATION
+
+_DEPRECATED: Final[Mapping[int, int]] = {
+    mavlink.MAV_CMD_REQUEST_CAMERA_INFORMATION: mavlink.MAVLINK_MSG_ID_CAMERA_INFORMATION,
+    mavlink.MAV_CMD_REQUEST_CAMERA_SETTINGS: mavlink.MAVLINK_MSG_ID_CAMERA_SETTINGS,
+    mavlink.MAV_CMD_REQUEST_CAMERA_CAPTURE_STATUS: mavlink.MAVLINK_MSG_ID_CAMERA_CAPTURE_STATUS,
+}
+"""Deprecated commands, each for one message if parameter 1 is 1."""
+_STREAMS: Final[Mapping[int, int]] = {
+    mavlink.MAV_CMD_REQUEST_VIDEO_STREAM_INFORMATION: (
+        mavlink.MAVLINK_MSG_ID_VIDEO_STREAM_INFORMATION
+    ),
+    mavlink.MAV_CMD_REQUEST_VIDEO_STREAM_STATUS: mavlink.MAVLINK_MSG_ID_VIDEO_STREAM_STATUS,
+}
+"""Deprecated commands, each for one message of the stream of parameter 1; 0 is all."""
+
+_NUMBERED: Final = frozenset({_STORAGE, *_STREAMS.values()})
+"""Messages with a number, which is parameter 2 of the request."""
+
+OWN: Final = frozenset({*_DEPRECATED, *_STREAMS, mavlink.MAV_CMD_REQUEST_STORAGE_INFORMATION})
+"""Requests that only the camera supports."""
+SHARED: Final = frozenset(
+    {
+        mavlink.MAV_CMD_REQUEST_MESSAGE,
+        mavlink.MAV_CMD_SET_MESSAGE_INTERVAL,
+        mavlink.MAV_CMD_GET_MESSAGE_INTERVAL,
+    }
+)
+"""Requests that every component supports."""
+
+KNOWN: Final = (FOR_PAYLOAD - FOR_GIMBAL) | OWN | SHARED
+"""Commands that the camera supports."""
+
+
+def is_sent_by_camera(message_id: float) -> bool:
+    """Whether the camera sends a message."""
+    if message_id == _IMAGE:
+        return True
+    return stream_key(CAMERA_COMPONENT, int(message_id)) in BUILDERS
+
+
+class CameraReports:
+    """Reports each picture to every peer once, and the capture status at the requested rate."""
+
+    def __init__(self, topics: Topics, peers: PeerTable, context: Callable[[int], Context]) -> None:
+        self._topics = topics
+        self._peers = peers
+        self._context = context
+        self._images: OrderedDict[int, ImageCaptured] = OrderedDict()
+        self._report_interval_us = 0
+
+    def tick(self, now_us: int) -> list[Outgoing]:
+        """Report the pictures since the last call."""
+        self._follow_report_rate(now_us)
+        return self._report(self._topics.camera_event.drain())
+
+    def images(self, first: int, last: int) -> list[Message]:
+        """CAMERA_IMAGE_CAPTURED of the stored pictures from `first` to `last`."""
+        newest = next(reversed(self._images), -1)
+        indices = range(max(first, newest - IMAGES_STORED + 1), min(last, newest) + 1)
+        return [self._message(self._images[i]) for i in indices if i in self._images]
+
+    def _report(self, events: Iterable[CameraEvent]) -> list[Outgoing]:
+        outgoing: list[Outgoing] = []
+        for event in events:
+            if not isinstance(event, ImageCaptured):
+                self._images.clear()
+                continue
+            self._images[event.image_index] = event
+            if len(self._images) > IMAGES_STORED:
+                self._images.popitem(last=False)
+            outgoing.append(Outgoing(self._message(event), component=CAMERA_COMPONENT))
+        return outgoing
+
+    def _message(self, image: ImageCaptured) -> Message:
+        return camera_image_captured(image, self._context(image.time_us).boot_time_utc_us)
+
+    def _follow_report_rate(self, now_us: int) -> None:
+        """Apply the status rate of VIDEO_START_CAPTURE, except where a peer has set its own."""
+        status = self._topics.camera_status.value
+        interval_us = 0 if status is None else status.report_interval_us
+        if interval_us == self._report_interval_us:
+            return
+        previous, self._report_interval_us = self._report_interval_us, interval_us
+        for channel in self._peers:
+            schedule = channel.schedule
+            if schedule.interval_us(_STATUS) in {previous, schedule.default_interval_us(_STATUS)}:
+                interval = interval_us or schedule.default_interval_us(_STATUS)
+                schedule.set_interval(_STATUS, interval, now_us)
+
+
+class CameraRequests:
+    """Serves message requests to component 100."""
+
+    def __init__(self, requests: RequestServer, reports: CameraReports) -> None:
+        """`requests` serves the streams of this component, `reports` has the stored pictures."""
+        self._requests = requests
+        self._reports = reports
+        self._answers: dict[int, Callable[[Command, Sender, int], Answer]] = {
+            **dict.fromkeys(_DEPRECATED, self._deprecated),
+            **dict.fromkeys(_STREAMS, self._video_stream),
+            mavlink.MAV_CMD_REQUEST_STORAGE_INFORMATION: self._storage,
+            **dict.fromkeys(SHARED, self._shared),
+        }
+
+    def answer(self, command: Command, sender: Sender, now_us: int) -> Answer | None:
+        """Answer a request; None for any other command."""
+        handler = self._answers.get(command.number)
+        return None if handler is None else handler(command, sender, now_us)
+
+    def _shared(self, command: Command, sender: Sender, now_us: int) -> Answer:
+        message_id = as_index(command.parameter(1))
+        if message_id is None:
+            return Answer(_DENIED)
+        if not is_sent_by_camera(message_id):
+            return Answer(_UNSUPPORTED)
+        if message_id == _IMAGE:
+            return self._images(command)
+        is_request = command.number == mavlink.MAV_CMD_REQUEST_MESSAGE
+        if is_request and message_id in _NUMBERED and not _exists(command.parameter(2)):
+            return Answer(_DENIED)
+        answer = self._requests.answer(command, sender, now_us)
+        return Answer(_UNSUPPORTED) if answer is None else answer
+
+    def _images(self, command: Command) -> Answer:
+        """CAMERA_IMAGE_CAPTURED from index p2 to index p3 if that is set; not a stream."""
+        if command.number != mavlink.MAV_CMD_REQUEST_MESSAGE:
+            return Answer(_UNSUPPORTED)
+        first, last = as_index(command.parameter(2)), as_index(command.parameter(3))
+        if first is None:
+            return Answer(_DENIED)
+        last = last or first
+        if last < first:
+            return Answer(_DENIED)
+        found = self._reports.images(first, min(last, first + IMAGES_AT_ONCE - 1))
+        return Answer(_ACCEPTED, tuple(found)) if found else Answer(_FAILED)
+
+    def _deprecated(self, command: Command, sender: Sender, now_us: int) -> Answer:
+        return self._one(_DEPRECATED[command.number], command.parameter(1), sender, now_us)
+
+    def _video_stream(self, command: Command, sender: Sender, now_us: int) -> Answer:
+        if not _exists(command.parameter(1)):
+            return Answer(_DENIED)
+        return self._one(_STREAMS[command.number], 1.0, sender, now_us)
+
+    def _storage(self, command: Command, sender: Sender, now_us: int) -> Answer:
+        if not _exists(command.parameter(1)):
+            return Answer(_DENIED)
+        return self._one(_STORAGE, command.parameter(2), sender, now_us)
+
+    def _one(self, message_id: int, requested: float, sender: Sender, now_us: int) -> Answer:
+        if requested != 1.0:
+            return Answer(_ACCEPTED if requested == 0.0 else _DENIED)
+        parameters = (float(message_id), *[0.0] * 6)
+        command = Command(mavlink.MAV_CMD_REQUEST_MESSAGE, parameters, 0)  # type: ignore[arg-type]
+        return self._shared(command, sender, now_us)
+
+
+def _exists(number: float) -> bool:
+    """Whether a number means all storages or streams, or the only one."""
+    return math.isnan(number) or number in {0.0, 1.0}
+
+
+class CommandRouter:
+    """Forwards a command to payload or commander."""
+
+    def __init__(self, topics: Topics) -> None:
+        self._topics = topics
+
+    def publish(self, item: VehicleCommand) -> None:
+        """Forward a command."""
+        if item.command in FOR_PAYLOAD:
+            self._topics.payload_order.publish(item)
+        else:
+            self._topics.vehicle_command.publish(item)
+
+    def cancel(self, token: int) -> None:
+        """Request cancellation of a command; ignored when it has ended."""
+        self._topics.payload_order.publish(CancelOrder(0, token))
+
+
+class CameraComponent:
+    """Serves COMMAND_LONG, COMMAND_INT and COMMAND_CANCEL for the camera."""
+
+    def __init__(
+        self,
+        *,
+        system_id: int,
+        topics: Topics,
+        peers: PeerTable,
+        context: Callable[[int], Context],
+        sink: CommandSink,
+        cancel: Callable[[int], None],
+        tokens: Iterator[int],
+    ) -> None:
+        self._system_id = system_id
+        self._reports = CameraReports(topics, peers, context)
+        requests = RequestServer(peers, context, CAMERA_COMPONENT)
+        self._commands = CommandServer(
+            system_id=system_id,
+            local_handlers=(CameraRequests(requests, self._reports).answer,),
+            commander=sink,
+            mission_length=lambda: 0,
+            cancel=cancel,
+            component=CAMERA_COMPONENT,
+            known=KNOWN,
+            tokens=tokens,
+        )
+
+    def is_for_camera(self, message: Message) -> bool:
+        """Whether the camera answers a command."""
+        if message.target_component == CAMERA_COMPONENT:
+            return True
+        if message.target_component != 0 or message.target_system not in {0, self._system_id}:
+            return False
+        number = message.command
+        if number in SHARED:
+            message_id = message.param1
+            # Both components have a HEARTBEAT; the request means the autopilot's
+            return 0.0 < message_id <= 0xFFFFFF and is_sent_by_camera(message_id)
+        return number in OWN
+
+    def handle(self, message: Message, sender: Sender, now_us: int) -> list[Outgoing]:
+        """Handle a command."""
+        return _as_camera(self._commands.handle(message, sender, now_us))
+
+    def cancel(self, message: Message, sender: Sender, now_us: int) -> list[Outgoing]:
+        """Handle COMMAND_CANCEL."""
+        return _as_camera(self._commands.cancel(message, sender, now_us))
+
+    def tick(self, acks: Iterable[VehicleCommandAck], now_us: int) -> list[Outgoing]:
+        """Send answers of payload, timeouts of commands, and reports of pictures."""
+        outgoing = self._commands.answers(acks, now_us)
+        outgoing += self._commands.tick(now_us)
+        return _as_camera(outgoing) + self._reports.tick(now_us)
+
+
+def _as_camera(outgoing: list[Outgoing]) -> list[Outgoing]:
+    return [each._replace(component=CAMERA_COMPONENT) for each in outgoing]
