@@ -9,9 +9,11 @@ import pytest
 import requests
 from PIL import Image
 
+from edge_server.api.routes.fields import EXAMPLE
 from tests.support.browser import TEST_TIMEOUT_S, console_journey, link_at
 from tests.support.geotiff import geotiff
 from tests.support.pmtiles import archive_at
+from tests.support.system import short_plan
 from tests.unit.edge_server.documents import mission, mission_report, plan, telemetry
 from tests.unit.edge_server.program import Program, program_in
 
@@ -77,10 +79,14 @@ def fly(archive: Archive) -> None:
 
 
 @pytest.mark.timeout(TEST_TIMEOUT_S)
-def test_a_flight_is_looked_back_at_with_stop_in_reach(tmp_path: Path) -> None:
+def test_a_flight_is_looked_back_at_and_stop_is_above_each_dialog(tmp_path: Path) -> None:
     with console_journey(tmp_path) as take, program_in(tmp_path / "farm") as program:
         program.start()
-        fly(Archive(program))
+        archive = Archive(program)
+        fly(archive)
+        draft = short_plan() | {"dispatch": False, "name": "Draft"}
+        archive.ask("POST", "/plans/", "operator", draft)
+        archive.ask("POST", "/fields/", "operator", EXAMPLE)
         maps = tmp_path / "farm" / "maps"
         maps.mkdir()
         (maps / "Aerial.pmtiles").write_bytes(archive_at(40.4434, -3.7382, MAP_COLOUR))
@@ -90,3 +96,5 @@ def test_a_flight_is_looked_back_at_with_stop_in_reach(tmp_path: Path) -> None:
         (maps / "Broken.pmtiles").write_bytes(b"not a map")
         headers = {"Authorization": f"Bearer {program.key('admin')}"}
         take("look_back", OPERATOR_LINK=link_at(program.url, headers, "operator", "juan"))
+        admin = link_at(program.url, headers, "admin", "ana")
+        take("stop_in_dialogs", ADMIN_LINK=admin, DRAFT="2", FIELD="1")

@@ -12,7 +12,7 @@ import { linkTo } from "./route";
 import { useSession } from "./session_context";
 
 /** Name, connection, uplink, settings, and the stop that is always in reach. */
-export function Header({ stop }: { stop: () => void }) {
+export function Header() {
   const { t } = useTranslation();
   const [isOpen, setOpen] = useState(false);
   const { session } = useSession();
@@ -33,7 +33,7 @@ export function Header({ stop }: { stop: () => void }) {
         <Icon name="settings" />
         <span>{session.name}</span>
       </button>
-      <StopButton stop={stop} />
+      <StopButton />
       {isOpen && <Settings close={() => setOpen(false)} />}
     </header>
   );

@@ -1,6 +1,7 @@
-import { lazy, Suspense, useEffect, useState } from "react";
+import { lazy, Suspense, useCallback, useEffect, useState } from "react";
 import { useTranslation } from "react-i18next";
 import { Empty, Skeleton } from "../controls/states";
+import { StopContext, type Stop } from "../controls/StopButton";
 import { useAlarmSound } from "../live/alarm_sound";
 import { Feed } from "../live/feed";
 import { FeedContext } from "../live/use_live";
@@ -26,6 +27,7 @@ export function Shell() {
   const { t } = useTranslation();
   const [feed] = useState(() => new Feed());
   const [stops, setStops] = useState<{ vehicleId: number | null } | null>(null);
+  const stop = useCallback<Stop>((vehicleId) => setStops({ vehicleId }), []);
   useEffect(() => {
     feed.start();
     return () => feed.stop();
@@ -33,20 +35,22 @@ export function Shell() {
 
   return (
     <FeedContext value={feed}>
+    <StopContext value={stop}>
       <a className="skip" href="#content">
         {t("shell.skip")}
       </a>
       <div className="shell">
-        <Header stop={() => setStops({ vehicleId: null })} />
+        <Header />
         <Navigation />
         <main id="content" tabIndex={-1}>
           <AlarmSound />
           <Suspense fallback={<Skeleton />}>
-            <Screen stop={(vehicleId) => setStops({ vehicleId })} />
+            <Screen />
           </Suspense>
         </main>
       </div>
       {stops && <StopDialog vehicleId={stops.vehicleId} close={() => setStops(null)} />}
+    </StopContext>
     </FeedContext>
   );
 }
@@ -57,12 +61,12 @@ function AlarmSound() {
   return null;
 }
 
-function Screen({ stop }: { stop: (vehicleId: number | null) => void }) {
+function Screen() {
   const { t } = useTranslation();
   const [first, second, third] = useRoute();
   switch (first) {
     case undefined:
-      return <Fleet stopVehicle={stop} />;
+      return <Fleet />;
     case "fields":
       if (second === undefined) return <Fields />;
       if (third === "survey") return <SurveyEditor key={second} fieldId={Number(second)} />;
@@ -74,7 +78,7 @@ function Screen({ stop }: { stop: (vehicleId: number | null) => void }) {
       return <PlanView key={second} reference={second} />;
     case "flights":
       if (second === undefined) return <Flights />;
-      return <FlightView key={second} id={Number(second)} stop={() => stop(null)} />;
+      return <FlightView key={second} id={Number(second)} />;
     case "alarms":
       return <Alarms />;
     case "system":

@@ -1,13 +1,21 @@
-import { useLayoutEffect, useRef, type ReactNode } from "react";
+import { useLayoutEffect, useRef, type KeyboardEvent, type ReactNode } from "react";
 import { useTranslation } from "react-i18next";
 import { Button } from "./Button";
+import { StopButton } from "./StopButton";
 
-/** A modal dialog; the browser keeps the focus inside, and Escape closes it. */
-export function Dialog({ title, close, children, kind = "plain" }: {
+/** A modal dialog; the browser keeps the focus inside, and Escape closes it.
+ *
+ * What is outside of a modal dialog cannot be pressed, so each one has STOP in its header, which
+ * stays where it is while the dialog scrolls. The stop orders themselves need none.
+ */
+export function Dialog({ title, close, children, kind = "plain", tools, onKeyDown }: {
   title: string;
   close: () => void;
   children: ReactNode;
-  kind?: "plain" | "danger";
+  kind?: "plain" | "danger" | "stop" | "gallery";
+  /** Controls beside the title. */
+  tools?: ReactNode;
+  onKeyDown?: (event: KeyboardEvent) => void;
 }) {
   const { t } = useTranslation();
   const dialog = useRef<HTMLDialogElement>(null);
@@ -29,14 +37,15 @@ export function Dialog({ title, close, children, kind = "plain" }: {
       onClick={(event) => {
         if (event.target === dialog.current) close();
       }}
+      onKeyDown={onKeyDown}
     >
-      <div className="dialog-body">
-        <header>
-          <h2>{title}</h2>
-          <Button kind="quiet" icon="close" aria-label={t("action.close")} onClick={close} />
-        </header>
-        {children}
-      </div>
+      <header className="dialog-head">
+        <h2>{title}</h2>
+        {tools}
+        <Button kind="quiet" icon="close" aria-label={t("action.close")} onClick={close} />
+        {kind !== "stop" && <StopButton />}
+      </header>
+      <div className="dialog-body">{children}</div>
     </dialog>
   );
 }

@@ -14,8 +14,8 @@ const KEY = "farm-console-maps";
 export const PREFIX = "base:";
 /** Pictures of a flight, above the base maps. */
 export const PICTURES = `${PREFIX}picture-`;
-/** Of the fields' areas while something is below them. */
-const FIELD_OPACITY = 0.12;
+/** Of the fields' areas while something is below them: its colours mean something. The edges stay. */
+const FIELD_OPACITY = 0;
 /** Base maps lie below this layer. */
 export const ABOVE = "field";
 const PREPARE_ATTEMPTS = 30;
@@ -89,7 +89,7 @@ function abovePlace(map: MapLibreMap): string {
   return map.getStyle().layers.find(({ id }) => id.startsWith(PICTURES))?.id ?? ABOVE;
 }
 
-/** Lets through what lies below the fields. */
+/** Shows what lies below the fields in its own colours. */
 export function thinFields(map: MapLibreMap): void {
   const layers = map.getStyle().layers;
   const usual = mapStyle().layers.find(({ id }) => id === ABOVE);

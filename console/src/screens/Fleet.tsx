@@ -23,7 +23,7 @@ export interface Running {
 }
 
 /** The first screen: every vehicle on the map, and beside it what each is doing. */
-export function Fleet({ stopVehicle }: { stopVehicle: (vehicleId: number) => void }) {
+export function Fleet() {
   const { t } = useTranslation();
   const vehicles = useLive((state) => state.vehicles);
   const connection = useLive((state) => state.connection);
@@ -75,7 +75,6 @@ export function Fleet({ stopVehicle }: { stopVehicle: (vehicleId: number) => voi
             running={running.get(tracked.vehicle.vehicle_id) ?? null}
             isSelected={selected === tracked.vehicle.vehicle_id}
             select={setSelected}
-            stop={stopVehicle}
           />
         ))}
       </section>

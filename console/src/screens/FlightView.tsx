@@ -31,7 +31,7 @@ const FORMATS = { gpx: "GPX", csv: "CSV", geojson: "GeoJSON" } as const;
 const REFRESH_MS = 4_000;
 
 /** A recorded flight: its track with a replay, its curves, figures, measurements and pictures. */
-export default function FlightView({ id, stop }: { id: number; stop: () => void }) {
+export default function FlightView({ id }: { id: number }) {
   const { t } = useTranslation();
   const flight = useResource(() => getFlight(id), id);
   const track = useResource(() => flightTrack(id), id);
@@ -215,7 +215,7 @@ export default function FlightView({ id, stop }: { id: number; stop: () => void 
             {placed.length > 0 && (
               <PictureMapChoice count={placed.length} opacity={pictureOpacity} change={setPictureOpacity} />
             )}
-            <Gallery pictures={pictures.value} open={open} show={setOpen} stop={stop} />
+            <Gallery pictures={pictures.value} open={open} show={setOpen} />
           </>
         )}
       </section>

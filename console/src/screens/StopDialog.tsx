@@ -51,7 +51,7 @@ export function StopDialog({ vehicleId, close }: { vehicleId: number | null; clo
 
   const order = (kind: StopKind) => send(ids, kind);
   return (
-    <Dialog title={t("stop.title")} close={close} kind="danger">
+    <Dialog title={t("stop.title")} close={close} kind="stop">
       <SelectField
         label={t("stop.target")}
         value={target}

@@ -1,10 +1,11 @@
-import { memo } from "react";
+import { memo, use } from "react";
 import { useTranslation } from "react-i18next";
 import { useUnits } from "../app/preferences";
 import { linkTo } from "../app/route";
 import { Button } from "../controls/Button";
 import { Icon, type IconName } from "../controls/Icon";
 import { Pill, type Tone } from "../controls/StatusPill";
+import { StopContext } from "../controls/StopButton";
 import type { Vehicle } from "../api/types";
 import type { Tracked } from "../live/state";
 import type { Units } from "../units/units";
@@ -20,14 +21,14 @@ const TONES: Record<VehicleStatus, Tone> = {
 };
 
 /** What one vehicle is doing: its state, its figures, its mission and its own stop. */
-export const VehicleCard = memo(function VehicleCard({ tracked, running, isSelected, select, stop }: {
+export const VehicleCard = memo(function VehicleCard({ tracked, running, isSelected, select }: {
   tracked: Tracked;
   running: Running | null;
   isSelected: boolean;
   select: (vehicleId: number) => void;
-  stop: (vehicleId: number) => void;
 }) {
   const { t } = useTranslation();
+  const stop = use(StopContext);
   const units = useUnits();
   const now = useNow();
   const { vehicle, motion } = tracked;
@@ -73,7 +74,7 @@ export const VehicleCard = memo(function VehicleCard({ tracked, running, isSelec
       {running && <Progress running={running} />}
       {vehicle.held && <ReleaseForm vehicleId={vehicle.vehicle_id} reason={vehicle.held.reason} />}
       {vehicle.armed && (
-        <Button kind="danger" icon="stop" onClick={() => stop(vehicle.vehicle_id)}>
+        <Button kind="danger" icon="stop" onClick={() => stop?.(vehicle.vehicle_id)}>
           {t("vehicle.stop")}
         </Button>
       )}

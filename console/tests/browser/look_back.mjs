@@ -1,4 +1,4 @@
-/** An operator looks back at a flight: its pictures in full view, with STOP always in reach.
+/** An operator looks back at a flight: its pictures, measurements and maps.
  *
  *     node tests/browser/look_back.mjs
  *
@@ -8,18 +8,6 @@ import { journey, requireAccessible, startBrowser } from "./chromium.mjs";
 
 const { OPERATOR_LINK } = process.env;
 const BASE = OPERATOR_LINK.split("#")[0];
-const SIZES = [["desktop", 1280, 800], ["tablet", 820, 1180], ["phone", 390, 844], ["phone on its side", 740, 360]];
-
-/** Requires that a click in the middle of an element reaches it, and that all of it is on the screen. */
-async function requireInReach(page, element, where) {
-  const inReach = await element.evaluate((one) => {
-    const { left, right, top, bottom } = one.getBoundingClientRect();
-    const hit = document.elementFromPoint((left + right) / 2, (top + bottom) / 2);
-    return one.contains(hit) && left >= 0 && top >= 0 && right <= innerWidth && bottom <= innerHeight;
-  });
-  if (!inReach) throw new Error(`STOP is not in reach ${where}`);
-}
-
 /** Small pictures in the list and beside a place of the map, and no large one before it is opened. */
 async function requireThumbnails(page) {
   const small = page.locator(".pictures img");
@@ -34,39 +22,6 @@ async function requireThumbnails(page) {
   await page.locator(".picture-marker img").first().waitFor();
   const large = asked.filter((path) => /\/pictures\/\d+$/.test(path));
   if (large.length > 0) throw new Error(`asked for large pictures: ${large}`);
-}
-
-async function stopFromAPicture(page) {
-  const picture = page.getByRole("dialog", { name: "Picture 2" });
-  const orders = page.getByRole("dialog", { name: "Stop" });
-  await page.locator(".pictures button").nth(1).click();
-  await picture.waitFor();
-  await requireAccessible(page, "a picture in full");
-  const stop = picture.getByRole("button", { name: "Stop" });
-  for (const [name, width, height] of SIZES) {
-    await page.setViewportSize({ width, height });
-    await requireInReach(page, stop, `in a picture on a ${name}`);
-    await picture.evaluate((one) => one.scrollTo(0, one.scrollHeight));
-    await requireInReach(page, stop, `at the end of a picture on a ${name}`);
-  }
-  await page.setViewportSize({ width: 1280, height: 800 });
-  await stop.click();
-  await orders.waitFor();
-  await requireInReach(page, orders.getByRole("button", { name: "Land" }), "above a picture");
-  await page.keyboard.press("Escape");
-  await orders.waitFor({ state: "detached" });
-  await picture.waitFor();
-  for (let presses = 0; !(await stop.evaluate((one) => one === document.activeElement)); presses += 1) {
-    if (presses > 10) throw new Error("STOP is not in reach of the Tab key");
-    await page.keyboard.press("Tab");
-  }
-  await page.keyboard.press("Enter");
-  await orders.waitFor();
-  await page.keyboard.press("Escape");
-  await page.keyboard.press("ArrowLeft");
-  await page.getByRole("dialog", { name: "Picture 1" }).waitFor();
-  await page.keyboard.press("Escape");
-  await page.getByRole("dialog").waitFor({ state: "detached" });
 }
 
 /** A measurement shows its value and its time on the map, below which a legend gives the colours. */
@@ -154,7 +109,6 @@ try {
     await page.locator(".shell").waitFor();
     await page.goto(`${BASE}flights/1`);
     await requireThumbnails(page);
-    await stopFromAPicture(page);
     await readMeasurements(page);
     await showPicturesOnMap(page);
     await showBaseMap(page);

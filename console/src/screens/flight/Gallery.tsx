@@ -1,20 +1,19 @@
-import { useEffect, useLayoutEffect, useRef, useState } from "react";
+import { useEffect, useState } from "react";
 import { useTranslation } from "react-i18next";
 import type { Picture } from "../../api/types";
 import { useUnits } from "../../app/preferences";
 import { Button } from "../../controls/Button";
+import { Dialog } from "../../controls/Dialog";
 import { Icon } from "../../controls/Icon";
-import { StopButton } from "../../controls/StopButton";
 
 const ATTEMPTS = 2;
 const RETRY_MS = 1_000;
 
 /** The pictures of a flight; the one with the number `open` is shown in full, the arrow keys change it. */
-export function Gallery({ pictures, open, show, stop }: {
+export function Gallery({ pictures, open, show }: {
   pictures: Picture[];
   open: number | null;
   show: (id: number | null) => void;
-  stop: () => void;
 }) {
   const index = pictures.findIndex((one) => one.id === open);
   const picture = pictures[index];
@@ -35,7 +34,6 @@ export function Gallery({ pictures, open, show, stop }: {
           before={before ? () => show(before.id) : null}
           next={next ? () => show(next.id) : null}
           close={() => show(null)}
-          stop={stop}
         />
       )}
     </>
@@ -68,47 +66,32 @@ function Thumbnail({ picture }: { picture: Picture }) {
   );
 }
 
-function FullPicture({ picture, place, before, next, close, stop }: {
+function FullPicture({ picture, place, before, next, close }: {
   picture: Picture;
   place: string;
   before: (() => void) | null;
   next: (() => void) | null;
   close: () => void;
-  stop: () => void;
 }) {
   const { t } = useTranslation();
   const units = useUnits();
-  const dialog = useRef<HTMLDialogElement>(null);
-  // Closed before it leaves the page: the browser then gives the focus back to where it was
-  useLayoutEffect(() => {
-    const element = dialog.current;
-    element?.showModal();
-    return () => element?.close();
-  }, []);
   const [failedUrl, setFailedUrl] = useState<string | null>(null);
   const title = t("flights.picture", { id: picture.id });
   return (
-    <dialog
-      ref={dialog}
-      className="dialog gallery"
-      aria-label={title}
-      onCancel={(event) => {
-        event.preventDefault();
-        close();
-      }}
+    <Dialog
+      title={title}
+      close={close}
+      kind="gallery"
+      tools={
+        <a className="button button-plain" href={picture.url} download={`picture-${picture.id}`}>
+          <Icon name="download" /> <span>{t("flights.picture_download")}</span>
+        </a>
+      }
       onKeyDown={(event) => {
         if (event.key === "ArrowLeft") before?.();
         if (event.key === "ArrowRight") next?.();
       }}
     >
-      <header>
-        <h2>{title}</h2>
-        <a className="button button-plain" href={picture.url} download={`picture-${picture.id}`}>
-          <Icon name="download" /> <span>{t("flights.picture_download")}</span>
-        </a>
-        <Button kind="quiet" icon="close" aria-label={t("action.close")} onClick={close} />
-        <StopButton stop={stop} />
-      </header>
       {failedUrl === picture.url ? (
         <p className="gallery-missing">{t("flights.picture_unreadable")}</p>
       ) : (
@@ -126,6 +109,6 @@ function FullPicture({ picture, place, before, next, close, stop }: {
           {t("flights.picture_next")}
         </Button>
       </footer>
-    </dialog>
+    </Dialog>
   );
 }
