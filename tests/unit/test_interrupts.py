@@ -3,12 +3,17 @@
 import signal
 import subprocess
 import sys
+import tomllib
 
 import pytest
+
+from tests.support.system import ROOT
 
 ENDED = -signal.SIGINT
 IGNORED = 0
 """The vehicle decides when its camera ends: by closing the standard input."""
+
+SCRIPTS = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["scripts"]
 
 
 @pytest.mark.first_case
@@ -25,10 +30,31 @@ IGNORED = 0
     ],
 )
 def test_an_interrupt_while_a_program_is_loaded(program: str, status: int) -> None:
-    """The interpreter reports each module that is loaded; the first of ours starts the race."""
-    command = [sys.executable, "-X", "importtime", "-m", program]
+    assert interrupted(["-m", program], program) == status
+
+
+@pytest.mark.first_case
+@pytest.mark.parametrize("name", sorted(SCRIPTS))
+def test_an_interrupt_while_an_installed_program_is_loaded(name: str) -> None:
+    module, function = SCRIPTS[name].split(":")
+    started = f"import sys; from {module} import {function}; sys.exit({function}())"
+    program = function if function != "main" else module.partition(".")[0]
+    assert interrupted(["-c", started], program) == ENDED
+
+
+def interrupted(arguments: list[str], program: str) -> int:
+    """Interrupt a program that begins to load; gives its status.
+
+    The interpreter reports each module that is loaded; the first of ours starts the race.
+    """
+    command = [sys.executable, "-X", "importtime", *arguments]
     with subprocess.Popen(
-        command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+        command,
+        cwd=ROOT,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
     ) as process:
         assert process.stderr is not None
         package = program.partition(".")[0]
@@ -39,4 +65,4 @@ def test_an_interrupt_while_a_program_is_loaded(program: str, status: int) -> No
         process.send_signal(signal.SIGINT)
         _, rest = process.communicate(timeout=120)
     assert "Traceback" not in rest
-    assert process.returncode == status
+    return process.returncode
