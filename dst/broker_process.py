@@ -1,6 +1,7 @@
 """The real broker, without threads: its loop, edge client, spool and journal on a virtual clock."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from itertools import count
 from pathlib import Path
@@ -11,6 +12,7 @@ from requests import RequestException
 
 from afarcloud.enumerations import Status
 from dst import http_wire
+from dst.disk import Disk
 from dst.edge_process import EdgeDownError, EdgeProcess
 from dst.scheduler import Scheduler
 from mavlink_broker.app import App
@@ -21,13 +23,8 @@ from mavlink_broker.edge.client import RETRY_WORK_S, EdgeClient, Pause, headers_
 from mavlink_broker.edge.outbox import Post
 from mavlink_broker.edge.spool import MIB, Spool
 from mavlink_broker.links.url import Address
-from mavlink_broker.recovery.journal import JournalTable
-from mavlink_broker.recovery.record import (
-    EMPTY_RECORD,
-    RecordUpdate,
-    RecoveryRecord,
-    VehicleIdentity,
-)
+from mavlink_broker.recovery.journal import RETRY_AFTER_S, JournalTable, JournalWriter
+from mavlink_broker.recovery.record import RecordUpdate, RecoveryRecord, VehicleIdentity
 
 IDLE_STEP_S: Final = 0.25
 """Period of the loop without datagrams."""
@@ -126,11 +123,13 @@ class EdgeHttp:
                 self._scheduler.after(self.delay_s, lambda: settle(INTERNAL_ERROR))
                 return
             body, headers = (None, {}) if post is None else (post.body, headers_of(post))
+            waited_s = self.edge.disk.waited_s
             try:
                 response = self.edge.request(method, path, "broker", body, headers)
             except EdgeDownError as error:
                 fail(str(error))
                 return
+            delay_s = self.delay_s + self.edge.disk.waited_s - waited_s
             answer = Answer(response.status, response.body)
             if post is not None:
                 text = f"{method} {path} {answer.status_code}{_facts_of(post)}"
@@ -140,12 +139,12 @@ class EdgeHttp:
             if self._random.random() < self.answer_loss:
                 whole = http_wire.answer_bytes(answer.status_code, answer.body)
                 arrived = self._read(*http_wire.broken(whole, self._random))
-                self._scheduler.after(self.delay_s, lambda: settle(arrived))
+                self._scheduler.after(delay_s, lambda: settle(arrived))
                 return
-            if self._random.random() < self.stall_rate:
+            if delay_s > STALL_S or self._random.random() < self.stall_rate:
                 self._scheduler.after(STALL_S, lambda: fail("no answer in time"))
                 return
-            self._scheduler.after(self.delay_s, lambda: settle(answer))
+            self._scheduler.after(delay_s, lambda: settle(answer))
 
         self._scheduler.after(self.delay_s, serve)
 
@@ -180,31 +179,34 @@ def _facts_of(post: Post) -> str:
 
 
 class Journal:
-    """The recovery records on a disk that takes a while; what is not written is lost by a kill."""
+    """The broker's journal, written a while later; what is not written is lost by a kill."""
 
     def __init__(self, scheduler: Scheduler, table: JournalTable, lag_s: float) -> None:
         self._scheduler = scheduler
-        self._table = table
         self._lag_s = lag_s
-        self._known = table.read_all()
-        self._queued: list[tuple[float, RecordUpdate]] = []
+        self._writer = JournalWriter(table, lambda: None)
+        self._is_ended = False
 
     def recall(self, identity: VehicleIdentity) -> RecoveryRecord:
         """Give the record of a vehicle."""
-        return self._known.get(identity, EMPTY_RECORD)
+        return self._writer.recall(identity)
 
     def put(self, update: RecordUpdate) -> None:
         """Queue a record to be written."""
-        self._known[update.identity] = update.record
-        self._queued.append((self._scheduler.now_s + self._lag_s, update))
+        self._writer.put(update)
+        self._scheduler.after(self._lag_s, self._write)
 
     def take_settled(self) -> list[tuple[VehicleIdentity, int]]:
-        """Write the records that are due."""
-        due = [update for at_s, update in self._queued if at_s <= self._scheduler.now_s]
-        self._queued = [one for one in self._queued if one[0] > self._scheduler.now_s]
-        for update in due:
-            self._table.write(update.identity, update.record)
-        return [(update.identity, update.number) for update in due]
+        """Give the updates that were written or refused."""
+        return self._writer.take_settled()
+
+    def end(self) -> None:
+        """Write nothing any more."""
+        self._is_ended = True
+
+    def _write(self) -> None:
+        if not self._is_ended and not self._writer.write_due():
+            self._scheduler.after(RETRY_AFTER_S, self._write)
 
 
 class BrokerProcess:
@@ -215,12 +217,14 @@ class BrokerProcess:
         scheduler: Scheduler,
         http: EdgeHttp,
         folder: Path,
+        disk: Disk,
         send: Callable[[Address, bytes], None],
         *,
         journal_lag_s: float = 0.01,
     ) -> None:
-        """Start; `send` takes each frame to a vehicle."""
+        """Start; `disk` has the folder, `send` takes each frame to a vehicle."""
         folder.mkdir()
+        self.disk = disk
         self._scheduler = scheduler
         self._http = http
         self._folder = folder
@@ -235,6 +239,7 @@ class BrokerProcess:
         self.app: App | None = None
         self.client: EdgeClient | None = None
         self._database: Database | None = None
+        self._journal: Journal | None = None
         self.start()
 
     @property
@@ -247,8 +252,9 @@ class BrokerProcess:
         self._starts += 1
         start, scheduler = self._starts, self._scheduler
         database = self._database = Database(self._folder)
-        database.open()
-        spool = Spool(database, max_bytes=16 * MIB)
+        with suppress(OSError):  # As the program: spool and journal log it
+            database.open()
+        spool = _spool(database)
         client = self.client = EdgeClient(
             "http://edge",
             self._folder / "broker.key",
@@ -258,7 +264,8 @@ class BrokerProcess:
             jitter=Random(f"{scheduler.seed}/jitter/{start}"),
         )
         config = replace(Config(), state_vector_every_s=STATE_VECTOR_S)
-        journal = Journal(scheduler, JournalTable(database), self._journal_lag_s)
+        lag_s = self._journal_lag_s + 2.0 * self.disk.sync_s
+        journal = self._journal = Journal(scheduler, JournalTable(database), lag_s)
         self.app = App(config, self, client, scheduler, self._new_ulid, None, journal)
 
         def while_up(period_s: float, action: Callable[[], None]) -> None:
@@ -277,9 +284,11 @@ class BrokerProcess:
 
     def kill(self) -> None:
         """Lose everything that is not on the disk."""
+        if self._journal is not None:
+            self._journal.end()
         if self._database is not None:
             self._database.close()
-        self.app = self.client = self._database = None
+        self.app = self.client = self._database = self._journal = None
         self._received.clear()
 
     # The link.
@@ -298,8 +307,9 @@ class BrokerProcess:
         return received
 
     def send(self, address: Address, frame: bytes) -> None:
-        """Send a frame to a vehicle."""
-        self._send(address, frame)
+        """Send a frame to a vehicle; nothing is sent without power."""
+        if not self.disk.is_dead:
+            self._send(address, frame)
 
     def radio_status(self, address: Address, free_percent: int) -> None:
         """Take nothing: there is no radio with a buffer."""
@@ -376,3 +386,11 @@ class BrokerProcess:
 
     def _new_ulid(self) -> str:
         return f"01{self._starts:06d}{next(self._ulids):018d}"
+
+
+def _spool(database: Database) -> Spool | None:
+    """Read the spool as the program does: without one where the disk refuses."""
+    try:
+        return Spool(database, max_bytes=16 * MIB)
+    except OSError:
+        return None

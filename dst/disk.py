@@ -104,17 +104,22 @@ class Disk:
         """Sum of the time that its processes have waited for syncs and for locks [s]."""
         self.is_dead = False
         """The machine has no power: nothing is written, nothing answered."""
-        self.on_death: Callable[[], None] = lambda: None
         self.syncs = 0
         self._random = random
-        self._dies_after: int | None = None
+        self._dies_after: int | None = None  # So many changes
+        self._on_death: Callable[[], None] = lambda: None
         self._changes: dict[str, list[_Change]] = {}  # By path: since its last sync
         self._deleted: dict[str, bytes] = {}  # By path: names that may come back
         self._created: set[str] = set()  # Paths whose first sync syncs the folder too
 
-    def die_after(self, changes: int) -> None:
-        """Lose power after so many writes, in the middle of whatever is done then."""
+    def die_after(self, changes: int, on_death: Callable[[], None] = lambda: None) -> None:
+        """Lose power after so many changes, in the middle of whatever is done then."""
         self._dies_after = changes
+        self._on_death = on_death
+
+    def survive(self) -> None:
+        """Do not lose power after all."""
+        self._dies_after = None
 
     def lose_power(self) -> None:
         """Write and sync nothing any more; call it before the processes end."""
@@ -181,7 +186,7 @@ class Disk:
             self._dies_after -= 1
             if self._dies_after < 0:
                 self.lose_power()
-                self.on_death()
+                self._on_death()
         return code if self.is_dead or self.is_read_only else _OK
 
     def note(self, path: str, change: _Change) -> None:

@@ -2,14 +2,17 @@
 
 import json
 import shutil
+import sqlite3
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from http import HTTPStatus
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from sqlalchemy.exc import SQLAlchemyError
+from sqlalchemy.exc import DBAPIError, SQLAlchemyError
 
 from dst import http_wire
+from dst.disk import Disk
 from dst.scheduler import Event, Scheduler
 from edge_server.app import context_of, create_app
 from edge_server.config import Config
@@ -26,6 +29,7 @@ from edge_server.process.preparation import prepare
 from edge_server.services.fleet import broker_work
 from edge_server.store.connection.database import Database
 from edge_server.store.connection.engines import open_engine
+from edge_server.store.migrate import StoreError
 from edge_server.store.rows.keys import Role
 from edge_server.uplinks.cloud_http import HttpUplink
 
@@ -35,8 +39,14 @@ RELAY_PERIOD_S: Final = 2.0
 RELAY_LOOK_S: Final = 120.0
 """How often the relay looks for records while nobody writes any and none is due."""
 HOUSEKEEPING_S: Final = 5.0
+RESTART_S: Final = 1.0
+"""After which a process is started again that has ended by itself."""
 BREAK_HOUSEKEEPING_S: Final = 120.0
 """While every vehicle is switched off."""
+
+
+def _nothing() -> None:
+    """Do nothing."""
 
 
 class Response(NamedTuple):
@@ -63,10 +73,11 @@ def prepared_folder(folder: Path) -> Path:
 class EdgeProcess:
     """The edge server's process; killed and started at any time, its state folder stays."""
 
-    def __init__(self, scheduler: Scheduler, prepared: Path, folder: Path) -> None:
-        """Copy a prepared state folder and start."""
+    def __init__(self, scheduler: Scheduler, prepared: Path, folder: Path, disk: Disk) -> None:
+        """Copy a prepared state folder and start; `disk` has the folder."""
         shutil.copytree(prepared, folder)
         self.config = Config(state_dir=folder)
+        self.disk = disk
         self._scheduler = scheduler
         self._keys = {
             role.value: key_files.read(key_files.path_of(self.config.keys_dir, role))
@@ -91,16 +102,29 @@ class EdgeProcess:
         return self._context.work_signal.count if self.is_up else -1
 
     def start(self) -> None:
-        """Start on what is on the disk."""
-        app = create_app(self.config, clock=self._scheduler.epoch_s)
+        """Start on what is on the disk; again after a while where that fails."""
+        self._generation += 1
+        generation = self._generation
+        try:
+            prepare(self.config)
+            app = create_app(self.config, clock=self._scheduler.epoch_s)
+        except (DBAPIError, sqlite3.Error, StoreError, OSError) as error:
+            self._scheduler.note("edge server", "-", f"does not start: {type(error).__name__}")
+            self._scheduler.after(RESTART_S, lambda: self._start_again(generation))
+            return
         self._context = context_of(app)
         self._client = app.test_client()
-        self._generation += 1
-        self._keep_house(self._generation)
+        self._keep_house(generation)
+
+    def _start_again(self, generation: int) -> None:
+        if generation == self._generation:
+            self.start()
 
     def kill(self) -> None:
         """Lose everything that is not on the disk."""
-        self._context.database.close()
+        self._generation += 1
+        if self._context is not None:
+            self._context.database.close()
         self._client = self._context = None
 
     def request(
@@ -120,6 +144,8 @@ class EdgeProcess:
             raise EdgeDownError("connection refused")
         all_headers = {"Authorization": f"Bearer {self._keys[role]}", **(headers or {})}
         answer = self._client.open(path, method=method, headers=all_headers, json=body)
+        if self.disk.is_dead:
+            raise EdgeDownError("the machine has lost power")
         if method != "GET":
             self.on_write()
         return Response(answer.status_code, answer.data)
@@ -127,16 +153,19 @@ class EdgeProcess:
     def _keep_house(self, generation: int) -> None:
         """Run the periodic tasks of this start of the process."""
         if generation == self._generation and self.is_up:
-            broker_work.expire_if_due(self._context)
-            self._context.space.maintain(self._scheduler.monotonic())
+            with suppress(SQLAlchemyError, OSError):  # Retried, as by the program
+                broker_work.expire_if_due(self._context)
+                self._context.space.maintain(self._scheduler.monotonic())
             self._scheduler.after(self.housekeeping_s, lambda: self._keep_house(generation))
 
 
 class Cloud:
     """A mock cloud behind the real uplink, and a network that may lose requests and answers."""
 
-    def __init__(self, scheduler: Scheduler, config: Config) -> None:
+    def __init__(self, scheduler: Scheduler, config: Config, disk: Disk) -> None:
+        """`disk` is that of the relay's machine."""
         self._scheduler = scheduler
+        self._disk = disk
         self._random = scheduler.random("cloud")
         self._uplink = HttpUplink(config, monotonic=scheduler.monotonic)
         self._accepts_batches = scheduler.random("cloud batches").random() < BATCH_SHARE
@@ -164,7 +193,7 @@ class Cloud:
     def _serve(self, request: bytes) -> tuple[bytes, bool]:
         """Take a record, or many, and answer."""
         random = self._random
-        if not self.is_up or random.random() < self.request_loss:
+        if not self.is_up or self._disk.is_dead or random.random() < self.request_loss:
             raise ConnectionRefusedError(111, "Connection refused")
         head, _, body = request.partition(b"\r\n\r\n")
         is_batch = head.split(b" ", 2)[1].endswith(b"/batch")
@@ -193,7 +222,7 @@ class RelayProcess:
         self._scheduler = scheduler
         self._config = config
         self._cloud = cloud
-        self._close: Callable[[], None] = lambda: None
+        self._close: Callable[[], None] = _nothing
         self._relay: Relay | None = None
         self._starts = 0
         self._next: Event | None = None
@@ -205,10 +234,17 @@ class RelayProcess:
         return self._relay is not None
 
     def start(self) -> None:
-        """Start on what is on the disk."""
+        """Start on what is on the disk; again after a while where that fails."""
         self._starts += 1
+        try:
+            self._open()
+        except (SQLAlchemyError, OSError) as error:
+            self._end(error)
+
+    def _open(self) -> None:
         config = self._config
         database = Database(open_engine(config.database))
+        self._close = database.close
         schedule = Schedule(
             backoff=Backoff(config.backoff_base_s, config.backoff_cap_s),
             probe_interval_s=config.probe_interval_s,
@@ -238,8 +274,17 @@ class RelayProcess:
 
     def kill(self) -> None:
         """Lose the answers that are not written yet."""
-        self._close()
+        self._starts += 1
+        close, self._close = self._close, _nothing
+        close()
         self._relay = None
+
+    def _end(self, error: Exception) -> None:
+        """End with an error, and be started again."""
+        self._scheduler.note("relay", "-", f"ends: {type(error).__name__}")
+        self.kill()
+        starts = self._starts
+        self._scheduler.after(RESTART_S, lambda: self.start() if self._starts == starts else None)
 
     def _step_after(self, delay_s: float) -> None:
         """Be stepped after a delay [s], or before if that is planned already."""
@@ -257,9 +302,7 @@ class RelayProcess:
         try:
             self._relay.step(now)
         except SQLAlchemyError as error:
-            self._scheduler.note("relay", "-", f"ends: {type(error).__name__}")
-            self.kill()
-            self._scheduler.after(1.0, self.start)
+            self._end(error)
             return
         due = self._relay.next_due(now)
         self._step_after(RELAY_LOOK_S if due is None else max(RELAY_PERIOD_S, due - now))

@@ -6,9 +6,11 @@ every fault at once hides what two of them do together.
 
 from collections.abc import Callable, Collection
 from enum import StrEnum
+from functools import partial
 from random import Random
-from typing import Final, Protocol
+from typing import Final
 
+from dst.machine import Machine, Process
 from dst.network import PERFECT, Conditions
 from dst.world import World
 
@@ -46,6 +48,11 @@ class Fault(StrEnum):
     POSITION_UNKNOWN = "position-unknown"
     BATTERY_UNKNOWN = "battery-unknown"
     POWER_CUT = "power-cut"
+    POWER_LOST = "power-lost"
+    DISK_FULL = "disk-full"
+    DISK_READ_ONLY = "disk-read-only"
+    DISK_SLOW = "disk-slow"
+    DATABASE_LOCKED = "database-locked"
     PILOT = "pilot"
     REPEATED_MISSIONS = "repeated-missions"
     REPEATED_POSTS = "repeated-posts"
@@ -61,15 +68,6 @@ def draw(seed: int) -> frozenset[Fault]:
     return frozenset(fault for fault in Fault if Random(f"{seed}/swarm/{fault}").random() < share)
 
 
-class _Process(Protocol):
-    @property
-    def is_up(self) -> bool: ...
-
-    def start(self) -> None: ...
-
-    def kill(self) -> None: ...
-
-
 class Faults:
     """Injects the enabled faults until `stop`."""
 
@@ -79,6 +77,7 @@ class Faults:
         self._is_stopped = False
         self.factor = 1.0
         """How many times as rare, and as long, faults are at present."""
+        self._machines = world.edge_machine, world.broker_machine
         self._degrade()
         self._schedule()
 
@@ -91,6 +90,8 @@ class Faults:
         world.http.is_up = world.cloud.is_up = True
         world.http.request_loss = world.http.answer_loss = world.cloud.answer_loss = 0.0
         world.http.stall_rate = world.http.foreign_rate = world.http.poison_rate = 0.0
+        for machine in self._machines:
+            machine.restore()
         for process in self._processes.values():
             if not process.is_up:
                 process.start()
@@ -100,7 +101,7 @@ class Faults:
         world.scheduler.note("faults", "-", "end")
 
     @property
-    def _processes(self) -> dict[Fault, _Process]:
+    def _processes(self) -> dict[Fault, Process]:
         world = self._world
         return {
             Fault.BROKER_KILLED: world.broker,
@@ -142,6 +143,11 @@ class Faults:
             Fault.POSITION_UNKNOWN: self._spoil("has_position"),
             Fault.BATTERY_UNKNOWN: self._spoil("knows_battery"),
             **{fault: self._kill(fault, process) for fault, process in self._processes.items()},
+            Fault.POWER_LOST: self._lose_power,
+            Fault.DISK_FULL: self._trouble_disk(Machine.fill),
+            Fault.DISK_READ_ONLY: self._trouble_disk(Machine.protect),
+            Fault.DISK_SLOW: self._trouble_disk(Machine.slow_down),
+            Fault.DATABASE_LOCKED: self._trouble_disk(Machine.lock),
         }
         for fault, action in actions.items():
             if fault in self._enabled:
@@ -264,10 +270,8 @@ class Faults:
             path.is_up = False
 
         def cut() -> None:
-            world.scheduler.note("faults", "farm", "power cut")
-            for process in self._processes.values():
-                if process.is_up:
-                    process.kill()
+            for machine in self._machines:
+                machine.lose_power()
             for path in paths:
                 path.is_up = False
             self._later(random.uniform(2.0, 10.0), lambda: self._start(world.broker))
@@ -283,13 +287,35 @@ class Faults:
 
         self._later(random.uniform(0.0, 20.0), cut)
 
-    def _start(self, process: _Process) -> None:
+    def _lose_power(self, random: Random) -> None:
+        """Have a machine lose power, perhaps in the middle of a commit, and return."""
+        edge, broker = self._machines
+        for machine in random.choice(((edge,), (broker,), (edge, broker))):
+            changes = random.choice((0, random.randrange(1, 40)))
+            machine.lose_power(partial(self._restart, machine, random), after_changes=changes)
+
+    def _restart(self, machine: Machine, random: Random) -> None:
+        for process in machine.processes:
+            self._later(random.expovariate(1.0 / 5.0), partial(self._start, process))
+
+    def _trouble_disk(
+        self, begin: Callable[[Machine, Random], Callable[[], None]]
+    ) -> Callable[[Random], None]:
+        """Have a disk refuse, or take longer, for a while."""
+
+        def trouble(random: Random) -> None:
+            end = begin(random.choice(self._machines), random)
+            self._later(random.expovariate(1.0 / 12.0), end)
+
+        return trouble
+
+    def _start(self, process: Process) -> None:
         if not process.is_up:
             process.start()
             for system in self._world.vehicles:
                 self._world.connected(system)
 
-    def _kill(self, fault: Fault, process: _Process) -> Callable[[Random], None]:
+    def _kill(self, fault: Fault, process: Process) -> Callable[[Random], None]:
         def kill(random: Random) -> None:
             if not process.is_up:
                 return

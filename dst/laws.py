@@ -53,6 +53,7 @@ class Laws:
         self._ids_of_key: dict[str, set[int]] = defaultdict(set)
         self._ended: dict[int, tuple[Status, float]] = {}  # By plan: first terminal status, when
         self._invalid: list[str] = []
+        self._unforeseen: list[str] = []  # Posts that the edge server has answered with 500
         self._alarms_s: dict[int, list[float]] = defaultdict(list)  # By vehicle: when acknowledged
         self._edge_trouble_s = 0.0  # When the edge server was last seen out of the broker's reach
         self._paused: dict[int, tuple[float, list[PostedPlan]]] = {}  # By event: when, what flew
@@ -70,6 +71,9 @@ class Laws:
         """Note what the edge server has acknowledged to the broker, and who has accepted what."""
         if post.is_acceptance:
             self._note_aborts()
+        disk = self._world.edge_machine.disk
+        if answer.status_code == HTTPStatus.INTERNAL_SERVER_ERROR and not disk.is_read_only:
+            self._unforeseen.append(f"{post.method} {post.path} {post.body}")
         is_invalid = answer.status_code in {HTTPStatus.BAD_REQUEST, HTTPStatus.UNPROCESSABLE_ENTITY}
         if is_invalid and not post.may_be_duplicate:
             self._invalid.append(f"{post.path} {post.body}: {answer.body.decode()}")
@@ -101,6 +105,8 @@ class Laws:
         self._nothing_flown_while_paused()
         self._alarms_in_time()
         self._queues_are_bounded()
+        self._no_internal_error()
+        self._no_database_was_damaged()
         self._nothing_flown_after_abort()
 
     def _no_order_under_pilot(self) -> None:
@@ -187,8 +193,8 @@ class Laws:
         for pause in self._operator.pauses:
             if pause.resumed_s is not None or pause.number in self._paused:
                 continue
-            event = self._world.request("GET", f"/events/{pause.number}").json()
-            if event["state"] == "done":
+            event = self._read(f"/events/{pause.number}", f"event {pause.number}")
+            if event is not None and event["state"] == "done":
                 running = [
                     plan
                     for plan, mission in self._missions()
@@ -232,6 +238,17 @@ class Laws:
         waiting = 0 if client is None else client.waiting
         if waiting > MOST_WAITING:
             raise LawError(f"{waiting} posts wait in the broker")
+
+    def _no_internal_error(self) -> None:
+        """No program meets an error that it has not foreseen."""
+        app = self._world.broker.app
+        if app is not None and app.internal_errors.count:
+            now_s = self._world.scheduler.monotonic()
+            owners = [f"vehicle {system}" for system in self._world.vehicles]
+            texts = [app.internal_errors.warning(owner, now_s) for owner in owners]
+            raise LawError(f"{app.internal_errors.count} internal errors of the broker: {texts}")
+        if self._unforeseen:
+            raise LawError(f"internal error of the edge server: {self._unforeseen[0]}")
 
     def _abort_end_s(self, abort: PostedAbort) -> float:
         """Give from when on nothing older is flown.
@@ -321,6 +338,14 @@ class Laws:
                         f"was not flown"
                     )
 
+    def _no_database_was_damaged(self) -> None:
+        """No loss of power has damaged a database: none was set aside at a start."""
+        world = self._world
+        quarantine = world.edge.config.database_path.parent / "quarantine"
+        damaged = [*quarantine.glob("*"), *world.broker_machine.disk.folder.glob("*.bad")]
+        if damaged:
+            raise LawError(f"a database was set aside as {damaged[0].name}")
+
     def _delivered_under_one_id(self) -> None:
         """The cloud has each record under one message id."""
         ids: dict[tuple[str, str], set[str]] = defaultdict(set)
@@ -349,26 +374,34 @@ class Laws:
         for plan in self._operator.plans:
             if plan.cancelled_s is not None:
                 continue
-            try:
-                response = self._world.request("GET", f"/plans/{plan.number}")
-            except EdgeDownError:
+            known = self._read(f"/plans/{plan.number}", f"plan {plan.number}")
+            if known is None:
                 return
-            if response.status != 200:
-                raise LawError(f"plan {plan.number} was acknowledged and is lost")
-            yield plan, response.json()["missions"][0]
+            yield plan, known["missions"][0]
 
     def _open_aborts(self) -> Iterator[tuple[PostedAbort, str]]:
         """Give each abort that had not ended when it was last looked at, with its state."""
         for abort in self._operator.aborts:
             if abort.number in self._ended_aborts:
                 continue
-            try:
-                response = self._world.request("GET", f"/events/{abort.number}")
-            except EdgeDownError:
+            known = self._read(f"/events/{abort.number}", f"abort {abort.number}")
+            if known is None:
                 return
-            if response.status != 200:
-                raise LawError(f"abort {abort.number} was acknowledged and is lost")
-            yield abort, response.json()["state"]
+            yield abort, known["state"]
+
+    def _read(self, path: str, what: str) -> Any:
+        """Read what the edge server has acknowledged; None while it or its disk cannot be used.
+
+        Raises:
+            LawError: if it is not there.
+        """
+        try:
+            response = self._world.request("GET", path)
+        except EdgeDownError:
+            return None
+        if response.status == HTTPStatus.NOT_FOUND:
+            raise LawError(f"{what} was acknowledged and is lost")
+        return response.json() if response.status == HTTPStatus.OK else None
 
     def _delivered(self) -> set[tuple[str, int]]:
         records = self._world.cloud.received.values()

@@ -101,6 +101,18 @@ BREAKS: Final = (
         "            elif not is_settled:\n                is_dead",
     ),
     Break(
+        "a commit of the edge server is not on the disk",
+        "edge_server/store/connection/engines.py",
+        "PRAGMA synchronous=FULL",
+        "PRAGMA synchronous=OFF",
+    ),
+    Break(
+        "a commit of the broker is not on the disk",
+        "mavlink_broker/database.py",
+        '"synchronous=FULL"',
+        '"synchronous=OFF"',
+    ),
+    Break(
         "a deleted plan stays in the broker's feed",
         "edge_server/store/rows/work.py",
         "    connection.execute(delete(work).where(work.c.plan == plan_row))\n",

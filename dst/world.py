@@ -1,12 +1,14 @@
 """One simulated farm: edge server, relay, cloud, broker, vehicles, and the network between them."""
 
 from collections.abc import Sequence
+from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from dst.autopilot import FAMILIES, Autopilot
 from dst.broker_process import BrokerProcess, EdgeHttp
+from dst.disk import Disk, attached
 from dst.edge_process import (
     BREAK_HOUSEKEEPING_S,
     HOUSEKEEPING_S,
@@ -15,9 +17,11 @@ from dst.edge_process import (
     RelayProcess,
     Response,
 )
+from dst.machine import Machine
 from dst.network import Path as NetworkPath
 from dst.scheduler import KEPT_LINES, Scheduler
 from dst.vehicle import Vehicle
+from mavlink_broker.database import DATABASE_FILE
 from mavlink_broker.links.url import Address
 
 
@@ -39,12 +43,27 @@ class World:
         Each vehicle has one of the autopilot families.
         """
         self.scheduler = Scheduler(seed, kept_lines=kept_lines)
-        self.edge = EdgeProcess(self.scheduler, prepared, folder / "edge")
-        self.cloud = Cloud(self.scheduler, self.edge.config)
+        disk, broker_disk = (
+            Disk(folder / name, self.scheduler.random(f"disk/{name}"))
+            for name in ("edge", "broker")
+        )
+        self._disks = ExitStack()
+        self._disks.enter_context(attached(disk, broker_disk))
+        self.edge = EdgeProcess(self.scheduler, prepared, folder / "edge", disk)
+        self.cloud = Cloud(self.scheduler, self.edge.config, disk)
         self.relay = RelayProcess(self.scheduler, self.edge.config, self.cloud)
         self.edge.on_write = self.relay.wake
         self.http = EdgeHttp(self.scheduler, self.edge)
-        self.broker = BrokerProcess(self.scheduler, self.http, folder / "broker", self._to_vehicle)
+        self.broker = BrokerProcess(
+            self.scheduler, self.http, folder / "broker", broker_disk, self._to_vehicle
+        )
+        edge_file, broker_file = self.edge.config.database_path, folder / "broker" / DATABASE_FILE
+        self.edge_machine = Machine(
+            self.scheduler, "edge machine", disk, edge_file, (self.edge, self.relay)
+        )
+        self.broker_machine = Machine(
+            self.scheduler, "broker machine", broker_disk, broker_file, (self.broker,)
+        )
         self.vehicles: dict[int, Vehicle] = {}
         self.connected_s = dict.fromkeys(range(1, vehicles + 1), 0.0)
         """Since when broker and link of each vehicle are up, or were for the last time."""
@@ -103,6 +122,9 @@ class World:
 
     def close(self) -> None:
         """End every process."""
+        for machine in (self.edge_machine, self.broker_machine):
+            machine.restore()
         for process in (self.broker, self.relay, self.edge):
             if process.is_up:
                 process.kill()
+        self._disks.close()

@@ -265,6 +265,7 @@ def _fly(
     worker_pool = WorkerPool(link.wake)
     worker_pool.start()
     journal = JournalWriter(JournalTable(database), link.wake)
+    journal.start()
     app = App(settings, link, edge, clock, lambda: str(ULID()), worker_pool, journal)
     plan_flight = PlanFlight(app, edge, missions, settings)
     try:

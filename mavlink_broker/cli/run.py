@@ -55,6 +55,7 @@ def run(arguments: Sequence[str], environment: Mapping[str, str]) -> int:
     worker_pool = WorkerPool(link.wake)
     worker_pool.start()
     journal = JournalWriter(JournalTable(database), link.wake)
+    journal.start()
     app = App(settings, link, edge, SystemClock(), lambda: str(ULID()), worker_pool, journal)
     _LOG.info("links %s, edge server %s", " ".join(map(str, link.urls)), settings.edge_url)
     while not (signals.stop or alarm.has_fired):

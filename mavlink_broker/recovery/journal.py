@@ -4,8 +4,8 @@ A row is replaced as a whole: a crash leaves the old record or the new one. A ro
 a valid record is set aside and logged.
 
 A thread writes, so that the loop never waits for the disk. Only the newest record of each vehicle
-is written. A refusal of the disk is logged once, and the write is retried every five seconds.
-
+is written. A refusal of the disk is logged once, and the write is retried every five seconds. The
+thread only waits: `write_due` is what it does between. A simulation calls it without the thread.
 """
 
 import logging
@@ -87,7 +87,7 @@ def _record_of(identity: VehicleIdentity, data: bytes) -> RecoveryRecord:
 
 
 class JournalWriter:
-    """The recovery records of one broker, read once, and a thread that writes them."""
+    """The recovery records of one broker, read once, and a thread that writes them, if started."""
 
     def __init__(self, journal: JournalTable, wake: Callable[[], None]) -> None:
         """Read the records of an earlier run; `wake` ends the loop's sleep."""
@@ -102,6 +102,9 @@ class JournalWriter:
         self._is_refusal_logged = False
         self._stopping = threading.Event()
         self._thread = SupervisedThread("journal", self._run, self._stopping)
+
+    def start(self) -> None:
+        """Start the thread."""
         self._thread.start()
 
     def recall(self, identity: VehicleIdentity) -> RecoveryRecord:
@@ -131,15 +134,21 @@ class JournalWriter:
             self._changed.notify()
         self._thread.join(STOP_TIMEOUT_S)
 
+    def write_due(self) -> bool:
+        """Write the records that wait; gives whether the disk has taken all that there are."""
+        with self._changed:
+            due, self._due = {**self._refused, **self._due}, {}
+        for update in due.values():
+            self._write(update)
+        return not self._refused
+
     def _run(self) -> None:
         while True:
             with self._changed:
                 timeout_s = RETRY_AFTER_S if self._refused else None
                 self._changed.wait_for(lambda: self._due or self._is_ending, timeout_s)
-                due, self._due = {**self._refused, **self._due}, {}
                 is_ending = self._is_ending
-            for update in due.values():
-                self._write(update)
+            self.write_due()
             if is_ending and not self._due:
                 return
 

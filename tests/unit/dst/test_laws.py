@@ -192,3 +192,28 @@ def test_a_waypoint_that_is_flown_while_the_mission_is_paused_is_found(
     monkeypatch.setattr(world.vehicles[1].truth, "reached", [flown])
     with pytest.raises(LawError, match="has paused it"):
         farm.laws.check()
+
+
+def test_an_internal_error_of_a_program_is_found(farm: Farm) -> None:
+    app = farm.world.broker.app
+    assert app is not None
+    app.internal_errors.record("vehicle 1", ValueError("not foreseen"), 0.0)
+    with pytest.raises(LawError, match="1 internal errors of the broker"):
+        farm.laws.check()
+    app.internal_errors.count = 0
+    post = Post(
+        method="POST", path="/pose/", body={}, vehicle_id=1, lane="pose", urgency=Urgency.RESULT
+    )
+    farm.world.http.on_taken(post, Answer(500, b"{}"))
+    with pytest.raises(LawError, match="internal error of the edge server: POST /pose/"):
+        farm.laws.check()
+    farm.laws._unforeseen.clear()
+
+
+def test_a_database_that_was_set_aside_is_found(farm: Farm) -> None:
+    quarantine = farm.world.edge.config.database_path.parent / "quarantine"
+    quarantine.mkdir()
+    (quarantine / "edge-20261121T080000.db").touch()
+    with pytest.raises(LawError, match="a database was set aside"):
+        farm.laws.check()
+    (quarantine / "edge-20261121T080000.db").unlink()

@@ -53,6 +53,7 @@ class Loop:
 def test_a_record_is_on_the_disk_when_it_is_settled(tmp_path: Path) -> None:
     loop, journal = Loop(), journal_in(tmp_path / "broker")
     writer = JournalWriter(journal, loop.wake)
+    writer.start()
     writer.put(RecordUpdate(IDENTITY, 1, record(1)))
     loop.wait_for(writer, 1)
     assert journal.read_all() == {IDENTITY: record(1)}
@@ -62,6 +63,7 @@ def test_a_record_is_on_the_disk_when_it_is_settled(tmp_path: Path) -> None:
 def test_the_next_run_reads_the_records_of_this_one(tmp_path: Path) -> None:
     database = Database(tmp_path)
     first = JournalWriter(JournalTable(database), lambda: None)
+    first.start()
     assert first.recall(IDENTITY) == EMPTY_RECORD
     for number in range(20):
         first.put(RecordUpdate(IDENTITY, number, record(number)))
@@ -69,7 +71,6 @@ def test_the_next_run_reads_the_records_of_this_one(tmp_path: Path) -> None:
     database.close()
     second = JournalWriter(journal_in(tmp_path), lambda: None)
     assert second.recall(IDENTITY) == record(19)
-    second.close()
 
 
 def test_a_refusing_disk_is_logged_once_and_retried(
@@ -81,6 +82,7 @@ def test_a_refusing_disk_is_logged_once_and_retried(
     loop, journal = Loop(), journal_in(place)
     with caplog.at_level(logging.WARNING):
         writer = JournalWriter(journal, loop.wake)
+        writer.start()
         for number in (1, 2, 3):
             writer.put(RecordUpdate(IDENTITY, number, record(number)))
             loop.wait_for(writer, number)
