@@ -134,10 +134,15 @@ def requeue(connection: Connection, record_id: int) -> None:
     )
 
 
+_MARK_SENT: Final = (
+    update(outbox).where(outbox.c.id.in_(bindparam("rows", expanding=True))).values(sent=True)
+)
+
+
 def mark_sent(connection: Connection, records: Sequence[OutboxRecord]) -> None:
     """Store that records may reach the cloud, whatever becomes of this process."""
     rows = [record.outbox_id for record in records]
-    connection.execute(update(outbox).where(outbox.c.id.in_(rows)).values(sent=True))
+    connection.execute(_MARK_SENT, {"rows": rows})
 
 
 def was_sent_after(connection: Connection, record_id: int, vehicle_id: int, mission: int) -> bool:
@@ -159,39 +164,49 @@ def was_sent_after(connection: Connection, record_id: int, vehicle_id: int, miss
     return any(json.loads(payload)["mission_id"] == mission for payload in payloads)
 
 
+_NEWEST: Final = select(func.max(outbox.c.id))
+_STREAMS_AFTER: Final = (
+    select(outbox.c.vehicle_id, outbox.c.kind)
+    .where(outbox.c.id > bindparam("outbox_id"))
+    .distinct()
+)
+
+
 def streams_after(connection: Connection, outbox_id: int) -> tuple[set[Stream], int]:
     """Return the streams that have rows after this one, and the newest row's id."""
-    newest = connection.execute(select(func.max(outbox.c.id))).scalar_one() or 0
+    newest = connection.execute(_NEWEST).scalar_one() or 0
     if newest <= outbox_id:
         return set(), outbox_id
-    rows = connection.execute(
-        select(outbox.c.vehicle_id, outbox.c.kind).where(outbox.c.id > outbox_id).distinct()
-    )
+    rows = connection.execute(_STREAMS_AFTER, {"outbox_id": outbox_id})
     return {Stream(*row) for row in rows}, newest
+
+
+_QUEUED: Final = (
+    select(
+        outbox.c.id,
+        outbox.c.record_id,
+        telemetry.c.message_id,
+        telemetry.c.payload,
+        outbox.c.attempts,
+    )
+    .join(telemetry, telemetry.c.id == outbox.c.record_id)
+    .where(
+        outbox.c.vehicle_id == bindparam("vehicle_id"),
+        outbox.c.kind == bindparam("kind"),
+        outbox.c.state == "queued",
+        outbox.c.id > bindparam("after_id"),
+    )
+    .order_by(outbox.c.id)
+    .limit(bindparam("limit"))
+)
 
 
 def read_queued(
     connection: Connection, stream: Stream, after_id: int, limit: int
 ) -> list[OutboxRecord]:
     """Return the next queued records of a stream in order."""
-    rows = connection.execute(
-        select(
-            outbox.c.id,
-            outbox.c.record_id,
-            telemetry.c.message_id,
-            telemetry.c.payload,
-            outbox.c.attempts,
-        )
-        .join(telemetry, telemetry.c.id == outbox.c.record_id)
-        .where(
-            outbox.c.vehicle_id == stream.vehicle_id,
-            outbox.c.kind == stream.kind,
-            outbox.c.state == "queued",
-            outbox.c.id > after_id,
-        )
-        .order_by(outbox.c.id)
-        .limit(limit)
-    )
+    values = {**stream._asdict(), "after_id": after_id, "limit": limit}
+    rows = connection.execute(_QUEUED, values)
     return [OutboxRecord(r[0], r[1], r[2], stream, r[3], r[4]) for r in rows]
 
 

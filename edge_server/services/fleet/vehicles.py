@@ -90,10 +90,13 @@ def put(
     now = context.clock()
     with context.database.write(of_vehicle(vehicle_id)) as connection:
         known = vehicles.get(connection, vehicle_id)
-        precondition(shown(connection, vehicle_id, now) if known else {})
+        hold = vehicle_holds.get(connection, vehicle_id)
+        contact = vehicles.contact(connection, vehicle_id)
+        precondition(_show(known, hold, contact, now) if known else {})
         merged = {**known.state, **given} if known else given
         vehicles.put(connection, vehicle_id, merged, now)
-        stored = shown(connection, vehicle_id, now)
+        since = known.registered_at if known else now
+        stored = _show(StoredVehicle(vehicle_id, merged, since, now), hold, contact, now)
     if state.armed is not None:
         at = flights.time_of(state.recorded_at, now)
         context.archive.take_armed(vehicle_id, armed=state.armed, at=at)

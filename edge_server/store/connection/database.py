@@ -8,9 +8,10 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, suppress
 from contextvars import ContextVar
 from enum import StrEnum
+from functools import cache
 from typing import Any, Final, Generic, TypeVar
 
-from sqlalchemy import Connection, CursorResult, Engine, Select, Table
+from sqlalchemy import Connection, CursorResult, Engine, Insert, Select, Table
 from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.exc import DBAPIError
 
@@ -218,21 +219,32 @@ def new_id(result: CursorResult[Any]) -> int:
 
 def insert_new(connection: Connection, table: Table, rows: Iterable[dict[str, Any]]) -> None:
     """Insert rows whose key is not there yet; the others stay as they are."""
-    dialect = postgresql if connection.dialect.name == "postgresql" else sqlite
-    connection.execute(dialect.insert(table).on_conflict_do_nothing(), list(rows))
+    connection.execute(_insert_new(connection.dialect.name, table), list(rows))
+
+
+@cache
+def _insert_new(dialect: str, table: Table) -> Insert:
+    kind: Any = postgresql if dialect == "postgresql" else sqlite
+    found: Insert = kind.insert(table).on_conflict_do_nothing()
+    return found
 
 
 def put_row(
     connection: Connection, table: Table, row: dict[str, Any], changed: Iterable[str]
 ) -> None:
     """Insert a row; where its key is there already, change these columns."""
-    dialect = postgresql if connection.dialect.name == "postgresql" else sqlite
-    statement = dialect.insert(table).values(row)
-    connection.execute(
-        statement.on_conflict_do_update(
-            index_elements=list(table.primary_key), set_={name: row[name] for name in changed}
-        )
+    connection.execute(_put_row(connection.dialect.name, table, tuple(changed)), row)
+
+
+@cache
+def _put_row(dialect: str, table: Table, changed: tuple[str, ...]) -> Insert:
+    kind: Any = postgresql if dialect == "postgresql" else sqlite
+    statement = kind.insert(table)
+    found: Insert = statement.on_conflict_do_update(
+        index_elements=list(table.primary_key),
+        set_={name: statement.excluded[name] for name in changed},
     )
+    return found
 
 
 def to_json(value: Any) -> str:

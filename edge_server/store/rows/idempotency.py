@@ -3,7 +3,7 @@
 from collections.abc import Collection, Mapping
 from typing import Final, NamedTuple
 
-from sqlalchemy import Connection, delete, insert, select
+from sqlalchemy import Connection, bindparam, delete, insert, select
 
 from edge_server.store.rows.tables import idempotency
 
@@ -29,11 +29,15 @@ _COLUMNS: Final = (
 )
 
 
+_FIND: Final = select(*_COLUMNS).where(
+    idempotency.c.key == bindparam("wanted"), idempotency.c.owner == bindparam("by")
+)
+_ADD: Final = insert(idempotency)
+
+
 def find(connection: Connection, key: str, owner: str) -> Answered | None:
     """Find the answer of a key."""
-    row = connection.execute(
-        select(*_COLUMNS).where(idempotency.c.key == key, idempotency.c.owner == owner)
-    ).one_or_none()
+    row = connection.execute(_FIND, {"wanted": key, "by": owner}).one_or_none()
     return Answered(*row) if row else None
 
 
@@ -51,13 +55,13 @@ def find_all(connection: Connection, keys: Collection[str], owner: str) -> dict[
 
 def add(connection: Connection, key: str, owner: str, answered: Answered) -> None:
     """Store an answer."""
-    connection.execute(insert(idempotency), {"key": key, "owner": owner, **answered._asdict()})
+    connection.execute(_ADD, {"key": key, "owner": owner, **answered._asdict()})
 
 
 def add_all(connection: Connection, answers: Mapping[str, Answered], owner: str) -> None:
     """Store many answers, by key."""
     connection.execute(
-        insert(idempotency),
+        _ADD,
         [{"key": key, "owner": owner, **one._asdict()} for key, one in answers.items()],
     )
 

@@ -3,7 +3,7 @@
 import json
 from typing import Any, Final, NamedTuple
 
-from sqlalchemy import ColumnElement, Connection, delete, exists, insert, select, update
+from sqlalchemy import Connection, bindparam, delete, exists, insert, select, update
 
 from edge_server.store.connection.database import new_id, to_json
 from edge_server.store.rows.tables import plan, work
@@ -33,12 +33,14 @@ def replace(connection: Connection, stored: StoredPlan) -> None:
     connection.execute(update(plan).where(plan.c.id == stored.id).values(_columns(stored)))
 
 
+_BY_NUMBER: Final = select(plan).where(plan.c.id == bindparam("reference"))
+_BY_ULID: Final = select(plan).where(plan.c.plan_id == bindparam("reference"))
+
+
 def find(connection: Connection, reference: int | str) -> StoredPlan | None:
     """Find a plan by its number or its ULID."""
-    key: ColumnElement[bool] = (
-        plan.c.id == reference if isinstance(reference, int) else plan.c.plan_id == reference
-    )
-    row = connection.execute(select(plan).where(key)).one_or_none()
+    query = _BY_NUMBER if isinstance(reference, int) else _BY_ULID
+    row = connection.execute(query, {"reference": reference}).one_or_none()
     return _stored(row) if row else None
 
 

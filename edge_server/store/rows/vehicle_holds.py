@@ -1,8 +1,8 @@
 """Vehicles whose queue waits until an operator releases it."""
 
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
-from sqlalchemy import Connection, delete, select
+from sqlalchemy import Connection, bindparam, delete, select
 
 from edge_server.store.connection.database import insert_new
 from edge_server.store.rows.tables import vehicle_hold
@@ -23,10 +23,12 @@ def place(connection: Connection, hold: VehicleHold) -> None:
     insert_new(connection, vehicle_hold, [hold._asdict()])
 
 
+_GET: Final = select(vehicle_hold).where(vehicle_hold.c.vehicle_id == bindparam("vehicle_id"))
+
+
 def get(connection: Connection, vehicle_id: int) -> VehicleHold | None:
     """Find the hold of a vehicle."""
-    query = select(vehicle_hold).where(vehicle_hold.c.vehicle_id == vehicle_id)
-    row = connection.execute(query).one_or_none()
+    row = connection.execute(_GET, {"vehicle_id": vehicle_id}).one_or_none()
     return _hold(row) if row else None
 
 

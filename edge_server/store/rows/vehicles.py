@@ -4,7 +4,7 @@ import json
 from collections.abc import Iterable
 from typing import Any, Final, NamedTuple
 
-from sqlalchemy import Connection, delete, select, update
+from sqlalchemy import Connection, bindparam, delete, select, update
 
 from edge_server.store.connection.database import put_row, to_json
 from edge_server.store.rows.tables import broker_contact, vehicle
@@ -22,11 +22,12 @@ class StoredVehicle(NamedTuple):
     updated_at: float
 
 
+_GET: Final = select(vehicle).where(vehicle.c.vehicle_id == bindparam("vehicle_id"))
+
+
 def get(connection: Connection, vehicle_id: int) -> StoredVehicle | None:
     """Find a vehicle."""
-    row = connection.execute(
-        select(vehicle).where(vehicle.c.vehicle_id == vehicle_id)
-    ).one_or_none()
+    row = connection.execute(_GET, {"vehicle_id": vehicle_id}).one_or_none()
     return _stored(row) if row else None
 
 
@@ -126,16 +127,19 @@ def note_poll(connection: Connection, broker: str, now: float) -> None:
     )
 
 
+_CONTACTS: Final = select(broker_contact)
+_CONTACT: Final = _CONTACTS.where(broker_contact.c.vehicle_id == bindparam("vehicle_id"))
+
+
 def contact(connection: Connection, vehicle_id: int) -> Contact | None:
     """Find the last requests of brokers about a vehicle; None if there was none."""
-    query = select(broker_contact).where(broker_contact.c.vehicle_id == vehicle_id)
-    row = connection.execute(query).one_or_none()
+    row = connection.execute(_CONTACT, {"vehicle_id": vehicle_id}).one_or_none()
     return Contact(row.broker, row.at, row.other, row.other_at) if row else None
 
 
 def contacts(connection: Connection) -> dict[int, Contact]:
     """Return the last requests of brokers by vehicle."""
-    rows = connection.execute(select(broker_contact))
+    rows = connection.execute(_CONTACTS)
     return {row.vehicle_id: Contact(row.broker, row.at, row.other, row.other_at) for row in rows}
 
 
