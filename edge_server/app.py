@@ -3,7 +3,8 @@
 import secrets
 import time
 from collections.abc import Callable
-from typing import Any
+from functools import cache
+from typing import Any, Final
 
 from flask import Flask
 from flask.json.provider import DefaultJSONProvider
@@ -83,6 +84,8 @@ _MODULES = (
     console,
 )
 """Modules with a blueprint."""
+_TABLES: Final = ("blueprints", "error_handler_spec", "url_map", "view_functions")
+"""Attributes of an app that its routes and error handlers are in."""
 
 
 def create_app(config: Config, *, clock: Callable[[], float] = time.time) -> Flask:
@@ -93,8 +96,8 @@ def create_app(config: Config, *, clock: Callable[[], float] = time.time) -> Fla
         MAX_CONTENT_LENGTH=bodies.MAXIMUM_IMAGE_BODY_BYTES,
         PROPAGATE_EXCEPTIONS=False,
     )
-    urls.install(app)
-    errors.install(app)
+    for name in _TABLES:
+        setattr(app, name, getattr(_routes(), name))
     database = Database(open_engine(config.database))
     context = Context(config, database, clock)
     app.extensions["edge_context"] = context
@@ -118,6 +121,15 @@ def create_app(config: Config, *, clock: Callable[[], float] = time.time) -> Fla
     app.before_request(bodies.refuse_encoded)
     app.before_request(signatures.check_request)
     headers.install(app, config)
+    return app
+
+
+@cache
+def _routes() -> Flask:
+    """Make the routes that every app of the process shares: to compile them takes 0.1 s."""
+    app = Flask("edge_server", static_folder=None)
+    urls.install(app)
+    errors.install(app)
     for module in _MODULES:
         app.register_blueprint(module.blueprint())
     return app
