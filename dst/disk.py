@@ -37,7 +37,7 @@ _Transfer = CFUNCTYPE(c_int, c_void_p, c_void_p, c_int, c_int64)
 _Truncate = CFUNCTYPE(c_int, c_void_p, c_int64)
 _Sync = CFUNCTYPE(c_int, c_void_p, c_int)
 _FileSize = CFUNCTYPE(c_int, c_void_p, POINTER(c_int64))
-_Open = CFUNCTYPE(c_int, c_void_p, c_char_p, c_void_p, c_int, POINTER(c_int))
+_Open = CFUNCTYPE(c_int, c_void_p, c_void_p, c_void_p, c_int, POINTER(c_int))
 _Delete = CFUNCTYPE(c_int, c_void_p, c_char_p, c_int)
 _Sleep = CFUNCTYPE(c_int, c_void_p, c_int)
 
@@ -262,8 +262,9 @@ class _Layer:
     def _disk_of(self, path: str) -> Disk | None:
         return next((one for one in self.disks if path.startswith(f"{one.folder}/")), None)
 
-    def _open(self, vfs: int, name: bytes | None, file: int, flags: int, out: Any) -> int:
-        path = None if name is None else os.fsdecode(name)
+    def _open(self, vfs: int, name: int | None, file: int, flags: int, out: Any) -> int:
+        # The machine's VFS keeps the address of the name, so it has to be SQLite's own
+        path = None if name is None else os.fsdecode(ctypes.string_at(name))
         disk = None if path is None else self._disk_of(path)
         if disk is not None and disk.is_dead:
             c_void_p.from_address(file).value = None

@@ -124,3 +124,16 @@ def test_files_of_other_folders_are_not_on_the_disk(disk: Disk, tmp_path: Path) 
     disk.is_read_only = True
     with closing(sqlite3.connect(tmp_path / "other.db")) as connection:
         connection.execute("CREATE TABLE one (two)")
+
+
+def test_files_beside_a_database_have_its_name(
+    disk: Disk, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    monkeypatch.chdir(elsewhere)
+    with closing(opened(disk)) as connection, closing(opened(disk)):
+        add(connection, range(10))
+        names = {path.name for path in tmp_path.iterdir()}
+    assert names == {"elsewhere", "test.db", "test.db-shm", "test.db-wal"}
+    assert not list(elsewhere.iterdir())
