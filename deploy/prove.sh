@@ -58,7 +58,7 @@ say "the broker is killed and made anew at another address, and a plan is accept
 move_broker
 compose --profile acceptance run --rm acceptance
 
-say "the tester's seat"
+say "a person stands in for a vehicle"
 compose --profile tester run --rm -T tester </dev/null
 
 say "a new key, and a backup"

@@ -294,7 +294,7 @@ class BrokerProcess:
     # The link.
 
     def arrive(self, address: Address, frame: bytes) -> None:
-        """Take a datagram of a vehicle; lost if the broker does not run."""
+        """Handle a datagram of a vehicle; lost if the broker does not run."""
         if self.is_up:
             self._received_s = self._scheduler.now_s
             self._received.append((address, frame))
@@ -312,7 +312,7 @@ class BrokerProcess:
             self._send(address, frame)
 
     def radio_status(self, address: Address, free_percent: int) -> None:
-        """Take nothing: there is no radio with a buffer."""
+        """Ignore it: there is no radio with a buffer."""
 
     def contact_addresses(self) -> list[Address]:
         """Nobody: vehicles send first."""

@@ -114,7 +114,7 @@ class EdgeProcess:
             return
         self._context = context_of(app)
         self._client = app.test_client()
-        self._keep_house(generation)
+        self._run_housekeeping(generation)
 
     def _start_again(self, generation: int) -> None:
         if generation == self._generation:
@@ -150,13 +150,13 @@ class EdgeProcess:
             self.on_write()
         return Response(answer.status_code, answer.data)
 
-    def _keep_house(self, generation: int) -> None:
+    def _run_housekeeping(self, generation: int) -> None:
         """Run the periodic tasks of this start of the process."""
         if generation == self._generation and self.is_up:
             with suppress(SQLAlchemyError, OSError):  # Retried, as by the program
                 broker_work.expire_if_due(self._context)
                 self._context.space.maintain(self._scheduler.monotonic())
-            self._scheduler.after(self.housekeeping_s, lambda: self._keep_house(generation))
+            self._scheduler.after(self.housekeeping_s, lambda: self._run_housekeeping(generation))
 
 
 class Cloud:
@@ -191,7 +191,7 @@ class Cloud:
         self._uplink.close()
 
     def _serve(self, request: bytes) -> tuple[bytes, bool]:
-        """Take a record, or many, and answer."""
+        """Store a record, or many, and answer."""
         random = self._random
         if not self.is_up or self._disk.is_dead or random.random() < self.request_loss:
             raise ConnectionRefusedError(111, "Connection refused")

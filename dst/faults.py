@@ -175,7 +175,7 @@ class Faults:
         self._world.scheduler.after(random.expovariate(1.0 / mean_s), act)
 
     def _later(self, delay_s: float, action: Callable[[], None]) -> None:
-        """Take an action that ends a fault, unless all have ended already."""
+        """Do an action that ends a fault, unless all have ended already."""
         delay_s *= self.factor
         self._world.scheduler.after(delay_s, lambda: None if self._is_stopped else action())
 

@@ -42,7 +42,7 @@ class MissionStore:
             self._request()
 
     def receive(self, message: Any) -> bool:
-        """Take a message of the protocol; gives whether the mission is another one now."""
+        """Handle a message of the protocol; gives whether the mission is another one now."""
         match message.get_type():
             case "MISSION_COUNT":
                 self._begin(message)

@@ -75,7 +75,7 @@ class Scheduler:
         return Random(f"{self.seed}/{name}")
 
     def after(self, delay_s: float, action: Callable[[], None]) -> Event:
-        """Take an action after a delay [s]; one of 0 or less comes as soon as possible."""
+        """Do an action after a delay [s]; one of 0 or less comes as soon as possible."""
         self._count += 1
         time_s = self.now_s + max(0.0, delay_s)
         event = Event(time_s, self._ranks.random(), self._count, action)
@@ -83,7 +83,7 @@ class Scheduler:
         return event
 
     def every(self, period_s: float, action: Callable[[], None]) -> None:
-        """Take an action now and then again and again, with a fixed period [s]."""
+        """Do an action now and again, with a fixed period [s]."""
 
         def act() -> None:
             self.after(period_s, act)
@@ -92,7 +92,7 @@ class Scheduler:
         self.after(0.0, act)
 
     def run_until(self, time_s: float) -> None:
-        """Take every action that is due up to a virtual time [s]."""
+        """Do every action that is due up to a virtual time [s]."""
         while self._queue and self._queue[0].time_s <= time_s:
             event = heapq.heappop(self._queue)
             if event.action is not None:

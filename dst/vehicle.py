@@ -364,7 +364,7 @@ class Vehicle:
     # Messages from the broker.
 
     def receive(self, datagram: bytes) -> None:
-        """Take a datagram; dropped if it is broken, or while the vehicle is off or boots."""
+        """Handle a datagram; dropped if it is broken, or while the vehicle is off or boots."""
         is_booting = self._scheduler.now_s < self.booted_at_s + BOOT_S
         if self._next_step is not None and not is_booting:
             self._receive(datagram)

@@ -15,7 +15,7 @@ class TransitionTable(Generic[_State, _Trigger]):
     """All transitions of one kind of thing."""
 
     def __init__(self, name: str, transitions: Mapping[tuple[_State, _Trigger], _State]) -> None:
-        """Take the transitions; `name` names the thing in errors, such as "an event"."""
+        """Hold these transitions; `name` names the thing in errors, such as "an event"."""
         self._name = name
         self.transitions = transitions
 

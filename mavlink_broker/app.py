@@ -74,7 +74,7 @@ class App:
         jobs: Jobs | None = None,
         journal: Journal | None = None,
     ) -> None:
-        """Take the interfaces of the loop.
+        """Connect the loop to its interfaces.
 
         Without `jobs` no picture can be fetched over HTTP or converted; without a `journal` a
         killed broker does not restore what it has overridden on its vehicles.

@@ -137,7 +137,7 @@ class VehicleRecords:
         return vehicle.recovery.tracker.is_settled
 
     def confirm(self, find: Callable[[int], Session | None]) -> None:
-        """Take which records are on the disk; `find` gives the session of a system id."""
+        """Receive which records are on the disk; `find` gives the session of a system id."""
         if self._journal is None:
             return
         for identity, number in self._journal.take_settled():

@@ -119,7 +119,7 @@ class Session:
         return self._telemetry.publish_state(now, effects)
 
     def watch(self, requested_by_gcs: Collection[int] | None) -> None:
-        """Take which messages ground stations have asked for; None without any."""
+        """Follow which messages ground stations have asked for; None without any."""
         self._streams.watch(requested_by_gcs)
 
     def permitted(self, messages: list[Message], now: float) -> list[Message]:
@@ -140,7 +140,7 @@ class Session:
     # Messages
 
     def receive(self, message: Message, now: float, effects: Effects) -> None:
-        """Take a message of the vehicle's autopilot."""
+        """Handle a message of the vehicle's autopilot."""
         if self._heartbeat_order.is_overtaken(message, now):
             return
         if self.vehicle.take(message, now):
@@ -156,7 +156,7 @@ class Session:
         self.missions.receive(message, now, effects)
 
     def receive_payload(self, message: Message, now: float, effects: Effects) -> None:
-        """Take a message of another component of the vehicle: its camera, its gimbal."""
+        """Handle a message of another component of the vehicle: its camera, its gimbal."""
         if message.get_type() == "HEARTBEAT":
             if message.type == mavlink.MAV_TYPE_CAMERA:
                 self._alarms.camera_received(now)

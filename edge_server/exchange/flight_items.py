@@ -88,9 +88,9 @@ def speed(state: Translation, item: Item) -> None:
         raise Refusal("sets a throttle or a difference; a plan has one maximum_speed")
     if speed is None or speed <= 0.0:
         raise Refusal("has no speed above 0")
-    if (state.has_flown or state.speed_is_told) and speed != state.speed_m_s:
+    if (state.has_flown or state.is_speed_set) and speed != state.speed_m_s:
         raise Refusal("changes the speed on the way; a plan has one maximum_speed")
-    state.speed_m_s, state.speed_is_told = speed, True
+    state.speed_m_s, state.is_speed_set = speed, True
 
 
 def turn(state: Translation, item: Item) -> None:

@@ -29,7 +29,7 @@ class Translation:
     paths: list[str] = field(default_factory=list)
     warnings: list[Fault] = field(default_factory=list)
     place: Place | None = None
-    speed_is_told: bool = False
+    is_speed_set: bool = False
     has_flown: bool = False  # Farther than the take-off
     heading: tuple[Item, float] | None = None  # For the next place
     gimbal: tuple[Item, float, float | None] | None = None  # Pitch and heading

@@ -78,11 +78,9 @@ def _parsed(raw: bytes) -> "Element":
     depth = 0
     root: Element | None = None
     try:
-        for happening, element in iterparse(
-            io.BytesIO(raw), events=("start", "end"), forbid_dtd=True
-        ):
+        for event, element in iterparse(io.BytesIO(raw), events=("start", "end"), forbid_dtd=True):
             root = element if root is None else root
-            depth += 1 if happening == "start" else -1
+            depth += 1 if event == "start" else -1
             if depth > DEEPEST:
                 raise _refusal("", "nests too deep")
     except DefusedXmlException:

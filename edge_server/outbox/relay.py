@@ -51,7 +51,7 @@ class Relay:
         counts: RelayCounts | None = None,
         wall_clock: Callable[[], float] = time.time,
     ) -> None:
-        """Take the parts; `wall_clock` gives seconds since 1970.
+        """Use these parts; `wall_clock` gives seconds since 1970.
 
         Without `workers` each step sends on the caller's thread.
         """
@@ -95,7 +95,7 @@ class Relay:
         wakeup.close(self._wake)
 
     def step(self, now: float) -> None:
-        """Take answers, read new records, send, and write results, without waiting."""
+        """Process answers, read new records, send, and write results, without waiting."""
         self._collect(now)
         self._look_unless_full(now)
         if not self._writer.is_full:

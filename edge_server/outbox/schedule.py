@@ -135,7 +135,7 @@ class Schedule:
         ]
 
     def feed(self, stream: Stream, records: Sequence[OutboxRecord], limit: int) -> None:
-        """Take the records that were read of a stream; `limit` is how many were asked for."""
+        """Add the records that were read of a stream; `limit` is how many were requested."""
         queue = self._queues[stream]
         in_flight = queue.in_flight.items()
         # A record that was corrected while it is in flight is sent again, as a new message
@@ -256,7 +256,7 @@ class Schedule:
                 batch.records.append(self._pop(stream))
 
     def settle(self, batch: Batch, results: Sequence[Result], now: float) -> list[Trigger]:
-        """Take the results of a batch, one for each of its records; returns what they trigger."""
+        """Handle the results of a batch, one for each of its records; returns what they trigger."""
         self._batches_in_flight -= 1
         triggers = []
         for record, result in zip(batch.records, results, strict=True):

@@ -222,7 +222,7 @@ class SharedStreams:
             self._execute(_ADD, streams).close()
 
     def _take(self, free: list[Stream], limit: int) -> None:
-        """Take the most urgent streams."""
+        """Remove and return the most urgent streams."""
         wanted = sorted(free, key=lambda stream: PRIORITY[stream.kind])[:limit]
         if wanted:
             taken = self._execute(_TAKE, wanted, me=self._me, **_FAMILIES)

@@ -28,7 +28,7 @@ class Thumbnails:
         self._turn = threading.Lock()
         self._places = threading.BoundedSemaphore(1 + WAITING)
         self._kept: OrderedDict[str, bytes] = OrderedDict()
-        self._guard = threading.Lock()
+        self._lock = threading.Lock()
 
     def of(self, key: str, data: bytes) -> bytes:
         """Give the thumbnail of a picture as a JPEG.
@@ -54,13 +54,13 @@ class Thumbnails:
         return made
 
     def _find(self, key: str) -> bytes | None:
-        with self._guard:
+        with self._lock:
             if key in self._kept:
                 self._kept.move_to_end(key)
             return self._kept.get(key)
 
     def _keep(self, key: str, made: bytes) -> None:
-        with self._guard:
+        with self._lock:
             self._kept[key] = made
             while sum(map(len, self._kept.values())) > KEPT_BYTES:
                 self._kept.popitem(last=False)

@@ -74,13 +74,13 @@ class StateFolderLock:
     """
 
     def __init__(self, config: Config) -> None:
-        """Take the lock.
+        """Acquire the lock.
 
         Raises:
             LockedError: if another relay holds it and the database is our own file.
         """
         self._path = config.relay_lock_path
-        self._guard = threading.Lock()
+        self._lock = threading.Lock()
         self._is_closed = False
         is_shared = config.database_url is not None
         try:
@@ -97,13 +97,13 @@ class StateFolderLock:
         return self._descriptor is not None
 
     def keep_trying(self, stopping: threading.Event) -> None:
-        """Take it in a thread as soon as it is free, unless it is held."""
+        """Acquire it in a thread as soon as it is free, unless it is held."""
         if not self.is_held:
             threading.Thread(target=self._take_over, args=(stopping,), daemon=True).start()
 
     def try_again(self) -> bool:
-        """Take it if it is free; returns whether it is held."""
-        with self._guard:
+        """Acquire it if it is free; returns whether it is held."""
+        with self._lock:
             if not self.is_held and not self._is_closed:
                 with contextlib.suppress(LockedError, OSError):  # Or no descriptor is left
                     self._descriptor = take_lock(self._path, 0.0)
@@ -111,7 +111,7 @@ class StateFolderLock:
 
     def close(self) -> None:
         """Release it."""
-        with self._guard:
+        with self._lock:
             self._is_closed = True
             if self._descriptor is not None:
                 os.close(self._descriptor)
@@ -218,7 +218,7 @@ def _wake(config: Config, database: Database) -> int:
 
 
 def take_lock(path: Path, patience_s: float) -> int:
-    """Take the lock of the state folder; the kernel releases it with the process.
+    """Acquire the lock of the state folder; the kernel releases it with the process.
 
     A killed predecessor may still hold it for a moment, hence `patience_s`.
 

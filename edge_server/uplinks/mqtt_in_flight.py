@@ -55,7 +55,7 @@ class InFlight:
         return not self._pending
 
     def submit(self, packet: RecordPacket, now: float) -> None:
-        """Take a record, which is settled in any case.
+        """Add a record, which is settled in any case.
 
         It times out when it has had no answer for `timeout_s` since it was sent, or when nothing
         has been sent for so long while it waited.
@@ -107,7 +107,7 @@ class InFlight:
         self._unacknowledged[packet_id] = None
 
     def acknowledged(self, packet_id: int, code: int, now: float) -> None:
-        """Take the broker's acknowledgement."""
+        """Handle the broker's acknowledgement."""
         key = self._unacknowledged.pop(packet_id, None)
         pending = self._pending.get(key) if key is not None else None
         if pending is None or pending.packet_id != packet_id:
@@ -116,7 +116,7 @@ class InFlight:
             self._settle(pending.packet.key, mqtt_protocol.reply_to_record(code), now)
 
     def answered(self, correlation: bytes, payload: bytes, now: float) -> None:
-        """Take an answer of the cloud; a second one, or one for no record here, is ignored."""
+        """Handle an answer of the cloud; a second one, or one for no record here, is ignored."""
         key = correlation.decode("ascii", "replace")
         pending = self._pending.get(key)
         if pending is not None and pending.packet_id is not None:

@@ -166,7 +166,7 @@ class Session:
         return self._state
 
     def submit(self, packet: RecordPacket, now: float) -> None:
-        """Take a record that has to be sent."""
+        """Add a record that has to be sent."""
         self._in_flight.submit(packet, now)
 
     def sent(self, key: str, packet_id: int, now: float) -> None:
@@ -212,7 +212,7 @@ class Session:
         return min((moment for moment in times if moment is not None), default=now + 1.0)
 
     def handle(self, event: Event, now: float) -> list[Action]:
-        """Take an event of the connection."""
+        """Handle an event of the connection."""
         match event:
             case Acknowledged(packet_id, code):
                 self._in_flight.acknowledged(packet_id, code, now)

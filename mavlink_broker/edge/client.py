@@ -99,11 +99,11 @@ class EdgeClient:
         jitter: random.Random | None = None,
         instance_id: str = "",
     ) -> None:
-        """Take the edge server's URL, the file of the access key and that of the only CA.
+        """Use the edge server's URL, the file of the access key and that of the only CA.
 
         `wake` ends the loop's sleep. Without a spool posts that wait are lost with the program.
         `clock` gives monotonic seconds; `jitter` draws the pauses between attempts. The edge server
-        tells brokers with one access key apart by `instance_id`.
+        distinguishes brokers with one access key by `instance_id`.
         """
         self._instance_id = instance_id
         self._url = url
@@ -335,7 +335,7 @@ class EdgeClient:
             return self._outbox.take(self._clock())
 
     def settle(self, post: Post, answer: Answer | Exception) -> None:
-        """Take the answer to a post, or why there was none.
+        """Handle the answer to a post, or why there was none.
 
         A success of anybody else than the edge server, such as a captive portal, is no answer; a
         refusal, such as a proxy's, is not final.
@@ -481,7 +481,7 @@ def _was_sent_before(post: Post, status: int, text: str) -> bool:
 
 
 def _drain(waiting: queue.SimpleQueue[T]) -> list[T]:
-    """Take all items that wait; no other thread takes from it."""
+    """Remove and return all items that wait; only one thread may do so."""
     taken = []
     while not waiting.empty():
         taken.append(waiting.get_nowait())

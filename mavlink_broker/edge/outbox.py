@@ -345,7 +345,7 @@ class Outbox:
         return released
 
     def mark_unspooled(self, numbers: Collection[int]) -> None:
-        """Take the posts of these numbers as not in the spool."""
+        """Mark the posts of these numbers as not in the spool."""
         for lane in self._all:
             for post in lane.all():
                 if post.spool_number in numbers:

@@ -32,7 +32,7 @@ class SpoolWriter:
     """Moves posts from the outbox, which other threads use too, to the spool, which none does."""
 
     def __init__(self, spool: Spool, outbox: Outbox, lock: threading.Condition) -> None:
-        """Take the outbox with its lock; the posts of an earlier run precede all others."""
+        """Write the outbox's posts under its lock; those of an earlier run precede all others."""
         self._spool = spool
         self._outbox = outbox
         self._lock = lock

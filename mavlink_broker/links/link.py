@@ -62,7 +62,7 @@ class Link(Protocol):
         """Send a frame; a frame that cannot be sent is lost, as on any radio."""
 
     def radio_status(self, free_percent: int) -> None:
-        """Take RADIO_STATUS.txbuf of the link's radio: the free part of its buffer."""
+        """Follow RADIO_STATUS.txbuf of the link's radio: the free part of its buffer."""
 
     def contact_addresses(self) -> list[Address]:
         """Addresses to which this side must send before it can receive."""
@@ -105,7 +105,7 @@ class HostName:
     def __init__(
         self, host: str, on_found: Callable[[], None], family: int = socket.AF_UNSPEC
     ) -> None:
-        """Take a host; `on_found` is called from a thread after each successful lookup."""
+        """Look up a host; `on_found` is called from a thread after each successful lookup."""
         self._host = host
         self._family = family
         self._on_found = on_found

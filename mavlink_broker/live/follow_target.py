@@ -67,7 +67,7 @@ class FollowTargetSender:
     """Sends the target of one live command to the vehicle, at the height of the command."""
 
     def __init__(self, spot: Spot | None, vehicle: Vehicle) -> None:
-        """Take the command's own position, which is the target unless the vehicle has a source."""
+        """Follow the command's own position unless the vehicle has a source of targets."""
         self._spot = spot
         self._vehicle = vehicle
         self._due_at_s = -math.inf

@@ -76,7 +76,7 @@ class StepSeries:
     def __init__(
         self, steps: Sequence[Step], vehicle: Vehicle, *, speed_m_s: float = KEEP_SPEED
     ) -> None:
-        """Take the steps, and the speed between positions."""
+        """Fly these steps; `speed_m_s` applies between positions."""
         self._steps = list(steps)
         self._speed_m_s = speed_m_s
         self.steps = 0  # Completed

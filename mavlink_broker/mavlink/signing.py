@@ -135,8 +135,8 @@ class LinkSigning:
         # a clock that was ahead is corrected, genuine frames must still be accepted.
         clock = self._verifier.signing
         clock.timestamp = max(self._ticks(), self._newest)
-        is_news: bool = self._verifier.check_signature(frame, *source)
-        if not is_news:
+        is_new: bool = self._verifier.check_signature(frame, *source)
+        if not is_new:
             return Refusal.REPLAYED
         self._newest = max(self._newest, int.from_bytes(frame[-12:-6], "little"))
         return None

@@ -121,7 +121,7 @@ class CommandTransaction:
         return self._send(now)
 
     def receive(self, message: Message, now: float) -> list[Message]:
-        """Take an answer; other messages are ignored."""
+        """Handle an answer; other messages are ignored."""
         if self.outcome is None and self._answers(message):
             if self._asking:
                 self._sample(now)
@@ -235,7 +235,7 @@ class CommandSequence:
         return self._running.start(now)
 
     def receive(self, message: Message, now: float) -> list[Message]:
-        """Take an answer and send the next command."""
+        """Handle an answer and send the next command."""
         if self.outcome is not None or self._running is None:
             return []
         return [*self._running.receive(message, now), *self._advance(now)]

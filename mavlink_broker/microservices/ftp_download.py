@@ -82,7 +82,7 @@ class BurstTracker:
         self._new_packets = 0
 
     def received(self, now: float, end: int, *, is_new: bool) -> None:
-        """Take a packet whose data ends at this offset."""
+        """Handle a packet whose data ends at this offset."""
         if self.is_active:
             self._longest_gap_s = max(self._longest_gap_s, now - self._received_at)
         self._received_at = now
@@ -129,7 +129,7 @@ class ReadWindow:
         return int(self._size)
 
     def answered(self, round_trip_s: float, now: float) -> None:
-        """Take the round trip of a read that was not repeated."""
+        """Use the round trip of a read that was not repeated."""
         if self._shortest_s is None or round_trip_s < self._shortest_s:
             self._shortest_s = round_trip_s
         if round_trip_s <= 1.5 * self._shortest_s + ROUND_TRIP_TOLERANCE_S:
@@ -209,7 +209,7 @@ class FileDownload:
         return self._go_on(now)
 
     def receive(self, message: Message, now: float) -> list[Message]:
-        """Take an answer of the component; other messages are ignored."""
+        """Handle an answer of the component; other messages are ignored."""
         if self.outcome is not None or not self._is_ours(message):
             return []
         answer = ftp_requests.answer_of(message)
@@ -308,7 +308,7 @@ class FileDownload:
         self._bursts.stop()
 
     def _take_burst(self, answer: Packet, now: float, *, is_first: bool) -> None:
-        """Take a packet of a burst, also a late one: the file's data is the same."""
+        """Handle a packet of a burst, also a late one: the file's data is the same."""
         if self._phase is not _Phase.READING or answer.session != self._session:
             return
         if answer.opcode == ftp_requests.NAK:

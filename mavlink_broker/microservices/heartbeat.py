@@ -127,7 +127,7 @@ class LinkMonitor:
         self._received_at: float | None = None
 
     def heartbeat_received(self, now: float) -> None:
-        """Take a heartbeat of the vehicle."""
+        """Handle a heartbeat of the vehicle."""
         self._received_at = now
 
     def state(self, now: float) -> LinkState:
@@ -157,7 +157,7 @@ class RebootMonitor:
         self.confirmed_at = -math.inf  # When the clock last went on, or a reboot was detected
 
     def sample(self, kind: str, time_boot_ms: int, now: float) -> bool:
-        """Take a time since boot of a kind of message; true when it proves a reboot."""
+        """Compare a time since boot of a kind of message; true when it proves a reboot."""
         clock = self._clocks.get(kind)
         if clock is None:
             if len(self._clocks) < MESSAGES_KEPT:

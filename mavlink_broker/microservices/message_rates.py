@@ -169,7 +169,7 @@ class StreamRequests:
         self._version_requested_at = -math.inf
 
     def watch(self, requested_by_gcs: Collection[int] | None) -> None:
-        """Take the message ids that ground stations have requested; None without one.
+        """Follow the message ids that ground stations have requested; None without one.
 
         When the last one has gone the rates are set again, because it may have raised them.
         """
@@ -191,7 +191,7 @@ class StreamRequests:
         )
 
     def receive(self, message: Message, now: float) -> list[Message]:
-        """Take a message of the vehicle."""
+        """Handle a message of the vehicle."""
         name = message.get_type()
         if name in _TRACKED:
             mean_s = self._interval_s.get(name, REQUEST_INTERVAL_S)
@@ -374,7 +374,7 @@ class GroundStationRates:
         return self._requested_by_gcs is not None
 
     def update(self, requested_by_gcs: Collection[int] | None) -> bool:
-        """Take what ground stations have requested, None without one; true if that has changed."""
+        """Follow what ground stations request, None without one; return whether it changed."""
         was_present = self.is_present
         self._requested_by_gcs = requested_by_gcs
         if self.is_present and not was_present:

@@ -79,7 +79,7 @@ class MissionDownload:
         return self._ask(now)
 
     def receive(self, message: Message, now: float) -> list[Message]:
-        """Take the count, an item or a refusal; other messages are ignored."""
+        """Handle the count, an item or a refusal; other messages are ignored."""
         if self.outcome is not None or self._pausing or not self._is_for_us(message):
             return []
         match message.get_type():
@@ -191,7 +191,7 @@ class MissionVerify:
         return self._request_id(now) if self._opaque_id else self._read_back(now)
 
     def receive(self, message: Message, now: float) -> list[Message]:
-        """Take a message of the mission protocol."""
+        """Handle a message of the mission protocol."""
         if self.outcome is not None:
             return []
         if self._download is not None:

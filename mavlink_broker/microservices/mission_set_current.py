@@ -65,7 +65,7 @@ class MissionSetCurrent:
         return self._command.start(now)
 
     def receive(self, message: Message, now: float) -> list[Message]:
-        """Take the acknowledgement, then MISSION_CURRENT."""
+        """Handle the acknowledgement, then MISSION_CURRENT."""
         if self.outcome is not None:
             return []
         was_settled = self._command.outcome is not None

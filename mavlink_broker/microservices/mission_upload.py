@@ -142,7 +142,7 @@ class MissionUpload:
         return self._count(now)
 
     def receive(self, message: Message, now: float) -> list[Message]:
-        """Take a request or an acknowledgement; other messages are ignored."""
+        """Handle a request or an acknowledgement; other messages are ignored."""
         if self.outcome is not None or not self._is_for_us(message):
             return []
         if message.get_type() in _REQUESTS:
@@ -300,7 +300,7 @@ class MissionClear:
         return [mavlink.MAVLink_mission_clear_all_message(*target, self._type)]
 
     def receive(self, message: Message, now: float) -> list[Message]:
-        """Take the acknowledgement; a busy vehicle is retried."""
+        """Handle the acknowledgement; a busy vehicle is retried."""
         if self.outcome is not None or self._pausing or not self._is_answer(message):
             return []
         if message.type == mavlink.MAV_MISSION_ACCEPTED:

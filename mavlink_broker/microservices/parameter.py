@@ -162,7 +162,7 @@ class ParameterWrite:
         return self._send(now)
 
     def receive(self, message: Message, now: float) -> list[Message]:
-        """Take an answer; other messages are ignored."""
+        """Handle an answer; other messages are ignored."""
         if self.outcome is not None or getattr(message, "param_id", None) != self._setting.name:
             return []
         if message.get_type() == "PARAM_ERROR" and self._route.is_for_us(message):
@@ -315,7 +315,7 @@ class ParameterRead:
         return self.tick(now)
 
     def receive(self, message: Message, now: float = 0.0) -> list[Message]:
-        """Take the value, also after the last timeout."""
+        """Handle the value, also after the last timeout."""
         del now
         if getattr(message, "param_id", None) != self._name:
             return []

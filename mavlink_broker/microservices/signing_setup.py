@@ -78,7 +78,7 @@ class SigningSetup:
         return self._texts.since(0.0)
 
     def receive(self, message: Message, now: float) -> None:
-        """Take a message of any sender."""
+        """Handle a message of any sender."""
         source = source_of(message)
         autopilot = mavlink.MAV_COMP_ID_AUTOPILOT1
         if self.outcome or source.system != self._system or source.component != autopilot:

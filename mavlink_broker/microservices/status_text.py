@@ -37,7 +37,7 @@ class StatusTexts:
         self._texts: deque[_Text] = deque(maxlen=KEPT)
 
     def receive(self, message: Message, now: float) -> None:
-        """Take a STATUSTEXT; other messages are ignored."""
+        """Handle a STATUSTEXT; other messages are ignored."""
         if message.get_type() != "STATUSTEXT" or message.severity > mavlink.MAV_SEVERITY_WARNING:
             return
         entry = self._open(message.id, now)

@@ -44,13 +44,13 @@ class RoundTrip:
         self._ambiguous = 0
 
     def sample_repeated(self, seconds: float) -> None:
-        """Take the time [s] from the first of several requests to an answer to one of them."""
+        """Add the time [s] from the first of several requests to an answer to one of them."""
         self._ambiguous += 1
         if self._ambiguous >= AMBIGUOUS_IN_A_ROW:
             self.sample(min(seconds, LONGEST_TIMEOUT_S))
 
     def sample(self, seconds: float) -> None:
-        """Take the time [s] between a request and its answer."""
+        """Add the time [s] between a request and its answer."""
         self._ambiguous = 0
         if self._smoothed_s is None:
             self._smoothed_s = seconds
@@ -77,7 +77,7 @@ class FrameLoss:
         self._sent = self._lost = 0.0
 
     def take(self, message: Message) -> None:
-        """Take a frame."""
+        """Handle a frame."""
         number = message.get_seq()
         step = 1 if self._last is None else (number - self._last) % _ROUND
         if not 1 <= step < _ROUND // 2:
@@ -104,7 +104,7 @@ class PeriodicSource:
     is_timed_out: bool = False  # Until the next message, also if the loss changes
 
     def received(self, now: float) -> None:
-        """Take a message of the source."""
+        """Handle a message of the source."""
         gap_s = now - self.received_at
         self.interval_s = (
             gap_s if self.count == 1 else self.interval_s + _GAIN * (gap_s - self.interval_s)

@@ -205,7 +205,7 @@ class AbortExecutor:
         return [] if self._is_taken(now) else self._executor.start(now)
 
     def receive(self, message: Message, now: float) -> list[Message]:
-        """Take a message of the vehicle."""
+        """Handle a message of the vehicle."""
         if self._is_taken(now) or self._must_drop_place():
             return []
         return self._executor.receive(message, now)

@@ -140,7 +140,7 @@ class PendingCaptures:
         self._monitor: tuple[int, SeriesMonitor] | None = None  # Of the command with that index
 
     def receive(self, message: Message, now: float) -> None:
-        """Take a message of the vehicle's camera."""
+        """Handle a message of the vehicle's camera."""
         if self._monitor is not None:
             self._monitor[1].receive(message, now)
 

@@ -33,7 +33,7 @@ class Exchange(Protocol):
         """Begin."""
 
     def receive(self, message: Message, now: float) -> list[Message]:
-        """Take a message of the vehicle."""
+        """Handle a message of the vehicle."""
 
     def tick(self, now: float) -> list[Message]:
         """Repeat what is overdue."""

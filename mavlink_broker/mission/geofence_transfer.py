@@ -80,7 +80,7 @@ class StepProtocol(Protocol):
         """Begin."""
 
     def receive(self, message: Message, now: float) -> list[Message]:
-        """Take a message of the vehicle."""
+        """Handle a message of the vehicle."""
 
     def tick(self, now: float) -> list[Message]:
         """Repeat what is overdue."""
@@ -107,7 +107,7 @@ class SequenceRun:
         return self._advance(None, now)
 
     def receive(self, message: Message, now: float) -> list[Message]:
-        """Take a message of the vehicle."""
+        """Handle a message of the vehicle."""
         if self.outcome is not None or self._running is None:
             return []
         return [*self._running.receive(message, now), *self._settle(now)]
@@ -322,7 +322,7 @@ class GeofenceTransfer:
         return self._run.start(now)
 
     def receive(self, message: Message, now: float) -> list[Message]:
-        """Take a message of the vehicle."""
+        """Handle a message of the vehicle."""
         return self._run.receive(message, now)
 
     def tick(self, now: float) -> list[Message]:
@@ -457,7 +457,7 @@ class VehicleConfigRestorer:
         return self._is_reachable and vehicle.overrides.is_open and vehicle.snapshot.is_on_ground
 
     def receive(self, message: Message, now: float) -> list[Message]:
-        """Take a message of the vehicle."""
+        """Handle a message of the vehicle."""
         return [] if self._fencing is None else self._fencing.receive(message, now)
 
     def step(self, now: float, *, idle: bool) -> list[Message]:

@@ -203,7 +203,7 @@ class MissionExecutor:
     # Messages and time
 
     def receive(self, message: Message, now: float, effects: Effects) -> None:
-        """Take a message of the vehicle's autopilot or camera."""
+        """Handle a message of the vehicle's autopilot or camera."""
         if self._yields(now, effects) and self.state not in READING:
             return
         phase = self._phase
@@ -234,7 +234,7 @@ class MissionExecutor:
 
     def _report_pause(self, effects: Effects) -> None:
         """Write into the report that an event has paused the mission; no soft abort waits then."""
-        if self._context.pauses.take_news():
+        if self._context.pauses.take_new_pause():
             if self._soft_abort is not None:
                 work_id, self._soft_abort = self._soft_abort.work.work_id, None
                 effects.for_edge.append(Acknowledgement(work_id, "refused", PAUSED_INSTEAD))

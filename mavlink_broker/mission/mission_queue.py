@@ -195,12 +195,12 @@ class MissionQueue:
     # Messages and time
 
     def receive(self, message: Message, now: float, effects: Effects) -> None:
-        """Take a message of the vehicle's autopilot."""
+        """Handle a message of the vehicle's autopilot."""
         effects.messages += self._events.receive(message, now)
         self.receive_payload(message, now, effects)
 
     def receive_payload(self, message: Message, now: float, effects: Effects) -> None:
-        """Take a message of the vehicle's camera or gimbal."""
+        """Handle a message of the vehicle's camera or gimbal."""
         if self._current is not None:
             self._current.receive(message, now, effects)
             self.close_ended(effects)
@@ -338,7 +338,7 @@ class MissionQueue:
             self._current.vehicle_restarted(now, effects)
 
     def recall(self, record: RecoveryRecord, now: float, effects: Effects) -> None:
-        """Take up what an earlier run of the broker has noted of the vehicle."""
+        """Restore what an earlier run of the broker has noted of the vehicle."""
         self.vehicle.recovery.recall(record)
         self._failed = record.pending_return
         mission = self._current
@@ -402,7 +402,7 @@ class UnconfirmedMissions:
         return bool(self._dropped)
 
     def drop(self, mission: MissionExecutor, work: EventWork) -> None:
-        """Take a mission that is reported as aborted once its acceptance is confirmed.
+        """Finish a mission that is reported as aborted once its acceptance is confirmed.
 
         An abort empties the edge server's queue too: a mission whose acceptance it refuses was
         ended there, and has its report.
@@ -418,7 +418,7 @@ class UnconfirmedMissions:
             self._vehicle.recovery.hold_abort(note)
 
     def take_acceptance_result(self, result: AcceptanceResult, effects: Effects) -> bool:
-        """Take the answer to an acceptance; whether it was that of one of them."""
+        """Handle the answer to an acceptance; whether it was that of one of them."""
         if result.work_id not in self._dropped:
             return False
         mission, reason = self._dropped.pop(result.work_id)
@@ -434,7 +434,7 @@ class UnconfirmedMissions:
         return True
 
     def reopen(self, work_id: int) -> None:
-        """Take new work; an edge server with a fresh database gives the same numbers again."""
+        """Queue new work; an edge server with a fresh database gives the same numbers again."""
         if work_id in self._answered:
             self._answered.remove(work_id)
 

@@ -72,7 +72,7 @@ class PauseOrders:
         """Whether the vehicle has obeyed an order to hold."""
         return self.is_paused and not (self._pauses and self._sequence is not None)
 
-    def take_news(self) -> bool:
+    def take_new_pause(self) -> bool:
         """Whether the mission has been paused since the last call."""
         is_new, self._is_new = self._is_new, False
         return is_new
@@ -130,7 +130,7 @@ class PauseOrders:
             self._settle_as(is_paused=False, effects=effects)
 
     def receive(self, message: Message, now: float, effects: Effects) -> None:
-        """Take the answer of the vehicle."""
+        """Handle the answer of the vehicle."""
         if self._sequence is not None:
             effects.messages += self._sequence.receive(message, now)
             self._judge(now, effects)

@@ -70,14 +70,14 @@ class PendingEvents:
         return bool(self._waiting) or self._running is not None or self._return is not None
 
     def add(self, work: EventWork) -> None:
-        """Take an event, unless it is known from the journal already."""
+        """Queue an event, unless it is known from the journal already."""
         running = None if self._running is None else self._running[0]
         known = (*self._waiting, *self._due, running)
         if work.work_id not in {each.work_id for each in known if each}:
             self._waiting.append(work)
 
     def recall_abort(self, note: PendingAbort) -> None:
-        """Take an abort that an earlier run has accepted; the edge server may have forgotten it."""
+        """Restore an abort that an earlier run accepted; the edge server may have forgotten it."""
         event = noted_event(note, self._vehicle.vehicle_id)
         self._noted_s = note.noted_s
         self.add(EventWork(work_id=note.work_id, event=event, was_accepted=True))
@@ -221,7 +221,7 @@ class PendingEvents:
         return any(work.was_accepted for work in older)
 
     def receive(self, message: Message, now: float) -> list[Message]:
-        """Take a message of the vehicle."""
+        """Handle a message of the vehicle."""
         return [] if self._running is None else self._running[1].receive(message, now)
 
     def tick(self, now: float, effects: Effects) -> None:
@@ -240,7 +240,7 @@ class PendingEvents:
             _acknowledge(work, effects, executor.taken)
 
     def recall_return(self, pending: PendingReturn) -> None:
-        """Take a return that an alarm had ordered, and that the vehicle had not obeyed yet."""
+        """Restore a return that an alarm had ordered, and that the vehicle had not obeyed yet."""
         self._return = pending
 
     def _resume_return(self, now: float, effects: Effects) -> None:

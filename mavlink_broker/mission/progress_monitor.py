@@ -52,20 +52,20 @@ class Progress:
 
     @classmethod
     def after(cls, plan: FlightPlan, finished_commands: int) -> Self:
-        """Take up a flight of which so many commands were finished before."""
+        """Resume a flight of which so many commands were finished before."""
         if finished_commands == 0:
             return cls(plan)
         done = plan.done_item[finished_commands - 1]
         return cls(plan, current=done, reached=done)
 
     def with_current(self, seq: int) -> Self:
-        """Take MISSION_CURRENT: everything before it has been reached."""
+        """Handle MISSION_CURRENT: everything before it has been reached."""
         if not self.current < seq < len(self.plan.items):
             return self
         return replace(self, current=seq, reached=max(self.reached, seq - 1))
 
     def with_reached(self, seq: int) -> Self:
-        """Take MISSION_ITEM_REACHED."""
+        """Handle MISSION_ITEM_REACHED."""
         if not self.reached < seq <= self.current:
             return self
         return replace(self, reached=seq)
@@ -162,7 +162,7 @@ class ProgressMonitor:
         return self._report(now) if begins or goes_on or self._under_way else []
 
     def receive(self, message: Message) -> None:
-        """Take a message about the mission."""
+        """Handle a message about the mission."""
         match message.get_type():
             case "MISSION_CURRENT":
                 self._current(message)
@@ -207,7 +207,7 @@ class ProgressMonitor:
             self._ended(message.seq)
 
     def _ended(self, seq: int) -> None:
-        """Take a mission as complete at its end only: PX4 reports the same when it gives up."""
+        """Accept a mission as complete at its end only: PX4 reports the same when it gives up."""
         begins_anew = seq == 0 < self._progress.current
         if begins_anew or self._progress.current >= last_leg(self._plan):
             self._progress = self._progress.with_complete()

@@ -119,7 +119,7 @@ class SpeedChanges:
         return plan.items[flown[-1]].parameters[1] if flown else self._segments.speed_m_s
 
     def receive(self, message: Message, now: float, effects: Effects) -> None:
-        """Take the answer."""
+        """Handle the answer."""
         if self._running is not None:
             effects.messages += self._running[1].receive(message, now)
             self._settle(effects)

@@ -94,7 +94,7 @@ class Attribution:
     def update(
         self, command: PictureCommand | None, time_s: float, *, is_resumed: bool = False
     ) -> bool:
-        """Take the command that runs now, `is_resumed` if it ran before; whether it has changed."""
+        """Follow the command that runs, `is_resumed` if it ran before; return if it changed."""
         if self._intervals and self._intervals[-1].command == command:
             return False
         if self._intervals:

@@ -88,7 +88,7 @@ class PictureCollector:
     def update_mission(
         self, work: MissionWork | None, ledger: MissionLedger | None, now: float
     ) -> None:
-        """Take the mission that is flown, if any, and its progress."""
+        """Follow the mission that is flown, if any, and its progress."""
         command = None
         if work is not None and ledger is not None:
             self._flight = work, ledger

@@ -54,7 +54,7 @@ class TargetTrack:
     """A track from a file: straight between its positions; before and after them it stands."""
 
     def __init__(self, positions: Sequence[tuple[float, float, float]]) -> None:
-        """Take time [s], latitude [deg] and longitude [deg] of each position, in order."""
+        """Store time [s], latitude [deg] and longitude [deg] of each position, in order."""
         self._fixes = [_Fix(*position) for position in positions]
         self._times = [fix.time_s for fix in self._fixes]
 

@@ -158,7 +158,7 @@ class RecordTracker:
         return not self._in_use or self.identity is not None
 
     def load(self, identity: VehicleIdentity, record: RecoveryRecord) -> None:
-        """Take the vehicle's identity and the record that is on the disk."""
+        """Start with the vehicle's identity and the record that is on the disk."""
         self.identity = identity
         self._newest = record
         self._settled = self._number

@@ -143,7 +143,7 @@ class Gateway:
         *,
         may_command: bool,
     ) -> None:
-        """Take the broker's system id, its use of each vehicle, and its streams' intervals [us]."""
+        """Start with the broker's system id, its use of each vehicle, its streams [us]."""
         self._own_system = own_system
         self._control_of = control
         self._required_intervals_us = required_intervals_us

@@ -51,7 +51,7 @@ class Link(Protocol):
         """Send one frame."""
 
     def radio_status(self, address: Address, free_percent: int) -> None:
-        """Take RADIO_STATUS.txbuf of the radio at an address: the free part of its buffer."""
+        """Follow RADIO_STATUS.txbuf of the radio at an address: the free part of its buffer."""
 
     def contact_addresses(self) -> Sequence[Address]:
         """Addresses to which this side must send before it can receive."""
@@ -89,7 +89,7 @@ class Router:
         ring = None if config.signing_keys is None else KeyRing(config.signing_keys)
         if ring is None:
             _LOG.warning("MAVLink is unsigned: anybody who reaches the port can pose as a vehicle")
-        self._guard = SignatureCheck(ring, config.unsigned_systems, clock.utc)
+        self._signature_check = SignatureCheck(ring, config.unsigned_systems, clock.utc)
         self._ground_stations = GroundStations(config, link, ring, clock, control)
         self._frame_log = _new_frame_log(config)
         self._links_of: dict[int, dict[int, LinkSelection]] = {}
@@ -117,7 +117,7 @@ class Router:
         return messages
 
     def _receive_datagram(self, address: Address, data: bytes, now: float) -> list[Message]:
-        """Take one datagram of a ground station or of vehicles."""
+        """Handle one datagram of a ground station or of vehicles."""
         if not self._ground_stations.is_at(address):
             return self._receive_vehicles(address, data, now)
         for target, frame in self._ground_stations.receive(
@@ -137,7 +137,7 @@ class Router:
             address = self._address_of(system, getattr(message, "target_component", 0), now)
             if address is None:
                 break
-            signing = self._guard.signing_for(system, now)
+            signing = self._signature_check.signing_for(system, now)
             marks = None if signing is None else signing.next_signature()
             try:
                 frame = self._encoder(address).encode(message, marks)
@@ -170,7 +170,7 @@ class Router:
         messages: list[Message] = []
         is_trusted = self._is_trusted[address.link]
         for message in self._decoder(address).decode(data):
-            if not self._guard.accepts(message, now, is_trusted=is_trusted):
+            if not self._signature_check.accepts(message, now, is_trusted=is_trusted):
                 continue
             if message.get_type() == "RADIO_STATUS":
                 self._link.radio_status(address, message.txbuf)
@@ -254,7 +254,7 @@ class Router:
         """Send a ground station's frame to a vehicle, signed with the vehicle's key."""
         address = self._address_of(*target, now)
         if address is not None:
-            signing = self._guard.signing_for(target.system, now)
+            signing = self._signature_check.signing_for(target.system, now)
             self._send(address, unsigned(frame) if signing is None else signing.sign(frame))
 
     def _send_first_heartbeats(self, now: float) -> None:
@@ -262,7 +262,7 @@ class Router:
         for address in self._link.contact_addresses():
             if self._ground_stations.is_at(address):
                 continue
-            signings = self._guard.signings_for_contact(
+            signings = self._signature_check.signings_for_contact(
                 lambda system: self._is_received(system, now), now
             )
             if self._is_trusted[address.link] and None not in signings:

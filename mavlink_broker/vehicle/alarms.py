@@ -178,7 +178,7 @@ class AlarmMonitor:
     _check_at: float = 0.0
 
     def receive(self, message: Message, now: float) -> None:
-        """Take a message of the autopilot."""
+        """Handle a message of the autopilot."""
         self._loss.take(message)
         parameters = alarm_parameters(message)
         if parameters is not None:
@@ -189,7 +189,7 @@ class AlarmMonitor:
         self.observe(message, now)
 
     def observe(self, message: Message, now: float) -> None:
-        """Take a message of any component: a humidity sensor sends periodically."""
+        """Handle a message of any component: a humidity sensor sends periodically."""
         if message.get_type() not in OBSERVED:
             return
         for reading in readings(message):
@@ -199,7 +199,7 @@ class AlarmMonitor:
                 self._take(source, HUMIDITY_SENSING, now, is_unhealthy=reading.value is None)
 
     def camera_received(self, now: float) -> None:
-        """Take a heartbeat of the vehicle's camera."""
+        """Handle a heartbeat of the vehicle's camera."""
         self._received("camera", CAMERA, now)
 
     def tick(self, now: float, *, is_connected: bool) -> list[Failure]:
@@ -235,7 +235,7 @@ class AlarmMonitor:
             self._signals.setdefault(key, _Health(failure)).take(now, is_unhealthy=is_unhealthy)
 
     def _take_silence(self, source: str, failure: Failure, now: float, *, is_silent: bool) -> None:
-        """Take whether a periodic source is silent; its timeout is the debounce."""
+        """Note whether a periodic source is silent; its timeout is the debounce."""
         self._take(source, failure, now - DEBOUNCE_S, is_unhealthy=is_silent)
 
     def _received(self, source: str, failure: Failure, now: float) -> None:
@@ -263,6 +263,6 @@ class AlarmMonitor:
         ]
 
     def _is_new(self, failure: Failure) -> bool:
-        is_news = failure.code not in self._raised
+        is_new = failure.code not in self._raised
         self._raised.add(failure.code)
-        return is_news
+        return is_new

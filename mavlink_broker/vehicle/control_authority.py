@@ -176,7 +176,7 @@ class TakeoverDebounce:
         self._since: float | None = None
 
     def update(self, reason: str | None, now: float) -> str | None:
-        """Take the present reason to assume a takeover; gives it once it has lasted."""
+        """Follow the present reason to assume a takeover; returns it once it has lasted."""
         if reason is None:
             self._since = None
             return None

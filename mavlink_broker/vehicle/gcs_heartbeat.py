@@ -60,7 +60,7 @@ class GcsHeartbeat:
         self._link_loss = self._loss_timeout = None
 
     def receive(self, message: Message) -> None:
-        """Take a parameter, or the vehicle's status text that it has no ground station."""
+        """Handle a parameter, or the vehicle's status text that it has no ground station."""
         for read in (self._link_loss, self._loss_timeout):
             if read is not None:
                 read.receive(message)

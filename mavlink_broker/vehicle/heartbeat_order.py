@@ -25,7 +25,7 @@ class HeartbeatOrder:
         self._received_at = -math.inf
 
     def is_overtaken(self, message: Message, now: float) -> bool:
-        """Take a frame; gives whether it is a heartbeat that is older than another one."""
+        """Handle a frame; gives whether it is a heartbeat that is older than another one."""
         number, half = message.get_seq(), _ROUND // 2
         step = (number - self._number + half) % _ROUND - half
         if now - self._received_at > SILENCE_S:

@@ -33,7 +33,7 @@ class MissionLedger:
         work_id: int | None = None,
         plan_id: str | None = None,
     ) -> None:
-        """Take a mission's commands, and what identifies it among all missions.
+        """Start with a mission's commands, and what identifies it among all missions.
 
         `work_id` and `plan_id` show in its reports which flight of a `mission_id` they describe.
         """
@@ -64,7 +64,7 @@ class MissionLedger:
         return f"{self._name}/{self.mission_id}/{self._ids[index]}"
 
     def restore(self, report: MissionReport) -> None:
-        """Take up where an earlier report left off; terminal statuses are kept as they are."""
+        """Continue where an earlier report left off; terminal statuses are kept as they are."""
         known = {command.command_id: command for command in report.command_report_array}
         self.status = report.mission_status_id
         self.message = report.message

@@ -67,7 +67,7 @@ class Hover:
         self._is_held, self._place = False, None
 
     def recall(self, place: Pose | None) -> None:
-        """Take the place that an earlier run of the broker has noted."""
+        """Restore the place that an earlier run of the broker has noted."""
         self._place = place
 
     def update(self, snapshot: Snapshot, mode: ObservedMode, *, is_identified: bool) -> None:
@@ -190,7 +190,7 @@ class RecoveryState:
         return self.tracker.is_stored(self.record)
 
     def recall(self, record: RecoveryRecord) -> None:
-        """Take what an earlier run of the broker has noted."""
+        """Restore what an earlier run of the broker has noted."""
         both = merge_records(record, self.record)
         self.overrides.plans, self.overrides.values = dict(both.plans), dict(both.values)
         self.parameters.load(both.borrowed)

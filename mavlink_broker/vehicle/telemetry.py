@@ -136,7 +136,7 @@ class Snapshot:
         return (boot_ms + rounds * _COUNTER) / 1e3
 
     def clock(self, boot_ms: int) -> float:
-        """Take the newest time since boot; gives it as `since_boot_s` does."""
+        """Note the newest time since boot; gives it as `since_boot_s` does."""
         time_s = self.since_boot_s(boot_ms)
         self.rounds, self.boot_ms = int(time_s * 1e3 + 0.5) // _COUNTER, boot_ms
         return time_s

@@ -113,7 +113,7 @@ class Vehicle:
     _status_texts: StatusTexts = field(default_factory=StatusTexts)
 
     def take(self, message: Message, now: float) -> bool:
-        """Take a message of the vehicle; true when it proves that the vehicle was restarted."""
+        """Handle a message of the vehicle; true when it proves that the vehicle was restarted."""
         kind = message.get_type()
         if kind == "HEARTBEAT" and not is_vehicle(message):
             return False  # Another program sends under the system id of the vehicle
@@ -184,7 +184,7 @@ class Vehicle:
         return self.recovery.hover.is_held
 
     def set_hovering(self, *, hovers: bool) -> None:
-        """Take whether a mission that has ended has left it in the air."""
+        """Note whether a mission that has ended has left it in the air."""
         if hovers:
             self.recovery.hover.begin(self.snapshot.position)
         else:
@@ -349,7 +349,7 @@ class Vehicle:
         return encoding_of(self.capabilities, self.family.parameter_encoding)
 
     def assume_home(self, now: float) -> None:
-        """Take its position for home after `HOME_TIMEOUT_S` without HOME_POSITION.
+        """Use its position for home after `HOME_TIMEOUT_S` without HOME_POSITION.
 
         The difference of its two altitudes is home's. On the ground only, where the vehicle is
         about to set its home.

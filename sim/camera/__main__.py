@@ -21,7 +21,7 @@ _NICENESS: Final = 5
 
 
 def main() -> int:
-    """Develop until there are no more orders."""
+    """Write pictures and videos until there are no more orders."""
     os.nice(_NICENESS)
     videos = VideoFiles()
     for line in sys.stdin:
@@ -32,14 +32,14 @@ def main() -> int:
         except OSError as error:
             reason = error.strerror or str(error)
         answer = {"number": order.number, **stored._asdict(), "error": reason}
-        if not _told(json.dumps(answer)):
+        if not _answer(json.dumps(answer)):
             break
     videos.close()
     return 0
 
 
-def _told(line: str) -> bool:
-    """Whether the reader still exists; the vehicle may have been killed."""
+def _answer(line: str) -> bool:
+    """Print an answer; return whether its reader exists: the vehicle may have been killed."""
     try:
         print(line, flush=True)
     except BrokenPipeError:

@@ -52,7 +52,7 @@ class Settings:
     mqtt_port: int | None = None  # A broker's, over which the edge server reaches the mock cloud
     mosquitto: str | None = None  # Where that broker's program is
     testers: int = 0  # Vehicles that persons stand in for; their numbers follow the vehicles'
-    tester_script: Path | None = None  # What is typed in the persons' stead
+    tester_script: Path | None = None  # Typed in place of the persons
     unsigned_systems: str = ""  # Further systems that cannot sign, as the broker reads them
 
     @property

@@ -1,1 +1,1 @@
-"""A person at a keyboard in the vehicle's stead, on MAVSDK's server plugins."""
+"""A person at a keyboard in the vehicle's place, on MAVSDK's server plugins."""

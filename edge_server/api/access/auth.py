@@ -50,7 +50,7 @@ KEY_RING: Final = "edge_key_ring"
 COOKIE: Final = "session"
 CSRF_HEADER: Final = "X-CSRF-Token"
 INSTANCE_HEADER: Final = "Broker-Instance"
-"""Tells brokers with one access key apart."""
+"""Distinguishes brokers with one access key."""
 _INSTANCE_SHAPE: Final = re.compile(r"[A-Za-z0-9]{1,32}")
 _ATTRIBUTE: Final = "edge_roles"
 _NO_DIGEST: Final = b"\0" * 32

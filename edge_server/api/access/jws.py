@@ -59,7 +59,7 @@ class Signatures:
     """The cloud's keys; verifies its signatures."""
 
     def __init__(self, keys: Mapping[str | None, _Key], edge_id: str) -> None:
-        """Take keys by their `kid`, and the audience that a signature must name."""
+        """Accept signatures by these keys, by their `kid`, that name this audience."""
         self._keys = keys
         self._edge_id = edge_id
 

@@ -58,7 +58,7 @@ def of_stream(vehicle_id: int, kind: str) -> Lock:
 
 
 def take(connection: Connection, wanted: Iterable[Lock]) -> None:
-    """Take the locks that this transaction does not hold yet, waiting for other holders."""
+    """Acquire the locks that this transaction does not hold yet, waiting for other holders."""
     if connection.dialect.name != "postgresql":
         return
     held: set[Lock] = connection.info.setdefault(_HELD, set())

@@ -33,7 +33,7 @@ class Aborting(Phase):
         self._work_id: int | None = None  # Of the event; None: an alarm has ended the mission
 
     def order(self, event: AbortEvent, work_id: int | None, now: float) -> None:
-        """Take what the vehicle is to do; the transition to this phase begins it.
+        """Set what the vehicle is to do; the transition to this phase begins it.
 
         `work_id` is None where an alarm has ended the mission.
         """
@@ -62,7 +62,7 @@ class Aborting(Phase):
         return None
 
     def receive(self, message: Message, now: float, effects: Effects) -> None:
-        """Take a message of the vehicle."""
+        """Handle a message of the vehicle."""
         if self._executor is not None:
             effects.messages += self._executor.receive(message, now)
 

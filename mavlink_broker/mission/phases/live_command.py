@@ -60,7 +60,7 @@ class FlyingLive(Phase):
         self._executor = None
 
     def receive(self, message: Message, now: float, effects: Effects) -> None:
-        """Take a message of the vehicle."""
+        """Handle a message of the vehicle."""
         if self._executor is not None and not self._is_interrupted:
             effects.messages += self._executor.receive(message, now)
 

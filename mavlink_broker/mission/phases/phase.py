@@ -66,7 +66,7 @@ class Phase(Protocol):
         return None
 
     def receive(self, message: Message, now: float, effects: Effects) -> None:
-        """Take a message of the vehicle."""
+        """Handle a message of the vehicle."""
         del message, now, effects
 
     def settle(self, now: float, effects: Effects) -> Result:

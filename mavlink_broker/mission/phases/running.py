@@ -63,7 +63,7 @@ class Running(Phase):
         self._monitors = None
 
     def receive(self, message: Message, now: float, effects: Effects) -> None:
-        """Take a message about the mission."""
+        """Handle a message about the mission."""
         if self._monitors is not None:
             self._monitors.progress.receive(message)
             effects.messages += self._monitors.changes.receive(message, now)

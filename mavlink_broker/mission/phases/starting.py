@@ -124,7 +124,7 @@ class Starting(Phase):
         effects.messages += self.exchange.start(now)
 
     def settle(self, now: float, effects: Effects) -> Result:
-        """Take the answer; the vehicle then has `FLYING_WITHIN_S` to show that it flies."""
+        """Handle the answer; the vehicle then has `FLYING_WITHIN_S` to show that it flies."""
         del effects
         match self.exchange.outcome if self.exchange else None:
             case Accepted() if self._accepted_at is None:

@@ -1,4 +1,4 @@
-"""What a person can do in the vehicle's stead."""
+"""What a person can do in the vehicle's place."""
 
 from dataclasses import dataclass
 from enum import Enum, auto

@@ -166,13 +166,13 @@ class MavsdkVehicle:
             lambda item, _: notify(ItemMadeCurrent(item.seq))
         )
         self._mission.subscribe_clear_all(self._cleared)
-        self._autopilot.subscribe(self._hear)
+        self._autopilot.subscribe(self._on_command)
 
     def _cleared(self, kind: int, _: object) -> None:
         if kind in _OF_MISSIONS:
             self._on_event(MissionCleared())
 
-    def _hear(self, message: Any) -> None:
+    def _on_command(self, message: Any) -> None:
         fields = json.loads(message.fields_json)
         is_ours = fields["target_system"] in {0, self._system_id}
         if is_ours and fields["command"] not in MAVSDKS:
@@ -243,7 +243,7 @@ class MavsdkVehicle:
         """
         if on and self._camera is None:
             self._camera = _Component(ComponentType.CAMERA, self._system_id, self._url)
-            self._camera.subscribe(self._hear)
+            self._camera.subscribe(self._on_command)
         elif not on and self._camera is not None:
             self._camera.close()
             self._camera = None

@@ -104,7 +104,7 @@ class FailureDetectorModule:
         self._crash = ""
         self._cleared_us = 0
         self._imu_count = 0
-        self._esc_heard_us: int | None = None
+        self._esc_received_us: int | None = None
         self._esc_seen = 0
         self._esc_count = 0
         self._esc_us = 0
@@ -124,7 +124,7 @@ class FailureDetectorModule:
             self._motor_monitor.forgive()
             self._crash = ""
         if self._esc.count != self._esc_seen and _is_complete(self._esc.value):
-            self._esc_seen, self._esc_heard_us = self._esc.count, now_us
+            self._esc_seen, self._esc_received_us = self._esc.count, now_us
         if armed:
             self._detect_impacts(now_us)
             self._monitor_motors()
@@ -238,7 +238,7 @@ class FailureDetectorModule:
     def _publish(self, now_us: int) -> None:
         former = self._failure_status.value
         monitor = self._motor_monitor
-        silent = self._esc_heard_us is None or now_us - self._esc_heard_us > _ESC_SILENT_US
+        silent = self._esc_received_us is None or now_us - self._esc_received_us > _ESC_SILENT_US
         seen = (
             self._roll.exceeded,
             self._pitch.exceeded,
@@ -250,21 +250,21 @@ class FailureDetectorModule:
         if former is not None and seen == former[1:] and now_us - former.time_us < _REPEAT_US:
             return
         self._failure_status.publish(FailureDetectorStatus(now_us, *seen))
-        self._tell(now_us, former)
+        self._report_changes(now_us, former)
 
-    def _tell(self, now_us: int, former: FailureDetectorStatus | None) -> None:
+    def _report_changes(self, now_us: int, former: FailureDetectorStatus | None) -> None:
         """Say what is new."""
         known = 0 if former is None else former.failed_motors
         for motor in range(4):
             if (self._motor_monitor.failed & ~known) >> motor & 1:
-                self._say(now_us, f"Motor {motor + 1} failed")
+                self._publish_text(now_us, f"Motor {motor + 1} failed")
         if self._motor_monitor.weak and not (former is not None and former.propulsion_weak):
-            self._say(now_us, "Propulsion weak")
+            self._publish_text(now_us, "Propulsion weak")
         was_lost = former is not None and (former.roll_exceeded or former.pitch_exceeded)
         if (self._roll.exceeded or self._pitch.exceeded) and not was_lost:
-            self._say(now_us, "Attitude beyond limits")
+            self._publish_text(now_us, "Attitude beyond limits")
 
-    def _say(self, now_us: int, text: str) -> None:
+    def _publish_text(self, now_us: int, text: str) -> None:
         self._status_text.publish(StatusText(now_us, _CRITICAL, text))
 
 

@@ -240,7 +240,7 @@ class SensorsModule:
 
     def _report(self, now_us: int, name: str, instance: int, reason: str, left: int) -> None:
         rest = f"{left} left" if left else "none left"
-        self._say(now_us, _CRITICAL, f"{name} {instance + 1} failed ({reason}), {rest}")
+        self._publish_text(now_us, _CRITICAL, f"{name} {instance + 1} failed ({reason}), {rest}")
         self._status_us = now_us - _REPEAT_US
 
     def _publish(self, now_us: int) -> None:
@@ -255,7 +255,7 @@ class SensorsModule:
             | (mags is not None and mags.disputed) << 3
         )
         if disputed != self._disputed:
-            self._say_disputed(now_us, disputed & ~self._disputed)
+            self._report_disputed(now_us, disputed & ~self._disputed)
             self._disputed = disputed
         elif now_us - self._status_us < _REPEAT_US:
             return
@@ -273,12 +273,12 @@ class SensorsModule:
             )
         )
 
-    def _say_disputed(self, now_us: int, new: int) -> None:
+    def _report_disputed(self, now_us: int, new: int) -> None:
         for bit, name in enumerate(("Gyroscopes", "Accelerometers", "Barometers", "Compasses")):
             if new >> bit & 1:
-                self._say(now_us, _WARNING, f"{name} disagree")
+                self._publish_text(now_us, _WARNING, f"{name} disagree")
 
-    def _say(self, now_us: int, severity: int, text: str) -> None:
+    def _publish_text(self, now_us: int, severity: int, text: str) -> None:
         self._status_text.publish(StatusText(now_us, severity, text))
 
 

@@ -82,16 +82,16 @@ class SlowVote:
             else:
                 fresh = False
         # The usual case: each has a new value, so that none is silent or stuck
-        news = [] if fresh else self._silent_or_stuck(self.good)
+        failures = [] if fresh else self._silent_or_stuck(self.good)
         if reference is not None:
             fast, slow = dt / (dt + _FAST_S), dt / (dt + _SLOW_S)
             for number in self.good:
                 _track(self._instances[number], reference, fast, slow)
-        if not news:
-            news = self._compare(now_us, self.good)
-        for failure in news:
+        if not failures:
+            failures = self._compare(now_us, self.good)
+        for failure in failures:
             self._give_up(failure.instance)
-        return news
+        return failures
 
     def use(self, samples: Sequence[Vector | None]) -> Vector | None:
         """The sample to use, of those that have come just now."""
@@ -103,14 +103,14 @@ class SlowVote:
     def _silent_or_stuck(self, good: list[int]) -> list[Failed]:
         seen_us = max(self._instances[i].seen_us for i in good) if good else 0
         changed_us = max(self._instances[i].changed_us for i in good) if good else 0
-        news = []
+        failures = []
         for number in good:
             instance = self._instances[number]
             if seen_us - instance.seen_us > _SILENT_US:
-                news.append(Failed(number, "no data"))
+                failures.append(Failed(number, "no data"))
             elif changed_us - instance.changed_us > _STUCK_US:
-                news.append(Failed(number, "stuck"))
-        return news
+                failures.append(Failed(number, "stuck"))
+        return failures
 
     def _compare(self, now_us: int, good: list[int]) -> list[Failed]:
         """Whether an instance has left the others and the estimate."""

@@ -108,21 +108,21 @@ class TriadVote:
 
         `others_change` is whether the samples of another kind of sensor have changed meanwhile.
         """
-        news = []
+        failures = []
         whole = np.isfinite(window)
         if not whole.all():
             missing = np.count_nonzero(~whole.all(axis=2), axis=0)
             silent = [i for i in self.good if missing[i] > _FORGIVEN]
             if len(silent) == len(self.good):  # A bus that resets; nothing is left to use instead
                 silent = [i for i in silent if missing[i] == len(window)]
-            news = [Failed(i, "no data") for i in silent]
+            failures = [Failed(i, "no data") for i in silent]
         changed = changes(window)
         stuck = [i for i in self.good if not changed[i]]
         if others_change or len(stuck) < len(self.good):
-            news += [Failed(i, "stuck") for i in stuck]
-        for failure in news:
+            failures += [Failed(i, "stuck") for i in stuck]
+        for failure in failures:
             self.give_up(failure.instance)
-        return news + self._compare(window)
+        return failures + self._compare(window)
 
     def give_up(self, instance: int) -> None:
         """Do without an instance from now on."""

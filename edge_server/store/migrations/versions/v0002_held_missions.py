@@ -1,4 +1,4 @@
-"""Missions that wait for a word of dispatch."""
+"""Missions that wait for their dispatch."""
 
 import sqlalchemy as sa
 from alembic import op

@@ -143,7 +143,7 @@ class FailsafeMachine:
         return Reaction(mode=self._intended if missing is None else None)
 
     def _act(self, action: Action, moment: Conditions) -> Reaction:
-        """Take an action; a mode that cannot be flown becomes a landing."""
+        """Start an action; a mode that cannot be flown becomes a landing."""
         if action is Action.DISARM:
             return Reaction(event=ArmingEvent.FAILSAFE)
         if action is Action.TERMINATE:
