@@ -8,7 +8,7 @@ from pydantic import BaseModel
 from pydantic.json_schema import models_json_schema
 
 from afarcloud.wire import TELEMETRY
-from edge_server.api import schemas
+from edge_server.api import planning_schemas, schemas
 from edge_server.api.contract import Contract
 from edge_server.geodata import geojson
 from farm_flight_bridge import VERSION
@@ -118,7 +118,7 @@ def document(routes: Iterable[Route]) -> dict[str, Any]:
 
 def _components(routes: Iterable[Route]) -> dict[str, Any]:
     """Schemas of all bodies, and of the types in them, by name."""
-    models: dict[type[BaseModel], None] = {schemas.Error: None, schemas.GeoJson: None}
+    models: dict[type[BaseModel], None] = {schemas.Error: None, planning_schemas.GeoJson: None}
     for route in routes:
         bodies = [route.contract.body, *route.contract.answers.values()]
         models |= dict.fromkeys(model for model in bodies if model is not None)
@@ -165,7 +165,7 @@ def _files(contract: Contract) -> dict[str, Any]:
     form = {"type": "object", "properties": {"file": file}, "required": ["file"]}
     alone: dict[str, Any] = {media_type: {"schema": file} for media_type in contract.files}
     if geojson.MEDIA_TYPE in alone:
-        alone[geojson.MEDIA_TYPE] = {"schema": _reference(schemas.GeoJson)}
+        alone[geojson.MEDIA_TYPE] = {"schema": _reference(planning_schemas.GeoJson)}
     return {**alone, "multipart/form-data": {"schema": form}}
 
 

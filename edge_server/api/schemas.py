@@ -1,4 +1,4 @@
-"""Types of answers and of foreign files, from which the OpenAPI document is made.
+"""Types of answers, from which the OpenAPI document is made.
 
 Services build the answers; these types describe them and check nothing. An answer may gain members:
 a client ignores those that it does not know.
@@ -7,7 +7,7 @@ a client ignores those that it does not know.
 from datetime import datetime
 from typing import Annotated, Any, Final, Literal, Union
 
-from pydantic import BaseModel, ConfigDict, RootModel, WithJsonSchema, conlist, create_model
+from pydantic import BaseModel, ConfigDict, RootModel, conlist, create_model
 from pydantic import Field as Member
 
 from afarcloud.enumerations import Status
@@ -22,7 +22,6 @@ from afarcloud.state import (
     StateVector,
 )
 from afarcloud.wire import MODELS, TELEMETRY, Kind
-from edge_server.geodata.field import Field
 from edge_server.services.fleet.event_states import State
 from edge_server.services.fleet.vehicles import VehicleState
 from edge_server.store.rows.keys import Role, Scope
@@ -33,7 +32,7 @@ _KINDS_OF_DEAD_LETTERS: Final = [*(kind.value for kind in TELEMETRY), "gap"]
 _KEY: Final = r"^[!-~]{1,64}$"
 
 
-def _optional(**limits: Any) -> Any:
+def optional(**limits: Any) -> Any:
     """A member that may be absent, and is never null."""
     return Member(default_factory=lambda: None, **limits)
 
@@ -65,9 +64,9 @@ class Error(Answer):
 
     message: str
     detail: dict[str, dict[str, list[str]]]
-    errors: list[ErrorCode] = _optional()
-    changed: LastChange = _optional()
-    request_id: str = _optional()
+    errors: list[ErrorCode] = optional()
+    changed: LastChange = optional()
+    request_id: str = optional()
 
 
 class Record(Answer):
@@ -83,7 +82,7 @@ def _stored(kind: Kind) -> type[BaseModel]:
     model = MODELS[kind]
     members: dict[str, Any] = {}
     if "frame" in model.model_fields:
-        members["frame"] = (model.model_fields["frame"].rebuild_annotation(), _optional())
+        members["frame"] = (model.model_fields["frame"].rebuild_annotation(), optional())
     name = f"Stored{model.__name__}"
     return create_model(name, __base__=(model, Record), __doc__=model.__doc__, **members)
 
@@ -94,8 +93,8 @@ STORED_REPORTS: Final = {kind: _stored(kind) for kind in TELEMETRY}
 class PlanWarning(Answer):
     """Something in a plan that is allowed and may be a mistake."""
 
-    path: str = _optional()
-    message: str = _optional()
+    path: str = optional()
+    message: str = optional()
 
 
 class CommandState(Answer):
@@ -104,7 +103,7 @@ class CommandState(Answer):
     command_id: int
     command_status_id: Status
     command_status_name: str
-    message: str = _optional()
+    message: str = optional()
 
 
 class MissionState(Answer):
@@ -113,11 +112,11 @@ class MissionState(Answer):
     mission_id: int
     vehicle_id: int
     dispatch_state: Literal["held", "queued", "accepted", "closed"]
-    waiting: str = _optional(description="Why the broker has not received it yet.")
+    waiting: str = optional(description="Why the broker has not received it yet.")
     mission_status_id: Status
-    mission_status_name: str = _optional()
-    message: str = _optional()
-    command_array: list[CommandState] = _optional()
+    mission_status_name: str = optional()
+    message: str = optional()
+    command_array: list[CommandState] = optional()
 
 
 class StoredPlan(Plan, Answer):
@@ -180,7 +179,7 @@ class Receipts(Answer):
 def _envelope(kind: Kind) -> type[BaseModel]:
     members: dict[str, Any] = {
         kind.value: (MODELS[kind], ...),
-        "idempotency_key": (str, _optional(pattern=_KEY)),
+        "idempotency_key": (str, optional(pattern=_KEY)),
     }
     closed = ConfigDict(extra="forbid", defer_build=True)
     return create_model(f"{MODELS[kind].__name__}Envelope", __config__=closed, **members)
@@ -441,117 +440,9 @@ class Health(Answer):
 
     status: str
     database: str
-    uplink: Literal["stopped", "open", "blocked", "paused"] = _optional()
-    relay_deaths: Annotated[int, Member(ge=0)] = _optional()
+    uplink: Literal["stopped", "open", "blocked", "paused"] = optional()
+    relay_deaths: Annotated[int, Member(ge=0)] = optional()
 
 
 class OpenApi(Answer):
     """This document."""
-
-
-class Survey(Answer):
-    """Figures of a survey, and its plans in the order of flight."""
-
-    area_m2: float
-    angle_deg: float
-    lines: int
-    line_spacing_m: float = _optional()
-    picture_spacing_m: float | None = _optional()
-    pictures: int = _optional()
-    flights: int
-    length_m: float
-    duration_s: float
-    plans: list[dict[str, Any]]
-
-
-_Corner = Annotated[list[float], Member(min_length=2, max_length=2)]
-_Ring = Annotated[list[_Corner], Member(min_length=3)]
-
-
-class StoredField(Field, Answer):
-    """A field as it is kept."""
-
-    boundary: _Ring  # type: ignore[assignment]  # as it is answered: lists
-    holes: list[_Ring]  # type: ignore[assignment]  # as above
-    exclusions: list[_Ring]  # type: ignore[assignment]  # as above
-    entry: _Corner | None = None  # type: ignore[assignment]  # as above
-    id: Id
-    area_m2: float
-    received_at: datetime
-    updated_at: datetime
-
-
-class SeveralFields(Answer):
-    """The fields of a file."""
-
-    fields: Annotated[list[StoredField], Member(min_length=2)]
-
-
-class StoredFields(RootModel[StoredField | SeveralFields]):
-    """The field that was posted, or all fields of a file."""
-
-
-_POSITION: Final = {
-    "type": "array",
-    "prefixItems": [
-        {"type": "number", "minimum": -180, "maximum": 180},
-        {"type": "number", "minimum": -90, "maximum": 90},
-    ],
-    "minItems": 2,
-}
-_Position = Annotated[list[float], WithJsonSchema(_POSITION)]
-_ClosedRing = Annotated[list[_Position], Member(min_length=4, max_length=1001)]
-_Rings = Annotated[list[_ClosedRing], Member(min_length=1, max_length=51)]
-
-
-class Polygon(Answer):
-    """A geometry of GeoJSON."""
-
-    type: Literal["Polygon"]
-    coordinates: _Rings
-
-
-class MultiPolygon(Answer):
-    """A geometry of GeoJSON."""
-
-    type: Literal["MultiPolygon"]
-    coordinates: Annotated[list[_Rings], Member(min_length=1, max_length=100)]
-
-
-class Feature(Answer):
-    """A feature of GeoJSON."""
-
-    type: Literal["Feature"]
-    geometry: Polygon | MultiPolygon
-
-
-class FeatureCollection(Answer):
-    """Features of GeoJSON."""
-
-    type: Literal["FeatureCollection"]
-    features: Annotated[list[Feature], Member(min_length=1, max_length=100)]
-
-
-class GeoJson(RootModel[Polygon | MultiPolygon | Feature | FeatureCollection]):
-    """A boundary as in RFC 7946: longitude first, rings closed."""
-
-
-class FieldOrGeoJson(RootModel[Field | GeoJson]):
-    """A field, as our own document or as GeoJSON."""
-
-
-class QGroundControlMission(Answer):
-    """The mission of a `.plan` file."""
-
-    version: Literal[2]
-    items: Annotated[list[dict[str, Any]], Member(min_length=1)]
-
-
-class QGroundControlPlan(Answer):
-    """A `.plan` file of QGroundControl, as far as it is read here."""
-
-    file_type: Literal["Plan"] = Member(alias="fileType")
-    version: Literal[1]
-    mission: QGroundControlMission
-    geo_fence: dict[str, Any] = _optional(alias="geoFence")
-    rally_points: dict[str, Any] = _optional(alias="rallyPoints")

@@ -8,7 +8,7 @@ from flask.typing import ResponseReturnValue
 
 from afarcloud.faults import Fault, InvalidError
 from afarcloud.wire import read_as
-from edge_server.api import bodies, etags, schemas, uploads, urls
+from edge_server.api import bodies, etags, planning_schemas, uploads, urls
 from edge_server.api.access.auth import PLANNERS, READERS, allow, audit, caller
 from edge_server.api.contract import Contract, describe
 from edge_server.api.errors import RequestError
@@ -53,8 +53,8 @@ def blueprint() -> Blueprint:
 @allow(WRITERS)
 @describe(
     Contract(
-        {201: schemas.StoredFields},
-        body=schemas.FieldOrGeoJson,
+        {201: planning_schemas.StoredFields},
+        body=planning_schemas.FieldOrGeoJson,
         repeatable=True,
         files=FILES,
         example=EXAMPLE,
@@ -71,7 +71,7 @@ def create() -> ResponseReturnValue:
 @allow(READERS)
 @describe(
     Contract(
-        {200: schemas.StoredField},
+        {200: planning_schemas.StoredField},
         is_list=True,
         query=("after", "limit", "since", "format:geojson"),
         other_answers=(geojson.MEDIA_TYPE,),
@@ -93,7 +93,7 @@ def page() -> ResponseReturnValue:
 @allow(READERS)
 @describe(
     Contract(
-        {200: schemas.StoredField},
+        {200: planning_schemas.StoredField},
         query=("format:geojson",),
         conditional=True,
         other_answers=(geojson.MEDIA_TYPE,),
@@ -114,8 +114,8 @@ def get(identifier: int) -> ResponseReturnValue:
 @allow(WRITERS)
 @describe(
     Contract(
-        {200: schemas.StoredField},
-        body=schemas.FieldOrGeoJson,
+        {200: planning_schemas.StoredField},
+        body=planning_schemas.FieldOrGeoJson,
         conditional=True,
         files=FILES,
         example=EXAMPLE,

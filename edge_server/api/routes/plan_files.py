@@ -9,7 +9,7 @@ from werkzeug.exceptions import Forbidden
 
 from afarcloud.faults import Fault, InvalidError
 from afarcloud.wire import read_as
-from edge_server.api import bodies, schemas, uploads, urls
+from edge_server.api import bodies, planning_schemas, schemas, uploads, urls
 from edge_server.api.access import scopes
 from edge_server.api.access.auth import PLANNERS, allow, audit, caller
 from edge_server.api.contract import Contract, describe
@@ -73,7 +73,7 @@ def blueprint() -> Blueprint:
 @describe(
     Contract(
         {201: schemas.StoredPlan},
-        body=schemas.QGroundControlPlan,
+        body=planning_schemas.QGroundControlPlan,
         query=ORDER,
         repeatable=True,
         errors=(409,),

@@ -7,7 +7,7 @@ from flask.typing import ResponseReturnValue
 from werkzeug.exceptions import Forbidden
 
 from afarcloud.faults import Fault
-from edge_server.api import bodies, schemas, urls
+from edge_server.api import bodies, planning_schemas, urls
 from edge_server.api.access import scopes
 from edge_server.api.access.auth import PLANNERS, allow, audit, caller
 from edge_server.api.contract import Contract, describe
@@ -41,7 +41,7 @@ def blueprint() -> Blueprint:
 @allow(PLANNERS | {Role.FARMER})
 @describe(
     Contract(
-        {200: schemas.Survey, 201: schemas.Survey},
+        {200: planning_schemas.Survey, 201: planning_schemas.Survey},
         body=SurveyOrder,
         query=("preview",),
         repeatable=True,
