@@ -6,7 +6,7 @@ from dataclasses import replace
 from itertools import count
 from pathlib import Path
 from random import Random
-from typing import Final
+from typing import Any, Final
 
 from requests import RequestException
 
@@ -26,7 +26,7 @@ from mavlink_broker.links.url import Address
 from mavlink_broker.recovery.journal import RETRY_AFTER_S, JournalTable, JournalWriter
 from mavlink_broker.recovery.record import RecordUpdate, RecoveryRecord, VehicleIdentity
 
-IDLE_STEP_S: Final = 0.25
+IDLE_STEP_S: Final = 0.5
 """Period of the loop without datagrams."""
 QUIET_STEP_S: Final = 10.0
 """Period of the loop, and of the look for posts, while no vehicle is switched on."""
@@ -38,6 +38,8 @@ POLL_S: Final = 0.5
 """How often a long poll looks for new work."""
 LONG_POLL_S: Final = 20.0
 SENDERS: Final = 2
+LOOK_S: Final = 1.0
+"""How often senders that wait look whether a post is due again; a new post ends their wait."""
 STALL_S: Final = 10.0
 """How long a client waits for an answer that does not come."""
 FOREIGN_ANSWERS: Final = (
@@ -209,6 +211,19 @@ class Journal:
             self._scheduler.after(RETRY_AFTER_S, self._write)
 
 
+class _Client(EdgeClient):
+    """The edge client, which calls `on_post` where it wakes its threads."""
+
+    def __init__(self, *arguments: Any, **named: Any) -> None:
+        super().__init__(*arguments, **named)
+        self.on_post: Callable[[], None] = lambda: None
+
+    def post(self, post: Post) -> None:
+        """Queue a post to be sent."""
+        super().post(post)
+        self.on_post()
+
+
 class BrokerProcess:
     """The broker's process; killed and started at any time, its state folder stays."""
 
@@ -234,6 +249,7 @@ class BrokerProcess:
         self._starts = 0
         self._received: list[tuple[Address, bytes]] = []
         self._is_due = False
+        self._idle_senders = 0
         self._received_s = 0.0
         self._stepped_s = -IDLE_STEP_S
         self.app: App | None = None
@@ -255,7 +271,7 @@ class BrokerProcess:
         with suppress(OSError):  # As the program: spool and journal log it
             database.open()
         spool = _spool(database)
-        client = self.client = EdgeClient(
+        client = self.client = _Client(
             "http://edge",
             self._folder / "broker.key",
             self.wake,
@@ -263,6 +279,7 @@ class BrokerProcess:
             clock=scheduler.monotonic,
             jitter=Random(f"{scheduler.seed}/jitter/{start}"),
         )
+        client.on_post = self._wake_senders
         config = replace(Config(), state_vector_every_s=STATE_VECTOR_S)
         lag_s = self._journal_lag_s + 2.0 * self.disk.sync_s
         journal = self._journal = Journal(scheduler, JournalTable(database), lag_s)
@@ -278,6 +295,7 @@ class BrokerProcess:
 
         while_up(IDLE_STEP_S, self._step_if_idle)
         while_up(1.0, client.update_spool)
+        while_up(LOOK_S, self._wake_senders)
         for _ in range(SENDERS):
             self._send_posts(start)
         self._poll(start)
@@ -290,6 +308,7 @@ class BrokerProcess:
             self._database.close()
         self.app = self.client = self._database = self._journal = None
         self._received.clear()
+        self._idle_senders = 0
 
     # The link.
 
@@ -342,6 +361,12 @@ class BrokerProcess:
             self._stepped_s = self._scheduler.now_s
             self.app.step(0.0)
 
+    def _wake_senders(self) -> None:
+        """Have every sender that waits look for posts."""
+        waiting, self._idle_senders = self._idle_senders, 0
+        for _ in range(waiting):
+            self._send_posts(self._starts)
+
     def _send_posts(self, start: int) -> None:
         """One sender: take a post, exchange, settle, again."""
         client = self.client
@@ -349,7 +374,7 @@ class BrokerProcess:
             return
         post = client.take_post()
         if post is None:
-            self._scheduler.after(self._period(0.2), lambda: self._send_posts(start))
+            self._idle_senders += 1
             return
 
         def settle(answer: Answer | Exception) -> None:

@@ -26,8 +26,12 @@ from dst.flight import (
 from dst.mission_store import MissionStore
 from dst.scheduler import Event, Scheduler
 
-STREAM_S: Final = 0.5
-"""The shortest interval of a stream: a slow radio, and a simulation that is fast."""
+STREAMS_S: Final = (0.5, 1.0, 2.0)
+"""The shortest interval of a stream, one for each vehicle: slow radios, and a fast simulation."""
+STANDING_STEP_S: Final = 0.5
+"""Period of the steps of a vehicle that is not armed."""
+CHARGE_S: Final = 120.0
+"""Time in which a battery is charged."""
 LOW_BATTERY: Final = 0.15
 FULL_BATTERY_S: Final = 1500.0
 """Flight time of a full battery."""
@@ -90,6 +94,7 @@ class Vehicle:
         self._circle: Circle | None = None
         self._armed_s = 0.0
         self._wait_until_s = 0.0
+        self._stream_s = scheduler.random(f"streams/{system}").choice(STREAMS_S)
         self._periods_s: dict[int, float] = {}
         self._due_s: dict[int, float] = {}
         self._heartbeat_s = 0.0
@@ -161,7 +166,8 @@ class Vehicle:
     # Time.
 
     def _step_again(self) -> None:
-        self._next_step = self._scheduler.after(STEP_S, self._step_again)
+        period_s = STEP_S if self.armed else STANDING_STEP_S
+        self._next_step = self._scheduler.after(period_s, self._step_again)
         self.step()
 
     def step(self) -> None:
@@ -170,14 +176,15 @@ class Vehicle:
         if self.armed:
             self._fly()
         elif self.battery < 1.0:
-            self.battery = min(1.0, self.battery + STEP_S / 120.0)
+            self.battery = min(1.0, self.battery + STANDING_STEP_S / CHARGE_S)
         self._missions.tick()
         if now_s >= self._heartbeat_s:
             self._heartbeat_s = now_s + 1.0
             self._heartbeat()
         for message_id, period_s in self._periods_s.items():
             if now_s >= self._due_s[message_id]:
-                self._due_s[message_id] = now_s + period_s
+                # Streams of one interval are sent together
+                self._due_s[message_id] = (now_s // period_s + 1.0) * period_s
                 self._send_stream(message_id)
 
     def _fly(self) -> None:  # noqa: C901  # a case per mode
@@ -483,5 +490,5 @@ class Vehicle:
     def _set_interval(self, message_id: int, interval_us: float) -> None:
         self._periods_s.pop(message_id, None)
         if interval_us >= 0.0:
-            self._periods_s[message_id] = max(STREAM_S, interval_us * 1e-6)
-            self._due_s[message_id] = self._scheduler.now_s
+            self._periods_s[message_id] = max(self._stream_s, interval_us * 1e-6)
+            self._due_s[message_id] = 0.0
