@@ -62,7 +62,7 @@ def _renamed(value: Any, path: str, imported: Imported, depth: int) -> Any:
     for sent, one in members.items():
         name = SPELLINGS.get(sent, sent)
         if name != sent and name in value:
-            imported.refuse(f"{path}{sent}", f"says the same as {name}: give one of them")
+            imported.refuse(f"{path}{sent}", f"means the same as {name}: give one of them")
             continue
         if name != sent:
             imported.rename(f"{path}{name}", f"{path}{sent}")

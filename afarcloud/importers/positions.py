@@ -76,7 +76,7 @@ def import_command(command: dict[str, Any], path: str, imported: Imported) -> No
             imported.refuse(f"{path}.{slot}", f"goes with command_type_id {slot[1:]}")
     forms = [name for name in ("parameters", own, "param_array") if name in command]
     if len(forms) > 1:
-        imported.refuse(f"{path}.{forms[1]}", f"says the same as {forms[0]}: give one of them")
+        imported.refuse(f"{path}.{forms[1]}", f"means the same as {forms[0]}: give one of them")
     elif forms == [own]:
         command["parameters"] = command.pop(own)
         imported.rename(f"{path}.parameters", f"{path}.{own}")
@@ -147,7 +147,7 @@ def import_event(event: dict[str, Any], imported: Imported) -> None:
         if value is None or (slot == "p1" and _is_nowhere(value)):
             continue
         if name in event:
-            imported.refuse(slot, f"says the same as {name}: give one of them")
+            imported.refuse(slot, f"means the same as {name}: give one of them")
             continue
         event[name] = value
         imported.rename(name, slot)

@@ -271,7 +271,7 @@ class FlightArchive:
         kept = tables.set_aside_path(self._path)
         is_short = self._free_bytes() < self._reserve_bytes()
         if is_short and not self._disk_is_short:
-            LOG.warning("the disk is short: the flight archive gives way")
+            LOG.warning("the disk is nearly full: the oldest flights are dropped from the archive")
         for _ in range(STEPS):
             if self._free_bytes() >= self._reserve_bytes():
                 break

@@ -20,7 +20,7 @@ def orbit(state: Translation, item: Item) -> None:
         raise Refusal("has no radius")
     kind = orbits.ORBIT_TYPE.get(whole(behaviour, "its yaw behaviour", 0))
     if kind is None:
-        raise Refusal(f"has a yaw behaviour that no orbit_type says: {behaviour:g}")
+        raise Refusal(f"has a yaw behaviour that no orbit_type has: {behaviour:g}")
     turns = (angle or 0.0) / math.tau
     named = {"orbit_type": int(kind)}
     if speed is not None:

@@ -62,7 +62,7 @@ def pictures(state: Translation, item: Item) -> None:
     """IMAGE_START_CAPTURE: camera, interval, count."""
     camera, interval, count, _ = item.parameters[:4]
     if not unset(camera):
-        raise Refusal("names a camera; a command takes the one there is")
+        raise Refusal("names a camera; a command has no camera id")
     if not count:
         raise Refusal("takes pictures without end; a command takes 1 to 255")
     _picture(state, item, whole(count, "its pictures", 1), whole(interval, "its interval", 0))
@@ -77,7 +77,7 @@ def pictures_by_distance(state: Translation, item: Item) -> None:
     if spacing < CLOSEST_PICTURES_M:
         raise Refusal(f"takes pictures closer than {CLOSEST_PICTURES_M} m")
     if state.place is None:
-        raise Refusal("takes pictures on the way from no place")
+        raise Refusal("takes pictures by distance, but no item before it has a position")
     state.warn(item, f"the vehicle stops for a picture every {spacing:g} m")
     state.picture_spacing_m, state.since_picture_m = spacing, 0.0
     if item.parameters[2]:
@@ -111,7 +111,7 @@ def video_start(state: Translation, item: Item) -> None:
     """VIDEO_START_CAPTURE: stream, rate of status messages."""
     stream, rate, camera = item.parameters[:3]
     if not unset(camera):
-        raise Refusal("names a camera; a command takes the one there is")
+        raise Refusal("names a camera; a command has no camera id")
     number = whole(stream, "its stream", 0)
     state.add(item, CommandType.VIDEO_START_CAPTURE, video_stream_id=number, freq=rate or 0.0)
 
@@ -120,7 +120,7 @@ def video_stop(state: Translation, item: Item) -> None:
     """VIDEO_STOP_CAPTURE: stream."""
     stream, camera = item.parameters[:2]
     if not unset(camera):
-        raise Refusal("names a camera; a command takes the one there is")
+        raise Refusal("names a camera; a command has no camera id")
     number = whole(stream, "its stream", 0)
     state.add(item, CommandType.VIDEO_STOP_CAPTURE, video_stream_id=number)
 

@@ -83,7 +83,7 @@ HARMLESS: Final[Mapping[int, str]] = {
     Cmd.DO_LAND_START: "it only marks a place in the list",
     Cmd.SET_CAMERA_MODE: "the mode follows from the command",
     Cmd.IMAGE_STOP_CAPTURE: "a series of pictures ends by itself",
-    Cmd.DO_GIMBAL_MANAGER_CONFIGURE: "whoever flies the plan takes the gimbal",
+    Cmd.DO_GIMBAL_MANAGER_CONFIGURE: "the broker that flies the plan controls the gimbal",
 }
 
 

@@ -76,7 +76,7 @@ class Translation:
         if item.frame not in ABSOLUTE:
             raise Refusal(f"has its altitude in frame {item.frame}; above home or sea level only")
         if self.home is None or self.home.altitude_amsl_m is None:
-            raise Refusal("has an altitude above sea level, and the file does not say home's")
+            raise Refusal("has an altitude above sea level, but the file has no altitude of home")
         return round(altitude - self.home.altitude_amsl_m, 3)
 
     def place_of(self, item: Item, otherwise: Place | Home | None = None) -> Place:

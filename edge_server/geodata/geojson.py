@@ -100,14 +100,16 @@ def _boundaries(feature: Any, path: str, place: str) -> list[Boundary]:
     properties = properties if isinstance(properties, dict) else {}
     exclusions = _exclusions(properties, f"{path}properties.exclusions")
     if exclusions and len(polygons) > 1:
-        message = "goes with one polygon: it does not say of which"
+        message = "applies to one polygon; give each polygon a feature of its own"
         raise InvalidError((Fault(f"{path}properties.exclusions", message),))
     entry = properties.get("entry")
     if entry is None:
         return fields_of(_name(properties, feature), polygons, exclusions)
     place = f"{path}properties.entry"
     if len(polygons) > 1:
-        raise InvalidError((Fault(place, "goes with one polygon: it does not say of which"),))
+        raise InvalidError(
+            (Fault(place, "applies to one polygon; give each polygon a feature of its own"),)
+        )
     position = (place, _corner(entry, place))
     return fields_of(_name(properties, feature), polygons, exclusions, position)
 

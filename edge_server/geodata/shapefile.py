@@ -100,7 +100,7 @@ def _parts(archive: Archive) -> _Parts:
     name = shapes[0]
     reference = _beside(archive, name, ".prj")
     if reference is None:
-        text = "is missing: without it nobody knows the reference system of the places"
+        text = "is missing: without it the coordinate reference system is unknown"
         raise _refusal(f"{name[:-4]}.prj", text)
     system = archive.read(reference, _LARGEST_TEXT_BYTES, reference)
     try:

@@ -40,7 +40,7 @@ def create(database: Database, request: KeyRequest, now: float) -> tuple[StoredK
     """
     expires_at = request.expires_at.timestamp() if request.expires_at else None
     if expires_at is not None and expires_at <= now:
-        raise InvalidError((Fault("expires_at", "must lie ahead"),))
+        raise InvalidError((Fault("expires_at", "must be in the future"),))
     secret = keys.generate()
     key = keys.made_from(secret, request.role, request.name, now)._replace(
         scopes=frozenset(request.scopes),

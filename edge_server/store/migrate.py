@@ -143,7 +143,7 @@ def _log_lost_records(path: Path) -> None:
     if newest >= marks.record:
         return
     LOG.critical(
-        "the database %s knows no record after %d, and records up to %d were acknowledged:"
+        "the database %s has no record after %d, but records up to %d were acknowledged:"
         " those from %d to %d are lost, except for what the cloud has confirmed of them",
         *(path, newest, marks.record, newest + 1, marks.record),
     )

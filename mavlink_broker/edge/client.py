@@ -445,7 +445,7 @@ def _acceptance_result(work_id: int, status: int | None, text: str) -> Acceptanc
     if status in _WITHDRAWN:
         return AcceptanceResult(work_id, is_confirmed=False, reason=text)
     answer = text if status is None else f"HTTP {status} {text}"
-    reason = f"the edge server did not take the acceptance: {answer}"
+    reason = f"the edge server did not confirm the acceptance: {answer}"
     return AcceptanceResult(work_id, is_confirmed=False, reason=reason, has_failed=True)
 
 

@@ -210,11 +210,11 @@ class SpoolWriter:
             change()
         except OSError as error:
             if what not in self._refused:
-                _LOG.warning("%s takes no more %s: %s", folder, what, error.strerror or error)
+                _LOG.warning("%s cannot store %s: %s", folder, what, error.strerror or error)
             self._refused.add(what)
             return False
         if what in self._refused:
-            _LOG.info("%s takes %s again", folder, what)
+            _LOG.info("%s stores %s again", folder, what)
         self._refused.discard(what)
         return True
 

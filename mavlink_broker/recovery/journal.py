@@ -166,7 +166,7 @@ class JournalWriter:
             self._refused.pop(update.identity, None)
             if self._is_refusal_logged and not self._refused:
                 self._is_refusal_logged = False
-                _LOG.warning("%s takes the broker's journal again", self._journal.folder)
+                _LOG.warning("%s: the broker's journal can be written again", self._journal.folder)
         with self._changed:
             self._settled.append((update.identity, update.number))
         self._wake()

@@ -200,4 +200,7 @@ class RecordTracker:
             return
         if now - self._waits_since >= WRITE_TIMEOUT_S:
             self._is_slow = True
-            _LOG.warning("%s: the disk does not take its record: no command waits", self.identity)
+            _LOG.warning(
+                "%s: its recovery record cannot be written; commands are sent without it",
+                self.identity,
+            )

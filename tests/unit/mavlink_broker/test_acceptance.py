@@ -65,7 +65,7 @@ def test_a_mission_whose_acceptance_has_failed_is_reported_as_failed(*, is_waiti
     world.edge.answers_acceptances = False
     work = world.edge.plan(first_flight(mission_id=1202))
     world.run(20.0)
-    reason = "the edge server did not take the acceptance: HTTP 500"
+    reason = "the edge server did not confirm the acceptance: HTTP 500"
     world.edge.fail_acceptance(work, reason)
     world.edge.answers_acceptances = True
     world.run_until_over(1202)

@@ -100,7 +100,7 @@ def test_an_array_of_another_length_is_refused(values: Any, message: str) -> Non
 def test_parameters_are_given_once() -> None:
     sent = {"command_type_id": 11, "p11": {"landing": True}, "parameters": {"landing": False}}
     assert faults_of(mission(sent)) == [
-        ("command_array.0.p11", "says the same as parameters: give one of them"),
+        ("command_array.0.p11", "means the same as parameters: give one of them"),
         ("command_array.0.p11", "is not a known field"),
     ]
 

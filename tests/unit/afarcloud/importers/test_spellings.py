@@ -60,7 +60,7 @@ def test_two_spellings_of_one_field_are_refused() -> None:
     with pytest.raises(InvalidError) as caught:
         wire.read(wire.Kind.PLAN, sent)
     assert [(fault.path, fault.message) for fault in caught.value.faults] == [
-        ("maximum_linear_speed", "says the same as maximum_speed: give one of them")
+        ("maximum_linear_speed", "means the same as maximum_speed: give one of them")
     ]
 
 

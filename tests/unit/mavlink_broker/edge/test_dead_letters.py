@@ -368,7 +368,7 @@ def test_an_acceptance_that_fails_is_no_dead_letter_and_its_mission_must_be_repo
     client.stop(5.0)
     (result,) = results
     assert (result.work_id, result.is_confirmed, result.has_failed) == (41, False, True)
-    assert f"did not take the acceptance: HTTP {status}" in result.reason
+    assert f"did not confirm the acceptance: HTTP {status}" in result.reason
     assert read_dead_letters(tmp_path / "broker") == []
     assert client.dead_letters_of(1) == 0
     assert posts_on_disk(tmp_path / "broker") == []

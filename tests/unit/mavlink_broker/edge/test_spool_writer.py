@@ -290,13 +290,13 @@ def test_a_refusing_disk_is_logged_once_and_retried(
         run.queue.put(post(number=number))
         run.fail()
         run.look()
-    assert caplog.text.count("takes no more reports: database is locked") == 1
+    assert caplog.text.count("cannot store reports: database is locked") == 1
     other.close()
     run.look()
     assert len(run.queue) == 3, "they wait in memory"
     run.now += RETRY_AFTER_S
     run.look()
-    assert "takes reports again" in caplog.text
+    assert "stores reports again" in caplog.text
     with killed(tmp_path) as copy:
         assert numbers(Run(copy).left()) == [0, 1, 2]
 
@@ -340,7 +340,9 @@ def test_without_enough_space_alarms_are_stored_first_and_refusals_logged_once(
         left = numbers(Run(copy, 2000).left())
     assert left[0] == 77
     assert left[1:] == list(range(len(left) - 1))
-    assert caplog.text.count("no more reports") == caplog.text.count("no more pictures") == 1
+    assert (
+        caplog.text.count("cannot store reports") == caplog.text.count("cannot store pictures") == 1
+    )
 
 
 def test_many_posts_are_stored_in_batches(tmp_path: Path) -> None:

@@ -94,4 +94,8 @@ def test_a_refusing_disk_is_logged_once_and_retried(
         loop.wait_for(writer, 3)
         writer.close()
     assert journal.read_all() == {IDENTITY: record(3)}
-    assert [logged for logged in caplog.messages if "takes the broker's journal again" in logged]
+    assert [
+        logged
+        for logged in caplog.messages
+        if "the broker's journal can be written again" in logged
+    ]
