@@ -36,11 +36,13 @@ from edge_server.api.routes import (
     telemetry,
     users,
     vehicles,
+    videos,
 )
 from edge_server.config import Config
 from edge_server.live.changes import Changes
 from edge_server.live.farm import Farm
 from edge_server.live.reading import reader
+from edge_server.live.video import Cameras
 from edge_server.live.watcher import Watcher
 from edge_server.metrics import Metrics
 from edge_server.services.context import Context
@@ -73,6 +75,7 @@ _MODULES = (
     alarm_history,
     broker,
     live,
+    videos,
     keys,
     session,
     users,
@@ -110,6 +113,7 @@ def create_app(config: Config, *, clock: Callable[[], float] = time.time) -> Fla
     limits = Limits(config)
     app.extensions[auth.KEY_RING] = ring
     app.extensions[live.EXTENSION] = _live(context, ring)
+    app.extensions[videos.EXTENSION] = Cameras(dict(config.video_streams))
     app.extensions[session.LIMITS] = limits
     app.before_request(console.lead_browser_to_console)
     app.before_request(documentation.link_browser_to_docs)

@@ -86,6 +86,7 @@ class Config:
     retain_audit_days: float = 365.0
     archive_days: float = 30.0
     archive_mib: int = 512  # 0: no archive
+    video_streams: tuple[tuple[int, str], ...] = ()  # Vehicle, and its Motion JPEG
     edge_dir: Path = field(init=False)
     keys_dir: Path = field(init=False)
     maps_dir: Path = field(init=False)
@@ -250,6 +251,29 @@ def _fingerprint(value: Any) -> str:
     return digits
 
 
+def _video_streams(value: Any) -> tuple[tuple[int, str], ...]:
+    """Read `1=http://10.0.0.7:8080/stream,2=...`; a file may write a table of them."""
+    table = value.items() if isinstance(value, Mapping) else value
+    if isinstance(value, str):
+        parts = filter(None, (part.strip() for part in value.split(",")))
+        table = [part.partition("=")[::2] for part in parts]
+    found: dict[int, str] = {}
+    for number, url in table:
+        if not str(number).strip().isdecimal() or int(number) in found:
+            raise ValueError("must be vehicle=address, ... with each vehicle once")
+        found[int(number)] = _video_address(int(number), str(url).strip())
+    return tuple(sorted(found.items()))
+
+
+def _video_address(number: int, url: str) -> str:
+    parts = urlsplit(url)
+    if parts.scheme not in {"http", "https"} or not parts.hostname or parts.port == 0:
+        raise ValueError(f"the address of vehicle {number} must be an http or https one")
+    if parts.username is not None:
+        raise ValueError(f"the address of vehicle {number} must not hold a user or a password")
+    return url
+
+
 _DAYS: Final = _real(0.001, 36_500, "days")
 _SESSION_HOURS: Final = _real(0.1, 8760, "hours")
 _METRES: Final = _real(0, 1e6, "metres")
@@ -378,6 +402,12 @@ SETTINGS: Final = (
         "EDGE_ARCHIVE_MIB",
         _whole(0, 2**20),
         "MiB of the flight archive; 0 switches it off",
+    ),
+    Setting(
+        "video_streams",
+        "VIDEO_STREAMS",
+        _video_streams,
+        "live pictures: vehicle=address of Motion JPEG over HTTP, ...",
     ),
     Setting("log_format", "LOG_FORMAT", _choice("auto", "json", "text"), "auto, json or text"),
 )

@@ -68,6 +68,7 @@ class VehicleConfig:
     setup_signing: str  # Who may set a key by SETUP_SIGNING: never, signed, loopback
     state_dir: Path
     truth: bool  # Write the true track
+    live_view: bool  # Offer it from the start, and not on command only
 
     @property
     def folder(self) -> Path:
@@ -112,6 +113,7 @@ def read_config(arguments: Sequence[str], environment: Mapping[str, str]) -> Veh
         setup_signing=_choice("--setup-signing", flags.setup_signing, _SETUP_TRUSTS),
         state_dir=Path(flags.state_dir),
         truth=_switch("--truth", flags.truth),
+        live_view=_switch("--live-view", flags.live_view),
     )
 
 
@@ -163,6 +165,8 @@ def _parser(environment: Mapping[str, str]) -> argparse.ArgumentParser:
     add("--setup-signing", default=get("SETUP_SIGNING", "never"), help=trust)
     add("--state-dir", default=get("STATE_DIR", "var"), help="folder of parameters and logs")
     add("--truth", nargs="?", const="1", default=get("TRUTH", "0"), help="1: write the true track")
+    live_view = "1: offer the live picture from the start, not on command only"
+    add("--live-view", nargs="?", const="1", default=get("LIVE_VIEW", "0"), help=live_view)
     return parser
 
 

@@ -140,6 +140,7 @@ def build_vehicle(
                 in_step=config.speed == 0.0,
                 hurried=config.speed > 1.0,
                 live_port=config.port,
+                live_at_once=config.live_view,
             ),
             truth_path=config.folder / "truth.csv" if config.truth else None,
         )

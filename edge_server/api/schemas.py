@@ -355,6 +355,15 @@ class PictureFootprint(Answer):
     corners: list[list[float]] | None
 
 
+class Video(Answer):
+    """The live picture of a vehicle; `reason` says why its camera cannot be shown."""
+
+    vehicle_id: Id
+    url: str
+    state: Literal["idle", "connecting", "showing", "failed"]
+    reason: str | None
+
+
 class FarmMap(Answer):
     """A file of the maps folder; `bounds` are west, south, east and north [deg].
 

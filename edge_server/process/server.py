@@ -28,6 +28,7 @@ from edge_server.process.exit_codes import FAILED, OK, WRONG_SETUP
 if TYPE_CHECKING:
     from edge_server.api.access.auth import KeyRing
     from edge_server.api.routes.live import Live
+    from edge_server.live.video import Cameras
 
 LOG = logging.getLogger(__name__)
 BIND_PATIENCE_S: Final = 3.0
@@ -155,6 +156,7 @@ class _Application(BaseApplication):  # type: ignore[misc]  # gunicorn has no ty
         self._context = context
         self._ring: KeyRing | None = None
         self._live: Live | None = None
+        self._cameras: Cameras | None = None
         super().__init__()
 
     @property
@@ -168,9 +170,11 @@ class _Application(BaseApplication):  # type: ignore[misc]  # gunicorn has no ty
         return self._ring is None or self._ring.is_known(key)
 
     def on_changes(self, wake: Callable[[], None]) -> None:
-        """Call `wake` whenever the live stream has something new."""
+        """Call `wake` whenever the live stream or a live picture has something new."""
         if self._live is not None:
             self._live.watcher.wake = wake
+        if self._cameras is not None:
+            self._cameras.wake = wake
 
     def load_config(self) -> None:
         if self._context is not None:
@@ -197,14 +201,15 @@ class _Application(BaseApplication):  # type: ignore[misc]  # gunicorn has no ty
 
     def load(self) -> _WsgiApp:
         from edge_server.api.access.auth import KEY_RING  # noqa: PLC0415  # in the worker only
-        from edge_server.api.routes.live import EXTENSION  # noqa: PLC0415  # as above
+        from edge_server.api.routes import live, videos  # noqa: PLC0415  # as above
         from edge_server.app import context_of, create_app  # noqa: PLC0415  # as above
         from edge_server.process import housekeeping  # noqa: PLC0415  # as above
 
         app = create_app(self._config)
         context = context_of(app)
         self._ring = app.extensions[KEY_RING]
-        self._live = app.extensions[EXTENSION]
+        self._live = app.extensions[live.EXTENSION]
+        self._cameras = app.extensions[videos.EXTENSION]
         workers.on_stop.append(context.work_signal.close)
         context.database.listen(context.receive_notice)
         tasks: list[Callable[[], None]] = [

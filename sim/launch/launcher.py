@@ -14,7 +14,7 @@ from typing import Final, Self
 
 from sim.launch.console import Screen
 from sim.launch.farm_client import FarmClient, NotReadyError, RefusedError
-from sim.launch.processes import fleet_limits, programs, uplink
+from sim.launch.processes import fleet_limits, live_pictures, programs, uplink
 from sim.launch.settings import Settings, example_plan
 from sim.launch.supervisor import Supervisor, SupervisorError, check_ports
 
@@ -128,6 +128,7 @@ class System:
         environment = {
             "LOG_FORMAT": "text",  # People read the lines of all programs together
             **fleet_limits(),
+            **live_pictures(settings),
             **os.environ,
             "PYTHONUNBUFFERED": "1",
             "STATE_DIR": str(settings.state_dir),

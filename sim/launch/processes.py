@@ -46,6 +46,13 @@ def fleet_limits() -> dict[str, str]:
     return {"FARTHEST_M": "10000", "LONGEST_LEG_M": "900"}
 
 
+def live_pictures(settings: Settings) -> dict[str, str]:
+    """Environment that has the vehicles offer their live picture, and the edge server show it."""
+    numbers = range(1, settings.vehicles + 1)
+    streams = (f"{n}=http://127.0.0.1:{settings.vehicle_port(n)}/stream" for n in numbers)
+    return {"LIVE_VIEW": "1", "VIDEO_STREAMS": ",".join(streams)}
+
+
 def uplink(settings: Settings) -> dict[str, str]:
     """Environment that says how records reach the mock cloud: straight, or over a broker."""
     url = settings.mqtt_url

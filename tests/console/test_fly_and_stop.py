@@ -21,7 +21,7 @@ def long_plan() -> dict[str, object]:
 
 @pytest.mark.timeout(TEST_TIMEOUT_S)
 def test_a_plan_is_flown_and_stopped_and_a_field_is_planned(tmp_path: Path) -> None:
-    with console_journey(tmp_path) as take, running(tmp_path / "farm") as farm:
+    with console_journey(tmp_path) as take, running(tmp_path / "farm", with_video=True) as farm:
         take(
             "fly_and_stop",
             plan=long_plan(),

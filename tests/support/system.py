@@ -17,7 +17,7 @@ import requests
 
 from sim.launch.farm_client import rows
 from sim.launch.launcher import prepare_signing_keys
-from sim.launch.processes import programs, uplink
+from sim.launch.processes import live_pictures, programs, uplink
 from sim.launch.settings import Settings, from_environment
 from tests.support.polling import PATIENCE_S
 from tests.support.process_tree import descendants, gone
@@ -231,9 +231,13 @@ class FarmSystem:
 
 
 @contextmanager
-def running(state_dir: Path, *, vehicles: int = 1, speed: float = 5.0) -> Iterator[FarmSystem]:
-    """Run a whole system whose vehicles are connected."""
+def running(
+    state_dir: Path, *, vehicles: int = 1, speed: float = 5.0, with_video: bool = False
+) -> Iterator[FarmSystem]:
+    """Run a whole system whose vehicles are connected; also with their live pictures."""
     with FarmSystem(state_dir, vehicles=vehicles, speed=speed) as system:
+        if with_video:
+            system.environment |= live_pictures(system.settings)
         yield system.start().wait_until_connected()
 
 

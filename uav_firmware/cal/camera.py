@@ -131,6 +131,10 @@ class Streamer(Protocol):
     def uri(self) -> str:
         """Address of the stream."""
 
+    @property
+    def starts_at_once(self) -> bool:
+        """Whether it is offered from the start, and not on command only."""
+
     def show(self, exposure: Exposure, rate_hz: float) -> str:
         """Send a frame to the viewers; return why none can be sent, empty on success.
 

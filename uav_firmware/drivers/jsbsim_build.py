@@ -29,6 +29,7 @@ class Pictures(NamedTuple):
     in_step: bool  # Vehicle time waits for pictures, so that the same flight has the same reports
     hurried: bool  # Faster than real time: vehicle time waits for a camera whose memory is full
     live_port: int = 0  # TCP port of the live view; 0 none
+    live_at_once: bool = False  # It is offered from the start
 
 
 def simulated_vehicle(
@@ -102,7 +103,11 @@ def simulated_vehicle(
             simulation, folder, room, serial=serial, in_step=in_step, hurried=pictures.hurried
         )
         recorder = JsbsimRecorder(simulation, folder, room, in_step=in_step)
-        streamer = JsbsimStreamer(simulation, pictures.live_port) if pictures.live_port else None
+        streamer = (
+            JsbsimStreamer(simulation, pictures.live_port, starts_at_once=pictures.live_at_once)
+            if pictures.live_port
+            else None
+        )
     return JsbsimVehicle(simulation, console, camera, recorder, streamer)
 
 

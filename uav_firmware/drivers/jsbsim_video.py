@@ -7,6 +7,7 @@ and another process serves it: a viewer that connects while that process starts 
 """
 
 import errno
+import select
 import socket
 import sys
 from dataclasses import replace
@@ -137,8 +138,9 @@ class JsbsimRecorder:
 class JsbsimStreamer:
     """Implements `uav_firmware.cal.camera.Streamer`."""
 
-    def __init__(self, simulation: Simulation, port: int) -> None:
+    def __init__(self, simulation: Simulation, port: int, *, starts_at_once: bool = False) -> None:
         """Serve on a TCP port of the loopback interface, from the first frame."""
+        self.starts_at_once = starts_at_once
         self._simulation = simulation
         self._address = ("127.0.0.1", port)
         self._listening: socket.socket | None = None
@@ -154,6 +156,8 @@ class JsbsimStreamer:
             OSError: if the port cannot be bound, or the serving process cannot be started.
         """
         render_process = self._open()
+        if render_process is None:
+            return ""
         reason = next((end.error for end in render_process.finished() if end.error), "")
         if not self._simulation.camera_failed and render_process.pending < STREAMER_PENDING_MAX:
             self._number += 1
@@ -176,9 +180,13 @@ class JsbsimStreamer:
         if render_process is not None:
             render_process.stop()
 
-    def _open(self) -> RenderProcess:
-        if self._render_process is None:
+    def _open(self) -> RenderProcess | None:
+        """Listen; the process begins with the first viewer, who waits for it. None before."""
+        if self._listening is None:
             self._listening = socket.create_server(self._address)
+        if self._render_process is None:
+            if not select.select([self._listening], [], [], 0.0)[0]:
+                return None
             number = self._listening.fileno()
             command = (sys.executable, "-m", "sim.camera.film.live_view", str(number))
             self._render_process = RenderProcess(command, inherits=(number,))

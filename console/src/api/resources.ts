@@ -3,7 +3,7 @@
 import { request, requestTagged, requestText, type Tagged } from "./client";
 import type {
   AccessKey, Alarm, BaseMap, DeadLetter, Flight, FlightObservations, Footprint, FlownCommand, Picture, Plan,
-  PlanDocument, PlannedSurvey, Storage, StoredEvent, StoredField, SurveyOrder, User, Vehicle,
+  PlanDocument, PlannedSurvey, Storage, StoredEvent, StoredField, SurveyOrder, User, Vehicle, Video,
 } from "./types";
 
 const PAGE = 500;
@@ -25,6 +25,9 @@ async function allOf<Row extends { id: number }>(path: string): Promise<Row[]> {
 export const listVehicles = (): Promise<Vehicle[]> => request("/vehicles/");
 export const releaseVehicle = (vehicleId: number, reason: string): Promise<Vehicle> =>
   request(`/vehicles/${vehicleId}/release`, { method: "POST", body: { reason } });
+
+/** Lists the vehicles whose live picture can be looked at. */
+export const listVideos = (): Promise<Video[]> => request("/videos/");
 
 export const listFields = (): Promise<StoredField[]> => allOf("/fields/");
 

@@ -8,6 +8,7 @@ export type Role = "farmer" | "operator" | "admin" | "broker" | "cloud";
 export type StoredField = Schemas["StoredField"];
 export type AccessKey = Schemas["AccessKey"];
 export type Storage = Schemas["Storage"];
+export type Video = Schemas["Video"];
 export type DeadLetter = Schemas["DeadLetter"];
 export type StoredEvent = Schemas["StoredEvent"] & { message?: string };
 

@@ -13,13 +13,14 @@ import { Icon } from "../controls/Icon";
 import { ErrorNotice, Notice, Skeleton } from "../controls/states";
 import { Pill, StatusPill } from "../controls/StatusPill";
 import { useLive } from "../live/use_live";
-import { withLive } from "../live/use_plans";
+import { isInFlight, withLive } from "../live/use_plans";
 import { asRequestError, useResource } from "../live/use_resource";
 import { extentOf } from "../map/extent";
 import { collection, fieldFeatures, placeOf, routeFeatures } from "../map/features";
 import { documentOf, newMissionId, renumberedFrom } from "../planning/plan_document";
 import { Checklist } from "./Checklist";
 import { DownloadDialog } from "./DownloadDialog";
+import { LivePicture } from "./LivePicture";
 import { PlanState } from "./Plans";
 import { useFleetSymbols } from "./use_fleet_symbols";
 
@@ -215,6 +216,7 @@ function MissionTimeline({ mission }: { mission: Mission }) {
         </header>
         {mission.waiting && <Notice kind="info">{t("plans.waiting", { reason: mission.waiting })}</Notice>}
         {mission.message && <Notice kind="info">{mission.message}</Notice>}
+        {isInFlight(mission) && <LivePicture vehicleId={mission.vehicle_id} />}
         <ol className="timeline">
           {mission.command_array.map((command, index) => (
             <li key={command.command_id} data-status={command.command_status_id}>

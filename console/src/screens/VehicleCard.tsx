@@ -12,6 +12,7 @@ import type { Units } from "../units/units";
 import { useNow } from "../live/use_live";
 import { isBatteryLow, statusOf, type VehicleStatus } from "../live/vehicle_status";
 import type { Running } from "./Fleet";
+import { LivePicture } from "./LivePicture";
 import { ReleaseForm } from "./ReleaseForm";
 
 const TONES: Record<VehicleStatus, Tone> = {
@@ -70,6 +71,7 @@ export const VehicleCard = memo(function VehicleCard({ tracked, running, isSelec
           isBad={vehicle.link_state !== "connected"}
         />
       </dl>
+      {isSelected && <LivePicture vehicleId={vehicle.vehicle_id} />}
       {vehicle.warning && <p className="vehicle-warning">{vehicle.warning}</p>}
       {running && <Progress running={running} />}
       {vehicle.held && <ReleaseForm vehicleId={vehicle.vehicle_id} reason={vehicle.held.reason} />}

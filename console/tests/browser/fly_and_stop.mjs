@@ -4,7 +4,7 @@
  *
  * FARMER_LINK and OPERATOR_LINK sign each in, PLAN is the file, OUT takes what a failure leaves.
  */
-import { hold, journey, requireAccessible, startBrowser, waitUntilAbove } from "./chromium.mjs";
+import { hold, journey, picture, requireAccessible, startBrowser, waitUntilAbove } from "./chromium.mjs";
 
 const { FARMER_LINK, OPERATOR_LINK, PLAN } = process.env;
 const NAME = "Stopped on its way";
@@ -37,6 +37,19 @@ async function uploadAsFarmer(page) {
   await screenLink(page, "System").waitFor({ state: "detached" });
 }
 
+/** The live picture comes through the edge server, changes, and ends when it is hidden. */
+async function lookAtLivePicture(page) {
+  await page.getByRole("button", { name: "Live picture" }).click();
+  const image = await page.getByRole("img", { name: "Live picture of drone 1" }).elementHandle();
+  await page.waitForFunction((one) => one.naturalWidth > 0, image);
+  const frame = () => page.evaluate((one) => {
+    const canvas = new OffscreenCanvas(64, 48).getContext("2d");
+    canvas.drawImage(one, 0, 0, 64, 48);
+    return canvas.getImageData(0, 0, 64, 48).data.join();
+  }, image);
+  if (new Set((await frame()).split(",")).size < 8) throw new Error("the live picture is empty");
+}
+
 async function flyAndStop(page) {
   await page.goto(OPERATOR_LINK);
   const drone = page.getByRole("article", { name: "Drone 1" });
@@ -53,7 +66,9 @@ async function flyAndStop(page) {
   await hold(page, dialog.getByRole("button", { name: "Fly now" }),
     page.getByText("With the drone").or(page.locator("[data-status='2']")));
   await page.locator(".timeline li:nth-child(2)[data-status='2']").waitFor();
+  await lookAtLivePicture(page);
   await requireAccessible(page, "a plan in flight");
+  await picture(page, "live-picture");
 
   await screenLink(page, "Fleet").click();
   await drone.getByText("On mission", { exact: true }).waitFor();

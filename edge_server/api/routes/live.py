@@ -22,16 +22,18 @@ EXCHANGE: Final = "gunicorn.socket"
 """Name of the request's `Exchange` in the WSGI environment."""
 MEDIA_TYPE: Final = "text/event-stream"
 FIRST_STATE_WITHIN_S: Final = 5.0
-_HEAD: Final = "".join(
-    f"{line}\r\n"
-    for line in (
+
+
+def stream_head(content_type: str) -> bytes:
+    """Encode the head of an answer without an end."""
+    lines = (
         "HTTP/1.1 200 OK",
         "Connection: close",
-        f"Content-Type: {MEDIA_TYPE}; charset=utf-8",
+        f"Content-Type: {content_type}",
         *(f"{name}: {value}" for name, value in HEADERS.items()),
         "",
     )
-).encode()
+    return "".join(f"{line}\r\n" for line in lines).encode()
 
 
 class Live:
@@ -83,6 +85,6 @@ def get() -> ResponseReturnValue:
         note_reader=live.watcher.note_reader if is_endless else lambda: None,
     )
     if is_endless:
-        exchange.begin_stream(_HEAD, stream)
+        exchange.begin_stream(stream_head(f"{MEDIA_TYPE}; charset=utf-8"), stream)
         return ""
     return Response(stream.take(0.0) or b"", content_type=MEDIA_TYPE)

@@ -122,9 +122,19 @@ def test_a_view_that_is_closed_gives_its_port_back_and_may_begin_again() -> None
         socket.create_server(("127.0.0.1", port)).close()
 
 
+def test_a_view_that_nobody_looks_at_costs_no_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    live, _port = streamer()
+    monkeypatch.setattr(subprocess, "Popen", None)
+    for _ in range(3):
+        assert live.show(exposure(), 4.0) == ""
+    live.close()
+
+
 def test_closing_a_view_waits_for_nobody(monkeypatch: pytest.MonkeyPatch) -> None:
     """The control loop closes it: the process beside may hang as long as it likes."""
     live, port = streamer()
+    live.show(exposure(), 4.0)
+    viewer = socket.create_connection(("127.0.0.1", port))
     live.show(exposure(), 4.0)
     main_thread = threading.get_ident()
     ended = threading.Event()
@@ -141,4 +151,5 @@ def test_closing_a_view_waits_for_nobody(monkeypatch: pytest.MonkeyPatch) -> Non
     live.show(exposure(), 4.0)  # Its port is free although the former process still ends
     live.close()
     assert ended.wait(30.0)
+    viewer.close()
     socket.create_server(("127.0.0.1", port)).close()

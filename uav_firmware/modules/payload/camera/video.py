@@ -105,6 +105,7 @@ class LiveView:
         self._frame_us = 0  # When the next frame is due
         self._is_shown = False
         parts.stream_uri = "" if streamer is None else streamer.uri
+        parts.is_streaming = streamer is not None and streamer.starts_at_once
 
     def update(self, situation: Situation, q_ned_frd: Quaternion) -> None:
         """Send a frame if one is due."""

@@ -14,7 +14,8 @@ class Screen:
 
     uri = URI
 
-    def __init__(self) -> None:
+    def __init__(self, *, starts_at_once: bool = False) -> None:
+        self.starts_at_once = starts_at_once
         self.shown: list[Exposure] = []
         self.closed = 0
         self.reason = ""
@@ -41,6 +42,15 @@ def test_frames_are_streamed_at_the_video_rate() -> None:
     harness.run(2.0)
     assert len(screen.shown) == count
     assert screen.closed == 1
+
+
+def test_a_view_that_is_offered_from_the_start_needs_no_command() -> None:
+    screen = Screen(starts_at_once=True)
+    harness = PayloadHarness(streamer=screen)
+    harness.run(2.0)
+    assert len(screen.shown) >= 7
+    assert harness.command(STOP, 1) == CommandResult.ACCEPTED
+    assert screen.closed <= 1
 
 
 def test_the_stream_status_has_uri_and_state() -> None:
