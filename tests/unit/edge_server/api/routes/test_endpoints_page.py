@@ -15,7 +15,8 @@ def normalised(path: str) -> str:
 
 
 def test_the_pages_list_every_endpoint(edge: Edge) -> None:
-    text = pages.text("reference/http-endpoints.md") + pages.text("reference/access.md")
+    names = ("http-endpoints", "flight-endpoints", "access")
+    text = "".join(pages.text(f"reference/{name}.md") for name in names)
     listed = {
         (method, normalised(path))
         for method, path in re.findall(r"`(GET|POST|PUT|PATCH|DELETE) (/[^`]*)`", text)
