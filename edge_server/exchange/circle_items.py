@@ -43,7 +43,7 @@ def loiter_turns(state: Translation, item: Item) -> None:
 def follow(state: Translation, item: Item) -> None:
     """A bare waypoint just before is the place where the target is first expected."""
     if state.place is None:
-        raise Refusal("follows from no place")
+        raise Refusal("follows a target, but no item before it has a position")
     place = state.place
     if state.bare:
         state.take_back()

@@ -182,12 +182,12 @@ class LiveCommandExecutor:
         self._phase_at = 0.0
         self._began_at = 0.0
         self._target = FollowTargetSender(action.follow, vehicle)
-        self._departure = TakeoverDebounce()
+        self._takeover = TakeoverDebounce()
         self._extra_s = 0.0  # Added to its duration: an earlier run has lost the acknowledgement
         self._may_be_repetition = False  # An earlier run may have sent it
         self.phase = Phase.SETTING_PARAMETERS
         self.reason = ""
-        self.has_departed = False  # Another controller, or a pause, has ended it
+        self.is_control_lost = False  # Another controller, or a pause, has ended it
         self._is_out_of_mission = False  # The vehicle has left its mission items for this command
         self._was_following = False  # In a mode that only the broker or a pause ends
         self._note: str | None = None
@@ -275,7 +275,7 @@ class LiveCommandExecutor:
             messages += self._task.receive(message, now)
         if self._extra_s and self._record.is_answer(message):
             self._extra_s = 0.0
-        if self._action.moves and self._sign_of_departure() is not None:
+        if self._action.moves and self._sign_of_takeover() is not None:
             return messages
         if message.get_type() == "GLOBAL_POSITION_INT":
             messages += self._send_target(now)
@@ -298,7 +298,7 @@ class LiveCommandExecutor:
         follows = isinstance(self._action.end, Lasted) and self._vehicle.mode in LIVE_MODES
         self._was_following |= follows and self.phase is Phase.RUNNING
         messages: list[Message] = []
-        if self._sign_of_departure() is None or not self._action.moves:
+        if self._sign_of_takeover() is None or not self._action.moves:
             messages += self._repeat(now)
             if self._task is not None and self.phase is Phase.RUNNING:
                 messages += self._task.tick(now)
@@ -454,13 +454,13 @@ class LiveCommandExecutor:
         if self._time_s(now) - self._began_at > self._action.within_s + approach_s:
             self._fail(f"it has not ended within {self._action.within_s:.0f} s")
             return
-        sign = self._sign_of_departure() if self._action.moves else None
-        reason = self._departure.update(sign, now)
+        sign = self._sign_of_takeover() if self._action.moves else None
+        reason = self._takeover.update(sign, now)
         if reason is not None:
-            self.has_departed = True
+            self.is_control_lost = True
             self._fail(reason)
 
-    def _sign_of_departure(self) -> str | None:
+    def _sign_of_takeover(self) -> str | None:
         if self._vehicle.snapshot.armed is False:
             return "the vehicle disarmed before the end of the mission"
         if self._vehicle.is_held_by_failsafe:

@@ -134,7 +134,7 @@ class ProgressMonitor:
         self._reported_at = 0.0
         self._debounce = TakeoverDebounce()
         self._given_up: str | None = None
-        self.departure: str | None = None
+        self.loss_reason: str | None = None
 
     @property
     def is_finished(self) -> bool:
@@ -241,7 +241,7 @@ class ProgressMonitor:
         if self._vehicle.is_reachable(now) and not self.is_finished:
             held = self._vehicle.is_held_by_failsafe
             reason = HELD_BY_FAILSAFE if held else self._takeover_reason()
-        self.departure = self._debounce.update(reason, now)
+        self.loss_reason = self._debounce.update(reason, now)
 
     def _takeover_reason(self) -> str | None:
         vehicle, snapshot = self._vehicle, self._vehicle.snapshot

@@ -67,7 +67,7 @@ def _along(corners: Sequence[Place], distance_m: float) -> tuple[Place, float]:
 
 
 def _cow(seed: int, number: int, time_utc_s: float) -> Subject:
-    """A slow figure about a place of its own in the pasture."""
+    """A slow closed curve around a place of its own in the pasture."""
     pasture = next(field for field in FIELDS if field.cover is Cover.PASTURE)
     corner, opposite = pasture.boundary[0], pasture.boundary[2]
     share = (number + 0.5 + 0.31 * math.sin(7.0 * seed + 3.0 * number)) / COWS

@@ -151,7 +151,7 @@ class Attaching(Phase):
             return None
         mission.is_hovering = True
         if mission.authority.is_lost:
-            return Fault(mission.authority.departure)
+            return Fault(mission.authority.loss_reason)
         return Event.LIVE_NEXT
 
     def _was_restarted(self, now: float) -> bool:
@@ -232,7 +232,7 @@ class Attaching(Phase):
         """Begin the later segment that was not started."""
         mission = self._mission
         if mission.authority.is_lost:
-            return Fault(mission.authority.departure)
+            return Fault(mission.authority.loss_reason)
         mission.was_running = False
         mission.is_hovering = not self._vehicle.snapshot.is_on_ground
         return mission.event_of_segment()

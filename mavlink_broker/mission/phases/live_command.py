@@ -39,7 +39,7 @@ class FlyingLive(Phase):
     @property
     def was_taken(self) -> bool:
         """Whether another system has ended the command."""
-        return self._executor is not None and self._executor.has_departed
+        return self._executor is not None and self._executor.is_control_lost
 
     def enter(self, now: float, effects: Effects) -> Result:
         """Begin the command, or go on with it; not while the mission is paused."""

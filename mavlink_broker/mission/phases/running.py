@@ -78,7 +78,7 @@ class Running(Phase):
         self._abort_skipped(skips)
         last = mission.plan.commands[-1]
         if progress.is_finished and mission.captures.are_pending(last, now, effects):
-            return Fault(mission.authority.departure, last) if mission.authority.is_lost else None
+            return Fault(mission.authority.loss_reason, last) if mission.authority.is_lost else None
         self._observe_pause(now, effects)
         effects.for_edge += progress.step(now)
         if mission.authority.who(self.claim) is Authority.BROKER:
@@ -86,8 +86,8 @@ class Running(Phase):
         if progress.is_finished:
             return None if mission.is_held_back else Request.NEXT_SEGMENT
         self._observe_changes(changes, now, effects)
-        departure = progress.departure or changes.departure
-        return None if departure is None else Fault(departure)
+        reason = progress.loss_reason or changes.loss_reason
+        return None if reason is None else Fault(reason)
 
     def _abort_skipped(self, skips: SkippedWaypointMonitor) -> None:
         ledger = self._mission.ledger

@@ -54,7 +54,7 @@ class Film:
         chunk = b"00dc" + struct.pack("<I", len(jpeg)) + jpeg + b"\0" * (len(jpeg) % 2)
         end = len(self._header(has_index=False)) - 4 + self._movi_bytes
         if end + len(chunk) + _INDEX_ENTRY.size * (self.frames + 1) > LARGEST_BYTES:
-            raise FilmFullError(errno.EFBIG, "the film is as long as it can be")
+            raise FilmFullError(errno.EFBIG, "the video has reached the limit of its format")
         self._file.seek(end)
         self._file.write(chunk)
         self._index.append((self._movi_bytes, len(jpeg)))

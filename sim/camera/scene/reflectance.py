@@ -1,4 +1,4 @@
-"""What the stuff of the farm reflects in the four bands. Data.
+"""Reflectance of the materials of the farm in four bands. Data.
 
 Broad-band reflectances of leaves, soils and straw after Bowker et al. 1985, "Spectral
 reflectances of natural targets" (NASA RP-1139), rounded.
@@ -12,7 +12,7 @@ from sim.camera.scene.lens import Pixels
 
 
 class Bands(NamedTuple):
-    """Share of the light that is reflected [-], of one stuff or of many pixels."""
+    """Share of the light that is reflected [-], of one material or of many pixels."""
 
     red: Pixels
     green: Pixels
@@ -20,17 +20,17 @@ class Bands(NamedTuple):
     near_infrared: Pixels
 
 
-def stuff(red: float, green: float, blue: float, near_infrared: float) -> Bands:
-    """The bands of one stuff."""
+def material(red: float, green: float, blue: float, near_infrared: float) -> Bands:
+    """The bands of one material."""
     return Bands(*(np.float32(band) for band in (red, green, blue, near_infrared)))  # type: ignore[arg-type]  # scalars broadcast
 
 
-LEAF: Final = stuff(0.048, 0.100, 0.034, 0.67)
-SOIL: Final = stuff(0.30, 0.215, 0.135, 0.35)
-WET_SOIL: Final = stuff(0.16, 0.112, 0.070, 0.187)
-STRAW: Final = stuff(0.33, 0.275, 0.16, 0.42)
-GRAVEL: Final = stuff(0.36, 0.32, 0.26, 0.40)
-CONCRETE: Final = stuff(0.62, 0.61, 0.58, 0.63)
+LEAF: Final = material(0.048, 0.100, 0.034, 0.67)
+SOIL: Final = material(0.30, 0.215, 0.135, 0.35)
+WET_SOIL: Final = material(0.16, 0.112, 0.070, 0.187)
+STRAW: Final = material(0.33, 0.275, 0.16, 0.42)
+GRAVEL: Final = material(0.36, 0.32, 0.26, 0.40)
+CONCRETE: Final = material(0.62, 0.61, 0.58, 0.63)
 LEAF_INDEX: Final = 0.866
 """NDVI of `LEAF`; that of `SOIL` is 0.077, of `STRAW` 0.12."""
 

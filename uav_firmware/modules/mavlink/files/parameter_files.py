@@ -33,18 +33,18 @@ class ParameterFiles(ReadOnlyStore):
         self,
         registry: Registry,
         *,
-        taken: Callable[[Sequence[str]], None],
+        applied: Callable[[Sequence[str]], None],
         refused: Callable[[str], None],
     ) -> None:
         """Serve the parameters of a registry.
 
         Args:
             registry: The parameters.
-            taken: Called with the names that an upload has set.
+            applied: Called with the names that an upload has set.
             refused: Called with a text when an upload is refused.
         """
         self._registry = registry
-        self._taken = taken
+        self._applied = applied
         self._refused = refused
 
     def entries(self, place: Place) -> Sequence[Entry]:
@@ -106,7 +106,7 @@ class ParameterFiles(ReadOnlyStore):
                 self._registry.set(name, value)
             self._refused(f"Parameter file refused: {error}")
             raise refusal(errno.EINVAL) from None
-        self._taken(list(before))
+        self._applied(list(before))
 
 
 class ParameterUpload:

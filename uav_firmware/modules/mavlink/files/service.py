@@ -60,7 +60,7 @@ class FileService:
         self._topics = topics
         self._texts = texts
         self._pending: list[Outgoing] = []
-        files = ParameterFiles(registry, taken=parameters.on_file_upload, refused=self._refused)
+        files = ParameterFiles(registry, applied=parameters.on_file_upload, refused=self._refused)
         self._server = FileServer(
             system_id=system_id, store=vehicle_tree(card, files, metadata), bucket=TokenBucket()
         )

@@ -76,7 +76,7 @@ class FileHarness:
             images=FileTree(self.images, may_write=False),
         )
         parameters = ParameterFiles(
-            registry or Registry(), taken=self.taken.extend, refused=self.status_texts.append
+            registry or Registry(), applied=self.taken.extend, refused=self.status_texts.append
         )
         self.server = FileServer(
             system_id=SYSTEM,
