@@ -38,6 +38,8 @@ POLL_S: Final = 0.5
 """How often a long poll looks for new work."""
 LONG_POLL_S: Final = 20.0
 SENDERS: Final = 2
+UPDATE_INTERVALS_S: Final = (None, "5", "10")
+"""Of which an edge server on a slow line asks for one; None: the usual one."""
 LOOK_S: Final = 1.0
 """How often senders that wait look whether a post is due again; a new post ends their wait."""
 STALL_S: Final = 10.0
@@ -89,6 +91,8 @@ class EdgeHttp:
         self._poison = scheduler.random("poisoned reports")
         self._is_poisoned: dict[str | None, bool] = {}  # By idempotency key
         self.delay_s = 0.005
+        intervals = UPDATE_INTERVALS_S
+        self._update_interval = scheduler.random("update interval").choice(intervals)
         self.on_taken: Callable[[Post, Answer], None] = lambda _post, _answer: None
         """Called when the edge server has answered a post, whether or not the answer arrives."""
         self.on_answered: Callable[[Post, Answer], None] = lambda _post, _answer: None
@@ -132,7 +136,7 @@ class EdgeHttp:
                 fail(str(error))
                 return
             delay_s = self.delay_s + self.edge.disk.waited_s - waited_s
-            answer = Answer(response.status, response.body)
+            answer = Answer(response.status, response.body, self._update_interval)
             if post is not None:
                 text = f"{method} {path} {answer.status_code}{_facts_of(post)}"
                 self._scheduler.note("broker", "edge server", text)

@@ -2,6 +2,7 @@
 
 from collections.abc import Collection
 from dataclasses import dataclass, field
+from http import HTTPStatus
 from typing import Any, Final
 
 from dst.autopilot import Mode
@@ -197,12 +198,15 @@ class Operator:
             plan.cancelled_s = self._world.scheduler.now_s
 
     def _release(self, shift: int) -> None:
-        """Release each vehicle that stands, in case it is held after a fault; then again."""
+        """Release each vehicle that stands and is held after a fault; then again."""
         if shift != self._shift:
             return
         self._world.scheduler.after(RELEASE_PERIOD_S, lambda: self._release(shift))
+        shown = self._request("GET", "/vehicles/")
+        known = [] if shown is None or shown.status != HTTPStatus.OK else shown.json()
+        held = {one["vehicle_id"] for one in known if one["held"] is not None}
         for system, vehicle in self._world.vehicles.items():
-            if not vehicle.is_flying:
+            if system in held and not vehicle.is_flying:
                 self._request("POST", f"/vehicles/{system}/release", {"reason": "checked"})
             self._rescue(system)
         newest = {pause.vehicle_id: pause for pause in self.pauses}

@@ -9,7 +9,7 @@ import hashlib
 import heapq
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from random import Random
 from typing import Final
@@ -42,14 +42,12 @@ class Trace:
         return self._hash.hexdigest()
 
 
-@dataclass(order=True, slots=True)
+@dataclass(slots=True)
 class Event:
-    """An action that is due; `cancel` takes it out of the queue."""
+    """An action that is due; `cancel` has it not taken."""
 
     time_s: float
-    rank: float  # Drawn: the order of events of the same time
-    number: int
-    action: Callable[[], None] | None = field(compare=False)
+    action: Callable[[], None] | None
 
     def cancel(self) -> None:
         """Have the action not taken."""
@@ -63,7 +61,8 @@ class Scheduler:
         self.seed = seed
         self.now_s = 0.0
         self.trace = Trace(kept_lines)
-        self._queue: list[Event] = []
+        # By time, then by rank: the drawn order of events of the same time
+        self._queue: list[tuple[float, float, int, Event]] = []
         self._ranks = self.random("scheduler")
         self._count = 0
 
@@ -78,8 +77,8 @@ class Scheduler:
         """Do an action after a delay [s]; one of 0 or less comes as soon as possible."""
         self._count += 1
         time_s = self.now_s + max(0.0, delay_s)
-        event = Event(time_s, self._ranks.random(), self._count, action)
-        heapq.heappush(self._queue, event)
+        event = Event(time_s, action)
+        heapq.heappush(self._queue, (time_s, self._ranks.random(), self._count, event))
         return event
 
     def every(self, period_s: float, action: Callable[[], None]) -> None:
@@ -93,8 +92,8 @@ class Scheduler:
 
     def run_until(self, time_s: float) -> None:
         """Do every action that is due up to a virtual time [s]."""
-        while self._queue and self._queue[0].time_s <= time_s:
-            event = heapq.heappop(self._queue)
+        while self._queue and self._queue[0][0] <= time_s:
+            event = heapq.heappop(self._queue)[-1]
             if event.action is not None:
                 self.now_s = event.time_s
                 event.action()

@@ -22,7 +22,7 @@ SHIFT_END_S: Final = 1200.0
 """Within this time after a shift every vehicle has landed."""
 QUIET_S: Final = 1200.0
 """Virtual time after which everything has come to its end without faults."""
-LOOK_S: Final = 20.0
+LOOK_S: Final = 5.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -167,7 +167,9 @@ class Vehicle:
 
     def _step_again(self) -> None:
         period_s = STEP_S if self.armed else STANDING_STEP_S
-        self._next_step = self._scheduler.after(period_s, self._step_again)
+        # Vehicles in step cost the broker one step
+        until_s = period_s - self._scheduler.now_s % period_s
+        self._next_step = self._scheduler.after(until_s, self._step_again)
         self.step()
 
     def step(self) -> None:
