@@ -12,32 +12,11 @@ from flask.json.provider import DefaultJSONProvider
 from edge_server.api import bodies, errors, headers, request_log, urls
 from edge_server.api.access import audit_trail, auth, signatures
 from edge_server.api.access.limits import Limits
-from edge_server.api.routes import (
-    alarm_history,
-    audit,
-    broker,
-    bulk,
-    console,
-    dead_letters,
-    documentation,
-    events,
-    fields,
-    flights,
-    health,
-    keys,
-    live,
-    maps,
-    metrics,
-    plan_files,
-    plans,
-    session,
-    storage,
-    surveys,
-    telemetry,
-    users,
-    vehicles,
-    videos,
-)
+from edge_server.api.routes import console, documentation, health, metrics
+from edge_server.api.routes.administration import audit, keys, session, storage, users
+from edge_server.api.routes.fleet import broker, events, live, vehicles, videos
+from edge_server.api.routes.planning import fields, maps, plan_files, plans, surveys
+from edge_server.api.routes.reports import alarm_history, bulk, dead_letters, flights, telemetry
 from edge_server.config import Config
 from edge_server.live.changes import Changes
 from edge_server.live.farm import Farm

@@ -27,7 +27,7 @@ from edge_server.process.exit_codes import FAILED, OK, WRONG_SETUP
 
 if TYPE_CHECKING:
     from edge_server.api.access.auth import KeyRing
-    from edge_server.api.routes.live import Live
+    from edge_server.api.routes.fleet.live import Live
     from edge_server.live.video import Cameras
 
 LOG = logging.getLogger(__name__)
@@ -201,7 +201,7 @@ class _Application(BaseApplication):  # type: ignore[misc]  # gunicorn has no ty
 
     def load(self) -> _WsgiApp:
         from edge_server.api.access.auth import KEY_RING  # noqa: PLC0415  # in the worker only
-        from edge_server.api.routes import live, videos  # noqa: PLC0415  # as above
+        from edge_server.api.routes.fleet import live, videos  # noqa: PLC0415  # as above
         from edge_server.app import context_of, create_app  # noqa: PLC0415  # as above
         from edge_server.process import housekeeping  # noqa: PLC0415  # as above
 

@@ -42,7 +42,7 @@ BREAKS: Final = (
         "edge_server/services/fleet/report_matching.py",
         "(repeated, accepted, ended)",
         "(accepted, ended, repeated)",
-        f"{_EDGE}/api/routes/test_mission_reports.py",
+        f"{_EDGE}/api/routes/reports/test_mission_reports.py",
     ),
     Break(
         "a retry waits no longer than the longest pause",
@@ -91,7 +91,7 @@ BREAKS: Final = (
         "edge_server/api/schemas.py",
         "MOST_RECORDS: Final = 500",
         "MOST_RECORDS: Final = 501",
-        f"{_EDGE}/api/routes/test_bulk.py",
+        f"{_EDGE}/api/routes/reports/test_bulk.py",
     ),
     Break(
         "an expired signature is refused",
@@ -126,7 +126,7 @@ BREAKS: Final = (
         "edge_server/services/fleet/vehicle_holds.py",
         "AIRBORNE_M: Final = 2.0",
         "AIRBORNE_M: Final = 2000.0",
-        f"{_EDGE}/api/routes/test_vehicle_holds.py",
+        f"{_EDGE}/api/routes/fleet/test_vehicle_holds.py",
     ),
     Break(
         "a mode that somebody else chose is a takeover",

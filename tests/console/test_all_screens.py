@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from edge_server.api.routes.fields import EXAMPLE
+from edge_server.api.routes.planning.fields import EXAMPLE
 from tests.support.browser import TEST_TIMEOUT_S, console_journey, sign_in_link
 from tests.support.system import running, short_plan
 

@@ -9,7 +9,7 @@ import pytest
 import requests
 from PIL import Image
 
-from edge_server.api.routes.fields import EXAMPLE
+from edge_server.api.routes.planning.fields import EXAMPLE
 from tests.support.browser import TEST_TIMEOUT_S, console_journey, link_at
 from tests.support.geotiff import geotiff
 from tests.support.pmtiles import archive_at

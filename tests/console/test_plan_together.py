@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 import requests
 
-from edge_server.api.routes.fields import EXAMPLE
+from edge_server.api.routes.planning.fields import EXAMPLE
 from tests.support.browser import TEST_TIMEOUT_S, console_journey
 from tests.support.system import short_plan
 from tests.unit.edge_server.program import Program, program_in

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from edge_server.api.routes.fields import EXAMPLE as FIELD
+from edge_server.api.routes.planning.fields import EXAMPLE as FIELD
 from tests.unit.edge_server.conftest import Edge
 from tests.unit.edge_server.documents import mission, plan, telemetry
 

@@ -7,7 +7,7 @@ import pytest
 
 from edge_server.__main__ import main
 from edge_server.process.exit_codes import FAILED, OK, WRONG_SETUP
-from tests.unit.edge_server.api.routes.test_dead_letters import REASON, due, rejected
+from tests.unit.edge_server.api.routes.reports.test_dead_letters import REASON, due, rejected
 from tests.unit.edge_server.conftest import Edge
 from tests.unit.edge_server.documents import telemetry
 

@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
-from edge_server.api.routes.fields import EXAMPLE as FIELD
-from edge_server.api.routes.plan_files import EXAMPLE as PLAN_FILE
-from edge_server.api.routes.surveys import EXAMPLE as SURVEY
+from edge_server.api.routes.planning.fields import EXAMPLE as FIELD
+from edge_server.api.routes.planning.plan_files import EXAMPLE as PLAN_FILE
+from edge_server.api.routes.planning.surveys import EXAMPLE as SURVEY
 from edge_server.app import context_of, create_app
 from edge_server.config import Config
 from edge_server.store.rows.keys import Role

@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from afarcloud.numbers import INT32_MAX
-from edge_server.api.routes.surveys import EXAMPLE
+from edge_server.api.routes.planning.surveys import EXAMPLE
 from tests.unit.edge_server.conftest import Edge
 from tests.unit.edge_server.documents import mission, plan
 

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 from werkzeug.test import TestResponse
 
-from edge_server.api.routes.fields import EXAMPLE
+from edge_server.api.routes.planning.fields import EXAMPLE
 from tests.unit.edge_server.conftest import Edge
 from tests.unit.edge_server.geodata.shapefiles import archive, dbf, record, shp
 from tests.unit.edge_server.geodata.test_geojson import EAST, OUTER, POLYGON, feature

@@ -13,7 +13,7 @@ from edge_server.api.access import scopes
 from edge_server.api.access.auth import ADMIN, PLANNERS, allow, audit
 from edge_server.api.contract import Contract, describe
 from edge_server.api.errors import RequestError
-from edge_server.api.routes.audit import NDJSON
+from edge_server.api.routes.administration.audit import NDJSON
 from edge_server.services.errors import ConflictError
 from edge_server.services.reports import dead_letters
 from edge_server.store.connection.database import to_json

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 from werkzeug.test import TestResponse
 
-from edge_server.api.routes.plan_files import EXAMPLE
+from edge_server.api.routes.planning.plan_files import EXAMPLE
 from tests.unit.edge_server.conftest import Edge
 from tests.unit.edge_server.documents import home, mission, plan, takeoff, waypoint
 from tests.unit.edge_server.exchange.missions import TAKEOFF, at, plan_file, simple

@@ -11,7 +11,7 @@ from edge_server.api import bodies, schemas, urls
 from edge_server.api.access import auth, scopes
 from edge_server.api.access.auth import PEOPLE, allow
 from edge_server.api.contract import Contract, describe
-from edge_server.api.routes.live import EXCHANGE, stream_head
+from edge_server.api.routes.fleet.live import EXCHANGE, stream_head
 from edge_server.live.mjpeg import CONTENT_TYPE
 from edge_server.live.video import Cameras, TooManyViewersError
 from edge_server.services.errors import NotFoundError, TooMuchError

@@ -5,9 +5,9 @@ from typing import Any
 import pytest
 
 from afarcloud.numbers import INT32_MAX
-from edge_server.api.routes.surveys import EXAMPLE
+from edge_server.api.routes.planning.surveys import EXAMPLE
 from tests.support.databases import BOTH_ENGINES
-from tests.unit.edge_server.api.routes.test_plan_files import FILE
+from tests.unit.edge_server.api.routes.planning.test_plan_files import FILE
 from tests.unit.edge_server.conftest import NOON, Edge
 from tests.unit.edge_server.documents import (
     event,

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from edge_server.api.routes import videos
+from edge_server.api.routes.fleet import videos
 from edge_server.config import ConfigError, load
 from edge_server.live.video import Cameras
 from tests.support.mjpeg_camera import MjpegCamera, mjpeg_camera

@@ -18,7 +18,7 @@ from edge_server.api.access.scopes import (
     with_vehicle_check,
 )
 from edge_server.api.contract import PAGE, Contract, describe
-from edge_server.api.routes import plan_files
+from edge_server.api.routes.planning import plan_files
 from edge_server.services.planning import plans
 from edge_server.store.rows.keys import Role
 

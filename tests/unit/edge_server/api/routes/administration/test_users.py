@@ -5,7 +5,12 @@ from typing import Any
 import pytest
 
 from tests.support.databases import BOTH_ENGINES
-from tests.unit.edge_server.api.routes.test_session import PASSWORD, Browser, make, sign_in
+from tests.unit.edge_server.api.routes.administration.test_session import (
+    PASSWORD,
+    Browser,
+    make,
+    sign_in,
+)
 from tests.unit.edge_server.conftest import Edge
 
 pytestmark = BOTH_ENGINES

@@ -5,8 +5,8 @@ from typing import Any
 
 import pytest
 
-from edge_server.api.routes.fields import EXAMPLE as FIELD
-from edge_server.api.routes.surveys import EXAMPLE as SURVEY
+from edge_server.api.routes.planning.fields import EXAMPLE as FIELD
+from edge_server.api.routes.planning.surveys import EXAMPLE as SURVEY
 from tests.support.databases import BOTH_ENGINES
 from tests.unit.edge_server.conftest import Edge
 from tests.unit.edge_server.documents import (

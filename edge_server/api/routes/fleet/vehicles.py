@@ -11,7 +11,7 @@ from edge_server.api import bodies, etags, schemas, urls
 from edge_server.api.access import scopes
 from edge_server.api.access.auth import ADMIN, PLANNERS, READERS, allow, audit, broker, caller
 from edge_server.api.contract import Contract, describe
-from edge_server.api.routes import live
+from edge_server.api.routes.fleet import live
 from edge_server.services.fleet import vehicle_holds, vehicles
 from edge_server.services.fleet.vehicles import VehicleState
 from edge_server.store.rows.keys import Role

@@ -1,0 +1,1 @@
+"""Routes of plans, files, fields, surveys and maps."""

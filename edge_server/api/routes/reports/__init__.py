@@ -1,0 +1,1 @@
+"""Routes of reports, dead letters and the flight archive."""
