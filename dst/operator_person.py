@@ -134,7 +134,7 @@ class Operator:
             self._post_plan()
 
     def _watch(self, shift: int) -> None:
-        """Abort now and then, above all what is out of reach or flies, whoever flies it."""
+        """Abort now and then, mostly vehicles that are out of reach or fly, under any control."""
         if shift != self._shift or not self._is_posting or Fault.ABORTS not in self._enabled:
             return
         pause_s = self._orders.expovariate(1.0 / MEAN_LOOK_S)

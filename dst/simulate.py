@@ -27,7 +27,7 @@ LOOK_S: Final = 5.0
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What became of one seed."""
+    """Result of one seed."""
 
     seed: int
     faults: frozenset[Fault]

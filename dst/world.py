@@ -26,7 +26,7 @@ from mavlink_broker.links.url import Address
 
 
 class World:
-    """Everything that takes part; whoever makes one closes it."""
+    """All parts of a simulation; the caller that makes one closes it."""
 
     def __init__(
         self,

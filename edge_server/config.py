@@ -1,4 +1,4 @@
-"""Settings of the edge server: read once, frozen, passed to whoever needs them.
+"""Settings of the edge server: read once, frozen, passed as arguments.
 
 Each setting is a field of `Config` and a row of `SETTINGS`. A flag takes precedence over the
 environment variable, that over the TOML file's table `[edge_server]`, that over the default.

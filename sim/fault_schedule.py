@@ -20,7 +20,7 @@ NEVER_US: Final = 2**63 - 1
 """[us] End of a fault that stays."""
 
 ALL_INSTANCES: Final = -1
-"""Number of an `instance` that stands for every one of its kind."""
+"""Number of an `instance` that means every one of its kind."""
 
 MOST_INSTANCES: Final = 3
 """Of an instrument on one vehicle."""

@@ -30,7 +30,7 @@ _LOOPBACK = "127.0.0.1"
 
 
 class Stop:
-    """Set by SIGINT or SIGTERM; the loop ends after the step in hand."""
+    """Set by SIGINT or SIGTERM; the loop ends after the present step."""
 
     def __init__(self) -> None:
         self.requested = False
@@ -90,7 +90,7 @@ def main() -> int:
 
 
 def _begin_anew() -> NoReturn:
-    """Run the same program in this process; a simulated vehicle stands at home again."""
+    """Run the same program in this process; a simulated vehicle is at home again."""
     os.execv(sys.executable, [sys.executable, *sys.orig_argv[1:]])  # noqa: S606 - its own command line
 
 

@@ -25,7 +25,7 @@ class ConfigError(ValueError):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Home:
-    """Where the vehicle stands at the start."""
+    """Position of the vehicle at the start."""
 
     latitude_deg: float  # [deg] WGS-84
     longitude_deg: float  # [deg] WGS-84

@@ -120,7 +120,7 @@ class Pacer:
         self._wait = wait
         self._batch_us = batch_us
         self._is_command_pending = is_command_pending
-        self._batch_ends_s = 0.0  # [s] Lead at which the batch in hand is over
+        self._batch_ends_s = 0.0  # [s] Lead at which the present batch is over
         self._origin_s: float | None = None
 
     def pace(self, simulated_us: int) -> None:

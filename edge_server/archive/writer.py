@@ -157,7 +157,7 @@ class FlightArchive:
                 self._locked(self._drop_aged)
             self._keep_budget()
             self._spare_disk()
-        except Exception as error:  # noqa: BLE001  # whatever it is, the housekeeping goes on
+        except Exception as error:  # noqa: BLE001  # the housekeeping continues after any error
             with self._lock:
                 self._fail(error)
             self._discard_if_needed()

@@ -33,7 +33,7 @@ class TooSlowError(OSError):
 
 
 class Exchange:
-    """Stands for the connection's socket, for the parser and the writer of the answer."""
+    """Takes the place of the connection's socket, for the parser and the writer of the answer."""
 
     def __init__(
         self,

@@ -161,7 +161,7 @@ def _polygons(shape: bytes, path: str, to_globe: ToGlobe) -> list[tuple[str, lis
         if around:
             smallest = min(around, key=lambda rings: geometry.area_m2(rings[0][1]))
             smallest.append((place, corners))
-        else:  # Some programs run their rings the other way
+        else:  # Some programs write their rings in the opposite direction
             found.append((place, [(place, corners)]))
     return found
 

@@ -1,4 +1,4 @@
-"""The latest changes, numbered, so that a reader who was away goes on behind the last one it has.
+"""The latest changes, numbered, so that a reader that was away continues after the last one it has.
 
 A number belongs to one run of the server: `<run>-<number>`. A reader who has the number of another
 run, or one that is no longer kept, begins anew with the complete state.

@@ -20,7 +20,7 @@ LOG = logging.getLogger(__name__)
 PERIOD_S: Final = 0.4
 """So that a position that is updated twice a second or more often is shown so."""
 LINGER_S: Final = 30.0
-"""It goes on so long after the last reader, who may come back and go on where it was."""
+"""It continues so long after the last reader, which may reconnect and continue."""
 
 
 class Watcher:

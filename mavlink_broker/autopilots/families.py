@@ -114,7 +114,7 @@ class Family:
     truncated_parameters: Mapping[int, frozenset[int]] = field(default_factory=dict)
     """Which of them are truncated to whole numbers in storage."""
     hold_yaw_deg: float = 0.0  # Fourth parameter of a hold without a heading
-    gimbal_rate_deg_s: float = math.nan  # Stands for "no rate" with a gimbal's angles
+    gimbal_rate_deg_s: float = math.nan  # Means "no rate" with a gimbal's angles
     arming: CommandAlternatives = ((_ARM,),)
     starting: CommandAlternatives = ((_START,),)
     readiness_by_mode: bool = False  # "Ready to arm" refers to its current mode

@@ -26,7 +26,7 @@ from mavlink_broker.recovery.journal import JournalTable, JournalWriter
 from mavlink_broker.supervision import ThreadFailureHook
 
 LAST_POSTS_WITHIN_S: Final = 1.0
-"""How long a stopping broker goes on sending posts."""
+"""How long a stopping broker continues to send posts."""
 
 _LOG = logging.getLogger(__name__)
 

@@ -357,7 +357,7 @@ GCS_RATES_HZ: Final = {
 }
 """By message id, the most important first: some 750 bytes a second together."""
 DEFAULT_RATE_US: Final = 0.0
-"""Interval of SET_MESSAGE_INTERVAL that stands for the vehicle's default rate."""
+"""Interval of SET_MESSAGE_INTERVAL that means the vehicle's default rate."""
 
 
 class GroundStationRates:

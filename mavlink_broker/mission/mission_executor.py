@@ -295,7 +295,7 @@ class MissionExecutor:
         self._apply(self._phase.enter(now, effects), now, effects)
 
     def _is_link_away(self, now: float) -> bool:
-        """Whether nothing but a link that is away may have caused a fault."""
+        """Whether only a lost link may have caused a fault."""
         is_away = self._vehicle.link.state(now) is not LinkState.CONNECTED
         return self.state in ASKING and is_away and self._link_losses < MOST_LINK_LOSSES
 

@@ -47,7 +47,7 @@ _READY_FOR_LIVE: Final = frozenset({ModeRole.HOLD, ModeRole.GUIDED})
 
 
 class PauseOrders:
-    """Whether an event has paused one mission, and the order that is on its way."""
+    """Whether an event has paused one mission, and the order that is not answered yet."""
 
     def __init__(self, vehicle: Vehicle, mission: str) -> None:
         """`mission` is the name of its work; the journal knows by it what an earlier run paused."""
@@ -228,7 +228,7 @@ class PauseOrders:
 
     @property
     def _flies_on(self) -> bool:
-        """Whether the vehicle is in a mode in which it goes on."""
+        """Whether the vehicle is in a mode in which it continues."""
         vehicle = self._vehicle
         return not vehicle.family.knows_modes or vehicle.mode_role in self._resumed_in
 

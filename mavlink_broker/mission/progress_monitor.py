@@ -143,7 +143,7 @@ class ProgressMonitor:
 
     @property
     def has_given_up(self) -> bool:
-        """Whether the vehicle waits where it is, for a mission that it does not go on with."""
+        """Whether the vehicle holds its position and does not continue its mission."""
         return self._given_up is not None
 
     @property

@@ -86,7 +86,7 @@ class Event(Enum):
     LIVE_NEXT = auto()  # The next command is flown live
     ITEMS_NEXT = auto()  # The next commands are mission items, and the vehicle is in the air
     GROUND_NEXT = auto()  # The next commands begin with a take-off
-    LINK_LOST = auto()  # No answer while the link was away: find out what became of the order
+    LINK_LOST = auto()  # No answer while the link was lost: find out whether the order took effect
     VEHICLE_RESTARTED = auto()  # On the ground, before it flew: begin again
     ABORTED = auto()  # By an event or an alarm, in the air
     FAULT = auto()

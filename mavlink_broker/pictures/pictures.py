@@ -44,7 +44,7 @@ OWN_CLOCK_S: Final = 3.0
 CHECK_AFTER_S: Final = 2.0
 CHECKS: Final = 5
 DEVELOPING: Final = 2
-"""Pictures at once whose bytes are in hand: a bound to memory."""
+"""Pictures whose bytes are in memory at once."""
 MAX_UNFINISHED: Final = 1000
 MAX_IDENTITIES: Final = 4000
 MAX_CAMERAS: Final = 8

@@ -50,7 +50,7 @@ _Degrees = Annotated[float, Field(ge=-214.0, le=214.0, allow_inf_nan=False)]
 """The range of an integer of a mission item; a vehicle's own items are not limited further."""
 _Number = Annotated[float, Field(allow_inf_nan=False)]
 _Single = Annotated[float, Field(ge=-3.5e38, le=3.5e38, allow_inf_nan=False)] | None
-"""A float of a message; None stands for NaN."""
+"""A float of a message; None means NaN."""
 _Count = Annotated[int, Field(ge=0, lt=2**31)]
 
 

@@ -75,7 +75,7 @@ def is_navigation_failure(texts: str) -> bool:
 
 
 def mission_error(reason: str) -> Failure:
-    """The alarm of a vehicle that cannot go on with its mission."""
+    """The alarm of a vehicle that cannot continue its mission."""
     return Failure(AlarmCode.FUNCTION_NAVIGATION, f"mission error: {reason}"[:1000])
 
 

@@ -106,7 +106,7 @@ def _wind_cov(message: Message) -> _Values:
     """WIND_COV(231): where the air moves to, north and east, m/s."""
     speed_m_s = math.hypot(message.wind_x, message.wind_y)
     if message.horiz_accuracy > 0.0 and speed_m_s <= _SIGNIFICANT * message.horiz_accuracy:
-        speed_m_s = math.nan  # As good as none
+        speed_m_s = math.nan  # Below it there is none
     yield from _wind(speed_m_s, math.degrees(math.atan2(-message.wind_y, -message.wind_x)))
 
 

@@ -27,7 +27,7 @@ KINDS = (
 
 
 class Outcome(Enum):
-    """What became of a message."""
+    """Result of a message."""
 
     STORED = "stored"
     DUPLICATE = "duplicate"

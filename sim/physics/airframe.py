@@ -81,7 +81,7 @@ SHORTENED: Mapping[str, str] = {
     '<system file="SensorGps.xml"/>': "",
     '<aerodynamics file="Aero.xml"/>': _AERODYNAMICS,
 }
-"""Elements of the airframe's file and what stands for them."""
+"""Elements of the airframe's file and their replacements."""
 
 
 class AirframeFileError(OSError):

@@ -55,7 +55,7 @@ class Point:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Command:
-    """One line of the plan and what became of it."""
+    """One line of the plan and its result."""
 
     command_id: int
     name: str

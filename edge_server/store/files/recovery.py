@@ -266,7 +266,7 @@ class _Reader:
                 self.damaged_from = int(row[self.columns[0]])
 
     def _behind_the_damage(self, bad: int) -> int | None:
-        """The first rowid after a bad one from which reading goes on; None when there is none."""
+        """The first rowid after a bad one from which reading continues; None when there is none."""
         step, good = 1, None
         last = self._last_rowid()
         while bad + step <= last:

@@ -117,7 +117,7 @@ def sessions(connection: Connection, now: float) -> list[Session]:
 
 
 def session_keys(connection: Connection) -> list[StoredKey]:
-    """Each session as the access key that it stands for: the role and name of its account."""
+    """Each session as the access key that it represents: the role and name of its account."""
     query = (
         select(session, account.c.role)
         .join_from(session, account, session.c.account == account.c.name)

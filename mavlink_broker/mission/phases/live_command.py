@@ -42,7 +42,7 @@ class FlyingLive(Phase):
         return self._executor is not None and self._executor.is_control_lost
 
     def enter(self, now: float, effects: Effects) -> Result:
-        """Begin the command, or go on with it; not while the mission is paused."""
+        """Begin the command, or continue it; not while the mission is paused."""
         mission, vehicle = self._mission, self._mission.vehicle
         if mission.pauses.is_paused:
             return None

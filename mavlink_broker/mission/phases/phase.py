@@ -57,7 +57,7 @@ class Phase(Protocol):
 
     @property
     def was_given_up(self) -> bool:
-        """Whether the vehicle waits in the air and does not go on with its mission."""
+        """Whether the vehicle waits in the air and does not continue its mission."""
         return False
 
     def enter(self, now: float, effects: Effects) -> Result:

@@ -1,4 +1,4 @@
-"""`python -m sim.camera.film.live_view SOCKET`: what the camera sees now, for whoever looks.
+"""`python -m sim.camera.film.live_view SOCKET`: what the camera sees now, as a stream.
 
 A process beside the vehicle. Frames are ordered on its standard input, a line each, and answered a
 line each; they are rendered only while a viewer is connected. On a listening socket, whose file
@@ -138,7 +138,7 @@ class _Handler(BaseHTTPRequestHandler):
 def serve(
     screen: Screen, listening: socket.socket, *, patience_s: float = PATIENCE_S
 ) -> ThreadingHTTPServer:
-    """Begin to serve whoever comes to a socket."""
+    """Start to serve the clients of a socket."""
     # `timeout` is the base class's: of reading a question, and of writing to a stalled viewer
     handler = type(
         "Handler", (_Handler,), {"screen": screen, "patience_s": patience_s, "timeout": patience_s}

@@ -1,4 +1,4 @@
-"""The process beside the vehicle that makes pictures while the flight goes on.
+"""The process beside the vehicle that renders pictures during the flight.
 
 Rendering takes a third of a second of a core for 3 megapixels; in the vehicle's process it would
 stop the flight. The process is started with the first picture, and again if it has died.
@@ -28,7 +28,7 @@ _CHUNK: Final = 65_536
 
 
 class Rendered(NamedTuple):
-    """What became of an order."""
+    """Result of an order."""
 
     number: int
     size_bytes: int  # [B] Of all files together

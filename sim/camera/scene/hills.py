@@ -19,7 +19,7 @@ from sim.world.plane import Array
 
 _BEARINGS: Final = 2048
 _NEAREST_M, _FARTHEST_M, _STEPS = 20.0, 8000.0, 96
-_STEEPEST: Final = 1.9  # Slopes beyond it, up or down, are as good as it
+_STEEPEST: Final = 1.9  # Steeper slopes, up or down, count as this one
 _ROOM: Final = 4.0  # Between the slopes of one bearing and the next in one sorted list
 
 

@@ -1,4 +1,4 @@
-"""Lines from whatever stands at the other end: a terminal, a pipe, a file.
+"""Lines of input from a terminal, a pipe or a file.
 
 One file descriptor is read as it has something, without a thread, so that a program may end while
 somebody is about to type. MAVSDK's threads wake the same wait.

@@ -1,8 +1,8 @@
 r"""What a person would call a command, found again in the items of a mission.
 
 A vehicle is given items, and one command of a plan may be several: a take-off is a climb and a
-waypoint, a picture is an aimed gimbal, a shot and a pause. A mission is therefore spelled as a
-word, one letter per item, and cut by a pattern: what prepares (S: speed, heading, region of
+waypoint, a picture is an aimed gimbal, a shot and a pause. A mission is therefore written as
+letters, one per item, and cut by a pattern: what prepares (S: speed, heading, region of
 interest) belongs to what follows, what holds or looks ahead (H, N) to what came before.
 """
 
@@ -83,8 +83,10 @@ class Step:
 
 def steps(items: Sequence[Item]) -> tuple[Step, ...]:
     """Cut a mission into what a person finishes at once."""
-    word = "".join(_letters(items))
-    return tuple(_step(items, word, match.start(), match.end()) for match in _STEP.finditer(word))
+    letters = "".join(_letters(items))
+    return tuple(
+        _step(items, letters, match.start(), match.end()) for match in _STEP.finditer(letters)
+    )
 
 
 def _letters(items: Sequence[Item]) -> Iterator[str]:
@@ -101,8 +103,8 @@ def _letters(items: Sequence[Item]) -> Iterator[str]:
         yield letter
 
 
-def _step(items: Sequence[Item], word: str, start: int, end: int) -> Step:
-    letters = word[start:end]
+def _step(items: Sequence[Item], mission: str, start: int, end: int) -> Step:
+    letters = mission[start:end]
     flown = letters.rstrip("H") or letters
     main = next((n for n, letter in enumerate(letters) if letter != "S"), 0)
     letter = "P" if "P" in letters else letters[main]

@@ -202,7 +202,7 @@ class StandIn:
         return [] if step is None else [ShowText(f"Running: {step.title}")]
 
     def _pause(self, command: Command, _now: float) -> list[Order]:
-        """DO_PAUSE_CONTINUE: 0 holds, 1 goes on; a live command is over with it."""
+        """DO_PAUSE_CONTINUE: 0 holds, 1 continues; it ends a live command."""
         orders: list[Order] = [Acknowledge(command, Result.ACCEPTED)]
         if self.live is not None:
             return [*orders, *self._end_live()]

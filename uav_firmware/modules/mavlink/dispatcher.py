@@ -176,7 +176,7 @@ class Dispatcher:
         return [] if handler is None else handler(message, sender, now_us)
 
     def resume(self, now_us: int) -> list[Outgoing]:
-        """Go on with the plans that the navigator has checked; report the parameters saved."""
+        """Continue with the plans that the navigator has checked; report the parameters saved."""
         outgoing = self._missions.resume_uploads(now_us) if self._checker.receive() else []
         for result in self._topics.parameter_save_result.drain():
             outgoing += self._parameters.on_save_result(result)

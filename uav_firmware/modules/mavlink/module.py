@@ -175,7 +175,7 @@ class MavlinkModule:
                 self._handle_message(message, address, now_us)
 
     def resume(self, now_us: int) -> None:
-        """Go on with what the navigator and the parameter storage have answered."""
+        """Continue with what the navigator and the parameter storage have answered."""
         self._transmitter.send(self._dispatcher.resume(now_us))
 
     def _handle_message(self, message: Message, address: Address, now_us: int) -> None:
