@@ -6,7 +6,7 @@ const EDGE = process.env["EDGE_URL"] ?? "http://127.0.0.1:8000";
 const PATHS = [
   "session", "sessions", "users", "live", "flights", "alarms", "vehicles", "plans", "events",
   "fields", "surveys", "maps", "keys", "audit", "dead_letters", "readyz",
-  "videos", "storage",
+  "videos", "storage", "backups",
 ];
 
 export default defineConfig({

@@ -13,7 +13,7 @@ from edge_server.api import bodies, errors, headers, request_log, urls
 from edge_server.api.access import audit_trail, auth, signatures
 from edge_server.api.access.limits import Limits
 from edge_server.api.routes import console, documentation, health, metrics
-from edge_server.api.routes.administration import audit, keys, session, storage, users
+from edge_server.api.routes.administration import audit, backups, keys, session, storage, users
 from edge_server.api.routes.fleet import broker, events, live, vehicles, videos
 from edge_server.api.routes.planning import fields, maps, plan_files, plans, surveys
 from edge_server.api.routes.reports import alarm_history, bulk, dead_letters, flights, telemetry
@@ -62,6 +62,7 @@ _MODULES = (
     health,
     metrics,
     storage,
+    backups,
     documentation,
     console,
 )

@@ -39,6 +39,7 @@ class Config:
     keys_folder: Path | None = None  # None: in the state folder
     console_dir: Path = field(default_factory=_console_dir)
     maps_folder: Path | None = None
+    backups_folder: Path | None = None
     host: str = "127.0.0.1"
     port: int = 8000
     cloud_url: str = "http://127.0.0.1:8100"
@@ -90,11 +91,14 @@ class Config:
     edge_dir: Path = field(init=False)
     keys_dir: Path = field(init=False)
     maps_dir: Path = field(init=False)
+    backups_dir: Path = field(init=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "edge_dir", self.state_dir / "edge")
         object.__setattr__(self, "keys_dir", self.keys_folder or self.state_dir / "keys")
         object.__setattr__(self, "maps_dir", self.maps_folder or self.state_dir / "maps")
+        backups = self.backups_folder or self.state_dir / "backups"
+        object.__setattr__(self, "backups_dir", backups)
 
     @property
     def database(self) -> str:
@@ -286,6 +290,9 @@ SETTINGS: Final = (
     Setting("keys_folder", "KEYS_DIR", Path, "folder of key files; default: STATE_DIR/keys"),
     Setting("console_dir", "EDGE_CONSOLE_DIR", Path, "folder of the built console"),
     Setting("maps_folder", "EDGE_MAPS_DIR", Path, "folder of base maps; default: STATE_DIR/maps"),
+    Setting(
+        "backups_folder", "EDGE_BACKUP_DIR", Path, "folder of backups; default: STATE_DIR/backups"
+    ),
     Setting(
         "database_url",
         "DATABASE_URL",

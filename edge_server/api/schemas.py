@@ -444,6 +444,24 @@ class Storage(Answer):
     disk: DiskUse
 
 
+class Backup(Answer):
+    """A copy of the database on the edge server's disk."""
+
+    name: str
+    path: str
+    size_bytes: int
+    made_at: datetime
+
+
+class Backups(Answer):
+    """The folder of the backups; `fault` says why this database has none."""
+
+    folder: str
+    kept: int
+    fault: str | None
+    backups: list[Backup]
+
+
 class Health(Answer):
     """State of the server, of its database and, in `/readyz`, of its relay."""
 

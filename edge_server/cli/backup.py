@@ -1,6 +1,5 @@
-"""Copies the database while it is in use, complete, as of one moment; puts a copy back.
+"""The commands `backup` and `restore`.
 
-BackupError   the copy could not be made; no file was left
 RestoreError  the copy could not be put back; the database is what it was
 """
 
@@ -16,15 +15,10 @@ from typing import Final
 from edge_server.config import Config
 from edge_server.process.exit_codes import FAILED, OK, WRONG_SETUP
 from edge_server.store import migrate
+from edge_server.store.files.backup import BackupError, back_up, delete_older, file_in, sync
 
-_NAME: Final = "edge-%Y%m%dT%H%M%SZ.sqlite3"
 _REPLACED: Final = "replaced"
 """Folder of the databases that a restoration has replaced."""
-_PATTERN: Final = "edge-*Z.sqlite3"
-
-
-class BackupError(Exception):
-    """The copy could not be made."""
 
 
 class RestoreError(Exception):
@@ -48,7 +42,7 @@ def run(config: Config, target: Path, keep: int | None = None) -> int:
     if keep is not None and folder is None:
         print(f"edge server: --keep: {target} is not a folder", file=sys.stderr)
         return WRONG_SETUP
-    file = target if folder is None else folder / time.strftime(_NAME, time.gmtime())
+    file = target if folder is None else file_in(folder, time.time())
     try:
         size = back_up(config.database_path, file)
         if keep is not None and folder is not None:
@@ -79,19 +73,6 @@ def run_restore(config: Config, source: Path) -> int:
     return OK
 
 
-def delete_older(folder: Path, keep: int) -> None:
-    """Delete all but the newest copies that this command has named.
-
-    Raises:
-        BackupError: if one cannot be deleted.
-    """
-    try:
-        for old in sorted(folder.glob(_PATTERN))[:-keep]:
-            old.unlink()
-    except OSError as error:
-        raise BackupError(f"cannot delete an older copy: {error}") from None
-
-
 def restore(database: Path, source: Path) -> Path | None:
     """Put a copy in the place of the database; returns where the former one is, if there was one.
 
@@ -106,14 +87,14 @@ def restore(database: Path, source: Path) -> Path | None:
         part.unlink(missing_ok=True)
         os.close(os.open(part, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o600))
         shutil.copyfile(source, part)
-        _sync(part)
+        sync(part)
         kept = None
         if database.exists():
             _close(database)
             stamp = time.strftime("%Y%m%dT%H%M%S", time.gmtime())
             kept = migrate.set_aside(database, stamp, _REPLACED)
         part.rename(database)
-        _sync(database.parent)
+        sync(database.parent)
     except OSError as error:
         raise RestoreError(f"cannot replace {database}: {error}") from None
     return kept
@@ -142,49 +123,3 @@ def _close(database: Path) -> None:
         raise RestoreError(f"{database} is in use: stop server and relay first") from None
     except sqlite3.DatabaseError:
         return  # It is broken, which may be the reason for the restoration
-
-
-def back_up(database: Path, target: Path) -> int:
-    """Copy the database into a new file with mode 0600; returns its size [bytes].
-
-    Raises:
-        BackupError: if there is no database, the target exists, or the disk fails.
-    """
-    if not database.exists():
-        raise BackupError(f"there is no database {database}")
-    if target.exists():
-        raise BackupError(f"{target} exists; a backup overwrites nothing")
-    part = target.with_name(target.name + ".part")
-    try:
-        _copy(database, part)
-        os.link(part, target)  # Unlike a rename it fails if the target exists by now
-        _sync(target.parent)
-    except (OSError, sqlite3.Error) as error:
-        raise BackupError(f"cannot write {target}: {error}") from None
-    finally:
-        part.unlink(missing_ok=True)
-    return target.stat().st_size
-
-
-def _copy(database: Path, part: Path) -> None:
-    part.unlink(missing_ok=True)
-    os.close(os.open(part, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o600))
-    with (
-        closing(sqlite3.connect(f"{database.absolute().as_uri()}?mode=ro", uri=True)) as source,
-        closing(sqlite3.connect(part)) as copy,
-    ):
-        # In one step, which reads one state while others write (WAL). Between two steps SQLite
-        # would begin again for each commit, and with many commits a second it would never end.
-        source.backup(copy, pages=-1)
-        (found,) = copy.execute("PRAGMA quick_check(1)").fetchone()
-        if found != "ok":
-            raise sqlite3.DatabaseError(f"the copy is broken: {found}")
-    _sync(part)
-
-
-def _sync(path: Path) -> None:
-    descriptor = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)

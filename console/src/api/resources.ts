@@ -2,7 +2,7 @@
 
 import { request, requestTagged, requestText, type Tagged } from "./client";
 import type {
-  AccessKey, Alarm, BaseMap, DeadLetter, Flight, FlightObservations, Footprint, FlownCommand, Picture, Plan,
+  AccessKey, Alarm, Backup, Backups, BaseMap, DeadLetter, Flight, FlightObservations, Footprint, FlownCommand, Picture, Plan,
   PlanDocument, PlannedSurvey, Storage, StoredEvent, StoredField, SurveyOrder, User, Vehicle, Video,
 } from "./types";
 
@@ -138,6 +138,10 @@ export const changeUser = (name: string, change: Partial<User>): Promise<User> =
   request(`/users/${encodeURIComponent(name)}`, { method: "PATCH", body: change });
 
 export const getStorage = (): Promise<Storage> => request("/storage");
+
+export const listBackups = (): Promise<Backups> => request("/backups/");
+/** Makes a backup; a large database takes some time. */
+export const makeBackup = (): Promise<Backup> => request("/backups/", { method: "POST", timeoutMs: 300_000 });
 
 export const listKeys = (): Promise<AccessKey[]> => request("/keys/");
 export const revokeKey = (prefix: string): Promise<void> =>

@@ -3,6 +3,7 @@ import { linkTo } from "../app/route";
 import { useSession } from "../app/session_context";
 import { Empty } from "../controls/states";
 import { AuditLog } from "./system/AuditLog";
+import { Backups } from "./system/Backups";
 import { DeadLetters } from "./system/DeadLetters";
 import { Keys } from "./system/Keys";
 import { StorageUse } from "./system/StorageUse";
@@ -14,9 +15,10 @@ const SECTIONS = {
   audit: AuditLog,
   dead_letters: DeadLetters,
   storage: StorageUse,
+  backups: Backups,
 } as const;
 
-/** People, keys, the audit log, rejected records and the use of the disk, for administrators. */
+/** People, keys, the audit log, rejected records, the use of the disk and backups, for administrators. */
 export default function System({ section }: { section: string }) {
   const { t } = useTranslation();
   const { session } = useSession();

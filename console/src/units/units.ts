@@ -117,13 +117,15 @@ export class Units {
     return `${this.#write(fraction * 100, 0)} %`;
   }
 
-  /** A duration such as "12 s", "4 min" or "2 h 5 min". */
+  /** A duration such as "12 s", "4 min", "2 h 5 min" or "3 d". */
   duration(milliseconds: number): string {
     const seconds = Math.max(0, Math.round(milliseconds / 1000));
     if (seconds < 60) return `${seconds} s`;
     const minutes = Math.floor(seconds / 60);
     if (minutes < 60) return `${minutes} min`;
-    return `${Math.floor(minutes / 60)} h ${minutes % 60} min`;
+    const hours = Math.floor(minutes / 60);
+    if (hours < 48) return `${hours} h ${minutes % 60} min`;
+    return `${Math.floor(hours / 24)} d`;
   }
 
   /** Date and time, in the browser's time zone. */

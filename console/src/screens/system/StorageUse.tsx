@@ -3,6 +3,7 @@ import { getStorage } from "../../api/resources";
 import type { Storage } from "../../api/types";
 import { useUnits } from "../../app/preferences";
 import { Loaded, Notice } from "../../controls/states";
+import { useLive } from "../../live/use_live";
 import { useResource } from "../../live/use_resource";
 
 const readStorage = async (): Promise<Storage[]> => [await getStorage()];
@@ -32,10 +33,35 @@ function Uses({ records, pictures, archive, disk, version, database }: Storage) 
         <Use name={archiveName} used={archive.used_bytes} of={archive.budget_bytes} />
         <Use name={t("system.storage_disk")} used={usedOfDisk} of={disk.total_bytes} />
       </ul>
-      <p className="small">
-        {t("system.storage_version")} {version} · {database === "sqlite" ? "SQLite" : "PostgreSQL"}
-      </p>
+      <Versions version={version} database={database} />
     </>
+  );
+}
+
+/** What runs: the edge server, its database, and the autopilot of each vehicle. */
+function Versions({ version, database }: Pick<Storage, "version" | "database">) {
+  const { t } = useTranslation();
+  const vehicles = useLive((state) => state.vehicles);
+  const rows: [string, string][] = [
+    [t("system.version_edge"), version],
+    [t("system.version_database"), database === "sqlite" ? "SQLite" : "PostgreSQL"],
+    ...[...vehicles.values()].map(({ vehicle }): [string, string] => [
+      t("vehicle.name", { id: vehicle.vehicle_id }),
+      [vehicle.family, vehicle.version].filter(Boolean).join(" ") || t("system.version_unknown"),
+    ]),
+  ];
+  return (
+    <section className="versions">
+      <h2>{t("system.versions")}</h2>
+      <dl>
+        {rows.map(([name, value]) => (
+          <div key={name}>
+            <dt>{name}</dt>
+            <dd>{value}</dd>
+          </div>
+        ))}
+      </dl>
+    </section>
   );
 }
 

@@ -16,13 +16,15 @@ import requests
 
 from edge_server.__main__ import main
 from edge_server.cli import backup
-from edge_server.cli.backup import BackupError, RestoreError, back_up, restore
+from edge_server.cli.backup import RestoreError, restore
 from edge_server.process.exit_codes import FAILED, OK, WRONG_SETUP
+from edge_server.store.files.backup import BackupError, back_up
 from tests.support.polling import PATIENCE_S
 from tests.unit.edge_server.conftest import Edge
 from tests.unit.edge_server.documents import telemetry
 from tests.unit.edge_server.program import Program
 
+NEW_YEAR_2026 = 1_767_225_600.0
 POSTGRESQL = "postgresql+psycopg://edge:s3cret@db.example/edge"
 
 
@@ -139,9 +141,7 @@ def test_in_a_folder_the_newest_backups_stay(
     folder.mkdir()
     (folder / "mine.sqlite3").write_text("mine")
     for second in range(4):
-        monkeypatch.setattr(
-            time, "gmtime", lambda at=second: time.struct_time((2026, 1, 1, 0, 0, at, 0, 1, 0))
-        )
+        monkeypatch.setattr(time, "time", lambda at=second: NEW_YEAR_2026 + at)
         assert backup.run(edge.config, folder, keep=2) == OK
     assert sorted(path.name for path in folder.iterdir()) == [
         "edge-20260101T000002Z.sqlite3",
