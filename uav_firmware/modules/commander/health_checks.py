@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import Final
 
 from uav_firmware.lib.rotation import tilt_of
-from uav_firmware.modules.commander.failsafe.actions import PILOTED
+from uav_firmware.modules.commander.failsafe_actions import PILOTED
 from uav_firmware.modules.commander.params import CommanderParams
 from uav_firmware.modules.commander.vehicle_view import VehicleView
 from uav_firmware.msg.control_mode import ManualControlSetpoint

@@ -27,11 +27,11 @@ from uav_firmware.modules.commander.commands.decision import (
 )
 from uav_firmware.modules.commander.commands.dispatch import decide, decide_on_target
 from uav_firmware.modules.commander.commands.flight_commands import Situation, hold_here
-from uav_firmware.modules.commander.failsafe.actions import PILOTED, Action
 from uav_firmware.modules.commander.failsafe.causes import ROWS
 from uav_firmware.modules.commander.failsafe.machine import Failsafe, FailsafeMachine, FailureLatch
 from uav_firmware.modules.commander.failsafe.params import FailsafeParams
 from uav_firmware.modules.commander.failsafe.return_time import return_speeds
+from uav_firmware.modules.commander.failsafe_actions import PILOTED, Action
 from uav_firmware.modules.commander.health_report import HEALTH_PERIOD_US, Health, check_health
 from uav_firmware.modules.commander.home_position import HomePositionUpdater
 from uav_firmware.modules.commander.mode_changes import StickOverride, TimedHold

@@ -6,7 +6,7 @@ from typing import Final
 
 from uav_firmware.lib.payload_rules import MOUNT_NEUTRAL, MOUNT_PLACE, unset
 from uav_firmware.lib.rotation import wrap_pi
-from uav_firmware.modules.payload.gimbal import (
+from uav_firmware.modules.payload.camera.gimbal import (
     NEUTRAL,
     NO_CONTROLLER,
     PITCH_MAX,

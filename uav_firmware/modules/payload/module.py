@@ -7,19 +7,18 @@ from uav_firmware.bus import Queue, Topic
 from uav_firmware.cal.camera import CameraDevice, Recorder, Seeker, Streamer
 from uav_firmware.lib.geo import LocalFrame
 from uav_firmware.lib.rotation import yaw_of
-from uav_firmware.modules.payload import gimbal_orders
-from uav_firmware.modules.payload.camera import panorama_work
+from uav_firmware.modules.payload import gimbal_orders, panorama_work
 from uav_firmware.modules.payload.camera.lens import lens
-from uav_firmware.modules.payload.camera.panorama_work import Report
-from uav_firmware.modules.payload.camera.pictures import Pictures
 from uav_firmware.modules.payload.camera.storage import Storage
-from uav_firmware.modules.payload.camera.video import LiveView, VideoRecording
+from uav_firmware.modules.payload.camera.tracking import View, aim_at
 from uav_firmware.modules.payload.orders import FlightEnd, MissionOrders, execute
+from uav_firmware.modules.payload.panorama_work import Report
 from uav_firmware.modules.payload.params import PayloadParams
 from uav_firmware.modules.payload.parts import Parts
+from uav_firmware.modules.payload.pictures import Pictures
 from uav_firmware.modules.payload.reports import camera_status, gimbal_status, tracking_state
 from uav_firmware.modules.payload.situation import NOWHERE, Situation
-from uav_firmware.modules.payload.tracking import View, aim_at
+from uav_firmware.modules.payload.video import LiveView, VideoRecording
 from uav_firmware.msg.estimate import VehicleAttitude, VehicleLocalPosition
 from uav_firmware.msg.guidance import RegionOfInterest
 from uav_firmware.msg.payload import (

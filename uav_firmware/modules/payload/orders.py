@@ -9,8 +9,7 @@ from collections.abc import Mapping
 from typing import Final
 
 from uav_firmware.lib.payload_rules import fault_of
-from uav_firmware.modules.payload import gimbal_orders
-from uav_firmware.modules.payload.camera import camera_orders
+from uav_firmware.modules.payload import camera_orders, gimbal_orders
 from uav_firmware.modules.payload.camera.states import CameraBusyError, CameraState
 from uav_firmware.modules.payload.parts import Parts
 from uav_firmware.modules.payload.situation import Outcome, Situation, denied, temporarily_rejected

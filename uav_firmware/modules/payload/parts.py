@@ -5,12 +5,12 @@ from dataclasses import dataclass, field
 
 from uav_firmware.cal.camera import Gaze, Seeker
 from uav_firmware.modules.payload.camera.camera import Camera
+from uav_firmware.modules.payload.camera.gimbal import Aim, Gimbal, GimbalControl
 from uav_firmware.modules.payload.camera.lens import lens
 from uav_firmware.modules.payload.camera.panorama import Panorama
 from uav_firmware.modules.payload.camera.storage import JPEG_BYTES_PER_PIXEL, CaptureLog, Storage
-from uav_firmware.modules.payload.gimbal import Aim, Gimbal, GimbalControl
+from uav_firmware.modules.payload.camera.tracking import Tracker
 from uav_firmware.modules.payload.params import PayloadParams
-from uav_firmware.modules.payload.tracking import Tracker
 from uav_firmware.msg.payload import CameraEvent
 from uav_firmware.msg.status import VehicleCommand
 from uav_firmware.msg.vectors import Quaternion

@@ -3,8 +3,8 @@
 import math
 from typing import Final
 
+from uav_firmware.modules.payload.camera.gimbal import PITCH_MAX, PITCH_MIN
 from uav_firmware.modules.payload.camera.lens import lens
-from uav_firmware.modules.payload.gimbal import PITCH_MAX, PITCH_MIN
 from uav_firmware.modules.payload.parts import Parts
 from uav_firmware.modules.payload.situation import Situation
 from uav_firmware.msg.payload import (

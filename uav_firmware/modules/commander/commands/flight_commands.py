@@ -24,7 +24,7 @@ from uav_firmware.modules.commander.commands.decision import (
     denied,
     temporarily_rejected,
 )
-from uav_firmware.modules.commander.failsafe.actions import PILOTED
+from uav_firmware.modules.commander.failsafe_actions import PILOTED
 from uav_firmware.modules.commander.params import CommanderParams
 from uav_firmware.modules.commander.vehicle_view import VehicleView
 from uav_firmware.msg.mission import (

@@ -10,19 +10,19 @@ from enum import Enum, auto
 from typing import Final, NamedTuple
 
 from uav_firmware.modules.commander import mode_requirements
-from uav_firmware.modules.commander.failsafe.actions import (
+from uav_firmware.modules.commander.failsafe.params import FailsafeParams
+from uav_firmware.modules.commander.failsafe.return_time import (
+    ReturnSpeeds,
+    battery_time_s,
+    return_time_s,
+)
+from uav_firmware.modules.commander.failsafe_actions import (
     FENCE_ACTIONS,
     LINK_ACTIONS,
     MOTOR_ACTIONS,
     OFFBOARD_ACTIONS,
     PILOTED,
     Action,
-)
-from uav_firmware.modules.commander.failsafe.params import FailsafeParams
-from uav_firmware.modules.commander.failsafe.return_time import (
-    ReturnSpeeds,
-    battery_time_s,
-    return_time_s,
 )
 from uav_firmware.modules.commander.health_checks import (
     SENSOR_STALE_S,

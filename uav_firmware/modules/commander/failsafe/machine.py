@@ -21,15 +21,15 @@ from typing import NamedTuple
 
 from uav_firmware.modules.commander import mode_requirements
 from uav_firmware.modules.commander.arm_state_machine import ArmingEvent
-from uav_firmware.modules.commander.failsafe.actions import (
+from uav_firmware.modules.commander.failsafe.causes import ROWS, Cause, Conditions
+from uav_firmware.modules.commander.failsafe.params import FailsafeParams
+from uav_firmware.modules.commander.failsafe.return_time import ReturnSpeeds
+from uav_firmware.modules.commander.failsafe_actions import (
     DEFERRED,
     MODE_OF,
     Action,
     strength_of,
 )
-from uav_firmware.modules.commander.failsafe.causes import ROWS, Cause, Conditions
-from uav_firmware.modules.commander.failsafe.params import FailsafeParams
-from uav_firmware.modules.commander.failsafe.return_time import ReturnSpeeds
 from uav_firmware.modules.commander.vehicle_view import VehicleView
 from uav_firmware.msg.status import NavigationState
 

@@ -1,1 +1,1 @@
-"""The camera: orders, states, pictures, video, panoramas."""
+"""The camera and its gimbal: states and timing, optics, storage, tracking, panoramas."""

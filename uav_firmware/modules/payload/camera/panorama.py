@@ -11,7 +11,7 @@ from enum import Enum
 from typing import Final
 
 from uav_firmware.lib.rotation import wrap_pi
-from uav_firmware.modules.payload.gimbal import PITCH_MAX, PITCH_MIN, Angles
+from uav_firmware.modules.payload.camera.gimbal import PITCH_MAX, PITCH_MIN, Angles
 
 STEP_DEG: Final = 45.0
 ROW_STEP_DEG: Final = 30.0

@@ -11,10 +11,10 @@ import pytest
 
 from tests.support.estimates import local_position
 from uav_firmware.modules.commander.arm_state_machine import ArmingEvent
-from uav_firmware.modules.commander.failsafe.actions import Action
 from uav_firmware.modules.commander.failsafe.causes import ROWS, Cause, Conditions
 from uav_firmware.modules.commander.failsafe.machine import Failsafe, FailsafeMachine
 from uav_firmware.modules.commander.failsafe.params import FailsafeParams
+from uav_firmware.modules.commander.failsafe_actions import Action
 from uav_firmware.modules.commander.vehicle_view import SensorAges, VehicleView
 from uav_firmware.msg.battery import BatteryStatus
 from uav_firmware.msg.control_mode import ManualControlSetpoint

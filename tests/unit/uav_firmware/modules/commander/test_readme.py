@@ -9,8 +9,8 @@ from tests.support.toy_vehicle import ToyVehicle
 from uav_firmware.modules.commander import health_checks
 from uav_firmware.modules.commander.arm_state_machine import TRANSITIONS
 from uav_firmware.modules.commander.commands.dispatch import HANDLERS
-from uav_firmware.modules.commander.failsafe.actions import Action
 from uav_firmware.modules.commander.failsafe.causes import Cause
+from uav_firmware.modules.commander.failsafe_actions import Action
 from uav_firmware.modules.commander.mode_requirements import REQUIREMENTS, STARTABLE, Need
 
 FOLDER = Path(str(package.__file__)).parent

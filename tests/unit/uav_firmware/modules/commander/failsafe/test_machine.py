@@ -7,7 +7,9 @@ from itertools import product
 import pytest
 
 from tests.support.toy_vehicle import ToyVehicle, at, takeoff, waypoint
-from uav_firmware.modules.commander.failsafe.actions import (
+from uav_firmware.modules.commander.failsafe.causes import ROWS, Cause
+from uav_firmware.modules.commander.failsafe.params import FailsafeParams
+from uav_firmware.modules.commander.failsafe_actions import (
     FENCE_ACTIONS,
     LINK_ACTIONS,
     MODE_OF,
@@ -15,8 +17,6 @@ from uav_firmware.modules.commander.failsafe.actions import (
     OFFBOARD_ACTIONS,
     Action,
 )
-from uav_firmware.modules.commander.failsafe.causes import ROWS, Cause
-from uav_firmware.modules.commander.failsafe.params import FailsafeParams
 from uav_firmware.msg.control_mode import ManualControlSetpoint
 from uav_firmware.msg.estimate import WindEstimate
 from uav_firmware.msg.failure import FailureDetectorStatus

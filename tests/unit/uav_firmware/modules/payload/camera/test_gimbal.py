@@ -18,7 +18,7 @@ from tests.unit.uav_firmware.modules.payload.harness import (
     PayloadHarness,
 )
 from uav_firmware.lib.rotation import wrap_pi
-from uav_firmware.modules.payload.gimbal import (
+from uav_firmware.modules.payload.camera.gimbal import (
     PITCH_MAX,
     PITCH_MIN,
     Angles,

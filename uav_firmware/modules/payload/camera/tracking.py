@@ -11,8 +11,8 @@ position in the picture is computed from the attitude. A target out of the pictu
 import math
 from typing import Final, NamedTuple
 
+from uav_firmware.modules.payload.camera.gimbal import Place
 from uav_firmware.modules.payload.camera.lens import PICTURE, in_picture, on_ground, ray_ned
-from uav_firmware.modules.payload.gimbal import Place
 from uav_firmware.msg.payload import Box, TrackingMode, TrackingStatus
 from uav_firmware.msg.vectors import Quaternion, Vector3
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from typing import Final
 
 from uav_firmware.lib.payload_rules import unset
-from uav_firmware.modules.payload import tracking
+from uav_firmware.modules.payload.camera import tracking
 from uav_firmware.modules.payload.camera.panorama import Panorama, directions
 from uav_firmware.modules.payload.camera.states import CameraState
 from uav_firmware.modules.payload.parts import PanoramaWork, Parts

@@ -3,8 +3,8 @@
 from typing import Final
 
 from uav_firmware.cal.camera import Exposure, Recorder, Streamer
-from uav_firmware.modules.payload.camera.pictures import PublishText, exposure_of, reason_of
 from uav_firmware.modules.payload.parts import Parts
+from uav_firmware.modules.payload.pictures import PublishText, exposure_of, reason_of
 from uav_firmware.modules.payload.situation import Situation
 from uav_firmware.msg.vectors import Quaternion
 
