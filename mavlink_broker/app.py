@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable
 from functools import partial
 from typing import Any, Final
 
-from mavlink_broker.autopilots.flight_modes import ModeRole
+from mavlink_broker.autopilots.families import ModeRole
 from mavlink_broker.config import Config
 from mavlink_broker.edge.posts import post_for
 from mavlink_broker.edge.work import (

@@ -17,6 +17,7 @@ from typing import Final
 
 from mavlink_broker.effects import Effects
 from mavlink_broker.mavlink.dialect import Message, mavlink, source_of
+from mavlink_broker.microservices.heartbeat import HeartbeatOrder
 from mavlink_broker.microservices.message_rates import StreamRequests
 from mavlink_broker.mission.geofence_transfer import VehicleConfigRestorer
 from mavlink_broker.mission.mission_queue import MissionQueue
@@ -25,11 +26,10 @@ from mavlink_broker.pictures.pictures import PICTURE_MESSAGES, PictureCollector
 from mavlink_broker.vehicle.alarms import AlarmMonitor, Failure
 from mavlink_broker.vehicle.control_authority import is_order
 from mavlink_broker.vehicle.gcs_heartbeat import GcsHeartbeat
-from mavlink_broker.vehicle.heartbeat_order import HeartbeatOrder
-from mavlink_broker.vehicle.reporter import Reporter
-from mavlink_broker.vehicle.telemetry_publisher import (
+from mavlink_broker.vehicle.reporter import (
     UPDATE_EVERY_S,
     BatteryCapacity,
+    Reporter,
     TelemetryPublisher,
 )
 from mavlink_broker.vehicle.vehicle import Vehicle

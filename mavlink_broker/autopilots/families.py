@@ -2,21 +2,160 @@
 
 The project's own vehicle identifies as PX4. An unknown autopilot gets the standard protocol: arm,
 start the mission; its modes are not interpreted.
+
+Flight modes by family: names of HEARTBEAT.custom_mode, and their role in a mission.
 """
 
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from enum import Enum, auto
+from functools import lru_cache
 from typing import Final
 
 from afarcloud.enumerations import OrbitType
-from mavlink_broker.autopilots import flight_modes, geofence_parameters, parameter_settings
-from mavlink_broker.autopilots.flight_modes import ModeRole
+from mavlink_broker.autopilots import parameter_settings
 from mavlink_broker.autopilots.parameter_settings import ParameterOverrides
 from mavlink_broker.mavlink.dialect import Message, mavlink
 from mavlink_broker.microservices.command import CommandAlternatives, CommandLong, long_command
 from mavlink_broker.microservices.parameter import ParameterEncoding
+
+
+class ModeRole(Enum):
+    """Role of a mode while a mission of the broker is on the vehicle."""
+
+    MISSION = auto()  # Flies the mission
+    HOLD = auto()  # Holds: paused by a client, or commanded by the broker
+    PAUSED = auto()  # Holds in a mode that the broker never commands; the mission can be resumed
+    GUIDED = auto()  # Flies a live command
+    ENDING = auto()  # Return or land: part of the mission only during its last command
+    OTHER = auto()  # Another client or a pilot flies
+
+
+PX4_MISSION: Final = 4 << 16 | 4 << 24
+
+_PX4_MAIN: Final = {
+    1: "MANUAL",
+    2: "ALTCTL",
+    3: "POSCTL",
+    4: "AUTO",
+    5: "ACRO",
+    6: "OFFBOARD",
+    7: "STABILIZED",
+    8: "RATTITUDE",
+    9: "SIMPLE",
+    10: "TERMINATION",
+    11: "ALTITUDE_CRUISE",
+}
+_PX4_AUTO: Final = {
+    1: "READY",
+    2: "TAKEOFF",
+    3: "LOITER",
+    4: "MISSION",
+    5: "RTL",
+    6: "LAND",
+    7: "RTGS",
+    8: "FOLLOW_TARGET",
+    9: "PRECLAND",
+    10: "VTOL_TAKEOFF",
+    21: "GOTO",
+}
+_PX4_POSCTL: Final = {1: "ORBIT", 2: "SLOW"}
+_PX4_ROLES: Final[Mapping[str, ModeRole]] = {
+    "AUTO.MISSION": ModeRole.MISSION,
+    "AUTO.TAKEOFF": ModeRole.MISSION,
+    "AUTO.VTOL_TAKEOFF": ModeRole.MISSION,
+    "AUTO.READY": ModeRole.HOLD,
+    "AUTO.LOITER": ModeRole.HOLD,
+    "AUTO.GOTO": ModeRole.GUIDED,
+    "AUTO.FOLLOW_TARGET": ModeRole.GUIDED,
+    "POSCTL.ORBIT": ModeRole.GUIDED,
+    "AUTO.RTL": ModeRole.ENDING,
+    "AUTO.LAND": ModeRole.ENDING,
+    "AUTO.PRECLAND": ModeRole.ENDING,
+}
+
+LIVE_MODES: Final = frozenset({"POSCTL.ORBIT", "AUTO.FOLLOW_TARGET", "FOLLOW"})
+"""Modes that a vehicle uses only for a live command."""
+
+_COPTER: Final = {
+    0: "STABILIZE",
+    1: "ACRO",
+    2: "ALT_HOLD",
+    3: "AUTO",
+    4: "GUIDED",
+    5: "LOITER",
+    6: "RTL",
+    7: "CIRCLE",
+    9: "LAND",
+    11: "DRIFT",
+    13: "SPORT",
+    14: "FLIP",
+    15: "AUTOTUNE",
+    16: "POSHOLD",
+    17: "BRAKE",
+    18: "THROW",
+    19: "AVOID_ADSB",
+    20: "GUIDED_NOGPS",
+    21: "SMART_RTL",
+    22: "FLOWHOLD",
+    23: "FOLLOW",
+    24: "ZIGZAG",
+    25: "SYSTEMID",
+    26: "AUTOROTATE",
+    27: "AUTO_RTL",
+    28: "TURTLE",
+}
+_COPTER_ROLES: Final[Mapping[str, ModeRole]] = {
+    "AUTO": ModeRole.MISSION,
+    "LOITER": ModeRole.PAUSED,
+    "GUIDED": ModeRole.GUIDED,
+    "FOLLOW": ModeRole.GUIDED,
+    "BRAKE": ModeRole.PAUSED,
+    "RTL": ModeRole.ENDING,
+    "SMART_RTL": ModeRole.ENDING,
+    "AUTO_RTL": ModeRole.ENDING,
+    "LAND": ModeRole.ENDING,
+}
+
+
+@lru_cache(maxsize=256)  # Every step of a session asks for it several times
+def px4_name(base_mode: int, custom_mode: int) -> str:
+    """Name of a PX4 mode, main and sub mode joined by a dot."""
+    del base_mode
+    main, sub = custom_mode >> 16 & 0xFF, custom_mode >> 24 & 0xFF
+    name = _PX4_MAIN.get(main, f"MODE_{main}")
+    subs = {3: _PX4_POSCTL, 4: _PX4_AUTO}.get(main, {})
+    return f"{name}.{subs.get(sub, sub)}" if sub else name
+
+
+def copter_name(base_mode: int, custom_mode: int) -> str:
+    """Name of an ArduCopter mode."""
+    del base_mode
+    return _COPTER.get(custom_mode, f"MODE_{custom_mode}")
+
+
+def generic_name(base_mode: int, custom_mode: int) -> str:
+    """Name of an unknown autopilot's mode by the standard base_mode bits."""
+    if base_mode & mavlink.MAV_MODE_FLAG_AUTO_ENABLED:
+        return "AUTO"
+    return f"MODE_{custom_mode}"
+
+
+def px4_role(name: str) -> ModeRole:
+    """Role of a PX4 mode."""
+    return _PX4_ROLES.get(name, ModeRole.OTHER)
+
+
+def copter_role(name: str) -> ModeRole:
+    """Role of an ArduCopter mode."""
+    return _COPTER_ROLES.get(name, ModeRole.OTHER)
+
+
+def generic_role(name: str) -> ModeRole:
+    """Role of an unknown autopilot's modes: all count as flying the mission."""
+    del name
+    return ModeRole.MISSION
 
 
 def _mode(main: int, sub: int = 0) -> CommandLong:
@@ -150,12 +289,12 @@ class Family:
     link_timeout_parameter: str | None = None  # For how long it may be without one, s
     status_texts_to_gcs_only: bool = False  # It sends STATUSTEXT to ground stations only
     # Parameters that make a vehicle keep its geofence, and those to be read for that
-    fence_parameters: geofence_parameters.FenceLaw = geofence_parameters.unknown_fence
+    fence_parameters: parameter_settings.FenceLaw = parameter_settings.unknown_fence
     fence_parameter_names: tuple[str, ...] = ()
     rally_altitude_step_m: float = 0.0  # Resolution of a rally point's altitude in storage
     parameter_encoding: ParameterEncoding = ParameterEncoding.C_CAST  # If it reports none
-    mode_name: Callable[[int, int], str] = flight_modes.generic_name
-    mode_role: Callable[[str], ModeRole] = flight_modes.generic_role
+    mode_name: Callable[[int, int], str] = generic_name
+    mode_role: Callable[[str], ModeRole] = generic_role
 
     def needs_position(self, message: Message) -> bool:
         """Whether an order takes the vehicle to a place or round one, so that it needs a position.
@@ -178,7 +317,7 @@ class Family:
     @property
     def knows_modes(self) -> bool:
         """Whether its modes are known."""
-        return self.mode_role is not flight_modes.generic_role
+        return self.mode_role is not generic_role
 
 
 PX4: Final = Family(
@@ -209,11 +348,11 @@ PX4: Final = Family(
     link_loss_parameter="NAV_DLL_ACT",
     link_timeout_parameter="COM_DL_LOSS_T",
     status_texts_to_gcs_only=True,
-    fence_parameters=geofence_parameters.px4_fence,
-    fence_parameter_names=geofence_parameters.PX4_NAMES,
+    fence_parameters=parameter_settings.px4_fence,
+    fence_parameter_names=parameter_settings.PX4_NAMES,
     parameter_encoding=ParameterEncoding.BYTEWISE,
-    mode_name=flight_modes.px4_name,
-    mode_role=flight_modes.px4_role,
+    mode_name=px4_name,
+    mode_role=px4_role,
 )
 
 OWN: Final = replace(
@@ -286,11 +425,11 @@ ARDUPILOT: Final = Family(
     paused_mode="BRAKE",
     busy_pause_s=9.0,
     battery_capacity_parameter="BATT_CAPACITY",
-    fence_parameters=geofence_parameters.ardupilot_fence,
-    fence_parameter_names=geofence_parameters.ARDUPILOT_NAMES,
+    fence_parameters=parameter_settings.ardupilot_fence,
+    fence_parameter_names=parameter_settings.ARDUPILOT_NAMES,
     rally_altitude_step_m=1.0,
-    mode_name=flight_modes.copter_name,
-    mode_role=flight_modes.copter_role,
+    mode_name=copter_name,
+    mode_role=copter_role,
 )
 
 GENERIC: Final = Family(name="generic", battery_capacity_parameter="BAT1_CAPACITY")
@@ -308,8 +447,8 @@ ARDUPILOT_OTHER: Final = replace(
     landing=GENERIC.landing,
     returning=GENERIC.returning,
     follow_modes=(),
-    mode_name=flight_modes.generic_name,
-    mode_role=flight_modes.generic_role,
+    mode_name=generic_name,
+    mode_role=generic_role,
 )
 """ArduPilot other than copter: its missions, and nothing that depends on a mode number."""
 

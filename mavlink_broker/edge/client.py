@@ -28,8 +28,8 @@ from typing import Any, Final, NamedTuple, TypeVar
 import requests
 
 from afarcloud import wire
-from mavlink_broker.edge.bounded_http import Answer
-from mavlink_broker.edge.connection import (
+from mavlink_broker.edge.bounded_http import (
+    Answer,
     EdgeConnection,
     NoKeyError,
     is_final,

@@ -21,8 +21,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
 
+from mavlink_broker.mavlink.codec import message_id
 from mavlink_broker.mavlink.dialect import mavlink
-from mavlink_broker.mavlink.frames import message_id
 from mavlink_broker.supervision import SupervisedThread
 
 SUFFIX: Final = ".tlog"

@@ -10,8 +10,7 @@ import os
 import termios
 from typing import Final
 
-from mavlink_broker.links.link import Arrival, LinkError, RetryTimer
-from mavlink_broker.links.rate_limit import RateLimiter
+from mavlink_broker.links.link import Arrival, LinkError, RateLimiter, RetryTimer
 from mavlink_broker.links.stream import QUEUE_BYTES, SinglePeerLink, Stream
 from mavlink_broker.links.url import LinkUrl
 

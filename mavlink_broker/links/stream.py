@@ -13,10 +13,9 @@ from abc import ABC, abstractmethod
 from collections import deque
 from typing import Final
 
-from mavlink_broker.links.link import Arrival, RetryTimer
-from mavlink_broker.links.rate_limit import RateLimiter
+from mavlink_broker.links.link import Arrival, RateLimiter, RetryTimer
 from mavlink_broker.links.url import Address, LinkUrl
-from mavlink_broker.mavlink.frames import checksum_holds, frame_size, next_marker
+from mavlink_broker.mavlink.codec import checksum_holds, frame_size, next_marker
 
 FRAME_TIMEOUT_S: Final = 1.0
 """Bytes that are not a whole frame by then are noise that looked like a frame's first byte.

@@ -22,7 +22,7 @@ from enum import Enum, auto
 from typing import Final, Protocol
 
 from afarcloud.geodesy import distance_m
-from mavlink_broker.autopilots.flight_modes import LIVE_MODES, ModeRole
+from mavlink_broker.autopilots.families import LIVE_MODES, ModeRole
 from mavlink_broker.autopilots.status_texts import TextMeaning, means
 from mavlink_broker.live.camera_state import CaptureCheck, CaptureState
 from mavlink_broker.live.follow_target import FollowTargetSender
@@ -157,7 +157,7 @@ class LiveCommandRecord:
         return 0.0 if since_s is None else max(0.0, time_s - since_s)
 
 
-class Phase(Enum):
+class LivePhase(Enum):
     """The phase of a live command."""
 
     LISTENING = auto()  # For signs that an earlier run has sent it
@@ -185,7 +185,7 @@ class LiveCommandExecutor:
         self._takeover = TakeoverDebounce()
         self._extra_s = 0.0  # Added to its duration: an earlier run has lost the acknowledgement
         self._may_be_repetition = False  # An earlier run may have sent it
-        self.phase = Phase.SETTING_PARAMETERS
+        self.phase = LivePhase.SETTING_PARAMETERS
         self.reason = ""
         self.is_control_lost = False  # Another controller, or a pause, has ended it
         self._is_out_of_mission = False  # The vehicle has left its mission items for this command
@@ -215,8 +215,8 @@ class LiveCommandExecutor:
     def has_begun(self) -> bool:
         """Whether the vehicle has accepted it."""
         is_in_progress = self._sequence is not None and self._sequence.is_in_progress
-        begun = self.phase is Phase.BEGINNING and is_in_progress
-        return begun or self.phase in {Phase.RUNNING, Phase.ENDING, Phase.DONE}
+        begun = self.phase is LivePhase.BEGINNING and is_in_progress
+        return begun or self.phase in {LivePhase.RUNNING, LivePhase.ENDING, LivePhase.DONE}
 
     def start(self, now: float, *, resumed: bool = False) -> list[Message]:
         """Begin; `resumed` if the vehicle accepted it in an earlier run of the broker.
@@ -230,7 +230,7 @@ class LiveCommandExecutor:
             self._resume(now)
             return []
         if self._record.may_have_been_sent:
-            self._enter(Phase.LISTENING, now)
+            self._enter(LivePhase.LISTENING, now)
             self._may_be_repetition = True
             return []
         return self._approach(now)
@@ -248,7 +248,7 @@ class LiveCommandExecutor:
         if not self._vehicle.parameters.is_settled:
             return []
         self._began_at = self._time_s(now)  # Its time limit excludes the setting of parameters
-        self._enter(Phase.APPROACHING, now)
+        self._enter(LivePhase.APPROACHING, now)
         if self._action.approach is None:
             return self._begin(now)
         home = self._vehicle.snapshot.home
@@ -266,12 +266,12 @@ class LiveCommandExecutor:
         """Process a message of the vehicle."""
         if self._is_refusal(message):
             return self._fail(f"the vehicle does not go there: {message.text.strip()}")
-        if self.phase is Phase.LISTENING and self._record.is_sign(message):
+        if self.phase is LivePhase.LISTENING and self._record.is_sign(message):
             self._resume(now)
         if self._capture is not None:
             self._capture.receive(message, now)
         messages = self._sequence.receive(message, now) if self._sequence else []
-        if self._task is not None and self.phase is Phase.RUNNING:
+        if self._task is not None and self.phase is LivePhase.RUNNING:
             messages += self._task.receive(message, now)
         if self._extra_s and self._record.is_answer(message):
             self._extra_s = 0.0
@@ -288,7 +288,7 @@ class LiveCommandExecutor:
         )
         moves = isinstance(self._task, CircleExecutor | StepSeries)
         return is_refusal and (
-            self.phase is Phase.APPROACHING or (moves and self.phase is Phase.RUNNING)
+            self.phase is LivePhase.APPROACHING or (moves and self.phase is LivePhase.RUNNING)
         )
 
     def tick(self, now: float) -> list[Message]:
@@ -296,11 +296,11 @@ class LiveCommandExecutor:
         role = self._vehicle.mode_role
         self._is_out_of_mission |= role in {ModeRole.HOLD, ModeRole.GUIDED}
         follows = isinstance(self._action.end, Lasted) and self._vehicle.mode in LIVE_MODES
-        self._was_following |= follows and self.phase is Phase.RUNNING
+        self._was_following |= follows and self.phase is LivePhase.RUNNING
         messages: list[Message] = []
         if self._sign_of_takeover() is None or not self._action.moves:
             messages += self._repeat(now)
-            if self._task is not None and self.phase is Phase.RUNNING:
+            if self._task is not None and self.phase is LivePhase.RUNNING:
                 messages += self._task.tick(now)
             messages += self._advance(now)
             self._record_progress()
@@ -309,7 +309,7 @@ class LiveCommandExecutor:
 
     def _repeat(self, now: float) -> list[Message]:
         """Repeat an overdue command, unless it was received and may have been carried out."""
-        capture = self._capture if self.phase is Phase.BEGINNING else None
+        capture = self._capture if self.phase is LivePhase.BEGINNING else None
         if capture is not None and capture.state in {CaptureState.IN_PROGRESS, CaptureState.DONE}:
             return capture.tick(now)
         return self._sequence.tick(now) if self._sequence else []
@@ -327,39 +327,39 @@ class LiveCommandExecutor:
 
     def _advance(self, now: float) -> list[Message]:
         outcome = self._sequence.outcome if self._sequence else None
-        if isinstance(outcome, Refused) and self.phase is not Phase.ENDING:
+        if isinstance(outcome, Refused) and self.phase is not LivePhase.ENDING:
             return self._refused(outcome, now)
         match self.phase:
-            case Phase.LISTENING if self._time_s(now) - self._phase_at >= LISTEN_S:
-                self._enter(Phase.SETTING_PARAMETERS, now)
-            case Phase.SETTING_PARAMETERS:
+            case LivePhase.LISTENING if self._time_s(now) - self._phase_at >= LISTEN_S:
+                self._enter(LivePhase.SETTING_PARAMETERS, now)
+            case LivePhase.SETTING_PARAMETERS:
                 return self._approach(now)
-            case Phase.APPROACHING if self._has_arrived(outcome):
+            case LivePhase.APPROACHING if self._has_arrived(outcome):
                 return self._begin(now)
-            case Phase.BEGINNING if isinstance(outcome, Accepted):
+            case LivePhase.BEGINNING if isinstance(outcome, Accepted):
                 self._note_alternative()
                 self._run(now)
-            case Phase.BEGINNING if self._capture and self._capture.state is CaptureState.DONE:
+            case LivePhase.BEGINNING if self._capture and self._capture.state is CaptureState.DONE:
                 self._sequence = None  # The acknowledgement is lost, the pictures exist
                 self._run(now)
-            case Phase.RUNNING if self._task is not None and self._task.reason is not None:
+            case LivePhase.RUNNING if self._task is not None and self._task.reason is not None:
                 return self._fail(self._task.reason)
-            case Phase.RUNNING if self._is_over(now):
+            case LivePhase.RUNNING if self._is_over(now):
                 return self._finish(now)
-            case Phase.ENDING if (
+            case LivePhase.ENDING if (
                 outcome is not None
             ):  # A refusal may mean that it has ended already
-                self._enter(Phase.DONE, now)
+                self._enter(LivePhase.DONE, now)
         return []
 
     def _refused(self, refusal: Refused, now: float) -> list[Message]:
         """Fail, or leave out a command for a camera that does not exist."""
-        is_for_camera = self._action.wants_camera and self.phase is Phase.BEGINNING
+        is_for_camera = self._action.wants_camera and self.phase is LivePhase.BEGINNING
         note = camera_note(self._vehicle, refusal) if is_for_camera else None
         if note is None:
             return self._fail(refusal.reason)
         self._note, self._sequence = note, None
-        self._enter(Phase.DONE, now)
+        self._enter(LivePhase.DONE, now)
         return []
 
     def _has_arrived(self, outcome: CommandOutcome | None) -> bool:
@@ -370,7 +370,7 @@ class LiveCommandExecutor:
         """Send the command, once the record says that it is about to be sent."""
         if not self._record.may_send():
             return []
-        self._enter(Phase.BEGINNING, now)
+        self._enter(LivePhase.BEGINNING, now)
         if self._action.execution_s:
             self._capture = CaptureCheck(self._action.command, self._vehicle)
         return [*self._send_target(now), *self._send(self._action.begin, now)]
@@ -385,13 +385,13 @@ class LiveCommandExecutor:
                 self._task = SubjectTracker(end, self._vehicle)
             case Circled() as circle:
                 self._task = CircleExecutor(circle, self._vehicle)
-        self._enter(Phase.RUNNING, now)
+        self._enter(LivePhase.RUNNING, now)
 
     def _finish(self, now: float) -> list[Message]:
-        self._enter(Phase.ENDING, now)
+        self._enter(LivePhase.ENDING, now)
         has_released = isinstance(self._task, OrbitMonitor) and self._task.has_released
         if not self._action.finish or has_released:
-            self._enter(Phase.DONE, now)
+            self._enter(LivePhase.DONE, now)
             return []
         return self._send(self._action.finish, now)
 
@@ -402,11 +402,11 @@ class LiveCommandExecutor:
         )
         return self._sequence.start(now)
 
-    def _enter(self, phase: Phase, now: float) -> None:
+    def _enter(self, phase: LivePhase, now: float) -> None:
         self.phase, self._phase_at = phase, self._time_s(now)
 
     def _fail(self, reason: str) -> list[Message]:
-        self.phase, self.reason = Phase.FAILED, reason
+        self.phase, self.reason = LivePhase.FAILED, reason
         return []
 
     def _note_alternative(self) -> None:
@@ -431,21 +431,21 @@ class LiveCommandExecutor:
         return self._task is not None and self._task.is_over
 
     def _send_target(self, now: float) -> list[Message]:
-        if self.phase not in {Phase.BEGINNING, Phase.RUNNING}:
+        if self.phase not in {LivePhase.BEGINNING, LivePhase.RUNNING}:
             return []
         time_s = self._time_s(now)
-        followed_s = time_s - self._phase_at if self.phase is Phase.RUNNING else 0.0
+        followed_s = time_s - self._phase_at if self.phase is LivePhase.RUNNING else 0.0
         return self._target.send(time_s, followed_s, now)
 
     def _check(self, now: float) -> None:
         """Fail when another controller has ended it, or it takes too long."""
-        if self.phase in {Phase.DONE, Phase.FAILED}:
+        if self.phase in {LivePhase.DONE, LivePhase.FAILED}:
             return
         if not self._vehicle.is_reachable(now):
             if self._capture is not None:
                 self._capture.restart_timeout()
             return
-        is_checked = self.phase is Phase.BEGINNING and self._capture is not None
+        is_checked = self.phase is LivePhase.BEGINNING and self._capture is not None
         fault = self._capture.fault(now) if is_checked and self._capture else None
         if fault is not None:
             self._fail(fault)
@@ -469,7 +469,7 @@ class LiveCommandExecutor:
         who = control_authority.authority_of(seen, self.claim)
         if who is not Authority.BROKER:
             return control_authority.reason(who, seen)
-        is_running = self.phase is Phase.RUNNING
+        is_running = self.phase is LivePhase.RUNNING
         if is_running and self._was_following and seen.role is ModeRole.HOLD:
             return f"the vehicle was paused: mode {seen.mode}"
         if is_running and isinstance(self._task, OrbitMonitor) and self._task.has_left:

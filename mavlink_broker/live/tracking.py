@@ -14,7 +14,7 @@ from typing import Final
 
 from afarcloud.enumerations import TrackMode
 from afarcloud.geodesy import offset
-from mavlink_broker.autopilots.flight_modes import LIVE_MODES
+from mavlink_broker.autopilots.families import LIVE_MODES
 from mavlink_broker.live.quick_shot import QuickShot, Subject
 from mavlink_broker.live.series import StepSeries, heading_command
 from mavlink_broker.mavlink.dialect import Message, mavlink

@@ -2,20 +2,23 @@
 
 The decoder finds whole, correct frames in a datagram and keeps nothing for the next one, so a
 broken or hostile datagram affects only itself.
+
+MAVLink frames as bytes: length, checksum, copies with another sequence number or signature.
+
+Layout and checksum: MAVLink's guide, "Packet Serialization" and "Message Signing". A frame of
+version 2 is 0xFD, payload length, incompatibility and compatibility flags, sequence, system,
+component, message id (3 bytes), payload, checksum (2), and 13 bytes of signature if the first
+flag is set; one of version 1 is 0xFE, length, sequence, system, component, id, payload, checksum.
+The checksum is CRC-16/MCRF4XX over all but the first byte, and over a byte (CRC_EXTRA) that
+stands for the definition of the message.
 """
 
+import hashlib
+import re
+import struct
 from typing import Any, Final
 
 from mavlink_broker.mavlink.dialect import Message, Source, mavlink, source_of
-from mavlink_broker.mavlink.frames import (
-    SIGNED_FLAG,
-    frame_size,
-    is_signed,
-    message_id,
-    next_marker,
-    sender,
-    sequence,
-)
 
 _SEQUENCES: Final = 256
 _MAX_FAULTS_PER_DATAGRAM: Final = 16
@@ -112,3 +115,144 @@ def _frame_end(datagram: bytes, position: int) -> int:
     """End of the frame that begins at `position`; `position` itself where none does."""
     size = frame_size(datagram, position) or 0
     return position + size if size <= len(datagram) - position else position
+
+
+VERSION_1: Final = 0xFE
+VERSION_2: Final = 0xFD
+SIGNED_FLAG: Final = 0x01
+SIGNATURE_LENGTH: Final = 13
+DIGEST_LENGTH: Final = 6
+LARGEST_FRAME: Final = 12 + 255 + SIGNATURE_LENGTH
+
+_OVERHEAD: Final = {VERSION_1: 8, VERSION_2: 12}
+_MARKER: Final = re.compile(b"[\xfd\xfe]")
+_SEQUENCE_AT: Final = {VERSION_1: 2, VERSION_2: 4}
+_CHECKSUM: Final = struct.Struct("<H")
+_LINK_AND_TIME: Final = struct.Struct("<BQ")
+_LINK_AND_TIME_LENGTH: Final = 7
+
+
+def next_marker(data: bytes, position: int) -> int:
+    """Position of the next start byte of a frame; the end if there is none."""
+    found = _MARKER.search(data, position)
+    return found.start() if found else len(data)
+
+
+def frame_size(data: bytes, position: int) -> int | None:
+    """Length of the frame that starts at `position`; it may be longer than the data.
+
+    0 if no frame can start there; None if the data is too short to decide.
+    """
+    overhead = _OVERHEAD.get(data[position], 0)
+    if not overhead:
+        return 0
+    if len(data) - position < 3:
+        return None
+    size = data[position + 1] + overhead
+    if data[position] == VERSION_2:
+        flags = data[position + 2]
+        if flags & ~SIGNED_FLAG:
+            return 0  # An unknown incompatibility flag: the frame must be discarded
+        size += SIGNATURE_LENGTH if flags & SIGNED_FLAG else 0
+    return size
+
+
+def is_signed(frame: bytes) -> bool:
+    """Whether a whole frame carries a signature."""
+    return frame[0] == VERSION_2 and bool(frame[2] & SIGNED_FLAG)
+
+
+def message_id(frame: bytes) -> int:
+    """Message id of a whole frame."""
+    if frame[0] == VERSION_1:
+        return frame[5]
+    return int.from_bytes(frame[7:10], "little")
+
+
+def sender(frame: bytes) -> tuple[int, int]:
+    """System and component id of a whole frame."""
+    at = _SEQUENCE_AT[frame[0]] + 1
+    return frame[at], frame[at + 1]
+
+
+def sequence(frame: bytes) -> int:
+    """Sequence number of a whole frame."""
+    return frame[_SEQUENCE_AT[frame[0]]]
+
+
+def checksum_holds(frame: bytes) -> bool | None:
+    """Whether the checksum is correct; None if the dialect does not know the message."""
+    extra = _extra_of(message_id(frame))
+    if extra is None:
+        return None
+    body, checksum, _ = _parts(frame)
+    return _checksum(body, extra) == checksum
+
+
+def with_sequence(frame: bytes, number: int) -> bytes:
+    """An unsigned frame with another sequence number."""
+    if sequence(frame) == number:
+        return frame
+    body, checksum, _ = _parts(frame)
+    extra = _true_extra(frame, body, checksum)
+    changed = bytearray(body)
+    changed[_SEQUENCE_AT[frame[0]] - 1] = number
+    return _sealed(frame[0], bytes(changed), extra)
+
+
+def unsigned(frame: bytes) -> bytes:
+    """A frame without its signature; an unsigned frame unchanged."""
+    if not is_signed(frame):
+        return frame
+    body, checksum, _ = _parts(frame)
+    extra = _true_extra(frame, body, checksum)
+    return _sealed(VERSION_2, _with_flags(body, body[1] & ~SIGNED_FLAG), extra)
+
+
+def signed(frame: bytes, key: bytes, link_id: int, ticks: int) -> bytes:
+    """A frame of version 2 with a new signature; `ticks` are 10 us since 2015."""
+    body, checksum, _ = _parts(frame)
+    extra = _true_extra(frame, body, checksum)
+    if frame[0] == VERSION_1:
+        body = _in_version_2(body)
+    whole = _sealed(VERSION_2, _with_flags(body, body[1] | SIGNED_FLAG), extra)
+    whole += _LINK_AND_TIME.pack(link_id, ticks)[:_LINK_AND_TIME_LENGTH]
+    return whole + hashlib.sha256(key + whole).digest()[:DIGEST_LENGTH]
+
+
+def _parts(frame: bytes) -> tuple[bytes, int, bytes]:
+    """The bytes that the checksum covers, the checksum, and the signature."""
+    end = len(frame) - (SIGNATURE_LENGTH if is_signed(frame) else 0)
+    checksum: int = _CHECKSUM.unpack_from(frame, end - 2)[0]
+    return bytes(frame[1 : end - 2]), checksum, bytes(frame[end:])
+
+
+def _sealed(marker: int, body: bytes, extra: int) -> bytes:
+    return bytes((marker,)) + body + _CHECKSUM.pack(_checksum(body, extra))
+
+
+def _with_flags(body: bytes, flags: int) -> bytes:
+    return body[:1] + bytes((flags,)) + body[2:]
+
+
+def _in_version_2(body: bytes) -> bytes:
+    """Length, sequence, system, component, id and payload in the order of version 2."""
+    return bytes((body[0], 0, 0, *body[1:4], body[4], 0, 0)) + body[5:]
+
+
+def _checksum(body: bytes, extra: int) -> int:
+    checksum: int = mavlink.x25crc(body + bytes((extra,))).crc
+    return checksum
+
+
+def _extra_of(number: int) -> int | None:
+    kind = mavlink.mavlink_map.get(number)
+    return None if kind is None else int(kind.crc_extra)
+
+
+def _true_extra(frame: bytes, body: bytes, checksum: int) -> int:
+    """CRC_EXTRA of a whole frame; derived from the checksum if the dialect lacks the message."""
+    known = _extra_of(message_id(frame))
+    if known is not None:
+        return known
+    return next((extra for extra in range(256) if _checksum(body, extra) == checksum), 0)

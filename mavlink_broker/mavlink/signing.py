@@ -26,8 +26,8 @@ from enum import Enum
 from pathlib import Path
 from typing import Any, Final
 
+from mavlink_broker.mavlink.codec import signed
 from mavlink_broker.mavlink.dialect import Message, Source, mavlink, source_of
-from mavlink_broker.mavlink.frames import signed
 
 KEY_LENGTH: Final = 32
 RETRY_INTERVAL_S: Final = 5.0

@@ -24,16 +24,14 @@ from typing import Final
 
 from mavlink_broker.mavlink.dialect import Message, Route, source_of
 from mavlink_broker.microservices import ftp_requests
-from mavlink_broker.microservices.ftp_partial_file import (
-    Fetched,
-    FetchOutcome,
-    NotFetched,
-    PartialFile,
-)
 from mavlink_broker.microservices.ftp_requests import (
     DATA_MAX,
     NAK_REASONS,
+    Fetched,
+    FetchOutcome,
+    NotFetched,
     Packet,
+    PartialFile,
     PendingRequest,
     PendingRequests,
 )

@@ -10,6 +10,11 @@ clocks differ by some seconds, which is why each kind of message is tracked sepa
 overflow of the counter at 2^32 ms, after 49.7 days. The speed of the clock does not matter: a
 simulated one may run at any speed.
 
+Recognises a heartbeat that a newer one has overtaken on the network.
+
+UDP may deliver two frames the other way round. A heartbeat has no time of its own, and one that is
+late shows a mode that the vehicle has left: it would look as if somebody else had changed it. The
+frames of a component are numbered, modulo 256.
 """
 
 import math
@@ -188,3 +193,34 @@ def _is_suspicious(clock: _Clock, time_boot_ms: int) -> bool:
 def _has_wrapped(newest_ms: int, time_boot_ms: int) -> bool:
     at_the_end = newest_ms > _COUNTER - _NEAR_THE_END_MS
     return at_the_end and time_boot_ms < _NEAR_THE_END_MS
+
+
+SEQUENCE_GAP_S: Final = 0.5
+"""After such a gap the numbers prove nothing: the vehicle may have counted round or restarted."""
+_SEQUENCE_MODULUS: Final = 256
+
+
+class HeartbeatOrder:
+    """The order of the frames of one component."""
+
+    def __init__(self) -> None:
+        self._number = 0  # Of the newest frame
+        self._position = 0  # The same, counted on
+        self._heartbeat = 0  # Position of the newest heartbeat
+        self._received_at = -math.inf
+
+    def is_overtaken(self, message: Message, now: float) -> bool:
+        """Take a frame; gives whether it is a heartbeat that is older than another one."""
+        number, half = message.get_seq(), _SEQUENCE_MODULUS // 2
+        step = (number - self._number + half) % _SEQUENCE_MODULUS - half
+        if now - self._received_at > SEQUENCE_GAP_S:
+            step = 1
+        position, self._received_at = self._position + step, now
+        if step > 0:
+            self._number, self._position = number, position
+        if message.get_type() != "HEARTBEAT":
+            return False
+        if position < self._heartbeat:
+            return True
+        self._heartbeat = position
+        return False

@@ -1,11 +1,31 @@
 """What all transfers of the mission protocol share: kinds of plan, and float items.
 
 A vehicle holds three kinds of plan, by MAV_MISSION_TYPE, each with its own transfers.
+
+Sets the current mission item and waits until the vehicle reports it.
+
+A vehicle may remember the index of its former mission and fly towards an old waypoint. The broker
+sends DO_SET_MISSION_CURRENT(224); if it is refused, MISSION_SET_CURRENT(41), which is never
+acknowledged. Only MISSION_CURRENT with the right index is a success.
+
+ArduPilot reports navigation items only: set to a change of speed, it reports the take-off after it.
+PX4 checks a mission after it has accepted it, and reports "no mission" if it is not feasible. It
+sends MISSION_CURRENT once a second, and not on request.
 """
 
+from collections.abc import Collection
 from typing import Final
 
-from mavlink_broker.mavlink.dialect import Message, mavlink
+from mavlink_broker.mavlink.dialect import Message, Route, mavlink
+from mavlink_broker.microservices.command import (
+    Accepted,
+    CommandLong,
+    CommandOutcome,
+    CommandTransaction,
+    Refused,
+)
+from mavlink_broker.microservices.message_rates import request_message
+from mavlink_broker.microservices.timeouts import RoundTrip
 
 MISSION: Final[int] = mavlink.MAV_MISSION_TYPE_MISSION
 FENCE: Final[int] = mavlink.MAV_MISSION_TYPE_FENCE
@@ -49,3 +69,93 @@ def to_float_item(item: Message) -> Message:
         *(item.x / scale, item.y / scale, item.z),
         item.mission_type,
     )
+
+
+ATTEMPTS: Final = 10
+REQUEST_INTERVAL_S: Final = 1.0
+"""MISSION_CURRENT may not be sent more often, and each MISSION_SET_CURRENT writes to storage."""
+FEASIBILITY_CHECK_S: Final = 4.0
+"""How long a vehicle may take to check a mission that it has accepted."""
+_RESET: Final = 1.0
+"""Second parameter of 224: also reset jump counters and a former completion."""
+
+
+class MissionSetCurrent:
+    """Sets one current item; `shown_as` are further item numbers that confirm it."""
+
+    def __init__(
+        self,
+        seq: int,
+        route: Route,
+        round_trip: RoundTrip,
+        *,
+        shown_as: Collection[int] = (),
+    ) -> None:
+        self._seq = seq
+        self._shown_as = frozenset({seq, *shown_as})
+        self._no_mission_since: float | None = None
+        self._route = route
+        self._round_trip = round_trip
+        self._attempts = 0
+        self._deadline = 0.0
+        self._command = CommandTransaction(
+            CommandLong(
+                command=mavlink.MAV_CMD_DO_SET_MISSION_CURRENT,
+                parameters=(float(seq), _RESET, 0.0, 0.0, 0.0, 0.0, 0.0),
+            ),
+            route,
+            round_trip,
+        )
+        self.outcome: CommandOutcome | None = None
+
+    def start(self, now: float) -> list[Message]:
+        """Send the command."""
+        return self._command.start(now)
+
+    def receive(self, message: Message, now: float) -> list[Message]:
+        """Take the acknowledgement, then MISSION_CURRENT."""
+        if self.outcome is not None:
+            return []
+        was_settled = self._command.outcome is not None
+        self._command.receive(message, now)
+        if self._command.outcome is not None:
+            if message.get_type() == "MISSION_CURRENT" and message.seq in self._shown_as:
+                self._check_mission_state(message, now)
+            elif not was_settled:
+                return self._request(now)
+        return []
+
+    def _check_mission_state(self, message: Message, now: float) -> None:
+        """Succeed if the vehicle has a mission; wait while it may still be checking it."""
+        if message.mission_state != mavlink.MISSION_STATE_NO_MISSION:
+            self.outcome = Accepted()
+        elif self._no_mission_since is None:
+            self._no_mission_since = now
+        elif now - self._no_mission_since >= FEASIBILITY_CHECK_S:
+            self.outcome = Refused(
+                "the vehicle holds the mission and reports that it is not feasible"
+            )
+
+    def tick(self, now: float) -> list[Message]:
+        """Repeat what is overdue."""
+        if self.outcome is not None:
+            return []
+        if self._command.outcome is None:
+            return self._command.tick(now)
+        if now < self._deadline:
+            return []
+        if self._attempts >= ATTEMPTS:
+            self.outcome = Refused(
+                f"the vehicle does not report item {self._seq} as the current one"
+            )
+            return []
+        return self._request(now)
+
+    def _request(self, now: float) -> list[Message]:
+        self._attempts += 1
+        self._deadline = now + max(REQUEST_INTERVAL_S, self._round_trip.timeout_s)
+        messages = [request_message(self._route, mavlink.MAVLINK_MSG_ID_MISSION_CURRENT)]
+        if isinstance(self._command.outcome, Refused):
+            target = self._route.target_system, self._route.target_component
+            messages.insert(0, mavlink.MAVLink_mission_set_current_message(*target, self._seq))
+        return messages

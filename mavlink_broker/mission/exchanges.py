@@ -1,10 +1,15 @@
-"""The protocol that runs with the vehicle in each state, built from the plan and the vehicle."""
+"""The protocol that runs with the vehicle in each state, built from the plan and the vehicle.
 
+Compares the mission that was downloaded from a vehicle with the uploaded one.
+"""
+
+import math
 from collections.abc import Sequence
-from typing import Protocol, TypeAlias
+from typing import Final, Protocol, TypeAlias
 
-from mavlink_broker.autopilots.flight_modes import ModeRole
+from mavlink_broker.autopilots.families import Family, ModeRole
 from mavlink_broker.mavlink.dialect import Message, mavlink
+from mavlink_broker.mavlink.mission_item import MissionItem, from_message
 from mavlink_broker.microservices.command import (
     CommandAlternatives,
     CommandOutcome,
@@ -12,12 +17,122 @@ from mavlink_broker.microservices.command import (
     long_command,
 )
 from mavlink_broker.microservices.mission_download import MissionVerify, VerifyOutcome
-from mavlink_broker.microservices.mission_protocol import supports_only_float_items
-from mavlink_broker.microservices.mission_set_current import MissionSetCurrent
+from mavlink_broker.microservices.mission_protocol import (
+    POSITION_STEP_DEG,
+    MissionSetCurrent,
+    supports_only_float_items,
+)
 from mavlink_broker.microservices.mission_upload import MissionUpload, UploadOutcome
 from mavlink_broker.planning.mission import FlightPlan
-from mavlink_broker.planning.read_back import difference
 from mavlink_broker.vehicle.vehicle import Vehicle
+
+ALTITUDE_TOLERANCE_M: Final = 0.011
+"""ArduPilot stores centimetres."""
+POSITION_TOLERANCE_DEG: Final = 1.5e-7
+"""One unit of the encoded integer."""
+HOME_TOLERANCE_DEG: Final = 2e-4
+"""Some 20 m: vehicles set home when they are armed, at their estimated position."""
+PARAMETER_TOLERANCE: Final = 1e-5
+"""Relative, or absolute below 1: messages carry single precision."""
+
+YAW_TOLERANCE_DEG: Final = 1e-2
+"""PX4 stores radians."""
+RADIUS_IN_TENS_ABOVE_M: Final = 255.0
+"""ArduPilot stores the radius of a circle in a byte, a larger one in tens of metres."""
+
+_YAW: Final = 3
+"""Index of the yaw: the fourth parameter."""
+_WITH_YAW: Final = frozenset(
+    {
+        mavlink.MAV_CMD_NAV_WAYPOINT,
+        mavlink.MAV_CMD_NAV_LOITER_UNLIM,
+        mavlink.MAV_CMD_NAV_LAND,
+        mavlink.MAV_CMD_NAV_TAKEOFF,
+    }
+)
+_SPEED: Final = (mavlink.MAV_CMD_DO_CHANGE_SPEED, 1)
+"""Index of the speed: the second parameter."""
+_AMSL: Final = mavlink.MAV_FRAME_GLOBAL_INT
+
+
+def difference(
+    plan: FlightPlan,
+    messages: Sequence[Message],
+    family: Family,
+    *,
+    home_may_have_moved: bool = False,
+) -> str | None:
+    """Name the first difference that the family's storage does not explain, or None.
+
+    A home item is the vehicle's own and is not compared. A mission that flies since an earlier run
+    of the broker (`home_may_have_moved`) may differ in two ways: a position that was home then may
+    be some metres from home now, and an event may have changed the speed.
+    """
+    if len(messages) != len(plan.items):
+        return f"the vehicle holds {len(messages)} items instead of {len(plan.items)}"
+    for seq in range(plan.first_item, len(plan.items)):
+        sent, held = plan.items[seq], from_message(messages[seq])
+        moved = home_may_have_moved and sent.at_home
+        is_float = messages[seq].get_type() == "MISSION_ITEM"
+        precision_deg = POSITION_STEP_DEG if is_float else POSITION_TOLERANCE_DEG
+        tolerance_deg = HOME_TOLERANCE_DEG if moved else precision_deg
+        name = _different_field(sent, held, family, tolerance_deg, loosely=home_may_have_moved)
+        if name:
+            return f"item {seq} on the vehicle differs in {name}"
+    return None
+
+
+def _different_field(
+    sent: MissionItem,
+    held: MissionItem,
+    family: Family,
+    tolerance_deg: float,
+    *,
+    loosely: bool,
+) -> str | None:
+    if sent.command != held.command:
+        return "command"
+    kept = family.stored_parameters.get(sent.command, frozenset(range(4)))
+    for index in sorted(kept):
+        if loosely and (sent.command, index) == _SPEED:
+            continue
+        if not _same(sent, held, index, family):
+            return f"parameter {index + 1}"
+    return _different_place(sent, held, tolerance_deg) if sent.is_positional else None
+
+
+def _different_place(sent: MissionItem, held: MissionItem, tolerance_deg: float) -> str | None:
+    same = {
+        "frame": _frame(sent) == _frame(held),
+        "latitude": abs(sent.latitude_deg - held.latitude_deg) <= tolerance_deg,
+        "longitude": abs(sent.longitude_deg - held.longitude_deg) <= tolerance_deg,
+        "altitude": abs(sent.altitude_m - held.altitude_m) <= ALTITUDE_TOLERANCE_M,
+    }
+    return next((name for name, is_same in same.items() if not is_same), None)
+
+
+def _same(sent: MissionItem, held: MissionItem, index: int, family: Family) -> bool:
+    """Compare one parameter as the family stores it."""
+    wanted, stored = sent.parameters[index], held.parameters[index]
+    if index == _YAW and sent.command in _WITH_YAW and math.isfinite(wanted - stored):
+        return abs(math.remainder(wanted - stored, 360.0)) <= YAW_TOLERANCE_DEG
+    if index in family.truncated_parameters.get(sent.command, frozenset()):
+        in_tens = sent.command == mavlink.MAV_CMD_NAV_LOITER_TURNS and index > 0
+        step = 10.0 if in_tens and abs(wanted) > RADIUS_IN_TENS_ABOVE_M else 1.0
+        return abs(wanted - stored) < step
+    return _same_parameter(wanted, stored)
+
+
+def _same_parameter(sent: float, held: float) -> bool:
+    """Compare; an unset yaw (NaN) equals NaN only, for 0 would be north."""
+    if math.isnan(sent) or math.isnan(held):
+        return math.isnan(sent) and math.isnan(held)
+    return math.isclose(sent, held, rel_tol=PARAMETER_TOLERANCE, abs_tol=PARAMETER_TOLERANCE)
+
+
+def _frame(item: MissionItem) -> int:
+    return _AMSL if item.frame == mavlink.MAV_FRAME_GLOBAL else item.frame
+
 
 Outcome: TypeAlias = UploadOutcome | VerifyOutcome | CommandOutcome
 

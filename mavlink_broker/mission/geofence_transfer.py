@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final, Protocol, TypeAlias
 
 from afarcloud.plan import Geofence
-from mavlink_broker.autopilots.geofence_parameters import FenceParameters
+from mavlink_broker.autopilots.parameter_settings import FenceParameters
 from mavlink_broker.mavlink.dialect import Message, Route
 from mavlink_broker.mavlink.mission_item import to_message
 from mavlink_broker.microservices.command import Accepted, CommandOutcome, Refused

@@ -17,16 +17,17 @@ from mavlink_broker.mavlink.dialect import Message, mavlink
 from mavlink_broker.microservices.heartbeat import LinkState
 from mavlink_broker.microservices.mission_protocol import FENCE, RALLY
 from mavlink_broker.mission import exchanges
-from mavlink_broker.mission.abort_executor import (
+from mavlink_broker.mission.context import MissionContext
+from mavlink_broker.mission.pause_orders import NOT_IN_THE_AIR, PAUSED, PAUSED_INSTEAD
+from mavlink_broker.mission.phases.aborting import (
     COMMAND_WITHIN_S,
     REASONS,
     REPLACED,
+    RESTARTED,
+    Aborting,
     SoftAbort,
     return_event,
 )
-from mavlink_broker.mission.context import MissionContext
-from mavlink_broker.mission.pause_orders import NOT_IN_THE_AIR, PAUSED, PAUSED_INSTEAD
-from mavlink_broker.mission.phases.aborting import RESTARTED, Aborting
 from mavlink_broker.mission.phases.attaching import Attaching
 from mavlink_broker.mission.phases.failing import Failing
 from mavlink_broker.mission.phases.live_command import FlyingLive

@@ -18,10 +18,9 @@ from mavlink_broker.autopilots.families import MOST_CAPABLE
 from mavlink_broker.edge.work import AcceptanceResult, EventWork, MissionWork
 from mavlink_broker.effects import Acknowledgement, EdgeMessage, Effects
 from mavlink_broker.mavlink.dialect import Message
-from mavlink_broker.mission.abort_executor import REASONS, abort_note
 from mavlink_broker.mission.mission_executor import MissionExecutor
 from mavlink_broker.mission.pending_events import PendingEvents, aborts_now, is_abort
-from mavlink_broker.mission.phases.aborting import RETURN_ENDED
+from mavlink_broker.mission.phases.aborting import REASONS, RETURN_ENDED, abort_note
 from mavlink_broker.mission.speed_changes import MISSION_ENDED
 from mavlink_broker.mission.states import State
 from mavlink_broker.planning.geofence import check_flyable

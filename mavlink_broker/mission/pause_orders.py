@@ -17,7 +17,7 @@ orders nothing while another system is in command.
 
 from typing import Final
 
-from mavlink_broker.autopilots.flight_modes import LIVE_MODES, ModeRole
+from mavlink_broker.autopilots.families import LIVE_MODES, ModeRole
 from mavlink_broker.edge.work import EventWork
 from mavlink_broker.effects import Acknowledgement, Effects
 from mavlink_broker.mavlink.dialect import Message

@@ -13,11 +13,11 @@ from collections.abc import Callable
 from typing import Final
 
 from afarcloud.enumerations import EventType
-from mavlink_broker.autopilots.flight_modes import ModeRole
+from mavlink_broker.autopilots.families import ModeRole
 from mavlink_broker.edge.work import EventWork
 from mavlink_broker.effects import Acknowledgement, Effects
 from mavlink_broker.mavlink.dialect import Message
-from mavlink_broker.mission.abort_executor import (
+from mavlink_broker.mission.phases.aborting import (
     REPLACED,
     AbortExecutor,
     abort_note,

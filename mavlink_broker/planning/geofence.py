@@ -2,7 +2,7 @@
 
 Areas are items of mission type FENCE, rally points of type RALLY. Each corner of a polygon
 carries the number of corners, in the order of the outline. Heights are not items: see
-`mavlink_broker.autopilots.geofence_parameters`.
+`mavlink_broker.autopilots.parameter_settings`.
 
 `AreaCheck` holds a mission, as its vehicle will fly it, against the geofence. The laws are
 `afarcloud.fence_check` and `afarcloud.flyable`, which the edge server asks too; here they get what

@@ -14,9 +14,9 @@ from mavlink_broker.autopilots.parameter_settings import copter_circle
 from mavlink_broker.mavlink import mission_item
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.microservices.command import CommandInt
+from mavlink_broker.planning.flight_commands import speed_items
 from mavlink_broker.planning.live_actions import Circled, LiveAction, Turned
 from mavlink_broker.planning.situation import Items, Refusal, Situation, Spot
-from mavlink_broker.planning.speed_items import speed_items
 
 FULL_TURN_RAD: Final = 2.0 * math.pi
 SPEED_MAX_M_S: Final = 10.0

@@ -18,6 +18,12 @@ from mavlink_broker.mavlink.dialect import Message, mavlink
 from mavlink_broker.mavlink.mission_item import MissionItem
 from mavlink_broker.microservices.config_overrides import ParameterOverride
 from mavlink_broker.planning import camera_commands, flight_commands, target_commands
+from mavlink_broker.planning.flight_commands import (
+    LegSpeeds,
+    horizontal_share,
+    horizontal_speed_m_s,
+    with_speed,
+)
 from mavlink_broker.planning.hotpoint import hotpoint
 from mavlink_broker.planning.live_actions import LiveAction
 from mavlink_broker.planning.situation import (
@@ -27,12 +33,6 @@ from mavlink_broker.planning.situation import (
     RefusedError,
     Situation,
     Spot,
-)
-from mavlink_broker.planning.speed_items import (
-    LegSpeeds,
-    horizontal_share,
-    horizontal_speed_m_s,
-    with_speed,
 )
 
 __all__ = ["FlightPlan", "Home", "Itinerary", "LiveCommand", "RefusedError", "translate"]

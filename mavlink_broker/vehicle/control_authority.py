@@ -11,7 +11,7 @@ station. Whoever it is, the broker sends no order from then on (`is_order`).
 from enum import Enum, auto
 from typing import Final, NamedTuple
 
-from mavlink_broker.autopilots.flight_modes import ModeRole
+from mavlink_broker.autopilots.families import ModeRole
 from mavlink_broker.mavlink.dialect import Message, mavlink
 
 _AUTOMATIC: Final[int] = mavlink.MAV_MODE_FLAG_AUTO_ENABLED | mavlink.MAV_MODE_FLAG_GUIDED_ENABLED

@@ -27,9 +27,9 @@ from mavlink_broker.mavlink.mission_item import waypoint
 from mavlink_broker.microservices.mission_download import MissionVerify, Verified
 from mavlink_broker.microservices.mission_upload import MissionUpload, Stored
 from mavlink_broker.microservices.timeouts import RoundTrip
+from mavlink_broker.mission.exchanges import difference
 from mavlink_broker.mission.states import State
 from mavlink_broker.planning.mission import FlightPlan
-from mavlink_broker.planning.read_back import difference
 from mavlink_broker.vehicle.vehicle import Vehicle
 from tests.bench.results import Result, at_most, percentile
 from tests.conformance.ground_station import vehicle_process

@@ -14,7 +14,7 @@ from typing import Final
 from pymavlink.dialects.v20 import development as mavlink
 
 from mavlink_broker.microservices.ftp_download import FileDownload
-from mavlink_broker.microservices.ftp_partial_file import Fetched
+from mavlink_broker.microservices.ftp_requests import Fetched
 from tests.bench.results import Result, at_most
 from tests.conformance.ground_station import GroundStation, vehicle_process
 from tests.support.file_air import FAR_AND_BAD, REMOTE, ROUTE, FileAir, a_file

@@ -48,8 +48,8 @@ from mavlink_broker.config import Config
 from mavlink_broker.edge.client import EdgeClient
 from mavlink_broker.links.hub import Hub
 from mavlink_broker.links.url import Address, LinkKind, LinkUrl
+from mavlink_broker.mavlink.codec import message_id
 from mavlink_broker.mavlink.dialect import mavlink
-from mavlink_broker.mavlink.frames import message_id
 from mavlink_broker.vehicle.alarms import DEBOUNCE_S
 from tests.bench.results import Result, at_most
 from tests.support.broker_world import go_home, mission, takeoff, waypoint

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from mavlink_broker.microservices.ftp_download import FileDownload
-from mavlink_broker.microservices.ftp_partial_file import Fetched, NotFetched
+from mavlink_broker.microservices.ftp_requests import Fetched, NotFetched
 from tests.support.file_air import FAR_AND_BAD, REMOTE, ROUTE, a_file
 from tests.support.file_air import FileAir as Air
 from tests.support.lossy_link import Conditions

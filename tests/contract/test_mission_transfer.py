@@ -21,8 +21,8 @@ from mavlink_broker.microservices.mission_download import (
 )
 from mavlink_broker.microservices.mission_upload import MissionUpload, NotStored, Stored, Uncertain
 from mavlink_broker.microservices.timeouts import RoundTrip
+from mavlink_broker.mission.exchanges import difference
 from mavlink_broker.planning.mission import FlightPlan
-from mavlink_broker.planning.read_back import difference
 from tests.support.lossy_link import GROUND_ADDRESS, VEHICLE_ADDRESS, Conditions, LossyLink
 from tests.support.mission_field import any_plan
 from uav_firmware.bus import Topic

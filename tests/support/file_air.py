@@ -10,7 +10,7 @@ from typing import Final
 from mavlink_broker.mavlink.codec import Decoder, Encoder
 from mavlink_broker.mavlink.dialect import Message, Route, mavlink
 from mavlink_broker.microservices.ftp_download import FileDownload
-from mavlink_broker.microservices.ftp_partial_file import FetchOutcome
+from mavlink_broker.microservices.ftp_requests import FetchOutcome
 from tests.support.lossy_link import VEHICLE_ADDRESS, Conditions, LossyLink
 from tests.unit.uav_firmware.modules.mavlink.harness import SYSTEM, empty_topics
 from uav_firmware.cal.files import Card

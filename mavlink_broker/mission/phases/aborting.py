@@ -1,22 +1,306 @@
-"""ABORTING: an event or an alarm has ended the mission, and the vehicle is sent where that says."""
+"""ABORTING: an event or an alarm has ended the mission, and the vehicle is sent where that says.
 
+What the vehicle flies after an event has ended a mission: land, go to a place, return.
+
+    on the ground        disarm, and stay there; also while an order to arm may still arrive
+    without a position   land here: neither a place nor home can be found
+    else                 what the event orders
+
+An order that is refused, not answered or not obeyed is repeated for as long as the vehicle is
+armed; a place that it will not go to is replaced by a landing where it is, unless the link is away.
+The orders end at once when another system takes command of the vehicle, or its own failsafe does.
+An order that leads to a place becomes a landing as soon as the vehicle has lost its position.
+"""
+
+import math
+from dataclasses import dataclass
 from typing import Final
 
+from afarcloud.enumerations import EventType
+from afarcloud.plan import AbortPoint
 from afarcloud.plan import Event as AbortEvent
+from mavlink_broker.autopilots.families import Family, ModeRole
+from mavlink_broker.edge.work import EventWork
 from mavlink_broker.effects import Acknowledgement, Effects
-from mavlink_broker.mavlink.dialect import Message
-from mavlink_broker.mission.abort_executor import (
-    LATE_ORDER_S,
-    AbortExecutor,
-    abort_note,
-    within_fence,
-)
+from mavlink_broker.live.executor import LiveCommandExecutor, LivePhase
+from mavlink_broker.mavlink.dialect import Message, mavlink
+from mavlink_broker.microservices.command import CommandAlternatives, long_command
+from mavlink_broker.microservices.heartbeat import LinkState
 from mavlink_broker.mission.context import MissionContext
 from mavlink_broker.mission.phases.phase import Phase, Result
 from mavlink_broker.mission.states import Event
-from mavlink_broker.recovery.record import PendingReturn
+from mavlink_broker.planning.geofence import AreaCheck
+from mavlink_broker.planning.live_actions import Lasted, LiveAction
+from mavlink_broker.planning.situation import Spot
+from mavlink_broker.recovery.record import PendingAbort, PendingReturn, Pose
+from mavlink_broker.vehicle import control_authority
 from mavlink_broker.vehicle.alarms import mission_error
-from mavlink_broker.vehicle.control_authority import Authority
+from mavlink_broker.vehicle.control_authority import AIRBORNE_MODES, DESCENT_MODES, Authority, Claim
+from mavlink_broker.vehicle.vehicle import Vehicle
+
+AGAIN_AFTER_S: Final = 1.5
+"""Two heartbeats of a quick vehicle: longer than its mode takes to show."""
+WITHIN_S: Final = 600.0
+"""To reach a place; then the vehicle lands where it is."""
+LATE_ORDER_S: Final = 5.0
+"""How long an order of the mission may still arrive behind one that ends it: the longest timeout
+of a command. Later only another system puts the vehicle back into its mission."""
+_DISARM: Final = long_command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0.0)
+REPLACED: Final = "a later event replaced it"
+"""Answer to an abort behind which a newer one decides where the vehicle goes."""
+REASONS: Final = {
+    EventType.ABORT_MISSION: "aborted by an event",
+    EventType.SOFT_ABORT_MISSION: "aborted softly by an event",
+    EventType.RETURN_HOME: "aborted by an event: the vehicle returns home",
+}
+COMMAND_WITHIN_S: Final = 30.0
+"""How long a soft abort waits for the running command, by the vehicle's time."""
+
+
+@dataclass(slots=True)
+class SoftAbort:
+    """Waits for the running command to end."""
+
+    work: EventWork
+    command: int | None  # Running when it came; None: there is nothing to wait for
+    deadline_s: float
+    since: float  # [s] When it was accepted, on the broker's clock
+
+    def is_due(self, *, command_ended: bool, now_s: float) -> bool:
+        """Whether the mission ends now."""
+        return self.command is None or command_ended or now_s >= self.deadline_s
+
+
+def return_event(vehicle_id: int) -> AbortEvent:
+    """The event that ends a mission after an alarm."""
+    return AbortEvent(vehicle_id=vehicle_id, event_type_id=EventType.RETURN_HOME)
+
+
+def abort_note(event: AbortEvent, work_id: int, vehicle: Vehicle) -> PendingAbort:
+    """Describe an abort for the journal; a restarted broker carries it out."""
+    there = event.abort
+    point = None if there is None else Pose(there.latitude, there.longitude, there.altitude)
+    return PendingAbort(
+        work_id=work_id,
+        event_type=int(event.event_type_id),
+        point=point,
+        noted_s=vehicle.snapshot.time_s,
+    )
+
+
+def noted_event(note: PendingAbort, vehicle_id: int) -> AbortEvent:
+    """Read an abort that an earlier run of the broker has noted."""
+    place = note.point
+    point = place and AbortPoint(latitude=place[0], longitude=place[1], altitude=place[2])
+    return AbortEvent(vehicle_id=vehicle_id, event_type_id=EventType(note.event_type), abort=point)
+
+
+def within_fence(
+    event: AbortEvent, area: AreaCheck | None, vehicle: Vehicle
+) -> tuple[AbortEvent, str | None]:
+    """Leave out a place that the plan's geofence forbids, and name what comes instead.
+
+    An emergency is not refused for it: the vehicle lands where it is, or returns.
+    """
+    point, here = event.abort, vehicle.snapshot.position
+    if area is None or point is None:
+        return event, None
+    start = None if here is None else (here.latitude_deg, here.longitude_deg)
+    fault = area.fault_of_order(start, Spot(point.latitude, point.longitude, point.altitude))
+    if fault is None:
+        return event, None
+    is_soft = event.event_type_id is EventType.SOFT_ABORT_MISSION
+    instead = "it returns and lands" if is_soft else "it lands where it is"
+    return event.model_copy(update={"abort": None}), f"abort: {fault}: {instead}"
+
+
+def _airborne_action(event: AbortEvent, vehicle: Vehicle, *, with_place: bool = True) -> LiveAction:
+    """What an abort asks of a vehicle in the air; without its place its last order only."""
+    point = event.abort if with_place else None
+    spot = None if point is None else Spot(point.latitude, point.longitude, point.altitude)
+    begin = _last_order(event, vehicle.family)
+    return LiveAction(begin=begin, end=Lasted(), within_s=WITHIN_S, approach=spot, moves=False)
+
+
+def land_action(vehicle: Vehicle) -> LiveAction:
+    """Land where the vehicle is."""
+    begin = vehicle.family.landing
+    return LiveAction(begin=begin, end=Lasted(), within_s=WITHIN_S, moves=False)
+
+
+def disarm_action(vehicle: Vehicle) -> LiveAction:
+    """Stop the propellers of a vehicle on the ground; one that refuses may be off it: it lands.
+
+    It leaves its mission mode first: whoever arms it next would fly off on what was aborted.
+    """
+    family = vehicle.family
+    begin = ((*family.holding[0], _DISARM), (_DISARM,), *family.landing)
+    return LiveAction(begin=begin, end=Lasted(), within_s=WITHIN_S, moves=False)
+
+
+def _last_order(event: AbortEvent, family: Family) -> CommandAlternatives:
+    if event.event_type_id is EventType.ABORT_MISSION:
+        return family.landing
+    return family.returning if event.abort is None else family.holding
+
+
+_BEFORE_HOLD: Final = frozenset({ModeRole.MISSION})
+
+
+class AbortExecutor:
+    """Orders what an abort asks for until the vehicle has obeyed."""
+
+    def __init__(
+        self,
+        event: AbortEvent,
+        vehicle: Vehicle,
+        *,
+        was_ours: bool = False,
+        arms_until: float | None = None,
+    ) -> None:
+        """Begin with nothing sent; `was_ours` if the mode that it is in is part of its mission.
+
+        `arms_until` is the time until which an order to arm that was sent may still take effect
+        on a vehicle that reports itself disarmed; None if there is no such order.
+        """
+        self._event = event
+        self._vehicle = vehicle
+        self._arms_until = arms_until
+        self._first_mode = vehicle.mode if was_ours else None  # Ours until it is left
+        self._again_at = math.inf
+        self._lands_instead = False
+        self._obeyed_at: float | None = None  # It has left its mission
+        self.taken: str | None = None  # Who has taken the vehicle meanwhile
+        self._needs_position = False  # For what is ordered
+        self._executor = LiveCommandExecutor(self._action(with_place=True), vehicle)
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the vehicle has obeyed the last order, is disarmed, or is another system's."""
+        if self.taken is not None:
+            return True
+        if self._vehicle.snapshot.armed is False:
+            return self._arms_until is None
+        is_done = self._executor.phase is LivePhase.DONE
+        return is_done and not self._flies_on and not self._vehicle.is_standing_armed
+
+    @property
+    def _flies_on(self) -> bool:
+        """Whether its mode flies something else; without known modes the answers count."""
+        others = _BEFORE_HOLD if self.leaves_hovering else AIRBORNE_MODES
+        return self._vehicle.family.knows_modes and self._vehicle.mode_role in others
+
+    @property
+    def leaves_hovering(self) -> bool:
+        """Whether the vehicle waits in the air for what comes next."""
+        soft = self._event.event_type_id is EventType.SOFT_ABORT_MISSION
+        may_hover = self.taken is None and not self._lands_instead and not self._descends
+        return soft and self._event.abort is not None and may_hover
+
+    @property
+    def _descends(self) -> bool:
+        return self._is_down or self._vehicle.snapshot.lacks_position
+
+    @property
+    def _is_down(self) -> bool:
+        """Whether it is on the ground, armed or about to be."""
+        is_about_to_arm = self._arms_until is not None and self._vehicle.snapshot.armed is False
+        return is_about_to_arm or self._vehicle.is_standing_armed
+
+    def start(self, now: float) -> list[Message]:
+        """Give the first order."""
+        return [] if self._is_taken(now) else self._executor.start(now)
+
+    def receive(self, message: Message, now: float) -> list[Message]:
+        """Take a message of the vehicle."""
+        if self._is_taken(now) or self._must_drop_place():
+            return []
+        return self._executor.receive(message, now)
+
+    def tick(self, now: float) -> list[Message]:
+        """Repeat what is overdue, and begin again what was refused or not obeyed."""
+        if self._is_taken(now):
+            return []
+        self._expire_arming(now)
+        if self._must_drop_place():
+            self._executor = LiveCommandExecutor(self._action(with_place=False), self._vehicle)
+            return self._executor.start(now)
+        messages = self._executor.tick(now)
+        has_failed = self._executor.phase is LivePhase.FAILED
+        is_obeyed = not self._flies_on and not self._vehicle.is_standing_armed
+        if not has_failed and (is_obeyed or self._executor.phase is not LivePhase.DONE):
+            self._again_at = math.inf
+            return messages
+        if self._again_at == math.inf:
+            self._again_at = now + AGAIN_AFTER_S
+            is_connected = self._vehicle.link.state(now) is LinkState.CONNECTED
+            self._lands_instead |= has_failed and is_connected  # Else the order may be lost
+        if now < self._again_at:
+            return messages
+        self._again_at = math.inf
+        self._executor = LiveCommandExecutor(self._action(with_place=has_failed), self._vehicle)
+        return [*messages, *self._executor.start(now)]
+
+    def _expire_arming(self, now: float) -> None:
+        """Stop expecting the arming when it is too late; lost heartbeats extend the time.
+
+        A vehicle that has armed counts by its own reports from then on.
+        """
+        if self._arms_until is None:
+            return
+        if self._vehicle.link.state(now) is not LinkState.CONNECTED:
+            self._arms_until = max(self._arms_until, now + AGAIN_AFTER_S)
+        if self._vehicle.snapshot.armed or now >= self._arms_until:
+            self._arms_until = None
+
+    def _must_drop_place(self) -> bool:
+        """Whether it is on its approach to a place, and has landed or lost its position."""
+        is_going = self._executor.phase is LivePhase.APPROACHING and self._executor.has_approach
+        return (is_going and self._descends) or (self._needs_position and self._lacks_position)
+
+    @property
+    def _lacks_position(self) -> bool:
+        return self._vehicle.snapshot.lacks_position
+
+    def _action(self, *, with_place: bool) -> LiveAction:
+        """Choose the action; a vehicle that has reached its place gets the last order only."""
+        self._needs_position = False
+        if self._is_down:
+            return disarm_action(self._vehicle)
+        if self._lands_instead or self._lacks_position:
+            return land_action(self._vehicle)
+        lands_here = self._event.event_type_id is EventType.ABORT_MISSION
+        self._needs_position = not lands_here or (with_place and self._event.abort is not None)
+        return _airborne_action(self._event, self._vehicle, with_place=with_place)
+
+    def _is_taken(self, now: float) -> bool:
+        """Whether another system has taken the vehicle, once and for all."""
+        if self.taken is None:
+            who = self.who(now)
+            if who is not Authority.BROKER:
+                self.taken = control_authority.reason(who, self._vehicle.observed_mode)
+                self._vehicle.take_away()
+        return self.taken is not None
+
+    def who(self, now: float) -> Authority:
+        """Decide who is in command of the vehicle."""
+        return control_authority.authority_of(self._vehicle.observed_mode, self._claim(now))
+
+    def _claim(self, now: float) -> Claim:
+        """Modes in which the vehicle obeys, or has not obeyed yet."""
+        vehicle = self._vehicle
+        if vehicle.mode_role not in {ModeRole.MISSION, ModeRole.PAUSED, ModeRole.OTHER}:
+            self._obeyed_at = self._obeyed_at or now
+        is_approaching = self._executor.phase is LivePhase.APPROACHING
+        is_going = is_approaching and self._executor.has_approach
+        descends = not is_going and not self.leaves_hovering
+        roles = DESCENT_MODES if descends else AIRBORNE_MODES
+        if self._obeyed_at is not None and now - self._obeyed_at > LATE_ORDER_S:
+            roles = roles - {ModeRole.MISSION}
+        if vehicle.mode != self._first_mode:
+            self._first_mode = None
+        return Claim(roles, mode=self._first_mode, is_exclusive=True)
+
 
 RESTARTED: Final = "the vehicle was restarted"
 RETURN_ENDED: Final = f"{RESTARTED} on its way home"

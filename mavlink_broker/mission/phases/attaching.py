@@ -11,13 +11,14 @@ from enum import Enum, auto
 from typing import Final
 
 from afarcloud.enumerations import Status
-from mavlink_broker.autopilots.flight_modes import ModeRole
+from mavlink_broker.autopilots.families import ModeRole
 from mavlink_broker.effects import Effects
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.microservices.mission_download import Different, ReadBackFailed, Verified
 from mavlink_broker.mission import exchanges
-from mavlink_broker.mission.authority_monitor import DESCENDING, HOVERING
 from mavlink_broker.mission.context import (
+    DESCENDING,
+    HOVERING,
     TELEMETRY_WITHIN_S,
     VEHICLE_WITHIN_S,
     MissionContext,

@@ -4,8 +4,7 @@ from typing import Final
 
 from mavlink_broker.effects import Effects
 from mavlink_broker.mission import exchanges
-from mavlink_broker.mission.authority_monitor import TAKEN
-from mavlink_broker.mission.context import MissionContext
+from mavlink_broker.mission.context import TAKEN, MissionContext
 from mavlink_broker.mission.phases.phase import Fault, Phase, Request, Result
 from mavlink_broker.mission.states import ARMED_BY_BROKER, ASKING, IN_FLIGHT, Event, State
 from mavlink_broker.vehicle.alarms import is_navigation_failure, mission_error

@@ -7,10 +7,9 @@ it begins anew. A command that does not move the vehicle goes on to its end.
 from typing import Final
 
 from afarcloud.enumerations import Status
-from mavlink_broker.autopilots.flight_modes import LIVE_MODES, ModeRole
+from mavlink_broker.autopilots.families import LIVE_MODES, ModeRole
 from mavlink_broker.effects import Effects
-from mavlink_broker.live.executor import LiveCommandExecutor
-from mavlink_broker.live.executor import Phase as LivePhase
+from mavlink_broker.live.executor import LiveCommandExecutor, LivePhase
 from mavlink_broker.mavlink.dialect import Message
 from mavlink_broker.mission.context import MissionContext
 from mavlink_broker.mission.phases.phase import Fault, Phase, Request, Result

@@ -3,13 +3,16 @@
 from typing import NamedTuple
 
 from afarcloud.enumerations import Status
-from mavlink_broker.autopilots.flight_modes import ModeRole
+from mavlink_broker.autopilots.families import ModeRole
 from mavlink_broker.effects import Effects
 from mavlink_broker.mavlink.dialect import Message
 from mavlink_broker.mission.context import MissionContext
-from mavlink_broker.mission.integrity import MissionChangeMonitor, SkippedWaypointMonitor
 from mavlink_broker.mission.phases.phase import Fault, Phase, Request, Result
-from mavlink_broker.mission.progress_monitor import ProgressMonitor
+from mavlink_broker.mission.progress_monitor import (
+    MissionChangeMonitor,
+    ProgressMonitor,
+    SkippedWaypointMonitor,
+)
 from mavlink_broker.vehicle.control_authority import TAKEOVER_AFTER_S, Authority, Claim
 
 

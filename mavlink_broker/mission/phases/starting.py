@@ -3,12 +3,11 @@
 from typing import Final
 
 from afarcloud.enumerations import Status
-from mavlink_broker.autopilots.flight_modes import ModeRole
+from mavlink_broker.autopilots.families import ModeRole
 from mavlink_broker.effects import Effects
 from mavlink_broker.microservices.command import Accepted, Refused
 from mavlink_broker.mission import exchanges
-from mavlink_broker.mission.authority_monitor import HOVERING
-from mavlink_broker.mission.context import MissionContext
+from mavlink_broker.mission.context import HOVERING, MissionContext
 from mavlink_broker.mission.phases.phase import Fault, Phase, Result
 from mavlink_broker.mission.states import Event
 from mavlink_broker.vehicle.control_authority import AIRBORNE_MODES, DESCENT_MODES, Claim

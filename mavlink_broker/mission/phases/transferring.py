@@ -10,8 +10,7 @@ from mavlink_broker.microservices.command import Accepted, Refused
 from mavlink_broker.microservices.mission_download import Different, Verified
 from mavlink_broker.microservices.mission_upload import NotStored, Stored, Uncertain
 from mavlink_broker.mission import exchanges
-from mavlink_broker.mission.authority_monitor import HOVERING, ON_GROUND
-from mavlink_broker.mission.context import MissionContext
+from mavlink_broker.mission.context import HOVERING, ON_GROUND, MissionContext
 from mavlink_broker.mission.geofence_transfer import GeofenceTransfer, WantedGeofence
 from mavlink_broker.mission.phases.phase import Fault, Phase, Result
 from mavlink_broker.mission.states import Event

@@ -2,8 +2,7 @@
 
 import pytest
 
-from mavlink_broker.autopilots.families import ARDUPILOT, GENERIC, PX4, Family
-from mavlink_broker.autopilots.flight_modes import ModeRole
+from mavlink_broker.autopilots.families import ARDUPILOT, GENERIC, PX4, Family, ModeRole
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from afarcloud.plan import Geofence
-from mavlink_broker.autopilots.geofence_parameters import (
+from mavlink_broker.autopilots.parameter_settings import (
     HEADROOM_M,
     NO_HEIGHT_LIMIT,
     FenceParameters,

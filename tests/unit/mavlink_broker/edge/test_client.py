@@ -16,9 +16,8 @@ import requests
 
 from mavlink_broker import database, supervision
 from mavlink_broker.database import DATABASE_FILE
-from mavlink_broker.edge.bounded_http import Answer
+from mavlink_broker.edge.bounded_http import Answer, EdgeConnection, is_final
 from mavlink_broker.edge.client import EdgeClient, Pause
-from mavlink_broker.edge.connection import EdgeConnection, is_final
 from mavlink_broker.edge.dead_letters import read_dead_letters, request_action
 from mavlink_broker.edge.outbox import Post, Urgency
 from mavlink_broker.edge.posts import post_for

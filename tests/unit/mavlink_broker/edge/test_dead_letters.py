@@ -13,8 +13,8 @@ import pytest
 from mavlink_broker.cli import dead_letters
 from mavlink_broker.database import read_rows
 from mavlink_broker.edge import outbox
+from mavlink_broker.edge.bounded_http import EdgeConnection
 from mavlink_broker.edge.client import EdgeClient
-from mavlink_broker.edge.connection import EdgeConnection
 from mavlink_broker.edge.dead_letters import (
     read_dead_letters,
     request_action,

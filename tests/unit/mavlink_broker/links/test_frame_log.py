@@ -15,9 +15,8 @@ from pymavlink import mavutil
 
 from mavlink_broker.links import frame_log
 from mavlink_broker.links.frame_log import FrameFiles, FrameLog
-from mavlink_broker.mavlink.codec import Encoder
+from mavlink_broker.mavlink.codec import Encoder, signed
 from mavlink_broker.mavlink.dialect import mavlink
-from mavlink_broker.mavlink.frames import signed
 from tests.support.polling import wait_until
 
 NOW = datetime(2026, 11, 21, 8, 0, tzinfo=UTC)

@@ -4,9 +4,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mavlink_broker.links.stream import FRAME_TIMEOUT_S, FrameScanner
-from mavlink_broker.mavlink.codec import Encoder
+from mavlink_broker.mavlink.codec import LARGEST_FRAME, Encoder, signed
 from mavlink_broker.mavlink.dialect import mavlink
-from mavlink_broker.mavlink.frames import LARGEST_FRAME, signed
 
 HEARTBEAT = mavlink.MAVLink_heartbeat_message(2, 12, 0, 0, 4, 3)
 NOISE = st.binary(max_size=60)

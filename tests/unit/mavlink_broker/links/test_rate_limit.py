@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mavlink_broker.links.rate_limit import MIN_FACTOR, RateLimiter
+from mavlink_broker.links.link import MIN_FACTOR, RateLimiter
 
 BAUD = 57_600
 FRAME_BYTES = 50

@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mavlink_broker.mavlink.codec import Decoder, Encoder
-from mavlink_broker.mavlink.dialect import mavlink
-from mavlink_broker.mavlink.frames import (
+from mavlink_broker.mavlink.codec import (
+    Decoder,
+    Encoder,
     checksum_holds,
     frame_size,
     is_signed,
@@ -19,6 +19,7 @@ from mavlink_broker.mavlink.frames import (
     unsigned,
     with_sequence,
 )
+from mavlink_broker.mavlink.dialect import mavlink
 
 KEY = bytes(range(32))
 TICKS = 123_456_789

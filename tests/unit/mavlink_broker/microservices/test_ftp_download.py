@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from mavlink_broker.mavlink.codec import Decoder, Encoder
 from mavlink_broker.mavlink.dialect import Message, mavlink
 from mavlink_broker.microservices.ftp_download import FileDownload
-from mavlink_broker.microservices.ftp_partial_file import (
+from mavlink_broker.microservices.ftp_requests import (
     Fetched,
     FetchOutcome,
     MissingRanges,

@@ -11,8 +11,8 @@ from mavlink_broker.microservices.mission_download import Different, MissionVeri
 from mavlink_broker.microservices.mission_protocol import supports_only_float_items
 from mavlink_broker.microservices.mission_upload import MissionUpload, Stored
 from mavlink_broker.microservices.timeouts import RoundTrip
+from mavlink_broker.mission.exchanges import difference
 from mavlink_broker.planning.mission import FlightPlan
-from mavlink_broker.planning.read_back import difference
 from tests.unit.mavlink_broker.microservices.harness import ROUTE, received
 
 FLOAT, INT = 1, 4  # MAV_PROTOCOL_CAPABILITY

@@ -2,7 +2,7 @@
 
 from mavlink_broker.mavlink.dialect import Message, MissionCurrent, mavlink
 from mavlink_broker.microservices.command import Accepted, Refused
-from mavlink_broker.microservices.mission_set_current import MissionSetCurrent
+from mavlink_broker.microservices.mission_protocol import MissionSetCurrent
 from mavlink_broker.microservices.timeouts import RoundTrip
 from tests.unit.mavlink_broker.microservices.harness import (
     ROUTE,

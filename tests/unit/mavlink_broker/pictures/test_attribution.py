@@ -1,6 +1,6 @@
 """Whose picture it is: by its time, and by what a command still lacks."""
 
-from mavlink_broker.pictures.attribution import Attribution, PictureCommand
+from mavlink_broker.pictures.announcements import Attribution, PictureCommand
 
 
 def taker(command: int, expected: int = 0) -> PictureCommand:

@@ -14,6 +14,7 @@ from mavlink_broker.autopilots.families import ARDUPILOT, FAMILIES, GENERIC, OWN
 from mavlink_broker.mavlink.codec import Decoder, Encoder
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.mavlink.mission_item import from_message
+from mavlink_broker.mission.exchanges import difference
 from mavlink_broker.planning.mission import (
     FlightPlan,
     Home,
@@ -21,7 +22,6 @@ from mavlink_broker.planning.mission import (
     RefusedError,
     translate,
 )
-from mavlink_broker.planning.read_back import difference
 from tests.support.stored_items import Keeping, as_ardupilot_keeps, as_px4_keeps
 
 HOME = Home(40.4434, -3.7382, 650.0)

@@ -7,9 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mavlink_broker.mavlink.codec import Decoder, Encoder, encoded_as
+from mavlink_broker.mavlink.codec import Decoder, Encoder, encoded_as, sequence, signed, unsigned
 from mavlink_broker.mavlink.dialect import Source, mavlink
-from mavlink_broker.mavlink.frames import sequence, signed, unsigned
 from mavlink_broker.routing.gateway import GCS_TIMEOUT_S, KINDS_KEPT, ForwardedFrames, Gateway
 from mavlink_broker.routing.policy import BrokerControl
 

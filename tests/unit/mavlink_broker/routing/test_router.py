@@ -9,9 +9,8 @@ import pytest
 
 from mavlink_broker.config import Config
 from mavlink_broker.links.url import Address, LinkSettings, LinkUrl
-from mavlink_broker.mavlink.codec import Decoder, Encoder
+from mavlink_broker.mavlink.codec import Decoder, Encoder, is_signed
 from mavlink_broker.mavlink.dialect import Message, mavlink, source_of
-from mavlink_broker.mavlink.frames import is_signed
 from mavlink_broker.mavlink.signing import LinkSigning
 from mavlink_broker.routing.policy import BrokerControl
 from mavlink_broker.routing.router import Router

@@ -18,6 +18,7 @@ from afarcloud.plan import Mission, Plan
 from mavlink_broker.autopilots.families import ARDUPILOT, GENERIC, OWN, PX4, Family
 from mavlink_broker.mavlink.codec import Decoder, Encoder
 from mavlink_broker.mavlink.dialect import Message, Route, mavlink
+from mavlink_broker.mission.exchanges import difference
 from mavlink_broker.planning.live_actions import Circled, SendCommand, Series, TurnInPlace
 from mavlink_broker.planning.mission import (
     FlightPlan,
@@ -28,7 +29,6 @@ from mavlink_broker.planning.mission import (
     Segment,
     translate,
 )
-from mavlink_broker.planning.read_back import difference
 from tests.support.mission_reader import LIVE_KINDS, MissionReader, ReadCommand
 from tests.support.plan_strategies import missions, plans
 from tests.support.stored_items import as_ardupilot_keeps, as_px4_keeps

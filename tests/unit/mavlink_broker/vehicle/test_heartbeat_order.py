@@ -1,7 +1,7 @@
 """A heartbeat that arrives behind a newer one shows a mode that the vehicle has left."""
 
 from mavlink_broker.mavlink.dialect import Message, mavlink
-from mavlink_broker.vehicle.heartbeat_order import SILENCE_S, HeartbeatOrder
+from mavlink_broker.microservices.heartbeat import SEQUENCE_GAP_S, HeartbeatOrder
 
 
 def numbered(message: Message, number: int) -> Message:
@@ -46,8 +46,8 @@ def test_a_heartbeat_behind_other_frames_counts() -> None:
 def test_a_vehicle_that_was_restarted_counts_anew() -> None:
     order = HeartbeatOrder()
     assert not order.is_overtaken(heartbeat(100), 1.0)
-    assert not order.is_overtaken(heartbeat(0), 1.0 + SILENCE_S + 0.1)
-    assert not order.is_overtaken(heartbeat(1), 1.0 + SILENCE_S + 0.2)
+    assert not order.is_overtaken(heartbeat(0), 1.0 + SEQUENCE_GAP_S + 0.1)
+    assert not order.is_overtaken(heartbeat(1), 1.0 + SEQUENCE_GAP_S + 0.2)
 
 
 def test_a_frame_that_arrives_twice_counts_once_more() -> None:

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mavlink_broker.vehicle.telemetry_publisher import POSITION_WITHIN_S, StateVectorSchedule
+from mavlink_broker.vehicle.reporter import POSITION_WITHIN_S, StateVectorSchedule
 
 LOOP_S = 0.01
 
