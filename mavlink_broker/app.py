@@ -7,8 +7,9 @@ mission of that vehicle with its reason, is counted and shown, and affects no ot
 """
 
 import logging
-from collections.abc import Callable, Iterable
-from functools import partial
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
 from typing import Any, Final
 
 from mavlink_broker.autopilots.families import ModeRole
@@ -20,9 +21,10 @@ from mavlink_broker.edge.work import (
     Inbox,
     MissionWork,
     StateVectorWork,
+    Work,
     WorkError,
 )
-from mavlink_broker.effects import Acknowledgement, EdgeMessage, Effects
+from mavlink_broker.effects import Acknowledgement, EdgeMessage, Effects, JobOutcome
 from mavlink_broker.fleet import Edge, Fleet, FleetMember, Jobs, Journal, NoJobs, VehicleRecords
 from mavlink_broker.live.tracking import TRACKING_MESSAGES as TRACKED
 from mavlink_broker.mavlink.dialect import Message, source_of
@@ -38,8 +40,26 @@ from mavlink_broker.vehicle.vehicle import Vehicle
 IDLE_WAIT_S: Final = 0.02
 """Longest wait of the loop, the resolution of timeouts. Datagrams and work end it at once."""
 SWEEP_INTERVAL_S: Final = 10.0
-STEP_ALL_INTERVAL_S: Final = 0.015
-"""In between only vehicles with new messages are stepped: twenty send 500 messages a second."""
+STEP_INTERVAL_S: Final = 0.015
+"""Each session is stepped so often. In between one is stepped that has received a mission, a job's
+outcome, or any message but those of `READ_LATER`: twenty vehicles send 500 messages a second."""
+READ_LATER: Final = (
+    frozenset(
+        {
+            "ATTITUDE",
+            "BATTERY_STATUS",
+            "EKF_STATUS_REPORT",
+            "ESTIMATOR_STATUS",
+            "GPS_RAW_INT",
+            "STATUSTEXT",
+            "SYS_STATUS",
+            "SYSTEM_TIME",
+            "VFR_HUD",
+        }
+    )
+    | OBSERVED
+)
+"""Messages that change only what the next step publishes or judges."""
 PAYLOAD_MESSAGES: Final = (
     frozenset({"COMMAND_ACK", "HEARTBEAT"}) | OBSERVED | PICTURE_MESSAGES | TRACKED
 )
@@ -59,6 +79,14 @@ TRANSFERS: Final = frozenset(
 """States in which a mission is uploaded or read back."""
 
 _LOG = logging.getLogger(__name__)
+
+
+@dataclass(slots=True)
+class _Call:
+    """One call into a vehicle's session: its effects, and whether it has failed."""
+
+    effects: Effects = field(default_factory=Effects)
+    has_failed: bool = False
 
 
 class App:
@@ -90,7 +118,8 @@ class App:
         self._router = Router(config, link, clock, self._control_of, self.internal_errors)
         self._fleet = Fleet(config, self._records, new_ulid)
         self._sweep_at = 0.0
-        self._step_all_at = 0.0
+        self._step_at = 0.0
+        self._to_step: set[int] = set()  # Systems that are stepped with this run of the loop
         self._started_at = clock.monotonic()
 
     @property
@@ -103,49 +132,52 @@ class App:
         messages = self._router.receive(wait_s)
         now = self._clock.monotonic()
         for message in messages:
-            self._dispatch(message, now)
-        work = sorted(self._edge.take_work(), key=_work_id_of)
-        for raw in work:
-            self._take(raw, now)
-        acceptance_results = self._edge.take_acceptance_results()
-        for acceptance_result in acceptance_results:
-            self._apply_acceptance_result(acceptance_result, now)
+            self._receive(message, now)
+        for work in self._take_work(now):
+            match work:
+                case EventWork():
+                    self._take_event(work, now)
+                case MissionWork():
+                    self._take_mission(work, now)
+                case StateVectorWork():
+                    self._answer_state_vector(work, now)
+        for result in self._edge.take_acceptance_results():
+            self._apply_acceptance_result(result, now)
         self._records.confirm(self._fleet.session)
-        finished = self._jobs.take_finished()
-        for system, outcome in finished:
-            member = self._fleet.find(system)
-            if member is not None:
-                self._call(member, now, partial(member.session.pictures.take_outcome, outcome, now))
-        if work or acceptance_results or finished or now >= self._step_all_at:
-            self._step_all_at = now + STEP_ALL_INTERVAL_S
-            self._step(self._fleet, now)
-        else:
-            senders = {source_of(message).system for message in messages}
-            self._step(filter(None, map(self._fleet.find, senders)), now)
+        for system, outcome in self._jobs.take_finished():
+            self._take_job_outcome(system, outcome, now)
+        self._step(self._take_due(now), now)
         if now >= self._sweep_at:
             self._sweep_at = now + SWEEP_INTERVAL_S
             for system in self._fleet.remove_strangers(now):
                 self._router.forget(system)
 
+    def _take_due(self, now: float) -> list[FleetMember]:
+        """Give the vehicles whose session is to be stepped now."""
+        is_due, systems = now >= self._step_at, sorted(self._to_step)
+        self._to_step.clear()
+        if not is_due:
+            return [member for system in systems if (member := self._fleet.find(system))]
+        self._step_at = now + STEP_INTERVAL_S
+        return list(self._fleet)
+
     def _step(self, members: Iterable[FleetMember], now: float) -> None:
         """Step some vehicles."""
         has_room = self._edge.waiting_pictures < MAX_WAITING_PICTURES
         for member in members:
-            member.session.watch(self._router.requested_messages(member.system, now))
-            member.session.vehicle.warn(self._warning_of(member, now))
-            member.session.pictures.has_room = has_room
-            vehicle_id = member.session.vehicle.vehicle_id
-            member.session.set_update_interval(self._edge.update_interval_of(vehicle_id))
-            self._call(member, now, partial(self._step_session, member.session, now))
+            session = member.session
+            session.watch(self._router.requested_messages(member.system, now))
+            session.vehicle.warn(self._warning_of(member, now))
+            session.pictures.has_room = has_room
+            session.set_update_interval(self._edge.update_interval_of(session.vehicle.vehicle_id))
+            with self._call(member, now) as call:
+                self._records.recall(session, now, call.effects)
+                session.step(now, call.effects)
             with _ErrorBoundary() as errors:
-                member.unsent += member.session.missions.due_for_edge(())
+                member.unsent += session.missions.due_for_edge(())
                 self._post_when_recorded(member)
             for error in errors:
                 self._fail_after_error(member, error, now)
-
-    def _step_session(self, session: Session, now: float, effects: Effects) -> None:
-        self._records.recall(session, now, effects)
-        session.step(now, effects)
 
     def close(self) -> None:
         """Post what is pending and close the frame log; the caller closes the links."""
@@ -153,15 +185,19 @@ class App:
             self._post_all(member)
         self._router.close()
 
-    def _call(self, member: FleetMember, now: float, action: Callable[[Effects], object]) -> bool:
-        """Call one vehicle's session and apply its effects; false after an error."""
-        effects = Effects()
+    @contextmanager
+    def _call(self, member: FleetMember, now: float) -> Iterator[_Call]:
+        """Isolate a call into one vehicle's session, and carry out its effects.
+
+        An exception in the `with` block fails the mission of that vehicle.
+        """
+        call = _Call()
         with _ErrorBoundary() as errors:
-            action(effects)
-        errors += self._carry_out(effects, member)
+            yield call
+        errors += self._carry_out(call.effects, member)
+        call.has_failed = bool(errors)
         for error in errors[:1]:
             self._fail_after_error(member, error, now)
-        return not errors
 
     def _fail_after_error(self, member: FleetMember, error: Exception, now: float) -> None:
         """Fail the mission in which an unexpected error has occurred; the broker continues.
@@ -210,35 +246,43 @@ class App:
         is_settled = self._clock.monotonic() - self._started_at > STARTUP_S
         return not is_settled and vehicle.snapshot.armed is True and vehicle.mode_role in FLYING
 
-    def _dispatch(self, message: Message, now: float) -> None:
-        """Pass a message to the session of its vehicle."""
+    def _receive(self, message: Message, now: float) -> None:
+        """Pass a message of a vehicle's autopilot or payload to its session."""
         member = self._fleet.sender_of(message)
         if member is None:
             return
-        if source_of(message).component == member.component:
-            self._call(member, now, partial(member.session.receive, message, now))
-        elif message.get_type() in PAYLOAD_MESSAGES:
-            self._call(member, now, partial(member.session.receive_payload, message, now))
+        is_of_autopilot = source_of(message).component == member.component
+        if is_of_autopilot or message.get_type() in PAYLOAD_MESSAGES:
+            with self._call(member, now) as call:
+                if is_of_autopilot:
+                    member.session.receive(message, now, call.effects)
+                else:
+                    member.session.receive_payload(message, now, call.effects)
+        if message.get_type() not in READ_LATER:
+            self._to_step.add(member.system)
 
-    def _take(self, raw: dict[str, Any], now: float) -> None:
-        try:
-            work = self._inbox.read(raw, now, self._clock.utc())
-        except WorkError as error:
-            _LOG.warning("work refused: %s", error)
-            self._refuse(error.work_id, str(error))
-            return
-        except Exception as error:  # noqa: BLE001  # the boundary of one piece of work
-            number = raw.get("id")
-            reason = self.internal_errors.record("work", error, now)
-            self._refuse(number if isinstance(number, int) else None, reason)
-            return
-        match work:
-            case MissionWork():
-                self._take_mission(work, now)
-            case EventWork():
-                self._take_event(work, now)
-            case StateVectorWork():
-                self._answer_state_vector(work, now)
+    def _take_job_outcome(self, system: int, outcome: JobOutcome, now: float) -> None:
+        self._to_step.add(system)
+        member = self._fleet.find(system)
+        if member is not None:
+            with self._call(member, now) as call:
+                member.session.pictures.take_outcome(outcome, now, call.effects)
+
+    def _take_work(self, now: float) -> Iterator[Work]:
+        """Give the new work in order; work that is not valid is refused."""
+        for raw in sorted(self._edge.take_work(), key=_work_id_of):
+            try:
+                work = self._inbox.read(raw, now, self._clock.utc())
+            except WorkError as error:
+                _LOG.warning("work refused: %s", error)
+                self._refuse(error.work_id, str(error))
+            except Exception as error:  # noqa: BLE001  # the boundary of one piece of work
+                number = raw.get("id")
+                reason = self.internal_errors.record("work", error, now)
+                self._refuse(number if isinstance(number, int) else None, reason)
+            else:
+                if work is not None:
+                    yield work
 
     def _refuse(self, work_id: int | None, reason: str) -> None:
         """Refuse work that is not valid, if it has an id."""
@@ -251,24 +295,20 @@ class App:
             reason = f"no system is vehicle {work.vehicle_id}"
             self._post(Acknowledgement(work.work_id, "refused", reason), work.vehicle_id)
             return
+        self._to_step.add(system)
         member = self._fleet.get_or_add(system, work.vehicle_id)
-        self._call(member, now, partial(self._accept, member, work, now))
-
-    def _accept(self, member: FleetMember, work: MissionWork, now: float, effects: Effects) -> None:
-        """Pass a mission to its session; one that causes an error is refused."""
-        try:
-            member.session.missions.take_mission(work, effects)
-        except Exception as error:  # noqa: BLE001  # the boundary of one mission
-            reason = self.internal_errors.record(_owner(member), error, now)
-            effects.for_edge.append(Acknowledgement(work.work_id, "refused", reason))
+        with self._call(member, now) as call:
+            try:
+                member.session.missions.take_mission(work, call.effects)
+            except Exception as error:  # noqa: BLE001  # the boundary of one mission
+                reason = self.internal_errors.record(_owner(member), error, now)
+                call.effects.for_edge.append(Acknowledgement(work.work_id, "refused", reason))
 
     def _apply_acceptance_result(self, acceptance_result: AcceptanceResult, now: float) -> None:
         """Pass the edge server's answer to an acceptance to the sessions."""
         for member in self._fleet:
-            missions = member.session.missions
-            self._call(
-                member, now, partial(missions.take_acceptance_result, acceptance_result, now)
-            )
+            with self._call(member, now) as call:
+                member.session.missions.take_acceptance_result(acceptance_result, now, call.effects)
 
     def _take_event(self, work: EventWork, now: float) -> None:
         """Pass an event to its vehicle; an expired one, or one without a vehicle, is refused.
@@ -286,10 +326,12 @@ class App:
             reason = "expired" if expired else f"vehicle {work.vehicle_id} is not known"
             self._post(Acknowledgement(work.work_id, "refused", reason), work.vehicle_id)
             return
-        if not self._call(member, now, partial(member.session.missions.take_event, work, now)):
+        with self._call(member, now) as call:
+            member.session.missions.take_event(work, now, call.effects)
+        if call.has_failed:
             failure = self.internal_errors.warning(_owner(member), now)
-            refused = Acknowledgement(work.work_id, "refused", failure)
-            self._call(member, now, lambda effects: effects.for_edge.append(refused))
+            with self._call(member, now) as call:
+                call.effects.for_edge.append(Acknowledgement(work.work_id, "refused", failure))
 
     def _answer_state_vector(self, work: StateVectorWork, now: float) -> None:
         """Publish the state of one vehicle or all; done if any of them was published."""
@@ -298,9 +340,8 @@ class App:
         answered = False
         for member in self._fleet:
             if not expired and work.vehicle_id in {None, member.session.vehicle.vehicle_id}:
-                answers: list[bool] = []
-                self._call(member, now, partial(_answer_state, member.session, now, answers))
-                answered |= any(answers)
+                with self._call(member, now) as call:
+                    answered |= member.session.publish_state(now, call.effects)
         status, message = ("done", None) if answered else ("refused", reason)
         self._post(Acknowledgement(work.work_id, status, message), work.vehicle_id or 0)
 
@@ -361,11 +402,6 @@ class _ErrorBoundary:
         if isinstance(error, Exception):
             self._errors.append(error)
         return isinstance(error, Exception)
-
-
-def _answer_state(session: Session, now: float, answers: list[bool], effects: Effects) -> None:
-    """Publish the state of one vehicle; adds to `answers` whether it was published."""
-    answers.append(session.publish_state(now, effects))
 
 
 def _work_id_of(raw: dict[str, Any]) -> int:

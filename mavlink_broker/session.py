@@ -18,7 +18,8 @@ from typing import Final
 from mavlink_broker.effects import Effects
 from mavlink_broker.mavlink.dialect import Message, mavlink, source_of
 from mavlink_broker.microservices.heartbeat import HeartbeatOrder
-from mavlink_broker.microservices.message_rates import StreamRequests
+from mavlink_broker.microservices.message_rates import RATE_MESSAGES, StreamRequests
+from mavlink_broker.microservices.parameter import PARAMETER_MESSAGES
 from mavlink_broker.mission.geofence_transfer import VehicleConfigRestorer
 from mavlink_broker.mission.mission_queue import MissionQueue
 from mavlink_broker.mission.states import BEFORE_TAKEOFF, State
@@ -145,14 +146,20 @@ class Session:
             return
         if self.vehicle.take(message, now):
             self._vehicle_restarted(now, effects)
-        effects.messages += self._streams.receive(message, now)
-        self._heartbeat.receive(message)
+        kind = message.get_type()
+        if kind in RATE_MESSAGES:
+            effects.messages += self._streams.receive(message, now)
         self._alarms.receive(message, now)
-        if message.get_type() in PICTURE_MESSAGES:
+        if kind in PICTURE_MESSAGES:
             self.pictures.receive(message, now, effects)
-        self._battery_capacity.receive(message)
-        effects.messages += self._config_restorer.receive(message, now)
-        effects.messages += self.vehicle.parameters.receive(message, now)
+        if kind == "STATUSTEXT":
+            self._heartbeat.receive_text(message.text)
+        if kind in PARAMETER_MESSAGES:
+            self._heartbeat.receive(message)
+            self._battery_capacity.receive(message)
+            effects.messages += self.vehicle.parameters.receive(message, now)
+        if self._config_restorer.transfer is not None:
+            effects.messages += self._config_restorer.transfer.receive(message, now)
         self.missions.receive(message, now, effects)
 
     def receive_payload(self, message: Message, now: float, effects: Effects) -> None:

@@ -3,7 +3,7 @@
 The project's own vehicle identifies as PX4. An unknown autopilot gets the standard protocol: arm,
 start the mission; its modes are not interpreted.
 
-Flight modes by family: names of HEARTBEAT.custom_mode, and their role in a mission.
+Flight modes are here too: the names of HEARTBEAT.custom_mode, and their role in a mission.
 """
 
 import math

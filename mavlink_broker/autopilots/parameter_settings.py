@@ -1,4 +1,4 @@
-"""Command properties that some autopilots support only as parameters.
+"""What some autopilots support only as parameters: properties of commands, and geofences.
 
 A property may have several parameter names, because firmware versions name and scale it
 differently; the first that the vehicle has is used. All are restored after the command.
@@ -6,10 +6,9 @@ differently; the first that the vehicle has is used. All are restored after the 
 PX4: `flight_mode_manager/tasks/AutoFollowTarget`. ArduCopter: `AC_Circle`, `AC_WPNav`,
 `AP_Follow`.
 
-Parameters with which a vehicle keeps a geofence by itself, one function per family.
-
-Pure. The altitude limits of a geofence are parameters, not mission items. They are read first: the
-vehicle's own limit may be narrower, and is never widened.
+A geofence that a vehicle keeps by itself needs parameters too: one function per family. The
+altitude limits of a geofence are parameters, not mission items. They are read first: the vehicle's
+own limit may be narrower, and is never widened.
 """
 
 import math

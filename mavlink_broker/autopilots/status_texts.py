@@ -1,6 +1,6 @@
-"""STATUSTEXT messages that the broker acts on, by autopilot family and firmware version.
+"""What the broker reads from STATUSTEXT and TUNNEL, by autopilot family and firmware version.
 
-MAVLink gives these events no message of their own. A text is compared with the rows of every
+MAVLink gives some events no message but STATUSTEXT. A text is compared with the rows of every
 family: it may arrive before the autopilot is identified, and no text has two meanings.
 
 TUNNEL(385) messages with contents of AFarCloud's model for which MAVLink has no message.

@@ -16,10 +16,9 @@ cost per request. The broker sends few requests, also to unknown web servers, an
 pictures: connecting, the TLS handshake and sending are part of the timeout, and they block outside
 any reader. The price is one timer thread per exchange, some 50 us.
 
-One HTTP connection to the edge server, and which of its status codes are final.
-
-The access key is read from its file when it is needed: the edge server may write the file after
-the broker has started, or replace it.
+`EdgeConnection` is the connection to the edge server, and knows which status codes are final. The
+access key is read from its file when it is needed: the edge server may write the file after the
+broker has started, or replace it.
 
 NoKeyError  the key file does not exist or cannot be read
 """

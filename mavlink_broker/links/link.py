@@ -1,16 +1,14 @@
-"""What all links share: the interface, its errors, the retry timer and the resolver of host names.
+"""What links share: interface, errors, retry timer, resolver of host names, rate limit of a radio.
 
 A name server may take long, so host names are resolved on a thread.
 
 LinkError
 └── PortBusyError   another program uses the port
 
-Limits the rate at which a radio is written to, by the free buffer in its RADIO_STATUS.
-
-A telemetry radio reads the line faster than it transmits and discards what does not fit. As PX4
-does with its streams, the rate decreases in steps while the buffer fills and increases slowly
-while it is empty. These reports are not signed, so a forged one may slow a line down to a tenth
-but never stops it.
+`RateLimit` limits what is written to a radio by the free buffer in its RADIO_STATUS. A telemetry
+radio reads the line faster than it transmits and discards what does not fit. As PX4 does with its
+streams, the rate decreases in steps while the buffer fills and increases slowly while it is empty.
+These reports are not signed, so a forged one may slow a line down to a tenth but never stops it.
 """
 
 import logging

@@ -3,14 +3,13 @@
 The decoder finds whole, correct frames in a datagram and keeps nothing for the next one, so a
 broken or hostile datagram affects only itself.
 
-MAVLink frames as bytes: length, checksum, copies with another sequence number or signature.
-
+Frames are handled as bytes too: length, checksum, copies with another sequence number or signature.
 Layout and checksum: MAVLink's guide, "Packet Serialization" and "Message Signing". A frame of
 version 2 is 0xFD, payload length, incompatibility and compatibility flags, sequence, system,
-component, message id (3 bytes), payload, checksum (2), and 13 bytes of signature if the first
-flag is set; one of version 1 is 0xFE, length, sequence, system, component, id, payload, checksum.
-The checksum is CRC-16/MCRF4XX over all but the first byte, and over a byte (CRC_EXTRA) that
-stands for the definition of the message.
+component, message id (3 bytes), payload, checksum (2), and 13 bytes of signature if the first flag
+is set; one of version 1 is 0xFE, length, sequence, system, component, id, payload, checksum. The
+checksum is CRC-16/MCRF4XX over all but the first byte, and over a byte (CRC_EXTRA) that stands for
+the definition of the message.
 """
 
 import hashlib

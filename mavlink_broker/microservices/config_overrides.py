@@ -89,7 +89,7 @@ class ParameterOverrider:
         self._not_before = -math.inf
 
     def load(self, overridden: Mapping[str, OverriddenParameter]) -> None:
-        """Start with what an earlier run has overridden, until `set_overrides` is called."""
+        """Take what an earlier run has overridden; it stays until `set_overrides` is called."""
         self._overridden = {**self._overridden, **overridden}
         self._is_loaded = bool(overridden)
 
@@ -125,8 +125,8 @@ class ParameterOverrider:
         }
 
     def receive(self, message: Message, now: float) -> list[Message]:
-        """Handle a message of the vehicle."""
-        if self._running is None or not message.get_type().startswith("PARAM_"):
+        """Take a message of the vehicle."""
+        if self._running is None:
             return []
         return self._running[1].receive(message, now)
 

@@ -7,7 +7,7 @@ A repetition keeps its number, so that a server repeats a lost answer instead of
 request twice. While answers to other requests arrive, a request is repeated after each timeout: the
 link loses frames but is up. In a silence the timeouts double after a while.
 
-A partly received file with sorted ranges of missing bytes, and the outcome of a download.
+`PartialFile` is a partly received file with the sorted ranges of its missing bytes.
 """
 
 import math

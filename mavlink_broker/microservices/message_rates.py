@@ -335,6 +335,8 @@ class StreamRequests:
 
 
 _TRACKED: Final = frozenset({*(stream.name for stream in STREAMS), *UNREAD, "AUTOPILOT_VERSION"})
+RATE_MESSAGES: Final = _TRACKED | {"COMMAND_ACK"}
+"""Messages that `StreamRequests` reads."""
 
 
 def request_message(route: Route, message_id: int) -> Message:

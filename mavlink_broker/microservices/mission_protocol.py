@@ -1,12 +1,11 @@
-"""What all transfers of the mission protocol share: kinds of plan, and float items.
+"""The mission protocol beside its transfers: kinds of plan, float items, the current item.
 
 A vehicle holds three kinds of plan, by MAV_MISSION_TYPE, each with its own transfers.
 
-Sets the current mission item and waits until the vehicle reports it.
-
-A vehicle may remember the index of its former mission and fly towards an old waypoint. The broker
-sends DO_SET_MISSION_CURRENT(224); if it is refused, MISSION_SET_CURRENT(41), which is never
-acknowledged. Only MISSION_CURRENT with the right index is a success.
+`MissionSetCurrent` sets the current item and waits until the vehicle reports it. A vehicle may
+remember the index of its former mission and fly towards an old waypoint. The broker sends
+DO_SET_MISSION_CURRENT(224); if it is refused, MISSION_SET_CURRENT(41), which is never acknowledged.
+Only MISSION_CURRENT with the right index is a success.
 
 ArduPilot reports navigation items only: set to a change of speed, it reports the take-off after it.
 PX4 checks a mission after it has accepted it, and reports "no mission" if it is not feasible. It

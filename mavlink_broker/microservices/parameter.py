@@ -47,6 +47,8 @@ _ERRORS: Final = {
     8: "it cannot be read",
 }
 """PARAM_ERROR.error; the shipped dialect lacks the names of 6, 7 and 8."""
+PARAMETER_MESSAGES: Final = frozenset({"PARAM_VALUE", "PARAM_ERROR"})
+"""Answers of the parameter protocol."""
 
 
 class ParameterEncoding(Enum):

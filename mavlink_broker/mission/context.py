@@ -2,11 +2,9 @@
 
 Each attribute has one owner: what only one phase needs belongs to that phase.
 
-Who is in command of the vehicle during one mission.
-
-Each phase claims the modes in which the broker is in command
-(`mavlink_broker.vehicle.control_authority`). This monitor keeps what those claims depend on from
-one phase to the next.
+`AuthorityMonitor` follows who is in command of the vehicle. Each phase claims the modes in which
+the broker is (`mavlink_broker.vehicle.control_authority`); the monitor keeps what those claims
+depend on from one phase to the next.
 """
 
 from typing import Final

@@ -1,6 +1,6 @@
 """The protocol that runs with the vehicle in each state, built from the plan and the vehicle.
 
-Compares the mission that was downloaded from a vehicle with the uploaded one.
+An upload is verified: `difference` compares what was downloaded with what was uploaded.
 """
 
 import math

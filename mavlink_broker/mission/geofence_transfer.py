@@ -80,7 +80,7 @@ class StepProtocol(Protocol):
         """Begin."""
 
     def receive(self, message: Message, now: float) -> list[Message]:
-        """Handle a message of the vehicle."""
+        """Take a message of the vehicle."""
 
     def tick(self, now: float) -> list[Message]:
         """Repeat what is overdue."""
@@ -107,7 +107,7 @@ class SequenceRun:
         return self._advance(None, now)
 
     def receive(self, message: Message, now: float) -> list[Message]:
-        """Handle a message of the vehicle."""
+        """Take a message of the vehicle."""
         if self.outcome is not None or self._running is None:
             return []
         return [*self._running.receive(message, now), *self._settle(now)]
@@ -322,7 +322,7 @@ class GeofenceTransfer:
         return self._run.start(now)
 
     def receive(self, message: Message, now: float) -> list[Message]:
-        """Handle a message of the vehicle."""
+        """Take a message of the vehicle."""
         return self._run.receive(message, now)
 
     def tick(self, now: float) -> list[Message]:
@@ -441,7 +441,7 @@ class VehicleConfigRestorer:
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
-        self._fencing: GeofenceTransfer | None = None
+        self.transfer: GeofenceTransfer | None = None
         self._not_before = -math.inf
         self._is_reachable = False
         self._has_failed = False
@@ -456,26 +456,22 @@ class VehicleConfigRestorer:
         vehicle = self._vehicle
         return self._is_reachable and vehicle.overrides.is_open and vehicle.snapshot.is_on_ground
 
-    def receive(self, message: Message, now: float) -> list[Message]:
-        """Handle a message of the vehicle."""
-        return [] if self._fencing is None else self._fencing.receive(message, now)
-
     def step(self, now: float, *, idle: bool) -> list[Message]:
         """Do what is due at a time; a mission that begins takes everything over."""
         self._is_reachable = self._vehicle.is_reachable(now)
         self._has_failed &= idle and self._is_reachable
         if not idle or not self._waits or now < self._not_before:
-            self._fencing = None
+            self.transfer = None
             return []
-        if self._fencing is None:
-            self._fencing = GeofenceTransfer(WantedGeofence(), self._vehicle)
-            return self._fencing.start(now)
-        messages = self._fencing.tick(now)
-        if isinstance(self._fencing.outcome, Refused):
+        if self.transfer is None:
+            self.transfer = GeofenceTransfer(WantedGeofence(), self._vehicle)
+            return self.transfer.start(now)
+        messages = self.transfer.tick(now)
+        if isinstance(self.transfer.outcome, Refused):
             _LOG.warning(
                 "vehicle %d keeps the settings of its last plan: %s",
                 self._vehicle.vehicle_id,
-                self._fencing.outcome.reason,
+                self.transfer.outcome.reason,
             )
             self._has_failed = True
             self._not_before = now + AGAIN_AFTER_S

@@ -209,9 +209,12 @@ class MissionExecutor:
             return
         phase = self._phase
         phase.receive(message, now, effects)
-        self._context.captures.receive(message, now)
-        self._context.speeds.receive(message, now, effects)
-        self._context.pauses.receive(message, now, effects)
+        match message.get_type():
+            case "CAMERA_CAPTURE_STATUS":
+                self._context.captures.receive(message, now)
+            case "COMMAND_ACK":
+                self._context.speeds.receive(message, now, effects)
+                self._context.pauses.receive(message, now, effects)
         if phase.exchange is not None:
             effects.messages += phase.exchange.receive(message, now)
             self._apply(phase.settle(now, effects), now, effects)
@@ -317,7 +320,7 @@ class MissionExecutor:
         abort = self._soft_abort
         if abort is not None and not segments.is_last:
             self._soft_abort = None
-            self._abort_now(abort.work, now, effects)
+            self.abort_now(abort.work, now, effects)
             return
         if not segments.advance():
             effects.messages += exchanges.parking(self._vehicle) if landed else []
@@ -330,19 +333,13 @@ class MissionExecutor:
     # Events
 
     def handle_event(self, work: EventWork, now: float, effects: Effects) -> None:
-        """Carry out an event: abort now or behind the running command, pause, change the speed."""
-        if not work.was_accepted:
-            effects.for_edge.append(Acknowledgement(work.work_id, "accepted"))
+        """Carry out an event after which the mission goes on: pause, resume, change the speed."""
         speed_m_s, speeds = work.event.maximum_speed, self._context.speeds
         match work.event.event_type_id:
             case EventType.DRONE_SPEED if speed_m_s is not None:
                 speeds.change(work, speed_m_s, self.state, self._who, now, effects)
             case EventType.PAUSE_MISSION | EventType.RESUME_MISSION:
                 self._pause_or_resume(work, now, effects)
-            case EventType.SOFT_ABORT_MISSION:
-                self._abort_softly(work, now, effects)
-            case EventType.ABORT_MISSION | EventType.RETURN_HOME:
-                self._abort_now(work, now, effects)
 
     def _pause_or_resume(self, work: EventWork, now: float, effects: Effects) -> None:
         pauses, state, who = self._context.pauses, self.state, self._who
@@ -361,7 +358,7 @@ class MissionExecutor:
         self._context.pauses.cancel(reason, effects)
         self._aborting.refuse(reason, effects)
 
-    def _abort_softly(self, work: EventWork, now: float, effects: Effects) -> None:
+    def abort_softly(self, work: EventWork, now: float, effects: Effects) -> None:
         """Wait for the running command; another soft abort changes the place, not the deadline."""
         before = self._soft_abort
         self._end_soft_abort(effects, REPLACED)
@@ -390,7 +387,7 @@ class MissionExecutor:
             if self._running.was_paused_after(abort.since):
                 self._end_paused(abort.work, now, effects)
             else:
-                self._abort_now(abort.work, now, effects)
+                self.abort_now(abort.work, now, effects)
 
     def _end_paused(self, work: EventWork, now: float, effects: Effects) -> None:
         """End a mission at the time of a soft abort after which the vehicle was paused."""
@@ -401,7 +398,7 @@ class MissionExecutor:
         self._vehicle.take_away()
         self._move(Event.ENDED, now, effects)
 
-    def _abort_now(self, work: EventWork, now: float, effects: Effects) -> None:
+    def abort_now(self, work: EventWork, now: float, effects: Effects) -> None:
         """End the mission; a vehicle that is armed is sent where the event says."""
         authority = self._context.authority
         self._end_soft_abort(effects, REPLACED)

@@ -13,7 +13,7 @@ from collections import deque
 from collections.abc import Sequence
 from typing import Final
 
-from afarcloud.enumerations import Status
+from afarcloud.enumerations import EventType, Status
 from mavlink_broker.autopilots.families import MOST_CAPABLE
 from mavlink_broker.edge.work import AcceptanceResult, EventWork, MissionWork
 from mavlink_broker.effects import Acknowledgement, EdgeMessage, Effects
@@ -161,8 +161,7 @@ class MissionQueue:
         if is_resumed or is_free or is_unreachable:
             self._has_begun = True
             self._current = self._waiting.popleft()
-            if not mission.work.was_accepted:
-                effects.for_edge.append(Acknowledgement(mission.work.work_id, "accepted"))
+            _accept(mission.work, effects)
             if not is_resumed:
                 # They may have the names of what was flown before
                 vehicle.recovery.clear_commands()
@@ -257,6 +256,7 @@ class MissionQueue:
             if is_abort(work):
                 self._abort(work, now, effects)
             elif self._current is not None and _concerns(work, self._current):
+                _accept(work, effects)
                 self._current.handle_event(work, now, effects)
                 self.close_ended(effects)
             else:
@@ -301,16 +301,21 @@ class MissionQueue:
             self.close_ended(effects)
             ended.append(current)
         self._unconfirmed.hold_answer(work)
-        if self._current is not None and _concerns(work, self._current):
-            self._current.handle_event(work, now, effects)
+        current = self._current
+        if current is not None and _concerns(work, current):
+            _accept(work, effects)
+            if work.event.event_type_id is EventType.SOFT_ABORT_MISSION:
+                current.abort_softly(work, now, effects)
+            else:
+                current.abort_now(work, now, effects)
             self.close_ended(effects)
         elif replaces or self.vehicle.hovers or (work.was_accepted and not ended):
             self._has_begun = True  # What waits was behind it, and has not begun
             is_newer = replaces or self.vehicle.hovers
             self._events.resume_abort(work, now, effects, is_newer=is_newer)
         elif ended:
-            if self._unconfirmed.are_open and not work.was_accepted:
-                effects.for_edge.append(Acknowledgement(work.work_id, "accepted"))
+            if self._unconfirmed.are_open:
+                _accept(work, effects)
             effects.for_edge.append(Acknowledgement(work.work_id, "done"))
         else:
             effects.for_edge.append(Acknowledgement(work.work_id, "refused", NO_MISSION))
@@ -375,6 +380,12 @@ class MissionQueue:
         if not mission.ledger.status.is_terminal:
             mission.ledger.fail(reason)
             effects.for_edge.append(self._reporter.mission(mission.ledger))
+
+
+def _accept(work: EventWork | MissionWork, effects: Effects) -> None:
+    """Acknowledge that work is accepted, unless an earlier run of the broker has."""
+    if not work.was_accepted:
+        effects.for_edge.append(Acknowledgement(work.work_id, "accepted"))
 
 
 def _concerns(work: EventWork, mission: MissionExecutor) -> bool:

@@ -10,15 +10,13 @@ when another system flies its vehicle, a failsafe returns it, it was disarmed ea
 mission, and that has lasted longer than a lost message would explain. A lost link is no failure:
 the vehicle flies on, and reports when the link is back.
 
-Notices what other systems do to the mission that flies: a change of its items, skipped items.
-
-Vehicles that give ids to their missions show it at once
-(`mavlink_broker.mission.progress_monitor`). Of the others only signs are seen: another count of
-items, the acknowledgement of somebody's upload, the vehicle's STATUSTEXT, an item number that goes
-back. None of them proves anything, so the mission is read back and compared. The same mission with
-an earlier item current was set back by another ground station: it flies on, its report notes it.
-An earlier run of the broker has reported which items were reached, so a vehicle that was set back
-while no broker ran is found too.
+What other systems do to the mission is followed too: a change of its items, skipped items. Vehicles
+that give ids to their missions show a change at once. Of the others only signs are seen: another
+count of items, the acknowledgement of somebody's upload, the vehicle's STATUSTEXT, an item number
+that goes back. None of them proves anything, so the mission is read back and compared. The same
+mission with an earlier item current was set back by another ground station: it flies on, its report
+notes it. An earlier run of the broker has reported which items were reached, so a vehicle that was
+set back while no broker ran is found too.
 
 A skipped item: MISSION_CURRENT beyond an item shows that it is done, but not how. A vehicle that
 was near its waypoints, and then passes one that it was nowhere near, was ordered to. Nothing

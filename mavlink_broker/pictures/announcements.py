@@ -1,16 +1,15 @@
-"""Announcements of pictures: what a camera says of each, and a request for those that were lost.
+"""Announcements of pictures: requests for those that were lost, and the command of each picture.
 
 A camera numbers its pictures from 0 without gaps and announces each of them once. The broker
 requests the numbers that are missing between two others, or up to the camera's own count:
 REQUEST_MESSAGE(512) of CAMERA_IMAGE_CAPTURED(263) with the number. A restarted broker requests
 from the newest backwards, as far as pictures may belong to its missions.
 
-Attributes pictures to commands: each picture belongs to the command that ran when it was taken.
-
-The interval of a command runs from the end of the previous command to its own end, by the vehicle's
-clock and as far as the broker knows it. The broker learns of a command up to a second late, and a
-camera may need some time, so a command that lacks pictures also gets those from shortly before and
-after its interval.
+Each picture belongs to the command that ran when it was taken (`Attribution`). The interval of a
+command runs from the end of the previous command to its own end, by the vehicle's clock and as far
+as the broker knows it. The broker learns of a command up to a second late, and a camera may need
+some time, so a command that lacks pictures also gets those from shortly before and after its
+interval.
 """
 
 import math

@@ -4,10 +4,8 @@ Each picture belongs to the command that was running when it was taken; it is do
 the size that the edge server takes, and sent once. No mission waits for its pictures, and none is
 lost silently: the report of its command, or the log after the mission, names a missing picture.
 
-Downloads the files of pictures, one at a time, with retries.
-
-A download that was interrupted is resumed with the bytes so far; a round that received any bytes
-does not count as a failure.
+Files are downloaded one at a time, with retries (`PictureFetcher`). A download that was interrupted
+is resumed with the bytes so far; a round that received any bytes does not count as a failure.
 
 Over MAVFTP a file is requested from the component that the announcement names, then from the
 camera, then from the autopilot. A file on a web server is a job for the program's threads.

@@ -3,13 +3,12 @@
 A field that a family does not support is left out; a note says so and becomes the command's
 `message`.
 
-Places the speed items in a segment so that the vehicle flies at the speed; pure.
-
-ArduCopter starts each leg after a take-off, a circle or a live command with its own speed
-(`mode_auto.cpp`, `wp_start`). Until 4.5 this resets a speed that was set before. Of the commands
-between two legs it executes the first before the next leg starts and all others after it, so that
-a speed that is set twice holds on that leg in every version. A waypoint at the vehicle's own
-position ends before the second, so the speed is set once more after the first waypoint.
+Speed items are placed in a segment so that the vehicle flies at the speed. ArduCopter starts each
+leg after a take-off, a circle or a live command with its own speed (`mode_auto.cpp`, `wp_start`).
+Until 4.5 this resets a speed that was set before. Of the commands between two legs it executes the
+first before the next leg starts and all others after it, so that a speed that is set twice holds on
+that leg in every version. A waypoint at the vehicle's own position ends before the second, so the
+speed is set once more after the first waypoint.
 
 PX4 and ArduCopter limit the horizontal and the vertical speed of a leg apart, and keep its
 direction (`PositionSmoothing.cpp`, clampToXYNorm and clampToZNorm; `SCurve.cpp`, kinematic_limit).

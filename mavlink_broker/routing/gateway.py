@@ -10,11 +10,10 @@ vehicle and broker stay visible.
 
 Refused messages are counted, and logged periodically.
 
-Ground stations on the forwarding links: which are connected, accepted and sent to.
-
-On the loopback frames are unsigned in both directions, so that any ground station connects without
-a key. On other links, if vehicles must sign, ground stations must too: with the key of system 255,
-the id that they use. Frames to them are signed with it. Without that key nothing is forwarded.
+`GroundStations` keeps which ground stations are connected, accepted and sent to. On the loopback
+frames are unsigned in both directions, so that any ground station connects without a key. On other
+links, if vehicles must sign, ground stations must too: with the key of system 255, the id that they
+use. Frames to them are signed with it. Without that key nothing is forwarded.
 """
 
 import logging

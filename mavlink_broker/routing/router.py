@@ -1,15 +1,14 @@
-"""Routes frames between the links, the sessions and the ground stations.
+"""Routes frames between the links, the sessions and the ground stations, by each active link.
 
 A received frame is accepted by its signature and its link, logged, forwarded to ground stations and
 returned for the sessions. A sent frame gets a sequence number per peer address and is signed with
 the vehicle's key.
 
-Selects the active link of a vehicle's component among several.
-
-A vehicle may have a radio and a wifi link at once and sends everything on both. Messages of the
-active link only are processed, so that nothing takes effect twice. The active link stays active
-until it has been silent for 1.5 s, so that two good links do not alternate. A link that is
-configured earlier takes over when it has been received for 5 s without such a gap.
+`LinkSelection` selects the active link of a vehicle's component among several. A vehicle may have a
+radio and a wifi link at once and sends everything on both. Messages of the active link only are
+processed, so that nothing takes effect twice. The active link stays active until it has been silent
+for 1.5 s, so that two good links do not alternate. A link that is configured earlier takes over
+when it has been received for 5 s without such a gap.
 
 Two vehicles with the same system id look like one vehicle on two links. One vehicle sends the same
 on its radio and its wifi link; the clocks (`time_boot_ms`) of two vehicles started at different

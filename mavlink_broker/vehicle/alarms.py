@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 from afarcloud.enumerations import AlarmCode, AlarmType
 from mavlink_broker.autopilots.status_texts import TextMeaning, alarm_parameters, means
 from mavlink_broker.mavlink.dialect import Message, mavlink, source_of
-from mavlink_broker.microservices.timeouts import FrameLoss, PeriodicSource
+from mavlink_broker.microservices.heartbeat import FrameLoss, PeriodicSource
 from mavlink_broker.vehicle.measurements import HUMIDITY, OBSERVED, readings
 
 DEBOUNCE_S: Final = 2.0
@@ -179,10 +179,10 @@ class AlarmMonitor:
     def receive(self, message: Message, now: float) -> None:
         """Handle a message of the autopilot."""
         self._loss.take(message)
-        parameters = alarm_parameters(message)
-        if parameters is not None:
+        kind = message.get_type()
+        if kind == "TUNNEL" and (parameters := alarm_parameters(message)) is not None:
             self._parameters = now, parameters
-        reader = _READERS.get(message.get_type())
+        reader = _READERS.get(kind)
         for source, failure, is_unhealthy in reader(message) if reader is not None else ():
             self._take(source, failure, now, is_unhealthy=is_unhealthy)
         self.observe(message, now)

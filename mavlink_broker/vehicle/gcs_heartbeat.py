@@ -60,12 +60,14 @@ class GcsHeartbeat:
         self._link_loss = self._loss_timeout = None
 
     def receive(self, message: Message) -> None:
-        """Handle a parameter, or the vehicle's status text that it has no ground station."""
+        """Take a parameter of the vehicle."""
         for read in (self._link_loss, self._loss_timeout):
             if read is not None:
                 read.receive(message)
-        if message.get_type() == "STATUSTEXT":
-            self._is_requested |= means(message.text, TextMeaning.NO_GROUND_STATION)
+
+    def receive_text(self, text: str) -> None:
+        """Take a STATUSTEXT of the vehicle, which may say that it has no ground station."""
+        self._is_requested |= means(text, TextMeaning.NO_GROUND_STATION)
 
     def tick(self, now: float) -> list[Message]:
         """Send a heartbeat once a second."""

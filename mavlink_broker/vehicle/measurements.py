@@ -136,7 +136,9 @@ _READERS: Final[Mapping[str, Callable[[Message], _Values]]] = {
     "SCALED_PRESSURE": _pressure,
 }
 OBSERVED: Final = frozenset(_READERS)
-"""Messages with measurements."""
+"""Messages with measurements, of any component."""
+MEASURED: Final = OBSERVED | {"TUNNEL"}
+"""Messages of the autopilot with measurements."""
 
 
 class ResourceKey(NamedTuple):

@@ -1,6 +1,6 @@
-"""Writes one vehicle's reports: numbers them and marks whose session they belong to.
+"""Reports of one vehicle: `Reporter` numbers them and marks whose session they belong to.
 
-What the broker publishes of a vehicle at all times: its registration and its state vectors.
+`TelemetryPublisher` publishes at all times: the registration and the state vectors of a vehicle.
 
 The body of `PUT /vehicles/<vehicle_id>` shows how old its values are: the position has its age in
 seconds, and `stale` names what the vehicle has not sent for some time, or everything while its link

@@ -20,7 +20,7 @@ from mavlink_broker.planning.situation import Home
 from mavlink_broker.planning.target_track import TargetSource
 from mavlink_broker.vehicle import control_authority
 from mavlink_broker.vehicle.control_authority import ForeignOrder, ObservedMode
-from mavlink_broker.vehicle.measurements import Observations
+from mavlink_broker.vehicle.measurements import MEASURED, Observations
 from mavlink_broker.vehicle.recovery_state import RecoveryState
 from mavlink_broker.vehicle.telemetry import Snapshot
 
@@ -144,7 +144,8 @@ class Vehicle:
             self.observations.forget()
             self._status_texts.clear()
         self.snapshot.take(message)
-        self.observations.take(message, self.snapshot, now)
+        if kind in MEASURED:
+            self.observations.take(message, self.snapshot, now)
         self._is_taken = self._is_taken and self.snapshot.armed is not False
         self._observe_foreign_order(message, now)
         return rebooted
