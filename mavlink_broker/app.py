@@ -14,8 +14,7 @@ from typing import Any, Final
 
 from mavlink_broker.autopilots.families import ModeRole
 from mavlink_broker.config import Config
-from mavlink_broker.edge.posts import post_for
-from mavlink_broker.edge.work import (
+from mavlink_broker.edge.wire import (
     AcceptanceResult,
     EventWork,
     Inbox,
@@ -23,6 +22,7 @@ from mavlink_broker.edge.work import (
     StateVectorWork,
     Work,
     WorkError,
+    post_for,
 )
 from mavlink_broker.effects import Acknowledgement, EdgeMessage, Effects, JobOutcome
 from mavlink_broker.fleet import Edge, Fleet, FleetMember, Jobs, Journal, NoJobs, VehicleRecords
@@ -350,7 +350,7 @@ class App:
 
         Without effects nothing waits for the recovery record: the next step updates it.
         """
-        if effects.is_empty:
+        if not (effects.messages or effects.for_edge or effects.jobs):
             return []
         messages = member.session.permitted(effects.messages, self._clock.monotonic())
         errors = self._router.send(member.system, messages) if messages else []

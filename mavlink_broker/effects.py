@@ -110,8 +110,3 @@ class Effects:
     messages: list[Message] = field(default_factory=list)
     for_edge: list[EdgeMessage] = field(default_factory=list)
     jobs: list[Job] = field(default_factory=list)
-
-    @property
-    def is_empty(self) -> bool:
-        """Whether the step had none."""
-        return not (self.messages or self.for_edge or self.jobs)

@@ -12,21 +12,21 @@ from typing import Any, Final, Protocol
 
 from mavlink_broker.config import Config
 from mavlink_broker.edge.outbox import Post
-from mavlink_broker.edge.work import AcceptanceResult
+from mavlink_broker.edge.wire import AcceptanceResult
 from mavlink_broker.effects import EdgeMessage, Effects, Job, JobFailed, JobOutcome
 from mavlink_broker.live.follow_target import read_target_sources
 from mavlink_broker.mavlink.dialect import Message, Route, Source, source_of
 from mavlink_broker.microservices.heartbeat import is_vehicle, replaces_autopilot
-from mavlink_broker.recovery.record import (
+from mavlink_broker.session import Session
+from mavlink_broker.vehicle.recovery_state import (
     EMPTY_RECORD,
     RecordTracker,
     RecordUpdate,
     RecoveryRecord,
+    RecoveryState,
     VehicleIdentity,
     merge_records,
 )
-from mavlink_broker.session import Session
-from mavlink_broker.vehicle.recovery_state import RecoveryState
 from mavlink_broker.vehicle.vehicle import Vehicle
 
 NO_NUMBER: Final = ""

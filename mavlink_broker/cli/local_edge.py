@@ -12,7 +12,7 @@ from afarcloud.enumerations import EventType, Status
 from afarcloud.numbers import format_time
 from afarcloud.plan import Geofence, Mission, RallyPoint
 from mavlink_broker.edge.outbox import Post
-from mavlink_broker.edge.work import AcceptanceResult
+from mavlink_broker.edge.wire import AcceptanceResult
 
 _IMAGE: Final = wire.Kind.IMAGE.value
 _REPORT: Final = wire.Kind.MISSION_REPORT.value

@@ -299,7 +299,7 @@ class EdgeConnection:
     def __init__(
         self, url: str, key_file: Path, ca_file: Path | None, instance_id: str = ""
     ) -> None:
-        """Take the edge server's URL; `instance_id` tells brokers with one access key apart."""
+        """Connect to the edge server's URL; `instance_id` distinguishes brokers with one key."""
         self._headers = {INSTANCE_HEADER: instance_id} if instance_id else {}
         self._url = url.rstrip("/")
         self._key_file = key_file

@@ -36,10 +36,9 @@ from mavlink_broker.edge.bounded_http import (
     is_temporary_refusal,
 )
 from mavlink_broker.edge.outbox import Outbox, Post
-from mavlink_broker.edge.posts import VEHICLE_LANE, is_acknowledgement
 from mavlink_broker.edge.spool import Spool
 from mavlink_broker.edge.spool_writer import SpoolWriter
-from mavlink_broker.edge.work import AcceptanceResult
+from mavlink_broker.edge.wire import VEHICLE_LANE, AcceptanceResult, is_acknowledgement
 from mavlink_broker.supervision import SupervisedThread, reason_of
 
 T = TypeVar("T")

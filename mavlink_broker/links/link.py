@@ -173,7 +173,7 @@ class RateLimiter:
         return self.factor * self._line_bytes_s
 
     def report(self, free_percent: int) -> None:
-        """Take RADIO_STATUS.txbuf, the free part of the radio's buffer."""
+        """Follow RADIO_STATUS.txbuf, the free part of the radio's buffer."""
         if free_percent < LOW_FREE_PERCENT:
             self.factor = max(MIN_FACTOR, DECREASE * self.factor)
         elif free_percent > HIGH_FREE_PERCENT:

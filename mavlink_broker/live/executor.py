@@ -46,7 +46,6 @@ from mavlink_broker.planning.live_actions import (
     Turned,
     approach_commands,
 )
-from mavlink_broker.recovery.record import LiveCommandProgress, Pose
 from mavlink_broker.vehicle import control_authority
 from mavlink_broker.vehicle.control_authority import (
     HELD_BY_FAILSAFE,
@@ -54,6 +53,7 @@ from mavlink_broker.vehicle.control_authority import (
     Claim,
     TakeoverDebounce,
 )
+from mavlink_broker.vehicle.recovery_state import LiveCommandProgress, Pose
 from mavlink_broker.vehicle.vehicle import Vehicle
 
 LISTEN_S: Final = 6.0
@@ -181,7 +181,7 @@ class LiveCommandExecutor:
         self._task: StepSeries | SubjectTracker | CircleExecutor | OrbitMonitor | None = None
         self._phase_at = 0.0
         self._began_at = 0.0
-        self._target = FollowTargetSender(action.follow, vehicle)
+        self._target = None if action.follow is None else FollowTargetSender(action.follow, vehicle)
         self._takeover = TakeoverDebounce()
         self._extra_s = 0.0  # Added to its duration: an earlier run has lost the acknowledgement
         self._may_be_repetition = False  # An earlier run may have sent it
@@ -431,7 +431,7 @@ class LiveCommandExecutor:
         return self._task is not None and self._task.is_over
 
     def _send_target(self, now: float) -> list[Message]:
-        if self.phase not in {LivePhase.BEGINNING, LivePhase.RUNNING}:
+        if self._target is None or self.phase not in {LivePhase.BEGINNING, LivePhase.RUNNING}:
             return []
         time_s = self._time_s(now)
         followed_s = time_s - self._phase_at if self.phase is LivePhase.RUNNING else 0.0

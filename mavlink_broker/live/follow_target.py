@@ -66,7 +66,7 @@ class VehicleTarget:
 class FollowTargetSender:
     """Sends the target of one live command to the vehicle, at the height of the command."""
 
-    def __init__(self, spot: Spot | None, vehicle: Vehicle) -> None:
+    def __init__(self, spot: Spot, vehicle: Vehicle) -> None:
         """Follow the command's own position unless the vehicle has a source of targets."""
         self._spot = spot
         self._vehicle = vehicle
@@ -81,7 +81,7 @@ class FollowTargetSender:
             now: [s] By the broker's clock.
         """
         spot, home = self._spot, self._vehicle.snapshot.home
-        if spot is None or home is None or time_s < self._due_at_s:
+        if home is None or time_s < self._due_at_s:
             return []
         self._due_at_s = time_s + SEND_EVERY_S - SEND_TOLERANCE_S
         source = self._vehicle.target_source

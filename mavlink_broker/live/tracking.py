@@ -27,7 +27,7 @@ from mavlink_broker.microservices.command import (
 from mavlink_broker.planning.live_actions import Move, Tracked
 from mavlink_broker.planning.situation import Spot
 from mavlink_broker.planning.target_track import target_message
-from mavlink_broker.recovery.record import LiveCommandProgress, Pose
+from mavlink_broker.vehicle.recovery_state import LiveCommandProgress, Pose
 from mavlink_broker.vehicle.vehicle import Vehicle
 
 REQUEST_AGAIN_S: Final = 2.0

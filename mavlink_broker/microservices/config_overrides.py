@@ -16,6 +16,7 @@ from typing import Final, NamedTuple, TypeAlias
 
 from mavlink_broker.mavlink.dialect import Message, Route
 from mavlink_broker.mavlink.mission_item import MissionItem
+from mavlink_broker.microservices.command import RoundTrip
 from mavlink_broker.microservices.parameter import (
     NotOverwritten,
     ParameterEncoding,
@@ -24,7 +25,6 @@ from mavlink_broker.microservices.parameter import (
     Setting,
     Written,
 )
-from mavlink_broker.microservices.timeouts import RoundTrip
 
 RETRY_INTERVAL_S: Final = 10.0
 
@@ -125,7 +125,7 @@ class ParameterOverrider:
         }
 
     def receive(self, message: Message, now: float) -> list[Message]:
-        """Take a message of the vehicle."""
+        """Handle a message of the vehicle."""
         if self._running is None:
             return []
         return self._running[1].receive(message, now)

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from typing import Final, NamedTuple, TypeAlias
 
 from mavlink_broker.mavlink.dialect import Message, Route, mavlink
-from mavlink_broker.microservices.timeouts import LONGEST_TIMEOUT_S, RoundTrip
+from mavlink_broker.microservices.command import LONGEST_TIMEOUT_S, RoundTrip
 
 DATA_MAX: Final = 239
 _PAYLOAD_BYTES: Final = 251

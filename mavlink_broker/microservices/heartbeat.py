@@ -213,7 +213,7 @@ class HeartbeatOrder:
         self._received_at = -math.inf
 
     def is_overtaken(self, message: Message, now: float) -> bool:
-        """Take a frame; gives whether it is a heartbeat that is older than another one."""
+        """Handle a frame; gives whether it is a heartbeat that is older than another one."""
         number, half = message.get_seq(), _SEQUENCE_MODULUS // 2
         step = (number - self._number + half) % _SEQUENCE_MODULUS - half
         if now - self._received_at > SEQUENCE_GAP_S:
@@ -248,7 +248,7 @@ class FrameLoss:
         self._sent = self._lost = 0.0
 
     def take(self, message: Message) -> None:
-        """Take a frame."""
+        """Handle a frame."""
         number = message.get_seq()
         step = 1 if self._last is None else (number - self._last) % _SEQUENCE_MODULUS
         if not 1 <= step < _SEQUENCE_MODULUS // 2:
@@ -275,7 +275,7 @@ class PeriodicSource:
     is_timed_out: bool = False  # Until the next message, also if the loss changes
 
     def received(self, now: float) -> None:
-        """Take a message of the source."""
+        """Handle a message of the source."""
         gap_s = now - self.received_at
         self.interval_s = (
             gap_s if self.count == 1 else self.interval_s + _GAIN * (gap_s - self.interval_s)

@@ -26,8 +26,8 @@ from mavlink_broker.microservices.command import (
     CommandLong,
     CommandOutcome,
     CommandTransaction,
+    RoundTrip,
 )
-from mavlink_broker.microservices.timeouts import RoundTrip
 
 
 class Stream(NamedTuple):

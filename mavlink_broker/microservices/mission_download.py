@@ -14,9 +14,9 @@ from dataclasses import dataclass
 from typing import Final, TypeAlias
 
 from mavlink_broker.mavlink.dialect import MISSION_RESULT_NAMES, Message, MissionAck, Route, mavlink
+from mavlink_broker.microservices.command import RoundTrip
 from mavlink_broker.microservices.message_rates import request_message
 from mavlink_broker.microservices.mission_protocol import ID_NAMES, PLAN_NAMES
-from mavlink_broker.microservices.timeouts import RoundTrip
 
 ATTEMPTS: Final = 10
 TRANSFERS: Final = 4

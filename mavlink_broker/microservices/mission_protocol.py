@@ -22,9 +22,9 @@ from mavlink_broker.microservices.command import (
     CommandOutcome,
     CommandTransaction,
     Refused,
+    RoundTrip,
 )
 from mavlink_broker.microservices.message_rates import request_message
-from mavlink_broker.microservices.timeouts import RoundTrip
 
 MISSION: Final[int] = mavlink.MAV_MISSION_TYPE_MISSION
 FENCE: Final[int] = mavlink.MAV_MISSION_TYPE_FENCE
@@ -112,7 +112,7 @@ class MissionSetCurrent:
         return self._command.start(now)
 
     def receive(self, message: Message, now: float) -> list[Message]:
-        """Take the acknowledgement, then MISSION_CURRENT."""
+        """Handle the acknowledgement, then MISSION_CURRENT."""
         if self.outcome is not None:
             return []
         was_settled = self._command.outcome is not None

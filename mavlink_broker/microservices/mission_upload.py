@@ -30,8 +30,8 @@ from mavlink_broker.mavlink.dialect import (
     Route,
     mavlink,
 )
+from mavlink_broker.microservices.command import RoundTrip
 from mavlink_broker.microservices.mission_protocol import PLAN_NAMES, to_float_item
-from mavlink_broker.microservices.timeouts import RoundTrip
 
 COUNT_ATTEMPTS: Final = 8
 LAST_ITEM_ATTEMPTS: Final = 6

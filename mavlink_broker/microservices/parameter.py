@@ -18,8 +18,7 @@ from enum import Enum, auto
 from typing import Final, NamedTuple, TypeAlias
 
 from mavlink_broker.mavlink.dialect import Message, Route, mavlink
-from mavlink_broker.microservices.command import Refused
-from mavlink_broker.microservices.timeouts import RoundTrip
+from mavlink_broker.microservices.command import Refused, RoundTrip
 
 WRITE_ATTEMPTS: Final = 6
 """Per request: at 20 % loss each way one in 460 stays unanswered."""

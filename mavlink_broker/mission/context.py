@@ -10,13 +10,12 @@ depend on from one phase to the next.
 from typing import Final
 
 from afarcloud.enumerations import Status
-from mavlink_broker.edge.work import MissionWork
+from mavlink_broker.edge.wire import MissionWork
 from mavlink_broker.effects import Effects
 from mavlink_broker.live.camera_state import SeriesMonitor
 from mavlink_broker.mavlink.dialect import Message
-from mavlink_broker.mission.pause_orders import PauseOrders
+from mavlink_broker.mission.flight_orders import PauseOrders, SpeedChanges
 from mavlink_broker.mission.segments import Segments
-from mavlink_broker.mission.speed_changes import SpeedChanges
 from mavlink_broker.mission.states import Event
 from mavlink_broker.planning.geofence import AreaCheck
 from mavlink_broker.planning.mission import FlightPlan, LiveCommand

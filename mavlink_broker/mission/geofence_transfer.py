@@ -22,7 +22,7 @@ from afarcloud.plan import Geofence
 from mavlink_broker.autopilots.parameter_settings import FenceParameters
 from mavlink_broker.mavlink.dialect import Message, Route
 from mavlink_broker.mavlink.mission_item import to_message
-from mavlink_broker.microservices.command import Accepted, CommandOutcome, Refused
+from mavlink_broker.microservices.command import Accepted, CommandOutcome, Refused, RoundTrip
 from mavlink_broker.microservices.config_overrides import (
     Items,
     OverriddenParameter,
@@ -57,7 +57,6 @@ from mavlink_broker.microservices.parameter import (
     Setting,
     Written,
 )
-from mavlink_broker.microservices.timeouts import RoundTrip
 from mavlink_broker.planning import geofence
 from mavlink_broker.vehicle.vehicle import Vehicle
 
@@ -80,7 +79,7 @@ class StepProtocol(Protocol):
         """Begin."""
 
     def receive(self, message: Message, now: float) -> list[Message]:
-        """Take a message of the vehicle."""
+        """Handle a message of the vehicle."""
 
     def tick(self, now: float) -> list[Message]:
         """Repeat what is overdue."""
@@ -107,7 +106,7 @@ class SequenceRun:
         return self._advance(None, now)
 
     def receive(self, message: Message, now: float) -> list[Message]:
-        """Take a message of the vehicle."""
+        """Handle a message of the vehicle."""
         if self.outcome is not None or self._running is None:
             return []
         return [*self._running.receive(message, now), *self._settle(now)]
@@ -322,7 +321,7 @@ class GeofenceTransfer:
         return self._run.start(now)
 
     def receive(self, message: Message, now: float) -> list[Message]:
-        """Take a message of the vehicle."""
+        """Handle a message of the vehicle."""
         return self._run.receive(message, now)
 
     def tick(self, now: float) -> list[Message]:

@@ -11,14 +11,19 @@ from typing import Final
 
 from afarcloud.enumerations import EventType, Status
 from mavlink_broker.autopilots.families import Family
-from mavlink_broker.edge.work import EventWork, MissionWork
+from mavlink_broker.edge.wire import EventWork, MissionWork
 from mavlink_broker.effects import Acknowledgement, Effects
 from mavlink_broker.mavlink.dialect import Message, mavlink
 from mavlink_broker.microservices.heartbeat import LinkState
 from mavlink_broker.microservices.mission_protocol import FENCE, RALLY
 from mavlink_broker.mission import exchanges
 from mavlink_broker.mission.context import MissionContext
-from mavlink_broker.mission.pause_orders import NOT_IN_THE_AIR, PAUSED, PAUSED_INSTEAD
+from mavlink_broker.mission.flight_orders import (
+    MISSION_ENDED,
+    NOT_IN_THE_AIR,
+    PAUSED,
+    PAUSED_INSTEAD,
+)
 from mavlink_broker.mission.phases.aborting import (
     COMMAND_WITHIN_S,
     REASONS,
@@ -42,7 +47,6 @@ from mavlink_broker.mission.phases.transferring import (
     Verifying,
 )
 from mavlink_broker.mission.phases.waiting import Waiting
-from mavlink_broker.mission.speed_changes import MISSION_ENDED
 from mavlink_broker.mission.states import (
     ARMED_BY_BROKER,
     ASKING,

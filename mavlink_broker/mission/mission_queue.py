@@ -15,19 +15,19 @@ from typing import Final
 
 from afarcloud.enumerations import EventType, Status
 from mavlink_broker.autopilots.families import MOST_CAPABLE
-from mavlink_broker.edge.work import AcceptanceResult, EventWork, MissionWork
+from mavlink_broker.edge.wire import AcceptanceResult, EventWork, MissionWork
 from mavlink_broker.effects import Acknowledgement, EdgeMessage, Effects
 from mavlink_broker.mavlink.dialect import Message
+from mavlink_broker.mission.flight_orders import MISSION_ENDED
 from mavlink_broker.mission.mission_executor import MissionExecutor
 from mavlink_broker.mission.pending_events import PendingEvents, aborts_now, is_abort
 from mavlink_broker.mission.phases.aborting import REASONS, RETURN_ENDED, abort_note
-from mavlink_broker.mission.speed_changes import MISSION_ENDED
 from mavlink_broker.mission.states import State
 from mavlink_broker.planning.geofence import check_flyable
 from mavlink_broker.planning.mission import Home, RefusedError, translate
-from mavlink_broker.recovery.record import PendingReturn, RecoveryRecord
 from mavlink_broker.vehicle.alarms import mission_error
 from mavlink_broker.vehicle.mission_ledger import MissionLedger
+from mavlink_broker.vehicle.recovery_state import PendingReturn, RecoveryRecord
 from mavlink_broker.vehicle.reporter import Reporter
 from mavlink_broker.vehicle.vehicle import Vehicle
 

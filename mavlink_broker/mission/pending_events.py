@@ -14,7 +14,7 @@ from typing import Final
 
 from afarcloud.enumerations import EventType
 from mavlink_broker.autopilots.families import ModeRole
-from mavlink_broker.edge.work import EventWork
+from mavlink_broker.edge.wire import EventWork
 from mavlink_broker.effects import Acknowledgement, Effects
 from mavlink_broker.mavlink.dialect import Message
 from mavlink_broker.mission.phases.aborting import (
@@ -24,9 +24,9 @@ from mavlink_broker.mission.phases.aborting import (
     noted_event,
     return_event,
 )
-from mavlink_broker.recovery.record import PendingAbort, PendingReturn
 from mavlink_broker.vehicle import control_authority
 from mavlink_broker.vehicle.control_authority import Authority, Claim
+from mavlink_broker.vehicle.recovery_state import PendingAbort, PendingReturn
 from mavlink_broker.vehicle.vehicle import Vehicle
 
 EXPIRED = "expired"

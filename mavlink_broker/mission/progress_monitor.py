@@ -83,7 +83,7 @@ class MissionChangeMonitor:
         self.note: str | None = None  # What somebody has changed of a mission that still flies
 
     def receive(self, message: Message, now: float) -> list[Message]:
-        """Take a message of the vehicle, to the broker or to other systems."""
+        """Handle a message of the vehicle, to the broker or to other systems."""
         kind = message.get_type()
         if kind in _TRANSFER and not self._vehicle.route.is_for_us(message):
             self._see_transfer(message, now)
@@ -168,7 +168,7 @@ class SkippedWaypointMonitor:
         self._skipped: list[tuple[int, str]] = []
 
     def receive(self, message: Message, now: float) -> None:
-        """Take a message of the vehicle."""
+        """Handle a message of the vehicle."""
         match message.get_type():
             case "GLOBAL_POSITION_INT" if (message.lat, message.lon) != (0, 0):
                 self._see_position(now)
@@ -200,7 +200,7 @@ class SkippedWaypointMonitor:
         return away <= max(NEAR_M, item.parameters[1]) + NEAR_S * position.speed_m_s
 
     def _lose_track(self) -> None:
-        """Take the current item as flown."""
+        """Count the current item as flown."""
         if self._current is not None:
             self._unseen.pop(self._current, None)
         self._current = None

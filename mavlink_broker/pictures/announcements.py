@@ -23,8 +23,7 @@ from urllib.parse import urlsplit
 from afarcloud.commands import CameraImage, CameraPanorama, Command
 from afarcloud.enumerations import PanoramaMode
 from mavlink_broker.mavlink.dialect import Message, Route, mavlink, source_of
-from mavlink_broker.microservices.command import long_command
-from mavlink_broker.microservices.timeouts import RoundTrip
+from mavlink_broker.microservices.command import RoundTrip, long_command
 from mavlink_broker.vehicle.mission_ledger import MissionLedger
 
 EARLY_S: Final = 3.0
@@ -105,7 +104,7 @@ class Attribution:
     def update(
         self, command: PictureCommand | None, time_s: float, *, is_resumed: bool = False
     ) -> bool:
-        """Take the command that runs now, `is_resumed` if it ran before; whether it has changed."""
+        """Follow the command that runs, `is_resumed` if it ran before; return if it changed."""
         if self._intervals and self._intervals[-1].command == command:
             return False
         if self._intervals:

@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from afarcloud.enumerations import Status
-from mavlink_broker.edge.work import MissionWork
+from mavlink_broker.edge.wire import MissionWork
 from mavlink_broker.effects import (
     ConvertedPicture,
     ConvertPicture,

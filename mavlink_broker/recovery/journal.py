@@ -16,13 +16,13 @@ from typing import Any, Final
 
 from mavlink_broker.database import Database, read_rows
 from mavlink_broker.recovery.encoding import JournalError, decode, encode
-from mavlink_broker.recovery.record import (
+from mavlink_broker.supervision import SupervisedThread, reason_of
+from mavlink_broker.vehicle.recovery_state import (
     EMPTY_RECORD,
     RecordUpdate,
     RecoveryRecord,
     VehicleIdentity,
 )
-from mavlink_broker.supervision import SupervisedThread, reason_of
 
 _ALL: Final = "SELECT rowid, system, uid, CAST(data AS BLOB) FROM records"
 _LOG = logging.getLogger(__name__)

@@ -93,7 +93,9 @@ class GroundStations:
             REQUIRED_INTERVALS_US,
             may_command=config.traffic.forward_commands,
         )
-        self._guard = SignatureCheck(None if ring is None else _GcsKeyRing(ring), (), clock.utc)
+        self._signature_check = SignatureCheck(
+            None if ring is None else _GcsKeyRing(ring), (), clock.utc
+        )
         self._is_logged = False
         self._stations: dict[Address, tuple[Decoder, float]] = {}
 
@@ -116,13 +118,15 @@ class GroundStations:
     def receive(
         self, address: Address, data: bytes, vehicles: Collection[int], now: float
     ) -> list[tuple[Source, bytes]]:
-        """Take data of a ground station; returns the frames for vehicles."""
+        """Handle data of a ground station; returns the frames for vehicles."""
         decoder = self._decoder(address, now)
         to_vehicles: list[tuple[Source, bytes]] = []
         if decoder is None:
             return to_vehicles
         for message in decoder.decode(data):
-            if not self._needs_no_signature(address) and not self._guard.accepts(message, now):
+            if not self._needs_no_signature(address) and not self._signature_check.accepts(
+                message, now
+            ):
                 continue
             self._stations[address] = decoder, now
             forwarded_frames = self._gateway.from_ground_station(message, vehicles, now)
@@ -135,7 +139,7 @@ class GroundStations:
         for address in self._present(now):
             if self._needs_no_signature(address):
                 self._link.send(address, frame)
-            elif (key := self._guard.signing_for(GCS_SYSTEM_ID, now)) is not None:
+            elif (key := self._signature_check.signing_for(GCS_SYSTEM_ID, now)) is not None:
                 self._link.send(address, key.sign(frame))
             else:
                 self._log_missing_key(address)
@@ -170,7 +174,7 @@ class GroundStations:
     def _needs_no_signature(self, address: Address) -> bool:
         """Whether the link is trusted or on this machine, or signing is off."""
         url = self._urls[address.link - self._first]
-        return self._guard.accepts_unsigned or url.is_loopback or url.is_trusted
+        return self._signature_check.accepts_unsigned or url.is_loopback or url.is_trusted
 
 
 class _GcsKeyRing(KeyRing):

@@ -66,7 +66,7 @@ class LinkSelection:
         self.active: Address | None = None
 
     def receive(self, address: Address, now: float) -> bool:
-        """Take a message; true if its link is, or has just become, the active one."""
+        """Handle a message; true if its link is, or has just become, the active one."""
         self._note(address, now)
         if self.active != address and self._is_better(address, now):
             self.active = address
@@ -113,13 +113,13 @@ class DuplicateSystemIds:
         self._others: dict[int, _Other] = {}
 
     def receive_active(self, message: Message, now: float) -> None:
-        """Take a message from the active link."""
+        """Handle a message from the active link."""
         boot_ms: int | None = getattr(message, "time_boot_ms", None)
         if boot_ms is not None:
             self._clocks[source_of(message).system] = boot_ms, now
 
     def receive_other(self, message: Message, address: Address, now: float) -> bool:
-        """Take a message from another link; true, once, when it proves a second vehicle."""
+        """Handle a message from another link; true, once, when it proves a second vehicle."""
         system = source_of(message).system
         boot_ms: int | None = getattr(message, "time_boot_ms", None)
         clock = self._clocks.get(system)

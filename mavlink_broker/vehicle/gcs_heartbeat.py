@@ -60,13 +60,13 @@ class GcsHeartbeat:
         self._link_loss = self._loss_timeout = None
 
     def receive(self, message: Message) -> None:
-        """Take a parameter of the vehicle."""
+        """Handle a parameter of the vehicle."""
         for read in (self._link_loss, self._loss_timeout):
             if read is not None:
                 read.receive(message)
 
     def receive_text(self, text: str) -> None:
-        """Take a STATUSTEXT of the vehicle, which may say that it has no ground station."""
+        """Handle a STATUSTEXT of the vehicle, which may say that it has no ground station."""
         self._is_requested |= means(text, TextMeaning.NO_GROUND_STATION)
 
     def tick(self, now: float) -> list[Message]:

@@ -299,7 +299,7 @@ class BatteryCapacity:
         self._read: ParameterRead | None = None
 
     def receive(self, message: Message) -> None:
-        """Take a message that may be the answer."""
+        """Handle a message that may be the answer."""
         if self._read is not None:
             self._read.receive(message)
 

@@ -7,6 +7,7 @@ from typing import Final
 
 from mavlink_broker.autopilots.families import GENERIC, Family, ModeRole, family_of
 from mavlink_broker.mavlink.dialect import Message, Route, mavlink
+from mavlink_broker.microservices.command import RoundTrip
 from mavlink_broker.microservices.config_overrides import (
     ParameterOverride,
     ParameterOverrider,
@@ -15,7 +16,6 @@ from mavlink_broker.microservices.config_overrides import (
 from mavlink_broker.microservices.heartbeat import LinkMonitor, LinkState, RebootMonitor, is_vehicle
 from mavlink_broker.microservices.parameter import ParameterEncoding, encoding_of
 from mavlink_broker.microservices.status_text import StatusTexts
-from mavlink_broker.microservices.timeouts import RoundTrip
 from mavlink_broker.planning.situation import Home
 from mavlink_broker.planning.target_track import TargetSource
 from mavlink_broker.vehicle import control_authority

@@ -24,9 +24,9 @@ from mavlink_broker.links.url import parse_links
 from mavlink_broker.mavlink.codec import Decoder, Encoder
 from mavlink_broker.mavlink.dialect import Message, Route, mavlink
 from mavlink_broker.mavlink.mission_item import waypoint
+from mavlink_broker.microservices.command import RoundTrip
 from mavlink_broker.microservices.mission_download import MissionVerify, Verified
 from mavlink_broker.microservices.mission_upload import MissionUpload, Stored
-from mavlink_broker.microservices.timeouts import RoundTrip
 from mavlink_broker.mission.exchanges import difference
 from mavlink_broker.mission.states import State
 from mavlink_broker.planning.mission import FlightPlan

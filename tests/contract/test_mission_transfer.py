@@ -13,6 +13,7 @@ from mavlink_broker.autopilots.families import PX4
 from mavlink_broker.mavlink import codec as broker_codec
 from mavlink_broker.mavlink.dialect import Message, Route
 from mavlink_broker.mavlink.mission_item import waypoint
+from mavlink_broker.microservices.command import RoundTrip
 from mavlink_broker.microservices.mission_download import (
     Downloaded,
     MissionDownload,
@@ -20,7 +21,6 @@ from mavlink_broker.microservices.mission_download import (
     Verified,
 )
 from mavlink_broker.microservices.mission_upload import MissionUpload, NotStored, Stored, Uncertain
-from mavlink_broker.microservices.timeouts import RoundTrip
 from mavlink_broker.mission.exchanges import difference
 from mavlink_broker.planning.mission import FlightPlan
 from tests.support.lossy_link import GROUND_ADDRESS, VEHICLE_ADDRESS, Conditions, LossyLink

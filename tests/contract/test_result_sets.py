@@ -8,7 +8,7 @@ import pytest
 from PIL import Image as Pictures
 
 from mavlink_broker.edge.client import _KNOWN
-from mavlink_broker.edge.posts import post_for
+from mavlink_broker.edge.wire import post_for
 from mavlink_broker.effects import ConvertedPicture, ConvertPicture, EdgeReport
 from mavlink_broker.mavlink.codec import Decoder, Encoder
 from mavlink_broker.mavlink.dialect import Message, Route, mavlink

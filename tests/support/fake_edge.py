@@ -16,7 +16,7 @@ from urllib.parse import parse_qs, urlsplit
 
 from afarcloud.enumerations import Status
 from mavlink_broker.edge.outbox import Post
-from mavlink_broker.edge.work import AcceptanceResult
+from mavlink_broker.edge.wire import AcceptanceResult
 
 
 class FakeEdge:

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from mavlink_broker.recovery.encoding import decode, encode
-from mavlink_broker.recovery.record import (
+from mavlink_broker.vehicle.recovery_state import (
     EMPTY_RECORD,
     RecordUpdate,
     RecoveryRecord,

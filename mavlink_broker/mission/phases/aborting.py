@@ -20,7 +20,7 @@ from afarcloud.enumerations import EventType
 from afarcloud.plan import AbortPoint
 from afarcloud.plan import Event as AbortEvent
 from mavlink_broker.autopilots.families import Family, ModeRole
-from mavlink_broker.edge.work import EventWork
+from mavlink_broker.edge.wire import EventWork
 from mavlink_broker.effects import Acknowledgement, Effects
 from mavlink_broker.live.executor import LiveCommandExecutor, LivePhase
 from mavlink_broker.mavlink.dialect import Message, mavlink
@@ -32,10 +32,10 @@ from mavlink_broker.mission.states import Event
 from mavlink_broker.planning.geofence import AreaCheck
 from mavlink_broker.planning.live_actions import Lasted, LiveAction
 from mavlink_broker.planning.situation import Spot
-from mavlink_broker.recovery.record import PendingAbort, PendingReturn, Pose
 from mavlink_broker.vehicle import control_authority
 from mavlink_broker.vehicle.alarms import mission_error
 from mavlink_broker.vehicle.control_authority import AIRBORNE_MODES, DESCENT_MODES, Authority, Claim
+from mavlink_broker.vehicle.recovery_state import PendingAbort, PendingReturn, Pose
 from mavlink_broker.vehicle.vehicle import Vehicle
 
 AGAIN_AFTER_S: Final = 1.5
@@ -212,7 +212,7 @@ class AbortExecutor:
         return [] if self._is_taken(now) else self._executor.start(now)
 
     def receive(self, message: Message, now: float) -> list[Message]:
-        """Take a message of the vehicle."""
+        """Handle a message of the vehicle."""
         if self._is_taken(now) or self._must_drop_place():
             return []
         return self._executor.receive(message, now)

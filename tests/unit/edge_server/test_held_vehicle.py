@@ -5,7 +5,7 @@ from collections.abc import Callable
 import pytest
 
 from mavlink_broker.edge.outbox import Post
-from mavlink_broker.edge.work import AcceptanceResult
+from mavlink_broker.edge.wire import AcceptanceResult
 from mavlink_broker.mavlink.dialect import mavlink
 from tests.support.broker_world import World, first_flight
 from tests.support.fake_edge import FakeEdge

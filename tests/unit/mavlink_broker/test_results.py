@@ -11,7 +11,7 @@ from afarcloud.enumerations import ImageFormat, Status
 from afarcloud.state import Image, Observation, ObservationList, Pose
 from mavlink_broker.config import Config
 from mavlink_broker.edge.outbox import Post, Urgency
-from mavlink_broker.edge.posts import post_for
+from mavlink_broker.edge.wire import post_for
 from mavlink_broker.effects import Result
 from mavlink_broker.mavlink.dialect import mavlink
 from tests.support.broker_world import World, first_flight, flying_world, go_home, mission, takeoff

@@ -20,9 +20,8 @@ from mavlink_broker.edge.bounded_http import Answer, EdgeConnection, is_final
 from mavlink_broker.edge.client import EdgeClient, Pause
 from mavlink_broker.edge.dead_letters import read_dead_letters, request_action
 from mavlink_broker.edge.outbox import Post, Urgency
-from mavlink_broker.edge.posts import post_for
 from mavlink_broker.edge.spool import Spool
-from mavlink_broker.edge.work import AcceptanceResult
+from mavlink_broker.edge.wire import AcceptanceResult, post_for
 from mavlink_broker.effects import Acknowledgement, VehicleUpdate
 from tests.support import spooled_posts
 from tests.support.broker_world import first_flight

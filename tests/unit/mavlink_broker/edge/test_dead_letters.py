@@ -28,7 +28,7 @@ from mavlink_broker.edge.outbox import (
     Urgency,
 )
 from mavlink_broker.edge.spool_writer import SpoolWriter
-from mavlink_broker.edge.work import AcceptanceResult
+from mavlink_broker.edge.wire import AcceptanceResult
 from tests.support.broker_world import World
 from tests.support.fake_edge import FakeEdgeServer
 from tests.support.spooled_posts import (

@@ -6,7 +6,7 @@ from typing import Any
 
 from afarcloud.state import Pose
 from mavlink_broker.edge.outbox import Outbox, Post, Urgency
-from mavlink_broker.edge.posts import post_for
+from mavlink_broker.edge.wire import post_for
 from mavlink_broker.effects import Acknowledgement, EdgeMessage, VehicleUpdate
 
 AT = datetime(2026, 11, 21, 8, 0, tzinfo=UTC)

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mavlink_broker.edge.work import Inbox, MissionWork, StateVectorWork, WorkError
+from mavlink_broker.edge.wire import Inbox, MissionWork, StateVectorWork, WorkError
 from tests.support.broker_world import first_flight
 
 UTC_NOW = datetime(2026, 11, 21, 8, 0, tzinfo=UTC)

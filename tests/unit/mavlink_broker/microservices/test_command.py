@@ -13,8 +13,8 @@ from mavlink_broker.microservices.command import (
     CommandSequence,
     CommandTransaction,
     Refused,
+    RoundTrip,
 )
-from mavlink_broker.microservices.timeouts import RoundTrip
 from tests.unit.mavlink_broker.microservices.harness import ROUTE, acknowledgement, tick_until
 
 ARM = mavlink.MAV_CMD_COMPONENT_ARM_DISARM

@@ -5,9 +5,9 @@ import random
 import pytest
 
 from mavlink_broker.mavlink.dialect import Message, mavlink
+from mavlink_broker.microservices.command import RoundTrip
 from mavlink_broker.microservices.config_overrides import OverriddenParameter, ParameterOverrider
 from mavlink_broker.microservices.parameter import ParameterEncoding, Setting
-from mavlink_broker.microservices.timeouts import RoundTrip
 from tests.unit.mavlink_broker.microservices.harness import ROUTE, received
 
 REAL32 = mavlink.MAV_PARAM_TYPE_REAL32

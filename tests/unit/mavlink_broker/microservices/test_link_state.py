@@ -5,6 +5,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mavlink_broker.mavlink.dialect import mavlink
+from mavlink_broker.microservices.command import (
+    FIRST_TIMEOUT_S,
+    LONGEST_TIMEOUT_S,
+    SHORTEST_TIMEOUT_S,
+    RoundTrip,
+)
 from mavlink_broker.microservices.heartbeat import (
     NOT_VEHICLES,
     LinkMonitor,
@@ -12,12 +18,6 @@ from mavlink_broker.microservices.heartbeat import (
     OwnHeartbeat,
     RebootMonitor,
     is_vehicle,
-)
-from mavlink_broker.microservices.timeouts import (
-    FIRST_TIMEOUT_S,
-    LONGEST_TIMEOUT_S,
-    SHORTEST_TIMEOUT_S,
-    RoundTrip,
 )
 from tests.unit.mavlink_broker.microservices.harness import tick_until
 

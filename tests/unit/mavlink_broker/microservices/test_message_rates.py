@@ -4,6 +4,7 @@ from collections.abc import Collection
 from itertools import cycle, pairwise
 
 from mavlink_broker.mavlink.dialect import Message, MissionCurrent, Route, mavlink
+from mavlink_broker.microservices.command import RoundTrip
 from mavlink_broker.microservices.message_rates import (
     GCS_RATES_HZ,
     MAX_STOPS,
@@ -14,7 +15,6 @@ from mavlink_broker.microservices.message_rates import (
 )
 from mavlink_broker.microservices.parameter import READ_ATTEMPTS, ParameterRead
 from mavlink_broker.microservices.status_text import StatusTexts
-from mavlink_broker.microservices.timeouts import RoundTrip
 from tests.unit.mavlink_broker.microservices.harness import (
     ROUTE,
     acknowledgement,

@@ -3,13 +3,13 @@
 import pytest
 
 from mavlink_broker.mavlink.dialect import Message, MissionAck, mavlink
+from mavlink_broker.microservices.command import RoundTrip
 from mavlink_broker.microservices.mission_upload import (
     CLEAR_ATTEMPTS,
     Cleared,
     MissionClear,
     NotCleared,
 )
-from mavlink_broker.microservices.timeouts import RoundTrip
 from tests.unit.mavlink_broker.microservices.harness import ROUTE, received, tick_until
 
 FENCE = 1

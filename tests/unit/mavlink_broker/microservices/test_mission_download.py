@@ -4,8 +4,8 @@ import pytest
 
 from mavlink_broker.mavlink.dialect import Message, MissionAck, MissionCount, mavlink
 from mavlink_broker.mavlink.mission_item import from_message, to_message, waypoint
+from mavlink_broker.microservices.command import RoundTrip
 from mavlink_broker.microservices.mission_download import Downloaded, MissionDownload, NotDownloaded
-from mavlink_broker.microservices.timeouts import RoundTrip
 from tests.unit.mavlink_broker.microservices.harness import ROUTE, kinds, received, tick_until
 
 ITEM = waypoint(latitude_deg=1.0, longitude_deg=2.0, relative_altitude_m=5.0)

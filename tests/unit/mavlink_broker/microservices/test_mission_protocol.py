@@ -7,10 +7,10 @@ import pytest
 from mavlink_broker.autopilots.families import GENERIC
 from mavlink_broker.mavlink.dialect import Message, MissionAck, MissionCount, mavlink
 from mavlink_broker.mavlink.mission_item import hold, waypoint
+from mavlink_broker.microservices.command import RoundTrip
 from mavlink_broker.microservices.mission_download import Different, MissionVerify, Verified
 from mavlink_broker.microservices.mission_protocol import supports_only_float_items
 from mavlink_broker.microservices.mission_upload import MissionUpload, Stored
-from mavlink_broker.microservices.timeouts import RoundTrip
 from mavlink_broker.mission.exchanges import difference
 from mavlink_broker.planning.mission import FlightPlan
 from tests.unit.mavlink_broker.microservices.harness import ROUTE, received

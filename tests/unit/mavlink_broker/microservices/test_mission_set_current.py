@@ -1,9 +1,8 @@
 """The current item is set and confirmed by the vehicle."""
 
 from mavlink_broker.mavlink.dialect import Message, MissionCurrent, mavlink
-from mavlink_broker.microservices.command import Accepted, Refused
+from mavlink_broker.microservices.command import Accepted, Refused, RoundTrip
 from mavlink_broker.microservices.mission_protocol import MissionSetCurrent
-from mavlink_broker.microservices.timeouts import RoundTrip
 from tests.unit.mavlink_broker.microservices.harness import (
     ROUTE,
     acknowledgement,

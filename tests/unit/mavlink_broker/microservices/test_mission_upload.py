@@ -11,6 +11,7 @@ from mavlink_broker.mavlink.mission_item import (
     trigger_camera,
     waypoint,
 )
+from mavlink_broker.microservices.command import RoundTrip
 from mavlink_broker.microservices.mission_upload import (
     COUNT_ATTEMPTS,
     MOST_REPETITIONS,
@@ -19,7 +20,6 @@ from mavlink_broker.microservices.mission_upload import (
     Stored,
     Uncertain,
 )
-from mavlink_broker.microservices.timeouts import RoundTrip
 from tests.unit.mavlink_broker.microservices.harness import ROUTE, kinds, received, tick_until
 
 COUNT = 3

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import pytest
 
 from mavlink_broker.mavlink.dialect import Message, MissionCount, MissionCurrent
+from mavlink_broker.microservices.command import RoundTrip
 from mavlink_broker.microservices.mission_download import Different, MissionVerify, Verified
-from mavlink_broker.microservices.timeouts import RoundTrip
 from tests.unit.mavlink_broker.microservices.harness import ROUTE, kinds, received, tick_until
 
 

@@ -9,7 +9,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from mavlink_broker.mavlink.dialect import Message, mavlink
-from mavlink_broker.microservices.command import Refused
+from mavlink_broker.microservices.command import Refused, RoundTrip
 from mavlink_broker.microservices.parameter import (
     READ_ATTEMPTS,
     WRITE_ATTEMPTS,
@@ -22,7 +22,6 @@ from mavlink_broker.microservices.parameter import (
     from_field,
     to_field,
 )
-from mavlink_broker.microservices.timeouts import RoundTrip
 from tests.unit.mavlink_broker.microservices.harness import ROUTE, kinds, received, tick_until
 
 INT32 = mavlink.MAV_PARAM_TYPE_INT32

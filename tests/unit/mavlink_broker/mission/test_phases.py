@@ -6,7 +6,7 @@ import re
 import pytest
 
 from afarcloud.plan import Mission
-from mavlink_broker.edge.work import MissionWork
+from mavlink_broker.edge.wire import MissionWork
 from mavlink_broker.mavlink.dialect import Route
 from mavlink_broker.mission.mission_executor import MissionExecutor
 from mavlink_broker.mission.phases.phase import Phase

@@ -8,7 +8,7 @@ import pytest
 
 from afarcloud.enumerations import Status
 from mavlink_broker.mavlink.dialect import mavlink
-from mavlink_broker.microservices.timeouts import RoundTrip
+from mavlink_broker.microservices.command import RoundTrip
 from mavlink_broker.pictures.announcements import MAX_NUMBERS, AnnouncementTracker, Capture
 from tests.support.broker_world import World, go_home, mission, takeoff
 from tests.support.scripted_camera import ScriptedCamera

@@ -4,7 +4,7 @@ import logging
 
 import pytest
 
-from mavlink_broker.recovery.record import (
+from mavlink_broker.vehicle.recovery_state import (
     EMPTY_RECORD,
     WRITE_TIMEOUT_S,
     PendingReturn,

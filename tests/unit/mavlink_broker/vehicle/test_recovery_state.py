@@ -1,12 +1,12 @@
 """What is noted of a vehicle is in its record, and a recalled record is noted again."""
 
-from mavlink_broker.recovery.record import (
+from mavlink_broker.vehicle.recovery_state import (
     EMPTY_RECORD,
     LiveCommandProgress,
     PendingAbort,
     PendingReturn,
+    RecoveryState,
 )
-from mavlink_broker.vehicle.recovery_state import RecoveryState
 from mavlink_broker.vehicle.telemetry import Position
 
 ABORT = PendingAbort(work_id=7, event_type=1)
