@@ -315,11 +315,10 @@ class App:
 
         An event that an earlier run has accepted may be for a vehicle that is not received yet.
         """
-        system = self._config.system_of(work.vehicle_id)
-        if system is not None and work.was_accepted:
-            member: FleetMember | None = self._fleet.get_or_add(system, work.vehicle_id)
-        else:
-            member = self._fleet.find(system)
+        member = self._fleet.member_of(work.vehicle_id)
+        if member is None and work.was_accepted:
+            system = self._config.system_of(work.vehicle_id)
+            member = None if system is None else self._fleet.get_or_add(system, work.vehicle_id)
         late = work.expires_at is not None and now >= work.expires_at
         expired = late and not work.was_accepted
         if member is None or expired:

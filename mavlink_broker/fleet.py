@@ -195,9 +195,14 @@ class Fleet:
         member = self.find(system)
         return None if member is None else member.session
 
+    def member_of(self, vehicle_id: int) -> FleetMember | None:
+        """Return the member with a vehicle id; None if there is none."""
+        members = self._members.values()
+        return next((m for m in members if m.session.vehicle.vehicle_id == vehicle_id), None)
+
     def vehicle(self, vehicle_id: int) -> Vehicle | None:
         """Return a vehicle by its vehicle id; None if there is none."""
-        member = self.find(self._config.system_of(vehicle_id))
+        member = self.member_of(vehicle_id)
         return None if member is None else member.session.vehicle
 
     def sender_of(self, message: Message) -> FleetMember | None:
