@@ -78,12 +78,12 @@ class AuthorityMonitor:
 
     @property
     def is_lost(self) -> bool:
-        """Whether its own failsafe or another system has a vehicle that waits for an order."""
+        """Whether its own failsafe or another system controls a vehicle that waits for an order."""
         return self.who(HOVERING) is not Authority.BROKER
 
     @property
-    def departure(self) -> str:
-        """Name who has a vehicle that waits for an order, for the mission's report."""
+    def loss_reason(self) -> str:
+        """Name who controls a vehicle that waits for an order, for the mission's report."""
         return self.reason(self.who(HOVERING))
 
     def reason(self, who: Authority) -> str:

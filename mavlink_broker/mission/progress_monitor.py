@@ -79,7 +79,7 @@ class MissionChangeMonitor:
         self._uploader: int | None = None
         self._reads = 0
         self._reading: MissionVerify | None = None
-        self.departure: str | None = None
+        self.loss_reason: str | None = None
         self.note: str | None = None  # What somebody has changed of a mission that still flies
 
     def receive(self, message: Message, now: float) -> list[Message]:
@@ -147,7 +147,7 @@ class MissionChangeMonitor:
             case Different(reason):
                 self._reading = None
                 who = "somebody else" if self._uploader is None else f"system {self._uploader}"
-                self.departure = f"{who} put another mission onto the vehicle: {reason}"
+                self.loss_reason = f"{who} put another mission onto the vehicle: {reason}"
         return []
 
 
