@@ -96,7 +96,7 @@ READY_TIMEOUT_PER_VEHICLE_S = 6.0
 POLL_S = 0.2
 
 
-class Stopped(Exception):  # noqa: N818  # not an error: the user asked for it
+class Stopped(BaseException):  # not an error, and nothing but a request to end
     """SIGINT or SIGTERM arrived."""
 
 
@@ -104,8 +104,13 @@ class NotHealthyError(SupervisorError):
     """The system did not become healthy in time."""
 
 
+_arrived: Final[list[str]] = []
+"""Name of the signal that arrived."""
+
+
 def stop_on_signals() -> None:
     """Raise Stopped at the first SIGINT or SIGTERM, and ignore further ones."""
+    _arrived.clear()
     for number in (signal.SIGINT, signal.SIGTERM):  # Also if the parent process ignores them
         signal.signal(number, _stop)
 
@@ -113,7 +118,8 @@ def stop_on_signals() -> None:
 def _stop(number: int, _frame: FrameType | None) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
-    raise Stopped(signal.Signals(number).name)
+    _arrived.append(signal.Signals(number).name)
+    raise Stopped(*_arrived)
 
 
 class System:
@@ -170,7 +176,14 @@ class System:
         return self.settings.vehicles + self.settings.testers
 
     def step(self) -> None:
-        """Wait a moment, restart programs that ended, refresh the vehicles' lines."""
+        """Wait a moment, restart programs that ended, refresh the vehicles' lines.
+
+        Raises:
+            Stopped: again, if Python has dropped it: one that is raised in a finalizer, or in a
+                callback of the interpreter, is printed and ignored.
+        """
+        if _arrived:
+            raise Stopped(*_arrived)
         self._supervisor.step()
         try:
             self.screen.vehicles(self._shown, self.client.connected_vehicles())
@@ -217,7 +230,7 @@ def _by_mqtt(settings: Settings) -> str:
     return f", records come over {settings.mqtt_url}" if settings.mqtt_url else ""
 
 
-def _seats(settings: Settings) -> list[str]:
+def _tester_lines(settings: Settings) -> list[str]:
     """How to stand in for a vehicle."""
     if settings.tester_script is not None:
         return []
@@ -253,7 +266,7 @@ def greeting(settings: Settings, console: str) -> str:
                 f"ground station UDP {settings.gcs_port}, "
                 f"vehicle N UDP {settings.vehicle_port_base} + N"
             ),
-            *_seats(settings),
+            *_tester_lines(settings),
             f"  access keys   {key.parent}/ (operator, broker, admin, ...)",
             f"  logs          {settings.state_dir / 'logs'}/",
             "Fly the first plan:",

@@ -5,7 +5,8 @@ import signal
 import stat
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -265,3 +266,38 @@ def test_the_system_is_up_with_and_without_its_console(
     line = console_line(Answers(answer))  # type: ignore[arg-type]  # answers one question
     assert shown in line
     assert line in greeting(from_environment({}), line)
+
+
+@pytest.fixture
+def signals_restored() -> Iterator[None]:
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    yield
+    launcher.stop_on_signals()  # Forgets what has arrived
+    for number, handler in handlers.items():
+        signal.signal(number, handler)
+
+
+@pytest.mark.usefixtures("signals_restored")
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+def test_an_interrupt_in_a_finalizer_stops_the_system_at_its_next_step(
+    world: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Python prints and ignores what a finalizer raises, and a second Ctrl-C is ignored too."""
+
+    class Interrupted:
+        def __del__(self) -> None:
+            signal.raise_signal(signal.SIGINT)
+
+    system = system_of(world, tmp_path, monkeypatch)
+    system.step()
+    launcher.stop_on_signals()
+    Interrupted()
+    with pytest.raises(launcher.Stopped, match="SIGINT"):
+        system.step()
+
+
+@pytest.mark.usefixtures("signals_restored")
+def test_an_interrupt_is_no_error_that_a_library_may_catch() -> None:
+    launcher.stop_on_signals()
+    with pytest.raises(launcher.Stopped), suppress(Exception):
+        signal.raise_signal(signal.SIGINT)
