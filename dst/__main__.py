@@ -1,5 +1,10 @@
 """`python -m dst`: run seeds, print those that fail, replay one with its trace."""
 
+import signal
+
+if __name__ == "__main__":  # Ctrl-C while the rest is loaded ends the program without a traceback
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
 import argparse
 import logging
 import sys
@@ -17,6 +22,7 @@ from dst.faults import Fault
 from dst.report import text_of
 from dst.simulate import Outcome, shrink, simulate
 
+INTERRUPTED = 130
 MEMORY = Path("/dev/shm")  # noqa: S108  # a folder of its own is made in it
 """A disk in memory, if there is one: nothing here has to survive the machine."""
 
@@ -71,7 +77,9 @@ def _run_all(
     seeds: Sequence[int], run: Callable[[int], Outcome], options: argparse.Namespace
 ) -> int:
     outcomes = []
+    interrupt = signal.signal(signal.SIGINT, signal.SIG_IGN)  # The processes inherit it
     with get_context("spawn").Pool(options.jobs, initializer=logging.disable) as pool:
+        signal.signal(signal.SIGINT, interrupt)
         for outcome in pool.imap_unordered(run, seeds):
             outcomes.append(outcome)
             if outcome.failure is not None:
@@ -96,4 +104,8 @@ def _run_all(
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # The folder is removed
+    try:
+        sys.exit(main(sys.argv[1:]))
+    except KeyboardInterrupt:
+        sys.exit(INTERRUPTED)

@@ -26,6 +26,7 @@ SCRIPTS = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["scrip
         ("sim", ENDED),
         ("sim.cloud", ENDED),
         ("sim.tester", ENDED),
+        ("dst", ENDED),
         ("sim.camera", IGNORED),
     ],
 )
