@@ -17,7 +17,6 @@ from typing import Final
 import numpy as np
 
 from uav_firmware.lib.atmosphere import altitude_from_pressure
-from uav_firmware.modules.estimator.aid_sources.low_pass import LowPass
 from uav_firmware.modules.estimator.ekf_core import RESET_AFTER_S, EkfCore
 from uav_firmware.modules.estimator.kalman_filter.ekf import Measurement
 from uav_firmware.modules.estimator.kalman_filter.gate import Aid
@@ -46,6 +45,37 @@ def height_measurement(state: NominalState, height_m: float, sigma: float) -> Se
     """Barometric height above the origin [m]."""
     expected = state.baro_bias_m - state.position_ned[DOWN]
     return (Measurement(height_m - expected, _ROW, sigma * sigma),)
+
+
+def _share(cutoff_hz: float, dt: float) -> float:
+    """Share of the difference to the input that is covered in dt [s]; 1 without a cut-off."""
+    if cutoff_hz <= 0.0:
+        return 1.0
+    return -math.expm1(-math.tau * cutoff_hz * dt)
+
+
+class LowPass:
+    """First-order low pass for a number. Starts at its first input; a cut-off of 0 passes all.
+
+    y follows x with dy/dt = (x - y) / tau, tau = 1 / (2 pi f). The step is solved exactly for an
+    input held constant over it, so the filter is stable for any dt and never overshoots.
+    """
+
+    __slots__ = ("_cutoff_hz", "_dt", "_gain", "value")
+
+    def __init__(self, cutoff_hz: float, value: float | None = None) -> None:
+        self._cutoff_hz = cutoff_hz
+        self._dt = math.nan
+        self._gain = 1.0
+        self.value = value
+
+    def update(self, sample: float, dt: float) -> float:
+        """Filter a sample that holds since dt [s]; return the output."""
+        if dt != self._dt:
+            self._dt, self._gain = dt, _share(self._cutoff_hz, dt)
+        held = sample if self.value is None else self.value
+        self.value = held + self._gain * (sample - held)
+        return self.value
 
 
 class FrozenDetector:

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uav_firmware.modules.estimator.aid_sources.low_pass import LowPass
+from uav_firmware.modules.estimator.aid_sources.barometer import LowPass
 
 values = st.floats(-1e3, 1e3)
 
