@@ -68,7 +68,7 @@ def _relay(config: Config, _options: argparse.Namespace) -> int:
 
     try:
         relay.run(config)
-    except relay.LockedError as error:
+    except (ConfigError, relay.LockedError) as error:
         print(f"edge server: {error}", file=sys.stderr)
         return WRONG_SETUP
     except RelayError as error:
@@ -84,7 +84,7 @@ def _migrate(config: Config, _options: argparse.Namespace) -> int:
 
     try:
         preparation.prepare(config)
-    except (SecretFileError, StoreError) as error:
+    except (ConfigError, SecretFileError, StoreError) as error:
         print(f"edge server: {error}", file=sys.stderr)
         return FAILED
     print(f"{config.database_name} is at {HEAD}")

@@ -459,10 +459,27 @@ def _read(setting: Setting, raw: Any, where: str) -> Any:
 def _toml_table(path: Path) -> dict[str, Any]:
     try:
         table = tomllib.loads(path.read_text(encoding="utf-8")).get("edge_server", {})
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+    except OSError as error:
+        raise ConfigError(f"{path}: {error.strerror}") from None
+    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise ConfigError(f"{path}: {error}") from None
     if not isinstance(table, dict):
         raise ConfigError(f"{path}: edge_server must be a table")
     if unknown := table.keys() - {setting.name for setting in SETTINGS}:
         raise ConfigError(f"{path}: unknown setting {', '.join(sorted(unknown))}")
     return table
+
+
+def make_state_folder(config: Config) -> None:
+    """Create the folder of the state where it is missing.
+
+    Raises:
+        ConfigError: if this user cannot create it.
+    """
+    try:
+        config.edge_dir.mkdir(parents=True, exist_ok=True, mode=0o700)
+    except OSError as error:
+        raise ConfigError(
+            f"STATE_DIR: the folder {config.edge_dir} cannot be created ({error.strerror}); "
+            "choose one in which this user may write"
+        ) from None

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
+from urllib.parse import urlsplit
 
 from farm_flight_bridge import VERSION, program_name
 from mavlink_broker.links import url as link_urls
@@ -150,12 +151,23 @@ def load(arguments: Sequence[str], environment: Mapping[str, str]) -> Config:
     return settings(parser, parser.parse_args(arguments))
 
 
+def _is_http(url: str) -> bool:
+    """Whether it is an address of a web server."""
+    try:
+        parts = urlsplit(url)
+        return parts.scheme in {"http", "https"} and bool(parts.hostname) and parts.port != 0
+    except ValueError:
+        return False
+
+
 def settings(parser: argparse.ArgumentParser, options: argparse.Namespace) -> Config:
     """Check the options; an invalid one ends the program with its error and status 2."""
     if not 1 <= options.system_id <= 255:
         parser.error("--mavlink-system-id must be 1 to 255")
     if not 0 <= options.mavlink_port <= 65_535:
         parser.error("--mavlink-port must be 0 to 65535")
+    if not _is_http(options.edge_url):
+        parser.error(f"--edge-url must be an http or https address, not {options.edge_url!r}")
     if options.log_level.upper() not in LOG_LEVELS:
         parser.error(f"--log-level must be one of {', '.join(LOG_LEVELS)}")
     if not options.state_vector_interval > 0 or not 0 < options.battery_capacity <= 100:

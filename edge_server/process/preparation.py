@@ -6,7 +6,7 @@ import time
 
 from sqlalchemy.exc import DBAPIError
 
-from edge_server.config import Config
+from edge_server.config import Config, make_state_folder
 from edge_server.process import key_files
 from edge_server.store import migrate
 from edge_server.store.connection.database import Database
@@ -21,12 +21,13 @@ def prepare(config: Config) -> None:
     """Create what is missing and migrate what is old; no effect on a prepared folder.
 
     Raises:
+        ConfigError: if the folder cannot be created.
         StoreError: if the database cannot be used.
         SecretFileError: if a configured secret cannot be used, or others can read it.
     """
     key_files.check_given(config)
     _check_signature_key(config)
-    config.edge_dir.mkdir(parents=True, exist_ok=True, mode=0o700)
+    make_state_folder(config)
     _prepare_database(config)
     database = open_database(config)
     try:

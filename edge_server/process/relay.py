@@ -17,7 +17,7 @@ from typing import Final
 
 from sqlalchemy.exc import DBAPIError
 
-from edge_server.config import Config
+from edge_server.config import Config, make_state_folder
 from edge_server.outbox import wakeup
 from edge_server.outbox.counts import RelayCounts
 from edge_server.outbox.relay import Relay, RelayError
@@ -49,10 +49,11 @@ def run(config: Config) -> None:
     """Relay until SIGTERM or SIGINT; waits for a database server that does not answer.
 
     Raises:
+        ConfigError: if the state folder cannot be created.
         LockedError: if another relay runs.
         RelayError: if it cannot go on and should be started again.
     """
-    config.edge_dir.mkdir(parents=True, exist_ok=True, mode=0o700)
+    make_state_folder(config)
     stopping = threading.Event()
     lock = StateFolderLock(config)
     _at_first_signal(stopping.set)

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, Final
 from gunicorn.app.base import BaseApplication  # type: ignore[import-untyped]  # it has no types
 from gunicorn.arbiter import Arbiter  # type: ignore[import-untyped]  # as above
 
-from edge_server.config import Config
+from edge_server.config import Config, ConfigError
 from edge_server.connections.admission import KEEP_ALIVE_S, Limits
 from edge_server.process import children, tls, workers
 from edge_server.process.exit_codes import FAILED, OK, WRONG_SETUP
@@ -84,7 +84,7 @@ def _prepare(config: Config) -> int:
 
     try:
         _prepare_when_available(config)
-    except (SecretFileError, StoreError) as error:
+    except (ConfigError, SecretFileError, StoreError) as error:
         LOG.error("%s", error)  # noqa: TRY400  # the sentence is enough
         return WRONG_SETUP
     except OSError:

@@ -69,6 +69,8 @@ def main() -> int:
         help="records taken in one request; 0 offers no batches (CLOUD_BATCH)",
     )
     arguments = parser.parse_args()
+    if not 0 <= arguments.port <= 65_535:
+        parser.error(f"--port: {arguments.port} is not from 0 to 65535")
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s cloud %(message)s")
     store = Store(arguments.state_dir / "cloud" / "records.ndjson")
     try:

@@ -114,6 +114,7 @@ def check_ports(programs: Sequence[Program]) -> None:
     Raises:
         PortTakenError: naming the program and the port.
     """
+    owners: dict[tuple[int, int], str] = {}
     for program in programs:
         for port, kind in (
             (program.tcp_port, socket.SOCK_STREAM),
@@ -121,6 +122,9 @@ def check_ports(programs: Sequence[Program]) -> None:
         ):
             if port is None:
                 continue
+            owner = owners.setdefault((port, kind), program.name)
+            if owner != program.name:
+                raise PortTakenError(f"{program.name}: port {port} is that of {owner} too")
             with socket.socket(socket.AF_INET, kind) as probe:
                 if kind == socket.SOCK_STREAM:
                     probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)

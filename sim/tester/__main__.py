@@ -45,7 +45,10 @@ def main(arguments: Sequence[str], environment: Mapping[str, str]) -> int:
 def _run(options: argparse.Namespace) -> int:
     try:
         script = None if options.script is None else Script(_read(options.script))
-    except (OSError, ScriptError) as error:
+    except OSError as error:
+        print(f"tester: --script {options.script}: {error.strerror}", file=sys.stderr)
+        return 2
+    except ScriptError as error:
         print(f"tester: --script: {error}", file=sys.stderr)
         return 2
     woken: WakeableQueue[LinkEvent] = WakeableQueue()

@@ -230,6 +230,19 @@ def test_a_port_in_use_is_one_sentence(program: Program) -> None:
     assert "Traceback" not in errors
 
 
+def test_a_state_folder_that_cannot_be_created_is_one_sentence(program: Program) -> None:
+    """Once by the part of the program that finds it first; nothing is started again."""
+    file = program.state_dir.with_name("file")
+    file.touch()
+    program.environment["STATE_DIR"] = str(file / "var")
+    program.begin()
+    code, errors = program.wait()
+    assert code == 2
+    assert f"STATE_DIR: the folder {file / 'var' / 'edge'} cannot be created" in errors
+    assert "Traceback" not in errors
+    assert "restart" not in errors
+
+
 @pytest.mark.thorough
 def test_a_second_relay_is_refused(program: Program) -> None:
     program.start()

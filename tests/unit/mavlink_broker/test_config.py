@@ -84,6 +84,10 @@ def test_a_refused_number_is_reported_with_its_reason(
         ["--state-vector-interval", "nan"],
         ["--battery-capacity", "5200"],
         ["--log-level", "LOUD"],
+        ["--edge-url", "edge-server:8000"],
+        ["--edge-url", "nonsense"],
+        ["--edge-url", "http://:8000"],
+        ["--edge-url", "http://edge:80000"],
     ],
 )
 def test_a_fault_ends_the_program_with_status_2(

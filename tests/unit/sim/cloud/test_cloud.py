@@ -1,10 +1,12 @@
 import json
+import sys
 from pathlib import Path
 
 import pytest
 from flask.testing import FlaskClient
 from werkzeug.test import TestResponse
 
+from sim.cloud.__main__ import main
 from sim.cloud.app import create_app
 from sim.cloud.store import KINDS, Store
 
@@ -137,3 +139,12 @@ def test_a_batch_that_is_too_long_is_refused_whole(batching: FlaskClient) -> Non
 def test_a_line_that_names_no_record_spoils_the_batch(batching: FlaskClient, bad: str) -> None:
     assert send_batch(batching, line("pose", "a"), bad).status_code == 400
     assert batching.get("/records").json == []
+
+
+def test_a_port_that_does_not_exist_is_refused(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["sim.cloud", "--port", "99999"])
+    with pytest.raises(SystemExit):
+        main()
+    assert "--port: 99999 is not from 0 to 65535" in capsys.readouterr().err

@@ -118,6 +118,15 @@ def test_a_taken_port_is_named(kind: socket.SocketKind) -> None:
     check_ports([wanted])
 
 
+def test_a_port_that_two_programs_would_use_is_named() -> None:
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    with pytest.raises(PortTakenError, match=f"cloud: port {port} is that of edge too"):
+        check_ports([Program("edge", (), tcp_port=port), Program("cloud", (), tcp_port=port)])
+    check_ports([Program("edge", (), tcp_port=port), Program("broker", (), udp_port=port)])
+
+
 def test_a_log_goes_on_where_the_last_run_ended(tmp_path: Path) -> None:
     path = tmp_path / "edge.log"
     for line in (b"first\n", b"second\n"):
