@@ -170,7 +170,9 @@ class MissionQueue:
             self._waiting.popleft().abort("expired before take-off", effects)
 
     def _is_resumed(self, mission: MissionExecutor) -> bool:
-        return mission.work.was_accepted and not self._has_begun
+        """Whether an earlier run may have begun a mission: the first, or one it has reported."""
+        work = mission.work
+        return work.was_accepted and (not self._has_begun or work.report is not None)
 
     def _reason_to_fail(self, mission: MissionExecutor) -> str | None:
         """Why a mission has failed, as an earlier run has noted it."""

@@ -20,6 +20,7 @@ from tests.unit.mavlink_broker.test_events import (
     world_at,
 )
 
+FINISHED = Status.FINISHED
 SET_MODE = mavlink.MAV_CMD_DO_SET_MODE
 AWAY = pytest.mark.parametrize("away_s", [0.0, 3.0, 60.0])
 
@@ -133,6 +134,22 @@ def test_no_order_goes_to_a_pilot_who_has_taken_over_meanwhile() -> None:
     world.run_until(lambda: "refused" in answer_statuses(world, event))
     assert "somebody else" in world.edge.acknowledgements(event)[-1]["message"]
     assert world.only_vehicle.custom_mode == PX4_POSITION
+
+
+def test_an_abort_before_a_mission_does_not_have_it_flown_again() -> None:
+    """Its answer was lost, so the edge server hands it out again before the mission that flies."""
+    world = World()
+    world.add_vehicle(script=dataclasses.replace(PX4, item_time_s=6.0))
+    event = world.edge.event(ABORT)
+    world.edge.plan(first_flight(mission_id=1201))
+    world.run_until(lambda: world.edge.reports(1201) and world.edge.statuses(1201)[0] == FINISHED)
+    world.kill_broker()
+    world.edge.work[event]["state"] = "accepted"
+    world.edge.closed.discard(event)
+    world.restart_broker()
+    world.run_until_over(1201)
+    assert world.app.internal_errors.count == 0
+    assert world.only_vehicle.commands.count(mavlink.MAV_CMD_MISSION_START) == 1
 
 
 @pytest.mark.thorough
