@@ -36,6 +36,9 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument(
         "--hours", type=float, default=0.0, help="hours of farm, in shifts with breaks (one shift)"
     )
+    parser.add_argument(
+        "--depth", action="store_true", help="one vehicle, with the whole flight stack on JSBSim"
+    )
     parser.add_argument("--seed", type=int, help="replay this seed with its trace")
     parser.add_argument("--faults", help="replay with these faults: comma-separated, or none")
     parser.add_argument("--stop", action="store_true", help="stop at the first seed that fails")
@@ -43,11 +46,12 @@ def main(arguments: Sequence[str]) -> int:
     options = parser.parse_args(arguments)
     logging.disable(logging.CRITICAL)
     with _folder() as prepared:
+        run = partial(simulate, prepared=prepared, hours=options.hours, is_deep=options.depth)
         if options.seed is not None:
-            run = partial(simulate, options.seed, prepared, hours=options.hours, kept_lines=None)
-            return _replay(run, _faults(options.faults), must_shrink=options.shrink)
+            replay = partial(run, options.seed, kept_lines=None)
+            return _replay(replay, _faults(options.faults), must_shrink=options.shrink)
         seeds = range(options.first, options.first + options.seeds)
-        return _run_all(seeds, partial(simulate, prepared=prepared, hours=options.hours), options)
+        return _run_all(seeds, run, options)
 
 
 @contextmanager
@@ -83,7 +87,8 @@ def _run_all(
         for outcome in pool.imap_unordered(run, seeds):
             outcomes.append(outcome)
             if outcome.failure is not None:
-                print(text_of(outcome, options.hours), flush=True)
+                text = text_of(outcome, options.hours, is_deep=options.depth)
+                print(text, flush=True)
                 if options.stop:
                     break
     reached: Counter[str] = Counter()

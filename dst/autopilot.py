@@ -11,6 +11,23 @@ from typing import Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+ORDERS: Final = frozenset(
+    {
+        mavlink.MAV_CMD_COMPONENT_ARM_DISARM,
+        mavlink.MAV_CMD_DO_SET_MODE,
+        mavlink.MAV_CMD_MISSION_START,
+        mavlink.MAV_CMD_DO_REPOSITION,
+        mavlink.MAV_CMD_NAV_LAND,
+        mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH,
+        mavlink.MAV_CMD_NAV_TAKEOFF,
+        mavlink.MAV_CMD_DO_ORBIT,
+        mavlink.MAV_CMD_DO_FOLLOW,
+    }
+)
+"""Commands that move a vehicle."""
+REPORTED_FROM_M: Final = 3.0
+"""A vehicle that fails lower stands before its failure counts as one."""
+
 
 class Mode(Enum):
     """What a vehicle does at present, whatever number its family gives to it."""

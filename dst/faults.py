@@ -61,6 +61,12 @@ class Fault(StrEnum):
     PAUSES = "pauses"
 
 
+KINEMATIC_ONLY: Final = frozenset(
+    {Fault.NOT_A_NUMBER, Fault.POSITION_UNKNOWN, Fault.BATTERY_UNKNOWN}
+)
+"""Values that the flight stack does not send on demand."""
+
+
 def draw(seed: int) -> frozenset[Fault]:
     """Give the faults that a seed enables."""
     random = Random(f"{seed}/swarm")

@@ -6,10 +6,11 @@ import time
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from random import Random
 from typing import Final
 
 from dst.coverage import Coverage
-from dst.faults import BREAK_FACTOR, Fault, Faults, draw
+from dst.faults import BREAK_FACTOR, KINEMATIC_ONLY, Fault, Faults, draw
 from dst.laws import BREAK_CHECK_PERIOD_S, CHECK_PERIOD_S, LawError, Laws
 from dst.operator_person import Operator
 from dst.scheduler import KEPT_LINES
@@ -23,6 +24,8 @@ SHIFT_END_S: Final = 1200.0
 QUIET_S: Final = 1200.0
 """Virtual time after which everything has come to its end without faults."""
 LOOK_S: Final = 5.0
+VEHICLES: Final = (1, 2)
+"""Of which a seed draws how many there are."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,17 +52,23 @@ def simulate(
     *,
     faults: Collection[Fault] | None = None,
     kept_lines: int | None = KEPT_LINES,
-    vehicles: int = 2,
+    vehicles: int | None = None,
     hours: float = 0.0,
+    is_deep: bool = False,
 ) -> Outcome:
     """Run one seed, by default with the faults that it draws.
 
-    With `hours`, the farm works in shifts, between which every vehicle is switched off.
+    With `hours`, the farm works in shifts, between which every vehicle is switched off. In depth,
+    one vehicle flies with the whole flight stack on JSBSim.
     """
     enabled = draw(seed) if faults is None else frozenset(faults)
+    if is_deep:
+        enabled, vehicles = enabled - KINEMATIC_ONLY, 1
+    elif vehicles is None:
+        vehicles = Random(f"{seed}/vehicles").choice(VEHICLES)
     folder = Path(tempfile.mkdtemp(prefix="dst-", dir=prepared.parent))
     began_s = time.process_time()
-    world = World(seed, prepared, folder, vehicles=vehicles, kept_lines=kept_lines)
+    world = World(seed, prepared, folder, vehicles=vehicles, is_deep=is_deep, kept_lines=kept_lines)
     operator = Operator(world, enabled)
     failure = None
     coverage = Coverage()

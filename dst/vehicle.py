@@ -11,7 +11,7 @@ from typing import Any, Final
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from dst import telemetry
-from dst.autopilot import PX4, Autopilot, Mode
+from dst.autopilot import ORDERS, PX4, REPORTED_FROM_M, Autopilot, Mode
 from dst.flight import (
     HOME,
     SPEED_M_S,
@@ -26,7 +26,7 @@ from dst.flight import (
 from dst.mission_store import MissionStore
 from dst.scheduler import Event, Scheduler
 
-STREAMS_S: Final = (0.5, 1.0, 2.0)
+STREAMS_S: Final = (0.5, 1.0, 2.0, 3.0)
 """The shortest interval of a stream, one for each vehicle: slow radios, and a fast simulation."""
 STANDING_STEP_S: Final = 0.5
 """Period of the steps of a vehicle that is not armed."""
@@ -37,24 +37,8 @@ FULL_BATTERY_S: Final = 1500.0
 """Flight time of a full battery."""
 DISARM_S: Final = 10.0
 """A vehicle that is armed and does not take off disarms after this time."""
-REPORTED_FROM_M: Final = 3.0
-"""A vehicle that fails lower stands before its failure counts as one."""
 BOOT_S: Final = 4.0
 """From the start of the autopilot, which has then counted so far, to its first message."""
-ORDERS: Final = frozenset(
-    {
-        mavlink.MAV_CMD_COMPONENT_ARM_DISARM,
-        mavlink.MAV_CMD_DO_SET_MODE,
-        mavlink.MAV_CMD_MISSION_START,
-        mavlink.MAV_CMD_DO_REPOSITION,
-        mavlink.MAV_CMD_NAV_LAND,
-        mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH,
-        mavlink.MAV_CMD_NAV_TAKEOFF,
-        mavlink.MAV_CMD_DO_ORBIT,
-        mavlink.MAV_CMD_DO_FOLLOW,
-    }
-)
-"""Commands that move a vehicle."""
 
 
 class Vehicle:

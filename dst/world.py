@@ -1,10 +1,10 @@
 """One simulated farm: edge server, relay, cloud, broker, vehicles, and the network between them."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from dst.autopilot import FAMILIES, Autopilot
 from dst.broker_process import BrokerProcess, EdgeHttp
@@ -24,6 +24,9 @@ from dst.vehicle import Vehicle
 from mavlink_broker.database import DATABASE_FILE
 from mavlink_broker.links.url import Address
 
+if TYPE_CHECKING:
+    from dst.flight_stack import FlightStack
+
 
 class World:
     """All parts of a simulation; the caller that makes one closes it."""
@@ -36,11 +39,12 @@ class World:
         *,
         vehicles: int = 1,
         families: Sequence[Autopilot] = FAMILIES,
+        is_deep: bool = False,
         kept_lines: int | None = KEPT_LINES,
     ) -> None:
         """Begin with every process up; `prepared` is an edge server's state folder to copy.
 
-        Each vehicle has one of the autopilot families.
+        Each vehicle has one of the autopilot families; in depth, the whole flight stack on JSBSim.
         """
         self.scheduler = Scheduler(seed, kept_lines=kept_lines)
         disk, broker_disk = (
@@ -64,21 +68,28 @@ class World:
         self.broker_machine = Machine(
             self.scheduler, "broker machine", broker_disk, broker_file, (self.broker,)
         )
-        self.vehicles: dict[int, Vehicle] = {}
+        self.vehicles: dict[int, Vehicle | FlightStack] = {}
         self.connected_s = dict.fromkeys(range(1, vehicles + 1), 0.0)
         """Since when broker and link of each vehicle are up, or were for the last time."""
         self.up: dict[int, NetworkPath] = {}
         self.down: dict[int, NetworkPath] = {}
         families_drawn = self.scheduler.random("families")
         for system in range(1, vehicles + 1):
-            self._add_vehicle(system, families_drawn.choice(families))
+            family = families_drawn.choice(families)
+            self._add_vehicle(system, family, folder / f"vehicle-{system}" if is_deep else None)
 
-    def _add_vehicle(self, system: int, autopilot: Autopilot) -> None:
+    def _add_vehicle(self, system: int, autopilot: Autopilot, folder: Path | None) -> None:
+        """Add a vehicle of a family, or the flight stack with its storage in a folder."""
         arrive = partial(self.broker.arrive, Address("192.0.2.1", 14580 + system))
         self.up[system] = NetworkPath(self.scheduler, f"up/{system}", arrive)
         send = self.up[system].send
-        vehicle = self.vehicles[system] = Vehicle(self.scheduler, system, send, autopilot)
-        self.scheduler.note(f"vehicle {system}", "-", f"is {autopilot.name}")
+        vehicle = (
+            Vehicle(self.scheduler, system, send, autopilot)
+            if folder is None
+            else _flight_stack(self.scheduler, system, send, folder)
+        )
+        self.vehicles[system] = vehicle
+        self.scheduler.note(f"vehicle {system}", "-", f"is {vehicle.autopilot.name}")
         self.down[system] = NetworkPath(self.scheduler, f"down/{system}", vehicle.receive)
 
     def _to_vehicle(self, address: Address, frame: bytes) -> None:
@@ -128,3 +139,11 @@ class World:
             if process.is_up:
                 process.kill()
         self._disks.close()
+
+
+def _flight_stack(
+    scheduler: Scheduler, system: int, send: Callable[[bytes], None], folder: Path
+) -> "FlightStack":
+    from dst.flight_stack import FlightStack  # noqa: PLC0415  # it loads JSBSim
+
+    return FlightStack(scheduler, system, send, folder)

@@ -96,13 +96,14 @@ def superfluous(
     return dropped, last_kept
 
 
+_PICTURES: Final = select(func.coalesce(func.sum(telemetry.c.size_bytes), 0)).where(
+    telemetry.c.kind == "image"
+)
+
+
 def measure(connection: Connection) -> Usage:
     """Return how many bytes are in use, as this transaction sees it."""
-    pictures = connection.execute(
-        select(func.coalesce(func.sum(telemetry.c.size_bytes), 0)).where(
-            telemetry.c.kind == "image"
-        )
-    ).scalar_one()
+    pictures = connection.execute(_PICTURES).scalar_one()
     in_use = _pages(connection) if connection.dialect.name == "sqlite" else _rows(connection)
     return Usage(max(in_use - pictures, 0), pictures)
 

@@ -5,8 +5,9 @@ cores), `speed` (how fast it is simulated), `system` (the running programs), `li
 (files over MAVLink), `missions` (their upload, by a tight client and by the broker), `edge` (what
 the edge server takes in and sends on), `hostile` (the same among bad clients and behind a bad
 network), `console` (how fast its STOP acts, and what its viewers cost), `seed` (times and memory
-per message type beside those of the first system's thesis), `board` (memory of edge server and
-broker after MINUTES, by default an hour). Without it, all but `board`.
+per message type beside those of the first system's thesis), `dst` (simulated hours per hour),
+`board` (memory of edge server and broker after MINUTES, by default an hour). Without it, all but
+`board`.
 """
 
 import os
@@ -20,6 +21,7 @@ from tests.bench import (
     board,
     broker_upload,
     console,
+    dst,
     edge,
     edge_hostile,
     flight_quality,
@@ -58,6 +60,7 @@ PARTS: Final[Mapping[str, Callable[[], Iterable[Result]]]] = {
     "hostile": edge_hostile.measure,
     "console": console.measure,
     "seed": seed_table.measure,
+    "dst": dst.measure,
     "board": _board,
 }
 _ON_REQUEST: Final = frozenset({"board"})
