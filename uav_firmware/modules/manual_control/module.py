@@ -7,8 +7,14 @@ from uav_firmware.bus import Topic
 from uav_firmware.lib.guide import Guide
 from uav_firmware.lib.resets import ResetFollower
 from uav_firmware.lib.rotation import wrap_pi
-from uav_firmware.modules.manual_control import laws
-from uav_firmware.modules.manual_control.sticks import rotate_by_yaw, shaped, with_expo
+from uav_firmware.modules.manual_control.stick_setpoints import (
+    attitude,
+    body_rates,
+    climb_velocity,
+    thrust,
+    tilt_acceleration,
+)
+from uav_firmware.modules.manual_control.stick_shaping import rotate_by_yaw, shaped, with_expo
 from uav_firmware.modules.manual_control.tuning import Tuning, tuning_from
 from uav_firmware.msg.control_mode import (
     ControlSource,
@@ -33,7 +39,7 @@ _CENTRED: Final = ManualControlSetpoint(0, 0.0, 0.0, 0.0, 0.0)
 
 
 class ManualControlModule:
-    """Shell of the stick laws."""
+    """Shell: sticks and estimate in, setpoints out."""
 
     def __init__(
         self,
@@ -154,7 +160,7 @@ class ManualControlModule:
             return
         guide = self._guide
         guide.advance((0.0, 0.0, down), estimate.position_ned, tuning.guide, dt)
-        tilt = laws.tilt_acceleration(sticks.forward, sticks.right, self._yaw, tuning.tilt_max)
+        tilt = tilt_acceleration(sticks.forward, sticks.right, self._yaw, tuning.tilt_max)
         self._trajectory.publish(
             TrajectorySetpoint(
                 estimate.time_us,
@@ -182,7 +188,7 @@ class ManualControlModule:
         raw, tuning = self._raw(estimate.time_us), self._tuning
         sticks = shaped(raw, tuning.curves)
         yaw_rate = self._advance_yaw(sticks.yaw, estimate, dt)
-        q = laws.attitude(sticks.forward, sticks.right, self._yaw, tuning.tilt_max)
+        q = attitude(sticks.forward, sticks.right, self._yaw, tuning.tilt_max)
         thrust = self._thrust(raw, status, estimate.time_us)
         self._attitude.publish(VehicleAttitudeSetpoint(estimate.time_us, q, yaw_rate, thrust))
 
@@ -194,21 +200,21 @@ class ManualControlModule:
             yaw=with_expo(raw.yaw, tuning.acro_yaw_expo),
         )
         thrust = self._thrust(raw, status, estimate.time_us)
-        rates = laws.body_rates(with_curves, tuning.acro_rates_frd)
+        rates = body_rates(with_curves, tuning.acro_rates_frd)
         self._rates.publish(VehicleRatesSetpoint(estimate.time_us, rates, thrust))
 
     def _thrust(self, raw: ManualControlSetpoint, status: VehicleStatus, now_us: int) -> float:
         """Thrust [-] of the throttle stick; zero while disarmed or spooling up."""
         if not status.armed or now_us - status.armed_since_us < self._tuning.spool_up_us:
             return 0.0
-        return laws.thrust(raw.up, self._tuning.throttle, landed=self._landed)
+        return thrust(raw.up, self._tuning.throttle, landed=self._landed)
 
     def _vertical(self, up: float, estimate: VehicleLocalPosition) -> float:
         """Vertical velocity [m/s, down] of the throttle stick, slower near the ground."""
         home = self._home.value
         ground = home.position_ned[2] if home is not None else 0.0
         sink = self._tuning.descent.limit(ground - estimate.position_ned[2])
-        return laws.climb_velocity(up, self._tuning.speed_up, sink)
+        return climb_velocity(up, self._tuning.speed_up, sink)
 
     def _advance_yaw(self, stick: float, estimate: VehicleLocalPosition, dt: float) -> float:
         """Advance the heading set-point and return its rate [rad/s]."""

@@ -1,4 +1,4 @@
-"""Parameters of the stick laws, in radians and grouped by law.
+"""Parameters of the stick setpoints, in radians and grouped by use.
 
 Limits that other modules declare (climb speed, hover thrust, acceleration) are read by name, so
 that sticks and missions share them.
@@ -8,9 +8,9 @@ import math
 from typing import Final, NamedTuple
 
 from uav_firmware.lib.guide import GuideLimits
-from uav_firmware.modules.manual_control.laws import DescentSlope, ThrottleCurve
 from uav_firmware.modules.manual_control.params import ManualControlParams
-from uav_firmware.modules.manual_control.sticks import Curves
+from uav_firmware.modules.manual_control.stick_setpoints import DescentSlope, ThrottleCurve
+from uav_firmware.modules.manual_control.stick_shaping import Curves
 from uav_firmware.msg.vectors import Vector3
 from uav_firmware.parameters import Registry
 
@@ -18,7 +18,7 @@ _VERTICAL_LEASH_M: Final = 1.0
 
 
 class Tuning(NamedTuple):
-    """Inputs of the stick laws other than sticks and estimate."""
+    """Inputs of the stick setpoints other than sticks and estimate."""
 
     curves: Curves
     speed_max: float  # [m/s]

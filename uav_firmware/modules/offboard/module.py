@@ -28,7 +28,7 @@ _UNSET: Final[Vector3] = (math.nan, math.nan, math.nan)
 
 
 class OffboardModule:
-    """Shell of the offboard laws."""
+    """Shell: streamed setpoints in, setpoints of the control loops out."""
 
     def __init__(
         self,

@@ -7,9 +7,16 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from uav_firmware.lib.rotation import rotate, tilt_of, to_euler
-from uav_firmware.modules.manual_control import laws
-from uav_firmware.modules.manual_control.laws import DescentSlope, ThrottleCurve
-from uav_firmware.modules.manual_control.sticks import limited_to_circle
+from uav_firmware.modules.manual_control.stick_setpoints import (
+    DescentSlope,
+    ThrottleCurve,
+    attitude,
+    body_rates,
+    climb_velocity,
+    thrust,
+    tilt_acceleration,
+)
+from uav_firmware.modules.manual_control.stick_shaping import limited_to_circle
 from uav_firmware.msg.control_mode import ManualControlSetpoint
 
 TILT = math.radians(35.0)
@@ -20,8 +27,8 @@ yaws = st.floats(-math.pi, math.pi)
 
 
 def test_forward_lowers_the_nose_and_right_lowers_the_right_side() -> None:
-    _, pitch, _ = to_euler(laws.attitude(1.0, 0.0, 0.0, TILT))
-    roll, _, _ = to_euler(laws.attitude(0.0, 1.0, 0.0, TILT))
+    _, pitch, _ = to_euler(attitude(1.0, 0.0, 0.0, TILT))
+    roll, _, _ = to_euler(attitude(0.0, 1.0, 0.0, TILT))
     assert pitch == pytest.approx(-TILT)
     assert roll == pytest.approx(TILT)
 
@@ -31,7 +38,7 @@ def test_tilt_is_proportional_to_deflection_and_heading_stays(
     x: float, y: float, yaw: float
 ) -> None:
     forward, right = limited_to_circle(x, y)
-    q = laws.attitude(forward, right, yaw, TILT)
+    q = attitude(forward, right, yaw, TILT)
     assert tilt_of(q) == pytest.approx(math.hypot(forward, right) * TILT, abs=1e-6)
     assert math.cos(to_euler(q)[2] - yaw) > math.cos(TILT * TILT)
 
@@ -39,8 +46,8 @@ def test_tilt_is_proportional_to_deflection_and_heading_stays(
 @given(sticks, sticks, yaws)
 def test_attitude_and_acceleration_give_the_same_tilt(x: float, y: float, yaw: float) -> None:
     forward, right = limited_to_circle(x, y)
-    up = rotate(laws.attitude(forward, right, yaw, TILT), (0.0, 0.0, -1.0))
-    north, east, down = laws.tilt_acceleration(forward, right, yaw, TILT)
+    up = rotate(attitude(forward, right, yaw, TILT), (0.0, 0.0, -1.0))
+    north, east, down = tilt_acceleration(forward, right, yaw, TILT)
     assert down == 0.0
     assert (north, east) == pytest.approx(
         (-up[0] / up[2] * 9.80665, -up[1] / up[2] * 9.80665), abs=1e-6
@@ -48,31 +55,31 @@ def test_attitude_and_acceleration_give_the_same_tilt(x: float, y: float, yaw: f
 
 
 def test_up_climbs_and_down_descends() -> None:
-    assert laws.climb_velocity(1.0, 3.0, 1.5) == -3.0
-    assert laws.climb_velocity(-1.0, 3.0, 1.5) == 1.5
-    assert laws.climb_velocity(0.0, 3.0, 1.5) == 0.0
+    assert climb_velocity(1.0, 3.0, 1.5) == -3.0
+    assert climb_velocity(-1.0, 3.0, 1.5) == 1.5
+    assert climb_velocity(0.0, 3.0, 1.5) == 0.0
 
 
 @given(sticks)
 @example(-1.0)
 @example(1.0)
 def test_thrust_rises_with_the_stick_and_hovers_in_the_centre(up: float) -> None:
-    assert laws.thrust(0.0, CURVE, landed=False) == CURVE.hover
-    thrust = laws.thrust(up, CURVE, landed=False)
-    assert CURVE.least <= thrust <= CURVE.most
-    assert (thrust > CURVE.hover) == (up > 0.0) or abs(up) < 1e-12
+    assert thrust(0.0, CURVE, landed=False) == CURVE.hover
+    share = thrust(up, CURVE, landed=False)
+    assert CURVE.least <= share <= CURVE.most
+    assert (share > CURVE.hover) == (up > 0.0) or abs(up) < 1e-12
 
 
 def test_stick_down_on_the_ground_gives_zero_thrust() -> None:
-    assert laws.thrust(-1.0, CURVE, landed=True) == 0.0
-    assert laws.thrust(-0.5, CURVE, landed=True) > 0.0
+    assert thrust(-1.0, CURVE, landed=True) == 0.0
+    assert thrust(-0.5, CURVE, landed=True) > 0.0
 
 
 def test_body_rates_have_the_signs_of_the_sticks() -> None:
     limits = (1.0, 2.0, 3.0)
-    assert laws.body_rates(ManualControlSetpoint(0, 0.0, 1.0, 0.0, 0.0), limits)[0] == 1.0
-    assert laws.body_rates(ManualControlSetpoint(0, 1.0, 0.0, 0.0, 0.0), limits)[1] == -2.0
-    assert laws.body_rates(ManualControlSetpoint(0, 0.0, 0.0, 0.0, 1.0), limits)[2] == 3.0
+    assert body_rates(ManualControlSetpoint(0, 0.0, 1.0, 0.0, 0.0), limits)[0] == 1.0
+    assert body_rates(ManualControlSetpoint(0, 1.0, 0.0, 0.0, 0.0), limits)[1] == -2.0
+    assert body_rates(ManualControlSetpoint(0, 0.0, 0.0, 0.0, 1.0), limits)[2] == 3.0
 
 
 @given(st.floats(-5.0, 50.0), st.floats(-5.0, 50.0))

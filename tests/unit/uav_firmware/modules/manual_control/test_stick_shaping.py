@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uav_firmware.modules.manual_control.sticks import (
+from uav_firmware.modules.manual_control.stick_shaping import (
     Curves,
     limited_to_circle,
     rotate_by_yaw,
