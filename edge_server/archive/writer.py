@@ -1,4 +1,4 @@
-"""Writes the archive. A failure of it is logged and counted, and affects nobody else.
+"""Writes the archive. A failure of it is logged and counted, and affects no report.
 
 Reports are archived after they are committed to the outbox, in the thread that stored them, so a
 killed process loses one report at most. After a failure nothing is written for `PAUSE_S`, so that a

@@ -121,12 +121,12 @@ class MissionExecutor:
 
     @property
     def is_attaching(self) -> bool:
-        """Whether it is not known yet what the vehicle has made of it."""
+        """Whether the effect on the vehicle is not known yet."""
         return self.state is State.ATTACHING
 
     @property
     def is_flight_unknown(self) -> bool:
-        """Whether it was reported to run, and it is not known yet what has become of that."""
+        """Whether it was reported as running, and its state on the vehicle is not known yet."""
         return self.is_attaching and self._context.was_reported_running
 
     @property
@@ -318,7 +318,7 @@ class MissionExecutor:
         self._move(Event.FAULT, now, effects)
 
     def _next_segment(self, now: float, effects: Effects) -> None:
-        """Go on behind a segment, or end; a soft abort that waits for that ends the mission."""
+        """Continue after a segment, or end; a soft abort that waits for that ends the mission."""
         context, segments = self._context, self._context.segments
         landed = segments.is_on_ground if segments.has_moved else not context.is_hovering
         abort = self._soft_abort
@@ -337,7 +337,7 @@ class MissionExecutor:
     # Events
 
     def handle_event(self, work: EventWork, now: float, effects: Effects) -> None:
-        """Carry out an event after which the mission goes on: pause, resume, change the speed."""
+        """Carry out an event after which the mission continues: pause, resume, change the speed."""
         speed_m_s, speeds = work.event.maximum_speed, self._context.speeds
         match work.event.event_type_id:
             case EventType.DRONE_SPEED if speed_m_s is not None:
@@ -383,7 +383,7 @@ class MissionExecutor:
     def _abort_when_due(self, abort: SoftAbort, now: float, effects: Effects) -> None:
         statuses = self.ledger.commands
         ended = abort.command is not None and statuses[abort.command].is_terminal
-        if self.state is State.IDLE:  # The mission came to its end meanwhile
+        if self.state is State.IDLE:  # The mission has ended meanwhile
             self._soft_abort = None
             effects.for_edge.append(Acknowledgement(abort.work.work_id, "done"))
         elif abort.is_due(command_ended=ended, now_s=self._vehicle_time_s(now)):

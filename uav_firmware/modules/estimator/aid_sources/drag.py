@@ -124,7 +124,7 @@ class DragAiding:
         self.force.fuse(core.ekf, group, core.time_us)
 
     def _follow_height(self, core: EkfCore, roughness_m: float) -> None:
-        """Let the wind that is held be that of the present height."""
+        """Scale the stored wind to the present height."""
         height_m, former_m = -core.state.position_ned[DOWN], self._height_m
         self._height_m = height_m if self.reckoning else None
         if not self.reckoning or former_m is None:
