@@ -12,7 +12,7 @@ from PIL import Image
 from edge_server.api.routes.planning.fields import EXAMPLE
 from tests.support.browser import TEST_TIMEOUT_S, console_journey, link_at
 from tests.support.geotiff import geotiff
-from tests.support.pmtiles import archive_at
+from tests.support.pmtiles import archive_at, vector_archive_at
 from tests.support.system import short_plan
 from tests.unit.edge_server.documents import mission, mission_report, plan, telemetry
 from tests.unit.edge_server.program import Program, program_in
@@ -90,6 +90,7 @@ def test_a_flight_is_looked_back_at_and_stop_is_above_each_dialog(tmp_path: Path
         maps = tmp_path / "farm" / "maps"
         maps.mkdir()
         (maps / "Aerial.pmtiles").write_bytes(archive_at(40.4434, -3.7382, MAP_COLOUR))
+        (maps / "Lake.pmtiles").write_bytes(vector_archive_at(40.4434, -3.7382, "water"))
         (maps / "North.tif").write_bytes(
             geotiff(Image.new("F", (40, 40), 1.0), -3.7392, 40.4444, 5e-5)
         )

@@ -11,6 +11,7 @@ import requests
 from edge_server.api.routes.planning.fields import EXAMPLE
 from tests.support.browser import TEST_TIMEOUT_S, console_journey
 from tests.support.system import short_plan
+from tests.unit.edge_server.geodata import shapefiles
 from tests.unit.edge_server.program import Program, program_in
 
 
@@ -52,6 +53,20 @@ def plans_of(server: Program) -> list[dict[str, Any]]:
     return found
 
 
+def meadows(folder: Path) -> Path:
+    """A zipped Shapefile with two fields beside each other."""
+    rings = [
+        [(west, 40.4430), (west, 40.4436), (west + 6e-4, 40.4436), (west + 6e-4, 40.4430)]
+        for west in (-3.7380, -3.7390)
+    ]
+    table = shapefiles.dbf([b"East meadow", b"West meadow"])
+    path = folder / "meadows.zip"
+    path.write_bytes(
+        shapefiles.archive(shapefiles.shp(*map(shapefiles.record, rings)), table=table)
+    )
+    return path
+
+
 @pytest.mark.timeout(TEST_TIMEOUT_S)
 def test_two_editors_overwrite_nothing_and_lose_nothing(tmp_path: Path) -> None:
     with console_journey(tmp_path) as take, edge_server(tmp_path) as (server, needs):
@@ -88,9 +103,16 @@ def test_a_plan_is_copied_and_kept_as_files_that_come_back(tmp_path: Path) -> No
 def test_a_field_has_an_entry_and_a_survey_begins_there(tmp_path: Path) -> None:
     with console_journey(tmp_path) as take, edge_server(tmp_path) as (server, needs):
         field = post(server, "/fields/", EXAMPLE)
-        take("enter_a_field", **needs, FIELD=str(field["id"]))
+        take("enter_a_field", **needs, FIELD=str(field["id"]), SHAPEFILE=str(meadows(tmp_path)))
         path = f"{server.url}/fields/{field['id']}"
         stored = requests.get(path, headers=headers(server), timeout=10).json()
+        names = [
+            one["name"]
+            for one in requests.get(
+                f"{server.url}/fields/", headers=headers(server), timeout=10
+            ).json()
+        ]
+    assert names[1:] == ["East meadow", "West meadow"]
     assert stored["entry"] == pytest.approx([40.4435, -3.7392], abs=2e-4)
 
 

@@ -46,8 +46,9 @@ export const getField = (id: number): Promise<Tagged<StoredField>> => requestTag
 /** Replaces a field that still has this tag; raises RequestError 412 for any other. */
 export const replaceField = (id: number, draft: FieldDraft, tag: string): Promise<StoredField> =>
   request(`/fields/${id}`, { method: "PUT", body: draft, ifMatch: tag });
-export const deleteField = (id: number): Promise<void> =>
-  request(`/fields/${id}`, { method: "DELETE" });
+/** Deletes a field that still has this tag; raises RequestError 412 for any other. */
+export const deleteField = (id: number, tag: string): Promise<void> =>
+  request(`/fields/${id}`, { method: "DELETE", ifMatch: tag });
 /** Stores every field of a GeoJSON, KML, KMZ or zipped Shapefile, or none of them. */
 export const importFields = async (file: File): Promise<StoredField[]> => {
   const stored = await request<StoredField | { fields: StoredField[] }>("/fields/", {
@@ -73,8 +74,9 @@ export const getTaggedPlan = (reference: string): Promise<Tagged<Plan>> =>
 /** Dispatches a plan; with a tag only as it was read, otherwise RequestError 412. */
 export const dispatchPlan = (id: number, tag = ""): Promise<Plan> =>
   request(`/plans/${id}/dispatch`, { method: "POST", ifMatch: tag });
-export const deletePlan = (id: number): Promise<void> =>
-  request(`/plans/${id}`, { method: "DELETE" });
+/** Deletes a plan; with a tag only as it was read, otherwise RequestError 412. */
+export const deletePlan = (id: number, tag = ""): Promise<void> =>
+  request(`/plans/${id}`, { method: "DELETE", ifMatch: tag });
 
 export const createPlan = (document: PlanDocument): Promise<Plan> =>
   request("/plans/", { method: "POST", body: document });

@@ -261,7 +261,7 @@ function Editor({ read, others }: { read: Tagged<StoredField> | null; others: St
           <Button kind="primary" isBusy={isBusy} disabled={!isComplete(outline)} onClick={save}>
             {t("fields.save")}
           </Button>
-          {field !== null && <DeleteButton field={field} deleted={stored} />}
+          {editing.base && <DeleteButton field={editing.base} deleted={stored} />}
         </div>
       </section>
     </div>
@@ -269,14 +269,18 @@ function Editor({ read, others }: { read: Tagged<StoredField> | null; others: St
 }
 
 /** Deletes a field after a question; plans that were made of it stay. */
-function DeleteButton({ field, deleted }: { field: StoredField; deleted: () => void }) {
+function DeleteButton({ field: { value: field, tag }, deleted }: {
+  /** As it is shown: no other version is deleted. */
+  field: Tagged<StoredField>;
+  deleted: () => void;
+}) {
   const { t } = useTranslation();
   const isOperator = useIsOperator();
   const [isAsking, setAsking] = useState(false);
   const [error, setError] = useState<RequestError | null>(null);
   if (!isOperator) return null;
   const remove = () => {
-    deleteField(field.id)
+    deleteField(field.id, tag)
       .then(deleted)
       .catch((reason: unknown) => setError(asRequestError(reason)));
   };

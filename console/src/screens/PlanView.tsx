@@ -186,7 +186,7 @@ function PlanActions({ plan, tag, reload }: {
               <Button
                 kind="danger"
                 icon="remove"
-                onClick={() => act(() => deletePlan(plan.id), () => go("plans"))}
+                onClick={() => act(() => deletePlan(plan.id, tag), () => go("plans"))}
               >
                 {t("plans.cancel")}
               </Button>

@@ -28,6 +28,10 @@ async function editField(ana, juan) {
   await name(juan).fill("Juan's field");
   await button(ana, "Save the field").click();
   await ana.getByRole("link", { name: "Ana's field" }).first().waitFor();
+  await button(juan, "Delete").click();
+  await juan.getByRole("dialog").getByRole("button", { name: "Delete" }).click();
+  await juan.getByRole("dialog").getByText("Somebody else changed this in the meantime.").waitFor();
+  await juan.keyboard.press("Escape");
   await button(juan, "Save the field").click();
   await juan.getByText("The name is now “Ana's field”.").waitFor();
   await juan.getByText(/^ana has changed this field since you opened it/).waitFor();

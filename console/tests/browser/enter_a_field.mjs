@@ -2,11 +2,11 @@
  *
  *     node tests/browser/enter_a_field.mjs
  *
- * ANA_LINK signs the person in, FIELD is the field. OUT takes what a failure leaves.
+ * ANA_LINK signs the person in, FIELD is the field, SHAPEFILE a zip with two. OUT takes what a failure leaves.
  */
 import { journey, picture, requireAccessible, startBrowser } from "./chromium.mjs";
 
-const { ANA_LINK, FIELD } = process.env;
+const { ANA_LINK, FIELD, SHAPEFILE } = process.env;
 const origin = new URL(ANA_LINK).origin;
 const button = (page, text) => page.getByRole("button", { name: text, exact: true });
 
@@ -27,6 +27,18 @@ async function addEntry(page) {
   await button(page, "Undo").click();
   await button(page, "Save the field").click();
   await page.getByRole("heading", { name: "Fields" }).waitFor();
+}
+
+/** A zipped Shapefile becomes fields with its names. */
+async function importShapefile(page) {
+  await page.goto(`${origin}/console/fields`);
+  await button(page, "Upload a file").click();
+  const dialog = page.getByRole("dialog");
+  await dialog.locator("input[type=file]").setInputFiles(SHAPEFILE);
+  await dialog.getByRole("button", { name: "Upload a file" }).click();
+  await page.getByRole("link", { name: "East meadow" }).first().waitFor();
+  await page.getByRole("link", { name: "West meadow" }).first().waitFor();
+  await picture(page, "shapefile");
 }
 
 async function lookAtSurvey(page) {
@@ -69,6 +81,7 @@ try {
     await page.goto(ANA_LINK);
     await page.getByRole("navigation").waitFor();
     await addEntry(page);
+    await importShapefile(page);
     await lookAtSurvey(page);
     await namedFault(page);
     await keptChoices(page);

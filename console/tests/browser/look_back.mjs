@@ -92,6 +92,9 @@ async function showBaseMap(page) {
   await isDrawn("of the vegetation", [26, 152, 80]);
   await requireAccessible(page, "a map of the vegetation");
   await map.getByLabel("North", { exact: true }).uncheck();
+  await map.getByLabel("Lake", { exact: true }).check();
+  await isDrawn("of vector tiles", [156, 196, 221]);
+  await map.getByLabel("Lake", { exact: true }).uncheck();
   await isDrawn("without the vegetation");
   await page.evaluate(() => localStorage.setItem("farm-console", JSON.stringify({ theme: "dark", language: "en" })));
   await page.reload();

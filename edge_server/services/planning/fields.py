@@ -98,11 +98,16 @@ def replace(
 
 
 @retry_on_conflict
-def remove(context: Context, identifier: int) -> None:
-    """Delete a field; plans that name it stay as they are. Raises NotFoundError."""
+def remove(context: Context, identifier: int, precondition: Precondition = unconditionally) -> None:
+    """Delete a field; plans that name it stay as they are.
+
+    Raises NotFoundError, or ChangedError by the precondition.
+    """
     with context.database.write() as connection:
-        if not fields.remove(connection, identifier):
-            raise NotFoundError(f"there is no field {identifier}")
+        known = _known(fields.get(connection, identifier), identifier)
+        with audit.naming_last_change(connection, f"fields/{identifier}"):
+            precondition(show(known))
+        fields.remove(connection, identifier)
 
 
 def show(stored: StoredField) -> dict[str, Any]:

@@ -319,15 +319,22 @@ def page(
 
 
 @retry_on_conflict
-def remove(context: Context, reference: int | str) -> None:
+def remove(
+    context: Context,
+    reference: int | str,
+    precondition: Precondition = unconditionally,
+) -> None:
     """Delete a plan; its queued missions are cancelled.
 
     Raises:
         NotFoundError: if there is none.
+        ChangedError: if the precondition fails.
         ConflictError: if the broker has accepted a mission of it.
     """
     with context.database.write(WORK) as connection:
         stored = _find(connection, reference)
+        with audit.naming_last_change(connection, f"plans/{stored.id}", f"plans/{stored.plan_id}"):
+            precondition(_show(connection, stored))
         if any(item.state == work.ACCEPTED for item in work.of_plan(connection, stored.id)):
             raise ConflictError(
                 f"plan {stored.id} cannot be deleted: the broker has accepted a mission of it; "

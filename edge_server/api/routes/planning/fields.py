@@ -132,10 +132,10 @@ def put(identifier: int) -> ResponseReturnValue:
 
 
 @allow(PLANNERS)
-@describe(Contract({204: None}))
+@describe(Contract({204: None}, conditional=True))
 def delete(identifier: int) -> ResponseReturnValue:
     """Delete a field."""
-    fields.remove(bodies.context(), identifier)
+    fields.remove(bodies.context(), identifier, etags.check_match)
     audit(f"deleted field {identifier}")
     return "", 204
 

@@ -156,11 +156,11 @@ def close(reference: int | str) -> ResponseReturnValue:
 
 
 @allow(PLANNERS)
-@describe(Contract({204: None}, errors=(409,)))
+@describe(Contract({204: None}, conditional=True, errors=(409,)))
 def delete(reference: int | str) -> ResponseReturnValue:
     """Delete a plan and cancel its queued missions."""
     check_resource(lambda: plans.find(bodies.context(), reference))
-    plans.remove(bodies.context(), reference)
+    plans.remove(bodies.context(), reference, etags.check_match)
     audit(f"deleted plan {reference}")
     return "", 204
 

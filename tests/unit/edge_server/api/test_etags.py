@@ -96,6 +96,20 @@ def test_a_plan_that_has_changed_is_not_dispatched_unseen(edge: Edge) -> None:
     assert len(edge.work()) == 1
 
 
+@pytest.mark.parametrize("kind", ["plan", "field"])
+def test_what_has_changed_is_not_deleted_unseen(edge: Edge, kind: str) -> None:
+    path, body = make(edge, kind)
+    seen = edge.ask("GET", path, "operator").headers["ETag"]
+    edge.clock.pass_s(60.0)
+    assert edge.ask("PUT", path, "operator", json=body).status_code == 200
+    refused = edge.ask("DELETE", path, "operator", headers={"If-Match": seen})
+    assert refused.status_code == 412
+    assert (refused.json or {})["changed"]["action"] == f"{kind}s.put"
+    now = edge.ask("GET", path, "operator").headers["ETag"]
+    assert edge.ask("DELETE", path, "operator", headers={"If-Match": now}).status_code == 204
+    assert edge.ask("GET", path, "operator").status_code == 404
+
+
 def test_a_star_asks_for_something_that_is_there(edge: Edge) -> None:
     assert put(edge, "/vehicles/7", {"link_state": "lost"}, If_Match="*").status_code == 412
     assert edge.ask("GET", "/vehicles/7", "operator").status_code == 404
