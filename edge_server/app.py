@@ -16,7 +16,14 @@ from edge_server.api.routes import console, documentation, health, metrics
 from edge_server.api.routes.administration import audit, backups, keys, session, storage, users
 from edge_server.api.routes.fleet import broker, events, live, vehicles, videos
 from edge_server.api.routes.planning import fields, maps, plan_files, plans, surveys
-from edge_server.api.routes.reports import alarm_history, bulk, dead_letters, flights, telemetry
+from edge_server.api.routes.reports import (
+    alarm_history,
+    bulk,
+    dead_letters,
+    flight_maps,
+    flights,
+    telemetry,
+)
 from edge_server.config import Config
 from edge_server.live.changes import Changes
 from edge_server.live.farm import Farm
@@ -50,6 +57,7 @@ _MODULES = (
     dead_letters,
     vehicles,
     flights,
+    flight_maps,
     maps,
     alarm_history,
     broker,

@@ -355,6 +355,18 @@ class PictureFootprint(Answer):
     corners: list[list[float]] | None
 
 
+class FlightMap(Answer):
+    """The map of a flight's pictures; `corners` are from the north-west on clockwise."""
+
+    state: Literal["none", "making", "ready", "failed"]
+    reason: str | None
+    url: str | None
+    made_at: datetime | None
+    corners: list[list[float]] | None
+    pictures: int
+    metres_per_px: float | None
+
+
 class Video(Answer):
     """The live picture of a vehicle; `reason` says why its camera cannot be shown."""
 

@@ -106,6 +106,19 @@ def picture(connection: sqlite3.Connection, flight_id: int, number: int) -> Row 
     return found
 
 
+def flight_map(connection: sqlite3.Connection, flight_id: int) -> Row | None:
+    """Find the map of a flight; None before the first one is made."""
+    try:
+        found: Row | None = connection.execute(
+            "SELECT made_at, about, data FROM map WHERE flight = ?", (flight_id,)
+        ).fetchone()
+    except sqlite3.OperationalError as error:
+        if "no such table" not in str(error):  # Nothing was written since an older version
+            raise
+        return None
+    return found
+
+
 def points(connection: sqlite3.Connection, flight_id: int) -> Iterator[Point]:
     """Give the points of a track in the order of time, a part at a time."""
     last = (-(2**62), 0)

@@ -104,6 +104,15 @@ CREATE TABLE alarm (
 CREATE INDEX alarm_of_flight ON alarm (flight);
 CREATE TABLE vehicle (vehicle_id INTEGER PRIMARY KEY, armed INTEGER NOT NULL);
 """
+_ADDED: Final = """
+CREATE TABLE IF NOT EXISTS map (
+    flight INTEGER PRIMARY KEY,
+    made_at REAL NOT NULL,
+    about TEXT NOT NULL,
+    data BLOB NOT NULL
+);
+"""
+"""Tables that an archive of this version may lack: they are made when it is opened."""
 
 
 class _OtherVersionError(Exception):
@@ -171,9 +180,11 @@ def _prepare(connection: sqlite3.Connection) -> None:
     if not tables:
         # Pragmas inside the transaction: a file is either empty or complete
         connection.executescript(
-            f"BEGIN IMMEDIATE; {_TABLES} PRAGMA application_id={APPLICATION_ID};"
+            f"BEGIN IMMEDIATE; {_TABLES} {_ADDED} PRAGMA application_id={APPLICATION_ID};"
             f" PRAGMA user_version={VERSION}; COMMIT;"
         )
+    else:
+        connection.executescript(_ADDED)
 
 
 def _number(connection: sqlite3.Connection, pragma: str) -> int:

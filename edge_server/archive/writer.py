@@ -108,6 +108,20 @@ class FlightArchive:
                 )
             )
 
+    def keep_map(self, flight: int, about: str, data: bytes, at: float) -> None:
+        """Keep the map of a flight, which replaces a former one.
+
+        Raises:
+            sqlite3.Error, OSError: if it cannot be written, or the archive has no room for it.
+        """
+        with self._lock:
+            self._write(
+                lambda connection: connection.execute(
+                    "REPLACE INTO map SELECT id, ?, ?, ? FROM flight WHERE id = ? AND dropped = 0",
+                    (at, about, data, flight),
+                )
+            )
+
     @contextmanager
     def reading(self) -> Iterator[sqlite3.Connection | None]:
         """Give a connection that sees one state of the archive; None while there is none.

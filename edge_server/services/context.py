@@ -13,6 +13,7 @@ from afarcloud.numbers import LAST_YEAR, format_time
 from edge_server.archive.writer import FlightArchive
 from edge_server.config import Config
 from edge_server.outbox import wakeup
+from edge_server.pictures.mosaics import MosaicWork
 from edge_server.pictures.orthophotos import Orthophotos
 from edge_server.pictures.thumbnails import Thumbnails
 from edge_server.services.brokers import BrokerContacts, WorkSignal
@@ -104,6 +105,7 @@ class Context:
     """Missions that were accepted and are not known to have flown."""
     orthophotos: Orthophotos = field(init=False)
     thumbnails: Thumbnails = field(default_factory=Thumbnails)
+    mosaics: MosaicWork = field(default_factory=MosaicWork)
     places_to_wait: threading.BoundedSemaphore = field(
         default_factory=lambda: threading.BoundedSemaphore(WAITING_LIMIT)
     )

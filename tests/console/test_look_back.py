@@ -20,7 +20,7 @@ from tests.unit.edge_server.program import Program, program_in
 RUNNING, FINISHED = 2, 3
 PICTURES = 3
 XMP = (
-    '<x:xmpmeta xmlns:x="adobe:ns:meta/" drone-dji:GpsLatitude="40.4436" '
+    '<x:xmpmeta xmlns:x="adobe:ns:meta/" drone-dji:GpsLatitude="{latitude}" '
     'drone-dji:GpsLongitude="-3.7382" drone-dji:RelativeAltitude="+40.0" '
     'drone-dji:GimbalYawDegree="+30.0" drone-dji:GimbalPitchDegree="-90.0" '
     'drone-dji:GimbalRollDegree="+0.0" Camera:PerspectiveFocalLength="4.5" '
@@ -49,10 +49,11 @@ class Archive:
         self.ask("POST", "/mission_report/", "broker", mission_report(status, 3, 3, 3))
 
 
-def jpeg(red: int) -> bytes:
+def jpeg(red: int, latitude: float) -> bytes:
     """A picture of one colour, larger than any screen shows it in the list."""
     out = io.BytesIO()
-    Image.new("RGB", (1200, 900), (red, 120, 60)).save(out, "JPEG", xmp=XMP.encode())
+    xmp = XMP.format(latitude=latitude).encode()
+    Image.new("RGB", (1200, 900), (red, 120, 60)).save(out, "JPEG", xmp=xmp)
     return out.getvalue()
 
 
@@ -65,7 +66,7 @@ def fly(archive: Archive) -> None:
     for number in range(PICTURES):
         place = {"latitude": 40.4434 + number * 2e-4, "longitude": -3.7382}
         archive.send("state_vector", sequence_number=number, **place)
-        data = jpeg(60 * number)
+        data = jpeg(60 * number, 40.4436 + number * 1e-4)
         archive.send(
             "image",
             sequence_number=number,

@@ -9,7 +9,7 @@ import { BaseMaps } from "./BaseMaps";
 import { gridOf } from "./grid";
 import maplibregl from "./maplibre";
 import { drawPictures } from "./picture_map";
-import type { PlacedPicture } from "./picture_places";
+import type { PictureLayer } from "./picture_places";
 import { mapStyle, type SourceName } from "./style";
 
 /** A symbol on the map; `element` is made once for each key. */
@@ -33,8 +33,8 @@ export interface FarmMapProperties {
   click?: (longitude: number, latitude: number) => void;
   /** Called with the key of a measurement that is pressed. */
   pick?: (key: string) => void;
-  /** Pictures on the ground that they show, and their opacity; null shows none. */
-  pictures?: { placed: PlacedPicture[]; opacity: number | null };
+  /** Pictures on the ground that they show, from below to above. */
+  pictures?: readonly PictureLayer[];
   /** What the colours on the map mean. */
   legend?: ReactNode;
   label: string;
@@ -124,7 +124,7 @@ export default function FarmMap({ layers, symbols, extent, click, pick, pictures
   useEffect(() => {
     if (map === null || pictures === undefined) return;
     const control = new AbortController();
-    void drawPictures(map, pictures.placed, pictures.opacity, control.signal);
+    void drawPictures(map, pictures, control.signal);
     return () => control.abort();
   }, [map, styles, pictures]);
 

@@ -1,6 +1,6 @@
 /** Where pictures were taken, and what ground they show. Pure. */
 
-import type { Footprint, Picture } from "../api/types";
+import type { FlightMap, Footprint, Picture } from "../api/types";
 
 /** A place with the pictures that were taken there, the oldest first. */
 export interface PicturePlace {
@@ -25,11 +25,24 @@ export function picturePlaces(pictures: readonly Picture[]): PicturePlace[] {
   return [...places.values()];
 }
 
+/** Pictures that are drawn with one opacity; null draws none. */
+export interface PictureLayer {
+  placed: readonly PlacedPicture[];
+  opacity: number | null;
+}
+
+/** Places the map of a survey; nothing while there is none. */
+export function placedMap({ url, corners }: Pick<FlightMap, "url" | "corners">): PlacedPicture[] {
+  const [first, second, third, fourth] = (corners ?? []).map(([latitude, longitude]): Place => [longitude ?? 0, latitude ?? 0]);
+  if (url === null || !first || !second || !third || !fourth) return [];
+  return [{ id: url, url, corners: [first, second, third, fourth] }];
+}
+
 type Place = [longitude: number, latitude: number];
 
-/** A small picture and its corners, from the top left on clockwise. */
+/** A picture and its corners, from the top left on clockwise. */
 export interface PlacedPicture {
-  id: number;
+  id: number | string;
   url: string;
   corners: [Place, Place, Place, Place];
 }

@@ -1,7 +1,7 @@
 import { lazy, Suspense, useEffect, useMemo, useState } from "react";
 import { useTranslation } from "react-i18next";
 import {
-  flightTrack, getFlight, listFields, listFlightAlarms, listFootprints, listObservations, listPictures,
+  flightTrack, getFlight, getFlightMap, listFields, listFlightAlarms, listFootprints, listObservations, listPictures,
 } from "../api/resources";
 import { useUnits } from "../app/preferences";
 import { linkTo } from "../app/route";
@@ -16,11 +16,11 @@ import type { Symbol } from "../map/FarmMap";
 import { extentOf } from "../map/extent";
 import { collection, fieldFeatures } from "../map/features";
 import { pictureElement, updateVehicleElement, valueElement, vehicleElement } from "../map/markers";
-import { picturePlaces, placedPictures } from "../map/picture_places";
+import { picturePlaces, placedMap, placedPictures } from "../map/picture_places";
 import { FlightPlots, type Mark } from "./flight/FlightPlots";
 import { Gallery } from "./flight/Gallery";
 import { MapLegend, Measurements, nameOf } from "./flight/Measurements";
-import { PictureMapChoice } from "./flight/PictureMapChoice";
+import { LayerChoice, SurveyMap } from "./flight/PictureMapChoice";
 import { FlightSteps } from "./FlightSteps";
 import { FlightFigures } from "./Flights";
 import { fieldNames } from "./use_fleet_symbols";
@@ -42,7 +42,15 @@ export default function FlightView({ id }: { id: number }) {
     () => placedPictures(pictures.value ?? [], footprints.value ?? []),
     [pictures.value, footprints.value],
   );
-  const picturesOnMap = useMemo(() => ({ placed, opacity: pictureOpacity }), [placed, pictureOpacity]);
+  const surveyMap = useResource(() => getFlightMap(id), id);
+  const [mapOpacity, setMapOpacity] = useState<number | null>(null);
+  const picturesOnMap = useMemo(
+    () => [
+      { placed, opacity: pictureOpacity },
+      { placed: surveyMap.value === null ? [] : placedMap(surveyMap.value), opacity: mapOpacity },
+    ],
+    [placed, pictureOpacity, surveyMap.value, mapOpacity],
+  );
   const fields = useResource(listFields);
   const observations = useResource(() => listObservations(id), id);
   const alarms = useResource(
@@ -213,7 +221,15 @@ export default function FlightView({ id }: { id: number }) {
         ) : (
           <>
             {placed.length > 0 && (
-              <PictureMapChoice count={placed.length} opacity={pictureOpacity} change={setPictureOpacity} />
+              <LayerChoice
+                label={t("flights.pictures_on_map", { count: placed.length })}
+                sliderLabel={t("flights.pictures_opacity")}
+                opacity={pictureOpacity}
+                change={setPictureOpacity}
+              />
+            )}
+            {placed.length > 1 && (
+              <SurveyMap flightId={id} resource={surveyMap} opacity={mapOpacity} change={setMapOpacity} />
             )}
             <Gallery pictures={pictures.value} open={open} show={setOpen} />
           </>

@@ -4,7 +4,7 @@
  *
  * OPERATOR_LINK signs in; flight 1 has three pictures; OUT takes what a failure leaves.
  */
-import { journey, requireAccessible, startBrowser } from "./chromium.mjs";
+import { journey, picture, requireAccessible, startBrowser } from "./chromium.mjs";
 
 const { OPERATOR_LINK } = process.env;
 const BASE = OPERATOR_LINK.split("#")[0];
@@ -71,6 +71,29 @@ async function showPicturesOnMap(page) {
   }
 }
 
+/** The edge server makes one map of the pictures, in which each has its own part of the ground. */
+async function showSurveyMap(page) {
+  const map = page.getByRole("region", { name: "Track" });
+  const [first, last] = [[0, 120, 60], [120, 120, 60]];
+  await page.getByRole("button", { name: "Make the map" }).click();
+  const show = page.getByLabel("Show the map of the survey");
+  await show.check();
+  for (const colour of [first, last]) {
+    for (let attempt = 0; await countPixels(page, map, colour) < 3_000; attempt += 1) {
+      if (attempt > 60) throw new Error(`the map of the survey does not show ${colour}`);
+      await page.waitForTimeout(500);
+    }
+  }
+  await page.getByLabel("Opacity of the map of the survey").waitFor();
+  await requireAccessible(page, "the map of a survey");
+  await picture(page, "survey-map");
+  await show.uncheck();
+  for (let attempt = 0; await countPixels(page, map, first) > 1_000; attempt += 1) {
+    if (attempt > 60) throw new Error("the map of the survey stays");
+    await page.waitForTimeout(500);
+  }
+}
+
 /** A base map is drawn below the track, also in another theme and after a reload. */
 async function showBaseMap(page) {
   const map = page.getByRole("region", { name: "Track" });
@@ -114,6 +137,7 @@ try {
     await requireThumbnails(page);
     await readMeasurements(page);
     await showPicturesOnMap(page);
+    await showSurveyMap(page);
     await showBaseMap(page);
   });
 } finally {

@@ -1,12 +1,24 @@
+import { useEffect, useState } from "react";
 import { useTranslation } from "react-i18next";
+import { RequestError } from "../../api/client";
+import { makeFlightMap } from "../../api/resources";
+import type { FlightMap } from "../../api/types";
+import { useUnits } from "../../app/preferences";
+import { useIsOperator } from "../../app/session_context";
+import { Button } from "../../controls/Button";
+import { Icon } from "../../controls/Icon";
+import { ErrorNotice, Notice } from "../../controls/states";
+import { asRequestError, type Resource } from "../../live/use_resource";
 
-/** Whether the pictures that look down lie on the map, and how strongly. */
-export function PictureMapChoice({ count, opacity, change }: {
-  count: number;
+const ASK_MS = 2_000;
+
+/** Whether something lies on the map, and how strongly; null shows nothing. */
+export function LayerChoice({ label, sliderLabel, opacity, change }: {
+  label: string;
+  sliderLabel: string;
   opacity: number | null;
   change: (opacity: number | null) => void;
 }) {
-  const { t } = useTranslation();
   return (
     <div className="picture-map">
       <label>
@@ -15,7 +27,7 @@ export function PictureMapChoice({ count, opacity, change }: {
           checked={opacity !== null}
           onChange={(event) => change(event.target.checked ? 1 : null)}
         />
-        <span>{t("flights.pictures_on_map", { count })}</span>
+        <span>{label}</span>
       </label>
       {opacity !== null && (
         <input
@@ -24,10 +36,70 @@ export function PictureMapChoice({ count, opacity, change }: {
           max={1}
           step={0.05}
           value={opacity}
-          aria-label={t("flights.pictures_opacity")}
+          aria-label={sliderLabel}
           onChange={(event) => change(Number(event.target.value))}
         />
       )}
     </div>
+  );
+}
+
+/** The map that the edge server makes of a survey's pictures: its state, and how to show or make it. */
+export function SurveyMap({ flightId, resource, opacity, change }: {
+  flightId: number;
+  resource: Resource<FlightMap>;
+  opacity: number | null;
+  change: (opacity: number | null) => void;
+}) {
+  const { t } = useTranslation();
+  const units = useUnits();
+  const isOperator = useIsOperator();
+  const [error, setError] = useState<RequestError | null>(null);
+  const { value: map, reload } = resource;
+  const isMaking = map?.state === "making";
+  useEffect(() => {
+    if (!isMaking) return;
+    const timer = setInterval(reload, ASK_MS);
+    return () => clearInterval(timer);
+  }, [isMaking, reload]);
+  if (map === null) return null;
+  const make = () => {
+    setError(null);
+    makeFlightMap(flightId)
+      .then(reload)
+      .catch((reason: unknown) => setError(asRequestError(reason)));
+  };
+  return (
+    <section className="survey-map">
+      <h3>{t("flights.map")}</h3>
+      {map.state === "failed" && <Notice kind="error">{t("flights.map_failed", { reason: map.reason })}</Notice>}
+      {error && <ErrorNotice error={error} />}
+      {map.url !== null && map.metres_per_px !== null && (
+        <>
+          <LayerChoice
+            label={t("flights.map_show")}
+            sliderLabel={t("flights.map_opacity")}
+            opacity={opacity}
+            change={change}
+          />
+          <p className="muted small">
+            {t("flights.map_about", { count: map.pictures, time: units.time(map.made_at), size: Math.max(1, Math.round(map.metres_per_px * 100)) })}
+          </p>
+        </>
+      )}
+      <div className="actions">
+        {isOperator && (
+          <Button icon="map" isBusy={isMaking} onClick={make}>
+            {t(isMaking ? "flights.map_making" : map.url === null ? "flights.map_make" : "flights.map_again")}
+          </Button>
+        )}
+        {map.url !== null && (
+          <a className="button button-plain" href={map.url} download={`flight-${flightId}-map.webp`}>
+            <Icon name="download" /> {t("flights.map_download")}
+          </a>
+        )}
+      </div>
+      {map.url === null && !isOperator && <p className="muted">{t("flights.map_none")}</p>}
+    </section>
   );
 }

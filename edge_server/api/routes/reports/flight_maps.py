@@ -1,0 +1,57 @@
+"""`/flights/<id>/map`: the pictures of a survey, laid out as one map."""
+
+from typing import Any
+
+from flask import Blueprint, Response
+from flask.typing import ResponseReturnValue
+
+from edge_server.api import bodies, schemas, urls
+from edge_server.api.access import scopes
+from edge_server.api.access.auth import PEOPLE, PLANNERS, allow, audit
+from edge_server.api.contract import Contract, describe
+from edge_server.api.routes.reports.flights import ITEM, NAMES
+from edge_server.services import flight_archive, flight_maps
+
+
+def blueprint() -> Blueprint:
+    """Make the routes."""
+    routes = Blueprint("flight_maps", __name__)
+    urls.add(routes, NAMES, "get", get, "GET", item=ITEM, action="map")
+    urls.add(routes, NAMES, "make", make, "POST", item=ITEM, action="map")
+    urls.add(routes, NAMES, "picture", picture, "GET", item=ITEM, action="map/picture")
+    return routes
+
+
+@allow(PEOPLE)
+@describe(Contract({200: schemas.FlightMap}))
+def get(flight_id: int) -> dict[str, Any]:
+    """Give the state of a flight's map, and what ground it shows once it is made."""
+    _check(flight_id)
+    return flight_maps.overview(bodies.context(), flight_id)
+
+
+@allow(PLANNERS)
+@describe(Contract({202: schemas.FlightMap}, errors=(409, 429)))
+def make(flight_id: int) -> ResponseReturnValue:
+    """Begin to make the map of a flight out of its pictures that look down."""
+    _check(flight_id)
+    begun = flight_maps.make(bodies.context(), flight_id)
+    audit(f"begun the map of flight {flight_id}")
+    return begun, 202
+
+
+@allow(PEOPLE)
+@describe(Contract({200: None}))
+def picture(flight_id: int) -> Response:
+    """Give the map as a WebP between its corners, transparent where nothing is known."""
+    _check(flight_id)
+    answer = Response(
+        flight_maps.picture(bodies.context(), flight_id), content_type=flight_maps.MEDIA_TYPE
+    )
+    answer.headers["Cache-Control"] = "private, no-cache"
+    return answer
+
+
+def _check(flight_id: int) -> None:
+    """Check that a flight exists and that the key permits its vehicle; raises 403 or 404."""
+    scopes.permitted(flight_archive.flight(bodies.context(), flight_id))

@@ -1,0 +1,116 @@
+"""The map of a survey is made on demand, kept in the archive, and goes with its flight."""
+
+import base64
+import io
+import sqlite3
+import threading
+from typing import Any
+
+import pytest
+from PIL import Image
+
+from edge_server.archive import upkeep
+from edge_server.pictures import mosaics
+from edge_server.pictures.program import UnreadableError
+from tests.support.polling import wait_until
+from tests.unit.edge_server.archive.flown import begin, send
+from tests.unit.edge_server.conftest import Edge
+from tests.unit.edge_server.documents import JPEG
+
+XMP = (
+    '<x:xmpmeta xmlns:x="adobe:ns:meta/" drone-dji:GpsLatitude="40.4436" '
+    'drone-dji:GpsLongitude="{longitude}" drone-dji:RelativeAltitude="+40.0" '
+    'drone-dji:GimbalYawDegree="+30.0" drone-dji:GimbalPitchDegree="-90.0" '
+    'drone-dji:GimbalRollDegree="+0.0" Camera:PerspectiveFocalLength="4.5" '
+    'Camera:PrincipalPoint="3.15,2.3625"/>'
+)
+
+
+def taken(longitude: float) -> bytes:
+    """A small picture straight down."""
+    out = io.BytesIO()
+    xmp = XMP.format(longitude=longitude).encode()
+    Image.new("RGB", (64, 48), (40, 160, 40)).save(out, "JPEG", xmp=xmp)
+    return out.getvalue()
+
+
+def fly(edge: Edge, *pictures: bytes) -> None:
+    begin(edge)
+    for number, data in enumerate(pictures):
+        frame = base64.b64encode(data).decode()
+        send(edge, "image", sequence_number=number, image_size=len(data), frame=frame)
+
+
+@pytest.fixture
+def survey(edge: Edge) -> Edge:
+    fly(edge, taken(-3.7382), taken(-3.7380), JPEG)
+    return edge
+
+
+def made(edge: Edge) -> Any:
+    answer = edge.ask("POST", "/flights/1/map", "operator")
+    assert answer.status_code == 202, answer.json
+    wait_until(lambda: edge.get("/flights/1/map")["state"] != "making")
+    return edge.get("/flights/1/map")
+
+
+def test_a_map_is_made_of_the_pictures_that_look_down(survey: Edge) -> None:
+    before = survey.get("/flights/1/map")
+    assert (before["state"], before["url"], before["corners"]) == ("none", None, None)
+    assert survey.ask("GET", "/flights/1/map/picture", "farmer").status_code == 404
+    found = made(survey)
+    assert (found["state"], found["pictures"], found["reason"]) == ("ready", 2, None)
+    assert len(found["corners"]) == 4
+    assert 0.0 < found["metres_per_px"] < 1.0
+    answer = survey.ask("GET", found["url"], "farmer")
+    assert answer.content_type == "image/webp"
+    assert max(Image.open(io.BytesIO(answer.data)).size) == mosaics.LONGEST_SIDE_PX
+
+
+def test_a_flight_without_a_survey_has_no_map(edge: Edge) -> None:
+    fly(edge, taken(-3.7382), JPEG)
+    answer = edge.ask("POST", "/flights/1/map", "operator")
+    assert answer.status_code == 409
+    assert "look down" in answer.get_data(as_text=True)
+    assert edge.ask("POST", "/flights/9/map", "operator").status_code == 404
+    assert edge.ask("GET", "/flights/9/map", "operator").status_code == 404
+
+
+def test_one_map_is_made_at_a_time(survey: Edge, monkeypatch: pytest.MonkeyPatch) -> None:
+    go_on = threading.Event()
+
+    def wait(*_: object) -> mosaics.Mosaic:
+        assert go_on.wait(30.0)
+        raise UnreadableError("it has rained")
+
+    monkeypatch.setattr(mosaics, "lay_out", wait)
+    assert survey.ask("POST", "/flights/1/map", "operator").status_code == 202
+    assert survey.get("/flights/1/map")["state"] == "making"
+    assert survey.ask("POST", "/flights/1/map", "operator").status_code == 429
+    go_on.set()
+    wait_until(lambda: survey.get("/flights/1/map")["state"] == "failed")
+    assert survey.get("/flights/1/map")["reason"] == "it has rained"
+    monkeypatch.undo()
+    assert made(survey)["state"] == "ready"
+
+
+def test_a_map_goes_with_its_flight(survey: Edge) -> None:
+    made(survey)
+    with sqlite3.connect(survey.config.archive_path) as connection:
+        connection.execute("UPDATE flight SET dropped = 1")
+        while upkeep.drop_part(connection):
+            pass
+        assert connection.execute("SELECT count(*) FROM map").fetchone() == (0,)
+
+
+def test_an_archive_of_before_keeps_its_flights(survey: Edge) -> None:
+    with sqlite3.connect(survey.config.archive_path) as connection:
+        connection.execute("DROP TABLE map")
+    survey.context.archive.close()
+    assert survey.get("/flights/1/map")["state"] == "none"
+    assert made(survey)["state"] == "ready"
+
+
+def test_a_farmer_sees_maps_and_makes_none(survey: Edge) -> None:
+    assert survey.ask("POST", "/flights/1/map", "farmer").status_code == 403
+    assert survey.ask("GET", "/flights/1/map", "farmer").status_code == 200
