@@ -1,6 +1,7 @@
 """Settings of all tests."""
 
 import gc
+import importlib
 import os
 
 # Tests judge the source, and look inside; FARM_PURE=0 runs them on what `make compile` has made.
@@ -8,6 +9,7 @@ os.environ.setdefault("FARM_PURE", "1")
 
 import uav_firmware  # noqa: F401, I001 - first: it loads what is compiled, and the simulation with it
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -31,9 +33,32 @@ url_rules.compile_once()
 os.environ.pop("DATABASE_URL", None)
 
 
-_THOROUGH_FOLDERS = tuple(Path(__file__).parent / name for name in ("scenario", "conformance"))
+_HERE = Path(__file__).parent
+_THOROUGH_FOLDERS = tuple(f"{_HERE / name}/" for name in ("scenario", "conformance"))
 """Of their tests `make test` runs those that are marked as promises."""
-_WHOLE_FARMS = Path(__file__).parent / "unit" / "dst"
+_WHOLE_FARMS = f"{_HERE / 'unit' / 'dst'}/"
+
+
+def pytest_collection(session: pytest.Session) -> None:
+    """Let each worker compile a part of the test modules that are not compiled yet.
+
+    Every worker collects every module, all in the same order: without compiled files, as after a
+    clone, each would compile each. Where a worker has imported the modules from a place of its
+    own in that order, the others load what it has compiled.
+    """
+    worker = os.environ.get("PYTEST_XDIST_WORKER")
+    if worker is None or session.config.args != session.config.getini("testpaths"):
+        return
+    modules = sorted(_HERE.rglob("test_*.py"))
+    begin = len(modules) * int(worker.removeprefix("gw")) // _workers()
+    for module in modules[begin:] + modules[:begin]:
+        parts = module.relative_to(_HERE.parent).with_suffix("").parts
+        with suppress(Exception):  # What it is, the collection finds out and reports
+            importlib.import_module(".".join(parts))
+
+
+def _workers() -> int:
+    return int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -44,7 +69,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """
     begun: set[str] = set()
     for item in items:
-        is_in_folder = any(folder in item.path.parents for folder in _THOROUGH_FOLDERS)
+        is_in_folder = str(item.path).startswith(_THOROUGH_FOLDERS)
         if is_in_folder and item.get_closest_marker("promise") is None:
             item.add_marker(pytest.mark.thorough)
         if item.get_closest_marker("first_case") is not None:
@@ -61,10 +86,9 @@ def _move_whole_farms(items: list[pytest.Item]) -> None:
     Each takes seconds of one processor. At their place in the alphabet one worker would be left
     with all of them when the others have finished.
     """
-    workers = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
-    whole_farms = [item for item in items if _WHOLE_FARMS in item.path.parents]
-    others = [item for item in items if _WHOLE_FARMS not in item.path.parents]
-    second = len(items) // workers
+    whole_farms = [item for item in items if str(item.path).startswith(_WHOLE_FARMS)]
+    others = [item for item in items if not str(item.path).startswith(_WHOLE_FARMS)]
+    second = len(items) // _workers()
     items[:] = others[:second] + whole_farms + others[second:]
 
 
