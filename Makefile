@@ -164,8 +164,8 @@ test: servers $(DEV) ## run the units, contracts, golden records and one scenari
 	$(IN_MEMORY) $(RUN) -m pytest $(PARALLEL) -m "not thorough"
 
 .PHONY: test-thorough
-test-thorough: servers $(DEV) ## run what `make test` leaves out
-	$(IN_MEMORY) $(RUN) -m pytest $(PARALLEL) -m thorough
+test-thorough: servers $(DEV) ## run what `make test` leaves out, and property tests with four times as many examples
+	$(IN_MEMORY) $(RUN) -m pytest $(PARALLEL) -m "thorough or hypothesis"
 
 .PHONY: test-failed
 test-failed: servers $(DEV) ## run the tests that failed last once more, one after the other

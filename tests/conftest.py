@@ -20,12 +20,6 @@ from edge_server.store.connection.engines import sqlite_url
 from tests.support import url_rules
 from tests.support.databases import ENGINES, PostgresServer, running_server
 
-# No example is judged by the wall clock: these machines are shared. Where CI is set, the same
-# examples are drawn at every run, so that a change and not chance decides; elsewhere new ones.
-settings.register_profile("default", deadline=None)
-settings.register_profile("ci", deadline=None, derandomize=True)
-settings.load_profile("ci" if os.environ.get("CI") else "default")
-
 gc.disable()  # Until the tests are collected: little of what that makes is garbage
 url_rules.compile_once()
 
@@ -37,6 +31,20 @@ _HERE = Path(__file__).parent
 _THOROUGH_FOLDERS = tuple(f"{_HERE / name}/" for name in ("scenario", "conformance"))
 """Of their tests `make test` runs those that are marked as promises."""
 _WHOLE_FARMS = f"{_HERE / 'unit' / 'dst'}/"
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Choose the examples of property tests.
+
+    No example is judged by the wall clock: these machines are shared. Where CI is set, the same
+    examples are drawn at every run, so that a change and not chance decides; elsewhere new ones.
+    `make test` draws half as many as hypothesis does by itself, `make test-thorough` twice as many.
+    """
+    expression = config.getoption("markexpr")
+    examples = {"not thorough": 50, "thorough or hypothesis": 200}.get(expression, 100)
+    is_ci = bool(os.environ.get("CI"))
+    settings.register_profile("ours", deadline=None, derandomize=is_ci, max_examples=examples)
+    settings.load_profile("ours")
 
 
 def pytest_collection(session: pytest.Session) -> None:
