@@ -58,47 +58,56 @@ def test_every_program_and_the_vocabulary_have_a_readme() -> None:
         assert (ROOT / package / "README.md").is_file()
 
 
-@pytest.mark.parametrize("document", DOCUMENTS, ids=name_of)
-def test_every_path_named_in_a_document_exists(document: Path) -> None:
-    missing = [path for path in named_paths(document) if not (ROOT / path).exists()]
-    assert missing == []
-
-
-@pytest.mark.parametrize("document", DOCUMENTS, ids=name_of)
-def test_every_link_of_a_document_leads_somewhere(document: Path) -> None:
+def test_every_path_named_in_a_document_exists() -> None:
     missing = [
-        link for link in LINK.findall(document.read_text()) if not (document.parent / link).exists()
+        f"{name_of(document)}: {path}"
+        for document in DOCUMENTS
+        for path in named_paths(document)
+        if not (ROOT / path).exists()
     ]
     assert missing == []
 
 
-@pytest.mark.parametrize("document", DOCUMENTS, ids=name_of)
-def test_every_make_target_named_in_a_document_exists(document: Path) -> None:
+def test_every_link_of_a_document_leads_somewhere() -> None:
+    missing = [
+        f"{name_of(document)}: {link}"
+        for document in DOCUMENTS
+        for link in LINK.findall(document.read_text())
+        if not (document.parent / link).exists()
+    ]
+    assert missing == []
+
+
+def test_every_make_target_named_in_a_document_exists() -> None:
     targets = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
-    text = document.read_text()
-    named = re.findall(r"`(?:[A-Z_]+=\S+ )*make ([a-z-]+)", text)
-    named += re.findall(r"^(?:[A-Z_]+=\S+ )*make ([a-z-]+)", text, re.MULTILINE)
-    assert set(named) <= targets
+    for document in DOCUMENTS:
+        text = document.read_text()
+        named = re.findall(r"`(?:[A-Z_]+=\S+ )*make ([a-z-]+)", text)
+        named += re.findall(r"^(?:[A-Z_]+=\S+ )*make ([a-z-]+)", text, re.MULTILINE)
+        assert set(named) <= targets, name_of(document)
 
 
-@pytest.mark.parametrize("document", DOCUMENTS, ids=name_of)
-def test_every_python_example_runs(document: Path) -> None:
-    for example in fences(document, "python"):
-        run = subprocess.run(
-            [sys.executable, "-c", example],
-            check=False,
-            cwd=ROOT,
-            capture_output=True,
-            text=True,
-            timeout=120,
-        )
-        assert run.returncode == 0, f"{example}\n{run.stderr}"
+def test_every_python_example_runs() -> None:
+    for document in DOCUMENTS:
+        for example in fences(document, "python"):
+            run = subprocess.run(
+                [sys.executable, "-c", example],
+                check=False,
+                cwd=ROOT,
+                capture_output=True,
+                text=True,
+                timeout=120,
+            )
+            assert run.returncode == 0, f"{name_of(document)}:\n{example}\n{run.stderr}"
 
 
-@pytest.mark.parametrize("document", DOCUMENTS, ids=name_of)
-def test_every_json_example_is_json(document: Path) -> None:
-    for example in fences(document, "json"):
-        json.loads(example)
+def test_every_json_example_is_json() -> None:
+    for document in DOCUMENTS:
+        for example in fences(document, "json"):
+            try:
+                json.loads(example)
+            except ValueError as fault:
+                pytest.fail(f"{name_of(document)}: {fault}:\n{example}")
 
 
 def test_the_data_path_of_the_readme_is_complete() -> None:
@@ -130,27 +139,27 @@ def anchors(document: Path) -> set[str]:
     return {re.sub(r"[^\w\s-]", "", heading.lower()).replace(" ", "-") for heading in headings}
 
 
-@pytest.mark.parametrize("document", DOCUMENTS, ids=name_of)
-def test_every_link_to_a_heading_finds_it(document: Path) -> None:
-    links = re.findall(r"\]\((?!https?:)([^)#\s]*)#([^)\s]+)\)", document.read_text())
+def test_every_link_to_a_heading_finds_it() -> None:
+    heading = re.compile(r"\]\((?!https?:)([^)#\s]*)#([^)\s]+)\)")
     missing = [
-        f"{target}#{fragment}"
-        for target, fragment in links
+        f"{name_of(document)}: {target}#{fragment}"
+        for document in DOCUMENTS
+        for target, fragment in heading.findall(document.read_text())
         if fragment not in anchors(document.parent / target if target else document)
     ]
     assert missing == []
 
 
-@pytest.mark.parametrize("document", PAGES, ids=name_of)
-def test_a_page_is_short(document: Path) -> None:
-    if str(document.relative_to(ROOT / "docs")) not in reference.PAGES:
-        assert len(document.read_text().split()) <= MOST_WORDS
+def test_a_page_is_short() -> None:
+    for document in PAGES:
+        if str(document.relative_to(ROOT / "docs")) not in reference.PAGES:
+            assert len(document.read_text().split()) <= MOST_WORDS, name_of(document)
 
 
-@pytest.mark.parametrize("document", READMES, ids=name_of)
-def test_a_package_readme_is_short(document: Path) -> None:
-    if document.parent != ROOT:
-        assert len(document.read_text().split()) <= 500
+def test_a_package_readme_is_short() -> None:
+    for document in READMES:
+        if document.parent != ROOT:
+            assert len(document.read_text().split()) <= 500, name_of(document)
 
 
 @pytest.mark.first_case
