@@ -51,7 +51,8 @@ from uav_firmware.topics import Topics
 
 NAN = math.nan
 HOME = (40.44340, -3.73820, 650.0)
-STEP_US = 4_000
+STEP_US = 10_000
+"""Period of commander and navigator: the vehicle's own is 4 ms; tests of both need no finer one."""
 
 
 def item(seq: int, command: int, **fields: float) -> MissionItem:
