@@ -20,7 +20,7 @@ def long_plan() -> dict[str, object]:
 
 
 @pytest.mark.timeout(TEST_TIMEOUT_S)
-def test_a_plan_is_flown_and_stopped_and_a_field_is_planned(tmp_path: Path) -> None:
+def test_a_plan_is_flown_and_stopped(tmp_path: Path) -> None:
     with console_journey(tmp_path) as take, running(tmp_path / "farm", with_video=True) as farm:
         take(
             "fly_and_stop",
@@ -28,17 +28,23 @@ def test_a_plan_is_flown_and_stopped_and_a_field_is_planned(tmp_path: Path) -> N
             FARMER_LINK=sign_in_link(farm, "farmer", "maria"),
             OPERATOR_LINK=sign_in_link(farm, "operator", "juan"),
         )
-        take("plan_a_field", PLANNER_LINK=sign_in_link(farm, "farmer", "luis"))
         events = farm.get("/events/")
         plan = farm.get("/plans/1")
-        (field,) = farm.get("/fields/")
-        survey = farm.get("/plans/2")
     assert [(event["event_type_name"], event["state"]) for event in events] == [
         ("PAUSE_MISSION", "done"),
         ("RESUME_MISSION", "done"),
         ("ABORT_MISSION", "done"),
     ]
     assert plan["missions"][0]["mission_status_id"] == 5, plan
+
+
+@pytest.mark.thorough
+@pytest.mark.timeout(TEST_TIMEOUT_S)
+def test_a_field_is_drawn_and_its_survey_is_planned(tmp_path: Path) -> None:
+    with console_journey(tmp_path) as take, running(tmp_path / "farm") as farm:
+        take("plan_a_field", PLANNER_LINK=sign_in_link(farm, "farmer", "luis"))
+        (field,) = farm.get("/fields/")
+        survey = farm.get("/plans/1")
     assert field["name"] == "Olive grove"
     assert [len(ring) for ring in (field["boundary"], *field["exclusions"])] == [4, 3]
     assert (survey["name"], survey["field_id"]) == ("Olive grove 1", field["id"])

@@ -2,6 +2,8 @@
 
 import base64
 import io
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -79,16 +81,17 @@ def fly(archive: Archive) -> None:
     archive.report(FINISHED)
 
 
-@pytest.mark.timeout(TEST_TIMEOUT_S)
-def test_a_flight_is_looked_back_at_and_stop_is_above_each_dialog(tmp_path: Path) -> None:
-    with console_journey(tmp_path) as take, program_in(tmp_path / "farm") as program:
+@contextmanager
+def farm_of(folder: Path) -> Iterator[tuple[Program, dict[str, str]]]:
+    """Run an edge server with a flight, a draft, a field and maps; gives an administrator's key."""
+    with program_in(folder / "farm") as program:
         program.start()
         archive = Archive(program)
         fly(archive)
         draft = short_plan() | {"dispatch": False, "name": "Draft"}
         archive.ask("POST", "/plans/", "operator", draft)
         archive.ask("POST", "/fields/", "operator", EXAMPLE)
-        maps = tmp_path / "farm" / "maps"
+        maps = folder / "farm" / "maps"
         maps.mkdir()
         (maps / "Aerial.pmtiles").write_bytes(archive_at(40.4434, -3.7382, MAP_COLOUR))
         (maps / "Lake.pmtiles").write_bytes(vector_archive_at(40.4434, -3.7382, "water"))
@@ -96,7 +99,19 @@ def test_a_flight_is_looked_back_at_and_stop_is_above_each_dialog(tmp_path: Path
             geotiff(Image.new("F", (40, 40), 1.0), -3.7392, 40.4444, 5e-5)
         )
         (maps / "Broken.pmtiles").write_bytes(b"not a map")
-        headers = {"Authorization": f"Bearer {program.key('admin')}"}
+        yield program, {"Authorization": f"Bearer {program.key('admin')}"}
+
+
+@pytest.mark.thorough
+@pytest.mark.timeout(TEST_TIMEOUT_S)
+def test_a_flight_is_looked_back_at(tmp_path: Path) -> None:
+    with console_journey(tmp_path) as take, farm_of(tmp_path) as (program, headers):
         take("look_back", OPERATOR_LINK=link_at(program.url, headers, "operator", "juan"))
+
+
+@pytest.mark.thorough
+@pytest.mark.timeout(TEST_TIMEOUT_S)
+def test_stop_is_above_each_dialog(tmp_path: Path) -> None:
+    with console_journey(tmp_path) as take, farm_of(tmp_path) as (program, headers):
         admin = link_at(program.url, headers, "admin", "ana")
         take("stop_in_dialogs", ADMIN_LINK=admin, DRAFT="2", FIELD="1")

@@ -67,6 +67,7 @@ def meadows(folder: Path) -> Path:
     return path
 
 
+@pytest.mark.thorough
 @pytest.mark.timeout(TEST_TIMEOUT_S)
 def test_two_editors_overwrite_nothing_and_lose_nothing(tmp_path: Path) -> None:
     with console_journey(tmp_path) as take, edge_server(tmp_path) as (server, needs):
