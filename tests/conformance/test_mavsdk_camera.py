@@ -62,7 +62,6 @@ def test_the_camera_reports_its_information(client: Client) -> None:
     assert camera.focal_length_mm == pytest.approx(4.5)
 
 
-@pytest.mark.promise
 def test_a_photo_is_taken_and_reported_with_its_position(client: Client) -> None:
     before = len(client.captures)
     client.camera.take_photo(CAMERA)

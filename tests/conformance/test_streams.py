@@ -57,7 +57,6 @@ def flight(tmp_path_factory: pytest.TempPathFactory) -> Flight:
     return Flight(before, station.run(LISTENING_S))
 
 
-@pytest.mark.promise
 def test_each_message_comes_at_px4s_rate(flight: Flight) -> None:
     received = Counter(message.get_type() for message in flight.hovering)
     assert set(RATES_HZ) <= set(received)

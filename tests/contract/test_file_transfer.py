@@ -76,6 +76,7 @@ class Air:
             self.link.ground.send(message.pack(self._codec), VEHICLE_ADDRESS)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("trouble", TROUBLES)
 @pytest.mark.parametrize("seed", range(3))
 def test_a_file_goes_up_and_comes_back_right(tmp_path: Path, trouble: str, seed: int) -> None:

@@ -137,7 +137,6 @@ def test_gps_lost_for_good_brakes_and_lands_near_the_place(tmp_path: Path, loss:
     assert not tester.simulation.wrecked
 
 
-@pytest.mark.promise
 def test_gps_lost_high_up_in_a_strong_wind_is_no_flight_with_the_wind(tmp_path: Path) -> None:
     """A velocity that is doubtful by a share of the wind is still better than none."""
     tester = vehicle(tmp_path, wind_speed_m_s=10.0, seed=13)
@@ -221,7 +220,6 @@ def test_a_lost_barometer_or_compass_does_not_end_the_mission(tmp_path: Path, ki
     assert not tester.simulation.wrecked
 
 
-@pytest.mark.promise
 def test_a_low_battery_warns_a_critical_one_returns_an_empty_one_lands(tmp_path: Path) -> None:
     tester = on_mission(tmp_path, settings={"BAT_CRIT_THR": 0.10})
     # True charges; the vehicle estimates 0.12, 0.08 and 0 from voltage, some seconds later

@@ -18,7 +18,6 @@ from tests.bench.flight_track import rms
 pytestmark = pytest.mark.scenario
 
 
-@pytest.mark.promise
 def test_a_minute_at_a_point_and_a_landing_there() -> None:
     flight = hover_and_land(1, gps="rtk", wind=0.0)
     assert flight["horizontal"] <= 0.10

@@ -57,8 +57,6 @@ class Jump(NamedTuple):
     sentence: str
 
 
-@pytest.mark.first_case
-@pytest.mark.promise
 @pytest.mark.parametrize(
     "jump",
     [

@@ -65,7 +65,6 @@ def test_a_vehicle_on_an_open_link_answers_on_and_stands_still(tmp_path: Path) -
         assert abs(position.height_above_home_m - start.height_above_home_m) < STILL_M
 
 
-@pytest.mark.promise
 def test_on_the_signed_link_nobody_impersonates_a_vehicle_or_the_broker(tmp_path: Path) -> None:
     with running(tmp_path) as system, udp_sockets(1) as (enemy,):
         to_broker = ("127.0.0.1", system.settings.mavlink_port)

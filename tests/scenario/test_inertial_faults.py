@@ -133,8 +133,6 @@ def test_an_accelerometer_that_drifts_is_given_up_and_the_vehicle_lands_where_it
     assert not tester.status.preflight_checks_pass
 
 
-@pytest.mark.first_case
-@pytest.mark.promise
 @pytest.mark.parametrize(
     "lines",
     [

@@ -75,7 +75,6 @@ def type_into_shell(system: FarmSystem, command: str) -> str:
     return run.stdout
 
 
-@pytest.mark.promise
 def test_the_curl_lines_of_the_tutorial_fly_the_vehicle(tmp_path: Path) -> None:
     with running(tmp_path / "var") as system:
         post, show_plan, show_vehicles, reports, poses, kept, _latest = tutorial_commands()
@@ -157,7 +156,6 @@ def test_after_a_kill_while_idle_the_next_plan_flies(victim: str, tmp_path: Path
         assert {report["mission_id"] for report in mission_reports(system)} == {1, 2}
 
 
-@pytest.mark.promise
 def test_make_sim_leaves_neither_process_nor_port_behind(tmp_path: Path) -> None:
     """Also where it was started with SIGINT ignored, as by `nohup` or with `&` in a script."""
     system = FarmSystem(tmp_path / "var")

@@ -23,6 +23,7 @@ def dry_run(target: str, folder: Path) -> list[str]:
     return shown.stdout.splitlines()
 
 
+@pytest.mark.thorough
 def test_a_half_made_environment_is_made_again(tmp_path: Path) -> None:
     venv.create(tmp_path, with_pip=False)
     assert not (tmp_path / "bin/pip").exists()

@@ -65,6 +65,7 @@ def test_a_plan_is_flown_and_reported_to_the_cloud(world: World) -> None:
     assert "mission_report" in kinds
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("family", FAMILIES, ids=lambda family: family.name)
 def test_each_family_flies_an_orbit_and_gets_its_parameters_back(
     family: Autopilot, prepared: Path, tmp_path: Path

@@ -106,6 +106,7 @@ class History:
         assert len(set(statuses)) == 1, (statuses, self.did)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("family", SCRIPTS)
 @pytest.mark.parametrize("seed", range(1))
 def test_events_keep_their_promises_in_any_history(family: str, seed: int, tmp_path: Path) -> None:

@@ -163,6 +163,7 @@ class TestItems:
         returning = COPTER_RETURN if family == "ardupilot" else PX4_RETURN
         assert world.only_vehicle.custom_mode == returning
 
+    @pytest.mark.first_case
     @KNOWN
     def test_a_pause_replaces_a_soft_abort_that_waits(self, family: str) -> None:
         world = in_mission(SCRIPTS[family])
@@ -231,6 +232,7 @@ class TestItems:
 
 
 class TestWhoeverElseFlies:
+    @pytest.mark.first_case
     @pytest.mark.parametrize(
         ("family", "mode"),
         [("px4", PX4_POSITION), ("own", PX4_POSITION), ("ardupilot", COPTER_LOITER)],
@@ -251,6 +253,7 @@ class TestWhoeverElseFlies:
         assert vehicle.custom_mode == mode
         assert answer(world, resume)[0] == "refused"
 
+    @pytest.mark.first_case
     @KNOWN
     def test_whoever_sets_the_mission_mode_during_a_paused_live_command_has_the_vehicle(
         self, family: str
@@ -288,6 +291,7 @@ class TestWhoeverElseFlies:
 
 
 class TestLiveCommands:
+    @pytest.mark.first_case
     @KNOWN
     def test_a_command_flown_live_begins_anew_when_the_mission_is_resumed(
         self, family: str
@@ -333,6 +337,7 @@ class TestLiveCommands:
         world.run_until_over(1201)
         assert world.edge.status(1201) == Status.FINISHED
 
+    @pytest.mark.first_case
     @KNOWN
     def test_a_pause_between_items_and_a_live_command_ends_with_the_live_command(
         self, family: str
@@ -402,6 +407,7 @@ class TestRestarts:
         assert answer_statuses(world, resume)[-1] == "done"
         assert world.edge.statuses(1201) == [Status.FINISHED] * 3
 
+    @pytest.mark.first_case
     @KNOWN
     @pytest.mark.parametrize("kind", [ABORT, RETURN_HOME])
     def test_a_paused_vehicle_obeys_a_restarted_broker(
@@ -436,6 +442,7 @@ class TestReturnHome:
         world.run(1.0)
         assert answer_statuses(world, event) == ["accepted", "done"]
 
+    @pytest.mark.first_case
     @KNOWN
     @pytest.mark.parametrize("kind", [ABORT, SOFT_ABORT, RETURN_HOME])
     def test_a_vehicle_that_hovers_behind_its_mission_obeys_too(

@@ -328,6 +328,7 @@ def test_a_mission_that_is_resumed_within_seconds_goes_on_also_for_a_new_broker(
     assert world.edge.status(1201) == Status.FINISHED
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     ("script", "mode", "resumed"),
     [
@@ -649,6 +650,7 @@ def test_a_mission_whose_acceptance_is_not_answered_yet_has_one_too() -> None:
     assert answer_statuses(world, event)[-1] == "done"
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("kind", [ABORT, SOFT_ABORT, RETURN_HOME])
 @pytest.mark.parametrize(
     ("script", "mode"), [(PX4, PX4_POSITION), (OWN, PX4_POSITION), (ARDUPILOT, COPTER_STABILIZE)]

@@ -163,7 +163,7 @@ def coming_and_going(change: Change, *, bad_s: float, good_s: float) -> Change:
     return changed
 
 
-@pytest.mark.first_case
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("bad_s", "good_s", "found"), [(3.0, 1.5, AidSource.GPS_POSITION), (0.5, 4.0, NONE)]
 )

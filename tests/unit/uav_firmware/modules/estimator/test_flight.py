@@ -52,7 +52,7 @@ def rms(errors: Array) -> Array:
     return root
 
 
-@pytest.mark.first_case
+@pytest.mark.thorough
 @pytest.mark.parametrize("delay_us", [0, 120_000, 300_000])
 def test_perfect_sensors_give_a_perfect_estimate_however_late_gps_is(delay_us: int) -> None:
     flight = Flight(errors=replace(PERFECT, gps_delay_us=delay_us))
@@ -99,7 +99,7 @@ def test_innovations_are_as_large_as_expected() -> None:
     assert np.median(normalised[:, 0]) > 0.2
 
 
-@pytest.mark.first_case
+@pytest.mark.thorough
 @pytest.mark.parametrize("declination_deg", [-4.0, 5.0])
 def test_a_wrong_declination_is_found_in_flight(declination_deg: float) -> None:
     flight = Flight(3, errors=replace(Errors(), declination_deg=declination_deg))

@@ -67,7 +67,7 @@ def attitude_error(rig: Rig, truth: SensorTruth) -> Array:
     return rig.attitude_error(exact)
 
 
-@pytest.mark.first_case
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("seed", "noise_factor"), [(1, 1.0), (2, 1.0), (3, 1.0), (4, 0.05), (5, 0.0)]
 )
