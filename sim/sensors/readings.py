@@ -94,6 +94,7 @@ class Readings(NamedTuple):
     esc: EscReading | None
     range: RangeReading | None = None
     environment: EnvironmentReading | None = None
+    only_fast: bool = False  # Of inertial units and speed controllers: every other reading is None
 
     @property
     def imu(self) -> ImuReading:

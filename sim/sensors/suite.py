@@ -97,7 +97,8 @@ class SensorSuite:
         time_us = truth.time_us
         if time_us < self._next_us:  # The inertial units, and every other time the controllers
             esc = self._esc(truth, motor_currents_a)
-            return Readings(self._imus(truth), self._no_baros, self._no_mags, None, None, esc)
+            imus, no_baros, no_mags = self._imus(truth), self._no_baros, self._no_mags
+            return Readings(imus, no_baros, no_mags, None, None, esc, None, None, only_fast=True)
         if self._gps_schedule.due(time_us):
             self.gps.measure(truth)
         readings = Readings(

@@ -89,6 +89,23 @@ def test_samples_come_at_their_rate_with_rising_times(
     assert 6 * minimum_hz - 3 <= len(times) <= 6 * maximum_hz + 1
 
 
+def test_no_reading_is_due_in_a_step_of_fast_sensors_alone(vehicle: Vehicle) -> None:
+    steps = 0
+    for _ in run(vehicle, 6.0):
+        if not vehicle.only_fast:
+            continue
+        steps += 1
+        fitted = vehicle.fitted
+        readings = (
+            *[vehicle.read_baro(instance) for instance in range(fitted.barometers)],
+            *[vehicle.read_mag(instance) for instance in range(fitted.compasses)],
+            *(vehicle.read_gps(), vehicle.read_battery(), vehicle.read_range()),
+            *(vehicle.read_hygrometer(), vehicle.read_ground()),
+        )
+        assert set(readings) == {None}
+    assert steps > 500
+
+
 def test_a_reading_is_the_same_however_often_it_is_read(vehicle: Vehicle) -> None:
     for _ in run(vehicle, 0.2):
         assert vehicle.read_imu() == vehicle.read_imu()

@@ -43,6 +43,10 @@ class Sensors(Protocol):
     def fitted(self) -> Fitted:
         """How many there are; does not change."""
 
+    @property
+    def only_fast(self) -> bool:
+        """Whether in this step nothing but inertial samples and the reports of ESCs can be due."""
+
     def read_imu(self, instance: int = 0) -> SensorImu:
         """Newest inertial sample of an instance; there is one in every step."""
 

@@ -64,6 +64,8 @@ class JsbsimVehicle:
         self._readings: Readings = simulation.readings
         self.time_us = simulation.time_us
         """Simulated time since boot [us]."""
+        self.only_fast = self._readings.only_fast
+        """Whether no instrument but inertial units and speed controllers has a reading."""
 
     @property
     def step_us(self) -> int:
@@ -82,7 +84,7 @@ class JsbsimVehicle:
             OSError: if the file of fault commands cannot be read any more.
         """
         self._readings = readings = self._simulation.step(self._motors)
-        self.time_us = readings.imus[0].time_us
+        self.time_us, self.only_fast = readings.imus[0].time_us, readings.only_fast
         if self._console is not None and self.time_us >= self._console_us:
             self._console_us = self.time_us + _CONSOLE_PERIOD_US
             self._obey(self._console)

@@ -59,6 +59,13 @@ class VehicleIoModule:
             vehicle.write_motors(motors.control)
         vehicle.advance()
         self._imus.publish(tuple([vehicle.read_imu(i) for i in self._imu_instances]))
+        if (esc := vehicle.read_esc()) is not None:
+            self._esc.publish(esc)
+        if not vehicle.only_fast:
+            self._publish_slow(vehicle)
+
+    def _publish_slow(self, vehicle: Vehicle) -> None:
+        """Publish what is due less often than every other step."""
         baros = [vehicle.read_baro(i) for i in self._baro_instances]
         if any(baros):
             self._baros.publish(tuple(baros))
@@ -69,8 +76,6 @@ class VehicleIoModule:
             self._gps.publish(gps)
         if (battery := vehicle.read_battery()) is not None:
             self._battery.publish(battery)
-        if (esc := vehicle.read_esc()) is not None:
-            self._esc.publish(esc)
         if (distance := vehicle.read_range()) is not None:
             self._range_finder.publish(distance)
         if (air := vehicle.read_hygrometer()) is not None:

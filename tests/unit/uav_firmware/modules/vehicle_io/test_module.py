@@ -26,6 +26,7 @@ class Hardware:
         self.time_us = 0
         self.step_us = 4000
         self.fitted = Fitted(imus=2, barometers=2)
+        self.only_fast = False
 
     def write_motors(self, control: Motors) -> None:
         self.calls.append("write_motors")
@@ -118,6 +119,15 @@ def test_a_sensor_is_published_only_when_it_was_due() -> None:
     assert vehicle.baros.count == 5
     assert vehicle.baros.value is not None
     assert vehicle.baros.value[0] is None
+
+
+def test_in_a_step_of_fast_sensors_alone_no_other_is_read() -> None:
+    vehicle = Vehicle()
+    vehicle.hardware.only_fast = True
+    for _ in range(10):
+        vehicle.module.update()
+    assert vehicle.imus.count == 10
+    assert vehicle.baros.count == 0
 
 
 def test_a_real_vehicle_has_no_truth() -> None:
