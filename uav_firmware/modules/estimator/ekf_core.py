@@ -23,8 +23,9 @@ from uav_firmware.modules.estimator.fault_detection.motion import (
 )
 from uav_firmware.modules.estimator.kalman_filter.alignment import TiltAlignment
 from uav_firmware.modules.estimator.kalman_filter.bias_jump import velocity_jump_covariance
+from uav_firmware.modules.estimator.kalman_filter.covariance import Array
 from uav_firmware.modules.estimator.kalman_filter.delay import InertialHistory, Past
-from uav_firmware.modules.estimator.kalman_filter.ekf import Array, ErrorStateEkf, Noise
+from uav_firmware.modules.estimator.kalman_filter.ekf import ErrorStateEkf, Noise
 from uav_firmware.modules.estimator.kalman_filter.resets import ResetLog
 from uav_firmware.modules.estimator.kalman_filter.state import (
     ACCEL_BIAS,
@@ -155,7 +156,8 @@ class EkfCore:
         self.history.push(time_us, change, dt)
         self.rest.update(rate_frd, ekf.acceleration_ned)
         state = ekf.state
-        (north, east, down), (wind_north, wind_east) = state.velocity_ned, state.wind_ne
+        north, east, down = state.velocity_ned
+        wind_north, wind_east = state.wind_ne
         airspeed_ned = (north - wind_north, east - wind_east, down)
         self.lateral.update(force_frd, airspeed_ned, state.q_ned_frd, dt)
         self.recent_rotation.update(rate_frd, dt)

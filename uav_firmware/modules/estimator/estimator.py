@@ -114,6 +114,7 @@ class Estimator:
         for axis, change in enumerate((*shift.accel_bias_frd, *shift.gyro_bias_frd)):
             place = ACCEL_BIAS.start + axis
             covariance[place, place] += (_SHIFT_DOUBT * change) ** 2
+        core.ekf.covariance = covariance
         if any(shift.accel_bias_frd):
             self.accel_broken = False
             self.imu_checks.use_force()

@@ -14,13 +14,11 @@ import math
 from collections.abc import Sequence
 from typing import Final
 
-import numpy as np
-
 from uav_firmware.lib.atmosphere import altitude_from_pressure
 from uav_firmware.modules.estimator.ekf_core import RESET_AFTER_S, EkfCore
-from uav_firmware.modules.estimator.kalman_filter.ekf import Measurement
+from uav_firmware.modules.estimator.kalman_filter.covariance import Measurement, jacobian
 from uav_firmware.modules.estimator.kalman_filter.gate import Aid
-from uav_firmware.modules.estimator.kalman_filter.state import BARO_BIAS, DOWN, SIZE, NominalState
+from uav_firmware.modules.estimator.kalman_filter.state import BARO_BIAS, DOWN, NominalState
 from uav_firmware.modules.estimator.params import EstimatorParams
 from uav_firmware.msg.sensors import SensorBaro
 
@@ -29,9 +27,7 @@ _INTERVAL_US: Final = 36_000  # 25 Hz are enough, with room for a clock that is 
 _PRESSURE_PA: Final = (20_000.0, 115_000.0)  # [Pa] 11.8 km up to the Dead Sea in a high
 _FROZEN_AFTER_S: Final = 2.0
 
-_ROW: Final = np.zeros(SIZE)
-_ROW[DOWN] = -1.0
-_ROW[BARO_BIAS] = 1.0
+_ROW: Final = jacobian(position=(0.0, 0.0, -1.0), baro_bias=1.0)
 
 
 def pressure_altitude(pressure_pa: float) -> float | None:

@@ -69,7 +69,8 @@ def gust_variance(state: NominalState, air: Air) -> float:
     met at the airspeed V lasts GUST_LENGTH_M / V. Noise with that correlation time T weighs over
     longer times as white noise of 2 T / dt its variance does.
     """
-    (vx, vy, vz), (wx, wy) = state.velocity_ned, state.wind_ne
+    vx, vy, vz = state.velocity_ned
+    wx, wy = state.wind_ne
     airspeed_m_s = max(math.hypot(vx - wx, vy - wy, vz), _SLOWEST_M_S)
     factor = max(air.drag.factors_per_s(airspeed_m_s, air.density_kg_m3))
     gust_m_s = _GUST_SHARE * math.hypot(wx, wy)
@@ -139,7 +140,8 @@ class DragAiding:
         if drag is None or origin is None or core.on_ground is not False or self.carried:
             return force_frd
         state = core.state
-        (north, east, down), (wind_north, wind_east) = state.velocity_ned, state.wind_ne
+        north, east, down = state.velocity_ned
+        wind_north, wind_east = state.wind_ne
         motion = (north - wind_north, east - wind_east, down)
         speed = math.hypot(*motion)
         if not 0.0 < speed < _LARGEST_SPEED_M_S:  # NaN compares false

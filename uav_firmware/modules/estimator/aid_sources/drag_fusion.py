@@ -14,19 +14,10 @@ linearised. A rotation error r turns the axis, x + r cross x, so that its row is
 import math
 from typing import NamedTuple
 
-import numpy as np
-
 from uav_firmware.lib.drag import DragModel
 from uav_firmware.lib.rotation import rotate
-from uav_firmware.modules.estimator.kalman_filter.ekf import Measurement
-from uav_firmware.modules.estimator.kalman_filter.state import (
-    ACCEL_BIAS,
-    ATTITUDE,
-    SIZE,
-    VELOCITY,
-    WIND,
-    NominalState,
-)
+from uav_firmware.modules.estimator.kalman_filter.covariance import Measurement, jacobian
+from uav_firmware.modules.estimator.kalman_filter.state import NominalState
 from uav_firmware.msg.vectors import Vector3
 
 _AXES: tuple[Vector3, Vector3] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
@@ -44,7 +35,8 @@ def drag_measurements(
     state: NominalState, force_xy: tuple[float, float], air: Air, variance: float
 ) -> tuple[Measurement, Measurement]:
     """Specific force [m/s^2] along body x and y; `variance` is that of each [(m/s^2)^2]."""
-    (vx, vy, vz), (wx, wy) = state.velocity_ned, state.wind_ne
+    vx, vy, vz = state.velocity_ned
+    wx, wy = state.wind_ne
     relative = (vx - wx, vy - wy, vz)
     speed = max(math.hypot(*relative), _STILL_M_S)
     factors = air.drag.factors_per_s(speed, air.density_kg_m3)
@@ -64,15 +56,17 @@ def _along(
     variance: float,
 ) -> Measurement:
     axis = rotate(state.q_ned_frd, _AXES[index])
-    (x, y, z), (a, b, c) = axis, relative
+    x, y, z = axis
+    a, b, c = relative
     expected = state.accel_bias_frd[index] - factor * (x * a + y * b + z * c)
-    row = np.zeros(SIZE)
-    row[VELOCITY] = (-factor * x, -factor * y, -factor * z)
-    row[WIND] = (factor * x, factor * y)
-    row[ATTITUDE] = (
-        -factor * (y * c - z * b),
-        -factor * (z * a - x * c),
-        -factor * (x * b - y * a),
+    row = jacobian(
+        velocity=(-factor * x, -factor * y, -factor * z),
+        attitude=(
+            -factor * (y * c - z * b),
+            -factor * (z * a - x * c),
+            -factor * (x * b - y * a),
+        ),
+        accel_bias=_AXES[index],
+        wind=(factor * x, factor * y),
     )
-    row[ACCEL_BIAS.start + index] = 1.0
     return Measurement(measured - expected, row, variance)

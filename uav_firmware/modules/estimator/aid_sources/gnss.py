@@ -24,8 +24,8 @@ from uav_firmware.modules.estimator.ekf_core import RESET_AFTER_S, EkfCore
 from uav_firmware.modules.estimator.fault_detection.accel_bias_jump import VerticalVelocityMonitor
 from uav_firmware.modules.estimator.fault_detection.gyro_bias_jump import HorizontalVelocityMonitor
 from uav_firmware.modules.estimator.kalman_filter.alignment import OriginAverage
+from uav_firmware.modules.estimator.kalman_filter.covariance import Measurement
 from uav_firmware.modules.estimator.kalman_filter.delay import Past
-from uav_firmware.modules.estimator.kalman_filter.ekf import Measurement
 from uav_firmware.modules.estimator.kalman_filter.gate import Aid
 from uav_firmware.modules.estimator.kalman_filter.state import (
     BARO_BIAS,

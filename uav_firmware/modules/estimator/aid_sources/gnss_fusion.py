@@ -16,38 +16,14 @@ the filter seems to observe the tilt, and claims less uncertainty than it has.
 
 import math
 from dataclasses import dataclass
-from typing import Final
-
-import numpy as np
 
 from uav_firmware.lib.rotation import to_matrix
+from uav_firmware.modules.estimator.kalman_filter.covariance import Measurement, jacobian
 from uav_firmware.modules.estimator.kalman_filter.delay import Past
-from uav_firmware.modules.estimator.kalman_filter.ekf import Measurement
-from uav_firmware.modules.estimator.kalman_filter.state import (
-    ACCEL_BIAS,
-    ATTITUDE,
-    DOWN,
-    GPS_HEIGHT_BIAS,
-    POSITION,
-    SIZE,
-    VELOCITY,
-    places,
-)
 from uav_firmware.msg.sensors import SensorGps
 from uav_firmware.msg.vectors import Vector3
 
 _FIX_3D = 3
-
-_THREE_ROWS: Final = slice(0, 3)
-_POSITION_TEMPLATE: Final = np.eye(3, SIZE, POSITION.start)
-_POSITION_TEMPLATE[DOWN, GPS_HEIGHT_BIAS] = -1.0
-_VELOCITY_TEMPLATE: Final = np.eye(3, SIZE, VELOCITY.start)
-# What depends on the delay and the motion: the skew matrix of the impulse has no diagonal.
-_SKEW_PLACES: Final = [
-    place for at, place in enumerate(places(_THREE_ROWS, ATTITUDE)) if at % 4 != 0
-]
-_VELOCITY_PLACES: Final = np.array([*_SKEW_PLACES, *places(_THREE_ROWS, ACCEL_BIAS)])
-_POSITION_PLACES: Final = np.array([*places(_THREE_ROWS, VELOCITY)[::4], *_VELOCITY_PLACES])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -107,22 +83,33 @@ def position_measurements(
     delay = past.delay_s
     ix, iy, iz = past.impulse_ned
     half, square = -0.5 * delay, -0.5 * delay**2
-    rows = _POSITION_TEMPLATE.copy()
-    rows.put(
-        _POSITION_PLACES,
-        [
-            *(-delay, -delay, -delay),
-            *(half * -iz, half * iy, half * iz, half * -ix, half * -iy, half * ix),
-            *[square * entry for row in to_matrix(past.q_ned_frd) for entry in row],
-        ],
+    by_north, by_east, by_down = to_matrix(past.q_ned_frd)
+    to_north = jacobian(
+        position=(1.0, 0.0, 0.0),
+        velocity=(-delay, 0.0, 0.0),
+        attitude=(0.0, half * -iz, half * iy),
+        accel_bias=_scaled(square, by_north),
+    )
+    to_east = jacobian(
+        position=(0.0, 1.0, 0.0),
+        velocity=(0.0, -delay, 0.0),
+        attitude=(half * iz, 0.0, half * -ix),
+        accel_bias=_scaled(square, by_east),
+    )
+    to_down = jacobian(
+        position=(0.0, 0.0, 1.0),
+        velocity=(0.0, 0.0, -delay),
+        attitude=(half * -iy, half * ix, 0.0),
+        accel_bias=_scaled(square, by_down),
+        gps_height_bias=-1.0,
     )
     north, east, down = position_ned
     past_north, past_east, past_down = past.position_ned
     horizontal = sigma_horizontal * sigma_horizontal
     return (
-        Measurement(north - past_north, rows[0], horizontal),
-        Measurement(east - past_east, rows[1], horizontal),
-        Measurement(down + height_bias_m - past_down, rows[2], sigma_vertical * sigma_vertical),
+        Measurement(north - past_north, to_north, horizontal),
+        Measurement(east - past_east, to_east, horizontal),
+        Measurement(down + height_bias_m - past_down, to_down, sigma_vertical * sigma_vertical),
     )
 
 
@@ -132,19 +119,31 @@ def velocity_measurements(
     """Velocity [m/s, NED] of a fix against the velocity at its time of validity."""
     delay = past.delay_s
     ix, iy, iz = past.impulse_ned
-    rows = _VELOCITY_TEMPLATE.copy()
-    rows.put(
-        _VELOCITY_PLACES,
-        [
-            *(-iz, iy, iz, -ix, -iy, ix),
-            *[delay * entry for row in to_matrix(past.q_ned_frd) for entry in row],
-        ],
+    by_north, by_east, by_down = to_matrix(past.q_ned_frd)
+    to_north = jacobian(
+        velocity=(1.0, 0.0, 0.0),
+        attitude=(0.0, -iz, iy),
+        accel_bias=_scaled(delay, by_north),
+    )
+    to_east = jacobian(
+        velocity=(0.0, 1.0, 0.0),
+        attitude=(iz, 0.0, -ix),
+        accel_bias=_scaled(delay, by_east),
+    )
+    to_down = jacobian(
+        velocity=(0.0, 0.0, 1.0),
+        attitude=(-iy, ix, 0.0),
+        accel_bias=_scaled(delay, by_down),
     )
     north, east, down = velocity_ned
     past_north, past_east, past_down = past.velocity_ned
     variance = sigma * sigma
     return (
-        Measurement(north - past_north, rows[0], variance),
-        Measurement(east - past_east, rows[1], variance),
-        Measurement(down - past_down, rows[2], variance),
+        Measurement(north - past_north, to_north, variance),
+        Measurement(east - past_east, to_east, variance),
+        Measurement(down - past_down, to_down, variance),
     )
+
+
+def _scaled(factor: float, row: Vector3) -> Vector3:
+    return (factor * row[0], factor * row[1], factor * row[2])

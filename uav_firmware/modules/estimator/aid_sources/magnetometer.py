@@ -14,14 +14,12 @@ import math
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
-import numpy as np
-
 from uav_firmware.lib.rotation import from_euler, multiply, rotate, wrap_pi
 from uav_firmware.modules.estimator.ekf_core import RESET_AFTER_S, EkfCore
 from uav_firmware.modules.estimator.fault_detection.gyro_bias_jump import HeadingMonitor
-from uav_firmware.modules.estimator.kalman_filter.ekf import Measurement
+from uav_firmware.modules.estimator.kalman_filter.covariance import Measurement, jacobian
 from uav_firmware.modules.estimator.kalman_filter.gate import Aid
-from uav_firmware.modules.estimator.kalman_filter.state import ATTITUDE, HEADING, HEADING_BIAS, SIZE
+from uav_firmware.modules.estimator.kalman_filter.state import ATTITUDE, HEADING, HEADING_BIAS
 from uav_firmware.modules.estimator.params import EstimatorParams
 from uav_firmware.msg.sensors import SensorMag
 from uav_firmware.msg.vectors import Quaternion, Vector3
@@ -32,9 +30,7 @@ _LARGEST_CHANGE: Final = 0.3  # [-] Of the field's strength since alignment
 _FIELD_GAUSS: Final = (0.15, 0.85)  # Earth's field is 0.22 to 0.67 gauss
 _LEAST_HORIZONTAL: Final = 0.1  # [-] Of the whole field; less gives no direction
 
-_ROW: Final = np.zeros(SIZE)
-_ROW[HEADING] = 1.0
-_ROW[HEADING_BIAS] = 1.0
+_ROW: Final = jacobian(attitude=(0.0, 0.0, 1.0), heading_bias=1.0)
 
 
 class Compass(NamedTuple):

@@ -9,26 +9,18 @@ not run away: a position held with a very large deviation (PX4 `zero_velocity_up
 from collections.abc import Sequence
 from typing import Final
 
-import numpy as np
-
 from uav_firmware.modules.estimator.ekf_core import EkfCore
-from uav_firmware.modules.estimator.kalman_filter.ekf import Measurement
+from uav_firmware.modules.estimator.kalman_filter.covariance import Measurement, jacobian
 from uav_firmware.modules.estimator.kalman_filter.gate import Aid
-from uav_firmware.modules.estimator.kalman_filter.state import (
-    POSITION,
-    SIZE,
-    VELOCITY,
-    NominalState,
-)
+from uav_firmware.modules.estimator.kalman_filter.state import NominalState
 from uav_firmware.msg.vectors import Vector3
 
 _INTERVAL_US: Final = 100_000
 _ZERO_VELOCITY_SIGMA_M_S: Final = 0.05
 _ZERO_VELOCITY_GATE: Final = 5.0
-_VELOCITY_ROWS: Final = np.zeros((3, SIZE))
-_VELOCITY_ROWS[:, VELOCITY] = np.eye(3)
-_POSITION_ROWS: Final = np.zeros((3, SIZE))
-_POSITION_ROWS[:, POSITION] = np.eye(3)
+_AXES: Final[tuple[Vector3, ...]] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+_VELOCITY_ROWS: Final = tuple(jacobian(velocity=axis) for axis in _AXES)
+_POSITION_ROWS: Final = tuple(jacobian(position=axis) for axis in _AXES)
 
 
 def zero_velocity(state: NominalState, sigma: float) -> Sequence[Measurement]:

@@ -113,7 +113,8 @@ class AccelDriftDetector:
 
     def _present(self, core: EkfCore) -> tuple[float, float, float, float]:
         """Force along x and y [m/s^2], and motion in the usual wind along them [m/s]."""
-        (north, east, down), (wind_north, wind_east) = core.state.velocity_ned, self._wind_ne
+        north, east, down = core.state.velocity_ned
+        wind_north, wind_east = self._wind_ne
         forward, right, _ = rotate_inverse(
             core.state.q_ned_frd, (north - wind_north, east - wind_east, down)
         )

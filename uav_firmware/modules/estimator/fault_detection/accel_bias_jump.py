@@ -15,7 +15,7 @@ from typing import Final
 from uav_firmware.modules.estimator.ekf_core import EkfCore
 from uav_firmware.modules.estimator.fault_detection.innovation_cusum import InnovationCusum
 from uav_firmware.modules.estimator.kalman_filter.bias_jump import accel_jump_covariance
-from uav_firmware.modules.estimator.kalman_filter.ekf import Measurement
+from uav_firmware.modules.estimator.kalman_filter.covariance import Measurement
 from uav_firmware.msg.vectors import Vector3
 
 _ALONG_Z: Final[Vector3] = (0.0, 0.0, 1.0)

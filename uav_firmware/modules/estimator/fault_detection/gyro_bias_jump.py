@@ -26,7 +26,8 @@ from uav_firmware.modules.estimator.kalman_filter.bias_jump import (
     TURNING,
     jump_covariance,
 )
-from uav_firmware.modules.estimator.kalman_filter.ekf import ErrorStateEkf, Measurement
+from uav_firmware.modules.estimator.kalman_filter.covariance import Measurement
+from uav_firmware.modules.estimator.kalman_filter.ekf import ErrorStateEkf
 from uav_firmware.msg.vectors import Vector3
 
 _LARGEST_JUMP: Final = 0.2  # [rad/s] 11 deg/s, one sigma

@@ -92,7 +92,8 @@ class LateralForce:
     @property
     def step_m_s2(self) -> float:
         """By how much the force is off its slow mean now, whatever the drag may be."""
-        (x, y, u, v), (slow_x, slow_y, slow_u, slow_v) = self._fast, self._slow
+        x, y, u, v = self._fast
+        slow_x, slow_y, slow_u, slow_v = self._slow
         return math.hypot(*self.beside_drag((x - slow_x, y - slow_y), (u - slow_u, v - slow_v)))
 
     @property
@@ -104,7 +105,8 @@ class LateralForce:
         self, force_m_s2: tuple[float, float], motion_m_s: tuple[float, float]
     ) -> tuple[float, float]:
         """What no drag explains of a change of force, motion through the air having changed too."""
-        (x, y), (forward, right) = force_m_s2, motion_m_s
+        x, y = force_m_s2
+        forward, right = motion_m_s
         least, most = self._range_per_s
         square = forward * forward + right * right
         best = -(x * forward + y * right) / square if square > 0.0 else least

@@ -21,7 +21,8 @@ from typing import Final
 import numpy as np
 
 from uav_firmware.lib.rotation import to_matrix
-from uav_firmware.modules.estimator.kalman_filter.ekf import Array, ErrorStateEkf
+from uav_firmware.modules.estimator.kalman_filter.covariance import Array
+from uav_firmware.modules.estimator.kalman_filter.ekf import ErrorStateEkf
 from uav_firmware.modules.estimator.kalman_filter.state import (
     ACCEL_BIAS,
     ATTITUDE,

@@ -47,7 +47,9 @@ class InertialHistory:
 
     def push(self, time_us: int, change_ned: Vector3, dt: float) -> None:
         """Add the change of velocity [m/s] over the dt [s] that ended at `time_us`."""
-        _, (wx, wy, wz), (sx, sy, sz) = self._entries[-1]
+        _, w, s = self._entries[-1]
+        wx, wy, wz = w
+        sx, sy, sz = s
         cx, cy, cz = change_ned
         self._entries.append(
             (
@@ -66,7 +68,9 @@ class InertialHistory:
         now_us, now_w, now_s = self._entries[-1]
         if not self._entries[0][0] <= time_us <= now_us:
             return None
-        (wx, wy, wz), (sx, sy, sz) = self._at(time_us)
+        w, s = self._at(time_us)
+        wx, wy, wz = w
+        sx, sy, sz = s
         tau = (now_us - time_us) * 1e-6
         cx, cy, cz = now_w[0] - wx, now_w[1] - wy, now_w[2] - wz
         vx, vy, vz = state.velocity_ned

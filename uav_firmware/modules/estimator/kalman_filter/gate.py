@@ -3,7 +3,8 @@
 from collections.abc import Sequence
 from typing import Final
 
-from uav_firmware.modules.estimator.kalman_filter.ekf import ErrorStateEkf, Measurement
+from uav_firmware.modules.estimator.kalman_filter.covariance import Measurement
+from uav_firmware.modules.estimator.kalman_filter.ekf import ErrorStateEkf
 
 STOP_AFTER_S: Final = 5.0
 """A source rejected for so long is stopped (PX4's hgt_fusion_timeout_max)."""

@@ -29,15 +29,6 @@ DOWN: Final = 2
 HEADING: Final = 8
 
 
-def places(rows: slice, columns: slice) -> list[int]:
-    """Places of a block's entries in a matrix of SIZE columns that is laid out row by row."""
-    return [
-        row * SIZE + column
-        for row in range(*rows.indices(SIZE))
-        for column in range(*columns.indices(SIZE))
-    ]
-
-
 class NominalState:
     """The best estimate. Mutable: it is stepped at control rate."""
 

@@ -20,7 +20,8 @@ from uav_firmware.modules.estimator.aid_sources.magnetometer import (
 )
 from uav_firmware.modules.estimator.aid_sources.rest import held_position, zero_velocity
 from uav_firmware.modules.estimator.fault_detection.motion import RestDetector
-from uav_firmware.modules.estimator.kalman_filter.ekf import ErrorStateEkf, Measurement, Noise
+from uav_firmware.modules.estimator.kalman_filter.covariance import Measurement
+from uav_firmware.modules.estimator.kalman_filter.ekf import ErrorStateEkf, Noise
 from uav_firmware.modules.estimator.kalman_filter.gate import Aid
 from uav_firmware.modules.estimator.kalman_filter.state import (
     BARO_BIAS,
@@ -91,7 +92,7 @@ def test_compass_does_not_speak_about_tilt() -> None:
     measured = heading_measurement(compass, 0.0, 0.05, 0.02)[0]
     assert measured.innovation == pytest.approx(0.1)
     assert measured.jacobian[HEADING] == 1.0
-    assert not measured.jacobian[6:8].any()
+    assert not any(measured.jacobian[6:8])
     assert measured.variance == pytest.approx(0.05**2 + (0.37 / 0.26 * 0.02) ** 2)
 
 
@@ -154,7 +155,7 @@ def make_ekf() -> ErrorStateEkf:
 def north(innovation: float) -> Measurement:
     row = np.zeros(SIZE)
     row[0] = 1.0
-    return Measurement(innovation, row, 3.0)  # with the state's variance of 1: deviation 2
+    return Measurement(innovation, tuple(row), 3.0)  # with the state's variance of 1: deviation 2
 
 
 @given(st.floats(-20.0, 20.0))

@@ -19,7 +19,8 @@ from uav_firmware.modules.estimator.fault_detection.innovation_cusum import Inno
 from uav_firmware.modules.estimator.fault_detection.lateral_force import LateralForce
 from uav_firmware.modules.estimator.kalman_filter.alignment import TiltAlignment
 from uav_firmware.modules.estimator.kalman_filter.bias_jump import EVERY_AXIS, accel_jump_covariance
-from uav_firmware.modules.estimator.kalman_filter.ekf import ErrorStateEkf, Measurement, Noise
+from uav_firmware.modules.estimator.kalman_filter.covariance import Measurement
+from uav_firmware.modules.estimator.kalman_filter.ekf import ErrorStateEkf, Noise
 from uav_firmware.modules.estimator.kalman_filter.state import (
     ACCEL_BIAS,
     SIZE,
@@ -39,13 +40,16 @@ QUIET = Noise(
 def hovering() -> EkfCore:
     """A filter that has known its biases for a while."""
     core = EkfCore(TiltAlignment(IDENTITY, (0.0, 0.0, 0.0), 1e-3), 0, EstimatorParams())
-    core.ekf.covariance[:] = 1e-6 * np.eye(SIZE)
+    core.ekf.covariance = 1e-6 * np.eye(SIZE)
     return core
 
 
 def velocity(north: float, down: float) -> list[Measurement]:
     rows = np.eye(3, SIZE, VELOCITY.start)
-    return [Measurement(off, row, 0.01) for off, row in zip((north, 0.0, down), rows, strict=True)]
+    return [
+        Measurement(off, tuple(row), 0.01)
+        for off, row in zip((north, 0.0, down), rows, strict=True)
+    ]
 
 
 @pytest.mark.parametrize("bias", [-3.0, -1.0, 1.0, 2.0, 3.0, 20.0])

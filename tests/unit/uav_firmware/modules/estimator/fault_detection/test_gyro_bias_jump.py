@@ -21,16 +21,11 @@ from uav_firmware.modules.estimator.kalman_filter.bias_jump import (
     TURNING,
     jump_covariance,
 )
-from uav_firmware.modules.estimator.kalman_filter.ekf import (
-    Array,
-    ErrorStateEkf,
-    Measurement,
-    Noise,
-)
+from uav_firmware.modules.estimator.kalman_filter.covariance import Array, Measurement, jacobian
+from uav_firmware.modules.estimator.kalman_filter.ekf import ErrorStateEkf, Noise
 from uav_firmware.modules.estimator.kalman_filter.state import (
     ATTITUDE,
     GYRO_BIAS,
-    HEADING,
     SIZE,
     VELOCITY,
     NominalState,
@@ -137,13 +132,16 @@ def propagated(
 def velocity(innovation: float) -> list[Measurement]:
     """A fix whose north velocity is off."""
     rows = np.eye(3, SIZE, VELOCITY.start)
-    return [Measurement(off, row, 0.01) for off, row in zip((innovation, 0, 0), rows, strict=True)]
+    return [
+        Measurement(off, tuple(row), 0.01)
+        for off, row in zip((innovation, 0, 0), rows, strict=True)
+    ]
 
 
 def hovering() -> EkfCore:
     """A filter that has known its biases for a while."""
     core = EkfCore(TiltAlignment(IDENTITY, (0.0, 0.0, 0.0), 1e-3), 0, PARAMS)
-    core.ekf.covariance[:] = 1e-6 * np.eye(SIZE)
+    core.ekf.covariance = 1e-6 * np.eye(SIZE)
     return core
 
 
@@ -175,7 +173,7 @@ def test_a_velocity_that_a_wrong_heading_explains_is_no_jump() -> None:
 
 
 def heading(innovation: float) -> Measurement:
-    return Measurement(innovation, np.eye(1, SIZE, HEADING)[0], 0.0025)
+    return Measurement(innovation, jacobian(attitude=(0.0, 0.0, 1.0)), 0.0025)
 
 
 def look(core: EkfCore, monitor: HeadingMonitor, innovations: Iterable[float]) -> float:

@@ -2,7 +2,8 @@
 
 from typing import cast
 
-from uav_firmware.modules.estimator.kalman_filter.ekf import ErrorStateEkf, Measurement
+from uav_firmware.modules.estimator.kalman_filter.covariance import Measurement
+from uav_firmware.modules.estimator.kalman_filter.ekf import ErrorStateEkf
 from uav_firmware.modules.estimator.kalman_filter.gate import RESUME_AFTER_S, STOP_AFTER_S, Aid
 
 SECOND_US = 1_000_000
