@@ -61,8 +61,10 @@ LEFT_OUT: Final = {
 # one after the other as the interpreter rounds them: GCC fuses the two on ARM unless it is told.
 _FLAGS: Final = (
     "-O2", "-DNDEBUG", "-fwrapv", "-fPIC", "-fvisibility=hidden", "-ffp-contract=off", "-w",
-    "-pthread",
+    "-pthread", "-fno-plt",
 )  # fmt: skip
+MATH: Final = {"isfinite": 1, "radians": 1, "degrees": 1, "atan2": 2}
+"""Functions of `math`, and how many floats each takes."""
 _MYPY: Final = """[mypy]
 [mypy-pymavlink.*,jsbsim.*]
 ignore_missing_imports = True
@@ -133,6 +135,7 @@ def translate(paths: Sequence[Path], build: Path) -> CFiles:
     from mypyc.common import RUNTIME_C_FILES  # noqa: PLC0415 - as above
     from mypyc.options import CompilerOptions  # noqa: PLC0415 - as above
 
+    shorten_math()
     build.mkdir(parents=True, exist_ok=True)
     config = build / "mypy.ini"
     config.write_text(_MYPY, encoding="utf-8")
@@ -156,6 +159,26 @@ def translate(paths: Sequence[Path], build: Path) -> CFiles:
         [Path(stub) for stub in stubs],
         [Path(include_dir()) / name for name in runtime],
     )
+
+
+def shorten_math() -> None:
+    """Let mypyc call C for functions of `math` on floats that it leaves to the interpreter.
+
+    It calls C for sin and sqrt. These are as simple: `fast_paths.h` gives what CPython gives.
+    """
+    from mypyc.ir.ops import ERR_NEVER  # noqa: PLC0415 - see `lacking`
+    from mypyc.ir.rtypes import bool_rprimitive, float_rprimitive  # noqa: PLC0415 - as above
+    from mypyc.primitives.registry import function_op, function_ops  # noqa: PLC0415 - as above
+
+    for name, arity in MATH.items():
+        if f"math.{name}" not in function_ops:
+            function_op(
+                name=f"math.{name}",
+                arg_types=[float_rprimitive] * arity,
+                return_type=bool_rprimitive if name.startswith("is") else float_rprimitive,
+                c_function_name=f"flight_stack_{name}",
+                error_kind=ERR_NEVER,
+            )
 
 
 def repair(texts: Iterable[str]) -> list[str]:

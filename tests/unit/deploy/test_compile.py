@@ -58,6 +58,17 @@ def test_fields_and_names_of_a_module_are_looked_up_by_fast_paths() -> None:
     assert build.quicken(text) == quick
 
 
+def test_every_function_of_math_that_is_shortened_is_in_the_header() -> None:
+    from mypyc.primitives.registry import function_ops  # noqa: PLC0415 - as in the build
+
+    build.shorten_math()
+    names = [ops[-1].c_function_name for name, ops in function_ops.items() if "math." in name]
+    shortened = [name for name in names if name is not None and name.startswith("flight_stack_")]
+    assert len(shortened) == len(build.MATH)
+    header = build.FAST_PATHS.read_text("utf-8")
+    assert [name for name in shortened if f"{name}(double" not in header] == []
+
+
 def test_a_machine_without_a_compiler_says_so(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
