@@ -153,7 +153,10 @@ def to_matrix(q: Quaternion) -> Matrix3:
 
 def from_matrix(matrix: Matrix3) -> Quaternion:
     """Unit quaternion of a rotation matrix, dividing by its largest component (Shepperd 1978)."""
-    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = matrix
+    x_row, y_row, z_row = matrix
+    xx, xy, xz = x_row
+    yx, yy, yz = y_row
+    zx, zy, zz = z_row
     trace = xx + yy + zz
     if trace >= xx and trace >= yy and trace >= zz:
         q = (1.0 + trace, zy - yz, xz - zx, yx - xy)

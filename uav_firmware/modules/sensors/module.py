@@ -131,6 +131,17 @@ class SensorsModule:
             accels = self._accels = TriadVote(len(imus), self._force_limits)
         if len(imus) == 1 and gyros.good and accels.good:
             self._imu.publish(imus[0])
+        elif len(imus) == 3 and gyros.failed == 0 and accels.failed == 0:
+            one, two, three = imus
+            self._imu.publish(
+                SensorImu(
+                    one.time_us,
+                    gyros.select_of_three(one.rate_frd, two.rate_frd, three.rate_frd),
+                    accels.select_of_three(
+                        one.specific_force_frd, two.specific_force_frd, three.specific_force_frd
+                    ),
+                )
+            )
         else:
             self._imu.publish(
                 SensorImu(

@@ -75,33 +75,34 @@ class TriadVote:
         """The vector to use, of one sample of every instance; not a number if none is left."""
         good = self.good
         if len(good) == _THREE:
-            one, two, three = good
-            (ax, ay, az), (bx, by, bz), (cx, cy, cz) = vectors[one], vectors[two], vectors[three]
-            total = ax + ay + az + bx + by + bz + cx + cy + cz
-            if total - total == 0.0:
-                return (
-                    ax
-                    if bx <= ax <= cx or cx <= ax <= bx
-                    else bx
-                    if ax <= bx <= cx or cx <= bx <= ax
-                    else cx,
-                    ay
-                    if by <= ay <= cy or cy <= ay <= by
-                    else by
-                    if ay <= by <= cy or cy <= by <= ay
-                    else cy,
-                    az
-                    if bz <= az <= cz or cz <= az <= bz
-                    else bz
-                    if az <= bz <= cz or cz <= bz <= az
-                    else cz,
-                )
-        usable = [vectors[i] for i in good if math.isfinite(sum(vectors[i]))]
-        if not usable:
-            return _NOTHING
-        number = 1.0 / len(usable)
-        x, y, z = (number * sum(axis) for axis in zip(*usable, strict=True))
-        return (x, y, z)
+            return self.select_of_three(vectors[good[0]], vectors[good[1]], vectors[good[2]])
+        return _mean_of([vectors[i] for i in good])
+
+    def select_of_three(self, a: Vector3, b: Vector3, c: Vector3) -> Vector3:
+        """As `select`, of the vectors of three good instances."""
+        ax, ay, az = a
+        bx, by, bz = b
+        cx, cy, cz = c
+        total = ax + ay + az + bx + by + bz + cx + cy + cz
+        if total - total != 0.0:
+            return _mean_of((a, b, c))
+        return (
+            ax
+            if bx <= ax <= cx or cx <= ax <= bx
+            else bx
+            if ax <= bx <= cx or cx <= bx <= ax
+            else cx,
+            ay
+            if by <= ay <= cy or cy <= ay <= by
+            else by
+            if ay <= by <= cy or cy <= by <= ay
+            else cy,
+            az
+            if bz <= az <= cz or cz <= az <= bz
+            else bz
+            if az <= bz <= cz or cz <= bz <= az
+            else cz,
+        )
 
     def judge(self, window: Array, *, others_change: bool) -> list[Failed]:
         """Check a window of samples, shape (WINDOW, instances, 3); returns the failures in it.
@@ -181,6 +182,16 @@ class TriadVote:
         self._learnt[used] += max(1.0 / self._windows, _LEARNING) * off
         standing = self.limits.standing
         np.clip(self._learnt, -standing, standing, out=self._learnt)
+
+
+def _mean_of(vectors: Sequence[Vector3]) -> Vector3:
+    """Mean of the vectors that are numbers."""
+    usable = [vector for vector in vectors if math.isfinite(sum(vector))]
+    if not usable:
+        return _NOTHING
+    number = 1.0 / len(usable)
+    x, y, z = (number * sum(axis) for axis in zip(*usable, strict=True))
+    return (x, y, z)
 
 
 class FailedOfTwo(NamedTuple):
