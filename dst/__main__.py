@@ -18,7 +18,7 @@ from pathlib import Path
 
 from dst import coverage
 from dst.edge_process import prepared_folder
-from dst.faults import Fault
+from dst.faults import Fault, draw
 from dst.report import text_of
 from dst.simulate import Outcome, shrink, simulate
 
@@ -41,6 +41,7 @@ def main(arguments: Sequence[str]) -> int:
     )
     parser.add_argument("--seed", type=int, help="replay this seed with its trace")
     parser.add_argument("--faults", help="replay with these faults: comma-separated, or none")
+    parser.add_argument("--needs", help="only the seeds that enable these faults: as --faults")
     parser.add_argument("--stop", action="store_true", help="stop at the first seed that fails")
     parser.add_argument("--shrink", action="store_true", help="drop faults while the seed fails")
     options = parser.parse_args(arguments)
@@ -50,8 +51,9 @@ def main(arguments: Sequence[str]) -> int:
         if options.seed is not None:
             replay = partial(run, options.seed, kept_lines=None)
             return _replay(replay, _faults(options.faults), must_shrink=options.shrink)
-        seeds = range(options.first, options.first + options.seeds)
-        return _run_all(seeds, run, options)
+        needs = _faults(options.needs) or frozenset()
+        every = range(options.first, options.first + options.seeds)
+        return _run_all([seed for seed in every if draw(seed) >= needs], run, options)
 
 
 @contextmanager

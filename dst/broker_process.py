@@ -14,7 +14,8 @@ from afarcloud.enumerations import Status
 from dst import http_wire
 from dst.disk import Disk
 from dst.edge_process import EdgeDownError, EdgeProcess
-from dst.scheduler import Scheduler
+from dst.owed import STORED_AFTER_S, Owed
+from dst.scheduler import Clock, Scheduler
 from mavlink_broker.app import App
 from mavlink_broker.config import Config
 from mavlink_broker.database import Database
@@ -44,32 +45,13 @@ LOOK_S: Final = 1.0
 """How often senders that wait look whether a post is due again; a new post ends their wait."""
 STALL_S: Final = 10.0
 """How long a client waits for an answer that does not come."""
-FOREIGN_ANSWERS: Final = (
-    *(
-        http_wire.answer_bytes(status, body, {"Content-Type": "text/html"})
-        for status, body in (
-            (200, b"<html>Please sign in to the network</html>"),
-            (200, b""),
-            (200, b"null"),
-            (302, b""),
-            (400, b"<html>Bad request</html>"),
-            (404, b"<html>Not found</html>"),
-            (409, b""),
-            (429, b"slow down"),
-            (500, b"<html>Internal error</html>"),
-            (502, b"<html>Bad gateway</html>"),
-            (503, b""),
-        )
-    ),
-    b"SSH-2.0-OpenSSH_9.2\r\n",
-    b"HTTP/1.1 200\r\nTransfer-Encoding: chunked\r\n\r\nzz\r\n",
-    b"HTTP/1.1 100 Continue\r\n\r\n",
-    b"HTTP/1.1 201 Created\r\nContent-Length: -1\r\n\r\n<html>",
-    b"\x16\x03\x01\x00\x02\x02\x28",
-)
-"""Of somebody else at the edge server's address."""
+LASTING_SHARE: Final = 0.5
+"""Of the reports that always fail: they do so also when the other faults have ended."""
 INTERNAL_ERROR: Final = Answer(500, b'{"error": {"code": "internal", "message": "internal error"}}')
 STATE_VECTOR_S: Final = 30.0
+
+Arrival = tuple[Answer | Exception, float]
+"""What arrives of an answer, and after how long [s]."""
 
 
 class EdgeHttp:
@@ -89,7 +71,17 @@ class EdgeHttp:
         """How often a report of a running mission fails with 500, for good: a fault that one
         report meets in the edge server, while others are taken."""
         self._poison = scheduler.random("poisoned reports")
-        self._is_poisoned: dict[str | None, bool] = {}  # By idempotency key
+        self._poisoned: dict[str | None, tuple[bool, bool]] = {}
+        # By idempotency key: whether it fails, and whether it does so also after the faults' end
+        self.portal: bytes | None = None
+        """What answers each request in the edge server's place."""
+        self.cut_rate = 0.0
+        """How often the edge server is out of reach just after an answer with work, or in place of
+        the answer to the report that ends a mission."""
+        self.on_cut: Callable[[], None] = lambda: None
+        """Called when it is; whoever sets it ends this."""
+        self._cuts = scheduler.random("cuts after answers")
+        self.owed = Owed(scheduler)
         self.delay_s = 0.005
         intervals = UPDATE_INTERVALS_S
         self._update_interval = scheduler.random("update interval").choice(intervals)
@@ -102,7 +94,14 @@ class EdgeHttp:
     def is_perfect(self) -> bool:
         """Whether each request is answered."""
         rates = self.request_loss, self.answer_loss, self.stall_rate, self.foreign_rate
-        return self.is_up and not any((*rates, self.poison_rate))
+        is_cut = self.cut_rate > 0.0 or self.portal is not None
+        return self.is_up and not is_cut and not any((*rates, self.poison_rate))
+
+    def restore(self) -> None:
+        """Have each request answered."""
+        self.is_up, self.portal = True, None
+        self.request_loss = self.answer_loss = self.stall_rate = 0.0
+        self.foreign_rate = self.poison_rate = self.cut_rate = 0.0
 
     def exchange(
         self,
@@ -113,46 +112,65 @@ class EdgeHttp:
     ) -> None:
         """Send a request of the broker; `settle` takes the answer, later."""
 
-        def fail(text: str) -> None:
-            self._scheduler.after(self.delay_s, lambda: settle(RequestException(text)))
-
         def serve() -> None:
-            if not self.is_up or self._random.random() < self.request_loss:
-                fail("no connection")
-                return
-            if self._random.random() < self.foreign_rate:
-                foreign = self._read(self._random.choice(FOREIGN_ANSWERS))
-                self._scheduler.after(self.delay_s, lambda: settle(foreign))
-                return
-            if post is not None and self._fails_always(post):
-                self._scheduler.note("broker", "edge server", f"{method} {path} 500")
-                self._scheduler.after(self.delay_s, lambda: settle(INTERNAL_ERROR))
-                return
-            body, headers = (None, {}) if post is None else (post.body, headers_of(post))
-            waited_s = self.edge.disk.waited_s
-            try:
-                response = self.edge.request(method, path, "broker", body, headers)
-            except EdgeDownError as error:
-                fail(str(error))
-                return
-            delay_s = self.delay_s + self.edge.disk.waited_s - waited_s
-            answer = Answer(response.status, response.body, self._update_interval)
+            arrived, delay_s = self._obstacle(method, path, post) or self._served(
+                method, path, post
+            )
             if post is not None:
-                text = f"{method} {path} {answer.status_code}{_facts_of(post)}"
-                self._scheduler.note("broker", "edge server", text)
-                self.on_taken(post, answer)
-                self.on_answered(post, answer)
-            if self._random.random() < self.answer_loss:
-                whole = http_wire.answer_bytes(answer.status_code, answer.body)
-                arrived = self._read(*http_wire.broken(whole, self._random))
-                self._scheduler.after(delay_s, lambda: settle(arrived))
-                return
-            if delay_s > STALL_S or self._random.random() < self.stall_rate:
-                self._scheduler.after(STALL_S, lambda: fail("no answer in time"))
-                return
-            self._scheduler.after(delay_s, lambda: settle(answer))
+                self.owed.note(post, arrived)
+            self._scheduler.after(delay_s, lambda: settle(arrived))
 
         self._scheduler.after(self.delay_s, serve)
+
+    def _obstacle(self, method: str, path: str, post: Post | None) -> Arrival | None:
+        """Give what arrives of a request that the edge server does not get, and when."""
+        if not self.is_up or self._random.random() < self.request_loss:
+            return RequestException("no connection"), self.delay_s
+        if self.portal is not None or self._random.random() < self.foreign_rate:
+            foreign = self.portal or self._random.choice(http_wire.FOREIGN_ANSWERS)
+            return self._read(foreign), self.delay_s
+        if post is not None and self._fails_always(post):
+            self._scheduler.note("broker", "edge server", f"{method} {path} 500")
+            return INTERNAL_ERROR, self.delay_s
+        return None
+
+    def _served(self, method: str, path: str, post: Post | None) -> Arrival:
+        """Have the edge server answer; gives what arrives, and when."""
+        body, headers = (None, {}) if post is None else (post.body, headers_of(post))
+        waited_s = self.edge.disk.waited_s
+        try:
+            response = self.edge.request(method, path, "broker", body, headers)
+        except EdgeDownError as error:
+            return RequestException(str(error)), self.delay_s
+        delay_s = self.delay_s + self.edge.disk.waited_s - waited_s
+        answer = Answer(response.status, response.body, self._update_interval)
+        if post is not None:
+            text = f"{method} {path} {answer.status_code}{_facts_of(post)}"
+            self._scheduler.note("broker", "edge server", text)
+            self.owed.take(post, answer)
+            self.on_taken(post, answer)
+            self.on_answered(post, answer)
+        if self._is_cut(post, answer):
+            self.is_up = False
+            self.on_cut()
+            if post is not None:
+                return RequestException("connection lost"), self.delay_s
+        if self._random.random() < self.answer_loss:
+            whole = http_wire.answer_bytes(answer.status_code, answer.body)
+            return self._read(*http_wire.broken(whole, self._random)), delay_s
+        if delay_s > STALL_S or self._random.random() < self.stall_rate:
+            return RequestException("no answer in time"), STALL_S
+        return answer, delay_s
+
+    def _is_cut(self, post: Post | None, answer: Answer) -> bool:
+        """Whether the connection is lost with an answer that matters."""
+        if not self.cut_rate:
+            return False
+        if post is None:
+            matters = b'"commands":[{' in answer.body.replace(b" ", b"")
+        else:
+            matters = post.body.get("mission_status_id", 0) > Status.RUNNING
+        return matters and self._cuts.random() < self.cut_rate
 
     def _read(self, data: bytes, is_reset: bool = False) -> Answer | Exception:  # noqa: FBT001, FBT002  # as `broken` gives it
         """Read what arrives with the broker's client."""
@@ -169,9 +187,16 @@ class EdgeHttp:
         key = post.idempotency_key
         if post.body.get("mission_status_id") != Status.RUNNING:
             return False
-        if key not in self._is_poisoned:
-            self._is_poisoned[key] = self._poison.random() < self.poison_rate
-        return self._is_poisoned[key]
+        if key not in self._poisoned:
+            is_poisoned = self._poison.random() < self.poison_rate
+            is_lasting = self._poison.random() < LASTING_SHARE
+            self._poisoned[key] = is_poisoned, is_lasting
+        is_poisoned, is_lasting = self._poisoned[key]
+        return is_poisoned and (is_lasting or self.poison_rate > 0.0)
+
+    def is_lasting(self, key: str) -> bool:
+        """Whether a report fails for good."""
+        return all(self._poisoned.get(key, (False, False)))
 
 
 def _facts_of(post: Post) -> str:
@@ -237,6 +262,7 @@ class BrokerProcess:
         http: EdgeHttp,
         folder: Path,
         disk: Disk,
+        clock: Clock,
         send: Callable[[Address, bytes], None],
         *,
         journal_lag_s: float = 0.01,
@@ -244,6 +270,9 @@ class BrokerProcess:
         """Start; `disk` has the folder, `send` takes each frame to a vehicle."""
         folder.mkdir()
         self.disk = disk
+        self.may_lack_records = False
+        """Whether it was killed while its disk refused what it has to restore on its vehicles."""
+        self.clock = clock
         self._scheduler = scheduler
         self._http = http
         self._folder = folder
@@ -251,6 +280,7 @@ class BrokerProcess:
         self._journal_lag_s = journal_lag_s
         self._ulids = count(1)
         self._starts = 0
+        self._started_s = 0.0
         self._received: list[tuple[Address, bytes]] = []
         self._is_due = False
         self._idle_senders = 0
@@ -270,6 +300,7 @@ class BrokerProcess:
     def start(self) -> None:
         """Start on what is on the disk."""
         self._starts += 1
+        self._started_s = self._scheduler.now_s
         start, scheduler = self._starts, self._scheduler
         database = self._database = Database(self._folder)
         with suppress(OSError):  # As the program: spool and journal log it
@@ -280,14 +311,14 @@ class BrokerProcess:
             self._folder / "broker.key",
             self.wake,
             spool=spool,
-            clock=scheduler.monotonic,
+            clock=self.clock.monotonic,
             jitter=Random(f"{scheduler.seed}/jitter/{start}"),
         )
         client.on_post = self._wake_senders
         config = replace(Config(), state_vector_every_s=STATE_VECTOR_S)
         lag_s = self._journal_lag_s + 2.0 * self.disk.sync_s
         journal = self._journal = Journal(scheduler, JournalTable(database), lag_s)
-        self.app = App(config, self, client, scheduler, self._new_ulid, None, journal)
+        self.app = App(config, self, client, self.clock, self._new_ulid, None, journal)
 
         def while_up(period_s: float, action: Callable[[], None]) -> None:
             def act() -> None:
@@ -306,6 +337,9 @@ class BrokerProcess:
 
     def kill(self) -> None:
         """Lose everything that is not on the disk."""
+        disk_worked_s = self._scheduler.now_s - self.disk.troubled_s
+        self.may_lack_records |= disk_worked_s < STORED_AFTER_S
+        self._http.owed.broker_ends(self._http.is_lasting, disk_worked_s=disk_worked_s)
         if self._journal is not None:
             self._journal.end()
         if self._database is not None:

@@ -12,6 +12,7 @@ Files that SQLite does not write (keys, lock files, the relay's pipe) are not on
 
 import _sqlite3
 import ctypes
+import math
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -104,7 +105,8 @@ class Disk:
         """Sum of the time that its processes have waited for syncs and for locks [s]."""
         self.is_dead = False
         """The machine has no power: nothing is written, nothing answered."""
-        self.syncs = 0
+        self.troubled_s = -math.inf
+        """When it last refused or delayed a change [s]; infinite while it does."""
         self._random = random
         self._dies_after: int | None = None  # So many changes
         self._on_death: Callable[[], None] = lambda: None
@@ -202,7 +204,6 @@ class Disk:
         """Note that everything in a file is on the disk."""
         self._changes.pop(path, None)
         self.waited_s += self.sync_s
-        self.syncs += 1
         if path in self._created:
             self._created.discard(path)
             self._deleted.clear()
@@ -365,6 +366,8 @@ def attached(*disks: Disk) -> Iterator[None]:
     """Have SQLite write the files in these disks' folders through them."""
     if not _LAYER:
         _LAYER.append(_Layer())
+        # SQLite calls it until the process has ended, also after Python has cleared this module
+        ctypes.pythonapi.Py_IncRef(ctypes.py_object(_LAYER[0]))
     [layer] = _LAYER
     layer.disks.extend(disks)
     layer.install()

@@ -16,7 +16,7 @@ from sqlalchemy.exc import DBAPIError, SQLAlchemyError
 
 from dst import http_wire
 from dst.disk import Disk
-from dst.scheduler import Event, Scheduler
+from dst.scheduler import Clock, Event, Scheduler
 from edge_server.app import context_of, create_app
 from edge_server.config import Config
 from edge_server.outbox import wakeup
@@ -113,11 +113,14 @@ def prepared_folder(folder: Path) -> Path:
 class EdgeProcess:
     """The edge server's process; killed and started at any time, its state folder stays."""
 
-    def __init__(self, scheduler: Scheduler, prepared: Path, folder: Path, disk: Disk) -> None:
+    def __init__(
+        self, scheduler: Scheduler, prepared: Path, folder: Path, disk: Disk, clock: Clock
+    ) -> None:
         """Copy a prepared state folder and start; `disk` has the folder."""
         shutil.copytree(prepared, folder)
         self.config = Config(state_dir=folder)
         self.disk = disk
+        self._clock = clock
         self._scheduler = scheduler
         self._keys = {
             role.value: key_files.read(key_files.path_of(self.config.keys_dir, role))
@@ -164,7 +167,7 @@ class EdgeProcess:
         generation = self._generation
         try:
             prepare(self.config)
-            app = create_app(self.config, clock=self._scheduler.epoch_s)
+            app = create_app(self.config, clock=self._clock.epoch_s)
         except (DBAPIError, sqlite3.Error, StoreError, OSError) as error:
             self._scheduler.note("edge server", "-", f"does not start: {type(error).__name__}")
             self._scheduler.after(RESTART_S, lambda: self._start_again(generation))
@@ -212,19 +215,19 @@ class EdgeProcess:
         if generation == self._generation and self.is_up:
             with suppress(SQLAlchemyError, OSError):  # Retried, as by the program
                 broker_work.expire_if_due(self._context)
-                self._context.space.maintain(self._scheduler.monotonic())
+                self._context.space.maintain(self._clock.monotonic())
             self._scheduler.after(self.housekeeping_s, lambda: self._run_housekeeping(generation))
 
 
 class Cloud:
     """A mock cloud behind the real uplink, and a network that may lose requests and answers."""
 
-    def __init__(self, scheduler: Scheduler, config: Config, disk: Disk) -> None:
-        """`disk` is that of the relay's machine."""
+    def __init__(self, scheduler: Scheduler, config: Config, disk: Disk, clock: Clock) -> None:
+        """`disk` and `clock` are those of the relay's machine."""
         self._scheduler = scheduler
         self._disk = disk
         self._random = scheduler.random("cloud")
-        self._uplink = HttpUplink(config, monotonic=scheduler.monotonic)
+        self._uplink = HttpUplink(config, monotonic=clock.monotonic)
         self._accepts_batches = scheduler.random("cloud batches").random() < BATCH_SHARE
         self._sent: dict[str, OutboxRecord] = {}  # By message id: what the uplink is sending
         self.is_up = True
@@ -274,9 +277,10 @@ class Cloud:
 class RelayProcess:
     """The relay's process, stepped by the scheduler."""
 
-    def __init__(self, scheduler: Scheduler, config: Config, cloud: Cloud) -> None:
+    def __init__(self, scheduler: Scheduler, config: Config, cloud: Cloud, clock: Clock) -> None:
         """Start."""
         self._scheduler = scheduler
+        self._clock = clock
         self._config = config
         self._cloud = cloud
         self._close: Callable[[], None] = _nothing
@@ -315,7 +319,7 @@ class RelayProcess:
             streams=AllStreams(database, config.database_path),
             wake=wakeup.open_for_reading(config.wake_path),
             workers=0,
-            wall_clock=self._scheduler.epoch_s,
+            wall_clock=self._clock.epoch_s,
         )
 
         def close() -> None:
@@ -355,7 +359,7 @@ class RelayProcess:
         self._next = None
         if self._relay is None:
             return
-        now = self._scheduler.monotonic()
+        now = self._clock.monotonic()
         try:
             self._relay.step(now)
         except SQLAlchemyError as error:

@@ -10,14 +10,22 @@ from functools import partial
 from random import Random
 from typing import Final
 
+from dst.http_wire import FOREIGN_ANSWERS
 from dst.machine import Machine, Process
 from dst.network import PERFECT, Conditions
+from dst.telemetry import QUANTITIES, REALS, SHARES, Spoiled
+from dst.vehicle import Vehicle
 from dst.world import World
 
 MEAN_INTERVAL_S: Final = 60.0
 """Between two occurrences of one fault while vehicles fly."""
 MEAN_IN_FLIGHT_S: Final = 25.0
 """Between two occurrences of a fault that only a vehicle in flight can have: flights are short."""
+CUT_RATE: Final = 0.3
+"""How often the edge server is out of reach just after an answer that matters."""
+MEAN_CUT_S: Final = 12.0
+SWAP_S: Final = 30.0
+"""From the end of an aircraft to the start of the one that takes its place."""
 BREAK_FACTOR: Final = 60.0
 """While every vehicle is switched off, faults are so many times as rare, and last as long."""
 
@@ -43,12 +51,15 @@ class Fault(StrEnum):
     RELAY_KILLED = "relay-killed"
     VEHICLE_REBOOTED = "vehicle-rebooted"
     VEHICLE_FAILS = "vehicle-fails"
+    SWAPPED = "swapped"
+    TWICE = "twice"
     REBOOTED_IN_FLIGHT = "rebooted-in-flight"
     NOT_A_NUMBER = "not-a-number"
     POSITION_UNKNOWN = "position-unknown"
     BATTERY_UNKNOWN = "battery-unknown"
     POWER_CUT = "power-cut"
     POWER_LOST = "power-lost"
+    CLOCKS = "clocks"
     DISK_FULL = "disk-full"
     DISK_READ_ONLY = "disk-read-only"
     DISK_SLOW = "disk-slow"
@@ -59,12 +70,17 @@ class Fault(StrEnum):
     CANCELLATIONS = "cancellations"
     ABORTS = "aborts"
     PAUSES = "pauses"
+    LONG_MISSIONS = "long-missions"
+    GEOFENCES = "geofences"
 
 
 KINEMATIC_ONLY: Final = frozenset(
-    {Fault.NOT_A_NUMBER, Fault.POSITION_UNKNOWN, Fault.BATTERY_UNKNOWN}
+    {
+        *(Fault.NOT_A_NUMBER, Fault.POSITION_UNKNOWN, Fault.BATTERY_UNKNOWN),
+        *(Fault.SWAPPED, Fault.TWICE),
+    }
 )
-"""Values that the flight stack does not send on demand."""
+"""What the flight stack does not do on demand."""
 
 
 def draw(seed: int) -> frozenset[Fault]:
@@ -93,16 +109,19 @@ class Faults:
         world = self._world
         for path in (*world.up.values(), *world.down.values()):
             path.conditions, path.is_up = PERFECT, True
-        world.http.is_up = world.cloud.is_up = True
-        world.http.request_loss = world.http.answer_loss = world.cloud.answer_loss = 0.0
-        world.http.stall_rate = world.http.foreign_rate = world.http.poison_rate = 0.0
+        world.cloud.is_up, world.cloud.answer_loss = True, 0.0
+        world.http.restore()
         for machine in self._machines:
             machine.restore()
+            machine.set_clock()
         for process in self._processes.values():
             if not process.is_up:
                 process.start()
         for system, vehicle in world.vehicles.items():
-            vehicle.has_attitude = vehicle.has_position = vehicle.knows_battery = True
+            vehicle.has_position = vehicle.knows_battery = True
+            if isinstance(vehicle, Vehicle):
+                vehicle.spoiled = None
+            world.remove_twin(system)
             world.connected(system)
         world.scheduler.note("faults", "-", "end")
 
@@ -136,6 +155,10 @@ class Faults:
         world.http.stall_rate = rate(Fault.EDGE_ANSWERS_STALLED) / 4.0
         world.http.foreign_rate = rate(Fault.EDGE_ANSWERS_FOREIGN)
         world.http.poison_rate = 2.0 * rate(Fault.REPORT_ALWAYS_FAILS)
+        if Fault.EDGE_UNREACHABLE in self._enabled:
+            random = world.scheduler.random("cuts")
+            world.http.cut_rate = CUT_RATE
+            world.http.on_cut = lambda: self._restore_edge(random, MEAN_CUT_S)
         world.cloud.answer_loss = rate(Fault.CLOUD_ANSWERS_LOST)
 
     def _schedule(self) -> None:
@@ -143,13 +166,17 @@ class Faults:
         actions: dict[Fault, Callable[[Random], None]] = {
             Fault.LINK_DOWN: self._link_down,
             Fault.EDGE_UNREACHABLE: self._edge_unreachable,
+            Fault.EDGE_ANSWERS_FOREIGN: self._enter_portal,
             Fault.CLOUD_UNREACHABLE: self._cloud_unreachable,
             Fault.VEHICLE_REBOOTED: self._reboot,
-            Fault.NOT_A_NUMBER: self._spoil("has_attitude"),
+            Fault.NOT_A_NUMBER: self._spoil_quantity,
             Fault.POSITION_UNKNOWN: self._spoil("has_position"),
             Fault.BATTERY_UNKNOWN: self._spoil("knows_battery"),
             **{fault: self._kill(fault, process) for fault, process in self._processes.items()},
             Fault.POWER_LOST: self._lose_power,
+            Fault.CLOCKS: lambda random: random.choice(self._machines).step_clock(random),
+            Fault.SWAPPED: self._swap,
+            Fault.TWICE: self._add_twin,
             Fault.DISK_FULL: self._trouble_disk(Machine.fill),
             Fault.DISK_READ_ONLY: self._trouble_disk(Machine.protect),
             Fault.DISK_SLOW: self._trouble_disk(Machine.slow_down),
@@ -205,10 +232,20 @@ class Faults:
         self._later(random.expovariate(1.0 / 25.0), restore)
 
     def _edge_unreachable(self, random: Random) -> None:
+        self._world.http.is_up = False
+        self._restore_edge(random, 25.0)
+
+    def _restore_edge(self, random: Random, mean_s: float) -> None:
         http = self._world.http
-        http.is_up = False
         self._world.scheduler.note("faults", "broker", "edge server unreachable")
-        self._later(random.expovariate(1.0 / 25.0), lambda: setattr(http, "is_up", True))
+        self._later(random.expovariate(1.0 / mean_s), lambda: setattr(http, "is_up", True))
+
+    def _enter_portal(self, random: Random) -> None:
+        """Have somebody else answer every request for a while: a network that wants a sign-in."""
+        http = self._world.http
+        http.portal = random.choice(FOREIGN_ANSWERS)
+        self._world.scheduler.note("faults", "broker", f"all answers are {http.portal[:12]!r}")
+        self._later(random.expovariate(1.0 / 10.0), lambda: setattr(http, "portal", None))
 
     def _cloud_unreachable(self, random: Random) -> None:
         cloud = self._world.cloud
@@ -219,9 +256,27 @@ class Faults:
     def _reboot(self, random: Random) -> None:
         system = random.choice(list(self._world.vehicles))
         vehicle = self._world.vehicles[system]
-        if not vehicle.is_flying:
+        if vehicle.is_on and not vehicle.is_flying:
             self._world.scheduler.note("faults", f"vehicle {system}", "reboot")
             vehicle.reboot()
+
+    def _add_twin(self, random: Random) -> None:
+        """Have another aircraft with the system id of one on the network for a while."""
+        world, system = self._world, random.choice(list(self._world.vehicles))
+        world.scheduler.note("faults", f"vehicle {system}", "another with its system id")
+        world.add_twin(system)
+        self._later(random.expovariate(1.0 / 20.0), partial(world.remove_twin, system))
+
+    def _swap(self, random: Random) -> None:
+        """Have another aircraft with the same system id take the place of one that stands."""
+        system = random.choice(list(self._world.vehicles))
+        vehicle = self._world.vehicles[system]
+        is_idle = vehicle.is_on and not vehicle.is_flying and not vehicle.armed
+        if isinstance(vehicle, Vehicle) and is_idle:
+            self._world.scheduler.note("faults", f"vehicle {system}", "another aircraft")
+            self._world.confused.add(system)
+            vehicle.switch_off()
+            self._world.scheduler.after(SWAP_S, vehicle.swap)
 
     def _reboot_in_flight(self, random: Random) -> None:
         vehicles = self._world.vehicles
@@ -239,8 +294,18 @@ class Faults:
             vehicle = random.choice(flying)
             vehicle.fail(lands=random.random() < 0.5)
 
+    def _spoil_quantity(self, random: Random) -> None:
+        """Have a vehicle send values that are no numbers, or none that can be, for a while."""
+        vehicle = random.choice(list(self._world.vehicles.values()))
+        if not isinstance(vehicle, Vehicle):
+            return
+        values = random.choice(REALS), random.choice(SHARES)
+        vehicle.spoiled = Spoiled(random.choice(list(QUANTITIES)), *values)
+        self._world.scheduler.note("faults", f"vehicle {vehicle.system}", f"{vehicle.spoiled}")
+        self._later(random.expovariate(1.0 / 12.0), lambda: setattr(vehicle, "spoiled", None))
+
     def _spoil(self, value: str) -> Callable[[Random], None]:
-        """Have a vehicle send an attitude, a position or a battery of no numbers for a while."""
+        """Have a vehicle not know its position or its battery for a while."""
 
         def spoil(random: Random) -> None:
             vehicle = random.choice(list(self._world.vehicles.values()))
@@ -280,8 +345,8 @@ class Faults:
                 machine.lose_power()
             for path in paths:
                 path.is_up = False
-            self._later(random.uniform(2.0, 10.0), lambda: self._start(world.broker))
-            self._later(random.uniform(2.0, 20.0), restore)
+            self._later(random.uniform(2.0, 6.0), lambda: self._start(world.broker))
+            self._later(random.uniform(2.0, 8.0), restore)
             self._later(random.uniform(60.0, 180.0), lambda: self._start(world.relay))
             self._later(random.uniform(60.0, 180.0), lambda: self._start(world.edge))
 
@@ -291,7 +356,7 @@ class Faults:
             for system in world.vehicles:
                 world.connected(system)
 
-        self._later(random.uniform(0.0, 20.0), cut)
+        self._later(random.uniform(2.0, 12.0), cut)
 
     def _lose_power(self, random: Random) -> None:
         """Have a machine lose power, perhaps in the middle of a commit, and return."""
@@ -304,14 +369,13 @@ class Faults:
         for process in machine.processes:
             self._later(random.expovariate(1.0 / 5.0), partial(self._start, process))
 
-    def _trouble_disk(
-        self, begin: Callable[[Machine, Random], Callable[[], None]]
-    ) -> Callable[[Random], None]:
+    def _trouble_disk(self, begin: Callable[[Machine, Random], None]) -> Callable[[Random], None]:
         """Have a disk refuse, or take longer, for a while."""
 
         def trouble(random: Random) -> None:
-            end = begin(random.choice(self._machines), random)
-            self._later(random.expovariate(1.0 / 12.0), end)
+            machine = random.choice(self._machines)
+            begin(machine, random)
+            self._later(random.expovariate(1.0 / 12.0), machine.restore)
 
         return trouble
 

@@ -16,6 +16,8 @@ _METRES_PER_DEGREE_EAST: Final = _METRES_PER_DEGREE_NORTH * math.cos(math.radian
 STEP_S: Final = 0.25
 SPEED_M_S: Final = 5.0
 CLIMB_M_S: Final = 2.0
+SINK_M_S: Final = 1.0
+"""While it lands."""
 ACCEPTANCE_M: Final = 1.0
 
 
@@ -49,6 +51,16 @@ class Truth:
     motor_failures_s: list[float] = field(default_factory=list)
     """When a motor failed, high enough that there was time to report it."""
     flight_s: float = 0.0
+    furthest_m: float = 0.0
+    """From home, horizontally."""
+    highest_m: float = 0.0
+    hardest_m_s: float = 0.0
+    """Speed of the hardest touchdown of a vehicle whose autopilot ran."""
+
+    def note_place(self) -> None:
+        """Note how far and how high it is."""
+        self.highest_m = max(self.highest_m, self.height_m)
+        self.furthest_m = max(self.furthest_m, math.hypot(self.north_m, self.east_m))
 
 
 @dataclass
@@ -91,7 +103,7 @@ class Flight:
         truth = self.truth
         north_m, east_m = target[0] - truth.north_m, target[1] - truth.east_m
         climb_m = target[2] - truth.height_m
-        truth.height_m += math.copysign(min(abs(climb_m), CLIMB_M_S * STEP_S), climb_m)
+        self._move(math.copysign(min(abs(climb_m), CLIMB_M_S * STEP_S), climb_m))
         distance_m = math.hypot(north_m, east_m)
         if distance_m > 0.0:
             share = min(1.0, self.speed_m_s * STEP_S / distance_m)
@@ -101,8 +113,17 @@ class Flight:
 
     def descend(self) -> bool:
         """Sink; gives whether it stands."""
-        self.truth.height_m = max(0.0, self.truth.height_m - 1.0 * STEP_S)
+        self._move(-min(self.truth.height_m, SINK_M_S * STEP_S))
         return self.truth.height_m <= 0.0
+
+    def _move(self, climb_m: float) -> None:
+        """Move vertically in one step."""
+        truth = self.truth
+        was_flying = truth.height_m > 0.0
+        truth.height_m = max(0.0, truth.height_m + climb_m)
+        if was_flying and truth.height_m <= 0.0:
+            truth.hardest_m_s = max(truth.hardest_m_s, -climb_m / STEP_S)
+        truth.note_place()
 
     def turn(self, circle: Circle) -> bool:
         """Fly to the nearest point of a circle, then round it; gives whether a turn is complete."""

@@ -90,7 +90,7 @@ class FlightStack:
         self.truth = Truth()
         self.pilot_since_s: float | None = None
         self.booted_at_s = scheduler.now_s
-        self.has_attitude = self.has_position = self.knows_battery = True
+        self.has_position = self.knows_battery = True
         self._scheduler = scheduler
         self._folder = folder
         self._send_frame = send
@@ -120,6 +120,11 @@ class FlightStack:
         """What it does, by itself."""
         status = self._stack.topics.vehicle_status.value
         return Mode.HOLD if status is None else _MODES.get(status.navigation_state, Mode.HOLD)
+
+    @property
+    def is_on(self) -> bool:
+        """Whether it runs."""
+        return self._next is not None
 
     @property
     def is_flying(self) -> bool:
@@ -198,7 +203,7 @@ class FlightStack:
                 Peer(address=_PILOT, profile=Profile.GROUND_STATION),
             ),
             boot_time_utc_us=round(start_s * 1e6),
-            world_us=lambda: round(self._scheduler.epoch_s() * 1e6),
+            world_us=lambda: round((EPOCH.timestamp() + self._scheduler.now_s) * 1e6),
             write_line=lambda _time_us, _text: None,
         )
         self._link.inbox.clear()
@@ -218,6 +223,7 @@ class FlightStack:
         truth = self._simulation.truth
         self.truth.north_m, self.truth.east_m = offset_m(truth.latitude_deg, truth.longitude_deg)
         self.truth.height_m = truth.height_above_home_m
+        self.truth.note_place()
         if self.is_flying:
             self.truth.flight_s += ROUND_S
             self._note_turns()

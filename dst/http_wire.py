@@ -20,6 +20,7 @@ Serve = Callable[[bytes], tuple[bytes, bool]]
 Raises:
     OSError: if there is no connection.
 """
+BODY_SHARE: Final = 0.5
 RESET_SHARE: Final = 0.3
 """Of the connections that end early."""
 
@@ -37,9 +38,40 @@ def answer_bytes(status: int, body: bytes, headers: Mapping[str, str] | None = N
     return "\r\n".join(lines).encode() + b"\r\n\r\n" + body
 
 
+FOREIGN_ANSWERS: Final = (
+    *(
+        answer_bytes(status, body, {"Content-Type": "text/html"})
+        for status, body in (
+            (200, b"<html>Please sign in to the network</html>"),
+            (200, b""),
+            (200, b"null"),
+            (200, b"[]"),
+            (201, b'"created"'),
+            (200, b'<?xml version="1.0"?><WISPAccessGatewayParam/>'),
+            (302, b""),
+            (400, b"<html>Bad request</html>"),
+            (404, b"<html>Not found</html>"),
+            (409, b""),
+            (429, b"slow down"),
+            (500, b"<html>Internal error</html>"),
+            (502, b"<html>Bad gateway</html>"),
+            (503, b""),
+        )
+    ),
+    b"SSH-2.0-OpenSSH_9.2\r\n",
+    b"HTTP/1.1 200\r\nTransfer-Encoding: chunked\r\n\r\nzz\r\n",
+    b"HTTP/1.1 100 Continue\r\n\r\n",
+    b"HTTP/1.1 201 Created\r\nContent-Length: -1\r\n\r\n<html>",
+    b"\x16\x03\x01\x00\x02\x02\x28",
+)
+"""Of somebody else at the edge server's address."""
+
+
 def broken(answer: bytes, random: Random) -> tuple[bytes, bool]:
-    """End an answer at any byte, mostly by closing the connection."""
-    return answer[: random.randrange(len(answer))], random.random() < RESET_SHARE
+    """End an answer at any byte, half of them in the body; mostly by closing the connection."""
+    body = answer.find(b"\r\n\r\n") + 4
+    first = body if body < len(answer) and random.random() < BODY_SHARE else 0
+    return answer[: random.randrange(first, len(answer))], random.random() < RESET_SHARE
 
 
 class _Arrived(io.RawIOBase):

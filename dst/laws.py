@@ -12,8 +12,9 @@ from typing import Any, Final
 
 from afarcloud.enumerations import Status
 from dst.edge_process import EdgeDownError
-from dst.flight import Reached
-from dst.operator_person import Operator, PostedAbort, PostedPlan
+from dst.flight import SINK_M_S, Reached
+from dst.operator_person import FENCE_M, HIGHEST_M, Operator, PostedAbort, PostedPlan
+from dst.vehicle import Vehicle
 from dst.world import World
 from edge_server.outbox.queue import Stream
 from mavlink_broker.edge.bounded_http import Answer
@@ -106,6 +107,7 @@ class Laws:
         self._nothing_flown_while_paused()
         self._alarms_in_time()
         self._queues_are_bounded()
+        self._flights_are_safe()
         self._no_internal_error()
         self._no_database_was_damaged()
         self._nothing_flown_after_abort()
@@ -241,11 +243,24 @@ class Laws:
         if waiting > MOST_WAITING:
             raise LawError(f"{waiting} posts wait in the broker")
 
+    def _flights_are_safe(self) -> None:
+        """No vehicle leaves the place of its plans, or comes down hard; falls are not judged."""
+        for system, twin in self._world.twins.items():
+            if twin.is_flying:
+                raise LawError(f"the other aircraft with system id {system} flies")
+        for system, vehicle in self._world.vehicles.items():
+            truth = vehicle.truth
+            if truth.furthest_m > FENCE_M or truth.highest_m > HIGHEST_M:
+                where = f"{truth.furthest_m:.1f} m from home, up to {truth.highest_m:.1f} m"
+                raise LawError(f"vehicle {system} has left its fence: {where}")
+            if truth.hardest_m_s > SINK_M_S:
+                raise LawError(f"vehicle {system} has come down at {truth.hardest_m_s:.1f} m/s")
+
     def _no_internal_error(self) -> None:
         """No program meets an error that it has not foreseen."""
         app = self._world.broker.app
         if app is not None and app.internal_errors.count:
-            now_s = self._world.scheduler.monotonic()
+            now_s = self._world.broker.clock.monotonic()
             owners = [f"vehicle {system}" for system in self._world.vehicles]
             texts = [app.internal_errors.warning(owner, now_s) for owner in owners]
             raise LawError(f"{app.internal_errors.count} internal errors of the broker: {texts}")
@@ -297,14 +312,27 @@ class Laws:
             if state in {"queued", "accepted"}
         ]
         found += [f"vehicle {one.system} is armed" for one in world.vehicles.values() if one.armed]
-        for vehicle in world.vehicles.values():
-            borrowed = vehicle.parameters.items() - vehicle.autopilot.parameters.items()
-            found += [f"vehicle {vehicle.system} has borrowed {one}" for one in sorted(borrowed)]
+        found += self._borrowed()
         waiting = world.broker.client.waiting if world.broker.client is not None else 0
         found += [f"{waiting} posts of the broker wait"] if waiting > 3 else []
+        found += list(world.http.owed.texts.values())
         missing = set(self._acknowledged) - self._delivered()
         kinds = Counter(kind for kind, _ in missing if kind != "state_vector")
         found += [f"the cloud lacks {count} of {kind}" for kind, count in kinds.items()]
+        return found
+
+    def _borrowed(self) -> list[str]:
+        """Give what a vehicle of which there is one alone has not got back."""
+        if self._world.broker.may_lack_records:
+            return []
+        found = []
+        for system, vehicle in self._world.vehicles.items():
+            if system in self._world.confused:
+                continue
+            borrowed = vehicle.parameters.items() - vehicle.autopilot.parameters.items()
+            found += [f"vehicle {system} has borrowed {one}" for one in sorted(borrowed)]
+            if isinstance(vehicle, Vehicle) and vehicle.has_fence:
+                found.append(f"vehicle {system} has a borrowed geofence")
         return found
 
     def check_end(self) -> None:

@@ -1,5 +1,6 @@
 """A computer of the farm: a disk and the processes on it, which lose power together."""
 
+import math
 import sqlite3
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -7,9 +8,13 @@ from random import Random
 from typing import Final, Protocol
 
 from dst.disk import Disk
-from dst.scheduler import Scheduler
+from dst.scheduler import Clock, Scheduler
 
 SLOWEST_SYNC_S: Final = 3.0
+STEPS_S: Final = (5.0, 300.0, 7200.0, 90_000.0)
+"""Largest step of the time of day: a late time server, a wrong zone, a dead battery."""
+MOST_DRIFT: Final = 500e-6
+"""By which Linux slews a clock at most."""
 
 
 class Process(Protocol):
@@ -34,11 +39,13 @@ class Machine:
         scheduler: Scheduler,
         name: str,
         disk: Disk,
+        clock: Clock,
         database: Path,
         processes: Sequence[Process],
     ) -> None:
         self.name = name
         self.disk = disk
+        self._clock = clock
         self.processes = processes
         self._scheduler = scheduler
         self._database = database
@@ -66,37 +73,48 @@ class Machine:
             self.disk.lose_power()
             die()
 
-    # Each begins a trouble of the disk, and gives what ends it.
+    def step_clock(self, random: Random) -> None:
+        """Have the time of day stepped, and the clocks drift, as without a time server."""
+        largest_s = random.choice(STEPS_S)
+        self._clock.offset_s += random.uniform(-largest_s, largest_s)
+        self._clock.drift = random.uniform(-MOST_DRIFT, MOST_DRIFT)
+        self._note(f"the clock is off by {self._clock.offset_s:.0f} s")
 
-    def fill(self, _random: Random) -> Callable[[], None]:
+    def set_clock(self) -> None:
+        """Have the time of day set right."""
+        self._clock.offset_s = 0.0
+
+    # Each begins a trouble of the disk; `restore` ends all.
+
+    def fill(self, _random: Random) -> None:
         """Have no free space."""
         self._note("the disk is full")
         self.disk.is_full = True
-        return lambda: setattr(self.disk, "is_full", False)
+        self.disk.troubled_s = math.inf
 
-    def protect(self, _random: Random) -> Callable[[], None]:
+    def protect(self, _random: Random) -> None:
         """Have the file system mounted read-only after an error."""
         self._note("the disk is read-only")
         self.disk.is_read_only = True
-        return lambda: setattr(self.disk, "is_read_only", False)
+        self.disk.troubled_s = math.inf
 
-    def slow_down(self, random: Random) -> Callable[[], None]:
+    def slow_down(self, random: Random) -> None:
         """Have each sync take long."""
         self.disk.sync_s = random.uniform(0.05, SLOWEST_SYNC_S)
         self._note(f"a sync takes {self.disk.sync_s:.2f} s")
-        return lambda: setattr(self.disk, "sync_s", 0.0)
+        self.disk.troubled_s = math.inf
 
-    def lock(self, _random: Random) -> Callable[[], None]:
+    def lock(self, _random: Random) -> None:
         """Have another program begin to write to the database, and not end."""
         try:
             locker = sqlite3.connect(self._database, isolation_level=None)
             locker.execute("BEGIN IMMEDIATE")
         except sqlite3.Error:
-            return lambda: None
+            return
         self._unlock()
         self._note("the database is locked")
         self._locker = locker
-        return self._unlock
+        self.disk.troubled_s = math.inf
 
     def restore(self) -> None:
         """Have the disk work as it should."""
@@ -104,6 +122,7 @@ class Machine:
         self.disk.sync_s = 0.0
         self.disk.survive()
         self._unlock()
+        self.disk.troubled_s = self._scheduler.now_s
 
     def _unlock(self) -> None:
         locker, self._locker = self._locker, None

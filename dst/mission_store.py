@@ -32,6 +32,16 @@ class MissionStore:
         """The items of the mission."""
         return self._plans.get(mavlink.MAV_MISSION_TYPE_MISSION, [])
 
+    @property
+    def has_fence(self) -> bool:
+        """Whether there is a geofence."""
+        return bool(self._plans.get(mavlink.MAV_MISSION_TYPE_FENCE))
+
+    def forget(self) -> None:
+        """Be empty, as of another aircraft."""
+        self._plans.clear()
+        self.forget_transfer()
+
     def forget_transfer(self) -> None:
         """End a transfer that runs."""
         self._count = 0

@@ -16,9 +16,38 @@ MEAN_PAUSE_S: Final = 20.0
 MEAN_LOOK_S: Final = 8.0
 """Between two looks at the vehicles: one that is out of reach is aborted, others sometimes."""
 ABORT_SHARE: Final = 0.25
+UNAWARE_SHARE: Final = 0.5
+"""How often a vehicle is aborted that a pilot has flown for a while, who has informed nobody."""
+UNAWARE_AFTER_S: Final = 18.0
+REGRET_SHARE: Final = 0.3
+MEAN_REGRET_S: Final = 1.0
+"""From a plan that is posted by mistake to its cancellation."""
+FENCED_SHARE: Final = 0.5
+FENCE_M: Final = 60.0
+"""Half the side of the square about home that plans stay within."""
+HIGHEST_M: Final = 20.0
+GEOFENCE: Final = {
+    "inclusion": [
+        [
+            list(place(north_m, east_m))
+            for north_m, east_m in (
+                (-FENCE_M, -FENCE_M),
+                (-FENCE_M, FENCE_M),
+                (FENCE_M, FENCE_M),
+                (FENCE_M, -FENCE_M),
+            )
+        ]
+    ],
+    "max_altitude": HIGHEST_M,
+}
+LONG_SHARE: Final = 0.5
+LANDING: Final = 20
+"""`command_id` of the last command."""
 RELEASE_PERIOD_S: Final = 15.0
 RESCUE_S: Final = 60.0
 """A vehicle that has hovered or circled so long without a mission is landed by its pilot."""
+PATIENCE_S: Final = 180.0
+"""A mission that hovers or circles so long is aborted."""
 RESUMES: Final = 3
 """After so many requests to resume, a mission that stays paused is aborted."""
 ALTITUDE_M: Final = 5.0
@@ -96,6 +125,8 @@ class Operator:
         self._breaks = world.scheduler.random("pauses")
         self._live = world.scheduler.random("live commands")
         self._numbers = world.scheduler.random("mission numbers")
+        self._lengths = world.scheduler.random("long missions")
+        self._regrets = world.scheduler.random("regrets")
         self._missions = 0
         self._events = 0
         self._shift = 0
@@ -135,7 +166,8 @@ class Operator:
 
     def _watch(self, shift: int) -> None:
         """Abort now and then, mostly vehicles that are out of reach or fly, under any control."""
-        if shift != self._shift or not self._is_posting or Fault.ABORTS not in self._enabled:
+        is_wanted = self._enabled & {Fault.ABORTS, Fault.PILOT}
+        if shift != self._shift or not self._is_posting or not is_wanted:
             return
         pause_s = self._orders.expovariate(1.0 / MEAN_LOOK_S)
         self._world.scheduler.after(pause_s, lambda: self._abort(shift))
@@ -158,7 +190,12 @@ class Operator:
         commands: list[dict[str, Any]] = [_command(1, 1, home_fields | {"altitude": ALTITUDE_M})]
         waypoints: dict[int, tuple[int, int]] = {}
         circles: dict[int, tuple[int, int]] = {}
-        for command_id in range(2, random.randint(3, 5)):
+        may_be_long = bool(self._enabled & {Fault.LONG_MISSIONS, Fault.POWER_CUT})
+        is_long = may_be_long and self._lengths.random() < LONG_SHARE
+        last = self._lengths.randint(8, 11) if is_long else random.randint(3, 5)
+        if Fault.REPEATED_MISSIONS in self._enabled and not is_long:
+            last = 4  # The same commands each time, of other places
+        for command_id in range(2, last):
             latitude, longitude = place(random.uniform(5.0, 30.0), random.uniform(-30.0, 30.0))
             where = {"latitude": latitude, "longitude": longitude}
             kind = self._live.choices((WAYPOINT, HOTPOINT, FOLLOW), (7, 3, 1))[0]
@@ -166,9 +203,13 @@ class Operator:
             if kind != FOLLOW:
                 targets[command_id] = round(latitude * 1e7), round(longitude * 1e7)
             commands.append(_command(command_id, kind, where | FIELDS[kind]))
-        commands.append(_command(9, 11, {"landing": True}))
-        mission = {"mission_id": mission_id, "vehicle_id": vehicle_id, "maximum_speed": 5.0}
-        body = {"name": "simulated", "missions": [mission | {"command_array": commands}]}
+        commands.append(_command(LANDING, 11, {"landing": True}))
+        speed_m_s = self._lengths.uniform(2.0, 4.0) if is_long else 5.0
+        mission = {"mission_id": mission_id, "vehicle_id": vehicle_id, "maximum_speed": speed_m_s}
+        missions = [mission | {"command_array": commands}]
+        body: dict[str, Any] = {"name": "simulated", "missions": missions}
+        if Fault.GEOFENCES in self._enabled and self._lengths.random() < FENCED_SHARE:
+            body["geofence"] = GEOFENCE
         key = f"plan-{self._missions}"
         response = self._request("POST", "/plans/", body, key)
         if response is None or response.status != 201:
@@ -177,6 +218,9 @@ class Operator:
         now_s = self._world.scheduler.now_s
         plan = PostedPlan(number, mission_id, vehicle_id, waypoints, circles, posted_s=now_s)
         self.plans.append(plan)
+        if Fault.CANCELLATIONS in self._enabled and self._regrets.random() < REGRET_SHARE:
+            regret_s = self._regrets.expovariate(1.0 / MEAN_REGRET_S)
+            self._world.scheduler.after(regret_s, lambda: self._cancel(plan))
         if Fault.REPEATED_POSTS in self._enabled:
             pause_s = random.uniform(0.0, 60.0)
             self._world.scheduler.after(pause_s, lambda: self._repeat(body, key, number))
@@ -215,20 +259,24 @@ class Operator:
                 self._resume(pause)
 
     def _rescue(self, system: int) -> None:
-        """Have the pilot land a vehicle that hovers, and that no mission moves any more."""
+        """Land a vehicle that hovers: by its pilot without a mission, else by an abort."""
         world, vehicle = self._world, self._world.vehicles[system]
         app = world.broker.app
         session = None if app is None else app.sessions.get(system)
         comes_down = vehicle.mode in {Mode.RETURN, Mode.LAND}
         is_left = vehicle.is_flying and vehicle.pilot_since_s is None and not comes_down
-        if not is_left or session is None or session.state is not State.IDLE:
+        if not is_left or session is None:
             self._hovers_since_s.pop(system, None)
             return
         since_s = self._hovers_since_s.setdefault(system, world.scheduler.now_s)
-        if world.scheduler.now_s - since_s >= RESCUE_S:
+        hovered_s = world.scheduler.now_s - since_s
+        if session.state is State.IDLE and hovered_s >= RESCUE_S:
             self.rescues += 1
             vehicle.take_over()
             vehicle.release()
+        elif hovered_s >= PATIENCE_S and vehicle.mode is not Mode.MISSION:
+            self._hovers_since_s.pop(system)
+            self._post_abort(system, ABORT)
 
     def _pause_again(self, shift: int) -> None:
         """Pause a vehicle that flies, and resume it after a while; again and again."""
@@ -292,6 +340,13 @@ class Operator:
     def _abort(self, shift: int) -> None:
         self._watch(shift)
         world = self._world
+        latest_s = world.scheduler.now_s - UNAWARE_AFTER_S
+        for system, vehicle in world.vehicles.items():
+            is_taken = vehicle.pilot_since_s is not None and vehicle.pilot_since_s < latest_s
+            if is_taken and self._orders.random() < UNAWARE_SHARE:
+                self._post_abort(system, self._orders.choice(ENDING_EVENTS))
+        if Fault.ABORTS not in self._enabled:
+            return
         flying = [system for system, vehicle in world.vehicles.items() if vehicle.is_flying]
         lost = [
             system for system in flying if not (world.up[system].is_up and world.down[system].is_up)

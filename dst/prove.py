@@ -2,7 +2,7 @@
 
 Each break is a mistake that was made, or that a careless change would make, in a copy of the
 project. Printed is after how many seeds a law fails. Arguments choose breaks by a part of their
-file's path. Exit code 0: each was found.
+name. Exit code 0: each was found.
 """
 
 import os
@@ -14,6 +14,8 @@ import tempfile
 from pathlib import Path
 from typing import Final, NamedTuple
 
+from dst.faults import Fault
+
 ROOT: Final = Path(__file__).resolve().parents[1]
 PARTS: Final = ("afarcloud", "dst", "edge_server", "farm_flight_bridge", "mavlink_broker")
 SEEDS: Final = int(os.environ.get("SEEDS") or 1000)
@@ -22,147 +24,296 @@ JOBS: Final = int(os.environ.get("JOBS") or os.cpu_count() or 1)
 LONGEST_S: Final = 3600.0
 
 
-class Break(NamedTuple):
-    """A mistake: a part of a file that occurs once, and what replaces it."""
+class Change(NamedTuple):
+    """A part of a file that occurs once, and what replaces it."""
 
-    mistake: str
     file: str
     line: str
     broken: str
 
 
+class Break(NamedTuple):
+    """A mistake. What two places guard against is broken in both."""
+
+    mistake: str
+    changes: tuple[Change, ...]
+    needs: tuple[Fault, ...] = ()
+    """Seeds without these faults cannot find it; they are counted, and not simulated."""
+
+
 BREAKS: Final = (
     Break(
-        "an answer of somebody else than the edge server settles a post",
-        "mavlink_broker/edge/client.py",
-        "if isinstance(answer.json(), dict):",
-        "if answer is not None:",
+        "an answer that is cut off in the middle stops the relay",
+        (
+            Change(
+                "edge_server/uplinks/cloud_http.py",
+                "    urllib3.exceptions.HTTPError,\n    http.client.HTTPException,\n    OSError,\n"
+                "    ValueError,\n",
+                "    OSError,\n",
+            ),
+            Change(
+                "edge_server/outbox/senders.py",
+                "        except Exception as error:\n",
+                "        except NotImplementedError as error:\n",
+            ),
+        ),
+        (Fault.CLOUD_ANSWERS_LOST,),
     ),
     Break(
-        "a pilot's takeover is not noticed",
-        "mavlink_broker/vehicle/control_authority.py",
-        "    if not seen.armed:\n        return Authority.BROKER\n",
-        "    if seen:\n        return Authority.BROKER\n",
-    ),
-    Break(
-        "a POST that is repeated is carried out again",
-        "edge_server/api/access/auth.py",
-        "return Caller(g.role, key, g.key.name, _instance())",
-        "return Caller(g.role, None, g.key.name, _instance())",
-    ),
-    Break(
-        "a cancelled mission is flown, since its acceptance is not waited for",
-        "mavlink_broker/mission/phases/waiting.py",
-        "self._begin_transfer() if mission.is_confirmed else None",
-        "self._begin_transfer()",
+        "a repeated report finishes a mission that nobody flew",
+        (
+            Change(
+                "edge_server/services/fleet/progress.py",
+                "    return report_matching.find(_known(connection, report), report)\n",
+                "    every = work.missions_of(connection, report.vehicle_id, report.mission_id)\n"
+                "    return every[-1] if every else None\n",
+            ),
+            Change(
+                "edge_server/services/fleet/report_matching.py",
+                "    _check_accepted(mission, report)\n",
+                "",
+            ),
+        ),
+        (
+            Fault.REPEATED_POSTS,
+            Fault.REPEATED_MISSIONS,
+        ),
     ),
     Break(
         "an abort is forgotten by a restart of the broker",
-        "mavlink_broker/mission/mission_queue.py",
-        "            self._events.recall_abort(record.abort)\n",
-        "            pass\n",
-    ),
-    Break(
-        "a report without an answer is not stored on disk",
-        "mavlink_broker/edge/outbox.py",
-        "        if first is None or not first.must_survive:\n",
-        "        if first is None or first.must_survive:\n",
-    ),
-    Break(
-        "a record is deleted although the cloud was not reached",
-        "edge_server/outbox/answers.py",
-        "Result(Outcome.NO_CLOUD, reply.reason)",
-        "Result(Outcome.CONFIRMED, reply.reason)",
-    ),
-    Break(
-        "a mission that has ended takes another status",
-        "edge_server/services/fleet/progress.py",
-        "return not Status(current).is_terminal and reported > current",
-        "return reported != current",
-    ),
-    Break(
-        "a report finishes a mission of the same number that nobody flew",
-        "edge_server/services/fleet/progress.py",
-        "    return report_matching.find(_known(connection, report), report)\n",
-        "    missions = work.missions_of(connection, report.vehicle_id, report.mission_id)\n"
-        "    return missions[-1] if missions else None\n",
+        (
+            Change(
+                "mavlink_broker/mission/mission_queue.py",
+                "            self._events.recall_abort(record.abort)\n",
+                "            pass\n",
+            ),
+        ),
+        (
+            Fault.POWER_CUT,
+            Fault.ABORTS,
+        ),
     ),
     Break(
         "a report that always fails blocks those behind it",
-        "mavlink_broker/edge/outbox.py",
-        "MAX_ATTEMPTS: Final = 20",
-        "MAX_ATTEMPTS: Final = 1_000_000",
+        (
+            Change(
+                "mavlink_broker/edge/outbox.py",
+                "MAX_ATTEMPTS: Final = 20",
+                "MAX_ATTEMPTS: Final = 1_000_000",
+            ),
+        ),
+        (Fault.REPORT_ALWAYS_FAILS,),
+    ),
+    Break(
+        "a pilot's takeover is not noticed",
+        (
+            Change(
+                "mavlink_broker/vehicle/control_authority.py",
+                "    if not seen.armed:\n        return Authority.BROKER\n",
+                "    if seen:\n        return Authority.BROKER\n",
+            ),
+        ),
+        (Fault.PILOT,),
+    ),
+    Break(
+        "a POST that is repeated is carried out again",
+        (
+            Change(
+                "edge_server/api/access/auth.py",
+                "return Caller(g.role, key, g.key.name, _instance())",
+                "return Caller(g.role, None, g.key.name, _instance())",
+            ),
+        ),
+        (Fault.REPEATED_POSTS,),
     ),
     Break(
         "a request of the edge server that fails once is not repeated",
-        "mavlink_broker/edge/client.py",
-        "            if status is None or not is_settled:\n                is_dead",
-        "            if status is None:\n                self._outbox.answered(post)\n"
-        "            elif not is_settled:\n                is_dead",
+        (
+            Change(
+                "mavlink_broker/edge/client.py",
+                "            if status is None or not is_settled:\n                is_dead",
+                "            if status is None:\n                self._outbox.answered(post)\n"
+                "            elif not is_settled:\n                is_dead",
+            ),
+        ),
+        (Fault.EDGE_KILLED,),
+    ),
+    Break(
+        "an answer of somebody else than the edge server settles a post",
+        (
+            Change(
+                "mavlink_broker/edge/client.py",
+                "if isinstance(answer.json(), dict):",
+                "if answer is not None:",
+            ),
+        ),
+        (Fault.EDGE_ANSWERS_FOREIGN,),
+    ),
+    Break(
+        "a report without an answer is not stored on disk",
+        (
+            Change(
+                "mavlink_broker/edge/outbox.py",
+                "        if first is None or not first.must_survive:\n",
+                "        if first is None or first.must_survive:\n",
+            ),
+        ),
+        (Fault.EDGE_UNREACHABLE,),
+    ),
+    Break(
+        "a record is deleted although the cloud was not reached",
+        (
+            Change(
+                "edge_server/outbox/answers.py",
+                "Result(Outcome.NO_CLOUD, reply.reason)",
+                "Result(Outcome.CONFIRMED, reply.reason)",
+            ),
+        ),
+        (Fault.CLOUD_UNREACHABLE,),
+    ),
+    Break(
+        "a cancelled mission is flown, since its acceptance is not waited for",
+        (
+            Change(
+                "mavlink_broker/mission/phases/waiting.py",
+                "self._begin_transfer() if mission.is_confirmed else None",
+                "self._begin_transfer()",
+            ),
+        ),
+        (
+            Fault.CANCELLATIONS,
+            Fault.EDGE_UNREACHABLE,
+        ),
+    ),
+    Break(
+        "a mission that has ended takes another status",
+        (
+            Change(
+                "edge_server/services/fleet/report_matching.py",
+                "    if has_ended and report.mission_status_id != status:\n",
+                "    if has_ended and report.mission_status_id is None:\n",
+            ),
+            Change(
+                "edge_server/services/fleet/progress.py",
+                "    was_open = mission.state != work.CLOSED\n",
+                "    was_open = True\n",
+            ),
+            Change(
+                "edge_server/services/fleet/progress.py",
+                "    return not Status(current).is_terminal and reported > current\n",
+                "    return reported != current\n",
+            ),
+        ),
+        (Fault.REPORT_ALWAYS_FAILS,),
     ),
     Break(
         "a commit of the edge server is not on the disk",
-        "edge_server/store/connection/engines.py",
-        "PRAGMA synchronous=FULL",
-        "PRAGMA synchronous=OFF",
+        (
+            Change(
+                "edge_server/store/connection/engines.py",
+                "PRAGMA synchronous=FULL",
+                "PRAGMA synchronous=OFF",
+            ),
+        ),
+        (Fault.POWER_LOST,),
     ),
     Break(
         "a commit of the broker is not on the disk",
-        "mavlink_broker/database.py",
-        '"synchronous=FULL"',
-        '"synchronous=OFF"',
+        (Change("mavlink_broker/database.py", '"synchronous=FULL"', '"synchronous=OFF"'),),
+        (Fault.POWER_LOST,),
     ),
     Break(
-        "a deleted plan stays in the broker's feed",
-        "edge_server/store/rows/work.py",
-        "    connection.execute(delete(work).where(work.c.plan == plan_row))\n",
-        "    pass\n",
+        "a motor that has failed raises no alarm",
+        (
+            Change(
+                "mavlink_broker/vehicle/alarms.py",
+                "    (mavlink.MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS, PROPELLERS),\n",
+                "",
+            ),
+        ),
+        (Fault.VEHICLE_FAILS,),
+    ),
+    Break(
+        "a parameter that a mission has borrowed is not given back",
+        (
+            Change(
+                "mavlink_broker/microservices/config_overrides.py",
+                "                return Setting(name, overridden.before)\n",
+                "                continue\n",
+            ),
+        ),
+    ),
+    Break(
+        "an attitude that is no number is taken for one",
+        (
+            Change(
+                "mavlink_broker/vehicle/telemetry.py",
+                "    if all(math.isfinite(angle) for angle in angles):\n",
+                "    if angles:\n",
+            ),
+        ),
+        (Fault.NOT_A_NUMBER,),
     ),
 )
 
 
 def main(chosen: list[str]) -> int:
     """Break and simulate; 0 if each break was found."""
-    breaks = [one for one in BREAKS if not chosen or any(part in one.file for part in chosen)]
+    breaks = [one for one in BREAKS if not chosen or any(part in one.mistake for part in chosen)]
     missed = 0
-    with tempfile.TemporaryDirectory() as folder:
-        copy = Path(folder)
-        for part in PARTS:
-            ignored = shutil.ignore_patterns("__pycache__")
-            shutil.copytree(ROOT / part, copy / part, ignore=ignored)
-        for one in breaks:
+    for one in breaks:
+        with tempfile.TemporaryDirectory() as folder:
+            copy = Path(folder)
+            _copy(copy)
+            for change in one.changes:
+                apply(copy, change)
             outcome = _find(copy, one)
-            missed += outcome is None
-            sys.stdout.write(f"{outcome or 'NOT FOUND'}: {one.mistake}\n")
-            sys.stdout.flush()
+        missed += outcome is None
+        sys.stdout.write(f"{outcome or 'NOT FOUND'}: {one.mistake}\n")
+        sys.stdout.flush()
     sys.stdout.write(f"{len(breaks) - missed} of {len(breaks)} mistakes are found\n")
     return int(missed > 0)
 
 
+def _copy(copy: Path) -> None:
+    for part in PARTS:
+        shutil.copytree(ROOT / part, copy / part, ignore=shutil.ignore_patterns("__pycache__"))
+
+
+def apply(copy: Path, change: Change) -> None:
+    """Change a file.
+
+    Raises:
+        LookupError: if the part is not there once; the product has changed.
+    """
+    file = copy / change.file
+    text = file.read_text()
+    if text.count(change.line) != 1:
+        raise LookupError(f"{change.line!r} is not once in {change.file}")
+    file.write_text(text.replace(change.line, change.broken))
+
+
 def _find(copy: Path, one: Break) -> str | None:
     """Simulate with one mistake; after how many seeds it was found, and by what."""
-    file = copy / one.file
-    text = file.read_text()
-    if text.count(one.line) != 1:
-        raise LookupError(f"{one.line!r} is not once in {one.file}")
-    file.write_text(text.replace(one.line, one.broken))
-    try:
-        run = subprocess.run(  # noqa: S603  # this program itself
-            [sys.executable, "-m", "dst", f"--seeds={SEEDS}", f"--jobs={JOBS}", "--stop"],
-            cwd=copy,
-            env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1", "PYTHONPATH": str(copy)},
-            capture_output=True,
-            text=True,
-            timeout=LONGEST_S,
-            check=False,
-        )
-    finally:
-        file.write_text(text)
+    run = subprocess.run(  # noqa: S603  # this program itself
+        [
+            *(sys.executable, "-m", "dst", f"--seeds={SEEDS}", f"--jobs={JOBS}", "--stop"),
+            f"--needs={','.join(one.needs) or 'none'}",
+        ],
+        cwd=copy,
+        env={**os.environ, "PYTHONPATH": str(copy)},
+        capture_output=True,
+        text=True,
+        timeout=LONGEST_S,
+        check=False,
+    )
     count = re.search(r"^(\d+) seeds, (\d+) failed", run.stdout, re.MULTILINE)
     if count is None:
         raise RuntimeError(f"the simulation of {one.mistake!r} has ended: {run.stderr[-2000:]}")
-    reason = re.search(r"^seed \d+: (.*)$", run.stdout, re.MULTILINE)
-    return None if reason is None else f"{count[1]:>4} seeds ({reason[1][:90]})"
+    found = re.search(r"^seed (\d+): (.*)$", run.stdout, re.MULTILINE)
+    if found is None:
+        return None
+    return f"after {found[1]:>3} seeds, {count[1]} of them simulated ({found[2][:90]})"
 
 
 if __name__ == "__main__":

@@ -103,16 +103,29 @@ class Scheduler:
         """Add a line to the trace."""
         self.trace.note(self.now_s, sender, receiver, text)
 
-    # The clock of the programs.
+
+class Clock:
+    """The clocks of one machine, which may be wrong: its time of day may be stepped."""
+
+    def __init__(self, scheduler: Scheduler) -> None:
+        """Begin right."""
+        self._scheduler = scheduler
+        self.drift = 0.0
+        """By how much it is too fast, as a part of the time that passes."""
+        self.offset_s = 0.0
+        """By how much the time of day was stepped."""
+
+    def _passed_s(self) -> float:
+        return self._scheduler.now_s * (1.0 + self.drift)
 
     def monotonic(self) -> float:
         """Monotonic time [s]."""
-        return BOOT_S + self.now_s
+        return BOOT_S + self._passed_s()
 
     def utc(self) -> datetime:
         """Time of day."""
-        return EPOCH + timedelta(seconds=self.now_s)
+        return EPOCH + timedelta(seconds=self._passed_s() + self.offset_s)
 
     def epoch_s(self) -> float:
         """Seconds since 1970."""
-        return EPOCH.timestamp() + self.now_s
+        return EPOCH.timestamp() + self._passed_s() + self.offset_s

@@ -14,7 +14,10 @@ from dst.faults import BREAK_FACTOR, KINEMATIC_ONLY, Fault, Faults, draw
 from dst.laws import BREAK_CHECK_PERIOD_S, CHECK_PERIOD_S, LawError, Laws
 from dst.operator_person import Operator
 from dst.scheduler import KEPT_LINES
+from dst.technician import Technician
 from dst.world import World
+from mavlink_broker.edge.bounded_http import Answer
+from mavlink_broker.edge.outbox import Post
 
 FAULTS_S: Final = 120.0
 """Virtual time with faults, or of each shift of a longer simulation."""
@@ -72,7 +75,13 @@ def simulate(
     operator = Operator(world, enabled)
     failure = None
     coverage = Coverage()
-    world.http.on_answered = coverage.note_answer
+    technician = Technician(world, enabled)
+
+    def answered(post: Post, answer: Answer) -> None:
+        coverage.note_answer(post, answer)
+        technician.note(post, answer)
+
+    world.http.on_answered = answered
     try:
         with coverage.counting():
             _run(world, operator, enabled, hours)

@@ -1,7 +1,8 @@
 """What a simulated vehicle sends of itself, as MAVLink messages."""
 
 import math
-from typing import Any, Final
+from collections.abc import Mapping
+from typing import Any, Final, NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -24,10 +25,71 @@ _UNMEASURED: Final = 65535, -1, -1
 """Voltage, current and share of a battery that is not measured, as MAVLink writes them."""
 
 
-def attitude(boot_ms: int, *, is_known: bool) -> Any:
-    """Level, or no numbers."""
-    values = [0.0 if is_known else math.nan] * 6
-    return mavlink.MAVLink_attitude_message(boot_ms, *values)
+class Spoiled(NamedTuple):
+    """A quantity that a sensor measures no more, and what is sent for it."""
+
+    quantity: str
+    real: float
+    """In fields of real numbers."""
+    share: float
+    """In fields of integers: 1 is the largest value of the type, -1 the smallest, 0 is zero."""
+
+
+QUANTITIES: Final[Mapping[str, Mapping[str, tuple[str, ...]]]] = {
+    "attitude": {"ATTITUDE": ("roll", "pitch", "yaw", "rollspeed", "pitchspeed", "yawspeed")},
+    "heading": {"GLOBAL_POSITION_INT": ("hdg",), "ATTITUDE": ("yaw",)},
+    "velocity": {"GLOBAL_POSITION_INT": ("vx", "vy", "vz")},
+    "place": {"GLOBAL_POSITION_INT": ("lat", "lon")},
+    "altitude": {"GLOBAL_POSITION_INT": ("alt", "relative_alt")},
+    "home": {"HOME_POSITION": ("latitude", "longitude", "altitude", "x", "y", "z")},
+    "battery": {
+        "BATTERY_STATUS": ("battery_remaining", "time_remaining", "current_battery"),
+        "SYS_STATUS": ("battery_remaining", "voltage_battery", "current_battery"),
+    },
+    "GPS": {"GPS_RAW_INT": ("lat", "lon", "alt", "eph", "epv", "satellites_visible")},
+    "estimate": {"EKF_STATUS_REPORT": ("velocity_variance", "pos_horiz_variance")},
+}
+"""Fields by message, of each quantity that may be no number."""
+REALS: Final = (math.nan, math.inf, -math.inf, 1e38, -1e38)
+SHARES: Final = (1.0, -1.0, 0.0)
+
+
+def spoil(message: Any, spoiled: Spoiled | None) -> Any:
+    """Replace the fields of a quantity in a message."""
+    if spoiled is None:
+        return message
+    for name in QUANTITIES[spoiled.quantity].get(message.get_type(), ()):
+        kind = message.fieldtypes[message.fieldnames.index(name)]
+        setattr(message, name, spoiled.real if kind == "float" else _extreme(kind, spoiled.share))
+    return message
+
+
+def _extreme(kind: str, share: float) -> int:
+    """Give a value of an integer type, such as int16_t."""
+    bits = int("".join(filter(str.isdigit, kind)))
+    if kind.startswith("u"):
+        return (2**bits - 1) if share > 0.0 else 0
+    return int(share * (2 ** (bits - 1) - 1)) - (share < 0.0)
+
+
+def attitude(boot_ms: int) -> Any:
+    """Level."""
+    return mavlink.MAVLink_attitude_message(boot_ms, *[0.0] * 6)
+
+
+def gps(boot_ms: int, truth: Truth | None) -> Any:
+    """A fix at the place by truth; None: no fix."""
+    fix = mavlink.GPS_FIX_TYPE_NO_FIX if truth is None else mavlink.GPS_FIX_TYPE_3D_FIX
+    latitude_e7 = longitude_e7 = altitude_mm = 0
+    if truth is not None:
+        latitude_deg, longitude_deg = place(truth.north_m, truth.east_m)
+        latitude_e7, longitude_e7 = round(latitude_deg * 1e7), round(longitude_deg * 1e7)
+        altitude_mm = round((HOME[2] + truth.height_m) * 1e3)
+    satellites = 0 if truth is None else 14
+    where = latitude_e7, longitude_e7, altitude_mm
+    return mavlink.MAVLink_gps_raw_int_message(
+        boot_ms * 1000, fix, *where, *(100, 100, 0, 0), satellites
+    )
 
 
 def position(boot_ms: int, height_m: float, truth: Truth | None) -> Any:
@@ -88,6 +150,7 @@ def version(vendor: int, product: int, serial: int) -> Any:
     capabilities = (
         mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_INT
         | mavlink.MAV_PROTOCOL_CAPABILITY_COMMAND_INT
+        | mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_FENCE
         | mavlink.MAV_PROTOCOL_CAPABILITY_MAVLINK2
     )
     hashes = [[0] * 8] * 3

@@ -39,6 +39,7 @@ DISARM_S: Final = 10.0
 """A vehicle that is armed and does not take off disarms after this time."""
 BOOT_S: Final = 4.0
 """From the start of the autopilot, which has then counted so far, to its first message."""
+SERIALS: Final = 1000  # To the serial number of the aircraft that takes its place
 
 
 class Vehicle:
@@ -60,11 +61,9 @@ class Vehicle:
         self._flight = Flight()
         self.pilot_since_s: float | None = None
         self.battery = 1.0
-        self.has_attitude = True
-        self.has_position = True
-        self.knows_battery = True
-        self._in_failsafe = False
-        self._has_motor_failure = False
+        self.spoiled: telemetry.Spoiled | None = None
+        self.has_position = self.knows_battery = True
+        self._in_failsafe = self._has_motor_failure = False
         self._scheduler = scheduler
         self._send_frame = send
         self.serial = system
@@ -96,6 +95,11 @@ class Vehicle:
     def is_flying(self) -> bool:
         """Whether it is off the ground."""
         return self.truth.height_m > 0.0
+
+    @property
+    def is_on(self) -> bool:
+        """Whether its autopilot runs, or starts."""
+        return self._next_step is not None
 
     def take_over(self) -> None:
         """Have the pilot fly."""
@@ -129,6 +133,14 @@ class Vehicle:
         self.booted_at_s = self._scheduler.now_s
         self._next_step = self._scheduler.after(BOOT_S, self._step_again)
 
+    def swap(self) -> None:
+        """Be another aircraft of the same family and system id, which has never flown here."""
+        self.serial += SERIALS
+        self._missions.forget()
+        self.parameters = dict(self.autopilot.parameters)
+        self.truth.north_m = self.truth.east_m = 0.0
+        self.switch_on()
+
     def switch_off(self) -> None:
         """End the autopilot, and whatever it sends."""
         if self._next_step is not None:
@@ -146,6 +158,11 @@ class Vehicle:
         """Start the autopilot with a full battery; the stored mission survives."""
         self.reboot()
         self.battery = 1.0
+
+    @property
+    def has_fence(self) -> bool:
+        """Whether it holds a geofence; it begins without one."""
+        return self._missions.has_fence
 
     # Time.
 
@@ -312,8 +329,9 @@ class Vehicle:
     def _send_stream(self, message_id: int) -> None:
         makers: dict[int, Callable[[], Any]] = {
             mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: self._position,
-            mavlink.MAVLINK_MSG_ID_ATTITUDE: lambda: telemetry.attitude(
-                self._boot_ms, is_known=self.has_attitude
+            mavlink.MAVLINK_MSG_ID_ATTITUDE: lambda: telemetry.attitude(self._boot_ms),
+            mavlink.MAVLINK_MSG_ID_GPS_RAW_INT: lambda: telemetry.gps(
+                self._boot_ms, self.truth if self.has_position else None
             ),
             mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: lambda: telemetry.landed(
                 is_flying=self.is_flying
@@ -328,7 +346,7 @@ class Vehicle:
             ),
         }
         if message_id in makers:
-            self._send(makers[message_id]())
+            self._send(telemetry.spoil(makers[message_id](), self.spoiled))
 
     @property
     def _known_battery(self) -> float | None:

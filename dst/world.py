@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 from dst.autopilot import FAMILIES, Autopilot
 from dst.broker_process import BrokerProcess, EdgeHttp
@@ -19,13 +19,18 @@ from dst.edge_process import (
 )
 from dst.machine import Machine
 from dst.network import Path as NetworkPath
-from dst.scheduler import KEPT_LINES, Scheduler
+from dst.scheduler import KEPT_LINES, Clock, Scheduler
 from dst.vehicle import Vehicle
 from mavlink_broker.database import DATABASE_FILE
 from mavlink_broker.links.url import Address
 
 if TYPE_CHECKING:
     from dst.flight_stack import FlightStack
+
+VEHICLE_PORT: Final = 14580
+"""UDP port of the vehicle with system id 0; the others follow."""
+TWIN_PORT: Final = 14680
+TWIN_SERIAL: Final = 500
 
 
 class World:
@@ -53,22 +58,31 @@ class World:
         )
         self._disks = ExitStack()
         self._disks.enter_context(attached(disk, broker_disk))
-        self.edge = EdgeProcess(self.scheduler, prepared, folder / "edge", disk)
-        self.cloud = Cloud(self.scheduler, self.edge.config, disk)
-        self.relay = RelayProcess(self.scheduler, self.edge.config, self.cloud)
+        clock, broker_clock = Clock(self.scheduler), Clock(self.scheduler)
+        self.edge = EdgeProcess(self.scheduler, prepared, folder / "edge", disk, clock)
+        self.cloud = Cloud(self.scheduler, self.edge.config, disk, clock)
+        self.relay = RelayProcess(self.scheduler, self.edge.config, self.cloud, clock)
         self.edge.on_write = self.relay.wake
         self.http = EdgeHttp(self.scheduler, self.edge)
         self.broker = BrokerProcess(
-            self.scheduler, self.http, folder / "broker", broker_disk, self._to_vehicle
+            self.scheduler,
+            self.http,
+            folder / "broker",
+            broker_disk,
+            broker_clock,
+            self._to_vehicle,
         )
         edge_file, broker_file = self.edge.config.database_path, folder / "broker" / DATABASE_FILE
         self.edge_machine = Machine(
-            self.scheduler, "edge machine", disk, edge_file, (self.edge, self.relay)
+            self.scheduler, "edge machine", disk, clock, edge_file, (self.edge, self.relay)
         )
         self.broker_machine = Machine(
-            self.scheduler, "broker machine", broker_disk, broker_file, (self.broker,)
+            self.scheduler, "broker machine", broker_disk, broker_clock, broker_file, (self.broker,)
         )
         self.vehicles: dict[int, Vehicle | FlightStack] = {}
+        self.twins: dict[int, Vehicle] = {}
+        self.confused: set[int] = set()
+        """System ids that several aircraft have had."""
         self.connected_s = dict.fromkeys(range(1, vehicles + 1), 0.0)
         """Since when broker and link of each vehicle are up, or were for the last time."""
         self.up: dict[int, NetworkPath] = {}
@@ -80,7 +94,7 @@ class World:
 
     def _add_vehicle(self, system: int, autopilot: Autopilot, folder: Path | None) -> None:
         """Add a vehicle of a family, or the flight stack with its storage in a folder."""
-        arrive = partial(self.broker.arrive, Address("192.0.2.1", 14580 + system))
+        arrive = partial(self.broker.arrive, Address("192.0.2.1", VEHICLE_PORT + system))
         self.up[system] = NetworkPath(self.scheduler, f"up/{system}", arrive)
         send = self.up[system].send
         vehicle = (
@@ -92,10 +106,29 @@ class World:
         self.scheduler.note(f"vehicle {system}", "-", f"is {vehicle.autopilot.name}")
         self.down[system] = NetworkPath(self.scheduler, f"down/{system}", vehicle.receive)
 
+    def add_twin(self, system: int) -> None:
+        """Switch on another aircraft with the system id of one, until `remove_twin`."""
+        self.remove_twin(system)
+        self.confused.add(system)
+        arrive = partial(self.broker.arrive, Address("192.0.2.2", TWIN_PORT + system))
+        up = NetworkPath(self.scheduler, f"up/twin {system}", arrive)
+        twin = Vehicle(self.scheduler, system, up.send, self.vehicles[system].autopilot)
+        twin.serial += TWIN_SERIAL
+        self.twins[system] = twin
+
+    def remove_twin(self, system: int) -> None:
+        """Switch off the other aircraft with a system id, if there is one."""
+        twin = self.twins.get(system)
+        if twin is not None:
+            twin.switch_off()
+
     def _to_vehicle(self, address: Address, frame: bytes) -> None:
-        path = self.down.get(address.port - 14580)
+        path = self.down.get(address.port - VEHICLE_PORT)
+        twin = self.twins.get(address.port - TWIN_PORT)
         if path is not None:
             path.send(frame)
+        elif twin is not None:
+            self.scheduler.after(0.005, lambda: twin.receive(frame))
 
     def switch_off(self) -> None:
         """Switch every vehicle off; call it while none flies."""

@@ -4,11 +4,13 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from dst.edge_process import prepared_folder
 from dst.flight import OrderUnderPilot, Reached
 from dst.laws import LawError, Laws
 from dst.operator_person import PAUSE, Operator, PostedAbort, PostedPause, PostedPlan
+from dst.vehicle import Vehicle
 from dst.world import World
 from mavlink_broker.edge.bounded_http import Answer
 from mavlink_broker.edge.outbox import Post, Urgency
@@ -146,6 +148,80 @@ def test_a_parameter_that_is_not_given_back_is_an_open_matter(
     name = next(iter(vehicle.parameters))
     monkeypatch.setitem(vehicle.parameters, name, 7.5)
     assert farm.laws.open_matters() == [f"vehicle 1 has borrowed ('{name}', 7.5)"]
+
+
+def test_a_geofence_that_is_not_given_back_is_an_open_matter(
+    farm: Farm, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    vehicle = farm.world.vehicles[1]
+    assert isinstance(vehicle, Vehicle)
+    fence = mavlink.MAV_MISSION_TYPE_FENCE
+    monkeypatch.setitem(vehicle._missions._plans, fence, [object()])
+    assert farm.laws.open_matters() == ["vehicle 1 has a borrowed geofence"]
+
+
+@pytest.mark.parametrize(
+    ("fact", "value", "law"),
+    [
+        ("furthest_m", 61.0, "has left its fence: 61.0 m"),
+        ("highest_m", 20.5, "up to 20.5 m"),
+        ("hardest_m_s", 2.0, r"has come down at 2\.0 m/s"),
+    ],
+)
+def test_a_flight_that_is_not_safe_is_found(
+    farm: Farm, monkeypatch: pytest.MonkeyPatch, fact: str, value: float, law: str
+) -> None:
+    monkeypatch.setattr(farm.world.vehicles[1].truth, fact, value)
+    with pytest.raises(LawError, match=law):
+        farm.laws.check()
+
+
+def test_another_aircraft_with_a_system_id_that_flies_is_found(
+    farm: Farm, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(farm.world, "twins", {})
+    farm.world.add_twin(1)
+    farm.laws.check()
+    farm.world.twins[1].truth.height_m = 5.0
+    with pytest.raises(LawError, match="the other aircraft with system id 1 flies"):
+        farm.laws.check()
+    farm.world.remove_twin(1)
+
+
+def test_a_report_that_a_killed_broker_had_to_keep_is_an_open_matter(farm: Farm) -> None:
+    world, post = farm.world, report("key of a report")
+    world.http.owed.note(post, Answer(503, b""))
+    world.run(20.0)
+    world.http.owed.broker_ends(world.http.is_lasting, disk_worked_s=60.0)
+    [matter] = farm.laws.open_matters()
+    assert matter.startswith("POST /mission_report/ is lost")
+    world.http.owed.take(post, Answer(201, b"{}"))
+    assert farm.laws.open_matters() == []
+
+
+@pytest.mark.parametrize(
+    ("after_s", "disk_worked_s"), [(5.0, 60.0), (20.0, 10.0)], ids=["just failed", "bad disk"]
+)
+def test_a_report_that_a_killed_broker_may_lose_is_no_open_matter(
+    farm: Farm, after_s: float, disk_worked_s: float
+) -> None:
+    world = farm.world
+    world.http.owed.note(report(f"key after {after_s}"), Answer(503, b""))
+    world.run(after_s)
+    world.http.owed.broker_ends(world.http.is_lasting, disk_worked_s=disk_worked_s)
+    assert farm.laws.open_matters() == []
+
+
+def report(key: str) -> Post:
+    return Post(
+        method="POST",
+        path="/mission_report/",
+        body={"mission_id": 1, "mission_status_id": 3},
+        vehicle_id=1,
+        lane="vehicle",
+        urgency=Urgency.REPORT,
+        idempotency_key=key,
+    )
 
 
 def test_a_motor_failure_without_an_alarm_is_found(farm: Farm) -> None:

@@ -1,4 +1,6 @@
-from dst.scheduler import EPOCH, Scheduler
+import pytest
+
+from dst.scheduler import EPOCH, Clock, Scheduler
 
 
 def order_of_equals(seed: int) -> list[int]:
@@ -46,11 +48,24 @@ def test_sources_of_random_numbers_are_independent() -> None:
 
 def test_the_clocks_follow_the_virtual_time() -> None:
     scheduler = Scheduler(1)
-    before = scheduler.monotonic()
+    clock = Clock(scheduler)
+    before = clock.monotonic()
     scheduler.run_until(60.0)
-    assert scheduler.monotonic() - before == 60.0
-    assert (scheduler.utc() - EPOCH).total_seconds() == 60.0
-    assert scheduler.epoch_s() == scheduler.utc().timestamp()
+    assert clock.monotonic() - before == 60.0
+    assert (clock.utc() - EPOCH).total_seconds() == 60.0
+    assert clock.epoch_s() == clock.utc().timestamp()
+
+
+def test_a_step_changes_the_time_of_day_alone_and_a_drift_all_clocks() -> None:
+    scheduler = Scheduler(1)
+    clock, right = Clock(scheduler), Clock(scheduler)
+    clock.offset_s = -3600.0
+    assert clock.epoch_s() - right.epoch_s() == -3600.0
+    assert clock.monotonic() == right.monotonic()
+    clock.drift = 1e-3
+    scheduler.run_until(1000.0)
+    assert clock.monotonic() - right.monotonic() == pytest.approx(1.0)
+    assert (clock.utc() - right.utc()).total_seconds() == pytest.approx(-3599.0)
 
 
 def test_the_digest_covers_lines_that_are_no_longer_kept() -> None:

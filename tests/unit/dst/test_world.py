@@ -9,7 +9,8 @@ from afarcloud.enumerations import Status
 from dst.autopilot import FAMILIES, Autopilot
 from dst.edge_process import prepared_folder
 from dst.flight import place
-from dst.operator_person import FIELDS, HOTPOINT
+from dst.operator_person import FIELDS, GEOFENCE, HOTPOINT
+from dst.vehicle import Vehicle
 from dst.world import World
 
 
@@ -83,6 +84,79 @@ def test_each_family_flies_an_orbit_and_gets_its_parameters_back(
     assert turned_rad == pytest.approx(math.tau, rel=0.1)
     assert world.vehicles[1].parameters == family.parameters
     world.close()
+
+
+@pytest.mark.parametrize("family", FAMILIES, ids=lambda family: family.name)
+def test_each_family_keeps_a_geofence_while_it_flies_and_gets_its_own_back(
+    family: Autopilot, prepared: Path, tmp_path: Path
+) -> None:
+    world = World(1, prepared, tmp_path, families=[family])
+    world.run(10.0)
+    assert world.request("POST", "/plans/", plan() | {"geofence": GEOFENCE}).status == 201
+    vehicle = world.vehicles[1]
+    assert isinstance(vehicle, Vehicle)
+    while not vehicle.is_flying:
+        world.run(1.0)
+    assert vehicle.has_fence
+    assert vehicle.parameters != family.parameters
+    world.run(120.0)
+    assert [vehicle.has_fence, vehicle.parameters] == [False, family.parameters]
+    world.close()
+
+
+def test_another_aircraft_in_the_place_of_one_flies_the_next_plan(world: World) -> None:
+    world.run(10.0)
+    post(world)
+    world.run(120.0)
+    vehicle = world.vehicles[1]
+    assert isinstance(vehicle, Vehicle)
+    vehicle.switch_off()
+    world.run(30.0)
+    vehicle.swap()
+    world.run(10.0)
+    number = world.request("POST", "/plans/", plan(2)).json()["id"]
+    world.run(120.0)
+    assert status(world, number) == Status.FINISHED
+    assert times_flown(world) == 2
+
+
+def test_another_aircraft_with_the_system_id_of_one_stays_where_it_is(world: World) -> None:
+    world.run(10.0)
+    world.add_twin(1)
+    world.run(5.0)
+    number = post(world)
+    world.run(30.0)
+    world.remove_twin(1)
+    world.run(150.0)
+    assert status(world, number) == Status.FINISHED
+    assert times_flown(world) == 1
+    assert not world.twins[1].is_flying
+
+
+def test_a_plan_survives_a_loss_of_power_in_the_middle_of_commits(world: World) -> None:
+    world.run(10.0)
+    number = post(world)
+    world.edge_machine.lose_power(after_changes=5)
+    world.run(10.0)
+    world.broker_machine.lose_power()
+    processes = (world.edge, world.relay, world.broker)
+    assert [process.is_up for process in processes] == [False] * 3
+    for process in processes:
+        process.start()
+    assert status(world, number) in {Status.NOT_STARTED, Status.RUNNING}
+
+
+def test_an_edge_server_is_started_again_until_its_disk_can_be_used(world: World) -> None:
+    world.run(10.0)
+    world.edge.kill()
+    world.relay.kill()
+    world.edge_machine.disk.lose_power()
+    world.edge.start()
+    world.run(5.0)
+    was_up = world.edge.is_up
+    world.edge_machine.disk.restore_power()
+    world.run(5.0)
+    assert (was_up, world.edge.is_up) == (False, True)
 
 
 def test_a_mission_survives_kills_of_every_process(world: World) -> None:
