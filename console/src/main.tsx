@@ -11,6 +11,8 @@ import "./styles/screens.css";
 
 const root = document.getElementById("root");
 if (root === null) throw new Error("index.html has no element #root");
+// Loaded while the session is read: the map is the largest part, and nearly every screen has one
+void import("./map/FarmMap").catch(() => undefined);
 createRoot(root).render(
   <StrictMode>
     <App />

@@ -31,7 +31,6 @@ export const VehicleCard = memo(function VehicleCard({ tracked, running, isSelec
   const { t } = useTranslation();
   const stop = use(StopContext);
   const units = useUnits();
-  const now = useNow();
   const { vehicle, motion } = tracked;
   const status = statusOf(vehicle);
   const name = t("vehicle.name", { id: vehicle.vehicle_id });
@@ -64,12 +63,7 @@ export const VehicleCard = memo(function VehicleCard({ tracked, running, isSelec
           }
           isBad={vehicle.gps_fix === "none" || vehicle.gps_fix === "2d"}
         />
-        <Figure
-          icon="link"
-          label={t("vehicle.link")}
-          value={units.duration(now - tracked.reportedAtMs)}
-          isBad={vehicle.link_state !== "connected"}
-        />
+        <LinkAge reportedAtMs={tracked.reportedAtMs} isBad={vehicle.link_state !== "connected"} />
       </dl>
       {isSelected && <LivePicture vehicleId={vehicle.vehicle_id} />}
       {vehicle.warning && <p className="vehicle-warning">{vehicle.warning}</p>}
@@ -109,6 +103,14 @@ function Figure({ icon, label, value, more = "", isBad = false }: {
       </dd>
     </div>
   );
+}
+
+/** Renders by itself each second, so that the card need not. */
+function LinkAge({ reportedAtMs, isBad }: { reportedAtMs: number; isBad: boolean }) {
+  const { t } = useTranslation();
+  const units = useUnits();
+  const now = useNow();
+  return <Figure icon="link" label={t("vehicle.link")} value={units.duration(now - reportedAtMs)} isBad={isBad} />;
 }
 
 function Progress({ running }: { running: Running }) {

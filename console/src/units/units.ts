@@ -12,11 +12,17 @@ const M2_PER_ACRE = 4046.856;
 /** A smaller area is shown in m² or ft². */
 const SMALL_M2 = 1_000;
 
+/** By language and digits: to make one takes longer than to draw the number. */
+const formats = new Map<string, Intl.NumberFormat>();
+
 function rounded(value: number, digits: number, language: string): string {
-  return new Intl.NumberFormat(language, {
-    minimumFractionDigits: digits,
-    maximumFractionDigits: digits,
-  }).format(value);
+  const key = `${language} ${digits}`;
+  let format = formats.get(key);
+  if (format === undefined) {
+    format = new Intl.NumberFormat(language, { minimumFractionDigits: digits, maximumFractionDigits: digits });
+    formats.set(key, format);
+  }
+  return format.format(value);
 }
 
 /** Formats values in one system of units and one language. */

@@ -140,7 +140,6 @@ WITHOUT_VEHICLES = (
         "/metrics",
         "/storage",
         "/backups",
-        "/videos",
         "/audit",
         "/keys",
         "/fields",
