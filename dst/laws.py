@@ -11,6 +11,7 @@ from http import HTTPStatus
 from typing import Any, Final
 
 from afarcloud.enumerations import Status
+from dst.autopilot import Mode
 from dst.edge_process import EdgeDownError
 from dst.flight import SINK_M_S, Reached
 from dst.operator_person import FENCE_M, HIGHEST_M, Operator, PostedAbort, PostedPlan
@@ -182,6 +183,13 @@ class Laws:
         """An abort that was accepted ends the missions that were posted before it."""
         for abort in self._operator.aborts:
             ended_s = self._abort_end_s(abort)
+            is_due = not abort.waits and self._world.scheduler.now_s > ended_s
+            if is_due and self._flies_on(abort):
+                mode = self._world.vehicles[abort.vehicle_id].mode.name
+                raise LawError(
+                    f"vehicle {abort.vehicle_id} flies on in {mode}, though abort {abort.number} "
+                    f"has ended its mission by {ended_s:.1f} s"
+                )
             for plan in self._operator.plans:
                 is_meant = plan.vehicle_id == abort.vehicle_id and plan.posted_s < abort.posted_s
                 for one in self._flown(plan) if is_meant else ():
@@ -190,6 +198,16 @@ class Laws:
                             f"plan {plan.number}: a waypoint is flown at {one.time_s:.1f} s, "
                             f"though abort {abort.number} has ended it by {ended_s:.1f} s"
                         )
+
+    def _flies_on(self, abort: PostedAbort) -> bool:
+        """Whether a vehicle flies what was posted before an abort, as it has nothing newer."""
+        vehicle = self._world.vehicles[abort.vehicle_id]
+        has_newer = any(
+            plan.vehicle_id == abort.vehicle_id and plan.posted_s > abort.posted_s
+            for plan in self._operator.plans
+        )
+        is_flown = vehicle.mode in {Mode.MISSION, Mode.FOLLOW, Mode.ORBIT}
+        return vehicle.is_flying and is_flown and not has_newer
 
     def _note_pauses(self) -> None:
         """Note which missions stand still since which event."""
@@ -245,9 +263,6 @@ class Laws:
 
     def _flights_are_safe(self) -> None:
         """No vehicle leaves the place of its plans, or comes down hard; falls are not judged."""
-        for system, twin in self._world.twins.items():
-            if twin.is_flying:
-                raise LawError(f"the other aircraft with system id {system} flies")
         for system, vehicle in self._world.vehicles.items():
             truth = vehicle.truth
             if truth.furthest_m > FENCE_M or truth.highest_m > HIGHEST_M:

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from dst.autopilot import Mode
 from dst.edge_process import prepared_folder
 from dst.flight import OrderUnderPilot, Reached
 from dst.laws import LawError, Laws
@@ -131,6 +132,20 @@ def test_a_waypoint_that_is_flown_after_an_abort_is_found(
         farm.laws.check()
 
 
+def test_a_vehicle_that_flies_on_after_an_abort_is_found(
+    farm: Farm, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(farm.operator, "plans", [])
+    monkeypatch.setattr(farm.operator, "aborts", [abort_in_flight(farm, 904)])
+    farm.world.run(60.0)
+    farm.laws.check()
+    vehicle = farm.world.vehicles[1]
+    monkeypatch.setattr(vehicle, "mode", Mode.FOLLOW)
+    monkeypatch.setattr(vehicle.truth, "height_m", 5.0)
+    with pytest.raises(LawError, match="flies on in FOLLOW, though abort"):
+        farm.laws.check()
+
+
 def test_an_abort_that_has_not_ended_is_an_open_matter(
     farm: Farm, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -174,18 +189,6 @@ def test_a_flight_that_is_not_safe_is_found(
     monkeypatch.setattr(farm.world.vehicles[1].truth, fact, value)
     with pytest.raises(LawError, match=law):
         farm.laws.check()
-
-
-def test_another_aircraft_with_a_system_id_that_flies_is_found(
-    farm: Farm, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(farm.world, "twins", {})
-    farm.world.add_twin(1)
-    farm.laws.check()
-    farm.world.twins[1].truth.height_m = 5.0
-    with pytest.raises(LawError, match="the other aircraft with system id 1 flies"):
-        farm.laws.check()
-    farm.world.remove_twin(1)
 
 
 def test_a_report_that_a_killed_broker_had_to_keep_is_an_open_matter(farm: Farm) -> None:
