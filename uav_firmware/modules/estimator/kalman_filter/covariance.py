@@ -3,7 +3,7 @@
 Two classes do the same arithmetic, to the last bit as long as every number is finite:
 `covariance_arrays` in whole arrays of numpy, for the interpreter, and `covariance_kernel` in plain
 loops, which `make compile` turns into C. Products go through no BLAS: it sums in an order, and
-rounds in places, that depend on the processor, and a flight would differ from machine to machine.
+rounds in places, that depend on the processor.
 
 The matrix stays exactly symmetric: only the upper triangle of a prediction counts, and a fusion
 subtracts the square of one vector.
