@@ -37,7 +37,6 @@ def test_an_old_report_does_not_end_a_mission_of_the_same_number(edge: Edge) -> 
     assert len(edge.work()) == 1
 
 
-@pytest.mark.first_case
 @pytest.mark.parametrize("mark", ["work_id", "session_id", "recorded_at"])
 def test_an_old_report_does_not_end_an_accepted_mission_of_its_number(
     edge: Edge, mark: str
