@@ -12,12 +12,12 @@ from dst.edge_process import prepared_folder
 from dst.report import text_of
 from dst.simulate import Outcome, simulate
 
-FLYING = 3
-FIXED = (1, 2, *range(4, 21))
-MORE = range(21, 201)
+FLYING = 2
+FIXED = (1, *range(3, 13))
+MORE = range(13, 201)
 DAYS = range(1, 4)
 DEEP = range(1, 4)
-FRESH, MORE_FRESH = 4, 15
+FRESH, MORE_FRESH = 2, 15
 LARGEST_SEED = 10**6
 IS_CI = bool(os.environ.get("CI"))
 """Whether a change decides over the result, not chance."""
