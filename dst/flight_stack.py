@@ -30,6 +30,8 @@ STICKS_S: Final = 0.1
 """Period of the pilot's MANUAL_CONTROL."""
 REACHED_M: Final = 3.0
 """Farther from a waypoint by truth it was not flown, whatever the flight stack reports."""
+RETURN_M: Final = 10.0
+"""Height of a return, below the fence of the plans."""
 ON_CIRCLE_M: Final = 4.0
 """How far from its circle a vehicle may be while it turns."""
 FLYING_M: Final = 0.3
@@ -206,6 +208,7 @@ class FlightStack:
             world_us=lambda: round((EPOCH.timestamp() + self._scheduler.now_s) * 1e6),
             write_line=lambda _time_us, _text: None,
         )
+        self._stack.registry.set("RTL_RETURN_ALT", RETURN_M)
         self._link.inbox.clear()
         self._next = self._scheduler.after(ROUND_S, self._fly)
 
