@@ -143,8 +143,8 @@ def _database(error: DBAPIError) -> ResponseReturnValue:
         note_fault(current_app.extensions["edge_context"].config.database_path, str(error.orig))
         return _answer("the database is broken and is being replaced"), 503, RETRY_SOON
     if is_full(error):
-        LOG.error("the disk is full: %s", error.orig)
-        return _answer("the disk is full; nothing was stored"), 507
+        LOG.error("the disk is full or cannot be written: %s", error.orig)
+        return _answer("the disk is full or cannot be written; nothing was stored"), 507
     if is_lost(error):
         LOG.error("the database does not answer: %s", error.orig)
         return _answer("the database does not answer; try again"), 503, RETRY_SOON
