@@ -14,12 +14,13 @@ from edge_server.api.access import audit_trail, auth, signatures
 from edge_server.api.access.limits import Limits
 from edge_server.api.routes import console, documentation, health, metrics
 from edge_server.api.routes.administration import audit, backups, keys, session, storage, users
-from edge_server.api.routes.fleet import broker, events, live, vehicles, videos
+from edge_server.api.routes.fleet import broker, events, live, vehicle_logs, vehicles, videos
 from edge_server.api.routes.planning import fields, maps, plan_files, plans, surveys
 from edge_server.api.routes.reports import (
     alarm_history,
     bulk,
     dead_letters,
+    flight_logs,
     flight_maps,
     flights,
     telemetry,
@@ -56,7 +57,9 @@ _MODULES = (
     bulk,
     dead_letters,
     vehicles,
+    vehicle_logs,
     flights,
+    flight_logs,
     flight_maps,
     maps,
     alarm_history,

@@ -18,6 +18,8 @@ MAXIMUM_BODY_BYTES: Final = 1024 * 1024
 MAXIMUM_DEPTH: Final = 20
 _NESTING: Final = (dict, list)
 MAXIMUM_IMAGE_BODY_BYTES: Final = 3 * 512 * 1024  # A 1 MiB frame in base64, and its fields
+OCTETS: Final = "application/octet-stream"
+_FLAGS: Final[dict[str | None, bool]] = {None: False, "true": True, "false": False}
 _WHOLE: Final = re.compile(r"([0-9]{1,19})(?:\.0+)?")  # 5.0 is an integer, as in a body
 _NUMBER: Final = re.compile(r"[0-9]{1,400}(\.[0-9]{1,400})?([eE][+-]?[0-9]{1,3})?")
 _LATEST_S: Final = 1e11  # Epoch seconds; the year 5138
@@ -82,6 +84,13 @@ def raw_body(limit: int = MAXIMUM_BODY_BYTES, *, keep: bool = False) -> bytes:
     return raw
 
 
+def octets(limit: int = MAXIMUM_BODY_BYTES) -> bytes:
+    """Read a body that is a part of a file; raises 413 or 415."""
+    if request.mimetype != OCTETS:
+        raise RequestError(415, f"the body must be {OCTETS}")
+    return raw_body(limit)
+
+
 def document(kind: Kind, model: type[_Model]) -> _Model:
     """Read a document of this kind, with or without its envelope; raises DocumentError.
 
@@ -114,16 +123,25 @@ def query_number(name: str, default: float, low: float, high: float) -> float:
     return number
 
 
-def query_integer(name: str, default: int, low: int, high: int) -> int:
-    """Read a whole number from the query; raises 422 with its name."""
-    raw = request.args.get(name)
-    if raw is None:
+def query_integer(name: str, default: int | None, low: int, high: int) -> int:
+    """Read a whole number from the query, which must be given without a default; raises 422."""
+    raw = request.args.get(name, "" if default is None else None)
+    if raw is None and default is not None:
         return default
-    whole = _WHOLE.fullmatch(raw)
+    whole = _WHOLE.fullmatch(raw or "")
     if whole is None or not low <= int(whole[1]) <= high:
         message = f"must be a whole number from {low} to {high}"
         raise RequestError(422, "the query cannot be used", (Fault(name, message),))
     return int(whole[1])
+
+
+def query_boolean(name: str) -> bool:
+    """Read true or false from the query, false when it is not given; raises 422 with its name."""
+    raw = request.args.get(name)
+    if raw not in _FLAGS:
+        fault = Fault(name, "must be true or false")
+        raise RequestError(422, "the query cannot be used", (fault,))
+    return _FLAGS[raw]
 
 
 def query_vehicle() -> int | None:

@@ -26,6 +26,7 @@ from edge_server.services.errors import (
     NotFoundError,
     ServiceError,
     SpentError,
+    TooLargeError,
     TooMuchError,
     UnavailableError,
 )
@@ -40,6 +41,7 @@ STATUS: Final[dict[type[ServiceError], int]] = {
     TooMuchError: 429,
     KeyReusedError: 422,
     ChangedError: 412,
+    TooLargeError: 413,
     FullError: 507,
     SpentError: 403,
     UnavailableError: 503,

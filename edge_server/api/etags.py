@@ -1,15 +1,17 @@
-"""`ETag`, `If-Match` and `If-None-Match`: no lost updates (RFC 9110 section 8.8).
+"""`ETag`, `If-Match` and `If-None-Match`: no lost updates (RFC 9110 section 8.8); `Range`.
 
 A tag is the hash of the representation, live status included: it changes when a mission of the plan
 starts.
 """
 
 import hashlib
+from collections.abc import Callable, Iterator
 from typing import Any
 
-from flask import make_response, request
+from flask import Response, make_response, request
 from flask.typing import ResponseReturnValue
-from werkzeug.datastructures import ETags
+from werkzeug.datastructures import ETags, Range
+from werkzeug.exceptions import RequestedRangeNotSatisfiable
 
 from edge_server.services.errors import ChangedError
 from edge_server.store.connection.database import to_json
@@ -47,3 +49,37 @@ def check_match(shown: dict[str, Any]) -> None:
     tags = [tag, *(f"{tag}-{form}" for form in FORMS)]
     if not shown or not (wanted.star_tag or any(one in wanted for one in tags)):
         raise ChangedError("the resource has changed since it was read; read it again")
+
+
+def file_part(
+    tag: str, size_bytes: int, read: Callable[[int, int], Iterator[bytes]], media_type: str
+) -> Response:
+    """Answer with a file, or the range of its bytes that is asked for (RFC 9110 section 14).
+
+    `read` gives the bytes from a first offset up to a last one, which is not included.
+
+    Raises:
+        RequestedRangeNotSatisfiable: if the file has no such bytes.
+    """
+    if request.if_none_match.contains(tag):
+        answer = Response(status=304)
+    elif (wanted := _wanted()) is None:
+        answer = Response(read(0, size_bytes), content_type=media_type)
+        answer.content_length = size_bytes
+    elif (part := wanted.range_for_length(size_bytes)) is None:
+        raise RequestedRangeNotSatisfiable(length=size_bytes)
+    else:
+        answer = Response(read(*part), 206, content_type=media_type)
+        answer.content_length = part[1] - part[0]
+        answer.content_range.set(*part, size_bytes)
+    answer.set_etag(tag)
+    answer.accept_ranges = "bytes"
+    answer.headers["Cache-Control"] = "private, no-cache"
+    return answer
+
+
+def _wanted() -> Range | None:
+    """Read which part is wanted; several parts, and one of a former file, become the whole."""
+    asked = request.range
+    is_one = asked is not None and asked.units == "bytes" and len(asked.ranges) == 1
+    return asked if is_one and "If-Range" not in request.headers else None

@@ -70,9 +70,12 @@ _QUERY: Final[dict[str, tuple[str, dict[str, Any]]]] = {
     "format:csv": ("JSON or CSV", {"enum": ["json", "csv"]}),
     "format:track": ("GeoJSON, CSV or GPX", {"enum": ["geojson", "csv", "gpx"]}),
     "preview": ("Plan only, store nothing", {"type": "boolean"}),
+    "offset:required": ("First byte of the part in the file", _INTEGER),
+    "is_last": ("The part is the last one: the file is complete", {"type": "boolean"}),
     "wait": ("Seconds to wait for work", {"type": "number", "minimum": 0, "maximum": 25}),
 }
 _TAG: Final = {"type": "string"}
+_FILE: Final = {"type": "string", "format": "binary"}
 _KEY: Final = {"type": "string", "pattern": "^[!-~]{1,64}$"}
 
 
@@ -148,6 +151,8 @@ def _operation(route: Route) -> dict[str, Any]:
         operation["security"] = [{"bearer": []}, {"header": []}]
     if parameters := [*_path_parameters(route.rule), *_other_parameters(route)]:
         operation["parameters"] = parameters
+    if contract.body is None and contract.files:
+        operation["requestBody"] = {"required": True, "content": _raw_files(contract)}
     if contract.body is not None:
         content: dict[str, Any] = {"schema": _reference(contract.body)}
         if contract.example is not None:
@@ -161,12 +166,16 @@ def _files(contract: Contract) -> dict[str, Any]:
     """Media types of files: as the body, or in a form."""
     if not contract.files:
         return {}
-    file = {"type": "string", "format": "binary"}
-    form = {"type": "object", "properties": {"file": file}, "required": ["file"]}
-    alone: dict[str, Any] = {media_type: {"schema": file} for media_type in contract.files}
+    form = {"type": "object", "properties": {"file": _FILE}, "required": ["file"]}
+    alone = _raw_files(contract)
     if geojson.MEDIA_TYPE in alone:
         alone[geojson.MEDIA_TYPE] = {"schema": _reference(planning_schemas.GeoJson)}
     return {**alone, "multipart/form-data": {"schema": form}}
+
+
+def _raw_files(contract: Contract) -> dict[str, Any]:
+    """Media types of files as the body."""
+    return {media_type: {"schema": _FILE} for media_type in contract.files}
 
 
 def _responses(route: Route) -> dict[str, Any]:
@@ -195,7 +204,7 @@ def _error_statuses(route: Route) -> set[int]:
         found.add(404)
     if contract.query:
         found.add(422)
-    if contract.body is not None:
+    if contract.body is not None or contract.files:
         found |= {400, 413, 415, 422, 507}
     if contract.conditional:
         found.add(304 if route.method == "GET" else 412)

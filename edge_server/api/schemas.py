@@ -348,6 +348,34 @@ class FlightPicture(Answer):
     thumbnail_url: str | None
 
 
+class FlightLog(Answer):
+    """A log that its vehicle has written of a flight; `url` is null until it is complete."""
+
+    id: Id
+    format: Literal["ulg", "bin"]
+    file_name: str
+    started_at: datetime
+    ended_at: datetime
+    size_bytes: int
+    received_bytes: int
+    is_complete: bool
+    url: str | None
+
+
+class ReceivedLog(Answer):
+    """A log that a broker sends; the next part begins at `received_bytes`."""
+
+    name: str
+    vehicle_id: Id
+    format: Literal["ulg", "bin"]
+    started_at: datetime
+    ended_at: datetime
+    listed_at: datetime | None
+    size_bytes: int
+    received_bytes: int
+    is_complete: bool
+
+
 class PictureFootprint(Answer):
     """Latitude and longitude of a picture's corners on the ground, from the top left clockwise."""
 

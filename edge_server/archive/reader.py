@@ -4,6 +4,8 @@ import sqlite3
 from collections.abc import Iterator, Sequence
 from typing import Final, NamedTuple
 
+from edge_server.archive import tables
+
 _POINTS: Final = 1000  # Per query
 _FLIGHT: Final = (
     "SELECT flight.*,"
@@ -113,7 +115,7 @@ def flight_map(connection: sqlite3.Connection, flight_id: int) -> Row | None:
             "SELECT made_at, about, data FROM map WHERE flight = ?", (flight_id,)
         ).fetchone()
     except sqlite3.OperationalError as error:
-        if "no such table" not in str(error):  # Nothing was written since an older version
+        if not tables.lacks_table(error):
             raise
         return None
     return found

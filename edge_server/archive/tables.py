@@ -111,6 +111,29 @@ CREATE TABLE IF NOT EXISTS map (
     about TEXT NOT NULL,
     data BLOB NOT NULL
 );
+CREATE TABLE IF NOT EXISTS log (
+    id INTEGER PRIMARY KEY AUTOINCREMENT,
+    vehicle_id INTEGER NOT NULL,
+    name TEXT NOT NULL,
+    format TEXT NOT NULL,
+    started_at REAL NOT NULL,
+    ended_at REAL NOT NULL,
+    listed_s INTEGER NOT NULL,
+    size_bytes INTEGER NOT NULL,
+    received_bytes INTEGER NOT NULL DEFAULT 0,
+    is_complete INTEGER NOT NULL DEFAULT 0,
+    changed_at REAL NOT NULL,
+    dropped INTEGER NOT NULL DEFAULT 0,
+    UNIQUE (vehicle_id, name)
+);
+CREATE INDEX IF NOT EXISTS log_of_vehicle ON log (vehicle_id, started_at);
+CREATE TABLE IF NOT EXISTS log_part (
+    id INTEGER PRIMARY KEY,
+    log INTEGER NOT NULL,
+    offset INTEGER NOT NULL,
+    data BLOB NOT NULL,
+    UNIQUE (log, offset)
+);
 """
 """Tables that an archive of this version may lack: they are made when it is opened."""
 
@@ -129,6 +152,11 @@ def is_full(error: Exception) -> bool:
     """Whether an error shows that the disk or the budget is used up."""
     code = getattr(error, "sqlite_errorcode", None)
     return (code or 0) & 0xFF == sqlite3.SQLITE_FULL
+
+
+def lacks_table(error: Exception) -> bool:
+    """Whether an error shows that nothing was written since a version without some table."""
+    return isinstance(error, sqlite3.OperationalError) and "no such table" in str(error)
 
 
 def open_for_writing(path: Path, budget_bytes: int) -> sqlite3.Connection:

@@ -7,6 +7,8 @@ transactions, so that no report waits for long. Flights that have not ended are 
 import sqlite3
 from typing import Final
 
+from edge_server.archive import logs
+
 _PICTURES: Final = 16  # Per transaction, at most 1 MiB each
 _ROWS: Final = 2000
 _FREED_PAGES: Final = 1000
@@ -23,9 +25,13 @@ def used_bytes(connection: sqlite3.Connection) -> int:
 
 def drop_part(connection: sqlite3.Connection) -> bool:
     """Delete a part of what is marked as dropped; returns whether there was any."""
+    if logs.drop_part(connection):
+        return True
     row = connection.execute("SELECT id FROM flight WHERE dropped = 1 LIMIT 1").fetchone()
     if row is None:
         return False
+    if logs.mark_orphans(connection):
+        return True
     flight: int = row[0]
     deleted = connection.execute(
         "DELETE FROM picture WHERE id IN (SELECT id FROM picture WHERE flight = ? LIMIT ?)",

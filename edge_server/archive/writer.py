@@ -17,7 +17,7 @@ from typing import Final, NamedTuple, TypeVar
 
 from afarcloud.state import MissionReport, Report
 from afarcloud.wire import Kind
-from edge_server.archive import flights, results, tables, upkeep
+from edge_server.archive import flights, logs, results, tables, upkeep
 from edge_server.archive.flights import MissionName
 from edge_server.archive.results import Stored
 
@@ -122,6 +122,25 @@ class FlightArchive:
                 )
             )
 
+    @property
+    def largest_log_bytes(self) -> int:
+        """How large a log may be; 0 if none is kept."""
+        return int(logs.SHARE * self._budget_bytes)
+
+    @property
+    def has_room(self) -> bool:
+        """Whether the disk has room besides what the records may need."""
+        return not self._disk_is_short
+
+    def change_logs(self, change: Callable[[sqlite3.Connection], _Result]) -> _Result:
+        """Change logs (`edge_server.archive.logs`) in a transaction.
+
+        Raises:
+            sqlite3.Error, OSError: if it cannot be written, or the archive has no room for it.
+        """
+        with self._lock:
+            return self._write(change)
+
     @contextmanager
     def reading(self) -> Iterator[sqlite3.Connection | None]:
         """Give a connection that sees one state of the archive; None while there is none.
@@ -199,16 +218,16 @@ class FlightArchive:
             self._has_failed = False
         return True
 
-    def _write(self, write: Callable[[sqlite3.Connection], object]) -> None:
+    def _write(self, write: Callable[[sqlite3.Connection], _Result]) -> _Result:
         """Write; beyond the budget the oldest flight makes room."""
         try:
-            self._transact(write)
+            return self._transact(write)
         except sqlite3.OperationalError as error:
             if not tables.is_full(error) or not self._transact(upkeep.mark_oldest):
                 raise
             while self._transact(upkeep.drop_part):
                 continue
-            self._transact(write)
+            return self._transact(write)
 
     def _transact(self, write: Callable[[sqlite3.Connection], _Result]) -> _Result:
         connection = self._opened()
@@ -266,13 +285,16 @@ class FlightArchive:
     def _keep_budget(self) -> None:
         """Delete what is marked, and the oldest flights while the budget is nearly used up."""
         for _ in range(STEPS):
-            if self._locked(upkeep.drop_part):
+            if self._locked(upkeep.drop_part) or self._locked(self._mark_excess_logs):
                 continue
             with self._lock:
                 used = upkeep.used_bytes(self._opened())
             if used <= CALM_SHARE * self._budget_bytes or not self._locked(upkeep.mark_oldest):
                 break
         self._return_pages()
+
+    def _mark_excess_logs(self, connection: sqlite3.Connection) -> bool:
+        return logs.mark_excess(connection, self._budget_bytes, self._clock())
 
     def _return_pages(self) -> None:
         for _ in range(STEPS):

@@ -7,6 +7,7 @@ ServiceError
   +- KeyReusedError     the idempotency key has been used for something else
   +- ChangedError       the object has changed since the caller read it
   +- SpentError         the signature has been used for something else
+  +- TooLargeError      it is larger than what is kept
   +- FullError          there is no room for it on the disk, or within its budget
   +- UnavailableError   what it is about cannot be read or written now
 """
@@ -38,6 +39,10 @@ class TooMuchError(ServiceError):
 
 class KeyReusedError(ServiceError):
     """The idempotency key belongs to another request."""
+
+
+class TooLargeError(ServiceError):
+    """It is larger than what is kept."""
 
 
 class FullError(ServiceError):

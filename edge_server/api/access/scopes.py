@@ -28,8 +28,10 @@ def _covers(scope: Scope, endpoint: str, method: str) -> bool:
     if scope is Scope.METRICS:
         return endpoint.startswith("metrics.")
     if scope is Scope.REPORT:
-        return endpoint in _REPORTING or (
-            endpoint.startswith("telemetry.") and endpoint.endswith("_create")
+        return (
+            endpoint in _REPORTING
+            or endpoint.startswith("vehicle_logs.")
+            or (endpoint.startswith("telemetry.") and endpoint.endswith("_create"))
         )
     return method in SAFE_METHODS
 

@@ -99,3 +99,13 @@ TELEMETRY: dict[str, dict[str, Any]] = {
 def telemetry(kind: str, sequence_number: int = 0, vehicle_id: int = 1) -> dict[str, Any]:
     """A report of a kind."""
     return {"sequence_number": sequence_number, "vehicle_id": vehicle_id} | TELEMETRY[kind]
+
+
+VEHICLE_LOG: dict[str, Any] = {
+    "format": "ulg",
+    "started_at": "2026-11-21T12:00:00Z",
+    "ended_at": "2026-11-21T12:10:00Z",
+    "listed_at": "2026-11-21T11:59:58Z",
+    "size_bytes": 10,
+}
+"""What a broker says of a log before it sends it."""

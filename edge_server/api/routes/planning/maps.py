@@ -4,10 +4,8 @@ from typing import Any, Final
 from urllib.parse import quote
 
 from flask import Blueprint, Response, request
-from werkzeug.datastructures import Range
-from werkzeug.exceptions import RequestedRangeNotSatisfiable
 
-from edge_server.api import bodies, schemas, urls
+from edge_server.api import bodies, etags, schemas, urls
 from edge_server.api.access.auth import PEOPLE, allow
 from edge_server.api.contract import Contract, describe
 from edge_server.services import farm_maps
@@ -39,22 +37,7 @@ def page() -> list[dict[str, Any]]:
 def tiles(file_name: str) -> Response:
     """Give a PMTiles archive, or the range of its bytes that is asked for."""
     found = farm_maps.tiles(bodies.context(), file_name)
-    size = found.size_bytes
-    if request.if_none_match.contains(found.tag):
-        answer = Response(status=304)
-    elif (wanted := _wanted()) is None:
-        answer = Response(found.read(0, size), content_type=MEDIA_TYPE)
-        answer.content_length = size
-    elif (part := wanted.range_for_length(size)) is None:
-        raise RequestedRangeNotSatisfiable(length=size)
-    else:
-        answer = Response(found.read(*part), 206, content_type=MEDIA_TYPE)
-        answer.content_length = part[1] - part[0]
-        answer.content_range.set(*part, size)
-    answer.set_etag(found.tag)
-    answer.accept_ranges = "bytes"
-    answer.headers["Cache-Control"] = "private, no-cache"
-    return answer
+    return etags.file_part(found.tag, found.size_bytes, found.read, MEDIA_TYPE)
 
 
 @allow(PEOPLE)
@@ -71,10 +54,3 @@ def picture(file_name: str) -> Response:
     answer.set_etag(found.tag)
     answer.headers["Cache-Control"] = "private, no-cache"
     return answer
-
-
-def _wanted() -> Range | None:
-    """Read which part is wanted; several parts, and one of a former file, become the whole."""
-    asked = request.range
-    is_one = asked is not None and asked.units == "bytes" and len(asked.ranges) == 1
-    return asked if is_one and "If-Range" not in request.headers else None

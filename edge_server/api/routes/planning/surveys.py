@@ -2,16 +2,14 @@
 
 from typing import Final
 
-from flask import Blueprint, request
+from flask import Blueprint
 from flask.typing import ResponseReturnValue
 from werkzeug.exceptions import Forbidden
 
-from afarcloud.faults import Fault
 from edge_server.api import bodies, planning_schemas, urls
 from edge_server.api.access import scopes
 from edge_server.api.access.auth import PLANNERS, allow, audit, caller
 from edge_server.api.contract import Contract, describe
-from edge_server.api.errors import RequestError
 from edge_server.services.planning import surveys
 from edge_server.store.rows.keys import Role
 from edge_server.survey.request import SurveyOrder
@@ -28,7 +26,6 @@ EXAMPLE: Final = {
     "altitude": 30.0,
     "vehicles": [1],
 }
-_FLAGS: Final = {None: False, "false": False, "true": True}
 
 
 def blueprint() -> Blueprint:
@@ -54,18 +51,10 @@ def create() -> ResponseReturnValue:
     wanted = bodies.model(SurveyOrder)
     scopes.check(*wanted.vehicles)
     requester = caller()
-    if _is_preview():
+    if bodies.query_boolean("preview"):
         return surveys.preview(bodies.context(), wanted), 200
     if requester.role == Role.FARMER and wanted.dispatch:
         raise Forbidden('a farmer may post drafts only: {"dispatch": false}')
     planned = surveys.create(bodies.context(), wanted, requester)
     audit(f"planned a survey: plans {[plan['id'] for plan in planned['plans']]}")
     return planned, 201
-
-
-def _is_preview() -> bool:
-    raw = request.args.get("preview")
-    if raw not in _FLAGS:
-        fault = Fault("preview", "must be true or false")
-        raise RequestError(422, "the query cannot be used", (fault,))
-    return _FLAGS[raw]

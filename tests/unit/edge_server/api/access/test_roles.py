@@ -13,7 +13,14 @@ from edge_server.app import context_of, create_app
 from edge_server.config import Config
 from edge_server.store.rows.keys import Role
 from tests.unit.edge_server.conftest import Clock, Edge
-from tests.unit.edge_server.documents import TELEMETRY, event, plan, speed_event, telemetry
+from tests.unit.edge_server.documents import (
+    TELEMETRY,
+    VEHICLE_LOG,
+    event,
+    plan,
+    speed_event,
+    telemetry,
+)
 
 EVERYBODY = {"farmer", "operator", "admin", "broker", "cloud"}
 PEOPLE = EVERYBODY - {"broker"}
@@ -39,6 +46,10 @@ MATRIX: list[tuple[str, str, set[str], Any]] = [
     ("PUT", "/vehicles/1", {"broker", "operator", "admin"}, {"link_state": "lost"}),
     ("DELETE", "/vehicles/1", {"admin"}, None),
     ("POST", "/vehicles/1/release", {"operator", "admin"}, {"reason": "looked at"}),
+    ("GET", "/vehicles/1/logs", {"broker"}, None),
+    ("PUT", "/vehicles/1/logs/maria", {"broker"}, VEHICLE_LOG),
+    ("PATCH", "/vehicles/1/logs/maria?offset=0", {"broker"}, {}),
+    ("DELETE", "/vehicles/1/logs/maria", {"broker"}, None),
     ("GET", "/broker/commands", {"broker"}, None),
     ("POST", "/broker/commands/1/ack", {"broker"}, {"status": "accepted"}),
     ("POST", "/latest_state_vector/", PEOPLE, {"sequence_number": 3}),
@@ -97,6 +108,9 @@ MATRIX: list[tuple[str, str, set[str], Any]] = [
     ("GET", "/flights/1/pictures/1/thumbnail", PEOPLE, None),
     ("GET", "/flights/1/footprints", PEOPLE, None),
     ("GET", "/flights/1/observations", PEOPLE, None),
+    ("GET", "/flights/1/log", PEOPLE, None),
+    ("GET", "/flights/1/logs", PEOPLE, None),
+    ("GET", "/flights/1/logs/1", PEOPLE, None),
     ("GET", "/flights/1/map", PEOPLE, None),
     ("POST", "/flights/1/map", {"operator", "admin"}, None),
     ("GET", "/flights/1/map/picture", PEOPLE, None),

@@ -1,0 +1,59 @@
+"""`/flights/<id>/log`: what the vehicle itself has written of a flight, for its maker's tools.
+
+A flight has several logs if its vehicle was disarmed in between; `/flights/<id>/logs` lists them.
+"""
+
+from flask import Blueprint, Response
+
+from edge_server.api import bodies, etags, schemas, urls
+from edge_server.api.access import scopes
+from edge_server.api.access.auth import PEOPLE, allow
+from edge_server.api.contract import Contract, describe
+from edge_server.api.routes.reports.flights import ITEM, NAMES
+from edge_server.services import flight_archive, flight_logs
+from edge_server.services.flight_logs import LogFile
+from edge_server.services.reports.listing import Listing
+
+
+def blueprint() -> Blueprint:
+    """Make the routes."""
+    routes = Blueprint("flight_logs", __name__)
+    urls.add(routes, NAMES, "page", page, "GET", item=ITEM, action="logs")
+    urls.add(routes, NAMES, "get", get, "GET", item=ITEM, action="logs/<int64:number>")
+    urls.add(routes, NAMES, "largest", largest, "GET", item=ITEM, action="log")
+    return routes
+
+
+@allow(PEOPLE)
+@describe(Contract({200: schemas.FlightLog}, is_list=True))
+def page(flight_id: int) -> Listing:
+    """List the logs of a flight, oldest first, also those that are still received."""
+    _check(flight_id)
+    return flight_logs.of_flight(bodies.context(), flight_id)
+
+
+@allow(PEOPLE)
+@describe(Contract({200: None, 206: None}, conditional=True, errors=(416,)))
+def get(flight_id: int, number: int) -> Response:
+    """Give a log of a flight, or the range of its bytes that is asked for."""
+    _check(flight_id)
+    return _file(flight_logs.file_of_flight(bodies.context(), flight_id, number))
+
+
+@allow(PEOPLE)
+@describe(Contract({200: None, 206: None}, conditional=True, errors=(416,)))
+def largest(flight_id: int) -> Response:
+    """Give the largest log of a flight, which is the only one unless it landed in between."""
+    _check(flight_id)
+    return _file(flight_logs.file_of_flight(bodies.context(), flight_id))
+
+
+def _file(found: LogFile) -> Response:
+    answer = etags.file_part(found.tag, found.size_bytes, found.read, flight_logs.MEDIA_TYPE)
+    answer.headers["Content-Disposition"] = f'attachment; filename="{found.name}"'
+    return answer
+
+
+def _check(flight_id: int) -> None:
+    """Check that a flight exists and that the key permits its vehicle; raises 403 or 404."""
+    scopes.permitted(flight_archive.flight(bodies.context(), flight_id))
