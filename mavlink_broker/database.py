@@ -107,13 +107,22 @@ class Database:
             self._connected()
 
     def read(self, query: str) -> list[tuple[Any, ...]]:
-        """Give the rows of a query.
+        """Give the rows of a query, also of a file that cannot be changed now.
 
         Raises:
+            DatabaseBusyError: if another broker has locked the folder.
             OSError: if they cannot be read.
         """
-        with self._mutex, _as_os_errors():
-            return self._connected().execute(query).fetchall()
+        with self._mutex:
+            try:
+                with _as_os_errors():
+                    return self._connected().execute(query).fetchall()
+            except DatabaseBusyError:
+                raise
+            except OSError:  # Its opening alone writes: on a read-only disk, or beside a lock
+                if self._is_closed or not self._path.exists():
+                    raise
+                return read_rows(self.folder, query)
 
     @contextmanager
     def change(self, size_bytes: int = 0) -> Iterator[sqlite3.Connection]:

@@ -12,9 +12,9 @@ import logging
 import threading
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
-from mavlink_broker.database import Database, read_rows
+from mavlink_broker.database import Database
 from mavlink_broker.recovery.encoding import JournalError, decode, encode
 from mavlink_broker.supervision import SupervisedThread, reason_of
 from mavlink_broker.vehicle.recovery_state import (
@@ -45,7 +45,7 @@ class JournalTable:
     def read_all(self) -> dict[VehicleIdentity, RecoveryRecord]:
         """Read every record, also from a disk that takes none; invalid ones are set aside."""
         try:
-            rows = self._rows()
+            rows = self._database.read(_ALL)
         except OSError as error:
             _LOG.warning("the journal cannot be read: %s: %s", self.folder, error.strerror)
             return {}
@@ -71,12 +71,6 @@ class JournalTable:
                 rows.execute("DELETE FROM records WHERE system = ? AND uid = ?", identity)
             else:
                 rows.execute("INSERT OR REPLACE INTO records VALUES (?, ?, ?)", (*identity, data))
-
-    def _rows(self) -> list[tuple[Any, ...]]:
-        try:
-            return self._database.read(_ALL)
-        except OSError:
-            return read_rows(self.folder, _ALL)
 
 
 def _record_of(identity: VehicleIdentity, data: bytes) -> RecoveryRecord:

@@ -1,11 +1,14 @@
 """The spool on disk: reports before pictures, a bound that holds, also on a full disk."""
 
+import sqlite3
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from mavlink_broker.database import DATABASE_FILE, RESERVE_BYTES, read_rows
+from mavlink_broker import database
+from mavlink_broker.database import DATABASE_FILE, RESERVE_BYTES, DatabaseBusyError, read_rows
 from mavlink_broker.edge.outbox import Post
 from mavlink_broker.edge.spool import MIB, Spool
 from tests.support.small_disk import NoSmallDiskError, fill_up, small_disk
@@ -48,6 +51,34 @@ def test_the_next_run_gets_the_posts_that_wait_in_order(tmp_path: Path) -> None:
         "mission_report-3",
     ]
     assert again.next_number() > max(one.spool_number or 0 for one in left)
+
+
+def test_the_next_run_gets_the_posts_while_another_program_holds_a_lock(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without them it would not know how a mission has ended, and fly it again."""
+    monkeypatch.setattr(database, "BUSY_TIMEOUT_S", 0.0)
+    spool = spool_in(tmp_path)
+    spool.store_reports(numbered(spool, post(number=1), post(number=2)))
+    spool.database.close()
+    with closing(sqlite3.connect(tmp_path / DATABASE_FILE, isolation_level=None)) as other:
+        other.execute("BEGIN IMMEDIATE")
+        again = spool_in(tmp_path)
+        left = list(again.take_inherited())
+        assert numbers(left) == [1, 2]
+        sent = frozenset({left[0].spool_number or 0})
+        with pytest.raises(OSError, match="locked"):
+            again.release(sent)
+    again.release(sent)
+    again.database.close()
+    assert left_in(spool_in(tmp_path)) == [2]
+
+
+def test_another_broker_gets_no_posts(tmp_path: Path) -> None:
+    spool = spool_in(tmp_path)
+    spool.store_reports(numbered(spool, post(number=1)))
+    with pytest.raises(DatabaseBusyError):
+        spool_in(tmp_path)
 
 
 def test_an_unused_spool_writes_nothing(tmp_path: Path) -> None:
