@@ -176,14 +176,18 @@ class Session:
         self.missions.receive_payload(message, now, effects)
 
     def _vehicle_restarted(self, now: float, effects: Effects) -> None:
-        _LOG.warning("vehicle %d was restarted", self.vehicle.vehicle_id)
+        """Begin anew with a vehicle; what it was ordered since its restart goes on."""
+        is_old = self.vehicle.was_ordered_since_boot
+        when = " before it was armed" if is_old else ""
+        _LOG.warning("vehicle %d was restarted%s", self.vehicle.vehicle_id, when)
         self._reporter.session_id = self._new_session_id()
-        self.vehicle.set_hovering(hovers=False)
         self._streams.renew()
         self._heartbeat.renew()
         self._alarms.forget()
         self.pictures.restarted()
-        self.missions.vehicle_restarted(now, effects)
+        if not is_old:
+            self.vehicle.set_hovering(hovers=False)
+            self.missions.vehicle_restarted(now, effects)
 
     def set_update_interval(self, every_s: float | None) -> None:
         """Update the vehicle on the edge server at an interval [s]; None: the usual one."""

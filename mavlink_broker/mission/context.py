@@ -72,9 +72,11 @@ class AuthorityMonitor:
         elif seen.mode != self.arming_mode:
             self.arming_mode = None
 
-    def order_arming(self) -> None:
-        """Note that the vehicle is ordered to arm."""
+    def order_arming(self, now: float) -> None:
+        """Note that the vehicle is ordered to arm, unless it is armed already."""
         self.is_arming_ordered = not self._vehicle.snapshot.armed
+        if self.is_arming_ordered:
+            self._vehicle.note_arming_order(now)
 
     @property
     def is_lost(self) -> bool:

@@ -108,6 +108,8 @@ class Vehicle:
     _received_at: dict[str, float] = field(default_factory=dict)
     _reboots: RebootMonitor = field(default_factory=RebootMonitor)
     _back_at: float | None = None  # When its link was last back
+    _booted_at: float = -math.inf  # Of the newest restart that its clock has proved
+    _arming_ordered_at: float = -math.inf
     _homeless_since: float | None = None  # On the ground, without a home position
     _status_texts: StatusTexts = field(default_factory=StatusTexts)
 
@@ -137,7 +139,9 @@ class Vehicle:
         if kind not in EVENT_MESSAGES:
             boot_ms = getattr(message, "time_boot_ms", None)
         rebooted = boot_ms is not None and self._reboots.sample(kind, boot_ms, now)
-        if rebooted:
+        if rebooted and boot_ms is not None:
+            self._booted_at = now - boot_ms / 1e3
+        if rebooted and not self.was_ordered_since_boot:
             self._received_at.clear()
             self._foreign_order = None
             self.snapshot.forget()
@@ -177,6 +181,19 @@ class Vehicle:
     def parameters(self) -> ParameterOverrider:
         """What commands have changed on it."""
         return self.recovery.parameters
+
+    def note_arming_order(self, now: float) -> None:
+        """Note that the broker has ordered it to arm."""
+        self._arming_ordered_at = now
+
+    @property
+    def was_ordered_since_boot(self) -> bool:
+        """Whether it was restarted before the broker ordered it to arm, not in the flight since.
+
+        A vehicle whose streams ended with its restart shows its clock when they run again, which
+        may be long after.
+        """
+        return self._booted_at < self._arming_ordered_at
 
     @property
     def hovers(self) -> bool:

@@ -41,7 +41,7 @@ class Arming(Phase):
 
     def _order(self, now: float, effects: Effects) -> None:
         vehicle = self._mission.vehicle
-        self._mission.authority.order_arming()
+        self._mission.authority.order_arming(now)
         self.exchange = exchanges.commands(vehicle.family.arming, vehicle)
         effects.messages += self.exchange.start(now)
 

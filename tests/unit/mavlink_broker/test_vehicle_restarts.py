@@ -1,5 +1,6 @@
 """A vehicle that is restarted in the air gets no order: its mission is over."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -9,7 +10,7 @@ from mavlink_broker.mavlink.codec import Decoder, Encoder
 from mavlink_broker.mavlink.dialect import Route, mavlink
 from mavlink_broker.mission.states import State
 from mavlink_broker.vehicle.vehicle import Vehicle
-from tests.support.broker_world import World
+from tests.support.broker_world import World, first_flight
 from tests.support.scripted_vehicle import (
     ARDUPILOT,
     COPTER_GUIDED,
@@ -137,3 +138,27 @@ def test_it_ends_what_a_restarted_broker_sees_through() -> None:
     assert orders(world.only_vehicle, since) == []
     assert answer_statuses(world, 2) == ["accepted", "refused"]
     assert "restarted" in world.edge.acknowledgements(2)[-1]["message"]
+
+
+@pytest.mark.parametrize("script", [PX4, ARDUPILOT], ids=["px4", "ardupilot"])
+def test_one_before_the_flight_that_shows_late_does_not_end_the_flight(
+    script: Script, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Its streams end with it, and with them the clock, until it is asked for them again."""
+    world = World()
+    vehicle = world.add_vehicle(script=replace(script, streams_unasked=False))
+    world.run(60.0)
+    vehicle.ignores_intervals = True
+    vehicle.reboot(world.clock.now)
+    world.run(5.0)
+    world.edge.plan(first_flight())
+    world.run_until(lambda: state(world) is State.RUNNING)
+    assert "was restarted" not in caplog.text
+    for _ in range(4):
+        boot_ms = round((world.clock.now - vehicle.booted_at) * 1e3)
+        world.send_from(vehicle, mavlink.MAVLink_attitude_message(boot_ms, *[0.0] * 6))
+        world.run(0.5)
+    assert "was restarted before it was armed" in caplog.text
+    assert state(world) is State.RUNNING
+    world.run_until_over(1201)
+    assert world.edge.status(1201) == Status.FINISHED
