@@ -7,22 +7,27 @@ as every other process sees it in the page cache; the disk notes how to take it 
 is synced. A loss of power takes all of it back, then repeats a random part, sector by sector, as a
 disk that has written some of it. Reads, locks and shared memory stay the machine's own.
 
-Files that SQLite does not write (keys, lock files, the relay's pipe) are not on this disk.
+Files that SQLite does not write (keys, lock files, the relay's pipe) are not on this disk. Programs
+that ask how large it is, and how much of it is free, always get the same answer.
 """
 
 import _sqlite3
 import ctypes
 import math
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from ctypes import CFUNCTYPE, POINTER, Structure, c_char_p, c_int, c_int64, c_void_p
 from pathlib import Path
 from random import Random
 from typing import Any, ClassVar, Final, NamedTuple
+from unittest.mock import patch
 
 SECTOR_BYTES: Final = 512
 """What a disk writes as a whole, or not at all."""
+BLOCK_BYTES: Final = 4096
+BLOCKS: Final = 64 << 30 >> 12
+"""How large each disk is; half of it is free."""
 _OK: Final = 0
 _FULL: Final = 13
 _IOERR_WRITE: Final = 778
@@ -180,6 +185,12 @@ class Disk:
             start = stop
         return is_missing
 
+    def statistics(self) -> os.statvfs_result:
+        """Give how large it is and how much of it is free."""
+        free, names = BLOCKS // 2, 1 << 20
+        block_bytes = BLOCK_BYTES, BLOCK_BYTES
+        return os.statvfs_result((*block_bytes, BLOCKS, free, free, names, names, names, 0, 255))
+
     # What the VFS asks.
 
     def refusal(self, code: int) -> int:
@@ -245,6 +256,7 @@ class _Layer:
             "sync": _Sync(self._sync),
         }
         self.disks: list[Disk] = []
+        self._real_statistics = os.statvfs
         self._vfs = _Vfs()
         ctypes.memmove(ctypes.byref(self._vfs), self._real, ctypes.sizeof(_Vfs))
         self._vfs.name = b"simulated"
@@ -261,7 +273,17 @@ class _Layer:
         self._library.sqlite3_vfs_register(self._real, 1)
 
     def _disk_of(self, path: str) -> Disk | None:
+        path = f"{path}/"  # It may be the folder itself
         return next((one for one in self.disks if path.startswith(f"{one.folder}/")), None)
+
+    def statistics(self, path: Any) -> os.statvfs_result:
+        """Take the place of `os.statvfs`, which gives those of the machine that simulates."""
+        disk = None if isinstance(path, int) else self._disk_of(os.fspath(path))
+        return self._real_statistics(path) if disk is None else disk.statistics()
+
+    def open_files(self, disks: Collection[Disk]) -> list[str]:
+        """Give the files of some disks that are open."""
+        return [one.path for one in self._files.values() if one.disk in disks]
 
     def _open(self, vfs: int, name: int | None, file: int, flags: int, out: Any) -> int:
         # The machine's VFS keeps the address of the name, so it has to be SQLite's own
@@ -363,7 +385,11 @@ _LAYER: Final[list[_Layer]] = []
 
 @contextmanager
 def attached(*disks: Disk) -> Iterator[None]:
-    """Have SQLite write the files in these disks' folders through them."""
+    """Have SQLite write the files in these disks' folders through them.
+
+    Raises:
+        RuntimeError: if a file is open at the end, which would be closed at no determined time.
+    """
     if not _LAYER:
         _LAYER.append(_Layer())
         # SQLite calls it until the process has ended, also after Python has cleared this module
@@ -372,7 +398,10 @@ def attached(*disks: Disk) -> Iterator[None]:
     layer.disks.extend(disks)
     layer.install()
     try:
-        yield
+        with patch.object(os, "statvfs", layer.statistics):
+            yield
+        if left := layer.open_files(disks):
+            raise RuntimeError(f"files that are still open: {left}")
     finally:
         for disk in disks:
             layer.disks.remove(disk)

@@ -167,7 +167,8 @@ class EdgeProcess:
         generation = self._generation
         try:
             prepare(self.config)
-            app = create_app(self.config, clock=self._clock.epoch_s)
+            clock = self._clock
+            app = create_app(self.config, clock=clock.epoch_s, monotonic=clock.monotonic)
         except (DBAPIError, sqlite3.Error, StoreError, OSError) as error:
             self._scheduler.note("edge server", "-", f"does not start: {type(error).__name__}")
             self._scheduler.after(RESTART_S, lambda: self._start_again(generation))
@@ -185,6 +186,7 @@ class EdgeProcess:
         self._generation += 1
         if self._context is not None:
             self._context.database.close()
+            self._context.archive.close()  # Else whenever Python collects it
         self._app = self._context = None
 
     def request(

@@ -1,10 +1,14 @@
 """One simulated farm: edge server, relay, cloud, broker, vehicles, and the network between them."""
 
-from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
+from random import Random
 from typing import TYPE_CHECKING, Any, Final
+from unittest.mock import patch
+
+import ulid
 
 from dst.autopilot import FAMILIES, Autopilot
 from dst.broker_process import BrokerProcess, EdgeHttp
@@ -59,6 +63,7 @@ class World:
         self._disks = ExitStack()
         self._disks.enter_context(attached(disk, broker_disk))
         clock, broker_clock = Clock(self.scheduler), Clock(self.scheduler)
+        self._disks.enter_context(_ids_of(self.scheduler.random("ids"), clock))
         self.edge = EdgeProcess(self.scheduler, prepared, folder / "edge", disk, clock)
         self.cloud = Cloud(self.scheduler, self.edge.config, disk, clock)
         self.relay = RelayProcess(self.scheduler, self.edge.config, self.cloud, clock)
@@ -172,6 +177,16 @@ class World:
             if process.is_up:
                 process.kill()
         self._disks.close()
+
+
+@contextmanager
+def _ids_of(random: Random, clock: Clock) -> Iterator[None]:
+    """Have ULIDs made from a clock and a source of random numbers, not from this machine's."""
+    ids = ulid.ULIDGenerator(
+        clock=lambda: int(clock.epoch_s() * 1e3), randomness=lambda _time_ms: random.randbytes(10)
+    )
+    with patch.object(ulid, "default_generator", ids):
+        yield
 
 
 def _flight_stack(

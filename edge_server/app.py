@@ -82,7 +82,12 @@ _TABLES: Final = ("blueprints", "error_handler_spec", "url_map", "view_functions
 """Attributes of an app that its routes and error handlers are in."""
 
 
-def create_app(config: Config, *, clock: Callable[[], float] = time.time) -> Flask:
+def create_app(
+    config: Config,
+    *,
+    clock: Callable[[], float] = time.time,
+    monotonic: Callable[[], float] = time.monotonic,
+) -> Flask:
     """Build the WSGI application; the database must have been prepared."""
     app = Flask("edge_server", static_folder=None)
     app.json = _Json(app)
@@ -93,14 +98,14 @@ def create_app(config: Config, *, clock: Callable[[], float] = time.time) -> Fla
     for name in _TABLES:
         setattr(app, name, getattr(_routes(), name))
     database = Database(open_engine(config.database))
-    context = Context(config, database, clock)
+    context = Context(config, database, clock, monotonic)
     app.extensions["edge_context"] = context
     figures = Metrics(config, database, context.archive, clock)
     context.space.count = figures.dropped
     app.extensions[metrics.EXTENSION] = figures
     request_log.install(app, figures)
     audit_trail.install(app, context)
-    ring = auth.KeyRing(database, clock)
+    ring = auth.KeyRing(database, clock, monotonic)
     limits = Limits(config)
     app.extensions[auth.KEY_RING] = ring
     app.extensions[live.EXTENSION] = _live(context, ring)

@@ -57,13 +57,23 @@ class FlightArchive:
     """The archive of one edge server; safe to use from several threads."""
 
     def __init__(
-        self, path: Path, *, budget_bytes: int, days: float, clock: Callable[[], float]
+        self,
+        path: Path,
+        *,
+        budget_bytes: int,
+        days: float,
+        clock: Callable[[], float],
+        monotonic: Callable[[], float] = time.monotonic,
     ) -> None:
-        """`budget_bytes` is the size of the file at most; 0 switches the archive off."""
+        """`budget_bytes` is the size of the file at most; 0 switches the archive off.
+
+        `clock` gives epoch seconds, `monotonic` the time of the pause after a failure [s].
+        """
         self._path = path
         self._budget_bytes = budget_bytes
         self._days = days
         self._clock = clock
+        self._monotonic = monotonic
         self._lock = threading.Lock()
         self._connection: sqlite3.Connection | None = None
         self._inode = 0
@@ -181,7 +191,7 @@ class FlightArchive:
 
         Never raises. Flights count as old only by a clock that may be trusted.
         """
-        if not self.is_on or time.monotonic() < self._resume_at:
+        if not self.is_on or self._monotonic() < self._resume_at:
             return
         try:
             if not self._has_file():
@@ -199,7 +209,7 @@ class FlightArchive:
         """Write, or count what is lost."""
         if not self.is_on:
             return False
-        if self._disk_is_short or time.monotonic() < self._resume_at:
+        if self._disk_is_short or self._monotonic() < self._resume_at:
             self._lost += count
             return False
         if not self._lock.acquire(timeout=LOCK_PATIENCE_S):
@@ -270,7 +280,7 @@ class FlightArchive:
         if tables.is_unusable(error) and self._path.exists():
             tables.set_aside(self._path, str(error))
             return
-        self._resume_at = time.monotonic() + PAUSE_S
+        self._resume_at = self._monotonic() + PAUSE_S
 
     def _locked(self, change: Callable[[sqlite3.Connection], _Result]) -> _Result:
         """Change the archive in a transaction of its own, between those of reports."""

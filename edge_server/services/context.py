@@ -62,38 +62,43 @@ def unconditionally(_shown: dict[str, Any]) -> None:
 class BriefCache:
     """Missions as they were read less than `CACHED_S` ago, until one is changed here."""
 
-    def __init__(self) -> None:
+    def __init__(self, monotonic: Callable[[], float] = time.monotonic) -> None:
+        self._monotonic = monotonic
         self._lock = threading.Lock()
         self._changes = 0
         self._missions: tuple[Work, ...] = ()
-        self._until_s = 0.0
+        self._until_s = float("-inf")
 
     def get(self, read: Callable[[], Iterable[Work]]) -> tuple[Work, ...]:
         """Return what was read last; read it again when another server may have changed it."""
         with self._lock:
             changes = self._changes
-            if time.monotonic() < self._until_s:
+            if self._monotonic() < self._until_s:
                 return self._missions
         missions = tuple(read())
         with self._lock:
             if changes == self._changes:  # Else this may be the state before the change
-                self._missions, self._until_s = missions, time.monotonic() + CACHED_S
+                self._missions, self._until_s = missions, self._monotonic() + CACHED_S
         return missions
 
     def clear(self) -> None:
         """Clear the cache; call after the commit of a change."""
         with self._lock:
             self._changes += 1
-            self._until_s = 0.0
+            self._until_s = float("-inf")
 
 
 @dataclass(frozen=True, slots=True)
 class Context:
-    """Shared by all requests of a process; `clock` gives epoch seconds."""
+    """Shared by all requests of a process.
+
+    `clock` gives epoch seconds, `monotonic` a time [s] that no time server changes.
+    """
 
     config: Config
     database: Database
     clock: Callable[[], float]
+    monotonic: Callable[[], float] = time.monotonic
     work_signal: WorkSignal = field(init=False)
     space: Space = field(init=False)
     contacts: BrokerContacts = field(init=False)
@@ -101,7 +106,7 @@ class Context:
     archive: FlightArchive = field(init=False)
     fence_check: threading.Lock = field(default_factory=threading.Lock)
     """Held while a plan is checked against its geofence: aborts share the interpreter."""
-    not_flown: BriefCache = field(default_factory=BriefCache)
+    not_flown: BriefCache = field(init=False)
     """Missions that were accepted and are not known to have flown."""
     orthophotos: Orthophotos = field(init=False)
     thumbnails: Thumbnails = field(default_factory=Thumbnails)
@@ -115,12 +120,14 @@ class Context:
         object.__setattr__(self, "work_signal", signal)
         space = Space(self.config, self.database, self.clock, lambda: self.wake_relay(changed=True))
         object.__setattr__(self, "space", space)
+        object.__setattr__(self, "not_flown", BriefCache(self.monotonic))
         object.__setattr__(self, "contacts", BrokerContacts(self.database, self.clock))
         archive = FlightArchive(
             self.config.archive_path,
             budget_bytes=self.config.archive_mib * 1024 * 1024,
             days=self.config.archive_days,
             clock=self.clock,
+            monotonic=self.monotonic,
         )
         object.__setattr__(self, "archive", archive)
         photos = Orthophotos(self.config.edge_dir / "orthophotos")

@@ -85,9 +85,15 @@ def allow(roles: frozenset[Role]) -> Callable[[_View], _View]:
 class KeyRing:
     """Cache of the active keys and sessions, read again after `KEYS_CACHED_S`."""
 
-    def __init__(self, database: Database, clock: Callable[[], float] = time.time) -> None:
+    def __init__(
+        self,
+        database: Database,
+        clock: Callable[[], float] = time.time,
+        monotonic: Callable[[], float] = time.monotonic,
+    ) -> None:
         self._database = database
         self._clock = clock
+        self._monotonic = monotonic
         self._lock = threading.Lock()
         self._keys: Mapping[str, StoredKey] = {}
         self._digests: frozenset[bytes] = frozenset()
@@ -128,13 +134,13 @@ class KeyRing:
 
     def _cached(self) -> Mapping[str, StoredKey]:
         with self._lock:
-            if time.monotonic() - self._read_at > KEYS_CACHED_S:
+            if self._monotonic() - self._read_at > KEYS_CACHED_S:
                 with self._database.read() as connection:
                     found = {f"fm_{key.prefix}": key for key in keys.active(connection)}
                     sessions = accounts.session_keys(connection)
                 self._keys = found | {f"fs_{key.prefix}": key for key in sessions}
                 self._digests = frozenset(key.sha256 for key in self._keys.values())
-                self._read_at = time.monotonic()
+                self._read_at = self._monotonic()
             return self._keys
 
 

@@ -1,5 +1,6 @@
 """A disk of the simulation keeps what was synced, and nothing else for sure."""
 
+import shutil
 import sqlite3
 from collections.abc import Iterator
 from contextlib import closing, suppress
@@ -8,7 +9,7 @@ from random import Random
 
 import pytest
 
-from dst.disk import Disk, attached
+from dst.disk import BLOCK_BYTES, BLOCKS, Disk, attached
 
 
 @pytest.fixture
@@ -41,6 +42,20 @@ def lose_power(disk: Disk, connection: sqlite3.Connection) -> int:
     disk.lose_power()
     connection.close()
     return disk.restore_power()
+
+
+def test_its_size_is_not_that_of_the_machine_that_simulates(disk: Disk, tmp_path: Path) -> None:
+    expected = BLOCKS * BLOCK_BYTES
+    found = [shutil.disk_usage(path)[:3] for path in (disk.folder, disk.folder / "a.db")]
+    assert found == [(expected, expected // 2, expected // 2)] * 2
+    assert shutil.disk_usage(tmp_path.parent).total != expected
+
+
+def test_a_file_that_is_open_at_the_end_is_an_error(tmp_path: Path) -> None:
+    disk = Disk(tmp_path, Random(1))
+    with pytest.raises(RuntimeError, match=r"still open.*test\.db"), attached(disk):
+        connection = opened(disk)
+    connection.close()
 
 
 def test_a_clean_end_loses_nothing(disk: Disk) -> None:

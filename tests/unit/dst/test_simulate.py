@@ -32,7 +32,7 @@ def test_faults_that_are_not_needed_are_dropped(cause: Collection[Fault]) -> Non
 @pytest.mark.thorough
 def test_the_farm_works_in_shifts_with_breaks(tmp_path: Path) -> None:
     prepared = prepared_folder(tmp_path / "prepared")
-    outcomes = [simulate(7, prepared, hours=2.0, kept_lines=None) for _ in range(2)]
+    outcomes = [simulate(8, prepared, hours=2.0, kept_lines=None) for _ in range(2)]
     assert outcomes[0].digest == outcomes[1].digest
     [outcome, _] = outcomes
     assert outcome.failure is None

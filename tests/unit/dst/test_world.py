@@ -197,8 +197,10 @@ def test_a_battery_that_is_not_measured_is_shown_as_stale(world: World) -> None:
     assert world.request("GET", "/vehicles/1").json()["stale"] == []
 
 
-def test_the_same_seed_gives_the_same_trace(prepared: Path, tmp_path: Path) -> None:
-    digests = []
+def test_the_same_seed_gives_the_same_trace_and_the_same_ids(
+    prepared: Path, tmp_path: Path
+) -> None:
+    found = []
     for name in ("first", "second"):
         (tmp_path / name).mkdir()
         world = World(3, prepared, tmp_path / name)
@@ -206,5 +208,5 @@ def test_the_same_seed_gives_the_same_trace(prepared: Path, tmp_path: Path) -> N
         post(world)
         world.run(60.0)
         world.close()
-        digests.append(world.scheduler.trace.digest)
-    assert digests[0] == digests[1]
+        found.append((world.scheduler.trace.digest, list(world.cloud.received)))
+    assert found[0] == found[1]
