@@ -105,18 +105,39 @@ class Scheduler:
 
 
 class Clock:
-    """The clocks of one machine, which may be wrong: its time of day may be stepped."""
+    """The clocks of one machine: both may run too fast, and the time of day may be stepped."""
 
     def __init__(self, scheduler: Scheduler) -> None:
         """Begin right."""
         self._scheduler = scheduler
-        self.drift = 0.0
-        """By how much it is too fast, as a part of the time that passes."""
-        self.offset_s = 0.0
-        """By how much the time of day was stepped."""
+        self._drift = 0.0  # By how much it is too fast, as a part of the time that passes
+        self._drifts_since_s = 0.0
+        self._passed_before_s = 0.0
+        self._stepped_s = 0.0
+
+    @property
+    def error_s(self) -> float:
+        """By how much the time of day is wrong."""
+        return self._passed_s() + self._stepped_s - self._scheduler.now_s
+
+    def step(self, seconds: float) -> None:
+        """Change the time of day at once."""
+        self._stepped_s += seconds
+
+    def run(self, drift: float) -> None:
+        """Run too fast from now on, by a part of the time that passes."""
+        self._passed_before_s = self._passed_s()
+        self._drifts_since_s = self._scheduler.now_s
+        self._drift = drift
+
+    def set_right(self) -> None:
+        """Have the right time of day, and keep it, as by a time server."""
+        self.run(0.0)
+        self.step(-self.error_s)
 
     def _passed_s(self) -> float:
-        return self._scheduler.now_s * (1.0 + self.drift)
+        running_s = self._scheduler.now_s - self._drifts_since_s
+        return self._passed_before_s + running_s * (1.0 + self._drift)
 
     def monotonic(self) -> float:
         """Monotonic time [s]."""
@@ -124,8 +145,8 @@ class Clock:
 
     def utc(self) -> datetime:
         """Time of day."""
-        return EPOCH + timedelta(seconds=self._passed_s() + self.offset_s)
+        return EPOCH + timedelta(seconds=self._passed_s() + self._stepped_s)
 
     def epoch_s(self) -> float:
         """Seconds since 1970."""
-        return EPOCH.timestamp() + self._passed_s() + self.offset_s
+        return EPOCH.timestamp() + self._passed_s() + self._stepped_s

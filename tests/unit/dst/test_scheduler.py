@@ -59,13 +59,29 @@ def test_the_clocks_follow_the_virtual_time() -> None:
 def test_a_step_changes_the_time_of_day_alone_and_a_drift_all_clocks() -> None:
     scheduler = Scheduler(1)
     clock, right = Clock(scheduler), Clock(scheduler)
-    clock.offset_s = -3600.0
+    clock.step(-3600.0)
     assert clock.epoch_s() - right.epoch_s() == -3600.0
     assert clock.monotonic() == right.monotonic()
-    clock.drift = 1e-3
+    clock.run(1e-3)
     scheduler.run_until(1000.0)
     assert clock.monotonic() - right.monotonic() == pytest.approx(1.0)
     assert (clock.utc() - right.utc()).total_seconds() == pytest.approx(-3599.0)
+
+
+def test_a_clock_that_drifts_otherwise_does_not_jump_and_may_be_set_right() -> None:
+    scheduler = Scheduler(1)
+    clock = Clock(scheduler)
+    scheduler.run_until(43_200.0)
+    before = clock.monotonic()
+    clock.run(-5e-4)
+    assert clock.monotonic() == before
+    scheduler.run_until(86_400.0)
+    assert clock.error_s == pytest.approx(-21.6)
+    clock.step(70.0)
+    clock.set_right()
+    assert clock.monotonic() - before == pytest.approx(43_178.4)
+    scheduler.run_until(172_800.0)
+    assert (clock.error_s, clock.epoch_s()) == (0.0, EPOCH.timestamp() + 172_800.0)
 
 
 def test_the_digest_covers_lines_that_are_no_longer_kept() -> None:
