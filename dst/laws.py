@@ -371,12 +371,14 @@ class Laws:
             flown = self._flown(plan)
             for command in mission["command_array"]:
                 centre = plan.circles.get(command["command_id"])
-                turned_rad = self._world.vehicles[plan.vehicle_id].truth.turned_rad
                 place = plan.waypoints.get(command["command_id"])
                 status = command.get("command_status_id")
                 is_flown = place is not None and any(_is_at(one, place) for one in flown)
                 if centre is not None:
-                    is_flown = _turned_rad(turned_rad, centre) > LEAST_TURN_RAD
+                    is_flown = any(
+                        _turned_rad(truth.turned_rad, centre) > LEAST_TURN_RAD
+                        for truth in self._world.truths(plan.vehicle_id)
+                    )
                 has_place = place is not None or centre is not None
                 if has_place and status == Status.FINISHED and not is_flown:
                     raise LawError(
@@ -464,9 +466,14 @@ class Laws:
         return {(record.stream.kind, record.record_id) for record in records}
 
     def _flown(self, plan: PostedPlan) -> list[Reached]:
-        reached = self._world.vehicles[plan.vehicle_id].truth.reached
+        """Give what was flown of a plan, by whichever aircraft with its system id."""
         places = plan.waypoints.values()
-        return [one for one in reached if any(_is_at(one, place) for place in places)]
+        return [
+            one
+            for truth in self._world.truths(plan.vehicle_id)
+            for one in truth.reached
+            if any(_is_at(one, place) for place in places)
+        ]
 
 
 def _turned_rad(turned_rad: dict[tuple[int, int], float], centre: tuple[int, int]) -> float:

@@ -301,7 +301,8 @@ class Vehicle:
         self.mode = mode
         self._target = self._circle = None
         self._wait_until_s = 0.0
-        self._scheduler.note(f"vehicle {self.system}", "-", f"mode {mode.name}")
+        aircraft = "" if self.serial == self.system else f" aircraft {self.serial}"
+        self._scheduler.note(f"vehicle {self.system}{aircraft}", "-", f"mode {mode.name}")
         self._heartbeat()
 
     # Messages to the broker.

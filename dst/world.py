@@ -21,6 +21,7 @@ from dst.edge_process import (
     RelayProcess,
     Response,
 )
+from dst.flight import Truth
 from dst.machine import Machine
 from dst.network import Path as NetworkPath
 from dst.scheduler import KEPT_LINES, Clock, Scheduler
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
 VEHICLE_PORT: Final = 14580
 """UDP port of the vehicle with system id 0; the others follow."""
 TWIN_PORT: Final = 14680
-TWIN_SERIAL: Final = 500
+TWIN_SERIAL: Final = 10_000  # Times its number, to the serial number of another aircraft
 
 
 class World:
@@ -86,6 +87,8 @@ class World:
         )
         self.vehicles: dict[int, Vehicle | FlightStack] = {}
         self.twins: dict[int, Vehicle] = {}
+        # By system id: each that has had it
+        self._aircraft: dict[int, list[Vehicle | FlightStack]] = {}
         self.confused: set[int] = set()
         """System ids that several aircraft have had."""
         self.connected_s = dict.fromkeys(range(1, vehicles + 1), 0.0)
@@ -108,6 +111,7 @@ class World:
             else _flight_stack(self.scheduler, system, send, folder)
         )
         self.vehicles[system] = vehicle
+        self._aircraft[system] = [vehicle]
         self.scheduler.note(f"vehicle {system}", "-", f"is {vehicle.autopilot.name}")
         self.down[system] = NetworkPath(self.scheduler, f"down/{system}", vehicle.receive)
 
@@ -118,8 +122,13 @@ class World:
         arrive = partial(self.broker.arrive, Address("192.0.2.2", TWIN_PORT + system))
         up = NetworkPath(self.scheduler, f"up/twin {system}", arrive)
         twin = Vehicle(self.scheduler, system, up.send, self.vehicles[system].autopilot)
-        twin.serial += TWIN_SERIAL
+        twin.serial += TWIN_SERIAL * len(self._aircraft[system])
         self.twins[system] = twin
+        self._aircraft[system].append(twin)
+
+    def truths(self, system: int) -> list[Truth]:
+        """Give what each aircraft did that has had a system id."""
+        return [aircraft.truth for aircraft in self._aircraft[system]]
 
     def remove_twin(self, system: int) -> None:
         """Switch off the other aircraft with a system id, if there is one."""

@@ -8,7 +8,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from dst.autopilot import Mode
 from dst.edge_process import prepared_folder
-from dst.flight import OrderUnderPilot, Reached
+from dst.flight import OrderUnderPilot, Reached, Truth
 from dst.laws import LawError, Laws
 from dst.operator_person import PAUSE, Operator, PostedAbort, PostedPause, PostedPlan
 from dst.vehicle import Vehicle
@@ -87,6 +87,21 @@ def test_a_finished_waypoint_that_was_not_flown_is_found(
     monkeypatch.setattr(farm.world.vehicles[1].truth, "reached", [])
     with pytest.raises(LawError, match="FINISHED and was not flown"):
         farm.laws.check_end()
+
+
+def test_what_any_aircraft_with_the_system_id_has_flown_counts(
+    farm: Farm, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    truth, another = farm.world.vehicles[1].truth, Truth()
+    monkeypatch.setattr(farm.world, "truths", lambda _system: [truth, another])
+    reached = truth.reached
+    monkeypatch.setattr(another, "reached", reached)
+    monkeypatch.setattr(truth, "reached", [])
+    farm.laws.check_end()
+    again = [one._replace(time_s=farm.world.scheduler.now_s + 60.0) for one in reached]
+    monkeypatch.setattr(another, "reached", [*reached, *again])
+    with pytest.raises(LawError, match="though it ended"):
+        farm.laws.check()
 
 
 def test_a_waypoint_that_is_flown_after_the_end_is_found(
