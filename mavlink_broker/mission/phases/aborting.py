@@ -7,7 +7,8 @@ What the vehicle flies after an event has ended a mission: land, go to a place, 
     else                 what the event orders
 
 An order that is refused, not answered or not obeyed is repeated for as long as the vehicle is
-armed; a place that it will not go to is replaced by a landing where it is, unless the link is away.
+armed; a place that it will not go to is replaced by a landing where it is, unless the link was away
+while it was ordered there.
 The orders end at once when another system takes command of the vehicle, or its own failsafe does.
 An order that leads to a place becomes a landing as soon as the vehicle has lost its position.
 """
@@ -168,6 +169,7 @@ class AbortExecutor:
         self._arms_until = arms_until
         self._first_mode = vehicle.mode if was_ours else None  # Ours until it is left
         self._again_at = math.inf
+        self._may_be_lost = False  # What was sent since the action began: the link was away
         self._lands_instead = False
         self._obeyed_at: float | None = None  # It has left its mission
         self.taken: str | None = None  # Who has taken the vehicle meanwhile
@@ -221,6 +223,7 @@ class AbortExecutor:
         """Repeat what is overdue, and begin again what was refused or not obeyed."""
         if self._is_taken(now):
             return []
+        self._may_be_lost |= self._is_link_away(now)
         self._expire_arming(now)
         if self._must_drop_place():
             self._executor = LiveCommandExecutor(self._action(with_place=False), self._vehicle)
@@ -233,13 +236,18 @@ class AbortExecutor:
             return messages
         if self._again_at == math.inf:
             self._again_at = now + AGAIN_AFTER_S
-            is_connected = self._vehicle.link.state(now) is LinkState.CONNECTED
-            self._lands_instead |= has_failed and is_connected  # Else the order may be lost
+            self._lands_instead |= has_failed and not self._may_be_lost
         if now < self._again_at:
             return messages
         self._again_at = math.inf
+        self._may_be_lost = self._is_link_away(now)
         self._executor = LiveCommandExecutor(self._action(with_place=has_failed), self._vehicle)
         return [*messages, *self._executor.start(now)]
+
+    def _is_link_away(self, now: float) -> bool:
+        """Whether an order may be lost; to a vehicle that may be restarted none is sent."""
+        vehicle = self._vehicle
+        return vehicle.link.state(now) is not LinkState.CONNECTED or vehicle.may_be_restarted(now)
 
     def _expire_arming(self, now: float) -> None:
         """Stop expecting the arming when it is too late; lost heartbeats extend the time.

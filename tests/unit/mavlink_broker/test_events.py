@@ -250,12 +250,14 @@ class TestAnAbort:
         assert not vehicle.armed
         assert world.edge.status(1201) == Status.ABORTED
 
-    def test_goes_to_its_point_when_a_lost_link_is_back(self) -> None:
+    @pytest.mark.parametrize("away_s", [9.0, 12.0, 14.9, 15.0])
+    def test_goes_to_its_point_when_a_lost_link_is_back(self, away_s: float) -> None:
+        """An order that was lost with the link is not one that the vehicle does not obey."""
         world = world_at(1)
         vehicle = world.only_vehicle
         vehicle.silent = True
         world.edge.event(ABORT, abort=POINT)
-        world.run(15.0)
+        world.run(away_s)
         vehicle.silent = False
         world.run_until(lambda: vehicle.custom_mode == PX4_LAND)
         assert vehicle.place == pytest.approx((POINT["latitude"], POINT["longitude"]))
