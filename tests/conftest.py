@@ -17,11 +17,12 @@ from hypothesis import settings
 
 from edge_server.store import migrate
 from edge_server.store.connection.engines import sqlite_url
-from tests.support import url_rules
+from tests.support import statements, url_rules
 from tests.support.databases import ENGINES, PostgresServer, running_server
 
 gc.disable()  # Until the tests are collected: little of what that makes is garbage
 url_rules.compile_once()
+statements.compile_once()
 
 # The programs that tests start shall use the databases of the tests
 os.environ.pop("DATABASE_URL", None)

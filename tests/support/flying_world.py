@@ -35,7 +35,7 @@ from uav_firmware.modules.mavlink.wire.peers import Peer, Profile
 from uav_firmware.topology import Autopilot
 
 EPOCH: Final = datetime(2026, 11, 21, 8, 0, tzinfo=UTC)
-STEPS_PER_ROUND: Final = 5
+STEPS_PER_ROUND: Final = 10
 """Of the vehicle, 4 ms each, to one of the broker."""
 PERFECT: Final = Conditions()
 
