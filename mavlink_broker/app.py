@@ -51,6 +51,7 @@ READ_LATER: Final = (
             "EKF_STATUS_REPORT",
             "ESTIMATOR_STATUS",
             "GPS_RAW_INT",
+            "LOG_DATA",
             "STATUSTEXT",
             "SYS_STATUS",
             "SYSTEM_TIME",
@@ -164,11 +165,13 @@ class App:
     def _step(self, members: Iterable[FleetMember], now: float) -> None:
         """Step some vehicles."""
         has_room = self._edge.waiting_pictures < MAX_WAITING_PICTURES
+        utc = self._clock.utc()
         for member in members:
             session = member.session
             session.watch(self._router.requested_messages(member.system, now))
             session.vehicle.warn(self._warning_of(member, now))
             session.pictures.has_room = has_room
+            session.logs.utc = utc
             session.set_update_interval(self._edge.update_interval_of(session.vehicle.vehicle_id))
             with self._call(member, now) as call:
                 self._records.recall(session, now, call.effects)
@@ -266,7 +269,7 @@ class App:
         member = self._fleet.find(system)
         if member is not None:
             with self._call(member, now) as call:
-                member.session.pictures.take_outcome(outcome, now, call.effects)
+                member.session.take_outcome(outcome, now, call.effects)
 
     def _take_work(self, now: float) -> Iterator[Work]:
         """Give the new work in order; work that is not valid is refused."""

@@ -30,6 +30,9 @@ DEFAULT_BATTERY_CAPACITY_AH: Final = 5.2
 MAX_INTERVAL_S: Final = 86_400.0
 DEFAULT_SPOOL_MIB: Final = 16
 MAX_SPOOL_MIB: Final = 1024
+DEFAULT_VEHICLE_LOG_MIB: Final = 64
+MAX_VEHICLE_LOG_MIB: Final = 1024
+DEFAULT_VEHICLE_LOG_TIME_S: Final = 600.0
 LOG_LEVELS: Final = ("DEBUG", "INFO", "WARNING", "ERROR")
 
 
@@ -42,6 +45,8 @@ class Config:
     key_file: Path = Path("var/keys/broker.key")
     database_folder: Path = Path("var/broker")
     spool_mib: int = DEFAULT_SPOOL_MIB  # [MiB] Largest size of the posts in the database
+    vehicle_log_mib: int = DEFAULT_VEHICLE_LOG_MIB  # [MiB] Largest log fetched; 0: none
+    vehicle_log_time_s: float = DEFAULT_VEHICLE_LOG_TIME_S  # Longest transfer of a log
     mavlink_host: str = ANY_ADDRESS
     mavlink_port: int = DEFAULT_MAVLINK_PORT
     system_id: int = DEFAULT_SYSTEM_ID
@@ -174,6 +179,10 @@ def settings(parser: argparse.ArgumentParser, options: argparse.Namespace) -> Co
         parser.error("--state-vector-interval must be above 0, --battery-capacity 0 to 100 Ah")
     if not 1 <= options.spool_mib <= MAX_SPOOL_MIB:
         parser.error(f"--spool-mib must be 1 to {MAX_SPOOL_MIB}")
+    if not 0 <= options.vehicle_log_mib <= MAX_VEHICLE_LOG_MIB:
+        parser.error(f"--vehicle-log-mib must be 0 to {MAX_VEHICLE_LOG_MIB}")
+    if not 1.0 <= options.vehicle_log_time <= MAX_INTERVAL_S:
+        parser.error(f"--vehicle-log-time must be 1 to {MAX_INTERVAL_S:g} s")
     if not 0.0 <= options.observation_interval <= MAX_INTERVAL_S:
         parser.error(f"--observation-interval must be 0 to {MAX_INTERVAL_S:g} s")
     return Config(
@@ -182,6 +191,8 @@ def settings(parser: argparse.ArgumentParser, options: argparse.Namespace) -> Co
         key_file=options.key_file or options.state_dir / "keys" / "broker.key",
         database_folder=options.state_dir / "broker",
         spool_mib=options.spool_mib,
+        vehicle_log_mib=options.vehicle_log_mib,
+        vehicle_log_time_s=options.vehicle_log_time,
         mavlink_host=options.mavlink_host,
         mavlink_port=options.mavlink_port,
         system_id=options.system_id,
@@ -208,6 +219,18 @@ def settings_parser(environment: Mapping[str, str], **about: str) -> argparse.Ar
         ("STATE_DIR", Path, "var", "folder of the system's state and keys"),
         ("KEY_FILE", Path, None, "the broker's access key; in STATE_DIR/keys unless given"),
         ("SPOOL_MIB", int, DEFAULT_SPOOL_MIB, "largest spool of posts for the edge server, MiB"),
+        (
+            "VEHICLE_LOG_MIB",
+            int,
+            DEFAULT_VEHICLE_LOG_MIB,
+            "largest log fetched from a vehicle after its flight, MiB; 0: none",
+        ),
+        (
+            "VEHICLE_LOG_TIME",
+            float,
+            DEFAULT_VEHICLE_LOG_TIME_S,
+            "longest transfer of a vehicle's log, seconds; one that would take longer is left",
+        ),
         ("MAVLINK_HOST", str, ANY_ADDRESS, "address to listen on"),
         ("MAVLINK_PORT", int, DEFAULT_MAVLINK_PORT, "UDP port to listen on"),
         ("MAVLINK_SYSTEM_ID", int, DEFAULT_SYSTEM_ID, "the broker's own MAVLink system id"),

@@ -4,6 +4,7 @@ A session does no input or output; the program's loop applies its effects in ord
 """
 
 from dataclasses import dataclass, field
+from datetime import datetime
 from typing import Any, TypeAlias
 
 from afarcloud.enumerations import ImageFormat
@@ -36,7 +37,57 @@ class ConvertPicture:
     data: bytes
 
 
-Job: TypeAlias = FetchUrl | ConvertPicture
+@dataclass(frozen=True, slots=True)
+class FindLogs:
+    """List the logs of a vehicle that an earlier run has sent in part."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BeginLog:
+    """Begin to send a log, or learn how much of it the edge server has.
+
+    The flight is from `started_at` to `ended_at`; `listed_s` is the log's time as the vehicle lists
+    it [s since 1970], 0 if unknown.
+    """
+
+    name: str
+    format: str
+    started_at: datetime
+    ended_at: datetime
+    listed_s: int
+    size_bytes: int
+
+
+@dataclass(frozen=True, slots=True)
+class SendLogPart:
+    """Send a part of a log."""
+
+    name: str
+    offset: int
+    data: bytes
+    is_last: bool
+
+
+@dataclass(frozen=True, slots=True)
+class DropLog:
+    """Delete a log that was sent in part."""
+
+    name: str
+
+
+LogRequest: TypeAlias = FindLogs | BeginLog | SendLogPart | DropLog
+
+
+@dataclass(frozen=True, slots=True)
+class LogJob:
+    """A request to the edge server about the logs of a vehicle."""
+
+    number: int
+    vehicle_id: int
+    request: LogRequest
+
+
+Job: TypeAlias = FetchUrl | ConvertPicture | LogJob
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +116,42 @@ class JobFailed:
     reason: str
 
 
-JobOutcome: TypeAlias = Downloaded | ConvertedPicture | JobFailed
+@dataclass(frozen=True, slots=True)
+class LogState:
+    """A log, and how much of it the edge server has."""
+
+    log: BeginLog
+    received_bytes: int
+    is_complete: bool
+
+
+@dataclass(frozen=True, slots=True)
+class LogJobDone:
+    """The logs that a request was about."""
+
+    number: int
+    logs: tuple[LogState, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class LogJobFailed:
+    """A request about logs has failed; `is_final`: it would fail again."""
+
+    number: int
+    reason: str
+    is_final: bool
+    is_temporary: bool = False  # The edge server is away, or has no room now
+
+
+LogJobOutcome: TypeAlias = LogJobDone | LogJobFailed
+JobOutcome: TypeAlias = Downloaded | ConvertedPicture | JobFailed | LogJobOutcome
+
+
+def failed(job: Job, reason: str) -> JobOutcome:
+    """Give the outcome of a job that cannot be done at all."""
+    if isinstance(job, LogJob):
+        return LogJobFailed(job.number, reason, is_final=True)
+    return JobFailed(job.number, reason)
 
 
 Report: TypeAlias = Pose | Battery | StateVector | MissionReport | Alarm | ObservationList | Image

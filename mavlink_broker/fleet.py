@@ -13,7 +13,7 @@ from typing import Any, Final, Protocol
 from mavlink_broker.config import Config
 from mavlink_broker.edge.outbox import Post
 from mavlink_broker.edge.wire import AcceptanceResult
-from mavlink_broker.effects import EdgeMessage, Effects, Job, JobFailed, JobOutcome
+from mavlink_broker.effects import EdgeMessage, Effects, Job, JobOutcome, failed
 from mavlink_broker.live.follow_target import read_target_sources
 from mavlink_broker.mavlink.dialect import Message, Route, Source, source_of
 from mavlink_broker.microservices.heartbeat import is_vehicle, replaces_autopilot
@@ -90,7 +90,7 @@ class NoJobs:
 
     def put(self, system: int, job: Job) -> None:
         """Fail a job."""
-        self._refused.append((system, JobFailed(job.number, "this program runs no jobs")))
+        self._refused.append((system, failed(job, "this program runs no jobs")))
 
     def take_finished(self) -> Sequence[tuple[int, JobOutcome]]:
         """Return the failed jobs."""
@@ -239,6 +239,8 @@ class Fleet:
                 state_vector_every_s=config.state_vector_every_s,
                 observations_every_s=config.observations_every_s,
                 battery_capacity_ah=config.battery_capacity_ah,
+                log_limit_bytes=config.vehicle_log_mib << 20,
+                log_limit_s=config.vehicle_log_time_s,
                 observes=config.observes,
             )
             self._members[system] = FleetMember(session)

@@ -5,6 +5,7 @@
     telemetry   its registration, state vectors and observations
     alarms      what has failed on it
     pictures    what its camera has taken
+    logs        what it has written of its flights itself
     missions    its missions and events (`mavlink_broker.mission.mission_queue`)
     overrides   its own parameters, geofence and rally points, restored behind a mission
 
@@ -15,9 +16,10 @@ import logging
 from collections.abc import Callable, Collection, Iterable
 from typing import Final
 
-from mavlink_broker.effects import Effects
+from mavlink_broker.effects import Effects, JobOutcome, LogJobDone, LogJobFailed
 from mavlink_broker.mavlink.dialect import Message, mavlink, source_of
 from mavlink_broker.microservices.heartbeat import HeartbeatOrder
+from mavlink_broker.microservices.log_download import LOG_MESSAGES
 from mavlink_broker.microservices.message_rates import RATE_MESSAGES, StreamRequests
 from mavlink_broker.microservices.parameter import PARAMETER_MESSAGES
 from mavlink_broker.mission.geofence_transfer import VehicleConfigRestorer
@@ -26,6 +28,7 @@ from mavlink_broker.mission.states import BEFORE_TAKEOFF, State
 from mavlink_broker.pictures.pictures import PICTURE_MESSAGES, PictureCollector
 from mavlink_broker.vehicle.alarms import AlarmMonitor, Failure
 from mavlink_broker.vehicle.control_authority import is_order
+from mavlink_broker.vehicle.flight_logs import FlightLogs
 from mavlink_broker.vehicle.gcs_heartbeat import GcsHeartbeat
 from mavlink_broker.vehicle.reporter import (
     UPDATE_EVERY_S,
@@ -58,6 +61,8 @@ class Session:
         state_vector_every_s: float,
         observations_every_s: float,
         battery_capacity_ah: float,
+        log_limit_bytes: int = 0,
+        log_limit_s: float = 0.0,
         observes: bool = False,
     ) -> None:
         """Begin a session; `observes`: change nothing on the vehicle, and fetch nothing of it."""
@@ -73,6 +78,9 @@ class Session:
         )
         self.pictures = PictureCollector(vehicle, self._reporter)
         self.missions = MissionQueue(vehicle, self._reporter)
+        self.logs = FlightLogs(
+            vehicle, new_session_id, limit_bytes=log_limit_bytes, limit_s=log_limit_s
+        )
         self._heartbeat_order = HeartbeatOrder()
         self._heartbeat = GcsHeartbeat(vehicle, observes=observes)
         self._streams = StreamRequests(vehicle.route, vehicle.round_trip, observes=observes)
@@ -105,6 +113,7 @@ class Session:
         if self.state is not State.IDLE or self.vehicle.snapshot.armed:
             return False
         self.vehicle.recovery.forget()
+        self.logs.forget()
         return True
 
     def change_autopilot(self, component: int) -> None:
@@ -152,6 +161,8 @@ class Session:
         self._alarms.receive(message, now)
         if kind in PICTURE_MESSAGES:
             self.pictures.receive(message, now, effects)
+        if kind in LOG_MESSAGES:
+            self.logs.receive(message, now, effects)
         if kind == "STATUSTEXT":
             self._heartbeat.receive_text(message.text)
         if kind in PARAMETER_MESSAGES:
@@ -185,9 +196,17 @@ class Session:
         self._heartbeat.renew()
         self._alarms.forget()
         self.pictures.restarted()
+        self.logs.restarted()
         if not is_old:
             self.vehicle.set_hovering(hovers=False)
             self.missions.vehicle_restarted(now, effects)
+
+    def take_outcome(self, outcome: JobOutcome, now: float, effects: Effects) -> None:
+        """Process the outcome of a job."""
+        if isinstance(outcome, LogJobDone | LogJobFailed):
+            self.logs.take_outcome(outcome, now, effects)
+        else:
+            self.pictures.take_outcome(outcome, now, effects)
 
     def set_update_interval(self, every_s: float | None) -> None:
         """Update the vehicle on the edge server at an interval [s]; None: the usual one."""
@@ -218,6 +237,7 @@ class Session:
         is_unreachable = lost_since is not None and now - lost_since >= UNREACHABLE_AFTER_S
         self.missions.tick(now, effects, is_unreachable=is_unreachable)
         self._tick_pictures(now, effects)
+        self.logs.step(now, effects, may_fetch=self._may_fetch_logs(now))
         self.missions.close_ended(effects)
         self._telemetry.tick(now, effects)
 
@@ -263,3 +283,10 @@ class Session:
         self.pictures.is_reachable = self.vehicle.is_reachable(now)
         if self.pictures.is_reachable and not self._observes:
             self.pictures.step(now, effects, is_busy=self.state in PREPARATION)
+
+    def _may_fetch_logs(self, now: float) -> bool:
+        """Whether nothing is to be done on the vehicle that matters more than its logs."""
+        is_free = self.state is State.IDLE and self.missions.is_empty and not self._observes
+        is_parked = self.vehicle.snapshot.armed is False and self.vehicle.is_connected(now)
+        has_time = not self.pictures.is_fetching and self._config_restorer.transfer is None
+        return is_free and is_parked and has_time

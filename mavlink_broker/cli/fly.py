@@ -11,6 +11,7 @@ import argparse
 import json
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -266,7 +267,8 @@ def _fly(
     worker_pool.start()
     journal = JournalWriter(JournalTable(database), link.wake)
     journal.start()
-    app = App(settings, link, edge, clock, lambda: str(ULID()), worker_pool, journal)
+    without_logs = replace(settings, vehicle_log_mib=0)  # There is no archive for them
+    app = App(without_logs, link, edge, clock, lambda: str(ULID()), worker_pool, journal)
     plan_flight = PlanFlight(app, edge, missions, settings)
     try:
         plan_flight.wait_for_vehicles(clock, signals, options.wait)

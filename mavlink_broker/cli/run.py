@@ -19,7 +19,9 @@ from mavlink_broker.cli.program import (
 )
 from mavlink_broker.config import Config
 from mavlink_broker.database import Database
+from mavlink_broker.edge.bounded_http import EdgeConnection
 from mavlink_broker.edge.client import EdgeClient
+from mavlink_broker.edge.log_upload import LogUploader
 from mavlink_broker.edge.spool import MIB, Spool
 from mavlink_broker.pictures.worker_pool import WorkerPool
 from mavlink_broker.recovery.journal import JournalTable, JournalWriter
@@ -52,7 +54,12 @@ def run(arguments: Sequence[str], environment: Mapping[str, str]) -> int:
         instance_id=database.instance_id,
     )
     edge.start()
-    worker_pool = WorkerPool(link.wake)
+    uploader = LogUploader(
+        lambda: EdgeConnection(
+            settings.edge_url, settings.key_file, settings.edge_ca_file, database.instance_id
+        )
+    )
+    worker_pool = WorkerPool(link.wake, uploader)
     worker_pool.start()
     journal = JournalWriter(JournalTable(database), link.wake)
     journal.start()

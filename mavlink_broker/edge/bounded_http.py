@@ -220,11 +220,12 @@ class BoundedHttp:
         max_bytes: int,
         headers: Mapping[str, str] | None = None,
         body: Any = None,
+        data: bytes | None = None,
     ) -> Answer:
         """Send one request and read its answer.
 
         `within_s` limits the whole exchange, `timeouts_s` are those to connect and for each read;
-        `body` is sent as JSON.
+        `body` is sent as JSON, `data` as it is.
 
         Raises:
             requests.RequestException: if no complete answer arrives within the limits.
@@ -237,6 +238,7 @@ class BoundedHttp:
                     url,
                     headers=all_headers,
                     json=body,
+                    data=data,
                     timeout=timeouts_s,
                     allow_redirects=False,
                     stream=True,
@@ -326,9 +328,13 @@ class EdgeConnection:
         wait_s: float = 0.0,
         *,
         body: Any = None,
+        data: bytes | None = None,
+        media_type: str | None = None,
         headers: Mapping[str, str] | None = None,
     ) -> Answer:
         """Send one request; the timeouts are `wait_s` longer than usual, for a long poll.
+
+        `body` is sent as JSON, or else `data` as it is, with its media type.
 
         Raises:
             requests.RequestException: if no complete answer arrives, for any reason.
@@ -343,9 +349,11 @@ class EdgeConnection:
             headers={
                 "Authorization": f"Bearer {self._read_key()}",
                 **self._headers,
+                **({} if media_type is None else {"Content-Type": media_type}),
                 **(headers or {}),
             },
             body=body,
+            data=data,
         )
         if response.status_code == HTTPStatus.UNAUTHORIZED:
             self._key = None

@@ -2,7 +2,7 @@
 
 A record is the time in microseconds since 1970, big-endian in 8 bytes, and the frame as it was on
 the link, signature included: what QGroundControl, MAVProxy and pymavlink write and read. Messages
-that carry keys or passwords are left out.
+that carry keys or passwords are left out, and the data of vehicles' own logs.
 
 A thread writes from a bounded buffer: a slow or full disk never delays a frame. Frames that cannot
 be written are counted and logged once, and writing is retried.
@@ -43,6 +43,8 @@ SECRET_MESSAGES: Final = frozenset(
     }
 )
 """Messages that contain keys or passwords."""
+LEFT_OUT: Final = SECRET_MESSAGES | {mavlink.MAVLINK_MSG_ID_LOG_DATA}
+"""The log of a flight would push the frames of several flights out of the files."""
 _STAMP: Final = struct.Struct(">Q")
 
 
@@ -135,7 +137,7 @@ class FrameLog:
 
     def write(self, frame: bytes, time: datetime) -> None:
         """Add a frame to the buffer; never waits for the disk."""
-        if message_id(frame) in SECRET_MESSAGES:
+        if message_id(frame) in LEFT_OUT:
             return
         stamp = _STAMP.pack(max(0, round(time.timestamp() * 1e6)))
         with self._lock:

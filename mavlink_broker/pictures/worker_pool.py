@@ -1,4 +1,4 @@
-"""Runs slow jobs on threads: downloads pictures over HTTP and converts pictures.
+"""Runs slow jobs on threads: downloads and converts pictures, and has logs sent.
 
 The web servers are those of the vehicles' cameras, in private networks. A download is one file over
 http or https, without redirects; it fails when the server is slow or sends too much. Pictures that
@@ -30,8 +30,10 @@ from mavlink_broker.effects import (
     Downloaded,
     FetchUrl,
     Job,
-    JobFailed,
     JobOutcome,
+    LogJob,
+    LogJobOutcome,
+    failed,
 )
 from mavlink_broker.pictures import shrink
 from mavlink_broker.supervision import SupervisedThread, reason_of
@@ -40,8 +42,9 @@ CONNECT_TIMEOUT_S: Final = 5.0
 READ_TIMEOUT_S: Final = 10.0
 TOTAL_TIMEOUT_S: Final = 120.0
 SHRINK_TIMEOUT_S: Final = 60.0
-THREADS: Final[Mapping[type[Job], int]] = {FetchUrl: 8, ConvertPicture: 2}
-"""Downloads wait for web servers, at most one per vehicle; conversions use the processor."""
+THREADS: Final[Mapping[type[Job], int]] = {FetchUrl: 8, ConvertPicture: 2, LogJob: 1}
+"""Downloads wait for web servers, at most one per vehicle; conversions use the processor; logs are
+sent to the edge server one part at a time."""
 
 _SHRINK_PROGRAM: Final = Path(shrink.__file__)
 _LOG = logging.getLogger(__name__)
@@ -126,8 +129,12 @@ def download(job: FetchUrl) -> Downloaded:
 class WorkerPool:
     """Runs jobs on threads; `wake` is called after each outcome."""
 
-    def __init__(self, wake: Callable[[], None]) -> None:
+    def __init__(
+        self, wake: Callable[[], None], send_log: Callable[[LogJob], LogJobOutcome] | None = None
+    ) -> None:
+        """`send_log` carries out requests about logs, on one thread; without it they fail."""
         self._wake = wake
+        self._send_log = send_log
         self._jobs: dict[type[Job], queue.SimpleQueue[tuple[int, Job] | None]] = {
             kind: queue.SimpleQueue() for kind in THREADS
         }
@@ -169,7 +176,7 @@ class WorkerPool:
     def _work(self, kind: type[Job]) -> None:
         while (task := self._jobs[kind].get()) is not None:
             system, job = task
-            self._finished.put(Finished(system, run_job(job)))
+            self._finished.put(Finished(system, run_job(job, self._send_log)))
             self._wake()
 
 
@@ -179,13 +186,15 @@ _HANDLERS: Final[Mapping[type[Job], Callable[..., JobOutcome]]] = {
 }
 
 
-def run_job(job: Job) -> JobOutcome:
+def run_job(job: Job, send_log: Callable[[LogJob], LogJobOutcome] | None = None) -> JobOutcome:
     """Run one job; a failure is an outcome too."""
     try:
-        return _HANDLERS[type(job)](job)
+        if not isinstance(job, LogJob):
+            return _HANDLERS[type(job)](job)
+        return failed(job, "this program sends no logs") if send_log is None else send_log(job)
     except JobError as error:
         _LOG.info("picture %d: %s", job.number, error)
-        return JobFailed(job.number, str(error))
+        return failed(job, str(error))
     except Exception as error:  # noqa: BLE001  # the boundary of one job, logged
-        _LOG.exception("picture %d", job.number)
-        return JobFailed(job.number, reason_of(error))
+        _LOG.exception("%s %d", type(job).__name__, job.number)
+        return failed(job, reason_of(error))

@@ -111,7 +111,7 @@ class GroundStations:
         """Forward a vehicle's message to every ground station."""
         if not self._urls:
             return
-        frame = self._gateway.from_vehicle(message)
+        frame = self._gateway.from_vehicle(message, now)
         if frame is not None:
             self._send(frame, now)
 
@@ -308,6 +308,7 @@ class Gateway:
         self._sequence_numbers = SequenceNumbers()
         self._received_at: float | None = None
         self._requested: dict[int, set[int]] = {}
+        self._log_read_of: set[int] = set()  # Systems
         self.refusals = Refusals()
 
     def has_ground_station(self, now: float) -> bool:
@@ -321,9 +322,13 @@ class Gateway:
             return None
         return self._requested.get(system, ())
 
-    def from_vehicle(self, message: Message) -> bytes | None:
-        """Return the unsigned copy of a vehicle's frame; None if it is for the broker only."""
-        if target_of(message) == self._own_system:
+    def from_vehicle(self, message: Message, now: float) -> bytes | None:
+        """Return the unsigned copy of a vehicle's frame; None if it is for the broker only.
+
+        The data of logs has no addressee: it is forwarded while ground stations request some.
+        """
+        is_unread_log = message.get_type() == "LOG_DATA" and not self._is_log_read(message, now)
+        if target_of(message) == self._own_system or is_unread_log:
             self._sequence_numbers.withheld(source_of(message))
             return None
         return self._sequence_numbers.forwarded(unsigned(bytes(message.get_msgbuf())))
@@ -368,8 +373,18 @@ class Gateway:
                     forwarded_frames.to_vehicles.append((destination, frame))
                 self._send_explanation(message, answerer, forwarded_frames, now)
 
+    def _is_log_read(self, message: Message, now: float) -> bool:
+        """Whether a ground station reads a log of the sender."""
+        if not self.has_ground_station(now):
+            self._log_read_of.clear()
+        return source_of(message).system in self._log_read_of
+
     def _note_request(self, message: Message, system: int) -> None:
         """Record a requested message: the ground station sets its rate from now on."""
+        if message.get_type() == "LOG_REQUEST_DATA":
+            self._log_read_of.add(system)
+        elif message.get_type() == "LOG_REQUEST_END":
+            self._log_read_of.discard(system)
         command = getattr(message, "command", None)
         if command == mavlink.MAV_CMD_SET_MESSAGE_INTERVAL and is_message_id(message.param1):
             requested = self._requested.setdefault(system, set())

@@ -99,6 +99,15 @@ def test_keys_and_passwords_are_not_logged(tmp_path: Path) -> None:
     assert [m.get_type() for m in replayed(path)] == ["HEARTBEAT"]
 
 
+def test_the_logs_of_vehicles_do_not_fill_the_log(tmp_path: Path) -> None:
+    encoder = Encoder(1, 1)
+    with opened(tmp_path) as log:
+        log.write(encoder.encode(mavlink.MAVLink_log_data_message(0, 0, 90, [7] * 90)), NOW)
+        log.write(encoder.encode(mavlink.MAVLink_log_entry_message(0, 1, 0, 0, 90)), NOW)
+    (path,) = files_of(tmp_path)
+    assert [m.get_type() for m in replayed(path)] == ["LOG_ENTRY"]
+
+
 def test_the_folder_has_a_bounded_size(tmp_path: Path) -> None:
     block = b"".join(b"\0" * 8 + frame for frame in numbered(100))
     store = FrameFiles(tmp_path, file_bytes=3 * len(block), files=4)

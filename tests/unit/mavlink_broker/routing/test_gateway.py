@@ -15,6 +15,7 @@ from mavlink_broker.routing.policy import BrokerControl
 OWN, GROUND = 254, Source(255, 190)
 HEARTBEAT = mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)
 LAND = mavlink.MAV_CMD_NAV_LAND
+NOW = 0.0
 
 
 def decoded(frame: bytes) -> Any:
@@ -35,8 +36,8 @@ class GatewayWorld:
         message = decoded(self.ground.encode(message))
         return self.gateway.from_ground_station(message, self.controls.keys(), now)
 
-    def forward(self, message: Any) -> bytes | None:
-        return self.gateway.from_vehicle(decoded(self.autopilot.encode(message)))
+    def forward(self, message: Any, now: float = NOW) -> bytes | None:
+        return self.gateway.from_vehicle(decoded(self.autopilot.encode(message)), now)
 
 
 def command(number: int, system: int = 1) -> Any:
@@ -112,8 +113,10 @@ def test_a_sender_with_the_id_of_a_vehicle_or_the_broker_is_ignored(system: int)
 def test_a_vehicles_frames_are_forwarded_unchanged_except_for_their_signature() -> None:
     world = GatewayWorld()
     plain = Encoder(1, 1).encode(HEARTBEAT)
-    assert world.gateway.from_vehicle(decoded(plain)) == plain
-    assert world.gateway.from_vehicle(decoded(signed(plain, bytes(32), 0, 7))) == unsigned(plain)
+    assert world.gateway.from_vehicle(decoded(plain), NOW) == plain
+    assert world.gateway.from_vehicle(decoded(signed(plain, bytes(32), 0, 7)), NOW) == unsigned(
+        plain
+    )
 
 
 def test_messages_to_the_broker_are_not_forwarded() -> None:
@@ -121,6 +124,19 @@ def test_messages_to_the_broker_are_not_forwarded() -> None:
     assert world.forward(acknowledgement(OWN, 191)) is None
     assert world.forward(acknowledgement(0, 0)) is not None
     assert world.forward(acknowledgement(*GROUND)) is not None
+
+
+def test_data_of_a_log_is_forwarded_while_a_ground_station_reads_one() -> None:
+    world = GatewayWorld()
+    data = mavlink.MAVLink_log_data_message(3, 0, 90, [0] * 90)
+    assert world.forward(data) is None
+    assert world.forward(mavlink.MAVLink_log_entry_message(0, 1, 0, 0, 9)) is not None
+    world.send(mavlink.MAVLink_log_request_data_message(1, 1, 3, 0, 10**6))
+    assert world.forward(data) is not None
+    world.send(mavlink.MAVLink_log_request_end_message(1, 1))
+    assert world.forward(data) is None
+    world.send(mavlink.MAVLink_log_request_data_message(1, 1, 3, 0, 10**6))
+    assert world.forward(data, GCS_TIMEOUT_S + 1.0) is None  # It has gone
 
 
 def test_withheld_and_inserted_frames_do_not_look_lost_and_lost_ones_do() -> None:

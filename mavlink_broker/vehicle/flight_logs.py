@@ -1,0 +1,478 @@
+"""The logs that one vehicle writes of its flights, from the landing to the edge server.
+
+A flight, as its vehicle logs it, is from arming to disarming. After it the broker lists the
+vehicle's logs until the newest one no longer grows, has the edge server begin one, and then
+receives and sends it part by part. The edge server knows how much of a log it has, so the broker
+stores nothing and goes on there: after an interruption, and after a restart of either side.
+
+A log matters less than everything else. It is fetched only while the vehicle is connected and
+disarmed and has neither mission nor pictures; whatever begins interrupts it at once. One that is
+too large, would take too long over the link, or fails repeatedly is given up with a line in the
+broker's log.
+
+    waiting    --due-------------> listing    LOG_REQUEST_LIST
+    listing    --it grows--------> waiting    for `SETTLE_S`
+    listing    --found-----------> asking     the edge server, how much it has
+    asking     --answer----------> fetching   LOG_REQUEST_DATA
+    fetching   --part complete---> sending    to the edge server
+    sending    --answer----------> fetching, or waiting for the next flight
+    fetching   --last part-------> checking   that the log still has its number
+    any        --interruption----> waiting    LOG_REQUEST_END
+"""
+
+import logging
+import math
+from collections import deque
+from collections.abc import Callable, Iterable, Sequence
+from datetime import UTC, datetime
+from typing import Final
+
+from mavlink_broker.effects import (
+    BeginLog,
+    DropLog,
+    Effects,
+    FindLogs,
+    LogJob,
+    LogJobDone,
+    LogJobFailed,
+    LogJobOutcome,
+    LogRequest,
+    LogState,
+    SendLogPart,
+)
+from mavlink_broker.mavlink.dialect import Message, mavlink
+from mavlink_broker.microservices.log_download import LogDownload, LogEntry, LogList, LogPart
+from mavlink_broker.vehicle.logged_flight import FlownSpan, LoggedFlight, logs_of
+from mavlink_broker.vehicle.vehicle import Vehicle
+
+SETTLE_S: Final = 3.0
+"""A vehicle may write the end of its log until so long after disarming."""
+SILENT_LISTS: Final = 2
+"""Lists without an answer, after which a vehicle is not asked until it restarts."""
+LISTS: Final = 5
+"""Lists of a log that grows; then it is fetched as it is."""
+MAX_FLIGHTS: Final = 8
+"""Flights whose logs wait; beyond that the oldest is forgotten."""
+MAX_FAILURES: Final = 5
+FIRST_PAUSE_S: Final = 30.0
+LONGEST_PAUSE_S: Final = 600.0
+MEASURED_AFTER_S: Final = 10.0
+"""After so long the rate of the link is known."""
+_LOG = logging.getLogger(__name__)
+
+
+class FlightLogs:
+    """The logs of one vehicle; `utc` is set by the loop before each step."""
+
+    def __init__(
+        self, vehicle: Vehicle, new_name: Callable[[], str], *, limit_bytes: int, limit_s: float
+    ) -> None:
+        """`limit_bytes` and `limit_s` bound one log; 0 bytes: none is fetched."""
+        self._vehicle = vehicle
+        self._new_name = new_name
+        self._limit_bytes = limit_bytes
+        self._limit_s = limit_s
+        self._armed: tuple[datetime, float, float | None] | None = None
+        self._flights: deque[LoggedFlight] = deque()
+        self._current: LoggedFlight | None = None
+        self._list: LogList | None = None
+        self._is_checking = False
+        self._download: LogDownload | None = None
+        self._began_at = 0.0  # Of the download
+        self._stepped_at: float | None = None
+        self._job = 0  # Number of the request that waits for its answer, 0 without one
+        self._jobs = 0
+        self._has_asked = False  # For logs of an earlier run
+        self._ask_at = 0.0
+        self._unanswered = 0  # Lists in a row that the vehicle has not answered
+        self._latest_armed_at = -math.inf
+        self._sent: tuple[LogEntry, float] | None = None  # The last one, and when it was listed
+        self._listed_at = 0.0
+        self.utc = datetime.fromtimestamp(0, UTC)
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether messages of the log protocol are expected."""
+        return self._list is not None or self._download is not None
+
+    def restarted(self) -> None:
+        """Note that the vehicle has restarted: its logs may have other numbers."""
+        self._unanswered = 0
+        self._postpone_current(0.0)
+
+    def forget(self) -> None:
+        """Forget the flights of a vehicle that another one has replaced."""
+        self.restarted()
+        self._flights.clear()
+        self._armed = self._sent = None
+
+    def receive(self, message: Message, now: float, effects: Effects) -> None:
+        """Handle a message of the log protocol."""
+        if self._list is not None:
+            self._list.receive(message, now)
+        if self._download is not None:
+            effects.messages += self._download.receive(message, now)
+
+    def step(self, now: float, effects: Effects, *, may_fetch: bool) -> None:
+        """Do what is due; `may_fetch`: nothing more important is to be done on the vehicle."""
+        if not self._limit_bytes:
+            return
+        self._follow_flight(now)
+        passed_s = 0.0 if self._stepped_at is None else now - self._stepped_at
+        self._stepped_at = now
+        if not may_fetch:
+            self._interrupt(effects)
+        elif self._job:
+            return
+        elif not self._has_asked:
+            if now >= self._ask_at:
+                self._request(FindLogs(), effects)
+        elif self._current is None:
+            self._begin_next(now, effects)
+        else:
+            self._current.fetching_s += passed_s
+            self._go_on(self._current, now, effects)
+
+    def take_outcome(self, outcome: LogJobOutcome, now: float, effects: Effects) -> None:
+        """Process the answer of the edge server."""
+        if outcome.number != self._job:
+            return
+        self._job = 0
+        if not self._has_asked:
+            self._take_earlier(outcome, now)
+            return
+        flight = self._current
+        if flight is None:
+            return
+        match outcome:
+            case LogJobFailed():
+                self._fail(flight, outcome, now, effects)
+            case LogJobDone(_, (state,)):
+                self._take_state(flight, state, now, effects)
+
+    # Flights
+
+    def _follow_flight(self, now: float) -> None:
+        """Note when the vehicle is armed, and queue its flight when it is disarmed."""
+        snapshot = self._vehicle.snapshot
+        if snapshot.armed and self._armed is None:
+            self._armed = self.utc, now, self._vehicle_utc_s()
+        elif snapshot.armed is False and self._armed is not None:
+            (started_at, armed_at, armed_s), self._armed = self._armed, None
+            self._latest_armed_at = armed_at
+            if self._unanswered >= SILENT_LISTS:
+                return
+            disarmed_s, booted_s = self._vehicle_utc_s(), snapshot.booted_at_utc_s
+            span = None
+            if armed_s is not None and disarmed_s is not None and booted_s is not None:
+                span = FlownSpan(armed_s, max(armed_s, disarmed_s), booted_s)
+            self._add(
+                LoggedFlight(
+                    name=self._new_name(),
+                    started_at=started_at,
+                    ended_at=max(self.utc, started_at),
+                    span=span,
+                    armed_at=armed_at,
+                    not_before=now + SETTLE_S,
+                )
+            )
+
+    def _vehicle_utc_s(self) -> float | None:
+        snapshot = self._vehicle.snapshot
+        if snapshot.booted_at_utc_s is None or snapshot.time_s is None:
+            return None
+        return snapshot.booted_at_utc_s + snapshot.time_s
+
+    def _add(self, flight: LoggedFlight) -> None:
+        self._flights.append(flight)
+        if len(self._flights) > MAX_FLIGHTS:
+            self._say(self._flights.popleft(), "is given up: too many wait")
+
+    def _take_earlier(self, outcome: LogJobOutcome, now: float) -> None:
+        """Queue what an earlier run of the broker has begun to send."""
+        if isinstance(outcome, LogJobFailed):
+            self._has_asked = not outcome.is_temporary
+            self._ask_at = now + FIRST_PAUSE_S
+            return
+        self._has_asked = True
+        for state in outcome.logs:
+            log = state.log
+            if not state.is_complete:
+                self._add(
+                    LoggedFlight(
+                        name=log.name,
+                        started_at=log.started_at,
+                        ended_at=log.ended_at,
+                        span=None,
+                        armed_at=now,
+                        not_before=now + SETTLE_S,
+                        begun=log,
+                    )
+                )
+
+    def _begin_next(self, now: float, effects: Effects) -> None:
+        flight = next((one for one in self._flights if now >= one.not_before), None)
+        if flight is not None:
+            self._flights.remove(flight)
+            self._current = flight
+            self._start_list(now, effects)
+
+    def _start_list(self, now: float, effects: Effects) -> None:
+        self._list = LogList(self._vehicle.route, self._vehicle.round_trip)
+        effects.messages += self._list.start(now)
+
+    # The vehicle
+
+    def _go_on(self, flight: LoggedFlight, now: float, effects: Effects) -> None:
+        if self._list is not None:
+            effects.messages += self._list.tick(now)
+            if self._list.entries is not None:
+                self._unanswered = 0 if self._list.is_answered else self._unanswered + 1
+                entries, self._list = self._list.entries, None
+                if self._is_checking:
+                    self._check(flight, entries, now, effects)
+                else:
+                    self._choose(flight, entries, now, effects)
+        elif self._download is not None:
+            effects.messages += self._download.tick(now)
+            self._follow_download(flight, self._download, now, effects)
+        else:
+            self._postpone_current(now + FIRST_PAUSE_S)
+
+    def _choose(
+        self, flight: LoggedFlight, entries: Iterable[LogEntry], now: float, effects: Effects
+    ) -> None:
+        """Choose the log of the flight; list again while it grows, or is not there yet."""
+        chosen = self._chosen(flight, [entry for entry in entries if entry.size])
+        self._listed_at = now
+        before, flight.entry = flight.entry, chosen[0] if chosen else None
+        flight.lists += 1
+        entry = flight.entry
+        if entry is None:
+            if flight.lists < LISTS and flight.begun is None and not self._unanswered:
+                self._postpone_current(now + SETTLE_S)
+            else:
+                self._give_up(flight, "its vehicle lists no log of it", effects)
+            return
+        has_settled = before is not None and before[1:] == entry[1:]
+        if flight.begun is None and not has_settled and flight.lists < LISTS:
+            self._postpone_current(now + SETTLE_S)
+            return
+        if entry.size > self._limit_bytes:
+            reason = f"it has {_mb(entry.size)}, {_mb(self._limit_bytes)} are the limit"
+            self._give_up(flight, reason, effects)
+            return
+        if flight.begun is None:
+            flight.begun = self._described(flight, entry)
+            for another in chosen[1:]:
+                self._add_another(flight, another, now)
+        self._request(flight.begun, effects)
+
+    def _chosen(self, flight: LoggedFlight, entries: Sequence[LogEntry]) -> list[LogEntry]:
+        """Choose the logs of a flight, newest first."""
+        if flight.begun is not None:
+            log = flight.begun
+            return [
+                entry
+                for entry in entries
+                if entry.time_s == log.listed_s and entry.size >= log.size_bytes
+            ]
+        if flight.span is not None and any(entry.time_s for entry in entries):
+            found = logs_of(flight.span, entries, has_end_times=self._is_ardupilot)
+        else:  # Without a clock the newest log is of the latest flight
+            is_latest = flight.armed_at == self._latest_armed_at
+            found = sorted(entries, reverse=True)[:1] if is_latest else []
+        return [entry for entry in found if not self._is_of_an_earlier_flight(flight, entry)]
+
+    def _is_of_an_earlier_flight(self, flight: LoggedFlight, entry: LogEntry) -> bool:
+        """Whether a log that was sent has not grown since this flight began."""
+        if self._sent is None:
+            return False
+        sent, listed_at = self._sent
+        return entry[1:] == sent[1:] and listed_at < flight.armed_at
+
+    @property
+    def _is_ardupilot(self) -> bool:
+        return bool(self._vehicle.autopilot == mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA)
+
+    def _described(self, flight: LoggedFlight, entry: LogEntry) -> BeginLog:
+        return BeginLog(
+            name=flight.name,
+            format="bin" if self._is_ardupilot else "ulg",
+            started_at=flight.started_at,
+            ended_at=flight.ended_at,
+            listed_s=entry.time_s,
+            size_bytes=entry.size,
+        )
+
+    def _add_another(self, flight: LoggedFlight, entry: LogEntry, now: float) -> None:
+        """Queue another log of the same flight."""
+        another = LoggedFlight(
+            name=self._new_name(),
+            started_at=flight.started_at,
+            ended_at=flight.ended_at,
+            span=flight.span,
+            armed_at=flight.armed_at,
+            not_before=now,
+        )
+        another.begun = self._described(another, entry)
+        self._add(another)
+
+    def _follow_download(
+        self, flight: LoggedFlight, download: LogDownload, now: float, effects: Effects
+    ) -> None:
+        part = download.part
+        if download.failure is not None:
+            self._end_download(effects)
+            self._retry(flight, download.failure, now, effects)
+        elif part is not None and part.is_last:
+            self._is_checking = True
+            self._start_list(now, effects)
+        elif part is not None:
+            self._send(flight, part, effects)
+        elif reason := self._excess(flight, download, now):
+            self._end_download(effects)
+            self._give_up(flight, reason, effects)
+
+    def _excess(self, flight: LoggedFlight, download: LogDownload, now: float) -> str | None:
+        """Why a log takes too long over this link; None if it does not."""
+        if flight.fetching_s > self._limit_s:
+            return f"it takes longer than {self._limit_s:.0f} s"
+        elapsed_s = now - self._began_at
+        if elapsed_s < MEASURED_AFTER_S or not download.received:
+            return None
+        left_s = download.left_bytes / download.received * elapsed_s
+        if flight.fetching_s + left_s <= self._limit_s:
+            return None
+        rate = download.received / elapsed_s / 1e3
+        return (
+            f"it would take {left_s:.0f} s over this link ({rate:.1f} kB/s), "
+            f"{self._limit_s:.0f} s are the limit"
+        )
+
+    def _check(
+        self, flight: LoggedFlight, entries: Iterable[LogEntry], now: float, effects: Effects
+    ) -> None:
+        """Send the last part if the log still has its number, else nothing of it is relied upon."""
+        self._is_checking = False
+        entry, download = flight.entry, self._download
+        part = None if download is None else download.part
+        if entry is None or part is None:
+            self._postpone_current(now)
+            return
+        number, time_s, size = entry
+        if any(one[:2] == (number, time_s) and one.size >= size for one in entries):
+            self._send(flight, part, effects)
+            return
+        self._end_download(effects)
+        self._drop(flight, effects)
+        flight.name = self._new_name()
+        self._retry(flight, "the vehicle has numbered its logs again", now, effects)
+
+    def _interrupt(self, effects: Effects) -> None:
+        """Stop at once; the flight's log waits."""
+        if self.is_busy:
+            self._end_download(effects)
+        self._postpone_current(0.0)
+
+    def _end_download(self, effects: Effects) -> None:
+        target = self._vehicle.route.target_system, self._vehicle.route.target_component
+        effects.messages.append(mavlink.MAVLink_log_request_end_message(*target))
+        self._download = self._list = None
+        self._is_checking = False
+
+    def _postpone_current(self, not_before: float) -> None:
+        flight, self._current = self._current, None
+        self._download = self._list = None
+        self._is_checking = False
+        if flight is not None:
+            flight.not_before = max(flight.not_before, not_before)
+            self._flights.appendleft(flight)
+
+    # The edge server
+
+    def _request(self, request: LogRequest, effects: Effects) -> None:
+        self._jobs += 1
+        self._job = self._jobs
+        effects.jobs.append(LogJob(self._job, self._vehicle.vehicle_id, request))
+
+    def _send(self, flight: LoggedFlight, part: LogPart, effects: Effects) -> None:
+        self._request(SendLogPart(flight.name, *part), effects)
+
+    def _take_state(
+        self, flight: LoggedFlight, state: LogState, now: float, effects: Effects
+    ) -> None:
+        """Go on behind what the edge server has."""
+        entry = flight.entry
+        if state.is_complete or entry is None:
+            if self._download is not None:
+                self._end_download(effects)
+            self._finish(flight, state)
+        elif self._download is None:
+            self._began_at = now
+            fetched = entry._replace(size=state.log.size_bytes)
+            route = self._vehicle.route
+            self._download = LogDownload(fetched, route, offset=state.received_bytes)
+            effects.messages += self._download.tick(now)
+        else:
+            effects.messages += self._download.proceed(now)
+
+    def _finish(self, flight: LoggedFlight, state: LogState) -> None:
+        self._current = None
+        if flight.entry is not None:
+            self._sent = flight.entry, self._listed_at
+        _LOG.info(
+            "vehicle %d: the log of its flight, %s, was sent after %.0f s",
+            *(self._vehicle.vehicle_id, _mb(state.received_bytes), flight.fetching_s),
+        )
+
+    def _fail(
+        self, flight: LoggedFlight, failed: LogJobFailed, now: float, effects: Effects
+    ) -> None:
+        if self._download is not None:
+            self._end_download(effects)
+        if failed.is_final:
+            flight.begun = None  # The edge server has none of it, or keeps it no longer
+            self._give_up(flight, failed.reason, effects)
+        else:
+            is_counted = not failed.is_temporary
+            self._retry(flight, failed.reason, now, effects, is_counted=is_counted)
+
+    def _retry(
+        self,
+        flight: LoggedFlight,
+        reason: str,
+        now: float,
+        effects: Effects,
+        *,
+        is_counted: bool = True,
+    ) -> None:
+        flight.failures += is_counted
+        if flight.failures >= MAX_FAILURES:
+            self._give_up(flight, reason, effects)
+            return
+        pause_s = FIRST_PAUSE_S * 2.0**flight.failures
+        self._postpone_current(now + min(pause_s, LONGEST_PAUSE_S))
+
+    def _give_up(self, flight: LoggedFlight, reason: str, effects: Effects) -> None:
+        self._current = None
+        self._say(flight, f"is given up: {reason}")
+        if flight.begun is not None:
+            self._drop(flight, effects)
+
+    def _drop(self, flight: LoggedFlight, effects: Effects) -> None:
+        """Delete what the edge server has of a log."""
+        self._jobs += 1  # Its answer is of no interest
+        effects.jobs.append(LogJob(self._jobs, self._vehicle.vehicle_id, DropLog(flight.name)))
+        flight.begun = None
+
+    def _say(self, flight: LoggedFlight, what: str) -> None:
+        _LOG.warning(
+            "vehicle %d: the log of its flight from %s to %s %s",
+            *(self._vehicle.vehicle_id, f"{flight.started_at:%H:%M:%S}"),
+            *(f"{flight.ended_at:%H:%M:%S}", what),
+        )
+
+
+def _mb(size: int) -> str:
+    return f"{size / 1e6:.1f} MB"

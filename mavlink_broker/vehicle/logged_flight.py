@@ -1,0 +1,66 @@
+"""A flight of one vehicle, and which of the logs that the vehicle lists are of it. Pure.
+
+Autopilots state one time of a log: PX4 and the project's vehicle that of its beginning, ArduPilot
+that of its last change. Which log is of a flight follows from the times of all logs, by the
+vehicle's clock, which the broker knows from SYSTEM_TIME.
+"""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Final, NamedTuple
+
+from mavlink_broker.effects import BeginLog
+from mavlink_broker.microservices.log_download import LogEntry
+
+EDGE_S: Final = 5.0
+"""Arming and disarming are noticed so late at most."""
+MAX_LOGS: Final = 4
+"""Logs of one flight: a vehicle begins another one when a log becomes too large."""
+
+
+class FlownSpan(NamedTuple):
+    """A flight by its vehicle's clock [s since 1970], and when the vehicle was switched on."""
+
+    armed_s: float
+    disarmed_s: float
+    booted_s: float
+
+
+@dataclass(slots=True)
+class LoggedFlight:
+    """One flight, and the log of it as far as it is known."""
+
+    name: str
+    started_at: datetime
+    ended_at: datetime
+    span: FlownSpan | None
+    armed_at: float  # By the broker's monotonic clock
+    not_before: float
+    begun: BeginLog | None = None  # As the edge server knows it
+    entry: LogEntry | None = None  # As it was listed last
+    lists: int = 0
+    failures: int = 0
+    fetching_s: float = 0.0
+
+
+def logs_of(span: FlownSpan, entries: Iterable[LogEntry], *, has_end_times: bool) -> list[LogEntry]:
+    """Choose the logs of a flight, newest first.
+
+    A log is listed with the time of its beginning, and lasts until the next one begins; or with the
+    time of its end (`has_end_times`). None is older than the vehicle's last start. Flights may
+    follow each other within a second, and arming is noticed late, so that a log that touches only
+    the edge of a flight is not of that flight.
+    """
+    margin_s = min(EDGE_S, (span.disarmed_s - span.armed_s) / 4.0)
+    first_s, last_s = span.armed_s + margin_s, span.disarmed_s - margin_s
+    timed = sorted(entries, key=lambda entry: (entry.time_s, entry.number))
+    limits = [-math.inf, *(entry.time_s for entry in timed), math.inf]
+    found = []
+    for index, entry in enumerate(timed):
+        begins, ends = limits[index : index + 2] if has_end_times else limits[index + 1 : index + 3]
+        is_since_start = has_end_times or begins >= span.booted_s - EDGE_S
+        if is_since_start and begins <= last_s and ends >= first_s:
+            found.append(entry)
+    return found[::-1][:MAX_LOGS]

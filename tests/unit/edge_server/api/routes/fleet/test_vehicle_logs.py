@@ -1,0 +1,155 @@
+"""The broker's requests about logs, answered by the edge server; and what goes wrong in between."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from datetime import UTC, datetime
+from typing import Any, Final, cast
+
+import pytest
+import requests
+
+from mavlink_broker.edge.bounded_http import Answer, EdgeConnection, NoKeyError
+from mavlink_broker.edge.log_upload import LogUploader
+from mavlink_broker.effects import (
+    BeginLog,
+    DropLog,
+    FindLogs,
+    LogJob,
+    LogJobDone,
+    LogJobFailed,
+    LogJobOutcome,
+    LogRequest,
+    SendLogPart,
+)
+from tests.unit.edge_server.archive.flown import FINISHED, begin, report
+from tests.unit.edge_server.conftest import Edge
+
+LOG: Final = BeginLog(
+    name="01K9Z4T1W8F6Q2M3N5P7R9S0VX",
+    format="ulg",
+    started_at=datetime(2026, 11, 21, 12, 0, 0, 123_000, tzinfo=UTC),
+    ended_at=datetime(2026, 11, 21, 12, 10, tzinfo=UTC),
+    listed_s=1_795_262_398,
+    size_bytes=10,
+)
+
+
+class Wire:
+    """Carries requests to the edge server without a network; `fault` replaces its answers."""
+
+    def __init__(self, edge: Edge) -> None:
+        self._edge = edge
+        self.fault: Answer | Exception | None = None
+
+    def request(
+        self,
+        method: str,
+        path: str,
+        *,
+        body: Any = None,
+        data: bytes | None = None,
+        media_type: str | None = None,
+    ) -> Answer:
+        if isinstance(self.fault, Exception):
+            raise self.fault
+        if self.fault is not None:
+            return self.fault
+        options: Mapping[str, Any] = (
+            {}
+            if body is None and data is None
+            else {"json": body}
+            if data is None
+            else {"data": data, "content_type": media_type}
+        )
+        answer = self._edge.ask(method, path, "broker", **options)
+        return Answer(answer.status_code, answer.data)
+
+
+class Broker:
+    """The broker's end."""
+
+    def __init__(self, edge: Edge) -> None:
+        self.wire = Wire(edge)
+        self._uploader = LogUploader(lambda: cast("EdgeConnection", self.wire))
+
+    def ask(self, request: LogRequest) -> LogJobOutcome:
+        return self._uploader(LogJob(7, 1, request))
+
+
+@pytest.fixture
+def broker(edge: Edge) -> Broker:
+    """A broker, and an edge server with a flight of vehicle 1."""
+    begin(edge)
+    edge.clock.pass_s(600.0)
+    report(edge, FINISHED)
+    return Broker(edge)
+
+
+def state(outcome: LogJobOutcome) -> tuple[BeginLog, int, bool]:
+    assert isinstance(outcome, LogJobDone), outcome
+    assert outcome.number == 7
+    (log,) = outcome.logs
+    return log.log, log.received_bytes, log.is_complete
+
+
+def refusal(outcome: LogJobOutcome) -> tuple[bool, bool]:
+    """Whether a failure is final, and whether it is temporary."""
+    assert isinstance(outcome, LogJobFailed), outcome
+    return outcome.is_final, outcome.is_temporary
+
+
+def test_a_log_is_begun_sent_and_known(broker: Broker, edge: Edge) -> None:
+    assert state(broker.ask(LOG)) == (LOG, 0, False)
+    part = SendLogPart(LOG.name, 0, b"ULog", is_last=False)
+    assert state(broker.ask(part)) == (LOG, 4, False)
+    assert state(broker.ask(LOG)) == (LOG, 4, False)
+    assert state(broker.ask(FindLogs())) == (LOG, 4, False)
+    last = SendLogPart(LOG.name, 4, b"123456", is_last=True)
+    assert state(broker.ask(last)) == (LOG, 10, True)
+    assert broker.ask(FindLogs()) == LogJobDone(7)
+    assert edge.ask("GET", "/flights/1/log", "operator").data == b"ULog123456"
+    assert broker.ask(DropLog(LOG.name)) == LogJobDone(7)
+    assert edge.get("/flights/1/logs") == []
+
+
+def test_a_part_that_was_received_before_is_asked_for_again(broker: Broker) -> None:
+    broker.ask(LOG)
+    part = SendLogPart(LOG.name, 0, b"ULog", is_last=False)
+    broker.ask(part)
+    assert refusal(broker.ask(part)) == (False, False)
+    assert state(broker.ask(LOG)) == (LOG, 4, False)
+
+
+def test_refusals_are_final_unless_they_may_pass(broker: Broker) -> None:
+    late = datetime(2026, 11, 22, tzinfo=UTC)
+    assert refusal(broker.ask(replace(LOG, started_at=late, ended_at=late))) == (False, False)
+    assert refusal(broker.ask(replace(LOG, size_bytes=2**31))) == (True, False)
+    too_large = SendLogPart(LOG.name, 0, bytes(11), is_last=True)
+    broker.ask(LOG)
+    assert refusal(broker.ask(too_large)) == (True, False)
+    assert refusal(broker.ask(SendLogPart("another", 0, b"x", is_last=True))) == (False, False)
+
+
+@pytest.mark.parametrize(
+    ("fault", "expected"),
+    [
+        (requests.ConnectionError("refused"), (False, True)),
+        (NoKeyError("no key"), (False, True)),
+        (Answer(503, b'{"message": "busy"}'), (False, True)),
+        (Answer(507, b'{"message": "full"}'), (False, True)),
+        (Answer(401, b'{"message": "unknown key"}'), (False, True)),
+        (Answer(404, b"<html>"), (False, False)),
+        (Answer(413, b"<html>"), (True, False)),
+        (Answer(500, b"[]"), (False, False)),
+        (Answer(200, b"<html>Sign in</html>"), (False, True)),
+        (Answer(200, b'{"name": 5}'), (False, True)),
+        (Answer(200, b"[1]"), (False, True)),
+        (Answer(200, b'{"name": "../x", "listed_at": null}'), (False, True)),
+    ],
+)
+def test_every_answer_has_one_outcome(
+    broker: Broker, fault: Answer | Exception, expected: tuple[bool, bool]
+) -> None:
+    broker.wire.fault = fault
+    for request in (LOG, SendLogPart(LOG.name, 0, b"x", is_last=True), FindLogs()):
+        assert refusal(broker.ask(request)) == expected
