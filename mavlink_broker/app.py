@@ -169,6 +169,7 @@ class App:
         for member in members:
             session = member.session
             session.watch(self._router.requested_messages(member.system, now))
+            session.vehicle.note_duplicate(self._router.warning_of(member.system, now))
             session.vehicle.warn(self._warning_of(member, now))
             session.pictures.has_room = has_room
             session.logs.utc = utc
@@ -222,7 +223,7 @@ class App:
         """Warning about a vehicle's link, dead letters and internal errors; None without any."""
         dead = self._edge.dead_letters_of(member.session.vehicle.vehicle_id)
         warnings = (
-            self._router.warning_of(member.system, now),
+            member.session.vehicle.duplicate,
             f"{dead} reports could not be delivered: see dead-letters" if dead else None,
             self.internal_errors.warning(_owner(member), now),
         )

@@ -100,6 +100,7 @@ class Vehicle:
     autopilot: int | None = None  # MAV_AUTOPILOT
     _is_identified: bool = False
     _warning: str | None = None
+    _duplicate: str | None = None
     _mission_overrides: tuple[ParameterOverride, ...] = ()
     _is_taken: bool = False
     _foreign_order: ForeignOrder | None = None
@@ -235,6 +236,15 @@ class Vehicle:
     def warning(self) -> str | None:
         """What an operator should know about it: link, dead letters, internal errors."""
         return self._warning
+
+    @property
+    def duplicate(self) -> str | None:
+        """Description of another vehicle with its system id that is received too."""
+        return self._duplicate
+
+    def note_duplicate(self, duplicate: str | None) -> None:
+        """Replace the description of another vehicle with its system id; None: there is none."""
+        self._duplicate = duplicate
 
     def warn(self, warning: str | None) -> None:
         """Replace the warning; None for nothing."""

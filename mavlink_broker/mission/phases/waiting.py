@@ -134,7 +134,8 @@ class Waiting(Phase):
 def find_obstacle(vehicle: Vehicle, now: float, *, hovering: bool, waited_s: float) -> str | None:
     """Name what is lacking before the transfer to the vehicle, or None.
 
-    `hovering`: it holds in the air where a mission of this broker left it, and may fly on.
+    `hovering`: it holds in the air where a mission of this broker left it, and may fly on. On the
+    ground nobody knows which one of two vehicles with one system id a mission is for.
     """
     snapshot = vehicle.snapshot
     may_navigate = snapshot.can_navigate
@@ -142,6 +143,7 @@ def find_obstacle(vehicle: Vehicle, now: float, *, hovering: bool, waited_s: flo
         may_navigate = not vehicle.family.reports_estimator or waited_s >= TELEMETRY_WITHIN_S
     obstacles = {
         "the vehicle is not connected": not vehicle.is_reachable(now),
+        str(vehicle.duplicate): vehicle.duplicate is not None and not hovering,
         "its kind is not known": not vehicle.is_identified,
         "its position is not known": snapshot.position is None,
         "its home is not known": snapshot.home is None,

@@ -16,6 +16,7 @@ from tests.support.real_autopilots import COPTER_4_6, PX4_1_17
 from tests.support.scripted_vehicle import PX4, Script, ScriptedVehicle
 
 ELSEWHERE = ("198.51.100.7", 40_000)
+SAME_ID = "another vehicle at 198.51.100.7:40000 has the same system id, 1"
 
 
 def registered(world: World, vehicle_id: int = 1) -> dict[str, Any]:
@@ -212,16 +213,44 @@ class TestOddOnes:
         world = World()
         world.run(50.0)
         vehicle = world.add_vehicle(1)
-        other = ScriptedVehicle(1, PX4, booted_at=world.clock.now - 40.0)
-        world.run(0.1)
-        world.air.vehicles[ELSEWHERE] = other
         world.edge.plan(first_flight())
+        world.run_until(lambda: vehicle.airborne)
+        other = ScriptedVehicle(1, PX4, booted_at=world.clock.now - 40.0)
+        world.air.vehicles[ELSEWHERE] = other
         world.run_until_over(1201)
         assert world.edge.statuses(1201) == FINISHED
         assert other.commands == []
         assert vehicle.uploads == 1
-        warning = "another vehicle at 198.51.100.7:40000 has the same system id, 1"
-        assert registered(world)["warning"] == warning
+        assert registered(world)["warning"] == SAME_ID
+
+    def test_of_two_vehicles_with_one_number_none_takes_off(self) -> None:
+        """Nobody knows for which one the mission is; it waits until one is gone."""
+        world = World()
+        world.run(50.0)
+        vehicle = world.add_vehicle(1)
+        other = ScriptedVehicle(1, PX4, booted_at=world.clock.now - 40.0)
+        world.run(0.1)
+        world.air.vehicles[ELSEWHERE] = other
+        world.run(5.0)
+        world.edge.plan(first_flight())
+        world.run(40.0)
+        assert vehicle.uploads == other.uploads == 0
+        del world.air.vehicles[ELSEWHERE]
+        world.run_until_over(1201)
+        assert world.edge.statuses(1201) == FINISHED
+        assert (vehicle.uploads, other.uploads) == (1, 0)
+
+    def test_a_mission_for_one_of_two_vehicles_with_one_number_fails_by_its_reason(self) -> None:
+        world = World()
+        world.run(50.0)
+        vehicle = world.add_vehicle(1)
+        world.air.vehicles[ELSEWHERE] = ScriptedVehicle(1, PX4, booted_at=world.clock.now - 40.0)
+        world.run(5.0)
+        world.edge.plan(first_flight())
+        world.run_until_over(1201)
+        assert world.edge.status(1201) == Status.FAILED
+        assert world.edge.reports(1201)[-1]["message"] == f"not ready after 60 s: {SAME_ID}"
+        assert vehicle.uploads == 0
 
     def test_a_vehicle_behind_a_new_port_flies_on(self) -> None:
         """A router gave it another port in the middle of its mission."""
