@@ -213,6 +213,12 @@ class Router:
         ring = None if config.signing_keys is None else KeyRing(config.signing_keys)
         if ring is None:
             _LOG.warning("MAVLink is unsigned: anybody who reaches the port can pose as a vehicle")
+        elif not ring.systems():
+            _LOG.warning(
+                "%s has no signing-<system id>.key: no vehicle can be received on a link that is "
+                "not trusted until it has",
+                ring.folder,
+            )
         self._signature_check = SignatureCheck(ring, config.unsigned_systems, clock.utc)
         self._ground_stations = GroundStations(config, link, ring, clock, control)
         self._frame_log = _new_frame_log(config)

@@ -333,3 +333,17 @@ def test_the_frame_log_contains_accepted_and_sent_frames(keys: Path, tmp_path: P
     stamp = path.read_bytes()[:8]
     assert path.read_bytes() == stamp + accepted + stamp + sent
     assert KEYS[1] not in path.read_bytes()
+
+
+@pytest.mark.parametrize("name", ["empty", "missing"])
+def test_a_folder_without_keys_is_named_at_the_start(
+    name: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    (tmp_path / "empty").mkdir()
+    RouterWorld(tmp_path / name)
+    assert f"{tmp_path / name} has no signing-<system id>.key" in caplog.text
+
+
+def test_a_folder_with_keys_is_not_warned_of(keys: Path, caplog: pytest.LogCaptureFixture) -> None:
+    RouterWorld(keys)
+    assert caplog.text == ""
