@@ -49,3 +49,22 @@ function merge(plan: Plan, mission: Mission, missions: LiveState["missions"]): M
 export function isInFlight(mission: Mission): boolean {
   return mission.dispatch_state === "accepted" && mission.mission_status_id <= 2;
 }
+
+/** A mission in flight, and its plan. */
+export interface Running {
+  plan: Plan;
+  mission: Mission;
+}
+
+/** Gives the mission in flight of each vehicle that has one, by the vehicle's number. */
+export function runningMissions(plans: readonly Plan[]): Map<number, Running> {
+  const found = new Map<number, Running>();
+  for (const plan of plans) {
+    for (const mission of plan.missions) {
+      if (isInFlight(mission) && !found.has(mission.vehicle_id)) {
+        found.set(mission.vehicle_id, { plan, mission });
+      }
+    }
+  }
+  return found;
+}

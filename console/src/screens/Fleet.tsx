@@ -1,10 +1,9 @@
 import { lazy, Suspense, useMemo, useState } from "react";
 import { useTranslation } from "react-i18next";
 import { listFields } from "../api/resources";
-import type { Mission, Plan } from "../api/types";
 import { Empty, ErrorNotice, Skeleton } from "../controls/states";
 import { useLive, useSeldom } from "../live/use_live";
-import { isInFlight, usePlans } from "../live/use_plans";
+import { runningMissions, usePlans } from "../live/use_plans";
 import { useResource } from "../live/use_resource";
 import { farmExtent } from "../map/farm_extent";
 import { collection, fieldFeatures, routeFeatures, trailFeature } from "../map/features";
@@ -15,12 +14,6 @@ const FarmMap = lazy(() => import("../map/FarmMap"));
 
 /** Trails and routes are drawn again as a whole; the symbols move at once. */
 const REDRAWN_EVERY_MS = 1000;
-
-/** A mission in flight, and its plan. */
-export interface Running {
-  plan: Plan;
-  mission: Mission;
-}
 
 /** The first screen: every vehicle on the map, and beside it what each is doing. */
 export function Fleet() {
@@ -80,16 +73,4 @@ export function Fleet() {
       </section>
     </div>
   );
-}
-
-function runningMissions(plans: Plan[]): Map<number, Running> {
-  const found = new Map<number, Running>();
-  for (const plan of plans) {
-    for (const mission of plan.missions) {
-      if (isInFlight(mission) && !found.has(mission.vehicle_id)) {
-        found.set(mission.vehicle_id, { plan, mission });
-      }
-    }
-  }
-  return found;
 }

@@ -10,8 +10,8 @@ import type { Vehicle } from "../api/types";
 import type { Tracked } from "../live/state";
 import type { Units } from "../units/units";
 import { useNow } from "../live/use_live";
+import type { Running } from "../live/use_plans";
 import { isBatteryLow, statusOf, type VehicleStatus } from "../live/vehicle_status";
-import type { Running } from "./Fleet";
 import { LivePicture } from "./LivePicture";
 import { ReleaseForm } from "./ReleaseForm";
 

@@ -8,11 +8,11 @@ from uav_firmware.bus import Topic
 from uav_firmware.lib import fence_rules
 from uav_firmware.lib.geo import LocalFrame
 from uav_firmware.lib.mission_rules import POSITIONAL, altitude_amsl, unset
+from uav_firmware.modules.navigator.circle import Circle, circle_of
 from uav_firmware.modules.navigator.flight import Flight
 from uav_firmware.modules.navigator.geofence import check
 from uav_firmware.modules.navigator.geofence.geofence import Area, Disc, Geofence, Polygon
 from uav_firmware.modules.navigator.mission.route import target_of
-from uav_firmware.modules.navigator.modes.orbit import Circle, circle_of
 from uav_firmware.msg.geofence import Fence, RallyPoints
 from uav_firmware.msg.guidance import OrbitTarget
 from uav_firmware.msg.mission import (

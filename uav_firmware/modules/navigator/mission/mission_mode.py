@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping
 
 from uav_firmware.lib.mission_rules import HOVERING, PAYLOAD, altitude_amsl, unset
 from uav_firmware.lib.resets import EstimateStep
+from uav_firmware.modules.navigator.circle import Circle
 from uav_firmware.modules.navigator.flight import Flight, Speeds
 from uav_firmware.modules.navigator.mission.cursor import MissionCursor
 from uav_firmware.modules.navigator.mission.route import (
@@ -28,7 +29,7 @@ from uav_firmware.modules.navigator.mission.tasks import (
 )
 from uav_firmware.modules.navigator.modes.land import Land
 from uav_firmware.modules.navigator.modes.navigator_mode import NavigatorMode
-from uav_firmware.modules.navigator.modes.orbit import Circle, Orbit
+from uav_firmware.modules.navigator.modes.orbit import Orbit
 from uav_firmware.modules.navigator.modes.return_to_launch import ReturnToLaunch
 from uav_firmware.modules.navigator.modes.takeoff import Takeoff
 from uav_firmware.modules.navigator.modes.yaw_commands import apply_region_of_interest
