@@ -19,7 +19,6 @@ from pathlib import Path
 from dst import coverage
 from dst.edge_process import prepared_folder
 from dst.faults import Fault, draw
-from dst.report import text_of
 from dst.simulate import Outcome, shrink, simulate
 
 INTERRUPTED = 130
@@ -75,7 +74,7 @@ def _replay(
     if must_shrink and outcome.failure is not None:
         outcome = shrink(outcome, lambda fewer: run(faults=fewer))
     print(*outcome.lines, sep="\n")
-    print(text_of(outcome))
+    print(outcome.describe())
     return outcome.failure is not None
 
 
@@ -89,8 +88,7 @@ def _run_all(
         for outcome in pool.imap_unordered(run, seeds):
             outcomes.append(outcome)
             if outcome.failure is not None:
-                text = text_of(outcome, options.hours, is_deep=options.depth)
-                print(text, flush=True)
+                print(outcome.describe(), flush=True)
                 if options.stop:
                     break
     reached: Counter[str] = Counter()

@@ -47,6 +47,19 @@ class Outcome:
     """Sum over the vehicles."""
     reached: Mapping[str, int] = field(default_factory=dict)
     """As `Coverage.counts`."""
+    hours: float = 0.0
+    is_deep: bool = False
+
+    def describe(self) -> str:
+        """Give the failure, and the command that replays the seed."""
+        faults = ",".join(sorted(self.faults)) or "none"
+        options = f" HOURS={self.hours:g}" if self.hours else ""
+        options += " DEPTH=1" if self.is_deep else ""
+        return (
+            f"seed {self.seed}: {self.failure or 'every law holds'}\n"
+            f"  trace {self.digest[:16]}, {self.simulated_s:.0f} s\n"
+            f"  make dst SEED={self.seed} FAULTS={faults}{options}"
+        )
 
 
 def simulate(
@@ -104,6 +117,8 @@ def simulate(
         plans=len(operator.plans),
         flight_s=sum(vehicle.truth.flight_s for vehicle in world.vehicles.values()),
         reached=dict(coverage.counts),
+        hours=hours,
+        is_deep=is_deep,
     )
 
 

@@ -9,7 +9,6 @@ from random import SystemRandom
 import pytest
 
 from dst.edge_process import prepared_folder
-from dst.report import text_of
 from dst.simulate import Outcome, simulate
 
 FLYING = 2
@@ -38,7 +37,7 @@ def _quiet() -> Iterator[None]:
 
 def check(seed: int, prepared: Path, hours: float = 0.0, *, is_deep: bool = False) -> Outcome:
     outcome = simulate(seed, prepared, hours=hours, is_deep=is_deep)
-    assert outcome.failure is None, text_of(outcome, hours, is_deep=is_deep)
+    assert outcome.failure is None, outcome.describe()
     return outcome
 
 

@@ -1,9 +1,12 @@
+import logging
 from collections.abc import Collection
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+import dst.__main__
 from dst.edge_process import prepared_folder
 from dst.faults import Fault, draw
 from dst.simulate import FAULTS_S, Outcome, shrink, simulate
@@ -29,6 +32,40 @@ def test_faults_that_are_not_needed_are_dropped(cause: Collection[Fault]) -> Non
     assert found.failure == "broken"
 
 
+@pytest.mark.parametrize(
+    ("outcome", "command"),
+    [
+        (FAILED, "make dst SEED=7 FAULTS=none"),
+        (replace(FAILED, faults=frozenset({Fault.PILOT, Fault.LOSS})), "FAULTS=loss,pilot"),
+        (replace(FAILED, hours=12.0), "FAULTS=none HOURS=12"),
+        (replace(FAILED, hours=0.5, is_deep=True), "FAULTS=none HOURS=0.5 DEPTH=1"),
+    ],
+)
+def test_a_failure_is_described_with_the_command_that_replays_it(
+    outcome: Outcome, command: str
+) -> None:
+    assert outcome.describe().startswith("seed 7: broken\n")
+    assert outcome.describe().endswith(command)
+
+
+def test_a_replay_that_fails_prints_its_own_command(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def simulated(seed: int, prepared: Path, *, kept_lines: None, **options: Any) -> Outcome:
+        assert prepared.is_dir()
+        assert kept_lines is None
+        return replace(FAILED, seed=seed, **options)
+
+    monkeypatch.setattr(dst.__main__, "simulate", simulated)
+    try:
+        status = dst.__main__.main(["--seed=9", "--hours=0.5", "--depth", "--faults=pilot,loss"])
+    finally:
+        logging.disable(logging.NOTSET)
+    assert status == 1
+    command = "make dst SEED=9 FAULTS=loss,pilot HOURS=0.5 DEPTH=1\n"
+    assert capsys.readouterr().out.endswith(command)
+
+
 @pytest.mark.thorough
 def test_the_farm_works_in_shifts_with_breaks(tmp_path: Path) -> None:
     prepared = prepared_folder(tmp_path / "prepared")
@@ -36,6 +73,7 @@ def test_the_farm_works_in_shifts_with_breaks(tmp_path: Path) -> None:
     assert outcomes[0].digest == outcomes[1].digest
     [outcome, _] = outcomes
     assert outcome.failure is None
+    assert outcome.describe().endswith(" HOURS=2")
     assert outcome.simulated_s >= 2.0 * 3600.0 + FAULTS_S
     assert 0.0 < outcome.flight_s < 2.0 * FAULTS_S * 2.0
     text = "\n".join(outcome.lines)
