@@ -9,6 +9,8 @@ disk that has written some of it. Reads, locks and shared memory stay the machin
 
 Files that SQLite does not write (keys, lock files, the relay's pipe) are not on this disk. Programs
 that ask how large it is, and how much of it is free, always get the same answer.
+
+StillOpenError  a process has left a file open
 """
 
 import _sqlite3
@@ -46,6 +48,10 @@ _FileSize = CFUNCTYPE(c_int, c_void_p, POINTER(c_int64))
 _Open = CFUNCTYPE(c_int, c_void_p, c_void_p, c_void_p, c_int, POINTER(c_int))
 _Delete = CFUNCTYPE(c_int, c_void_p, c_char_p, c_int)
 _Sleep = CFUNCTYPE(c_int, c_void_p, c_int)
+
+
+class StillOpenError(Exception):
+    """A process has left a file open."""
 
 
 class _Methods(Structure):
@@ -388,7 +394,7 @@ def attached(*disks: Disk) -> Iterator[None]:
     """Have SQLite write the files in these disks' folders through them.
 
     Raises:
-        RuntimeError: if a file is open at the end, which would be closed at no determined time.
+        StillOpenError: if a file is open at the end, which Python would close when it collects it.
     """
     if not _LAYER:
         _LAYER.append(_Layer())
@@ -401,7 +407,7 @@ def attached(*disks: Disk) -> Iterator[None]:
         with patch.object(os, "statvfs", layer.statistics):
             yield
         if left := layer.open_files(disks):
-            raise RuntimeError(f"files that are still open: {left}")
+            raise StillOpenError(f"files that are still open: {left}")
     finally:
         for disk in disks:
             layer.disks.remove(disk)

@@ -108,8 +108,12 @@ class Machine:
         """Have another program begin to write to the database, and not end."""
         try:
             locker = sqlite3.connect(self._database, isolation_level=None)
+        except sqlite3.Error:
+            return
+        try:
             locker.execute("BEGIN IMMEDIATE")
         except sqlite3.Error:
+            locker.close()
             return
         self._unlock()
         self._note("the database is locked")

@@ -10,6 +10,7 @@ from random import Random
 from typing import Final
 
 from dst.coverage import Coverage
+from dst.disk import StillOpenError
 from dst.faults import BREAK_FACTOR, KINEMATIC_ONLY, Fault, Faults, draw
 from dst.laws import BREAK_CHECK_PERIOD_S, CHECK_PERIOD_S, LawError, Laws
 from dst.operator_person import Operator
@@ -103,7 +104,10 @@ def simulate(
     except Exception as error:  # noqa: BLE001  # an exception of the product is a failure too
         failure = f"{type(error).__name__}: {error}"
     finally:
-        world.close()
+        try:
+            world.close()
+        except StillOpenError as error:
+            failure = failure or str(error)
         shutil.rmtree(folder)
     trace = world.scheduler.trace
     return Outcome(

@@ -9,7 +9,7 @@ from random import Random
 
 import pytest
 
-from dst.disk import BLOCK_BYTES, BLOCKS, Disk, attached
+from dst.disk import BLOCK_BYTES, BLOCKS, Disk, StillOpenError, attached
 
 
 @pytest.fixture
@@ -53,7 +53,7 @@ def test_its_size_is_not_that_of_the_machine_that_simulates(disk: Disk, tmp_path
 
 def test_a_file_that_is_open_at_the_end_is_an_error(tmp_path: Path) -> None:
     disk = Disk(tmp_path, Random(1))
-    with pytest.raises(RuntimeError, match=r"still open.*test\.db"), attached(disk):
+    with pytest.raises(StillOpenError, match=r"still open.*test\.db"), attached(disk):
         connection = opened(disk)
     connection.close()
 
