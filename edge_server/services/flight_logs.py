@@ -79,8 +79,8 @@ def begin(
         vehicle_id,
         name,
         described.format,
-        described.started_at.timestamp(),
-        described.ended_at.timestamp(),
+        round(described.started_at.timestamp(), 3),  # As they are shown: a broker repeats them
+        round(described.ended_at.timestamp(), 3),
         0 if listed_at is None else int(listed_at.timestamp()),
         described.size_bytes,
     )

@@ -451,8 +451,12 @@ class FlightLogs:
         if flight.failures >= MAX_FAILURES:
             self._give_up(flight, reason, effects)
             return
-        pause_s = FIRST_PAUSE_S * 2.0**flight.failures
-        self._postpone_current(now + min(pause_s, LONGEST_PAUSE_S))
+        pause_s = min(FIRST_PAUSE_S * 2.0**flight.failures, LONGEST_PAUSE_S)
+        _LOG.info(
+            "vehicle %d: the log of its flight waits for %.0f s: %s",
+            *(self._vehicle.vehicle_id, pause_s, reason),
+        )
+        self._postpone_current(now + pause_s)
 
     def _give_up(self, flight: LoggedFlight, reason: str, effects: Effects) -> None:
         self._current = None

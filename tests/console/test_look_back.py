@@ -4,6 +4,7 @@ import base64
 import io
 from collections.abc import Iterator
 from contextlib import contextmanager
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -11,12 +12,13 @@ import pytest
 import requests
 from PIL import Image
 
+from afarcloud.numbers import format_time
 from edge_server.api.routes.planning.fields import EXAMPLE
 from tests.support.browser import TEST_TIMEOUT_S, console_journey, link_at
 from tests.support.geotiff import geotiff
 from tests.support.pmtiles import archive_at, vector_archive_at
 from tests.support.system import short_plan
-from tests.unit.edge_server.documents import mission, mission_report, plan, telemetry
+from tests.unit.edge_server.documents import VEHICLE_LOG, mission, mission_report, plan, telemetry
 from tests.unit.edge_server.program import Program, program_in
 
 RUNNING, FINISHED = 2, 3
@@ -44,6 +46,15 @@ class Archive:
         answer = requests.request(method, url, json=body, headers=headers, timeout=30)
         assert answer.ok, answer.text
 
+    def put_file(self, path: str, data: bytes) -> None:
+        headers = {
+            "Authorization": f"Bearer {self._program.key('broker')}",
+            "Content-Type": "application/octet-stream",
+        }
+        url = self._program.url + path
+        answer = requests.patch(url, data=data, headers=headers, timeout=30)
+        assert answer.ok, answer.text
+
     def send(self, kind: str, **fields: Any) -> None:
         self.ask("POST", f"/{kind}/", "broker", telemetry(kind) | fields)
 
@@ -64,6 +75,7 @@ def fly(archive: Archive) -> None:
     archive.ask("PUT", "/vehicles/1", "broker", {"link_state": "connected"})
     archive.ask("POST", "/plans/", "operator", plan(mission()))
     archive.ask("POST", "/broker/commands/1/ack", "broker", {"status": "accepted"})
+    began = format_time(datetime.now(UTC))
     archive.report(RUNNING)
     for number in range(PICTURES):
         place = {"latitude": 40.4434 + number * 2e-4, "longitude": -3.7382}
@@ -79,6 +91,11 @@ def fly(archive: Archive) -> None:
         measured = [{**one, "result_value": 18.0 + 3 * number}]
         archive.send("observation", sequence_number=number, observation_array=measured, **place)
     archive.report(FINISHED)
+    log = b"ULog" + bytes(99_996)
+    times = {"started_at": began, "ended_at": format_time(datetime.now(UTC))}
+    described = VEHICLE_LOG | times | {"size_bytes": len(log)}
+    archive.ask("PUT", "/vehicles/1/logs/flown", "broker", described)
+    archive.put_file("/vehicles/1/logs/flown?offset=0&is_last=true", log)
 
 
 @contextmanager

@@ -2,7 +2,7 @@
 
 import { request, requestTagged, requestText, type Tagged } from "./client";
 import type {
-  AccessKey, Alarm, Backup, Backups, BaseMap, DeadLetter, Flight, FlightMap, FlightObservations, Footprint, FlownCommand, Picture, Plan,
+  AccessKey, Alarm, Backup, Backups, BaseMap, DeadLetter, Flight, FlightLog, FlightMap, FlightObservations, Footprint, FlownCommand, Picture, Plan,
   PlanDocument, PlannedSurvey, Storage, StoredEvent, StoredField, SurveyOrder, User, Vehicle, Video,
 } from "./types";
 
@@ -116,6 +116,7 @@ export const flightTrack = (id: number): Promise<GeoJSON.FeatureCollection | Geo
   request(`/flights/${id}/track?format=geojson`);
 export const listPictures = (id: number): Promise<Picture[]> => allOf(`/flights/${id}/pictures`);
 export const listFootprints = (id: number): Promise<Footprint[]> => allOf(`/flights/${id}/footprints`);
+export const listFlightLogs = (id: number): Promise<FlightLog[]> => request(`/flights/${id}/logs`);
 export const getFlightMap = (id: number): Promise<FlightMap> => request(`/flights/${id}/map`);
 /** Begins to make the map of a flight; its state says when it is done. */
 export const makeFlightMap = (id: number): Promise<FlightMap> =>

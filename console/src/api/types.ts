@@ -10,6 +10,7 @@ export type AccessKey = Schemas["AccessKey"];
 export type Storage = Schemas["Storage"];
 export type Backup = Schemas["Backup"];
 export type Backups = Schemas["Backups"];
+export type FlightLog = Schemas["FlightLog"];
 export type FlightMap = Schemas["FlightMap"];
 export type Video = Schemas["Video"];
 export type DeadLetter = Schemas["DeadLetter"];

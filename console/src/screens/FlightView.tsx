@@ -17,6 +17,7 @@ import { extentOf } from "../map/extent";
 import { collection, fieldFeatures } from "../map/features";
 import { pictureElement, updateVehicleElement, valueElement, vehicleElement } from "../map/markers";
 import { picturePlaces, placedMap, placedPictures } from "../map/picture_places";
+import { FlightLogs } from "./flight/FlightLogs";
 import { FlightPlots, type Mark } from "./flight/FlightPlots";
 import { Gallery } from "./flight/Gallery";
 import { MapLegend, Measurements, nameOf } from "./flight/Measurements";
@@ -234,6 +235,7 @@ export default function FlightView({ id }: { id: number }) {
             <Gallery pictures={pictures.value} open={open} show={setOpen} />
           </>
         )}
+        {flight.value && <FlightLogs flight={flight.value} />}
       </section>
     </div>
   );

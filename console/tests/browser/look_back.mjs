@@ -1,4 +1,4 @@
-/** An operator looks back at a flight: its pictures, measurements and maps.
+/** An operator looks back at a flight: its pictures, measurements, log and maps.
  *
  *     node tests/browser/look_back.mjs
  *
@@ -33,6 +33,19 @@ async function readMeasurements(page) {
   const map = page.getByRole("region", { name: "Track" });
   await map.getByText("Temperature", { exact: true }).waitFor();
   await requireAccessible(page, "a measurement on the map");
+}
+
+/** The drone's own log is shown with its size, and downloaded as it was sent. */
+async function downloadLog(page) {
+  const link = page.getByRole("link", { name: /^ULog, .*MiB$/ });
+  await link.scrollIntoViewIfNeeded();
+  const [download] = await Promise.all([page.waitForEvent("download"), link.click()]);
+  if (!/^flight-1-vehicle-1-.*\.ulg$/.test(download.suggestedFilename())) throw new Error(download.suggestedFilename());
+  const chunks = [];
+  for await (const chunk of await download.createReadStream()) chunks.push(chunk);
+  const log = Buffer.concat(chunks);
+  if (log.length !== 100_000 || log.subarray(0, 4).toString() !== "ULog") throw new Error(`a log of ${log.length} bytes`);
+  await picture(page, "flight-log");
 }
 
 /** How many pixels of the map are nearly of a colour. */
@@ -136,6 +149,7 @@ try {
     await page.goto(`${BASE}flights/1`);
     await requireThumbnails(page);
     await readMeasurements(page);
+    await downloadLog(page);
     await showPicturesOnMap(page);
     await showSurveyMap(page);
     await showBaseMap(page);

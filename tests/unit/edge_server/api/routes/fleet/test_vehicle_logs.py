@@ -112,6 +112,13 @@ def test_a_log_is_begun_sent_and_known(broker: Broker, edge: Edge) -> None:
     assert edge.get("/flights/1/logs") == []
 
 
+def test_a_log_is_continued_by_what_is_shown_of_it(broker: Broker) -> None:
+    precise = replace(LOG, started_at=LOG.started_at.replace(microsecond=123_456))
+    broker.ask(precise)
+    shown, _, _ = state(broker.ask(FindLogs()))
+    assert state(broker.ask(shown)) == (shown, 0, False)
+
+
 def test_a_part_that_was_received_before_is_asked_for_again(broker: Broker) -> None:
     broker.ask(LOG)
     part = SendLogPart(LOG.name, 0, b"ULog", is_last=False)
