@@ -10,8 +10,8 @@ those that answer another client, or an earlier request, are taken too: the byte
 A log is received in parts of 256 KiB, so that a log of any size takes little memory: the caller
 takes a part away before it asks for the next one. One request is outstanding at a time, since a
 second one replaces the first in PX4 and ArduPilot. It asks for as much as arrives in half a second,
-from the first missing byte on, and includes received bytes between gaps that are close, because
-they cost less than another round trip. A pause after each request leaves the link to telemetry, and
+from the first missing byte on, and includes received bytes between gaps if they cost less than
+another round trip. A pause after each request leaves the link to telemetry, and
 a limit of the rate leaves the broker's processor to the other vehicles.
 
 What a vehicle states is not relied upon: every wait has an end, and so have answers without new
@@ -41,11 +41,13 @@ LARGEST_WINDOW: Final = 256 * PACKET_BYTES
 WINDOW_S: Final = 0.5
 MOST_BYTES_PER_S: Final = 128 * 1024
 """A broker reads so much with a tenth of a processor."""
-CLOSE_GAPS: Final = 8 * PACKET_BYTES
+CLOSE_GAPS: Final = 4 * PACKET_BYTES
+"""Gaps so close are requested together on any link."""
 ATTEMPTS: Final = 20
 """Requests in a row without new data, after which the download fails."""
 CONSTANT_REPETITIONS: Final = 3
 """Requests without an answer before the timeouts double."""
+NO_DATA: Final = "it sends no further data"
 END_CONFIRMATIONS: Final = 2
 """Empty packets that end a log before its stated size."""
 
@@ -146,6 +148,8 @@ class LogDownload:
         self._last_at = 0.0
         self._not_before = 0.0
         self._window = FIRST_WINDOW
+        self._bytes_per_s = 0.0  # While packets arrive
+        self._travel_s = 0.0  # From a request to its first packet, smoothed
         self._received_before = 0  # [bytes] Of the part, when the request was sent
         self._useless = 0  # Requests in a row without new data
         self._unanswered = 0  # Requests in a row without any answer
@@ -191,8 +195,8 @@ class LogDownload:
             is_new = self._part.write(at, data)
             self.received += self._part.received - before
             self._ends = 0 if is_new else self._ends
-            if start <= at < end:
-                self._bursts.received(now, at + len(data), is_new=is_new)
+            if is_new and start <= at < end:  # Repeated bytes keep no request open
+                self._bursts.received(now, at + len(data), is_new=True)
         if self._requested is not None and self._has_all_requested():
             self._end_request(now)
         return self.tick(now)
@@ -239,10 +243,11 @@ class LogDownload:
     def _next_range(self) -> tuple[int, int]:
         """Choose the next bytes: the first gap, and those that follow it closely."""
         first = last = None
+        close = max(CLOSE_GAPS, int(self._bytes_per_s * self._travel_s))
         for offset, size in self._part.missing.pieces(self._window):
             if first is None:
                 first = offset
-            elif last is not None and offset - last > CLOSE_GAPS:
+            elif last is not None and offset - last > close:
                 break
             last = min(offset + size, first + self._window)
             if last >= first + self._window:
@@ -254,6 +259,7 @@ class LogDownload:
         if self._requested is None or self._bursts.is_active:
             return
         self._first_at = now
+        self._travel_s += (now - self._sent_at - self._travel_s) / 4.0
         if self._unanswered == 0:
             self._round_trip.sample(now - self._sent_at)
         else:
@@ -292,13 +298,14 @@ class LogDownload:
         self._useless = 0 if gained else self._useless + 1
         self._unanswered = 0 if was_answered or gained else self._unanswered + 1
         if self._useless >= ATTEMPTS:
-            has_answered = self._unanswered < ATTEMPTS
-            self.failure = "it sends no new data" if has_answered else "it does not answer"
+            self.failure = NO_DATA
         if not was_answered:
             self._not_before = now
             return
         duration_s = max(self._last_at - self._first_at, 1e-3)
-        wanted = int((end - start) / duration_s * WINDOW_S) // PACKET_BYTES * PACKET_BYTES
-        self._window = max(LEAST_WINDOW, min(wanted, 2 * self._window, LARGEST_WINDOW))
+        if 2 * (end - start) >= self._window:  # A single late packet shows no rate
+            self._bytes_per_s = (end - start) / duration_s
+            wanted = int(self._bytes_per_s * WINDOW_S) // PACKET_BYTES * PACKET_BYTES
+            self._window = max(LEAST_WINDOW, min(wanted, 2 * self._window, LARGEST_WINDOW))
         least_s = (end - start) / MOST_BYTES_PER_S
         self._not_before = max(now + PAUSE_SHARE * duration_s, self._sent_at + least_s)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from mavlink_broker.microservices.log_download import PART_BYTES, LogDownload, LogEntry
+from mavlink_broker.microservices.log_download import NO_DATA, PART_BYTES, LogDownload, LogEntry
 from tests.support.log_air import ROUTE, LogAir
 from tests.support.lossy_link import Conditions
 
@@ -96,21 +96,23 @@ def test_a_log_that_does_not_exist_fails(tmp_path: Path) -> None:
     air = LogAir(tmp_path, Conditions())
     download = LogDownload(LogEntry(7, 0, 1000), ROUTE)
     assert air.fetch(download) == b""
-    assert download.failure == "it does not answer"
+    assert download.failure == NO_DATA
     assert air.now_s < 120.0
 
 
 @pytest.mark.first_case
 @pytest.mark.parametrize("seed", [1, 2, 3])
-def test_little_is_asked_for_twice_on_a_bad_link_far_away(tmp_path: Path, seed: int) -> None:
+def test_a_bad_link_far_away_costs_neither_minutes_nor_many_repetitions(
+    tmp_path: Path, seed: int
+) -> None:
     """300 kB, 20 % loss and 0.3 s in each direction, a tenth of the frames reordered."""
     bad = Conditions(loss=0.2, delay_us=300_000, reordering=0.1, hold_us=100_000)
     air = LogAir(tmp_path, bad, seed)
     contents = air.write_log("09_30_00", 300_000, seed)
     (entry,) = air.list_logs()
     assert air.fetch(LogDownload(entry, ROUTE)) == contents
-    assert air.link.carried < 3 * len(contents) / 90
-    assert air.now_s < 240.0
+    assert air.link.carried < 4 * len(contents) / 90
+    assert air.now_s < 120.0
 
 
 def test_the_rate_is_limited_and_the_link_has_pauses(tmp_path: Path) -> None:
