@@ -38,6 +38,10 @@ FIRST_WINDOW: Final = 32 * PACKET_BYTES
 LEAST_WINDOW: Final = 8 * PACKET_BYTES
 LARGEST_WINDOW: Final = 256 * PACKET_BYTES
 """Sockets of the system queue so many frames when the broker is late."""
+NEAR_WINDOW: Final = 64 * PACKET_BYTES
+"""The same while the round trip is below `NEAR_S`: an order to another vehicle waits until the
+frames that have arrived together are read, some 0.1 ms each."""
+NEAR_S: Final = 0.05
 WINDOW_S: Final = 0.5
 MOST_BYTES_PER_S: Final = 128 * 1024
 """A broker reads so much with a tenth of a processor."""
@@ -306,6 +310,7 @@ class LogDownload:
         if 2 * (end - start) >= self._window:  # A single late packet shows no rate
             self._bytes_per_s = (end - start) / duration_s
             wanted = int(self._bytes_per_s * WINDOW_S) // PACKET_BYTES * PACKET_BYTES
-            self._window = max(LEAST_WINDOW, min(wanted, 2 * self._window, LARGEST_WINDOW))
+            largest = NEAR_WINDOW if self._travel_s < NEAR_S else LARGEST_WINDOW
+            self._window = max(LEAST_WINDOW, min(wanted, 2 * self._window, largest))
         least_s = (end - start) / MOST_BYTES_PER_S
         self._not_before = max(now + PAUSE_SHARE * duration_s, self._sent_at + least_s)
