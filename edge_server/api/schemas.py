@@ -283,6 +283,7 @@ class Work(Answer):
 
     cursor: Annotated[int, Member(ge=0)]
     commands: list[dict[str, Any]]
+    time: datetime
 
 
 class WorkState(Answer):

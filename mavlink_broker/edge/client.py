@@ -20,12 +20,14 @@ import re
 import threading
 import time
 from collections.abc import Callable
+from datetime import datetime
 from enum import Enum, auto
 from http import HTTPStatus
 from pathlib import Path
 from typing import Any, Final, NamedTuple, TypeVar
 
 import requests
+from pydantic import AwareDatetime, TypeAdapter, ValidationError
 
 from afarcloud import wire
 from mavlink_broker.edge.bounded_http import (
@@ -35,6 +37,7 @@ from mavlink_broker.edge.bounded_http import (
     is_final,
     is_temporary_refusal,
 )
+from mavlink_broker.edge.edge_clock import EdgeClock
 from mavlink_broker.edge.outbox import Outbox, Post
 from mavlink_broker.edge.spool import Spool
 from mavlink_broker.edge.spool_writer import SpoolWriter
@@ -49,6 +52,7 @@ RETRY_WORK_S: Final = 0.5
 SHORTEST_UPDATE_S: Final = 0.2
 """A vehicle sends its position five times a second."""
 _INTERVAL: Final = re.compile(r"[0-9]{1,3}(\.[0-9]{1,6})?", re.ASCII)
+_TIME: Final[TypeAdapter[datetime]] = TypeAdapter(AwareDatetime)
 _REFUSALS: Final = HTTPStatus.BAD_REQUEST
 """Status codes from here on."""
 MAX_LOGGED_CHARACTERS: Final = 500
@@ -111,6 +115,7 @@ class EdgeClient:
         self._wake = wake
         self._clock = clock
         self._cursor = 0  # Of the work that was received
+        self._edge_clock = EdgeClock()
         self._work: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
         self._acceptance_results: queue.SimpleQueue[AcceptanceResult] = queue.SimpleQueue()
         self._outbox = Outbox(jitter or random.Random())
@@ -254,10 +259,11 @@ class EdgeClient:
             _LOG.exception("the edge server's work cannot be read")
             self._cursor = 0
             return Pause.RETRY
+        edge_time = self._edge_time(answer.get("time"))
         waiting_for = tuple(held_back)  # An invalid vehicle_id may not be hashable
         due = [command for command in commands if command.get("vehicle_id") not in waiting_for]
         for command in due:
-            self._work.put(command)
+            self._work.put(command if edge_time is None else {**command, "edge_time": edge_time})
         if due:
             self._wake()
         if len(due) < len(commands):
@@ -268,6 +274,16 @@ class EdgeClient:
             return Pause.REPORTS
         self._cursor = cursor
         return Pause.NONE
+
+    def _edge_time(self, written: object) -> datetime | None:
+        """Give the edge server's present time; None while it has named none that can be read."""
+        now = self._clock()
+        if isinstance(written, str):
+            try:
+                self._edge_clock.note(_TIME.validate_python(written), now)
+            except ValidationError:
+                _LOG.warning("the time of the edge server's answer cannot be read: %.40r", written)
+        return self._edge_clock.time(now)
 
     def _vehicles_with_unsent_reports(self) -> frozenset[int]:
         """Vehicles whose work is held back."""

@@ -128,12 +128,13 @@ class _RawWork(BaseModel):
 
     id: StrictInt
     expires_at: AwareDatetime | None = None
+    edge_time: AwareDatetime | None = None  # At the receipt; None: the broker's clock counts
 
     def deadline(self, now: float, utc: datetime) -> float | None:
         """Give the time of expiry on the program's clock [s]."""
         if self.expires_at is None:
             return None
-        return now + (self.expires_at - utc).total_seconds()
+        return now + (self.expires_at - (self.edge_time or utc)).total_seconds()
 
 
 class _RawMission(_RawWork):

@@ -80,7 +80,8 @@ def poll(
     """Return the unfinished work after a cursor, waiting for some if there is none.
 
     Work of vehicles that another broker serves is withheld until that one is gone. `vehicle_ids`
-    restricts it to the work of these vehicles; None means every vehicle.
+    restricts it to the work of these vehicles; None means every vehicle. The answer names its
+    time: work expires by this clock, not by that of the broker.
 
     Raises:
         TooMuchError: if too many requests wait already.
@@ -88,7 +89,8 @@ def poll(
     if not context.places_to_wait.acquire(blocking=False):
         raise TooMuchError("too many requests wait for work; try again later")
     try:
-        return _poll(context, after_id, time.monotonic() + wait_s, broker, vehicle_ids)
+        answer = _poll(context, after_id, time.monotonic() + wait_s, broker, vehicle_ids)
+        return {**answer, "time": show_time(context.clock())}
     finally:
         context.places_to_wait.release()
 

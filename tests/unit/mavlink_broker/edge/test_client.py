@@ -1,5 +1,6 @@
 """The edge server over real HTTP: posts are retried until answered, in order."""
 
+import json
 import logging
 import sqlite3
 import ssl
@@ -488,6 +489,31 @@ def test_the_steps_between_exchanges_need_no_thread(tmp_path: Path) -> None:
     assert client.take_answer(client.next_poll(), work) is Pause.NONE
     assert client.take_work() == [{"id": 3, "vehicle_id": 1}]
     assert client.next_poll().path.startswith("/broker/commands?after=3&")
+
+
+def edge_times(client: EdgeClient, *times: object) -> list[object]:
+    """Let work arrive in answers that name these times; gives the time with each piece of work."""
+    found = []
+    for time in times:
+        body = {"cursor": 3, "commands": [{"id": 3, "vehicle_id": 1}], "time": time}
+        client.take_answer(client.next_poll(), Answer(200, json.dumps(body).encode()))
+        (work,) = client.take_work()
+        found.append(work.get("edge_time"))
+    return found
+
+
+def test_work_comes_with_the_time_of_the_edge_server(tmp_path: Path) -> None:
+    client = EdgeClient(NOWHERE, tmp_path / "key", Woken(), clock=lambda: 5.0)
+    noon = datetime(2026, 11, 21, 12, 0, tzinfo=UTC)
+    assert edge_times(client, "2026-11-21T12:00:00.000Z") == [noon]
+
+
+@pytest.mark.parametrize("time", [None, "", "noon", 12, [], {}, "2026-11-21T12:00:00", "9" * 5000])
+def test_a_time_that_cannot_be_read_costs_no_work(tmp_path: Path, time: object) -> None:
+    client = EdgeClient(NOWHERE, tmp_path / "key", Woken(), clock=lambda: 5.0)
+    assert edge_times(client, time) == [None]
+    noon = datetime(2026, 11, 21, 12, 0, tzinfo=UTC)
+    assert edge_times(client, "2026-11-21T12:00:00Z", time) == [noon, noon]
 
 
 @pytest.mark.parametrize("body", [b"<html>Please sign in</html>", b"", b"null", b"[]", b'{"id": 1'])

@@ -1,7 +1,7 @@
 """Work is read once, and only when it can be read."""
 
 from contextlib import suppress
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import pytest
@@ -33,6 +33,15 @@ def test_a_mission_is_read_with_its_expiry_on_our_clock() -> None:
     assert isinstance(work, MissionWork)
     assert work.expires_at == 560.0
     assert not work.was_accepted
+
+
+@pytest.mark.parametrize("wrong_s", [-86_400.0, -30.0, 30.0, 86_400.0])
+def test_it_expires_by_the_clock_of_the_edge_server(wrong_s: float) -> None:
+    """An abort expires after 10 s, however wrong the clock of the broker's machine is."""
+    ours = UTC_NOW + timedelta(seconds=wrong_s)
+    work = Inbox().read(mission_work(edge_time=UTC_NOW), 500.0, ours)
+    assert isinstance(work, MissionWork)
+    assert work.expires_at == 560.0
 
 
 def test_what_the_edge_server_adds_to_a_report_is_no_obstacle() -> None:

@@ -238,7 +238,8 @@ def test_a_key_for_another_vehicle_reaches_nothing(edge: Edge) -> None:
             if path == "/telemetry/":
                 assert {one["status"] for one in (answer.json or {})["records"]} == {403}
             elif answer.status_code == 200:
-                assert answer.json in ([], {"cursor": 2, "commands": []}), (method, path, name)
+                found = answer.json or {}
+                assert not found or found["commands"] == [], (method, path, name)
             else:
                 assert answer.status_code in {403, 404}, (method, path, name)
     after = [edge.count(table) for table in ("plan", "work", "telemetry", "event", "vehicle")]

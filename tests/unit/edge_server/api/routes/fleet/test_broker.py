@@ -41,7 +41,14 @@ def test_a_cursor_gives_later_work(edge: Edge) -> None:
     second = edge.get(f"/broker/commands?after={first['cursor']}", "broker")
     assert [item["mission"]["mission_id"] for item in second["commands"]] == [2]
     third = edge.get(f"/broker/commands?after={second['cursor']}", "broker")
-    assert third == {"cursor": second["cursor"], "commands": []}
+    assert (third["cursor"], third["commands"]) == (second["cursor"], [])
+
+
+def test_work_names_the_time_by_which_it_expires(edge: Edge) -> None:
+    edge.post_plan(plan())
+    edge.clock.pass_s(5.5)
+    answer = edge.get("/broker/commands?after=0", "broker")
+    assert answer["time"] == "2026-11-21T12:00:05.500000Z"
 
 
 @pytest.mark.first_case
