@@ -19,8 +19,8 @@ import logging
 import os
 import re
 import stat
-from collections import Counter
-from collections.abc import Callable, Collection
+from collections import Counter, OrderedDict
+from collections.abc import Callable, Collection, Hashable
 from datetime import UTC, datetime
 from enum import Enum
 from pathlib import Path
@@ -38,6 +38,8 @@ EPOCH: Final = datetime(2015, 1, 1, tzinfo=UTC)
 TICKS_PER_S: Final = 100_000
 LOG_INTERVAL_S: Final = 30.0
 """Interval of log lines."""
+STREAMS_KEPT: Final = 256
+"""Per key; the one that was received last longest ago is forgotten."""
 _DIGEST_LENGTH: Final = 6
 _SIGNED_FLAG: Final = 0x01
 _VERSION_1: Final = 0xFE
@@ -108,6 +110,8 @@ class LinkSigning:
         self._verifier = mavlink.MAVLink(None)  # Separate from the timestamp that we sign with
         self._verifier.signing.secret_key = key
         self._newest = 0  # [10 us] Highest timestamp of genuine frames
+        self._streams: OrderedDict[tuple[Hashable, Source, int], int] = OrderedDict()
+        # [10 us] Highest timestamp by address, sender and the sender's link id
         self._codec = mavlink.MAVLink(None)
         self._codec.signing.secret_key = key
         self._codec.signing.sign_outgoing = True
@@ -127,8 +131,13 @@ class LinkSigning:
         signing.timestamp += 1
         return copy
 
-    def check(self, frame: bytearray, source: Source) -> Refusal | None:
-        """Why a signed frame is refused; None for a genuine one that was not received before."""
+    def check(self, frame: bytearray, source: Source, address: Hashable = None) -> Refusal | None:
+        """Why a signed frame is refused; None for a genuine one that was not received before.
+
+        A stream that was received from an address goes on there, although another one with newer
+        timestamps has come from elsewhere: a second vehicle with the same id and key must not
+        silence the one that flies. Nobody else can send a frame that is newer than its stream's.
+        """
         if not self.is_of_this_key(frame):
             return Refusal.BAD_SIGNATURE
         # A new stream is compared with the current time of day and the newest genuine frame: after
@@ -136,9 +145,15 @@ class LinkSigning:
         clock = self._verifier.signing
         clock.timestamp = max(self._ticks(), self._newest)
         is_new: bool = self._verifier.check_signature(frame, *source)
-        if not is_new:
+        stream = address, source, frame[-_DIGEST_LENGTH - 7]
+        timestamp = int.from_bytes(frame[-_DIGEST_LENGTH - 6 : -_DIGEST_LENGTH], "little")
+        if not is_new and timestamp <= self._streams.get(stream, timestamp):
             return Refusal.REPLAYED
-        self._newest = max(self._newest, int.from_bytes(frame[-12:-6], "little"))
+        self._streams[stream] = timestamp
+        self._streams.move_to_end(stream)
+        if len(self._streams) > STREAMS_KEPT:
+            self._streams.popitem(last=False)
+        self._newest = max(self._newest, timestamp)
         return None
 
     def is_of_this_key(self, frame: bytearray) -> bool:
@@ -170,12 +185,19 @@ class SignatureCheck:
         """Whether no signatures are required."""
         return self._ring is None
 
-    def accepts(self, message: Message, now: float, *, is_trusted: bool = False) -> bool:
+    def accepts(
+        self,
+        message: Message,
+        now: float,
+        *,
+        address: Hashable = None,
+        is_trusted: bool = False,
+    ) -> bool:
         """Whether a message is accepted; refused ones are counted and logged periodically.
 
         On a trusted link a message may be unsigned; a wrong signature is refused there too.
         """
-        refusal = self._refusal_of(message, now)
+        refusal = self._refusal_of(message, now, address)
         if is_trusted and refusal in {Refusal.UNSIGNED, Refusal.VERSION_1}:
             return True
         if refusal is None:
@@ -208,14 +230,14 @@ class SignatureCheck:
         unsigned = [None] if self._unsigned else []
         return [*unsigned, *(signing for signing in by_key if signing is not None)]
 
-    def _refusal_of(self, message: Message, now: float) -> Refusal | None:
+    def _refusal_of(self, message: Message, now: float, address: Hashable) -> Refusal | None:
         source = source_of(message)
         if self._ring is None or source.system in self._unsigned:
             return None
         frame = message.get_msgbuf()
         if message.get_header().incompat_flags & _SIGNED_FLAG:
             signing = self.signing_for(source.system, now)
-            return Refusal.NO_KEY if signing is None else signing.check(frame, source)
+            return Refusal.NO_KEY if signing is None else signing.check(frame, source, address)
         if message.get_type() == "RADIO_STATUS":
             return None  # Radios have no keys, and their reports only limit a rate
         return Refusal.VERSION_1 if frame[0] == _VERSION_1 else Refusal.UNSIGNED

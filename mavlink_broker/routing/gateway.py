@@ -125,7 +125,7 @@ class GroundStations:
             return to_vehicles
         for message in decoder.decode(data):
             if not self._needs_no_signature(address) and not self._signature_check.accepts(
-                message, now
+                message, now, address=address
             ):
                 continue
             self._stations[address] = decoder, now

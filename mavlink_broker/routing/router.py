@@ -300,7 +300,8 @@ class Router:
         messages: list[Message] = []
         is_trusted = self._is_trusted[address.link]
         for message in self._decoder(address).decode(data):
-            if not self._signature_check.accepts(message, now, is_trusted=is_trusted):
+            check = self._signature_check
+            if not check.accepts(message, now, address=address, is_trusted=is_trusted):
                 continue
             if message.get_type() == "RADIO_STATUS":
                 self._link.radio_status(address, message.txbuf)

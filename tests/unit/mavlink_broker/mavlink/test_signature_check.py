@@ -5,9 +5,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from mavlink_broker.mavlink.codec import Decoder, Encoder
-from mavlink_broker.mavlink.dialect import Message, mavlink
+from mavlink_broker.mavlink.dialect import Message, mavlink, source_of
 from mavlink_broker.mavlink.signing import (
     LOG_INTERVAL_S,
     KeyRing,
@@ -79,6 +81,39 @@ def test_a_frame_is_accepted_once(signature_check: SignatureCheck) -> None:
     message = received(HEARTBEAT, key=KEY)
     assert signature_check.accepts(message, 0.0)
     assert not signature_check.accepts(message, 0.0)
+
+
+@pytest.mark.parametrize("ahead_s", [0.001, 5.0, 120.0, 3600.0])
+def test_a_second_vehicle_that_signs_ahead_does_not_silence_the_first(
+    signature_check: SignatureCheck, ahead_s: float
+) -> None:
+    """A vehicle that was restarted signs up to two minutes ahead."""
+    for second in range(5):
+        here, ahead = timedelta(seconds=second), timedelta(seconds=second + ahead_s)
+        one, other = (
+            received(HEARTBEAT, key=KEY, ahead=here),
+            received(HEARTBEAT, key=KEY, ahead=ahead),
+        )
+        assert signature_check.accepts(one, 0.0, address="first")
+        assert signature_check.accepts(other, 0.0, address="second")
+
+
+@given(st.lists(st.tuples(st.integers(0, 9), st.sampled_from("ABC")), max_size=30))
+def test_no_address_is_accepted_twice_with_a_frame_or_an_older_one(
+    arrivals: list[tuple[int, str]],
+) -> None:
+    """Whoever repeats frames from the same or another address is refused."""
+    signing, all_newest = LinkSigning(KEY, lambda: NOW), -1
+    newest: dict[str, int] = {}
+    frames = [received(HEARTBEAT, key=KEY, ahead=timedelta(seconds=n)) for n in range(10)]
+    for number, address in arrivals:
+        message = frames[number]
+        refusal = signing.check(message.get_msgbuf(), source_of(message), address)
+        known = newest.get(address)
+        is_new = number > all_newest or (known is not None and number > known)
+        assert (refusal is None) is is_new
+        if is_new:
+            newest[address], all_newest = number, max(all_newest, number)
 
 
 def test_a_forged_frame_from_the_future_does_not_lock_the_vehicle_out(

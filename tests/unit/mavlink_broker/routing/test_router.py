@@ -202,6 +202,31 @@ class TestSignatures:
         world = RouterWorld(keys, links="udpin://:14540 serial:///dev/ttyUSB0?trusted")
         assert world.receive((RADIO, world.frame(HEARTBEAT, key=2))) == []
 
+    def test_a_second_vehicle_with_the_same_key_is_named_and_takes_no_place(
+        self, keys: Path
+    ) -> None:
+        """It signs two minutes ahead, as one that was restarted."""
+        world = RouterWorld(keys)
+        other = LinkSigning(KEYS[1], lambda: world.utc() + timedelta(minutes=2))
+        twin = Encoder(1, 1)
+        for second in range(12):
+            boot_ms = 1000 * second
+            one = mavlink.MAVLink_attitude_message(600_000 + boot_ms, 0, 0, 0, 0, 0, 0)
+            two = mavlink.MAVLink_attitude_message(boot_ms, 0, 0, 0, 0, 0, 0)
+            seen = world.receive(
+                (WIFI, world.frame(HEARTBEAT, key=1)),
+                (WIFI, world.frame(one, key=1)),
+                (RADIO, twin.encode(HEARTBEAT, other.next_signature())),
+                (RADIO, twin.encode(two, other.next_signature())),
+                after_s=1.0,
+            )
+            assert [m.time_boot_ms for m in seen if m.get_type() == "ATTITUDE"] == [
+                one.time_boot_ms
+            ]
+        world.router.send(1, [LAND])
+        assert world.sent_to(RADIO) == []
+        assert "has the same system id, 1" in (world.router.warning_of(1, world.now) or "")
+
     def test_a_refused_frame_is_not_forwarded_and_gives_no_address(self, keys: Path) -> None:
         world = RouterWorld(keys)
         world.receive((STATION, world.frame(GROUND_HEARTBEAT, 255, 190)))
