@@ -374,6 +374,7 @@ class EdgeClient:
                     self._clock(),
                     is_unreachable=status is None,
                     is_temporary=status is not None and is_temporary_refusal(status),
+                    lacks_space=status == HTTPStatus.INSUFFICIENT_STORAGE,
                     reason=reason,
                 )
             elif _loses_nothing(post, status, text):

@@ -16,6 +16,10 @@ counts only if the edge server has given a final answer to another post since th
 while the edge server is unreachable, or fails for every post, no post is given up. A temporary
 refusal (`is_temporary` in `failed`) does not count either.
 
+A full edge server refuses results (pose, observations, battery) and still takes mission reports and
+acknowledgements. These then go past the results in their lane, in their own order: an operator must
+learn that an abort is done. The results keep their place and their order.
+
 An acceptance never becomes a dead letter: sent again later, it would make the edge server expect a
 mission that the broker has dropped. The mission whose acceptance is given up is reported as FAILED.
 """
@@ -26,7 +30,7 @@ from collections import Counter, deque
 from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, field
 from enum import IntEnum
-from itertools import takewhile
+from itertools import islice, takewhile
 from typing import Any, Final
 
 MAX_STATE_VECTORS: Final = 3600
@@ -86,6 +90,11 @@ class Post:
         return self.path.endswith("/ack") and self.body.get("status") == "accepted"
 
     @property
+    def is_result(self) -> bool:
+        """Whether it is a result of a command or a picture, the same whenever it is posted."""
+        return self.may_be_duplicate
+
+    @property
     def is_inherited_report(self) -> bool:
         """Whether the edge server knows less of a mission than an earlier run until it is sent."""
         return self.is_inherited and self.urgency is Urgency.REPORT
@@ -105,6 +114,8 @@ class _Lane:
     vehicle_id: int
     posts: deque[Post] = field(default_factory=deque)
     in_flight: Post | None = None
+    posts_ahead: int = 0  # Results that the post in flight has gone past
+    result_not_before: float | None = None  # While the result at the head is refused for space
     taken_at: float = -math.inf  # When the newest post was taken to be sent
     failures: int = 0
     is_unreachable: bool = False  # At the last failure
@@ -118,19 +129,54 @@ class _Lane:
 
     def all(self) -> Iterator[Post]:
         """Give every post without an answer, in order."""
+        yield from islice(self.posts, self.posts_ahead)
         if self.in_flight is not None:
             yield self.in_flight
-        yield from self.posts
+        yield from islice(self.posts, self.posts_ahead, None)
+
+    def candidates(self) -> Iterator[tuple[int, float]]:
+        """Give the places of the posts that may be next, and the time of each."""
+        if not self.posts or self.in_flight is not None:
+            return
+        if self.result_not_before is None:
+            yield 0, self.not_before
+            return
+        yield 0, max(self.result_not_before, self.not_before)
+        others = (place for place, post in enumerate(self.posts) if not post.is_result)
+        for place in islice(others, 1):
+            yield place, self.not_before
+
+    def take(self, place: int) -> Post:
+        """Take the post at a place out, to be sent."""
+        post = self.posts[place]
+        del self.posts[place]
+        self.in_flight, self.posts_ahead = post, place
+        return post
+
+    def put_back(self) -> None:
+        """Put the post in flight back to its place."""
+        if self.in_flight is not None:
+            self.posts.insert(self.posts_ahead, self.in_flight)
+        self.close()
+
+    def close(self) -> None:
+        """End the flight of a post."""
+        self.in_flight, self.posts_ahead = None, 0
+
+    @property
+    def has_failed(self) -> bool:
+        """Whether a post that waits here has failed and was not answered since."""
+        return bool(self.failures) or self.result_not_before is not None
 
     def unspooled(self) -> list[Post]:
         """Give the posts that belong in the spool and are not there; those that are come first."""
         first = next(self.all(), None)
         if first is None or not first.must_survive:
             return []
-        tail = list(takewhile(lambda post: post.spool_number is None, reversed(self.posts)))
+        tail = list(takewhile(lambda post: post.spool_number is None, reversed(self.posts)))[::-1]
         if self.in_flight is not None and self.in_flight.spool_number is None:
-            tail.append(self.in_flight)
-        return tail[::-1]
+            tail.insert(max(0, self.posts_ahead - (len(self.posts) - len(tail))), self.in_flight)
+        return tail
 
 
 class Outbox:
@@ -171,16 +217,17 @@ class Outbox:
 
     def take(self, now: float) -> Post | None:
         """Give the most urgent post that is ready; it is in flight until its outcome is known."""
-        ready = [lane for lane in self._all if self._is_ready(lane, now)]
+        due = ((lane, self._place_due(lane, now)) for lane in self._all)
+        ready = [(lane, place) for lane, place in due if place is not None]
         if not ready:
             return None
         self._turns += 1
         if self._turns % LONGEST_WAITING_EVERY == 0:
-            lane = min(ready, key=lambda each: each.taken_at)
+            lane, place = min(ready, key=lambda each: each[0].taken_at)
         else:
-            lane = min(ready, key=lambda each: (self._urgency_of(each), each.taken_at))
-        lane.in_flight, lane.taken_at = lane.posts.popleft(), now
-        return lane.in_flight
+            lane, place = min(ready, key=lambda each: (self._urgency_of(each[0]), each[0].taken_at))
+        lane.taken_at = now
+        return lane.take(place)
 
     def _urgency_of(self, lane: _Lane) -> Urgency:
         """Urgency of a lane; the description of a vehicle that is registered is telemetry."""
@@ -189,7 +236,7 @@ class Outbox:
 
     def next_due(self) -> float | None:
         """When the next waiting post may be tried; None when no post waits."""
-        return min((lane.not_before for lane in self._all if self._may_go(lane)), default=None)
+        return min((due for lane in self._all for _, due in self._candidates(lane)), default=None)
 
     def is_in_flight(self, post: Post) -> bool:
         """Whether a post was taken and its outcome is not known yet."""
@@ -219,7 +266,9 @@ class Outbox:
 
     def _close(self, post: Post) -> None:
         lane = self._lanes[post.vehicle_id, post.lane]
-        lane.in_flight = None
+        if lane.posts_ahead == 0:
+            lane.result_not_before = None
+        lane.close()
         lane.attempts = 0
         self._answers += 1
         self._inherited_reports[post.vehicle_id] -= post.is_inherited_report
@@ -238,26 +287,37 @@ class Outbox:
         *,
         is_unreachable: bool,
         is_temporary: bool = False,
+        lacks_space: bool = False,
         reason: str = "",
     ) -> bool:
-        """Put a post back to the head of its lane, to be tried again after a pause.
+        """Put a post back to its place in its lane, to be tried again after a pause.
 
         `is_unreachable`: the edge server gave no answer, rather than a refusal; `is_temporary`: it
-        refuses until a condition outside the request changes, such as a full disk. Returns whether
-        the post was given up instead.
+        refuses until a condition outside the request changes, such as a full disk; `lacks_space`:
+        this condition is that it has no space for the post, so that reports and acknowledgements
+        go past a result. Returns whether the post was given up instead.
         """
         lane = self._lanes[post.vehicle_id, post.lane]
-        lane.in_flight = None
         lane.is_unreachable = is_unreachable
         if self._count_failure(post, lane, is_temporary=is_temporary):
+            lane.close()
             self._give_up(post, lane, reason)
             return True
-        if not (post.replaces and lane.posts):
-            lane.posts.appendleft(post)
+        if post.replaces and lane.posts:
+            lane.close()
+        else:
+            lane.put_back()
+        if post.is_result and lacks_space:
+            lane.result_not_before = now + self._pause_s(LONGEST_PAUSE_S)
+            return False
+        lane.result_not_before = None
         ceiling = min(LONGEST_PAUSE_S, FIRST_PAUSE_S * 2**lane.failures)
         lane.failures = min(lane.failures + 1, 16)
-        lane.not_before = now + self._jitter.uniform(ceiling / 2, ceiling)
+        lane.not_before = now + self._pause_s(ceiling)
         return False
+
+    def _pause_s(self, longest_s: float) -> float:
+        return self._jitter.uniform(longest_s / 2, longest_s)
 
     def _count_failure(self, post: Post, lane: _Lane, *, is_temporary: bool) -> bool:
         """Count a failure that is the post's own; whether it was the last one."""
@@ -271,6 +331,7 @@ class Outbox:
     def _give_up(self, post: Post, lane: _Lane, reason: str) -> None:
         """Remove a post from its lane, so that the posts behind it are sent."""
         lane.failures = lane.attempts = 0
+        lane.result_not_before = None
         lane.is_unreachable = False
         lane.not_before = 0.0
         self._inherited_reports[post.vehicle_id] -= post.is_inherited_report
@@ -307,7 +368,7 @@ class Outbox:
     @property
     def has_failures(self) -> bool:
         """Whether any lane has failed and was not answered since."""
-        return any(lane.failures for lane in self._all)
+        return any(lane.has_failed for lane in self._all)
 
     def at_risk(self, now: float, *, reports: bool = True, pictures: bool = True) -> list[Post]:
         """Give the posts that would be lost with the broker and may wait long; lanes in order.
@@ -331,7 +392,7 @@ class Outbox:
         return _unspooled(
             lane
             for lane in lanes
-            if (is_unreachable or lane.failures or lane.vehicle_id in unregistered)
+            if (is_unreachable or lane.has_failed or lane.vehicle_id in unregistered)
             and (pictures if lane.urgency is Urgency.PICTURE else reports)
         )
 
@@ -355,13 +416,15 @@ class Outbox:
     def _all(self) -> list[_Lane]:
         return list(self._lanes.values())
 
-    def _is_ready(self, lane: _Lane, now: float) -> bool:
-        return self._may_go(lane) and now >= lane.not_before
+    def _place_due(self, lane: _Lane, now: float) -> int | None:
+        """Give the place of the post that is next in a lane; None if none may be sent now."""
+        return next((place for place, due in self._candidates(lane) if now >= due), None)
 
-    def _may_go(self, lane: _Lane) -> bool:
-        if not lane.posts or lane.in_flight is not None:
-            return False
-        return not lane.posts[0].needs_registration or lane.vehicle_id in self._registered
+    def _candidates(self, lane: _Lane) -> Iterator[tuple[int, float]]:
+        for place, due in lane.candidates():
+            needs_registration = lane.posts[place].needs_registration
+            if not needs_registration or lane.vehicle_id in self._registered:
+                yield place, due
 
     def _droppable(self) -> int:
         return sum(len(lane.posts) for lane in self._all if self._may_drop(lane))

@@ -294,7 +294,8 @@ def _result(result: Result, recorded_at: datetime) -> Post:
     """Make a post that a restarted broker makes again under the same key.
 
     Except for pictures it precedes the mission report that calls the command finished: a broker
-    that is killed in between has either sent it, or has the command to finish again.
+    that is killed in between has either sent it, or has the command to finish again. While the edge
+    server has no space for it, it waits in the spool and the report goes first.
     """
     kind, _ = _KINDS[type(result.report)]
     digest = hashlib.sha256(result.of.encode()).hexdigest()[:_HASH_LENGTH]

@@ -12,6 +12,7 @@ from dst.flight import place
 from dst.operator_person import FIELDS, GEOFENCE, HOTPOINT
 from dst.vehicle import Vehicle
 from dst.world import World
+from edge_server.store.files import ballast
 
 
 @pytest.fixture(scope="module")
@@ -171,6 +172,47 @@ def test_a_mission_survives_kills_of_every_process(world: World) -> None:
     world.run(180.0)
     assert status(world, number) == Status.FINISHED
     assert times_flown(world) == 1
+
+
+def order(world: World, kind: int, number: int) -> str:
+    """Post an event to the vehicle; gives its path."""
+    event = {"sequence_number": number, "vehicle_id": 1, "event_type_id": kind}
+    response = world.request("POST", "/events/", event)
+    assert response.status == 201, response.body
+    return f"/events/{response.json()['id']}"
+
+
+def test_events_and_missions_end_while_a_full_edge_server_refuses_results(
+    world: World, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The edge server has released its ballast, and there is no room for it again."""
+    answers: list[tuple[str, int]] = []
+    monkeypatch.setattr(
+        world.http, "on_taken", lambda post, answer: answers.append((post.path, answer.status_code))
+    )
+    world.run(10.0)
+    number = post(world)
+    with monkeypatch.context() as full:
+        full.setattr(ballast, "hold", lambda _path: False)
+        world.edge.config.ballast_path.unlink()
+        while ("/pose/", 507) not in answers:
+            world.run(0.5)
+            assert world.scheduler.now_s < 60.0
+        paused = order(world, 101, 1)
+        world.run(8.0)
+        assert world.request("GET", paused).json()["state"] == "done"
+        aborted = order(world, 1, 2)
+        world.run(8.0)
+        assert world.request("GET", aborted).json()["state"] == "done"
+        assert status(world, number) == Status.ABORTED
+        assert ("/pose/", 201) not in answers
+        client = world.broker.client
+        assert client is not None
+        assert client.waiting > 0
+    world.run(60.0)
+    assert ("/pose/", 201) in answers
+    assert ("/battery/", 201) in answers
+    assert client.waiting <= 1
 
 
 def test_a_plan_waits_for_a_vehicle_that_is_switched_off(world: World) -> None:

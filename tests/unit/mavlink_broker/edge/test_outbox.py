@@ -1,6 +1,7 @@
 """Posts that wait for the edge server: order, urgency, back-off, and which may be dropped."""
 
 import random
+from collections.abc import Callable
 from typing import Any
 
 from hypothesis import given, settings
@@ -206,3 +207,120 @@ def test_a_newer_description_replaces_one_that_failed() -> None:
     waiting.put(registration(number=2))
     waiting.failed(one, 0.0, is_unreachable=True)
     assert drain(waiting, now=LONGEST_PAUSE_S) == [("vehicle", 2)]
+
+
+def result(number: int) -> Post:
+    return post("mission_report", number, path="/pose/", may_be_duplicate=True)
+
+
+def report(number: int) -> Post:
+    return post("mission_report", number)
+
+
+RESULT_OR_REPORT = st.lists(st.sampled_from([result, report]), min_size=1, max_size=20)
+
+
+def refuse_for_space(waiting: Outbox, one: Post, now: float) -> None:
+    waiting.failed(one, now, is_unreachable=False, is_temporary=True, lacks_space=True)
+
+
+@given(RESULT_OR_REPORT)
+def test_reports_and_acknowledgements_go_past_results_without_space(
+    makers: list[Callable[[int], Post]],
+) -> None:
+    """While the edge server refuses results, all others arrive at once, in order."""
+    waiting = queue()
+    sent: list[Post] = []
+    posts = [make(number) for number, make in enumerate(makers)]
+    for one in posts:
+        waiting.put(one)
+    others = [one for one in posts if not one.is_result]
+    while len(sent) < len(others):
+        assert waiting.next_due() == 0.0
+        taken = waiting.take(0.0)
+        assert taken is not None
+        if taken.is_result:
+            refuse_for_space(waiting, taken, 0.0)
+            assert waiting.has_failures
+        else:
+            sent.append(taken)
+            waiting.answered(taken)
+    assert sent == others
+    results = [one.body["n"] for one in posts if one.is_result]
+    assert [number for _, number in drain(waiting, LONGEST_PAUSE_S)] == results
+
+
+@given(RESULT_OR_REPORT, st.lists(st.sampled_from(["answer", "full", "away", "put"])))
+def test_results_and_others_each_keep_their_order_whatever_fails(
+    makers: list[Callable[[int], Post]], acts: list[str]
+) -> None:
+    waiting, now = queue(), 0.0
+    sent: list[Post] = []
+    put: list[Post] = []
+    for act in [*acts, *["put", "answer"] * len(makers), *["answer"] * len(acts)]:
+        if act == "put":
+            put.append(makers[len(put) % len(makers)](len(put)))
+            waiting.put(put[-1])
+            continue
+        now += LONGEST_PAUSE_S
+        taken = waiting.take(now)
+        if taken is None:
+            continue
+        if act == "answer":
+            sent.append(taken)
+            waiting.answered(taken)
+        elif act == "full" and taken.is_result:
+            refuse_for_space(waiting, taken, now)
+        else:
+            waiting.failed(taken, now, is_unreachable=act == "away")
+    for is_result in (False, True):
+        kept = [one for one in put if one.is_result is is_result]
+        assert [one for one in sent if one.is_result is is_result] == kept
+    assert len(waiting) == 0
+
+
+def test_a_result_precedes_its_report_again_when_there_is_space() -> None:
+    waiting = queue()
+    waiting.put(result(0))
+    waiting.put(report(1))
+    first = waiting.take(0.0)
+    assert first is not None
+    refuse_for_space(waiting, first, 0.0)
+    passing = waiting.take(0.0)
+    assert passing is not None
+    waiting.answered(passing)
+    waiting.put(result(2))
+    assert waiting.take(0.0) is None, "a result goes behind an older one"
+    assert waiting.at_risk(0.0) == [first, *waiting.unspooled()[1:]]
+    waiting.put(report(3))
+    now = LONGEST_PAUSE_S
+    assert waiting.take(now) is first
+    waiting.answered(first)
+    assert [number for _, number in drain(waiting, now)] == [2, 3]
+
+
+def test_a_result_that_fails_otherwise_holds_its_report_back() -> None:
+    waiting = queue()
+    waiting.put(result(0))
+    waiting.put(report(1))
+    first = waiting.take(0.0)
+    assert first is not None
+    waiting.failed(first, 0.0, is_unreachable=False, is_temporary=True)
+    assert waiting.take(0.0) is None
+
+
+def test_what_goes_past_a_result_is_stored_at_its_place() -> None:
+    """The spool numbers posts in the order of the lane, also the one in flight."""
+    waiting = queue()
+    posts = [result(0), report(1), report(2)]
+    for one in posts:
+        waiting.put(one)
+    first = waiting.take(0.0)
+    assert first is not None
+    refuse_for_space(waiting, first, 0.0)
+    assert waiting.take(0.0) is posts[1]
+    assert waiting.unspooled() == posts
+    first.spool_number = 1
+    assert waiting.unspooled() == posts[1:]
+    waiting.failed(posts[1], 0.0, is_unreachable=False, is_temporary=True, lacks_space=True)
+    assert waiting.unspooled() == posts[1:]
