@@ -72,7 +72,7 @@ MAX_WAITING_PICTURES: Final = 8
 """With so many unanswered none is fetched: pictures are safer on the vehicle than in memory."""
 
 STARTUP_S: Final = 30.0
-"""A restarted broker has received its unfinished missions by then."""
+"""A restarted broker has received its vehicles and its unfinished missions by then."""
 FLYING: Final = frozenset({ModeRole.MISSION, ModeRole.GUIDED})
 TRANSFERS: Final = frozenset(
     {State.ATTACHING, State.PLACING_GEOFENCE, State.UPLOADING, State.VERIFYING, State.SELECTING}
@@ -247,8 +247,13 @@ class App:
 
     def _may_fly_our_mission(self, vehicle: Vehicle) -> bool:
         """Whether it may fly a mission of an earlier run that is not received again yet."""
-        is_settled = self._clock.monotonic() - self._started_at > STARTUP_S
-        return not is_settled and vehicle.snapshot.armed is True and vehicle.mode_role in FLYING
+        is_flying = vehicle.snapshot.armed is True and vehicle.mode_role in FLYING
+        return self._is_starting and is_flying
+
+    @property
+    def _is_starting(self) -> bool:
+        """Whether vehicles and missions of an earlier run may not have been received yet."""
+        return self._clock.monotonic() - self._started_at <= STARTUP_S
 
     def _receive(self, message: Message, now: float) -> None:
         """Pass a message of a vehicle's autopilot or payload to its session."""
@@ -317,10 +322,11 @@ class App:
     def _take_event(self, work: EventWork, now: float) -> None:
         """Pass an event to its vehicle; an expired one, or one without a vehicle, is refused.
 
-        An event that an earlier run has accepted may be for a vehicle that is not received yet.
+        A broker that has just started may not have received the vehicle yet: the event waits. So
+        does one that an earlier run has accepted.
         """
         member = self._fleet.member_of(work.vehicle_id)
-        if member is None and work.was_accepted:
+        if member is None and (work.was_accepted or self._is_starting):
             system = self._config.system_of(work.vehicle_id)
             member = None if system is None else self._fleet.get_or_add(system, work.vehicle_id)
         late = work.expires_at is not None and now >= work.expires_at

@@ -77,11 +77,12 @@ class Config:
         return None if system_id in self.vehicle_of_system.values() else system_id
 
     def system_of(self, vehicle_id: int) -> int | None:
-        """MAVLink system id of a vehicle id; None if that system is another vehicle."""
+        """MAVLink system id of a vehicle id; None if no system can be that vehicle."""
         reverse = {vehicle: system for system, vehicle in self.vehicle_of_system.items()}
         if vehicle_id in reverse:
             return reverse[vehicle_id]
-        return None if vehicle_id in self.vehicle_of_system else vehicle_id
+        is_free = vehicle_id in _SYSTEMS and vehicle_id not in self.vehicle_of_system
+        return vehicle_id if is_free else None
 
 
 _SYSTEMS: Final = frozenset(range(1, 256))

@@ -232,6 +232,7 @@ class Session:
             self._raise_alarms(failures, now, effects)
         else:
             self._alarms.forget()
+            self.missions.refuse_expired_events(now, effects)
         effects.messages += self._config_restorer.step(now, idle=self.state is State.IDLE)
         lost_since = self._lost_since
         is_unreachable = lost_since is not None and now - lost_since >= UNREACHABLE_AFTER_S

@@ -32,6 +32,11 @@ from mavlink_broker.vehicle.reporter import Reporter
 from mavlink_broker.vehicle.vehicle import Vehicle
 
 NO_MISSION: Final = "no active mission"
+VEHICLE_WITHIN_S: Final = 8.0
+"""How long an event without a mission waits for its vehicle and the place where that hovers.
+
+An event expires 10 s after it was ordered; until then the edge server takes the reason.
+"""
 ANSWERED_KEPT: Final = 256
 """Work ids of which a second final answer is recognised."""
 
@@ -62,8 +67,13 @@ class MissionQueue:
     @property
     def is_empty(self) -> bool:
         """Whether there is neither a mission nor an event."""
-        is_idle = self._current is None and not self._waiting
-        return is_idle and not self._events.is_waiting and not self._unconfirmed.are_open
+        is_settled = not self._events.is_waiting and not self._unconfirmed.are_open
+        return self._is_idle and is_settled
+
+    @property
+    def _is_idle(self) -> bool:
+        """Whether no mission flies or waits."""
+        return self._current is None and not self._waiting
 
     @property
     def is_flying(self) -> bool:
@@ -232,6 +242,9 @@ class MissionQueue:
         """
         self._unconfirmed.reopen(work.work_id)
         self._events.add(work)
+        if self._is_idle:
+            self._events.limit_wait(work.work_id, now + VEHICLE_WITHIN_S)
+        self._events.limit_number(effects)
         try:
             self._carry_out_events(now, effects)
         except Exception:
@@ -249,6 +262,10 @@ class MissionQueue:
         if was_aborting and not self._events.is_aborting:
             self.vehicle.recovery.clear_return()
             self.vehicle.set_hovering(hovers=self._events.leaves_hovering)
+
+    def refuse_expired_events(self, now: float, effects: Effects) -> None:
+        """Refuse the events whose vehicle was not received, or not again, in time."""
+        self._events.refuse_expired(now, effects)
 
     def _carry_out_events(self, now: float, effects: Effects) -> None:
         for work in self._events.take_due(self._is_too_early, now, effects):
@@ -275,14 +292,25 @@ class MissionQueue:
         is_journal_read = self.vehicle.recovery.tracker.is_loaded
         if work.was_accepted and (is_unknown or not is_journal_read):
             return True
-        is_idle = self._current is None and not self._waiting
-        if is_abort(work) and is_idle and not is_journal_read:
-            return True  # The journal may hold an older one that the vehicle obeys
+        if self._waits_for_vehicle(work):
+            return True
         if not is_journal_read and self.vehicle.mode == self.vehicle.family.paused_mode:
             return True  # The journal may say that an event has paused it, else somebody has it
         if is_unknown:
             return resumed or (is_abort(work) and self._events.is_before(work.work_id))
         return resumed and not aborts_now(work)
+
+    def _waits_for_vehicle(self, work: EventWork) -> bool:
+        """Whether a new event without a mission may still be for a vehicle that hovers.
+
+        Its journal may hold that hover, or an older abort that the vehicle obeys.
+        """
+        is_resumed = bool(self._waiting) and self._is_resumed(self._waiting[0])
+        if self._current is not None or is_resumed or not self._events.is_limited(work):
+            return False
+        recovery = self.vehicle.recovery
+        may_hover = recovery.hover.is_sought or not recovery.tracker.is_loaded
+        return self.vehicle.snapshot.armed is None or (is_abort(work) and may_hover)
 
     def _abort(self, work: EventWork, now: float, effects: Effects) -> None:
         """End the mission that flies, and those that wait behind it; it replaces older aborts."""

@@ -10,6 +10,7 @@ arrive; the older ones are answered as replaced as soon as the newest is carried
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Final
 
 from afarcloud.enumerations import EventType
@@ -30,6 +31,9 @@ from mavlink_broker.vehicle.recovery_state import PendingAbort, PendingReturn
 from mavlink_broker.vehicle.vehicle import Vehicle
 
 EXPIRED = "expired"
+TOO_MANY = "too many events wait for the vehicle"
+MAX_WAITING: Final = 32
+"""Events of one vehicle that wait; those that an earlier run has accepted are not counted."""
 TELEMETRY_WITHIN_S: Final = 3.0
 """How long a vehicle may take to send its position and the state of its sensors."""
 RESTARTED = "the vehicle was restarted since"
@@ -50,6 +54,7 @@ class PendingEvents:
         self._return: PendingReturn | None = None  # Ordered by an earlier run, not resumed yet
         self._stale: set[int] = set()  # Accepted for a flight before the vehicle was restarted
         self._is_return_interrupted = False  # By a restart of the vehicle
+        self._limited: set[int] = set()  # Events that came without a mission
         self._newest_abort = 0  # Work id of the newest one that was carried out
         self.leaves_hovering = False  # The last abort has ended in a hover
 
@@ -76,6 +81,24 @@ class PendingEvents:
         if work.work_id not in {each.work_id for each in known if each}:
             self._waiting.append(work)
 
+    def limit_wait(self, work_id: int, latest: float) -> None:
+        """Let a new event, which came without a mission, expire at a time [s] or before."""
+        self._limited.add(work_id)
+        for index, work in enumerate(self._waiting):
+            if work.work_id == work_id and (work.expires_at is None or latest < work.expires_at):
+                self._waiting[index] = replace(work, expires_at=latest)
+
+    def is_limited(self, work: EventWork) -> bool:
+        """Whether an event is new, and came when there was no mission."""
+        return work.work_id in self._limited and not work.was_accepted
+
+    def limit_number(self, effects: Effects) -> None:
+        """Refuse the oldest of too many waiting events; the newest one counts most."""
+        new = [work for work in self._waiting if not work.was_accepted]
+        for work in new[: max(0, len(new) - MAX_WAITING)]:
+            self.remove(work.work_id)
+            effects.for_edge.append(Acknowledgement(work.work_id, "refused", TOO_MANY))
+
     def recall_abort(self, note: PendingAbort) -> None:
         """Restore an abort that an earlier run accepted; the edge server may have forgotten it."""
         event = noted_event(note, self._vehicle.vehicle_id)
@@ -98,13 +121,28 @@ class PendingEvents:
         newest = max((work.work_id for work in due if is_abort(work)), default=0)
         due = [work for work in due if not is_abort(work) or work.work_id == newest]
         self._waiting = [work for work in self._waiting if work not in due]
+        self.refuse_expired(now, effects)
+        self._due += due
+        return due
+
+    def refuse_expired(self, now: float, effects: Effects) -> None:
+        """Refuse the waiting events that have expired, with what they have waited for."""
         for work in list(self._waiting):
             late = work.expires_at is not None and now >= work.expires_at
             if late and not work.was_accepted:
-                self._waiting.remove(work)
-                effects.for_edge.append(Acknowledgement(work.work_id, "refused", EXPIRED))
-        self._due += due
-        return due
+                self.remove(work.work_id)
+                refusal = Acknowledgement(work.work_id, "refused", self._reason_of_expiry)
+                effects.for_edge.append(refusal)
+
+    @property
+    def _reason_of_expiry(self) -> str:
+        """What the vehicle has not sent in time."""
+        vehicle = self._vehicle
+        if vehicle.snapshot.armed is None:
+            return f"vehicle {vehicle.vehicle_id} is not known"
+        if vehicle.recovery.hover.is_sought and vehicle.snapshot.position is None:
+            return f"the position of vehicle {vehicle.vehicle_id} is not known"
+        return EXPIRED
 
     def _needs_telemetry(self, work: EventWork, now: float) -> bool:
         """Whether an abort of an earlier run needs telemetry that has not arrived yet.
@@ -129,6 +167,7 @@ class PendingEvents:
         """Drop an event that was carried out, or that the caller answers."""
         self._waiting = [work for work in self._waiting if work.work_id != work_id]
         self._due = [work for work in self._due if work.work_id != work_id]
+        self._limited.discard(work_id)
 
     def refuse_all(self, reason: str, effects: Effects) -> None:
         """Refuse every event without an answer, and end the abort that is carried out."""
@@ -141,6 +180,7 @@ class PendingEvents:
         if self._running is not None or self._return is not None:
             vehicle.recovery.clear_return()
         self._due, self._waiting = [], []
+        self._limited.clear()
         self._running = self._return = None
 
     def resume_abort(

@@ -251,6 +251,11 @@ class Hover:
         """Where a mission has left it; of an earlier run, until the vehicle was found there."""
         return self._place
 
+    @property
+    def is_sought(self) -> bool:
+        """Whether an earlier run has noted a place, and the vehicle may still be found there."""
+        return self._place is not None and not self._is_held
+
     def begin(self, position: Position | None) -> None:
         """Note that a mission has left the vehicle in the air."""
         self._is_held = True

@@ -173,7 +173,7 @@ class TestAnIdleVehicle:
     def test_that_is_not_known_is_refused(self) -> None:
         world = World()
         event = world.edge.event(ABORT, vehicle_id=9)
-        world.run(1.0)
+        world.run(9.0)
         (answer,) = world.edge.acknowledgements(event)
         assert answer == {"status": "refused", "message": "vehicle 9 is not known"}
 
