@@ -20,7 +20,7 @@ from mavlink_broker.effects import Acknowledgement, EdgeMessage, Effects
 from mavlink_broker.mavlink.dialect import Message
 from mavlink_broker.mission.flight_orders import MISSION_ENDED
 from mavlink_broker.mission.mission_executor import MissionExecutor
-from mavlink_broker.mission.pending_events import PendingEvents, aborts_now, is_abort
+from mavlink_broker.mission.pending_events import NO_MISSION, PendingEvents, aborts_now, is_abort
 from mavlink_broker.mission.phases.aborting import REASONS, RETURN_ENDED, abort_note
 from mavlink_broker.mission.states import State
 from mavlink_broker.planning.geofence import check_flyable
@@ -31,7 +31,6 @@ from mavlink_broker.vehicle.recovery_state import PendingReturn, RecoveryRecord
 from mavlink_broker.vehicle.reporter import Reporter
 from mavlink_broker.vehicle.vehicle import Vehicle
 
-NO_MISSION: Final = "no active mission"
 VEHICLE_WITHIN_S: Final = 8.0
 """How long an event without a mission waits for its vehicle and the place where that hovers.
 
@@ -348,7 +347,8 @@ class MissionQueue:
                 _accept(work, effects)
             effects.for_edge.append(Acknowledgement(work.work_id, "done"))
         else:
-            effects.for_edge.append(Acknowledgement(work.work_id, "refused", NO_MISSION))
+            refusal = Acknowledgement(work.work_id, "refused", self._events.reason_nothing_ends)
+            effects.for_edge.append(refusal)
 
     def _is_droppable(self, mission: MissionExecutor) -> bool:
         """Whether nothing has been ordered for the mission yet."""

@@ -17,7 +17,7 @@ from afarcloud.enumerations import EventType
 from mavlink_broker.autopilots.families import ModeRole
 from mavlink_broker.edge.wire import EventWork
 from mavlink_broker.effects import Acknowledgement, Effects
-from mavlink_broker.mavlink.dialect import Message
+from mavlink_broker.mavlink.dialect import Message, mavlink
 from mavlink_broker.mission.phases.aborting import (
     REPLACED,
     AbortExecutor,
@@ -31,6 +31,7 @@ from mavlink_broker.vehicle.recovery_state import PendingAbort, PendingReturn
 from mavlink_broker.vehicle.vehicle import Vehicle
 
 EXPIRED = "expired"
+NO_MISSION = "no active mission"
 TOO_MANY = "too many events wait for the vehicle"
 MAX_WAITING: Final = 32
 """Events of one vehicle that wait; those that an earlier run has accepted are not counted."""
@@ -98,6 +99,16 @@ class PendingEvents:
         for work in new[: max(0, len(new) - MAX_WAITING)]:
             self.remove(work.work_id)
             effects.for_edge.append(Acknowledgement(work.work_id, "refused", TOO_MANY))
+
+    @property
+    def reason_nothing_ends(self) -> str:
+        """Why an abort finds no mission, and who can move a vehicle that is in the air."""
+        vehicle = self._vehicle
+        landed = vehicle.snapshot.landed_state == mavlink.MAV_LANDED_STATE_ON_GROUND
+        if not vehicle.snapshot.armed or landed or vehicle.stays_on_ground:
+            return NO_MISSION
+        who = "where another system or its pilot has to move it"
+        return f"{NO_MISSION}: the vehicle is in {vehicle.mode}, {who}"
 
     def recall_abort(self, note: PendingAbort) -> None:
         """Restore an abort that an earlier run accepted; the edge server may have forgotten it."""
