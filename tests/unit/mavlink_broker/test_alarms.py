@@ -307,7 +307,7 @@ def test_a_lost_link_is_no_failure_of_the_humidity_sensor() -> None:
 
 @pytest.mark.thorough
 def test_on_a_bad_link_silence_has_to_last_longer() -> None:
-    world = World(loss=0.3, seed=4)
+    world = World(loss=0.3, seed=4, tick_s=0.05)
     vehicle = world.add_vehicle()
     world.run(30.0)
     send_for(world, 8.0)

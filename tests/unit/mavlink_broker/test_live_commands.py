@@ -198,7 +198,7 @@ class TestARestartedBroker:
 class TestFollowing:
     @pytest.mark.thorough
     def test_sends_the_target_for_a_minute_and_holds(self) -> None:
-        world = World()
+        world = World(tick_s=0.05)  # Finer than the targets
         vehicle = world.add_vehicle(script=OWN)
         world.edge.plan(mission(takeoff(), follow(), go_home(3)))
         world.run_until(lambda: vehicle.custom_mode == PX4_FOLLOW)
