@@ -278,12 +278,13 @@ class EdgeClient:
     def _edge_time(self, written: object) -> datetime | None:
         """Give the edge server's present time; None while it has named none that can be read."""
         now = self._clock()
-        if isinstance(written, str):
-            try:
+        try:
+            if isinstance(written, str):
                 self._edge_clock.note(_TIME.validate_python(written), now)
-            except ValidationError:
-                _LOG.warning("the time of the edge server's answer cannot be read: %.40r", written)
-        return self._edge_clock.time(now)
+            return self._edge_clock.time(now)
+        except (ValidationError, OverflowError):
+            _LOG.warning("the time of the edge server's answer cannot be used: %.40r", written)
+            return None
 
     def _vehicles_with_unsent_reports(self) -> frozenset[int]:
         """Vehicles whose work is held back."""

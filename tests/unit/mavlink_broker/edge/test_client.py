@@ -508,12 +508,19 @@ def test_work_comes_with_the_time_of_the_edge_server(tmp_path: Path) -> None:
     assert edge_times(client, "2026-11-21T12:00:00.000Z") == [noon]
 
 
-@pytest.mark.parametrize("time", [None, "", "noon", 12, [], {}, "2026-11-21T12:00:00", "9" * 5000])
-def test_a_time_that_cannot_be_read_costs_no_work(tmp_path: Path, time: object) -> None:
+@pytest.mark.parametrize(
+    "time",
+    [
+        *(None, "", "noon", 12, [], {}, "2026-11-21T12:00:00", "9" * 5000),
+        *("9999-12-31T23:59:59.9-14:00", "0001-01-01T00:00:00+14:00"),
+    ],
+)
+def test_a_time_that_cannot_be_used_costs_no_work(tmp_path: Path, time: object) -> None:
     client = EdgeClient(NOWHERE, tmp_path / "key", Woken(), clock=lambda: 5.0)
-    assert edge_times(client, time) == [None]
-    noon = datetime(2026, 11, 21, 12, 0, tzinfo=UTC)
-    assert edge_times(client, "2026-11-21T12:00:00Z", time) == [noon, noon]
+    noon = "2026-11-21T12:00:00Z"
+    assert edge_times(client, time, noon) == [None, datetime(2026, 11, 21, 12, 0, tzinfo=UTC)]
+    edge_times(client, time, time)
+    assert edge_times(client, noon) == [datetime(2026, 11, 21, 12, 0, tzinfo=UTC)]
 
 
 @pytest.mark.parametrize("body", [b"<html>Please sign in</html>", b"", b"null", b"[]", b'{"id": 1'])
