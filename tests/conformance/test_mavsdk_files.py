@@ -16,7 +16,7 @@ from mavsdk.plugins.ftp import FilesystemEntry, Ftp, FtpError, FtpResult
 from mavsdk.plugins.log_files import LogFiles, LogFilesError, LogFilesResult
 from mavsdk.plugins.log_streaming import LogStreaming
 from mavsdk.plugins.telemetry import Telemetry
-from pyulog import ULog  # type: ignore[import-untyped]  # pyulog tells no types
+from pyulog import ULog  # type: ignore[import-untyped]  # pyulog has no annotations
 
 from tests.conformance.mavsdk_client import connected
 from tests.support.system import wait_for

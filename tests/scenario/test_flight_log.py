@@ -8,7 +8,7 @@ import signal
 from pathlib import Path
 
 import pytest
-from pyulog import ULog  # type: ignore[import-untyped]  # pyulog tells no types
+from pyulog import ULog  # type: ignore[import-untyped]  # pyulog has no annotations
 
 from tests.support.system import run_module, wait_for
 

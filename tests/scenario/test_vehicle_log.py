@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 import requests
-from pyulog import ULog  # type: ignore[import-untyped]  # pyulog tells no types
+from pyulog import ULog  # type: ignore[import-untyped]  # pyulog has no annotations
 
 from tests.support.system import FarmSystem, running, short_plan, wait_for
 from tests.support.truth import read_track

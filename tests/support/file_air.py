@@ -26,6 +26,18 @@ FAR_AND_BAD: Final = Conditions(loss=0.2, delay_us=300_000, reordering=0.1, hold
 """20 % loss and 0.3 s in each direction, a tenth of the frames overtaken."""
 
 
+def module_at(link: LossyLink, folder: Path) -> MavlinkModule:
+    """Start the module of a vehicle on its end of a link, with a folder as its card."""
+    return MavlinkModule(
+        link=link.vehicle,
+        system_id=SYSTEM,
+        registry=Registry(),
+        topics=empty_topics(),
+        peers=(),
+        card=Card(FileTree(folder), FileTree(folder / "log"), FileTree(folder / "image")),
+    )
+
+
 class FileAir:
     """A MAVLink module on one end of the link, a download on the other."""
 
@@ -33,25 +45,14 @@ class FileAir:
         self.folder = folder
         self.link = LossyLink(conditions, conditions, seed=seed)
         self.now_s = 0.0
-        self.module = self._boot()
+        self.module = module_at(self.link, folder)
         self._started: list[FileDownload] = []
         self._encoder = Encoder(254, 191)
         self._decoder = Decoder()
 
-    def _boot(self) -> MavlinkModule:
-        tree = FileTree(self.folder)
-        return MavlinkModule(
-            link=self.link.vehicle,
-            system_id=SYSTEM,
-            registry=Registry(),
-            topics=empty_topics(),
-            peers=(),
-            card=Card(tree, FileTree(self.folder / "log"), FileTree(self.folder / "image")),
-        )
-
     def reboot(self) -> None:
         """Forget everything but the card."""
-        self.module = self._boot()
+        self.module = module_at(self.link, self.folder)
 
     def fetch(
         self,

@@ -11,12 +11,9 @@ from mavlink_broker.mavlink.codec import Decoder, Encoder
 from mavlink_broker.mavlink.dialect import Message, Route, mavlink
 from mavlink_broker.microservices.command import RoundTrip
 from mavlink_broker.microservices.log_download import LogDownload, LogEntry, LogList
+from tests.support.file_air import module_at
 from tests.support.lossy_link import VEHICLE_ADDRESS, Conditions, LossyLink
-from tests.unit.uav_firmware.modules.mavlink.harness import SYSTEM, empty_topics
-from uav_firmware.cal.files import Card
-from uav_firmware.drivers.file_tree import FileTree
-from uav_firmware.modules.mavlink.module import MavlinkModule
-from uav_firmware.parameters import Registry
+from tests.unit.uav_firmware.modules.mavlink.harness import SYSTEM
 
 STEP_S: Final = 0.004
 PATIENCE_S: Final = 600.0
@@ -31,26 +28,15 @@ class LogAir:
         self.link = LossyLink(conditions, conditions, seed=seed)
         self.now_s = 0.0
         self.requests = 0
-        self._module = self._boot()
+        for name in ("log", "image"):
+            (folder / name).mkdir(exist_ok=True)
+        self._module = module_at(self.link, folder)
         self._encoder = Encoder(254, 191)
         self._decoder = Decoder()
 
-    def _boot(self) -> MavlinkModule:
-        for name in ("log", "image"):
-            (self.folder / name).mkdir(exist_ok=True)
-        tree = FileTree(self.folder)
-        return MavlinkModule(
-            link=self.link.vehicle,
-            system_id=SYSTEM,
-            registry=Registry(),
-            topics=empty_topics(),
-            peers=(),
-            card=Card(tree, FileTree(self.folder / "log"), FileTree(self.folder / "image")),
-        )
-
     def reboot(self) -> None:
         """Forget everything but the card."""
-        self._module = self._boot()
+        self._module = module_at(self.link, self.folder)
 
     def write_log(self, time: str, size: int, seed: int = 1) -> bytes:
         """Write a log of 2026-03-01; gives its contents."""
