@@ -4,7 +4,6 @@ RelayError  the relay cannot go on
 """
 
 import logging
-import select
 import threading
 import time
 from collections.abc import Callable
@@ -108,7 +107,7 @@ class Relay:
     def _finish(self, deadline: float) -> None:
         """Wait briefly for answers in flight, so that these records need not be sent again."""
         while self._schedule.batches_in_flight and (left := deadline - time.monotonic()) > 0:
-            select.select([self._senders.descriptor], [], [], left)
+            wakeup.wait([self._senders.descriptor], left)
             self._collect(time.monotonic())
         self._write(time.monotonic())
 
@@ -172,9 +171,9 @@ class Relay:
         now = time.monotonic()
         due = self.next_due(now)
         soonest = self._look_at if due is None else min(self._look_at, due)
-        # A `stop` whose byte has been drained already is seen here; a later one ends the select.
+        # A `stop` whose byte has been drained already is seen here; a later one ends the wait.
         timeout = 0.0 if self._stopping.is_set() else max(soonest - now, 0.0)
-        select.select([self._wake, self._senders.descriptor], [], [], timeout)
+        wakeup.wait([self._wake, self._senders.descriptor], timeout)
 
     def _log_state(self, results: list[Result]) -> None:
         """Log the state of the uplink: once per change, not once per record."""

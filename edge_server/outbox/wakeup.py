@@ -5,11 +5,14 @@ A byte makes the relay look at the database. A lost byte delays it until it look
 
 import errno
 import logging
+import math
 import os
+import select
 import stat
+from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 LOG = logging.getLogger(__name__)
 CHANGED: Final = b"!"
@@ -30,6 +33,31 @@ def open_for_reading(path: Path) -> int:
 def open_pair() -> tuple[int, int]:
     """Make a pipe without a name, for notifications of a database: (reading, writing end)."""
     return os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
+
+
+class Ready(NamedTuple):
+    """Descriptors of which a read, or a write, does not wait: there is room, data or an error."""
+
+    readable: frozenset[int]
+    writable: frozenset[int]
+
+
+def wait(readers: Iterable[int], timeout_s: float, *, writers: Iterable[int] = ()) -> Ready:
+    """Wait until a descriptor is ready or the time is over.
+
+    It polls: `select` raises for a descriptor above 1023, which a server with many open connections
+    and files may have. The timeout is rounded up to whole milliseconds.
+    """
+    to_read, to_write = frozenset(readers), frozenset(writers)
+    poll = select.poll()
+    for descriptor in to_read | to_write:
+        reads = select.POLLIN if descriptor in to_read else 0
+        poll.register(descriptor, reads | (select.POLLOUT if descriptor in to_write else 0))
+    ready = poll.poll(math.ceil(timeout_s * 1000))
+    return Ready(
+        to_read.intersection(one for one, events in ready if events & ~select.POLLOUT),
+        to_write.intersection(one for one, events in ready if events & ~select.POLLIN),
+    )
 
 
 def drain(descriptor: int) -> bytes:

@@ -10,7 +10,6 @@ import json
 import logging
 import os
 import re
-import select
 import socket
 import ssl
 import stat
@@ -35,6 +34,7 @@ from paho.mqtt.packettypes import PacketTypes
 from paho.mqtt.properties import Properties
 from paho.mqtt.reasoncodes import ReasonCode
 
+from edge_server.outbox import wakeup
 from edge_server.uplinks import mqtt_protocol
 from edge_server.uplinks.mqtt_protocol import (
     ACCEPT_BATCH,
@@ -225,14 +225,15 @@ class Connection:
             self.events.append(Lost("the connection is closed"))
             return
         if isinstance(sock, ssl.SSLSocket) and sock.pending():
-            timeout_s = 0.0  # Bytes that TLS has read already, which select does not see
-        writers = [sock] if self._client.want_write() else []
-        readable, writable, _ = select.select([wake, sock], writers, [], timeout_s)
+            timeout_s = 0.0  # Bytes that TLS has read already, which a poll does not see
+        own = sock.fileno()
+        writers = [own] if self._client.want_write() else []
+        ready = wakeup.wait([wake, own], timeout_s, writers=writers)
         try:
-            if sock in readable or (isinstance(sock, ssl.SSLSocket) and sock.pending()):
+            if own in ready.readable or (isinstance(sock, ssl.SSLSocket) and sock.pending()):
                 self._client.loop_read()
                 _acknowledge_at_once(sock)
-            if writable:
+            if ready.writable:
                 self._client.loop_write()
             self._client.loop_misc()
         except _UNDECODABLE as error:

@@ -5,7 +5,6 @@ LinkEndedError  the thread has ended; the relay should start again
 
 import logging
 import os
-import select
 import ssl
 import threading
 import time
@@ -176,7 +175,7 @@ class Link:
     def _step(self, timeout_s: float) -> None:
         """Serve the connection, or wait while there is none."""
         if self._connection is None:
-            select.select([self._wake_read], [], [], timeout_s)
+            wakeup.wait([self._wake_read], timeout_s)
         elif not self._connection.events:
             self._connection.step(self._wake_read, timeout_s)
         wakeup.drain(self._wake_read)

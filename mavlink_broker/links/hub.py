@@ -10,6 +10,7 @@ starts without polling.
 """
 
 import logging
+import math
 import select
 import socket
 import time
@@ -108,19 +109,25 @@ class Hub:
             one.close()
 
     def _wait(self, timeout_s: float) -> frozenset[int]:
-        readers = [self._wakeup_receiver.fileno()]
-        writers: list[int] = []
+        """Wait until a descriptor is ready; the timeout is rounded up to whole milliseconds."""
+        wakeup = self._wakeup_receiver.fileno()
+        events = {wakeup: select.POLLIN}
         for link in self._links:
-            readers += link.readers()
-            writers += link.writers()
-        readable, writable, _ = select.select(
-            readers, writers, [], self._select_timeout_s(timeout_s)
+            events |= dict.fromkeys(link.readers(), select.POLLIN)
+        for link in self._links:
+            for writer in link.writers():
+                events[writer] = events.get(writer, 0) | select.POLLOUT
+        poll = select.poll()  # Not `select`, which raises for a descriptor above 1023
+        for descriptor, mask in events.items():
+            poll.register(descriptor, mask)
+        ready = frozenset(
+            one for one, _ in poll.poll(math.ceil(self._wait_timeout_s(timeout_s) * 1000))
         )
-        if readers[0] in readable:
+        if wakeup in ready:
             self._wakeup_receiver.recv(4096)
-        return frozenset((*readable, *writable))
+        return ready
 
-    def _select_timeout_s(self, timeout_s: float) -> float:
+    def _wait_timeout_s(self, timeout_s: float) -> float:
         due = [at for link in self._links if (at := link.due_at()) is not None]
         return max(0.0, min(timeout_s, min(due) - self._clock())) if due else timeout_s
 

@@ -1,16 +1,16 @@
 """The pipe that wakes the relay."""
 
 import os
-import select
 from pathlib import Path
 
 import pytest
 
 from edge_server.outbox import wakeup
+from tests.support.descriptors import many_open_files
 
 
 def readable(descriptor: int) -> bool:
-    return bool(select.select([descriptor], [], [], 0.0)[0])
+    return descriptor in wakeup.wait([descriptor], 0.0).readable
 
 
 def test_a_wake_is_seen_and_then_gone(tmp_path: Path) -> None:
@@ -23,6 +23,20 @@ def test_a_wake_is_seen_and_then_gone(tmp_path: Path) -> None:
     assert wakeup.CHANGED in wakeup.drain(reader)
     assert not readable(reader)
     os.close(reader)
+
+
+def test_a_pipe_of_a_process_with_many_open_files_wakes() -> None:
+    with many_open_files():
+        reader, writer = wakeup.open_pair()
+        assert reader > 1023
+        assert not wakeup.wait([reader], 0.0, writers=[writer]).readable
+        wakeup.write(writer, changed=False)
+        ready = wakeup.wait([reader], 0.0, writers=[writer])
+        assert reader in ready.readable
+        assert writer in ready.writable
+        wakeup.close(writer)
+        assert wakeup.wait([reader], 0.0).readable == {reader}
+        wakeup.close(reader)
 
 
 def test_waking_nobody_is_harmless(tmp_path: Path) -> None:

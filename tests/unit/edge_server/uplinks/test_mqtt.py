@@ -16,6 +16,7 @@ from edge_server.outbox.answers import Answer, Reply, Unreachable
 from edge_server.outbox.queue import OutboxRecord, Stream
 from edge_server.outbox.uplink import MAXIMUM_BATCH
 from edge_server.uplinks.mqtt import MqttUplink
+from tests.support.descriptors import many_open_files
 from tests.support.system import free_ports
 
 WELCOME = bytes([0x20, 3, 0, 0, 0])
@@ -153,6 +154,15 @@ def test_a_whole_answer_confirms(tmp_path: Path) -> None:
         (reply,) = replies(uplink, 1)
         assert isinstance(reply, Answer)
         assert reply.status == 200
+
+
+def test_a_whole_answer_confirms_where_many_files_are_open(tmp_path: Path) -> None:
+    with (
+        stranger(broker(answer_packet, close_at_once)) as url,
+        many_open_files(),
+        uplink_to(url, tmp_path) as uplink,
+    ):
+        assert isinstance(replies(uplink, 1)[0], Answer)
 
 
 def test_an_answer_cut_at_any_byte_is_a_reason(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ import pytest
 from mavlink_broker.links.hub import Hub, open_links
 from mavlink_broker.links.link import LinkError, PortBusyError
 from mavlink_broker.links.url import Address, LinkUrl
+from tests.support.descriptors import many_open_files
 from tests.support.link_ends import receive_until
 
 HOST = "127.0.0.1"
@@ -28,6 +29,17 @@ def test_datagrams_have_their_sender_and_answers_reach_it() -> None:
         link.send(address, b"two")
         assert vehicle.recv(100) == b"two"
     link.close()
+
+
+def test_a_datagram_is_received_where_many_files_are_open() -> None:
+    with many_open_files(), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as vehicle:
+        link = listening()
+        vehicle.sendto(b"one", (HOST, link.urls[0].port))
+        ((_, datagram),) = link.receive(5.0)
+        assert datagram == b"one"
+        link.wake()
+        assert link.receive(5.0) == []
+        link.close()
 
 
 def test_a_wake_up_from_another_thread_ends_the_wait() -> None:
