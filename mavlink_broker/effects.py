@@ -87,7 +87,30 @@ class LogJob:
     request: LogRequest
 
 
-Job: TypeAlias = FetchUrl | ConvertPicture | LogJob
+@dataclass(frozen=True, slots=True)
+class FrameSpan:
+    """A flight of which the frame log is sent, and the name under which it is."""
+
+    name: str
+    started_at: datetime
+    ended_at: datetime
+
+
+@dataclass(frozen=True, slots=True)
+class SendFrames:
+    """Send the frames of a vehicle's flight, at most `limit_bytes`, to the edge server.
+
+    Without a flight: complete what an earlier run has begun to send.
+    """
+
+    number: int
+    vehicle_id: int
+    system: int
+    flight: FrameSpan | None
+    limit_bytes: int
+
+
+Job: TypeAlias = FetchUrl | ConvertPicture | LogJob | SendFrames
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,14 +166,35 @@ class LogJobFailed:
     is_temporary: bool = False  # The edge server is away, or has no room now
 
 
+@dataclass(frozen=True, slots=True)
+class FramesSent:
+    """The frames of a flight were sent, `size_bytes` of them."""
+
+    number: int
+    size_bytes: int
+
+
+@dataclass(frozen=True, slots=True)
+class FramesNotSent:
+    """The frames of a flight were not sent; `is_final` and `is_temporary` as of `LogJobFailed`."""
+
+    number: int
+    reason: str
+    is_final: bool
+    is_temporary: bool = False
+
+
 LogJobOutcome: TypeAlias = LogJobDone | LogJobFailed
-JobOutcome: TypeAlias = Downloaded | ConvertedPicture | JobFailed | LogJobOutcome
+FramesOutcome: TypeAlias = FramesSent | FramesNotSent
+JobOutcome: TypeAlias = Downloaded | ConvertedPicture | JobFailed | LogJobOutcome | FramesOutcome
 
 
 def failed(job: Job, reason: str) -> JobOutcome:
     """Give the outcome of a job that cannot be done at all."""
     if isinstance(job, LogJob):
         return LogJobFailed(job.number, reason, is_final=True)
+    if isinstance(job, SendFrames):
+        return FramesNotSent(job.number, reason, is_final=True)
     return JobFailed(job.number, reason)
 
 

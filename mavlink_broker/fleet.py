@@ -227,6 +227,7 @@ class Fleet:
         """Return the member with a system id; adds it if it is new."""
         if system not in self._members:
             config = self._config
+            log_limit_bytes = config.vehicle_log_mib << 20
             vehicle = Vehicle(
                 vehicle_id,
                 Route(config.system_id, config.component_id, system, AUTOPILOT),
@@ -239,8 +240,9 @@ class Fleet:
                 state_vector_every_s=config.state_vector_every_s,
                 observations_every_s=config.observations_every_s,
                 battery_capacity_ah=config.battery_capacity_ah,
-                log_limit_bytes=config.vehicle_log_mib << 20,
+                log_limit_bytes=log_limit_bytes,
                 log_limit_s=config.vehicle_log_time_s,
+                frames_limit_bytes=log_limit_bytes if config.traffic.tlog_dir else 0,
                 observes=config.observes,
             )
             self._members[system] = FleetMember(session)

@@ -6,6 +6,7 @@
     alarms      what has failed on it
     pictures    what its camera has taken
     logs        what it has written of its flights itself
+    frames      what the frame log has of its flights
     missions    its missions and events (`mavlink_broker.mission.mission_queue`)
     overrides   its own parameters, geofence and rally points, restored behind a mission
 
@@ -16,7 +17,14 @@ import logging
 from collections.abc import Callable, Collection, Iterable
 from typing import Final
 
-from mavlink_broker.effects import Effects, JobOutcome, LogJobDone, LogJobFailed
+from mavlink_broker.effects import (
+    Effects,
+    FramesNotSent,
+    FramesSent,
+    JobOutcome,
+    LogJobDone,
+    LogJobFailed,
+)
 from mavlink_broker.mavlink.dialect import Message, mavlink, source_of
 from mavlink_broker.microservices.heartbeat import HeartbeatOrder
 from mavlink_broker.microservices.log_download import LOG_MESSAGES
@@ -28,6 +36,7 @@ from mavlink_broker.mission.states import BEFORE_TAKEOFF, State
 from mavlink_broker.pictures.pictures import PICTURE_MESSAGES, PictureCollector
 from mavlink_broker.vehicle.alarms import AlarmMonitor, Failure
 from mavlink_broker.vehicle.control_authority import is_order
+from mavlink_broker.vehicle.flight_frames import FlightFrames
 from mavlink_broker.vehicle.flight_logs import FlightLogs
 from mavlink_broker.vehicle.gcs_heartbeat import GcsHeartbeat
 from mavlink_broker.vehicle.reporter import (
@@ -63,9 +72,13 @@ class Session:
         battery_capacity_ah: float,
         log_limit_bytes: int = 0,
         log_limit_s: float = 0.0,
+        frames_limit_bytes: int = 0,
         observes: bool = False,
     ) -> None:
-        """Begin a session; `observes`: change nothing on the vehicle, and fetch nothing of it."""
+        """Begin a session; `observes`: change nothing on the vehicle, and fetch nothing of it.
+
+        `frames_limit_bytes`: bound of what the frame log has of one flight; 0: it is not sent.
+        """
         self._observes = observes
         self.vehicle = vehicle
         self._new_session_id = new_session_id
@@ -81,6 +94,7 @@ class Session:
         self.logs = FlightLogs(
             vehicle, new_session_id, limit_bytes=log_limit_bytes, limit_s=log_limit_s
         )
+        self._frames = FlightFrames(vehicle, new_session_id, limit_bytes=frames_limit_bytes)
         self._heartbeat_order = HeartbeatOrder()
         self._heartbeat = GcsHeartbeat(vehicle, observes=observes)
         self._streams = StreamRequests(vehicle.route, vehicle.round_trip, observes=observes)
@@ -114,6 +128,7 @@ class Session:
             return False
         self.vehicle.recovery.forget()
         self.logs.forget()
+        self._frames.forget()
         return True
 
     def change_autopilot(self, component: int) -> None:
@@ -205,6 +220,8 @@ class Session:
         """Process the outcome of a job."""
         if isinstance(outcome, LogJobDone | LogJobFailed):
             self.logs.take_outcome(outcome, now, effects)
+        elif isinstance(outcome, FramesSent | FramesNotSent):
+            self._frames.take_outcome(outcome, now)
         else:
             self.pictures.take_outcome(outcome, now, effects)
 
@@ -239,6 +256,7 @@ class Session:
         self.missions.tick(now, effects, is_unreachable=is_unreachable)
         self._tick_pictures(now, effects)
         self.logs.step(now, effects, may_fetch=self._may_fetch_logs(now))
+        self._frames.step(now, self.logs.utc, effects)
         self.missions.close_ended(effects)
         self._telemetry.tick(now, effects)
 

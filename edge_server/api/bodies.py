@@ -1,6 +1,7 @@
 """Input of requests: JSON bodies of bounded size and depth, and query parameters."""
 
 import re
+from collections.abc import Collection
 from datetime import datetime
 from typing import Any, Final, TypeVar
 
@@ -142,6 +143,14 @@ def query_boolean(name: str) -> bool:
         fault = Fault(name, "must be true or false")
         raise RequestError(422, "the query cannot be used", (fault,))
     return _FLAGS[raw]
+
+
+def query_choice(name: str, given: str, choices: Collection[str]) -> str:
+    """Check that what the query gives is one of the choices; raises 422 with its name."""
+    if given not in choices:
+        fault = Fault(name, f"must be one of {', '.join(choices)}")
+        raise RequestError(422, "the query cannot be used", (fault,))
+    return given
 
 
 def query_vehicle() -> int | None:

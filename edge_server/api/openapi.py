@@ -68,6 +68,10 @@ _QUERY: Final[dict[str, tuple[str, dict[str, Any]]]] = {
     ),
     "format:geojson": ("JSON or GeoJSON", {"enum": ["json", "geojson"]}),
     "format:csv": ("JSON or CSV", {"enum": ["json", "csv"]}),
+    "format:log": (
+        "a log of this format; without it the vehicle's own, ULog or DataFlash",
+        {"enum": ["ulg", "bin", "tlog"]},
+    ),
     "format:track": ("GeoJSON, CSV or GPX", {"enum": ["geojson", "csv", "gpx"]}),
     "preview": ("Plan only, store nothing", {"type": "boolean"}),
     "offset:required": ("First byte of the part in the file", _INTEGER),

@@ -353,7 +353,7 @@ class FlightLog(Answer):
     """A log that its vehicle has written of a flight; `url` is null until it is complete."""
 
     id: Id
-    format: Literal["ulg", "bin"]
+    format: Literal["ulg", "bin", "tlog"]
     file_name: str
     started_at: datetime
     ended_at: datetime
@@ -368,7 +368,7 @@ class ReceivedLog(Answer):
 
     name: str
     vehicle_id: Id
-    format: Literal["ulg", "bin"]
+    format: Literal["ulg", "bin", "tlog"]
     started_at: datetime
     ended_at: datetime
     listed_at: datetime | None

@@ -1,7 +1,7 @@
-"""The logs of vehicles: taken from a broker part by part, shown with their flights."""
+"""The logs of flights: taken from a broker part by part, shown with their flights."""
 
 import sqlite3
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from datetime import UTC, datetime
 from typing import Annotated, Any, Final, Literal, NamedTuple, TypeVar
 
@@ -21,7 +21,11 @@ from edge_server.services.errors import (
 from edge_server.services.reports.listing import Listing, fill
 
 MEDIA_TYPE: Final = "application/octet-stream"
-"""Neither ULog nor DataFlash has one of its own."""
+"""Neither ULog, DataFlash nor tlog has one of its own."""
+FRAME_LOG: Final = "tlog"
+OWN_FORMATS: Final = frozenset({"ulg", "bin"})
+"""What vehicles write themselves."""
+FORMATS: Final = ("ulg", "bin", FRAME_LOG)
 MOST_LOGS: Final = 100
 """Logs of one flight, or incomplete ones of one vehicle, that are listed."""
 _UINT32: Final = 2**32 - 1
@@ -36,7 +40,7 @@ class VehicleLog(Model):
     set.
     """
 
-    format: Literal["ulg", "bin"]
+    format: Literal["ulg", "bin", "tlog"]  # `FORMATS`
     started_at: Time
     ended_at: Time
     listed_at: Time | None = None
@@ -153,12 +157,33 @@ def of_flight(context: Context, flight_id: int) -> Listing:
     return fill(_rows(context, flight_id), lambda row: _show_of_flight(flight_id, row))
 
 
-def file_of_flight(context: Context, flight_id: int, number: int | None = None) -> LogFile:
-    """Find a complete log of a flight by its number, else the largest; raises NotFoundError."""
-    rows = [row for row in _rows(context, flight_id) if number in {None, row["id"]}]
+def file_of_flight(context: Context, flight_id: int, number: int) -> LogFile:
+    """Find a complete log of a flight by its number; raises NotFoundError."""
+    rows = [row for row in _rows(context, flight_id) if row["id"] == number]
+    if not rows:
+        raise NotFoundError(f"flight {flight_id} has no log {number}")
+    return _largest(context, flight_id, rows)
+
+
+def largest_of_flight(context: Context, flight_id: int, formats: Collection[str]) -> LogFile:
+    """Find the largest complete log of a flight that has one of these formats.
+
+    Raises:
+        NotFoundError: if there is none (yet).
+    """
+    rows = [row for row in _rows(context, flight_id) if row["format"] in formats]
+    if not rows:
+        raise NotFoundError(_absence(flight_id, formats))
+    return _largest(context, flight_id, rows)
+
+
+def _largest(context: Context, flight_id: int, rows: list[Row]) -> LogFile:
     complete = [row for row in rows if row["is_complete"]]
     if not complete:
-        raise NotFoundError(_absence(flight_id, number, rows))
+        received, size = rows[0]["received_bytes"], rows[0]["size_bytes"]
+        raise NotFoundError(
+            f"the log of flight {flight_id} is being received: {received} of {size} bytes so far"
+        )
     row = max(complete, key=lambda one: int(one["received_bytes"]))
     return LogFile(
         _file_name(flight_id, row),
@@ -168,13 +193,13 @@ def file_of_flight(context: Context, flight_id: int, number: int | None = None) 
     )
 
 
-def _absence(flight_id: int, number: int | None, rows: list[Row]) -> str:
-    """Say why a log is not there."""
-    if rows:
-        received, size = rows[0]["received_bytes"], rows[0]["size_bytes"]
-        return f"the log of flight {flight_id} is being received: {received} of {size} bytes so far"
-    if number is not None:
-        return f"flight {flight_id} has no log {number}"
+def _absence(flight_id: int, formats: Collection[str]) -> str:
+    """Say why there is no log."""
+    if FRAME_LOG in formats:
+        return (
+            f"flight {flight_id} has no log of MAVLink messages: the broker keeps none (TLOG_DIR), "
+            "has not sent it yet or has given it up, or it was deleted to keep the archive's budget"
+        )
     return (
         f"flight {flight_id} has no log: its vehicle keeps none, the broker has not fetched it yet "
         "or has given it up, or it was deleted to keep the archive's budget"

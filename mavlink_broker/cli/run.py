@@ -21,9 +21,11 @@ from mavlink_broker.config import Config
 from mavlink_broker.database import Database
 from mavlink_broker.edge.bounded_http import EdgeConnection
 from mavlink_broker.edge.client import EdgeClient
+from mavlink_broker.edge.frame_upload import FrameUploader
 from mavlink_broker.edge.log_upload import LogUploader
 from mavlink_broker.edge.spool import MIB, Spool
-from mavlink_broker.pictures.worker_pool import WorkerPool
+from mavlink_broker.effects import Job, LogJob, SendFrames
+from mavlink_broker.pictures.worker_pool import Handler, WorkerPool
 from mavlink_broker.recovery.journal import JournalTable, JournalWriter
 from mavlink_broker.supervision import ThreadFailureHook
 
@@ -54,12 +56,7 @@ def run(arguments: Sequence[str], environment: Mapping[str, str]) -> int:
         instance_id=database.instance_id,
     )
     edge.start()
-    uploader = LogUploader(
-        lambda: EdgeConnection(
-            settings.edge_url, settings.key_file, settings.edge_ca_file, database.instance_id
-        )
-    )
-    worker_pool = WorkerPool(link.wake, uploader)
+    worker_pool = WorkerPool(link.wake, new_uploaders(settings, database.instance_id))
     worker_pool.start()
     journal = JournalWriter(JournalTable(database), link.wake)
     journal.start()
@@ -74,6 +71,20 @@ def run(arguments: Sequence[str], environment: Mapping[str, str]) -> int:
     database.close()
     link.close()
     return FAILED if alarm.has_fired else SUCCEEDED
+
+
+def new_uploaders(settings: Config, instance_id: str) -> dict[type[Job], Handler]:
+    """Make what sends vehicles' logs, and frames if there is a frame log, to the edge server."""
+
+    def connect() -> EdgeConnection:
+        return EdgeConnection(
+            settings.edge_url, settings.key_file, settings.edge_ca_file, instance_id
+        )
+
+    uploaders: dict[type[Job], Handler] = {LogJob: LogUploader(connect)}
+    if settings.traffic.tlog_dir is not None:
+        uploaders[SendFrames] = FrameUploader(connect, settings.traffic.tlog_dir)
+    return uploaders
 
 
 def open_spool(database: Database, settings: Config) -> Spool | None:

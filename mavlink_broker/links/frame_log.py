@@ -8,8 +8,7 @@ A thread writes from a bounded buffer: a slow or full disk never delays a frame.
 be written are counted and logged once, and writing is retried.
 
 The files lie in a folder with a limit: they grow by whole records, rotate by size, and the oldest
-are deleted.
-
+are deleted. `copy_frames` reads the records of one vehicle out of them again.
 """
 
 import logging
@@ -19,9 +18,9 @@ import threading
 from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Final
+from typing import BinaryIO, Final
 
-from mavlink_broker.mavlink.codec import message_id
+from mavlink_broker.mavlink.codec import Decoder, frame_size, message_id, sender
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.supervision import SupervisedThread
 
@@ -46,6 +45,8 @@ SECRET_MESSAGES: Final = frozenset(
 LEFT_OUT: Final = SECRET_MESSAGES | {mavlink.MAVLINK_MSG_ID_LOG_DATA}
 """The log of a flight would push the frames of several flights out of the files."""
 _STAMP: Final = struct.Struct(">Q")
+_SIZED_BY: Final = 3
+"""First bytes of a frame, which determine its length."""
 
 
 class FrameFiles:
@@ -117,6 +118,45 @@ def _age(path: Path) -> tuple[int, str]:
         return path.stat().st_mtime_ns, path.name
     except FileNotFoundError:
         return 0, path.name
+
+
+def copy_frames(folder: Path, system: int, begin: datetime, end: datetime, output: BinaryIO) -> int:
+    """Copy the records of a vehicle from a folder's files; returns their size in bytes.
+
+    These are the frames from `begin` to `end` that the vehicle has sent, and those that were sent
+    to it or to all systems. A file is read up to its first incomplete record.
+
+    Raises:
+        OSError: if a file cannot be read, or `output` not be written.
+    """
+    first, last = (round(one.timestamp() * 1e6) for one in (begin, end))
+    size = 0
+    for path in sorted(folder.glob(f"*{SUFFIX}"), key=_age):
+        if _age(path)[0] >= first * 1000:  # Else its last record is older
+            with suppress(FileNotFoundError), path.open("rb") as file:  # It may be pruned now
+                size += _copy_records(file, system, range(first, last + 1), output)
+    return size
+
+
+def _copy_records(file: BinaryIO, system: int, times: range, output: BinaryIO) -> int:
+    decoder, size = Decoder(), 0
+    while len(head := file.read(_STAMP.size + _SIZED_BY)) == _STAMP.size + _SIZED_BY:
+        (stamp,) = _STAMP.unpack_from(head)
+        length = frame_size(head, _STAMP.size)
+        if not length:
+            break
+        frame = head[_STAMP.size :] + file.read(length - _SIZED_BY)
+        if len(frame) < length:
+            break
+        if stamp in times and (sender(frame)[0] == system or _is_to(frame, system, decoder)):
+            size += output.write(head[: _STAMP.size] + frame)
+    return size
+
+
+def _is_to(frame: bytes, system: int, decoder: Decoder) -> bool:
+    """Whether another system has sent a frame to a vehicle, or to all."""
+    messages = decoder.decode(frame)
+    return any(getattr(message, "target_system", None) in {0, system} for message in messages)
 
 
 class FrameLog:

@@ -1,4 +1,4 @@
-"""Runs slow jobs on threads: downloads and converts pictures, and has logs sent.
+"""Runs slow jobs on threads: downloads and converts pictures, and has logs and frames sent.
 
 The web servers are those of the vehicles' cameras, in private networks. A download is one file over
 http or https, without redirects; it fails when the server is slow or sends too much. Pictures that
@@ -17,7 +17,7 @@ from functools import partial
 from http import HTTPStatus
 from itertools import chain
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, TypeAlias
 
 import requests
 
@@ -32,7 +32,7 @@ from mavlink_broker.effects import (
     Job,
     JobOutcome,
     LogJob,
-    LogJobOutcome,
+    SendFrames,
     failed,
 )
 from mavlink_broker.pictures import shrink
@@ -42,9 +42,14 @@ CONNECT_TIMEOUT_S: Final = 5.0
 READ_TIMEOUT_S: Final = 10.0
 TOTAL_TIMEOUT_S: Final = 120.0
 SHRINK_TIMEOUT_S: Final = 60.0
-THREADS: Final[Mapping[type[Job], int]] = {FetchUrl: 8, ConvertPicture: 2, LogJob: 1}
+THREADS: Final[Mapping[type[Job], int]] = {
+    FetchUrl: 8,
+    ConvertPicture: 2,
+    LogJob: 1,
+    SendFrames: 1,
+}
 """Downloads wait for web servers, at most one per vehicle; conversions use the processor; logs are
-sent to the edge server one part at a time."""
+sent to the edge server one part at a time, and frames beside them."""
 
 _SHRINK_PROGRAM: Final = Path(shrink.__file__)
 _LOG = logging.getLogger(__name__)
@@ -126,15 +131,22 @@ def download(job: FetchUrl) -> Downloaded:
     return Downloaded(job.number, answer.body)
 
 
+Handler: TypeAlias = Callable[..., JobOutcome]
+_HANDLERS: Final[Mapping[type[Job], Handler]] = {FetchUrl: download, ConvertPicture: convert}
+
+
 class WorkerPool:
     """Runs jobs on threads; `wake` is called after each outcome."""
 
     def __init__(
-        self, wake: Callable[[], None], send_log: Callable[[LogJob], LogJobOutcome] | None = None
+        self, wake: Callable[[], None], uploaders: Mapping[type[Job], Handler] | None = None
     ) -> None:
-        """`send_log` carries out requests about logs, on one thread; without it they fail."""
+        """`uploaders` carry out the jobs that need the edge server, each on one thread.
+
+        Without them such jobs fail.
+        """
         self._wake = wake
-        self._send_log = send_log
+        self._handlers = {**_HANDLERS, **(uploaders or {})}
         self._jobs: dict[type[Job], queue.SimpleQueue[tuple[int, Job] | None]] = {
             kind: queue.SimpleQueue() for kind in THREADS
         }
@@ -176,22 +188,15 @@ class WorkerPool:
     def _work(self, kind: type[Job]) -> None:
         while (task := self._jobs[kind].get()) is not None:
             system, job = task
-            self._finished.put(Finished(system, run_job(job, self._send_log)))
+            self._finished.put(Finished(system, run_job(job, self._handlers)))
             self._wake()
 
 
-_HANDLERS: Final[Mapping[type[Job], Callable[..., JobOutcome]]] = {
-    FetchUrl: download,
-    ConvertPicture: convert,
-}
-
-
-def run_job(job: Job, send_log: Callable[[LogJob], LogJobOutcome] | None = None) -> JobOutcome:
+def run_job(job: Job, handlers: Mapping[type[Job], Handler] = _HANDLERS) -> JobOutcome:
     """Run one job; a failure is an outcome too."""
     try:
-        if not isinstance(job, LogJob):
-            return _HANDLERS[type(job)](job)
-        return failed(job, "this program sends no logs") if send_log is None else send_log(job)
+        handler = handlers.get(type(job))
+        return failed(job, "this program sends no logs") if handler is None else handler(job)
     except JobError as error:
         _LOG.info("picture %d: %s", job.number, error)
         return failed(job, str(error))

@@ -197,7 +197,7 @@ class FlightLogs:
         self._has_asked = True
         for state in outcome.logs:
             log = state.log
-            if not state.is_complete:
+            if not state.is_complete and log.format != "tlog":  # That is not the vehicle's own
                 self._add(
                     LoggedFlight(
                         name=log.name,

@@ -1,4 +1,4 @@
-/** Whether the log of a flight may still arrive: drones send it after the landing. */
+/** Whether a log of a flight may still arrive: drones send their own after the landing. */
 
 import type { Flight, FlightLog } from "../api/types";
 
@@ -9,5 +9,6 @@ const EXPECTED_MS = 15 * 60_000;
 export function awaitsLog(flight: Flight, logs: readonly FlightLog[], now_ms: number): boolean {
   if (flight.ended_at === null) return false;
   if (logs.some((log) => log.url === null)) return true;
-  return logs.length === 0 && now_ms - Date.parse(flight.ended_at) < EXPECTED_MS;
+  const hasOwn = logs.some((log) => log.format !== "tlog");
+  return !hasOwn && now_ms - Date.parse(flight.ended_at) < EXPECTED_MS;
 }

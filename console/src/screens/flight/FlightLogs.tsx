@@ -10,7 +10,9 @@ import { useResource } from "../../live/use_resource";
 
 const ASK_MS = 4_000;
 
-/** What the drone itself has written of a flight, to be downloaded for its maker's programs. */
+const TITLES = { ulg: "flights.log_ulog", bin: "flights.log_dataflash", tlog: "flights.log_tlog" } as const;
+
+/** What the drone has written of a flight, and the broker of its messages, to be downloaded. */
 export function FlightLogs({ flight }: { flight: Flight }) {
   const { t } = useTranslation();
   const logs = useResource(() => listFlightLogs(flight.id), `${flight.id} ${flight.ended_at}`);
@@ -53,7 +55,7 @@ function LogLink({ log }: { log: FlightLog }) {
   return (
     <a className="button button-plain" href={log.url} download={log.file_name}>
       <Icon name="download" />{" "}
-      {t(log.format === "bin" ? "flights.log_dataflash" : "flights.log_ulog", { size: units.data(log.size_bytes) })}
+      {t(TITLES[log.format], { size: units.data(log.size_bytes) })}
     </a>
   );
 }

@@ -1,9 +1,9 @@
-"""`/flights/<id>/log`: what the vehicle itself has written of a flight, for its maker's tools.
+"""`/flights/<id>/log`: what the vehicle has written of a flight, and the broker of its messages.
 
 A flight has several logs if its vehicle was disarmed in between; `/flights/<id>/logs` lists them.
 """
 
-from flask import Blueprint, Response
+from flask import Blueprint, Response, request
 
 from edge_server.api import bodies, etags, schemas, urls
 from edge_server.api.access import scopes
@@ -41,11 +41,14 @@ def get(flight_id: int, number: int) -> Response:
 
 
 @allow(PEOPLE)
-@describe(Contract({200: None, 206: None}, conditional=True, errors=(416,)))
+@describe(Contract({200: None, 206: None}, query=("format:log",), conditional=True, errors=(416,)))
 def largest(flight_id: int) -> Response:
-    """Give the largest log of a flight, which is the only one unless it landed in between."""
+    """Give the vehicle's own log of a flight, the largest of several; or that of a format."""
     _check(flight_id)
-    return _file(flight_logs.file_of_flight(bodies.context(), flight_id))
+    formats = flight_logs.OWN_FORMATS
+    if (form := request.args.get("format")) is not None:
+        formats = frozenset({bodies.query_choice("format", form, flight_logs.FORMATS)})
+    return _file(flight_logs.largest_of_flight(bodies.context(), flight_id, formats))
 
 
 def _file(found: LogFile) -> Response:

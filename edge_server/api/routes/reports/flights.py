@@ -6,12 +6,10 @@ from typing import Any, Final
 
 from flask import Blueprint, Response, request
 
-from afarcloud.faults import Fault
 from edge_server.api import bodies, schemas, urls
 from edge_server.api.access import scopes
 from edge_server.api.access.auth import PEOPLE, allow
 from edge_server.api.contract import PAGE, Contract, describe
-from edge_server.api.errors import RequestError
 from edge_server.archive import observation_files
 from edge_server.archive.track_files import FORMATS
 from edge_server.services import flight_archive
@@ -144,11 +142,7 @@ def observations(flight_id: int) -> list[dict[str, Any]] | Response:
 
 def _form(default: str, forms: Collection[str]) -> str:
     """Read which format is wanted; raises 422."""
-    form = request.args.get("format", default)
-    if form not in forms:
-        fault = Fault("format", f"must be one of {', '.join(forms)}")
-        raise RequestError(422, "the query cannot be used", (fault,))
-    return form
+    return bodies.query_choice("format", request.args.get("format", default), forms)
 
 
 def _file(lines: Iterator[str], media_type: str, name: str) -> Response:

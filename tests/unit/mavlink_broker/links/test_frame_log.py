@@ -1,6 +1,7 @@
 """The frame log: readable by others, bounded, never blocking, without keys."""
 
 import errno
+import io
 import logging
 import os
 from collections.abc import Iterator
@@ -14,7 +15,7 @@ import pytest
 from pymavlink import mavutil
 
 from mavlink_broker.links import frame_log
-from mavlink_broker.links.frame_log import FrameFiles, FrameLog
+from mavlink_broker.links.frame_log import FrameFiles, FrameLog, copy_frames
 from mavlink_broker.mavlink.codec import Encoder, signed
 from mavlink_broker.mavlink.dialect import mavlink
 from tests.support.polling import wait_until
@@ -204,3 +205,57 @@ def test_a_disk_that_hangs_fills_a_bounded_buffer(
         for frame in numbered(1000):
             log.write(frame, NOW)
         assert log.dropped > 900
+
+
+LAND = mavlink.MAVLink_command_long_message(1, 1, 21, 0, 0, 0, 0, 0, 0, 0, 0)
+
+
+def copied(folder: Path, begin_s: float, end_s: float, *, system: int = 1) -> list[Any]:
+    """Messages of a vehicle's records, as ground stations' library reads them."""
+    output = io.BytesIO()
+    times = (NOW + timedelta(seconds=begin_s), NOW + timedelta(seconds=end_s))
+    assert copy_frames(folder, system, *times, output) == len(output.getvalue())
+    path = folder / "copy"
+    path.write_bytes(output.getvalue())
+    return replayed(path)
+
+
+def test_the_records_of_one_vehicle_and_time_are_copied(tmp_path: Path) -> None:
+    vehicle, other, broker = Encoder(1, 1), Encoder(2, 1), Encoder(254, 191)
+    to_all = mavlink.MAVLink_command_long_message(0, 0, 400, 0, 0, 0, 0, 0, 0, 0, 0)
+    to_other = mavlink.MAVLink_command_long_message(2, 1, 22, 0, 0, 0, 0, 0, 0, 0, 0)
+    sent = [
+        vehicle.encode(HEARTBEAT),
+        other.encode(HEARTBEAT),
+        broker.encode(LAND),
+        broker.encode(to_other),
+        signed(broker.encode(to_all), bytes(32), 0, 9),
+    ]
+    with opened(tmp_path, file_bytes=1) as log:
+        for second in range(3):
+            for frame in sent:
+                log.write(frame, NOW + timedelta(seconds=second))
+    messages = copied(tmp_path, 1, 1)
+    sources = [(message.get_srcSystem(), message.get_type()) for message in messages]
+    assert sources == [(1, "HEARTBEAT"), (254, "COMMAND_LONG"), (254, "COMMAND_LONG")]
+    assert [message.command for message in messages[1:]] == [21, 400]
+    assert {message._timestamp for message in messages} == {NOW.timestamp() + 1.0}
+    assert len(copied(tmp_path, 0, 2)) == 9
+    assert copied(tmp_path, 0, 2, system=3)[0].command == 400
+    assert copied(tmp_path, 3, 9) == []
+
+
+@pytest.mark.parametrize("rest", [b"", b"\0" * 40, b"\xff" * 7, b"\0" * 8 + b"\xfd\xff\x00half"])
+def test_a_file_with_an_incomplete_record_is_copied_up_to_it(tmp_path: Path, rest: bytes) -> None:
+    """As a power failure leaves it."""
+    for n in range(2):
+        with opened(tmp_path) as log:
+            log.write(next(numbered(1, n)), NOW)
+    for path in files_of(tmp_path):
+        with path.open("ab") as file:
+            file.write(rest)
+    assert texts(copied(tmp_path, 0, 1)) == ["0", "1"]
+
+
+def test_a_folder_without_files_has_no_records(tmp_path: Path) -> None:
+    assert copied(tmp_path, 0, 1) == []

@@ -1,26 +1,37 @@
 """The broker's requests about logs, answered by the edge server; and what goes wrong in between."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from datetime import UTC, datetime
+from itertools import count
+from pathlib import Path
 from typing import Any, Final, cast
 
 import pytest
 import requests
 
 from mavlink_broker.edge.bounded_http import Answer, EdgeConnection, NoKeyError
+from mavlink_broker.edge.frame_upload import PART_BYTES, FrameUploader
 from mavlink_broker.edge.log_upload import LogUploader
 from mavlink_broker.effects import (
     BeginLog,
     DropLog,
     FindLogs,
+    FramesNotSent,
+    FramesOutcome,
+    FrameSpan,
+    FramesSent,
     LogJob,
     LogJobDone,
     LogJobFailed,
     LogJobOutcome,
     LogRequest,
+    SendFrames,
     SendLogPart,
 )
+from mavlink_broker.links.frame_log import FrameFiles, copy_frames
+from mavlink_broker.mavlink.codec import Encoder
+from mavlink_broker.mavlink.dialect import mavlink
 from tests.unit.edge_server.archive.flown import FINISHED, begin, report
 from tests.unit.edge_server.conftest import Edge
 
@@ -40,6 +51,7 @@ class Wire:
     def __init__(self, edge: Edge) -> None:
         self._edge = edge
         self.fault: Answer | Exception | None = None
+        self.is_cut: Callable[[], bool] = lambda: False  # The answer to the request is lost
 
     def request(
         self,
@@ -62,6 +74,8 @@ class Wire:
             else {"data": data, "content_type": media_type}
         )
         answer = self._edge.ask(method, path, "broker", **options)
+        if self.is_cut():
+            raise requests.ConnectionError("cut off")
         return Answer(answer.status_code, answer.data)
 
 
@@ -74,6 +88,12 @@ class Broker:
 
     def ask(self, request: LogRequest) -> LogJobOutcome:
         return self._uploader(LogJob(7, 1, request))
+
+    def send_frames(
+        self, folder: Path, flight: FrameSpan | None, limit_bytes: int = 1 << 30
+    ) -> FramesOutcome:
+        upload = FrameUploader(lambda: cast("EdgeConnection", self.wire), folder)
+        return upload(SendFrames(7, 1, 1, flight, limit_bytes))
 
 
 @pytest.fixture
@@ -160,3 +180,88 @@ def test_every_answer_has_one_outcome(
     broker.wire.fault = fault
     for request in (LOG, SendLogPart(LOG.name, 0, b"x", is_last=True), FindLogs()):
         assert refusal(broker.ask(request)) == expected
+
+
+FLIGHT: Final = FrameSpan("01K9Z4T1W8F6Q2M3N5P7R9S0VZ", LOG.started_at, LOG.ended_at)
+
+
+@pytest.fixture
+def frames(tmp_path: Path) -> Path:
+    """The frame log of a flight, which is sent in three parts."""
+    folder, encoder = tmp_path / "tlog", Encoder(1, 1)
+    files = FrameFiles(folder, file_bytes=PART_BYTES, files=8)
+    stamp = int(LOG.started_at.timestamp() * 1e6).to_bytes(8, "big")
+    text = mavlink.MAVLink_statustext_message(6, b"x" * 50)
+    record = stamp + encoder.encode(text)
+    for _ in range(5):
+        files.append(record * (PART_BYTES // 2 // len(record)), LOG.started_at)
+    files.close()
+    return folder
+
+
+def bytes_of(folder: Path) -> bytes:
+    with (folder / "copy").open("w+b") as file:
+        copy_frames(folder, 1, LOG.started_at, LOG.ended_at, file)
+        file.seek(0)
+        return file.read()
+
+
+def test_the_frames_of_a_flight_are_a_log_beside_the_vehicles_own(
+    broker: Broker, edge: Edge, frames: Path
+) -> None:
+    expected = bytes_of(frames)
+    assert broker.send_frames(frames, FLIGHT) == FramesSent(7, len(expected))
+    (listed,) = edge.get("/flights/1/logs")
+    assert (listed["format"], listed["size_bytes"]) == ("tlog", len(expected))
+    assert listed["file_name"].endswith(".tlog")
+    found = edge.ask("GET", "/flights/1/log?format=tlog", "operator")
+    assert found.data == expected
+    assert edge.ask("GET", "/flights/1/log", "operator").status_code == 404
+    broker.ask(LOG)
+    broker.ask(SendLogPart(LOG.name, 0, b"ULog123456", is_last=True))
+    assert edge.ask("GET", "/flights/1/log", "operator").data == b"ULog123456"
+    assert edge.ask("GET", "/flights/1/log?format=ulg", "operator").data == b"ULog123456"
+    assert edge.ask("GET", "/flights/1/log?format=bin", "operator").status_code == 404
+    assert edge.ask("GET", "/flights/1/log?format=x", "operator").status_code == 422
+
+
+@pytest.mark.parametrize("answered", range(5))
+def test_frames_whose_answers_are_lost_are_continued_by_the_next_run(
+    broker: Broker, edge: Edge, frames: Path, answered: int
+) -> None:
+    expected = bytes_of(frames)
+    requests_made = count()
+    broker.wire.is_cut = lambda: next(requests_made) >= answered
+    first = broker.send_frames(frames, FLIGHT)
+    broker.wire.is_cut = lambda: False
+    assert isinstance(first, FramesSent) == (answered > 3)
+    assert isinstance(broker.send_frames(frames, None), FramesSent)
+    assert edge.ask("GET", "/flights/1/log?format=tlog", "operator").data == expected
+    assert broker.send_frames(frames, None) == FramesSent(7, 0)
+
+
+def test_frames_that_cannot_be_sent_say_why(broker: Broker, frames: Path, tmp_path: Path) -> None:
+    def failed(outcome: FramesOutcome) -> FramesNotSent:
+        assert isinstance(outcome, FramesNotSent)
+        return outcome
+
+    late = datetime(2026, 11, 22, tzinfo=UTC)
+    assert "no frames" in failed(broker.send_frames(frames, FrameSpan("late", late, late))).reason
+    assert "100 are the limit" in failed(broker.send_frames(frames, FLIGHT, 100)).reason
+    missing = failed(broker.send_frames(tmp_path / "missing", FLIGHT))
+    assert ("missing" in missing.reason, missing.is_final) == (True, False)
+    broker.wire.fault = Answer(507, b'{"message": "full"}')
+    assert failed(broker.send_frames(frames, FLIGHT)).is_temporary
+    assert failed(broker.send_frames(frames, None)).is_temporary
+
+
+def test_an_edge_server_that_forgets_parts_is_not_sent_them_for_ever(
+    broker: Broker, frames: Path
+) -> None:
+    begun = b'{"name": "a", "format": "tlog", "started_at": 0, "listed_at": null, "size_bytes": 9,'
+    begun = begun.replace(b"0,", b'"2026-11-21T12:00:00Z",', 1)
+    begun += b'"ended_at": "2026-11-21T12:00:00Z", "received_bytes": 0, "is_complete": false}'
+    broker.wire.fault = Answer(200, begun)
+    outcome = broker.send_frames(frames, FLIGHT)
+    assert isinstance(outcome, FramesNotSent)
+    assert "has lost a part" in outcome.reason
