@@ -15,13 +15,14 @@ import logging
 import os
 import struct
 import threading
+from collections.abc import Iterator
 from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import BinaryIO, Final
 
 from mavlink_broker.mavlink.codec import Decoder, frame_size, message_id, sender
-from mavlink_broker.mavlink.dialect import mavlink
+from mavlink_broker.mavlink.dialect import ADDRESSED, mavlink
 from mavlink_broker.supervision import SupervisedThread
 
 SUFFIX: Final = ".tlog"
@@ -45,8 +46,7 @@ SECRET_MESSAGES: Final = frozenset(
 LEFT_OUT: Final = SECRET_MESSAGES | {mavlink.MAVLINK_MSG_ID_LOG_DATA}
 """The log of a flight would push the frames of several flights out of the files."""
 _STAMP: Final = struct.Struct(">Q")
-_SIZED_BY: Final = 3
-"""First bytes of a frame, which determine its length."""
+_CHUNK_BYTES: Final = 1 << 20
 
 
 class FrameFiles:
@@ -140,23 +140,34 @@ def copy_frames(folder: Path, system: int, begin: datetime, end: datetime, outpu
 
 def _copy_records(file: BinaryIO, system: int, times: range, output: BinaryIO) -> int:
     decoder, size = Decoder(), 0
-    while len(head := file.read(_STAMP.size + _SIZED_BY)) == _STAMP.size + _SIZED_BY:
-        (stamp,) = _STAMP.unpack_from(head)
-        length = frame_size(head, _STAMP.size)
-        if not length:
-            break
-        frame = head[_STAMP.size :] + file.read(length - _SIZED_BY)
-        if len(frame) < length:
-            break
+    for record in _records(file):
+        frame = record[_STAMP.size :]
+        (stamp,) = _STAMP.unpack_from(record)
         if stamp in times and (sender(frame)[0] == system or _is_to(frame, system, decoder)):
-            size += output.write(head[: _STAMP.size] + frame)
+            size += output.write(record)
     return size
+
+
+def _records(file: BinaryIO) -> Iterator[bytes]:
+    """Read a file record by record, up to the first one that is incomplete."""
+    data, position = b"", 0
+    while chunk := file.read(_CHUNK_BYTES):
+        data, position = data[position:] + chunk, 0
+        while len(data) - position > _STAMP.size:
+            length = frame_size(data, position + _STAMP.size)
+            if length == 0:
+                return
+            if length is None or position + _STAMP.size + length > len(data):
+                break
+            begin, position = position, position + _STAMP.size + length
+            yield data[begin:position]
 
 
 def _is_to(frame: bytes, system: int, decoder: Decoder) -> bool:
     """Whether another system has sent a frame to a vehicle, or to all."""
-    messages = decoder.decode(frame)
-    return any(getattr(message, "target_system", None) in {0, system} for message in messages)
+    if message_id(frame) not in ADDRESSED:
+        return False
+    return any(message.target_system in {0, system} for message in decoder.decode(frame))
 
 
 class FrameLog:

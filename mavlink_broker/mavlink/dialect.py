@@ -14,6 +14,7 @@ from typing import Any, Final, NamedTuple, TypeAlias
 from pymavlink.dialects.v20 import all as mavlink
 
 __all__ = [
+    "ADDRESSED",
     "MISSION_RESULT_NAMES",
     "RESULT_NAMES",
     "Message",
@@ -166,6 +167,11 @@ class MissionCurrent(mavlink.MAVLink_mission_current_message):  # type: ignore[m
 
 for _message_class in (MissionAck, MissionCount, MissionCurrent):
     mavlink.mavlink_map[_message_class.id] = _message_class
+
+ADDRESSED: Final = frozenset(
+    number for number, kind in mavlink.mavlink_map.items() if "target_system" in kind.fieldnames
+)
+"""Ids of the messages that name a target system."""
 
 
 class Source(NamedTuple):
