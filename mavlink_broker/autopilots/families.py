@@ -182,8 +182,6 @@ _PX4_MISSION_MODE: Final = _mode(4, 4)
 _COPTER_AUTO: Final = _mode(3)
 _COPTER_GUIDED: Final = _mode(4)
 _COPTER_BRAKE: Final = _mode(17)
-
-
 _PX4_FOLLOW: Final = _mode(4, 8)
 _COPTER_FOLLOW: Final = _mode(23)
 
@@ -284,6 +282,8 @@ class Family:
     takes_panoramas: bool = False  # Its camera supports PANORAMA_CREATE
     gimbal_slew_s: float = 0.0  # Longest time that its camera waits for its gimbal
     busy_pause_s: float = 6.0  # After "busy": the vehicle's own idle timeout and a second
+    lists_log_ends: bool = False  # LOG_ENTRY.time_utc is a log's last change, not its beginning
+    keeps_log_open: bool = False  # An interrupted log, though its number is another one's by now
     battery_capacity_parameter: str | None = None  # In mAh
     link_loss_parameter: str | None = None  # Above 0 it requires a ground station
     link_timeout_parameter: str | None = None  # For how long it may be without one, s
@@ -344,6 +344,8 @@ PX4: Final = Family(
     follow_modes=((_PX4_FOLLOW,),),
     follow_overrides=parameter_settings.px4_follow,
     lowest_follow_m=parameter_settings.PX4_LOWEST_FOLLOW_M,
+    lists_log_ends=True,
+    keeps_log_open=True,
     battery_capacity_parameter="BAT1_CAPACITY",
     link_loss_parameter="NAV_DLL_ACT",
     link_timeout_parameter="COM_DL_LOSS_T",
@@ -365,6 +367,8 @@ OWN: Final = replace(
     following=FollowMethod.BY_COMMAND,
     follow_overrides=parameter_settings.farm_flight_follow,
     lowest_follow_m=0.0,
+    lists_log_ends=False,
+    keeps_log_open=False,
     arming_retry_s=0.0,
     status_texts_to_gcs_only=False,
     takes_panoramas=True,
@@ -423,6 +427,7 @@ ARDUPILOT: Final = Family(
     pausing=((_COPTER_BRAKE,), (_PAUSE,)),  # A second GUIDED would fly on to its old place
     resuming=((_COPTER_AUTO,), (_CONTINUE,)),
     paused_mode="BRAKE",
+    lists_log_ends=True,
     busy_pause_s=9.0,
     battery_capacity_parameter="BATT_CAPACITY",
     fence_parameters=parameter_settings.ardupilot_fence,

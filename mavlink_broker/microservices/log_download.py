@@ -65,13 +65,19 @@ class LogEntry(NamedTuple):
 
 
 class LogList:
-    """One list; `entries` is None until it has ended, and empty if there is no log or no answer."""
+    """One list; `entries` is None until it has ended, and empty if there is no log or no answer.
+
+    `num_logs` says how many there are. `last_log_num` does not say which number is the last one: a
+    vehicle that numbers its logs from 0 gives that number or, since PX4 1.16, the number of logs;
+    after a request for a few of them, PX4 and ArduPilot give the last one of that request.
+    """
 
     def __init__(self, route: Route, round_trip: RoundTrip) -> None:
         self._route = route
         self._round_trip = round_trip
         self._found: dict[int, LogEntry] = {}
-        self._numbers = range(0)  # Of the logs, as the vehicle states them
+        self._count = 0  # Of the logs, as the vehicle states it
+        self._last = 0  # The greatest `last_log_num` of them
         self._attempts = 0
         self._due_at = 0.0
         self._ends_at = 0.0
@@ -91,17 +97,16 @@ class LogList:
         if message.num_logs == 0:
             self.entries = ()
             return
-        last = message.last_log_num  # They are numbered without gaps, from 0 or from 1
-        numbers = range(max(0, last - message.num_logs + 1), last + 1)
-        if numbers != self._numbers:  # They were numbered again meanwhile
-            self._numbers = numbers
+        if message.num_logs != self._count:  # They were numbered again meanwhile
+            self._count, self._last = message.num_logs, 0
             self._found.clear()
+        self._last = max(self._last, message.last_log_num)
         entry = LogEntry(message.id, message.time_utc, message.size)
-        if entry.number in numbers and self._found.get(entry.number) != entry:
+        if entry.number in self._candidates() and self._found.get(entry.number) != entry:
             self._found[entry.number] = entry
             self._attempts = 0
         self._due_at = now + max(LIST_SILENCE_S, self._round_trip.timeout_s)
-        if len(self._found) == len(numbers):
+        if len(self._found) >= self._count:
             self._end()
 
     def tick(self, now: float) -> list[Message]:
@@ -111,7 +116,7 @@ class LogList:
         if self._attempts >= LIST_ATTEMPTS or now >= self._ends_at:
             self._end()
             return []
-        missing = [number for number in self._numbers if number not in self._found]
+        missing = [number for number in self._candidates() if number not in self._found]
         if not missing or len(missing) > len(self._found):
             return self._request(0, ALL_LOGS, now)
         return self._request(missing[0], missing[-1], now)
@@ -121,6 +126,15 @@ class LogList:
         self._due_at = now + max(LIST_SILENCE_S, self._round_trip.timeout_s)
         target = self._route.target_system, self._route.target_component
         return [mavlink.MAVLink_log_request_list_message(*target, first, last)]
+
+    def _candidates(self) -> range:
+        """The numbers that the logs may have: one more than there are, as long as both ends may."""
+        first, last = max(0, self._last - self._count), self._last
+        if first in self._found:
+            last = first + self._count - 1
+        elif last in self._found:
+            first = max(0, last - self._count + 1)
+        return range(first, last + 1)
 
     def _end(self) -> None:
         self.entries = tuple(self._found[number] for number in sorted(self._found))
@@ -137,8 +151,16 @@ class LogPart(NamedTuple):
 class LogDownload:
     """The download of one log, part by part, from an offset on."""
 
-    def __init__(self, entry: LogEntry, route: Route, *, offset: int = 0) -> None:
+    def __init__(
+        self, entry: LogEntry, route: Route, *, offset: int = 0, reopens: bool = False
+    ) -> None:
+        """`reopens`: have the vehicle open the log anew.
+
+        PX4 keeps an interrupted log open by its number, since 1.16 also while it lists its logs
+        again and gives that number to another one.
+        """
         self._entry = entry
+        self._reopens = reopens
         self._route = route
         self._round_trip = RoundTrip()
         self._size = entry.size
@@ -233,12 +255,15 @@ class LogDownload:
         self._bursts.position = start
         self._sent_at = now
         self._due_at = now + self._timeout_s()
+        wanted = self._data_request(self._entry.number, self._offset + start, end - start)
+        if not self._reopens or self.received:
+            return [wanted]
+        another = 0 if self._entry.number else 1
+        return [self._data_request(another, 0, 1), wanted]
+
+    def _data_request(self, log: int, offset: int, count: int) -> Message:
         target = self._route.target_system, self._route.target_component
-        return [
-            mavlink.MAVLink_log_request_data_message(
-                *target, self._entry.number, self._offset + start, end - start
-            )
-        ]
+        return mavlink.MAVLink_log_request_data_message(*target, log, offset, count)
 
     def _timeout_s(self) -> float:
         doublings = min(max(0, self._unanswered - CONSTANT_REPETITIONS), 4)

@@ -278,7 +278,7 @@ class FlightLogs:
                 if entry.time_s == log.listed_s and entry.size >= log.size_bytes
             ]
         if flight.span is not None and any(entry.time_s for entry in entries):
-            found = logs_of(flight.span, entries, has_end_times=self._is_ardupilot)
+            found = logs_of(flight.span, entries, has_end_times=self._vehicle.family.lists_log_ends)
         else:  # Without a clock the newest log is of the latest flight
             is_latest = flight.armed_at == self._latest_armed_at
             found = sorted(entries, reverse=True)[:1] if is_latest else []
@@ -411,8 +411,12 @@ class FlightLogs:
         elif self._download is None:
             self._began_at = now
             fetched = entry._replace(size=state.log.size_bytes)
-            route = self._vehicle.route
-            self._download = LogDownload(fetched, route, offset=state.received_bytes)
+            self._download = LogDownload(
+                fetched,
+                self._vehicle.route,
+                offset=state.received_bytes,
+                reopens=self._vehicle.family.keeps_log_open,
+            )
             effects.messages += self._download.tick(now)
         else:
             effects.messages += self._download.proceed(now)

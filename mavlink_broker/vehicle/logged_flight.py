@@ -1,6 +1,6 @@
 """A flight of one vehicle, and which of the logs that the vehicle lists are of it. Pure.
 
-Autopilots state one time of a log: PX4 and the project's vehicle that of its beginning, ArduPilot
+Autopilots state one time of a log: the project's vehicle that of its beginning, PX4 and ArduPilot
 that of its last change. Which log is of a flight follows from the times of all logs, by the
 vehicle's clock, which the broker knows from SYSTEM_TIME.
 """
