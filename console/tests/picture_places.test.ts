@@ -19,23 +19,29 @@ test("a picture without a place is not on the map", () => {
 
 const small = (id: number): Picture => ({ ...picture(id, 40), thumbnail_url: `/flights/1/pictures/${id}/thumbnail` });
 const CORNERS: [number, number][] = [[40.1, -3.2], [40.1, -3.1], [40, -3.1], [40, -3.2]];
-const footprint = (id: number, corners: [number, number][] | null = CORNERS): Footprint => ({ id, corners });
+const footprint = (id: number, corners: [number, number][] | null = CORNERS): Footprint => ({ id, corners, band: "rgb" });
 
 test("a picture that looks down lies between its corners, longitude first", () => {
-  expect(placedPictures([small(1)], [footprint(1)])).toEqual([
+  expect(placedPictures([small(1)], [footprint(1)], "rgb")).toEqual([
     { id: 1, url: "/flights/1/pictures/1/thumbnail", corners: [[-3.2, 40.1], [-3.1, 40.1], [-3.1, 40], [-3.2, 40]] },
   ]);
 });
 
 test("a picture that is no map, or has no small one, is left out", () => {
   const raw = { ...small(3), thumbnail_url: null };
-  const placed = placedPictures([small(1), small(2), raw], [footprint(1, null), footprint(3)]);
+  const placed = placedPictures([small(1), small(2), raw], [footprint(1, null), footprint(3)], "rgb");
   expect(placed).toEqual([]);
 });
 
 test("of very many pictures some are drawn, over the whole flight", () => {
   const ids = Array.from({ length: 1000 }, (_, index) => index + 1);
-  const placed = placedPictures(ids.map(small), ids.map((id) => footprint(id)));
+  const placed = placedPictures(ids.map(small), ids.map((id) => footprint(id)), "rgb");
   expect(placed.length).toBeLessThanOrEqual(300);
   expect(placed.at(-1)?.id).toBeGreaterThan(990);
+});
+
+test("pictures of the vegetation index are not drawn among those of colours", () => {
+  const footprints: Footprint[] = [footprint(1), { ...footprint(2), band: "ndvi" }];
+  const drawn = (band: "rgb" | "ndvi") => placedPictures([small(1), small(2)], footprints, band).map(({ id }) => id);
+  expect([drawn("rgb"), drawn("ndvi")]).toEqual([[1], [2]]);
 });

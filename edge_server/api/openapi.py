@@ -66,6 +66,10 @@ _QUERY: Final[dict[str, tuple[str, dict[str, Any]]]] = {
         "JSON, a .plan file of QGroundControl, or a QGC WPL 110 file",
         {"enum": ["json", "plan", "waypoints"]},
     ),
+    "band": (
+        "what the pictures show: colours (without it), near infrared or the vegetation index",
+        {"enum": ["rgb", "nir", "ndvi"]},
+    ),
     "format:geojson": ("JSON or GeoJSON", {"enum": ["json", "geojson"]}),
     "format:csv": ("JSON or CSV", {"enum": ["json", "csv"]}),
     "format:log": (

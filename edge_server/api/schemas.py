@@ -382,11 +382,13 @@ class PictureFootprint(Answer):
 
     id: Id
     corners: list[list[float]] | None
+    band: Literal["rgb", "nir", "ndvi", "other"]
 
 
 class FlightMap(Answer):
-    """The map of a flight's pictures; `corners` are from the north-west on clockwise."""
+    """The map of a flight's pictures of a band; `corners` are from the north-west on clockwise."""
 
+    band: Literal["rgb", "nir", "ndvi"]
     state: Literal["none", "making", "ready", "failed"]
     reason: str | None
     url: str | None

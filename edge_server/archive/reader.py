@@ -108,11 +108,12 @@ def picture(connection: sqlite3.Connection, flight_id: int, number: int) -> Row 
     return found
 
 
-def flight_map(connection: sqlite3.Connection, flight_id: int) -> Row | None:
-    """Find the map of a flight; None before the first one is made."""
+def flight_map(connection: sqlite3.Connection, flight_id: int, band: str) -> Row | None:
+    """Find the map of a flight in a band; None before the first one is made."""
     try:
         found: Row | None = connection.execute(
-            "SELECT made_at, about, data FROM map WHERE flight = ?", (flight_id,)
+            "SELECT made_at, about, data FROM flight_map WHERE flight = ? AND band = ?",
+            (flight_id, band),
         ).fetchone()
     except sqlite3.OperationalError as error:
         if not tables.lacks_table(error):

@@ -105,11 +105,14 @@ CREATE INDEX alarm_of_flight ON alarm (flight);
 CREATE TABLE vehicle (vehicle_id INTEGER PRIMARY KEY, armed INTEGER NOT NULL);
 """
 _ADDED: Final = """
-CREATE TABLE IF NOT EXISTS map (
-    flight INTEGER PRIMARY KEY,
+DROP TABLE IF EXISTS map;
+CREATE TABLE IF NOT EXISTS flight_map (
+    flight INTEGER NOT NULL,
+    band TEXT NOT NULL,
     made_at REAL NOT NULL,
     about TEXT NOT NULL,
-    data BLOB NOT NULL
+    data BLOB NOT NULL,
+    PRIMARY KEY (flight, band)
 );
 CREATE TABLE IF NOT EXISTS log (
     id INTEGER PRIMARY KEY AUTOINCREMENT,

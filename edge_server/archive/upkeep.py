@@ -47,7 +47,7 @@ def drop_part(connection: sqlite3.Connection) -> bool:
         deleted = connection.execute("SELECT changes()").fetchone()[0]
         if deleted:
             return True
-    for table in ("point", "result", "command", "alarm", "map"):
+    for table in ("point", "result", "command", "alarm", "flight_map"):
         connection.execute(f"DELETE FROM {table} WHERE flight = ?", (flight,))  # noqa: S608  # fixed names
     connection.execute("DELETE FROM flight WHERE id = ?", (flight,))
     return True

@@ -118,8 +118,8 @@ class FlightArchive:
                 )
             )
 
-    def keep_map(self, flight: int, about: str, data: bytes, at: float) -> None:
-        """Keep the map of a flight, which replaces a former one.
+    def keep_map(self, flight: int, band: str, about: str, data: bytes, at: float) -> None:
+        """Keep the map of a flight in a band, which replaces a former one.
 
         Raises:
             sqlite3.Error, OSError: if it cannot be written, or the archive has no room for it.
@@ -127,8 +127,9 @@ class FlightArchive:
         with self._lock:
             self._write(
                 lambda connection: connection.execute(
-                    "REPLACE INTO map SELECT id, ?, ?, ? FROM flight WHERE id = ? AND dropped = 0",
-                    (at, about, data, flight),
+                    "REPLACE INTO flight_map SELECT id, ?, ?, ?, ? FROM flight"
+                    " WHERE id = ? AND dropped = 0",
+                    (band, at, about, data, flight),
                 )
             )
 

@@ -1,4 +1,4 @@
-"""What ground a picture shows, by its XMP alone. Pure.
+"""What ground a picture shows, and in which band, by its XMP alone. Pure.
 
 Place, height above home and attitude are those of DJI's names, the lens those of Pix4D's
 (`Camera:`, focal length and principal point in mm). The ground is taken to be level at home.
@@ -11,6 +11,10 @@ from typing import Final
 from afarcloud.geometry import METRES_PER_DEGREE
 from afarcloud.plan import Vertex
 
+RGB: Final = "rgb"
+BANDS: Final = (RGB, "nir", "ndvi")
+"""What a picture may show: colours, near infrared, vegetation index."""
+OTHER_BAND: Final = "other"
 HEAD_BYTES: Final = 65_536
 """Where a camera writes its XMP."""
 STEEPEST_DEG: Final = -60.0
@@ -49,6 +53,26 @@ def footprint(head: bytes) -> tuple[Vertex, ...] | None:
     return tuple(corners)
 
 
+def band(head: bytes) -> str:
+    """Give what a picture shows by Pix4D's `Camera:BandName`: one of `BANDS`, or `OTHER_BAND`.
+
+    A picture without this name, and one of red, green and blue, shows colours.
+    """
+    named = _BAND_NAME.search(head)
+    if named is None:
+        return RGB
+    parts = _TAG.sub(b"\n", named["attribute"] or named["element"] or b"").splitlines()
+    names = {part.strip().lower().decode("ascii", "replace") for part in parts} - {""}
+    if names in ({"red", "green", "blue"}, {RGB}):
+        return RGB
+    return names.pop() if len(names) == 1 and names <= set(BANDS) else OTHER_BAND
+
+
+_BAND_NAME: Final = re.compile(
+    rb'Camera:BandName(?:="(?P<attribute>[^"]{0,80})"|>(?P<element>.{0,400}?)</Camera:BandName)',
+    re.DOTALL,
+)
+_TAG: Final = re.compile(rb"<[^>]*>")
 _NAMES: Final = (
     b"GpsLatitude",
     b"GpsLongitude",

@@ -2,10 +2,11 @@
 
     mosaic.py LONGEST_SIDE_PX LARGEST_MEGAPIXELS < pictures > map
 
-The input is a line of JSON, a list with the corners of each picture on the ground (latitude and
-longitude, from its top left on clockwise), and then each picture: its size in 8 bytes, big-endian,
-and its bytes. The output is a line of JSON (size, corners from the north-west on clockwise, metres
-per pixel, number of pictures) and a WebP.
+The input is a line of JSON and then each picture: its size in 8 bytes, big-endian, and its bytes.
+The JSON has `footprints`, the corners of each picture on the ground (latitude and longitude, from
+its top left on clockwise), and `colours`: null, or red, green, blue and opacity for each of the 256
+grey values of the pictures. The output is a line of JSON (size, corners from the north-west on
+clockwise, metres per pixel, number of pictures) and a WebP.
 
 Of the pictures that show a place, the one whose middle is nearest to it is drawn: it looks down
 most steeply there. Seams stay as they are. A place that the nearest picture does not show is filled
@@ -25,7 +26,7 @@ import warnings
 from collections.abc import Iterator, Sequence
 from typing import BinaryIO
 
-from PIL import Image, ImageDraw, ImageFile
+from PIL import Image, ImageChops, ImageDraw, ImageFile
 
 FORMATS = ("JPEG", "PNG", "TIFF", "WEBP")
 MEMORY_BYTES = 768 * 1024 * 1024
@@ -147,8 +148,10 @@ def _solved(rows: list[list[float]]) -> list[float]:
 class Canvas:
     """The map while pictures are laid on it."""
 
-    def __init__(self, frame: Frame) -> None:
+    def __init__(self, frame: Frame, colours: Sequence[Sequence[int]] | None = None) -> None:
+        """Begin with nothing; `colours` of grey values are those that a map shows."""
         self._frame = frame
+        self._colours = colours
         size = (frame.width, frame.height)
         self._others = Image.new("RGBA", size)  # Whatever shows a place
         self._nearest = Image.new("RGBA", size)  # The nearest picture alone
@@ -166,6 +169,8 @@ class Canvas:
         picture = _decoded(data, size)
         moved = [(x - left, y - top) for x, y in corners]
         coefficients = perspective(moved, picture.size)
+        if self._colours is not None:
+            picture = _coloured(picture.convert("L"), self._colours)
         laid = picture.transform(
             size, Image.Transform.PERSPECTIVE, coefficients, Image.Resampling.BILINEAR
         )
@@ -174,6 +179,9 @@ class Canvas:
                 continue
             mask = Image.new("L", size)
             ImageDraw.Draw(mask).polygon([(x - left, y - top) for x, y in area], fill=255)
+            if laid.mode == "RGBA":  # Opaque or not there: half of a value is none
+                shown = laid.getchannel("A").point(lambda opacity: 255 * (opacity > 127))
+                mask = ImageChops.multiply(mask, shown)
             canvas.paste(laid, (left, top), mask)
         self.count += 1
 
@@ -197,6 +205,12 @@ def _decoded(data: bytes, size: tuple[int, int]) -> Image.Image:
     return picture.convert("RGB")
 
 
+def _coloured(grey: Image.Image, colours: Sequence[Sequence[int]]) -> Image.Image:
+    """Give each grey value its colour and opacity."""
+    channels = [grey.point([entry[channel] for entry in colours]) for channel in range(4)]
+    return Image.merge("RGBA", channels)
+
+
 def _pictures(stream: BinaryIO) -> Iterator[bytes]:
     while len(size := stream.read(8)) == 8:
         yield stream.read(struct.unpack(">Q", size)[0])
@@ -213,11 +227,12 @@ def main() -> int:
     Image.MAX_IMAGE_PIXELS = megapixels * 1_000_000
     stdin = sys.stdin.buffer
     try:
-        footprints = json.loads(stdin.readline())
+        header = json.loads(stdin.readline())
+        footprints = header["footprints"]
         frame = Frame(footprints, longest_px)
         corners = [[frame.point(place) for place in one] for one in footprints]
         middles = [middle(one) for one in corners]
-        canvas = Canvas(frame)
+        canvas = Canvas(frame, header["colours"])
         for index, data in enumerate(_pictures(stdin)):
             with contextlib.suppress(*FAILURES):
                 canvas.add(data, corners[index], nearest_part(corners[index], index, middles))

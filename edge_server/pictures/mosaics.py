@@ -24,6 +24,13 @@ _FAILURES_KEPT: Final = 100
 _REASON_CHARACTERS: Final = 200
 
 
+class MapKey(NamedTuple):
+    """Which map: of which flight, and of its pictures of which band."""
+
+    flight_id: int
+    band: str
+
+
 class Mosaic(NamedTuple):
     """A map: a WebP, and what it shows as `mosaic.py` describes it."""
 
@@ -31,8 +38,15 @@ class Mosaic(NamedTuple):
     about: dict[str, Any]
 
 
-def lay_out(footprints: Sequence[Sequence[Vertex]], read: Callable[[int], bytes]) -> Mosaic:
+def lay_out(
+    footprints: Sequence[Sequence[Vertex]],
+    read: Callable[[int], bytes],
+    *,
+    colours: Sequence[tuple[int, int, int, int]] | None = None,
+) -> Mosaic:
     """Lay pictures out as one map; `read` gives a picture by its index, one after the other.
+
+    `colours` are red, green, blue and opacity of the 256 grey values of grey pictures.
 
     Raises:
         UnreadableError: if no map can be made of them, or not in time.
@@ -51,7 +65,8 @@ def lay_out(footprints: Sequence[Sequence[Vertex]], read: Callable[[int], bytes]
     try:
         with suppress(BrokenPipeError):  # It has ended: its reason follows
             assert process.stdin is not None  # noqa: S101  # it is a pipe
-            process.stdin.write(json.dumps(footprints).encode() + b"\n")
+            header = {"footprints": footprints, "colours": colours}
+            process.stdin.write(json.dumps(header).encode() + b"\n")
             for index in range(len(footprints)):
                 data = read(index)
                 process.stdin.write(struct.pack(">Q", len(data)) + data)
@@ -73,18 +88,18 @@ class MosaicWork:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._present: int | None = None
-        self._failures: OrderedDict[int, str] = OrderedDict()
+        self._present: MapKey | None = None
+        self._failures: OrderedDict[MapKey, str] = OrderedDict()
 
-    def is_making(self, flight_id: int) -> bool:
-        """Whether the map of this flight is being made now."""
-        return self._present == flight_id
+    def is_making(self, key: MapKey) -> bool:
+        """Whether this map is being made now."""
+        return self._present == key
 
-    def failure(self, flight_id: int) -> str | None:
-        """Why the map of this flight could not be made the last time."""
-        return self._failures.get(flight_id)
+    def failure(self, key: MapKey) -> str | None:
+        """Why this map could not be made the last time."""
+        return self._failures.get(key)
 
-    def begin(self, flight_id: int, make: Callable[[], None]) -> None:
+    def begin(self, key: MapKey, make: Callable[[], None]) -> None:
         """Make a map in a thread of its own; `make` raises Exception where that fails.
 
         Raises:
@@ -93,18 +108,20 @@ class MosaicWork:
         with self._lock:
             if self._present is not None:
                 raise BusyError("another map is being made; try again when it is done")
-            self._present = flight_id
-            self._failures.pop(flight_id, None)
-        thread = threading.Thread(target=self._run, args=(flight_id, make), name="map")
+            self._present = key
+            self._failures.pop(key, None)
+        thread = threading.Thread(target=self._run, args=(key, make), name="map")
         thread.daemon = True
         thread.start()
 
-    def _run(self, flight_id: int, make: Callable[[], None]) -> None:
+    def _run(self, key: MapKey, make: Callable[[], None]) -> None:
         try:
             make()
         except Exception as error:  # noqa: BLE001  # whatever it is, it is shown with the flight
-            LOG.warning("the map of flight %d could not be made: %s", flight_id, error)
-            self._failures[flight_id] = str(error) or type(error).__name__
+            LOG.warning(
+                "the %s map of flight %d could not be made: %s", key.band, key.flight_id, error
+            )
+            self._failures[key] = str(error) or type(error).__name__
             while len(self._failures) > _FAILURES_KEPT:
                 self._failures.popitem(last=False)
         finally:

@@ -1,15 +1,16 @@
 """Makes a picture for the map of a GeoTIFF; a separate program, as `reduce.py` is.
 
-    orthophoto.py FILE LONGEST_SIDE_PX LARGEST_MEGAPIXELS > smaller.webp
+    orthophoto.py FILE LONGEST_SIDE_PX LARGEST_MEGAPIXELS COLOURS > smaller.webp
 
 Pixels without a value are transparent. A file with one band of numbers from -1 to 1 is a vegetation
-index (NDVI): it gets the colours of the console's legend, from red at 0 to green at 1.
+index (NDVI): it gets the COLOURS, a list in JSON of those of the values 0 to 1 in equal steps.
 
 On a failure it exits with a sentence on stderr and status 1.
 """
 
 import contextlib
 import io
+import json
 import math
 import resource
 import sys
@@ -22,8 +23,7 @@ CPU_S = 60
 QUALITY = 80
 NO_DATA_TAG = 42113
 """GDAL's: the value of pixels without one, as text."""
-COLOURS = ((165, 0, 38), (244, 109, 67), (254, 224, 139), (166, 217, 106), (26, 152, 80))
-"""Of the values 0 to 1 of a vegetation index, at equal distances; RdYlGn of ColorBrewer."""
+Colours = list[tuple[int, int, int]]
 FAILURES = (
     ValueError,
     OSError,
@@ -42,7 +42,7 @@ def set_limits() -> None:
             resource.setrlimit(what, (limit, limit))
 
 
-def shown(path: str, side_px: int, largest_pixels: int) -> bytes:
+def shown(path: str, side_px: int, largest_pixels: int, colours: Colours) -> bytes:
     """Give a WebP with sides of at most `side_px`.
 
     Raises:
@@ -57,7 +57,7 @@ def shown(path: str, side_px: int, largest_pixels: int) -> bytes:
         factor = min(1.0, side_px / max(width, height))
         size = max(1, round(width * factor)), max(1, round(height * factor))
         if picture.mode == "F":
-            small = _index(picture, size)
+            small = _index(picture, size, colours)
         elif picture.mode in {"L", "P", "RGB", "RGBA", "LA"}:
             small = _colours(picture, size)
         else:
@@ -82,7 +82,7 @@ def _colours(picture: Image.Image, size: tuple[int, int]) -> Image.Image:
     return small
 
 
-def _index(picture: Image.Image, size: tuple[int, int]) -> Image.Image:
+def _index(picture: Image.Image, size: tuple[int, int], colours: Colours) -> Image.Image:
     """Colour a vegetation index; its pixels are not mixed, since those without a value are huge."""
     small = picture.resize(size, Image.Resampling.NEAREST)
     no_data = _no_data(picture)
@@ -98,19 +98,10 @@ def _index(picture: Image.Image, size: tuple[int, int]) -> Image.Image:
                 "from -1 to 1"
             )
         else:
-            pixels.append((*_colour(number), 255))
+            place = round(min(1.0, max(0.0, number)) * (len(colours) - 1))
+            pixels.append((*colours[place], 255))
     coloured.putdata(pixels)
     return coloured
-
-
-def _colour(value: float) -> tuple[int, int, int]:
-    at = min(1.0, max(0.0, value)) * (len(COLOURS) - 1)
-    low = min(int(at), len(COLOURS) - 2)
-    red, green, blue = (
-        round(one + (other - one) * (at - low))
-        for one, other in zip(COLOURS[low], COLOURS[low + 1], strict=True)
-    )
-    return red, green, blue
 
 
 def _no_data(picture: Image.Image) -> float | None:
@@ -127,7 +118,7 @@ def main() -> int:
     warnings.simplefilter("error", Image.DecompressionBombWarning)
     path, side_px, megapixels = sys.argv[1], int(sys.argv[2]), int(sys.argv[3])
     try:
-        made = shown(path, side_px, megapixels * 1_000_000)
+        made = shown(path, side_px, megapixels * 1_000_000, json.loads(sys.argv[4]))
     except FAILURES as error:
         sys.stderr.write(f"{error or type(error).__name__}\n")
         return 1

@@ -1,11 +1,12 @@
 """Pictures for the map of GeoTIFFs: made once, one at a time, and kept in a folder."""
 
 import contextlib
+import json
 import threading
 from pathlib import Path
 from typing import Final
 
-from edge_server.pictures import program
+from edge_server.pictures import index_colours, program
 from edge_server.pictures.program import BusyError
 
 SIDE_PX: Final = 4096
@@ -36,8 +37,9 @@ class Orthophotos:
         if not self._turn.acquire(blocking=False):
             raise BusyError("another map is being prepared")
         try:
-            sizes = (str(SIDE_PX), str(LARGEST_MEGAPIXELS))
-            made = program.run("orthophoto", str(path.absolute()), *sizes, within_s=TIMEOUT_S)
+            colours = json.dumps(index_colours.colours_of_unit())
+            arguments = (str(path.absolute()), str(SIDE_PX), str(LARGEST_MEGAPIXELS), colours)
+            made = program.run("orthophoto", *arguments, within_s=TIMEOUT_S)
             with contextlib.suppress(OSError):  # Without room on the disk it is made again
                 self._keep(kept, made)
         finally:

@@ -136,7 +136,11 @@ def footprints(context: Context, flight_id: int, page: Page) -> Listing:
                 limit=page.limit,
                 size_bytes=footprint.HEAD_BYTES,
             ),
-            lambda row: {"id": row["number"], "corners": footprint.footprint(row["head"])},
+            lambda row: {
+                "id": row["number"],
+                "corners": footprint.footprint(row["head"]),
+                "band": footprint.band(row["head"]),
+            },
         ),
     )
 

@@ -2,7 +2,7 @@
 
 import { request, requestTagged, requestText, type Tagged } from "./client";
 import type {
-  AccessKey, Alarm, Backup, Backups, BaseMap, DeadLetter, Flight, FlightLog, FlightMap, FlightObservations, Footprint, FlownCommand, Picture, Plan,
+  AccessKey, Alarm, Band, Backup, Backups, BaseMap, DeadLetter, Flight, FlightLog, FlightMap, FlightObservations, Footprint, FlownCommand, Picture, Plan,
   PlanDocument, PlannedSurvey, Storage, StoredEvent, StoredField, SurveyOrder, User, Vehicle, Video,
 } from "./types";
 
@@ -117,10 +117,10 @@ export const flightTrack = (id: number): Promise<GeoJSON.FeatureCollection | Geo
 export const listPictures = (id: number): Promise<Picture[]> => allOf(`/flights/${id}/pictures`);
 export const listFootprints = (id: number): Promise<Footprint[]> => allOf(`/flights/${id}/footprints`);
 export const listFlightLogs = (id: number): Promise<FlightLog[]> => request(`/flights/${id}/logs`);
-export const getFlightMap = (id: number): Promise<FlightMap> => request(`/flights/${id}/map`);
+export const getFlightMap = (id: number, band: Band): Promise<FlightMap> => request(`/flights/${id}/map?band=${band}`);
 /** Begins to make the map of a flight; its state says when it is done. */
-export const makeFlightMap = (id: number): Promise<FlightMap> =>
-  request(`/flights/${id}/map`, { method: "POST", timeoutMs: 30_000 });
+export const makeFlightMap = (id: number, band: Band): Promise<FlightMap> =>
+  request(`/flights/${id}/map?band=${band}`, { method: "POST", timeoutMs: 30_000 });
 /** Lists the base maps that somebody has put into the edge server's maps folder. */
 export const listBaseMaps = (): Promise<BaseMap[]> => request("/maps/");
 

@@ -12,6 +12,8 @@ export type Backup = Schemas["Backup"];
 export type Backups = Schemas["Backups"];
 export type FlightLog = Schemas["FlightLog"];
 export type FlightMap = Schemas["FlightMap"];
+/** What the pictures of a map show: colours, near infrared, vegetation index. */
+export type Band = FlightMap["band"];
 export type Video = Schemas["Video"];
 export type DeadLetter = Schemas["DeadLetter"];
 export type StoredEvent = Schemas["StoredEvent"] & { message?: string };
@@ -184,6 +186,7 @@ export interface Footprint {
   id: number;
   /** Latitude and longitude, from the picture's top left on clockwise. */
   corners: [number, number][] | null;
+  band: Schemas["PictureFootprint"]["band"];
 }
 
 export interface Picture {

@@ -5,6 +5,7 @@ import { listBaseMaps } from "../api/resources";
 import { Icon } from "../controls/Icon";
 import { useResource } from "../live/use_resource";
 import { drawBaseMaps, readShownMaps, storeShownMaps, type ShownMaps } from "./base_maps";
+import { VegetationLegend } from "./VegetationLegend";
 
 /** The choice of base maps: which are shown, and how strongly; this browser keeps it. */
 export function BaseMaps({ map, styles }: { map: MapLibreMap; styles: number }) {
@@ -58,16 +59,7 @@ export function BaseMaps({ map, styles }: { map: MapLibreMap; styles: number }) 
                 <span>{name.replace(/\.[^.]+$/, "")}</span>
               </label>
               {(fault ?? faults[name]) && <p className="small">{fault ?? faults[name]}</p>}
-              {kind === "vegetation_index" && name in shown && (
-                <figure className="vegetation-legend">
-                  <i />
-                  <figcaption>
-                    <span>0</span>
-                    <span>{t("map.vegetation_index")}</span>
-                    <span>1</span>
-                  </figcaption>
-                </figure>
-              )}
+              {kind === "vegetation_index" && name in shown && <VegetationLegend />}
               {name in shown && fault === null && (
                 <input
                   type="range"

@@ -1,6 +1,6 @@
 /** Where pictures were taken, and what ground they show. Pure. */
 
-import type { FlightMap, Footprint, Picture } from "../api/types";
+import type { Band, FlightMap, Footprint, Picture } from "../api/types";
 
 /** A place with the pictures that were taken there, the oldest first. */
 export interface PicturePlace {
@@ -50,9 +50,12 @@ export interface PlacedPicture {
 /** What is drawn: more would be too much for a phone. */
 const MOST = 300;
 
-/** Places the pictures that look down; of very many, some at equal distances. */
-export function placedPictures(pictures: readonly Picture[], footprints: readonly Footprint[]): PlacedPicture[] {
-  const corners = new Map(footprints.map((one) => [one.id, one.corners]));
+/** Places the pictures of a band that look down; of very many, some at equal distances. */
+export function placedPictures(
+  pictures: readonly Picture[], footprints: readonly Footprint[], band: Band,
+): PlacedPicture[] {
+  const ofBand = footprints.filter((one) => one.band === band);
+  const corners = new Map(ofBand.map((one) => [one.id, one.corners]));
   const placed = pictures.flatMap(({ id, thumbnail_url: url }): PlacedPicture[] => {
     const [first, second, third, fourth] = (corners.get(id) ?? []).map(
       ([latitude, longitude]): Place => [longitude, latitude],

@@ -40,17 +40,24 @@ export default function FlightView({ id }: { id: number }) {
   const footprints = useResource(() => listFootprints(id), id);
   const [pictureOpacity, setPictureOpacity] = useState<number | null>(null);
   const placed = useMemo(
-    () => placedPictures(pictures.value ?? [], footprints.value ?? []),
+    () => placedPictures(pictures.value ?? [], footprints.value ?? [], "rgb"),
     [pictures.value, footprints.value],
   );
-  const surveyMap = useResource(() => getFlightMap(id), id);
+  const hasIndex = useMemo(
+    () => placedPictures(pictures.value ?? [], footprints.value ?? [], "ndvi").length > 1,
+    [pictures.value, footprints.value],
+  );
+  const surveyMap = useResource(() => getFlightMap(id, "rgb"), id);
   const [mapOpacity, setMapOpacity] = useState<number | null>(null);
+  const indexMap = useResource(() => getFlightMap(id, "ndvi"), id);
+  const [indexOpacity, setIndexOpacity] = useState<number | null>(null);
   const picturesOnMap = useMemo(
     () => [
       { placed, opacity: pictureOpacity },
       { placed: surveyMap.value === null ? [] : placedMap(surveyMap.value), opacity: mapOpacity },
+      { placed: indexMap.value === null ? [] : placedMap(indexMap.value), opacity: indexOpacity },
     ],
-    [placed, pictureOpacity, surveyMap.value, mapOpacity],
+    [placed, pictureOpacity, surveyMap.value, mapOpacity, indexMap.value, indexOpacity],
   );
   const fields = useResource(listFields);
   const observations = useResource(() => listObservations(id), id);
@@ -230,7 +237,10 @@ export default function FlightView({ id }: { id: number }) {
               />
             )}
             {placed.length > 1 && (
-              <SurveyMap flightId={id} resource={surveyMap} opacity={mapOpacity} change={setMapOpacity} />
+              <SurveyMap flightId={id} band="rgb" resource={surveyMap} opacity={mapOpacity} change={setMapOpacity} />
+            )}
+            {hasIndex && (
+              <SurveyMap flightId={id} band="ndvi" resource={indexMap} opacity={indexOpacity} change={setIndexOpacity} />
             )}
             <Gallery pictures={pictures.value} open={open} show={setOpen} />
           </>

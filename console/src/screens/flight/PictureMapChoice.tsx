@@ -7,10 +7,16 @@ import { useUnits } from "../../app/preferences";
 import { useIsOperator } from "../../app/session_context";
 import { Button } from "../../controls/Button";
 import { Icon } from "../../controls/Icon";
+import { VegetationLegend } from "../../map/VegetationLegend";
 import { ErrorNotice, Notice } from "../../controls/states";
 import { asRequestError, type Resource } from "../../live/use_resource";
 
 const ASK_MS = 2_000;
+
+const NAMES = {
+  rgb: { title: "flights.map", show: "flights.map_show", opacity: "flights.map_opacity" },
+  ndvi: { title: "flights.index_map", show: "flights.index_map_show", opacity: "flights.index_map_opacity" },
+} as const;
 
 /** Whether something lies on the map, and how strongly; null shows nothing. */
 export function LayerChoice({ label, sliderLabel, opacity, change }: {
@@ -45,8 +51,9 @@ export function LayerChoice({ label, sliderLabel, opacity, change }: {
 }
 
 /** The map that the edge server makes of a survey's pictures: its state, and how to show or make it. */
-export function SurveyMap({ flightId, resource, opacity, change }: {
+export function SurveyMap({ flightId, band, resource, opacity, change }: {
   flightId: number;
+  band: "rgb" | "ndvi";
   resource: Resource<FlightMap>;
   opacity: number | null;
   change: (opacity: number | null) => void;
@@ -65,23 +72,24 @@ export function SurveyMap({ flightId, resource, opacity, change }: {
   if (map === null) return null;
   const make = () => {
     setError(null);
-    makeFlightMap(flightId)
+    makeFlightMap(flightId, band)
       .then(reload)
       .catch((reason: unknown) => setError(asRequestError(reason)));
   };
   return (
     <section className="survey-map">
-      <h3>{t("flights.map")}</h3>
+      <h3>{t(NAMES[band].title)}</h3>
       {map.state === "failed" && <Notice kind="error">{t("flights.map_failed", { reason: map.reason })}</Notice>}
       {error && <ErrorNotice error={error} />}
       {map.url !== null && map.metres_per_px !== null && (
         <>
           <LayerChoice
-            label={t("flights.map_show")}
-            sliderLabel={t("flights.map_opacity")}
+            label={t(NAMES[band].show)}
+            sliderLabel={t(NAMES[band].opacity)}
             opacity={opacity}
             change={change}
           />
+          {band === "ndvi" && opacity !== null && <VegetationLegend />}
           <p className="muted small">
             {t("flights.map_about", { count: map.pictures, time: units.time(map.made_at), size: Math.max(1, Math.round(map.metres_per_px * 100)) })}
           </p>
@@ -94,7 +102,7 @@ export function SurveyMap({ flightId, resource, opacity, change }: {
           </Button>
         )}
         {map.url !== null && (
-          <a className="button button-plain" href={map.url} download={`flight-${flightId}-map.webp`}>
+          <a className="button button-plain" href={map.url} download={`flight-${flightId}-${band}-map.webp`}>
             <Icon name="download" /> {t("flights.map_download")}
           </a>
         )}

@@ -1,8 +1,8 @@
-"""`/flights/<id>/map`: the pictures of a survey, laid out as one map."""
+"""`/flights/<id>/map`: the pictures of a survey, laid out as one map for each band."""
 
 from typing import Any
 
-from flask import Blueprint, Response
+from flask import Blueprint, Response, request
 from flask.typing import ResponseReturnValue
 
 from edge_server.api import bodies, schemas, urls
@@ -10,6 +10,7 @@ from edge_server.api.access import scopes
 from edge_server.api.access.auth import PEOPLE, PLANNERS, allow, audit
 from edge_server.api.contract import Contract, describe
 from edge_server.api.routes.reports.flights import ITEM, NAMES
+from edge_server.pictures import footprint
 from edge_server.services import flight_archive, flight_maps
 
 
@@ -23,33 +24,39 @@ def blueprint() -> Blueprint:
 
 
 @allow(PEOPLE)
-@describe(Contract({200: schemas.FlightMap}))
+@describe(Contract({200: schemas.FlightMap}, query=("band",)))
 def get(flight_id: int) -> dict[str, Any]:
     """Give the state of a flight's map, and what ground it shows once it is made."""
     _check(flight_id)
-    return flight_maps.overview(bodies.context(), flight_id)
+    return flight_maps.overview(bodies.context(), flight_id, _band())
 
 
 @allow(PLANNERS)
-@describe(Contract({202: schemas.FlightMap}, errors=(409, 429)))
+@describe(Contract({202: schemas.FlightMap}, query=("band",), errors=(409, 429)))
 def make(flight_id: int) -> ResponseReturnValue:
     """Begin to make the map of a flight out of its pictures that look down."""
     _check(flight_id)
-    begun = flight_maps.make(bodies.context(), flight_id)
+    begun = flight_maps.make(bodies.context(), flight_id, _band())
     audit(f"begun the map of flight {flight_id}")
     return begun, 202
 
 
 @allow(PEOPLE)
-@describe(Contract({200: None}))
+@describe(Contract({200: None}, query=("band",)))
 def picture(flight_id: int) -> Response:
     """Give the map as a WebP between its corners, transparent where nothing is known."""
     _check(flight_id)
     answer = Response(
-        flight_maps.picture(bodies.context(), flight_id), content_type=flight_maps.MEDIA_TYPE
+        flight_maps.picture(bodies.context(), flight_id, _band()),
+        content_type=flight_maps.MEDIA_TYPE,
     )
     answer.headers["Cache-Control"] = "private, no-cache"
     return answer
+
+
+def _band() -> str:
+    """Read of which pictures the map is; raises 422."""
+    return bodies.query_choice("band", request.args.get("band", footprint.RGB), footprint.BANDS)
 
 
 def _check(flight_id: int) -> None:

@@ -8,7 +8,8 @@ import pytest
 from PIL import Image
 
 from edge_server.pictures import mosaics
-from edge_server.pictures.mosaics import Mosaic, MosaicWork, lay_out
+from edge_server.pictures.index_colours import colours_of_grey
+from edge_server.pictures.mosaics import MapKey, Mosaic, MosaicWork, lay_out
 from edge_server.pictures.program import BusyError, UnreadableError
 from tests.support.polling import wait_until
 
@@ -124,6 +125,27 @@ def test_nothing_to_show_is_named(footprints: list[list[Place]], reason: str) ->
         map_of(footprints, [b"x", b"y"])
 
 
+def grey(*halves: int) -> bytes:
+    """A picture of one grey value, or of one above the other."""
+    return picture(*((value, value, value) for value in halves))
+
+
+def test_a_vegetation_index_has_the_colours_of_the_legend_and_no_sky() -> None:
+    """Of bare soil (0.0), dense leaves (1.0), and where there is no ground."""
+    footprints = [square(0.0, 0.0), square(0.0, 0.01)]
+    pictures = [grey(128, 255), grey(0, 128)]
+    mosaic = lay_out(footprints, lambda index: pictures[index], colours=colours_of_grey())
+    image = Image.open(io.BytesIO(mosaic.data)).convert("RGBA")
+    x, last = image.height // 2, image.width - image.height // 2
+    assert image.getpixel((x, image.height // 4)) == pytest.approx((165, 0, 38, 255), abs=12)
+    below = image.getpixel((x, image.height * 3 // 4))
+    assert below == pytest.approx((26, 152, 80, 255), abs=12)
+    above = image.getpixel((last, image.height // 4))
+    assert isinstance(above, tuple)
+    assert above[3] == 0
+    assert image.getpixel((last, image.height * 3 // 4)) == pytest.approx((165, 0, 38, 255), abs=12)
+
+
 def test_a_map_has_a_deadline(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(mosaics, "TIMEOUT_S", 0.2)
     ended = threading.Event()
@@ -143,13 +165,15 @@ def test_one_map_is_made_at_a_time_and_a_failure_is_kept() -> None:
         assert go_on.wait(30.0)
         raise UnreadableError("no map can be made")
 
-    work.begin(1, fail)
-    assert work.is_making(1)
+    first, second = MapKey(1, "rgb"), MapKey(1, "ndvi")
+    work.begin(first, fail)
+    assert work.is_making(first)
     with pytest.raises(BusyError):
-        work.begin(2, fail)
+        work.begin(second, fail)
     go_on.set()
-    wait_until(lambda: not work.is_making(1))
-    assert work.failure(1) == "no map can be made"
-    work.begin(1, lambda: None)
-    wait_until(lambda: not work.is_making(1))
-    assert work.failure(1) is None
+    wait_until(lambda: not work.is_making(first))
+    assert work.failure(first) == "no map can be made"
+    assert work.failure(second) is None
+    work.begin(first, lambda: None)
+    wait_until(lambda: not work.is_making(first))
+    assert work.failure(first) is None

@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 from edge_server.archive import upkeep
-from edge_server.pictures import mosaics
+from edge_server.pictures import footprint, mosaics
 from edge_server.pictures.program import UnreadableError
 from tests.support.polling import wait_until
 from tests.unit.edge_server.archive.flown import begin, send
@@ -22,14 +22,14 @@ XMP = (
     'drone-dji:GpsLongitude="{longitude}" drone-dji:RelativeAltitude="+40.0" '
     'drone-dji:GimbalYawDegree="+30.0" drone-dji:GimbalPitchDegree="-90.0" '
     'drone-dji:GimbalRollDegree="+0.0" Camera:PerspectiveFocalLength="4.5" '
-    'Camera:PrincipalPoint="3.15,2.3625"/>'
+    'Camera:PrincipalPoint="3.15,2.3625"{band}/>'
 )
 
 
-def taken(longitude: float) -> bytes:
+def taken(longitude: float, band: str = "") -> bytes:
     """A small picture straight down."""
     out = io.BytesIO()
-    xmp = XMP.format(longitude=longitude).encode()
+    xmp = XMP.format(longitude=longitude, band=band and f' Camera:BandName="{band}"').encode()
     Image.new("RGB", (64, 48), (40, 160, 40)).save(out, "JPEG", xmp=xmp)
     return out.getvalue()
 
@@ -47,11 +47,11 @@ def survey(edge: Edge) -> Edge:
     return edge
 
 
-def made(edge: Edge) -> Any:
-    answer = edge.ask("POST", "/flights/1/map", "operator")
+def made(edge: Edge, query: str = "") -> Any:
+    answer = edge.ask("POST", f"/flights/1/map{query}", "operator")
     assert answer.status_code == 202, answer.json
-    wait_until(lambda: edge.get("/flights/1/map")["state"] != "making")
-    return edge.get("/flights/1/map")
+    wait_until(lambda: edge.get(f"/flights/1/map{query}")["state"] != "making")
+    return edge.get(f"/flights/1/map{query}")
 
 
 def test_a_map_is_made_of_the_pictures_that_look_down(survey: Edge) -> None:
@@ -76,10 +76,49 @@ def test_a_flight_without_a_survey_has_no_map(edge: Edge) -> None:
     assert edge.ask("GET", "/flights/9/map", "operator").status_code == 404
 
 
+def test_pictures_of_each_band_make_a_map_of_their_own(edge: Edge) -> None:
+    """As a camera for colours and one for the vegetation index beside it take them."""
+    places = (-3.7382, -3.7380, -3.7378)
+    fly(edge, *(taken(place, band) for place in places for band in ("RGB", "NDVI", "RedEdge")))
+    bands = [one["band"] for one in edge.get("/flights/1/footprints", "farmer")]
+    assert bands == ["rgb", "ndvi", "other"] * 3
+    colours, index = made(edge), made(edge, "?band=ndvi")
+    assert [(one["band"], one["pictures"]) for one in (colours, index)] == [("rgb", 3), ("ndvi", 3)]
+    shown = [edge.ask("GET", one["url"], "farmer").data for one in (colours, index)]
+    assert shown[0] != shown[1]
+    assert edge.get("/flights/1/map?band=nir")["state"] == "none"
+    assert edge.ask("POST", "/flights/1/map?band=nir", "operator").status_code == 409
+    assert edge.ask("GET", "/flights/1/map?band=red", "operator").status_code == 422
+
+
+def listed(*names: str) -> str:
+    """A band name as an element with one entry or several, as cameras with several bands write."""
+    entries = "".join(f"<rdf:li>{name}</rdf:li>" for name in names)
+    return f"><Camera:BandName><rdf:Seq>{entries}</rdf:Seq></Camera:BandName"
+
+
+@pytest.mark.parametrize(
+    ("named", "band"),
+    [
+        (' Camera:BandName="RGB"', "rgb"),
+        (' Camera:BandName="NIR"', "nir"),
+        ("><Camera:BandName>ndvi</Camera:BandName", "ndvi"),
+        (listed("NDVI"), "ndvi"),
+        (listed("Red", "Green", "Blue"), "rgb"),
+        (listed("Red edge"), "other"),
+        (listed("Red", "NIR"), "other"),
+        (' Camera:BandName=""', "other"),
+        ("", "rgb"),
+    ],
+)
+def test_the_band_is_what_the_camera_has_named(named: str, band: str) -> None:
+    assert footprint.band(f"<rdf:Description{named}/>".encode()) == band
+
+
 def test_one_map_is_made_at_a_time(survey: Edge, monkeypatch: pytest.MonkeyPatch) -> None:
     go_on = threading.Event()
 
-    def wait(*_: object) -> mosaics.Mosaic:
+    def wait(*_: object, **__: object) -> mosaics.Mosaic:
         assert go_on.wait(30.0)
         raise UnreadableError("it has rained")
 
@@ -100,12 +139,12 @@ def test_a_map_goes_with_its_flight(survey: Edge) -> None:
         connection.execute("UPDATE flight SET dropped = 1")
         while upkeep.drop_part(connection):
             pass
-        assert connection.execute("SELECT count(*) FROM map").fetchone() == (0,)
+        assert connection.execute("SELECT count(*) FROM flight_map").fetchone() == (0,)
 
 
 def test_an_archive_of_before_keeps_its_flights(survey: Edge) -> None:
     with sqlite3.connect(survey.config.archive_path) as connection:
-        connection.execute("DROP TABLE map")
+        connection.execute("DROP TABLE flight_map")
     survey.context.archive.close()
     assert survey.get("/flights/1/map")["state"] == "none"
     assert made(survey)["state"] == "ready"
