@@ -185,7 +185,6 @@ _COPTER_BRAKE: Final = _mode(17)
 _PX4_FOLLOW: Final = _mode(4, 8)
 _COPTER_FOLLOW: Final = _mode(23)
 
-
 _POSITION_COMMANDS: Final = frozenset(
     {
         mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH,
@@ -252,6 +251,7 @@ class Family:
     """Which of them are truncated to whole numbers in storage."""
     hold_yaw_deg: float = 0.0  # Fourth parameter of a hold without a heading
     gimbal_rate_deg_s: float = math.nan  # Means "no rate" with a gimbal's angles
+    accepts_modes_early: tuple[int, int] | None = None  # From a version, and up to another one
     arming: CommandAlternatives = ((_ARM,),)
     starting: CommandAlternatives = ((_START,),)
     readiness_by_mode: bool = False  # "Ready to arm" refers to its current mode
@@ -333,6 +333,7 @@ PX4: Final = Family(
     readiness_by_mode=True,
     reports_only_passed_checks_since=0x010E0000,
     arming_retry_s=20.0,
+    accepts_modes_early=(0x01100000, 0x01120000),  # 1.16 and 1.17; the last of them no longer do
     arming=((_ARM,), (_PX4_MISSION_MODE, _ARM)),
     starting=((_START,), (_PX4_MISSION_MODE,)),
     holding=((_PX4_HOLD,), (_PAUSE,)),
@@ -370,6 +371,7 @@ OWN: Final = replace(
     lists_log_ends=False,
     keeps_log_open=False,
     arming_retry_s=0.0,
+    accepts_modes_early=None,
     status_texts_to_gcs_only=False,
     takes_panoramas=True,
     gimbal_slew_s=2.5,  # Half a turn at MNT_SLEW_MAX
@@ -466,10 +468,8 @@ FAMILIES: Final[Mapping[int, Family]] = {
 }
 """By HEARTBEAT.autopilot."""
 
-
 OWN_PRODUCT: Final = (0x1209, 0x0001)
 """Vendor and product in AUTOPILOT_VERSION of the project's own vehicle."""
-
 
 _COPTER_TYPES: Final = frozenset(
     {

@@ -396,10 +396,7 @@ class LiveCommandExecutor:
         return self._send(self._action.finish, now)
 
     def _send(self, alternatives: CommandAlternatives, now: float) -> list[Message]:
-        vehicle = self._vehicle
-        self._sequence = CommandSequence(
-            alternatives, vehicle.route, vehicle.round_trip, is_repetition=self._may_be_repetition
-        )
+        self._sequence = self._vehicle.sequence(alternatives, is_repetition=self._may_be_repetition)
         return self._sequence.start(now)
 
     def _enter(self, phase: LivePhase, now: float) -> None:

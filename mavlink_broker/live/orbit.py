@@ -266,7 +266,7 @@ class CircleExecutor:
         if len(known) < len(commands):
             self.reason = "the vehicle's home is not known"
             return []
-        self._sequence = CommandSequence((known,), vehicle.route, vehicle.round_trip)
+        self._sequence = vehicle.sequence((known,))
         return self._sequence.start(now)
 
     def _point(self) -> tuple[Spot, float]:

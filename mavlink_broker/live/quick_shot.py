@@ -121,7 +121,7 @@ class QuickShot:
         known = [command for command in commands if command is not None]
         if len(known) < len(commands):
             return []
-        self._sequence = CommandSequence((known,), self._vehicle.route, self._vehicle.round_trip)
+        self._sequence = self._vehicle.sequence((known,))
         return self._sequence.start(now)
 
     def _orbit_command(self) -> Command | None:

@@ -156,8 +156,7 @@ class StepSeries:
         if not alternatives:
             self.reason = "the vehicle's home is not known"
             return []
-        vehicle = self._vehicle
-        self._sequence = CommandSequence(alternatives, vehicle.route, vehicle.round_trip)
+        self._sequence = self._vehicle.sequence(alternatives)
         return self._sequence.start(now)
 
     def _alternatives(self, step: Step) -> CommandAlternatives:

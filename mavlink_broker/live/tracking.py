@@ -244,8 +244,7 @@ class SubjectTracker:
         return self._send(((command,),), now)
 
     def _send(self, alternatives: CommandAlternatives, now: float) -> list[Message]:
-        vehicle = self._vehicle
-        self._sequence = CommandSequence(alternatives, vehicle.route, vehicle.round_trip)
+        self._sequence = self._vehicle.sequence(alternatives)
         return self._sequence.start(now)
 
     def _check_end(self, time_s: float) -> None:

@@ -4,6 +4,9 @@ Each repetition increments `confirmation`, so that the receiver does not act twi
 extends the timeout; a temporary rejection is retried after a pause. Each command has exactly one
 outcome.
 
+Some firmware accepts a command before it judges it, and answers again when it has. Of such a
+command the second answer counts, or the first one where no second follows.
+
 The timeout of a repeated request, here and in every other microservice, follows the round trip of
 the link (`RoundTrip`): smoothed round trip and variation as in RFC 6298 section 2, with limits for
 MAVLink links from the loopback to a satellite modem. Only requests that were not repeated are
@@ -65,6 +68,8 @@ ATTEMPTS: Final = 8
 PROGRESS_TIMEOUT_S: Final = 3.0
 REJECTION_PAUSE_S: Final = 1.0
 REJECTIONS: Final = 5
+JUDGED_WITHIN_S: Final = 0.3
+"""Between the early acceptance of a command and its judgement: PX4 needs some 20 ms."""
 
 Seven: TypeAlias = tuple[float, float, float, float, float, float, float]
 
@@ -147,10 +152,26 @@ class CommandTransaction:
     """One command until its final answer."""
 
     def __init__(
-        self, command: Command, route: Route, round_trip: RoundTrip, *, is_repetition: bool = False
+        self,
+        command: Command,
+        route: Route,
+        round_trip: RoundTrip,
+        *,
+        is_repetition: bool = False,
+        is_accepted_early: bool = False,
     ) -> None:
-        """`is_repetition`: the vehicle may have received the command before."""
+        """Prepare a command.
+
+        Args:
+            command: What is sent.
+            route: Source and target ids.
+            round_trip: Estimate of the link's round trip.
+            is_repetition: The vehicle may have received the command before.
+            is_accepted_early: The vehicle accepts it first, and judges it afterwards.
+        """
         self._first_confirmation = int(is_repetition)
+        self._is_accepted_early = is_accepted_early
+        self._was_accepted = False  # Early
         self._command = command
         self._route = route
         self._round_trip = round_trip
@@ -171,7 +192,7 @@ class CommandTransaction:
     def receive(self, message: Message, now: float) -> list[Message]:
         """Handle an answer; other messages are ignored."""
         if self.outcome is None and self._answers(message):
-            if self._asking:
+            if self._asking and not self._was_accepted:
                 self._sample(now)
             self._settle(message.result, now)
         return []
@@ -182,6 +203,9 @@ class CommandTransaction:
             return []
         if not self._asking:
             return self.start(now)
+        if self._was_accepted:
+            self.outcome = Accepted()
+            return []
         if self._confirmation + 1 >= ATTEMPTS:
             self.outcome = Refused(f"no answer to {self._name} after {ATTEMPTS} attempts")
             return []
@@ -208,8 +232,10 @@ class CommandTransaction:
         )
 
     def _settle(self, result: int, now: float) -> None:
+        if self._is_accepted_early and not self._asking:
+            return  # It belongs to what was rejected
         if result == mavlink.MAV_RESULT_ACCEPTED:
-            self.outcome = Accepted()
+            self._accept(now)
         elif result == mavlink.MAV_RESULT_IN_PROGRESS:
             self.is_in_progress = True
             self._deadline = now + max(PROGRESS_TIMEOUT_S, self._round_trip.timeout_s)
@@ -218,7 +244,15 @@ class CommandTransaction:
         elif result != mavlink.MAV_RESULT_TEMPORARILY_REJECTED:
             self.outcome = Refused(self._refusal(result), result)
 
+    def _accept(self, now: float) -> None:
+        if self._is_accepted_early and not self._was_accepted:
+            self._was_accepted = True
+            self._deadline = now + JUDGED_WITHIN_S
+        else:
+            self.outcome = Accepted()
+
     def _reject(self, result: int, now: float) -> None:
+        self._was_accepted = False
         self._rejections += 1
         if self._rejections >= REJECTIONS:
             self.outcome = Refused(self._refusal(result), result)
@@ -252,8 +286,11 @@ class CommandSequence:
         round_trip: RoundTrip,
         *,
         is_repetition: bool = False,
+        accepted_early: frozenset[int] = frozenset(),
     ) -> None:
+        """`accepted_early`: MAV_CMDs that the vehicle accepts before it judges them."""
         self._is_repetition = is_repetition
+        self._accepted_early = accepted_early
         self._steps = [list(alternative) for alternative in alternatives]
         self._route = route
         self._round_trip = round_trip
@@ -277,8 +314,13 @@ class CommandSequence:
         if not self._steps[0]:
             self.outcome = Accepted()
             return []
+        command = self._steps[0].pop(0)
         self._running = CommandTransaction(
-            self._steps[0].pop(0), self._route, self._round_trip, is_repetition=self._is_repetition
+            command,
+            self._route,
+            self._round_trip,
+            is_repetition=self._is_repetition,
+            is_accepted_early=command.command in self._accepted_early,
         )
         return self._running.start(now)
 

@@ -244,4 +244,4 @@ def repetition(alternatives: CommandAlternatives, vehicle: Vehicle) -> Message:
 
 def commands(alternatives: CommandAlternatives, vehicle: Vehicle) -> CommandSequence:
     """Order by the family's alternatives, one after the other."""
-    return CommandSequence(alternatives, vehicle.route, vehicle.round_trip)
+    return vehicle.sequence(alternatives)

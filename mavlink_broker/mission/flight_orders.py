@@ -186,7 +186,7 @@ class PauseOrders:
         vehicle = self._vehicle
         vehicle.recovery.note_pause(self._mission)  # Before the vehicle can hold
         vehicle.forget_foreign_order()
-        self._sequence = CommandSequence(alternatives, vehicle.route, vehicle.round_trip)
+        self._sequence = vehicle.sequence(alternatives)
         effects.messages += self._sequence.start(now)
 
     def _judge(self, now: float, effects: Effects) -> None:
@@ -348,7 +348,7 @@ class SpeedChanges:
 
     def _order(self, work: EventWork | None, now: float, effects: Effects) -> None:
         alternatives = ((speed_command(self._leg_speed_m_s),),)
-        sequence = CommandSequence(alternatives, self._vehicle.route, self._vehicle.round_trip)
+        sequence = self._vehicle.sequence(alternatives)
         self._has_changed = self._is_new = True
         self._running = work, sequence
         effects.messages += sequence.start(now)

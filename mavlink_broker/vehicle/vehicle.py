@@ -7,7 +7,11 @@ from typing import Final
 
 from mavlink_broker.autopilots.families import GENERIC, Family, ModeRole, family_of
 from mavlink_broker.mavlink.dialect import Message, Route, mavlink
-from mavlink_broker.microservices.command import RoundTrip
+from mavlink_broker.microservices.command import (
+    CommandAlternatives,
+    CommandSequence,
+    RoundTrip,
+)
 from mavlink_broker.microservices.config_overrides import (
     ParameterOverride,
     ParameterOverrider,
@@ -41,6 +45,8 @@ CLOCK_WITHIN_S: Final = 3.0
 
 EVENT_MESSAGES: Final = frozenset({"CAMERA_IMAGE_CAPTURED"})
 """Their times are those of an event, which may be long ago."""
+
+_MODES: Final = frozenset({mavlink.MAV_CMD_DO_SET_MODE})
 
 
 class ItemLimits:
@@ -339,6 +345,20 @@ class Vehicle:
         if self.snapshot.ready_to_arm is None and since is not None:
             return self.snapshot.passes_checks if self.software_version >= since else None
         return self.snapshot.ready_to_arm
+
+    def sequence(
+        self, alternatives: CommandAlternatives, *, is_repetition: bool = False
+    ) -> CommandSequence:
+        """Prepare an order to it: the first alternative of which it accepts every command."""
+        versions = self.family.accepts_modes_early
+        is_early = versions is not None and versions[0] <= self.software_version < versions[1]
+        return CommandSequence(
+            alternatives,
+            self.route,
+            self.round_trip,
+            is_repetition=is_repetition,
+            accepted_early=_MODES if is_early else frozenset(),
+        )
 
     def override_during_missions(self, overrides: tuple[ParameterOverride, ...]) -> None:
         """Set the parameters that every mission needs, besides those of its segments."""

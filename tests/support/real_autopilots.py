@@ -33,9 +33,14 @@ PX4_1_17: Final = Script(
     needs_station_for_texts=True,
     disarms_after_s=2.0,
     return_changes_mode=True,
+    accepts_modes_early=True,
 )
-PX4_1_14: Final = replace(PX4_1_17, gives_ids=False, sends_mission_state=False, version=0x010E03FF)
-"""Without mission ids and mission state in its messages."""
+PX4_1_16: Final = replace(PX4_1_17, sends_mission_state=False, version=0x011001FF)
+"""Without mission state in its messages."""
+PX4_1_15: Final = replace(PX4_1_16, accepts_modes_early=False, version=0x010F04FF)
+"""It judges a mode before it answers."""
+PX4_1_14: Final = replace(PX4_1_15, gives_ids=False, version=0x010E03FF)
+"""Without mission ids too."""
 PX4_1_13: Final = replace(
     PX4_1_14,
     sends_total=False,
@@ -47,6 +52,7 @@ PX4_1_13: Final = replace(
 """Without the total in MISSION_CURRENT; its readiness is for one mode."""
 PX4_BARE: Final = replace(PX4_1_17, is_bare=True)
 """As its simulations `gz_x500` and `sihsim_quadx` are: nothing hangs below it."""
+PX4_BARE_1_14: Final = replace(PX4_1_14, is_bare=True, refuses_for_others=True)
 
 COPTER_4_6: Final = Script(
     autopilot=mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA,

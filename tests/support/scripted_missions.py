@@ -80,7 +80,9 @@ class Script:
     current_goes_to_0_at_the_end: bool = False
     return_changes_mode: bool = False  # The item of a return is done by leaving the mission
     product: tuple[int, int] = (0, 0)  # Vendor and product in AUTOPILOT_VERSION
+    accepts_modes_early: bool = False  # It accepts every mode first, and judges it afterwards
     is_bare: bool = False  # No camera and no gimbal, and answers as PX4 for them
+    refuses_for_others: bool = False  # Bare, it answers for components that are not there: FAILED
 
 
 PX4 = Script(

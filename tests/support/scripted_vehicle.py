@@ -484,6 +484,9 @@ class ScriptedVehicle:
             self._complain()
         if message.command in self.lost_answers:
             return
+        if self.script.accepts_modes_early and message.command == mavlink.MAV_CMD_DO_SET_MODE:
+            accepted = mavlink.MAV_RESULT_ACCEPTED
+            self._send(mavlink.MAVLink_command_ack_message(message.command, accepted))
         answer = mavlink.MAVLink_command_ack_message(message.command, result)
         if message.command in self.script.in_progress:
             working = mavlink.MAV_RESULT_IN_PROGRESS
@@ -495,10 +498,12 @@ class ScriptedVehicle:
     def _is_for_payload(self, message: Message) -> bool:
         """Answer for a camera and a gimbal that are not there, as PX4 does.
 
-        A command to another component has FAILED; a gimbal's commands are left to a manager that
-        does not run, so there is no answer.
+        A command to another component has FAILED or is ignored; a gimbal's commands are left to a
+        manager that does not run, so there is no answer.
         """
         if message.target_component not in {0, 1}:
+            if not self.script.refuses_for_others:
+                return True
             failed = mavlink.MAV_RESULT_FAILED
             self._send(mavlink.MAVLink_command_ack_message(message.command, failed))
             return True
@@ -633,6 +638,9 @@ class ScriptedVehicle:
         match message.command:
             case mavlink.MAV_CMD_NAV_LAND if self.script.autopilot == mavlink.MAV_AUTOPILOT_PX4:
                 self.set_mode(PX4_LAND)
+            case mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH:
+                is_px4 = self.script.autopilot == mavlink.MAV_AUTOPILOT_PX4
+                self.set_mode(PX4_RETURN if is_px4 else COPTER_RETURN)
             case mavlink.MAV_CMD_DO_REPOSITION if self._leads_out(message):
                 self.send_status_text("Reposition is outside geofence\t")
                 self.set_mode(PX4_HOLD)

@@ -20,7 +20,15 @@ from tests.support.broker_world import (
     takeoff,
     waypoint,
 )
-from tests.support.real_autopilots import COPTER_3_6, COPTER_4_6, PX4_1_14, PX4_1_17, PX4_BARE
+from tests.support.real_autopilots import (
+    COPTER_3_6,
+    COPTER_4_6,
+    PX4_1_14,
+    PX4_1_16,
+    PX4_1_17,
+    PX4_BARE,
+    PX4_BARE_1_14,
+)
 from tests.support.scripted_vehicle import (
     COPTER_AUTO,
     COPTER_GUIDED,
@@ -33,9 +41,18 @@ from tests.support.scripted_vehicle import (
 )
 
 PLANS = Path(__file__).parents[3] / "examples" / "plans"
-ALL = {"px4 1.14": PX4_1_14, "px4 1.17": PX4_1_17, "copter 3.6": COPTER_3_6, "copter": COPTER_4_6}
+ALL = {
+    "px4 1.14": PX4_1_14,
+    "px4 1.16": PX4_1_16,
+    "px4 1.17": PX4_1_17,
+    "copter 3.6": COPTER_3_6,
+    "copter": COPTER_4_6,
+}
 AUTOPILOTS = pytest.mark.parametrize("script", list(ALL.values()), ids=list(ALL))
-PX4S = pytest.mark.parametrize("script", [PX4_1_14, PX4_1_17], ids=["1.14", "1.17"])
+PX4S = pytest.mark.parametrize(
+    "script", [PX4_1_14, PX4_1_16, PX4_1_17], ids=["1.14", "1.16", "1.17"]
+)
+BARE = pytest.mark.parametrize("script", [PX4_BARE_1_14, PX4_BARE], ids=["answers", "is silent"])
 COPTERS = pytest.mark.parametrize("script", [COPTER_3_6, COPTER_4_6], ids=["3.6", "4.6"])
 
 
@@ -256,19 +273,23 @@ class TestPx4:
         assert not world.only_vehicle.armed
 
     @pytest.mark.thorough
-    def test_without_payload_flies_all_and_the_report_names_what_it_left_out(self) -> None:
-        """Its simulation has no camera: a command to one has FAILED, in the autopilot's name."""
+    @BARE
+    def test_without_payload_flies_all_and_the_report_names_what_it_left_out(
+        self, script: Script
+    ) -> None:
+        """Its simulation has no camera: for one the autopilot answers FAILED, later nothing."""
         plan = example("eleven_commands")
-        world = flown(PX4_BARE, plan)
+        world = flown(script, plan)
         report = world.edge.reports(plan["mission_id"])[-1]
         assert report["mission_status_id"] == Status.FINISHED, report
         messages = {one["command_id"]: one.get("message") for one in report["command_report_array"]}
         assert messages[8] == messages[9] == "left out: the vehicle has no camera"
 
     @pytest.mark.thorough
-    def test_that_carries_nothing_flies_on_behind_a_live_command(self) -> None:
+    @BARE
+    def test_that_carries_nothing_flies_on_behind_a_live_command(self, script: Script) -> None:
         """A gimbal that is not fitted gives no answer."""
-        world = flown(PX4_BARE, mission(takeoff(), follow(), picture(3), panorama(4), go_home(5)))
+        world = flown(script, mission(takeoff(), follow(), picture(3), panorama(4), go_home(5)))
         assert world.edge.status(1201) == Status.FINISHED
         messages = [
             one.get("message") for one in world.edge.reports(1201)[-1]["command_report_array"]

@@ -4,6 +4,7 @@
 """
 
 import dataclasses
+from typing import ClassVar
 
 import pytest
 
@@ -19,9 +20,10 @@ from tests.support.broker_world import (
     takeoff,
     waypoint,
 )
-from tests.support.real_autopilots import PX4_1_13, PX4_1_14, PX4_1_17
+from tests.support.real_autopilots import PX4_1_13, PX4_1_14, PX4_1_16, PX4_1_17
 from tests.support.scripted_vehicle import HOME, PX4_HOLD, PX4_MISSION, PX4_RETURN, Script
 
+RETURN_HOME = 103
 ATTENDED = dataclasses.replace(
     PX4_1_17, link_loss_action=2, settings={"COM_DL_LOSS_T": 10.0}, item_time_s=30.0
 )
@@ -94,7 +96,7 @@ class TestAVehicleThatLacksParameters:
 
 class TestAVehicleThatGetsANewFenceInFlight:
     @pytest.mark.first_case
-    @pytest.mark.parametrize("script", [PX4_1_14, PX4_1_17], ids=["1.14", "1.17"])
+    @pytest.mark.parametrize("script", [PX4_1_14, PX4_1_16, PX4_1_17], ids=["1.14", "1.16", "1.17"])
     def test_and_may_not_go_on_has_not_finished(self, script: Script) -> None:
         """It stays where it is, in its mission mode, and reports its mission as complete."""
         world = World()
@@ -110,6 +112,32 @@ class TestAVehicleThatGetsANewFenceInFlight:
         assert "the vehicle has given up the mission" in world.edge.reports(1201)[-1]["message"]
         world.run_until(lambda: not vehicle.armed)
         assert vehicle.custom_mode == PX4_RETURN
+
+
+class TestAVehicleThatAcceptsAModeBeforeItRefusesIt:
+    """1.16 and 1.17 answer DO_SET_MODE twice, and at first as accepted (PX4 pull request 27343)."""
+
+    REFUSES: ClassVar = {mavlink.MAV_CMD_DO_SET_MODE: mavlink.MAV_RESULT_TEMPORARILY_REJECTED}
+
+    def test_is_returned_by_another_order(self) -> None:
+        script = dataclasses.replace(PX4_1_16, results=self.REFUSES, item_time_s=30.0)
+        world = World()
+        vehicle = world.add_vehicle(script=script)
+        world.edge.plan(first_flight())
+        world.run_until(lambda: vehicle.airborne)
+        event = world.edge.event(RETURN_HOME)
+        world.run_until(lambda: not vehicle.armed, within_s=60.0)
+        world.run(1.0)
+        assert vehicle.custom_mode == PX4_RETURN
+        assert [one["status"] for one in world.edge.acknowledgements(event)] == ["accepted", "done"]
+
+    def test_that_does_not_start_has_refused_to(self) -> None:
+        refuses = {mavlink.MAV_CMD_MISSION_START: mavlink.MAV_RESULT_DENIED, **self.REFUSES}
+        world = World()
+        world.add_vehicle(script=dataclasses.replace(PX4_1_16, results=refuses))
+        world.edge.plan(first_flight())
+        world.run_until_over(1201)
+        assert "MAV_CMD_MISSION_START refused" in world.edge.reports(1201)[-1]["message"]
 
 
 class TestAVehicleThatIsNotArmed:

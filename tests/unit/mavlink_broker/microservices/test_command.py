@@ -5,6 +5,7 @@ import pytest
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.microservices.command import (
     ATTEMPTS,
+    JUDGED_WITHIN_S,
     REJECTIONS,
     Accepted,
     CommandAlternatives,
@@ -100,6 +101,48 @@ def test_a_duplicated_rejection_counts_once() -> None:
     for _ in range(2 * REJECTIONS):
         command.receive(rejection, 0.1)
     assert command.outcome is None
+
+
+def early(round_trip: RoundTrip | None = None) -> CommandTransaction:
+    command = CommandLong(command=ARM)
+    return CommandTransaction(command, ROUTE, round_trip or RoundTrip(), is_accepted_early=True)
+
+
+def test_of_a_command_that_is_accepted_early_the_second_answer_counts() -> None:
+    command = early()
+    command.start(0.0)
+    command.receive(acknowledgement(ARM, ACCEPTED), 0.1)
+    assert command.outcome is None
+    command.receive(acknowledgement(ARM, mavlink.MAV_RESULT_DENIED), 0.12)
+    assert command.outcome == Refused("MAV_CMD_COMPONENT_ARM_DISARM refused: MAV_RESULT_DENIED")
+
+
+def test_a_second_acceptance_counts_at_once_and_a_missing_one_after_a_while() -> None:
+    twice, once = early(), early()
+    for command in (twice, once):
+        command.start(0.0)
+        command.receive(acknowledgement(ARM, ACCEPTED), 0.1)
+    twice.receive(acknowledgement(ARM, ACCEPTED), 0.12)
+    assert twice.outcome == Accepted()
+    assert once.tick(0.05 + JUDGED_WITHIN_S) == []
+    assert once.outcome is None
+    assert once.tick(0.1 + JUDGED_WITHIN_S) == []
+    assert once.outcome == Accepted()
+
+
+@pytest.mark.parametrize("is_judged_first", [False, True])
+def test_what_is_accepted_early_and_rejected_for_now_is_refused_in_the_end(
+    *, is_judged_first: bool
+) -> None:
+    command = early()
+    command.start(0.0)
+    rejection = acknowledgement(ARM, mavlink.MAV_RESULT_TEMPORARILY_REJECTED)
+    answers = [acknowledgement(ARM, ACCEPTED), rejection]
+    for second in range(REJECTIONS):
+        for answer in reversed(answers) if is_judged_first else answers:
+            command.receive(answer, second + 0.05)
+        assert isinstance(command.outcome, Refused) == (second == REJECTIONS - 1)
+        tick_until(command, second + 0.05, second + 1.2)
 
 
 def test_answers_to_others_and_to_other_commands_are_not_ours() -> None:
