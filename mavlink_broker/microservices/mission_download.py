@@ -1,7 +1,8 @@
 """Downloads a plan (mission, geofence or rally points) of a vehicle.
 
 One request is outstanding and is repeated until it is answered: many vehicles abort a download at
-the first request that they do not expect.
+the first request that they do not expect. PX4 up to 1.14.0 sends the items of a geofence and rally
+points as those of a mission; their commands show what they are.
 
 `MissionVerify` verifies before a flight that the vehicle holds the uploaded plan. MISSION_CURRENT
 must report the id of the acknowledgement. For vehicles without ids and for uncertain uploads, the
@@ -16,7 +17,12 @@ from typing import Final, TypeAlias
 from mavlink_broker.mavlink.dialect import MISSION_RESULT_NAMES, Message, MissionAck, Route, mavlink
 from mavlink_broker.microservices.command import RoundTrip
 from mavlink_broker.microservices.message_rates import request_message
-from mavlink_broker.microservices.mission_protocol import ID_NAMES, PLAN_NAMES
+from mavlink_broker.microservices.mission_protocol import (
+    ID_NAMES,
+    MISSION,
+    PLAN_NAMES,
+    UNTYPED_COMMANDS,
+)
 
 ATTEMPTS: Final = 10
 TRANSFERS: Final = 4
@@ -108,8 +114,13 @@ class MissionDownload:
         return []
 
     def _is_for_us(self, message: Message) -> bool:
-        same_type = getattr(message, "mission_type", 0) == self._type
-        return same_type and self._route.is_for_us(message)
+        kind = getattr(message, "mission_type", MISSION)
+        is_untyped = (
+            kind == MISSION
+            and message.get_type() in {"MISSION_ITEM_INT", "MISSION_ITEM"}
+            and message.command in UNTYPED_COMMANDS.get(self._type, ())
+        )
+        return (kind == self._type or is_untyped) and self._route.is_for_us(message)
 
     def _ask(self, now: float) -> list[Message]:
         self._attempts += 1

@@ -31,6 +31,19 @@ FENCE: Final[int] = mavlink.MAV_MISSION_TYPE_FENCE
 RALLY: Final[int] = mavlink.MAV_MISSION_TYPE_RALLY
 
 PLAN_NAMES: Final = {MISSION: "mission", FENCE: "geofence", RALLY: "rally points"}
+UNTYPED_COMMANDS: Final = {
+    FENCE: frozenset(
+        {
+            mavlink.MAV_CMD_NAV_FENCE_RETURN_POINT,
+            mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION,
+            mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_EXCLUSION,
+            mavlink.MAV_CMD_NAV_FENCE_CIRCLE_INCLUSION,
+            mavlink.MAV_CMD_NAV_FENCE_CIRCLE_EXCLUSION,
+        }
+    ),
+    RALLY: frozenset({mavlink.MAV_CMD_NAV_RALLY_POINT}),
+}
+"""Items that belong to a kind of plan though they say that they are a mission's."""
 ID_NAMES: Final = {MISSION: "mission_id", FENCE: "fence_id", RALLY: "rally_points_id"}
 """Fields of MISSION_CURRENT with the id of each."""
 

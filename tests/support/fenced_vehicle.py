@@ -36,8 +36,11 @@ class FencedVehicle(ScriptedVehicle):
         booted_at: float,
         capabilities: int = ABLE,
         values: Mapping[str, float] | None = None,
+        types_items: bool = True,
     ) -> None:
+        """`types_items`: an item says of what kind its plan is; PX4 up to 1.14.0 sends 0."""
         super().__init__(system, script, booted_at=booted_at)
+        self._types_items = types_items
         of_family = {PX4.autopilot: PX4_VALUES, ARDUPILOT.autopilot: ARDUPILOT_VALUES}
         self.capabilities = capabilities
         self.uid = 0  # Of its hardware; 0: not sent
@@ -81,7 +84,8 @@ class FencedVehicle(ScriptedVehicle):
 
     def _store(self, kind: int, script: Script) -> ScriptedMissions:
         def send(message: Message) -> None:
-            message.mission_type = kind
+            is_item = message.get_type() == "MISSION_ITEM_INT"
+            message.mission_type = kind if self._types_items or not is_item else 0
             self._send(message)
 
         plain = Script(
@@ -151,10 +155,16 @@ def fenced_vehicle(
     *,
     capabilities: int = ABLE,
     values: Mapping[str, float] | None = None,
+    types_items: bool = True,
 ) -> FencedVehicle:
     """Add such a vehicle to a world."""
     vehicle = FencedVehicle(
-        1, script, booted_at=world.clock.now, capabilities=capabilities, values=values
+        1,
+        script,
+        booted_at=world.clock.now,
+        capabilities=capabilities,
+        values=values,
+        types_items=types_items,
     )
     world.air.vehicles["192.0.2.1", 14581] = vehicle
     return vehicle

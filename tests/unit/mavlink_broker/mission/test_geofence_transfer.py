@@ -94,6 +94,21 @@ class TestPlacing:
         assert world.edge.status(1201) == Status.RUNNING
         assert len(vehicle.fence) == 4
 
+    def test_a_vehicle_that_sends_the_items_of_a_fence_as_a_mission_s_keeps_it(self) -> None:
+        """PX4 up to 1.14.0, which gives no ids either, so that they are read back."""
+        world = World()
+        old = replace(PX4, gives_ids=False)
+        vehicle = fenced_vehicle(world, old, types_items=False)
+        placed(vehicle, square(half_m=60.0))
+        world.edge.plan(first_flight(), geofence=fence(), rally_points=[POINT])
+        world.run_until(lambda: world.edge.status(1201) == Status.RUNNING)
+        assert len(vehicle.fence) == 4
+        world.run_until_over(1201)
+        assert world.edge.statuses(1201) == FINISHED
+        world.run(20.0)
+        corners = [place[1:] for place in vehicle.fence]
+        assert corners == [pytest.approx(corner, abs=1e-7) for corner in square(half_m=60.0)]
+
     @pytest.mark.thorough
     def test_a_plan_of_two_segments_places_it_once(self) -> None:
         world = World()
