@@ -16,7 +16,7 @@ import math
 import re
 from collections import deque
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final, NamedTuple, TypeAlias
 from urllib.parse import urlsplit
 
@@ -78,15 +78,27 @@ class CommandInterval:
     began_s: float
     ended_s: float = math.inf
     is_partial: bool = False  # Its beginning was not observed
-    count: int = 0  # Its pictures
+    counts: dict[int, int] = field(default_factory=dict)  # Its pictures, by camera
     is_given_up: bool = False  # Its missing pictures were requested often enough
     checks: int = 0  # Number of these requests
     check_at_s: float = 0.0
 
     @property
     def missing(self) -> int:
-        """How many of its pictures were not announced."""
-        return 0 if self.command is None else max(0, self.command.expected - self.count)
+        """How many of its pictures were not announced by the camera that announced the most.
+
+        Each camera of a vehicle takes all pictures of a command, or none of them.
+        """
+        return min(map(self.missing_of, self.counts), default=self.missing_of(None))
+
+    def missing_of(self, camera: int | None) -> int:
+        """How many of its pictures a camera has not announced; None: one without pictures."""
+        count = 0 if camera is None else self.counts.get(camera, 0)
+        return 0 if self.command is None else max(0, self.command.expected - count)
+
+    def count(self, camera: int) -> None:
+        """Count a picture of a camera."""
+        self.counts[camera] = self.counts.get(camera, 0) + 1
 
 
 class Attribution:
@@ -118,16 +130,16 @@ class Attribution:
         if interval.missing and not interval.is_partial:
             self._incomplete.append(interval)
 
-    def attribute(self, time_s: float) -> PictureCommand | None:
-        """Give the command of a picture that was taken at a time, and count the picture."""
+    def attribute(self, time_s: float, camera: int) -> PictureCommand | None:
+        """Give the command of a picture that a camera took at a time, and count the picture."""
         for interval in self._intervals:
             is_near = interval.began_s - EARLY_S <= time_s <= interval.ended_s + LATE_S
-            if interval.missing and is_near:
-                interval.count += 1
+            if interval.missing_of(camera) and is_near:
+                interval.count(camera)
                 return interval.command
         for interval in self._intervals:
             if interval.began_s <= time_s < interval.ended_s:
-                interval.count += 1
+                interval.count(camera)
                 return interval.command
         return None
 

@@ -367,7 +367,7 @@ class PictureCollector:
         self._seen[capture.identity] = None
         if len(self._seen) > MAX_IDENTITIES:
             self._seen.popitem(last=False)
-        command = self._attribution.attribute(taken_s)
+        command = self._attribution.attribute(taken_s, capture.component)
         if command is not None or is_of_earlier_run:
             self._fetch(capture, command)
 

@@ -3,12 +3,16 @@
 from mavlink_broker.pictures.announcements import Attribution, PictureCommand
 
 
+FIRST, SECOND = 100, 101
+"""Components that are cameras."""
+
+
 def taker(command: int, expected: int = 0) -> PictureCommand:
     return PictureCommand("1/01PLAN", 7, command, command + 1, expected)
 
 
-def commands_of(attribution: Attribution, *times_s: float) -> list[int | None]:
-    takers = [attribution.attribute(time_s) for time_s in times_s]
+def commands_of(attribution: Attribution, *times_s: float, camera: int = FIRST) -> list[int | None]:
+    takers = [attribution.attribute(time_s, camera) for time_s in times_s]
     return [None if one is None else one.command for one in takers]
 
 
@@ -56,8 +60,8 @@ def test_an_ended_command_without_all_pictures_is_incomplete() -> None:
     attribution = flown(taker(0, expected=2), taker(1))
     (span,) = attribution.incomplete()
     assert span.missing == 2
-    attribution.attribute(105.0)
-    attribution.attribute(106.0)
+    attribution.attribute(105.0, FIRST)
+    attribution.attribute(106.0, FIRST)
     assert list(attribution.incomplete()) == []
 
 
@@ -68,3 +72,21 @@ def test_a_command_whose_beginning_was_not_observed_is_never_incomplete() -> Non
     attribution.update(taker(4, expected=1), 110.0, is_resumed=True)
     attribution.update(None, 120.0)
     assert [span.command for span in attribution.incomplete()] == [taker(4, expected=1)]
+
+
+def test_pictures_of_a_second_camera_do_not_stand_for_those_of_the_first() -> None:
+    """Each takes two: those that are late belong to the command too, and none is counted twice."""
+    attribution = flown(taker(0, expected=2), taker(1))
+    assert commands_of(attribution, 105.0, camera=FIRST) == [0]
+    assert commands_of(attribution, 105.0, camera=SECOND) == [0]
+    (span,) = attribution.incomplete()
+    assert span.missing == 1
+    assert commands_of(attribution, 111.0, 112.0, camera=SECOND) == [0, 1]
+    assert commands_of(attribution, 111.0, 112.0, camera=FIRST) == [0, 1]
+    assert list(attribution.incomplete()) == []
+
+
+def test_a_camera_that_takes_no_part_is_not_waited_for() -> None:
+    attribution = flown(taker(0, expected=1), taker(1))
+    assert commands_of(attribution, 105.0, camera=SECOND) == [0]
+    assert list(attribution.incomplete()) == []
