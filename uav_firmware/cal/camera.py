@@ -42,6 +42,7 @@ class Picture(NamedTuple):
 
     place: Place  # In the card's folder of pictures
     size_bytes: int  # [B] With thumbnail and second picture
+    second_place: Place | None = None  # Of the second picture, if there is one
 
 
 class Outcome(NamedTuple):

@@ -39,6 +39,7 @@ class _Pending(NamedTuple):
 
     image_index: int
     name: str
+    second: str  # Folder of the second picture; empty without one
     due_us: int  # [us]
 
 
@@ -101,7 +102,8 @@ class JsbsimCamera:
         name = file_name(exposure, self._folder, ".jpg")
         self._render_process.begin(self._order(exposure, name))
         due_us = exposure.time_us + STORING_US
-        self._pending.append(_Pending(exposure.image_index, name, due_us))
+        second = SECOND_PICTURES[exposure.second]
+        self._pending.append(_Pending(exposure.image_index, name, second, due_us))
 
     def collect(self, now_us: int) -> Sequence[Outcome]:
         """Pictures that have been stored or lost since the last call."""
@@ -157,7 +159,9 @@ class JsbsimCamera:
         if ended.error:
             return Outcome(pending.image_index, None, ended.error)
         self._room.take(ended.size_bytes, ended.files)
-        return Outcome(pending.image_index, Picture((pending.name,), ended.size_bytes))
+        second_place = (pending.second, pending.name) if pending.second else None
+        picture = Picture((pending.name,), ended.size_bytes, second_place)
+        return Outcome(pending.image_index, picture)
 
     def _order(self, exposure: Exposure, name: str) -> Order:
         second = SECOND_PICTURES[exposure.second]

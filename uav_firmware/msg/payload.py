@@ -134,6 +134,8 @@ class CameraStatus(NamedTuple):
     used_mib: float  # [MiB]
     answers: bool = True  # Else the camera is dead
     stream: "VideoStream | None" = None  # None: there is none
+    has_second: bool = False  # Whether a second picture is stored with each picture
+    second_count: int = 0  # [-] Second pictures in the log of captures
 
 
 class CameraLens(NamedTuple):
@@ -158,6 +160,8 @@ class ImageCaptured(NamedTuple):
     q_ned_camera: Quaternion  # [-] Optical axis forward, right, down to NED
     succeeded: bool
     file_url: str  # Where the picture can be fetched; empty when there is no file
+    second_index: int = -1  # [-] Of the second picture among those; -1: there is none
+    second_file_url: str = ""
 
 
 class CaptureLogReset(NamedTuple):

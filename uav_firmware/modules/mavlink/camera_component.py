@@ -1,8 +1,11 @@
-"""The camera component (100): commands, answers and reports of pictures.
+"""The camera components (100, 101): commands, answers and reports of pictures.
 
-Its messages have component id 100 and their own sequence numbers. The camera answers a command to
-all components (0) that only it supports; the autopilot answers one that both support, so that each
-command has one answer.
+The messages of each have its component id and their own sequence numbers. The camera (100) answers
+a command to all components (0) that only it supports; the autopilot answers one that both support,
+so that each command has one answer.
+
+The second camera (101) is there while a second picture, of near infrared or the vegetation index,
+is stored with each picture. It has no shutter of its own: it answers requests for messages alone.
 """
 
 import math
@@ -18,11 +21,19 @@ from uav_firmware.modules.mavlink.commands.commands import (
     Command,
     as_index,
 )
-from uav_firmware.modules.mavlink.telemetry.camera import camera_image_captured
+from uav_firmware.modules.mavlink.telemetry.camera import (
+    camera_image_captured,
+    second_image_captured,
+)
 from uav_firmware.modules.mavlink.telemetry.context import Context
 from uav_firmware.modules.mavlink.telemetry.requests import RequestServer
 from uav_firmware.modules.mavlink.telemetry.streams import BUILDERS, stream_key
-from uav_firmware.modules.mavlink.wire.addressing import CAMERA_COMPONENT, Outgoing, Sender
+from uav_firmware.modules.mavlink.wire.addressing import (
+    CAMERA_COMPONENT,
+    SECOND_CAMERA_COMPONENT,
+    Outgoing,
+    Sender,
+)
 from uav_firmware.modules.mavlink.wire.dialect import Message, mavlink
 from uav_firmware.modules.mavlink.wire.peers import PeerTable
 from uav_firmware.msg.payload import CameraEvent, CancelOrder, ImageCaptured
@@ -74,11 +85,11 @@ KNOWN: Final = (FOR_PAYLOAD - FOR_GIMBAL) | OWN | SHARED
 """Commands that the camera supports."""
 
 
-def is_sent_by_camera(message_id: float) -> bool:
-    """Whether the camera sends a message."""
+def is_sent_by_camera(message_id: float, component: int = CAMERA_COMPONENT) -> bool:
+    """Whether a camera sends a message."""
     if message_id == _IMAGE:
         return True
-    return stream_key(CAMERA_COMPONENT, int(message_id)) in BUILDERS
+    return stream_key(component, int(message_id)) in BUILDERS
 
 
 class CameraReports:
@@ -88,7 +99,10 @@ class CameraReports:
         self._topics = topics
         self._peers = peers
         self._context = context
-        self._images: OrderedDict[int, ImageCaptured] = OrderedDict()
+        self._images: dict[int, OrderedDict[int, ImageCaptured]] = {
+            CAMERA_COMPONENT: OrderedDict(),
+            SECOND_CAMERA_COMPONENT: OrderedDict(),
+        }
         self._report_interval_us = 0
 
     def tick(self, now_us: int) -> list[Outgoing]:
@@ -96,26 +110,37 @@ class CameraReports:
         self._follow_report_rate(now_us)
         return self._report(self._topics.camera_event.drain())
 
-    def images(self, first: int, last: int) -> list[Message]:
-        """CAMERA_IMAGE_CAPTURED of the stored pictures from `first` to `last`."""
-        newest = next(reversed(self._images), -1)
+    def images(self, component: int, first: int, last: int) -> list[Message]:
+        """CAMERA_IMAGE_CAPTURED of the stored pictures of a camera from `first` to `last`."""
+        images = self._images[component]
+        newest = next(reversed(images), -1)
         indices = range(max(first, newest - IMAGES_STORED + 1), min(last, newest) + 1)
-        return [self._message(self._images[i]) for i in indices if i in self._images]
+        return [self._message(component, images[i]) for i in indices if i in images]
 
     def _report(self, events: Iterable[CameraEvent]) -> list[Outgoing]:
         outgoing: list[Outgoing] = []
         for event in events:
             if not isinstance(event, ImageCaptured):
-                self._images.clear()
+                for images in self._images.values():
+                    images.clear()
                 continue
-            self._images[event.image_index] = event
-            if len(self._images) > IMAGES_STORED:
-                self._images.popitem(last=False)
-            outgoing.append(Outgoing(self._message(event), component=CAMERA_COMPONENT))
+            outgoing.append(self._store(CAMERA_COMPONENT, event.image_index, event))
+            if event.second_index >= 0:
+                outgoing.append(self._store(SECOND_CAMERA_COMPONENT, event.second_index, event))
         return outgoing
 
-    def _message(self, image: ImageCaptured) -> Message:
-        return camera_image_captured(image, self._context(image.time_us).boot_time_utc_us)
+    def _store(self, component: int, index: int, image: ImageCaptured) -> Outgoing:
+        images = self._images[component]
+        images[index] = image
+        if len(images) > IMAGES_STORED:
+            images.popitem(last=False)
+        return Outgoing(self._message(component, image), component=component)
+
+    def _message(self, component: int, image: ImageCaptured) -> Message:
+        boot_time_utc_us = self._context(image.time_us).boot_time_utc_us
+        if component == CAMERA_COMPONENT:
+            return camera_image_captured(image, boot_time_utc_us)
+        return second_image_captured(image, boot_time_utc_us)
 
     def _follow_report_rate(self, now_us: int) -> None:
         """Apply the status rate of VIDEO_START_CAPTURE, except where a peer has set its own."""
@@ -132,12 +157,15 @@ class CameraReports:
 
 
 class CameraRequests:
-    """Serves message requests to component 100."""
+    """Serves message requests to a camera component."""
 
-    def __init__(self, requests: RequestServer, reports: CameraReports) -> None:
+    def __init__(
+        self, requests: RequestServer, reports: CameraReports, component: int = CAMERA_COMPONENT
+    ) -> None:
         """`requests` serves the streams of this component, `reports` has the stored pictures."""
         self._requests = requests
         self._reports = reports
+        self._component = component
         self._answers: dict[int, Callable[[Command, Sender, int], Answer]] = {
             **dict.fromkeys(_DEPRECATED, self._deprecated),
             **dict.fromkeys(_STREAMS, self._video_stream),
@@ -154,7 +182,7 @@ class CameraRequests:
         message_id = as_index(command.parameter(1))
         if message_id is None:
             return Answer(_DENIED)
-        if not is_sent_by_camera(message_id):
+        if not is_sent_by_camera(message_id, self._component):
             return Answer(_UNSUPPORTED)
         if message_id == _IMAGE:
             return self._images(command)
@@ -174,7 +202,8 @@ class CameraRequests:
         last = last or first
         if last < first:
             return Answer(_DENIED)
-        found = self._reports.images(first, min(last, first + IMAGES_AT_ONCE - 1))
+        last = min(last, first + IMAGES_AT_ONCE - 1)
+        found = self._reports.images(self._component, first, last)
         return Answer(_ACCEPTED, tuple(found)) if found else Answer(_FAILED)
 
     def _deprecated(self, command: Command, sender: Sender, now_us: int) -> Answer:
@@ -222,7 +251,7 @@ class CommandRouter:
 
 
 class CameraComponent:
-    """Serves COMMAND_LONG, COMMAND_INT and COMMAND_CANCEL for the camera."""
+    """Serves COMMAND_LONG, COMMAND_INT and COMMAND_CANCEL for both cameras."""
 
     def __init__(
         self,
@@ -236,21 +265,31 @@ class CameraComponent:
         tokens: Iterator[int],
     ) -> None:
         self._system_id = system_id
+        self._topics = topics
         self._reports = CameraReports(topics, peers, context)
-        requests = RequestServer(peers, context, CAMERA_COMPONENT)
-        self._commands = CommandServer(
-            system_id=system_id,
-            local_handlers=(CameraRequests(requests, self._reports).answer,),
-            commander=sink,
-            mission_length=lambda: 0,
-            cancel=cancel,
-            component=CAMERA_COMPONENT,
-            known=KNOWN,
-            tokens=tokens,
-        )
+        self._servers = {
+            component: CommandServer(
+                system_id=system_id,
+                local_handlers=(
+                    CameraRequests(
+                        RequestServer(peers, context, component), self._reports, component
+                    ).answer,
+                ),
+                commander=sink,
+                mission_length=lambda: 0,
+                cancel=cancel,
+                component=component,
+                known=known,
+                tokens=tokens,
+            )
+            for component, known in ((CAMERA_COMPONENT, KNOWN), (SECOND_CAMERA_COMPONENT, SHARED))
+        }
 
     def is_for_camera(self, message: Message) -> bool:
-        """Whether the camera answers a command."""
+        """Whether a camera answers a command."""
+        if message.target_component == SECOND_CAMERA_COMPONENT:
+            status = self._topics.camera_status.value
+            return status is not None and status.has_second
         if message.target_component == CAMERA_COMPONENT:
             return True
         if message.target_component != 0 or message.target_system not in {0, self._system_id}:
@@ -264,18 +303,22 @@ class CameraComponent:
 
     def handle(self, message: Message, sender: Sender, now_us: int) -> list[Outgoing]:
         """Handle a command."""
-        return _as_camera(self._commands.handle(message, sender, now_us))
+        component = message.target_component or CAMERA_COMPONENT
+        return _sent_by(component, self._servers[component].handle(message, sender, now_us))
 
     def cancel(self, message: Message, sender: Sender, now_us: int) -> list[Outgoing]:
-        """Handle COMMAND_CANCEL."""
-        return _as_camera(self._commands.cancel(message, sender, now_us))
+        """Handle COMMAND_CANCEL; the second camera has nothing to cancel."""
+        server = self._servers[CAMERA_COMPONENT]
+        return _sent_by(CAMERA_COMPONENT, server.cancel(message, sender, now_us))
 
     def tick(self, acks: Iterable[VehicleCommandAck], now_us: int) -> list[Outgoing]:
         """Send answers of payload, timeouts of commands, and reports of pictures."""
-        outgoing = self._commands.answers(acks, now_us)
-        outgoing += self._commands.tick(now_us)
-        return _as_camera(outgoing) + self._reports.tick(now_us)
+        outgoing: list[Outgoing] = []
+        for component, server in self._servers.items():
+            answers = server.answers(acks, now_us) + server.tick(now_us)
+            outgoing += _sent_by(component, answers)
+        return outgoing + self._reports.tick(now_us)
 
 
-def _as_camera(outgoing: list[Outgoing]) -> list[Outgoing]:
-    return [each._replace(component=CAMERA_COMPONENT) for each in outgoing]
+def _sent_by(component: int, outgoing: list[Outgoing]) -> list[Outgoing]:
+    return [each._replace(component=component) for each in outgoing]

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from typing import Final
 
 from uav_firmware.cal.camera import CameraDevice, Exposure, Outcome, SecondPicture
+from uav_firmware.cal.files import Place
 from uav_firmware.modules.payload.camera.lens import lens
 from uav_firmware.modules.payload.camera.storage import MIB
 from uav_firmware.modules.payload.parts import Parts
@@ -133,17 +134,31 @@ class Pictures:
             self._end(outcome.image_index, url="", succeeded=False)
             return
         self._parts.storage.add(picture.size_bytes)
-        url = "/".join((self._parts.images_url, *picture.place))
-        self._end(outcome.image_index, url=url, succeeded=True)
+        second_url = "" if picture.second_place is None else self._url(picture.second_place)
+        self._end(
+            outcome.image_index,
+            url=self._url(picture.place),
+            succeeded=True,
+            second_url=second_url,
+        )
         self._stop_when_full(now_us)
 
-    def _end(self, index: int, *, url: str, succeeded: bool) -> None:
+    def _url(self, place: Place) -> str:
+        return "/".join((self._parts.images_url, *place))
+
+    def _end(self, index: int, *, url: str, succeeded: bool, second_url: str = "") -> None:
         """Complete a picture, and report completed ones in order."""
-        self._pending[index] = self._pending[index]._replace(succeeded=succeeded, file_url=url)
+        self._pending[index] = self._pending[index]._replace(
+            succeeded=succeeded, file_url=url, second_file_url=second_url
+        )
         self._ended.add(index)
         while self._pending and (first := next(iter(self._pending))) in self._ended:
             self._ended.remove(first)
-            self._parts.events.append(self._pending.pop(first))
+            picture = self._pending.pop(first)
+            if picture.second_file_url:
+                second_index = self._parts.capture_log.next_second_index()
+                picture = picture._replace(second_index=second_index)
+            self._parts.events.append(picture)
         self._parts.storing = len(self._pending) - len(self._ended)
 
     def _stop_when_full(self, now_us: int) -> None:

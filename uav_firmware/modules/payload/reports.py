@@ -36,6 +36,8 @@ def camera_status(parts: Parts, now_us: int) -> CameraStatus:
         parts.storage.used_mib,
         camera.answers,
         _stream(parts),
+        parts.params.second_picture != 0,
+        parts.capture_log.second_count,
     )
 
 

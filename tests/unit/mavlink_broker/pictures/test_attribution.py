@@ -2,7 +2,6 @@
 
 from mavlink_broker.pictures.announcements import Attribution, PictureCommand
 
-
 FIRST, SECOND = 100, 101
 """Components that are cameras."""
 

@@ -1,7 +1,8 @@
 """Builders of the messages of the camera component."""
 
 import math
-from typing import Final
+from collections.abc import Callable
+from typing import Final, TypeAlias
 
 from uav_firmware.modules.mavlink.telemetry.context import (
     INT32_MAX,
@@ -15,6 +16,7 @@ from uav_firmware.modules.mavlink.telemetry.context import (
 from uav_firmware.modules.mavlink.wire.dialect import Message, mavlink
 from uav_firmware.msg.payload import ImageCaptured, TrackingMode, VideoStream
 
+Builder: TypeAlias = Callable[[Context], Message | None]
 FLAGS: Final[int] = (
     mavlink.CAMERA_CAP_FLAGS_CAPTURE_VIDEO
     | mavlink.CAMERA_CAP_FLAGS_CAPTURE_IMAGE
@@ -34,6 +36,7 @@ _HORIZONTAL_VIEW_DEG: Final = 70
 _GIMBAL_DEVICE: Final = 1
 _VENDOR: Final = b"Farm Flight Bridge"
 _MODEL: Final = b"Simulated camera"
+_SECOND_MODEL: Final = b"Simulated vegetation camera"
 _FIRMWARE_VERSION: Final = 1
 _URL_BYTES: Final = 205
 _MODE_OF_TRACKING: Final = {
@@ -189,6 +192,42 @@ def video_stream_status(context: Context) -> Message | None:
 
 def _stream_flags(stream: VideoStream) -> int:
     return int(mavlink.VIDEO_STREAM_STATUS_FLAGS_RUNNING) if stream.running else 0
+
+
+def of_second_camera(builder: Builder) -> Builder:
+    """The same message of the second camera; None while there is none."""
+
+    def build(context: Context) -> Message | None:
+        status = context.topics.camera_status.value
+        if status is None or not status.has_second:
+            return None
+        return builder(context)
+
+    return build
+
+
+def second_camera_information(context: Context) -> Message | None:
+    """CAMERA_INFORMATION of the second camera, which takes what the first one does."""
+    message = camera_information(context)
+    if message is not None:
+        message.flags = mavlink.CAMERA_CAP_FLAGS_CAPTURE_IMAGE
+        message.model_name = _name(_SECOND_MODEL)
+    return message
+
+
+def second_capture_status(context: Context) -> Message | None:
+    """CAMERA_CAPTURE_STATUS of the second camera, with the number of its own pictures."""
+    message, status = camera_capture_status(context), context.topics.camera_status.value
+    if message is not None and status is not None:
+        message.image_count = status.second_count
+        message.video_status = message.recording_time_ms = 0
+    return message
+
+
+def second_image_captured(image: ImageCaptured, boot_time_utc_us: int) -> Message:
+    """CAMERA_IMAGE_CAPTURED of the second picture."""
+    second = image._replace(image_index=image.second_index, file_url=image.second_file_url)
+    return camera_image_captured(second, boot_time_utc_us)
 
 
 def camera_image_captured(image: ImageCaptured, boot_time_utc_us: int) -> Message:

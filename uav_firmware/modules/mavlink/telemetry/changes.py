@@ -5,7 +5,11 @@ from typing import Any, Final, NamedTuple
 
 from uav_firmware.bus import Topic
 from uav_firmware.modules.mavlink.telemetry.streams import stream_key
-from uav_firmware.modules.mavlink.wire.addressing import CAMERA_COMPONENT, Outgoing
+from uav_firmware.modules.mavlink.wire.addressing import (
+    CAMERA_COMPONENT,
+    SECOND_CAMERA_COMPONENT,
+    Outgoing,
+)
 from uav_firmware.modules.mavlink.wire.dialect import mavlink
 from uav_firmware.msg.geofence import Fence, RallyPoints
 from uav_firmware.msg.mission import Mission, MissionProgress
@@ -40,6 +44,11 @@ def _progress_key(progress: MissionProgress) -> Hashable:
 
 def _capture_key(status: CameraStatus) -> Hashable:
     return status[2:8]  # Fields of CAMERA_CAPTURE_STATUS other than the free space
+
+
+def _second_capture_key(status: CameraStatus) -> Hashable:
+    is_there = status.has_second
+    return (status.image_status, status.image_interval_s, status.second_count) if is_there else None
 
 
 def _camera_mode_key(status: CameraStatus) -> Hashable:
@@ -90,6 +99,11 @@ _WATCHES: Final = (
         lambda topics: topics.camera_status,
         _capture_key,
         (stream_key(CAMERA_COMPONENT, mavlink.MAVLINK_MSG_ID_CAMERA_CAPTURE_STATUS),),
+    ),
+    _Watch(
+        lambda topics: topics.camera_status,
+        _second_capture_key,
+        (stream_key(SECOND_CAMERA_COMPONENT, mavlink.MAVLINK_MSG_ID_CAMERA_CAPTURE_STATUS),),
     ),
     _Watch(
         lambda topics: topics.camera_status,

@@ -20,7 +20,11 @@ from uav_firmware.modules.mavlink.telemetry import (
     status,
 )
 from uav_firmware.modules.mavlink.telemetry.context import Context
-from uav_firmware.modules.mavlink.wire.addressing import AUTOPILOT_COMPONENT, CAMERA_COMPONENT
+from uav_firmware.modules.mavlink.wire.addressing import (
+    AUTOPILOT_COMPONENT,
+    CAMERA_COMPONENT,
+    SECOND_CAMERA_COMPONENT,
+)
 from uav_firmware.modules.mavlink.wire.dialect import Message, mavlink
 from uav_firmware.modules.mavlink.wire.dialect_extensions import ProtocolVersion
 from uav_firmware.modules.mavlink.wire.peers import Profile
@@ -193,14 +197,25 @@ CAMERA_STREAMS: Final[tuple[Stream, ...]] = tuple(
 )
 """Streams of the camera component, with the same rates on both links."""
 
-BUILDERS: Final[Mapping[int, Builder]] = {s.key: s.builder for s in STREAMS + CAMERA_STREAMS}
+SECOND_CAMERA_STREAMS: Final[tuple[Stream, ...]] = tuple(
+    Stream(message_id, rate_hz, rate_hz, camera.of_second_camera(builder), SECOND_CAMERA_COMPONENT)
+    for message_id, rate_hz, builder in (
+        (mavlink.MAVLINK_MSG_ID_HEARTBEAT, 1, camera.heartbeat),
+        (mavlink.MAVLINK_MSG_ID_CAMERA_INFORMATION, 0, camera.second_camera_information),
+        (mavlink.MAVLINK_MSG_ID_CAMERA_SETTINGS, 0, camera.camera_settings),
+        (mavlink.MAVLINK_MSG_ID_STORAGE_INFORMATION, 0, camera.storage_information),
+        (mavlink.MAVLINK_MSG_ID_CAMERA_CAPTURE_STATUS, 0, camera.second_capture_status),
+    )
+)
+"""Streams of the second camera, which shares lens, storage and shutter with the first."""
+_ALL: Final = STREAMS + CAMERA_STREAMS + SECOND_CAMERA_STREAMS
+
+BUILDERS: Final[Mapping[int, Builder]] = {s.key: s.builder for s in _ALL}
 """Builders by `stream_key`, which is the message id for messages of the autopilot."""
 
 DEFAULT_INTERVALS_US: Final[Mapping[LinkMode, Mapping[int, int]]] = {
     mode: {
-        stream.key: round(1e6 / stream.rate_hz(mode))
-        for stream in STREAMS + CAMERA_STREAMS
-        if stream.rate_hz(mode) > 0
+        stream.key: round(1e6 / stream.rate_hz(mode)) for stream in _ALL if stream.rate_hz(mode) > 0
     }
     for mode in LinkMode
 }

@@ -9,7 +9,9 @@ AUTOPILOT_COMPONENT: Final = 1
 """MAV_COMP_ID_AUTOPILOT1: the vehicle, and its gimbal."""
 CAMERA_COMPONENT: Final = 100
 """MAV_COMP_ID_CAMERA."""
-OWN_COMPONENTS: Final = frozenset({AUTOPILOT_COMPONENT, CAMERA_COMPONENT})
+SECOND_CAMERA_COMPONENT: Final = 101
+"""MAV_COMP_ID_CAMERA2: takes the second picture with each picture, while a parameter says so."""
+OWN_COMPONENTS: Final = frozenset({AUTOPILOT_COMPONENT, CAMERA_COMPONENT, SECOND_CAMERA_COMPONENT})
 """Components of this module; another component of the system is a companion computer."""
 
 

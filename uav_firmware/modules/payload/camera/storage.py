@@ -39,11 +39,13 @@ class CaptureLog:
     """Numbers pictures and stores the newest sequence number of each sender.
 
     MAVLink's image_count and image_index: the newest picture has index image_count - 1, and both
-    restart at 0 when the storage is formatted or the log is reset.
+    restart at 0 when the storage is formatted or the log is reset. Second pictures, which a camera
+    stores beside the first ones while a parameter says so, have numbers of their own.
     """
 
     def __init__(self) -> None:
         self.count = 0
+        self.second_count = 0
         self._sequences: dict[Controller, tuple[int, int]] = {}
 
     def next_index(self) -> int:
@@ -51,9 +53,14 @@ class CaptureLog:
         self.count += 1
         return self.count - 1
 
+    def next_second_index(self) -> int:
+        """Count a second picture and return its index."""
+        self.second_count += 1
+        return self.second_count - 1
+
     def reset(self) -> None:
         """Restart at index 0."""
-        self.count = 0
+        self.count = self.second_count = 0
         self._sequences.clear()
 
     def is_repeated(self, sender: Controller, sequence: int, now_us: int) -> bool:

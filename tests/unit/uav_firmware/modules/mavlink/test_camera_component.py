@@ -310,3 +310,88 @@ def test_tracking_is_streamed_by_interval() -> None:
     (interval_message,) = [m for m in interval if m.get_type() == "MESSAGE_INTERVAL"]
     assert interval_message.interval_us == 200_000
     assert result(request(harness, INTERVAL, 0, -1)) == DENIED  # A heartbeat cannot be disabled
+
+
+SECOND_ID = 101
+SECOND_CAMERA = CAMERA._replace(has_second=True, second_count=2)
+
+
+def with_second_camera() -> MavlinkHarness:
+    harness = MavlinkHarness()
+    harness.topics.camera_status.publish(SECOND_CAMERA)
+    harness.run(1_000_000)  # The change is reported
+    return harness
+
+
+def second(harness: MavlinkHarness, *parameters: float) -> list[Any]:
+    """All messages of component 101 after a request to it."""
+    harness.received(component=SECOND_ID)
+    harness.send(command_long(REQUEST, *parameters, target_component=SECOND_ID))
+    harness.run(40_000)
+    return harness.received(component=SECOND_ID)
+
+
+def test_a_second_camera_is_there_while_second_pictures_are_stored() -> None:
+    harness = MavlinkHarness()
+    harness.run(5_000_000)
+    assert harness.received(component=SECOND_ID) == []
+    assert second(harness, 262) == []
+    harness.topics.camera_status.publish(SECOND_CAMERA)
+    harness.run(5_000_000)
+    messages = harness.received(component=SECOND_ID)
+    beats = [message for message in messages if message.get_type() == "HEARTBEAT"]
+    assert 4 <= len(beats) <= 6
+    assert {message.type for message in beats} == {mavlink.MAV_TYPE_CAMERA}
+    harness.topics.camera_status.publish(CAMERA)
+    harness.run(2_000_000)
+    harness.received(component=SECOND_ID)
+    harness.run(5_000_000)
+    assert harness.received(component=SECOND_ID) == []
+
+
+@pytest.mark.parametrize(
+    ("number", "name"),
+    [
+        (259, "CAMERA_INFORMATION"),
+        (260, "CAMERA_SETTINGS"),
+        (261, "STORAGE_INFORMATION"),
+        (262, "CAMERA_CAPTURE_STATUS"),
+    ],
+)
+def test_the_second_camera_answers_for_itself(number: int, name: str) -> None:
+    answers = second(with_second_camera(), number)
+    assert result(answers) == ACCEPTED
+    (message,) = [one for one in answers if one.get_type() == name]
+    if name == "CAMERA_CAPTURE_STATUS":
+        assert message.image_count == 2
+    if name == "CAMERA_INFORMATION":
+        assert message.flags == mavlink.CAMERA_CAP_FLAGS_CAPTURE_IMAGE
+
+
+def test_the_second_camera_has_no_shutter_of_its_own() -> None:
+    harness = with_second_camera()
+    harness.send(command_long(START, 0, 0, 1, target_component=SECOND_ID))
+    harness.run(40_000)
+    assert result(harness.received(component=SECOND_ID)) == UNSUPPORTED
+    assert orders(harness) == []
+
+
+def test_second_pictures_are_reported_by_the_second_camera_with_numbers_of_their_own() -> None:
+    harness = with_second_camera()
+    one = IMAGE._replace(image_index=4, file_url="mftp://4.jpg")
+    harness.topics.camera_event.publish(one)
+    other = one._replace(image_index=5, second_index=0, second_file_url="mftp://ndvi/5.jpg")
+    harness.topics.camera_event.publish(other)
+    harness.run(1_000_000)
+    first = received(harness, "CAMERA_IMAGE_CAPTURED")
+    assert [message.image_index for message in first] == [4, 5]
+    (message,) = harness.received("CAMERA_IMAGE_CAPTURED", component=SECOND_ID)
+    assert (message.image_index, message.file_url) == (0, "mftp://ndvi/5.jpg")
+    assert (message.time_utc, message.lat) == (first[1].time_utc, first[1].lat)
+    again = second(harness, 263, 0)
+    assert result(again) == ACCEPTED
+    assert [one.file_url for one in again if one.get_type() != "COMMAND_ACK"] == [message.file_url]
+    assert result(second(harness, 263, 4)) == CommandResult.FAILED
+    harness.topics.camera_event.publish(CaptureLogReset(1))
+    harness.run()
+    assert result(second(harness, 263, 0)) == CommandResult.FAILED

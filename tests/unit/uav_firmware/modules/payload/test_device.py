@@ -31,6 +31,7 @@ class Device:
         self.in_progress: list[int] = []
         self.outcomes: list[Outcome] = []
         self.erased = 0
+        self.seconds = False
         self.erased_at_once = 100 * MIB
 
     def expose(self, exposure: Exposure) -> None:
@@ -40,7 +41,10 @@ class Device:
         self.in_progress.append(exposure.image_index)
 
     def store(self) -> None:
-        self.outcomes += [Outcome(i, Picture((f"{i}.jpg",), MIB)) for i in self.in_progress]
+        self.outcomes += [
+            Outcome(i, Picture((f"{i}.jpg",), MIB, ("ndvi", f"{i}.jpg") if self.seconds else None))
+            for i in self.in_progress
+        ]
         self.used_bytes += MIB * len(self.in_progress)
         self.in_progress.clear()
 
@@ -73,6 +77,22 @@ def test_a_stored_picture_is_reported_with_its_file_and_size() -> None:
     assert picture.file_url == f"{IMAGES_URL}/0.jpg"
     assert picture.latitude_deg == pytest.approx(40.44367, abs=1e-5)  # Where it was exposed
     assert harness.camera_status.used_mib == 1.0
+
+
+def test_second_pictures_have_numbers_of_their_own() -> None:
+    device = Device()
+    harness = PayloadHarness(device=device)
+    found = []
+    for device.seconds in (False, True, True):
+        harness.command(START, 0, 0, 1)
+        harness.run(1.0)
+        device.store()
+        harness.run(0.1)
+        (picture,) = harness.pictures()
+        found.append((picture.image_index, picture.second_index, picture.second_file_url))
+    urls = [f"{IMAGES_URL}/ndvi/{index}.jpg" for index in (1, 2)]
+    assert found == [(0, -1, ""), (1, 0, urls[0]), (2, 1, urls[1])]
+    assert harness.camera_status.second_count == 2
 
 
 def test_the_device_receives_the_estimated_pose() -> None:
