@@ -45,6 +45,7 @@ SECRET_MESSAGES: Final = frozenset(
 """Messages that contain keys or passwords."""
 LEFT_OUT: Final = SECRET_MESSAGES | {mavlink.MAVLINK_MSG_ID_LOG_DATA}
 """The log of a flight would push the frames of several flights out of the files."""
+_OF_FILES: Final = frozenset({mavlink.MAVLINK_MSG_ID_FILE_TRANSFER_PROTOCOL})
 _STAMP: Final = struct.Struct(">Q")
 _CHUNK_BYTES: Final = 1 << 20
 
@@ -124,7 +125,8 @@ def copy_frames(folder: Path, system: int, begin: datetime, end: datetime, outpu
     """Copy the records of a vehicle from a folder's files; returns their size in bytes.
 
     These are the frames from `begin` to `end` that the vehicle has sent, and those that were sent
-    to it or to all systems. A file is read up to its first incomplete record.
+    to it or to all systems, without those of files: pictures are ten times what else a survey
+    sends, and are kept themselves. A file is read up to its first incomplete record.
 
     Raises:
         OSError: if a file cannot be read, or `output` not be written.
@@ -143,7 +145,9 @@ def _copy_records(file: BinaryIO, system: int, times: range, output: BinaryIO) -
     for record in _records(file):
         frame = record[_STAMP.size :]
         (stamp,) = _STAMP.unpack_from(record)
-        if stamp in times and (sender(frame)[0] == system or _is_to(frame, system, decoder)):
+        if stamp not in times or message_id(frame) in _OF_FILES:
+            continue
+        if sender(frame)[0] == system or _is_to(frame, system, decoder):
             size += output.write(record)
     return size
 

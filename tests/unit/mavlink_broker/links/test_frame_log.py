@@ -230,6 +230,7 @@ def test_the_records_of_one_vehicle_and_time_are_copied(tmp_path: Path) -> None:
         broker.encode(LAND),
         broker.encode(to_other),
         signed(broker.encode(to_all), bytes(32), 0, 9),
+        vehicle.encode(mavlink.MAVLink_file_transfer_protocol_message(0, 254, 191, [7] * 251)),
     ]
     with opened(tmp_path, file_bytes=1) as log:
         for second in range(3):
