@@ -140,6 +140,15 @@ class LogList:
         self.entries = tuple(self._found[number] for number in sorted(self._found))
 
 
+def first_byte_request(entry: LogEntry, route: Route) -> Message:
+    """Read a byte of a log: ArduPilot closes the log that it writes only when one is read.
+
+    Until then it lists that log with the present time.
+    """
+    target = route.target_system, route.target_component
+    return mavlink.MAVLink_log_request_data_message(*target, entry.number, 0, 1)
+
+
 class LogPart(NamedTuple):
     """Bytes of a log from an offset; the last part may be empty."""
 

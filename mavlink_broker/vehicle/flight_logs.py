@@ -41,12 +41,20 @@ from mavlink_broker.effects import (
     SendLogPart,
 )
 from mavlink_broker.mavlink.dialect import Message, mavlink
-from mavlink_broker.microservices.log_download import LogDownload, LogEntry, LogList, LogPart
-from mavlink_broker.vehicle.logged_flight import FlownSpan, LoggedFlight, logs_of
+from mavlink_broker.microservices.log_download import (
+    LogDownload,
+    LogEntry,
+    LogList,
+    LogPart,
+    first_byte_request,
+)
+from mavlink_broker.vehicle.logged_flight import FlownSpan, LoggedFlight, logs_of, with_number
 from mavlink_broker.vehicle.vehicle import Vehicle
 
 SETTLE_S: Final = 3.0
 """A vehicle may write the end of its log until so long after disarming."""
+ARDUPILOT_SETTLE_S: Final = 17.0
+"""It logs for 15 s after disarming, into another log if this one was read meanwhile."""
 SILENT_LISTS: Final = 2
 """Lists without an answer, after which a vehicle is not asked until it restarts."""
 LISTS: Final = 5
@@ -99,6 +107,8 @@ class FlightLogs:
         """Note that the vehicle has restarted: its logs may have other numbers."""
         self._unanswered = 0
         self._postpone_current(0.0)
+        for flight in self._flights:
+            flight.entry = None
 
     def forget(self) -> None:
         """Forget the flights of a vehicle that another one has replaced."""
@@ -173,7 +183,7 @@ class FlightLogs:
                     ended_at=max(self.utc, started_at),
                     span=span,
                     armed_at=armed_at,
-                    not_before=now + SETTLE_S,
+                    not_before=now + (ARDUPILOT_SETTLE_S if self._is_ardupilot else SETTLE_S),
                 )
             )
 
@@ -256,6 +266,8 @@ class FlightLogs:
             return
         has_settled = before is not None and before[1:] == entry[1:]
         if flight.begun is None and not has_settled and flight.lists < LISTS:
+            if self._is_ardupilot:
+                effects.messages.append(first_byte_request(entry, self._vehicle.route))
             self._postpone_current(now + SETTLE_S)
             return
         if entry.size > self._limit_bytes:
@@ -279,9 +291,13 @@ class FlightLogs:
             ]
         if flight.span is not None and any(entry.time_s for entry in entries):
             found = logs_of(flight.span, entries, has_end_times=self._vehicle.family.lists_log_ends)
+            if self._is_ardupilot and not found:  # Some cards keep the time of the beginning
+                found = logs_of(flight.span, entries, has_end_times=False)
         else:  # Without a clock the newest log is of the latest flight
             is_latest = flight.armed_at == self._latest_armed_at
             found = sorted(entries, reverse=True)[:1] if is_latest else []
+        if flight.entry is not None and self._is_ardupilot:
+            found = with_number(flight.entry, entries, found)
         return [entry for entry in found if not self._is_of_an_earlier_flight(flight, entry)]
 
     def _is_of_an_earlier_flight(self, flight: LoggedFlight, entry: LogEntry) -> bool:
@@ -360,8 +376,7 @@ class FlightLogs:
         if entry is None or part is None:
             self._postpone_current(now)
             return
-        number, time_s, size = entry
-        if any(one[:2] == (number, time_s) and one.size >= size for one in entries):
+        if any(one[:2] == entry[:2] and one.size >= entry.size for one in entries):
             self._send(flight, part, effects)
             return
         self._end_download(effects)
@@ -439,8 +454,7 @@ class FlightLogs:
             flight.begun = None  # The edge server has none of it, or keeps it no longer
             self._give_up(flight, failed.reason, effects)
         else:
-            is_counted = not failed.is_temporary
-            self._retry(flight, failed.reason, now, effects, is_counted=is_counted)
+            self._retry(flight, failed.reason, now, effects, is_counted=not failed.is_temporary)
 
     def _retry(
         self,

@@ -64,3 +64,14 @@ def logs_of(span: FlownSpan, entries: Iterable[LogEntry], *, has_end_times: bool
         if is_since_start and begins <= last_s and ends >= first_s:
             found.append(entry)
     return found[::-1][:MAX_LOGS]
+
+
+def with_number(
+    known: LogEntry, entries: Iterable[LogEntry], found: Iterable[LogEntry]
+) -> list[LogEntry]:
+    """Choose the log with a known number instead of that with its time, and those before it.
+
+    ArduPilot lists an open log with the present time, so that its time changes when it is closed.
+    """
+    same = [one for one in entries if one.number == known.number and one.size >= known.size]
+    return same + [entry for entry in found if entry.number < known.number]
