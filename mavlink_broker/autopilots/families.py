@@ -184,7 +184,6 @@ _COPTER_GUIDED: Final = _mode(4)
 _COPTER_BRAKE: Final = _mode(17)
 _PX4_FOLLOW: Final = _mode(4, 8)
 _COPTER_FOLLOW: Final = _mode(23)
-
 _POSITION_COMMANDS: Final = frozenset(
     {
         mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH,
@@ -257,6 +256,7 @@ class Family:
     readiness_by_mode: bool = False  # "Ready to arm" refers to its current mode
     reports_only_passed_checks_since: int | None = None  # AUTOPILOT_VERSION.flight_sw_version
     reports_estimator: bool = False  # EKF_STATUS_REPORT says when it can navigate
+    reset_resumes: bool = False  # DO_SET_MISSION_CURRENT with a reset begins in any mode
     runs_missions_disarmed: bool = False  # In its mission mode, also before its propellers turn
     arming_retry_s: float = 0.0  # A refusal to arm may pass: in its modes it checks other things
     holding: CommandAlternatives = ((_PAUSE,),)  # Stay in the air, out of the mission
@@ -288,9 +288,8 @@ class Family:
     link_loss_parameter: str | None = None  # Above 0 it requires a ground station
     link_timeout_parameter: str | None = None  # For how long it may be without one, s
     status_texts_to_gcs_only: bool = False  # It sends STATUSTEXT to ground stations only
-    # Parameters that make a vehicle keep its geofence, and those to be read for that
     fence_parameters: parameter_settings.FenceLaw = parameter_settings.unknown_fence
-    fence_parameter_names: tuple[str, ...] = ()
+    fence_parameter_names: tuple[str, ...] = ()  # To be read for the geofence
     rally_altitude_step_m: float = 0.0  # Resolution of a rally point's altitude in storage
     parameter_encoding: ParameterEncoding = ParameterEncoding.C_CAST  # If it reports none
     mode_name: Callable[[int, int], str] = generic_name
@@ -421,6 +420,7 @@ ARDUPILOT: Final = Family(
     follow_overrides=parameter_settings.copter_follow,
     camera_is_autopilot=True,
     reports_estimator=True,
+    reset_resumes=True,
     runs_missions_disarmed=True,
     arming_retry_s=20.0,
     arming=((_COPTER_GUIDED, _ARM),),

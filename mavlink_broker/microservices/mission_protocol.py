@@ -88,12 +88,14 @@ REQUEST_INTERVAL_S: Final = 1.0
 """MISSION_CURRENT may not be sent more often, and each MISSION_SET_CURRENT writes to storage."""
 FEASIBILITY_CHECK_S: Final = 4.0
 """How long a vehicle may take to check a mission that it has accepted."""
-_RESET: Final = 1.0
-"""Second parameter of 224: also reset jump counters and a former completion."""
 
 
 class MissionSetCurrent:
-    """Sets one current item; `shown_as` are further item numbers that confirm it."""
+    """Sets one current item; `shown_as` are further item numbers that confirm it.
+
+    `resets`: also reset jump counters and a former completion. ArduPilot since 4.5 takes that for
+    an order to begin, in whatever mode it is, and ends a completion without it.
+    """
 
     def __init__(
         self,
@@ -102,6 +104,7 @@ class MissionSetCurrent:
         round_trip: RoundTrip,
         *,
         shown_as: Collection[int] = (),
+        resets: bool = True,
     ) -> None:
         self._seq = seq
         self._shown_as = frozenset({seq, *shown_as})
@@ -113,7 +116,7 @@ class MissionSetCurrent:
         self._command = CommandTransaction(
             CommandLong(
                 command=mavlink.MAV_CMD_DO_SET_MISSION_CURRENT,
-                parameters=(float(seq), _RESET, 0.0, 0.0, 0.0, 0.0, 0.0),
+                parameters=(float(seq), float(resets), 0.0, 0.0, 0.0, 0.0, 0.0),
             ),
             route,
             round_trip,

@@ -198,7 +198,9 @@ def selection(plan: FlightPlan, vehicle: Vehicle) -> MissionSetCurrent:
     """Make the first item the current one."""
     first = plan.first_item
     shown_as = range(first, plan.first_leg + 1)
-    return MissionSetCurrent(first, vehicle.route, vehicle.round_trip, shown_as=shown_as)
+    resets = not vehicle.family.reset_resumes
+    link = vehicle.route, vehicle.round_trip
+    return MissionSetCurrent(first, *link, shown_as=shown_as, resets=resets)
 
 
 def hold_on_ground(vehicle: Vehicle) -> Message:

@@ -72,12 +72,14 @@ COPTER_4_6: Final = Script(
     disarms_after_s=0.5,
     heartbeats_at_once=False,
     begins_anew_when_disarmed=True,
+    reset_resumes=True,
 )
 COPTER_4_1: Final = replace(
     COPTER_4_6,
     unknown_items=_NO_CAMERAS | {195, 197, 1000, 1001},
     results={**COPTER_4_6.results, **dict.fromkeys(_NO_CAMERAS, mavlink.MAV_RESULT_UNSUPPORTED)},
     sends_mission_state=False,
+    reset_resumes=False,
 )
 """Before missions knew gimbals, cameras and films, but for a shutter."""
 ROVER: Final = replace(

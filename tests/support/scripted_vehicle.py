@@ -115,6 +115,7 @@ class ScriptedVehicle:
         self.arm_orders = 0
         """How often it was ordered to arm, disarming left out."""
         self.parameters: list[tuple[int, tuple[float, ...]]] = []
+        self.begun_early: list[int] = []  # MAV_CMDs of items that began outside of the mission mode
         self.silent = False
         self.lost_answers: set[int] = set()  # Commands that are obeyed, their answers lost
         self.ignores_intervals = False
@@ -626,7 +627,7 @@ class ScriptedVehicle:
             case mavlink.MAV_CMD_RUN_PREARM_CHECKS if not self._ready and self.script.fault:
                 self.send_status_text(self.script.fault)
             case mavlink.MAV_CMD_DO_SET_MISSION_CURRENT:
-                self._set_current(int(message.param1))
+                self._select(int(message.param1), resets=message.param2 == 1.0)
             case mavlink.MAV_CMD_REQUEST_MESSAGE:
                 self._requested(int(message.param1))
             case mavlink.MAV_CMD_SET_MESSAGE_INTERVAL if not self.ignores_intervals:
@@ -704,6 +705,15 @@ class ScriptedVehicle:
             self.airborne = True
             self.mission_state = mavlink.MISSION_STATE_ACTIVE
             self._item_began_at = self._now
+
+    def _select(self, seq: int, *, resets: bool) -> None:
+        """Set the current item; a reset may begin all up to the first leg, in whatever mode."""
+        if resets and self.script.reset_resumes:
+            self.mission_state = mavlink.MISSION_STATE_ACTIVE
+            kinds = [] if self.in_mission else [item.command for item in self.items[seq:]]
+            legs = [n for n, kind in enumerate(kinds) if kind <= mavlink.MAV_CMD_NAV_LAST]
+            self.begun_early += kinds[: legs[0] + 1 if legs else None]
+        self._set_current(seq)
 
     def _come_down(self) -> None:
         """Land, as the modes that do so end."""

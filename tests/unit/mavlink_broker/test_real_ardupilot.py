@@ -195,6 +195,17 @@ class TestABrokerThatWasAway:
         assert vehicle.uploads == 1
 
 
+def test_no_item_begins_before_the_mission_is_started() -> None:
+    """GCS_Common.cpp: DO_SET_MISSION_CURRENT with a reset resumes the mission in any mode."""
+    world = World()
+    vehicle = world.add_vehicle(script=COPTER_4_6)
+    for number in (1, 2):
+        world.edge.plan(mission(takeoff(), waypoint(), go_home(), mission_id=number))
+        world.run_until_over(number)
+        assert world.edge.statuses(number) == FINISHED
+    assert vehicle.begun_early == []
+
+
 class TestARover:
     def test_has_finished_when_its_mission_is_complete(self) -> None:
         """It never lands, reports no landings, and stays armed where its mission ends."""
