@@ -34,6 +34,7 @@ PX4_1_17: Final = Script(
     disarms_after_s=2.0,
     return_changes_mode=True,
     accepts_modes_early=True,
+    heartbeats_at_once=False,
 )
 PX4_1_16: Final = replace(PX4_1_17, sends_mission_state=False, version=0x011001FF)
 """Without mission state in its messages."""

@@ -125,6 +125,7 @@ class TestAVehicleThatAcceptsAModeBeforeItRefusesIt:
         vehicle = world.add_vehicle(script=script)
         world.edge.plan(first_flight())
         world.run_until(lambda: vehicle.airborne)
+        world.run(3.0)
         event = world.edge.event(RETURN_HOME)
         world.run_until(lambda: not vehicle.armed, within_s=60.0)
         world.run(1.0)
