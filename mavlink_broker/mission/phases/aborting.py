@@ -2,7 +2,8 @@
 
 What the vehicle flies after an event has ended a mission: land, go to a place, return.
 
-    on the ground        disarm, and stay there; also while an order to arm may still arrive
+    on the ground        disarm, and stay there; also while an order to arm may still arrive, until
+                         it shows that it is in the air
     without a position   land here: neither a place nor home can be found
     else                 what the event orders
 
@@ -174,6 +175,7 @@ class AbortExecutor:
         self._obeyed_at: float | None = None  # It has left its mission
         self.taken: str | None = None  # Who has taken the vehicle meanwhile
         self._needs_position = False  # For what is ordered
+        self._disarms = False  # What is ordered is for the ground
         self._executor = LiveCommandExecutor(self._action(with_place=True), vehicle)
 
     @property
@@ -215,7 +217,7 @@ class AbortExecutor:
 
     def receive(self, message: Message, now: float) -> list[Message]:
         """Handle a message of the vehicle."""
-        if self._is_taken(now) or self._must_drop_place():
+        if self._is_taken(now) or self._must_drop_place() or self._has_left_ground:
             return []
         return self._executor.receive(message, now)
 
@@ -225,8 +227,10 @@ class AbortExecutor:
             return []
         self._may_be_lost |= self._is_link_away(now)
         self._expire_arming(now)
-        if self._must_drop_place():
-            self._executor = LiveCommandExecutor(self._action(with_place=False), self._vehicle)
+        must_drop = self._must_drop_place()
+        if must_drop or self._has_left_ground:
+            action = self._action(with_place=not must_drop)
+            self._executor = LiveCommandExecutor(action, self._vehicle)
             return self._executor.start(now)
         messages = self._executor.tick(now)
         has_failed = self._executor.phase is LivePhase.FAILED
@@ -267,12 +271,18 @@ class AbortExecutor:
         return (is_going and self._descends) or (self._needs_position and self._lacks_position)
 
     @property
+    def _has_left_ground(self) -> bool:
+        """Whether it was to be disarmed, and turns out to be in the air."""
+        return self._disarms and bool(self._vehicle.snapshot.armed) and not self._is_down
+
+    @property
     def _lacks_position(self) -> bool:
         return self._vehicle.snapshot.lacks_position
 
     def _action(self, *, with_place: bool) -> LiveAction:
         """Choose the action; a vehicle that has reached its place gets the last order only."""
         self._needs_position = False
+        self._disarms = self._is_down
         if self._is_down:
             return disarm_action(self._vehicle)
         if self._lands_instead or self._lacks_position:

@@ -141,6 +141,21 @@ class TestAVehicleThatAcceptsAModeBeforeItRefusesIt:
         assert "MAV_CMD_MISSION_START refused" in world.edge.reports(1201)[-1]["message"]
 
 
+class TestAVehicleThatTakesOffAsItsMissionEnds:
+    def test_is_sent_home_as_soon_as_it_shows(self) -> None:
+        """It refuses to be disarmed in the air, and its heartbeat tells of it up to 1 s later."""
+        world = World()
+        vehicle = world.add_vehicle(script=dataclasses.replace(PX4_1_17, item_time_s=30.0))
+        world.edge.plan(first_flight())
+        world.run_until(lambda: vehicle.airborne)
+        event = world.edge.event(RETURN_HOME)
+        world.run_until(lambda: vehicle.custom_mode == PX4_RETURN, within_s=4.0)
+        world.run_until(lambda: not vehicle.armed)
+        world.run(1.0)
+        assert vehicle.custom_mode == PX4_RETURN
+        assert [one["status"] for one in world.edge.acknowledgements(event)] == ["accepted", "done"]
+
+
 class TestAVehicleThatIsNotArmed:
     def test_is_not_left_in_its_mission_mode(self) -> None:
         """Arming it there, by remote control or ground station, would start its flight."""
