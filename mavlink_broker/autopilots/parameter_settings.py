@@ -118,6 +118,7 @@ class FenceParameters:
     own_limit_m: float | None = None  # The vehicle's limit, if it is narrower than the plan's
     lacks: str | None = None  # What the plan needs and the vehicle does not support
     note: str | None = None  # What only the broker checks
+    latched: tuple[str, str] | None = None  # A parameter that counts when the other one goes on
 
 
 Values: TypeAlias = Mapping[str, float]
@@ -174,7 +175,8 @@ def ardupilot_fence(values: Values, fence: Geofence, highest_m: float) -> FenceP
     """FENCE_TYPE says which fences are enabled, FENCE_ENABLE whether any is.
 
     A fence that an operator has enabled stays enabled; one that is configured but disabled stays
-    disabled.
+    disabled. ArduPilot since 4.6 enables what FENCE_TYPE says when FENCE_ENABLE is set from 0 to 1,
+    and takes no notice of a later change.
     """
     if not {"FENCE_ENABLE", "FENCE_TYPE"} <= values.keys():
         return FenceParameters(
@@ -204,4 +206,9 @@ def ardupilot_fence(values: Values, fence: Geofence, highest_m: float) -> FenceP
         vehicle_limit_m is not None and fence.max_altitude and vehicle_limit_m < fence.max_altitude
     )
     note = NO_HEIGHT_LIMIT if limit_m is not None and not has_altitude_limit else None
-    return FenceParameters(tuple(settings), vehicle_limit_m if is_narrower else None, note=note)
+    return FenceParameters(
+        tuple(settings),
+        vehicle_limit_m if is_narrower else None,
+        note=note,
+        latched=("FENCE_TYPE", "FENCE_ENABLE"),
+    )

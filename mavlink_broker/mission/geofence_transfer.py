@@ -14,7 +14,7 @@ StepRefusedError  the vehicle refuses a step, or does not answer
 
 import logging
 import math
-from collections.abc import Generator, Mapping
+from collections.abc import Callable, Generator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final, Protocol, TypeAlias
 
@@ -64,6 +64,8 @@ READ_ATTEMPTS: Final = 10
 WRITE_ROUNDS: Final = 3
 """Attempts to read or set a parameter: at 20 % loss each way one in 20,000 fails."""
 AGAIN_AFTER_S: Final = 30.0
+OFF_FOR_S: Final = 0.5
+"""A vehicle looks at its switch ten times a second."""
 _LOG = logging.getLogger(__name__)
 _ALONE: Final = {FENCE: "the broker alone has checked the mission", RALLY: "they were left out"}
 
@@ -134,13 +136,15 @@ class SequenceRun:
 
 
 @dataclass(slots=True)
-class _JournalWait:
-    """Waits until the recovery state of a vehicle is on the disk."""
+class _Wait:
+    """Waits until a condition holds; `is_over` is a function of the time since the start [s]."""
 
-    vehicle: Vehicle
+    is_over: Callable[[float], bool]
     outcome: Accepted | None = None
+    _since: float = 0.0
 
     def start(self, now: float) -> list[Message]:
+        self._since = now
         return self.tick(now)
 
     def receive(self, message: Message, now: float) -> list[Message]:
@@ -148,8 +152,7 @@ class _JournalWait:
         return self.tick(now)
 
     def tick(self, now: float) -> list[Message]:
-        del now
-        if self.vehicle.recovery.is_stored:
+        if self.is_over(now - self._since):
             self.outcome = Accepted()
         return []
 
@@ -162,7 +165,7 @@ class VehicleSteps:
 
     def journal_stored(self) -> Step:
         """Wait until the journal holds what the sequence is about to change."""
-        yield _JournalWait(self.vehicle)
+        yield _Wait(lambda _: self.vehicle.recovery.is_stored)
 
     def read_items(self, kind: int) -> Step:
         """Read a fence or rally points."""
@@ -404,6 +407,10 @@ class GeofenceTransfer:
             kept=frozenset(setting.name for setting in parameters.settings)
         )
         others = [s for s in parameters.settings if not is_same(held[s.name], s.value)]
+        latched, switch = parameters.latched or (None, None)
+        must_switch = held.get(switch or "") and latched in {setting.name for setting in others}
+        if switch is not None and must_switch:
+            others = [Setting(switch, 0.0), *others, Setting(switch, 1.0)]
         overrides = self.vehicle.overrides.values
         for name, value in others:
             overrides[name] = (
@@ -413,6 +420,8 @@ class GeofenceTransfer:
             yield from self._steps.journal_stored()
         for setting in others:
             yield from self._steps.set_parameter(setting)
+            if setting == (switch, 0.0):
+                yield _Wait(lambda waited_s: waited_s >= OFF_FOR_S)
 
     def _restore_parameters(self, kept: frozenset[str]) -> TransferSequence:
         """Restore the values that no geofence needs any more, the last one first."""

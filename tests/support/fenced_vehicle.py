@@ -48,12 +48,33 @@ class FencedVehicle(ScriptedVehicle):
         self.set: list[tuple[str, float]] = []  # Parameters written, in order
         self.refused_values: set[str] = set()
         self.plans = {kind: self._store(kind, script) for kind in (FENCE, RALLY)}
+        self._was_enabled = bool(self.values.get("FENCE_ENABLE", 0))
+        self._enforced = int(self.values.get("FENCE_TYPE", 0)) if self._was_enabled else 0
+        self._looks_at = 0.0
         self.log: list[str] = []  # What was stored or removed, and armed, in order
 
     @property
     def fence(self) -> list[tuple[int, float, float]]:
         """The stored fence: command, latitude and longitude of each item."""
         return [(item.command, item.x / 1e7, item.y / 1e7) for item in self.plans[FENCE].items]
+
+    @property
+    def enforced_types(self) -> int:
+        """Which fences ArduPilot since 4.6 keeps, as bits of FENCE_TYPE (`AC_Fence.cpp`).
+
+        Those that were configured when FENCE_ENABLE changed last, and still are.
+        """
+        return self._enforced & int(self.values["FENCE_TYPE"])
+
+    def _look_at_switch(self, now: float) -> None:
+        """Notice a change of FENCE_ENABLE, ten times a second."""
+        if now < self._looks_at or "FENCE_ENABLE" not in self.values:
+            return
+        self._looks_at = now + 0.1
+        is_enabled = bool(self.values["FENCE_ENABLE"])
+        if is_enabled != self._was_enabled:
+            self._was_enabled = is_enabled
+            self._enforced = int(self.values["FENCE_TYPE"]) if is_enabled else 0
 
     def receive(self, datagram: bytes, now: float) -> None:
         """Process a datagram of the broker."""
@@ -76,6 +97,7 @@ class FencedVehicle(ScriptedVehicle):
         """Advance to a time; returns the frames to send."""
         for store in self.plans.values():
             store.tick(now)
+        self._look_at_switch(now)
         was_armed = self.armed
         frames = super().step(now)
         if self.armed and not was_armed:

@@ -411,6 +411,20 @@ class TestHeights:
         }
         assert vehicle.set[-1][0] == "FENCE_ENABLE"
 
+    @pytest.mark.parametrize("enabled", [0, 1])
+    def test_ardupilot_enforces_what_is_added_to_an_enabled_fence(self, enabled: int) -> None:
+        """Since 4.6 a fence type counts when FENCE_ENABLE is set, which it may be already."""
+        world = World()
+        values = ARDUPILOT_VALUES | {"FENCE_ENABLE": enabled, "FENCE_TYPE": 2}
+        vehicle = fenced_vehicle(world, ARDUPILOT, values=values)
+        world.edge.plan(first_flight(), geofence=fence(max_altitude=40.0))
+        world.run_until(lambda: world.edge.status(1201) == Status.RUNNING)
+        assert vehicle.enforced_types == (7 if enabled else 5)
+        world.run_until_over(1201)
+        world.run(20.0)
+        assert vehicle.values == values
+        assert vehicle.enforced_types == (2 if enabled else 0)
+
     def test_a_vehicles_own_lower_limit_stays_and_holds(self) -> None:
         world = World()
         vehicle = fenced_vehicle(world, values=PX4_VALUES | {"GF_MAX_VER_DIST": 20.0})
