@@ -9,6 +9,8 @@ from tests.support.system import running, short_plan
 
 HOLD_S = 600.0
 """Time at the waypoint: the vehicle is still there when the operator stops it."""
+SPEED = 2.0
+"""Most of the time goes by in dialogs, in which the vehicle stands or hovers."""
 
 
 def long_plan() -> dict[str, object]:
@@ -21,7 +23,10 @@ def long_plan() -> dict[str, object]:
 
 @pytest.mark.timeout(TEST_TIMEOUT_S)
 def test_a_plan_is_flown_and_stopped(tmp_path: Path) -> None:
-    with console_journey(tmp_path) as take, running(tmp_path / "farm", with_video=True) as farm:
+    with (
+        console_journey(tmp_path) as take,
+        running(tmp_path / "farm", speed=SPEED, with_video=True) as farm,
+    ):
         take(
             "fly_and_stop",
             plan=long_plan(),

@@ -8,6 +8,8 @@ const AXE = readFileSync(createRequire(import.meta.url).resolve("axe-core/axe.mi
 const TAGS = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa"];
 const PATIENCE_MS = 120_000;
 const SIZES = { desktop: [1280, 800], tablet: [820, 1180], phone: [390, 844] };
+/** A journey that judges no pixels: the layout is the same, the map has a quarter of them to draw. */
+export const COARSE = { deviceScaleFactor: process.env.PICTURES ? 1 : 0.5 };
 /** The map is drawn without a graphics card, the rest of a page without it too, at half the cost;
  * nothing but the edge server is asked. */
 const ARGUMENTS = [

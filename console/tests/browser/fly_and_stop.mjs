@@ -4,7 +4,7 @@
  *
  * FARMER_LINK and OPERATOR_LINK sign each in, PLAN is the file, OUT takes what a failure leaves.
  */
-import { hold, journey, picture, requireAccessible, startBrowser, waitUntilAbove } from "./chromium.mjs";
+import { COARSE, hold, journey, picture, requireAccessible, startBrowser, waitUntilAbove } from "./chromium.mjs";
 
 const { FARMER_LINK, OPERATOR_LINK, PLAN } = process.env;
 const NAME = "Stopped on its way";
@@ -100,11 +100,11 @@ async function lookBack(page) {
 
 const browser = await startBrowser();
 try {
-  await journey(browser, "farmer", uploadAsFarmer);
+  await journey(browser, "farmer", uploadAsFarmer, COARSE);
   await journey(browser, "operator", async (page) => {
     await flyAndStop(page);
     await lookBack(page);
-  });
+  }, COARSE);
 } finally {
   await browser.close();
 }
