@@ -31,6 +31,8 @@ os.environ.pop("DATABASE_URL", None)
 _HERE = Path(__file__).parent
 _THOROUGH_FOLDERS = tuple(f"{_HERE / name}/" for name in ("scenario", "conformance"))
 """Of their tests `make test` runs those that are marked as promises."""
+_NOT_THOROUGH = "not thorough"
+"""The expression with which `make test` chooses."""
 _WHOLE_FARMS = f"{_HERE / 'unit' / 'dst'}/"
 
 
@@ -42,7 +44,7 @@ def pytest_configure(config: pytest.Config) -> None:
     `make test` draws half as many as hypothesis does by itself, `make test-thorough` twice as many.
     """
     expression = config.getoption("markexpr")
-    examples = {"not thorough": 50, "thorough or hypothesis": 200}.get(expression, 100)
+    examples = {_NOT_THOROUGH: 50, "thorough or hypothesis": 200}.get(expression, 100)
     is_ci = bool(os.environ.get("CI"))
     settings.register_profile("ours", deadline=None, derandomize=is_ci, max_examples=examples)
     settings.load_profile("ours")
@@ -58,7 +60,7 @@ def pytest_collection(session: pytest.Session) -> None:
     worker = os.environ.get("PYTEST_XDIST_WORKER")
     if worker is None or session.config.args != session.config.getini("testpaths"):
         return
-    modules = sorted(_HERE.rglob("test_*.py"))
+    modules = [m for m in sorted(_HERE.rglob("test_*.py")) if not _is_left_out(m, session.config)]
     begin = len(modules) * int(worker.removeprefix("gw")) // _workers()
     for module in modules[begin:] + modules[:begin]:
         parts = module.relative_to(_HERE.parent).with_suffix("").parts
@@ -68,6 +70,19 @@ def pytest_collection(session: pytest.Session) -> None:
 
 def _workers() -> int:
     return int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Import for `make test` none of the scenarios and conformance sequences that it leaves out."""
+    return True if _is_left_out(collection_path, config) else None
+
+
+def _is_left_out(path: Path, config: pytest.Config) -> bool:
+    is_module = path.name.startswith("test_") and path.suffix == ".py"
+    if not is_module or not str(path).startswith(_THOROUGH_FOLDERS):
+        return False
+    chosen = config.getoption("markexpr") == _NOT_THOROUGH
+    return chosen and "pytest.mark.promise" not in path.read_text(encoding="utf-8")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
