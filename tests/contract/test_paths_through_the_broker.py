@@ -49,7 +49,7 @@ def traced(world: World) -> tuple[set[str], dict[str, int]]:
 
 
 def after(change: Callable[[World], object]) -> tuple[set[str], dict[str, int]]:
-    world = flying_world()
+    world = flying_world(tick_s=0.1)
     world.run(1.0)
     change(world)
     return traced(world)

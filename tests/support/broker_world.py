@@ -28,7 +28,7 @@ GENERIC = Script(autopilot=mavlink.MAV_AUTOPILOT_GENERIC)
 FAMILIES = pytest.mark.parametrize("script", [PX4, ARDUPILOT, GENERIC])
 FINISHED = [Status.FINISHED] * 3
 EPOCH = datetime(2026, 11, 21, 8, 0, tzinfo=UTC)
-TICK_S = 0.1
+TICK_S = 0.2
 """Period of the broker's steps, unless a test needs a finer one."""
 HOME_PLACE = {"latitude": HOME[0], "longitude": HOME[1]}
 

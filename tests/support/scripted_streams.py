@@ -1,4 +1,4 @@
-"""Which of a scripted vehicle's messages are due: all at 5 Hz, or only what was asked for."""
+"""Which of a scripted vehicle's messages are due: at its own rates, or only what was asked for."""
 
 import math
 from typing import Final
@@ -6,6 +6,15 @@ from typing import Final
 from tests.support.vehicle_wire import Message, mavlink
 
 TELEMETRY_S: Final = 0.2
+_UNASKED_S: Final = {
+    "position": TELEMETRY_S,
+    "attitude": 1.0,
+    "landed": 0.4,
+    "health": 0.4,
+    "battery": 1.0,
+    "estimate": 1.0,
+}
+"""Periods [s] of a vehicle that streams without being asked: PX4's on a radio link, about."""
 IDS: Final = {
     mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: "position",
     mavlink.MAVLINK_MSG_ID_ATTITUDE: "attitude",
@@ -33,9 +42,9 @@ class ScriptedStreams:
 
     def restart(self, now: float) -> None:
         """Forget what was asked for."""
-        periods = dict.fromkeys(IDS.values(), TELEMETRY_S if self._unasked else math.inf)
+        periods = dict.fromkeys(IDS.values(), math.inf)
         if self._unasked:
-            periods["mission"] = self._mission_every_s
+            periods |= _UNASKED_S | {"mission": self._mission_every_s}
         self._periods = periods
         self._due_at = dict.fromkeys(periods, now)
 

@@ -183,7 +183,7 @@ class TestUnexpectedErrors:
     def test_that_never_end_are_counted_but_not_logged_without_end(
         self, caplog: pytest.LogCaptureFixture
     ) -> None:
-        world = World()
+        world = World(tick_s=0.1)
         world.add_vehicle(1)
         world.run(1.0)
         patch = breaking(Session, "step", is_first)

@@ -120,7 +120,7 @@ def live(script: Script) -> World:
     vehicle = world.add_vehicle(script=slow(script))
     world.edge.plan(mission(takeoff(1), follow(2), go_home(3)))
     world.run_until(lambda: vehicle.airborne and state(world) is State.FLYING_LIVE)
-    world.run(1.0)
+    world.run(2.0)
     return world
 
 
@@ -530,8 +530,7 @@ class TestOnTheGround:
         vehicle.airborne = True
         vehicle.stop_stream("landed")
         world.edge.event(ABORT, abort=POINT)
-        world.run(3.0)
-        assert vehicle.custom_mode == PX4_LAND
+        world.run_until(lambda: vehicle.custom_mode == PX4_LAND, within_s=5.0)
         assert mavlink.MAV_CMD_DO_REPOSITION not in vehicle.commands
 
 
