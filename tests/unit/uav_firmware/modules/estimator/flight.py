@@ -8,6 +8,7 @@ a spherical small-area formula with the ellipsoid's two radii.
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -31,6 +32,8 @@ Array: TypeAlias = NDArray[np.float64]
 STEP_US = 4000
 DT = STEP_US * 1e-6
 GRAVITY = 9.8
+LONGEST_S = 120.0
+"""More than any test flies."""
 HOME = (40.4434, -3.7382, 650.0)
 FIELD_NED = 0.45 * np.array([0.571, 0.0, 0.821])  # [gauss] Dips 55 degrees
 
@@ -86,13 +89,19 @@ def path(t: float, start: float, heading: float) -> tuple[Array, float]:
     return position, heading + ease * 1.2 * math.sin(0.2 * s)
 
 
+def cross(a: Array, b: Array) -> Array:
+    """Cross product of two vectors: numpy's is made for arrays of them, and slow for one."""
+    (ax, ay, az), (bx, by, bz) = a.tolist(), b.tolist()
+    return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
+
+
 def attitude(acceleration: Array, yaw: float) -> Array:
     """Body to NED with thrust along the needed specific force."""
     down = -(acceleration - np.array([0.0, 0.0, GRAVITY]))
     down /= np.linalg.norm(down)
-    right = np.cross(down, np.array([math.cos(yaw), math.sin(yaw), 0.0]))
+    right = cross(down, np.array([math.cos(yaw), math.sin(yaw), 0.0]))
     right /= np.linalg.norm(right)
-    return np.column_stack([np.cross(right, down), right, down])
+    return np.column_stack([cross(right, down), right, down])
 
 
 def logarithm(rotation: Array) -> Array:
@@ -224,6 +233,27 @@ class Flight:
         if self._underway and self._underway[0].time_us + e.gps_delay_us <= truth.time_us:
             return self._underway.pop(0)
         return None
+
+
+class Recording:
+    """Readings of one flight, made once and only as far as a test has flown."""
+
+    def __init__(self, flight: Flight) -> None:
+        self._readings: list[Readings] = []
+        self._source = flight.steps(LONGEST_S)
+
+    def steps(self, duration_s: float) -> Iterator[Readings]:
+        """Readings from power-up on, as `Flight.steps` gives them."""
+        for index in range(round(duration_s / DT)):
+            if index == len(self._readings):
+                self._readings.append(next(self._source))
+            yield self._readings[index]
+
+
+@cache
+def recorded(seed: int = 1, *, start_s: float = 12.0, drag_per_s: float = 0.0) -> Recording:
+    """A flight that many tests fly, each with other faults."""
+    return Recording(Flight(seed, start_s=start_s, drag_per_s=drag_per_s))
 
 
 class Rig:

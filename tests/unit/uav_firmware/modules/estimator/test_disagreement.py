@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from tests.unit.uav_firmware.modules.estimator.flight import Flight, Readings, Rig
+from tests.unit.uav_firmware.modules.estimator.flight import LONGEST_S, Readings, Rig, recorded
 from uav_firmware.modules.estimator.health import StatusFlag
 from uav_firmware.msg.estimate import AidSource
 from uav_firmware.msg.sensors import SensorGps
@@ -22,7 +22,7 @@ class Trial:
 
     def __init__(self, seed: int = 1, *, start_s: float = 12.0, **parameters: float) -> None:
         self.rig = Rig(**parameters)
-        self._steps = Flight(seed, start_s=start_s).steps(120.0)
+        self._steps = recorded(seed, start_s=start_s).steps(LONGEST_S)
         self.change: Change = lambda readings: readings
         self.worst_down_m = 0.0
         self.worst_horizontal_m = 0.0

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.unit.uav_firmware.modules.estimator.flight import Flight, Readings, Rig
+from tests.unit.uav_firmware.modules.estimator.flight import Readings, Rig, recorded
 from uav_firmware.modules.estimator.health import StatusFlag, Validity, status_flags
 from uav_firmware.msg.sensors import SensorBaro, SensorGps, SensorImu, SensorMag
 
@@ -28,7 +28,7 @@ def fly(
 ) -> Readings:
     """Fly with the readings changed for a while; the last readings, with their truth."""
     last = None
-    for readings in Flight(seed, start_s=start_s, drag_per_s=drag_per_s).steps(duration_s):
+    for readings in recorded(seed, start_s=start_s, drag_per_s=drag_per_s).steps(duration_s):
         now_s = readings.truth.time_us * 1e-6
         hit = change is not None and between_s[0] <= now_s < between_s[1]
         rig.feed(change(readings) if hit and change is not None else readings)
@@ -404,7 +404,7 @@ def test_no_message_in_any_order_breaks_a_fresh_estimator(
 @pytest.mark.thorough
 def test_parameters_change_in_flight() -> None:
     rig = Rig()
-    for readings in Flight(1).steps(16.0):
+    for readings in recorded(1).steps(16.0):
         rig.feed(readings)
     rig.registry.set("EKF2_GPS_P_GATE", 1.0)
     rig.registry.set("EKF2_NOAID_TOUT", 500_000)
