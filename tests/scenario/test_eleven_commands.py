@@ -8,12 +8,15 @@ import pytest
 
 from afarcloud.enumerations import Status
 from mavlink_broker.mavlink.dialect import mavlink
+from mavlink_broker.planning import target_commands
 from tests.soak.broker_death import PATIENCE_S, eleven_commands, judge_reports
 from tests.support.flying_world import FlyingWorld
 
 pytestmark = pytest.mark.scenario
 
 HOLD_AND_RADIUS_M = 2.0
+FOLLOWED_S = 15.0
+"""How long a target is followed and tracked here: the time of a real mission shows no more."""
 
 
 def judge_measurements(world: FlyingWorld, measured: dict[str, Any]) -> None:
@@ -29,7 +32,11 @@ def judge_measurements(world: FlyingWorld, measured: dict[str, Any]) -> None:
 
 
 @pytest.mark.promise
-def test_all_eleven_commands_are_flown_and_reported(tmp_path: Path) -> None:
+def test_all_eleven_commands_are_flown_and_reported(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(target_commands, "FOLLOWED_FOR_S", FOLLOWED_S)
+    monkeypatch.setattr(target_commands, "TRACKED_FOR_S", FOLLOWED_S)
     flown = eleven_commands()
     assert sorted(c["command_type_id"] for c in flown["command_array"]) == list(range(1, 12))
     world = FlyingWorld(tmp_path)

@@ -18,6 +18,8 @@ FINISHED, FAILED, ABORTED = 3, 4, 5
 SOFT_ABORT = 2
 GPS, IS_OFF = 4.0, 1.0
 EQUIPMENT_GPS = 5
+SPEED = 4.0
+"""The vehicle is simulated while programs start, too: faster, that would cost most."""
 
 
 def photographing_plan() -> dict[str, Any]:
@@ -92,7 +94,7 @@ def die_and_come_back(system: FarmSystem, order: tuple[str, str]) -> None:
 @pytest.mark.promise
 def test_unsent_broker_reports_survive_both(tmp_path: Path) -> None:
     """A mission, its results, its picture and an alarm of the time when nobody listened."""
-    with running(tmp_path / "var", speed=10.0) as system:
+    with running(tmp_path / "var", speed=SPEED) as system:
         identifier = flying(system, photographing_plan())
         system.kill("edge")
         wait_for(lambda: has_landed(system), "the landing")
@@ -113,7 +115,7 @@ def test_unsent_broker_reports_survive_both(tmp_path: Path) -> None:
 
 
 def test_the_answer_to_an_event_survives_both(tmp_path: Path) -> None:
-    with running(tmp_path / "var", speed=10.0) as system:
+    with running(tmp_path / "var", speed=SPEED) as system:
         identifier = flying(system, short_plan())
         order = {"sequence_number": 1, "vehicle_id": 1, "event_type_id": SOFT_ABORT}
         event = system.post("/events/", order).json()["id"]
