@@ -12,8 +12,8 @@ from dst.edge_process import prepared_folder
 from dst.simulate import Outcome, simulate
 
 FLYING = 2
-FIXED = (1, *range(3, 13))
-MORE = range(13, 201)
+FIXED = (1, 3, 5, 7, 9, 12)
+MORE = (4, 6, 8, 10, 11, *range(13, 201))
 DAYS = range(1, 4)
 DEEP = range(1, 4)
 FRESH = 17
