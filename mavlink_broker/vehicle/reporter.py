@@ -271,7 +271,9 @@ def activity(vehicle: Vehicle) -> str | None:
         return "paused"
     if not vehicle.family.knows_modes:
         return None
-    return "failsafe" if vehicle.snapshot.in_failsafe else _ACTIVITIES[vehicle.mode_role]
+    flies_on = vehicle.mode_role is ModeRole.MISSION  # ArduPilot, with a low battery by default
+    is_failsafe = vehicle.snapshot.in_failsafe and not flies_on
+    return "failsafe" if is_failsafe else _ACTIVITIES[vehicle.mode_role]
 
 
 def stale(vehicle: Vehicle, now: float) -> list[str]:

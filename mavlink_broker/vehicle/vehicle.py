@@ -370,10 +370,14 @@ class Vehicle:
 
     @property
     def is_held_by_failsafe(self) -> bool:
-        """Whether it hovers because of its own failsafe, and was not paused."""
+        """Whether it hovers because of its own failsafe, and was not paused by an event.
+
+        ArduPilot shows a failsafe also while that does nothing, as with a low battery by default.
+        """
         snapshot = self.snapshot
         holds = self.mode_role in {ModeRole.HOLD, ModeRole.PAUSED}
-        return bool(snapshot.armed) and snapshot.in_failsafe and holds
+        is_paused = self.recovery.paused is not None
+        return bool(snapshot.armed) and snapshot.in_failsafe and holds and not is_paused
 
     @property
     def stays_on_ground(self) -> bool:

@@ -93,6 +93,20 @@ class TestItems:
         assert world.edge.statuses(1201) == [Status.FINISHED] * 3
 
     @KNOWN
+    def test_a_failsafe_that_does_nothing_does_not_end_a_pause(self, family: str) -> None:
+        """ArduPilot shows one from a low battery on, whatever its action (`Copter.h`)."""
+        world = paused(SCRIPTS[family])
+        vehicle = world.only_vehicle
+        vehicle.fail_safe(vehicle.custom_mode)
+        world.run(60.0)
+        assert world.edge.status(1201) == Status.RUNNING
+        resume = world.edge.event(RESUME)
+        world.run(3.0)
+        assert answer_statuses(world, resume) == ["accepted", "done"]
+        world.run_until_over(1201)
+        assert world.edge.statuses(1201) == [Status.FINISHED] * 3
+
+    @KNOWN
     def test_a_pause_that_arrives_behind_its_resume_can_be_resumed(self, family: str) -> None:
         world = World()
         vehicle = world.add_vehicle(script=slow(SCRIPTS[family]))

@@ -19,7 +19,13 @@ from tests.support.broker_world import (
     waypoint,
 )
 from tests.support.real_autopilots import COPTER_4_1, COPTER_4_6, PX4_1_17, ROVER
-from tests.support.scripted_vehicle import HOME, Script, ScriptedVehicle
+from tests.support.scripted_vehicle import (
+    COPTER_AUTO,
+    COPTER_RETURN,
+    HOME,
+    Script,
+    ScriptedVehicle,
+)
 from tests.unit.mavlink_broker.test_real_autopilots import example, flown
 
 SPEED = mavlink.MAV_CMD_DO_CHANGE_SPEED
@@ -204,6 +210,21 @@ def test_no_item_begins_before_the_mission_is_started() -> None:
         world.run_until_over(number)
         assert world.edge.statuses(number) == FINISHED
     assert vehicle.begun_early == []
+
+
+def test_a_failsafe_that_does_nothing_is_not_reported_as_one() -> None:
+    """GCS_Mavlink.cpp: the state is CRITICAL from a low battery on, whatever its action is."""
+    world = World()
+    vehicle = world.add_vehicle(script=dataclasses.replace(COPTER_4_6, item_time_s=60.0))
+    world.edge.plan(mission(takeoff(), waypoint(), go_home()))
+    world.run_until(lambda: vehicle.airborne)
+    vehicle.fail_safe(COPTER_AUTO)
+    world.run(20.0)
+    assert world.edge.bodies("/vehicles/1")[-1]["activity"] == "mission"
+    assert world.edge.status(1201) == Status.RUNNING
+    vehicle.fail_safe(COPTER_RETURN)
+    world.run(5.0)
+    assert world.edge.bodies("/vehicles/1")[-1]["activity"] == "failsafe"
 
 
 class TestARover:
