@@ -242,7 +242,7 @@ class Session:
             if self._streams.is_version_settled:
                 vehicle.identify()
             effects.messages += self._battery_capacity.tick(now)
-            vehicle.update_hover()
+            vehicle.update_hover(is_ordered=self.state is not State.IDLE)
             self.missions.tick_events(now, effects)
             effects.messages += self._override_parameters(now)
             failures = self._alarms.tick(now, is_connected=vehicle.is_connected(now))

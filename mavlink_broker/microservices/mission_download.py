@@ -161,9 +161,10 @@ class Verified:
 
 @dataclass(frozen=True, slots=True)
 class Different:
-    """The vehicle holds another plan."""
+    """The vehicle holds another plan, of so many items; None: it could not be read."""
 
     reason: str
+    count: int | None = None
 
 
 class ReadBackFailed(Different):
@@ -237,7 +238,7 @@ class MissionVerify:
         match self._download.outcome if self._download else None:
             case Downloaded(items):
                 difference = self._difference(items)
-                self.outcome = Different(difference) if difference else Verified()
+                self.outcome = Different(difference, len(items)) if difference else Verified()
             case NotDownloaded(reason):
                 self.outcome = ReadBackFailed(reason)
             case _:

@@ -131,13 +131,18 @@ class MissionExecutor:
 
     @property
     def leaves_hovering(self) -> bool:
-        """Whether the vehicle hovers afterwards: at the end, or still where it did before."""
+        """Whether the vehicle hovers afterwards: at the end, or still where it did before.
+
+        Also where a mission has failed, unless another system has the vehicle.
+        """
         context, segments = self._context, self._context.segments
         after_abort = self._aborting.leaves_hovering
         if after_abort is not None:
             return after_abort
         if self.ledger.status == Status.FINISHED and segments.has_moved:
             return not segments.ends_on_ground
+        if self.has_failed_in_flight:
+            return self._failing.leaves_hovering
         return context.is_hovering and not context.is_start_ordered
 
     @property

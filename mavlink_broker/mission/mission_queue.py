@@ -194,7 +194,9 @@ class MissionQueue:
         if mission is None or mission.state is not State.IDLE:
             return
         mission.answer_events(MISSION_ENDED, effects)
-        self.vehicle.set_hovering(hovers=mission.leaves_hovering)
+        self.vehicle.set_hovering(
+            hovers=mission.leaves_hovering, in_this_mode=mission.has_failed_in_flight
+        )
         self.vehicle.recovery.clear_return()
         self.vehicle.recovery.clear_commands()
         if mission.has_failed_in_flight:

@@ -204,7 +204,8 @@ class PendingEvents:
         vehicle = self._vehicle
         seen = vehicle.observed_mode
         vehicle.recovery.clear_abort()
-        who = control_authority.authority_of(seen, _DESCENDING)
+        hover_mode = vehicle.recovery.hover.own_mode(seen)
+        who = control_authority.authority_of(seen, _DESCENDING._replace(mode=hover_mode))
         comes_down = vehicle.family.knows_modes and seen.role is ModeRole.ENDING and not is_newer
         if not work.was_accepted:
             effects.for_edge.append(Acknowledgement(work.work_id, "accepted"))
@@ -219,7 +220,7 @@ class PendingEvents:
         else:
             if is_newer:
                 vehicle.forget_foreign_order()
-            executor = AbortExecutor(work.event, vehicle)
+            executor = AbortExecutor(work.event, vehicle, was_ours=hover_mode is not None)
             vehicle.recovery.note_abort(abort_note(work.event, work.work_id, vehicle))
             self._running = work, executor
             effects.messages += executor.start(now)

@@ -55,6 +55,7 @@ BACK_FOR_S: Final = 1.5
 READS: Final = 3
 """How often the mission is read back; a vehicle that does not answer is taken to fly on."""
 NO_TOTALS: Final = frozenset({0, 0xFFFF})
+CLEARED: Final = "cleared the mission from the vehicle"
 _TRANSFER: Final = frozenset({"MISSION_REQUEST", "MISSION_REQUEST_INT", "MISSION_ACK"})
 NEAR_M: Final = 50.0
 NEAR_S: Final = 3.0
@@ -80,6 +81,7 @@ class MissionChangeMonitor:
         self._reads = 0
         self._reading: MissionVerify | None = None
         self.loss_reason: str | None = None
+        self.holds_another = False  # It holds the mission of another system, rather than none
         self.note: str | None = None  # What somebody has changed of a mission that still flies
 
     def receive(self, message: Message, now: float) -> list[Message]:
@@ -116,7 +118,7 @@ class MissionChangeMonitor:
         self._suspected_at = now
 
     def _see_current(self, message: Message, now: float) -> None:
-        if message.total not in NO_TOTALS:
+        if self._total is not None or message.total not in NO_TOTALS:  # Else it sends none
             if self._total not in {None, message.total}:
                 self._suspected_at = now
             self._total = message.total
@@ -141,13 +143,18 @@ class MissionChangeMonitor:
                 if self._back_since is not None:
                     self.note = f"somebody else set the vehicle back to item {self._back_at}"
                     self._highest = self._back_at
-            case Different(reason) if reason.startswith("mission could not be read"):
+            case Different(count=None):
                 self._reading = None
                 self._suspected_at = now if self._reads < READS else None
-            case Different(reason):
+            case Different(reason, int(count)):
                 self._reading = None
                 who = "somebody else" if self._uploader is None else f"system {self._uploader}"
-                self.loss_reason = f"{who} put another mission onto the vehicle: {reason}"
+                self.holds_another = count > self._plan.first_item
+                self.loss_reason = (
+                    f"{who} put another mission onto the vehicle: {reason}"
+                    if self.holds_another
+                    else f"{who} {CLEARED}"
+                )
         return []
 
 
@@ -445,7 +452,17 @@ class ProgressMonitor:
         who = control_authority.authority_of(seen, survives)
         if who is not Authority.BROKER:
             return control_authority.reason(who, seen)
-        held_id = snapshot.mission.mission_id if snapshot.mission else None
-        if self._mission_id is not None and held_id != self._mission_id:
-            return "another mission was put onto the vehicle"
+        if self._held_id != self._mission_id and self._mission_id is not None:
+            replaced = "another mission was put onto the vehicle"
+            return replaced if self.holds_another else f"somebody else {CLEARED}"
         return self._given_up if role is ModeRole.MISSION else None
+
+    @property
+    def holds_another(self) -> bool:
+        """Whether the vehicle holds the mission of another system, by its id."""
+        return self._mission_id is not None and self._held_id not in {self._mission_id, 0}
+
+    @property
+    def _held_id(self) -> int | None:
+        mission = self._vehicle.snapshot.mission
+        return None if mission is None else mission.mission_id

@@ -126,6 +126,7 @@ class _Document(_Row):
     values: dict[_Name, _Value] = {}
     borrowed: dict[_Name, _Value] = {}
     hover: _Pose | None = None
+    hover_mode: _Text | None = None
     homeward: _Return | None = None
     abort: _Abort | None = None
     live: _Live | None = None
@@ -148,6 +149,7 @@ def encode(identity: VehicleIdentity, record: RecoveryRecord) -> bytes:
             values={name: _value(value) for name, value in record.values.items()},
             borrowed={name: _value(value) for name, value in record.borrowed.items()},
             hover=_if_any(_pose, record.hover),
+            hover_mode=record.hover_mode,
             homeward=_if_any(_return, record.pending_return),
             abort=_if_any(_abort, record.abort),
             live=_if_any(_live, record.live),
@@ -197,6 +199,7 @@ def _record(document: _Document) -> RecoveryRecord:
             for name, row in document.borrowed.items()
         },
         hover=_if_any(_read_pose, document.hover),
+        hover_mode=document.hover_mode,
         pending_return=_if_any(_read_return, document.homeward),
         abort=_if_any(_read_abort, document.abort),
         live=_if_any(_read_live, document.live),

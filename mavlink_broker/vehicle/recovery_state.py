@@ -24,6 +24,7 @@ from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
 from afarcloud.geodesy import distance_m
+from mavlink_broker.autopilots.families import ModeRole
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.microservices.config_overrides import (
     OverriddenParameter,
@@ -38,7 +39,7 @@ from mavlink_broker.vehicle.control_authority import (
     ObservedMode,
     authority_of,
 )
-from mavlink_broker.vehicle.telemetry import Position, Snapshot
+from mavlink_broker.vehicle.telemetry import MissionNow, Position, Snapshot
 
 WRITE_TIMEOUT_S: Final = 2.0
 _LOG = logging.getLogger(__name__)
@@ -103,6 +104,7 @@ class RecoveryRecord:
     values: Mapping[str, OverriddenParameter] = field(default_factory=dict)  # Guarding a fence
     borrowed: Mapping[str, OverriddenParameter] = field(default_factory=dict)  # For a command
     hover: Pose | None = None  # Where it waits for its next mission
+    hover_mode: str | None = None  # In which it waits there
     pending_return: PendingReturn | None = None
     abort: PendingAbort | None = None
     live: LiveCommandProgress | None = None
@@ -128,6 +130,7 @@ def merge_records(earlier: RecoveryRecord, later: RecoveryRecord) -> RecoveryRec
         values=_merged_values(earlier.values, later.values),
         borrowed=_merged_values(earlier.borrowed, later.borrowed),
         hover=later.hover or earlier.hover,
+        hover_mode=later.hover_mode if later.hover else earlier.hover_mode,
         pending_return=later.pending_return or earlier.pending_return,
         abort=later.abort or earlier.abort,
         live=later.live or earlier.live,
@@ -240,6 +243,8 @@ class Hover:
     def __init__(self) -> None:
         self._is_held = False
         self._place: Pose | None = None
+        self._mode: str | None = None
+        self._mission: MissionNow | None = None  # When it began, or was found
 
     @property
     def is_held(self) -> bool:
@@ -252,38 +257,91 @@ class Hover:
         return self._place
 
     @property
+    def mode(self) -> str | None:
+        """The mode in which it waits for the broker; of an earlier run, in which it was left."""
+        return self._mode
+
+    def own_mode(self, seen: ObservedMode) -> str | None:
+        """Give the present mode if it waits in it, and no order to wait leads to it; else None."""
+        is_own = seen.mode == self._mode and seen.role not in AIRBORNE_MODES
+        return seen.mode if is_own else None
+
+    @property
     def is_sought(self) -> bool:
         """Whether an earlier run has noted a place, and the vehicle may still be found there."""
         return self._place is not None and not self._is_held
 
-    def begin(self, position: Position | None) -> None:
-        """Note that a mission has left the vehicle in the air."""
-        self._is_held = True
+    def begin(self, snapshot: Snapshot, seen: ObservedMode, *, in_this_mode: bool = False) -> None:
+        """Note that a mission has left the vehicle in the air.
+
+        `in_this_mode` if it waits in the mode that it shows, whichever that is, for the broker.
+        """
+        position = snapshot.position
         self._place = position and Pose(
             position.latitude_deg, position.longitude_deg, position.altitude_m
         )
+        self._mode = seen.mode if in_this_mode or seen.role in AIRBORNE_MODES else None
+        self._hold(snapshot)
+
+    def _hold(self, snapshot: Snapshot) -> None:
+        self._is_held = True
+        self._mission = snapshot.mission
 
     def end(self) -> None:
         """Note that the vehicle hovers no more, or for another system."""
-        self._is_held, self._place = False, None
+        self._is_held, self._place, self._mode = False, None, None
 
-    def recall(self, place: Pose | None) -> None:
-        """Restore the place that an earlier run of the broker has noted."""
-        self._place = place
+    def recall(self, place: Pose | None, mode: str | None = None) -> None:
+        """Restore the place and the mode that an earlier run of the broker has noted."""
+        self._place, self._mode = place, mode
+        self._mission = None
 
-    def update(self, snapshot: Snapshot, mode: ObservedMode, *, is_identified: bool) -> None:
-        """End with a landing or a takeover; find the vehicle at the place of an earlier run."""
-        is_ours = authority_of(mode, _OURS) is Authority.BROKER
+    def update(
+        self,
+        snapshot: Snapshot,
+        mode: ObservedMode,
+        *,
+        is_identified: bool,
+        is_ordered: bool = False,
+    ) -> None:
+        """End with a landing or a takeover; find the vehicle at the place of an earlier run.
+
+        `is_ordered` while the broker itself orders something: a change of mode may be its own.
+        """
+        claim = _OURS._replace(mode=self.own_mode(mode))
+        is_ours = authority_of(mode, claim) is Authority.BROKER
+        if not is_ordered and self._flies_another(snapshot, mode):
+            is_ours = False
         if snapshot.armed is False or (self._is_held and not is_ours):
             self.end()
-        elif self._place is not None and not self._is_held and snapshot.armed is not None:
+        elif self._is_held:
+            self._mode = mode.mode
+        elif self._place is not None and snapshot.armed is not None:
             if snapshot.position is None or not is_identified:
                 return
             on_ground = snapshot.landed_state == mavlink.MAV_LANDED_STATE_ON_GROUND
             if is_ours and not on_ground and _is_at(self._place, snapshot.position):
-                self._is_held = True
+                self._mode = mode.mode
+                self._hold(snapshot)
             else:
                 self.end()
+
+    def _flies_another(self, snapshot: Snapshot, seen: ObservedMode) -> bool:
+        """Whether the vehicle flies mission items, which another system has started.
+
+        Its mission mode was entered again, or another mission is active than when it was found.
+        """
+        before, now = self._mission, snapshot.mission
+        if seen.role is not ModeRole.MISSION or (
+            now is not None and now.state == mavlink.MISSION_STATE_NO_MISSION
+        ):
+            return False
+        if self._mode not in {None, seen.mode}:
+            return True
+        is_active = now is not None and now.state == mavlink.MISSION_STATE_ACTIVE
+        was_active = before is not None and before.state == mavlink.MISSION_STATE_ACTIVE
+        is_same = before is not None and now is not None and before.mission_id == now.mission_id
+        return self._is_held and is_active and not (was_active and is_same)
 
 
 def _is_at(place: Pose, position: Position) -> bool:
@@ -378,6 +436,7 @@ class RecoveryState:
             values=dict(self.overrides.values),
             borrowed=self.parameters.overridden,
             hover=self.hover.place,
+            hover_mode=self.hover.mode,
             pending_return=self._return,
             abort=self._abort or self._held_abort,
             live=self._live,
@@ -395,7 +454,7 @@ class RecoveryState:
         both = merge_records(record, self.record)
         self.overrides.plans, self.overrides.values = dict(both.plans), dict(both.values)
         self.parameters.load(both.borrowed)
-        self.hover.recall(both.hover)
+        self.hover.recall(both.hover, both.hover_mode)
         self._return, self._live = both.pending_return, both.live
         self._abort, self._segment = both.abort, both.started
         self._paused = both.paused

@@ -207,17 +207,28 @@ class Vehicle:
         """Whether it waits in the air where a mission of this broker has left it."""
         return self.recovery.hover.is_held
 
-    def set_hovering(self, *, hovers: bool) -> None:
-        """Note whether a mission that has ended has left it in the air."""
-        if hovers:
-            self.recovery.hover.begin(self.snapshot.position)
-        else:
-            self.recovery.hover.end()
+    def set_hovering(self, *, hovers: bool, in_this_mode: bool = False) -> None:
+        """Note whether a mission that has ended has left it in the air.
 
-    def update_hover(self) -> None:
-        """End a hover with a landing or a takeover; find that of an earlier run again."""
+        `in_this_mode` if it waits for the broker in its present mode, whichever that is.
+        """
         hover = self.recovery.hover
-        hover.update(self.snapshot, self.observed_mode, is_identified=self.is_identified)
+        if hovers:
+            hover.begin(self.snapshot, self.observed_mode, in_this_mode=in_this_mode)
+        else:
+            hover.end()
+
+    def update_hover(self, *, is_ordered: bool) -> None:
+        """End a hover with a landing or a takeover; find that of an earlier run again.
+
+        `is_ordered` while a mission or an event orders what the vehicle does.
+        """
+        self.recovery.hover.update(
+            self.snapshot,
+            self.observed_mode,
+            is_identified=self.is_identified,
+            is_ordered=is_ordered,
+        )
 
     @property
     def is_identified(self) -> bool:

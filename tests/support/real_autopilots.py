@@ -35,6 +35,7 @@ PX4_1_17: Final = Script(
     return_changes_mode=True,
     accepts_modes_early=True,
     heartbeats_at_once=False,
+    flies_without_items=False,
 )
 PX4_1_16: Final = replace(PX4_1_17, sends_mission_state=False, version=0x011001FF)
 """Without mission state in its messages."""
@@ -74,6 +75,7 @@ COPTER_4_6: Final = Script(
     heartbeats_at_once=False,
     begins_anew_when_disarmed=True,
     reset_resumes=True,
+    flies_without_items=False,
 )
 COPTER_4_1: Final = replace(
     COPTER_4_6,

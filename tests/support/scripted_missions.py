@@ -80,6 +80,7 @@ class Script:
     current_goes_to_0_at_the_end: bool = False
     return_changes_mode: bool = False  # The item of a return is done by leaving the mission
     reset_resumes: bool = False  # To set the current item with a reset begins the mission at once
+    flies_without_items: bool = True  # Else it refuses its mission mode while it holds no mission
     product: tuple[int, int] = (0, 0)  # Vendor and product in AUTOPILOT_VERSION
     accepts_modes_early: bool = False  # It accepts every mode first, and judges it afterwards
     is_bare: bool = False  # No camera and no gimbal, and answers as PX4 for them

@@ -222,6 +222,18 @@ class ScriptedVehicle:
         if acknowledged_to is not None:
             self._send(mavlink.MAVLink_mission_ack_message(acknowledged_to, 190, 0))
 
+    def clear_mission(self, *, acknowledged_to: int | None = None) -> None:
+        """Hold no mission, as a ground station's MISSION_CLEAR_ALL has ordered."""
+        self.store_foreign_mission([], acknowledged_to=acknowledged_to)
+        self.mission_state, self.current = mavlink.MISSION_STATE_NO_MISSION, 0
+
+    def fly_foreign_mission(self, items: list[Message]) -> None:
+        """Fly the mission of another ground station from its first item on."""
+        self.store_foreign_mission(items)
+        self.current = 0
+        self.set_mode(PX4_MISSION if not self._is_copter else COPTER_AUTO)
+        self._begin_if_flying()
+
     def begin_at(self, seq: int) -> None:
         """Make an item current, as another ground station would."""
         self._item_began_at = self._now
@@ -519,7 +531,10 @@ class ScriptedVehicle:
         refusals: dict[int, Callable[[], int]] = {
             mavlink.MAV_CMD_COMPONENT_ARM_DISARM: lambda: self._judge_arming(message),
             mavlink.MAV_CMD_MISSION_START: self._judge_start,
-            mavlink.MAV_CMD_DO_SET_MODE: lambda: self._judge_mode(int(message.param2)),
+            mavlink.MAV_CMD_DO_SET_MODE: lambda: self._judge_mode(
+                int(message.param2), int(message.param3)
+            ),
+            mavlink.MAV_CMD_DO_PAUSE_CONTINUE: self._judge_pause,
         }
         result: int = script.results.get(message.command, mavlink.MAV_RESULT_ACCEPTED)
         if result == mavlink.MAV_RESULT_ACCEPTED and message.command in refusals:
@@ -556,14 +571,23 @@ class ScriptedVehicle:
             self.send_status_text(self.script.arming_complaint)
         return self.script.arming_refusal
 
+    def _judge_pause(self) -> int:
+        """ArduPilot pauses within AUTO and GUIDED only, and does not leave them."""
+        pauses = not self._is_copter or self.custom_mode in {COPTER_AUTO, COPTER_GUIDED}
+        return int(mavlink.MAV_RESULT_ACCEPTED if pauses else mavlink.MAV_RESULT_FAILED)
+
     def _judge_start(self) -> int:
         if self.script.is_infeasible:
             self.send_status_text("Mission start denied! No valid mission\t")
             return int(mavlink.MAV_RESULT_DENIED)
         return self._judge_mode(COPTER_AUTO)
 
-    def _judge_mode(self, main: int) -> int:
+    def _judge_mode(self, main: int, sub: int = 0) -> int:
         """ArduPilot's AUTO begins on the ground with a take-off only."""
+        flies_items = main == COPTER_AUTO if self._is_copter else (main, sub) == (4, 4)
+        if flies_items and not self.items and not self.script.flies_without_items:
+            denied = mavlink.MAV_RESULT_FAILED, mavlink.MAV_RESULT_TEMPORARILY_REJECTED
+            return int(denied[not self._is_copter])
         if self.script.is_infeasible and self.armed and main == COPTER_GUIDED:
             return int(mavlink.MAV_RESULT_TEMPORARILY_REJECTED)  # PX4's AUTO has the same number
         first = self.script.home_is_item_0
@@ -617,12 +641,9 @@ class ScriptedVehicle:
                 self.custom_mode = COPTER_AUTO if is_copter else PX4_MISSION
                 self._begin_if_flying()
                 self._send_mode_change()
-            case mavlink.MAV_CMD_DO_PAUSE_CONTINUE if message.param1 == 0.0:
+            case mavlink.MAV_CMD_DO_PAUSE_CONTINUE if not self._is_copter:
                 self._target = None
-                self.custom_mode = PX4_HOLD
-                self._send_mode_change()
-            case mavlink.MAV_CMD_DO_PAUSE_CONTINUE:
-                self.custom_mode = PX4_MISSION
+                self.custom_mode = PX4_HOLD if message.param1 == 0.0 else PX4_MISSION
                 self._send_mode_change()
             case mavlink.MAV_CMD_RUN_PREARM_CHECKS if not self._ready and self.script.fault:
                 self.send_status_text(self.script.fault)

@@ -24,6 +24,7 @@ from mavlink_broker.mission.context import (
     MissionContext,
 )
 from mavlink_broker.mission.phases.phase import Fault, Phase, Result
+from mavlink_broker.mission.progress_monitor import CLEARED
 from mavlink_broker.mission.segments import SHORTEST_ITEMS
 from mavlink_broker.mission.states import Event
 from mavlink_broker.planning.mission import SPARE_ITEMS, RefusedError
@@ -70,6 +71,7 @@ class Attaching(Phase):
         self._entered_at = 0.0
         self._connected_at: float | None = None  # First heartbeat since the phase began
         self._flies_another = False  # Another mission; this one waits for the landing
+        self._holds_another = False  # Another mission than this one, which has flown
         self._refusals_tried = 0
         self._halvings_tried = 0
         self._whole_items = 0  # Of the longest segment before halving; 0: not counted yet
@@ -78,6 +80,11 @@ class Attaching(Phase):
     def claim(self) -> Claim:
         """The vehicle may fly, land or return for this mission, unless another system had it."""
         return HOVERING if self._mission.authority.was_taken else DESCENDING
+
+    @property
+    def flies_another(self) -> bool:
+        """Whether the vehicle flies the mission of another system."""
+        return self._holds_another and self._vehicle.mode_role is ModeRole.MISSION
 
     def enter(self, now: float, effects: Effects) -> Result:
         """Begin to look at the vehicle."""
@@ -189,6 +196,9 @@ class Attaching(Phase):
         if not first and (same or not self._is_begun):
             return self._begin_segment()
         if isinstance(outcome, Different) and mission.was_reported_running:
+            self._holds_another = (outcome.count or 0) > mission.plan.first_item
+            if not self._holds_another:
+                return Fault(f"somebody else {CLEARED}")
             if not self._try_other_items():
                 return Fault(outcome.reason)
             self.exchange = None  # Compared again

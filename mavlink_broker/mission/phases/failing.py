@@ -4,7 +4,7 @@ from typing import Final
 
 from mavlink_broker.effects import Effects
 from mavlink_broker.mission import exchanges
-from mavlink_broker.mission.context import TAKEN, MissionContext
+from mavlink_broker.mission.context import HOVERING, TAKEN, MissionContext
 from mavlink_broker.mission.phases.phase import Fault, Phase, Request, Result
 from mavlink_broker.mission.states import ARMED_BY_BROKER, ASKING, IN_FLIGHT, Event, State
 from mavlink_broker.vehicle.alarms import is_navigation_failure, mission_error
@@ -28,6 +28,7 @@ class Failing(Phase):
         self._is_taken = False  # Another system, or a failsafe, has the vehicle
         self._waits_in_air = False  # And no other system flies it
         self._may_take_off = False  # It was ordered to start; in the air it refuses to disarm
+        self._waiting: Claim | None = None  # What shows that it still waits; None: it does not
 
     @property
     def claim(self) -> Claim | None:
@@ -62,10 +63,22 @@ class Failing(Phase):
         is_begun = mission.is_hovering and mission.was_reported_running
         waits = state in ASKING and is_begun and not was_taken
         self._waits_in_air = (waits or phase.was_given_up) and not is_taken
+        is_free = not self._is_taken and not mission.authority.is_lost
+        still = HOVERING._replace(mode=vehicle.mode)  # Also that in which an event has paused it
+        self._waiting = still if is_free and not phase.flies_another else None
 
     def forget_vehicle(self) -> None:
         """Give no further order: the vehicle was restarted."""
         self._waits_in_air = self._stops_propellers = self._may_take_off = False
+        self._waiting = None
+
+    @property
+    def leaves_hovering(self) -> bool:
+        """Whether the vehicle waits in the air, and no other system has taken it."""
+        vehicle = self._vehicle
+        if self._waiting is None or not vehicle.snapshot.armed or vehicle.is_standing_armed:
+            return False
+        return self._mission.authority.who(self._waiting) is Authority.BROKER
 
     def enter(self, now: float, effects: Effects) -> Result:
         """Begin to wait for the vehicle's reasons."""

@@ -60,6 +60,11 @@ class Phase(Protocol):
         """Whether the vehicle waits in the air and does not continue its mission."""
         return False
 
+    @property
+    def flies_another(self) -> bool:
+        """Whether the vehicle flies the mission of another system."""
+        return False
+
     def enter(self, now: float, effects: Effects) -> Result:
         """Begin."""
         del now, effects

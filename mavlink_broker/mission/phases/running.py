@@ -49,6 +49,13 @@ class Running(Phase):
         """Whether the vehicle has given up the mission, and waits where it is."""
         return self._monitors is not None and self._monitors.progress.has_given_up
 
+    @property
+    def flies_another(self) -> bool:
+        """Whether the vehicle flies the mission of another system."""
+        if self._monitors is None or self._vehicle.mode_role is not ModeRole.MISSION:
+            return False
+        return self._monitors.progress.holds_another or self._monitors.changes.holds_another
+
     def enter(self, now: float, effects: Effects) -> Result:
         """Begin to follow the segment."""
         mission, vehicle = self._mission, self._vehicle

@@ -490,24 +490,3 @@ class TestReturnHome:
         world.run_until(lambda: not vehicle.armed)
         world.run(2.0)
         assert answer_statuses(world, event)[-1] == "done"
-
-
-@pytest.mark.parametrize("family", ["px4", "own", "generic"])
-@pytest.mark.parametrize("kind", [RETURN_HOME, ABORT, SOFT_ABORT])
-def test_an_abort_behind_a_mission_that_was_cleared_in_a_pause_names_the_mode(
-    family: str, kind: int
-) -> None:
-    world = paused(SCRIPTS[family])
-    vehicle = world.only_vehicle
-    vehicle.store_foreign_mission([])
-    world.edge.event(RESUME)
-    world.run_until_over(1201, within_s=30.0)
-    assert world.edge.status(1201) == Status.FAILED
-    world.run(2.0)
-    event = world.edge.event(kind)
-    world.run(1.0)
-    assert vehicle.armed
-    mode = world.app.sessions[1].vehicle.mode
-    who = "where another system or its pilot has to move it"
-    expected = f"no active mission: the vehicle is in {mode}, {who}"
-    assert answer(world, event) == ("refused", expected)

@@ -48,7 +48,7 @@ def test_a_difference_is_reported() -> None:
     one = verify(0, "item 2 differs")
     one.start(0.0)
     one.receive(received(MissionCount(254, 191, 0)), 0.1)
-    assert one.outcome == Different("item 2 differs")
+    assert one.outcome == Different("item 2 differs", count=0)
 
 
 def test_a_silent_vehicle_has_not_proven_anything() -> None:

@@ -54,6 +54,7 @@ RECORDS = st.builds(
     values=VALUES,
     borrowed=VALUES,
     hover=st.none() | POSES,
+    hover_mode=st.none() | TEXTS,
     pending_return=st.none() | st.builds(PendingReturn, mission=TEXTS, reason=TEXTS),
     abort=st.none()
     | st.builds(

@@ -1,5 +1,7 @@
 """What is noted of a vehicle is in its record, and a recalled record is noted again."""
 
+from mavlink_broker.autopilots.families import ModeRole
+from mavlink_broker.vehicle.control_authority import ObservedMode
 from mavlink_broker.vehicle.recovery_state import (
     EMPTY_RECORD,
     LiveCommandProgress,
@@ -7,7 +9,7 @@ from mavlink_broker.vehicle.recovery_state import (
     PendingReturn,
     RecoveryState,
 )
-from mavlink_broker.vehicle.telemetry import Position
+from mavlink_broker.vehicle.telemetry import Position, Snapshot
 
 ABORT = PendingAbort(work_id=7, event_type=1)
 RETURN = PendingReturn(mission="3/plan", reason="GPS lost")
@@ -20,7 +22,9 @@ def noted() -> RecoveryState:
     state.note_return(RETURN)
     state.note_live(LIVE)
     state.note_segment("3/plan/1201/1")
-    state.hover.begin(Position(58.0, 15.0, 30.0, 0.0))
+    place = Snapshot(armed=True, position=Position(58.0, 15.0, 30.0, 0.0))
+    brake = ObservedMode("BRAKE", ModeRole.PAUSED, armed=True)
+    state.hover.begin(place, brake, in_this_mode=True)
     return state
 
 
