@@ -126,7 +126,7 @@ class EdgeClient:
         self._stopping = threading.Event()
         self._reachable: bool | None = None
         self.failures = 0  # Requests without an answer
-        self._is_held_back = False
+        self._held_back: frozenset[int] = frozenset()  # Vehicles whose work waits, as logged
         self._spool_writer = (
             None if spool is None else SpoolWriter(spool, self._outbox, self._changed)
         )
@@ -267,13 +267,22 @@ class EdgeClient:
         if due:
             self._wake()
         if len(due) < len(commands):
-            if not self._is_held_back:
-                _LOG.info("work waits until the reports of an earlier run are sent")
-            self._is_held_back = True
+            self._log_held_back(held_back)
             self._cursor = 0  # Get all of it again: known work is recognised, the rest has changed
             return Pause.REPORTS
         self._cursor = cursor
+        self._held_back = frozenset()
         return Pause.NONE
+
+    def _log_held_back(self, vehicles: frozenset[int]) -> None:
+        """Log for which vehicles work waits, whenever these are others than before."""
+        if vehicles != self._held_back:
+            with self._changed:
+                counts = {one: self._outbox.unsent_reports_of(one) for one in sorted(vehicles)}
+            for vehicle_id, count in counts.items():
+                reports = "reports or answers to events of an earlier run are sent"
+                _LOG.warning("work of vehicle %d waits until %d %s", vehicle_id, count, reports)
+        self._held_back = vehicles
 
     def _edge_time(self, written: object) -> datetime | None:
         """Give the edge server's present time; None while it has named none that can be read."""

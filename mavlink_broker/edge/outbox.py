@@ -33,6 +33,7 @@ from enum import IntEnum
 from itertools import islice, takewhile
 from typing import Any, Final
 
+MISSION_REPORT_PATH: Final = "/mission_report/"
 MAX_STATE_VECTORS: Final = 3600
 """An hour of one vehicle; some 2 MB."""
 FIRST_PAUSE_S: Final = 0.2
@@ -91,13 +92,21 @@ class Post:
 
     @property
     def is_result(self) -> bool:
-        """Whether it is a result of a command or a picture, the same whenever it is posted."""
-        return self.may_be_duplicate
+        """Whether it is a result of a command or a picture, the same whenever it is posted.
+
+        A report or an acknowledgement that was a dead letter may be a duplicate too.
+        """
+        return self.may_be_duplicate and not self._changes_work
+
+    @property
+    def _changes_work(self) -> bool:
+        """Whether the edge server learns from it how far a mission or an event is."""
+        return self.path == MISSION_REPORT_PATH or self.path.endswith("/ack")
 
     @property
     def is_inherited_report(self) -> bool:
         """Whether the edge server knows less of a mission than an earlier run until it is sent."""
-        return self.is_inherited and self.urgency is Urgency.REPORT
+        return self.is_inherited and self.urgency is Urgency.REPORT and not self.is_result
 
 
 @dataclass(frozen=True, slots=True)
@@ -364,6 +373,10 @@ class Outbox:
         return frozenset(
             vehicle_id for vehicle_id, count in self._inherited_reports.items() if count
         )
+
+    def unsent_reports_of(self, vehicle_id: int) -> int:
+        """How many of them a vehicle has."""
+        return self._inherited_reports[vehicle_id]
 
     @property
     def has_failures(self) -> bool:

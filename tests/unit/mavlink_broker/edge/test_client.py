@@ -367,6 +367,36 @@ def test_unsent_reports_of_one_vehicle_delay_no_other(
     client.stop(0.0)
 
 
+def test_results_that_a_full_edge_server_refuses_hold_no_work_back(
+    server: FakeEdgeServer, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """An abort reaches a restarted broker, with the mission as the reports leave it."""
+    caplog.set_level(logging.WARNING)
+    result = replace(pose(0), lane="mission_report", urgency=Urgency.REPORT, may_be_duplicate=True)
+    leave(tmp_path, result, report(1201, 2))
+    status = {"/pose/": 507}
+    server.judge = lambda path, _: status.get(path)
+    server.failures.extend([503] * 3)
+    server.plan(first_flight())
+    event = server.event(1)
+    client = client_of(server, tmp_path, spool=spool_in(tmp_path))
+    work: dict[int, dict[str, Any]] = {}
+
+    def has_both() -> bool:
+        work.update((one["id"], one) for one in client.take_work())
+        return len(work) == 2
+
+    wait_until(has_both)
+    assert event in work
+    (mission,) = (one for one in work.values() if "mission" in one)
+    assert mission["report"]["mission_status_id"] == 2
+    assert server.edge.bodies("/pose/") == []
+    assert "work of vehicle 1 waits until 1 reports or answers to events" in caplog.text
+    status.clear()
+    server.wait_for("/pose/", 1)
+    client.stop(1.0)
+
+
 @pytest.mark.first_case
 @pytest.mark.parametrize("by_earlier_run", [True, False])
 def test_a_post_that_is_refused_for_good_is_a_dead_letter_and_can_be_sent_again(
