@@ -1,7 +1,7 @@
 """The broker's work: published in order, acknowledged, never after it has expired."""
 
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from enum import StrEnum
 from typing import Any, Final
 
@@ -21,7 +21,7 @@ from edge_server.services.fleet.vehicles import find as find_vehicle
 from edge_server.services.retries import retry_on_conflict
 from edge_server.store.connection.locks import WORK
 from edge_server.store.rows import plans, vehicles, work
-from edge_server.store.rows.work import Work
+from edge_server.store.rows.work import CommandProgress, Work
 from edge_server.transitions import IllegalTransitionError
 
 REQUEST_LIFETIME_S: Final = 10.0
@@ -179,12 +179,15 @@ def _whole_report(connection: Connection, item: Work) -> dict[str, Any] | None:
     known = work.commands(connection, item.id)
     if item.report is None or len(item.report["command_report_array"]) == len(known):
         return item.report
-    commands = [
+    return {**item.report, "command_report_array": _command_reports(known.values())}
+
+
+def _command_reports(commands: Iterable[CommandProgress]) -> list[dict[str, Any]]:
+    return [
         {"command_id": one.command_id, "command_status_id": one.status_id}
         | ({} if one.message is None else {"message": one.message})
-        for one in known.values()
+        for one in commands
     ]
-    return {**item.report, "command_report_array": commands}
 
 
 def _as_flown(
@@ -361,11 +364,10 @@ def end(connection: Connection, item: Work, status: Status, message: str, now: f
         "vehicle_id": item.vehicle_id,
         "recorded_at": show_time(now),
         "mission_id": item.mission_id,
+        "plan_id": item.plan_id,
+        "work_id": item.id,
         "mission_status_id": int(status),
-        "command_report_array": [
-            {"command_id": entry.command_id, "command_status_id": entry.status_id}
-            for entry in commands.values()
-        ],
+        "command_report_array": _command_reports(commands.values()),
         "message": message,
     }
     records.store(connection, Kind.MISSION_REPORT, body, now)

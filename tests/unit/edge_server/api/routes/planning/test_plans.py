@@ -183,7 +183,7 @@ def test_a_finished_plan_can_be_deleted(edge: Edge) -> None:
 @pytest.mark.first_case
 @BOTH_ENGINES
 def test_an_expired_mission_is_aborted_and_reported_to_the_cloud(edge: Edge) -> None:
-    edge.post_plan(plan())
+    plan_id = (edge.post_plan(plan()).json or {})["plan_id"]
     (item,) = edge.work()
     edge.clock.pass_s(edge.config.plan_lifetime_s + 1)
     assert edge.work() == []
@@ -194,6 +194,7 @@ def test_an_expired_mission_is_aborted_and_reported_to_the_cloud(edge: Edge) -> 
     assert edge.acknowledge(item["id"], "accepted").status_code == 409
     (report,) = edge.get("/mission_report/")
     assert (report["mission_id"], report["mission_status_id"]) == (1201, 5)
+    assert (report["plan_id"], report["work_id"]) == (plan_id, item["id"])
 
 
 def test_expires_at_is_stored_and_applied(edge: Edge) -> None:
