@@ -26,7 +26,7 @@ import warnings
 from collections.abc import Iterator, Sequence
 from typing import BinaryIO
 
-from PIL import Image, ImageChops, ImageDraw, ImageFile
+from PIL import Image, ImageChops, ImageDraw, ImageFile, UnidentifiedImageError
 
 FORMATS = ("JPEG", "PNG", "TIFF", "WEBP")
 MEMORY_BYTES = 768 * 1024 * 1024
@@ -196,7 +196,10 @@ class Canvas:
 
 def _decoded(data: bytes, size: tuple[int, int]) -> Image.Image:
     """Read a picture, at a fraction of its size if that is enough."""
-    picture = Image.open(io.BytesIO(data), formats=FORMATS)
+    try:
+        picture = Image.open(io.BytesIO(data), formats=FORMATS)
+    except UnidentifiedImageError:  # Its text names the buffer, not the picture
+        raise ValueError(f"it is no readable {', '.join(FORMATS)} picture") from None
     if picture.width * picture.height > (Image.MAX_IMAGE_PIXELS or 0):
         raise ValueError(f"it has {picture.width} x {picture.height} pixels")
     picture.draft("RGB", size)
@@ -232,12 +235,14 @@ def main() -> int:
         frame = Frame(footprints, longest_px)
         corners = [[frame.point(place) for place in one] for one in footprints]
         middles = [middle(one) for one in corners]
-        canvas = Canvas(frame, header["colours"])
+        canvas, fault = Canvas(frame, header["colours"]), ""
         for index, data in enumerate(_pictures(stdin)):
-            with contextlib.suppress(*FAILURES):
+            try:
                 canvas.add(data, corners[index], nearest_part(corners[index], index, middles))
+            except FAILURES as error:
+                fault = fault or f", the first, number {index + 1}: {error or type(error).__name__}"
         if not canvas.count:
-            raise ValueError("no picture can be read")
+            raise ValueError(f"no picture can be read{fault}")
         about = {
             "width": frame.width,
             "height": frame.height,

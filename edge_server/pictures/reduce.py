@@ -16,7 +16,7 @@ import resource
 import sys
 import warnings
 
-from PIL import Image, ImageFile, ImageOps
+from PIL import Image, ImageFile, ImageOps, UnidentifiedImageError
 
 FORMATS = ("JPEG", "PNG", "TIFF", "WEBP")
 """Fewer decoders have fewer vulnerabilities."""
@@ -52,7 +52,10 @@ def reduced(data: bytes, side_px: int, largest_pixels: int) -> bytes:
     """
     Image.MAX_IMAGE_PIXELS = largest_pixels
     ImageFile.LOAD_TRUNCATED_IMAGES = False
-    picture = Image.open(io.BytesIO(data), formats=FORMATS)
+    try:
+        picture = Image.open(io.BytesIO(data), formats=FORMATS)
+    except UnidentifiedImageError:  # Its text names the buffer, not the picture
+        raise ValueError(f"it is no readable {', '.join(FORMATS)} picture") from None
     width, height = picture.size
     picture.draft("RGB", (side_px, side_px))  # A JPEG is decoded at 1/2, 1/4 or 1/8
     if width * height > largest_pixels or picture.width * picture.height > DECODED_PIXELS:

@@ -23,6 +23,7 @@ from PIL import (
     JpegImagePlugin,
     PngImagePlugin,
     TiffImagePlugin,
+    UnidentifiedImageError,
     WebPImagePlugin,
 )
 
@@ -82,7 +83,10 @@ def shrink(data: bytes, limit: int) -> bytes:
 def _open(data: bytes) -> Image.Image:
     Image.MAX_IMAGE_PIXELS = LARGEST_PIXELS
     ImageFile.LOAD_TRUNCATED_IMAGES = False
-    picture = Image.open(io.BytesIO(data), formats=FORMATS)
+    try:
+        picture = Image.open(io.BytesIO(data), formats=FORMATS)
+    except UnidentifiedImageError:  # Its text names the buffer, not the picture
+        raise ValueError(f"it is no readable {', '.join(FORMATS)} picture") from None
     width, height = picture.size
     if width * height > LARGEST_PIXELS:
         raise ValueError(f"it has {width} x {height} pixels")

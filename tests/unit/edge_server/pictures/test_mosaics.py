@@ -116,7 +116,10 @@ def test_what_cannot_be_read_is_left_out() -> None:
 @pytest.mark.parametrize(
     ("footprints", "reason"),
     [
-        ([square(0.0, 0.0), square(0.0, 0.01)], "no picture can be read"),
+        (
+            [square(0.0, 0.0), square(0.0, 0.01)],
+            "no picture can be read, the first, number 1: it is no readable JPEG, PNG, ",
+        ),
         ([[(1.0, 1.0)] * 4] * 2, "no ground"),
     ],
 )
