@@ -62,7 +62,9 @@ _SINGLE_FIELDS: Final = frozenset(
     }
 )
 """Singleton fields: a request with two of one is ambiguous."""
-_LENGTH: Final = re.compile(rb"[0-9]{1,18}")
+_LENGTH: Final = re.compile(rb"[0-9]+")
+_LENGTH_DIGITS: Final = 18
+_SHOWN_BYTES: Final = 40
 
 
 class Stage(Enum):
@@ -182,14 +184,16 @@ class RequestFraming:
         self.wants_continue = expected == [b"100-continue"] and version != b"HTTP/1.0"
         if codings is not None:
             if lengths is not None or [one.lower() for one in codings] != [b"chunked"]:
-                self._refuse(_refusal_of_codings(codings))
+                both = "the header fields Content-Length and Transfer-Encoding exclude each other"
+                self._refuse(_refusal_of_codings(codings), None if lengths is None else both)
                 return
             self._next_chunk = body
         elif lengths is not None:
-            if len(set(lengths)) != 1 or not _LENGTH.fullmatch(lengths[0]):
-                self._refuse()
+            reason = _fault_of_lengths(lengths)
+            if reason is not None:
+                self._refuse(BAD_REQUEST, reason)
                 return
-            if int(lengths[0]) > MAXIMUM_BODY_BYTES:
+            if len(lengths[0]) > _LENGTH_DIGITS or int(lengths[0]) > MAXIMUM_BODY_BYTES:
                 self._refuse()
                 return
             self._end = body + int(lengths[0])
@@ -248,6 +252,16 @@ class RequestFraming:
         if not found or found[1].lower() in _NO_TRAILERS or self._trailers > MAXIMUM_TRAILERS:
             raise _RefusedError(BAD_REQUEST)
         self._next_chunk = after
+
+
+def _fault_of_lengths(lengths: list[bytes]) -> str | None:
+    """Say what is wrong with the values of Content-Length; None if there is one number."""
+    if len(lengths) > 1:
+        return "the header field Content-Length is present twice"
+    if _LENGTH.fullmatch(lengths[0]):
+        return None
+    shown = lengths[0][:_SHOWN_BYTES].decode("ascii", "backslashreplace")
+    return f'the header field Content-Length must be the number of bytes of the body, not "{shown}"'
 
 
 def _refusal_of_codings(codings: list[bytes]) -> int:
