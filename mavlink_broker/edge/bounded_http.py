@@ -24,6 +24,7 @@ NoKeyError  the key file does not exist or cannot be read
 """
 
 import json
+import logging
 import threading
 from collections.abc import Mapping
 from contextlib import suppress
@@ -32,13 +33,17 @@ from http import HTTPStatus
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Final, Self
+from urllib.parse import urlsplit
 
 import requests
 from requests.adapters import HTTPAdapter
 from urllib3 import HTTPConnectionPool, HTTPSConnectionPool
 from urllib3.connection import HTTPConnection, HTTPSConnection
+from urllib3.exceptions import HeaderParsingError
 
 CHUNK_BYTES: Final = 64 * 1024
+_REASON_CHARACTERS: Final = 200
+_REASONS_REPORTED: Final = 32
 UPDATE_INTERVAL: Final = "Update-Interval"
 """Header of the answer to an update of a vehicle: seconds until the next one is wanted."""
 _BOTH_DIRECTIONS: Final = 2
@@ -131,6 +136,32 @@ _current = _Current()
 def _shut_down(duplicate: Any) -> None:
     with suppress(OSError):  # It was closed meanwhile
         duplicate.shutdown(_BOTH_DIRECTIONS)
+
+
+class _BrokenHeaders(logging.Filter):
+    """Reports headers that urllib3 cannot read in one line, once for each server and reason.
+
+    Such an answer is used all the same: its status and length were understood.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._known: set[tuple[str, str]] = set()
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        """Rewrite a record about broken headers; whether a record is logged."""
+        error = record.exc_info[1] if record.exc_info else None
+        if not isinstance(error, HeaderParsingError) or not isinstance(record.args, tuple):
+            return True
+        server, reason = urlsplit(str(record.args[0])).netloc, str(error)[:_REASON_CHARACTERS]
+        record.msg = "an answer of %s has headers that cannot be read: %s"
+        record.args, record.exc_info = (server, reason), None
+        is_new = (server, reason) not in self._known and len(self._known) < _REASONS_REPORTED
+        self._known |= {(server, reason)} if is_new else set()
+        return is_new
+
+
+logging.getLogger("urllib3.connection").addFilter(_BrokenHeaders())
 
 
 class _InterruptibleConnection(HTTPConnection):

@@ -191,3 +191,19 @@ def test_the_connection_is_kept_for_the_next_exchange_and_closed_at_the_end() ->
         thread.join(30.0)
         assert len(received) == 3
         assert received[-1] == b""
+
+
+def test_headers_that_cannot_be_read_are_one_line_in_the_log(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    broken = OK + b"this is no header\r\n" + LENGTH + b"x" * 100
+    with server(lambda: iter((broken,))) as url:
+        answers = [ask(url, within_s=30.0) for _ in range(3)]
+    assert {answer.status_code for answer in answers} == {200}
+    (record,) = caplog.records
+    assert record.exc_info is None
+    host = url.removeprefix("http://").removesuffix("/")
+    message = record.getMessage()
+    assert message.startswith(f"an answer of {host} has headers that cannot be read: ")
+    assert "MissingHeaderBodySeparatorDefect" in message
+    assert "\n" not in message
