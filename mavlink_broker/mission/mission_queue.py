@@ -2,10 +2,6 @@
 
 One mission flies at a time. The next one begins when the vehicle has landed and is disarmed, or
 hovers where a finished mission of this broker has left it.
-
-Until the edge server has answered the acceptance of a mission, it may hand that mission out again
-to a restarted broker. An abort that has ended such a mission is done only when that answer is
-there: until then the abort is handed out again with the mission, and is noted in the journal.
 """
 
 import logging
@@ -21,8 +17,9 @@ from mavlink_broker.mavlink.dialect import Message
 from mavlink_broker.mission.flight_orders import MISSION_ENDED
 from mavlink_broker.mission.mission_executor import MissionExecutor
 from mavlink_broker.mission.pending_events import NO_MISSION, PendingEvents, aborts_now, is_abort
-from mavlink_broker.mission.phases.aborting import REASONS, RETURN_ENDED, abort_note
+from mavlink_broker.mission.phases.aborting import REASONS, RETURN_ENDED
 from mavlink_broker.mission.states import State
+from mavlink_broker.mission.unconfirmed_missions import UnconfirmedMissions
 from mavlink_broker.planning.geofence import check_flyable
 from mavlink_broker.planning.mission import Home, RefusedError, translate
 from mavlink_broker.vehicle.alarms import mission_error
@@ -36,8 +33,7 @@ VEHICLE_WITHIN_S: Final = 8.0
 
 An event expires 10 s after it was ordered; until then the edge server takes the reason.
 """
-ANSWERED_KEPT: Final = 256
-"""Work ids of which a second final answer is recognised."""
+REFUSED: Final = "refused"
 
 _LOG = logging.getLogger(__name__)
 
@@ -243,10 +239,16 @@ class MissionQueue:
         """
         self._unconfirmed.reopen(work.work_id)
         self._events.add(work)
-        if self._is_idle:
+        if self._current is None:
             self._events.limit_wait(work.work_id, now + VEHICLE_WITHIN_S)
         self._events.limit_number(effects)
         try:
+            if (
+                is_abort(work)
+                and self._waits_for_vehicle(work)
+                and self._end_waiting(work, effects)
+            ):
+                self._events.note_ended_missions(work)
             self._carry_out_events(now, effects)
         except Exception:
             self._events.remove(work.work_id)
@@ -302,9 +304,10 @@ class MissionQueue:
         return resumed and not aborts_now(work)
 
     def _waits_for_vehicle(self, work: EventWork) -> bool:
-        """Whether a new event without a mission may still be for a vehicle that hovers.
+        """Whether a new event may still be for a vehicle that hovers, and that no mission flies.
 
-        Its journal may hold that hover, or an older abort that the vehicle obeys.
+        Its journal may hold that hover, or an older abort that the vehicle obeys. An abort has
+        ended the missions that wait for the vehicle by then.
         """
         is_resumed = bool(self._waiting) and self._is_resumed(self._waiting[0])
         if self._current is not None or is_resumed or not self._events.is_limited(work):
@@ -316,21 +319,26 @@ class MissionQueue:
     def _abort(self, work: EventWork, now: float, effects: Effects) -> None:
         """End the mission that flies, and those that wait behind it; it replaces older aborts."""
         self.vehicle.recovery.clear_abort()  # Noted again where something is still to be ordered
-        replaces = self._events.replace(work, effects)
-        ended = [mission for mission in self._waiting if _concerns(work, mission)]
-        for mission in ended:
-            self._waiting.remove(mission)
-            if mission.is_confirmed:
-                mission.abort(REASONS[work.event.event_type_id], effects)
-            else:
-                self._unconfirmed.drop(mission, work)
-                effects.for_edge.append(Acknowledgement(mission.work.work_id, "accepted"))
+        replaced = self._events.replace(work)
+        before = len(effects.for_edge)
+        refusal: str | None = "an internal error in a later event"
+        try:
+            self._carry_out_abort(work, now, effects, replaces=replaced.is_sent)
+            refusal = _refusal_of(work, effects.for_edge[before:])
+        finally:
+            self._events.answer_replaced(work, replaced.works, refusal, effects)
+
+    def _carry_out_abort(
+        self, work: EventWork, now: float, effects: Effects, *, replaces: bool
+    ) -> None:
+        """End missions, and send the vehicle where the abort says; or refuse it."""
+        has_ended = self._end_waiting(work, effects) or self._events.has_ended_missions(work)
         current = self._current
         if current is not None and self._is_droppable(current) and _concerns(work, current):
             self._unconfirmed.drop(current, work)
             current.withdraw(now, effects)
             self.close_ended(effects)
-            ended.append(current)
+            has_ended = True
         self._unconfirmed.hold_answer(work)
         current = self._current
         if current is not None and _concerns(work, current):
@@ -340,17 +348,30 @@ class MissionQueue:
             else:
                 current.abort_now(work, now, effects)
             self.close_ended(effects)
-        elif replaces or self.vehicle.hovers or (work.was_accepted and not ended):
+        elif replaces or self.vehicle.hovers or (work.was_accepted and not has_ended):
             self._has_begun = True  # What waits was behind it, and has not begun
             is_newer = replaces or self.vehicle.hovers
             self._events.resume_abort(work, now, effects, is_newer=is_newer)
-        elif ended:
+        elif has_ended:
             if self._unconfirmed.are_open:
                 _accept(work, effects)
             effects.for_edge.append(Acknowledgement(work.work_id, "done"))
         else:
-            refusal = Acknowledgement(work.work_id, "refused", self._events.reason_nothing_ends)
+            refusal = Acknowledgement(work.work_id, REFUSED, self._events.reason_nothing_ends)
             effects.for_edge.append(refusal)
+
+    def _end_waiting(self, work: EventWork, effects: Effects) -> bool:
+        """End the missions that wait, for an abort; whether there were any."""
+        ended = [mission for mission in self._waiting if _concerns(work, mission)]
+        for mission in ended:
+            self._waiting.remove(mission)
+            if mission.is_confirmed:
+                mission.abort(REASONS[work.event.event_type_id], effects)
+            else:
+                self._unconfirmed.drop(mission, work)
+                effects.for_edge.append(Acknowledgement(mission.work.work_id, "accepted"))
+        self._unconfirmed.hold_answer(work)
+        return bool(ended)
 
     def _is_droppable(self, mission: MissionExecutor) -> bool:
         """Whether nothing has been ordered for the mission yet."""
@@ -420,80 +441,13 @@ def _accept(work: EventWork | MissionWork, effects: Effects) -> None:
         effects.for_edge.append(Acknowledgement(work.work_id, "accepted"))
 
 
+def _refusal_of(work: EventWork, messages: Sequence[EdgeMessage]) -> str | None:
+    """Give why an event was refused; None if it was not."""
+    answers = (one for one in messages if isinstance(one, Acknowledgement))
+    refusals = (one for one in answers if one.work_id == work.work_id and one.status == REFUSED)
+    return next((one.message for one in refusals), None)
+
+
 def _concerns(work: EventWork, mission: MissionExecutor) -> bool:
     """Whether an event is about a mission; one from an earlier run, if that came before."""
     return not work.was_accepted or mission.work.work_id < work.work_id
-
-
-class UnconfirmedMissions:
-    """Missions that an abort ended before their acceptance was answered.
-
-    Each piece of work has one final answer, and this class decides when it may be sent.
-    """
-
-    def __init__(self, vehicle: Vehicle) -> None:
-        self._vehicle = vehicle
-        self._dropped: dict[int, tuple[MissionExecutor, str]] = {}  # By work id, and why
-        self._missions_of: dict[int, set[int]] = {}  # Missions by the work id of the abort
-        self._held: list[Acknowledgement] = []
-        self._answered: deque[int] = deque(maxlen=ANSWERED_KEPT)
-
-    @property
-    def are_open(self) -> bool:
-        """Whether one of them may still be handed out again; no other mission begins before."""
-        return bool(self._dropped)
-
-    def drop(self, mission: MissionExecutor, work: EventWork) -> None:
-        """Finish a mission that is reported as aborted once its acceptance is confirmed.
-
-        An abort empties the edge server's queue too: a mission whose acceptance it refuses was
-        ended there, and has its report.
-        """
-        reason = REASONS[work.event.event_type_id]
-        self._dropped[mission.work.work_id] = mission, reason
-
-    def hold_answer(self, work: EventWork) -> None:
-        """Hold the answer to an abort back for all of them."""
-        if self._dropped:
-            self._missions_of[work.work_id] = set(self._dropped)
-            note = abort_note(work.event, work.work_id, self._vehicle)
-            self._vehicle.recovery.hold_abort(note)
-
-    def take_acceptance_result(self, result: AcceptanceResult, effects: Effects) -> bool:
-        """Handle the answer to an acceptance; whether it was that of one of them."""
-        if result.work_id not in self._dropped:
-            return False
-        mission, reason = self._dropped.pop(result.work_id)
-        if result.is_confirmed or result.has_failed:
-            mission.abort(reason, effects)
-        for missions in self._missions_of.values():
-            missions.discard(result.work_id)
-        self._missions_of = {
-            abort: missions for abort, missions in self._missions_of.items() if missions
-        }
-        if not self._dropped:
-            self._vehicle.recovery.release_abort()
-        return True
-
-    def reopen(self, work_id: int) -> None:
-        """Queue new work; an edge server with a fresh database gives the same numbers again."""
-        if work_id in self._answered:
-            self._answered.remove(work_id)
-
-    def due(self, messages: Sequence[EdgeMessage]) -> list[EdgeMessage]:
-        """Give what may be sent by now; what was held back before comes behind the rest.
-
-        The first final answer counts: whatever ends work behind an error answers it once more.
-        """
-        if not messages and not self._held:
-            return []
-        due: list[EdgeMessage] = []
-        for message in messages:
-            if not isinstance(message, Acknowledgement) or message.status == "accepted":
-                due.append(message)
-            elif message.work_id not in self._answered:
-                self._answered.append(message.work_id)
-                (self._held if message.work_id in self._missions_of else due).append(message)
-        due += [answer for answer in self._held if answer.work_id not in self._missions_of]
-        self._held = [answer for answer in self._held if answer.work_id in self._missions_of]
-        return due

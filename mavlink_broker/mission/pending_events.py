@@ -9,9 +9,9 @@ Of several aborts the newest one decides, by the numbers of their work, in which
 arrive; the older ones are answered as replaced as soon as the newest is carried out.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
-from typing import Final
+from typing import Final, NamedTuple
 
 from afarcloud.enumerations import EventType
 from mavlink_broker.autopilots.families import ModeRole
@@ -42,6 +42,13 @@ _DESCENDING: Final = Claim(control_authority.DESCENT_MODES)
 _IN_AIR: Final = Claim(control_authority.AIRBORNE_MODES)
 
 
+class Replaced(NamedTuple):
+    """What a newer abort has replaced."""
+
+    is_sent: bool  # The vehicle is, or was to be, sent somewhere by an older one or by an alarm
+    works: tuple[EventWork, ...]  # Older aborts without an answer
+
+
 class PendingEvents:
     """The events of one vehicle."""
 
@@ -56,7 +63,8 @@ class PendingEvents:
         self._stale: set[int] = set()  # Accepted for a flight before the vehicle was restarted
         self._is_return_interrupted = False  # By a restart of the vehicle
         self._limited: set[int] = set()  # Events that came without a mission
-        self._newest_abort = 0  # Work id of the newest one that was carried out
+        self._has_ended: set[int] = set()  # Aborts that have ended missions, and wait
+        self._newest: tuple[int, str | None] = (0, None)  # Abort: work id, and why it was refused
         self.leaves_hovering = False  # The last abort has ended in a hover
 
     @property
@@ -93,6 +101,14 @@ class PendingEvents:
         """Whether an event is new, and came when there was no mission."""
         return work.work_id in self._limited and not work.was_accepted
 
+    def note_ended_missions(self, work: EventWork) -> None:
+        """Note that an abort has ended missions, and waits for the vehicle itself."""
+        self._has_ended.add(work.work_id)
+
+    def has_ended_missions(self, work: EventWork) -> bool:
+        """Whether an abort that waits for the vehicle has ended missions."""
+        return work.work_id in self._has_ended
+
     def limit_number(self, effects: Effects) -> None:
         """Refuse the oldest of too many waiting events; the newest one counts most."""
         new = [work for work in self._waiting if not work.was_accepted]
@@ -123,7 +139,9 @@ class PendingEvents:
 
         They stay known until `remove`, so that an error does not lose them.
         """
-        self._answer_replaced(self._newest_abort, effects)
+        newest_id, refusal = self._newest
+        for work in self._take_older(newest_id):
+            _acknowledge(work, effects, refusal, done=REPLACED)
         due = [
             work
             for work in self._waiting
@@ -141,9 +159,12 @@ class PendingEvents:
         for work in list(self._waiting):
             late = work.expires_at is not None and now >= work.expires_at
             if late and not work.was_accepted:
+                answer = Acknowledgement(work.work_id, "refused", self._reason_of_expiry)
+                if self.has_ended_missions(work):
+                    note = f"{self._reason_of_expiry}: only the missions that waited were ended"
+                    answer = Acknowledgement(work.work_id, "done", note)
                 self.remove(work.work_id)
-                refusal = Acknowledgement(work.work_id, "refused", self._reason_of_expiry)
-                effects.for_edge.append(refusal)
+                effects.for_edge.append(answer)
 
     @property
     def _reason_of_expiry(self) -> str:
@@ -179,6 +200,7 @@ class PendingEvents:
         self._waiting = [work for work in self._waiting if work.work_id != work_id]
         self._due = [work for work in self._due if work.work_id != work_id]
         self._limited.discard(work_id)
+        self._has_ended.discard(work_id)
 
     def refuse_all(self, reason: str, effects: Effects) -> None:
         """Refuse every event without an answer, and end the abort that is carried out."""
@@ -192,6 +214,7 @@ class PendingEvents:
             vehicle.recovery.clear_return()
         self._due, self._waiting = [], []
         self._limited.clear()
+        self._has_ended.clear()
         self._running = self._return = None
 
     def resume_abort(
@@ -247,30 +270,33 @@ class PendingEvents:
         was_interrupted, self._is_return_interrupted = self._is_return_interrupted, False
         return was_interrupted
 
-    def replace(self, newest: EventWork, effects: Effects) -> bool:
-        """Answer every older abort, and leave the vehicle to this one.
-
-        Gives whether the vehicle is, or was to be, sent somewhere by an older one or by an alarm.
-        """
-        is_sent = self._answer_replaced(newest.work_id, effects) or self.is_aborting
+    def replace(self, newest: EventWork) -> Replaced:
+        """Leave the vehicle to this abort; the caller answers the older ones as it."""
+        older = self._take_older(newest.work_id)
+        ended = self._has_ended & {work.work_id for work in older}
+        self._has_ended = (self._has_ended - ended) | ({newest.work_id} if ended else set())
+        is_sent = any(work.was_accepted for work in older) or self.is_aborting
         is_sent |= self._return is not None
-        self._newest_abort = max(self._newest_abort, newest.work_id)
-        if self._running is not None:
-            _acknowledge(self._running[0], effects, done=REPLACED)
-            self._running = None
-        self._return = None
+        if self._running is not None and self._running[0] is not None:
+            older.append(self._running[0])
+        self._running = self._return = None
         self._vehicle.recovery.clear_return()
         self._vehicle.recovery.clear_abort()
-        return is_sent
+        return Replaced(is_sent, tuple(older))
 
-    def _answer_replaced(self, newest: int, effects: Effects) -> bool:
-        """Answer the waiting aborts that came before; whether an earlier run had accepted one."""
+    def answer_replaced(
+        self, newest: EventWork, older: Iterable[EventWork], refusal: str | None, effects: Effects
+    ) -> None:
+        """Answer the aborts that came before the newest as done, or refused for its reason."""
+        if newest.work_id >= self._newest[0]:
+            self._newest = newest.work_id, refusal
+        for work in older:
+            _acknowledge(work, effects, refusal, done=REPLACED)
+
+    def _take_older(self, newest: int) -> list[EventWork]:
         older = [work for work in self._waiting if is_abort(work) and work.work_id < newest]
         self._waiting = [work for work in self._waiting if work not in older]
-        for work in older:
-            status = "done" if work.was_accepted else "refused"
-            effects.for_edge.append(Acknowledgement(work.work_id, status, REPLACED))
-        return any(work.was_accepted for work in older)
+        return older
 
     def receive(self, message: Message, now: float) -> list[Message]:
         """Handle a message of the vehicle."""

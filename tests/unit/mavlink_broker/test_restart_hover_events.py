@@ -191,9 +191,71 @@ def test_of_two_that_wait_the_newest_decides(kinds: tuple[int, int], tmp_path: P
     vehicle.silent = False
     world.run_until(is_down(world))
     world.run(1.0)
-    assert reasons(world, first) == [("refused", "a later event replaced it")]
+    assert reasons(world, first) == [("done", "a later event replaced it")]
     assert answer_statuses(world, second) == ["accepted", "done"]
     assert vehicle.custom_mode == (PX4_LAND if kinds[1] == ABORT else PX4_RETURN)
+
+
+def test_of_two_that_are_refused_the_older_is_refused_for_the_same_reason(tmp_path: Path) -> None:
+    world = hovering_world(tmp_path)
+    vehicle = world.only_vehicle
+    restart_unreceived(world)
+    first, second = (world.edge.event(kind) for kind in (RETURN, ABORT))
+    world.run(1.0)
+    vehicle.custom_mode = PX4_POSITION
+    vehicle.silent = False
+    world.run(4.0)
+    who = "where another system or its pilot has to move it"
+    refused = [("refused", f"no active mission: the vehicle is in POSCTL, {who}")]
+    assert reasons(world, first) == reasons(world, second) == refused
+
+
+@SCRIPTS
+@pytest.mark.parametrize("kind", [RETURN, ABORT, SOFT_ABORT])
+def test_an_event_that_ends_a_mission_that_waits_moves_the_vehicle_too(
+    script: Script, kind: int, tmp_path: Path
+) -> None:
+    """The mission ends at once, the event when the vehicle that hovers has obeyed."""
+    world = hovering_world(tmp_path, script)
+    vehicle = world.only_vehicle
+    restart_unreceived(world)
+    world.edge.plan(first_flight(mission_id=1202))
+    event = world.edge.event(kind)
+    world.run(1.0)
+    assert world.edge.status(1202) == Status.ABORTED
+    assert not answer_statuses(world, event)
+    vehicle.silent = False
+    world.run_until(is_down(world))
+    world.run(1.0)
+    assert answer_statuses(world, event) == ["accepted", "done"]
+    expected = {COPTER_LAND, PX4_LAND} if kind == ABORT else {COPTER_RETURN, PX4_RETURN}
+    assert vehicle.custom_mode in expected
+    assert [r["mission_status_id"] for r in world.edge.reports(1202)] == [Status.ABORTED]
+
+
+def test_one_whose_vehicle_does_not_come_has_ended_the_mission_alone(tmp_path: Path) -> None:
+    world = hovering_world(tmp_path)
+    restart_unreceived(world)
+    world.edge.plan(first_flight(mission_id=1202))
+    event = world.edge.event(RETURN)
+    world.run(9.0)
+    note = "vehicle 1 is not known: only the missions that waited were ended"
+    assert reasons(world, event) == [("done", note)]
+
+
+def test_one_whose_vehicle_stands_is_done_when_that_is_received(tmp_path: Path) -> None:
+    world = hovering_world(tmp_path)
+    vehicle = world.only_vehicle
+    vehicle.armed = vehicle.airborne = False
+    restart_unreceived(world)
+    since = len(vehicle.parameters)
+    world.edge.plan(first_flight(mission_id=1202))
+    events = [world.edge.event(kind) for kind in (ABORT, RETURN)]
+    world.run(1.0)
+    vehicle.silent = False
+    world.run(4.0)
+    assert [answer_statuses(world, event)[-1] for event in events] == ["done", "done"]
+    assert not orders(world, since)
 
 
 def test_a_mission_ordered_behind_it_does_not_end_its_wait(tmp_path: Path) -> None:
