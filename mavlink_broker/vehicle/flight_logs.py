@@ -64,6 +64,10 @@ MAX_FLIGHTS: Final = 8
 MAX_FAILURES: Final = 5
 FIRST_PAUSE_S: Final = 30.0
 LONGEST_PAUSE_S: Final = 600.0
+FIND_AGAIN_S: Final = 60.0
+"""A log that a killed broker has begun may be listed late, one that was dropped may stay."""
+FIND_EVERY_S: Final = 600.0
+DROPPED_KEPT: Final = 64
 MEASURED_AFTER_S: Final = 10.0
 """After so long the rate of the link is known."""
 _LOG = logging.getLogger(__name__)
@@ -91,7 +95,9 @@ class FlightLogs:
         self._job = 0  # Number of the request that waits for its answer, 0 without one
         self._jobs = 0
         self._has_asked = False  # For logs of an earlier run
+        self._is_asking = False
         self._ask_at = 0.0
+        self._dropped: deque[str] = deque(maxlen=DROPPED_KEPT)  # Names of what was given up
         self._unanswered = 0  # Lists in a row that the vehicle has not answered
         self._latest_armed_at = -math.inf
         self._sent: tuple[LogEntry, float] | None = None  # The last one, and when it was listed
@@ -134,9 +140,11 @@ class FlightLogs:
             self._interrupt(effects)
         elif self._job:
             return
+        elif self._current is None and now >= self._ask_at:
+            self._is_asking = True
+            self._request(FindLogs(), effects)
         elif not self._has_asked:
-            if now >= self._ask_at:
-                self._request(FindLogs(), effects)
+            return
         elif self._current is None:
             self._begin_next(now, effects)
         else:
@@ -148,8 +156,9 @@ class FlightLogs:
         if outcome.number != self._job:
             return
         self._job = 0
-        if not self._has_asked:
-            self._take_earlier(outcome, now)
+        if self._is_asking:
+            self._is_asking = False
+            self._take_earlier(outcome, now, effects)
             return
         flight = self._current
         if flight is None:
@@ -198,16 +207,22 @@ class FlightLogs:
         if len(self._flights) > MAX_FLIGHTS:
             self._say(self._flights.popleft(), "is given up: too many wait")
 
-    def _take_earlier(self, outcome: LogJobOutcome, now: float) -> None:
-        """Queue what an earlier run of the broker has begun to send."""
+    def _take_earlier(self, outcome: LogJobOutcome, now: float, effects: Effects) -> None:
+        """Queue what an earlier run of the broker has begun to send; delete what is given up."""
         if isinstance(outcome, LogJobFailed):
-            self._has_asked = not outcome.is_temporary
-            self._ask_at = now + FIRST_PAUSE_S
+            self._has_asked |= not outcome.is_temporary
+            self._ask_at = now + (FIRST_PAUSE_S if outcome.is_temporary else FIND_EVERY_S)
             return
+        self._ask_at = now + (FIND_EVERY_S if self._has_asked else FIND_AGAIN_S)
         self._has_asked = True
+        known = {flight.name for flight in self._flights}
         for state in outcome.logs:
             log = state.log
-            if not state.is_complete and log.format != "tlog":  # That is not the vehicle's own
+            if state.is_complete or log.format == "tlog":  # That is not the vehicle's own
+                continue
+            if log.name in self._dropped:
+                self._drop(log.name, effects)
+            elif log.name not in known:
                 self._add(
                     LoggedFlight(
                         name=log.name,
@@ -380,8 +395,8 @@ class FlightLogs:
             self._send(flight, part, effects)
             return
         self._end_download(effects)
-        self._drop(flight, effects)
-        flight.name = self._new_name()
+        self._drop(flight.name, effects)
+        flight.name, flight.begun = self._new_name(), None
         self._retry(flight, "the vehicle has numbered its logs again", now, effects)
 
     def _interrupt(self, effects: Effects) -> None:
@@ -451,6 +466,7 @@ class FlightLogs:
         if self._download is not None:
             self._end_download(effects)
         if failed.is_final:
+            self._dropped.append(flight.name)
             flight.begun = None  # The edge server has none of it, or keeps it no longer
             self._give_up(flight, failed.reason, effects)
         else:
@@ -480,13 +496,13 @@ class FlightLogs:
         self._current = None
         self._say(flight, f"is given up: {reason}")
         if flight.begun is not None:
-            self._drop(flight, effects)
+            self._drop(flight.name, effects)
 
-    def _drop(self, flight: LoggedFlight, effects: Effects) -> None:
-        """Delete what the edge server has of a log."""
+    def _drop(self, name: str, effects: Effects) -> None:
+        """Delete what the edge server has of a log; one that stays is found again."""
+        self._dropped.append(name)
         self._jobs += 1  # Its answer is of no interest
-        effects.jobs.append(LogJob(self._jobs, self._vehicle.vehicle_id, DropLog(flight.name)))
-        flight.begun = None
+        effects.jobs.append(LogJob(self._jobs, self._vehicle.vehicle_id, DropLog(name)))
 
     def _say(self, flight: LoggedFlight, what: str) -> None:
         _LOG.warning(

@@ -236,6 +236,59 @@ def test_a_restarted_broker_goes_on_where_it_was(tmp_path: Path) -> None:
     assert len(begun) == 3
 
 
+def test_a_log_that_a_killed_broker_has_just_begun_is_sent_by_the_next_one(
+    tmp_path: Path,
+) -> None:
+    """Its request is carried out behind the question of the next run."""
+    world = World(tmp_path)
+    contents = world.fly(3 * PART_BYTES)
+    world.run_until(lambda: bool(world.archive.logs))
+    late, world.archive.logs = world.archive.logs, {}
+    world.start_broker()
+    world.run(5.0)
+    world.archive.logs.update(late)
+    world.run_until(lambda: bool(world.archive.sent))
+    assert world.archive.sent == [contents]
+
+
+@pytest.mark.parametrize("is_temporary", [False, True])
+def test_an_edge_server_that_fails_when_it_is_asked_is_asked_again(
+    tmp_path: Path, *, is_temporary: bool
+) -> None:
+    world = World(tmp_path)
+    contents = world.fly(3 * PART_BYTES)
+    world.run_until(lambda: bool(world.archive.logs))
+    world.start_broker()
+    world.archive.refusal = lambda job: LogJobFailed(
+        job.number, "HTTP 502", is_final=False, is_temporary=is_temporary
+    )
+    world.run(5.0)
+    world.archive.refusal = lambda _: None
+    world.wait(590.0)
+    world.run_until(lambda: bool(world.archive.sent))
+    assert world.archive.sent == [contents]
+
+
+def test_a_log_that_was_given_up_does_not_stay_though_its_deletion_was_lost(
+    tmp_path: Path,
+) -> None:
+    world = World(tmp_path)
+    world.archive.refusal = lambda job: (
+        LogJobFailed(job.number, "HTTP 500", is_final=isinstance(job.request, SendLogPart))
+        if isinstance(job.request, SendLogPart | DropLog)
+        else None
+    )
+    world.fly(1000)
+    world.run_until(lambda: any(isinstance(j.request, SendLogPart) for j in world.archive.requests))
+    world.run(5.0)
+    assert world.archive.logs
+    requests = world.air.requests
+    world.archive.refusal = lambda _: None
+    world.wait(700.0)
+    assert not world.archive.logs
+    assert world.air.requests == requests
+
+
 def test_a_restarted_vehicle_is_asked_again(tmp_path: Path) -> None:
     world = World(tmp_path)
     contents = world.fly(3 * PART_BYTES)
