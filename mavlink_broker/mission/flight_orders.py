@@ -43,6 +43,7 @@ REPLACED: Final = "a later event replaced it"
 NOT_IN_THE_AIR: Final = "the vehicle is not in the air for this mission: abort the mission instead"
 NOT_PAUSED: Final = "no event has paused the mission"
 PAUSED: Final = "paused by an event"
+RESUMED: Final = "resumed"
 PAUSED_INSTEAD: Final = "a later event has paused the mission"
 SHOWN_WITHIN_S: Final = 5.0
 """How long a vehicle may take to show a mode that it has accepted."""
@@ -66,7 +67,7 @@ class PauseOrders:
         self._shown_until: float | None = None  # The vehicle has accepted the order
         self._late_until = 0.0  # An order to hold may still arrive
         self._resumes_until = 0.0  # An order to fly on may still arrive
-        self._is_new = False  # Not written into a report yet
+        self._change: bool | None = None  # Paused or resumed, and not written into a report yet
 
     @property
     def is_paused(self) -> bool:
@@ -78,10 +79,18 @@ class PauseOrders:
         """Whether the vehicle has obeyed an order to hold."""
         return self.is_paused and not (self._pauses and self._sequence is not None)
 
-    def take_new_pause(self) -> bool:
-        """Whether the mission has been paused since the last call."""
-        is_new, self._is_new = self._is_new, False
-        return is_new
+    def take_change(self) -> bool | None:
+        """Whether the mission has been paused (True) or resumed since the last call, if either."""
+        change, self._change = self._change, None
+        return change
+
+    def assume(self, last_note: str | None) -> None:
+        """Take a mission of an earlier run as paused if its report says so last.
+
+        The journal says the same, but could perhaps not be written.
+        """
+        if last_note == PAUSED:
+            self._vehicle.recovery.note_pause(self._mission)
 
     def pause(
         self, work: EventWork, state: State, who: Authority, now: float, effects: Effects
@@ -214,7 +223,7 @@ class PauseOrders:
         self._note(is_paused=is_paused)
 
     def _note(self, *, is_paused: bool) -> None:
-        self._is_new = is_paused
+        self._change = is_paused
         if is_paused:
             self._late_until = 0.0
             self._vehicle.recovery.note_pause(self._mission)

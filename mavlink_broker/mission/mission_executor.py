@@ -23,6 +23,7 @@ from mavlink_broker.mission.flight_orders import (
     NOT_IN_THE_AIR,
     PAUSED,
     PAUSED_INSTEAD,
+    RESUMED,
 )
 from mavlink_broker.mission.phases.aborting import (
     COMMAND_WITHIN_S,
@@ -205,6 +206,7 @@ class MissionExecutor:
         context.was_running = self.ledger.status == Status.RUNNING
         if context.was_running:
             context.speeds.resume()
+            context.pauses.assume(self.ledger.pause_note)
         if resumed:
             self._vehicle.overrides.assume(FENCE, fence_items(work.geofence))
             self._vehicle.overrides.assume(RALLY, rally_items(work.rally_points))
@@ -246,14 +248,18 @@ class MissionExecutor:
             self._abort_when_due(self._soft_abort, now, effects)
 
     def _report_pause(self, effects: Effects) -> None:
-        """Write into the report that an event has paused the mission; no soft abort waits then."""
-        if self._context.pauses.take_new_pause():
-            if self._soft_abort is not None:
-                work_id, self._soft_abort = self._soft_abort.work.work_id, None
-                effects.for_edge.append(Acknowledgement(work_id, "refused", PAUSED_INSTEAD))
-            last = len(self.ledger.commands) - 1
-            self.ledger.add_note(min(self.ledger.finished, last), PAUSED)
-            self._context.report(effects)
+        """Write into the report that the mission is paused, or not any more.
+
+        A restarted broker reads it there. No soft abort waits during a pause.
+        """
+        is_paused = self._context.pauses.take_change()
+        if is_paused is None:
+            return
+        if is_paused and self._soft_abort is not None:
+            work_id, self._soft_abort = self._soft_abort.work.work_id, None
+            effects.for_edge.append(Acknowledgement(work_id, "refused", PAUSED_INSTEAD))
+        self.ledger.add_pause_note(PAUSED if is_paused else RESUMED)
+        self._context.report(effects)
 
     def _yields(self, now: float, effects: Effects) -> bool:
         """Fail at once when another system takes the vehicle; whether no order may be given.

@@ -11,6 +11,7 @@ from afarcloud.enumerations import Status
 from afarcloud.state import CommandReport, MissionReport
 
 MESSAGE_LENGTH = 1000
+_SEPARATOR: Final = "; "
 
 
 class LedgerError(Exception):
@@ -76,16 +77,27 @@ class MissionLedger:
     def remark(self, notes: Sequence[str]) -> None:
         """Set the message of the mission; its status stays."""
         if notes:
-            self.message = _shorten("; ".join(notes))
+            self.message = _shorten(_SEPARATOR.join(notes))
 
     def note(self, index: int, notes: Sequence[str]) -> None:
         """Set the message of a command; its status stays."""
         if notes:
-            self._messages[index] = _shorten("; ".join(notes))
+            self._messages[index] = _shorten(_SEPARATOR.join(notes))
 
     def add_note(self, index: int, text: str) -> None:
         """Add to the message of a command; its status stays."""
         self._added[index].append(text)
+
+    def add_pause_note(self, text: str) -> None:
+        """Add a note of a pause, or of its end, to the first unfinished command, or the last."""
+        self.add_note(min(self.finished, len(self._ids) - 1), text)
+
+    @property
+    def pause_note(self) -> str | None:
+        """The last note of that command, also of an earlier report; None without any."""
+        texts = list(self._texts())
+        text = texts[min(self.finished, len(texts) - 1)]
+        return None if text is None else text.rpartition(_SEPARATOR)[2]
 
     def set_command(self, index: int, status: Status, message: str | None = None) -> bool:
         """Change a command's status; whether it was another one.
@@ -173,7 +185,7 @@ class MissionLedger:
         """The message of each command: why its status is what it is, and the notes since."""
         for message, added in zip(self._messages, self._added, strict=True):
             parts = [message, *added] if message else added
-            yield _shorten("; ".join(parts)) if parts else None
+            yield _shorten(_SEPARATOR.join(parts)) if parts else None
 
 
 def _shorten(message: str) -> str:

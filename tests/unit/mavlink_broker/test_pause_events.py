@@ -421,6 +421,44 @@ class TestRestarts:
         assert answer_statuses(world, resume)[-1] == "done"
         assert world.edge.statuses(1201) == [Status.FINISHED] * 3
 
+    @KNOWN
+    def test_it_is_resumed_though_its_pause_is_in_no_journal(self, family: str) -> None:
+        """The disk was read-only when it was paused: the last report shows the pause."""
+        world = paused(SCRIPTS[family])
+        world.restart_broker()
+        world.run(30.0)
+        assert world.only_vehicle.custom_mode == PAUSED_MODES[family]
+        assert world.edge.bodies("/vehicles/1")[-1]["activity"] == "paused"
+        resume = world.edge.event(RESUME)
+        world.run_until_over(1201)
+        assert answer_statuses(world, resume)[-1] == "done"
+        assert world.edge.statuses(1201) == [Status.FINISHED] * 3
+
+    @KNOWN
+    def test_an_abort_lands_it_though_its_pause_is_in_no_journal(self, family: str) -> None:
+        world = paused(SCRIPTS[family])
+        world.restart_broker()
+        world.run(5.0)
+        event = world.edge.event(ABORT)
+        world.run_until(lambda: not world.only_vehicle.armed)
+        world.run(1.0)
+        assert answer_statuses(world, event)[-1] == "done"
+
+    @KNOWN
+    def test_a_pause_that_has_ended_is_none_for_a_restarted_broker(self, family: str) -> None:
+        """What pauses it then is somebody else's order, which no event ends."""
+        world = paused(SCRIPTS[family])
+        world.edge.event(RESUME)
+        world.run(3.0)
+        world.kill_broker()
+        world.only_vehicle.set_mode(PAUSED_MODES[family])
+        world.restart_broker()
+        world.run(10.0)
+        resume = world.edge.event(RESUME)
+        world.run(3.0)
+        assert answer_statuses(world, resume)[-1] == "refused"
+        assert world.only_vehicle.custom_mode == PAUSED_MODES[family]
+
     @pytest.mark.first_case
     @KNOWN
     @pytest.mark.parametrize("kind", [ABORT, RETURN_HOME])
