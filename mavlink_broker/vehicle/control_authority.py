@@ -4,8 +4,9 @@ The broker is in command while the vehicle is in a mode that an order or a missi
 leads to, and no other system has ordered it into that mode: a vehicle acknowledges the order of a
 ground station to everybody, with the number of that system. Any other mode was chosen by the
 vehicle's own failsafe (HEARTBEAT.system_status is MAV_STATE_CRITICAL, which PX4 and ArduPilot set
-while a failsafe acts), or by another system: a pilot with a remote control, or another ground
-station. Whoever it is, the broker sends no order from then on (`is_order`).
+while a failsafe acts; ArduPilot not for its fence, which FENCE_STATUS shows), or by another system:
+a pilot with a remote control, or another ground station. Whoever it is, the broker sends no order
+from then on (`is_order`).
 """
 
 from enum import Enum, auto

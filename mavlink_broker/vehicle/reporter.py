@@ -272,7 +272,7 @@ def activity(vehicle: Vehicle) -> str | None:
     if not vehicle.family.knows_modes:
         return None
     flies_on = vehicle.mode_role is ModeRole.MISSION  # ArduPilot, with a low battery by default
-    is_failsafe = vehicle.snapshot.in_failsafe and not flies_on
+    is_failsafe = vehicle.in_failsafe and not flies_on
     return "failsafe" if is_failsafe else _ACTIVITIES[vehicle.mode_role]
 
 

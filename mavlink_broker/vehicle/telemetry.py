@@ -87,6 +87,9 @@ class Snapshot:
     base_mode: int = 0
     custom_mode: int = 0
     in_failsafe: bool = False  # Its failsafe acts
+    is_beyond_fence: bool = False
+    changed_mode_at_fence: bool = False  # It was beyond its fence when it entered its mode
+    heartbeats_in_mode: int = 0
     time_s: float | None = None  # The vehicle's own, since it was switched on
     booted_at_utc_s: float | None = None  # Since 1970; None: its time of day is not set
     position: Position | None = None
@@ -155,10 +158,21 @@ class Snapshot:
 
 
 def _heartbeat(snapshot: Snapshot, message: Message) -> None:
+    snapshot.heartbeats_in_mode += 1
+    if message.custom_mode != snapshot.custom_mode:
+        snapshot.changed_mode_at_fence = snapshot.is_beyond_fence
+        snapshot.heartbeats_in_mode = 1
     snapshot.armed = bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
     snapshot.base_mode = message.base_mode
     snapshot.custom_mode = message.custom_mode
     snapshot.in_failsafe = message.system_status == mavlink.MAV_STATE_CRITICAL
+
+
+def _fence_status(snapshot: Snapshot, message: Message) -> None:
+    """A breach may be received behind the heartbeat with the mode that follows from it."""
+    was_beyond, snapshot.is_beyond_fence = snapshot.is_beyond_fence, message.breach_status != 0
+    is_new = snapshot.is_beyond_fence and not was_beyond
+    snapshot.changed_mode_at_fence |= is_new and snapshot.heartbeats_in_mode == 1
 
 
 def _global_position(snapshot: Snapshot, message: Message) -> None:
@@ -260,6 +274,7 @@ def _turn(angle_deg: float) -> float:
 
 _READERS: Final[Mapping[str, Callable[[Snapshot, Message], None]]] = {
     "HEARTBEAT": _heartbeat,
+    "FENCE_STATUS": _fence_status,
     "GLOBAL_POSITION_INT": _global_position,
     "ATTITUDE": _attitude,
     "HOME_POSITION": _home,

@@ -334,7 +334,7 @@ class Vehicle:
             mode,
             self.family.mode_role(mode),
             snapshot.armed,
-            in_failsafe=snapshot.in_failsafe,
+            in_failsafe=self.in_failsafe,
             is_manual=is_manual and not self.family.knows_modes,
             ordered=self._foreign_order,
         )
@@ -385,10 +385,15 @@ class Vehicle:
 
         ArduPilot shows a failsafe also while that does nothing, as with a low battery by default.
         """
-        snapshot = self.snapshot
         holds = self.mode_role in {ModeRole.HOLD, ModeRole.PAUSED}
         is_paused = self.recovery.paused is not None
-        return bool(snapshot.armed) and snapshot.in_failsafe and holds and not is_paused
+        return bool(self.snapshot.armed) and self.in_failsafe and holds and not is_paused
+
+    @property
+    def in_failsafe(self) -> bool:
+        """Whether a failsafe of its own acts; ArduPilot shows none where it acts on its fence."""
+        acts = self.mode_role is ModeRole.ENDING or self.mode == self.family.paused_mode
+        return self.snapshot.in_failsafe or (acts and self.snapshot.changed_mode_at_fence)
 
     @property
     def stays_on_ground(self) -> bool:

@@ -31,6 +31,7 @@ from tests.unit.mavlink_broker.test_real_autopilots import example, flown
 SPEED = mavlink.MAV_CMD_DO_CHANGE_SPEED
 WAYPOINT = mavlink.MAV_CMD_NAV_WAYPOINT
 CIRCLE = mavlink.MAV_CMD_NAV_LOITER_TURNS
+COPTER_STABILIZE, COPTER_BRAKE = 0, 17
 
 
 def hotpoint(**more: Any) -> dict[str, Any]:
@@ -225,6 +226,40 @@ def test_a_failsafe_that_does_nothing_is_not_reported_as_one() -> None:
     vehicle.fail_safe(COPTER_RETURN)
     world.run(5.0)
     assert world.edge.bodies("/vehicles/1")[-1]["activity"] == "failsafe"
+
+
+BEYOND_FENCE = mavlink.MAVLink_fence_status_message(1, 1, mavlink.FENCE_BREACH_BOUNDARY, 1000)
+
+
+class TestItsFence:
+    """fence.cpp: a breach changes the mode and shows no failsafe in the heartbeat."""
+
+    def breached(self, mode: int, *, heartbeat_first: bool = False) -> World:
+        world = World()
+        vehicle = world.add_vehicle(script=dataclasses.replace(COPTER_4_6, item_time_s=60.0))
+        world.edge.plan(mission(takeoff(), waypoint(), go_home()))
+        world.run_until(lambda: vehicle.airborne)
+        world.run(3.0)
+        if not heartbeat_first:
+            vehicle.send(BEYOND_FENCE)
+            world.run(0.2)
+        vehicle.set_mode(mode)
+        vehicle.heartbeat()
+        world.run(0.2)
+        vehicle.send(BEYOND_FENCE)
+        world.run(15.0)
+        return world
+
+    @pytest.mark.parametrize("heartbeat_first", [False, True])
+    @pytest.mark.parametrize("mode", [COPTER_RETURN, COPTER_BRAKE], ids=["return", "brake"])
+    def test_ends_a_mission_as_a_failsafe(self, mode: int, *, heartbeat_first: bool) -> None:
+        world = self.breached(mode, heartbeat_first=heartbeat_first)
+        assert world.edge.status(1201) == Status.FAILED
+        assert "own failsafe" in str(world.edge.reports(1201)[-1]["message"])
+
+    def test_is_not_what_a_pilot_does_beyond_it(self) -> None:
+        world = self.breached(COPTER_STABILIZE)
+        assert "somebody else flies" in str(world.edge.reports(1201)[-1]["message"])
 
 
 class TestARover:
