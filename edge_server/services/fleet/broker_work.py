@@ -31,6 +31,7 @@ POLL_INTERVAL_S: Final = 5.0
 """A long poll reads the database this often, in case another server's notice is lost."""
 EXPIRED: Final = "expired before dispatch"
 EXPIRED_EVENT: Final = "expired before the broker accepted it"
+AGE_UNKNOWN: Final = "the clock was set back, and the broker had not reported how the event ended"
 
 
 class Acknowledgement(StrEnum):
@@ -325,15 +326,18 @@ def expire_if_due(context: Context) -> None:
 
 
 def expire(connection: Connection, now: float) -> None:
-    """End queued work that has expired; it is never flown."""
+    """End work that has expired, which is never flown, and events of an unknown age."""
     for item in work.from_the_future(connection, now):
         _count_from_now(connection, item, now)
     for item in work.overdue(connection, now):
         if item.kind == work.MISSION:
             end(connection, item, Status.ABORTED, EXPIRED, now)
         elif item.kind == work.EVENT:
-            state = EVENT_STATES.follow(State.QUEUED, Trigger.TOO_LATE)
-            _move_event(connection, item, state, EXPIRED_EVENT)
+            before = event_states.state_of(item.status_id or Status.NOT_STARTED)
+            is_queued = before is State.QUEUED
+            trigger = Trigger.TOO_LATE if is_queued else Trigger.AGE_UNKNOWN
+            message = EXPIRED_EVENT if is_queued else AGE_UNKNOWN
+            _move_event(connection, item, EVENT_STATES.follow(before, trigger), message)
         else:
             work.change(connection, item.id, state=work.CLOSED)
 

@@ -322,9 +322,12 @@ def _is_abort(event: dict[str, Any]) -> bool:
 
 
 _OVERDUE: Final = _QUERY.where(
-    or_(work.c.state == QUEUED, and_(work.c.state == ACCEPTED, work.c.kind == STATE_VECTOR)),
+    work.c.state.in_((QUEUED, ACCEPTED)),
     or_(
-        work.c.expires_at <= bindparam("now"),
+        and_(
+            work.c.expires_at <= bindparam("now"),
+            or_(work.c.state == QUEUED, work.c.kind == STATE_VECTOR),
+        ),
         and_(work.c.kind == EVENT, work.c.created_at > bindparam("newest")),
     ),
 ).order_by(work.c.id)
@@ -333,7 +336,8 @@ _OVERDUE: Final = _QUERY.where(
 def overdue(connection: Connection, now: float) -> list[Work]:
     """List work that has expired: missions and events not accepted, and requests not answered.
 
-    An event from the future has expired too: the clock was set back, and its age is unknown.
+    An event from the future has expired too, accepted or not: the clock was set back, and its age
+    is unknown, so that it is not handed out to a restarted broker.
     """
     values = {"now": now, "newest": now + CLOCK_SLACK_S}
     return [_work(row) for row in connection.execute(_OVERDUE, values)]

@@ -142,6 +142,23 @@ def test_an_accepted_event_is_not_handed_out_for_ever(edge: Edge) -> None:
     assert [item["kind"] for item in edge.work()] == ["mission"]
 
 
+@pytest.mark.parametrize("is_accepted", [True, False])
+def test_an_event_ends_when_the_clock_is_set_back(edge: Edge, *, is_accepted: bool) -> None:
+    """It is not handed out any more; nobody waits for it for ever."""
+    edge.clock.pass_s(3600.0)
+    fly(edge)
+    send(edge)
+    number = edge.work()[0]["id"]
+    if is_accepted:
+        edge.acknowledge(number, "accepted")
+    edge.clock.now = NOON
+    assert [item["kind"] for item in edge.work()] == ["mission"]
+    assert state(edge) == ("refused" if is_accepted else "expired")
+    message = broker_work.AGE_UNKNOWN if is_accepted else broker_work.EXPIRED_EVENT
+    assert edge.get("/events/1")["message"] == message
+    assert edge.acknowledge(number, "done").status_code == 409
+
+
 def test_a_speed_that_is_done_stays_with_its_mission(edge: Edge) -> None:
     fly(edge)
     fly(edge, 1202)
