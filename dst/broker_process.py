@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
+from http import HTTPStatus
 from itertools import count
 from pathlib import Path
 from random import Random
@@ -87,6 +88,8 @@ class EdgeHttp:
         self._update_interval = scheduler.random("update interval").choice(intervals)
         self.on_taken: Callable[[Post, Answer], None] = lambda _post, _answer: None
         """Called when the edge server has answered a post, whether or not the answer arrives."""
+        self.on_accepted: Callable[[], None] = lambda: None
+        """Called when the edge server has taken the broker's acceptance of some work."""
         self.on_answered: Callable[[Post, Answer], None] = lambda _post, _answer: None
         """As `on_taken`, for the counters."""
 
@@ -150,6 +153,8 @@ class EdgeHttp:
             self.owed.take(post, answer)
             self.on_taken(post, answer)
             self.on_answered(post, answer)
+            if post.is_acceptance and answer.status_code < HTTPStatus.BAD_REQUEST:
+                self.on_accepted()
         if self._is_cut(post, answer):
             self.is_up = False
             self.on_cut()

@@ -24,6 +24,12 @@ MEAN_IN_FLIGHT_S: Final = 25.0
 CUT_RATE: Final = 0.3
 """How often the edge server is out of reach just after an answer that matters."""
 MEAN_CUT_S: Final = 12.0
+KILL_RATE: Final = 0.15
+"""How often the broker is killed just after it has accepted something."""
+MEAN_KILL_S: Final = 1.0
+"""From an acceptance to the fault that follows it."""
+POWERLESS_S: Final = (60.0, 180.0)
+"""After a power cut the edge server and its relay return within this time: the last of all."""
 SWAP_S: Final = 30.0
 """From the end of an aircraft to the start of the one that takes its place."""
 BREAK_FACTOR: Final = 60.0
@@ -100,6 +106,12 @@ class Faults:
         self.factor = 1.0
         """How many times as rare, and as long, faults are at present."""
         self._machines = world.edge_machine, world.broker_machine
+        self._is_silent = False
+        """Whether the farm's radio has failed, and its power not yet."""
+        self._powerless: set[Process] = set()
+        """What the power cut keeps down, also when the other faults have ended."""
+        self._kills = world.scheduler.random("kills after acceptances")
+        world.http.on_accepted = self._accepted
         self._degrade()
         self._schedule()
 
@@ -115,7 +127,7 @@ class Faults:
             machine.restore()
             machine.set_clock()
         for process in self._processes.values():
-            if not process.is_up:
+            if not process.is_up and process not in self._powerless:
                 process.start()
         for system, vehicle in world.vehicles.items():
             vehicle.has_position = vehicle.knows_battery = True
@@ -331,24 +343,27 @@ class Faults:
         self._world.scheduler.after(random.uniform(5.0, 120.0), release)
 
     def _cut_power(self, random: Random) -> None:
-        """Have the farm's radio fail, then its machine; the edge server is the last to return."""
+        """Have the farm's radio fail, and soon its machines."""
         world = self._world
         if not any(vehicle.is_flying for vehicle in world.vehicles.values()):
             return
         world.scheduler.note("faults", "farm", "the radio sends no more")
-        paths = [*world.up.values(), *world.down.values()]
         for path in world.down.values():
             path.is_up = False
+        self._is_silent = True
+        self._later(random.uniform(10.0, 30.0), partial(self._black_out, random))
 
-        def cut() -> None:
-            for machine in self._machines:
-                machine.lose_power()
-            for path in paths:
-                path.is_up = False
-            self._later(random.uniform(2.0, 6.0), lambda: self._start(world.broker))
-            self._later(random.uniform(2.0, 8.0), restore)
-            self._later(random.uniform(60.0, 180.0), lambda: self._start(world.relay))
-            self._later(random.uniform(60.0, 180.0), lambda: self._start(world.edge))
+    def _black_out(self, random: Random) -> None:
+        """Have every machine lose power; the edge server is the last to return."""
+        if not self._is_silent:
+            return
+        self._is_silent = False
+        world = self._world
+        paths = [*world.up.values(), *world.down.values()]
+        for machine in self._machines:
+            machine.lose_power()
+        for path in paths:
+            path.is_up = False
 
         def restore() -> None:
             for path in paths:
@@ -356,7 +371,25 @@ class Faults:
             for system in world.vehicles:
                 world.connected(system)
 
-        self._later(random.uniform(2.0, 12.0), cut)
+        self._later(random.uniform(2.0, 6.0), lambda: self._start(world.broker))
+        self._later(random.uniform(2.0, 8.0), restore)
+        for process in (world.relay, world.edge):
+            self._powerless.add(process)
+            return_s = random.uniform(*POWERLESS_S)
+            world.scheduler.after(return_s, partial(self._return_power, process))
+
+    def _return_power(self, process: Process) -> None:
+        self._powerless.discard(process)
+        self._start(process)
+
+    def _accepted(self) -> None:
+        """Have what was accepted just now be the last that was done."""
+        pause_s = self._kills.expovariate(1.0 / MEAN_KILL_S)
+        if self._is_silent:
+            self._later(pause_s, partial(self._black_out, self._kills))
+        elif Fault.BROKER_KILLED in self._enabled and self._kills.random() < KILL_RATE:
+            kill = self._kill(Fault.BROKER_KILLED, self._world.broker)
+            self._later(pause_s, lambda: kill(self._kills))
 
     def _lose_power(self, random: Random) -> None:
         """Have a machine lose power, perhaps in the middle of a commit, and return."""
@@ -380,7 +413,7 @@ class Faults:
         return trouble
 
     def _start(self, process: Process) -> None:
-        if not process.is_up:
+        if not process.is_up and process not in self._powerless:
             process.start()
             for system in self._world.vehicles:
                 self._world.connected(system)
@@ -393,7 +426,7 @@ class Faults:
             process.kill()
 
             def start() -> None:
-                if not process.is_up:
+                if not process.is_up and process not in self._powerless:
                     self._world.scheduler.note("faults", fault.split("-")[0], "started")
                     self._start(process)
 

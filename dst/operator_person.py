@@ -13,6 +13,8 @@ from dst.world import World
 from mavlink_broker.mission.states import State
 
 MEAN_PAUSE_S: Final = 20.0
+FIRST_PLAN_S: Final = 6.0
+"""Mean time from the start of a shift to its first plan: faults are to meet vehicles that fly."""
 MEAN_LOOK_S: Final = 8.0
 """Between two looks at the vehicles: one that is out of reach is aborted, others sometimes."""
 ABORT_SHARE: Final = 0.25
@@ -137,7 +139,7 @@ class Operator:
         """Begin a shift: post, cancel, abort and release."""
         self._shift += 1
         self._is_posting = True
-        self._next(self._shift)
+        self._next(self._shift, FIRST_PLAN_S)
         self._watch(self._shift)
         self._pause_again(self._shift)
         self._release(self._shift)
@@ -151,8 +153,8 @@ class Operator:
         self.stop()
         self._shift += 1
 
-    def _next(self, shift: int) -> None:
-        pause_s = self._random.expovariate(1.0 / MEAN_PAUSE_S)
+    def _next(self, shift: int, mean_s: float = MEAN_PAUSE_S) -> None:
+        pause_s = self._random.expovariate(1.0 / mean_s)
         self._world.scheduler.after(pause_s, lambda: self._act(shift))
 
     def _act(self, shift: int) -> None:

@@ -22,7 +22,7 @@ class Farm:
     """A world in which the operator's first plan has been flown."""
 
     def __init__(self, folder: Path) -> None:
-        self.world = World(1, prepared_folder(folder / "prepared"), folder)
+        self.world = World(2, prepared_folder(folder / "prepared"), folder)
         self.operator = Operator(self.world, ())
         self.laws = Laws(self.world, self.operator)
         while not self.operator.plans:
