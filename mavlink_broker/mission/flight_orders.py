@@ -122,6 +122,9 @@ class PauseOrders:
         if self._refuses(work, state, who, effects):
             return
         foreign = self._vehicle.foreign_order
+        if self.is_paused and self._vehicle.snapshot.armed is False:
+            effects.for_edge.append(Acknowledgement(work.work_id, "refused", NOT_IN_THE_AIR))
+            return
         if not self.is_paused:
             effects.for_edge.append(Acknowledgement(work.work_id, "refused", NOT_PAUSED))
             return

@@ -375,6 +375,8 @@ class ProgressMonitor:
         if self._vehicle.snapshot.is_on_ground and self._vehicle.is_reachable(now):
             if self._resumed and self._has_landed_meanwhile():
                 self._progress = self._progress.with_complete()
+            # On the ground in another mode, no later mode proves that it has run its mission
+            self._resumed &= self._vehicle.has_run_its_mission
             self._progress = self._progress.with_landing()
         self._detect_takeover(now)
         before = self._ledger.commands

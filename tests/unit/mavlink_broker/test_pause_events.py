@@ -14,10 +14,12 @@ from tests.support.scripted_vehicle import (
     ARDUPILOT,
     COPTER_AUTO,
     COPTER_GUIDED,
+    COPTER_LAND,
     COPTER_RETURN,
     PX4,
     PX4_FOLLOW,
     PX4_HOLD,
+    PX4_LAND,
     PX4_MISSION,
     PX4_POSITION,
     PX4_RETURN,
@@ -30,6 +32,7 @@ from tests.unit.mavlink_broker.test_takeover import in_mission, live, orders, sl
 PAUSE, RESUME, RETURN_HOME = 101, 102, 103
 COPTER_LOITER, COPTER_BRAKE = 5, 17
 PAUSED_MODES = {"px4": PX4_HOLD, "own": PX4_HOLD, "ardupilot": COPTER_BRAKE, "generic": PX4_HOLD}
+LANDING_MODES = {"px4": PX4_LAND, "own": PX4_LAND, "ardupilot": COPTER_LAND}
 FLYING_MODES = {
     "px4": PX4_MISSION,
     "own": PX4_MISSION,
@@ -478,6 +481,46 @@ class TestRestarts:
         world.only_vehicle.armed = False
         world.only_vehicle.airborne = False
         world.run(8.0)
+        assert world.edge.status(1201) == Status.FAILED
+
+    @pytest.mark.first_case
+    @KNOWN
+    @pytest.mark.parametrize("is_restarted", [True, False])
+    def test_one_that_has_landed_while_it_was_paused_is_not_resumed_and_has_not_flown(
+        self, family: str, tmp_path: Path, *, is_restarted: bool
+    ) -> None:
+        """Its own failsafe has landed it; the takeover is not proven yet."""
+        world = paused(SCRIPTS[family], tmp_path / "journal")
+        vehicle = world.only_vehicle
+        if is_restarted:
+            world.restart_broker()
+            world.run(10.0)
+        vehicle.steer(LANDING_MODES[family])
+        vehicle.armed = vehicle.airborne = False
+        world.run(2.0)
+        since = len(vehicle.frames)
+        resume = world.edge.event(RESUME)
+        world.run(1.0)
+        assert answer(world, resume) == ("refused", NOT_IN_THE_AIR)
+        world.run_until_over(1201)
+        assert world.edge.status(1201) == Status.FAILED
+        assert orders(vehicle, since) == []
+
+    @pytest.mark.parametrize("is_restarted", [True, False])
+    def test_one_that_landed_and_is_switched_to_its_mission_mode_has_not_flown(
+        self, tmp_path: Path, *, is_restarted: bool
+    ) -> None:
+        """ArduPilot is in this mode after a landing at the end of its mission too."""
+        world = paused(ARDUPILOT, tmp_path / "journal")
+        vehicle = world.only_vehicle
+        if is_restarted:
+            world.restart_broker()
+            world.run(10.0)
+        vehicle.steer(COPTER_LAND)
+        vehicle.armed = vehicle.airborne = False
+        world.run(2.0)
+        vehicle.steer(COPTER_AUTO)
+        world.run_until_over(1201)
         assert world.edge.status(1201) == Status.FAILED
 
 
