@@ -250,6 +250,8 @@ class Family:
     """Which of them are truncated to whole numbers in storage."""
     hold_yaw_deg: float = 0.0  # Fourth parameter of a hold without a heading
     gimbal_rate_deg_s: float = math.nan  # Means "no rate" with a gimbal's angles
+    gimbal_flags: float = 0.0  # GIMBAL_MANAGER_FLAGS with every direction
+    missions_take_gimbal: bool = True  # Else an item takes control of it before one points it
     accepts_modes_early: tuple[int, int] | None = None  # From a version, and up to another one
     arming: CommandAlternatives = ((_ARM,),)
     starting: CommandAlternatives = ((_START,),)
@@ -329,6 +331,10 @@ PX4: Final = Family(
         mavlink.MAV_CMD_NAV_LOITER_UNLIM: frozenset({2, 3}),
     },
     hold_yaw_deg=math.nan,
+    gimbal_flags=float(
+        mavlink.GIMBAL_MANAGER_FLAGS_ROLL_LOCK | mavlink.GIMBAL_MANAGER_FLAGS_PITCH_LOCK
+    ),  # Else its angles count from the vehicle's, which tilts
+    missions_take_gimbal=False,
     readiness_by_mode=True,
     reports_only_passed_checks_since=0x010E0000,
     arming_retry_s=20.0,
@@ -370,6 +376,8 @@ OWN: Final = replace(
     lists_log_ends=False,
     keeps_log_open=False,
     arming_retry_s=0.0,
+    gimbal_flags=0.0,
+    missions_take_gimbal=True,
     accepts_modes_early=None,
     status_texts_to_gcs_only=False,
     takes_panoramas=True,

@@ -161,6 +161,16 @@ def point_gimbal(
     )
 
 
+def take_gimbal() -> MissionItem:
+    """DO_GIMBAL_MANAGER_CONFIGURE(1001): the mission controls the gimbal (-2), and nobody else.
+
+    Who has secondary control is left as it is (-1).
+    """
+    return MissionItem(
+        command=mavlink.MAV_CMD_DO_GIMBAL_MANAGER_CONFIGURE, parameters=(-2.0, -2.0, -1.0, -1.0)
+    )
+
+
 def point_mount(pitch_deg: float, yaw_deg: float) -> MissionItem:
     """DO_MOUNT_CONTROL(205) by angles: how older autopilots aim."""
     return MissionItem(

@@ -40,9 +40,10 @@ _VEHICLE_TURNS: Final = "the vehicle turns from picture to picture: the camera t
 _NO_GIMBAL: Final = "the vehicle has no gimbal: pitch_angle and yaw_angle were left out"
 _SEQUENCES: Final = 2**23
 """Numbers that a float represents exactly."""
-_SENDER: Final = (-2.0, -2.0)
-"""Primary control of a gimbal: system and component of the sender."""
+_POINT: Final[int] = mavlink.MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW
+_CONTROL: Final[int] = mavlink.MAV_CMD_DO_GIMBAL_MANAGER_CONFIGURE
 _AS_BEFORE: Final = (-1.0, -1.0)
+"""Secondary control of a gimbal."""
 _EARTH: Final = float(
     mavlink.GIMBAL_MANAGER_FLAGS_YAW_IN_EARTH_FRAME | mavlink.GIMBAL_MANAGER_FLAGS_YAW_LOCK
 )
@@ -61,9 +62,9 @@ def image(command: CameraImage, situation: Situation) -> Items | LiveAction:
     aim = p.pitch_angle, p.yaw_angle
     slew_s = 0.0 if aim == situation.aim else situation.family.gimbal_slew_s
     if situation.after_live:
-        return _live_image(situation.family, aim, shots, number, duration_s + slew_s)
+        return _live_image(situation, aim, shots, number, duration_s + slew_s)
     pointing, notes = _pointing(p.pitch_angle, p.yaw_angle, situation)
-    wholes = situation.family.truncated_parameters.get(mavlink.MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW)
+    wholes = situation.family.truncated_parameters.get(_POINT)
     if wholes and (p.pitch_angle % 1.0 or (p.yaw_angle or 0.0) % 1.0):
         notes = (*notes, f"{situation.family.name} points its gimbal in whole degrees")
     capture, more = _capture(shots, number, situation.refused)
@@ -162,14 +163,23 @@ def _pointing(
     pitch_deg: float, yaw_deg: float | None, situation: Situation
 ) -> tuple[tuple[MissionItem, ...], tuple[str, ...]]:
     """Point the gimbal by the newest command that the vehicle has not refused."""
-    refused = situation.refused
-    if mavlink.MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW not in refused:
-        flags, yaw = (_VEHICLE, 0.0) if yaw_deg is None else (_EARTH, yaw_deg)
-        rate = situation.family.gimbal_rate_deg_s
-        return (mission_item.point_gimbal(pitch_deg, yaw, flags, no_rate_deg_s=rate),), ()
+    refused, family = situation.refused, situation.family
+    if not refused & {_POINT, _CONTROL}:
+        yaw, flags = _direction(yaw_deg, family)
+        rate = family.gimbal_rate_deg_s
+        point = mission_item.point_gimbal(pitch_deg, yaw, flags, no_rate_deg_s=rate)
+        if family.missions_take_gimbal or situation.aim == (pitch_deg, yaw_deg):
+            return (point,), ()
+        return (mission_item.take_gimbal(), point), ()
     if mavlink.MAV_CMD_DO_MOUNT_CONTROL not in refused:
         return (mission_item.point_mount(pitch_deg, yaw_deg or 0.0),), ()
     return (), (_NO_GIMBAL,)
+
+
+def _direction(yaw_deg: float | None, family: Family) -> tuple[float, float]:
+    """Give yaw and flags of a gimbal's command; without a yaw it looks along the nose."""
+    yaw, flags = (0.0, _VEHICLE) if yaw_deg is None else (yaw_deg, _EARTH)
+    return yaw, flags + family.gimbal_flags
 
 
 def _capture(
@@ -184,18 +194,17 @@ def _capture(
 
 
 def _live_image(
-    family: Family,
+    situation: Situation,
     aim: tuple[float, float | None],
     shots: tuple[float, float],
     number: float,
     duration_s: float,
 ) -> LiveAction:
-    pitch_deg, yaw_deg = aim
-    flags, yaw = (_VEHICLE, 0.0) if yaw_deg is None else (_EARTH, yaw_deg)
-    point = long_command(
-        mavlink.MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW, pitch_deg, yaw, math.nan, math.nan, flags
-    )
-    control = long_command(mavlink.MAV_CMD_DO_GIMBAL_MANAGER_CONFIGURE, *_SENDER, *_AS_BEFORE)
+    (pitch_deg, yaw_deg), family = aim, situation.family
+    yaw, flags = _direction(yaw_deg, family)
+    point = long_command(_POINT, pitch_deg, yaw, math.nan, math.nan, flags)
+    broker = float(situation.own_system), float(situation.own_component)
+    control = long_command(_CONTROL, *broker, *_AS_BEFORE)
     single = number if shots[1] == 1.0 else 0.0
     takes = _to_camera(family, mavlink.MAV_CMD_IMAGE_START_CAPTURE, 0.0, *shots, single)
     return LiveAction(

@@ -358,6 +358,7 @@ def translate(
     home: Home,
     *,
     own_system: int = 254,
+    own_component: int = 191,
     refused: frozenset[int] = frozenset(),
     most_items: int | None = None,
 ) -> Itinerary:
@@ -375,6 +376,7 @@ def translate(
         home,
         mission_id=mission.mission_id,
         own_system=own_system,
+        own_component=own_component,
         refused=refused,
         maximum_speed_m_s=mission.maximum_speed,
         common_radius_m=_common_radius_m(mission),

@@ -48,6 +48,7 @@ class Situation(NamedTuple):
     home: Home
     mission_id: int = 0
     own_system: int = 254  # The broker's, whose target a vehicle follows
+    own_component: int = 191  # With it, who controls a gimbal live
     refused: frozenset[int] = frozenset()  # MAV_CMD that this vehicle refused as mission items
     spot: Spot | None = None  # End of the previous command; None: unknown
     heading_deg: float | None = None  # The last commanded one

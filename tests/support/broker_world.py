@@ -277,6 +277,11 @@ def follow(command_id: int = 2, altitude: float = 9.0) -> dict[str, Any]:
     return {"command_id": command_id, "command_type_id": 8, "parameters": parameters}
 
 
+def image(command_id: int, pitch_deg: float, yaw_deg: float | None = None) -> dict[str, Any]:
+    angles = {"pitch_angle": pitch_deg} | ({} if yaw_deg is None else {"yaw_angle": yaw_deg})
+    return {"command_id": command_id, "command_type_id": 4, "parameters": angles}
+
+
 def track(command_id: int = 2) -> dict[str, Any]:
     corners = {"corners": [[0.25, 0.25], [0.75, 0.75]]}
     return {"command_id": command_id, "command_type_id": 9, "parameters": corners}

@@ -18,6 +18,7 @@ TAKEOFF, LAND, WAYPOINT, RETURN = 22, 21, 16, 20
 HOLD, SPEED, YAW, TURNS, DELAY = 17, 178, 115, 18, 93
 LOOK_AT, LOOK_AHEAD = 195, 197
 AIM = frozenset({1000, 205})
+TAKE_GIMBAL = 1001
 SHOOT = frozenset({2000, 203})
 VIDEO_START, VIDEO_STOP = 2500, 2501
 FEWEST_SHOTS = 5
@@ -218,7 +219,12 @@ class MissionReader:
         }
 
     def image(self) -> dict[str, Any] | None:
+        takes = self._peek() == TAKE_GIMBAL
+        if takes:
+            self._take()
         aim = self._take() if self._peek() in AIM else None
+        if takes and aim is None:
+            raise UnreadableError("it takes a gimbal that it does not point")
         if self._peek() not in SHOOT or self._peek(1) != DELAY:
             return None
         shots = self._take()

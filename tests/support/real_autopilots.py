@@ -1,7 +1,8 @@
 """PX4 and ArduCopter as their sources make them behave, one named setting per difference.
 
 PX4: `mavlink_mission.cpp`, `mission_base.cpp`, `FeasibilityChecker.cpp`, `Commander.cpp`,
-`SYS_STATUS.hpp`, `STATUSTEXT.hpp`, `HEARTBEAT.hpp`, `failsafe.cpp`, `mavlink_receiver.cpp`.
+`SYS_STATUS.hpp`, `STATUSTEXT.hpp`, `HEARTBEAT.hpp`, `failsafe.cpp`, `mavlink_receiver.cpp`,
+`gimbal/input_mavlink.cpp`.
 ArduPilot: `MissionItemProtocol.cpp`, `AP_Mission.cpp`, `GCS_Common.cpp`, `mode_auto.cpp`,
 `GCS_MAVLink_Copter.cpp`.
 """
@@ -36,6 +37,7 @@ PX4_1_17: Final = Script(
     accepts_modes_early=True,
     heartbeats_at_once=False,
     flies_without_items=False,
+    manages_gimbal=True,
 )
 PX4_1_16: Final = replace(PX4_1_17, sends_mission_state=False, version=0x011001FF)
 """Without mission state in its messages."""
@@ -52,9 +54,11 @@ PX4_1_13: Final = replace(
     has_checks=True,
 )
 """Without the total in MISSION_CURRENT; its readiness is for one mode."""
-PX4_BARE: Final = replace(PX4_1_17, is_bare=True)
+PX4_BARE: Final = replace(PX4_1_17, is_bare=True, manages_gimbal=False)
 """As its simulations `gz_x500` and `sihsim_quadx` are: nothing hangs below it."""
-PX4_BARE_1_14: Final = replace(PX4_1_14, is_bare=True, refuses_for_others=True)
+PX4_BARE_1_14: Final = replace(
+    PX4_1_14, is_bare=True, manages_gimbal=False, refuses_for_others=True
+)
 
 COPTER_4_6: Final = Script(
     autopilot=mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA,

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from tests.support.geodesy import LocalGround
+from tests.support.px4_gimbal import Px4Gimbal, Sender
 from tests.support.scripted_missions import ARDUPILOT, PX4, Script, ScriptedMissions
 from tests.support.scripted_streams import TELEMETRY_S, ScriptedStreams
 from tests.support.vehicle_wire import Message, VehicleWire, mavlink, with_plan_ids
@@ -117,6 +118,7 @@ class ScriptedVehicle:
         self.parameters: list[tuple[int, tuple[float, ...]]] = []
         self.begun_early: list[int] = []  # MAV_CMDs of items that began outside of the mission mode
         self.silent = False
+        self.gimbal = Px4Gimbal(system)
         self.lost_answers: set[int] = set()  # Commands that are obeyed, their answers lost
         self.ignores_intervals = False
         self.settings = dict(script.settings)
@@ -528,6 +530,9 @@ class ScriptedVehicle:
     def _judge(self, message: Message) -> int:
         """MAV_RESULT of a command, before it is obeyed."""
         script = self.script
+        if script.manages_gimbal and message.command in GIMBAL_COMMANDS:
+            sender = Sender(message.get_srcSystem(), message.get_srcComponent())
+            return self.gimbal.order(message.command, self.parameters[-1][1], sender)
         refusals: dict[int, Callable[[], int]] = {
             mavlink.MAV_CMD_COMPONENT_ARM_DISARM: lambda: self._judge_arming(message),
             mavlink.MAV_CMD_MISSION_START: self._judge_start,
@@ -817,6 +822,9 @@ class ScriptedVehicle:
             self.set_mode(PX4_RETURN)
         elif item.command in {mavlink.MAV_CMD_NAV_LAND, mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH}:
             self._land()
+        if self.script.manages_gimbal:
+            first = tuple(getattr(item, f"param{i}") for i in range(1, 5))
+            self.gimbal.order(item.command, (*first, item.x))
         if self.current + 1 < len(self.items):
             self.current += 1
         else:

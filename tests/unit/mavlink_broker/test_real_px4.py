@@ -15,7 +15,9 @@ from tests.support.broker_world import (
     FINISHED,
     World,
     first_flight,
+    follow,
     go_home,
+    image,
     mission,
     takeoff,
     waypoint,
@@ -154,6 +156,29 @@ class TestAVehicleThatTakesOffAsItsMissionEnds:
         world.run(1.0)
         assert vehicle.custom_mode == PX4_RETURN
         assert [one["status"] for one in world.edge.acknowledgements(event)] == ["accepted", "done"]
+
+
+class TestAVehicleThatManagesItsGimbal:
+    """It denies directions from anybody who is not in control, its own mission too."""
+
+    def test_looks_where_a_mission_says(self) -> None:
+        world = World()
+        vehicle = world.add_vehicle(script=PX4_1_16)
+        world.edge.plan(
+            mission(takeoff(), image(2, -90.0), image(3, -90.0), image(4, -45.0, 30.0), go_home(5))
+        )
+        world.run_until_over(1201, within_s=100.0)
+        assert world.edge.status(1201) == Status.FINISHED
+        assert vehicle.gimbal.looks == [(-90.0, 0.0), (-90.0, 0.0), (-45.0, 30.0)]
+
+    def test_looks_where_a_picture_behind_a_live_command_says(self) -> None:
+        world = World()
+        vehicle = world.add_vehicle(script=PX4_1_16)
+        world.add_camera(vehicle)
+        world.edge.plan(mission(takeoff(), follow(), image(3, -60.0, 90.0), go_home(4)))
+        world.run_until_over(1201, within_s=400.0)
+        assert vehicle.gimbal.looks == [(-60.0, 90.0)]
+        assert "gimbal" not in str(world.edge.reports(1201)[-1]["command_report_array"])
 
 
 class TestAVehicleThatIsNotArmed:
