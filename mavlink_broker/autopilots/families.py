@@ -334,7 +334,7 @@ PX4: Final = Family(
     gimbal_flags=float(
         mavlink.GIMBAL_MANAGER_FLAGS_ROLL_LOCK | mavlink.GIMBAL_MANAGER_FLAGS_PITCH_LOCK
     ),  # Else its angles count from the vehicle's, which tilts
-    missions_take_gimbal=False,
+    missions_take_gimbal=False,  # And it gives up control whenever it leaves its mission
     readiness_by_mode=True,
     reports_only_passed_checks_since=0x010E0000,
     arming_retry_s=20.0,

@@ -168,7 +168,7 @@ def _pointing(
         yaw, flags = _direction(yaw_deg, family)
         rate = family.gimbal_rate_deg_s
         point = mission_item.point_gimbal(pitch_deg, yaw, flags, no_rate_deg_s=rate)
-        if family.missions_take_gimbal or situation.aim == (pitch_deg, yaw_deg):
+        if family.missions_take_gimbal:
             return (point,), ()
         return (mission_item.take_gimbal(), point), ()
     if mavlink.MAV_CMD_DO_MOUNT_CONTROL not in refused:

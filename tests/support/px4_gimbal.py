@@ -2,7 +2,8 @@
 
 `gimbal/input_mavlink.cpp` and `gimbal.cpp`: at first nobody is in control. The commands of a
 mission come from the vehicle itself, which has to be in control too. -2 in
-DO_GIMBAL_MANAGER_CONFIGURE means the vehicle, whoever has sent it.
+DO_GIMBAL_MANAGER_CONFIGURE means the vehicle, whoever has sent it. A mission that ends, or is left,
+gives up control (`mission_base.cpp`).
 """
 
 from typing import Final, NamedTuple
@@ -47,6 +48,11 @@ class Px4Gimbal:
             if int(parameters[4]) & _LOCKED == _LOCKED:
                 self.looks.append((parameters[0], parameters[1]))
         return int(mavlink.MAV_RESULT_ACCEPTED)
+
+    def leave_mission(self) -> None:
+        """Give up the mission's control."""
+        if self._holder == self._vehicle:
+            self._holder = Sender(0, 0)
 
     @staticmethod
     def _chosen(value: float, own: int, before: int) -> int:

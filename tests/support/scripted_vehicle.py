@@ -801,6 +801,7 @@ class ScriptedVehicle:
     def _fly(self) -> None:
         active = self.mission_state == mavlink.MISSION_STATE_ACTIVE
         if not (self.armed and active and self.in_mission and self.items):
+            self.gimbal.leave_mission()
             return
         item = self.items[self.current]
         if item.command == mavlink.MAV_CMD_NAV_LOITER_UNLIM:

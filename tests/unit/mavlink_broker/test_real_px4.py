@@ -171,6 +171,15 @@ class TestAVehicleThatManagesItsGimbal:
         assert world.edge.status(1201) == Status.FINISHED
         assert vehicle.gimbal.looks == [(-90.0, 0.0), (-90.0, 0.0), (-45.0, 30.0)]
 
+    def test_looks_there_again_behind_a_landing(self) -> None:
+        world = World()
+        vehicle = world.add_vehicle(script=PX4_1_16)
+        before = (takeoff(1), image(2, -90.0), go_home(3))
+        world.edge.plan(mission(*before, takeoff(4), image(5, -90.0), go_home(6)))
+        world.run_until_over(1201, within_s=100.0)
+        assert world.edge.status(1201) == Status.FINISHED
+        assert vehicle.gimbal.looks == [(-90.0, 0.0)] * 2
+
     def test_looks_where_a_picture_behind_a_live_command_says(self) -> None:
         world = World()
         vehicle = world.add_vehicle(script=PX4_1_16)
