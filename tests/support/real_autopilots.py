@@ -78,6 +78,7 @@ COPTER_4_6: Final = Script(
     disarms_after_s=0.5,
     heartbeats_at_once=False,
     begins_anew_when_disarmed=True,
+    stops_elsewhere=True,
     reset_resumes=True,
     flies_without_items=False,
 )

@@ -79,6 +79,7 @@ class Script:
     begins_anew_when_disarmed: bool = False  # It stays in the mission mode, at its first item
     current_goes_to_0_at_the_end: bool = False
     return_changes_mode: bool = False  # The item of a return is done by leaving the mission
+    stops_elsewhere: bool = False  # Out of its mission mode a mission counts as not started
     reset_resumes: bool = False  # To set the current item with a reset begins the mission at once
     flies_without_items: bool = True  # Else it refuses its mission mode while it holds no mission
     product: tuple[int, int] = (0, 0)  # Vendor and product in AUTOPILOT_VERSION
@@ -103,6 +104,7 @@ ARDUPILOT = Script(
     home_is_item_0=True,
     float_requests=True,
     forgets_parameters=True,
+    stops_elsewhere=True,
     settings={
         "CIRCLE_RATE": 20.0,
         "CIRCLE_OPTIONS": 1.0,

@@ -394,6 +394,9 @@ class ScriptedVehicle:
         state = self.mission_state
         if script.is_infeasible and self.items:
             state = mavlink.MISSION_STATE_NO_MISSION
+        elif script.stops_elsewhere and not self.in_mission:
+            is_active = state == mavlink.MISSION_STATE_ACTIVE
+            state = mavlink.MISSION_STATE_NOT_STARTED if is_active else state
         total = count if self.items else script.no_mission_total
         current = mavlink.MAVLink_mission_current_message(
             self._shown_current(),
