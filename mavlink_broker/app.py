@@ -132,6 +132,7 @@ class App:
         """Run the loop once."""
         messages = self._router.receive(wait_s)
         now = self._clock.monotonic()
+        self._replace_vehicles(now)
         for message in messages:
             self._receive(message, now)
         for work in self._take_work(now):
@@ -254,6 +255,14 @@ class App:
     def _is_starting(self) -> bool:
         """Whether vehicles and missions of an earlier run may not have been received yet."""
         return self._clock.monotonic() - self._started_at <= STARTUP_S
+
+    def _replace_vehicles(self, now: float) -> None:
+        """Note where another vehicle with a system id is received in the place of the first one."""
+        for system in self._router.take_replaced():
+            member = self._fleet.find(system)
+            if member is not None:
+                with self._call(member, now) as call:
+                    member.session.vehicle_replaced(now, call.effects)
 
     def _receive(self, message: Message, now: float) -> None:
         """Pass a message of a vehicle's autopilot or payload to its session."""

@@ -32,6 +32,7 @@ from mavlink_broker.microservices.message_rates import RATE_MESSAGES, StreamRequ
 from mavlink_broker.microservices.parameter import PARAMETER_MESSAGES
 from mavlink_broker.mission.geofence_transfer import VehicleConfigRestorer
 from mavlink_broker.mission.mission_queue import MissionQueue
+from mavlink_broker.mission.phases.aborting import REPLACED_VEHICLE, RESTARTED
 from mavlink_broker.mission.states import BEFORE_TAKEOFF, State
 from mavlink_broker.pictures.pictures import PICTURE_MESSAGES, PictureCollector
 from mavlink_broker.vehicle.alarms import AlarmMonitor, Failure
@@ -214,7 +215,20 @@ class Session:
         self.logs.restarted()
         if not is_old:
             self.vehicle.set_hovering(hovers=False)
-            self.missions.vehicle_restarted(now, effects)
+            self.missions.vehicle_restarted(RESTARTED, now, effects)
+
+    def vehicle_replaced(self, now: float, effects: Effects) -> None:
+        """Begin anew with another vehicle that has the system id: nothing of before goes on."""
+        _LOG.warning("vehicle %d: another one has its system id", self.vehicle.vehicle_id)
+        self.vehicle.replace()
+        self._reporter.session_id = self._new_session_id()
+        self._streams.renew()
+        self._heartbeat.renew()
+        self._alarms.forget()
+        self.pictures.restarted()
+        self.logs.restarted()
+        self.vehicle.set_hovering(hovers=False)
+        self.missions.vehicle_restarted(REPLACED_VEHICLE, now, effects)
 
     def take_outcome(self, outcome: JobOutcome, now: float, effects: Effects) -> None:
         """Process the outcome of a job."""

@@ -29,7 +29,6 @@ from mavlink_broker.mission.phases.aborting import (
     COMMAND_WITHIN_S,
     REASONS,
     REPLACED,
-    RESTARTED,
     Aborting,
     SoftAbort,
     return_event,
@@ -498,8 +497,8 @@ class MissionExecutor:
         else:
             self._move(Event.ENDED, now, effects)
 
-    def vehicle_restarted(self, now: float, effects: Effects) -> None:
-        """Note that the vehicle was restarted: it does not fly this mission any more."""
+    def vehicle_restarted(self, reason: str, now: float, effects: Effects) -> None:
+        """Note that the vehicle was restarted, or is another one: it does not fly this mission."""
         context = self._context
         if self.state is State.ABORTING:
             self._aborting.vehicle_restarted(effects)
@@ -511,8 +510,8 @@ class MissionExecutor:
         preparing = self.state in BEFORE_TAKEOFF
         flew_unseen = self.is_flight_unknown and self._link_losses > 0
         if self.state in IN_FLIGHT or flew_unseen or (preparing and context.is_hovering):
-            self._end_soft_abort(effects, f"the mission has failed: {RESTARTED}")
-            self._fail(Fault(RESTARTED), now, effects)
+            self._end_soft_abort(effects, f"the mission has failed: {reason}")
+            self._fail(Fault(reason), now, effects)
         elif preparing:
             self._move(Event.VEHICLE_RESTARTED, now, effects)
         elif self.is_attaching:

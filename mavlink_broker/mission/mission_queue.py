@@ -388,11 +388,11 @@ class MissionQueue:
         if self._current is not None:
             self._current.raise_alarm(reason, now, effects)
 
-    def vehicle_restarted(self, now: float, effects: Effects) -> None:
-        """Note that the vehicle was restarted."""
+    def vehicle_restarted(self, reason: str, now: float, effects: Effects) -> None:
+        """Note that the vehicle was restarted, or is another one: `reason` says which."""
         self._events.vehicle_restarted(effects)
         if self._current is not None:
-            self._current.vehicle_restarted(now, effects)
+            self._current.vehicle_restarted(reason, now, effects)
 
     def recall(self, record: RecoveryRecord, now: float, effects: Effects) -> None:
         """Restore what an earlier run of the broker has noted of the vehicle."""

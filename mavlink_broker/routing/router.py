@@ -13,7 +13,10 @@ when it has been received for 5 s without such a gap.
 Two vehicles with the same system id look like one vehicle on two links. One vehicle sends the same
 on its radio and its wifi link; the clocks (`time_boot_ms`) of two vehicles started at different
 times. Only one link is active at a time, so commands do not alternate between the vehicles, but an
-operator has to be warned.
+operator has to be warned. While the broker has a mission on the vehicle, a link becomes active only
+if its clock goes on, or began after the last message of the active one: a vehicle that was
+restarted. A clock that ran before already is another vehicle's, which is received a minute later
+and does not go on with the mission.
 """
 
 import logging
@@ -48,6 +51,11 @@ CLOCK_DIFFERENCE_MS: Final = 10_000
 """More than any link delays frames, and more than a fast simulation's clock gains meanwhile."""
 COUNTER_SIZE: Final = 1 << 32
 """Number of values of `time_boot_ms`, after which it starts at 0 again."""
+CLOCK_WITHIN_S: Final = 3.0
+"""A vehicle behind a new address sends its clock before that, if it sends one."""
+OTHERS_KEPT: Final = 256
+REPLACED_AFTER_S: Final = 60.0
+"""Silence during a mission after which another vehicle with the system id is received instead."""
 CONFIRMATIONS: Final = 3
 WARNING_DURATION_S: Final = 10.0
 
@@ -65,10 +73,13 @@ class LinkSelection:
         self._receptions: dict[Address, _Reception] = {}
         self.active: Address | None = None
 
-    def receive(self, address: Address, now: float) -> bool:
-        """Handle a message; true if its link is, or has just become, the active one."""
+    def receive(self, address: Address, now: float, *, may_lead: bool = True) -> bool:
+        """Handle a message; true if its link is, or has just become, the active one.
+
+        It becomes so only if it `may_lead`.
+        """
         self._note(address, now)
-        if self.active != address and self._is_better(address, now):
+        if self.active != address and may_lead and self._is_better(address, now):
             self.active = address
         return self.active == address
 
@@ -111,12 +122,35 @@ class DuplicateSystemIds:
     def __init__(self) -> None:
         self._clocks: dict[int, tuple[int, float]] = {}
         self._others: dict[int, _Other] = {}
+        self._same: dict[tuple[int, Address], bool] = {}  # By the last clock received there
 
     def receive_active(self, message: Message, now: float) -> None:
         """Handle a message from the active link."""
         boot_ms: int | None = getattr(message, "time_boot_ms", None)
         if boot_ms is not None:
             self._clocks[source_of(message).system] = boot_ms, now
+
+    def is_same(self, message: Message, address: Address, now: float) -> bool:
+        """Whether a message from another link is of the vehicle on the active one.
+
+        Its clock goes on, or has begun since that was received last. Without a clock it is, when
+        that has been silent for `CLOCK_WITHIN_S`.
+        """
+        system = source_of(message).system
+        clock = self._clocks.get(system)
+        if clock is None:
+            return True
+        boot_ms: int | None = getattr(message, "time_boot_ms", None)
+        if boot_ms is not None:
+            if len(self._same) >= OTHERS_KEPT:
+                self._same.clear()
+            has_begun = boot_ms < 1000.0 * (now - clock[1])
+            self._same[system, address] = has_begun or not self._differs(boot_ms, clock, now)
+        return self._same.get((system, address), now - clock[1] >= CLOCK_WITHIN_S)
+
+    def is_another(self, system: int, address: Address) -> bool:
+        """Whether the last clock that was received from another link is another vehicle's."""
+        return not self._same.get((system, address), True)
 
     def receive_other(self, message: Message, address: Address, now: float) -> bool:
         """Handle a message from another link; true, once, when it proves a second vehicle."""
@@ -128,18 +162,23 @@ class DuplicateSystemIds:
         other = self._others.get(system)
         if other is None or other.address != address:
             other = self._others[system] = _Other(address, now)
-        expected_ms = clock[0] + 1000.0 * (now - clock[1])
-        apart_ms = (boot_ms - expected_ms + COUNTER_SIZE / 2) % COUNTER_SIZE - COUNTER_SIZE / 2
-        differs = abs(apart_ms) > CLOCK_DIFFERENCE_MS
+        differs = self._differs(boot_ms, clock, now)
         other.differing = other.differing + 1 if differs else 0
         if differs:
             other.since = now
         return other.differing == CONFIRMATIONS
 
+    @staticmethod
+    def _differs(boot_ms: int, clock: tuple[int, float], now: float) -> bool:
+        expected_ms = clock[0] + 1000.0 * (now - clock[1])
+        apart_ms = (boot_ms - expected_ms + COUNTER_SIZE / 2) % COUNTER_SIZE - COUNTER_SIZE / 2
+        return abs(apart_ms) > CLOCK_DIFFERENCE_MS
+
     def forget(self, system: int) -> None:
         """Forget a system."""
         self._clocks.pop(system, None)
         self._others.pop(system, None)
+        self._same = {key: same for key, same in self._same.items() if key[0] != system}
 
     def warning(self, system: int, now: float) -> str | None:
         """Warning about a system for the operator; None if there is none."""
@@ -210,6 +249,7 @@ class Router:
         self._config = config
         self._link = link
         self._clock = clock
+        self._control = control
         ring = None if config.signing_keys is None else KeyRing(config.signing_keys)
         if ring is None:
             _LOG.warning("MAVLink is unsigned: anybody who reaches the port can pose as a vehicle")
@@ -227,6 +267,7 @@ class Router:
         self._decoders: dict[Address, Decoder] = {}
         self._encoders: dict[Address, Encoder] = {}
         self._duplicates = DuplicateSystemIds()
+        self._replaced: set[int] = set()
         self._is_trusted = [url.is_trusted for url in config.vehicle_links]
         self._contact_at = 0.0
         self._warn_own_id_at = 0.0
@@ -281,6 +322,11 @@ class Router:
         """Message ids that ground stations have requested; None without a ground station."""
         return self._ground_stations.requested_messages(system, now)
 
+    def take_replaced(self) -> set[int]:
+        """Systems in whose place another vehicle is received since the last call."""
+        replaced, self._replaced = self._replaced, set()
+        return replaced
+
     def warning_of(self, system: int, now: float) -> str | None:
         """Warning about the links of a system for the operator; None if there is none."""
         return self._duplicates.warning(system, now)
@@ -329,12 +375,26 @@ class Router:
             components[source.component] = LinkSelection()
         links = components[source.component]
         before = links.active
-        counts = links.receive(address, now)
+        may_lead = before in {None, address} or self._may_lead(message, address, links, now)
+        counts = links.receive(address, now, may_lead=may_lead)
         if before not in {None, links.active}:
             _LOG.info("%s: active link is now %s, was %s", source, links.active, before)
+            if self._duplicates.is_another(source.system, address):
+                self._replaced.add(source.system)
         if source.component == self._autopilots.get(source.system):
             self._check_duplicate(message, address, now, counts=counts)
         return counts
+
+    def _may_lead(
+        self, message: Message, address: Address, links: LinkSelection, now: float
+    ) -> bool:
+        """Whether another link may become active: during a mission that of the same vehicle.
+
+        Another vehicle takes its place when it has been silent for `REPLACED_AFTER_S`.
+        """
+        is_free = self._control(source_of(message).system) is BrokerControl.FREE
+        is_same = self._duplicates.is_same(message, address, now)
+        return is_same or is_free or links.is_silent(now, REPLACED_AFTER_S)
 
     def _check_duplicate(
         self, message: Message, address: Address, now: float, *, counts: bool

@@ -149,17 +149,27 @@ class Vehicle:
         if rebooted and boot_ms is not None:
             self._booted_at = now - boot_ms / 1e3
         if rebooted and not self.was_ordered_since_boot:
-            self._received_at.clear()
-            self._foreign_order = None
-            self.snapshot.forget()
-            self.observations.forget()
-            self._status_texts.clear()
+            self._forget_telemetry()
         self.snapshot.take(message)
         if kind in MEASURED:
             self.observations.take(message, self.snapshot, now)
         self._is_taken = self._is_taken and self.snapshot.armed is not False
         self._observe_foreign_order(message, now)
         return rebooted
+
+    def _forget_telemetry(self) -> None:
+        self._received_at.clear()
+        self._foreign_order = None
+        self.snapshot.forget()
+        self.observations.forget()
+        self._status_texts.clear()
+
+    def replace(self) -> None:
+        """Forget what was received: another vehicle has its system id."""
+        self._forget_telemetry()
+        self._reboots = RebootMonitor()
+        self._back_at = None
+        self._is_identified = False
 
     def _observe_foreign_order(self, message: Message, now: float) -> None:
         """Keep another system's order until the vehicle leaves the mode that it led to.

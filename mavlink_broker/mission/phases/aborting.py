@@ -321,6 +321,7 @@ class AbortExecutor:
 
 
 RESTARTED: Final = "the vehicle was restarted"
+REPLACED_VEHICLE: Final = "another vehicle with its system id is received in its place"
 RETURN_ENDED: Final = f"{RESTARTED} on its way home"
 
 

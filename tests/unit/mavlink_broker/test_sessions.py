@@ -14,6 +14,7 @@ from mavlink_broker.mavlink.dialect import Message, mavlink
 from tests.support.broker_world import FINISHED, World, first_flight
 from tests.support.real_autopilots import COPTER_4_6, PX4_1_17
 from tests.support.scripted_vehicle import PX4, Script, ScriptedVehicle
+from tests.unit.mavlink_broker.test_takeover import orders
 
 ELSEWHERE = ("198.51.100.7", 40_000)
 SAME_ID = "another vehicle at 198.51.100.7:40000 has the same system id, 1"
@@ -263,6 +264,69 @@ class TestOddOnes:
         assert world.edge.statuses(1201) == FINISHED
         states = [body["link_state"] for body in world.edge.bodies("/vehicles/1")]
         assert "lost" not in states
+
+    @pytest.mark.parametrize("appears", ["before", "in the silence"])
+    def test_another_vehicle_with_the_same_number_takes_no_mission_over(self, appears: str) -> None:
+        """The first one is silent for seconds; the second one was switched on before it."""
+        world = World()
+        world.run(50.0)
+        vehicle = world.add_vehicle(1, dataclasses.replace(PX4, item_time_s=8.0))
+        world.edge.plan(first_flight())
+        world.run_until(lambda: vehicle.airborne)
+        other = ScriptedVehicle(1, PX4, booted_at=world.clock.now - 40.0)
+        if appears == "before":
+            world.air.vehicles[ELSEWHERE] = other
+            world.run(3.0)
+        vehicle.silent = True
+        world.run(2.0)
+        world.air.vehicles[ELSEWHERE] = other
+        world.run(10.0)
+        assert registered(world)["warning"] == SAME_ID
+        assert registered(world)["link_state"] == "lost"
+        vehicle.silent = False
+        world.run_until_over(1201)
+        assert world.edge.statuses(1201) == FINISHED
+        assert other.commands == []
+
+    def test_another_vehicle_that_takes_its_place_does_not_fly_its_mission(self) -> None:
+        """The first one does not come back: the mission fails, and nothing is ordered."""
+        world = World()
+        world.run(50.0)
+        vehicle = world.add_vehicle(1, dataclasses.replace(PX4, item_time_s=8.0))
+        world.edge.plan(first_flight())
+        world.run_until(lambda: world.edge.status(1201) == Status.RUNNING and vehicle.airborne)
+        world.run(4.0)
+        other = ScriptedVehicle(1, PX4, booted_at=world.clock.now - 40.0)
+        other.items = list(vehicle.items)
+        other.armed = other.airborne = True
+        other.custom_mode = vehicle.custom_mode
+        world.air.vehicles[ELSEWHERE] = other
+        world.run(3.0)
+        vehicle.silent = True
+        world.run(50.0)
+        assert world.edge.status(1201) == Status.RUNNING
+        since = len(other.frames)
+        world.run_until_over(1201, within_s=20.0)
+        reason = "another vehicle with its system id is received in its place"
+        assert world.edge.status(1201) == Status.FAILED
+        assert world.edge.reports(1201)[-1]["message"] == reason
+        world.run(10.0)
+        assert orders(other, since) == []
+
+    def test_a_vehicle_that_was_restarted_behind_a_new_port_does_not_fly_its_mission(self) -> None:
+        world = World()
+        vehicle = world.add_vehicle(1, dataclasses.replace(PX4, item_time_s=8.0))
+        world.run(50.0)
+        world.edge.plan(first_flight())
+        world.run_until(lambda: world.edge.status(1201) == Status.RUNNING and vehicle.airborne)
+        world.run(4.0)
+        world.air.vehicles = {}
+        world.run(3.0)
+        vehicle.reboot(world.clock.now)
+        world.air.vehicles = {ELSEWHERE: vehicle}
+        world.run_until_over(1201, within_s=30.0)
+        assert world.edge.status(1201) == Status.FAILED
+        assert "the vehicle was restarted" in world.edge.reports(1201)[-1]["message"]
 
     def test_a_vehicle_that_gets_another_number_is_another_vehicle(self) -> None:
         world = World()
