@@ -48,7 +48,13 @@ from mavlink_broker.microservices.log_download import (
     LogPart,
     first_byte_request,
 )
-from mavlink_broker.vehicle.logged_flight import FlownSpan, LoggedFlight, logs_of, with_number
+from mavlink_broker.vehicle.logged_flight import (
+    FlownSpan,
+    IncompleteLogs,
+    LoggedFlight,
+    logs_of,
+    with_number,
+)
 from mavlink_broker.vehicle.vehicle import Vehicle
 
 SETTLE_S: Final = 3.0
@@ -64,10 +70,6 @@ MAX_FLIGHTS: Final = 8
 MAX_FAILURES: Final = 5
 FIRST_PAUSE_S: Final = 30.0
 LONGEST_PAUSE_S: Final = 600.0
-FIND_AGAIN_S: Final = 60.0
-"""A log that a killed broker has begun may be listed late, one that was dropped may stay."""
-FIND_EVERY_S: Final = 600.0
-DROPPED_KEPT: Final = 64
 MEASURED_AFTER_S: Final = 10.0
 """After so long the rate of the link is known."""
 _LOG = logging.getLogger(__name__)
@@ -94,10 +96,7 @@ class FlightLogs:
         self._stepped_at: float | None = None
         self._job = 0  # Number of the request that waits for its answer, 0 without one
         self._jobs = 0
-        self._has_asked = False  # For logs of an earlier run
-        self._is_asking = False
-        self._ask_at = 0.0
-        self._dropped: deque[str] = deque(maxlen=DROPPED_KEPT)  # Names of what was given up
+        self._incomplete = IncompleteLogs()
         self._unanswered = 0  # Lists in a row that the vehicle has not answered
         self._latest_armed_at = -math.inf
         self._sent: tuple[LogEntry, float] | None = None  # The last one, and when it was listed
@@ -140,10 +139,10 @@ class FlightLogs:
             self._interrupt(effects)
         elif self._job:
             return
-        elif self._current is None and now >= self._ask_at:
-            self._is_asking = True
+        elif self._current is None and self._incomplete.is_due(now):
+            self._incomplete.ask()
             self._request(FindLogs(), effects)
-        elif not self._has_asked:
+        elif not self._incomplete.are_known:
             return
         elif self._current is None:
             self._begin_next(now, effects)
@@ -156,8 +155,7 @@ class FlightLogs:
         if outcome.number != self._job:
             return
         self._job = 0
-        if self._is_asking:
-            self._is_asking = False
+        if self._incomplete.end_question():
             self._take_earlier(outcome, now, effects)
             return
         flight = self._current
@@ -209,20 +207,12 @@ class FlightLogs:
 
     def _take_earlier(self, outcome: LogJobOutcome, now: float, effects: Effects) -> None:
         """Queue what an earlier run of the broker has begun to send; delete what is given up."""
-        if isinstance(outcome, LogJobFailed):
-            self._has_asked |= not outcome.is_temporary
-            self._ask_at = now + (FIRST_PAUSE_S if outcome.is_temporary else FIND_EVERY_S)
-            return
-        self._ask_at = now + (FIND_EVERY_S if self._has_asked else FIND_AGAIN_S)
-        self._has_asked = True
+        dropped, begun = self._incomplete.take(outcome, now)
+        for name in dropped:
+            self._drop(name, effects)
         known = {flight.name for flight in self._flights}
-        for state in outcome.logs:
-            log = state.log
-            if state.is_complete or log.format == "tlog":  # That is not the vehicle's own
-                continue
-            if log.name in self._dropped:
-                self._drop(log.name, effects)
-            elif log.name not in known:
+        for log in begun:
+            if log.name not in known:
                 self._add(
                     LoggedFlight(
                         name=log.name,
@@ -466,7 +456,7 @@ class FlightLogs:
         if self._download is not None:
             self._end_download(effects)
         if failed.is_final:
-            self._dropped.append(flight.name)
+            self._incomplete.drop(flight.name)
             flight.begun = None  # The edge server has none of it, or keeps it no longer
             self._give_up(flight, failed.reason, effects)
         else:
@@ -500,7 +490,7 @@ class FlightLogs:
 
     def _drop(self, name: str, effects: Effects) -> None:
         """Delete what the edge server has of a log; one that stays is found again."""
-        self._dropped.append(name)
+        self._incomplete.drop(name)
         self._jobs += 1  # Its answer is of no interest
         effects.jobs.append(LogJob(self._jobs, self._vehicle.vehicle_id, DropLog(name)))
 

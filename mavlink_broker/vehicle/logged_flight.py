@@ -1,4 +1,4 @@
-"""A flight of one vehicle, and which of the logs that the vehicle lists are of it. Pure.
+"""A flight of one vehicle, which of its logs are of it, and which are incomplete. Pure.
 
 Autopilots state one time of a log: the project's vehicle that of its beginning, PX4 and ArduPilot
 that of its last change. Which log is of a flight follows from the times of all logs, by the
@@ -6,16 +6,22 @@ vehicle's clock, which the broker knows from SYSTEM_TIME.
 """
 
 import math
+from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Final, NamedTuple
 
-from mavlink_broker.effects import BeginLog
+from mavlink_broker.effects import BeginLog, LogJobFailed, LogJobOutcome
 from mavlink_broker.microservices.log_download import LogEntry
 
 EDGE_S: Final = 5.0
 """Arming and disarming are noticed so late at most."""
+FIND_AGAIN_S: Final = 60.0
+"""A log that a killed broker has begun may be listed late, one that was dropped may stay."""
+FIND_EVERY_S: Final = 600.0
+AWAY_PAUSE_S: Final = 30.0
+DROPPED_KEPT: Final = 64
 MAX_LOGS: Final = 4
 """Logs of one flight: a vehicle begins another one when a log becomes too large."""
 
@@ -75,3 +81,49 @@ def with_number(
     """
     same = [one for one in entries if one.number == known.number and one.size >= known.size]
     return same + [entry for entry in found if entry.number < known.number]
+
+
+class IncompleteLogs:
+    """The logs of one vehicle that the edge server has in part: when it is asked, what follows.
+
+    What an earlier run of the broker has begun goes on; what this run has given up is deleted.
+    """
+
+    def __init__(self) -> None:
+        self.are_known = False  # Those of an earlier run
+        self._is_asking = False
+        self._due_at = 0.0
+        self._dropped: deque[str] = deque(maxlen=DROPPED_KEPT)
+
+    def is_due(self, now: float) -> bool:
+        """Whether the edge server is to be asked."""
+        return now >= self._due_at
+
+    def ask(self) -> None:
+        """Note that it is asked."""
+        self._is_asking = True
+
+    def end_question(self) -> bool:
+        """Whether it was asked, and this is the answer."""
+        was_asking, self._is_asking = self._is_asking, False
+        return was_asking
+
+    def drop(self, name: str) -> None:
+        """Note that a log was given up."""
+        self._dropped.append(name)
+
+    def take(self, outcome: LogJobOutcome, now: float) -> tuple[list[str], list[BeginLog]]:
+        """Read the answer; gives the names to delete again, and what an earlier run has begun."""
+        if isinstance(outcome, LogJobFailed):
+            self.are_known |= not outcome.is_temporary
+            self._due_at = now + (AWAY_PAUSE_S if outcome.is_temporary else FIND_EVERY_S)
+            return [], []
+        self._due_at = now + (FIND_EVERY_S if self.are_known else FIND_AGAIN_S)
+        self.are_known = True
+        logs = [
+            state.log
+            for state in outcome.logs
+            if not state.is_complete and state.log.format != "tlog"  # That is the broker's own
+        ]
+        dropped = [log.name for log in logs if log.name in self._dropped]
+        return dropped, [log for log in logs if log.name not in dropped]
