@@ -258,6 +258,7 @@ class Family:
     readiness_by_mode: bool = False  # "Ready to arm" refers to its current mode
     reports_only_passed_checks_since: int | None = None  # AUTOPILOT_VERSION.flight_sw_version
     reports_estimator: bool = False  # EKF_STATUS_REPORT says when it can navigate
+    repeats_pictures: bool = False  # It resumes at the place before, if it has taken pictures
     reset_resumes: bool = False  # DO_SET_MISSION_CURRENT with a reset begins in any mode
     runs_missions_disarmed: bool = False  # In its mission mode, also before its propellers turn
     arming_retry_s: float = 0.0  # A refusal to arm may pass: in its modes it checks other things
@@ -334,6 +335,7 @@ PX4: Final = Family(
     gimbal_flags=float(
         mavlink.GIMBAL_MANAGER_FLAGS_ROLL_LOCK | mavlink.GIMBAL_MANAGER_FLAGS_PITCH_LOCK
     ),  # Else its angles count from the vehicle's, which tilts
+    repeats_pictures=True,
     missions_take_gimbal=False,  # And it gives up control whenever it leaves its mission
     readiness_by_mode=True,
     reports_only_passed_checks_since=0x010E0000,
@@ -377,6 +379,7 @@ OWN: Final = replace(
     keeps_log_open=False,
     arming_retry_s=0.0,
     gimbal_flags=0.0,
+    repeats_pictures=False,
     missions_take_gimbal=True,
     accepts_modes_early=None,
     status_texts_to_gcs_only=False,

@@ -15,8 +15,9 @@ that give ids to their missions show a change at once. Of the others only signs 
 count of items, the acknowledgement of somebody's upload, the vehicle's STATUSTEXT, an item number
 that goes back. None of them proves anything, so the mission is read back and compared. The same
 mission with an earlier item current was set back by another ground station: it flies on, its report
-notes it. An earlier run of the broker has reported which items were reached, so a vehicle that was
-set back while no broker ran is found too.
+notes it. PX4 does so by itself when it resumes a mission that has taken pictures: it begins again
+at the place before. An earlier run of the broker has reported which items were reached, so a
+vehicle that was set back while no broker ran is found too.
 
 A skipped item: MISSION_CURRENT beyond an item shows that it is done, but not how. A vehicle that
 was near its waypoints, and then passes one that it was nowhere near, was ordered to. Nothing
@@ -75,6 +76,7 @@ class MissionChangeMonitor:
         self._highest = reached
         self._back_since: float | None = None
         self._back_at = -1
+        self._was_left = reached >= 0  # The mission mode, since its farthest item was current
         self._is_back_reported = False
         self._suspected_at: float | None = None
         self._uploader: int | None = None
@@ -87,6 +89,7 @@ class MissionChangeMonitor:
     def receive(self, message: Message, now: float) -> list[Message]:
         """Handle a message of the vehicle, to the broker or to other systems."""
         kind = message.get_type()
+        self._was_left |= self._vehicle.mode_role is not ModeRole.MISSION
         if kind in _TRANSFER and not self._vehicle.route.is_for_us(message):
             self._see_transfer(message, now)
         elif kind == "MISSION_CURRENT":
@@ -122,6 +125,7 @@ class MissionChangeMonitor:
             if self._total not in {None, message.total}:
                 self._suspected_at = now
             self._total = message.total
+        self._see_resumption(message.seq)
         self._highest = max(self._highest, message.seq)
         snapshot = self._vehicle.snapshot
         on_ground = snapshot.landed_state == mavlink.MAV_LANDED_STATE_ON_GROUND
@@ -134,6 +138,25 @@ class MissionChangeMonitor:
         elif now - self._back_since >= BACK_FOR_S and not self._is_back_reported:
             self._is_back_reported = True
             self._suspected_at = now - QUIET_S
+
+    def _see_resumption(self, seq: int) -> None:
+        """Follow a vehicle that begins again at the place before the farthest item."""
+        if self._vehicle.mode_role is not ModeRole.MISSION:
+            return
+        if seq > self._highest:
+            self._was_left = False
+        elif self._was_left and seq == self._place_before:
+            self._was_left, self._highest = False, seq
+
+    @property
+    def _place_before(self) -> int | None:
+        """The item at which a vehicle that repeats its pictures resumes; None: where it was."""
+        before = range(self._plan.first_item, min(self._highest, len(self._plan.items)))
+        items = self._plan.items
+        shoots = any(items[seq].command == mavlink.MAV_CMD_IMAGE_START_CAPTURE for seq in before)
+        if not self._vehicle.family.repeats_pictures or not shoots:
+            return None
+        return max((seq for seq in before if items[seq].is_positional), default=None)
 
     def _settle(self, now: float) -> list[Message]:
         """Judge what was read."""

@@ -38,6 +38,7 @@ PX4_1_17: Final = Script(
     heartbeats_at_once=False,
     flies_without_items=False,
     manages_gimbal=True,
+    repeats_pictures=True,
 )
 PX4_1_16: Final = replace(PX4_1_17, sends_mission_state=False, version=0x011001FF)
 """Without mission state in its messages."""

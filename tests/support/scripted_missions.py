@@ -84,6 +84,7 @@ class Script:
     flies_without_items: bool = True  # Else it refuses its mission mode while it holds no mission
     product: tuple[int, int] = (0, 0)  # Vendor and product in AUTOPILOT_VERSION
     accepts_modes_early: bool = False  # It accepts every mode first, and judges it afterwards
+    repeats_pictures: bool = False  # A mission with pictures is resumed at the place before
     manages_gimbal: bool = False  # As PX4 does: only who is in control points it
     is_bare: bool = False  # No camera and no gimbal, and answers as PX4 for them
     refuses_for_others: bool = False  # Bare, it answers for components that are not there: FAILED

@@ -119,6 +119,7 @@ class ScriptedVehicle:
         self.begun_early: list[int] = []  # MAV_CMDs of items that began outside of the mission mode
         self.silent = False
         self.gimbal = Px4Gimbal(system)
+        self.resumed_at: list[int] = []  # Items, earlier than those at which it had paused
         self.lost_answers: set[int] = set()  # Commands that are obeyed, their answers lost
         self.ignores_intervals = False
         self.settings = dict(script.settings)
@@ -253,10 +254,21 @@ class ScriptedVehicle:
     def set_mode(self, custom_mode: int) -> None:
         """Change the mode as a pilot would."""
         self.in_failsafe = False
+        if custom_mode == PX4_MISSION != self.custom_mode and self.script.repeats_pictures:
+            self._resume_before_pictures()
         self.custom_mode = custom_mode
         self._mode_began_at = self._now
         self._target = None
         self._send_mode_change()
+
+    def _resume_before_pictures(self) -> None:
+        """Begin again at the place before the current item, as `mission_base.cpp` does."""
+        before = list(enumerate(self.items[: self.current]))
+        places = [seq for seq, item in before if item.frame != mavlink.MAV_FRAME_MISSION]
+        shoots = any(item.command == mavlink.MAV_CMD_IMAGE_START_CAPTURE for _, item in before)
+        if places and shoots:
+            self.resumed_at.append(places[-1])
+            self.current, self._item_began_at = places[-1], self._now
 
     def steer(self, custom_mode: int) -> None:
         """Fly manually in a mode from now on."""

@@ -25,7 +25,7 @@ from tests.support.broker_world import (
 from tests.support.real_autopilots import PX4_1_13, PX4_1_14, PX4_1_16, PX4_1_17
 from tests.support.scripted_vehicle import HOME, PX4_HOLD, PX4_MISSION, PX4_RETURN, Script
 
-RETURN_HOME = 103
+PAUSE, RESUME, RETURN_HOME = 101, 102, 103
 ATTENDED = dataclasses.replace(
     PX4_1_17, link_loss_action=2, settings={"COM_DL_LOSS_T": 10.0}, item_time_s=30.0
 )
@@ -188,6 +188,25 @@ class TestAVehicleThatManagesItsGimbal:
         world.run_until_over(1201, within_s=400.0)
         assert vehicle.gimbal.looks == [(-60.0, 90.0)]
         assert "gimbal" not in str(world.edge.reports(1201)[-1]["command_report_array"])
+
+
+class TestAVehicleThatResumesAMissionWithPictures:
+    def test_begins_again_at_the_place_before_by_itself(self) -> None:
+        """Nobody else has set it back."""
+        world = World()
+        vehicle = world.add_vehicle(script=dataclasses.replace(PX4_1_16, item_time_s=4.0))
+        plan = mission(takeoff(1), waypoint(2), image(3, -90.0), waypoint(4, 20.0), go_home(5))
+        world.edge.plan(plan)
+        world.run_until(lambda: world.edge.reports(1201))
+        world.run_until(lambda: world.edge.statuses(1201)[3] == Status.RUNNING, within_s=90.0)
+        for event in (PAUSE, RESUME):
+            world.edge.event(event)
+            world.run(4.0)
+        assert vehicle.resumed_at == [3]
+        world.run_until_over(1201, within_s=120.0)
+        report = world.edge.reports(1201)[-1]
+        assert world.edge.status(1201) == Status.FINISHED
+        assert "somebody else" not in str(report)
 
 
 class TestAVehicleThatIsNotArmed:
