@@ -16,9 +16,8 @@ import pytest
 from hypothesis import settings
 
 from edge_server.store import migrate
-from edge_server.store.connection.engines import sqlite_url
 from tests.support import statements, url_rules
-from tests.support.databases import ENGINES, PostgresServer, running_server
+from tests.support.databases import ENGINES, PostgresServer, empty_sqlite, running_server
 
 gc.disable()  # Until the tests are collected: little of what that makes is garbage
 url_rules.compile_once()
@@ -154,9 +153,7 @@ def engine_name(request: pytest.FixtureRequest) -> str:
 def database_url(engine_name: str, request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[str]:
     """URL of an empty database of this test alone, with our tables."""
     if engine_name == "sqlite":
-        url = sqlite_url(tmp_path / "edge" / "edge.sqlite3")
-        migrate.prepare(url)
-        yield url
+        yield empty_sqlite(tmp_path / "edge" / "edge.sqlite3")
         return
     server: PostgresServer = request.getfixturevalue("postgres")
     name = request.getfixturevalue("empty_on_postgres")

@@ -22,11 +22,11 @@ from edge_server.outbox.result_writer import (
     ResultWriter,
 )
 from edge_server.process import relay
-from edge_server.store import migrate
 from edge_server.store.connection.database import Database
-from edge_server.store.connection.engines import open_engine, sqlite_url
+from edge_server.store.connection.engines import open_engine
 from edge_server.store.files import ballast, integrity
 from edge_server.store.rows import telemetry
+from tests.support.databases import empty_sqlite
 
 POSES = Stream(1, "pose")
 CONFIRMED = Result(Outcome.CONFIRMED, "200", 200)
@@ -35,9 +35,7 @@ CONFIRMED = Result(Outcome.CONFIRMED, "200", 200)
 @pytest.fixture
 def database(tmp_path: Path) -> Database:
     """An empty database."""
-    url = sqlite_url(tmp_path / "edge.sqlite3")
-    migrate.prepare(url)
-    return Database(open_engine(url))
+    return Database(open_engine(empty_sqlite(tmp_path / "edge.sqlite3")))
 
 
 def records(database: Database, number: int) -> list[OutboxRecord]:

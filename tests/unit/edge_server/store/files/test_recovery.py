@@ -18,6 +18,7 @@ from edge_server.store.connection.engines import open_engine, sqlite_url
 from edge_server.store.files import high_water, integrity
 from edge_server.store.files.high_water import HighWater
 from edge_server.store.rows import telemetry, vehicles
+from tests.support.databases import empty_sqlite
 
 RECORDS = 600
 PAGE = 4096
@@ -37,9 +38,8 @@ def path(tmp_path: Path) -> Path:
 @pytest.fixture
 def originals(path: Path) -> Payloads:
     """Fill a database; gives the payloads by message_id."""
-    migrate.prepare(sqlite_url(path))
     payloads = {}
-    database = Database(open_engine(sqlite_url(path)))
+    database = Database(open_engine(empty_sqlite(path)))
     with database.write() as connection:
         vehicles.put(connection, 1, {"link_state": "connected"}, 0.0)
         for number in range(RECORDS):
