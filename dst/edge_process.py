@@ -185,8 +185,7 @@ class EdgeProcess:
         """Lose everything that is not on the disk."""
         self._generation += 1
         if self._context is not None:
-            self._context.database.close()
-            self._context.archive.close()  # Else whenever Python collects it
+            self._context.close()  # Else whenever Python collects it
         self._app = self._context = None
 
     def request(

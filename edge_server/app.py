@@ -147,6 +147,13 @@ def _live(context: Context, ring: auth.KeyRing) -> live.Live:
     return live.Live(changes, Watcher(read_all, changes))
 
 
+def close(app: Flask) -> None:
+    """Close the files and connections of an app that serves no more requests."""
+    context_of(app).close()
+    figures: Metrics = app.extensions[metrics.EXTENSION]
+    figures.close()
+
+
 def context_of(app: Flask) -> Context:
     """Give the context that the services of an app share."""
     found: Context = app.extensions["edge_context"]

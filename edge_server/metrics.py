@@ -97,6 +97,10 @@ class Metrics:
         """Count dropped records."""
         self._tally.add("fm_dropped", kind, reason, amount=records)
 
+    def close(self) -> None:
+        """Close the file of the counts; nothing may be counted any more."""
+        self._tally.close()
+
     def page(self) -> bytes:
         """Write the page, in Prometheus' text format."""
         return generate_latest(self.registry)

@@ -45,6 +45,13 @@ class HighWater:
         """Note which work there is; call before it is published."""
         self._raise(_WORK, work_id)
 
+    def close(self) -> None:
+        """Close the file; the next mark opens it again."""
+        with self._lock:
+            if self._tally is not None:
+                self._tally.close()
+                self._tally = None
+
     def _raise(self, name: str, identifier: int) -> None:
         with self._lock:
             if identifier > self._newest[name]:

@@ -12,7 +12,7 @@ from flask.testing import FlaskClient
 from sqlalchemy import text
 from werkzeug.test import TestResponse
 
-from edge_server.app import context_of, create_app
+from edge_server.app import close, context_of, create_app
 from edge_server.config import Config
 from edge_server.process import key_files
 from edge_server.process.preparation import prepare
@@ -185,4 +185,4 @@ def edge(config: Config) -> Iterator[Edge]:
     edge = Edge(app.test_client(), context, clock)
     edge.register(1, 2)
     yield edge
-    context.database.close()
+    close(app)

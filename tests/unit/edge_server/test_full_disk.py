@@ -57,7 +57,7 @@ def edge(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Edge]:
             app = create_app(config)
             context = context_of(app)
             yield Edge(app.test_client(), context, Clock(time.time()))
-            context.database.close()
+            context.close()
     except NoSmallDiskError as error:
         pytest.skip(f"no file system can be mounted here: {error}")
 

@@ -51,7 +51,7 @@ def test_with_tls_the_answer_has_strict_transport_security(config: Config) -> No
     app = create_app(replace(config, tls_certificate_file=Path("certificate.pem")))
     answer = Edge(app.test_client(), context_of(app), Clock()).ask("GET", "/healthz", None)
     assert "max-age" in answer.headers["Strict-Transport-Security"]
-    context_of(app).database.close()
+    context_of(app).close()
 
 
 def test_an_internal_error_shows_no_internals(edge: Edge, monkeypatch: pytest.MonkeyPatch) -> None:

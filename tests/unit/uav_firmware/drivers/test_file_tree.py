@@ -23,8 +23,10 @@ def refused(code: int) -> "pytest.RaisesExc[OSError]":
 
 def put(tree: FileTree, name: str, contents: bytes, mode: OpenMode = CREATE) -> None:
     file = tree.open((name,), mode)
-    file.write(0, contents)
-    file.close()
+    try:
+        file.write(0, contents)
+    finally:
+        file.close()
 
 
 def test_a_tree_that_was_never_used_is_empty(tmp_path: Path) -> None:

@@ -23,7 +23,7 @@ def tight(config: Config) -> Iterator[Edge]:
     app = create_app(strict, clock=Clock())
     context = context_of(app)
     yield Edge(app.test_client(), context, Clock())
-    context.database.close()
+    context.close()
 
 
 def test_too_many_requests_are_answered_with_a_retry_after(tight: Edge) -> None:

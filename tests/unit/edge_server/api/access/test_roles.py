@@ -253,7 +253,7 @@ def test_a_route_without_roles_refuses_all(config: Config) -> None:
     edge = Edge(app.test_client(), context_of(app), Clock())
     for role in Role:
         assert edge.ask("GET", "/plans/", role).status_code == 403
-    edge.context.database.close()
+    edge.context.close()
 
 
 @pytest.mark.first_case

@@ -144,7 +144,7 @@ def strict(config: Config) -> Iterator[Edge]:
     app = create_app(replace(config, sign_ins_per_minute=2), clock=clock)
     context = context_of(app)
     yield Edge(app.test_client(), context, clock)
-    context.database.close()
+    context.close()
 
 
 def test_guessing_is_throttled_by_address_and_says_when_to_try_again(strict: Edge) -> None:

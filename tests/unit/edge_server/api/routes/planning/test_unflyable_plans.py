@@ -27,7 +27,7 @@ def fleet(config: Config) -> Iterator[Edge]:
     edge = Edge(app.test_client(), context_of(app), Clock())
     edge.register(1)
     yield edge
-    edge.context.database.close()
+    edge.context.close()
 
 
 def flight_to(**place: Any) -> dict[str, Any]:
