@@ -215,6 +215,7 @@ class Session:
         self.logs.restarted()
         if not is_old:
             self.vehicle.set_hovering(hovers=False)
+            self.vehicle.own_descent.end()
             self.missions.vehicle_restarted(RESTARTED, now, effects)
 
     def vehicle_replaced(self, now: float, effects: Effects) -> None:
@@ -228,6 +229,7 @@ class Session:
         self.pictures.restarted()
         self.logs.restarted()
         self.vehicle.set_hovering(hovers=False)
+        self.vehicle.own_descent.end()
         self.missions.vehicle_restarted(REPLACED_VEHICLE, now, effects)
 
     def take_outcome(self, outcome: JobOutcome, now: float, effects: Effects) -> None:
@@ -257,6 +259,7 @@ class Session:
                 vehicle.identify()
             effects.messages += self._battery_capacity.tick(now)
             vehicle.update_hover(is_ordered=self.state is not State.IDLE)
+            vehicle.update_descent(now)
             self.missions.tick_events(now, effects)
             effects.messages += self._override_parameters(now)
             failures = self._alarms.tick(now, is_connected=vehicle.is_connected(now))

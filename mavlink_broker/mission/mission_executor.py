@@ -146,6 +146,11 @@ class MissionExecutor:
         return context.is_hovering and not context.is_start_ordered
 
     @property
+    def sends_down(self) -> bool:
+        """Whether the vehicle returns or lands by order of an event or an alarm at its end."""
+        return self._aborting.sends_down
+
+    @property
     def has_failed_in_flight(self) -> bool:
         """Whether it was flown, and did not finish."""
         was_flown = self._context.is_start_ordered or self._context.was_running

@@ -193,6 +193,7 @@ class MissionQueue:
         self.vehicle.set_hovering(
             hovers=mission.leaves_hovering, in_this_mode=mission.has_failed_in_flight
         )
+        self._note_descent(is_ordered=mission.sends_down)
         self.vehicle.recovery.clear_return()
         self.vehicle.recovery.clear_commands()
         if mission.has_failed_in_flight:
@@ -265,6 +266,14 @@ class MissionQueue:
         if was_aborting and not self._events.is_aborting:
             self.vehicle.recovery.clear_return()
             self.vehicle.set_hovering(hovers=self._events.leaves_hovering)
+            self._note_descent(is_ordered=self._events.sends_down)
+
+    def _note_descent(self, *, is_ordered: bool) -> None:
+        """Note whether the vehicle returns or lands by order of what has ended."""
+        if is_ordered:
+            self.vehicle.own_descent.begin()
+        else:
+            self.vehicle.own_descent.end()
 
     def refuse_expired_events(self, now: float, effects: Effects) -> None:
         """Refuse the events whose vehicle was not received, or not again, in time."""
@@ -340,6 +349,8 @@ class MissionQueue:
             self.close_ended(effects)
             has_ended = True
         self._unconfirmed.hold_answer(work)
+        # The vehicle waits for the broker, or flies what the broker has ordered before
+        is_newer = replaces or self.vehicle.hovers or self.vehicle.own_descent.is_flown
         current = self._current
         if current is not None and _concerns(work, current):
             _accept(work, effects)
@@ -348,9 +359,8 @@ class MissionQueue:
             else:
                 current.abort_now(work, now, effects)
             self.close_ended(effects)
-        elif replaces or self.vehicle.hovers or (work.was_accepted and not has_ended):
+        elif is_newer or (work.was_accepted and not has_ended):
             self._has_begun = True  # What waits was behind it, and has not begun
-            is_newer = replaces or self.vehicle.hovers
             self._events.resume_abort(work, now, effects, is_newer=is_newer)
         elif has_ended:
             if self._unconfirmed.are_open:

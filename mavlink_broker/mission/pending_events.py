@@ -66,6 +66,7 @@ class PendingEvents:
         self._has_ended: set[int] = set()  # Aborts that have ended missions, and wait
         self._newest: tuple[int, str | None] = (0, None)  # Abort: work id, and why it was refused
         self.leaves_hovering = False  # The last abort has ended in a hover
+        self.sends_down = False  # Or has ordered a return or a landing
 
     @property
     def is_aborting(self) -> bool:
@@ -315,6 +316,7 @@ class PendingEvents:
             self._running = None
             vehicle.recovery.clear_abort()
             self.leaves_hovering = executor.leaves_hovering
+            self.sends_down = executor.sends_down
             _acknowledge(work, effects, executor.taken)
 
     def recall_return(self, pending: PendingReturn) -> None:

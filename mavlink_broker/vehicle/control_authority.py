@@ -41,6 +41,8 @@ _TAKEOVER_COMMANDS: Final = frozenset(
 )
 
 
+SHOWN_WITHIN_S: Final = 3.0
+"""A heartbeat shows the mode of an order that was accepted: at 1 Hz, and one may be lost."""
 TAKEOVER_AFTER_S: Final = 5.0
 """How long a takeover must last: several periods of every message that could explain it."""
 HELD_BY_FAILSAFE: Final = "the vehicle's own failsafe holds it"
@@ -107,6 +109,42 @@ def reason(who: Authority, seen: ObservedMode) -> str:
         name = entry.name if entry else f"MAV_CMD {seen.ordered.command}"
         whose = f"system {seen.ordered.system} has paused or moved it by {name}"
     return f"the vehicle left the mission: mode {seen.mode}: {whose}"
+
+
+class OwnDescent:
+    """The return or landing that the broker ordered last, while the vehicle flies it."""
+
+    def __init__(self) -> None:
+        self._is_ordered = False
+        self._ordered_at: float | None = None  # None: since the last update
+        self._mode: str | None = None  # None: the vehicle has not shown it yet
+
+    @property
+    def is_flown(self) -> bool:
+        """Whether the vehicle flies it, or is about to; else another system decides."""
+        return self._is_ordered
+
+    def begin(self) -> None:
+        """Note that the vehicle has accepted the order."""
+        self._is_ordered, self._ordered_at, self._mode = True, None, None
+
+    def end(self) -> None:
+        """Note that it is over, or that something else is ordered."""
+        self._is_ordered = False
+
+    def update(self, seen: ObservedMode, *, is_down: bool, now: float) -> None:
+        """End it with the landing, with any other mode, or if the vehicle does not begin it."""
+        if not self._is_ordered:
+            return
+        if self._ordered_at is None:
+            self._ordered_at = now
+        is_new = now - self._ordered_at <= SHOWN_WITHIN_S
+        if not seen.armed or is_down:
+            self.end()
+        elif is_new and seen.role is ModeRole.ENDING:
+            self._mode = seen.mode  # The first heartbeats may still show that of an older order
+        elif not is_new:
+            self._is_ordered = seen.mode == self._mode
 
 
 def foreign_order(message: Message, ours: frozenset[int], now: float) -> ForeignOrder | None:

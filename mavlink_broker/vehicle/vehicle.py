@@ -23,7 +23,7 @@ from mavlink_broker.microservices.status_text import StatusTexts
 from mavlink_broker.planning.situation import Home
 from mavlink_broker.planning.target_track import TargetSource
 from mavlink_broker.vehicle import control_authority
-from mavlink_broker.vehicle.control_authority import ForeignOrder, ObservedMode
+from mavlink_broker.vehicle.control_authority import ForeignOrder, ObservedMode, OwnDescent
 from mavlink_broker.vehicle.measurements import MEASURED, Observations
 from mavlink_broker.vehicle.recovery_state import RecoveryState
 from mavlink_broker.vehicle.telemetry import Snapshot
@@ -109,6 +109,7 @@ class Vehicle:
     _duplicate: str | None = None
     _mission_overrides: tuple[ParameterOverride, ...] = ()
     _is_taken: bool = False
+    own_descent: OwnDescent = field(default_factory=OwnDescent)
     _foreign_order: ForeignOrder | None = None
     _waits: bool = False  # By its newest heartbeat, in a mode in which it waits or is guided
     _shows_manual: bool = False  # Its heartbeats show by standard bits who steers it
@@ -227,6 +228,11 @@ class Vehicle:
             hover.begin(self.snapshot, self.observed_mode, in_this_mode=in_this_mode)
         else:
             hover.end()
+
+    def update_descent(self, now: float) -> None:
+        """Follow whether it flies the return or landing that the broker ordered last."""
+        is_down = self.snapshot.is_on_ground
+        self.own_descent.update(self.observed_mode, is_down=is_down, now=now)
 
     def update_hover(self, *, is_ordered: bool) -> None:
         """End a hover with a landing or a takeover; find that of an earlier run again.

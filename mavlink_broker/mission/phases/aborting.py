@@ -202,6 +202,11 @@ class AbortExecutor:
         return soft and self._event.abort is not None and may_hover
 
     @property
+    def sends_down(self) -> bool:
+        """Whether the vehicle was ordered to return or to land, and nobody else has it."""
+        return self.taken is None and not self.leaves_hovering
+
+    @property
     def _descends(self) -> bool:
         return self._is_down or self._vehicle.snapshot.lacks_position
 
@@ -383,6 +388,11 @@ class Aborting(Phase):
     def leaves_hovering(self) -> bool | None:
         """Whether the vehicle hovers afterwards; None: there was no abort."""
         return None if self._executor is None else self._executor.leaves_hovering
+
+    @property
+    def sends_down(self) -> bool:
+        """Whether an abort has ordered the vehicle to return or to land."""
+        return self._executor is not None and self._executor.sends_down
 
     def who(self, now: float) -> Authority | None:
         """Decide who is in command of the vehicle; None: there was no abort."""

@@ -1,0 +1,90 @@
+"""An operator changes their mind: an abort while the vehicle carries out the one before.
+
+The first one has ended the mission and was answered; the vehicle is on its way home, or comes down.
+"""
+
+import pytest
+
+from afarcloud.enumerations import Status
+from mavlink_broker.mavlink.dialect import mavlink
+from tests.support.broker_world import World
+from tests.support.real_autopilots import COPTER_4_6, PX4_1_17
+from tests.support.scripted_vehicle import (
+    COPTER_LAND,
+    COPTER_RETURN,
+    PX4_LAND,
+    PX4_POSITION,
+    PX4_RETURN,
+    Script,
+)
+from tests.unit.mavlink_broker.test_events import ABORT, SOFT_ABORT, answer_statuses
+from tests.unit.mavlink_broker.test_live_commands import OWN
+from tests.unit.mavlink_broker.test_pause_events import COPTER_LOITER, RETURN_HOME, answer, paused
+
+EVERY = pytest.mark.parametrize(
+    "script", [PX4_1_17, OWN, COPTER_4_6], ids=["px4 1.17", "own", "copter 4.6"]
+)
+
+
+def is_copter(world: World) -> bool:
+    return bool(world.only_vehicle.script.autopilot == mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA)
+
+
+def mode_of(world: World, kind: int) -> int:
+    modes = (COPTER_LAND, PX4_LAND) if kind == ABORT else (COPTER_RETURN, PX4_RETURN)
+    return modes[not is_copter(world)]
+
+
+def aborted(script: Script, kind: int) -> World:
+    """A world whose mission an event has ended in the air."""
+    world = paused(script)
+    event = world.edge.event(kind)
+    world.run(4.0)
+    assert answer_statuses(world, event) == ["accepted", "done"]
+    assert world.edge.status(1201) == Status.ABORTED
+    assert world.only_vehicle.custom_mode == mode_of(world, kind)
+    assert world.only_vehicle.airborne
+    return world
+
+
+@pytest.mark.first_case
+@EVERY
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [(RETURN_HOME, ABORT), (ABORT, RETURN_HOME), (ABORT, SOFT_ABORT), (ABORT, ABORT)],
+)
+def test_the_second_event_is_carried_out(script: Script, first: int, second: int) -> None:
+    world = aborted(script, first)
+    event = world.edge.event(second)
+    world.run(4.0)
+    assert answer_statuses(world, event) == ["accepted", "done"]
+    assert world.only_vehicle.custom_mode == mode_of(world, second)
+    third = world.edge.event(first)
+    world.run(4.0)
+    assert answer_statuses(world, third) == ["accepted", "done"]
+    assert world.only_vehicle.custom_mode == mode_of(world, first)
+
+
+@EVERY
+def test_a_vehicle_that_a_pilot_has_taken_meanwhile_is_left_alone(script: Script) -> None:
+    world = aborted(script, RETURN_HOME)
+    vehicle = world.only_vehicle
+    vehicle.set_mode(COPTER_LOITER if is_copter(world) else PX4_POSITION)
+    world.run(3.0)
+    vehicle.set_mode(mode_of(world, RETURN_HOME))  # By the pilot's own switch
+    world.run(3.0)
+    event = world.edge.event(ABORT)
+    world.run(4.0)
+    assert answer_statuses(world, event) == ["refused"]
+    assert "its pilot has to move it" in (answer(world, event)[1] or "")
+    assert vehicle.custom_mode == mode_of(world, RETURN_HOME)
+
+
+@EVERY
+def test_on_the_ground_there_is_nothing_to_end(script: Script) -> None:
+    world = aborted(script, ABORT)
+    world.run_until(lambda: not world.only_vehicle.armed)
+    world.run(2.0)
+    event = world.edge.event(RETURN_HOME)
+    world.run(4.0)
+    assert answer_statuses(world, event) == ["refused"]
