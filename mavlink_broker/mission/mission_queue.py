@@ -16,7 +16,13 @@ from mavlink_broker.effects import Acknowledgement, EdgeMessage, Effects
 from mavlink_broker.mavlink.dialect import Message
 from mavlink_broker.mission.flight_orders import MISSION_ENDED
 from mavlink_broker.mission.mission_executor import MissionExecutor
-from mavlink_broker.mission.pending_events import NO_MISSION, PendingEvents, aborts_now, is_abort
+from mavlink_broker.mission.pending_events import (
+    NO_MISSION,
+    REFUSED,
+    PendingEvents,
+    aborts_now,
+    is_abort,
+)
 from mavlink_broker.mission.phases.aborting import REASONS, RETURN_ENDED
 from mavlink_broker.mission.states import State
 from mavlink_broker.mission.unconfirmed_missions import UnconfirmedMissions
@@ -33,7 +39,6 @@ VEHICLE_WITHIN_S: Final = 8.0
 
 An event expires 10 s after it was ordered; until then the edge server takes the reason.
 """
-REFUSED: Final = "refused"
 
 _LOG = logging.getLogger(__name__)
 
@@ -285,7 +290,8 @@ class MissionQueue:
             if first is not None and self._is_resumed(first) and _concerns(work, first):
                 self._begin_next(now, effects)
             if is_abort(work):
-                self._abort(work, now, effects)
+                with self._events.replacing(work, effects) as is_sent:
+                    self._abort(work, now, effects, replaces=is_sent)
             elif self._current is not None and _concerns(work, self._current):
                 _accept(work, effects)
                 self._current.handle_event(work, now, effects)
@@ -325,22 +331,11 @@ class MissionQueue:
         may_hover = recovery.hover.is_sought or not recovery.tracker.is_loaded
         return self.vehicle.snapshot.armed is None or (is_abort(work) and may_hover)
 
-    def _abort(self, work: EventWork, now: float, effects: Effects) -> None:
-        """End the mission that flies, and those that wait behind it; it replaces older aborts."""
-        self.vehicle.recovery.clear_abort()  # Noted again where something is still to be ordered
-        replaced = self._events.replace(work)
-        before = len(effects.for_edge)
-        refusal: str | None = "an internal error in a later event"
-        try:
-            self._carry_out_abort(work, now, effects, replaces=replaced.is_sent)
-            refusal = _refusal_of(work, effects.for_edge[before:])
-        finally:
-            self._events.answer_replaced(work, replaced.works, refusal, effects)
+    def _abort(self, work: EventWork, now: float, effects: Effects, *, replaces: bool) -> None:
+        """End missions, and send the vehicle where the abort says; or refuse it.
 
-    def _carry_out_abort(
-        self, work: EventWork, now: float, effects: Effects, *, replaces: bool
-    ) -> None:
-        """End missions, and send the vehicle where the abort says; or refuse it."""
+        `replaces`: the vehicle was sent somewhere before.
+        """
         has_ended = self._end_waiting(work, effects) or self._events.has_ended_missions(work)
         current = self._current
         if current is not None and self._is_droppable(current) and _concerns(work, current):
@@ -449,13 +444,6 @@ def _accept(work: EventWork | MissionWork, effects: Effects) -> None:
     """Acknowledge that work is accepted, unless an earlier run of the broker has."""
     if not work.was_accepted:
         effects.for_edge.append(Acknowledgement(work.work_id, "accepted"))
-
-
-def _refusal_of(work: EventWork, messages: Sequence[EdgeMessage]) -> str | None:
-    """Give why an event was refused; None if it was not."""
-    answers = (one for one in messages if isinstance(one, Acknowledgement))
-    refusals = (one for one in answers if one.work_id == work.work_id and one.status == REFUSED)
-    return next((one.message for one in refusals), None)
 
 
 def _concerns(work: EventWork, mission: MissionExecutor) -> bool:

@@ -9,14 +9,15 @@ Of several aborts the newest one decides, by the numbers of their work, in which
 arrive; the older ones are answered as replaced as soon as the newest is carried out.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
-from typing import Final, NamedTuple
+from typing import Final
 
 from afarcloud.enumerations import EventType
 from mavlink_broker.autopilots.families import ModeRole
 from mavlink_broker.edge.wire import EventWork
-from mavlink_broker.effects import Acknowledgement, Effects
+from mavlink_broker.effects import Acknowledgement, EdgeMessage, Effects
 from mavlink_broker.mavlink.dialect import Message, mavlink
 from mavlink_broker.mission.phases.aborting import (
     REPLACED,
@@ -31,6 +32,7 @@ from mavlink_broker.vehicle.recovery_state import PendingAbort, PendingReturn
 from mavlink_broker.vehicle.vehicle import Vehicle
 
 EXPIRED = "expired"
+REFUSED: Final = "refused"
 NO_MISSION = "no active mission"
 TOO_MANY = "too many events wait for the vehicle"
 MAX_WAITING: Final = 32
@@ -40,13 +42,6 @@ TELEMETRY_WITHIN_S: Final = 3.0
 RESTARTED = "the vehicle was restarted since"
 _DESCENDING: Final = Claim(control_authority.DESCENT_MODES)
 _IN_AIR: Final = Claim(control_authority.AIRBORNE_MODES)
-
-
-class Replaced(NamedTuple):
-    """What a newer abort has replaced."""
-
-    is_sent: bool  # The vehicle is, or was to be, sent somewhere by an older one or by an alarm
-    works: tuple[EventWork, ...]  # Older aborts without an answer
 
 
 class PendingEvents:
@@ -271,8 +266,12 @@ class PendingEvents:
         was_interrupted, self._is_return_interrupted = self._is_return_interrupted, False
         return was_interrupted
 
-    def replace(self, newest: EventWork) -> Replaced:
-        """Leave the vehicle to this abort; the caller answers the older ones as it."""
+    @contextmanager
+    def replacing(self, newest: EventWork, effects: Effects) -> Iterator[bool]:
+        """Leave the vehicle to this abort, and answer the older ones as it afterwards.
+
+        Gives whether the vehicle is, or was to be, sent somewhere by an older one or by an alarm.
+        """
         older = self._take_older(newest.work_id)
         ended = self._has_ended & {work.work_id for work in older}
         self._has_ended = (self._has_ended - ended) | ({newest.work_id} if ended else set())
@@ -283,16 +282,16 @@ class PendingEvents:
         self._running = self._return = None
         self._vehicle.recovery.clear_return()
         self._vehicle.recovery.clear_abort()
-        return Replaced(is_sent, tuple(older))
-
-    def answer_replaced(
-        self, newest: EventWork, older: Iterable[EventWork], refusal: str | None, effects: Effects
-    ) -> None:
-        """Answer the aborts that came before the newest as done, or refused for its reason."""
-        if newest.work_id >= self._newest[0]:
-            self._newest = newest.work_id, refusal
-        for work in older:
-            _acknowledge(work, effects, refusal, done=REPLACED)
+        before = len(effects.for_edge)
+        refusal: str | None = "an internal error in a later event"
+        try:
+            yield is_sent
+            refusal = _refusal_of(newest, effects.for_edge[before:])
+        finally:
+            if newest.work_id >= self._newest[0]:
+                self._newest = newest.work_id, refusal
+            for work in older:
+                _acknowledge(work, effects, refusal, done=REPLACED)
 
     def _take_older(self, newest: int) -> list[EventWork]:
         older = [work for work in self._waiting if is_abort(work) and work.work_id < newest]
@@ -359,6 +358,13 @@ def _acknowledge(
 def aborts_now(work: EventWork) -> bool:
     """Whether an event ends a mission without waiting for the running command."""
     return work.event.event_type_id in {EventType.ABORT_MISSION, EventType.RETURN_HOME}
+
+
+def _refusal_of(work: EventWork, messages: Sequence[EdgeMessage]) -> str | None:
+    """Give why an event was refused; None if it was not."""
+    answers = (one for one in messages if isinstance(one, Acknowledgement))
+    refusals = (one for one in answers if one.work_id == work.work_id and one.status == REFUSED)
+    return next((one.message for one in refusals), None)
 
 
 def is_abort(work: EventWork) -> bool:
