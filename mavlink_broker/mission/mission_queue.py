@@ -20,12 +20,12 @@ from mavlink_broker.mission.pending_events import (
     NO_MISSION,
     REFUSED,
     PendingEvents,
+    UnconfirmedMissions,
     aborts_now,
     is_abort,
 )
 from mavlink_broker.mission.phases.aborting import REASONS, RETURN_ENDED
 from mavlink_broker.mission.states import State
-from mavlink_broker.mission.unconfirmed_missions import UnconfirmedMissions
 from mavlink_broker.planning.geofence import check_flyable
 from mavlink_broker.planning.mission import Home, RefusedError, translate
 from mavlink_broker.vehicle.alarms import mission_error
