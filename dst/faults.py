@@ -89,11 +89,30 @@ KINEMATIC_ONLY: Final = frozenset(
 """What the flight stack does not do on demand."""
 
 
+PLACES: Final = (
+    (Fault.LOSS, Fault.DUPLICATION, Fault.REORDERING, Fault.CORRUPTION, Fault.LINK_DOWN),
+    (
+        *(Fault.EDGE_REQUESTS_LOST, Fault.EDGE_ANSWERS_LOST, Fault.EDGE_ANSWERS_STALLED),
+        *(Fault.EDGE_ANSWERS_FOREIGN, Fault.EDGE_UNREACHABLE, Fault.REPORT_ALWAYS_FAILS),
+    ),
+    (Fault.CLOUD_UNREACHABLE, Fault.CLOUD_ANSWERS_LOST, Fault.RELAY_KILLED),
+    (Fault.BROKER_KILLED, Fault.EDGE_KILLED, Fault.POWER_CUT, Fault.POWER_LOST, Fault.CLOCKS),
+    (Fault.DISK_FULL, Fault.DISK_READ_ONLY, Fault.DISK_SLOW, Fault.DATABASE_LOCKED),
+)
+"""Where a seed may have no faults at all: one that works lets those of other places meet."""
+INTACT_SHARE: Final = 1.0 / 3.0
+
+
 def draw(seed: int) -> frozenset[Fault]:
-    """Give the faults that a seed enables."""
+    """Give the faults that a seed enables: a share of those of each place that is not intact."""
     random = Random(f"{seed}/swarm")
     share = random.uniform(0.1, 0.7)
-    return frozenset(fault for fault in Fault if Random(f"{seed}/swarm/{fault}").random() < share)
+    intact = {fault for place in PLACES if random.random() < INTACT_SHARE for fault in place}
+    return frozenset(
+        fault
+        for fault in Fault
+        if Random(f"{seed}/swarm/{fault}").random() < share and fault not in intact
+    )
 
 
 class Faults:
