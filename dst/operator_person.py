@@ -17,7 +17,8 @@ FIRST_PLAN_S: Final = 6.0
 """Mean time from the start of a shift to its first plan: faults are to meet vehicles that fly."""
 MEAN_LOOK_S: Final = 8.0
 """Between two looks at the vehicles: one that is out of reach is aborted, others sometimes."""
-ABORT_SHARE: Final = 0.25
+ABORT_SHARES: Final = (0.0, 0.25)
+"""How often a vehicle in reach is aborted at a look, of which a seed draws one."""
 UNAWARE_SHARE: Final = 0.5
 """How often a vehicle is aborted that a pilot has flown for a while, who has informed nobody."""
 UNAWARE_AFTER_S: Final = 18.0
@@ -124,6 +125,7 @@ class Operator:
         self._enabled = frozenset(enabled)
         self._random = world.scheduler.random("operator")
         self._orders = world.scheduler.random("aborts")
+        self._abort_share = world.scheduler.random("abort habits").choice(ABORT_SHARES)
         self._breaks = world.scheduler.random("pauses")
         self._live = world.scheduler.random("live commands")
         self._numbers = world.scheduler.random("mission numbers")
@@ -353,7 +355,7 @@ class Operator:
         lost = [
             system for system in flying if not (world.up[system].is_up and world.down[system].is_up)
         ]
-        if not lost and self._orders.random() > ABORT_SHARE:
+        if not lost and self._orders.random() >= self._abort_share:
             return
         vehicle_id = self._orders.choice(lost or flying or list(world.vehicles))
         self._post_abort(vehicle_id, self._orders.choice(ENDING_EVENTS))
