@@ -174,6 +174,9 @@ class FlightLogs:
         snapshot = self._vehicle.snapshot
         if snapshot.armed and self._armed is None:
             self._armed = self.utc, now, self._vehicle_utc_s()
+        elif snapshot.armed and self._armed is not None and self._armed[2] is None:
+            # A broker that has just started receives a heartbeat before it knows the clock
+            self._armed = *self._armed[:2], self._vehicle_utc_s()
         elif snapshot.armed is False and self._armed is not None:
             (started_at, armed_at, armed_s), self._armed = self._armed, None
             self._latest_armed_at = armed_at

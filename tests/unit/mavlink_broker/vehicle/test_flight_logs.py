@@ -236,6 +236,23 @@ def test_a_restarted_broker_goes_on_where_it_was(tmp_path: Path) -> None:
     assert len(begun) == 3
 
 
+def test_a_broker_that_starts_in_flight_finds_the_log_behind_newer_ones(tmp_path: Path) -> None:
+    """It sees that the vehicle is armed before it knows the vehicle's clock."""
+    world = World(tmp_path)
+    world.may_fetch = False
+    began = BOOT + timedelta(seconds=world.air.now_s)
+    first = world.air.write_log(f"{began:%H_%M_%S}", 1000, seed=1)
+    world.vehicle.snapshot.booted_at_utc_s = None
+    world.vehicle.snapshot.armed = True
+    world.run(1.0)
+    world.vehicle.snapshot.booted_at_utc_s = BOOT.timestamp()
+    world.arm(60.0)
+    second = world.fly(2000)
+    world.may_fetch = True
+    world.run_until(lambda: len(world.archive.sent) == 2)
+    assert world.archive.sent == [first, second]
+
+
 def test_a_log_that_a_killed_broker_has_just_begun_is_sent_by_the_next_one(
     tmp_path: Path,
 ) -> None:
