@@ -76,10 +76,16 @@ class SenderPool:
         return found
 
     def close(self) -> None:
-        """Let the threads end, and cut off what is in flight."""
+        """Let the threads end, and cut off what is in flight.
+
+        A thread that ends late still wakes the relay: its pipe is closed with the process.
+        """
         for _ in self._threads:
             self._to_send.put(None)
         self._uplink.close()
+        if not self._threads:
+            wakeup.close(self._wake_read)
+            wakeup.close(self._wake_write)
 
     def _run(self) -> None:
         """One thread: take a batch, send it, return its results."""
