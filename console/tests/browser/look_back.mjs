@@ -37,7 +37,7 @@ async function readMeasurements(page) {
 
 /** The drone's own log is shown with its size, and downloaded as it was sent. */
 async function downloadLog(page) {
-  const link = page.getByRole("link", { name: /^ULog, .*MiB$/ });
+  const link = page.getByRole("link", { name: /^ULog of the drone, .*MiB$/ });
   await link.scrollIntoViewIfNeeded();
   const [download] = await Promise.all([page.waitForEvent("download"), link.click()]);
   if (!/^flight-1-vehicle-1-.*\.ulg$/.test(download.suggestedFilename())) throw new Error(download.suggestedFilename());
