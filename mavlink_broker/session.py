@@ -129,7 +129,6 @@ class Session:
             return False
         self.vehicle.recovery.forget()
         self.logs.forget()
-        self._frames.forget()
         return True
 
     def change_autopilot(self, component: int) -> None:
@@ -207,30 +206,32 @@ class Session:
         is_old = self.vehicle.was_ordered_since_boot
         when = " before it was armed" if is_old else ""
         _LOG.warning("vehicle %d was restarted%s", self.vehicle.vehicle_id, when)
-        self._reporter.session_id = self._new_session_id()
-        self._streams.renew()
-        self._heartbeat.renew()
-        self._alarms.forget()
-        self.pictures.restarted()
+        self._request_anew()
         self.logs.restarted()
         if not is_old:
-            self.vehicle.set_hovering(hovers=False)
-            self.vehicle.own_descent.end()
-            self.missions.vehicle_restarted(RESTARTED, now, effects)
+            self._end_orders(RESTARTED, now, effects)
 
     def vehicle_replaced(self, now: float, effects: Effects) -> None:
         """Begin anew with another vehicle that has the system id: nothing of before goes on."""
         _LOG.warning("vehicle %d: another one has its system id", self.vehicle.vehicle_id)
         self.vehicle.replace()
+        self._request_anew()
+        self.logs.forget()  # The other one has logs of its own
+        self._end_orders(REPLACED_VEHICLE, now, effects)
+
+    def _request_anew(self) -> None:
+        """Begin a new session of telemetry with a vehicle that knows of no request any more."""
         self._reporter.session_id = self._new_session_id()
         self._streams.renew()
         self._heartbeat.renew()
         self._alarms.forget()
         self.pictures.restarted()
-        self.logs.restarted()
+
+    def _end_orders(self, reason: str, now: float, effects: Effects) -> None:
+        """End what the vehicle was ordered: it flies nothing of that any more."""
         self.vehicle.set_hovering(hovers=False)
         self.vehicle.own_descent.end()
-        self.missions.vehicle_restarted(REPLACED_VEHICLE, now, effects)
+        self.missions.vehicle_restarted(reason, now, effects)
 
     def take_outcome(self, outcome: JobOutcome, now: float, effects: Effects) -> None:
         """Process the outcome of a job."""

@@ -2,7 +2,7 @@
 
 A flight is from arming to disarming. A worker thread copies its frames and sends them; what it
 cannot send now is retried, less and less often, and given up with a line in the log. The vehicle
-takes no part in it.
+takes no part in it: frames of a vehicle that was restarted or replaced meanwhile are sent too.
 """
 
 import logging
@@ -19,15 +19,11 @@ from mavlink_broker.effects import (
     FramesSent,
     SendFrames,
 )
+from mavlink_broker.vehicle.logged_flight import MAX_FAILURES, MAX_FLIGHTS, pause_after_s
 from mavlink_broker.vehicle.vehicle import Vehicle
 
 SETTLE_S: Final = 5.0
 """Until then the last frames are written, and the edge server knows that the flight has ended."""
-MAX_FLIGHTS: Final = 8
-"""Flights that wait; beyond that the oldest is forgotten."""
-MAX_FAILURES: Final = 5
-FIRST_PAUSE_S: Final = 30.0
-LONGEST_PAUSE_S: Final = 600.0
 _LOG = logging.getLogger(__name__)
 
 
@@ -64,12 +60,6 @@ class FlightFrames:
                     self._limit_bytes,
                 )
             )
-
-    def forget(self) -> None:
-        """Forget the flights of a vehicle that another one has replaced."""
-        self._waiting.clear()
-        self._armed_at = None
-        self._job = self._failures = 0
 
     def take_outcome(self, outcome: FramesOutcome, now: float) -> None:
         """Go on to the next flight, or try this one again later."""
@@ -116,8 +106,7 @@ class FlightFrames:
             self._failures = 0
             self._warn(self._waiting.popleft(), failed.reason)
             return
-        pause_s = min(FIRST_PAUSE_S * 2.0**self._failures, LONGEST_PAUSE_S)
-        self._not_before = now + pause_s
+        self._not_before = now + pause_after_s(self._failures)
 
     def _warn(self, flight: FrameSpan | None, reason: str) -> None:
         which = (

@@ -49,10 +49,13 @@ from mavlink_broker.microservices.log_download import (
     first_byte_request,
 )
 from mavlink_broker.vehicle.logged_flight import (
+    MAX_FAILURES,
+    MAX_FLIGHTS,
     FlownSpan,
     IncompleteLogs,
     LoggedFlight,
     logs_of,
+    pause_after_s,
     with_number,
 )
 from mavlink_broker.vehicle.vehicle import Vehicle
@@ -65,11 +68,6 @@ SILENT_LISTS: Final = 2
 """Lists without an answer, after which a vehicle is not asked until it restarts."""
 LISTS: Final = 5
 """Lists of a log that grows; then it is fetched as it is."""
-MAX_FLIGHTS: Final = 8
-"""Flights whose logs wait; beyond that the oldest is forgotten."""
-MAX_FAILURES: Final = 5
-FIRST_PAUSE_S: Final = 30.0
-LONGEST_PAUSE_S: Final = 600.0
 MEASURED_AFTER_S: Final = 10.0
 """After so long the rate of the link is known."""
 _LOG = logging.getLogger(__name__)
@@ -255,7 +253,7 @@ class FlightLogs:
             effects.messages += self._download.tick(now)
             self._follow_download(flight, self._download, now, effects)
         else:
-            self._postpone_current(now + FIRST_PAUSE_S)
+            self._postpone_current(now + pause_after_s(0))
 
     def _choose(
         self, flight: LoggedFlight, entries: Iterable[LogEntry], now: float, effects: Effects
@@ -478,7 +476,7 @@ class FlightLogs:
         if flight.failures >= MAX_FAILURES:
             self._give_up(flight, reason, effects)
             return
-        pause_s = min(FIRST_PAUSE_S * 2.0**flight.failures, LONGEST_PAUSE_S)
+        pause_s = pause_after_s(flight.failures)
         _LOG.info(
             "vehicle %d: the log of its flight waits for %.0f s: %s",
             *(self._vehicle.vehicle_id, pause_s, reason),

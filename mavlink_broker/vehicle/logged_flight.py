@@ -22,8 +22,18 @@ FIND_AGAIN_S: Final = 60.0
 FIND_EVERY_S: Final = 600.0
 AWAY_PAUSE_S: Final = 30.0
 DROPPED_KEPT: Final = 64
+MAX_FLIGHTS: Final = 8
+"""Flights of a vehicle that wait; beyond that the oldest is forgotten."""
+MAX_FAILURES: Final = 5
+_FIRST_PAUSE_S: Final = 30.0
+LONGEST_PAUSE_S: Final = 600.0
 MAX_LOGS: Final = 4
 """Logs of one flight: a vehicle begins another one when a log becomes too large."""
+
+
+def pause_after_s(failures: int) -> float:
+    """How long a flight waits after so many failures [s], which the next attempt may add to."""
+    return min(_FIRST_PAUSE_S * 2.0**failures, LONGEST_PAUSE_S)
 
 
 class FlownSpan(NamedTuple):

@@ -4,6 +4,7 @@ Logs are listed with the time of their last change, in the order of the director
 that of the flights. After a request for a few logs, `last_log_num` is the last one of them.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import islice
@@ -23,7 +24,7 @@ class StoredLog:
     contents: bytes
 
 
-class Px4Logs:
+class Px4Logs(ABC):
     """The log server of one link; subclasses are the two versions."""
 
     def __init__(self) -> None:
@@ -46,14 +47,14 @@ class Px4Logs:
         """Send the next messages."""
         return list(islice(self._answers, most))
 
-    def _list(self, first: int, last: int) -> Iterator[Message]:
-        raise NotImplementedError
+    @abstractmethod
+    def _list(self, first: int, last: int) -> Iterator[Message]: ...
 
-    def _data(self, number: int, offset: int, count: int) -> Iterator[Message]:
-        raise NotImplementedError
+    @abstractmethod
+    def _data(self, number: int, offset: int, count: int) -> Iterator[Message]: ...
 
-    def _end(self) -> None:
-        raise NotImplementedError
+    @abstractmethod
+    def _end(self) -> None: ...
 
     def _entry(self, number: int, last: int) -> Message:
         log, count = self._listed[number], len(self._listed)

@@ -313,6 +313,23 @@ class TestOddOnes:
         world.run(10.0)
         assert orders(other, since) == []
 
+    def test_another_vehicle_that_takes_its_place_has_no_log_of_its_flight(self) -> None:
+        """It stands on the ground, which is no landing of the one that flew."""
+        world = World()
+        world.run(50.0)
+        vehicle = world.add_vehicle(1, dataclasses.replace(PX4, item_time_s=8.0))
+        world.edge.plan(first_flight())
+        world.run_until(lambda: world.edge.status(1201) == Status.RUNNING and vehicle.airborne)
+        other = ScriptedVehicle(1, PX4, booted_at=world.clock.now - 40.0)
+        world.air.vehicles[ELSEWHERE] = other
+        world.run(3.0)
+        vehicle.silent = True
+        world.run_until_over(1201, within_s=80.0)
+        world.run(60.0)
+        received = {message.get_type() for message in other.frames}
+        assert "HEARTBEAT" in received
+        assert "LOG_REQUEST_LIST" not in received
+
     def test_a_vehicle_that_was_restarted_behind_a_new_port_does_not_fly_its_mission(self) -> None:
         world = World()
         vehicle = world.add_vehicle(1, dataclasses.replace(PX4, item_time_s=8.0))

@@ -13,12 +13,8 @@ from mavlink_broker.effects import (
     FramesSent,
     SendFrames,
 )
-from mavlink_broker.vehicle.flight_frames import (
-    LONGEST_PAUSE_S,
-    MAX_FAILURES,
-    MAX_FLIGHTS,
-    FlightFrames,
-)
+from mavlink_broker.vehicle.flight_frames import FlightFrames
+from mavlink_broker.vehicle.logged_flight import LONGEST_PAUSE_S, MAX_FAILURES, MAX_FLIGHTS
 from mavlink_broker.vehicle.vehicle import Vehicle
 from tests.support.log_air import ROUTE
 
@@ -168,17 +164,3 @@ def test_no_more_flights_than_the_limit_wait(
         assert names == ["frames-1", *newest[1:]]
     else:
         assert names[-MAX_FLIGHTS:] == newest
-
-
-def test_an_answer_about_a_vehicle_that_was_replaced_changes_nothing() -> None:
-    world = World()
-    world.run(2)
-    world.answer = None
-    world.fly()
-    world.run(10)
-    world.frames.forget()
-    world.answer = sent
-    world.run(10)
-    world.fly()
-    world.run(20)
-    assert world.flights == ["frames-1", "frames-2"]

@@ -25,7 +25,8 @@ from mavlink_broker.effects import (
 )
 from mavlink_broker.mavlink.dialect import Message, mavlink
 from mavlink_broker.microservices.log_download import PART_BYTES
-from mavlink_broker.vehicle.flight_logs import MAX_FAILURES, MAX_FLIGHTS, FlightLogs
+from mavlink_broker.vehicle.flight_logs import FlightLogs
+from mavlink_broker.vehicle.logged_flight import MAX_FAILURES, MAX_FLIGHTS
 from mavlink_broker.vehicle.vehicle import Vehicle
 from tests.support.log_air import ROUTE, LogAir
 from tests.support.lossy_link import Conditions
