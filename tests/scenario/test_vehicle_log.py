@@ -21,8 +21,9 @@ def download(system: FarmSystem, path: str, **headers: str) -> requests.Response
 
 
 def listed(system: FarmSystem) -> list[dict[str, Any]]:
+    """The logs that the vehicle itself has written, beside which the broker's frame log stands."""
     logs: list[dict[str, Any]] = system.get("/flights/1/logs")
-    return logs
+    return [log for log in logs if log["format"] == "ulg"]
 
 
 def wait_until_complete(system: FarmSystem) -> dict[str, Any]:
