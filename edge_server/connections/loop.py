@@ -124,7 +124,7 @@ class ConnectionLoop:
                 with contextlib.suppress(BlockingIOError):
                     os.read(self._wake_read, 4096)
             elif key.data is None:
-                self._accept_ready(key.fileobj, time.monotonic())
+                self._accept_ready(key.fileobj)
             elif key.data.phase is Phase.HANDSHAKE:
                 handshakes.append(key.data)
             else:
@@ -171,7 +171,7 @@ class ConnectionLoop:
                     self._selector.unregister(listener)
             self._accepting = on
 
-    def _accept_ready(self, listener: Any, now: float) -> None:
+    def _accept_ready(self, listener: Any) -> None:
         for _ in range(_AT_ONCE):
             try:
                 sock, client = listener.accept()
@@ -182,9 +182,10 @@ class ConnectionLoop:
                 if error.errno in _NO_DESCRIPTOR:
                     self._make_room()
                 self._accept(on=False)
-                self._accepts_from = now + _PAUSE_S
+                self._accepts_from = time.monotonic() + _PAUSE_S
                 return
-            self._admit(sock, client, now)
+            # A time of its own each: the oldest of them is closed first where there is no room
+            self._admit(sock, client, time.monotonic())
 
     def _make_room(self) -> None:
         """Close the connection that has waited longest: no descriptor is left."""

@@ -57,6 +57,8 @@ class Running:
         self.service = ConnectionLoop([listener], serve, options, self.counts)
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run)
+
+    def begin(self) -> None:
         self._thread.start()
 
     def _run(self) -> None:
@@ -90,8 +92,12 @@ def running(
     kept_bytes: int = 2**26,
     threads: int = 2,
     tls: ssl.SSLContext | None = None,
+    before: Callable[[Running], None] = lambda _: None,
 ) -> Iterator[Running]:
+    """The loop; `before` is done when it listens and has not begun."""
     service = Running(serve, Limits(connections, per_address, kept_bytes), threads, tls)
+    before(service)
+    service.begin()
     try:
         yield service
     finally:
@@ -279,6 +285,24 @@ def test_memory_is_bounded_and_the_oldest_request_is_dropped() -> None:
         wait_until(lambda: service.counts.closed() == {"memory": 1})
         second.sendall(b"x" * 10_000)
         assert second.recv(4096) == ANSWER
+
+
+def test_the_oldest_of_requests_that_were_accepted_together_are_dropped() -> None:
+    clients: list[socket.socket] = []
+    head = b"POST /pose/ HTTP/1.1\r\nContent-Length: 20000\r\n\r\n"
+
+    def connect(service: Running) -> None:
+        for _ in range(8):
+            clients.append(service.connect())
+            clients[-1].sendall(head + b"x" * 19_000)
+
+    with running(kept_bytes=100_000, before=connect) as service, contextlib.ExitStack() as stack:
+        for client in clients:
+            stack.enter_context(client)
+        wait_until(lambda: service.counts.closed() == {"memory": 3})
+        for client in clients[3:]:
+            client.sendall(b"x" * 1_000)
+            assert client.recv(4096) == ANSWER
 
 
 def test_waiting_requests_are_bounded_and_events_keep_their_share() -> None:
