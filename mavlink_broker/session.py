@@ -26,7 +26,7 @@ from mavlink_broker.effects import (
     LogJobFailed,
 )
 from mavlink_broker.mavlink.dialect import Message, mavlink, source_of
-from mavlink_broker.microservices.heartbeat import HeartbeatOrder
+from mavlink_broker.microservices.heartbeat import StateOrder
 from mavlink_broker.microservices.log_download import LOG_MESSAGES
 from mavlink_broker.microservices.message_rates import RATE_MESSAGES, StreamRequests
 from mavlink_broker.microservices.parameter import PARAMETER_MESSAGES
@@ -96,7 +96,7 @@ class Session:
             vehicle, new_session_id, limit_bytes=log_limit_bytes, limit_s=log_limit_s
         )
         self._frames = FlightFrames(vehicle, new_session_id, limit_bytes=frames_limit_bytes)
-        self._heartbeat_order = HeartbeatOrder()
+        self._state_order = StateOrder()
         self._heartbeat = GcsHeartbeat(vehicle, observes=observes)
         self._streams = StreamRequests(vehicle.route, vehicle.round_trip, observes=observes)
         self._battery_capacity = BatteryCapacity(vehicle, battery_capacity_ah)
@@ -166,7 +166,7 @@ class Session:
 
     def receive(self, message: Message, now: float, effects: Effects) -> None:
         """Handle a message of the vehicle's autopilot."""
-        if self._heartbeat_order.is_overtaken(message, now):
+        if self._state_order.is_overtaken(message, now):
             return
         if self.vehicle.take(message, now):
             self._vehicle_restarted(now, effects)

@@ -10,10 +10,11 @@ clocks differ by some seconds, which is why each kind of message is tracked sepa
 overflow of the counter at 2^32 ms, after 49.7 days. The speed of the clock does not matter: a
 simulated one may run at any speed.
 
-`HeartbeatOrder` recognises a heartbeat that a newer one has overtaken on the network. UDP may
-deliver two frames the other way round. A heartbeat has no time of its own, and one that is late
-shows a mode that the vehicle has left: it would look as if somebody else had changed it. The frames
-of a component are numbered, modulo 256.
+`StateOrder` recognises a state that a newer one of its kind has overtaken on the network. UDP may
+deliver two frames the other way round, and these messages have no time of their own. A late
+heartbeat shows a mode that the vehicle has left: it would look as if somebody else had changed it.
+A late MISSION_CURRENT shows the mission before as complete: the one just begun would count as
+flown. The frames of a component are numbered, modulo 256.
 
 A source that sends periodically, such as a camera, has a timeout (`PeriodicSource`). At 20 % loss
 five messages in a row are lost once an hour; that must not end a mission. So the timeout grows with
@@ -203,17 +204,21 @@ SEQUENCE_GAP_S: Final = 0.5
 _SEQUENCE_MODULUS: Final = 256
 
 
-class HeartbeatOrder:
+STATES: Final = frozenset({"HEARTBEAT", "EXTENDED_SYS_STATE", "MISSION_CURRENT"})
+"""Messages that show what is now, and replace the one before; they have no time of their own."""
+
+
+class StateOrder:
     """The order of the frames of one component."""
 
     def __init__(self) -> None:
         self._number = 0  # Of the newest frame
         self._position = 0  # The same, counted on
-        self._heartbeat = 0  # Position of the newest heartbeat
+        self._newest: dict[str, int] = {}  # Position of the newest message of each of `STATES`
         self._received_at = -math.inf
 
     def is_overtaken(self, message: Message, now: float) -> bool:
-        """Handle a frame; gives whether it is a heartbeat that is older than another one."""
+        """Handle a frame; gives whether it is a state that is older than another of its kind."""
         number, half = message.get_seq(), _SEQUENCE_MODULUS // 2
         step = (number - self._number + half) % _SEQUENCE_MODULUS - half
         if now - self._received_at > SEQUENCE_GAP_S:
@@ -221,11 +226,12 @@ class HeartbeatOrder:
         position, self._received_at = self._position + step, now
         if step > 0:
             self._number, self._position = number, position
-        if message.get_type() != "HEARTBEAT":
+        kind = message.get_type()
+        if kind not in STATES:
             return False
-        if position < self._heartbeat:
+        if position < self._newest.get(kind, position):
             return True
-        self._heartbeat = position
+        self._newest[kind] = position
         return False
 
 
