@@ -12,6 +12,7 @@ from typing import Any, Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+import uav_firmware  # noqa: F401  # First: it chooses the compiled modules where there are any
 from dst.autopilot import ORDERS, OWN, REPORTED_FROM_M, Mode
 from dst.flight import HOME, OrderUnderPilot, Reached, Truth, offset_m
 from dst.scheduler import EPOCH, Event, Scheduler

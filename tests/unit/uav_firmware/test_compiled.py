@@ -83,3 +83,24 @@ def test_a_process_that_is_asked_for_pure_python_runs_pure_python() -> None:
     )
     assert done.stdout.split() == ["False", str(compiled.ROOT / "uav_firmware/bus.py")]
     assert done.stderr == ""
+
+
+@pytest.mark.parametrize("program", ["uav_firmware.__main__", "dst.flight_stack"])
+def test_a_program_chooses_its_build_before_it_loads_the_first_module_of_one(program: str) -> None:
+    text = f"import sys, {program}; print(*sys.modules, sep='\\n')"
+    done = subprocess.run(
+        [sys.executable, "-c", text],
+        env={**os.environ, "FARM_PURE": "1"},
+        cwd=compiled.ROOT,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    of_a_build = {
+        ".".join(path.relative_to(compiled.ROOT).with_suffix("").parts)
+        for path in compiled.sources()
+        if path.name not in {"__init__.py", "compiled.py"}
+    }
+    loaded = done.stdout.split()
+    first = next(name for name in loaded if name in of_a_build)
+    assert loaded.index("uav_firmware.compiled") < loaded.index(first)
