@@ -9,7 +9,6 @@ sends it.
 import contextlib
 import errno
 import logging
-import os
 import queue
 import resource
 import selectors
@@ -90,9 +89,10 @@ class ConnectionLoop:
         }
         self._done: queue.SimpleQueue[_Served] = queue.SimpleQueue()
         self._dispatched_bytes: Counter[Lane] = Counter()
-        self._wake_read, self._wake_write = os.pipe()
-        os.set_blocking(self._wake_read, False)
-        os.set_blocking(self._wake_write, False)
+        # Sockets and no pipe: one that is closed has no number that another file may get
+        self._wake_read, self._wake_write = socket.socketpair()
+        self._wake_read.settimeout(0.0)
+        self._wake_write.settimeout(0.0)
         self._connections: set[Connection] = set()
         self._streams: set[Connection] = set()
         self._by_network: Counter[str] = Counter()
@@ -103,9 +103,9 @@ class ConnectionLoop:
         self._accepting = False
 
     def wake(self) -> None:
-        """Wake `turn`; safe in any thread and in a signal handler."""
-        with contextlib.suppress(BlockingIOError):
-            os.write(self._wake_write, b"\n")
+        """Wake `turn`; safe in any thread and in a signal handler, also after `close`."""
+        with contextlib.suppress(OSError):  # It is awake already, or closed
+            self._wake_write.send(b"\n")
 
     def start(self) -> None:
         """Start to accept connections."""
@@ -120,9 +120,9 @@ class ConnectionLoop:
             self._accept(on=True)
         handshakes: list[Connection] = []
         for key, _ in self._selector.select(_SWEEP_S):
-            if key.fileobj == self._wake_read:
+            if key.fileobj is self._wake_read:
                 with contextlib.suppress(BlockingIOError):
-                    os.read(self._wake_read, 4096)
+                    self._wake_read.recv(4096)
             elif key.data is None:
                 self._accept_ready(key.fileobj)
             elif key.data.phase is Phase.HANDSHAKE:
@@ -161,6 +161,8 @@ class ConnectionLoop:
         for listener in self._listeners:
             listener.close()
         self._selector.close()
+        self._wake_read.close()
+        self._wake_write.close()
 
     def _accept(self, *, on: bool) -> None:
         if on != self._accepting:

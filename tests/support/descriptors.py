@@ -1,8 +1,11 @@
-"""A process with so many open files that every new descriptor has a number above 1023."""
+"""Descriptors of this process: very many of them, those that stay open, and numbers given again."""
 
 import os
+import select
+import socket
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
+from pathlib import Path
 
 _SELECT_LIMIT = 1024
 """FD_SETSIZE of glibc: `select` takes no descriptor from here on."""
@@ -16,3 +19,24 @@ def many_open_files() -> Iterator[None]:
             opened.callback(os.close, descriptor)
         opened.callback(os.close, descriptor)
         yield
+
+
+def open_channels() -> frozenset[str]:
+    """Return the sockets and pipes that are open, each by the kernel's name for it."""
+    found = set()
+    for link in Path("/proc/self/fd").iterdir():
+        with suppress(FileNotFoundError):  # The descriptor of this listing, or another thread's
+            found.add(str(link.readlink()))
+    return frozenset(name for name in found if name.startswith(("socket:", "pipe:")))
+
+
+@contextmanager
+def numbers_given_again() -> Iterator[None]:
+    """Give the numbers of closed descriptors to other sockets; fail if one of them gets data."""
+    with ExitStack() as opened:
+        others = [opened.enter_context(end) for _ in range(32) for end in socket.socketpair()]
+        yield
+        poll = select.poll()
+        for end in others:
+            poll.register(end, select.POLLIN)
+        assert poll.poll(0) == []

@@ -17,6 +17,7 @@ from edge_server.connections.admission import Limits
 from edge_server.connections.counts import ConnectionCounts
 from edge_server.connections.exchange import Exchange
 from edge_server.connections.loop import ConnectionLoop, Options
+from tests.support.descriptors import numbers_given_again, open_channels
 from tests.support.polling import PATIENCE_S, wait_until
 
 ANSWER = b"HTTP/1.1 200 OK\r\nContent-Length: 2\r\n\r\nok"
@@ -471,3 +472,12 @@ def test_a_reader_that_leaves_is_forgotten(cut: int) -> None:
                 sock.recv(10)
         wait_until(lambda: service.counts.open == 0)
         stream.is_over = True
+
+
+def test_a_closed_loop_leaves_nothing_open_and_is_woken_without_effect() -> None:
+    before = open_channels()
+    with running() as service:
+        assert service.ask(GET) == ANSWER
+    wait_until(lambda: open_channels() <= before)
+    with numbers_given_again():
+        service.service.wake()  # As a request does that is served after the end
