@@ -1,11 +1,12 @@
-"""The relay's sending threads: batches in, results out, a byte in a pipe for each result.
+"""The relay's sending threads: batches in, results out, a byte in a socket for each result.
 
 SenderEndedError  the uplink has ended; the relay should start again
 """
 
+import contextlib
 import logging
-import os
 import queue as thread_queue
+import socket
 import threading
 from typing import NamedTuple
 
@@ -35,15 +36,17 @@ class SenderPool:
         self._uplink = uplink
         self._to_send: thread_queue.SimpleQueue[Batch | None] = thread_queue.SimpleQueue()
         self._sent: thread_queue.SimpleQueue[SentBatch] = thread_queue.SimpleQueue()
-        self._wake_read, self._wake_write = os.pipe()
-        os.set_blocking(self._wake_read, False)
+        # Sockets and no pipe: one that is closed has no number that another file may get
+        self._wake_read, self._wake_write = socket.socketpair()
+        self._wake_read.settimeout(0.0)
+        self._wake_write.settimeout(0.0)
         self._has_ended = threading.Event()
         self._threads = [threading.Thread(target=self._run, daemon=True) for _ in range(threads)]
 
     @property
     def descriptor(self) -> int:
         """A file descriptor that is readable when `take_sent` has something new."""
-        return self._wake_read
+        return self._wake_read.fileno()
 
     def start(self) -> None:
         """Start the threads."""
@@ -51,8 +54,9 @@ class SenderPool:
             thread.start()
 
     def wake(self) -> None:
-        """Make `descriptor` readable; may be called from a signal handler."""
-        os.write(self._wake_write, b"\n")
+        """Make `descriptor` readable; may be called from a signal handler, also after `close`."""
+        with contextlib.suppress(OSError):  # It is readable already, or closed
+            self._wake_write.send(b"\n")
 
     def send(self, batch: Batch) -> None:
         """Have a batch sent by the next free thread; without threads, send it and wait."""
@@ -67,7 +71,7 @@ class SenderPool:
         Raises:
             SenderEndedError: if the uplink has ended.
         """
-        wakeup.drain(self._wake_read)
+        wakeup.drain(self.descriptor)
         if self._has_ended.is_set():
             raise SenderEndedError("the uplink has ended; see the error above")
         found = []
@@ -76,16 +80,12 @@ class SenderPool:
         return found
 
     def close(self) -> None:
-        """Let the threads end, and cut off what is in flight.
-
-        A thread that ends late still wakes the relay: its pipe is closed with the process.
-        """
+        """Let the threads end, and cut off what is in flight; its results are lost."""
         for _ in self._threads:
             self._to_send.put(None)
         self._uplink.close()
-        if not self._threads:
-            wakeup.close(self._wake_read)
-            wakeup.close(self._wake_write)
+        self._wake_read.close()
+        self._wake_write.close()
 
     def _run(self) -> None:
         """One thread: take a batch, send it, return its results."""

@@ -1,6 +1,7 @@
 """The sending threads: each batch comes back with its results, or the error is reported."""
 
 import select
+import threading
 from collections.abc import Iterator, Sequence
 
 import pytest
@@ -10,6 +11,8 @@ from edge_server.outbox.queue import OutboxRecord, Stream
 from edge_server.outbox.schedule import Batch
 from edge_server.outbox.senders import SenderEndedError, SenderPool, SentBatch
 from edge_server.outbox.uplink import ONE_BY_ONE, BatchLimit, UplinkEndedError
+from tests.support.descriptors import numbers_given_again, open_channels
+from tests.support.polling import wait_until
 
 PATIENCE_S = 60.0
 
@@ -103,3 +106,39 @@ def test_without_threads_a_batch_is_sent_by_the_caller() -> None:
     [sent] = senders.take_sent()
     assert [result.outcome for result in sent.results] == [Outcome.CONFIRMED]
     senders.close()
+
+
+class SlowUplink(Uplink):
+    """Confirms nothing before it is released."""
+
+    def __init__(self) -> None:
+        self.is_sending, self.may_answer = threading.Event(), threading.Event()
+        self.threads: list[threading.Thread] = []
+
+    def send(self, records: Sequence[OutboxRecord]) -> list[Reply]:
+        self.threads.append(threading.current_thread())
+        self.is_sending.set()
+        self.may_answer.wait(PATIENCE_S)
+        return super().send(records)
+
+
+def test_closed_senders_leave_nothing_open_and_an_answer_that_is_late_wakes_nobody() -> None:
+    uplink, before = SlowUplink(), open_channels()
+    senders = SenderPool(uplink, 1)
+    senders.start()
+    senders.send(batch(1))
+    assert uplink.is_sending.wait(PATIENCE_S)
+    senders.close()
+    wait_until(lambda: open_channels() <= before)
+    with numbers_given_again():
+        uplink.may_answer.set()
+        uplink.threads[0].join(PATIENCE_S)
+        senders.wake()  # As a second signal to end does
+
+
+def test_a_wake_that_nobody_reads_never_waits(senders: SenderPool) -> None:
+    for _ in range(100_000):
+        senders.wake()
+    assert senders.take_sent() == []
+    readable, _, _ = select.select([senders.descriptor], [], [], 0.0)
+    assert not readable
