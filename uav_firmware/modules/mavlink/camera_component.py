@@ -26,7 +26,7 @@ from uav_firmware.modules.mavlink.telemetry.camera import (
     second_image_captured,
 )
 from uav_firmware.modules.mavlink.telemetry.context import Context
-from uav_firmware.modules.mavlink.telemetry.requests import RequestServer
+from uav_firmware.modules.mavlink.telemetry.requests import RequestServer, interval_query
 from uav_firmware.modules.mavlink.telemetry.streams import BUILDERS, stream_key
 from uav_firmware.modules.mavlink.wire.addressing import (
     CAMERA_COMPONENT,
@@ -182,11 +182,13 @@ class CameraRequests:
         message_id = as_index(command.parameter(1))
         if message_id is None:
             return Answer(_DENIED)
+        is_request = command.number == mavlink.MAV_CMD_REQUEST_MESSAGE
+        if is_request and message_id == mavlink.MAVLINK_MSG_ID_MESSAGE_INTERVAL:
+            return self._shared(interval_query(command), sender, now_us)
         if not is_sent_by_camera(message_id, self._component):
             return Answer(_UNSUPPORTED)
         if message_id == _IMAGE:
             return self._images(command)
-        is_request = command.number == mavlink.MAV_CMD_REQUEST_MESSAGE
         if is_request and message_id in _NUMBERED and not _exists(command.parameter(2)):
             return Answer(_DENIED)
         answer = self._requests.answer(command, sender, now_us)

@@ -63,7 +63,7 @@ class RequestServer:
         handler = self._answers.get(command.number)
         return None if handler is None else handler(command, sender, now_us)
 
-    def _request_message(self, command: Command, _sender: Sender, now_us: int) -> Answer:
+    def _request_message(self, command: Command, sender: Sender, now_us: int) -> Answer:
         message_id, target = as_index(command.parameter(1)), _target(command)
         if message_id is None or target is None:
             return Answer(_DENIED)
@@ -73,7 +73,9 @@ class RequestServer:
             modes = tuple(available_modes(index)) if index is not None else ()
             return Answer(_ACCEPTED, modes, to_all) if modes else Answer(_DENIED)
         if message_id == mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION:
-            return self._version(command, _sender, now_us)._replace(to_all=to_all)
+            return self._version(command, sender, now_us)._replace(to_all=to_all)
+        if message_id == mavlink.MAVLINK_MSG_ID_MESSAGE_INTERVAL:
+            return self._get_interval(interval_query(command), sender, now_us)
         builder = BUILDERS.get(self._key(message_id))
         if builder is None:
             return Answer(_UNSUPPORTED)
@@ -130,6 +132,12 @@ class RequestServer:
             return list(self._peers)
         channel = self._peers.get(sender.address)
         return [] if channel is None else [channel]
+
+
+def interval_query(command: Command) -> Command:
+    """GET_MESSAGE_INTERVAL of the same meaning as a REQUEST_MESSAGE for MESSAGE_INTERVAL."""
+    parameters = (command.parameter(2), 0.0, 0.0, 0.0, 0.0, 0.0, command.parameter(7))
+    return command._replace(number=mavlink.MAV_CMD_GET_MESSAGE_INTERVAL, parameters=parameters)
 
 
 def _apply_interval(channel: Channel, key: int, interval_us: int, now_us: int) -> None:

@@ -306,9 +306,11 @@ def test_tracking_is_streamed_by_interval() -> None:
     assert reported[0].rec_top_x == pytest.approx(0.4)
     assert reported[0].rec_bottom_y == pytest.approx(0.8)
     assert math.isnan(reported[0].point_x)
-    interval = request(harness, 510, 275)
-    (interval_message,) = [m for m in interval if m.get_type() == "MESSAGE_INTERVAL"]
-    assert interval_message.interval_us == 200_000
+    for query in ((510, 275), (512, 244, 275)):
+        interval = request(harness, *query)
+        (interval_message,) = [m for m in interval if m.get_type() == "MESSAGE_INTERVAL"]
+        assert (interval_message.message_id, interval_message.interval_us) == (275, 200_000)
+    assert result(request(harness, 512, 244, 30)) == UNSUPPORTED  # ATTITUDE is the autopilot's
     assert result(request(harness, INTERVAL, 0, -1)) == DENIED  # A heartbeat cannot be disabled
 
 

@@ -20,7 +20,7 @@ from uav_firmware.modules.mavlink.wire.dialect import mavlink
 
 ACCEPTED, NOT_YET, DENIED, UNSUPPORTED = 0, 1, 2, 3
 REQUEST, SET_INTERVAL, GET_INTERVAL = 512, 511, 510
-ATTITUDE, HOME, VERSION, MODES = 30, 242, 148, 435
+ATTITUDE, HOME, VERSION, MODES, MESSAGE_INTERVAL = 30, 242, 148, 435, 244
 SECOND_US = 1_000_000
 
 
@@ -174,14 +174,24 @@ def test_every_accepted_interval_can_be_reported(interval_us: float) -> None:
     assert taken == (interval_us < 2**31)
 
 
+@pytest.mark.parametrize("query", [(GET_INTERVAL,), (REQUEST, MESSAGE_INTERVAL)])
 @pytest.mark.parametrize(
     ("message_id", "expected"), [(ATTITUDE, 66_667), (115, -1), (259, 0), (60_000, 0)]
 )
-def test_an_interval_can_be_requested(message_id: int, expected: int) -> None:
-    result, messages = requested(MavlinkHarness(), command_long(GET_INTERVAL, message_id))
+def test_an_interval_can_be_requested(
+    message_id: int, expected: int, query: tuple[int, ...]
+) -> None:
+    """QGroundControl's inspector asks by REQUEST_MESSAGE (MessageIntervalManager)."""
+    result, messages = requested(MavlinkHarness(), command_long(*query, message_id))
     (interval,) = [m for m in messages if m.get_type() == "MESSAGE_INTERVAL"]
     assert result == ACCEPTED
     assert (interval.message_id, interval.interval_us) == (message_id, expected)
+
+
+@pytest.mark.parametrize("message_id", [-1, 0.5, 65_536, math.nan])
+def test_an_interval_of_no_message_is_denied(message_id: float) -> None:
+    query = command_long(REQUEST, MESSAGE_INTERVAL, message_id)
+    assert requested(MavlinkHarness(), query)[0] == DENIED
 
 
 def test_a_request_to_every_system_is_answered() -> None:
