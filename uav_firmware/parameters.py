@@ -65,9 +65,18 @@ class Declaration:
     maximum: float
     short: str
     is_integer: bool
+    values: Mapping[int, str] = field(default_factory=dict)  # Meaning of each value
+    bits: Mapping[int, str] = field(default_factory=dict)  # Meaning of each bit, from 0
     is_volatile: bool = False  # A ground station that keeps values leaves it out of the hash
     locked_while_armed: bool = False
     least_if_on: float = 0.0  # 0 switches off; any other value is at least this
+
+    @property
+    def meaning(self) -> str:
+        """The description in one sentence, with the meaning of each value or bit."""
+        named = [f"{value} {text}" for value, text in self.values.items()]
+        named += [f"bit {bit} {text}" for bit, text in self.bits.items()]
+        return f"{self.short}: {', '.join(named)}" if named else self.short
 
 
 def param(
@@ -78,11 +87,16 @@ def param(
     minimum: float,
     maximum: float,
     short: str,
+    values: Mapping[int, str] | None = None,
+    bits: Mapping[int, str] | None = None,
     volatile: bool = False,
     locked_while_armed: bool = False,
     least_if_on: float = 0.0,
 ) -> Any:
     """Declare a parameter as a dataclass field; an int default makes an INT32.
+
+    `values` names what each value of an integer selects, `bits` what each bit does: ground stations
+    offer the values of a parameter by these names, and none without them.
 
     A `volatile` one may change by itself: the vehicle's hash of all parameters excludes it, and
     its metadata mark it, so that a ground station excludes it too.
@@ -103,6 +117,8 @@ def param(
         maximum=maximum,
         short=short,
         is_integer=isinstance(default, int),
+        values=values or {},
+        bits=bits or {},
         is_volatile=volatile,
         locked_while_armed=locked_while_armed,
         least_if_on=least_if_on,

@@ -61,7 +61,7 @@ def parameters() -> str:
     for name in registry.names():
         entry = registry.declaration(name)
         span = f"{entry.minimum:g} to {entry.maximum:g}"
-        rows.append(f"| `{name}` | {entry.default:g} | {entry.unit} | {span} | {entry.short} |")
+        rows.append(f"| `{name}` | {entry.default:g} | {entry.unit} | {span} | {entry.meaning} |")
     return _page(
         "Parameters of the autopilot",
         "Names, types and meanings are PX4's. Changed values are saved to "

@@ -32,7 +32,7 @@ def test_the_parameters_are_those_on_record(tmp_path: Path) -> None:
     declarations = [registry.declaration(name) for name in registry.names()]
     rows = [
         (d.name, "INT32" if d.is_integer else "REAL32", f"{d.default:g}", f"{d.minimum:g}",
-         f"{d.maximum:g}", d.unit, d.short)
+         f"{d.maximum:g}", d.unit, d.meaning)
         for d in declarations
     ]  # fmt: skip
     assert len(rows) > 100

@@ -49,7 +49,8 @@ class CommanderParams:
     )  # fmt: skip
     stick_override: int = param(
         "COM_RC_OVERRIDE", 1, unit="1", minimum=0, maximum=3,
-        short="Moving a stick changes to position mode: bit 0 in automatic modes, 1 in offboard",
+        short="Moving a stick changes to position mode",
+        bits={0: "in automatic modes", 1: "in offboard"},
     )  # fmt: skip
     stick_override_percent: float = param(
         "COM_RC_STICK_OV", 30.0, unit="%", minimum=5.0, maximum=80.0,

@@ -100,7 +100,8 @@ class EstimatorParams:
     )  # fmt: skip
     height_reference: int = param(
         "EKF2_HGT_REF", HeightReference.GPS, unit="1", minimum=0, maximum=1,
-        short="Source whose height does not wander: 0 barometer, 1 GPS",
+        short="Source whose height does not wander",
+        values={0: "barometer", 1: "GPS"},
         locked_while_armed=True,
     )  # fmt: skip
     gps_height_time: float = param(
@@ -145,7 +146,8 @@ class EstimatorParams:
     )  # fmt: skip
     declination_source: int = param(
         "EKF2_DECL_TYPE", 1, unit="1", minimum=0, maximum=1,
-        short="Declination: 1 looked up for the place of the first fix, 0 EKF2_MAG_DECL",
+        short="Declination",
+        values={0: "EKF2_MAG_DECL", 1: "looked up for the place of the first fix"},
     )  # fmt: skip
     # World Magnetic Model 2025 at 40.4434 N, 3.7382 W, 650 m, mid 2026: 0.45 degrees east.
     declination_deg: float = param(
@@ -175,12 +177,14 @@ class EstimatorParams:
     )  # fmt: skip
     gps_checks: int = param(
         "EKF2_GPS_CHECK", 29, unit="1", minimum=0, maximum=29,
-        short="Checks of a fix: 1 EKF2_REQ_NSATS, 4 EKF2_REQ_EPH, 8 EKF2_REQ_EPV, 16 EKF2_REQ_SACC",
+        short="Checks of a fix",
+        bits={0: "EKF2_REQ_NSATS", 2: "EKF2_REQ_EPH", 3: "EKF2_REQ_EPV", 4: "EKF2_REQ_SACC"},
         locked_while_armed=True,
     )  # fmt: skip
     gps_mode: int = param(
         "EKF2_GPS_MODE", GpsMode.DEAD_RECKONING, unit="1", minimum=0, maximum=1,
-        short="A GPS position off for 5 s in flight: 0 reset to it, 1 only without its velocity",
+        short="A GPS position off for 5 s in flight",
+        values={0: "reset to it", 1: "only without its velocity"},
         locked_while_armed=True,
     )  # fmt: skip
     origin_time: float = param(

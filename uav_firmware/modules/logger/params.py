@@ -15,8 +15,13 @@ class LoggerParams:
         unit="1",
         minimum=-1,
         maximum=2,
-        short="When to log: -1 never, 0 from arming to disarming, 1 from boot to disarming, "
-        "2 from boot to shutdown",
+        short="When to log",
+        values={
+            -1: "never",
+            0: "from arming to disarming",
+            1: "from boot to disarming",
+            2: "from boot to shutdown",
+        },
     )
     profile: int = param(
         "SDLOG_PROFILE",
@@ -24,7 +29,8 @@ class LoggerParams:
         unit="1",
         minimum=1,
         maximum=17,
-        short="What to log: 1 default set, 17 also the attitude loops at control rate",
+        short="What to log",
+        values={1: "default set", 17: "also the attitude loops at control rate"},
     )
     size_max_mb: int = param(
         "SDLOG_MAX_SIZE",

@@ -106,7 +106,8 @@ class NavigatorParams:
 
     fence_action: int = param(
         "GF_ACTION", 2, unit="1", minimum=0, maximum=5,
-        short="At a fence breach: 0 nothing, 1 warn, 2 hold, 3 return, 4 terminate, 5 land",
+        short="At a fence breach",
+        values={0: "nothing", 1: "warn", 2: "hold", 3: "return", 4: "terminate", 5: "land"},
     )  # fmt: skip
     fence_prediction: int = param(
         "GF_PREDICT", 1, unit="1", minimum=0, maximum=1,
@@ -139,7 +140,8 @@ class NavigatorParams:
     )  # fmt: skip
     follow_altitude_mode: int = param(
         "FLW_TGT_ALT_M", 0, unit="1", minimum=0, maximum=2,
-        short="Height of a follower: 0 and 1 constant, 2 with the target's own height",
+        short="Height of a follower",
+        values={0: "constant", 1: "constant (as 0)", 2: "with the target's own height"},
     )  # fmt: skip
     follow_speed: float = param(
         "FLW_TGT_MAX_VEL", 5.0, unit="m/s", minimum=0.5, maximum=20.0,

@@ -27,7 +27,8 @@ class PayloadParams:
     )  # fmt: skip
     second_picture: int = param(
         "CAM_IMAGE_SECOND", 0, unit="-", minimum=0, maximum=2,
-        short="Stored beside each picture: 0 nothing, 1 near infrared, 2 vegetation index (NDVI)",
+        short="Stored beside each picture",
+        values={0: "nothing", 1: "near infrared", 2: "vegetation index (NDVI)"},
     )  # fmt: skip
     video_width_px: int = param(
         "CAM_VIDEO_WIDTH", 480, unit="px", minimum=160, maximum=1280,

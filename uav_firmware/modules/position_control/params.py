@@ -87,7 +87,8 @@ class PositionControlParams:
     )  # fmt: skip
     estimates_hover_thrust: int = param(
         "MPC_USE_HTE", 1, unit="1", minimum=0, maximum=1,
-        short="1 learns the hover thrust in flight, 0 keeps MPC_THR_HOVER",
+        short="Hover thrust",
+        values={0: "MPC_THR_HOVER", 1: "learnt in flight"},
     )  # fmt: skip
     hover_thrust_error: float = param(
         "HTE_HT_ERR_INIT", 0.05, unit="1", minimum=0.0, maximum=1.0,

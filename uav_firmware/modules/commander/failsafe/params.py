@@ -23,7 +23,11 @@ class FailsafeParams:
     )  # fmt: skip
     battery_action: int = param(
         "COM_LOW_BAT_ACT", 3, unit="1", minimum=0, maximum=3,
-        short="0 warns only, 2 lands when critical, 3 returns when critical and lands in emergency",
+        short="A low battery",
+        values={
+            0: "warns only", 1: "warns only (as 0)", 2: "lands when critical",
+            3: "returns when critical and lands in emergency",
+        },
     )  # fmt: skip
     position_loss_s: float = param(
         "COM_POS_FS_DELAY", 1.0, unit="s", minimum=0.1, maximum=100.0,
@@ -31,7 +35,8 @@ class FailsafeParams:
     )  # fmt: skip
     link_loss_action: int = param(
         "NAV_DLL_ACT", 0, unit="1", minimum=0, maximum=6,
-        short="A lost ground station: 0 nothing, 1 hold, 2 return, 3 land, 5 terminate, 6 disarm",
+        short="A lost ground station",
+        values={0: "nothing", 1: "hold", 2: "return", 3: "land", 5: "terminate", 6: "disarm"},
     )  # fmt: skip
     link_loss_s: float = param(
         "COM_DL_LOSS_T", 10.0, unit="s", minimum=1.0, maximum=300.0,
@@ -39,7 +44,8 @@ class FailsafeParams:
     )  # fmt: skip
     sticks_loss_action: int = param(
         "NAV_RCL_ACT", 2, unit="1", minimum=0, maximum=6,
-        short="Lost sticks: 0 nothing, 1 hold, 2 return, 3 land, 5 terminate, 6 disarm",
+        short="Lost sticks",
+        values={0: "nothing", 1: "hold", 2: "return", 3: "land", 5: "terminate", 6: "disarm"},
     )  # fmt: skip
     sticks_loss_s: float = param(
         "COM_RC_LOSS_T", 0.5, unit="s", minimum=0.1, maximum=35.0,
@@ -47,12 +53,16 @@ class FailsafeParams:
     )  # fmt: skip
     sticks_excepted: int = param(
         "COM_RCL_EXCEPT", 7, unit="1", minimum=0, maximum=7,
-        short="Modes that continue without sticks: bit 0 mission, bit 1 hold, bit 2 offboard",
+        short="Modes that continue without sticks",
+        bits={0: "mission", 1: "hold", 2: "offboard"},
     )  # fmt: skip
     offboard_loss_action: int = param(
         "COM_OBL_RC_ACT", 0, unit="1", minimum=0, maximum=7,
-        short="Lost setpoints: 0 position, 1 altitude, 2 stabilized, 3 return, 4 land, 5 hold,"
-        " 6 terminate, 7 disarm; hold instead of 0 to 2 without sticks",
+        short="Lost setpoints; hold instead of 0 to 2 without sticks",
+        values={
+            0: "position", 1: "altitude", 2: "stabilized", 3: "return", 4: "land", 5: "hold",
+            6: "terminate", 7: "disarm",
+        },
     )  # fmt: skip
     offboard_loss_s: float = param(
         "COM_OF_LOSS_T", 1.0, unit="s", minimum=0.5, maximum=60.0,
@@ -60,7 +70,8 @@ class FailsafeParams:
     )  # fmt: skip
     motor_failure_action: int = param(
         "COM_ACT_FAIL_ACT", 2, unit="1", minimum=0, maximum=4,
-        short="A failed motor: 0 warns only, 1 hold, 2 land, 3 return, 4 terminate",
+        short="A failed motor",
+        values={0: "warns only", 1: "hold", 2: "land", 3: "return", 4: "terminate"},
     )  # fmt: skip
     lockdown_takeoff_s: float = param(
         "COM_LKDOWN_TKO", 3.0, unit="s", minimum=-1.0, maximum=5.0,
@@ -80,11 +91,13 @@ class FailsafeParams:
     )  # fmt: skip
     wind_action: int = param(
         "COM_WIND_MAX_ACT", 3, unit="1", minimum=0, maximum=5,
-        short="Too much wind: 0 nothing, 1 warns only, 2 hold, 3 return, 4 terminate, 5 land",
+        short="Too much wind",
+        values={0: "nothing", 1: "warns only", 2: "hold", 3: "return", 4: "terminate", 5: "land"},
     )  # fmt: skip
     storage_check: int = param(
         "COM_ARM_SDCARD", 1, unit="1", minimum=0, maximum=2,
-        short="A medium without room for a flight log: 0 not looked at, 1 warns, 2 denies arming",
+        short="A medium without room for a flight log",
+        values={0: "not looked at", 1: "warns", 2: "denies arming"},
     )  # fmt: skip
     flight_time_max_s: int = param(
         "COM_FLT_TIME_MAX", -1, unit="s", minimum=-1, maximum=86400,
@@ -92,7 +105,8 @@ class FailsafeParams:
     )  # fmt: skip
     remaining_time_action: int = param(
         "COM_FLTT_LOW_ACT", 0, unit="1", minimum=0, maximum=3,
-        short="A battery that lasts no longer than a return: 0 nothing, 1 or 2 warns, 3 returns",
+        short="A battery that lasts no longer than a return",
+        values={0: "nothing", 1: "warns", 2: "warns (as 1)", 3: "returns"},
     )  # fmt: skip
     return_margin_s: float = param(
         "RTL_TIME_MARGIN", 100.0, unit="s", minimum=0.0, maximum=3600.0,

@@ -26,6 +26,8 @@ GENERAL: Final = "component_general.json"
 PARAMETERS: Final = "parameters.json.xz"
 _PARAMETER_TYPE: Final = 1  # COMP_METADATA_TYPE
 _VERSION: Final = 1
+_USUAL_DECIMAL_PLACES: Final = 3
+_DIGITS_SHOWN: Final = 3
 _NO_UNITS: Final = frozenset({"", "-", "1"})
 _TARGETS: Final = {0.0: False, 1.0: False, 2.0: True}  # Whether the answer is for all peers
 
@@ -105,9 +107,32 @@ def _parameter(declaration: Declaration) -> dict[str, Any]:
         described["min"] = declaration.minimum
     if math.isfinite(declaration.maximum):
         described["max"] = declaration.maximum
+    if declaration.values:
+        described["values"] = _listed("value", declaration.values)
+    if declaration.bits:
+        described["bitmask"] = _listed("index", declaration.bits)
+    if (places := _decimal_places(declaration)) > _USUAL_DECIMAL_PLACES:
+        described["decimalPlaces"] = places
     if declaration.is_volatile:
         described["volatile"] = True
     return described
+
+
+def _listed(key: str, meanings: Mapping[int, str]) -> list[dict[str, Any]]:
+    return [{key: number, "description": text} for number, text in meanings.items()]
+
+
+def _decimal_places(declaration: Declaration) -> int:
+    """Number of decimal places that show three digits of a value like the default.
+
+    QGroundControl shows a value with three decimal places where none are declared
+    (`FactMetaData::decimalPlaces`): a gain of 0.0004 is then 0.000, and is stored so when the
+    field is left.
+    """
+    magnitude = abs(declaration.default) or abs(declaration.maximum)
+    if declaration.is_integer or not 0.0 < magnitude < math.inf:
+        return 0
+    return _DIGITS_SHOWN - 1 - math.floor(math.log10(magnitude))
 
 
 def _as_json(contents: Mapping[str, Any]) -> bytes:

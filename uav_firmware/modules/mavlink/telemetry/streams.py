@@ -42,11 +42,13 @@ class LinkParams:
 
     ground_station_mode: int = param(
         "MAV_0_MODE", 0, unit="1", minimum=0, maximum=2,
-        short="Streams to the ground station: 0 normal, 1 heartbeat only, 2 onboard",
+        short="Streams to the ground station",
+        values={0: "normal", 1: "heartbeat only", 2: "onboard"},
     )  # fmt: skip
     onboard_mode: int = param(
         "MAV_1_MODE", 2, unit="1", minimum=0, maximum=2,
-        short="Streams to the broker or companion: 0 normal, 1 heartbeat only, 2 onboard",
+        short="Streams to the broker or companion",
+        values={0: "normal", 1: "heartbeat only", 2: "onboard"},
     )  # fmt: skip
 
 

@@ -41,8 +41,12 @@ class SigningParams:
         unit="1",
         minimum=SIGN_NEVER,
         maximum=SIGN_ALWAYS,
-        short="Links that must be signed if the vehicle has a key: 0 none, 1 all but loopback "
-        "while a configured peer there has no key, 2 all",
+        short="Links that must be signed if the vehicle has a key",
+        values={
+            0: "none",
+            1: "all but loopback while a configured peer there has no key",
+            2: "all",
+        },
     )
 
 

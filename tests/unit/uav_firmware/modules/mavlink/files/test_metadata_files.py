@@ -3,6 +3,7 @@ import lzma
 import struct
 import zlib
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -44,6 +45,49 @@ def test_the_general_file_refers_to_every_parameter(tmp_path: Path, registry: Re
         assert each["type"] == ("Int32" if declaration.is_integer else "Float")
         assert each["min"] <= each["default"] <= each["max"]
         assert each["shortDesc"] == declaration.short
+
+
+def described(tmp_path: Path, registry: Registry) -> dict[str, dict[str, Any]]:
+    packed = read(FileHarness(tmp_path, registry=registry), f"mftp://{PLACE}/parameters.json.xz")
+    return {each["name"]: each for each in json.loads(lzma.decompress(packed))["parameters"]}
+
+
+@pytest.mark.parametrize(
+    "name", ["GF_ACTION", "COM_LOW_BAT_ACT", "NAV_RCL_ACT", "NAV_DLL_ACT", "SDLOG_MODE"]
+)
+def test_the_choices_of_the_safety_page_have_names(
+    name: str, tmp_path: Path, registry: Registry
+) -> None:
+    """QGroundControl's SafetyComponent.qml offers the named values alone (Fact::enumIndex)."""
+    choices = {
+        each["value"]: each["description"] for each in described(tmp_path, registry)[name]["values"]
+    }
+    assert registry.get(name) in choices
+    assert len(set(choices.values())) == len(choices) > 3
+    assert choices == registry.declaration(name).values
+
+
+def test_named_values_and_bits_can_be_set(tmp_path: Path, registry: Registry) -> None:
+    parameters = described(tmp_path, registry)
+    for each in parameters.values():
+        named = [entry["value"] for entry in each.get("values", ())]
+        assert all(each["min"] <= value <= each["max"] for value in named)
+        assert not named or each["default"] in named
+    masks = {name: each["bitmask"] for name, each in parameters.items() if "bitmask" in each}
+    assert {"index": 2, "description": "offboard"} in masks["COM_RCL_EXCEPT"]
+    for name, bits in masks.items():
+        assert sum(1 << bit["index"] for bit in bits) == parameters[name]["max"]
+
+
+def test_every_number_is_shown_with_three_digits(tmp_path: Path, registry: Registry) -> None:
+    """A ground station shows, and may write back, three decimal places where none are declared."""
+    parameters = described(tmp_path, registry)
+    assert parameters["MC_ROLLRATE_D"]["decimalPlaces"] == 5
+    assert "decimalPlaces" not in parameters["MPC_XY_VEL_MAX"]
+    for each in parameters.values():
+        if each["type"] == "Float" and each["default"]:
+            shown = round(each["default"], each.get("decimalPlaces", 3))
+            assert shown == pytest.approx(each["default"], rel=0.005), each["name"]
 
 
 def test_the_hash_without_volatile_parameters_is_that_of_the_vehicle(
