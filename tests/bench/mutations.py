@@ -159,8 +159,8 @@ BREAKS: Final = (
     Break(
         "a vehicle's reports wait for its registration",
         "mavlink_broker/edge/outbox.py",
-        "return not lane.posts[0].needs_registration or lane.vehicle_id in self._registered",
-        "return True",
+        "if not needs_registration or lane.vehicle_id in self._registered:",
+        "if True:",
         f"{_BROKER}/edge/test_outbox.py",
     ),
     Break(
