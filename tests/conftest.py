@@ -18,6 +18,8 @@ from hypothesis import settings
 from edge_server.store import migrate
 from tests.support import statements, url_rules
 from tests.support.databases import ENGINES, PostgresServer, empty_sqlite, running_server
+from tests.support.descriptors import closed_afterwards
+from uav_firmware.drivers.file_tree import TreeFile
 
 gc.disable()  # Until the tests are collected: little of what that makes is garbage
 url_rules.compile_once()
@@ -159,3 +161,10 @@ def database_url(engine_name: str, request: pytest.FixtureRequest, tmp_path: Pat
     name = request.getfixturevalue("empty_on_postgres")
     server.renew(name)
     yield server.url(name)
+
+
+@pytest.fixture
+def no_open_files() -> Iterator[None]:
+    """Close the files that a vehicle's server keeps open until its clients are idle for long."""
+    with closed_afterwards(TreeFile):
+        yield

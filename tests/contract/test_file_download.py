@@ -14,6 +14,8 @@ from tests.support.file_air import FAR_AND_BAD, REMOTE, ROUTE, a_file
 from tests.support.file_air import FileAir as Air
 from tests.support.lossy_link import Conditions
 
+pytestmark = pytest.mark.usefixtures("no_open_files")
+
 TROUBLES = {
     "clean": Conditions(),
     "loss": Conditions(loss=0.2),

@@ -11,6 +11,8 @@ from mavlink_broker.microservices.log_download import NO_DATA, PART_BYTES, LogDo
 from tests.support.log_air import ROUTE, LogAir
 from tests.support.lossy_link import Conditions
 
+pytestmark = pytest.mark.usefixtures("no_open_files")
+
 TROUBLES = {
     "clean": Conditions(),
     "loss": Conditions(loss=0.2),

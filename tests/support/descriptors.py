@@ -6,9 +6,33 @@ import socket
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
+from typing import Any, Protocol
+
+import pytest
 
 _SELECT_LIMIT = 1024
 """FD_SETSIZE of glibc: `select` takes no descriptor from here on."""
+
+
+class _Closable(Protocol):
+    def close(self) -> None: ...
+
+
+@contextmanager
+def closed_afterwards(kind: type[_Closable]) -> Iterator[None]:
+    """Close each object of a class that is made meanwhile, as the end of a program does it."""
+    made: list[_Closable] = []
+    initialise = kind.__init__
+
+    def note(self: _Closable, *arguments: Any, **named: Any) -> None:
+        initialise(self, *arguments, **named)
+        made.append(self)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(kind, "__init__", note)
+        yield
+    for one in made:
+        one.close()
 
 
 @contextmanager

@@ -36,6 +36,11 @@ class Cable:
             os.close(descriptor)
         self._far = self._near = None
 
+    def close(self) -> None:
+        """Pull the cable out, if it is plugged in."""
+        if self._far is not None:
+            self.pull_out()
+
     def modes(self) -> list[Any]:
         """Settings of the program's end, as of `termios.tcgetattr`."""
         assert self._near is not None

@@ -3,6 +3,7 @@
 import random
 import termios
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -19,8 +20,9 @@ HEARTBEAT = mavlink.MAVLink_heartbeat_message(2, 12, 0, 0, 4, 3)
 
 
 @pytest.fixture
-def cable(tmp_path: Path) -> Cable:
-    return Cable(tmp_path / "ttyRADIO")
+def cable(tmp_path: Path) -> Iterator[Cable]:
+    with closing(Cable(tmp_path / "ttyRADIO")) as made:
+        yield made
 
 
 @pytest.fixture

@@ -3,7 +3,7 @@ import os
 import shutil
 import tempfile
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import closing, suppress
 from pathlib import Path
 
 import pytest
@@ -73,15 +73,16 @@ def test_a_tree_that_may_not_be_written_can_be_read_and_cleared(tmp_path: Path) 
         tree.make_folder(("d",))
     with refused(errno.EROFS):
         tree.rename(("a",), ("b",))
-    assert tree.open(("a",), READ).read(0, 10) == b"123"
+    with closing(tree.open(("a",), READ)) as file:
+        assert file.read(0, 10) == b"123"
     tree.remove(("a",))
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_file_that_is_read_cannot_be_written(tmp_path: Path) -> None:
     (tmp_path / "a").write_bytes(b"123")
-    with refused(errno.EACCES):
-        FileTree(tmp_path).open(("a",), READ).write(0, b"x")
+    with closing(FileTree(tmp_path).open(("a",), READ)) as file, refused(errno.EACCES):
+        file.write(0, b"x")
 
 
 def test_room_that_others_have_made_is_found(tmp_path: Path) -> None:

@@ -10,6 +10,8 @@ from uav_firmware.modules.mavlink.wire.addressing import Outgoing, Sender
 from uav_firmware.modules.mavlink.wire.dialect import mavlink, pack
 from uav_firmware.modules.mavlink.wire.status_text import StatusTexts
 
+pytestmark = pytest.mark.usefixtures("no_open_files")
+
 SYSTEM: Final = 7
 ALICE: Final = Sender(255, 190, ("192.0.2.2", 14550))
 BOB: Final = Sender(254, 191, ("192.0.2.3", 14540))

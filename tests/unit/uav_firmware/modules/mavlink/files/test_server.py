@@ -20,6 +20,8 @@ from uav_firmware.modules.mavlink.files.sessions import (
 )
 from uav_firmware.modules.mavlink.wire.token_bucket import TOKENS_MAX, TOKENS_PER_SECOND
 
+pytestmark = pytest.mark.usefixtures("no_open_files")
+
 CARD = "/fs/microsd"
 SECRET = "secret.txt"
 
