@@ -1,12 +1,14 @@
-"""The workflows of the hosted repository run what the Makefile offers."""
+"""What runs the tests: the workflows of the hosted repository, and the deliberate breaks of laws."""
 
 import re
 import tomllib
 from pathlib import Path
 from typing import Any
 
+import pytest
 import yaml  # type: ignore[import-untyped]  # it has no types
 
+from tests.bench.mutations import BREAKS, Break
 from tests.unit.deploy.dockerfile import TARGETS as TARGETS_OF_IMAGES
 
 ROOT = Path(__file__).parent.parent
@@ -44,3 +46,9 @@ def test_every_image_is_built_and_those_of_a_farm_on_both_processors() -> None:
     assert set(matrix["target"]) | set(also) == set(TARGETS_OF_IMAGES)
     assert {"edge-server", "relay", "broker"} <= set(matrix["target"])
     assert matrix["machine"] == ["ubuntu-24.04", "ubuntu-24.04-arm"]
+
+
+@pytest.mark.parametrize("one", BREAKS, ids=lambda one: one.law)
+def test_a_break_of_a_law_finds_its_line_and_its_tests(one: Break) -> None:
+    assert (ROOT / one.file).read_text(encoding="utf-8").count(one.line) == 1
+    assert all((ROOT / test).exists() for test in one.tests.split())
