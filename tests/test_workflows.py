@@ -1,4 +1,4 @@
-"""What runs the tests: the workflows of the hosted repository, and the deliberate breaks of laws."""
+"""What runs the tests: the workflows of the hosted repository, and deliberate breaks of laws."""
 
 import re
 import tomllib
