@@ -15,7 +15,7 @@ re-reads only when it differs. Names and types are PX4's: int is INT32, float is
 import json
 import math
 import struct
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
@@ -70,6 +70,11 @@ class Declaration:
     is_volatile: bool = False  # A ground station that keeps values leaves it out of the hash
     locked_while_armed: bool = False
     least_if_on: float = 0.0  # 0 switches off; any other value is at least this
+
+    @property
+    def is_read_only(self) -> bool:
+        """Whether it has one value: a fact about the vehicle."""
+        return self.minimum == self.maximum
 
     @property
     def meaning(self) -> str:
@@ -154,8 +159,11 @@ class Registry:
 
         Increments the version, for readers of a name that may be declared later.
         """
-        for entry in fields(group):
-            declaration: Declaration = entry.metadata[_METADATA]
+        self.declare(entry.metadata[_METADATA] for entry in fields(group))
+
+    def declare(self, declarations: Iterable[Declaration]) -> None:
+        """Register parameters that no dataclass declares; increments the version."""
+        for declaration in declarations:
             if declaration.name in self._declarations:
                 raise ParameterError(f"{declaration.name}: declared twice")
             self._declarations[declaration.name] = declaration

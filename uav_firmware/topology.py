@@ -27,8 +27,8 @@ from uav_firmware.modules.logger.module import LoggerModule
 from uav_firmware.modules.logger.params import LoggerParams
 from uav_firmware.modules.manual_control.module import ManualControlModule
 from uav_firmware.modules.manual_control.params import ManualControlParams
-from uav_firmware.modules.mavlink.commands.parameter_server import VehicleFacts
 from uav_firmware.modules.mavlink.commands.preflight_commands import PowerAction
+from uav_firmware.modules.mavlink.commands.vehicle_facts import vehicle_facts
 from uav_firmware.modules.mavlink.files.service import IMAGES_URL
 from uav_firmware.modules.mavlink.module import MavlinkModule
 from uav_firmware.modules.mavlink.telemetry.link import FLIGHT_SW_VERSION
@@ -75,7 +75,6 @@ _PARAMETER_GROUPS: Final = (
     LoggerParams,
     ManualControlParams,
     LinkParams,
-    VehicleFacts,
     SigningParams,
 )
 
@@ -104,6 +103,7 @@ class Autopilot:
         self.registry = registry = Registry()
         for group in _PARAMETER_GROUPS:
             registry.add(group)
+        registry.declare(vehicle_facts(system_id, vehicle.fitted.compasses))
         self.vehicle_io = VehicleIoModule(
             vehicle,
             motors=topics.actuator_motors,

@@ -15,12 +15,13 @@ from tests.conformance.ground_station import vehicle_process
 from tests.conformance.mavproxy_session import MavProxy
 from tests.support.parameter_table import autopilot
 from tests.support.system import free_ports, wait_for
-from uav_firmware.modules.mavlink.commands.parameter_server import READ_ONLY
+from uav_firmware.modules.mavlink.commands.vehicle_facts import vehicle_facts
 
 pytestmark = pytest.mark.scenario
 
 SYSTEM = 6
 SPEED = 5
+READ_ONLY = {fact.name for fact in vehicle_facts(SYSTEM, compasses=1)}
 HOME = (40.4434, -3.7382)
 E7_DEG = 1.01e-6
 """MAVProxy saves six decimals of a degree."""

@@ -25,6 +25,32 @@ ARMED_S = 1.5
 ARMED, CUSTOM = 128, 1
 POSITION, ORBIT, TAKEOFF = 0x00030000, 0x01030000, 0x02040000
 HOLD, MISSION, RETURN, LAND, FOLLOW = 0x03040000, 0x04040000, 0x05040000, 0x06040000, 0x08040000
+SETUP_PAGES = {
+    "AirframeComponentSummary": ("MAV_SYS_ID", "SYS_AUTOSTART", "SYS_AUTOCONFIG"),
+    "SensorsComponentSummary": (
+        "CAL_MAG0_ID", "CAL_MAG1_ID", "CAL_MAG2_ID", "CAL_GYRO0_ID", "CAL_ACC0_ID",
+    ),
+    "SensorsSetup": (
+        "CAL_MAG0_ROT", "CAL_MAG1_ROT", "CAL_MAG2_ROT", "SENS_BOARD_ROT", "SENS_DPRES_OFF",
+    ),
+    "PX4RadioComponentSummary": (
+        "RC_MAP_ROLL", "RC_MAP_PITCH", "RC_MAP_YAW", "RC_MAP_THROTTLE", "RC_MAP_FLAPS",
+        "RC_MAP_AUX1", "RC_MAP_AUX2",
+    ),
+    "FlightModesComponentSummary": (
+        "RC_MAP_FLTMODE", *(f"COM_FLTMODE{slot}" for slot in range(1, 7)),
+    ),
+    "BatteryParams": (
+        "BAT1_SOURCE", "BAT1_N_CELLS", "BAT1_V_CHARGED", "BAT1_V_EMPTY", "BAT1_V_LOAD_DROP",
+    ),
+    "SafetyComponent": (
+        "SDLOG_MODE", "GF_ACTION", "GF_MAX_HOR_DIST", "GF_MAX_VER_DIST", "RTL_RETURN_ALT",
+        "RTL_DESCEND_ALT", "RTL_LAND_DELAY", "COM_LOW_BAT_ACT", "BAT_LOW_THR", "BAT_CRIT_THR",
+        "BAT_EMERGEN_THR", "NAV_RCL_ACT", "COM_RC_LOSS_T", "NAV_DLL_ACT", "COM_DL_LOSS_T",
+        "COM_DISARM_LAND", "CP_DIST", "COM_OBS_AVOID",
+    ),
+}  # fmt: skip
+"""What the setup pages for PX4 read with FactPanelController::getParameterFact, by QML file."""
 REQUEST, ARM, NAV_TAKEOFF, REPOSITION, DO_ORBIT = 512, 400, 22, 192, 34
 SPEED, ROI, ROI_NONE, SET_HOME, SET_CURRENT = 178, 195, 197, 179, 224
 
@@ -171,6 +197,14 @@ def test_the_parameters_of_the_setup_pages_are_there(station: Lockstep, name: st
     (value,) = ask(station, read, is_a("PARAM_VALUE", param_id=name))
     raw = struct.unpack("<i", struct.pack("<f", value.param_value))[0]
     assert not name.startswith("CAL_") or raw != 0, "a red badge"
+
+
+@pytest.mark.parametrize("page", SETUP_PAGES)
+def test_no_setup_page_misses_a_parameter(station: Lockstep, page: str) -> None:
+    """Each name that a page reads and the vehicle lacks is in a dialog of missing parameters."""
+    for name in SETUP_PAGES[page]:
+        read = mavlink.MAVLink_param_request_read_message(VEHICLE, 1, name.encode(), -1)
+        ask(station, read, is_a("PARAM_VALUE", param_id=name))
 
 
 @pytest.mark.parametrize("kind", [0, 1, 2])

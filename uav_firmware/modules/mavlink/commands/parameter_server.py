@@ -30,19 +30,8 @@ from uav_firmware.parameters import (
     ParameterTypeError,
     Registry,
     UnknownParameterError,
-    param,
 )
 
-_DJI_F450: Final = 4011
-"""PX4's airframe number."""
-_SIMULATED_IMU: Final = 1310988
-_SIMULATED_MAG: Final = 197388
-"""PX4's ids of simulated sensors, which need no calibration."""
-_STICKS_FROM_MAVLINK: Final = 1
-READ_ONLY: Final = frozenset(
-    {"SYS_AUTOSTART", "CAL_GYRO0_ID", "CAL_ACC0_ID", "CAL_MAG0_ID", "COM_RC_IN_MODE"}
-)
-"""Names of the parameters that are read only."""
 HASH_NAME: Final = "_HASH_CHECK"
 VALUES_PER_SECOND: Final = 1000
 """Rate of the list in vehicle time: 40 kB/s, a third of a 1 Mbit/s link."""
@@ -61,37 +50,6 @@ _ERROR_CODES: Final[Mapping[type[ParameterError], int]] = {
     ParameterTypeError: MAV_PARAM_ERROR_TYPE_MISMATCH,
     ParameterLockedError: _PERMISSION_DENIED,
 }
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class VehicleFacts:
-    """Read-only parameters that describe the vehicle.
-
-    QGroundControl's setup pages read the airframe, the calibrated sensors and the source of sticks,
-    and show a vehicle without them as not set up.
-    """
-
-    airframe: int = param(
-        "SYS_AUTOSTART", _DJI_F450, unit="1", minimum=_DJI_F450, maximum=_DJI_F450,
-        short="Airframe number of PX4; read only",
-    )  # fmt: skip
-    gyro_id: int = param(
-        "CAL_GYRO0_ID", _SIMULATED_IMU, unit="1", minimum=_SIMULATED_IMU, maximum=_SIMULATED_IMU,
-        short="Id of the calibrated gyroscope; read only",
-    )  # fmt: skip
-    accelerometer_id: int = param(
-        "CAL_ACC0_ID", _SIMULATED_IMU, unit="1", minimum=_SIMULATED_IMU, maximum=_SIMULATED_IMU,
-        short="Id of the calibrated accelerometer; read only",
-    )  # fmt: skip
-    magnetometer_id: int = param(
-        "CAL_MAG0_ID", _SIMULATED_MAG, unit="1", minimum=_SIMULATED_MAG, maximum=_SIMULATED_MAG,
-        short="Id of the calibrated magnetometer; read only",
-    )  # fmt: skip
-    sticks: int = param(
-        "COM_RC_IN_MODE", _STICKS_FROM_MAVLINK, unit="1",
-        minimum=_STICKS_FROM_MAVLINK, maximum=_STICKS_FROM_MAVLINK,
-        short="Source of sticks: 1 MANUAL_CONTROL only; read only",
-    )  # fmt: skip
 
 
 @dataclass(slots=True)
@@ -228,11 +186,11 @@ class ParameterServer:
     def _change(self, name: str, message: Message) -> int | None:
         """Change a value; return a MAV_PARAM_ERROR when it is refused."""
         try:
-            is_integer = self._registry.declaration(name).is_integer
-            value = _carried_value(message, is_integer=is_integer)
+            declaration = self._registry.declaration(name)
+            value = _carried_value(message, is_integer=declaration.is_integer)
             if value is None:
                 return MAV_PARAM_ERROR_TYPE_MISMATCH
-            if name in READ_ONLY:
+            if declaration.is_read_only:
                 return None if value == self._registry.get(name) else _READ_ONLY
             self._registry.set(name, value)
         except ParameterError as error:

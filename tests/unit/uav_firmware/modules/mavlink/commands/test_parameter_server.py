@@ -1,6 +1,6 @@
 import math
 import struct
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 import pytest
@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.unit.uav_firmware.modules.mavlink.harness import BROKER, SYSTEM, MavlinkHarness
-from uav_firmware.modules.mavlink.commands.parameter_server import READ_ONLY, VehicleFacts
+from uav_firmware.modules.mavlink.commands.vehicle_facts import vehicle_facts
 from uav_firmware.modules.mavlink.wire.dialect import frame, mavlink, pack
 from uav_firmware.parameters import Registry, param
 
@@ -302,12 +302,8 @@ def test_a_value_that_the_vehicle_changes_itself_is_announced() -> None:
 
 def bench_with_facts() -> MavlinkHarness:
     registry = Registry()
-    registry.add(VehicleFacts)
+    registry.declare(vehicle_facts(SYSTEM, compasses=1))
     return MavlinkHarness(registry=registry)
-
-
-def test_every_fact_is_read_only() -> None:
-    assert {entry.metadata["parameter"].name for entry in fields(VehicleFacts)} == READ_ONLY
 
 
 def set_to(name: str, value: int) -> Any:
