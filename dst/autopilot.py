@@ -129,6 +129,7 @@ ARDUPILOT: Final = Autopilot(
     orbits=False,
     parameters={
         "BATT_CAPACITY": 4200.0,
+        "MIS_RESTART": 1.0,
         "WPNAV_RADIUS": 200.0,
         "CIRCLE_RATE": 20.5,
         "CIRCLE_OPTIONS": 1.0,

@@ -478,7 +478,8 @@ class Vehicle:
         """Change the mode by command; the pilot's sticks have no precedence over it, as in PX4."""
         self.pilot_since_s = None
         self._in_failsafe = False
-        if mode is Mode.MISSION and self.mode is not Mode.MISSION and self._is_complete:
+        begins_anew = self._is_complete or self.parameters.get("MIS_RESTART") == 1.0
+        if mode is Mode.MISSION and self.mode is not Mode.MISSION and begins_anew:
             self._current, self._is_complete = 0, False
         self._set_mode(mode)
 

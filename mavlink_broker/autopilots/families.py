@@ -276,6 +276,7 @@ class Family:
     speed_by_command: bool = False  # DO_CHANGE_SPEED after a reposition, which has no speed
     following: FollowMethod = FollowMethod.BY_COMMAND
     follow_modes: CommandAlternatives = ()
+    mission_overrides: ParameterOverrides = ()  # Parameters that every mission needs
     follow_overrides: Callable[[float, float, int], ParameterOverrides] = (
         parameter_settings.no_overrides
     )
@@ -426,6 +427,7 @@ ARDUPILOT: Final = Family(
     circle_rate_max_deg_s=20.0,  # CIRCLE_RATE's default, of which AUTO makes no other use
     resets_speed_each_leg=True,
     speed_by_command=True,
+    mission_overrides=parameter_settings.ARDUPILOT_MISSION,
     following=FollowMethod.BY_MODE,
     follow_modes=((_COPTER_FOLLOW,),),
     follow_overrides=parameter_settings.copter_follow,

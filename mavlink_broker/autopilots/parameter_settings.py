@@ -106,6 +106,14 @@ def copter_radius(radius_m: float) -> ParameterOverrides:
     return ((Setting("WPNAV_RADIUS", kept_m * 100.0), Setting("WP_RADIUS_M", kept_m)),)
 
 
+ARDUPILOT_MISSION: Final[ParameterOverrides] = ((Setting("MIS_RESTART", 0.0),),)
+"""ArduPilot goes on with its mission whenever AUTO is entered.
+
+With 1 it begins at its first item then, also where a pilot resumes it (`AP_Mission.cpp`,
+`start_or_resume`; `mode_auto.cpp`, `run`). To set the current item is no remedy: before AUTO it is
+forgotten, and behind it the vehicle has begun the first items again, and flies there.
+"""
+
 HEADROOM_M: Final = 2.0
 """A vehicle that holds a height is at times above it: its limit is set higher by this."""
 

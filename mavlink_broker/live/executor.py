@@ -244,8 +244,11 @@ class LiveCommandExecutor:
             self._task.resume(self._record.earlier)
 
     def _approach(self, now: float) -> list[Message]:
-        """Fly to its position, once the vehicle has the parameters that it needs."""
-        if not self._vehicle.parameters.is_settled:
+        """Fly to its position, once the vehicle has the parameters that it needs.
+
+        An order that needs none, such as an abort, waits for none.
+        """
+        if self._action.overrides and not self._vehicle.parameters.is_settled:
             return []
         self._began_at = self._time_s(now)  # Its time limit excludes the setting of parameters
         self._enter(LivePhase.APPROACHING, now)

@@ -77,13 +77,18 @@ class ParameterOverrider:
         self._not_before = -math.inf
 
     def set_overrides(self, overrides: Sequence[ParameterOverride]) -> None:
-        """Request these overrides instead of all earlier ones; none restores everything."""
+        """Request these overrides instead of all earlier ones; none restores everything.
+
+        What was requested before and still is counts as set.
+        """
         self._is_loaded = False
         if self._requested == tuple(overrides):
             return
+        both = set(self._requested) & set(overrides)
         self._requested = tuple(overrides)
+        kept = {setting.name for override in both for setting in override} | self._overridden.keys()
         self._written_values = {
-            name: value for name, value in self._written_values.items() if name in self._overridden
+            name: value for name, value in self._written_values.items() if name in kept
         }
         self._refused = {}
         self._not_before = -math.inf

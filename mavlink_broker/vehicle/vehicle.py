@@ -391,9 +391,14 @@ class Vehicle:
         """Set the parameters that every mission needs, besides those of its segments."""
         self._mission_overrides = overrides
 
+    @property
+    def mission_overrides(self) -> tuple[ParameterOverride, ...]:
+        """The parameters that every mission needs."""
+        return (*self._mission_overrides, *self.family.mission_overrides)
+
     def override(self, overrides: Sequence[ParameterOverride]) -> None:
         """Request the parameters of the segment that begins, and those of every mission."""
-        self.parameters.set_overrides((*self._mission_overrides, *overrides))
+        self.parameters.set_overrides((*self.mission_overrides, *overrides))
 
     @property
     def is_held_by_failsafe(self) -> bool:

@@ -82,6 +82,7 @@ COPTER_4_6: Final = Script(
     stops_elsewhere=True,
     reset_resumes=True,
     flies_without_items=False,
+    settings={"MIS_RESTART": 0.0},
 )
 COPTER_4_1: Final = replace(
     COPTER_4_6,

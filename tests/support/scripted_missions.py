@@ -107,6 +107,7 @@ ARDUPILOT = Script(
     forgets_parameters=True,
     stops_elsewhere=True,
     settings={
+        "MIS_RESTART": 0.0,
         "CIRCLE_RATE": 20.0,
         "CIRCLE_OPTIONS": 1.0,
         "WPNAV_RADIUS": 200.0,

@@ -47,6 +47,11 @@ SENSORS = (
 )
 WHOLE = frozenset({"COM_DL_LOSS_T"})
 """Settings that PX4 keeps as whole numbers, and sends by their bits."""
+WHOLE_AS_FLOATS = {
+    "BATT_CAPACITY": mavlink.MAV_PARAM_TYPE_INT32,
+    "MIS_RESTART": mavlink.MAV_PARAM_TYPE_INT8,
+}
+"""The same of ArduPilot, which sends them as floats."""
 CAMERA_COMMANDS = frozenset(
     {
         mavlink.MAV_CMD_IMAGE_START_CAPTURE,
@@ -120,6 +125,7 @@ class ScriptedVehicle:
         self.silent = False
         self.gimbal = Px4Gimbal(system)
         self.resumed_at: list[int] = []  # Items, earlier than those at which it had paused
+        self.restarted_at: list[int] = []  # Items at which it was when it began at its first again
         self.lost_answers: set[int] = set()  # Commands that are obeyed, their answers lost
         self.ignores_intervals = False
         self.settings = dict(script.settings)
@@ -256,6 +262,8 @@ class ScriptedVehicle:
         self.in_failsafe = False
         if custom_mode == PX4_MISSION != self.custom_mode and self.script.repeats_pictures:
             self._resume_before_pictures()
+        if self._is_copter and custom_mode == COPTER_AUTO != self.custom_mode:
+            self._restart_mission()
         self.custom_mode = custom_mode
         self._mode_began_at = self._now
         self._target = None
@@ -269,6 +277,15 @@ class ScriptedVehicle:
         if places and shoots:
             self.resumed_at.append(places[-1])
             self.current, self._item_began_at = places[-1], self._now
+
+    def _restart_mission(self) -> None:
+        """Begin at the first item when AUTO is entered, if MIS_RESTART is 1 (`AP_Mission.cpp`)."""
+        if self.settings.get("MIS_RESTART") != 1.0:
+            return
+        first = int(self.script.home_is_item_0)
+        if self.current > first:
+            self.restarted_at.append(self.current)
+        self.current, self._item_began_at = first, self._now
 
     def steer(self, custom_mode: int) -> None:
         """Fly manually in a mode from now on."""
@@ -474,8 +491,7 @@ class ScriptedVehicle:
         if value is not None and name in WHOLE:
             self._send_integer(name, int(value))
         elif value is not None:
-            is_whole = name == "BATT_CAPACITY"  # ArduPilot sends whole numbers as floats
-            kind = mavlink.MAV_PARAM_TYPE_INT32 if is_whole else mavlink.MAV_PARAM_TYPE_REAL32
+            kind = WHOLE_AS_FLOATS.get(name, mavlink.MAV_PARAM_TYPE_REAL32)
             self._send(mavlink.MAVLink_param_value_message(name.encode(), value, kind, 1, 0))
 
     def _send_integer(self, name: str, value: int) -> None:
@@ -658,6 +674,8 @@ class ScriptedVehicle:
             case mavlink.MAV_CMD_MISSION_START if not self.script.ignores_start:
                 is_copter = self.script.autopilot == mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
                 self._target = None
+                if is_copter and not self.in_mission:
+                    self._restart_mission()
                 self.custom_mode = COPTER_AUTO if is_copter else PX4_MISSION
                 self._begin_if_flying()
                 self._send_mode_change()

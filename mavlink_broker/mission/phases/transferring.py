@@ -198,11 +198,16 @@ class Selecting(_Transfer):
         return None
 
     def _has_parameters(self) -> bool:
-        """Whether the vehicle has the parameters that the segment needs, or has refused them."""
+        """Whether the vehicle has the parameters that the segment needs, or has refused them.
+
+        The first command of the segment names those that every mission needs.
+        """
         mission = self._mission
         plan, parameters = mission.plan, mission.vehicle.parameters
-        for index in {index for index, _ in plan.overrides} if parameters.refusals else ():
-            names = (override[0].name for owner, override in plan.overrides if owner == index)
+        general = ((plan.first_command, one) for one in mission.vehicle.mission_overrides)
+        overrides = (*general, *plan.overrides)
+        for index in {index for index, _ in overrides} if parameters.refusals else ():
+            names = (override[0].name for owner, override in overrides if owner == index)
             reasons = (parameters.refusals[name] for name in names if name in parameters.refusals)
             mission.ledger.note(index, (*mission.segments.notes[index], *reasons))
         return parameters.is_settled

@@ -336,6 +336,13 @@ class TestLiveCommands:
         assert world.only_vehicle.custom_mode == returning
         assert world.edge.statuses(1201) == [Status.FINISHED, Status.ABORTED, Status.ABORTED]
 
+    def test_a_return_home_waits_for_no_parameter(self) -> None:
+        settings = {k: v for k, v in ARDUPILOT.settings.items() if k != "MIS_RESTART"}
+        world = paused_live(dataclasses.replace(ARDUPILOT, settings=settings))
+        world.edge.event(RETURN_HOME)
+        world.run(3.0)
+        assert world.only_vehicle.custom_mode == COPTER_RETURN
+
     def test_a_refused_pause_lets_it_go_on(self) -> None:
         world = live(PX4)
         denied = mavlink.MAV_RESULT_DENIED

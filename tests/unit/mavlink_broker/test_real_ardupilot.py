@@ -31,7 +31,8 @@ from tests.unit.mavlink_broker.test_real_autopilots import example, flown
 SPEED = mavlink.MAV_CMD_DO_CHANGE_SPEED
 WAYPOINT = mavlink.MAV_CMD_NAV_WAYPOINT
 CIRCLE = mavlink.MAV_CMD_NAV_LOITER_TURNS
-COPTER_STABILIZE, COPTER_BRAKE = 0, 17
+COPTER_STABILIZE, COPTER_LOITER, COPTER_BRAKE = 0, 5, 17
+PAUSE, RESUME = 101, 102
 
 
 def hotpoint(**more: Any) -> dict[str, Any]:
@@ -84,7 +85,7 @@ class TestACircle:
     def test_turns_as_versions_before_4_4_can(self, *, is_clockwise: bool) -> None:
         """They know a direction by CIRCLE_RATE alone, and no sign of a radius."""
         settings = {"CIRCLE_RATE": 20.0, "CIRCLE_OPTIONS": 1.0}
-        script = dataclasses.replace(COPTER_4_1, settings=settings)
+        script = dataclasses.replace(COPTER_4_1, settings={**COPTER_4_1.settings, **settings})
         world = flown(script, mission(takeoff(), hotpoint(is_clockwise=is_clockwise), go_home()))
         written = dict(world.only_vehicle.written[:2])
         assert math.copysign(1.0, written["CIRCLE_RATE"]) == (1.0 if is_clockwise else -1.0)
@@ -244,7 +245,8 @@ class TestItsFence:
             vehicle.send(BEYOND_FENCE)
             world.run(0.2)
         vehicle.set_mode(mode)
-        vehicle.heartbeat()
+        (session,) = world.app.sessions.values()
+        world.run_until(lambda: session.vehicle.mode != "AUTO")
         world.run(0.2)
         vehicle.send(BEYOND_FENCE)
         world.run(15.0)
@@ -260,6 +262,66 @@ class TestItsFence:
     def test_is_not_what_a_pilot_does_beyond_it(self) -> None:
         world = self.breached(COPTER_STABILIZE)
         assert "somebody else flies" in str(world.edge.reports(1201)[-1]["message"])
+
+
+class TestMissionRestart:
+    """AP_Mission.cpp, `start_or_resume`: with MIS_RESTART 1 AUTO begins at the first item."""
+
+    RESTARTS = dataclasses.replace(COPTER_4_6, settings={"MIS_RESTART": 1.0})
+
+    def paused(self, script: Script) -> World:
+        """A world whose mission an event has paused behind its take-off."""
+        world = World()
+        vehicle = world.add_vehicle(script=script)
+        world.edge.plan(mission(takeoff(), waypoint(2), waypoint(3), go_home(4)))
+        world.run_until(lambda: vehicle.airborne and vehicle.current >= 5)
+        world.edge.event(PAUSE)
+        world.run_until(lambda: vehicle.custom_mode == COPTER_BRAKE)
+        world.run(10.0)
+        return world
+
+    @pytest.mark.first_case
+    def test_does_not_begin_a_paused_mission_anew(self) -> None:
+        world = self.paused(self.RESTARTS)
+        vehicle = world.only_vehicle
+        paused_at = vehicle.current
+        world.edge.event(RESUME)
+        world.run_until(lambda: vehicle.custom_mode == COPTER_AUTO)
+        assert vehicle.restarted_at == []
+        assert vehicle.current >= paused_at
+        world.run_until_over(1201)
+        assert world.edge.statuses(1201) == [Status.FINISHED] * 4
+
+    def test_does_not_begin_it_anew_for_a_pilot_either(self) -> None:
+        world = World()
+        vehicle = world.add_vehicle(script=self.RESTARTS)
+        world.edge.plan(mission(takeoff(), waypoint(2), go_home()))
+        world.run_until(lambda: vehicle.airborne and vehicle.current >= 5)
+        vehicle.set_mode(COPTER_LOITER)
+        world.run(10.0)
+        vehicle.set_mode(COPTER_AUTO)
+        world.run_until_over(1201)
+        assert vehicle.restarted_at == []
+        assert world.edge.statuses(1201) == FINISHED
+
+    def test_is_as_its_owner_has_set_it_behind_the_flight(self) -> None:
+        world = self.paused(self.RESTARTS)
+        vehicle = world.only_vehicle
+        assert vehicle.written == [("MIS_RESTART", 0.0)]
+        world.edge.event(RESUME)
+        world.run_until_over(1201)
+        world.run(10.0)
+        assert vehicle.written == [("MIS_RESTART", 0.0), ("MIS_RESTART", 1.0)]
+
+    def test_is_left_where_it_is_0(self) -> None:
+        world = self.paused(COPTER_4_6)
+        world.edge.event(RESUME)
+        world.run_until_over(1201)
+        assert world.only_vehicle.written == []
+
+    def test_that_cannot_be_set_is_in_the_report(self) -> None:
+        world = self.paused(dataclasses.replace(COPTER_4_6, settings={}))
+        assert "parameter MIS_RESTART: no answer" in notes(world)[0]
 
 
 class TestARover:

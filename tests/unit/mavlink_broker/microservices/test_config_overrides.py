@@ -101,6 +101,15 @@ def test_what_is_right_already_is_not_touched() -> None:
     assert exchange.vehicle.writes == []
 
 
+def test_what_stays_requested_is_not_set_again() -> None:
+    """Else what comes next waits for it, behind all that is restored first."""
+    exchange = Exchange(Vehicle(CIRCLE_RATE=12.0, CIRCLE_OPTIONS=1.0))
+    exchange.overrider.set_overrides((TARGET, OTHER))
+    exchange.run()
+    exchange.overrider.set_overrides((TARGET,))
+    assert exchange.overrider.is_settled
+
+
 def test_an_override_during_a_write_loses_neither() -> None:
     exchange = Exchange(Vehicle(CIRCLE_RATE=20.0, CIRCLE_OPTIONS=1.0))
     exchange.overrider.set_overrides((TARGET,))
