@@ -49,6 +49,13 @@ SETUP_PAGES = {
         "BAT_EMERGEN_THR", "NAV_RCL_ACT", "COM_RC_LOSS_T", "NAV_DLL_ACT", "COM_DL_LOSS_T",
         "COM_DISARM_LAND", "CP_DIST", "COM_OBS_AVOID",
     ),
+    "PX4TuningComponentCopterRate": (
+        *(f"MC_{axis}RATE_{gain}" for axis in ("ROLL", "PITCH") for gain in "KDI"),
+        "MC_YAWRATE_K", "MC_YAWRATE_I",
+    ),
+    "PX4TuningComponentCopterVelocity": (
+        *(f"MPC_{axis}_VEL_{gain}_ACC" for axis in ("XY", "Z") for gain in "PID"),
+    ),
 }  # fmt: skip
 """What the setup pages for PX4 read with FactPanelController::getParameterFact, by QML file."""
 REQUEST, ARM, NAV_TAKEOFF, REPOSITION, DO_ORBIT = 512, 400, 22, 192, 34

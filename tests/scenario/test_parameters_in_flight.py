@@ -14,6 +14,9 @@ from uav_firmware.parameters import ParameterLockedError, ParameterRangeError
 pytestmark = pytest.mark.scenario
 
 GAINS = (
+    "MC_ROLLRATE_K",
+    "MC_PITCHRATE_K",
+    "MC_YAWRATE_K",
     "MC_ROLLRATE_P",
     "MC_PITCHRATE_P",
     "MC_YAWRATE_P",

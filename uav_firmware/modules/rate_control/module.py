@@ -66,9 +66,25 @@ class RateControlModule:
 
 
 def _gains(params: RateControlParams) -> tuple[AxisGains, AxisGains, AxisGains]:
-    """Sort the parameters by axis."""
+    """Sort the parameters by axis, with each multiplier applied."""
+    roll, pitch, yaw = params.roll_multiplier, params.pitch_multiplier, params.yaw_multiplier
     return (
-        AxisGains(params.roll_p, params.roll_i, params.roll_d, params.roll_integral_limit),
-        AxisGains(params.pitch_p, params.pitch_i, params.pitch_d, params.pitch_integral_limit),
-        AxisGains(params.yaw_p, params.yaw_i, params.yaw_d, params.yaw_integral_limit),
+        AxisGains(
+            roll * params.roll_p,
+            roll * params.roll_i,
+            roll * params.roll_d,
+            params.roll_integral_limit,
+        ),
+        AxisGains(
+            pitch * params.pitch_p,
+            pitch * params.pitch_i,
+            pitch * params.pitch_d,
+            params.pitch_integral_limit,
+        ),
+        AxisGains(
+            yaw * params.yaw_p,
+            yaw * params.yaw_i,
+            yaw * params.yaw_d,
+            params.yaw_integral_limit,
+        ),
     )

@@ -9,6 +9,10 @@ from uav_firmware.parameters import param
 class RateControlParams:
     """Gains and limits of the rate controller."""
 
+    roll_multiplier: float = param(
+        "MC_ROLLRATE_K", 1.0, unit="1", minimum=0.5, maximum=3.0,
+        short="Multiplier of MC_ROLLRATE_P, _I and _D",
+    )  # fmt: skip
     roll_p: float = param(
         "MC_ROLLRATE_P", 0.08, unit="1/(rad/s)", minimum=0.04, maximum=0.5,
         short="Roll torque per rad/s of roll rate error",
@@ -25,6 +29,10 @@ class RateControlParams:
         "MC_RR_INT_LIM", 0.3, unit="1", minimum=0.0, maximum=1.0,
         short="Largest roll torque that the integrator may hold",
     )  # fmt: skip
+    pitch_multiplier: float = param(
+        "MC_PITCHRATE_K", 1.0, unit="1", minimum=0.5, maximum=3.0,
+        short="Multiplier of MC_PITCHRATE_P, _I and _D",
+    )  # fmt: skip
     pitch_p: float = param(
         "MC_PITCHRATE_P", 0.08, unit="1/(rad/s)", minimum=0.04, maximum=0.6,
         short="Pitch torque per rad/s of pitch rate error",
@@ -40,6 +48,10 @@ class RateControlParams:
     pitch_integral_limit: float = param(
         "MC_PR_INT_LIM", 0.3, unit="1", minimum=0.0, maximum=1.0,
         short="Largest pitch torque that the integrator may hold",
+    )  # fmt: skip
+    yaw_multiplier: float = param(
+        "MC_YAWRATE_K", 1.0, unit="1", minimum=0.5, maximum=3.0,
+        short="Multiplier of MC_YAWRATE_P, _I and _D",
     )  # fmt: skip
     yaw_p: float = param(
         "MC_YAWRATE_P", 0.3, unit="1/(rad/s)", minimum=0.05, maximum=2.0,
