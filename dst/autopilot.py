@@ -134,6 +134,7 @@ ARDUPILOT: Final = Autopilot(
         "CIRCLE_RATE": 20.5,
         "CIRCLE_OPTIONS": 1.0,
         "FENCE_ENABLE": 0.0,
+        "FENCE_AUTOENABLE": 0.0,
         "FENCE_TYPE": 7.0,
         "FENCE_ALT_MAX": 100.0,
         "FENCE_OPTIONS": 0.0,

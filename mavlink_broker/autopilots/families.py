@@ -294,6 +294,10 @@ class Family:
     status_texts_to_gcs_only: bool = False  # It sends STATUSTEXT to ground stations only
     fence_parameters: parameter_settings.FenceLaw = parameter_settings.unknown_fence
     fence_parameter_names: tuple[str, ...] = ()  # To be read for the geofence
+    fence_switch: tuple[str, str] | None = None
+    """The parameter that enables its fence, and the one by which it enables it itself, once."""
+    parameters_since: Mapping[str, int] = field(default_factory=dict)
+    """First version that has a parameter."""
     rally_altitude_step_m: float = 0.0  # Resolution of a rally point's altitude in storage
     parameter_encoding: ParameterEncoding = ParameterEncoding.C_CAST  # If it reports none
     mode_name: Callable[[int, int], str] = generic_name
@@ -447,6 +451,8 @@ ARDUPILOT: Final = Family(
     battery_capacity_parameter="BATT_CAPACITY",
     fence_parameters=parameter_settings.ardupilot_fence,
     fence_parameter_names=parameter_settings.ARDUPILOT_NAMES,
+    fence_switch=("FENCE_ENABLE", "FENCE_AUTOENABLE"),
+    parameters_since=parameter_settings.COPTER_SINCE,
     rally_altitude_step_m=1.0,
     mode_name=copter_name,
     mode_role=copter_role,
@@ -457,6 +463,7 @@ GENERIC: Final = Family(name="generic", battery_capacity_parameter="BAT1_CAPACIT
 ARDUPILOT_OTHER: Final = replace(
     ARDUPILOT,
     name="ardupilot-other",
+    parameters_since={},
     runs_missions_disarmed=False,
     arming=GENERIC.arming,
     starting=GENERIC.starting,

@@ -173,7 +173,16 @@ def px4_fence(values: Values, fence: Geofence, highest_m: float) -> FenceParamet
     )
 
 
-ARDUPILOT_NAMES: Final = ("FENCE_ENABLE", "FENCE_TYPE", "FENCE_ALT_MAX", "FENCE_OPTIONS")
+ARDUPILOT_NAMES: Final = (
+    "FENCE_ENABLE",
+    "FENCE_AUTOENABLE",
+    "FENCE_TYPE",
+    "FENCE_ALT_MAX",
+    "FENCE_OPTIONS",
+)
+COPTER_SINCE: Final = {"FENCE_AUTOENABLE": 0x04060000}
+"""First AUTOPILOT_VERSION.flight_sw_version of ArduCopter that has a parameter; ArduPlane's always
+did (`AC_Fence.cpp`, `var_info`)."""
 _ALTITUDE_FENCE: Final = 1  # Bits of FENCE_TYPE
 _AREA_FENCE: Final = 4
 _ANY_INCLUSION: Final = 2  # Bit of FENCE_OPTIONS: one inclusion area is enough
@@ -183,14 +192,20 @@ def ardupilot_fence(values: Values, fence: Geofence, highest_m: float) -> FenceP
     """FENCE_TYPE says which fences are enabled, FENCE_ENABLE whether any is.
 
     A fence that an operator has enabled stays enabled; one that is configured but disabled stays
-    disabled. ArduPilot since 4.6 enables what FENCE_TYPE says when FENCE_ENABLE is set from 0 to 1,
+    disabled. It is enabled too where FENCE_AUTOENABLE says that the vehicle enables what FENCE_TYPE
+    says: behind an automatic take-off (1; 2, which disables only the lowest altitude to land) or
+    when it arms (3) (`AC_Fence.cpp`, `auto_enable_fence_after_takeoff`,
+    `auto_enable_fence_on_arming`; up to 4.5 `get_enabled_fences`).
+
+    ArduPilot since 4.6 enables what FENCE_TYPE says when FENCE_ENABLE is set from 0 to 1,
     and takes no notice of a later change.
     """
     if not {"FENCE_ENABLE", "FENCE_TYPE"} <= values.keys():
         return FenceParameters(
             lacks="the vehicle has no fence: FENCE_ENABLE and FENCE_TYPE are missing"
         )
-    fence_type = int(values["FENCE_TYPE"]) if values["FENCE_ENABLE"] else 0
+    is_enabled = values["FENCE_ENABLE"] or values.get("FENCE_AUTOENABLE")
+    fence_type = int(values["FENCE_TYPE"]) if is_enabled else 0
     settings: list[Setting] = []
     limit_m, vehicle_limit_m = fence_height_m(fence, highest_m), None
     has_altitude_limit = "FENCE_ALT_MAX" in values

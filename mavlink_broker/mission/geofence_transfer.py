@@ -201,10 +201,12 @@ class VehicleSteps:
                 yield from self._prove(kind, items, 0)
 
     def read_parameter(self, name: str) -> Step:
-        """Read a parameter; None without an answer.
+        """Read a parameter; None without an answer, and where the vehicle's version lacks it.
 
         A value that is not a number is refused: it could not be restored.
         """
+        if 0 < self.vehicle.software_version < self.vehicle.family.parameters_since.get(name, 0):
+            return None
         encoding = self.vehicle.parameter_encoding
         read = ParameterRead(name, *self._link, encoding=encoding, attempts=READ_ATTEMPTS)
         outcome = yield read
@@ -427,12 +429,24 @@ class GeofenceTransfer:
         """Restore the values that no geofence needs any more, the last one first."""
         overrides = self.vehicle.overrides.values
         for name in [name for name in reversed(overrides) if name not in kept]:
+            if (yield from self._stays_on(name)):
+                continue
             value = yield from self._steps.read_parameter(name)
             if value is None:
                 raise StepRefusedError(f"parameter {name}: no answer")
             if overrides[name].is_ours(value):
                 yield from self._steps.set_parameter(Setting(name, overrides[name].before))
             del overrides[name]
+
+    def _stays_on(self, name: str) -> Step:
+        """Whether a parameter is restored behind the landing only.
+
+        It enables also a fence that the vehicle had enabled itself, and will not again in flight.
+        """
+        switch, by_itself = self.vehicle.family.fence_switch or (None, "")
+        if name != switch or self.vehicle.snapshot.is_on_ground:
+            return False
+        return bool((yield from self._steps.read_parameter(by_itself)))
 
     def _drop_foreign_values(self, held: Mapping[str, float]) -> None:
         """Keep what another system has set since."""

@@ -18,6 +18,7 @@ PX4_VALUES = {"GF_MAX_VER_DIST": 0.0, "RTL_RETURN_ALT": 60.0, "BAT1_CAPACITY": 4
 ARDUPILOT_VALUES = {
     "MIS_RESTART": 0,
     "FENCE_ENABLE": 0,
+    "FENCE_AUTOENABLE": 0,
     "FENCE_TYPE": 7,
     "FENCE_ALT_MAX": 100.0,
     "FENCE_OPTIONS": 1,
@@ -47,11 +48,13 @@ class FencedVehicle(ScriptedVehicle):
         self.uid = 0  # Of its hardware; 0: not sent
         self.values = dict(of_family.get(script.autopilot, {}) if values is None else values)
         self.set: list[tuple[str, float]] = []  # Parameters written, in order
+        self.asked: set[str] = set()  # Parameters that were read
         self.refused_values: set[str] = set()
         self.plans = {kind: self._store(kind, script) for kind in (FENCE, RALLY)}
-        self._was_enabled = bool(self.values.get("FENCE_ENABLE", 0))
-        self._enforced = int(self.values.get("FENCE_TYPE", 0)) if self._was_enabled else 0
+        self._switches = self._switch_values
+        self._enforced = int(self.values.get("FENCE_TYPE", 0)) if self._switches[0] else 0
         self._looks_at = 0.0
+        self._was_armed = self._was_airborne = False
         self.log: list[str] = []  # What was stored or removed, and armed, in order
 
     @property
@@ -63,19 +66,35 @@ class FencedVehicle(ScriptedVehicle):
     def enforced_types(self) -> int:
         """Which fences ArduPilot since 4.6 keeps, as bits of FENCE_TYPE (`AC_Fence.cpp`).
 
-        Those that were configured when FENCE_ENABLE changed last, and still are.
+        Those that were configured when FENCE_ENABLE or FENCE_AUTOENABLE changed last, or when the
+        latter enabled them, and still are.
         """
         return self._enforced & int(self.values["FENCE_TYPE"])
 
+    @property
+    def _switch_values(self) -> tuple[bool, int]:
+        values = self.values
+        return bool(values.get("FENCE_ENABLE", 0)), int(values.get("FENCE_AUTOENABLE", 0))
+
     def _look_at_switch(self, now: float) -> None:
-        """Notice a change of FENCE_ENABLE, ten times a second."""
+        """Notice a change of the parameters, ten times a second."""
         if now < self._looks_at or "FENCE_ENABLE" not in self.values:
             return
         self._looks_at = now + 0.1
-        is_enabled = bool(self.values["FENCE_ENABLE"])
-        if is_enabled != self._was_enabled:
-            self._was_enabled = is_enabled
-            self._enforced = int(self.values["FENCE_TYPE"]) if is_enabled else 0
+        if self._switch_values != self._switches:
+            self._switches = self._switch_values
+            self._enforced = int(self.values["FENCE_TYPE"]) if self._switches[0] else 0
+
+    def _enable_by_itself(self) -> None:
+        """Do what FENCE_AUTOENABLE orders: behind a take-off (1, 2), or while it is armed (3)."""
+        automatic = self._switch_values[1]
+        if automatic == 3 and self.armed != self._was_armed:
+            self._enforced = int(self.values["FENCE_TYPE"]) if self.armed else 0
+        if automatic in {1, 2} and self.airborne and not self._was_airborne:
+            self._enforced = int(self.values["FENCE_TYPE"])
+        if automatic == 1 and self._was_airborne and not self.airborne:
+            self._enforced = 0
+        self._was_armed, self._was_airborne = self.armed, self.airborne
 
     def receive(self, datagram: bytes, now: float) -> None:
         """Process a datagram of the broker."""
@@ -101,6 +120,7 @@ class FencedVehicle(ScriptedVehicle):
         self._look_at_switch(now)
         was_armed = self.armed
         frames = super().step(now)
+        self._enable_by_itself()
         if self.armed and not was_armed:
             self.log.append("armed")
         return frames
@@ -149,6 +169,7 @@ class FencedVehicle(ScriptedVehicle):
         super()._handle(message)
 
     def _parameter(self, message: Message) -> None:
+        self.asked.add(message.param_id)
         if message.param_id in self.values:
             self._send_value(message.param_id)
 

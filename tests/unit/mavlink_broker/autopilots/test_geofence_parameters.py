@@ -65,6 +65,10 @@ def test_a_vehicle_without_a_limit_is_watched_by_the_broker_alone(fence_paramete
         (FACTORY, AREA, 4),
         (FACTORY, LOW, 1),
         (FACTORY | {"FENCE_ENABLE": 1.0}, AREA, 7),
+        (FACTORY | {"FENCE_AUTOENABLE": 0.0}, AREA, 4),
+        (FACTORY | {"FENCE_AUTOENABLE": 1.0}, AREA, 7),
+        (FACTORY | {"FENCE_AUTOENABLE": 2.0, "FENCE_TYPE": 3.0}, AREA, 7),
+        (FACTORY | {"FENCE_AUTOENABLE": 3.0, "FENCE_TYPE": 2.0}, LOW, 3),
         (FACTORY | {"FENCE_ENABLE": 1.0, "FENCE_TYPE": 2.0}, LOW, 3),
     ],
 )

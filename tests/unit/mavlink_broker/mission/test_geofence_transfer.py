@@ -425,6 +425,59 @@ class TestHeights:
         assert vehicle.values == values
         assert vehicle.enforced_types == (2 if enabled else 0)
 
+    @pytest.mark.parametrize("automatic", [1, 2, 3])
+    def test_ardupilot_keeps_the_fence_that_it_enables_itself(self, automatic: int) -> None:
+        """FENCE_AUTOENABLE enables it behind take-off (1, 2) or when it arms (3)."""
+        world = World()
+        values = {"FENCE_AUTOENABLE": automatic, "FENCE_TYPE": 3, "FENCE_ALT_MAX": 30.0}
+        vehicle = fenced_vehicle(world, ARDUPILOT, values=ARDUPILOT_VALUES | values)
+        world.edge.plan(first_flight(), geofence=fence(max_altitude=60.0))
+        world.run_until(lambda: vehicle.airborne)
+        assert vehicle.enforced_types == 7
+        assert vehicle.values["FENCE_ALT_MAX"] == 30.0
+        world.run_until_over(1201)
+        world.run(20.0)
+        assert vehicle.values == ARDUPILOT_VALUES | values
+
+    def test_ardupilots_own_lower_limit_holds_where_it_enables_it_itself(self) -> None:
+        world = World()
+        values = ARDUPILOT_VALUES | {"FENCE_AUTOENABLE": 3, "FENCE_ALT_MAX": 20.0}
+        vehicle = fenced_vehicle(world, ARDUPILOT, values=values)
+        high = mission(takeoff(altitude=30.0), waypoint(), go_home())
+        world.edge.plan(high, geofence={"max_altitude": 60.0})
+        world.run_until_over(1201)
+        assert "altitude: 30 m is above the vehicle's own limit, 20 m" in message_of(world)
+        assert "ordered to arm" not in vehicle.log
+
+    def test_ardupilots_fence_stays_on_until_it_lands_where_it_enables_it_itself(self) -> None:
+        """It does so once a flight; the fence of a plan that ends in the air goes all the same."""
+        world = World()
+        values = ARDUPILOT_VALUES | {"FENCE_AUTOENABLE": 3, "FENCE_TYPE": 3}
+        vehicle = fenced_vehicle(world, ARDUPILOT, values=values)
+        world.edge.plan(mission(takeoff(), waypoint()), geofence=fence())
+        world.run_until_over(1201)
+        assert vehicle.airborne
+        world.edge.plan(mission(waypoint(1), go_home(2), mission_id=1202))
+        world.run_until(lambda: world.edge.status(1202) == Status.RUNNING)
+        assert vehicle.values == values | {"FENCE_ENABLE": 1}
+        assert vehicle.enforced_types == 3
+        assert vehicle.fence == []
+        world.run_until_over(1202)
+        world.run(20.0)
+        assert vehicle.values == values
+
+    @pytest.mark.parametrize(
+        ("version", "has_it"), [(0x040503FF, False), (0x040600FF, True), (0, True)]
+    )
+    def test_a_parameter_is_not_read_of_a_version_that_lacks_it(
+        self, version: int, *, has_it: bool
+    ) -> None:
+        """ArduCopter before 4.6 has no FENCE_AUTOENABLE, and answers nothing."""
+        world = World()
+        vehicle = fenced_vehicle(world, replace(ARDUPILOT, version=version))
+        flown(world, fence())
+        assert ("FENCE_AUTOENABLE" in vehicle.asked) == has_it
+
     def test_a_vehicles_own_lower_limit_stays_and_holds(self) -> None:
         world = World()
         vehicle = fenced_vehicle(world, values=PX4_VALUES | {"GF_MAX_VER_DIST": 20.0})
