@@ -39,7 +39,10 @@ from uav_firmware.msg.mission import FenceSwitch, MissionCurrentRequest, Mission
 from uav_firmware.msg.status import Command, CommandResult, NavigationState, VehicleCommand
 
 FORCE: Final = 21196.0
-"""Parameter 2 of COMPONENT_ARM_DISARM that skips the checks."""
+"""Parameter 2 of COMPONENT_ARM_DISARM that skips the checks, as MAVLink defines it."""
+FORCED_ARMING: Final = 2989.0
+"""What ground stations send to every autopilot to skip the checks before arming, as ArduPilot reads
+it: QGroundControl (Vehicle::forceArm) and Mission Planner (MAVLinkInterface.doARM)."""
 
 _MAIN_AUTO: Final = 4.0
 _MAIN_POSITION: Final = 3.0
@@ -89,7 +92,8 @@ def _refused(command: VehicleCommand, decision: Decision) -> Decision:
 
 def _arm_disarm(command: VehicleCommand, situation: Situation) -> Decision:
     arm = choice(command, 1, 0.0, 1.0) == 1.0
-    force = not unset(command.param2) and choice(command, 2, FORCE) == FORCE
+    forces = (FORCE, FORCED_ARMING) if arm else (FORCE,)
+    force = not unset(command.param2) and choice(command, 2, *forces) in forces
     refuse_set(command, 3, 4, 5, 6, 7)
     if not arm:
         if not situation.armed:

@@ -185,10 +185,13 @@ def test_before_anything_is_known_the_vehicle_does_not_arm() -> None:
     assert vehicle.home.value is None
 
 
-def test_force_arms_in_spite_of_a_fault() -> None:
+@pytest.mark.parametrize("force", [21196.0, 2989.0])
+def test_force_arms_in_spite_of_a_fault(force: float) -> None:
+    """MAVLink's number, and the one of QGroundControl's and Mission Planner's "force arm"."""
     vehicle = ToyVehicle(battery=0.1)
     vehicle.run(0.5)
-    assert vehicle.send(Command.COMPONENT_ARM_DISARM, 1.0, 21196.0) is ACCEPTED
+    assert vehicle.arm() is NOT_NOW
+    assert vehicle.send(Command.COMPONENT_ARM_DISARM, 1.0, force) is ACCEPTED
     assert vehicle.armed
 
 

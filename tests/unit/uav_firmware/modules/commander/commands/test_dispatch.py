@@ -270,6 +270,7 @@ def test_the_current_item_is_kept_chosen_or_beyond_the_end() -> None:
 def test_disarming_in_the_air_needs_force() -> None:
     vehicle = airborne()
     assert vehicle.send(Command.COMPONENT_ARM_DISARM, 0.0) is NOT_NOW
+    assert vehicle.send(Command.COMPONENT_ARM_DISARM, 0.0, 2989.0) is DENIED  # Forces arming alone
     assert vehicle.armed
     assert vehicle.send(Command.COMPONENT_ARM_DISARM, 0.0, 21196.0) is ACCEPTED
     assert not vehicle.armed
