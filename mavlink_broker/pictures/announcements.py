@@ -9,7 +9,7 @@ Each picture belongs to the command that ran when it was taken (`Attribution`). 
 command runs from the end of the previous command to its own end, by the vehicle's clock and as far
 as the broker knows it. The broker learns of a command up to a second late, and a camera may need
 some time, so a command that lacks pictures also gets those from shortly before and after its
-interval.
+interval. What an autopilot reports of pictures (`feedback`) is counted as of other cameras.
 """
 
 import math
@@ -24,11 +24,15 @@ from afarcloud.commands import CameraImage, CameraPanorama, Command
 from afarcloud.enumerations import PanoramaMode
 from mavlink_broker.mavlink.dialect import Message, Route, mavlink, source_of
 from mavlink_broker.microservices.command import RoundTrip, long_command
+from mavlink_broker.pictures.feedback import Place
 from mavlink_broker.vehicle.mission_ledger import MissionLedger
 
 EARLY_S: Final = 3.0
 LATE_S: Final = 10.0
 MAX_INTERVALS: Final = 1000
+MAX_PLACES: Final = 5
+FEEDBACK: Final = 256
+"""Number of the autopilot's first camera, behind those of all components."""
 _PANORAMA_SHOTS: Final = {PanoramaMode.FULL_CIRCLE: 8, PanoramaMode.HALF_CIRCLE: 5}
 
 
@@ -79,6 +83,7 @@ class CommandInterval:
     ended_s: float = math.inf
     is_partial: bool = False  # Its beginning was not observed
     counts: dict[int, int] = field(default_factory=dict)  # Its pictures, by camera
+    places: list[Place] = field(default_factory=list)  # Where the first ones of feedback were taken
     is_given_up: bool = False  # Its missing pictures were requested often enough
     checks: int = 0  # Number of these requests
     check_at_s: float = 0.0
@@ -89,7 +94,19 @@ class CommandInterval:
 
         Each camera of a vehicle takes all pictures of a command, or none of them.
         """
-        return min(map(self.missing_of, self.counts), default=self.missing_of(None))
+        announced = [camera for camera in self.counts if camera < FEEDBACK]
+        return min(map(self.missing_of, announced), default=self.missing_of(None))
+
+    @property
+    def unproved(self) -> int:
+        """How many of its pictures nobody has reported.
+
+        The autopilot's feedback counts if no camera has announced any: it comes for each picture
+        of a camera that announces them too.
+        """
+        is_announced = any(camera < FEEDBACK for camera in self.counts)
+        by_autopilot = [] if is_announced else list(map(self.missing_of, self.counts))
+        return min(by_autopilot, default=self.missing)
 
     def missing_of(self, camera: int | None) -> int:
         """How many of its pictures a camera has not announced; None: one without pictures."""
@@ -132,15 +149,27 @@ class Attribution:
 
     def attribute(self, time_s: float, camera: int) -> PictureCommand | None:
         """Give the command of a picture that a camera took at a time, and count the picture."""
+        interval = self._count(time_s, time_s, camera)
+        return None if interval is None else interval.command
+
+    def attribute_feedback(
+        self, camera: int, since_s: float, time_s: float, place: Place | None
+    ) -> None:
+        """Count a picture of an autopilot's camera; `since_s` if it was taken at most so early."""
+        interval = self._count(since_s, time_s, FEEDBACK + camera)
+        if interval is not None and place is not None and len(interval.places) < MAX_PLACES:
+            interval.places.append(place)
+
+    def _count(self, since_s: float, time_s: float, camera: int) -> CommandInterval | None:
         for interval in self._intervals:
-            is_near = interval.began_s - EARLY_S <= time_s <= interval.ended_s + LATE_S
+            is_near = interval.began_s - EARLY_S <= time_s and since_s <= interval.ended_s + LATE_S
             if interval.missing_of(camera) and is_near:
                 interval.count(camera)
-                return interval.command
+                return interval
         for interval in self._intervals:
             if interval.began_s <= time_s < interval.ended_s:
                 interval.count(camera)
-                return interval.command
+                return interval
         return None
 
     def began_before(self, time_s: float) -> bool:

@@ -45,6 +45,7 @@ from mavlink_broker.pictures.announcements import (
     current_command,
     read_capture,
 )
+from mavlink_broker.pictures.feedback import Feedback, FeedbackCounter, read_feedback
 from mavlink_broker.vehicle.mission_ledger import MissionLedger
 from mavlink_broker.vehicle.reporter import Reporter
 from mavlink_broker.vehicle.vehicle import Vehicle
@@ -219,7 +220,12 @@ class PictureFetcher:
 
 
 PICTURE_MESSAGES: Final = frozenset(
-    {"CAMERA_IMAGE_CAPTURED", "CAMERA_CAPTURE_STATUS", "FILE_TRANSFER_PROTOCOL"}
+    {
+        "CAMERA_CAPTURE_STATUS",
+        "CAMERA_FEEDBACK",
+        "CAMERA_IMAGE_CAPTURED",
+        "FILE_TRANSFER_PROTOCOL",
+    }
 )
 """Messages of a vehicle's components about pictures."""
 RECENT_S: Final = 900.0
@@ -245,6 +251,7 @@ class PictureCollector:
         self._reporter = reporter
         self._attribution = Attribution()
         self._cameras: dict[int, AnnouncementTracker] = {}
+        self._feedback = FeedbackCounter()
         self._clock_s: dict[int, float] = {}  # Of each camera: its lag behind the autopilot's clock
         self._seen: OrderedDict[str, None] = OrderedDict()
         first_seq = zlib.crc32(reporter.session_id.encode())
@@ -294,6 +301,7 @@ class PictureCollector:
         self._epoch_before_s = self._epoch_s
         self._epoch_s = self._latest_s + 2.0 * RECENT_S
         self._clock_s.clear()
+        self._feedback.restarted(self._epoch_s)
         for camera in self._cameras.values():
             camera.request_count()
 
@@ -310,6 +318,8 @@ class PictureCollector:
         match message.get_type():
             case "CAMERA_IMAGE_CAPTURED":
                 self._take_capture(read_capture(message), now)
+            case "CAMERA_FEEDBACK":
+                self._take_feedback(read_feedback(message), now)
             case "CAMERA_CAPTURE_STATUS":
                 self._take_status(message, now)
             case "FILE_TRANSFER_PROTOCOL":
@@ -371,6 +381,15 @@ class PictureCollector:
         if command is not None or is_of_earlier_run:
             self._fetch(capture, command)
 
+    def _take_feedback(self, feedback: Feedback, now: float) -> None:
+        booted_s = self._vehicle.snapshot.booted_at_utc_s
+        taken_s = feedback.taken_s(self._vehicle_time_s(now), booted_s) + self._epoch_s
+        count, since_s = self._feedback.take(feedback, taken_s)
+        for lost in reversed(range(count)):
+            place = None if lost else feedback.place
+            since_s = since_s if lost else taken_s
+            self._attribution.attribute_feedback(feedback.camera, since_s, taken_s, place)
+
     def _taken_s(self, capture: Capture, now: float) -> float:
         """The time when it was taken, by the autopilot's clock; a camera may have its own.
 
@@ -424,15 +443,25 @@ class PictureCollector:
             return
         interval.checks += 1
         interval.check_at_s = now + CHECK_AFTER_S * 2 ** (interval.checks - 1)
-        if interval.checks > CHECKS or not self._cameras:
-            interval.is_given_up = True
-            expected = 0 if interval.command is None else interval.command.expected
-            self._report(
-                interval.command, f"{interval.missing} of {expected} pictures were not announced"
-            )
+        awaits_feedback = self._feedback.is_used and interval.unproved > 0
+        if interval.checks > CHECKS or not (self._cameras or awaits_feedback):
+            self._give_up_missing(interval)
             return
         for camera in self._cameras.values():
             camera.request_count()
+
+    def _give_up_missing(self, interval: CommandInterval) -> None:
+        """Report pictures of which nobody knows, and those of which there is no file."""
+        interval.is_given_up = True
+        expected = 0 if interval.command is None else interval.command.expected
+        if interval.unproved:
+            text = f"{interval.unproved} of {expected} pictures were not announced"
+            self._report(interval.command, text)
+        without_file = interval.missing - interval.unproved
+        if without_file:
+            where = f" at {', '.join(map(str, interval.places))}" if interval.places else ""
+            text = f"{without_file} of {expected} pictures were taken{where}, and have no file"
+            self._report(interval.command, text)
 
     # Results
 
