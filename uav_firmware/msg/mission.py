@@ -113,6 +113,12 @@ class MissionRejection(NamedTuple):
     reason: str
 
 
+def about_item(seq: int, reason: str) -> str:
+    """A reason that names its item, once: those of the mission's rules name it already."""
+    name = f"item {seq}"
+    return reason if reason.startswith((f"{name}:", f"{name} ")) else f"{name}: {reason}"
+
+
 PlanReview: TypeAlias = Generator[int, None, MissionRejection | None]
 """A check in steps: yields the work done since the last one, in units of some 5 us."""
 

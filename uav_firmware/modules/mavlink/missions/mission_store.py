@@ -26,7 +26,7 @@ from uav_firmware.modules.mavlink.missions.mission_items import (
 )
 from uav_firmware.modules.mavlink.missions.plan_file import PlanFileError
 from uav_firmware.modules.mavlink.wire.dialect import mavlink
-from uav_firmware.msg.mission import MissionItem, MissionRejection, PlanReview
+from uav_firmware.msg.mission import MissionItem, MissionRejection, PlanReview, about_item
 
 MAX_ITEMS: Final = 2000
 FILE_NAMES: Final = {
@@ -148,7 +148,7 @@ class PlanStore:
         plan = tuple(for_flight)
         rejection = (yield from self._check.plan(plan)) if plan else None
         if rejection is not None:
-            return Outcome(rejection.result, reason=f"item {rejection.seq}: {rejection.reason}")
+            return Outcome(rejection.result, reason=about_item(rejection.seq, rejection.reason))
         identifier = plan_id(items)
         yield packing
         contents = plan_file.encode(self._mission_type, items) if items else None
@@ -215,7 +215,7 @@ class PlanStore:
         if len(items) > MAX_ITEMS:
             return f"it has {len(items)} items, limit {MAX_ITEMS}"
         rejection = self._check.stored(for_navigator(items)) if items else None
-        return "" if rejection is None else f"item {rejection.seq}: {rejection.reason}"
+        return "" if rejection is None else about_item(rejection.seq, rejection.reason)
 
 
 def _ended(write: Write) -> Generator[int, None, None]:

@@ -48,6 +48,7 @@ from uav_firmware.modules.mavlink.missions.mission_store import (
 from uav_firmware.modules.mavlink.wire.addressing import Outgoing, Sender
 from uav_firmware.modules.mavlink.wire.dialect import Message, mavlink
 from uav_firmware.modules.mavlink.wire.dialect_extensions import MissionAck
+from uav_firmware.msg.mission import about_item
 
 FIRST_RETRY_US: Final = 250_000
 LAST_RETRY_US: Final = 1_000_000
@@ -183,7 +184,7 @@ class UploadReceiver:
             return self._request_again(transfer, now_us)
         item = self._readable(message)
         if isinstance(item, ItemFault):
-            outcome = Outcome(item.result, reason=f"item {message.seq}: {item.reason}")
+            outcome = Outcome(item.result, reason=about_item(message.seq, item.reason))
             return self._end(transfer, item, outcome, now_us)
         transfer.take(item, now_us)
         if len(transfer.items) < transfer.count:
