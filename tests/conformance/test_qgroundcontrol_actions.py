@@ -330,3 +330,41 @@ def test_a_mode_picked_on_the_ground_is_shown(tmp_path_factory: pytest.TempPathF
     station.until(is_a("HOME_POSITION"), 60.0, "home")
     for mode in (RETURN, LAND, POSITION, FOLLOW, HOLD, TAKEOFF, HOLD):
         set_mode(station, mode, armed=False)
+
+
+def answer_to_plan(station: Lockstep, kind: int, items: list[Any]) -> int:
+    """Upload a plan of a type; return the result of its MISSION_ACK."""
+    station.say(mavlink.MAVLink_mission_count_message(VEHICLE, 1, len(items), kind))
+    for item in items:
+        station.until(is_a("MISSION_REQUEST_INT", seq=item.seq), ANSWERED_S, "a request")
+        station.say(item)
+    ack = station.until(is_a("MISSION_ACK", mission_type=kind), ANSWERED_S, "MISSION_ACK")
+    return int(ack.type)
+
+
+def test_a_plan_beyond_the_old_fence_is_taken_when_it_is_uploaded_again(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> None:
+    """PlanMasterController sends the mission, then the fence, whatever the first answer is."""
+    station = Lockstep(VEHICLE, tmp_path_factory.mktemp("fences"))
+    home = station.until(is_a("HOME_POSITION"), 60.0, "home")
+
+    def item(seq: int, kind: int, command: int, p1: float, *at: float) -> Any:
+        north, east, height = at
+        return mavlink.MAVLink_mission_item_int_message(
+            VEHICLE, 1, seq, 3 if kind == 0 else 0, command, int(seq == 0), 1, p1, 0, 0,
+            NAN if kind == 0 else 0, home.latitude + round(north), home.longitude + round(east),
+            height, kind,
+        )  # fmt: skip
+
+    def fence(reach: float) -> list[Any]:
+        corners = ((-1, -1), (1, -1), (1, 1), (-1, 1))
+        return [item(n, 1, 5001, 4, reach * a, reach * b, 0) for n, (a, b) in enumerate(corners)]
+
+    def mission(north: float) -> list[Any]:
+        return [item(0, 0, NAV_TAKEOFF, 0, 0, 0, 10), item(1, 0, 16, 0, north, 0, 12)]
+
+    near, far = (mission(2000), fence(4000)), (mission(9000), fence(20_000))
+    assert [answer_to_plan(station, kind, items) for kind, items in enumerate(near)] == [0, 0]
+    assert [answer_to_plan(station, kind, items) for kind, items in enumerate(far)] == [5, 0]
+    assert [answer_to_plan(station, kind, items) for kind, items in enumerate(far)] == [0, 0]
