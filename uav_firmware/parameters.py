@@ -69,6 +69,7 @@ class Declaration:
     bits: Mapping[int, str] = field(default_factory=dict)  # Meaning of each bit, from 0
     is_volatile: bool = False  # A ground station that keeps values leaves it out of the hash
     locked_while_armed: bool = False
+    read_at_start: bool = False  # A change takes effect at the next start
     least_if_on: float = 0.0  # 0 switches off; any other value is at least this
 
     @property
@@ -96,6 +97,7 @@ def param(
     bits: Mapping[int, str] | None = None,
     volatile: bool = False,
     locked_while_armed: bool = False,
+    read_at_start: bool = False,
     least_if_on: float = 0.0,
 ) -> Any:
     """Declare a parameter as a dataclass field; an int default makes an INT32.
@@ -109,6 +111,8 @@ def param(
     `locked_while_armed` is for what describes the vehicle, such as where its rotors are: a change
     in flight would take the control away, whatever the value. What is tuned in flight has
     bounds within which the vehicle stays in control instead.
+
+    `read_at_start` is for what is read once: a ground station asks for a restart after a change.
 
     `least_if_on` is for a limit that 0 switches off: values between 0 and it are refused.
     """
@@ -126,6 +130,7 @@ def param(
         bits=bits or {},
         is_volatile=volatile,
         locked_while_armed=locked_while_armed,
+        read_at_start=read_at_start,
         least_if_on=least_if_on,
     )
     return field(default=default, metadata={_METADATA: declaration})

@@ -115,6 +115,8 @@ def _parameter(declaration: Declaration) -> dict[str, Any]:
         described["decimalPlaces"] = places
     if declaration.is_volatile:
         described["volatile"] = True
+    if declaration.read_at_start:
+        described["rebootRequired"] = True
     return described
 
 

@@ -42,12 +42,12 @@ class LinkParams:
 
     ground_station_mode: int = param(
         "MAV_0_MODE", 0, unit="1", minimum=0, maximum=2,
-        short="Streams to the ground station",
+        short="Streams to the ground station from the next start on", read_at_start=True,
         values={0: "normal", 1: "heartbeat only", 2: "onboard"},
     )  # fmt: skip
     onboard_mode: int = param(
         "MAV_1_MODE", 2, unit="1", minimum=0, maximum=2,
-        short="Streams to the broker or companion",
+        short="Streams to the broker or companion from the next start on", read_at_start=True,
         values={0: "normal", 1: "heartbeat only", 2: "onboard"},
     )  # fmt: skip
 

@@ -79,6 +79,14 @@ def test_named_values_and_bits_can_be_set(tmp_path: Path, registry: Registry) ->
         assert sum(1 << bit["index"] for bit in bits) == parameters[name]["max"]
 
 
+def test_what_is_read_at_the_start_asks_for_a_restart(tmp_path: Path, registry: Registry) -> None:
+    """QGroundControl's parameter editor says so beside the value (rebootRequired)."""
+    parameters = described(tmp_path, registry)
+    restart = {name for name, each in parameters.items() if each.get("rebootRequired")}
+    assert restart >= {"MAV_0_MODE", "MAV_1_MODE"}
+    assert "MPC_XY_VEL_MAX" not in restart
+
+
 def test_every_number_is_shown_with_three_digits(tmp_path: Path, registry: Registry) -> None:
     """A ground station shows, and may write back, three decimal places where none are declared."""
     parameters = described(tmp_path, registry)
