@@ -202,6 +202,11 @@ def _has_wrapped(newest_ms: int, time_boot_ms: int) -> bool:
 SEQUENCE_GAP_S: Final = 0.5
 """After such a gap the numbers prove nothing: the vehicle may have counted round or restarted."""
 _SEQUENCE_MODULUS: Final = 256
+BEHIND_IN_A_ROW: Final = 10
+"""So many frames in a row behind the newest one are not late: the numbers begin anew.
+
+A vehicle may number the frames of each of its links, and be received on another one from now on.
+"""
 
 
 STATES: Final = frozenset({"HEARTBEAT", "EXTENDED_SYS_STATE", "MISSION_CURRENT"})
@@ -214,6 +219,7 @@ class StateOrder:
     def __init__(self) -> None:
         self._number = 0  # Of the newest frame
         self._position = 0  # The same, counted on
+        self._behind = 0  # Frames in a row that were not newer
         self._newest: dict[str, int] = {}  # Position of the newest message of each of `STATES`
         self._received_at = -math.inf
 
@@ -221,8 +227,9 @@ class StateOrder:
         """Handle a frame; gives whether it is a state that is older than another of its kind."""
         number, half = message.get_seq(), _SEQUENCE_MODULUS // 2
         step = (number - self._number + half) % _SEQUENCE_MODULUS - half
-        if now - self._received_at > SEQUENCE_GAP_S:
-            step = 1
+        self._behind = self._behind + 1 if step <= 0 else 0
+        if now - self._received_at > SEQUENCE_GAP_S or self._behind >= BEHIND_IN_A_ROW:
+            step, self._behind = 1, 0
         position, self._received_at = self._position + step, now
         if step > 0:
             self._number, self._position = number, position

@@ -1,7 +1,10 @@
 """A state that arrives behind a newer one of its kind shows what the vehicle has left."""
 
+from hypothesis import given
+from hypothesis import strategies as st
+
 from mavlink_broker.mavlink.dialect import Message, mavlink
-from mavlink_broker.microservices.heartbeat import SEQUENCE_GAP_S, StateOrder
+from mavlink_broker.microservices.heartbeat import BEHIND_IN_A_ROW, SEQUENCE_GAP_S, StateOrder
 
 
 def numbered(message: Message, number: int) -> Message:
@@ -48,6 +51,19 @@ def test_a_vehicle_that_was_restarted_counts_anew() -> None:
     assert not order.is_overtaken(heartbeat(100), 1.0)
     assert not order.is_overtaken(heartbeat(0), 1.0 + SEQUENCE_GAP_S + 0.1)
     assert not order.is_overtaken(heartbeat(1), 1.0 + SEQUENCE_GAP_S + 0.2)
+
+
+@given(st.integers(0, 255), st.integers(0, 255))
+def test_a_link_with_other_numbers_is_followed_after_few_frames(old: int, new: int) -> None:
+    """PX4 and ArduPilot number the frames of each link."""
+    order = StateOrder()
+    for count in range(20):
+        order.is_overtaken(heartbeat(old + count), 0.02 * count)
+    overtaken = [
+        order.is_overtaken(heartbeat(new + count), 0.4 + 0.02 * count) for count in range(200)
+    ]
+    assert sum(overtaken) < BEHIND_IN_A_ROW
+    assert not any(overtaken[BEHIND_IN_A_ROW:])
 
 
 def test_a_frame_that_arrives_twice_counts_once_more() -> None:
