@@ -284,7 +284,8 @@ class Family:
     lowest_follow_m: float = 0.0
     camera_is_autopilot: bool = False  # Camera commands go to the autopilot itself
     takes_panoramas: bool = False  # Its camera supports PANORAMA_CREATE
-    gimbal_slew_s: float = 0.0  # Longest time that its camera waits for its gimbal
+    gimbal_slew_s: float = 0.0
+    """Longest time that its camera waits for its gimbal; 0: it does not, its mission waits."""
     busy_pause_s: float = 6.0  # After "busy": the vehicle's own idle timeout and a second
     lists_log_ends: bool = False  # LOG_ENTRY.time_utc is a log's last change, not its beginning
     keeps_log_open: bool = False  # An interrupted log, though its number is another one's by now

@@ -8,7 +8,7 @@ import math
 import zlib
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Final
+from typing import Final, TypeAlias
 
 from afarcloud.commands import CameraImage, CameraPanorama, VideoStartCapture, VideoStopCapture
 from afarcloud.enumerations import PanoramaMode
@@ -34,6 +34,8 @@ PANORAMA_WORKS_S: Final = 20.0
 _STEP_DEG: Final = 45.0
 _SHOTS: Final = {PanoramaMode.FULL_CIRCLE: 8, PanoramaMode.HALF_CIRCLE: 5}
 _SPAN_DEG: Final = {PanoramaMode.FULL_CIRCLE: 360.0, PanoramaMode.HALF_CIRCLE: 180.0}
+Aim: TypeAlias = tuple[float, float | None]
+"""Pitch and yaw of a camera; no yaw: along the nose."""
 _SETTLE_S: Final = 2.0
 TURNED_WITHIN_S: Final = 600.0
 _VEHICLE_TURNS: Final = "the vehicle turns from picture to picture: the camera takes no panoramas"
@@ -42,6 +44,11 @@ _SEQUENCES: Final = 2**23
 """Numbers that a float represents exactly."""
 _POINT: Final[int] = mavlink.MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW
 _CONTROL: Final[int] = mavlink.MAV_CMD_DO_GIMBAL_MANAGER_CONFIGURE
+_LARGEST_TURN_DEG: Final = 180.0
+_SLOW_GIMBAL_DEG_S: Final = 45.0
+"""Slower than gimbals for cameras turn to an angle: most reach 60 deg/s or more."""
+_STEADY_S: Final = 0.5
+"""Until a gimbal that has turned rests."""
 _AS_BEFORE: Final = (-1.0, -1.0)
 """Secondary control of a gimbal."""
 _EARTH: Final = float(
@@ -68,7 +75,10 @@ def image(command: CameraImage, situation: Situation) -> Items | LiveAction:
     if wholes and (p.pitch_angle % 1.0 or (p.yaw_angle or 0.0) % 1.0):
         notes = (*notes, f"{situation.family.name} points its gimbal in whole degrees")
     capture, more = _capture(shots, number, situation.refused)
-    items = (*pointing, capture, mission_item.delay(duration_s + (slew_s if pointing else 0.0)))
+    taking = capture, mission_item.delay(duration_s + (slew_s if pointing else 0.0))
+    turning_s = 0.0 if situation.family.gimbal_slew_s else _turning_s(situation.aim, aim)
+    waiting = (mission_item.delay(turning_s),) if pointing and turning_s else ()
+    items = (*pointing, *waiting, *taking)
     return Items(items, len(items) - 1, (*notes, *more))
 
 
@@ -174,6 +184,30 @@ def _pointing(
     if mavlink.MAV_CMD_DO_MOUNT_CONTROL not in refused:
         return (mission_item.point_mount(pitch_deg, yaw_deg or 0.0),), ()
     return (), (_NO_GIMBAL,)
+
+
+def _turning_s(before: Aim | None, aim: Aim) -> float:
+    """Give the time for which pictures wait for a gimbal, where the camera does not.
+
+    PX4 goes on to the next item when it has sent the command; since 1.16 behind MIS_COMMAND_TOUT,
+    which is 0 by default (`mission_block.cpp`, `is_mission_item_reached_or_completed`). ArduPilot
+    goes on at once (`AP_Mission.cpp`, `verify_command`).
+    """
+    if aim == before:
+        return 0.0
+    turn_deg = _LARGEST_TURN_DEG if before is None else _turn_deg(before, aim)
+    return math.ceil(2.0 * turn_deg / _SLOW_GIMBAL_DEG_S) / 2.0 + _STEADY_S
+
+
+def _turn_deg(before: Aim, aim: Aim) -> float:
+    """Give the larger turn of the two axes; from or to the nose a yaw may turn by any angle."""
+    (pitch_before_deg, yaw_before_deg), (pitch_deg, yaw_deg) = before, aim
+    by_pitch_deg = abs(pitch_deg - pitch_before_deg)
+    if yaw_deg is None and yaw_before_deg is None:
+        return by_pitch_deg
+    if yaw_deg is None or yaw_before_deg is None:
+        return _LARGEST_TURN_DEG
+    return max(by_pitch_deg, abs(math.remainder(yaw_deg - yaw_before_deg, 360.0)))
 
 
 def _direction(yaw_deg: float | None, family: Family) -> tuple[float, float]:

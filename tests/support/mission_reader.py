@@ -225,6 +225,8 @@ class MissionReader:
         aim = self._take() if self._peek() in AIM else None
         if takes and aim is None:
             raise UnreadableError("it takes a gimbal that it does not point")
+        if aim is not None and self._peek() == DELAY:
+            self._take()
         if self._peek() not in SHOOT or self._peek(1) != DELAY:
             return None
         shots = self._take()

@@ -56,7 +56,7 @@ class Series:
             self.camera.image_status = 3
         last = mavlink.MAV_CMD_NAV_DELAY
         self.world.run_until(lambda: last in [item.command for item in self.vehicle.items])
-        delay = [item.command for item in self.vehicle.items].index(last)
+        delay = max(n for n, item in enumerate(self.vehicle.items) if item.command == last)
         self.world.run_until(lambda: self.vehicle.airborne and self.vehicle.current > delay)
         self.world.run(2.0)
 
