@@ -17,6 +17,8 @@ from tests.unit.uav_firmware.modules.mavlink.harness import SYSTEM
 
 STEP_S: Final = 0.004
 PATIENCE_S: Final = 600.0
+PART_BYTES: Final = 32 * 1024
+"""Of the tests of flight logs, an eighth of what the broker sends at once."""
 ROUTE: Final = Route(own_system=254, own_component=191, target_system=SYSTEM, target_component=1)
 
 

@@ -11,11 +11,13 @@ from mavlink_broker.autopilots.families import ARDUPILOT
 from mavlink_broker.effects import BeginLog
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.microservices.command import RoundTrip
-from mavlink_broker.microservices.log_download import PART_BYTES, LogEntry, LogList
+from mavlink_broker.microservices.log_download import LogEntry, LogList
 from tests.support.ardupilot_logs import ArduPilotLogs
-from tests.support.log_air import ROUTE
+from tests.support.log_air import PART_BYTES, ROUTE
 from tests.support.lossy_link import Conditions
 from tests.unit.mavlink_broker.vehicle.test_flight_logs import BOOT, World
+
+pytestmark = pytest.mark.usefixtures("_small_parts")
 
 LOSSY = Conditions(loss=0.2, duplication=0.1, reordering=0.2)
 

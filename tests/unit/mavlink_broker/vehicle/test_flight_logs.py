@@ -24,15 +24,19 @@ from mavlink_broker.effects import (
     SendLogPart,
 )
 from mavlink_broker.mavlink.dialect import Message, mavlink
-from mavlink_broker.microservices.log_download import PART_BYTES
 from mavlink_broker.vehicle.flight_logs import FlightLogs
 from mavlink_broker.vehicle.logged_flight import MAX_FAILURES, MAX_FLIGHTS
 from mavlink_broker.vehicle.vehicle import Vehicle
-from tests.support.log_air import ROUTE, LogAir
+from tests.support.log_air import PART_BYTES, ROUTE, LogAir
 from tests.support.lossy_link import Conditions
+
+pytestmark = pytest.mark.usefixtures("_small_parts")
 
 BOOT = datetime(2026, 3, 1, 9, 0, tzinfo=UTC)
 LIMIT_BYTES = 2_000_000
+BUSY_STEP_S, IDLE_STEP_S = 0.004, 0.04
+BUSY_S = 0.1
+"""Time that passes in short steps after anything about logs was sent or received."""
 GONE = Conditions(loss=1.0)
 
 
@@ -90,6 +94,7 @@ class World:
         self.may_fetch = True
         self.is_answering = True
         self._waiting: list[LogJob] = []
+        self._busy_until = 0.0
         self.limit_s = 600.0
         self.start_broker()
 
@@ -120,7 +125,7 @@ class World:
         self.vehicle.snapshot.armed = False
         self.run(0.5)
 
-    def run(self, seconds: float, step_s: float = 0.004) -> None:
+    def run(self, seconds: float, step_s: float | None = None) -> None:
         end = self.air.now_s + seconds
         while self.air.now_s < end:
             self.step(step_s)
@@ -135,9 +140,12 @@ class World:
             assert self.air.now_s < end
             self.step()
 
-    def step(self, step_s: float = 0.004) -> None:
+    def step(self, step_s: float | None = None) -> None:
+        if step_s is None:
+            step_s = BUSY_STEP_S if self.air.now_s < self._busy_until else IDLE_STEP_S
         effects = Effects()
-        for message in self.air.step(step_s):
+        arrived = self.air.step(step_s)
+        for message in arrived:
             self.logs.receive(message, self.air.now_s, effects)
         snapshot = self.vehicle.snapshot
         snapshot.time_s = self.air.now_s
@@ -150,6 +158,8 @@ class World:
         self.logs.step(self.air.now_s, effects, may_fetch=may_fetch)
         self._waiting += [job for job in effects.jobs if isinstance(job, LogJob)]
         self._send(effects.messages)
+        if effects.messages or any(one.get_type().startswith("LOG_") for one in arrived):
+            self._busy_until = self.air.now_s + BUSY_S
 
     def _send(self, messages: list[Message]) -> None:
         assert not (messages and self.vehicle.snapshot.armed) or {

@@ -14,11 +14,14 @@ from mavlink_broker.autopilots.families import PX4
 from mavlink_broker.effects import Effects, LogJob
 from mavlink_broker.mavlink.dialect import Route
 from mavlink_broker.microservices.command import RoundTrip
-from mavlink_broker.microservices.log_download import PART_BYTES, LogEntry, LogList
+from mavlink_broker.microservices.log_download import LogEntry, LogList
 from mavlink_broker.vehicle.flight_logs import FlightLogs
 from mavlink_broker.vehicle.vehicle import Vehicle
+from tests.support.log_air import PART_BYTES
 from tests.support.px4_logs import Px4Logs, Px4Logs114, Px4Logs116, StoredLog
 from tests.unit.mavlink_broker.vehicle.test_flight_logs import Archive
+
+pytestmark = pytest.mark.usefixtures("_small_parts")
 
 ROUTE = Route(own_system=254, own_component=191, target_system=1, target_component=1)
 BOOT = datetime(2026, 3, 1, 9, 0, tzinfo=UTC)
