@@ -37,8 +37,13 @@ class Run(NamedTuple):
 
 
 def photographed(plan: dict[str, Any]) -> dict[str, Any]:
-    """The plan with a picture at its waypoint, straight down, north up."""
+    """The plan with a picture at its waypoint, straight down, north up.
+
+    It lands where it began: a return home would climb first, for half of the flight.
+    """
     commands = plan["missions"][0]["command_array"]
+    place = {name: commands[0]["parameters"][name] for name in ("latitude", "longitude")}
+    commands[2] = {"command_id": 3, "command_type_id": 2, "parameters": place}
     picture = {"pitch_angle": -90, "yaw_angle": 0, "photo_count": 1}
     commands.insert(2, {"command_id": 4, "command_type_id": 4, "parameters": picture})
     return plan
