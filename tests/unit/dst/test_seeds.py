@@ -12,11 +12,11 @@ from dst.edge_process import prepared_folder
 from dst.simulate import Outcome, simulate
 
 FLYING = 2
-FIXED = (1, 3, 5, 7, 9, 12)
+FIXED = (3, 7, 9)
 OPEN = (69,)
 """A broker restarted beside a twin of its vehicle answers an abort by what the twin on the ground
 shows, while the one that flies is out of reach."""
-MORE = tuple(seed for seed in (4, 6, 8, 10, 11, *range(13, 201)) if seed not in OPEN)
+MORE = tuple(seed for seed in (1, *range(4, 201)) if seed not in {*OPEN, *FIXED})
 DAYS = range(1, 4)
 DEEP = range(1, 4)
 FRESH = 17
