@@ -2,6 +2,7 @@
 
 import base64
 import hashlib
+import shutil
 import stat
 from pathlib import Path
 
@@ -15,11 +16,18 @@ from mavlink_broker.mavlink.signing import KeyRing
 from uav_firmware.drivers.key_file import read_key
 
 
-@pytest.fixture
-def folder(tmp_path: Path) -> Path:
-    made = tmp_path / "secrets"
+@pytest.fixture(scope="module")
+def prepared(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with secrets: a password is hashed slowly, on purpose."""
+    made = tmp_path_factory.mktemp("made") / "secrets"
     secret_files.prepare(made, vehicles=2)
     return made
+
+
+@pytest.fixture
+def folder(prepared: Path, tmp_path: Path) -> Path:
+    """A copy of it for one test."""
+    return Path(shutil.copytree(prepared, tmp_path / "secrets"))
 
 
 def test_every_role_has_its_own_access_key(folder: Path) -> None:

@@ -2,6 +2,7 @@
 
 import json
 import logging
+import shutil
 import sqlite3
 from collections.abc import Callable
 from contextlib import closing
@@ -35,9 +36,10 @@ def path(tmp_path: Path) -> Path:
     return tmp_path / "edge" / "edge.sqlite3"
 
 
-@pytest.fixture
-def originals(path: Path) -> Payloads:
-    """Fill a database; gives the payloads by message_id."""
+@pytest.fixture(scope="module")
+def filled(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Payloads]:
+    """A database with records, and their payloads by message_id."""
+    path = tmp_path_factory.mktemp("filled") / "edge" / "edge.sqlite3"
     payloads = {}
     database = Database(open_engine(empty_sqlite(path)))
     with database.write() as connection:
@@ -59,6 +61,14 @@ def originals(path: Path) -> Payloads:
         (dead,) = queue.read_queued(connection, POSES, 0, 1)
         queue.mark_dead(connection, dead, 3, "422")
     database.close()
+    return path, payloads
+
+
+@pytest.fixture
+def originals(filled: tuple[Path, Payloads], path: Path) -> Payloads:
+    """Put a copy of the database where it belongs; gives the payloads by message_id."""
+    database, payloads = filled
+    shutil.copytree(database.parent, path.parent)
     return payloads
 
 
