@@ -36,7 +36,7 @@ MISSION, HOLD, RETURN, LAND = (
 
 
 def on_mission(**settings: float) -> ToyVehicle:
-    """A vehicle 20 m out on a long leg; failsafes act at once unless a test delays them."""
+    """A vehicle 8 m out on a long leg; failsafes act at once unless a test delays them."""
     vehicle = ToyVehicle()
     for name, value in {"COM_FAIL_ACT_T": 0.0, **settings}.items():
         vehicle.registry.set(name, value)
@@ -45,7 +45,7 @@ def on_mission(**settings: float) -> ToyVehicle:
     vehicle.run(0.1)
     vehicle.set_mode(4)
     vehicle.arm()
-    vehicle.run_until(lambda v: v.position[0] > 20.0)
+    vehicle.run_until(lambda v: v.position[0] > 8.0)
     return vehicle
 
 
