@@ -10,7 +10,7 @@ A compass that is not there is shown as ready without its id (SensorsComponentSu
 from collections.abc import Iterator, Mapping
 from typing import Final
 
-from uav_firmware.parameters import Declaration
+from uav_firmware.parameters import Declaration, ParameterValue
 
 _DJI_F450: Final = 4011
 """PX4's airframe number."""
@@ -83,7 +83,7 @@ def _compasses(fitted: int) -> Iterator[Declaration]:
 
 def _fact(
     name: str,
-    value: float,
+    value: ParameterValue,
     short: str,
     values: Mapping[int, str] | None = None,
     *,
