@@ -23,12 +23,11 @@ broker's log.
 import logging
 import math
 from collections import deque
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from datetime import UTC, datetime
 from typing import Final
 
 from mavlink_broker.effects import (
-    BeginLog,
     DropLog,
     Effects,
     FindLogs,
@@ -53,8 +52,9 @@ from mavlink_broker.vehicle.logged_flight import (
     MAX_FLIGHTS,
     FlownSpan,
     IncompleteLogs,
+    KnownLogs,
     LoggedFlight,
-    logs_of,
+    own_logs_of,
     pause_after_s,
     with_number,
 )
@@ -85,6 +85,8 @@ class FlightLogs:
         self._limit_bytes = limit_bytes
         self._limit_s = limit_s
         self._armed: tuple[datetime, float, float | None] | None = None
+        self._boots = 0  # Restarts of the vehicle that were noticed
+        self._armed_boot = 0  # How many before it was armed
         self._flights: deque[LoggedFlight] = deque()
         self._current: LoggedFlight | None = None
         self._list: LogList | None = None
@@ -97,8 +99,7 @@ class FlightLogs:
         self._incomplete = IncompleteLogs()
         self._unanswered = 0  # Lists in a row that the vehicle has not answered
         self._latest_armed_at = -math.inf
-        self._sent: tuple[LogEntry, float] | None = None  # The last one, and when it was listed
-        self._listed_at = 0.0
+        self._known = KnownLogs()
         self.utc = datetime.fromtimestamp(0, UTC)
 
     @property
@@ -109,6 +110,7 @@ class FlightLogs:
     def restarted(self) -> None:
         """Note that the vehicle has restarted: its logs may have other numbers."""
         self._unanswered = 0
+        self._boots += 1
         self._postpone_current(0.0)
         for flight in self._flights:
             flight.entry = None
@@ -117,7 +119,8 @@ class FlightLogs:
         """Forget the flights of a vehicle that another one has replaced."""
         self.restarted()
         self._flights.clear()
-        self._armed = self._sent = None
+        self._armed = None
+        self._known = KnownLogs()
 
     def receive(self, message: Message, now: float, effects: Effects) -> None:
         """Handle a message of the log protocol."""
@@ -172,6 +175,7 @@ class FlightLogs:
         snapshot = self._vehicle.snapshot
         if snapshot.armed and self._armed is None:
             self._armed = self.utc, now, self._vehicle_utc_s()
+            self._armed_boot = self._boots
         elif snapshot.armed and self._armed is not None and self._armed[2] is None:
             # A broker that has just started receives a heartbeat before it knows the clock
             self._armed = *self._armed[:2], self._vehicle_utc_s()
@@ -192,6 +196,7 @@ class FlightLogs:
                     span=span,
                     armed_at=armed_at,
                     not_before=now + (ARDUPILOT_SETTLE_S if self._is_ardupilot else SETTLE_S),
+                    boot=self._armed_boot,
                 )
             )
 
@@ -259,8 +264,9 @@ class FlightLogs:
         self, flight: LoggedFlight, entries: Iterable[LogEntry], now: float, effects: Effects
     ) -> None:
         """Choose the log of the flight; list again while it grows, or is not there yet."""
-        chosen = self._chosen(flight, [entry for entry in entries if entry.size])
-        self._listed_at = now
+        entries = [entry for entry in entries if entry.size]
+        self._known.take_list(entries, now)
+        chosen = self._chosen(flight, entries)
         before, flight.entry = flight.entry, chosen[0] if chosen else None
         flight.lists += 1
         entry = flight.entry
@@ -281,12 +287,15 @@ class FlightLogs:
             self._give_up(flight, reason, effects)
             return
         if flight.begun is None:
-            flight.begun = self._described(flight, entry)
-            for another in chosen[1:]:
-                self._add_another(flight, another, now)
+            form = "bin" if self._is_ardupilot else "ulg"
+            flight.begun = flight.log(entry, form)
+            for one in chosen[1:]:
+                another = flight.another(self._new_name(), now)
+                another.begun = another.log(one, form)
+                self._add(another)
         self._request(flight.begun, effects)
 
-    def _chosen(self, flight: LoggedFlight, entries: Sequence[LogEntry]) -> list[LogEntry]:
+    def _chosen(self, flight: LoggedFlight, entries: list[LogEntry]) -> list[LogEntry]:
         """Choose the logs of a flight, newest first."""
         if flight.begun is not None:
             log = flight.begun
@@ -295,50 +304,24 @@ class FlightLogs:
                 for entry in entries
                 if entry.time_s == log.listed_s and entry.size >= log.size_bytes
             ]
+        possible = self._known.possible(flight, entries)
         if flight.span is not None and any(entry.time_s for entry in entries):
-            found = logs_of(flight.span, entries, has_end_times=self._vehicle.family.lists_log_ends)
+            others = [one.span for one in self._flights if one.span and one.boot != flight.boot]
+            has_end_times = self._vehicle.family.lists_log_ends
+            found = own_logs_of(flight.span, others, possible, has_end_times=has_end_times)
             if self._is_ardupilot and not found:  # Some cards keep the time of the beginning
-                found = logs_of(flight.span, entries, has_end_times=False)
+                found = own_logs_of(flight.span, others, possible, has_end_times=False)
         else:  # Without a clock the newest log is of the latest flight
             is_latest = flight.armed_at == self._latest_armed_at
-            found = sorted(entries, reverse=True)[:1] if is_latest else []
+            newest = max(entries, default=None)
+            found = [newest] if is_latest and newest in possible else []
         if flight.entry is not None and self._is_ardupilot:
-            found = with_number(flight.entry, entries, found)
-        return [entry for entry in found if not self._is_of_an_earlier_flight(flight, entry)]
-
-    def _is_of_an_earlier_flight(self, flight: LoggedFlight, entry: LogEntry) -> bool:
-        """Whether a log that was sent has not grown since this flight began."""
-        if self._sent is None:
-            return False
-        sent, listed_at = self._sent
-        return entry[1:] == sent[1:] and listed_at < flight.armed_at
+            found = with_number(flight.entry, possible, found)
+        return found
 
     @property
     def _is_ardupilot(self) -> bool:
         return bool(self._vehicle.autopilot == mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA)
-
-    def _described(self, flight: LoggedFlight, entry: LogEntry) -> BeginLog:
-        return BeginLog(
-            name=flight.name,
-            format="bin" if self._is_ardupilot else "ulg",
-            started_at=flight.started_at,
-            ended_at=flight.ended_at,
-            listed_s=entry.time_s,
-            size_bytes=entry.size,
-        )
-
-    def _add_another(self, flight: LoggedFlight, entry: LogEntry, now: float) -> None:
-        """Queue another log of the same flight."""
-        another = LoggedFlight(
-            name=self._new_name(),
-            started_at=flight.started_at,
-            ended_at=flight.ended_at,
-            span=flight.span,
-            armed_at=flight.armed_at,
-            not_before=now,
-        )
-        another.begun = self._described(another, entry)
-        self._add(another)
 
     def _follow_download(
         self, flight: LoggedFlight, download: LogDownload, now: float, effects: Effects
@@ -445,7 +428,7 @@ class FlightLogs:
     def _finish(self, flight: LoggedFlight, state: LogState) -> None:
         self._current = None
         if flight.entry is not None:
-            self._sent = flight.entry, self._listed_at
+            self._known.sent(flight.entry, flight)
         _LOG.info(
             "vehicle %d: the log of its flight, %s, was sent after %.0f s",
             *(self._vehicle.vehicle_id, _mb(state.received_bytes), flight.fetching_s),

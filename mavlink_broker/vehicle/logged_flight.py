@@ -2,12 +2,14 @@
 
 Autopilots state one time of a log: the project's vehicle that of its beginning, PX4 and ArduPilot
 that of its last change. Which log is of a flight follows from the times of all logs, by the
-vehicle's clock, which the broker knows from SYSTEM_TIME.
+vehicle's clock, which the broker knows from SYSTEM_TIME. That clock may go back when the vehicle is
+restarted, so that a log of an earlier start may have a time within a later flight; then what the
+broker knows of the log from before decides.
 """
 
 import math
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Final, NamedTuple
@@ -27,6 +29,9 @@ MAX_FLIGHTS: Final = 8
 MAX_FAILURES: Final = 5
 _FIRST_PAUSE_S: Final = 30.0
 LONGEST_PAUSE_S: Final = 600.0
+LISTED_KEPT: Final = 1024
+SENT_KEPT: Final = 64
+"""Logs of a vehicle that are remembered."""
 MAX_LOGS: Final = 4
 """Logs of one flight: a vehicle begins another one when a log becomes too large."""
 
@@ -54,11 +59,35 @@ class LoggedFlight:
     span: FlownSpan | None
     armed_at: float  # By the broker's monotonic clock
     not_before: float
+    boot: int | None = None  # Restarts of the vehicle before it; None: of an earlier run
     begun: BeginLog | None = None  # As the edge server knows it
     entry: LogEntry | None = None  # As it was listed last
     lists: int = 0
     failures: int = 0
     fetching_s: float = 0.0
+
+    def log(self, entry: LogEntry, form: str) -> BeginLog:
+        """Describe the log of this flight for the edge server; `form`: its format."""
+        return BeginLog(
+            name=self.name,
+            format=form,
+            started_at=self.started_at,
+            ended_at=self.ended_at,
+            listed_s=entry.time_s,
+            size_bytes=entry.size,
+        )
+
+    def another(self, name: str, now: float) -> "LoggedFlight":
+        """Prepare for another log of the same flight."""
+        return LoggedFlight(
+            name=name,
+            started_at=self.started_at,
+            ended_at=self.ended_at,
+            span=self.span,
+            armed_at=self.armed_at,
+            not_before=now,
+            boot=self.boot,
+        )
 
 
 def logs_of(span: FlownSpan, entries: Iterable[LogEntry], *, has_end_times: bool) -> list[LogEntry]:
@@ -91,6 +120,71 @@ def with_number(
     """
     same = [one for one in entries if one.number == known.number and one.size >= known.size]
     return same + [entry for entry in found if entry.number < known.number]
+
+
+def own_logs_of(
+    span: FlownSpan,
+    others: Iterable[FlownSpan],
+    entries: Sequence[LogEntry],
+    *,
+    has_end_times: bool,
+) -> list[LogEntry]:
+    """Choose the logs of a flight, without those that rather are of `others`.
+
+    The others are flights after other starts of the vehicle: where its clock has gone back, they
+    overlap by it. A log is listed with a time close to the arming of its flight, or to the
+    disarming (`has_end_times`).
+    """
+
+    def distance_s(entry: LogEntry, flight: FlownSpan) -> float:
+        return abs(entry.time_s - (flight.disarmed_s if has_end_times else flight.armed_s))
+
+    foreign = {
+        entry
+        for other in others
+        for entry in logs_of(other, entries, has_end_times=has_end_times)
+        if distance_s(entry, other) < distance_s(entry, span)
+    }
+    found = logs_of(span, entries, has_end_times=has_end_times)
+    return [entry for entry in found if entry not in foreign]
+
+
+class KnownLogs:
+    """Since when each log of one vehicle is listed, and which of them were sent.
+
+    A log is recognized by its time and size: its number changes when an older one is deleted, or
+    one with an earlier time is added.
+    """
+
+    def __init__(self) -> None:
+        self._listed: dict[tuple[int, int], float] = {}  # At first, by the broker's clock
+        self._sent: deque[tuple[tuple[int, int], int]] = deque(maxlen=SENT_KEPT)
+
+    def take_list(self, entries: Iterable[LogEntry], now: float) -> None:
+        """Note a list of the vehicle; the logs that were listed last are remembered."""
+        for entry in entries:
+            first_at = self._listed.pop(entry[1:], now)
+            self._listed[entry[1:]] = first_at
+        for forgotten in list(self._listed)[:-LISTED_KEPT]:
+            del self._listed[forgotten]
+
+    def sent(self, entry: LogEntry, flight: LoggedFlight) -> None:
+        """Note that a log was sent completely for a flight."""
+        if flight.boot is not None:
+            self._sent.append((entry[1:], flight.boot))
+
+    def possible(self, flight: LoggedFlight, entries: Iterable[LogEntry]) -> list[LogEntry]:
+        """Leave out the logs that are of other flights.
+
+        Such a log has not grown since before this flight, or was sent for a flight from which a
+        restart of the vehicle separates this one. Flights of one start may share a log.
+        """
+        return [
+            entry
+            for entry in entries
+            if self._listed.get(entry[1:], math.inf) >= flight.armed_at
+            and not any(sent == entry[1:] and boot != flight.boot for sent, boot in self._sent)
+        ]
 
 
 class IncompleteLogs:

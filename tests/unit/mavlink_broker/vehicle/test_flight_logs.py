@@ -96,6 +96,9 @@ class World:
         self._waiting: list[LogJob] = []
         self._busy_until = 0.0
         self.limit_s = 600.0
+        self.booted_s = 0.0
+        self.clock_back_s = 0.0
+        """How much the vehicle's clock is behind that of the broker."""
         self.start_broker()
 
     def start_broker(self) -> None:
@@ -113,10 +116,19 @@ class World:
 
     def fly(self, size: int, *, seconds: float = 60.0) -> bytes:
         """Fly for a while; gives what the vehicle logs of it."""
-        began = BOOT + timedelta(seconds=self.air.now_s)
+        began = BOOT + timedelta(seconds=self.air.now_s - self.clock_back_s)
         contents = self.air.write_log(f"{began:%H_%M_%S}", size, seed=size)
         self.arm(seconds)
         return contents
+
+    def reboot(self, clock_back_s: float = 0.0) -> None:
+        """Restart the vehicle, whose clock then goes back."""
+        self.air.reboot()
+        self.clock_back_s += clock_back_s
+        booted = BOOT + timedelta(seconds=self.air.now_s - self.clock_back_s)
+        self.vehicle.snapshot.booted_at_utc_s = booted.timestamp()
+        self.booted_s = self.air.now_s
+        self.logs.restarted()
 
     def arm(self, seconds: float) -> None:
         """Be armed for a while."""
@@ -148,7 +160,7 @@ class World:
         for message in arrived:
             self.logs.receive(message, self.air.now_s, effects)
         snapshot = self.vehicle.snapshot
-        snapshot.time_s = self.air.now_s
+        snapshot.time_s = self.air.now_s - self.booted_s
         self.logs.utc = BOOT + timedelta(seconds=self.air.now_s)
         if self.is_answering:
             for job in self._waiting:

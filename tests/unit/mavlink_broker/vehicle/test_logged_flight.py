@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mavlink_broker.microservices.log_download import LogEntry
-from mavlink_broker.vehicle.logged_flight import MAX_LOGS, FlownSpan, logs_of
+from mavlink_broker.vehicle.logged_flight import MAX_LOGS, FlownSpan, logs_of, own_logs_of
 
 BOOT = 1_772_355_600
 
@@ -52,6 +52,18 @@ def test_a_log_that_is_listed_with_its_end_lasts_from_the_one_before() -> None:
     assert chosen(span(100.0, 160.0), 60, 162, 300, has_end_times=True) == [1]
     assert chosen(span(170.0, 300.0), 60, 162, 300, has_end_times=True) == [2]
     assert chosen(span(310.0, 400.0), 60, 162, 300, has_end_times=True) == []
+
+
+@pytest.mark.parametrize(("has_end_times", "expected"), [(False, ([0], [1])), (True, ([1], [0]))])
+def test_a_log_is_of_the_nearest_of_flights_that_overlap_by_a_clock_that_went_back(
+    *, has_end_times: bool, expected: tuple[list[int], list[int]]
+) -> None:
+    before, after = FlownSpan(100.0, 180.0, 0.0), FlownSpan(130.0, 170.0, 90.0)
+    times = (170, 181) if has_end_times else (98, 129)
+    entries = [LogEntry(number, at, 1000) for number, at in enumerate(times)]
+    for flight, other, numbers in zip((before, after), (after, before), expected, strict=True):
+        found = own_logs_of(flight, [other], entries, has_end_times=has_end_times)
+        assert [entry.number for entry in found] == numbers
 
 
 @given(

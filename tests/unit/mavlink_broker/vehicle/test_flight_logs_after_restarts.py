@@ -1,0 +1,68 @@
+"""Logs of a vehicle whose clock goes back when it is restarted; time is simulated."""
+
+from pathlib import Path
+
+import pytest
+
+from tests.unit.mavlink_broker.vehicle.test_flight_logs import World
+
+pytestmark = pytest.mark.usefixtures("_small_parts")
+
+
+def test_a_flight_after_a_restart_that_set_the_clock_back_has_its_own_log(tmp_path: Path) -> None:
+    """The log of the flight before has a time within the new flight."""
+    world = World(tmp_path)
+    world.wait(300.0)
+    first = world.fly(20_000)
+    world.run_until(lambda: len(world.archive.sent) == 1)
+    second = world.fly(30_000)
+    world.run_until(lambda: len(world.archive.sent) == 2)
+    world.reboot(clock_back_s=180.0)
+    third = world.fly(10_000, seconds=120.0)
+    world.run_until(lambda: len(world.archive.sent) == 3)
+    world.wait(60.0)
+    assert world.archive.sent == [first, second, third]
+
+
+def test_a_flight_after_such_a_restart_has_no_log_that_was_sent_for_another(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    world = World(tmp_path)
+    world.wait(300.0)
+    flights = [world.fly(20_000), world.fly(30_000)]
+    world.run_until(lambda: len(world.archive.sent) == 2)
+    world.reboot(clock_back_s=180.0)
+    world.arm(150.0)
+    world.wait(120.0)
+    assert world.archive.sent == flights
+    assert "its vehicle lists no log of it" in caplog.text
+
+
+def test_flights_before_and_after_such_a_restart_that_wait_have_their_own_logs(
+    tmp_path: Path,
+) -> None:
+    world = World(tmp_path)
+    world.may_fetch = False
+    world.wait(300.0)
+    flights = [world.fly(20_000)]
+    world.reboot(clock_back_s=40.0)
+    flights.append(world.fly(30_000))
+    world.may_fetch = True
+    world.run_until(lambda: len(world.archive.sent) == 2)
+    world.wait(120.0)
+    assert world.archive.sent == flights
+
+
+def test_a_log_sent_for_a_flight_after_a_restart_is_not_of_one_before_it(tmp_path: Path) -> None:
+    """The vehicle deleted the log of the first flight before it could be fetched."""
+    world = World(tmp_path)
+    world.may_fetch = False
+    world.wait(300.0)
+    world.fly(20_000)
+    (path,) = (tmp_path / "log").rglob("*.ulg")
+    path.unlink()
+    world.reboot(clock_back_s=40.0)
+    second = world.fly(30_000)
+    world.may_fetch = True
+    world.wait(300.0)
+    assert world.archive.sent == [second]
