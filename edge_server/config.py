@@ -149,6 +149,11 @@ class Config:
         return self.edge_dir / "ballast"
 
     @property
+    def start_reserve_path(self) -> Path:
+        """File that reserves room to open the database on a full disk."""
+        return self.edge_dir / "start-reserve"
+
+    @property
     def wake_path(self) -> Path:
         """Pipe through which the server wakes the relay when a record is due."""
         return self.edge_dir / "relay.wake"

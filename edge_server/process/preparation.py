@@ -20,6 +20,8 @@ LOG = logging.getLogger(__name__)
 def prepare(config: Config) -> None:
     """Create what is missing and migrate what is old; no effect on a prepared folder.
 
+    On a full disk the ballast is released for it, then the reserve for a start.
+
     Raises:
         ConfigError: if the folder cannot be created.
         StoreError: if the database cannot be used.
@@ -28,23 +30,28 @@ def prepare(config: Config) -> None:
     key_files.check_given(config)
     _check_signature_key(config)
     make_state_folder(config)
-    _prepare_database(config)
+    reserves = iter((config.ballast_path, config.start_reserve_path))
+    while True:
+        try:
+            _prepare_database(config)
+        except (DBAPIError, sqlite3.OperationalError, OSError) as error:
+            if not is_full_disk(error):
+                raise
+            released = next((path for path in reserves if ballast.release(path)), None)
+            if released is None:
+                raise
+            LOG.warning("the disk is full; the reserve %s is released", released)
+        else:
+            return
+
+
+def _prepare_database(config: Config) -> None:
+    migrate.prepare(config.database)
     database = open_database(config)
     try:
         key_files.ensure(database, config.keys_dir, time.time())
     finally:
         database.close()
-
-
-def _prepare_database(config: Config) -> None:
-    """Prepare the database; on a full disk release the ballast for it."""
-    try:
-        migrate.prepare(config.database)
-    except (DBAPIError, sqlite3.OperationalError) as error:
-        if not is_full_disk(error) or not ballast.release(config.ballast_path):
-            raise
-        LOG.warning("the disk is full; the ballast %s is released", config.ballast_path)
-        migrate.prepare(config.database)
 
 
 def _check_signature_key(config: Config) -> None:

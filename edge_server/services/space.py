@@ -146,6 +146,7 @@ class Space:
 
     def _hold_room(self) -> None:
         """Hold the ballast; on a disk with little room return free pages of the file to it."""
+        ballast.hold_for_start(self._config.start_reserve_path)
         path = self._config.ballast_path
         free = shutil.disk_usage(self._config.edge_dir).free
         if not ballast.hold(path) or free < ballast.size_on(path):

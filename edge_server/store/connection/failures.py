@@ -3,6 +3,7 @@
 SQLite reports an error name, PostgreSQL a SQLSTATE (its documentation, appendix A).
 """
 
+import errno
 from typing import Final
 
 from sqlalchemy.exc import DBAPIError
@@ -35,9 +36,11 @@ def is_full(error: DBAPIError) -> bool:
 
 
 def is_full_disk(error: Exception) -> bool:
-    """Whether an error, wrapped by an engine or not, means that the disk is full."""
+    """Whether an error of a database or of the system means that the disk is full."""
     if isinstance(error, DBAPIError):
         return is_full(error)
+    if isinstance(error, OSError):
+        return error.errno in {errno.ENOSPC, errno.EDQUOT}
     return getattr(error, "sqlite_errorname", None) in _SQLITE_FULL
 
 

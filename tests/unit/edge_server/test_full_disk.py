@@ -2,6 +2,7 @@
 
 import base64
 import os
+import sqlite3
 import threading
 import time
 from collections.abc import Iterator, Sequence
@@ -10,6 +11,7 @@ from random import Random
 
 import pytest
 from sqlalchemy import delete
+from sqlalchemy.exc import OperationalError
 
 from edge_server.app import context_of, create_app
 from edge_server.config import Config
@@ -153,6 +155,39 @@ def test_a_start_on_a_full_disk_uses_the_ballast(edge: Edge) -> None:
     prepare(edge.config)
     assert not edge.config.ballast_path.exists()
     assert edge.count("telemetry") == 1
+
+
+@pytest.mark.first_case
+def test_a_start_on_a_full_disk_without_ballast_uses_the_reserve_for_it(edge: Edge) -> None:
+    """The server had used up the ballast; then it was restarted, while the disk was kept full."""
+    filler = edge.config.state_dir / "another program"
+    edge.context.space.maintain(time.monotonic())
+    assert report(edge, "pose", 0) == 201
+    fill_up(filler)
+    edge.config.ballast_path.unlink()
+    edge.context.database.close()
+    fill_up(filler)
+    prepare(edge.config)
+    assert report(edge, "pose", 1) == 507
+    assert report(edge, "alarm", 2) == 201
+    filler.unlink()
+    edge.context.space.maintain(time.monotonic())
+    assert edge.config.ballast_path.exists()
+    assert edge.config.start_reserve_path.exists()
+
+
+@pytest.mark.first_case
+def test_a_start_on_a_disk_without_any_room_says_so(edge: Edge) -> None:
+    filler = edge.config.state_dir / "another program"
+    edge.context.space.maintain(time.monotonic())
+    edge.context.database.close()
+    edge.config.ballast_path.unlink()
+    edge.config.start_reserve_path.unlink()
+    fill_up(filler)
+    with pytest.raises((OperationalError, sqlite3.OperationalError)):
+        prepare(edge.config)
+    filler.unlink()
+    prepare(edge.config)
 
 
 @pytest.mark.first_case
