@@ -12,6 +12,7 @@ from flask import Response, make_response, request
 from flask.typing import ResponseReturnValue
 from werkzeug.datastructures import ETags, Range
 from werkzeug.exceptions import RequestedRangeNotSatisfiable
+from werkzeug.http import quote_etag
 
 from edge_server.services.errors import ChangedError
 from edge_server.store.connection.database import to_json
@@ -63,10 +64,10 @@ def file_part(
     """
     if request.if_none_match.contains(tag):
         answer = Response(status=304)
-    elif (wanted := _wanted()) is None:
+    elif (wanted := _wanted(tag)) is None:
         answer = Response(read(0, size_bytes), content_type=media_type)
         answer.content_length = size_bytes
-    elif (part := wanted.range_for_length(size_bytes)) is None:
+    elif (part := _bytes_of(wanted, size_bytes)) is None:
         raise RequestedRangeNotSatisfiable(length=size_bytes)
     else:
         answer = Response(read(*part), 206, content_type=media_type)
@@ -78,8 +79,24 @@ def file_part(
     return answer
 
 
-def _wanted() -> Range | None:
-    """Read which part is wanted; several parts, and one of a former file, become the whole."""
+def _wanted(tag: str) -> Range | None:
+    """Read which part is wanted; several parts, and one of a former file, become the whole.
+
+    `If-Range` names the file that a client has the beginning of; it is compared strongly, so that
+    neither a weak tag nor a date matches (RFC 9110 section 13.1.5).
+    """
     asked = request.range
     is_one = asked is not None and asked.units == "bytes" and len(asked.ranges) == 1
-    return asked if is_one and "If-Range" not in request.headers else None
+    is_same = request.headers.get("If-Range", quote_etag(tag)) == quote_etag(tag)
+    return asked if is_one and is_same else None
+
+
+def _bytes_of(wanted: Range, size_bytes: int) -> tuple[int, int] | None:
+    """Return first and last byte, the latter not included; None if the file has none of them.
+
+    The last bytes of a file that is shorter are the whole file (RFC 9110 section 14.1.2).
+    """
+    first, _ = wanted.ranges[0]
+    if size_bytes and first < -size_bytes:
+        return 0, size_bytes
+    return wanted.range_for_length(size_bytes)

@@ -19,6 +19,7 @@ from tests.unit.edge_server.documents import VEHICLE_LOG
 LOG: Final = "/vehicles/1/logs/01K9Z4T1W8F6Q2M3N5P7R9S0VX"
 OTHER: Final = "/vehicles/1/logs/01K9Z4T1W8F6Q2M3N5P7R9S0VY"
 MIB: Final = 1024 * 1024
+CONTENTS: Final = b"ULog\x01\x122345"
 
 
 def declare(edge: Edge, path: str = LOG, **fields: Any) -> TestResponse:
@@ -81,6 +82,40 @@ def test_a_range_of_a_log_over_several_parts_is_given(flown: Edge) -> None:
     assert flown.ask("GET", "/flights/1/log", "farmer", headers=beyond).status_code == 416
     tag = {"If-None-Match": answer.headers["ETag"]}
     assert flown.ask("GET", "/flights/1/log", "farmer", headers=tag).status_code == 304
+
+
+@pytest.mark.parametrize(
+    ("last", "given"), [(4, b"2345"), (10, CONTENTS), (99_999_999_999, CONTENTS)]
+)
+def test_the_last_bytes_of_a_log_are_at_most_the_whole_log(
+    flown: Edge, last: int, given: bytes
+) -> None:
+    declare(flown)
+    send(flown, 0, CONTENTS, is_last=True)
+    headers = {"Range": f"bytes=-{last}"}
+    answer = flown.ask("GET", "/flights/1/log", "farmer", headers=headers)
+    assert (answer.status_code, answer.data) == (206, given)
+    assert answer.headers["Content-Range"] == f"bytes {10 - len(given)}-9/10"
+
+
+def test_a_download_goes_on_if_the_log_is_the_same(flown: Edge) -> None:
+    declare(flown)
+    send(flown, 0, CONTENTS, is_last=True)
+    tag = flown.ask("GET", "/flights/1/log", "farmer").headers["ETag"]
+
+    def ask(condition: str) -> tuple[int, bytes]:
+        headers = {"Range": "bytes=4-", "If-Range": condition}
+        answer = flown.ask("GET", "/flights/1/log", "farmer", headers=headers)
+        return answer.status_code, answer.data
+
+    assert ask(tag) == (206, CONTENTS[4:])
+    for other in (
+        '"of a former file"',
+        f"W/{tag}",
+        tag.strip('"'),
+        "Sat, 21 Nov 2026 12:00:00 GMT",
+    ):
+        assert ask(other) == (200, CONTENTS)
 
 
 def test_a_flight_without_a_log_says_why(flown: Edge) -> None:
