@@ -154,6 +154,8 @@ class _Clock:
 
     newest_ms: int
     received_at: float
+    began_at: float  # First sample
+    went_on_at: float = -math.inf
     behind: int = 0
     was_silent: bool = False  # Before it went back
 
@@ -164,25 +166,38 @@ class RebootMonitor:
     def __init__(self) -> None:
         self._clocks: dict[str, _Clock] = {}
         self.confirmed_at = -math.inf  # When the clock last went on, or a reboot was detected
+        self.doubted_at = -math.inf  # When it last was behind as after a reboot
+        self._rebooted_at = -math.inf
+
+    def has_shown(self, since: float) -> bool:
+        """Whether a clock of before has gone on since a time, or a reboot was detected since.
+
+        A kind of message that was not received before would go on after a reboot too.
+        """
+        clocks = self._clocks.values()
+        goes_on = any(clock.began_at < since <= clock.went_on_at for clock in clocks)
+        return goes_on or self._rebooted_at >= since
 
     def sample(self, kind: str, time_boot_ms: int, now: float) -> bool:
         """Compare a time since boot of a kind of message; true when it proves a reboot."""
         clock = self._clocks.get(kind)
         if clock is None:
             if len(self._clocks) < MESSAGES_KEPT:
-                self._clocks[kind] = _Clock(time_boot_ms, now)
+                self._clocks[kind] = _Clock(time_boot_ms, now, now)
             return False
         gap_s, clock.received_at = now - clock.received_at, now
         if time_boot_ms >= clock.newest_ms or _has_wrapped(clock.newest_ms, time_boot_ms):
             clock.newest_ms, clock.behind, clock.was_silent = time_boot_ms, 0, False
-            self.confirmed_at = now
+            self.confirmed_at = clock.went_on_at = now
         else:
             clock.was_silent |= gap_s >= SILENCE_S
-            clock.behind += _is_suspicious(clock, time_boot_ms)
+            if _is_suspicious(clock, time_boot_ms):
+                clock.behind += 1
+                self.doubted_at = now
         if clock.behind < CONFIRMATIONS:
             return False
-        self._clocks = {kind: _Clock(time_boot_ms, now)}
-        self.confirmed_at = now
+        self._clocks = {kind: _Clock(time_boot_ms, now, now)}
+        self.confirmed_at = self._rebooted_at = now
         return True
 
 

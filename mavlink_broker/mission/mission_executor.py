@@ -433,12 +433,18 @@ class MissionExecutor:
             reason = authority.reason(who)
             effects.for_edge.append(Acknowledgement(work.work_id, "refused", reason))
             self._move(Event.ENDED, now, effects)
-        elif not self._vehicle.snapshot.armed and not authority.is_arming_ordered:
+        elif not self._may_be_armed(now):
             effects.for_edge.append(Acknowledgement(work.work_id, "done"))
             self._move(Event.ENDED, now, effects)
         else:
             self._aborting.order(work.event, work.work_id, now)
             self._move(Event.ABORTED, now, effects)
+
+    def _may_be_armed(self, now: float) -> bool:
+        """Whether the vehicle is armed, is about to be, or does not show whether it still flies."""
+        is_hidden = self.state in IN_FLIGHT and not self._vehicle.shows_itself(now)
+        is_arming_ordered = self._context.authority.is_arming_ordered
+        return bool(self._vehicle.snapshot.armed) or is_arming_ordered or is_hidden
 
     def _return_home(self, now: float, effects: Effects) -> None:
         self._aborting.order(return_event(self._vehicle.vehicle_id), None, now)

@@ -261,10 +261,10 @@ class PendingEvents:
         """
         of_earlier_run = work.was_accepted or self.is_before(work.work_id)
         snapshot = self._vehicle.snapshot
-        if not (is_abort(work) and of_earlier_run and snapshot.armed):
+        if not (is_abort(work) and of_earlier_run) or snapshot.armed is None:
             return False
         lands_here = work.event.event_type_id is EventType.ABORT_MISSION
-        leads = work.event.abort is not None or not lands_here
+        leads = snapshot.armed and (work.event.abort is not None or not lands_here)
         lacks_place = snapshot.home is None or not snapshot.knows_whether_placed
         lacks_time = self._noted_s is not None and snapshot.time_s is None
         if not (lacks_time or (leads and lacks_place)):
@@ -315,7 +315,7 @@ class PendingEvents:
             effects.for_edge.append(refusal)
         elif work.was_accepted and (work.work_id in self._stale or self._is_past(self._noted_s)):
             effects.for_edge.append(Acknowledgement(work.work_id, "refused", RESTARTED))
-        elif not seen.armed or comes_down:
+        elif comes_down or (not seen.armed and vehicle.shows_itself(now)):
             effects.for_edge.append(Acknowledgement(work.work_id, "done"))
         else:
             if is_newer:
@@ -392,7 +392,7 @@ class PendingEvents:
         vehicle = self._vehicle
         work, executor = self._running
         effects.messages += executor.tick(now)
-        if executor.is_over:
+        if executor.is_over(now):
             self._running = None
             vehicle.recovery.clear_abort()
             self.leaves_hovering = executor.leaves_hovering

@@ -395,7 +395,8 @@ class ProgressMonitor:
 
     def step(self, now: float) -> list[EdgeReport]:
         """Update the progress; gives results and reports to post."""
-        if self._vehicle.snapshot.is_on_ground and self._vehicle.is_reachable(now):
+        may_be_another = not self._vehicle.is_reachable(now) or self._vehicle.may_be_restarted(now)
+        if self._vehicle.snapshot.is_on_ground and not may_be_another:
             if self._resumed and self._has_landed_meanwhile():
                 self._progress = self._progress.with_complete()
             # On the ground in another mode, no later mode proves that it has run its mission

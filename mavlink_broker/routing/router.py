@@ -123,18 +123,24 @@ class DuplicateSystemIds:
         self._clocks: dict[int, tuple[int, float]] = {}
         self._others: dict[int, _Other] = {}
         self._same: dict[tuple[int, Address], bool] = {}  # By the last clock received there
+        self._without_clock: dict[tuple[int, Address], float] = {}  # Since when it is received
 
-    def receive_active(self, message: Message, now: float) -> None:
-        """Handle a message from the active link."""
+    def receive_active(self, message: Message, address: Address, now: float) -> bool:
+        """Handle a message from the active link; true when its first clock is another vehicle's."""
         boot_ms: int | None = getattr(message, "time_boot_ms", None)
-        if boot_ms is not None:
-            self._clocks[source_of(message).system] = boot_ms, now
+        if boot_ms is None:
+            return False
+        system = source_of(message).system
+        is_first = (system, address) in self._without_clock
+        is_another = is_first and not self.is_same(message, address, now)
+        self._clocks[system] = boot_ms, now
+        return is_another
 
     def is_same(self, message: Message, address: Address, now: float) -> bool:
         """Whether a message from another link is of the vehicle on the active one.
 
         Its clock goes on, or has begun since that was received last. Without a clock it is, when
-        that has been silent for `CLOCK_WITHIN_S`.
+        that has been silent for `CLOCK_WITHIN_S` and this one has been received for so long.
         """
         system = source_of(message).system
         clock = self._clocks.get(system)
@@ -144,9 +150,15 @@ class DuplicateSystemIds:
         if boot_ms is not None:
             if len(self._same) >= OTHERS_KEPT:
                 self._same.clear()
+            self._without_clock.pop((system, address), None)
             has_begun = boot_ms < 1000.0 * (now - clock[1])
             self._same[system, address] = has_begun or not self._differs(boot_ms, clock, now)
-        return self._same.get((system, address), now - clock[1] >= CLOCK_WITHIN_S)
+        if (system, address) in self._same:
+            return self._same[system, address]
+        if len(self._without_clock) >= OTHERS_KEPT:
+            self._without_clock.clear()
+        since = self._without_clock.setdefault((system, address), now)
+        return now - max(since, clock[1]) >= CLOCK_WITHIN_S
 
     def is_another(self, system: int, address: Address) -> bool:
         """Whether the last clock that was received from another link is another vehicle's."""
@@ -179,6 +191,9 @@ class DuplicateSystemIds:
         self._clocks.pop(system, None)
         self._others.pop(system, None)
         self._same = {key: same for key, same in self._same.items() if key[0] != system}
+        self._without_clock = {
+            key: since for key, since in self._without_clock.items() if key[0] != system
+        }
 
     def warning(self, system: int, now: float) -> str | None:
         """Warning about a system for the operator; None if there is none."""
@@ -401,7 +416,8 @@ class Router:
     ) -> None:
         """Detect another vehicle with the same system id."""
         if counts:
-            self._duplicates.receive_active(message, now)
+            if self._duplicates.receive_active(message, address, now):
+                self._replaced.add(source_of(message).system)
         elif self._duplicates.receive_other(message, address, now):
             _LOG.warning("%s", self._duplicates.warning(source_of(message).system, now))
 

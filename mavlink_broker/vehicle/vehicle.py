@@ -126,9 +126,10 @@ class Vehicle:
         kind = message.get_type()
         if kind == "HEARTBEAT" and not is_vehicle(message):
             return False  # Another program sends under the system id of the vehicle
+        boot_ms = _boot_ms_of(message)
+        if kind == "HEARTBEAT" or boot_ms is not None:
+            self._note_return(now)
         if kind == "HEARTBEAT":
-            if self.link.state(now) is not LinkState.CONNECTED and self._has_clock:
-                self._back_at = now
             self.link.heartbeat_received(now)
             self.autopilot, self.vehicle_type = message.autopilot, message.type
             self.family = family_of(message.autopilot, self.product, message.type)
@@ -143,9 +144,6 @@ class Vehicle:
         self._status_texts.receive(message, now)
         if kind in AGED:
             self._received_at[kind] = now
-        boot_ms: int | None = None
-        if kind not in EVENT_MESSAGES:
-            boot_ms = getattr(message, "time_boot_ms", None)
         rebooted = boot_ms is not None and self._reboots.sample(kind, boot_ms, now)
         if rebooted and boot_ms is not None:
             self._booted_at = now - boot_ms / 1e3
@@ -157,6 +155,11 @@ class Vehicle:
         self._is_taken = self._is_taken and self.snapshot.armed is not False
         self._observe_foreign_order(message, now)
         return rebooted
+
+    def _note_return(self, now: float) -> None:
+        """Note that it is received again, and has to show by its clock that it is the same."""
+        if self.link.state(now) is not LinkState.CONNECTED and self._has_clock:
+            self._back_at = now
 
     def _forget_telemetry(self) -> None:
         self._received_at.clear()
@@ -321,9 +324,17 @@ class Vehicle:
 
     def may_be_restarted(self, now: float) -> bool:
         """Whether it may have been switched off while its link was away: its clock shows that."""
-        if self._back_at is None or now - self._back_at >= CLOCK_WITHIN_S:
+        if self._back_at is None or self._reboots.has_shown(self._back_at):
             return False
-        return self._reboots.confirmed_at < self._back_at
+        return now - max(self._back_at, self._reboots.doubted_at) < CLOCK_WITHIN_S
+
+    def shows_itself(self, now: float) -> bool:
+        """Whether it is received, and what it shows is of the vehicle that was ordered before.
+
+        The first heartbeat behind a lost link may be that of a vehicle which was restarted, or of
+        another one with its system id.
+        """
+        return self.is_connected(now) and not self.may_be_restarted(now)
 
     @property
     def version(self) -> str | None:
@@ -460,6 +471,13 @@ class Vehicle:
         """How old its newest message of a kind is (one of AGED); None: none received."""
         received_at = self._received_at.get(kind)
         return None if received_at is None else now - received_at
+
+
+def _boot_ms_of(message: Message) -> int | None:
+    if message.get_type() in EVENT_MESSAGES:
+        return None
+    boot_ms: int | None = getattr(message, "time_boot_ms", None)
+    return boot_ms
 
 
 def uid_of(message: Message) -> str:

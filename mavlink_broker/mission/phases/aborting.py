@@ -170,7 +170,8 @@ class AbortExecutor:
         self._arms_until = arms_until
         self._first_mode = vehicle.mode if was_ours else None  # Ours until it is left
         self._again_at = math.inf
-        self._may_be_lost = False  # What was sent since the action began: the link was away
+        self._may_be_lost = False  # What was sent since the action began: the link was away, or
+        # the vehicle might be restarted, to which none is sent
         self._lands_instead = False
         self._obeyed_at: float | None = None  # It has left its mission
         self.taken: str | None = None  # Who has taken the vehicle meanwhile
@@ -178,11 +179,15 @@ class AbortExecutor:
         self._disarms = False  # What is ordered is for the ground
         self._executor = LiveCommandExecutor(self._action(with_place=True), vehicle)
 
-    @property
-    def is_over(self) -> bool:
-        """Whether the vehicle has obeyed the last order, is disarmed, or is another system's."""
+    def is_over(self, now: float) -> bool:
+        """Whether the vehicle has obeyed the last order, is disarmed, or is another system's.
+
+        While its link is away, or it may have been restarted, nothing shows what it does.
+        """
         if self.taken is not None:
             return True
+        if not self._vehicle.shows_itself(now):
+            return False
         if self._vehicle.snapshot.armed is False:
             return self._arms_until is None
         is_done = self._executor.phase is LivePhase.DONE
@@ -230,7 +235,7 @@ class AbortExecutor:
         """Repeat what is overdue, and begin again what was refused or not obeyed."""
         if self._is_taken(now):
             return []
-        self._may_be_lost |= self._is_link_away(now)
+        self._may_be_lost |= not self._vehicle.shows_itself(now)
         self._expire_arming(now)
         must_drop = self._must_drop_place()
         if must_drop or self._has_left_ground:
@@ -249,14 +254,9 @@ class AbortExecutor:
         if now < self._again_at:
             return messages
         self._again_at = math.inf
-        self._may_be_lost = self._is_link_away(now)
+        self._may_be_lost = not self._vehicle.shows_itself(now)
         self._executor = LiveCommandExecutor(self._action(with_place=has_failed), self._vehicle)
         return [*messages, *self._executor.start(now)]
-
-    def _is_link_away(self, now: float) -> bool:
-        """Whether an order may be lost; to a vehicle that may be restarted none is sent."""
-        vehicle = self._vehicle
-        return vehicle.link.state(now) is not LinkState.CONNECTED or vehicle.may_be_restarted(now)
 
     def _expire_arming(self, now: float) -> None:
         """Stop expecting the arming when it is too late; lost heartbeats extend the time.
@@ -379,7 +379,7 @@ class Aborting(Phase):
         if self._executor is None:
             return None
         effects.messages += self._executor.tick(now)
-        if not self._executor.is_over:
+        if not self._executor.is_over(now):
             return None
         self.acknowledge(effects)
         return Event.ENDED

@@ -13,10 +13,7 @@ from dst.simulate import Outcome, simulate
 
 FLYING = 2
 FIXED = (3, 7, 9)
-OPEN = (69,)
-"""A broker restarted beside a twin of its vehicle answers an abort by what the twin on the ground
-shows, while the one that flies is out of reach."""
-MORE = tuple(seed for seed in (1, *range(4, 201)) if seed not in {*OPEN, *FIXED})
+MORE = tuple(seed for seed in (1, *range(4, 201)) if seed not in FIXED)
 DAYS = range(1, 4)
 DEEP = range(1, 4)
 FRESH = 17

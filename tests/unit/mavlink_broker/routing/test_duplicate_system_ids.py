@@ -5,11 +5,20 @@ from mavlink_broker.mavlink.codec import Decoder, Encoder
 from mavlink_broker.mavlink.dialect import Message, mavlink
 from mavlink_broker.routing.router import DuplicateSystemIds
 
+HERE = Address("192.0.2.1", 14581)
 THERE = Address("192.0.2.9", 14581)
+ELSEWHERE = Address("192.0.2.20", 14581)
 
 
 def attitude(boot_s: float) -> Message:
-    message = mavlink.MAVLink_attitude_message(int(boot_s * 1e3), 0, 0, 0, 0, 0, 0)
+    return received_from_1(mavlink.MAVLink_attitude_message(int(boot_s * 1e3), 0, 0, 0, 0, 0, 0))
+
+
+def heartbeat() -> Message:
+    return received_from_1(mavlink.MAVLink_heartbeat_message(2, 12, 0, 0, 4, 3))
+
+
+def received_from_1(message: Message) -> Message:
     (decoded,) = Decoder().decode(Encoder(1, 1).encode(message))
     return decoded
 
@@ -18,7 +27,7 @@ def received(behind_s: float, seconds: int = 10) -> tuple[DuplicateSystemIds, li
     """Two links, on the second of which the clock is behind by so much."""
     twins, reported = DuplicateSystemIds(), []
     for second in range(seconds):
-        twins.receive_active(attitude(100.0 + second), float(second))
+        twins.receive_active(attitude(100.0 + second), HERE, float(second))
         reported.append(
             twins.receive_other(attitude(100.1 + second - behind_s), THERE, second + 0.1)
         )
@@ -51,3 +60,20 @@ def test_a_forgotten_system_has_no_warning() -> None:
     twins.forget(1)
     assert twins.warning(1, 10.0) is None
     assert not twins.receive_other(attitude(3.0), THERE, 10.0)
+
+
+def test_one_without_a_clock_is_the_same_once_it_is_received_for_as_long_as_a_clock_takes() -> None:
+    """However long the first one has been silent: its clock follows its first heartbeat."""
+    twins, _ = received(0.0)
+    assert not twins.is_same(heartbeat(), ELSEWHERE, 100.0)
+    assert not twins.is_same(heartbeat(), ELSEWHERE, 102.9)
+    assert twins.is_same(heartbeat(), ELSEWHERE, 103.0)
+
+
+def test_its_first_clock_shows_on_the_active_link_that_it_is_another() -> None:
+    for boot_s, is_another in ((500.0, True), (150.0, True), (204.0, False), (3.0, False)):
+        twins, _ = received(0.0)
+        twins.is_same(heartbeat(), ELSEWHERE, 100.0)
+        assert not twins.receive_active(heartbeat(), ELSEWHERE, 103.0)
+        assert twins.receive_active(attitude(boot_s), ELSEWHERE, 104.0) is is_another
+        assert not twins.receive_active(attitude(boot_s + 0.1), ELSEWHERE, 104.1)
