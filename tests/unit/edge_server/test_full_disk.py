@@ -159,9 +159,12 @@ def test_a_start_on_a_full_disk_uses_the_ballast(edge: Edge) -> None:
 
 @pytest.mark.first_case
 def test_a_start_on_a_full_disk_without_ballast_uses_the_reserve_for_it(edge: Edge) -> None:
-    """The server had used up the ballast; then it was restarted, while the disk was kept full."""
+    """The server had used up the ballast, and was restarted while the disk was kept full: STOP."""
     filler = edge.config.state_dir / "another program"
     edge.context.space.maintain(time.monotonic())
+    edge.register(1)
+    assert edge.post_plan(documents.plan()).status_code == 201
+    edge.accept()
     assert report(edge, "pose", 0) == 201
     fill_up(filler)
     edge.config.ballast_path.unlink()
@@ -170,6 +173,7 @@ def test_a_start_on_a_full_disk_without_ballast_uses_the_reserve_for_it(edge: Ed
     prepare(edge.config)
     assert report(edge, "pose", 1) == 507
     assert report(edge, "alarm", 2) == 201
+    assert edge.post("/events/", documents.event(), "operator").status_code == 201
     filler.unlink()
     edge.context.space.maintain(time.monotonic())
     assert edge.config.ballast_path.exists()
