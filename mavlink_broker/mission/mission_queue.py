@@ -276,7 +276,7 @@ class MissionQueue:
     def _note_descent(self, *, is_ordered: bool) -> None:
         """Note whether the vehicle returns or lands by order of what has ended."""
         if is_ordered:
-            self.vehicle.own_descent.begin()
+            self.vehicle.own_descent.begin(self.vehicle.mode)
         else:
             self.vehicle.own_descent.end()
 
@@ -360,7 +360,11 @@ class MissionQueue:
         elif has_ended:
             if self._unconfirmed.are_open:
                 _accept(work, effects)
-            effects.for_edge.append(Acknowledgement(work.work_id, "done"))
+            if self._events.is_in_the_air:
+                note = f"{self._events.reason_nothing_ends}; the missions that waited were ended"
+                effects.for_edge.append(Acknowledgement(work.work_id, REFUSED, note))
+            else:
+                effects.for_edge.append(Acknowledgement(work.work_id, "done"))
         else:
             refusal = Acknowledgement(work.work_id, REFUSED, self._events.reason_nothing_ends)
             effects.for_edge.append(refusal)

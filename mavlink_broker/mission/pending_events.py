@@ -194,14 +194,19 @@ class PendingEvents:
             effects.for_edge.append(Acknowledgement(work.work_id, "refused", TOO_MANY))
 
     @property
-    def reason_nothing_ends(self) -> str:
-        """Why an abort finds no mission, and who can move a vehicle that is in the air."""
+    def is_in_the_air(self) -> bool:
+        """Whether the vehicle flies, so that an abort that does not move it has not stopped it."""
         vehicle = self._vehicle
         landed = vehicle.snapshot.landed_state == mavlink.MAV_LANDED_STATE_ON_GROUND
-        if not vehicle.snapshot.armed or landed or vehicle.stays_on_ground:
+        return bool(vehicle.snapshot.armed) and not landed and not vehicle.stays_on_ground
+
+    @property
+    def reason_nothing_ends(self) -> str:
+        """Why an abort finds no mission, and who can move a vehicle that is in the air."""
+        if not self.is_in_the_air:
             return NO_MISSION
         who = "where another system or its pilot has to move it"
-        return f"{NO_MISSION}: the vehicle is in {vehicle.mode}, {who}"
+        return f"{NO_MISSION}: the vehicle is in {self._vehicle.mode}, {who}"
 
     def recall_abort(self, note: PendingAbort) -> None:
         """Restore an abort that an earlier run accepted; the edge server may have forgotten it."""
@@ -305,7 +310,8 @@ class PendingEvents:
         seen = vehicle.observed_mode
         vehicle.recovery.clear_abort()
         hover_mode = vehicle.recovery.hover.own_mode(seen)
-        who = control_authority.authority_of(seen, _DESCENDING._replace(mode=hover_mode))
+        own_mode = hover_mode or vehicle.own_descent.own_mode(seen)
+        who = control_authority.authority_of(seen, _DESCENDING._replace(mode=own_mode))
         comes_down = vehicle.family.knows_modes and seen.role is ModeRole.ENDING and not is_newer
         if not work.was_accepted:
             effects.for_edge.append(Acknowledgement(work.work_id, "accepted"))
@@ -320,7 +326,12 @@ class PendingEvents:
         else:
             if is_newer:
                 vehicle.forget_foreign_order()
-            executor = AbortExecutor(work.event, vehicle, was_ours=hover_mode is not None)
+            executor = AbortExecutor(
+                work.event,
+                vehicle,
+                was_ours=is_newer or hover_mode is not None,
+                replaces=is_newer and hover_mode is None,
+            )
             vehicle.recovery.note_abort(abort_note(work.event, work.work_id, vehicle))
             self._running = work, executor
             effects.messages += executor.start(now)

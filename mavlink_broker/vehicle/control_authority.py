@@ -118,15 +118,22 @@ class OwnDescent:
         self._is_ordered = False
         self._ordered_at: float | None = None  # None: since the last update
         self._mode: str | None = None  # None: the vehicle has not shown it yet
+        self._mode_before = ""
 
     @property
     def is_flown(self) -> bool:
         """Whether the vehicle flies it, or is about to; else another system decides."""
         return self._is_ordered
 
-    def begin(self) -> None:
-        """Note that the vehicle has accepted the order."""
+    def own_mode(self, seen: ObservedMode) -> str | None:
+        """The mode in which it was ordered, while the vehicle shows that one; None afterwards."""
+        is_before = self._is_ordered and self._mode is None and seen.mode == self._mode_before
+        return seen.mode if is_before else None
+
+    def begin(self, mode: str) -> None:
+        """Note that the vehicle has accepted the order in a mode."""
         self._is_ordered, self._ordered_at, self._mode = True, None, None
+        self._mode_before = mode
 
     def end(self) -> None:
         """Note that it is over, or that something else is ordered."""

@@ -147,6 +147,8 @@ def _last_order(event: AbortEvent, family: Family) -> CommandAlternatives:
 
 
 _BEFORE_HOLD: Final = frozenset({ModeRole.MISSION})
+_BEFORE_HOLD_INSTEAD: Final = frozenset({ModeRole.MISSION, ModeRole.ENDING})
+"""Of one that was sent home or down before."""
 
 
 class AbortExecutor:
@@ -158,10 +160,12 @@ class AbortExecutor:
         vehicle: Vehicle,
         *,
         was_ours: bool = False,
+        replaces: bool = False,
         arms_until: float | None = None,
     ) -> None:
-        """Begin with nothing sent; `was_ours` if the mode that it is in is part of its mission.
+        """Begin with nothing sent; `was_ours` if the broker has ordered the mode that it is in.
 
+        `replaces` if it was sent home or down before, which it may show only after the first order.
         `arms_until` is the time until which an order to arm that was sent may still take effect
         on a vehicle that reports itself disarmed; None if there is no such order.
         """
@@ -169,6 +173,8 @@ class AbortExecutor:
         self._vehicle = vehicle
         self._arms_until = arms_until
         self._first_mode = vehicle.mode if was_ours else None  # Ours until it is left
+        self._replaces = replaces
+        self._descends_until = math.inf if replaces else -math.inf  # By the order before
         self._again_at = math.inf
         self._may_be_lost = False  # What was sent since the action began: the link was away, or
         # the vehicle might be restarted, to which none is sent
@@ -196,7 +202,8 @@ class AbortExecutor:
     @property
     def _flies_on(self) -> bool:
         """Whether its mode flies something else; without known modes the answers count."""
-        others = _BEFORE_HOLD if self.leaves_hovering else AIRBORNE_MODES
+        before_hold = _BEFORE_HOLD_INSTEAD if self._replaces else _BEFORE_HOLD
+        others = before_hold if self.leaves_hovering else AIRBORNE_MODES
         return self._vehicle.family.knows_modes and self._vehicle.mode_role in others
 
     @property
@@ -223,6 +230,7 @@ class AbortExecutor:
 
     def start(self, now: float) -> list[Message]:
         """Give the first order."""
+        self._descends_until = min(self._descends_until, now + LATE_ORDER_S)
         return [] if self._is_taken(now) else self._executor.start(now)
 
     def receive(self, message: Message, now: float) -> list[Message]:
@@ -235,7 +243,10 @@ class AbortExecutor:
         """Repeat what is overdue, and begin again what was refused or not obeyed."""
         if self._is_taken(now):
             return []
-        self._may_be_lost |= not self._vehicle.shows_itself(now)
+        if not self._vehicle.shows_itself(now):
+            self._may_be_lost = True
+            if now < self._descends_until:
+                self._descends_until = now + LATE_ORDER_S
         self._expire_arming(now)
         must_drop = self._must_drop_place()
         if must_drop or self._has_left_ground:
@@ -320,6 +331,8 @@ class AbortExecutor:
         roles = DESCENT_MODES if descends else AIRBORNE_MODES
         if self._obeyed_at is not None and now - self._obeyed_at > LATE_ORDER_S:
             roles = roles - {ModeRole.MISSION}
+        if now < self._descends_until and not vehicle.observed_mode.in_failsafe:
+            roles = roles | {ModeRole.ENDING}
         if vehicle.mode != self._first_mode:
             self._first_mode = None
         return Claim(roles, mode=self._first_mode, is_exclusive=True)
@@ -349,7 +362,10 @@ class Aborting(Phase):
         vehicle.forget_foreign_order()
         event, self._note = within_fence(event, mission.area, vehicle)
         arms_until = now + LATE_ORDER_S if mission.authority.is_arming_ordered else None
-        self._executor = AbortExecutor(event, vehicle, was_ours=True, arms_until=arms_until)
+        replaces = self._executor is not None and self._executor.sends_down
+        self._executor = AbortExecutor(
+            event, vehicle, was_ours=True, replaces=replaces, arms_until=arms_until
+        )
         self._work_id = work_id
         if work_id is not None:
             vehicle.recovery.note_abort(abort_note(event, work_id, vehicle))

@@ -3,15 +3,18 @@
 The first one has ended the mission and was answered; the vehicle is on its way home, or comes down.
 """
 
+import dataclasses
+
 import pytest
 
 from afarcloud.enumerations import Status
 from mavlink_broker.mavlink.dialect import mavlink
-from tests.support.broker_world import World
+from tests.support.broker_world import World, first_flight
 from tests.support.real_autopilots import COPTER_4_6, PX4_1_17
 from tests.support.scripted_vehicle import (
     COPTER_LAND,
     COPTER_RETURN,
+    HOME,
     PX4_LAND,
     PX4_POSITION,
     PX4_RETURN,
@@ -88,3 +91,54 @@ def test_on_the_ground_there_is_nothing_to_end(script: Script) -> None:
     event = world.edge.event(RETURN_HOME)
     world.run(4.0)
     assert answer_statuses(world, event) == ["refused"]
+
+
+FAR = {"latitude": HOME[0] + 4e-4, "longitude": HOME[1], "altitude": 7.0}
+"""So far away that the vehicle is on its way for some seconds."""
+
+
+@EVERY
+@pytest.mark.parametrize("gap_s", [0.0, 0.4, 4.0])
+@pytest.mark.parametrize("first", [RETURN_HOME, ABORT])
+@pytest.mark.parametrize("second", [ABORT, SOFT_ABORT])
+def test_a_vehicle_that_comes_down_flies_to_the_place_of_the_second_event(
+    script: Script, first: int, second: int, gap_s: float
+) -> None:
+    """Its descent shows, or begins to show, when the order that replaces it is sent."""
+    world = paused(script)
+    vehicle = world.only_vehicle
+    vehicle.script = dataclasses.replace(vehicle.script, goes_to_places=True)
+    before = world.edge.event(first)
+    world.run(gap_s)
+    event = world.edge.event(second, abort=FAR)
+    world.run_until(lambda: len(answer_statuses(world, event)) == 2, within_s=120.0)
+    assert answer_statuses(world, before)[-1] == "done"
+    assert answer_statuses(world, event) == ["accepted", "done"]
+    assert vehicle.place == pytest.approx((FAR["latitude"], FAR["longitude"]))
+    if second == ABORT:
+        assert vehicle.custom_mode == mode_of(world, ABORT)
+        return
+    third = world.edge.event(ABORT)
+    world.run(4.0)
+    assert answer_statuses(world, third) == ["accepted", "done"]
+    assert vehicle.custom_mode == mode_of(world, ABORT)
+
+
+@EVERY
+def test_an_abort_of_what_waits_does_not_count_as_one_of_a_vehicle_that_a_pilot_flies(
+    script: Script,
+) -> None:
+    world = aborted(script, RETURN_HOME)
+    vehicle = world.only_vehicle
+    vehicle.set_mode(COPTER_LOITER if is_copter(world) else PX4_POSITION)
+    world.run(6.0)
+    world.edge.plan(first_flight(1202))
+    world.run(2.0)
+    event = world.edge.event(ABORT)
+    world.run(4.0)
+    assert world.edge.status(1202) == Status.ABORTED
+    assert answer_statuses(world, event)[-1] == "refused"
+    assert "its pilot has to move it; the missions that waited were ended" in str(
+        answer(world, event)[1]
+    )
+    assert vehicle.airborne
