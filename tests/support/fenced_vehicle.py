@@ -4,6 +4,7 @@ Geofence and rally points are stored separately from the mission. Integers among
 travel as their values (C cast), as ArduPilot sends them; PX4's that matter here are floats.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -74,7 +75,8 @@ class FencedVehicle(ScriptedVehicle):
     @property
     def _switch_values(self) -> tuple[bool, int]:
         values = self.values
-        return bool(values.get("FENCE_ENABLE", 0)), int(values.get("FENCE_AUTOENABLE", 0))
+        when = values.get("FENCE_AUTOENABLE", 0.0)
+        return bool(values.get("FENCE_ENABLE", 0)), int(when) if math.isfinite(when) else 0
 
     def _look_at_switch(self, now: float) -> None:
         """Notice a change of the parameters, ten times a second."""
