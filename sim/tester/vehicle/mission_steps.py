@@ -1,8 +1,8 @@
 r"""What a person would call a command, found again in the items of a mission.
 
 A vehicle is given items, and one command of a plan may be several: a take-off is a climb and a
-waypoint, a picture is an aimed gimbal, a shot and a pause. A mission is therefore written as
-letters, one per item, and cut by a pattern: what prepares (S: speed, heading, region of
+waypoint, a picture is an aimed gimbal, a wait for it, a shot and a pause. A mission is therefore
+written as letters, one per item, and cut by a pattern: what prepares (S: speed, heading, region of
 interest) belongs to what follows, what holds or looks ahead (H, N) to what came before.
 """
 
@@ -41,7 +41,7 @@ _LETTERS: Final[Mapping[int, str]] = {
 }
 _CLIMBED: Final = "w"
 """A waypoint where the take-off before it goes."""
-_STEP: Final = re.compile(r"S*(?:TS*w?|(?:S*WP)+D|G?PD|.)[HN]*|S+")
+_STEP: Final = re.compile(r"S*(?:TS*w?|(?:S*WP)+D|(?:GD?)?PD|.)[HN]*|S+")
 _NAMES: Final[Mapping[str, str]] = {
     "T": "take off to {place}",
     "W": "fly to {place}",

@@ -27,6 +27,18 @@ def build_of(root: Path, abi: str | None = None) -> Manifest:
     )
 
 
+def run_pure(text: str) -> subprocess.CompletedProcess[str]:
+    """Run a program that is asked for pure Python."""
+    return subprocess.run(
+        [sys.executable, "-c", text],
+        env={**os.environ, "FARM_PURE": "1"},
+        cwd=compiled.ROOT,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+
+
 def test_a_build_of_these_sources_is_loaded(root: Path) -> None:
     assert compiled.obstacle(build_of(root), root) is None
 
@@ -73,14 +85,7 @@ def test_a_process_that_is_asked_for_pure_python_runs_pure_python() -> None:
         "import uav_firmware.bus as bus, uav_firmware.compiled as compiled;"
         "print(compiled.is_installed(), bus.__file__)"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", text],
-        env={**os.environ, "FARM_PURE": "1"},
-        cwd=compiled.ROOT,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
+    done = run_pure(text)
     assert done.stdout.split() == ["False", str(compiled.ROOT / "uav_firmware/bus.py")]
     assert done.stderr == ""
 
@@ -88,14 +93,7 @@ def test_a_process_that_is_asked_for_pure_python_runs_pure_python() -> None:
 @pytest.mark.parametrize("program", ["uav_firmware.__main__", "dst.flight_stack"])
 def test_a_program_chooses_its_build_before_it_loads_the_first_module_of_one(program: str) -> None:
     text = f"import sys, {program}; print(*sys.modules, sep='\\n')"
-    done = subprocess.run(
-        [sys.executable, "-c", text],
-        env={**os.environ, "FARM_PURE": "1"},
-        cwd=compiled.ROOT,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
+    done = run_pure(text)
     of_a_build = {
         ".".join(path.relative_to(compiled.ROOT).with_suffix("").parts)
         for path in compiled.sources()

@@ -57,6 +57,7 @@ def test_every_item_but_the_hold_at_the_end_belongs_to_one_step(mission: Mission
         ((22, 16), [(0, 1)], "take off to 0.0000001, 0.0000001, 5 m"),
         ((178, 16, 16, 17), [(0, 1), (2, 2)], "fly to 0.0000001, 0.0000001, 5 m"),
         ((16, 1000, 2000, 93), [(0, 0), (1, 3)], "take pictures"),
+        ((16, 1000, 93, 2000, 93), [(0, 0), (1, 4)], "take pictures"),
         ((16, 2000, 93, 1000, 2000, 93), [(0, 2), (3, 5)], "take pictures"),
         ((16, 16, 2000, 16, 2000, 93), [(0, 0), (1, 5)], "take a panorama"),
         ((2500, 2501), [(0, 0), (1, 1)], "stop the video of stream 0"),
