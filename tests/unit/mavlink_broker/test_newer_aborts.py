@@ -19,6 +19,7 @@ from tests.support.scripted_vehicle import (
     PX4_POSITION,
     PX4_RETURN,
     Script,
+    ScriptedVehicle,
 )
 from tests.unit.mavlink_broker.test_events import ABORT, SOFT_ABORT, answer_statuses
 from tests.unit.mavlink_broker.test_live_commands import OWN
@@ -142,3 +143,46 @@ def test_an_abort_of_what_waits_does_not_count_as_one_of_a_vehicle_that_a_pilot_
         answer(world, event)[1]
     )
     assert vehicle.airborne
+
+
+def moves(vehicle: ScriptedVehicle) -> int:
+    """How often it was ordered to a place."""
+    return sum(command == mavlink.MAV_CMD_DO_REPOSITION for command, _ in vehicle.parameters)
+
+
+@EVERY
+def test_the_descent_of_the_first_event_may_show_behind_the_order_of_the_second(
+    script: Script,
+) -> None:
+    """A vehicle takes some time to show a mode; its heartbeats are a second apart."""
+    world = paused(script)
+    vehicle = world.only_vehicle
+    vehicle.script = dataclasses.replace(vehicle.script, goes_to_places=True)
+    world.edge.event(RETURN_HOME)
+    world.run(0.4)
+    event = world.edge.event(ABORT, abort=FAR)
+    world.run_until(lambda: moves(vehicle) == 1, within_s=2.0)
+    guided = vehicle.custom_mode
+    vehicle.custom_mode = mode_of(world, RETURN_HOME)
+    world.run(2.0)
+    vehicle.custom_mode = guided
+    world.run_until(lambda: len(answer_statuses(world, event)) == 2)
+    assert answer_statuses(world, event) == ["accepted", "done"]
+    assert vehicle.place == pytest.approx((FAR["latitude"], FAR["longitude"]))
+
+
+@EVERY
+def test_a_vehicle_that_accepts_a_place_and_comes_down_on_has_not_obeyed(
+    script: Script, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    world = aborted(script, RETURN_HOME)
+    vehicle = world.only_vehicle
+    monkeypatch.setattr(vehicle, "set_mode", lambda _mode: None)
+    here = {"latitude": vehicle.place[0], "longitude": vehicle.place[1], "altitude": 5.0}
+    event = world.edge.event(SOFT_ABORT, abort=here)
+    world.run(3.0)
+    assert answer_statuses(world, event) == ["accepted"]
+    monkeypatch.undo()
+    world.run(3.0)
+    assert answer_statuses(world, event) == ["accepted", "done"]
+    assert vehicle.custom_mode != mode_of(world, RETURN_HOME)
