@@ -106,6 +106,14 @@ class TestBesideACamera:
         assert flight.message() == "1 of 2 pictures were not announced"
         assert len(flight.world.edge.bodies("/image/")) == 1
 
+    def test_a_picture_that_the_camera_does_not_know_is_not_proved_by_the_autopilot(self) -> None:
+        flight = Flight(count=2, camera=True)
+        assert flight.component is not None
+        flight.component.shoot()
+        flight.shoot()
+        flight.shoot()
+        assert flight.message() == "1 of 2 pictures were not announced"
+
     def test_all_pictures_of_both_need_no_message(self) -> None:
         flight = Flight(count=2, camera=True)
         assert flight.component is not None
