@@ -257,7 +257,11 @@ class App:
         return self._clock.monotonic() - self._started_at <= STARTUP_S
 
     def _replace_vehicles(self, now: float) -> None:
-        """Note where another vehicle with a system id is received in the place of the first one."""
+        """Note where another vehicle with a system id is received, or may be, instead of before."""
+        for system in self._router.take_unproven():
+            member = self._fleet.find(system)
+            if member is not None:
+                member.session.vehicle.doubt(now)
         for system in self._router.take_replaced():
             member = self._fleet.find(system)
             if member is not None:

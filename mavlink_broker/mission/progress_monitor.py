@@ -383,8 +383,10 @@ class ProgressMonitor:
         self._reported_at = now
         return self._report(now) if begins or goes_on or self._under_way else []
 
-    def receive(self, message: Message) -> None:
-        """Handle a message about the mission."""
+    def receive(self, message: Message, now: float) -> None:
+        """Handle a message about the mission; it counts once the vehicle has shown itself."""
+        if self._vehicle.may_be_restarted(now):
+            return
         match message.get_type():
             case "MISSION_CURRENT":
                 self._current(message)

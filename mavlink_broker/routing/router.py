@@ -16,7 +16,8 @@ times. Only one link is active at a time, so commands do not alternate between t
 operator has to be warned. While the broker has a mission on the vehicle, a link becomes active only
 if its clock goes on, or began after the last message of the active one: a vehicle that was
 restarted. A clock that ran before already is another vehicle's, which is received a minute later
-and does not go on with the mission.
+and does not go on with the mission. A link that becomes active without a clock proves nothing:
+until its clock is received the vehicle may be another one.
 """
 
 import logging
@@ -160,6 +161,10 @@ class DuplicateSystemIds:
         since = self._without_clock.setdefault((system, address), now)
         return now - max(since, clock[1]) >= CLOCK_WITHIN_S
 
+    def lacks_clock(self, system: int, address: Address) -> bool:
+        """Whether a system is received from another link that has not sent a clock yet."""
+        return (system, address) in self._without_clock
+
     def is_another(self, system: int, address: Address) -> bool:
         """Whether the last clock that was received from another link is another vehicle's."""
         return not self._same.get((system, address), True)
@@ -283,6 +288,7 @@ class Router:
         self._encoders: dict[Address, Encoder] = {}
         self._duplicates = DuplicateSystemIds()
         self._replaced: set[int] = set()
+        self._unproven: set[int] = set()
         self._is_trusted = [url.is_trusted for url in config.vehicle_links]
         self._contact_at = 0.0
         self._warn_own_id_at = 0.0
@@ -342,6 +348,14 @@ class Router:
         replaced, self._replaced = self._replaced, set()
         return replaced
 
+    def take_unproven(self) -> set[int]:
+        """Systems that another link has become active for since the last call, without a clock.
+
+        That they are the vehicles of before is not known until their clocks are received.
+        """
+        unproven, self._unproven = self._unproven, set()
+        return unproven
+
     def warning_of(self, system: int, now: float) -> str | None:
         """Warning about the links of a system for the operator; None if there is none."""
         return self._duplicates.warning(system, now)
@@ -392,11 +406,11 @@ class Router:
         before = links.active
         may_lead = before in {None, address} or self._may_lead(message, address, links, now)
         counts = links.receive(address, now, may_lead=may_lead)
+        is_autopilot = source.component == self._autopilots.get(source.system)
         if before not in {None, links.active}:
             _LOG.info("%s: active link is now %s, was %s", source, links.active, before)
-            if self._duplicates.is_another(source.system, address):
-                self._replaced.add(source.system)
-        if source.component == self._autopilots.get(source.system):
+            self._note_switch(source.system, address, is_autopilot=is_autopilot)
+        if is_autopilot:
             self._check_duplicate(message, address, now, counts=counts)
         return counts
 
@@ -410,6 +424,13 @@ class Router:
         is_free = self._control(source_of(message).system) is BrokerControl.FREE
         is_same = self._duplicates.is_same(message, address, now)
         return is_same or is_free or links.is_silent(now, REPLACED_AFTER_S)
+
+    def _note_switch(self, system: int, address: Address, *, is_autopilot: bool) -> None:
+        """Note what the clock behind the new active link shows: another vehicle, or nothing yet."""
+        if self._duplicates.is_another(system, address):
+            self._replaced.add(system)
+        elif is_autopilot and self._duplicates.lacks_clock(system, address):
+            self._unproven.add(system)
 
     def _check_duplicate(
         self, message: Message, address: Address, now: float, *, counts: bool

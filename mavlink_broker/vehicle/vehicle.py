@@ -158,7 +158,12 @@ class Vehicle:
 
     def _note_return(self, now: float) -> None:
         """Note that it is received again, and has to show by its clock that it is the same."""
-        if self.link.state(now) is not LinkState.CONNECTED and self._has_clock:
+        if self.link.state(now) is not LinkState.CONNECTED:
+            self.doubt(now)
+
+    def doubt(self, now: float) -> None:
+        """Note that it has to show by its clock that it is the same, if it has sent one."""
+        if self._has_clock:
             self._back_at = now
 
     def _forget_telemetry(self) -> None:

@@ -75,7 +75,7 @@ class Running(Phase):
     def receive(self, message: Message, now: float, effects: Effects) -> None:
         """Handle a message about the mission."""
         if self._monitors is not None:
-            self._monitors.progress.receive(message)
+            self._monitors.progress.receive(message, now)
             effects.messages += self._monitors.changes.receive(message, now)
             self._monitors.skips.receive(message, now)
 

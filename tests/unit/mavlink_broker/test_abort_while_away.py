@@ -243,3 +243,22 @@ def test_one_that_lands_last_and_was_restarted_has_not_finished_its_mission() ->
     come_back(world, vehicle)
     world.run(15.0)
     assert world.edge.status(1201) == Status.FAILED
+
+
+def test_progress_of_one_that_has_not_shown_its_clock_does_not_count() -> None:
+    """It has flown the same mission before; its link is active before the other one is missed."""
+    world, vehicle = flying(PX4, since=40.0)
+    other = ScriptedVehicle(1, PX4, booted_at=is_behind(world, vehicle))
+    other.missions = vehicle.missions
+    other.current, other.mission_state = len(vehicle.items) - 1, mavlink.MISSION_STATE_COMPLETE
+    for one in (vehicle, other):
+        one.ignores_intervals = True
+        for name in ("position", "attitude"):
+            one.stop_stream(name)
+    come_back(world, other, ELSEWHERE)
+    world.run(5.0)
+    before = world.edge.statuses(1201)
+    del world.air.vehicles[HERE]
+    world.run(3.5)
+    assert world.edge.statuses(1201) == before
+    assert world.edge.status(1201) == Status.RUNNING
