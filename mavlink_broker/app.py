@@ -221,10 +221,11 @@ class App:
                 return
 
     def _warning_of(self, member: FleetMember, now: float) -> str | None:
-        """Warning about a vehicle's link, dead letters and internal errors; None without any."""
+        """Warning about a vehicle's link, what it waits for, dead letters and internal errors."""
         dead = self._edge.dead_letters_of(member.session.vehicle.vehicle_id)
         warnings = (
             member.session.vehicle.duplicate,
+            member.session.vehicle.armed_period.warning(now),
             f"{dead} reports could not be delivered: see dead-letters" if dead else None,
             self.internal_errors.warning(_owner(member), now),
         )

@@ -312,6 +312,8 @@ class MissionExecutor:
         self.state = after
         mission_id = self.work.mission.mission_id
         _LOG.info("mission %d: %s, %s -> %s", mission_id, before.name, event.name, after.name)
+        if after in IN_FLIGHT:
+            self._vehicle.armed_period.claim()
         if after in ENDING:
             self._context.speeds.cancel(MISSION_ENDED, effects)
             self._context.pauses.cancel(MISSION_ENDED, effects)

@@ -277,6 +277,7 @@ class MissionQueue:
         """Note whether the vehicle returns or lands by order of what has ended."""
         if is_ordered:
             self.vehicle.own_descent.begin(self.vehicle.mode)
+            self.vehicle.armed_period.claim()
         else:
             self.vehicle.own_descent.end()
 

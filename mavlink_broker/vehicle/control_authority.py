@@ -9,6 +9,7 @@ a pilot with a remote control, or another ground station. Whoever it is, the bro
 from then on (`is_order`).
 """
 
+import math
 from enum import Enum, auto
 from typing import Final, NamedTuple
 
@@ -175,6 +176,84 @@ def is_manual(base_mode: int) -> bool:
 def shows_manual(base_mode: int) -> bool:
     """Whether a heartbeat proves that its vehicle sets these bits by who steers it."""
     return bool(base_mode & _AUTOMATIC) or not base_mode & _MANUAL
+
+
+STAND_S: Final = 30.0
+"""How long a vehicle stands disarmed after somebody else had it armed, before a mission arms it.
+
+Whoever has just landed it walks up to it, or swaps its battery: time to see that it stands, to walk
+some 20 m, and to arm it again for a further flight.
+"""
+ARMING_SHOWN_WITHIN_S: Final = 45.0
+"""How long after an order a vehicle may show that it obeys: 8 attempts of at most 5 s each."""
+ARMED_BY_OTHERS: Final = "somebody else has armed it"
+LEFT_BY_OTHERS: Final = (
+    f"somebody else had armed it: it has to stand disarmed for {STAND_S:.0f} s first"
+)
+
+
+class ArmedPeriod:
+    """Whose the newest period is in which a vehicle was armed, and how long it has been over.
+
+    It is the broker's if the broker ordered it to arm, or finds the flight of an earlier run; and
+    somebody else's if not, or if another system has taken the vehicle before it was disarmed.
+    """
+
+    def __init__(self) -> None:
+        self._is_armed: bool | None = None  # None: not received yet
+        self._is_others = False
+        self._is_found = False  # It had begun before this broker received the vehicle
+        self._ordered_at = -math.inf  # Newest order to arm that is not answered yet
+        self._left_at: float | None = None  # When it was over, if it was somebody else's
+
+    def order_arming(self, now: float) -> None:
+        """Note that the broker orders the vehicle to arm."""
+        self._ordered_at = now
+
+    def refuse_arming(self) -> None:
+        """Note that the vehicle has refused that order: who arms it now is somebody else."""
+        self._ordered_at = -math.inf
+
+    def update(self, now: float, *, is_armed: bool | None, is_taken: bool) -> None:
+        """Follow the vehicle's heartbeats; `is_taken` if another system has taken a mission's."""
+        if is_armed is None:
+            return
+        if is_armed and not self._is_armed:
+            self._is_others = now - self._ordered_at > ARMING_SHOWN_WITHIN_S
+            self._is_found = self._is_others and self._is_armed is None
+            self._ordered_at, self._left_at = -math.inf, None
+        elif self._is_armed and not is_armed:
+            self._is_others |= is_taken
+            self._left_at = now if self._is_others else None
+        self._is_armed = is_armed
+
+    def claim(self) -> None:
+        """Note that the vehicle flies, hovers or comes down for a mission of the broker."""
+        if self._is_armed:
+            self._is_others = False
+        if self._is_found:  # It may have landed before an earlier run's mission was recognised
+            self._left_at = None
+
+    def lose(self) -> None:
+        """Note that another system has taken a vehicle that no mission flew."""
+        self._is_others |= bool(self._is_armed)
+
+    def stood_s(self, now: float) -> float | None:
+        """How long it has stood since somebody else's flight; None: long enough, or without one."""
+        if self._left_at is None or now - self._left_at >= STAND_S:
+            return None
+        return now - self._left_at
+
+    def obstacle(self, now: float) -> str | None:
+        """Name why no mission may arm the vehicle because of somebody else; None if one may."""
+        if self._is_armed and self._is_others:
+            return ARMED_BY_OTHERS
+        return None if self.stood_s(now) is None else LEFT_BY_OTHERS
+
+    def warning(self, now: float) -> str | None:
+        """Describe for operators how long the vehicle has stood, while it has to stand longer."""
+        stood_s = self.stood_s(now)
+        return None if stood_s is None else f"{LEFT_BY_OTHERS}, and has for {stood_s:.0f} s"
 
 
 _READS: Final = frozenset(

@@ -79,6 +79,10 @@ class MissionLedger:
         if notes:
             self.message = _shorten(_SEPARATOR.join(notes))
 
+    def replace_message(self, text: str) -> None:
+        """Replace the message of the mission; its status stays."""
+        self.message = _shorten(text)
+
     def note(self, index: int, notes: Sequence[str]) -> None:
         """Set the message of a command; its status stays."""
         if notes:

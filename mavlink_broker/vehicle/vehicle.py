@@ -23,7 +23,12 @@ from mavlink_broker.microservices.status_text import StatusTexts
 from mavlink_broker.planning.situation import Home
 from mavlink_broker.planning.target_track import TargetSource
 from mavlink_broker.vehicle import control_authority
-from mavlink_broker.vehicle.control_authority import ForeignOrder, ObservedMode, OwnDescent
+from mavlink_broker.vehicle.control_authority import (
+    ArmedPeriod,
+    ForeignOrder,
+    ObservedMode,
+    OwnDescent,
+)
 from mavlink_broker.vehicle.measurements import MEASURED, Observations
 from mavlink_broker.vehicle.recovery_state import RecoveryState
 from mavlink_broker.vehicle.telemetry import Snapshot
@@ -110,6 +115,7 @@ class Vehicle:
     _mission_overrides: tuple[ParameterOverride, ...] = ()
     _is_taken: bool = False
     own_descent: OwnDescent = field(default_factory=OwnDescent)
+    armed_period: ArmedPeriod = field(default_factory=ArmedPeriod)
     _foreign_order: ForeignOrder | None = None
     _waits: bool = False  # By its newest heartbeat, in a mode in which it waits or is guided
     _shows_manual: bool = False  # Its heartbeats show by standard bits who steers it
@@ -152,6 +158,7 @@ class Vehicle:
         self.snapshot.take(message)
         if kind in MEASURED:
             self.observations.take(message, self.snapshot, now)
+        self.armed_period.update(now, is_armed=self.snapshot.armed, is_taken=self._is_taken)
         self._is_taken = self._is_taken and self.snapshot.armed is not False
         self._observe_foreign_order(message, now)
         return rebooted
@@ -176,7 +183,7 @@ class Vehicle:
     def replace(self) -> None:
         """Forget what was received: another vehicle has its system id."""
         self._forget_telemetry()
-        self._reboots = RebootMonitor()
+        self._reboots, self.armed_period = RebootMonitor(), ArmedPeriod()
         self._back_at = None
         self._is_identified = False
 
@@ -211,6 +218,7 @@ class Vehicle:
     def note_arming_order(self, now: float) -> None:
         """Note that the broker has ordered it to arm."""
         self._arming_ordered_at = now
+        self.armed_period.order_arming(now)
 
     @property
     def was_ordered_since_boot(self) -> bool:
@@ -239,20 +247,27 @@ class Vehicle:
 
     def update_descent(self, now: float) -> None:
         """Follow whether it flies the return or landing that the broker ordered last."""
-        is_down = self.snapshot.is_on_ground
+        is_down, was_flown = self.snapshot.is_on_ground, self.own_descent.is_flown
         self.own_descent.update(self.observed_mode, is_down=is_down, now=now)
+        if was_flown and not self.own_descent.is_flown:
+            self.armed_period.lose()  # Without effect on one that has landed
 
     def update_hover(self, *, is_ordered: bool) -> None:
         """End a hover with a landing or a takeover; find that of an earlier run again.
 
         `is_ordered` while a mission or an event orders what the vehicle does.
         """
+        was_held = self.hovers
         self.recovery.hover.update(
             self.snapshot,
             self.observed_mode,
             is_identified=self.is_identified,
             is_ordered=is_ordered,
         )
+        if self.hovers:
+            self.armed_period.claim()
+        elif was_held:
+            self.armed_period.lose()
 
     @property
     def is_identified(self) -> bool:

@@ -48,7 +48,10 @@ class Arming(Phase):
     def settle(self, now: float, effects: Effects) -> Result:
         """Order it again after a refusal that may pass."""
         del effects
-        match self.exchange.outcome if self.exchange else None:
+        outcome = self.exchange.outcome if self.exchange else None
+        if isinstance(outcome, Refused) and outcome.result is not None:
+            self._mission.vehicle.armed_period.refuse_arming()
+        match outcome:
             case Accepted():
                 return Event.ARMED
             case Refused() if self._may_still_arm(now):

@@ -1,5 +1,9 @@
 """WAITING: a mission waits until its vehicle is connected, has a position and is ready to arm.
 
+While somebody else has armed it, and for `STAND_S` afterwards, it waits without a limit of its own:
+how long a pilot flies says nothing of the vehicle. Until then nothing is ordered, for the pilot may
+be about to arm it again; `VEHICLE_WITHIN_S` begins afterwards. The mission may expire meanwhile.
+
 It also waits until the edge server has confirmed its acceptance. Reports and acceptances of one
 vehicle are sent in order, so the edge server knows the end of the former mission by then. Without
 that, a broker that is killed between the transfer and the report leaves a vehicle with the items of
@@ -26,7 +30,12 @@ from mavlink_broker.mission.context import (
 from mavlink_broker.mission.phases.phase import Fault, Phase, Result
 from mavlink_broker.mission.states import Event
 from mavlink_broker.planning.mission import RefusedError
-from mavlink_broker.vehicle.control_authority import Claim
+from mavlink_broker.vehicle.control_authority import (
+    ARMED_BY_OTHERS,
+    LEFT_BY_OTHERS,
+    STAND_S,
+    Claim,
+)
 from mavlink_broker.vehicle.vehicle import Vehicle
 
 LOGGED_AFTER_S: Final = 3.0
@@ -37,6 +46,10 @@ CHECKS_EVERY_S: Final = 14.0
 """Longer than a vehicle waits by itself, and often enough for its newest reason."""
 ARMED_UNREADY_AFTER_S: Final = 45.0
 """How long a vehicle may not report that it is ready before it is ordered to arm."""
+
+REPORTED_EVERY_S: Final = 5.0
+"""How often a mission reports how long its vehicle has stood since somebody else's flight."""
+WAITED: Final = f"waited until it had stood for {STAND_S:.0f} s after somebody else had armed it"
 
 _LOG = logging.getLogger(__name__)
 
@@ -51,6 +64,8 @@ class Waiting(Phase):
         self._mode_ordered_at = -math.inf  # The vehicle is not ready in the mode that it is in
         self._checks_requested_at = -math.inf
         self._obstacle: str | None = None  # That was logged last
+        self._reported_at = -math.inf  # What is waited for because of somebody else
+        self._message_before: str | None = None  # Of the mission
 
     @property
     def claim(self) -> Claim:
@@ -72,8 +87,10 @@ class Waiting(Phase):
             mission.ledger.abort("expired before take-off")
             mission.report(effects)
             return Event.ENDED
-        waited_s = now - self._entered_at
         mission.is_hovering |= vehicle.hovers  # Its heartbeat may have arrived after `begin`
+        if self._waits_for_others(now, effects):
+            return None
+        waited_s = now - self._entered_at
         obstacle = find_obstacle(vehicle, now, hovering=mission.is_hovering, waited_s=waited_s)
         self._log_obstacle(obstacle, waited_s)
         if obstacle is None:
@@ -85,6 +102,27 @@ class Waiting(Phase):
         if waited_s >= VEHICLE_WITHIN_S:
             return Fault(f"not ready after {VEHICLE_WITHIN_S:.0f} s: {obstacle}")
         return None
+
+    def _waits_for_others(self, now: float, effects: Effects) -> bool:
+        """Whether somebody else has the vehicle or has just left it; the report says so."""
+        mission, period = self._mission, self._vehicle.armed_period
+        if mission.is_hovering or not self._vehicle.is_reachable(now):
+            return False
+        obstacle = period.obstacle(now)
+        message = mission.ledger.message or ""  # Perhaps that of an earlier run
+        is_reported = message.startswith((ARMED_BY_OTHERS, LEFT_BY_OTHERS))
+        if obstacle is not None:
+            self._entered_at = now
+            self._log_obstacle(obstacle, LOGGED_AFTER_S)
+        if mission.is_confirmed and (is_reported or obstacle is not None):
+            text = period.warning(now) or obstacle or self._message_before or WAITED
+            is_due = now >= self._reported_at + REPORTED_EVERY_S
+            if is_due or obstacle is None or not message.startswith(obstacle):
+                self._message_before = self._message_before if is_reported else message
+                self._reported_at = now
+                mission.ledger.replace_message(text)
+                mission.report(effects)
+        return obstacle is not None
 
     def _log_obstacle(self, obstacle: str | None, waited_s: float) -> None:
         """Log what a mission waits for, after `LOGGED_AFTER_S` and whenever it changes."""
