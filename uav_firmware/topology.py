@@ -166,6 +166,7 @@ class Autopilot:
             vehicle_local_position=topics.vehicle_local_position,
             land_detected=topics.land_detected,
             home_position=topics.home_position,
+            ground_distance=topics.ground_distance,
             trajectory_setpoint=topics.trajectory_setpoint,
             vehicle_attitude_setpoint=topics.vehicle_attitude_setpoint,
             vehicle_rates_setpoint=topics.vehicle_rates_setpoint,
@@ -190,6 +191,8 @@ class Autopilot:
             land_detected=topics.land_detected,
             vehicle_control_mode=topics.vehicle_control_mode,
             hover_thrust_estimate=topics.hover_thrust_estimate,
+            range_finder=topics.sensor_range,
+            ground_distance=topics.ground_distance,
             registry=registry,
         )
         self.position_control = PositionControlModule(

@@ -213,5 +213,7 @@ class ControlBench:
             land_detected=self.land,
             vehicle_control_mode=Topic(),
             hover_thrust_estimate=self.hover_thrust,
+            range_finder=Topic(),
+            ground_distance=Topic(),
             registry=self.registry,
         )

@@ -18,6 +18,7 @@ from uav_firmware.msg.estimate import (
     AidSource,
     EstimateResets,
     EstimatorStatus,
+    GroundDistance,
     VehicleAttitude,
     VehicleLocalPosition,
 )
@@ -107,6 +108,7 @@ class ToyVehicle:
     drift: Vector3 = (0.0, 0.0, 0.0)  # [m/s] Of a vehicle that stands
     wind: Vector3 = (0.0, 0.0, 0.0)
     roll: float = 0.0
+    ground_m: float | None = None  # Above home, as the range finder measures it; None: it does not
     resets: EstimateResets = field(default_factory=EstimateResets)
     stopped: AidSource = field(
         default_factory=lambda: AidSource(0)
@@ -338,6 +340,8 @@ class ToyVehicle:
         )
         state = LandedState.ON_GROUND if self.landed else LandedState.IN_AIR
         self.land.publish(LandDetected(now, self.landed, self.landed, state))
+        if self.ground_m is not None:
+            self.topics.ground_distance.publish(GroundDistance(now, -self.ground_m))
         self._sense_instruments()
 
     def _sense_instruments(self) -> None:

@@ -115,6 +115,16 @@ class HoverThrustEstimate(NamedTuple):
     valid: bool  # Learnt in this flight; else it is MPC_THR_HOVER
 
 
+class GroundDistance(NamedTuple):
+    """Ground under the vehicle, by the range finder; not published while that is unknown.
+
+    Written by land_detector; read by navigator and manual_control.
+    """
+
+    time_us: int  # [us] Of the newest sample
+    ground_down: float  # [m] Down coordinate of the ground about the local origin
+
+
 class WindEstimate(NamedTuple):
     """Horizontal wind. Written by commander in the air; read by mavlink (WIND_COV)."""
 

@@ -89,7 +89,7 @@ class SensorEsc(NamedTuple):
 
 
 class SensorRange(NamedTuple):
-    """Range finder that looks down, at 10 Hz or more; reported, not used for flight."""
+    """Range finder that looks down, at 10 Hz or more; read by land_detector and mavlink."""
 
     time_us: int  # [us]
     distance_m: float  # [m] Along the body's down axis; NaN when nothing answers

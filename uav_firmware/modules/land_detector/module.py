@@ -1,9 +1,10 @@
-"""Watches motion and thrust, publishes whether the vehicle stands."""
+"""Watches motion and thrust, publishes whether the vehicle stands, and where the ground is."""
 
 import math
 from typing import Final
 
 from uav_firmware.bus import Topic
+from uav_firmware.modules.land_detector.ground_below import GroundBelow
 from uav_firmware.modules.land_detector.params import LandDetectorParams
 from uav_firmware.modules.land_detector.signs import (
     Observation,
@@ -15,7 +16,13 @@ from uav_firmware.modules.land_detector.signs import (
 )
 from uav_firmware.modules.land_detector.states import LandEvent, next_state
 from uav_firmware.msg.control_mode import ControlLevel, VehicleControlMode
-from uav_firmware.msg.estimate import HoverThrustEstimate, VehicleAttitude, VehicleLocalPosition
+from uav_firmware.msg.estimate import (
+    GroundDistance,
+    HoverThrustEstimate,
+    VehicleAttitude,
+    VehicleLocalPosition,
+)
+from uav_firmware.msg.sensors import SensorRange
 from uav_firmware.msg.setpoints import TrajectorySetpoint, VehicleTorqueThrustSetpoint
 from uav_firmware.msg.status import LandDetected, LandedState, NavigationState, VehicleStatus
 from uav_firmware.parameters import Registry
@@ -45,6 +52,8 @@ class LandDetectorModule:
         registry: Registry,
         vehicle_control_mode: Topic[VehicleControlMode],
         hover_thrust_estimate: Topic[HoverThrustEstimate],
+        range_finder: Topic[SensorRange],
+        ground_distance: Topic[GroundDistance],
     ) -> None:
         """`registry` must contain the thrusts of position_control and manual_control."""
         self._control_mode = vehicle_control_mode
@@ -55,6 +64,10 @@ class LandDetectorModule:
         self._trajectory = trajectory
         self._vehicle_status = vehicle_status
         self._land_detected = land_detected
+        self._range_finder = range_finder
+        self._range_count = 0
+        self._ground_below = GroundBelow()
+        self._ground_distance = ground_distance
         self._registry = registry
         self._state = LandedState.ON_GROUND
         self._ground_down = 0.0  # [m] Down position of the ground where it last stood
@@ -72,6 +85,7 @@ class LandDetectorModule:
             return
         if self._seen_version != self._registry.version:
             self._retune()
+        self._measure_ground(attitude, position)
         if self._state is LandedState.ON_GROUND and not status.armed:
             self._ground_down = position.position_ned[2]
         torque_thrust = self._torque_thrust.value
@@ -88,6 +102,16 @@ class LandDetectorModule:
         for event in self._events(seen, status, now_us):
             self._state = next_state(self._state, event)
         self._publish(now_us, status)
+
+    def _measure_ground(self, attitude: VehicleAttitude, position: VehicleLocalPosition) -> None:
+        """Publish where the ground is, with each sample of the range finder."""
+        sample = self._range_finder.value
+        if sample is None or self._range_finder.count == self._range_count:
+            return
+        self._range_count = self._range_finder.count
+        down = self._ground_below.update(sample, attitude.q_ned_frd, position)
+        if not math.isnan(down):
+            self._ground_distance.publish(GroundDistance(sample.time_us, down))
 
     def _note_times(self, seen: Observation, now_us: int, *, reckoned: bool) -> None:
         """Remember since when each sign has held.

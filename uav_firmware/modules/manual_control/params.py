@@ -47,7 +47,7 @@ class ManualControlParams:
     )  # fmt: skip
     slow_from_height: float = param(
         "MPC_LAND_ALT1", 10.0, unit="m", minimum=1.0, maximum=50.0,
-        short="Height above home below which a descent by stick slows down to MPC_LAND_SPEED",
+        short="Height above the ground below which a descent by stick slows down to MPC_LAND_SPEED",
     )  # fmt: skip
     acro_roll_rate_deg_s: float = param(
         "MC_ACRO_R_MAX", 100.0, unit="deg/s", minimum=1.0, maximum=1800.0,

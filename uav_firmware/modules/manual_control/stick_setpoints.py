@@ -25,19 +25,25 @@ class ThrottleCurve(NamedTuple):
 
 
 class DescentSlope(NamedTuple):
-    """Sink speed limit by height above home."""
+    """Sink speed limit by height above the ground."""
 
     high: float  # [m] At and above this height the limit is `fast`
     low: float  # [m] At and below this height the limit is `slow`
     fast: float  # [m/s]
     slow: float  # [m/s]
+    braking: float  # [m/s^2] With which the vehicle slows down
 
     def limit(self, height: float) -> float:
-        """Largest sink speed [m/s] at a height [m], interpolated linearly between the two."""
-        if height >= self.high or self.high <= self.low:
-            return self.fast
-        share = max(0.0, (height - self.low) / (self.high - self.low))
-        return self.slow + share * max(self.fast - self.slow, 0.0)
+        """Largest sink speed [m/s] at a height [m], interpolated linearly between the two.
+
+        It is never so large that the vehicle could not slow down to `slow` before `low`.
+        """
+        way = max(0.0, height - self.low)
+        sloped = self.fast
+        if height < self.high:
+            share = way / (self.high - self.low) if way > 0.0 else 0.0
+            sloped = self.slow + share * max(self.fast - self.slow, 0.0)
+        return min(sloped, math.sqrt(self.slow**2 + 2.0 * self.braking * way))
 
 
 def climb_velocity(up: float, speed_up: float, speed_down: float) -> float:

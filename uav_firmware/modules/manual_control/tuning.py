@@ -15,6 +15,7 @@ from uav_firmware.msg.vectors import Vector3
 from uav_firmware.parameters import Registry
 
 _VERTICAL_LEASH_M: Final = 1.0
+_BRAKING_SHARE: Final = 0.5  # Of MPC_ACC_UP_MAX: jerk and lag take the rest
 
 
 class Tuning(NamedTuple):
@@ -51,6 +52,7 @@ def tuning_from(registry: Registry) -> Tuning:
             low=get("MPC_LAND_ALT2"),
             fast=get("MPC_Z_VEL_MAX_DN"),
             slow=get("MPC_LAND_SPEED"),
+            braking=_BRAKING_SHARE * get("MPC_ACC_UP_MAX"),
         ),
         guide=GuideLimits(
             acceleration_horizontal=get("MPC_ACC_HOR"),

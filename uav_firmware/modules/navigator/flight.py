@@ -90,6 +90,7 @@ class Flight:
     home: HomePosition | None = None
     landed: bool = True
     motor_lost: bool = False
+    ground_down: float = NAN  # [m] Of the ground below, by the range finder; NaN: not measured
     yaw_stick: float = 0.0  # [-] -1 to 1, positive clockwise; 0 without a pilot
     ceiling: Vector3 = (math.inf, math.inf, math.inf)  # [m/s] Horizontal, up, down
     speeds: Speeds = field(default_factory=Speeds)

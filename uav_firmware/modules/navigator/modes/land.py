@@ -3,8 +3,10 @@
     TRANSIT --over the point--> DESCENT --MPC_LAND_ALT3--> TOUCHDOWN --landed--> done
 
 DESCENT slows to MPC_LAND_SPEED at MPC_LAND_ALT2 above the landing point and keeps sinking, so
-that a wrong height of the ground only makes it longer. With a motor lost the vehicle spins as it
-descends, and TOUCHDOWN takes half the speed.
+that ground which lies lower only makes it longer. Where the range finder measures the ground
+elsewhere than was believed, by home or by the target, DESCENT begins anew above that ground: a
+home that was set in the air makes no landing slow, and higher ground none fast. With a motor lost
+the vehicle spins as it descends, and TOUCHDOWN takes half the speed.
 """
 
 import math
@@ -19,6 +21,7 @@ from uav_firmware.msg.vectors import Vector3
 _WARNING = 4  # MAV_SEVERITY
 _CRAWL_SHARE = 0.6  # of MPC_LAND_SPEED, for the last stretch
 _SPINNING_CRAWL_SHARE = 0.3  # The friction of the first foot grows with the sink speed
+_GROUND_DIFFERS_M = 1.5  # [m] More than the errors of height and range finder near the ground
 _OVER_THE_POINT_M = 1.0  # [m] horizontal error at which the descent may begin
 
 
@@ -31,7 +34,7 @@ class LandPhase(Enum):
 
 
 class Land:
-    """Lands at a point whose down coordinate is that of the ground there."""
+    """Lands at a point whose down coordinate is that of the ground there, as far as is known."""
 
     def __init__(self, flight: Flight, target: Vector3, yaw_deg: float) -> None:
         self.phase = LandPhase.TRANSIT
@@ -52,11 +55,12 @@ class Land:
         """Whether the vehicle has landed."""
         params = flight.params
         height = self._ground_down - flight.position[2]
-        if self.phase is LandPhase.TRANSIT and self._over_the_point(flight):
-            self.phase = LandPhase.DESCENT
-            set_point_height = self._ground_down - flight.path.state.position[2]
-            fast = max(0.0, set_point_height - params.land_slow_height)
-            flight.path.descend(fast, params.land_speed, flight.limits())
+        if self.phase is LandPhase.TRANSIT:
+            if self._over_the_point(flight):
+                self._finds_other_ground(flight)
+                self._descend(flight)
+        elif self._finds_other_ground(flight):
+            self._descend(flight)
         elif (
             self.phase is LandPhase.DESCENT
             and flight.path.sinking
@@ -66,6 +70,21 @@ class Land:
             share = _SPINNING_CRAWL_SHARE if flight.motor_lost else _CRAWL_SHARE
             flight.path.descend(0.0, share * params.land_speed, flight.limits())
         return self.phase is not LandPhase.TRANSIT and flight.landed
+
+    def _descend(self, flight: Flight) -> None:
+        params = flight.params
+        self.phase = LandPhase.DESCENT
+        set_point_height = self._ground_down - flight.path.state.position[2]
+        fast = max(0.0, set_point_height - params.land_slow_height)
+        flight.path.descend(fast, params.land_speed, flight.limits())
+
+    def _finds_other_ground(self, flight: Flight) -> bool:
+        """Take over the ground that is measured below, where it is not as was believed."""
+        measured = flight.ground_down
+        if math.isnan(measured) or abs(measured - self._ground_down) <= _GROUND_DIFFERS_M:
+            return False
+        self._ground_down = measured
+        return True
 
     def _over_the_point(self, flight: Flight) -> bool:
         if not flight.path.resting:

@@ -1,10 +1,18 @@
-"""Loiter: stop and hold, or fly to a commanded point and hold there."""
+"""Loiter: stop and hold, or fly to a commanded point and hold there.
+
+A point under the ground, as one whose height was meant above something else, is not flown to: the
+vehicle stops where the range finder measures the ground near below, and holds above it.
+"""
 
 import math
 
 from uav_firmware.modules.navigator.flight import Flight, Speeds
 from uav_firmware.modules.navigator.modes.navigator_mode import NavigatorMode
 from uav_firmware.msg.mission import ModeTarget, NavigatorTarget
+
+_WARNING = 4  # MAV_SEVERITY
+_UNDER_GROUND_M = 1.5  # [m] More than the errors of height and range finder near the ground
+_CLEARANCE_M = 2.0  # [m] Height above the ground at which such a descent ends
 
 
 class LoiterMode(NavigatorMode):
@@ -22,7 +30,20 @@ class LoiterMode(NavigatorMode):
 
     def on_active(self, flight: Flight) -> None:
         """Finish when the path has ended."""
+        if leads_into_ground(flight):
+            north, east, _ = flight.rest_point()
+            flight.fly(flight.stop_at((north, east, flight.ground_down - _CLEARANCE_M)))
+            flight.report(_WARNING, "Place is under the ground: holding above the ground")
         self.finished = flight.path.resting
+
+
+def leads_into_ground(flight: Flight) -> bool:
+    """Whether the vehicle descends to a place under the ground, and has to stop now."""
+    goal = flight.path.goal
+    if goal is None or math.isnan(flight.ground_down):
+        return False
+    lowest = flight.ground_down - _CLEARANCE_M
+    return goal[2] > flight.ground_down + _UNDER_GROUND_M and flight.rest_point()[2] > lowest
 
 
 def reposition(flight: Flight, target: NavigatorTarget) -> None:

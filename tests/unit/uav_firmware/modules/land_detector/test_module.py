@@ -10,7 +10,13 @@ from uav_firmware.modules.land_detector.params import LandDetectorParams
 from uav_firmware.modules.manual_control.params import ManualControlParams
 from uav_firmware.modules.position_control.params import PositionControlParams
 from uav_firmware.msg.control_mode import ControlLevel, ControlSource, VehicleControlMode
-from uav_firmware.msg.estimate import HoverThrustEstimate, VehicleAttitude, VehicleLocalPosition
+from uav_firmware.msg.estimate import (
+    GroundDistance,
+    HoverThrustEstimate,
+    VehicleAttitude,
+    VehicleLocalPosition,
+)
+from uav_firmware.msg.sensors import SensorRange
 from uav_firmware.msg.setpoints import TrajectorySetpoint, VehicleTorqueThrustSetpoint
 from uav_firmware.msg.status import LandDetected, LandedState, NavigationState, VehicleStatus
 from uav_firmware.msg.vectors import Vector3
@@ -34,6 +40,8 @@ class Vehicle:
     land: Topic[LandDetected] = field(default_factory=Topic)
     control: Topic[VehicleControlMode] = field(default_factory=Topic)
     hover: Topic[HoverThrustEstimate] = field(default_factory=Topic)
+    range_finder: Topic[SensorRange] = field(default_factory=Topic)
+    ground: Topic[GroundDistance] = field(default_factory=Topic)
     believed_hover: float = HOVER  # MPC_THR_HOVER
     led_down: float | None = None  # [m/s] Streamed by the navigator; None: silent
     now_us: int = 0
@@ -54,6 +62,8 @@ class Vehicle:
             land_detected=self.land,
             vehicle_control_mode=self.control,
             hover_thrust_estimate=self.hover,
+            range_finder=self.range_finder,
+            ground_distance=self.ground,
             registry=registry,
         )
 

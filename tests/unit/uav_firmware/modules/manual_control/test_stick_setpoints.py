@@ -21,7 +21,7 @@ from uav_firmware.msg.control_mode import ManualControlSetpoint
 
 TILT = math.radians(35.0)
 CURVE = ThrottleCurve(least=0.08, hover=0.225, most=0.9)
-SLOPE = DescentSlope(high=10.0, low=5.0, fast=1.5, slow=0.7)
+SLOPE = DescentSlope(high=10.0, low=5.0, fast=1.5, slow=0.7, braking=2.0)
 sticks = st.floats(-1.0, 1.0)
 yaws = st.floats(-math.pi, math.pi)
 
@@ -86,3 +86,14 @@ def test_body_rates_have_the_signs_of_the_sticks() -> None:
 def test_descent_is_slower_near_the_ground(a: float, b: float) -> None:
     low, high = sorted((a, b))
     assert SLOPE.slow <= SLOPE.limit(low) <= SLOPE.limit(high) <= SLOPE.fast
+
+
+@given(st.floats(1.0, 50.0), st.floats(1.0, 30.0), st.floats(0.5, 4.0), st.floats(-5.0, 60.0))
+def test_a_descent_can_always_slow_down_in_time(
+    high: float, low: float, fast: float, height: float
+) -> None:
+    """Also where the heights of the slope leave no way between them, or are exchanged."""
+    slope = DescentSlope(high, low, fast, slow=0.5, braking=2.0)
+    way = (slope.limit(height) ** 2 - 0.5**2) / (2.0 * 2.0)
+    assert way <= max(0.0, height - low) + 1e-9
+    assert 0.5 <= slope.limit(height) <= fast

@@ -132,6 +132,48 @@ def test_a_vehicle_that_spins_on_three_rotors_touches_down_at_half_the_speed() -
     assert touch_down_speed(broken) == pytest.approx(0.5 * touch_down_speed(whole), rel=0.02)
 
 
+@pytest.mark.parametrize("too_high_m", [-30.0, -3.0, 0.0])
+def test_a_landing_is_slow_near_the_ground_that_is_measured(too_high_m: float) -> None:
+    """Wherever the place that was ordered puts the ground."""
+    vehicle = airborne(20.0)
+    vehicle.ground_m = 0.0
+    values = (0.0, 0.0, 0.0, NAN, HOME[0], HOME[1], too_high_m)
+    assert vehicle.send(Command.NAV_LAND, *values, frame=3) == ACCEPTED
+    vehicle.run_until(lambda v: v.height < 8.0, 60.0)
+    assert vehicle.setpoints[-1].velocity_ned[2] == pytest.approx(1.5)
+    vehicle.run_until(lambda v: v.height < 0.1, 60.0)
+    assert vehicle.setpoints[-1].velocity_ned[2] < 0.5
+
+
+def test_a_landing_is_fast_far_above_the_ground_that_is_measured() -> None:
+    vehicle = airborne(30.0)
+    vehicle.ground_m = 0.0
+    values = (0.0, 0.0, 0.0, NAN, HOME[0], HOME[1], 29.0)
+    assert vehicle.send(Command.NAV_LAND, *values, frame=3) == ACCEPTED
+    vehicle.run(8.0)
+    assert vehicle.setpoints[-1].velocity_ned[2] == pytest.approx(1.5)
+    vehicle.run_until(lambda v: not v.armed, 90.0)
+
+
+def test_a_landing_goes_by_home_where_no_ground_is_measured_any_more() -> None:
+    vehicle = airborne(10.0)
+    vehicle.ground_m = -20.0
+    vehicle.run(0.1)
+    vehicle.ground_m = None
+    vehicle.run(1.0)
+    assert touch_down_speed(vehicle) < 0.5
+
+
+def test_a_place_under_the_ground_is_not_flown_to() -> None:
+    vehicle = airborne(10.0)
+    vehicle.ground_m = 0.0
+    values = (-1.0, 1.0, 0.0, NAN, HOME[0], HOME[1], HOME[2] - 40.0)
+    assert vehicle.send(Command.DO_REPOSITION, *values) == ACCEPTED
+    vehicle.run(30.0)
+    assert vehicle.height == pytest.approx(2.0, abs=0.1)
+    assert "Place is under the ground: holding above the ground" in vehicle.texts
+
+
 def test_a_land_command_with_a_place_lands_there() -> None:
     vehicle = airborne()
     place = at(-7, 12)

@@ -1,0 +1,84 @@
+"""The ground below: seen through the range finder, steady while the vehicle moves."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.support.estimates import local_position
+from uav_firmware.lib.rotation import from_euler
+from uav_firmware.modules.land_detector.ground_below import GroundBelow
+from uav_firmware.msg.estimate import EstimateResets
+from uav_firmware.msg.sensors import SensorRange
+from uav_firmware.msg.vectors import Quaternion
+
+LEVEL: Quaternion = (1.0, 0.0, 0.0, 0.0)
+SAMPLES = 5
+
+
+def seen(
+    below: GroundBelow,
+    *distances_m: float,
+    height_m: float = 10.0,
+    q: Quaternion = LEVEL,
+    altitude_valid: bool = True,
+    z_count: int = 0,
+) -> float:
+    """What is known after these samples, all from one height above the origin."""
+    down = math.nan
+    for distance_m in distances_m:
+        position = local_position(
+            position_ned=(0.0, 0.0, -height_m),
+            altitude_valid=altitude_valid,
+            resets=EstimateResets(z_count=z_count),
+        )
+        down = below.update(SensorRange(0, distance_m, 0.1, 40.0), q, position)
+    return down
+
+
+@given(st.floats(1.0, 39.0), st.floats(-50.0, 50.0))
+def test_ground_lies_the_measured_distance_below(distance_m: float, height_m: float) -> None:
+    down = seen(GroundBelow(), *[distance_m] * SAMPLES, height_m=height_m)
+    assert down == pytest.approx(distance_m - height_m)
+
+
+@given(st.floats(0.0, 29.0), st.floats(-180.0, 180.0))
+def test_a_tilt_makes_no_ground_lower(tilt_deg: float, yaw_deg: float) -> None:
+    tilt = math.radians(tilt_deg)
+    q = from_euler(0.0, tilt, math.radians(yaw_deg))
+    slant_m = 10.0 / math.cos(tilt)
+    assert seen(GroundBelow(), *[slant_m] * SAMPLES, q=q) == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_climb_does_not_move_the_ground() -> None:
+    below = GroundBelow()
+    downs = [seen(below, height, height_m=height) for height in (5.0, 6.0, 8.0, 11.0, 15.0, 20.0)]
+    assert downs[-2:] == pytest.approx([0.0, 0.0])
+
+
+@pytest.mark.parametrize("outlier_m", [0.1, 3.0, 39.0])
+def test_a_single_wrong_sample_does_not_count(outlier_m: float) -> None:
+    assert seen(GroundBelow(), 10.0, 10.0, outlier_m, 10.0, 10.0) == pytest.approx(0.0)
+
+
+@pytest.mark.parametrize("distance_m", [math.nan, math.inf, 0.0, 0.05, 41.0, -1.0])
+def test_a_sample_without_an_echo_proves_nothing(distance_m: float) -> None:
+    below = GroundBelow()
+    assert seen(below, *[10.0] * SAMPLES) == pytest.approx(0.0)
+    assert math.isnan(seen(below, distance_m))
+    assert math.isnan(seen(below, *[10.0] * (SAMPLES - 1)))
+    assert seen(below, 10.0) == pytest.approx(0.0)
+
+
+def test_nothing_is_known_far_tilted_or_without_a_height() -> None:
+    tilted = from_euler(math.radians(35.0), 0.0, 0.0)
+    assert math.isnan(seen(GroundBelow(), *[10.0] * SAMPLES, q=tilted))
+    assert math.isnan(seen(GroundBelow(), *[10.0] * SAMPLES, altitude_valid=False))
+
+
+def test_samples_before_a_reset_of_the_height_do_not_count() -> None:
+    below = GroundBelow()
+    seen(below, *[10.0] * SAMPLES)
+    assert math.isnan(seen(below, 10.0, height_m=25.0, z_count=1))
+    assert seen(below, *[10.0] * SAMPLES, height_m=25.0, z_count=1) == pytest.approx(-15.0)
