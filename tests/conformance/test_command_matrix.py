@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -58,7 +59,12 @@ SET_AND_NOT_HONOURED = [
 
 @pytest.fixture(scope="module")
 def flying(tmp_path_factory: pytest.TempPathFactory) -> Lockstep:
-    made = Lockstep(VEHICLE, tmp_path_factory.mktemp("vehicle"))
+    return airborne(tmp_path_factory.mktemp("vehicle"))
+
+
+def airborne(folder: Path) -> Lockstep:
+    """A vehicle that holds its position in the air."""
+    made = Lockstep(VEHICLE, folder)
     ready = mavlink.MAV_SYS_STATUS_PREARM_CHECK
     made.until(
         lambda m: m.get_type() == "SYS_STATUS" and m.onboard_control_sensors_health & ready,

@@ -20,6 +20,8 @@ from uav_firmware.modules.mavlink.commands.commands import (
     Answer,
     Command,
     as_index,
+    denied,
+    failed,
 )
 from uav_firmware.modules.mavlink.telemetry.camera import (
     camera_image_captured,
@@ -36,6 +38,7 @@ from uav_firmware.modules.mavlink.wire.addressing import (
 )
 from uav_firmware.modules.mavlink.wire.dialect import Message, mavlink
 from uav_firmware.modules.mavlink.wire.peers import PeerTable
+from uav_firmware.modules.mavlink.wire.status_text import StatusTexts
 from uav_firmware.msg.payload import CameraEvent, CancelOrder, ImageCaptured
 from uav_firmware.msg.status import VehicleCommand, VehicleCommandAck
 from uav_firmware.topics import Topics
@@ -47,9 +50,7 @@ IMAGES_AT_ONCE: Final = 64
 """Largest number of pictures in one answer; the rest must be requested again."""
 
 _ACCEPTED: Final[int] = mavlink.MAV_RESULT_ACCEPTED
-_DENIED: Final[int] = mavlink.MAV_RESULT_DENIED
 _UNSUPPORTED: Final[int] = mavlink.MAV_RESULT_UNSUPPORTED
-_FAILED: Final[int] = mavlink.MAV_RESULT_FAILED
 _IMAGE: Final[int] = mavlink.MAVLINK_MSG_ID_CAMERA_IMAGE_CAPTURED
 _STORAGE: Final[int] = mavlink.MAVLINK_MSG_ID_STORAGE_INFORMATION
 
@@ -181,7 +182,7 @@ class CameraRequests:
     def _shared(self, command: Command, sender: Sender, now_us: int) -> Answer:
         message_id = as_index(command.parameter(1))
         if message_id is None:
-            return Answer(_DENIED)
+            return denied(f"there is no message {command.parameter(1):g}")
         is_request = command.number == mavlink.MAV_CMD_REQUEST_MESSAGE
         if is_request and message_id == mavlink.MAVLINK_MSG_ID_MESSAGE_INTERVAL:
             return self._shared(interval_query(command), sender, now_us)
@@ -190,7 +191,7 @@ class CameraRequests:
         if message_id == _IMAGE:
             return self._images(command)
         if is_request and message_id in _NUMBERED and not _exists(command.parameter(2)):
-            return Answer(_DENIED)
+            return denied(f"parameter 2: the camera has no number {command.parameter(2):g}")
         answer = self._requests.answer(command, sender, now_us)
         return Answer(_UNSUPPORTED) if answer is None else answer
 
@@ -200,30 +201,34 @@ class CameraRequests:
             return Answer(_UNSUPPORTED)
         first, last = as_index(command.parameter(2)), as_index(command.parameter(3))
         if first is None:
-            return Answer(_DENIED)
+            return denied(f"parameter 2: there is no picture {command.parameter(2):g}")
         last = last or first
         if last < first:
-            return Answer(_DENIED)
+            return denied(f"parameter 3: the last picture, {last}, is before the first, {first}")
         last = min(last, first + IMAGES_AT_ONCE - 1)
         found = self._reports.images(self._component, first, last)
-        return Answer(_ACCEPTED, tuple(found)) if found else Answer(_FAILED)
+        if not found:
+            return failed(f"the camera has no record of picture {first}")
+        return Answer(_ACCEPTED, tuple(found))
 
     def _deprecated(self, command: Command, sender: Sender, now_us: int) -> Answer:
         return self._one(_DEPRECATED[command.number], command.parameter(1), sender, now_us)
 
     def _video_stream(self, command: Command, sender: Sender, now_us: int) -> Answer:
         if not _exists(command.parameter(1)):
-            return Answer(_DENIED)
+            return denied(f"parameter 1: the camera has no stream {command.parameter(1):g}")
         return self._one(_STREAMS[command.number], 1.0, sender, now_us)
 
     def _storage(self, command: Command, sender: Sender, now_us: int) -> Answer:
         if not _exists(command.parameter(1)):
-            return Answer(_DENIED)
+            return denied(f"parameter 1: the camera has no storage {command.parameter(1):g}")
         return self._one(_STORAGE, command.parameter(2), sender, now_us)
 
     def _one(self, message_id: int, requested: float, sender: Sender, now_us: int) -> Answer:
+        if requested == 0.0:
+            return Answer(_ACCEPTED)
         if requested != 1.0:
-            return Answer(_ACCEPTED if requested == 0.0 else _DENIED)
+            return denied(f"{requested:g} is not 1, a request")
         parameters = (float(message_id), *[0.0] * 6)
         command = Command(mavlink.MAV_CMD_REQUEST_MESSAGE, parameters, 0)  # type: ignore[arg-type]
         return self._shared(command, sender, now_us)
@@ -265,6 +270,7 @@ class CameraComponent:
         sink: CommandSink,
         cancel: Callable[[int], None],
         tokens: Iterator[int],
+        texts: StatusTexts,
     ) -> None:
         self._system_id = system_id
         self._topics = topics
@@ -283,6 +289,7 @@ class CameraComponent:
                 component=component,
                 known=known,
                 tokens=tokens,
+                texts=texts,
             )
             for component, known in ((CAMERA_COMPONENT, KNOWN), (SECOND_CAMERA_COMPONENT, SHARED))
         }

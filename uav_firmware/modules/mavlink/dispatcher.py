@@ -126,6 +126,7 @@ class Dispatcher:
             mission_length=lambda: self._missions.mission_length,
             cancel=router.cancel,
             tokens=tokens,
+            texts=texts,
         )
         self._camera = CameraComponent(
             system_id=system_id,
@@ -135,6 +136,7 @@ class Dispatcher:
             sink=router,
             cancel=router.cancel,
             tokens=tokens,
+            texts=texts,
         )
         self._files = FileService(
             system_id=system_id,
@@ -180,7 +182,8 @@ class Dispatcher:
         outgoing = self._missions.resume_uploads(now_us) if self._checker.receive() else []
         for result in self._topics.parameter_save_result.drain():
             outgoing += self._parameters.on_save_result(result)
-            outgoing += self._commands.answers([storage_ack(result, now_us)], now_us)
+            ack = storage_ack(result, now_us)
+            outgoing += self._commands.answers([ack], now_us, reason=result.fault)
         return outgoing
 
     def tick(self, now_us: int) -> list[Outgoing]:

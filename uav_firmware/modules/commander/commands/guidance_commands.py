@@ -59,8 +59,8 @@ def orbit(command: VehicleCommand, situation: Situation) -> Decision:
         limits = f"{ORBIT_RADIUS_MIN_M:g} to {largest:g} m"
         raise BadParameterError(f"parameter 1: a radius of {radius:g} m is not within {limits}")
     if not (math.isnan(speed) or 0.0 < speed <= ORBIT_SPEED_MAX_M_S):
-        limits = f"0 to {ORBIT_SPEED_MAX_M_S:g} m/s"
-        raise BadParameterError(f"parameter 2: a speed of {speed:g} m/s is not within {limits}")
+        limits = f"above 0, up to {ORBIT_SPEED_MAX_M_S:g} m/s"
+        raise BadParameterError(f"parameter 2: a speed of {speed:g} m/s is not {limits}")
     if angle < 0.0:
         raise BadParameterError(f"parameter 4: {angle:g} rad; use a negative radius instead")
     spot = place(command, situation.view, zero_is_unset=False)

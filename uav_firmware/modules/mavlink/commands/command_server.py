@@ -12,6 +12,9 @@ commander's final answer or a timeout, which is a failure. So is one that saves 
     pending  --0.9 s since report------> pending   progress sent again
     pending  --2 s without answer------> answered  FAILED
 
+Who is refused here gets a STATUSTEXT with command and reason; the modules that execute commands
+send their own. A repetition gets the same answer without the text again.
+
 COMMAND_CANCEL is passed on to the module that executes the command, which answers CANCELLED.
 """
 
@@ -25,12 +28,17 @@ from uav_firmware.modules.mavlink.commands.command_history import CommandHistory
 from uav_firmware.modules.mavlink.commands.commands import (
     BAD_FRAME,
     KNOWN,
+    REFUSALS,
     Answer,
     Command,
     PendingAnswer,
+    denied,
+    failed,
     from_int,
     from_long,
-    has_no_ignored_parameter,
+    ignored_parameter,
+    name_of,
+    temporarily_rejected,
 )
 from uav_firmware.modules.mavlink.wire.addressing import (
     AUTOPILOT_COMPONENT,
@@ -40,6 +48,7 @@ from uav_firmware.modules.mavlink.wire.addressing import (
 )
 from uav_firmware.modules.mavlink.wire.dialect import Message, mavlink
 from uav_firmware.modules.mavlink.wire.dialect_extensions import MAV_CMD_DO_SET_STANDARD_MODE
+from uav_firmware.modules.mavlink.wire.status_text import StatusTexts
 from uav_firmware.msg.status import VehicleCommand, VehicleCommandAck
 
 ANSWER_LIMIT_US: Final = 2_000_000
@@ -51,10 +60,27 @@ PROGRESS_INTERVAL_US: Final = 900_000
 MAX_PENDING: Final = 64
 
 _IN_PROGRESS: Final[int] = mavlink.MAV_RESULT_IN_PROGRESS
-_DENIED: Final[int] = mavlink.MAV_RESULT_DENIED
 _FAILED: Final[int] = mavlink.MAV_RESULT_FAILED
 _UNSUPPORTED: Final[int] = mavlink.MAV_RESULT_UNSUPPORTED
-_BUSY: Final[int] = mavlink.MAV_RESULT_TEMPORARILY_REJECTED
+_WARNING: Final[int] = mavlink.MAV_SEVERITY_WARNING
+_NOTICE: Final[int] = mavlink.MAV_SEVERITY_NOTICE
+_READING: Final = frozenset(
+    {
+        mavlink.MAV_CMD_GET_HOME_POSITION,
+        mavlink.MAV_CMD_GET_MESSAGE_INTERVAL,
+        mavlink.MAV_CMD_SET_MESSAGE_INTERVAL,
+        mavlink.MAV_CMD_REQUEST_MESSAGE,
+        mavlink.MAV_CMD_REQUEST_PROTOCOL_VERSION,
+        mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES,
+        mavlink.MAV_CMD_REQUEST_CAMERA_INFORMATION,
+        mavlink.MAV_CMD_REQUEST_CAMERA_SETTINGS,
+        mavlink.MAV_CMD_REQUEST_CAMERA_CAPTURE_STATUS,
+        mavlink.MAV_CMD_REQUEST_STORAGE_INFORMATION,
+        mavlink.MAV_CMD_REQUEST_VIDEO_STREAM_INFORMATION,
+        mavlink.MAV_CMD_REQUEST_VIDEO_STREAM_STATUS,
+    }
+)
+"""Requests for telemetry: a refusal, perhaps of a message that is not known yet, warns nobody."""
 _PROGRESS_UNKNOWN: Final = 255
 _OPEN_TO_ALL_SYSTEMS: Final = frozenset(
     {
@@ -100,6 +126,7 @@ class CommandServer:
         local_handlers: Sequence[LocalHandler],
         commander: CommandSink,
         mission_length: Callable[[], int],
+        texts: StatusTexts,
         cancel: Callable[[int], None] = lambda _token: None,
         component: int = AUTOPILOT_COMPONENT,
         known: Container[int] = KNOWN,
@@ -112,6 +139,7 @@ class CommandServer:
             local_handlers: Tried in order before a command is forwarded.
             commander: Queue of the commander, or a router to it.
             mission_length: Returns the number of items of the mission.
+            texts: Encodes reasons for the senders of refused commands.
             cancel: Cancels the command with a token.
             component: Component id that commands must name.
             known: Numbers of the supported commands.
@@ -124,6 +152,7 @@ class CommandServer:
         self._local_handlers = local_handlers
         self._commander = commander
         self._mission_length = mission_length
+        self._texts = texts
         self._cancel = cancel
         self._pending: dict[int, _Pending] = {}
         self._history = CommandHistory()
@@ -167,14 +196,23 @@ class CommandServer:
         )
         return self._forward(command, command, sender, now_us, answer=False)
 
-    def answers(self, acks: Iterable[VehicleCommandAck], now_us: int) -> list[Outgoing]:
-        """Translate answers to pending commands to COMMAND_ACKs to the senders."""
-        return [message for ack in acks for message in self._answer(ack, now_us)]
+    def answers(
+        self, acks: Iterable[VehicleCommandAck], now_us: int, *, reason: str = ""
+    ) -> list[Outgoing]:
+        """Translate answers to pending commands to COMMAND_ACKs to the senders.
+
+        `reason` of a failure that whoever executes the command does not report.
+        """
+        return [message for ack in acks for message in self._answer(ack, now_us, reason)]
 
     def tick(self, now_us: int) -> list[Outgoing]:
         """Fail the commands that have timed out; report the progress of running ones."""
         late = [token for token, pending in self._pending.items() if pending.deadline_us <= now_us]
-        outgoing = [message for token in late for message in self._finish(token, _FAILED, now_us)]
+        outgoing = [
+            message
+            for token in late
+            for message in self._finish(token, failed("no answer in time"), now_us)
+        ]
         for pending in self._pending.values():
             if (
                 pending.progress is not None
@@ -195,16 +233,19 @@ class CommandServer:
         earlier = self._earlier(command, sender, now_us, repeated=repeated)
         if earlier is not None:
             return earlier
-        if not has_no_ignored_parameter(command):
-            return [_acknowledge(command.number, _DENIED, sender)]
+        ignored = ignored_parameter(command)
+        if ignored is not None:
+            answer = denied(f"parameter {ignored} is set but has no effect")
+            return self._reply(command.number, answer, sender)
         executed = self._execute_here(command, sender, now_us)
         if executed is not None:
             return executed
         normalised = self._normalised(command)
-        if isinstance(normalised, int):
-            return [_acknowledge(command.number, normalised, sender)]
+        if isinstance(normalised, Answer):
+            return self._reply(command.number, normalised, sender)
         if not self._forward(command, normalised, sender, now_us, answer=True):
-            return [_acknowledge(command.number, _BUSY, sender)]
+            answer = temporarily_rejected("too many commands wait for their answers")
+            return self._reply(command.number, answer, sender)
         return []
 
     def _execute_here(self, command: Command, sender: Sender, now_us: int) -> list[Outgoing] | None:
@@ -215,12 +256,21 @@ class CommandServer:
                 self._await_answer(answer.token, command, sender, now_us)
                 return []
             if answer is not None:
-                to = None if answer.to_all else sender.address
-                return [
-                    _acknowledge(command.number, answer.result, sender),
-                    *(Outgoing(message, to) for message in answer.messages),
-                ]
+                return self._reply(command.number, answer, sender)
         return None
+
+    def _reply(self, number: int, answer: Answer, sender: Sender) -> list[Outgoing]:
+        """Send a final answer with its messages, and with the reason of a refusal."""
+        to = None if answer.to_all else sender.address
+        reply = [
+            _acknowledge(number, answer.result, sender),
+            *(Outgoing(message, to) for message in answer.messages),
+        ]
+        if answer.reason:
+            text = f"{name_of(number)} {REFUSALS[answer.result]}: {answer.reason}"
+            chunks = self._texts.encode(_NOTICE if number in _READING else _WARNING, text)
+            reply += [chunk._replace(to=sender.address) for chunk in chunks]
+        return reply
 
     def _earlier(
         self, command: Command, sender: Sender, now_us: int, *, repeated: bool
@@ -232,16 +282,19 @@ class CommandServer:
             if pending.sender.identity == sender.identity and _same(pending.command, command):
                 return _in_progress(pending, now_us)
             if pending.progress is not None:
-                return [_acknowledge(command.number, _BUSY, sender)]
+                answer = temporarily_rejected("another one is being executed")
+                return self._reply(command.number, answer, sender)
         known = self._history.answer(command, sender, now_us) if repeated else None
         return None if known is None else [_acknowledge(command.number, known, sender)]
 
-    def _normalised(self, command: Command) -> Command | int:
-        """The command in the form of the commander, or the MAV_RESULT that refuses it."""
+    def _normalised(self, command: Command) -> Command | Answer:
+        """The command in the form of the commander, or the answer that refuses it."""
         if command.number == mavlink.MAV_CMD_DO_SET_MODE:
-            return modes.command_from_do_set_mode(command) or _DENIED
+            in_form = modes.command_from_do_set_mode(command)
+            return denied(in_form) if isinstance(in_form, str) else in_form
         if command.number == MAV_CMD_DO_SET_STANDARD_MODE:
-            return modes.command_from_standard_mode(command) or _FAILED
+            in_form = modes.command_from_standard_mode(command)
+            return failed(in_form) if isinstance(in_form, str) else in_form
         return command
 
     def _forward(
@@ -266,23 +319,23 @@ class CommandServer:
             deadline_us=now_us + ANSWER_LIMIT_US,
         )
 
-    def _answer(self, ack: VehicleCommandAck, now_us: int) -> list[Outgoing]:
+    def _answer(self, ack: VehicleCommandAck, now_us: int, reason: str) -> list[Outgoing]:
         pending = self._pending.get(ack.token)
         if pending is None:
             return []
         if ack.result != _IN_PROGRESS:
-            return self._finish(ack.token, ack.result, now_us)
+            return self._finish(ack.token, Answer(ack.result, reason=reason), now_us)
         pending.progress = min(max(ack.progress, 0), _PROGRESS_UNKNOWN)
         pending.deadline_us = now_us + PROGRESS_LIMIT_US
         return _in_progress(pending, now_us)
 
-    def _finish(self, token: int, result: int, now_us: int) -> list[Outgoing]:
+    def _finish(self, token: int, answer: Answer, now_us: int) -> list[Outgoing]:
         """Remove a pending command and send its final answer."""
         pending = self._pending.pop(token)
         if pending.sender is None:
             return []
-        self._history.store_answer(pending.command, pending.sender, result, now_us)
-        return [_acknowledge(pending.number, result, pending.sender)]
+        self._history.store_answer(pending.command, pending.sender, answer.result, now_us)
+        return self._reply(pending.number, answer, pending.sender)
 
 
 def _same(left: Command, right: Command) -> bool:

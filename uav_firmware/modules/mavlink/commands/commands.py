@@ -51,6 +51,30 @@ class Answer(NamedTuple):
     result: int  # MAV_RESULT
     messages: tuple[Message, ...] = ()
     to_all: bool = False
+    reason: str = ""  # Of one of REFUSALS, for the sender
+
+
+REFUSALS: Final[Mapping[int, str]] = {
+    mavlink.MAV_RESULT_TEMPORARILY_REJECTED: "refused",
+    mavlink.MAV_RESULT_DENIED: "denied",
+    mavlink.MAV_RESULT_FAILED: "failed",
+}
+"""Results that have a reason; a command or message that is not there is UNSUPPORTED without one."""
+
+
+def denied(reason: str) -> Answer:
+    """A parameter is wrong in any state."""
+    return Answer(mavlink.MAV_RESULT_DENIED, reason=reason)
+
+
+def temporarily_rejected(reason: str) -> Answer:
+    """The parameters are valid, but the state of the vehicle does not allow the command now."""
+    return Answer(mavlink.MAV_RESULT_TEMPORARILY_REJECTED, reason=reason)
+
+
+def failed(reason: str) -> Answer:
+    """The parameters are valid, but what the command acts on does not exist."""
+    return Answer(mavlink.MAV_RESULT_FAILED, reason=reason)
 
 
 class PendingAnswer(NamedTuple):
@@ -148,11 +172,17 @@ def _unscaled(value: int, scale: float) -> float:
     return math.nan if value in {INT32_UNSET, _NAN_AS_INT32} else value / scale
 
 
-def has_no_ignored_parameter(command: Command) -> bool:
-    """Whether every parameter that is set has an effect, as far as this module can decide."""
+def ignored_parameter(command: Command) -> int | None:
+    """The first parameter that is set without an effect, as far as this module can decide."""
     supported = HANDLED_HERE.get(command.number, _ALL)
-    ignored = (p for i, p in enumerate(command.parameters, 1) if i not in supported)
-    return all(math.isnan(parameter) or parameter == 0.0 for parameter in ignored)
+    ignored = ((i, p) for i, p in enumerate(command.parameters, 1) if i not in supported)
+    return next((i for i, value in ignored if not (math.isnan(value) or value == 0.0)), None)
+
+
+def name_of(number: int) -> str:
+    """Name of a command without MAV_CMD_."""
+    entry = mavlink.enums["MAV_CMD"].get(number)
+    return f"command {number}" if entry is None else entry.name.removeprefix("MAV_CMD_")
 
 
 def as_index(value: float) -> int | None:

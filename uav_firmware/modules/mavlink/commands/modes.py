@@ -126,24 +126,24 @@ def command_for(state: NavigationState) -> Command:
     )
 
 
-def command_from_do_set_mode(command: Command) -> Command | None:
-    """Read DO_SET_MODE; None when it names no mode.
+def command_from_do_set_mode(command: Command) -> Command | str:
+    """Read DO_SET_MODE; the reason when it names no mode.
 
     p1 has the custom-mode flag, alone (MAVSDK) or with others (pymavlink's 29). p2 is the main mode
     and p3 the sub mode, or p2 is the packed custom mode (old QGroundControl).
     """
     flags, main, sub, *rest = command.parameters
     if not all(math.isnan(value) or value == 0.0 for value in rest):
-        return None  # A parameter without effect is set
+        return "one of the parameters 4 to 7 is set but has no effect"
     sub = 0.0 if math.isnan(sub) else sub
-    if not all(_is_uint32(value) for value in (flags, main, sub)):
-        return None
-    if not int(flags) & _CUSTOM_MODE_ENABLED:
-        return None
-    if main >= _SMALLEST_PACKED:
-        return command_from_set_mode(_CUSTOM_MODE_ENABLED, int(main)) if sub == 0.0 else None
-    state = state_from_main_and_sub(int(main), int(sub))
-    return None if state is None else command_for(state)
+    if not (_is_uint32(flags) and int(flags) & _CUSTOM_MODE_ENABLED):
+        return f"parameter 1 is {flags:g}, without the flag of a custom mode (1)"
+    if main >= _SMALLEST_PACKED and _is_uint32(main) and sub == 0.0:
+        state = state_from_custom_mode(int(main))
+    else:
+        is_pair = _is_uint32(main) and _is_uint32(sub)
+        state = state_from_main_and_sub(int(main), int(sub)) if is_pair else None
+    return f"there is no mode {main:g}/{sub:g}" if state is None else command_for(state)
 
 
 def command_from_set_mode(base_mode: int, custom_mode: int) -> Command | None:
@@ -154,13 +154,12 @@ def command_from_set_mode(base_mode: int, custom_mode: int) -> Command | None:
     return None if state is None else command_for(state)
 
 
-def command_from_standard_mode(command: Command) -> Command | None:
-    """Read DO_SET_STANDARD_MODE; None for a mode that the vehicle lacks."""
+def command_from_standard_mode(command: Command) -> Command | str:
+    """Read DO_SET_STANDARD_MODE; the reason for a mode that the vehicle lacks."""
     standard = command.parameter(1)
-    if not _is_uint32(standard):
-        return None
-    state = state_from_standard_mode(int(standard))
-    return None if state is None else command_for(state)
+    state = state_from_standard_mode(int(standard)) if _is_uint32(standard) else None
+    lacking = f"the vehicle has no standard mode {standard:g}"
+    return lacking if state is None else command_for(state)
 
 
 def _is_uint32(value: float) -> bool:

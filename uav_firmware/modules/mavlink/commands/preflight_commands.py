@@ -6,7 +6,13 @@ from enum import IntEnum
 from typing import Final
 
 from uav_firmware.bus import Queue, Topic
-from uav_firmware.modules.mavlink.commands.commands import Answer, Command, PendingAnswer
+from uav_firmware.modules.mavlink.commands.commands import (
+    Answer,
+    Command,
+    PendingAnswer,
+    denied,
+    temporarily_rejected,
+)
 from uav_firmware.modules.mavlink.wire.addressing import Sender
 from uav_firmware.modules.mavlink.wire.dialect import mavlink
 from uav_firmware.msg.status import (
@@ -24,8 +30,6 @@ _RESETS: Final = frozenset({2.0, 4.0})
 _PLANS_UNCHANGED: Final = frozenset({-1.0, 0.0, 1.0})
 
 _ACCEPTED: Final = Answer(mavlink.MAV_RESULT_ACCEPTED)
-_BUSY: Final = Answer(mavlink.MAV_RESULT_TEMPORARILY_REJECTED)
-_DENIED: Final = Answer(mavlink.MAV_RESULT_DENIED)
 _UNSUPPORTED: Final = Answer(mavlink.MAV_RESULT_UNSUPPORTED)
 
 
@@ -58,12 +62,12 @@ class StorageCommands:
             return None
         action, plans = command.parameter(1), command.parameter(2)
         if not (math.isnan(plans) or plans in _PLANS_UNCHANGED):
-            return _DENIED
+            return denied(f"parameter 2 is {plans:g}: plans are stored as they change")
         if action not in {_READ, _WRITE} | _RESETS:
-            return _DENIED
-        status = self._vehicle_status.value
-        if status is None or status.armed:
-            return _BUSY
+            return denied(f"parameter 1 is {action:g}, no action")
+        busy = _obstacle(self._vehicle_status.value)
+        if busy is not None:
+            return busy
         if action in _RESETS:
             self._registry.reset()
         if action == _READ:
@@ -71,6 +75,13 @@ class StorageCommands:
         request_id = next(self._request_ids)
         self._save_request.publish(ParameterSaveRequest(request_id))
         return PendingAnswer(request_id)
+
+
+def _obstacle(status: VehicleStatus | None) -> Answer | None:
+    """Refuse a command that requires a disarmed vehicle."""
+    if status is None:
+        return temporarily_rejected("it is not known whether the vehicle is armed")
+    return temporarily_rejected("the vehicle is armed") if status.armed else None
 
 
 def storage_ack(result: ParameterSaveResult, now_us: int) -> VehicleCommandAck:
@@ -113,10 +124,10 @@ class PowerCommands:
         if command.number != mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN:
             return None
         if not _is_possible(command):
-            return _DENIED
-        status = self._vehicle_status.value
-        if status is None or status.armed:
-            return _BUSY
+            return denied("parameters 1 to 4 are no restart or shutdown of the whole vehicle")
+        busy = _obstacle(self._vehicle_status.value)
+        if busy is not None:
+            return busy
         action = PowerAction(int(command.parameter(1)))
         if action is not PowerAction.NONE:
             if self._request is None:

@@ -21,7 +21,12 @@ from typing import Final, NamedTuple
 
 from uav_firmware.bus import Queue, Topic
 from uav_firmware.cal.link import Address
-from uav_firmware.modules.mavlink.commands.commands import Answer, Command
+from uav_firmware.modules.mavlink.commands.commands import (
+    Answer,
+    Command,
+    denied,
+    temporarily_rejected,
+)
 from uav_firmware.modules.mavlink.wire.addressing import Outgoing, Sender, is_for_us
 from uav_firmware.modules.mavlink.wire.dialect import Message, mavlink
 from uav_firmware.modules.mavlink.wire.status_text import StatusTexts
@@ -41,8 +46,6 @@ QUEUE_MAX: Final = 1000
 """Packets of data, a quarter of a megabyte."""
 _ULOG: Final = 0.0
 _ACCEPTED: Final[int] = mavlink.MAV_RESULT_ACCEPTED
-_DENIED: Final[int] = mavlink.MAV_RESULT_DENIED
-_BUSY: Final[int] = mavlink.MAV_RESULT_TEMPORARILY_REJECTED
 
 
 class StreamPacket(NamedTuple):
@@ -124,9 +127,9 @@ class LogStream:
         if command.number != mavlink.MAV_CMD_LOGGING_START:
             return None
         if command.parameter(1) != _ULOG:
-            return Answer(_DENIED)
+            return denied(f"parameter 1 is {command.parameter(1):g}: only ULog (0) is streamed")
         if self._owner is not None and self._owner.identity != sender.identity:
-            return Answer(_BUSY)
+            return temporarily_rejected("the log is being streamed to another system")
         self._stop()
         self._owner = sender
         self._number += 1

@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
 from uav_firmware.cal.files import Entry, OpenFile, OpenMode, Place
-from uav_firmware.modules.mavlink.commands.commands import Answer, Command
+from uav_firmware.modules.mavlink.commands.commands import Answer, Command, denied
 from uav_firmware.modules.mavlink.files.client import checksum_of
 from uav_firmware.modules.mavlink.files.tree import GeneratedFile, ReadOnlyStore, refusal
 from uav_firmware.modules.mavlink.wire.addressing import Sender
@@ -156,7 +156,7 @@ class MetadataRequest:
         target = command.parameter(7)
         to_all = _TARGETS.get(0.0 if math.isnan(target) else target)
         if to_all is None:
-            return Answer(mavlink.MAV_RESULT_DENIED)
+            return denied(f"parameter 7 is {target:g}, no response target")
         message = ComponentMetadata(
             time_boot_ms=now_us // 1000 & 0xFFFFFFFF,
             file_crc=self._general_checksum(),

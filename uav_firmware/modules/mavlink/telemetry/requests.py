@@ -4,7 +4,13 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Final
 
-from uav_firmware.modules.mavlink.commands.commands import Answer, Command, as_index
+from uav_firmware.modules.mavlink.commands.commands import (
+    Answer,
+    Command,
+    as_index,
+    denied,
+    temporarily_rejected,
+)
 from uav_firmware.modules.mavlink.telemetry.context import Context
 from uav_firmware.modules.mavlink.telemetry.link import autopilot_version, available_modes
 from uav_firmware.modules.mavlink.telemetry.streams import (
@@ -19,9 +25,7 @@ from uav_firmware.modules.mavlink.wire.dialect_extensions import ProtocolVersion
 from uav_firmware.modules.mavlink.wire.peers import Channel, PeerTable
 
 _ACCEPTED: Final[int] = mavlink.MAV_RESULT_ACCEPTED
-_DENIED: Final[int] = mavlink.MAV_RESULT_DENIED
 _UNSUPPORTED: Final[int] = mavlink.MAV_RESULT_UNSUPPORTED
-_NOT_YET: Final[int] = mavlink.MAV_RESULT_TEMPORARILY_REJECTED
 
 _TO_ALL: Final = 2.0
 _TARGETS: Final = frozenset({0.0, 1.0, _TO_ALL})
@@ -66,21 +70,24 @@ class RequestServer:
     def _request_message(self, command: Command, sender: Sender, now_us: int) -> Answer:
         message_id, target = as_index(command.parameter(1)), _target(command)
         if message_id is None or target is None:
-            return Answer(_DENIED)
+            return _denied(command)
         to_all = target == _TO_ALL
         if message_id == mavlink.MAVLINK_MSG_ID_AVAILABLE_MODES:
-            index = as_index(command.parameter(2))
-            modes = tuple(available_modes(index)) if index is not None else ()
-            return Answer(_ACCEPTED, modes, to_all) if modes else Answer(_DENIED)
+            return _modes(command, to_all=to_all)
         if message_id == mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION:
             return self._version(command, sender, now_us)._replace(to_all=to_all)
         if message_id == mavlink.MAVLINK_MSG_ID_MESSAGE_INTERVAL:
             return self._get_interval(interval_query(command), sender, now_us)
+        return self._built(message_id, now_us, to_all=to_all)
+
+    def _built(self, message_id: int, now_us: int, *, to_all: bool) -> Answer:
         builder = BUILDERS.get(self._key(message_id))
         if builder is None:
             return Answer(_UNSUPPORTED)
         messages = build(builder, self._context(now_us))
-        return Answer(_ACCEPTED, messages, to_all) if messages else Answer(_NOT_YET)
+        if not messages:
+            return temporarily_rejected(f"message {message_id} has no contents yet")
+        return Answer(_ACCEPTED, messages, to_all)
 
     def _version(self, _command: Command, _sender: Sender, now_us: int) -> Answer:
         return Answer(_ACCEPTED, (autopilot_version(self._context(now_us).system_id),))
@@ -99,22 +106,24 @@ class RequestServer:
     def _set_interval(self, command: Command, sender: Sender, now_us: int) -> Answer:
         message_id, target = as_index(command.parameter(1)), _target(command)
         interval = command.parameter(2)
-        if message_id is None or target is None or not _is_interval(interval):
-            return Answer(_DENIED)
+        if message_id is None or target is None:
+            return _denied(command)
+        if not _is_interval(interval):
+            return denied(f"{interval:g} us is no interval; 0 is the default, -1 is off")
         key = self._key(message_id)
         if key not in BUILDERS:
             return Answer(_UNSUPPORTED)
         if message_id == mavlink.MAVLINK_MSG_ID_HEARTBEAT and not _is_heartbeat_interval(interval):
-            return Answer(_DENIED)
+            return denied("a heartbeat is sent at least once a second")
         for channel in self._channels(sender, to_all=target == _TO_ALL):
-            _apply_interval(channel, key, round(interval), now_us)
+            _apply_interval(channel, key, interval, now_us)
         return Answer(_ACCEPTED)
 
     def _get_interval(self, command: Command, sender: Sender, _now_us: int) -> Answer:
         """Answer with MESSAGE_INTERVAL: -1 for a message that is off, 0 for an unknown one."""
         message_id, target = as_index(command.parameter(1)), _target(command)
         if message_id is None or target is None or message_id > 0xFFFF:
-            return Answer(_DENIED)
+            return _denied(command)
         channel, key = self._peers.get(sender.address), self._key(message_id)
         interval = channel.schedule.interval_us(key) if channel is not None else 0
         if interval == 0 and key in BUILDERS:
@@ -134,21 +143,40 @@ class RequestServer:
         return [] if channel is None else [channel]
 
 
+def _modes(command: Command, *, to_all: bool) -> Answer:
+    """AVAILABLE_MODES of the index in parameter 2, or of all (0)."""
+    index = as_index(command.parameter(2))
+    modes = tuple(available_modes(index)) if index is not None else ()
+    if not modes:
+        return denied(f"parameter 2: there is no mode {command.parameter(2):g}")
+    return Answer(_ACCEPTED, modes, to_all)
+
+
 def interval_query(command: Command) -> Command:
     """GET_MESSAGE_INTERVAL of the same meaning as a REQUEST_MESSAGE for MESSAGE_INTERVAL."""
     parameters = (command.parameter(2), 0.0, 0.0, 0.0, 0.0, 0.0, command.parameter(7))
     return command._replace(number=mavlink.MAV_CMD_GET_MESSAGE_INTERVAL, parameters=parameters)
 
 
-def _apply_interval(channel: Channel, key: int, interval_us: int, now_us: int) -> None:
-    """Set an interval in the encoding of SET_MESSAGE_INTERVAL: 0 default, -1 off, else [us]."""
-    if interval_us == 0:
+def _apply_interval(channel: Channel, key: int, requested: float, now_us: int) -> None:
+    """Set an interval in the encoding of SET_MESSAGE_INTERVAL: 0 default, -1 off, else [us].
+
+    A shorter one than the vehicle can send becomes the shortest, which MESSAGE_INTERVAL reports.
+    """
+    if requested == 0.0:
         interval_us = channel.schedule.default_interval_us(key)
-    elif interval_us == _INTERVAL_OFF:
+    elif requested == _INTERVAL_OFF:
         interval_us = 0
     else:
-        interval_us = max(interval_us, MIN_INTERVAL_US)
+        interval_us = max(round(requested), MIN_INTERVAL_US)
     channel.schedule.set_interval(key, interval_us, now_us)
+
+
+def _denied(command: Command) -> Answer:
+    """Deny a request by the parameter that names no message, or nobody to respond to."""
+    if _target(command) is None:
+        return denied(f"parameter 7 is {command.parameter(7):g}, no response target")
+    return denied(f"there is no message {command.parameter(1):g}")
 
 
 def _target(command: Command) -> float | None:

@@ -20,6 +20,7 @@ from uav_firmware.modules.mavlink.commands.commands import FORWARDED
 from uav_firmware.modules.mavlink.wire.addressing import Sender
 from uav_firmware.modules.mavlink.wire.dialect import frame, mavlink, pack, parse
 from uav_firmware.modules.mavlink.wire.dialect_extensions import MAV_RESULT_CANCELLED, CommandCancel
+from uav_firmware.modules.mavlink.wire.status_text import StatusTexts
 from uav_firmware.msg.status import VehicleCommand, VehicleCommandAck
 
 ARM, TAKEOFF, MODE, CURRENT = 400, 22, 176, 224
@@ -222,6 +223,7 @@ def test_a_cancellation_is_passed_to_payload() -> None:
         local_handlers=(),
         commander=queue,
         mission_length=lambda: 0,
+        texts=StatusTexts(),
         cancel=ended.append,
     )
     sender = Sender(255, 190, GROUND)

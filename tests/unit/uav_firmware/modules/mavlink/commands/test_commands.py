@@ -9,7 +9,7 @@ from uav_firmware.modules.mavlink.commands.commands import (
     POSITIONAL,
     from_int,
     from_long,
-    has_no_ignored_parameter,
+    ignored_parameter,
 )
 
 NAN = math.nan
@@ -61,14 +61,14 @@ def test_a_set_parameter_without_effect_is_detected(number: int) -> None:
         for value in (1.0, -1.0, math.inf):
             parameters = [0.0] * 7
             parameters[index - 1] = value
-            assert not has_no_ignored_parameter(from_long(command_long(number, *parameters)))
+            assert ignored_parameter(from_long(command_long(number, *parameters))) == index
         parameters[index - 1] = NAN
-        assert has_no_ignored_parameter(from_long(command_long(number, *parameters)))
+        assert ignored_parameter(from_long(command_long(number, *parameters))) is None
 
 
 def test_parameters_of_forwarded_commands_are_not_checked_here() -> None:
     for number in FORWARDED:
-        assert has_no_ignored_parameter(from_long(command_long(number, *[9.0] * 7)))
+        assert ignored_parameter(from_long(command_long(number, *[9.0] * 7))) is None
 
 
 def test_no_command_is_both_forwarded_and_answered_here() -> None:

@@ -95,24 +95,26 @@ def test_every_encoding_of_a_mode_gives_the_same_command() -> None:
 
 
 @pytest.mark.parametrize(
-    "parameters",
+    ("parameters", "reason"),
     [
-        (0.0, 4.0, 4.0),
-        (28.0, 4.0, 4.0),
-        (1.0, 4.0, 99.0),
-        (1.0, 0.0, 0.0),
-        (1.0, 99.0, 0.0),
-        (1.0, 4.5, 4.0),
-        (1.0, -4.0, 4.0),
-        (math.nan, 4.0, 4.0),
-        (1.0, math.nan, 4.0),
-        (1.0, math.inf, 4.0),
-        (1.0, 1e30, 0.0),
-        (1.0, float(0x04040000), 4.0),
+        ((0.0, 4.0, 4.0), "parameter 1 is 0, without the flag of a custom mode (1)"),
+        ((28.0, 4.0, 4.0), "parameter 1 is 28, without the flag of a custom mode (1)"),
+        ((1.0, 4.0, 99.0), "there is no mode 4/99"),
+        ((1.0, 0.0, 0.0), "there is no mode 0/0"),
+        ((1.0, 99.0, 0.0), "there is no mode 99/0"),
+        ((1.0, 4.5, 4.0), "there is no mode 4.5/4"),
+        ((1.0, -4.0, 4.0), "there is no mode -4/4"),
+        ((math.nan, 4.0, 4.0), "parameter 1 is nan, without the flag of a custom mode (1)"),
+        ((1.0, math.nan, 4.0), "there is no mode nan/4"),
+        ((1.0, math.inf, 4.0), "there is no mode inf/4"),
+        ((1.0, 1e30, 0.0), "there is no mode 1e+30/0"),
+        ((1.0, float(0x04040000), 4.0), "there is no mode 6.7371e+07/4"),
     ],
 )
-def test_a_command_without_a_mode_is_none(parameters: tuple[float, ...]) -> None:
-    assert command_from_do_set_mode(written(*parameters)) is None
+def test_a_command_without_a_mode_has_the_reason(
+    parameters: tuple[float, ...], reason: str
+) -> None:
+    assert command_from_do_set_mode(written(*parameters)) == reason
 
 
 def test_a_mode_without_a_sub_mode_may_leave_it_unset() -> None:
@@ -126,4 +128,5 @@ def test_standard_modes_are_those_that_the_vehicle_flies() -> None:
         NavigationState.AUTO_MISSION
     )
     for parameter in (0.0, 3.0, 9.0, 99.0, -1.0, 6.5, math.nan):
-        assert command_from_standard_mode(written(parameter, number=262)) is None
+        reason = f"the vehicle has no standard mode {parameter:g}"
+        assert command_from_standard_mode(written(parameter, number=262)) == reason

@@ -134,14 +134,27 @@ def rate(harness: MavlinkHarness, name: str, at: Any = None) -> float:
 @pytest.mark.first_case
 @pytest.mark.parametrize(
     ("interval_us", "expected_hz"),
-    [(20_000, 50.0), (1_000_000, 1.0), (-1, 0.0), (0, 15.0), (1, 250.0)],
+    [(20_000, 50.0), (1_000_000, 1.0), (-1, 0.0), (0, 15.0), (1, 250.0), (0.5, 250.0)],
 )
-def test_an_interval_holds_for_the_peer_that_asked(interval_us: int, expected_hz: float) -> None:
+def test_an_interval_holds_for_the_peer_that_asked(interval_us: float, expected_hz: float) -> None:
     harness = MavlinkHarness()
     harness.run(SECOND_US)
     assert requested(harness, command_long(SET_INTERVAL, ATTITUDE, interval_us))[0] == ACCEPTED
     assert rate(harness, "ATTITUDE") == pytest.approx(expected_hz, abs=0.2)
     assert rate(harness, "ATTITUDE", BROKER) == pytest.approx(100.0, abs=0.2)
+
+
+@pytest.mark.parametrize(
+    ("interval_us", "reported_us"),
+    [(0.0, 66_667), (-1.0, -1), (1e-30, 4000), (0.5, 4000), (3999.0, 4000), (20_000.4, 20_000)],
+)
+def test_the_interval_that_holds_is_reported(interval_us: float, reported_us: int) -> None:
+    """Only 0 is the default; a shorter one than the vehicle can send is limited."""
+    harness = MavlinkHarness()
+    assert requested(harness, command_long(SET_INTERVAL, ATTITUDE, interval_us))[0] == ACCEPTED
+    _, messages = requested(harness, command_long(GET_INTERVAL, ATTITUDE))
+    (interval,) = [m for m in messages if m.get_type() == "MESSAGE_INTERVAL"]
+    assert interval.interval_us == reported_us
 
 
 def test_an_interval_for_all_peers() -> None:
