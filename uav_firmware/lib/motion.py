@@ -5,16 +5,19 @@ of a level circle. Horizontal and vertical limits apply to their own parts of ea
 Frames: NED, SI.
 """
 
+import bisect
+import itertools
 import math
 from collections.abc import Sequence
 from typing import NamedTuple, TypeAlias
 
-from uav_firmware.lib.speed_profile import Limits, Phase
+from uav_firmware.lib.speed_profile import Limits, Phase, brake
 from uav_firmware.lib.vector import ZERO, add, norm, scale, subtract
 from uav_firmware.msg.vectors import Vector3
 
 _FLAT = 1e-6  # share of a unit vector below which it has no part in a plane
 _SHORTEST_BEND_S = 1e-3  # [s] of a change too small to need any time
+_STILL = 1e-6  # [m/s], [m/s^2] Below them a motion is at rest
 
 
 class MotionLimits(NamedTuple):
@@ -156,7 +159,13 @@ def straight_pieces(
 
 
 def arcs(
-    centre: Vector3, radius: float, bearing: float, phases: Sequence[Phase]
+    centre: Vector3,
+    radius: float,
+    bearing: float,
+    phases: Sequence[Phase],
+    *,
+    speed: float = 0.0,
+    slope: float = 0.0,
 ) -> tuple[Arc, ...]:
     """Pieces of a speed profile along a circle; only the last may go on for ever.
 
@@ -164,10 +173,11 @@ def arcs(
         centre: of the circle [m]; its down coordinate is that of the motion.
         radius: [m] positive clockwise seen from above, negative anticlockwise.
         bearing: of the beginning, from the centre [rad].
-        phases: the profile, from rest.
+        phases: the profile.
+        speed: at its beginning [m/s].
+        slope: acceleration along the circle at its beginning [m/s^2].
     """
     pieces: list[Arc] = []
-    speed = slope = 0.0
     for phase in phases:
         arc = Arc(phase.duration, centre, radius, bearing, speed, slope, phase.jerk)
         pieces.append(arc)
@@ -178,11 +188,113 @@ def arcs(
     return tuple(pieces)
 
 
-def stop_piece(state: MotionState, limits: MotionLimits) -> Piece | None:
-    """Come to rest from any motion; None when already at rest."""
-    if norm(state.velocity) < 1e-6 and norm(state.acceleration) < 1e-6:
-        return None
-    return bend_piece(state, ZERO, limits)
+def stop_on(arc: Arc, time: float, limits: MotionLimits) -> tuple[Arc, ...]:
+    """Come to rest on the circle, `time` [s] after the beginning of an arc.
+
+    What turns the motion and what brakes it get their parts of acceleration and jerk, as in
+    `orbit_speed`.
+    """
+    speed = arc.speed + (arc.acceleration + 0.5 * arc.jerk * time) * time
+    slope = arc.acceleration + arc.jerk * time
+    if abs(speed) < _STILL and abs(slope) < _STILL:
+        return ()
+    size = abs(arc.radius)
+    braking = Limits(
+        math.inf,
+        min(
+            limits.acceleration_horizontal / math.sqrt(2.0),
+            limits.jerk * size / (9.0 * max(abs(speed), _STILL)),
+        ),
+        limits.jerk / 3.0,
+    )
+    bearing = arc.bearing + arc.length_at(time) / arc.radius
+    phases = brake(speed, slope, braking)
+    return arcs(arc.centre, arc.radius, bearing, phases, speed=speed, slope=slope)
+
+
+def stop_pieces(state: MotionState, limits: MotionLimits) -> tuple[Piece, ...]:
+    """Come to rest from any motion as fast as the limits allow; empty when already at rest.
+
+    The motion along the level velocity, across it and the vertical one are braked at once, each
+    by the jerk-limited profile of `speed_profile.brake`. They share the jerk in proportion to
+    the slopes that they need, so that their ramps take as long.
+    """
+    axes = _axes(state)
+    across = axes[1].acceleration
+    level = limits.acceleration_horizontal
+    level = math.sqrt(max(level * level - across * across, 0.25 * level * level))
+    upright = min(limits.acceleration_up, limits.acceleration_down)
+    slopes = tuple(
+        _slope_needed(axis, ceiling, limits.jerk)
+        for axis, ceiling in zip(axes, (level, level, upright), strict=True)
+    )
+    whole = math.hypot(*slopes)
+    if whole < _STILL:
+        return ()
+    profiles: list[tuple[Vector3, list[Phase]]] = []
+    for axis, slope in zip(axes, slopes, strict=True):
+        jerk = limits.jerk * slope / whole
+        if jerk > 0.0:
+            ceiling = level if axis.direction[2] == 0.0 else _upright(axis, jerk, limits)
+            along_axis = Limits(math.inf, ceiling, jerk)
+            phases = brake(axis.speed, axis.acceleration, along_axis)
+            profiles.append((axis.direction, phases))
+    return _merged(state, profiles)
+
+
+class _Axis(NamedTuple):
+    """The part of a motion in one direction."""
+
+    direction: Vector3  # [-] Unit vector
+    speed: float  # [m/s]
+    acceleration: float  # [m/s^2]
+
+
+def _axes(state: MotionState) -> tuple[_Axis, _Axis, _Axis]:
+    """Motion along the level velocity, across it, and down."""
+    (vn, ve, vd), (an, ae, ad) = state.velocity, state.acceleration
+    n, e, size = vn, ve, math.hypot(vn, ve)
+    if size < _STILL:
+        n, e, size = an, ae, math.hypot(an, ae)
+    n, e = (n / size, e / size) if size >= _STILL else (1.0, 0.0)
+    return (
+        _Axis((n, e, 0.0), vn * n + ve * e, an * n + ae * e),
+        _Axis((-e, n, 0.0), ve * n - vn * e, ae * n - an * e),
+        _Axis((0.0, 0.0, 1.0), vd, ad),
+    )
+
+
+def _slope_needed(axis: _Axis, ceiling: float, jerk: float) -> float:
+    """About the greatest acceleration [m/s^2] of a stop along an axis."""
+    pull = abs(axis.acceleration)
+    enough = math.sqrt(jerk * abs(axis.speed) + 0.5 * pull * pull)
+    return 0.0 if enough < _STILL else max(pull, min(ceiling, enough))
+
+
+def _upright(axis: _Axis, jerk: float, limits: MotionLimits) -> float:
+    """Acceleration [m/s^2] against a vertical motion: upwards when it leads down."""
+    released = axis.speed + axis.acceleration * abs(axis.acceleration) / (2.0 * jerk)
+    return limits.acceleration_up if released > 0.0 else limits.acceleration_down
+
+
+def _merged(
+    state: MotionState, profiles: Sequence[tuple[Vector3, Sequence[Phase]]]
+) -> tuple[Piece, ...]:
+    """Pieces of several profiles that run at once, each along its own direction."""
+    ends = [
+        list(itertools.accumulate(phase.duration for phase in phases)) for _, phases in profiles
+    ]
+    moments = sorted({0.0}.union(*ends))
+    pieces: list[Piece] = []
+    for begin, end in itertools.pairwise(moments):
+        jerk = ZERO
+        for (direction, phases), ended in zip(profiles, ends, strict=True):
+            index = bisect.bisect_right(ended, begin)
+            if index < len(phases):
+                jerk = add(jerk, scale(direction, phases[index].jerk))
+        pieces.append(Piece(end - begin, *state, jerk, ZERO))
+        state = pieces[-1].end()
+    return tuple(pieces)
 
 
 def bend_piece(state: MotionState, velocity: Vector3, limits: MotionLimits) -> Piece:

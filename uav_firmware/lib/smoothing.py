@@ -7,7 +7,7 @@ Three kinds of `motion.Piece` are enough:
   within a time T. It begins and ends v T / 2 from the waypoint, without acceleration, and
   misses the waypoint by 3/32 v T |u2 - u1| at its middle. Acceleration is at most
   3/2 v |u2 - u1| / T and jerk at most 6 v |u2 - u1| / T^2, which gives v in closed form;
-* from any motion to rest, `motion.stop_piece`, or into a leg, `motion.bend_piece`.
+* from any motion to rest, `motion.stop_pieces`, or into a leg, `motion.bend_piece`.
 
 Frames: NED, SI.
 """
@@ -23,7 +23,7 @@ from uav_firmware.lib.motion import (
     Piece,
     along,
     bend_piece,
-    stop_piece,
+    stop_pieces,
     straight_pieces,
 )
 from uav_firmware.lib.vector import ZERO, dot, norm, scale, subtract
@@ -158,12 +158,14 @@ def join(state: MotionState, waypoints: Sequence[Waypoint]) -> tuple[Piece, Leg]
         The bend and the leg from its end, the quickest of a few; None when coming to rest
         first is as quick, or no bend keeps to the limits.
     """
-    stop = stop_piece(state, waypoints[0].limits)
-    if stop is None:
+    stop = stop_pieces(state, waypoints[0].limits)
+    if not stop:
         return None
-    from_rest = plan_leg(stop.end().position, 0.0, waypoints)
+    from_rest = plan_leg(stop[-1].end().position, 0.0, waypoints)
     best: tuple[Piece, Leg] | None = None
-    shortest = stop.duration + (_duration(from_rest) if from_rest is not None else math.inf)
+    shortest = math.inf
+    if from_rest is not None:
+        shortest = sum(piece.duration for piece in stop) + _duration(from_rest)
     for share in _JOINING_SHARES:
         bend = _bend_towards(state, waypoints[0], share)
         if bend is None:

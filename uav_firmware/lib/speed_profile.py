@@ -4,7 +4,8 @@ A profile is a list of phases of constant jerk. A change of speed that begins an
 acceleration is symmetric, so it covers the mean of both speeds times its duration (Biagiotti
 and Melchiorri 2008, "Trajectory Planning for Automatic Machines and Robots", section 3.4). The
 fastest profile over a distance rises to a peak speed, cruises if there is room, and falls to
-the end speed; the peak is found by bisection, since the distance grows with it.
+the end speed; the peak is found by bisection, since the distance grows with it. `brake` alone
+begins with an acceleration.
 """
 
 import math
@@ -102,6 +103,28 @@ def release(acceleration: float, limits: Limits) -> list[Phase]:
     if duration <= _SHORTEST:
         return []
     return [Phase(duration, -math.copysign(limits.jerk, acceleration))]
+
+
+def brake(speed: float, acceleration: float, limits: Limits) -> list[Phase]:
+    """Come to rest from a speed [m/s] and an acceleration [m/s^2] of any sign.
+
+    An acceleration beyond the limit that already brakes is kept until it can fall.
+    """
+    released = speed + acceleration * abs(acceleration) / (2.0 * limits.jerk)
+    if released == 0.0:
+        return release(acceleration, limits)
+    sign = math.copysign(1.0, released)
+    speed, acceleration = sign * speed, sign * acceleration
+    # The ramps to a slope -p and back to 0 take (2 p^2 - a^2) / 2 j off the speed.
+    enough = math.sqrt(limits.jerk * speed + 0.5 * acceleration * acceleration)
+    slope = min(enough, max(limits.acceleration, -acceleration))
+    ramps = (2.0 * slope * slope - acceleration * acceleration) / (2.0 * limits.jerk)
+    phases = [
+        Phase((acceleration + slope) / limits.jerk, -sign * limits.jerk),
+        Phase((speed - ramps) / slope, 0.0),
+        Phase(slope / limits.jerk, sign * limits.jerk),
+    ]
+    return [phase for phase in phases if phase.duration > 0.0]
 
 
 def cruise_for(distance: float, limits: Limits) -> list[Phase]:

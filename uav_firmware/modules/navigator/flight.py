@@ -178,6 +178,14 @@ class Flight:
         """Come to rest."""
         self.path.stop(self.limits())
 
+    def brake(self) -> bool:
+        """Come to rest with the heading held; whether that takes any time."""
+        self.hold()
+        if self.path.resting:
+            return False
+        self.face(math.degrees(self.yaw.yaw))
+        return True
+
     def face(self, yaw_deg: float) -> None:
         """Turn to a heading [deg]; NaN keeps the nose along the path, as it is until it moves."""
         if not math.isnan(self.yaw_target):
@@ -244,6 +252,9 @@ class Flight:
 
     def advance(self, dt: float) -> TrajectorySetpoint:
         """Move the set-point on by `dt` [s], more slowly when the vehicle lags behind."""
+        estimate = self.estimate
+        if estimate is not None and estimate.position_valid and estimate.velocity_valid:
+            self.path.shorten_stop(estimate.position_ned, estimate.velocity_ned)
         pace = self._pace()
         position, velocity, acceleration = self.path.advance(dt * pace)
         if not self.landed:
@@ -275,7 +286,7 @@ class Flight:
 
     def _pace(self) -> float:
         """Share of full speed: 1 up to half the allowed tracking error, 0 at all of it."""
-        if self.path.sinking or self.estimate is None:
+        if self.path.sinking or self.path.stopping or self.estimate is None:
             return 1.0
         north, east, down = subtract(self.path.state.position, self.position)
         if not self.estimate.position_valid:

@@ -115,6 +115,8 @@ class NavigatorModule:
         }
         self._active: NavigatorMode | None = None  # None while disarmed
         self._target: ModeTarget | None = None
+        self._braking = False  # The active mode begins when the vehicle has come to rest
+        self._target_at_rest: ModeTarget | None = None  # Of that mode
         self._review = MissionReview()
         self._mission_count = 0
         self._last_us: int | None = None
@@ -177,7 +179,7 @@ class NavigatorModule:
         if step is None:
             return
         self._flight.shift(step)
-        if self._active is not None:
+        if self._active is not None and not self._braking:
             self._active.on_reset(self._flight, step)
 
     def _accept_mission(self) -> None:
@@ -214,7 +216,7 @@ class NavigatorModule:
         return rejection or (yield from area.review_mission(items, self._flight))
 
     def _restart_mission(self) -> None:
-        if self._active is self._mission:
+        if self._active is self._mission and not self._braking:
             self._mission.on_activation(self._flight, None)
 
     def _handle_requests(self) -> None:
@@ -225,7 +227,7 @@ class NavigatorModule:
                 case SpeedRequest():
                     flight = self._flight
                     flight.speeds = flight.speeds.with_change(request.speed_type, request.speed_m_s)
-                    if self._active is not None:
+                    if self._active is not None and not self._braking:
                         self._active.on_speeds(flight)
                 case RegionOfInterest():
                     apply_region_of_interest(self._flight, request)
@@ -256,9 +258,29 @@ class NavigatorModule:
             self._target = None
             if mode is not self._hold:
                 self._flight.abort_down = math.nan
+            braking = self._braking or self._active is None or self._fence_watch.alarmed
             self._enter(mode)
             self._checked_version = self._area.version
-            mode.on_activation(self._flight, own)
+            self._begin(mode, own, braking=braking)
+
+    def _begin(self, mode: NavigatorMode, target: ModeTarget | None, *, braking: bool) -> None:
+        """Begin a mode, behind a stop if the vehicle has to brake first.
+
+        It has to when others have moved it so far, by more than the limits of a trajectory
+        perhaps, or when it is about to leave the geofence: then no bend leads on from its motion,
+        and no place is derived from where a stop was expected to end.
+        """
+        mode.finished = False
+        if braking and self._flight.brake():
+            self._braking, self._target_at_rest = True, target
+        else:
+            mode.on_activation(self._flight, target)
+
+    def _begin_at_rest(self, mode: NavigatorMode) -> None:
+        if self._flight.path.resting:
+            self._braking = False
+            self._flight.face(math.nan)
+            mode.on_activation(self._flight, self._target_at_rest)
 
     @property
     def _controls_setpoint(self) -> bool:
@@ -272,6 +294,7 @@ class NavigatorModule:
         if mode is not self._active:
             self._flight.speeds = Speeds()
         self._active = mode
+        self._braking = False
 
     def _is_route_checked(self) -> bool:
         """Whether the route flown has been checked against the present geofence."""
@@ -291,7 +314,9 @@ class NavigatorModule:
     def _fly(self, dt: float) -> None:
         flight, mode = self._flight, self._active
         flight.orbit_status = None
-        if mode is not None:
+        if mode is not None and self._braking:
+            self._begin_at_rest(mode)
+        if mode is not None and not self._braking:
             mode.on_active(flight)
         if flight.estimate is None:
             return

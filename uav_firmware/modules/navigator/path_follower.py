@@ -16,16 +16,19 @@ from uav_firmware.lib.motion import (
     Stretch,
     along,
     arcs,
-    stop_piece,
+    stop_on,
+    stop_pieces,
     straight_pieces,
 )
 from uav_firmware.lib.smoothing import Leg, Waypoint, join, plan_leg
-from uav_firmware.lib.vector import ZERO, add, dot, norm, scale
+from uav_firmware.lib.vector import ZERO, add, dot, norm, scale, subtract
 from uav_firmware.msg.vectors import Vector3
 
 _LOOK_AHEAD = 8  # Waypoints that determine the speed of the present leg
 _SLOWEST = 1e-3  # [m/s] below it a motion has no direction
 _DOWN: Vector3 = (0.0, 0.0, 1.0)
+_SAMPLED_SHARES = (0.0, 0.5, 1.0)  # Of each stretch of a stop
+_SLOWER_M_S = 0.3  # [m/s] Less is noise of the estimate, or lag
 
 
 def _moved(piece: Stretch, step: Vector3) -> Stretch:
@@ -33,6 +36,29 @@ def _moved(piece: Stretch, step: Vector3) -> Stretch:
     if isinstance(piece, Arc):
         return piece._replace(centre=add(piece.centre, step))
     return piece._replace(position=add(piece.position, step))
+
+
+def _slowed(state: MotionState, position: Vector3, velocity: Vector3, jerk: float) -> MotionState:
+    """The state with the speeds of a slower vehicle, and not ahead of it there."""
+    level = math.hypot(state.velocity[0], state.velocity[1])
+    ahead = (
+        (state.velocity[0] / level, state.velocity[1] / level, 0.0) if level > _SLOWEST else ZERO
+    )
+    for direction in (ahead, scale(_DOWN, math.copysign(1.0, state.velocity[2]))):
+        speed = dot(state.velocity, direction)
+        true = max(0.0, dot(velocity, direction))
+        if true >= speed - _SLOWER_M_S:
+            continue
+        slope = dot(state.acceleration, direction)
+        # A harder braking would outlast the speed that is left.
+        softer = max(slope, -math.sqrt(2.0 * jerk * true))
+        lead = max(0.0, dot(subtract(state.position, position), direction))
+        state = MotionState(
+            subtract(state.position, scale(direction, lead)),
+            add(state.velocity, scale(direction, true - speed)),
+            add(state.acceleration, scale(direction, softer - slope)),
+        )
+    return state
 
 
 class PathFollower:
@@ -50,6 +76,12 @@ class PathFollower:
         self._joining = False  # The first piece bends to the line of the first leg
         self._tracked: tuple[Vector3, MotionLimits] | None = None  # Velocity to track [m/s]
         self._guide = Guide()
+        self._stop_limits: MotionLimits | None = None  # Of a stop that is flown
+
+    @property
+    def stopping(self) -> bool:
+        """Whether the set-point comes to rest, before or without a route."""
+        return self._stop_limits is not None
 
     @property
     def resting(self) -> bool:
@@ -69,8 +101,8 @@ class PathFollower:
 
     def rest_point(self, limits: MotionLimits) -> Vector3:
         """Where the set-point would come to rest [m]."""
-        piece = stop_piece(self.state, limits)
-        return self.state.position if piece is None else piece.end().position
+        stop = self._stop(limits)
+        return stop[-1].end().position if stop else self.state.position
 
     def reset(self, position: Vector3, velocity: Vector3 = ZERO) -> None:
         """Begin again at the vehicle's own position and velocity."""
@@ -99,9 +131,38 @@ class PathFollower:
             self._route, self._leg_index, self.passed = route, passed, passed
 
     def stop(self, limits: MotionLimits) -> None:
-        """Come to rest as soon as the limits allow."""
-        piece = stop_piece(self.state, limits)
-        self._follow((), [piece] if piece is not None else [])
+        """Come to rest as soon as the limits allow; on a circle that is flown, along it."""
+        self._follow((), self._stop(limits))
+        self._stop_limits = limits if self._pieces else None
+
+    def stop_points(self, limits: MotionLimits) -> tuple[Vector3, ...]:
+        """Points [m] of the way to rest, the last of which is the rest."""
+        return tuple(
+            piece.at(share * piece.duration).position
+            for piece in self._stop(limits)
+            for share in _SAMPLED_SHARES
+        ) or (self.state.position,)
+
+    def shorten_stop(self, position: Vector3, velocity: Vector3) -> None:
+        """Shorten a straight stop for a vehicle that has braked better than planned.
+
+        A vehicle slower than the set-point, by speed limits, wind or drag, would else be led on
+        to a place where it need not go. The set-point takes over its speed, and is put back to
+        it where it is ahead; along the motion and vertically for itself.
+        """
+        limits = self._stop_limits
+        if limits is None or not self._pieces or isinstance(self._pieces[0], Arc):
+            return
+        state = _slowed(self.state, position, velocity, limits.jerk)
+        if state is not self.state:
+            self.state = state
+            self._pieces, self._time = list(stop_pieces(state, limits)), 0.0
+
+    def _stop(self, limits: MotionLimits) -> list[Stretch]:
+        piece = self._pieces[0] if self._pieces else None
+        if isinstance(piece, Arc):
+            return list(stop_on(piece, self._time, limits))
+        return list(stop_pieces(self.state, limits))
 
     def fly(self, route: Sequence[Waypoint], limits: MotionLimits) -> None:
         """Fly a route, from the present motion; its last waypoint is a stop."""
@@ -191,6 +252,7 @@ class PathFollower:
         while True:
             if not self._pieces and not self._begin_leg():
                 self._time = 0.0
+                self._stop_limits = None
                 self.state = MotionState(self.state.position, ZERO, ZERO)
                 return self.state
             if not self._pieces:
@@ -226,7 +288,7 @@ class PathFollower:
     def _follow(self, route: tuple[Waypoint, ...], pieces: list[Stretch]) -> None:
         self._route, self._pieces, self._leg, self._joining = route, pieces, None, False
         self._leg_index, self.passed, self._time = 0, 0, 0.0
-        self._tracked = None
+        self._tracked = self._stop_limits = None
 
     def _ahead(self) -> tuple[Waypoint, ...]:
         return self._route[self._leg_index : self._leg_index + _LOOK_AHEAD]
@@ -244,8 +306,8 @@ class PathFollower:
         leg = plan_leg(position, norm(velocity), ahead, origin=self._origin)
         if leg is None:
             # The rest of the leg is too short for lowered limits: stop first.
-            piece = stop_piece(MotionState(position, velocity, ZERO), ahead[0].limits)
-            self._leg, self._pieces = None, [piece] if piece is not None else []
+            stop = stop_pieces(MotionState(position, velocity, ZERO), ahead[0].limits)
+            self._leg, self._pieces = None, list(stop)
         else:
             self._start_leg(leg)
             if not self._pieces:
@@ -253,6 +315,7 @@ class PathFollower:
         return True
 
     def _start_leg(self, leg: Leg) -> None:
+        self._stop_limits = None
         self._leg, self._pieces = leg, [*leg.straight, *leg.turn]
 
     def _end_leg(self) -> None:

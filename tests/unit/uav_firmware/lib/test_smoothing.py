@@ -1,5 +1,6 @@
 """Motion through waypoints keeps its limits, arrives, and passes where it should."""
 
+import itertools
 import math
 from collections.abc import Iterator
 
@@ -7,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from uav_firmware.lib.motion import MotionLimits, MotionState, Piece, stop_piece
+from uav_firmware.lib.motion import MotionLimits, MotionState, Piece, stop_pieces
 from uav_firmware.lib.smoothing import Waypoint, plan_leg
 from uav_firmware.lib.vector import ZERO, norm, subtract
 from uav_firmware.msg.vectors import Vector3
@@ -109,24 +110,63 @@ def test_a_stop_is_not_overshot(start: Vector3, end: Vector3, limits: MotionLimi
             assert norm(subtract(state.position, start)) <= way + 0.01
 
 
-@given(st.tuples(*[st.floats(-12.0, 12.0)] * 3), st.tuples(*[st.floats(-2.0, 2.0)] * 3))
+motions = st.tuples(
+    st.tuples(*[st.floats(-12.0, 12.0)] * 3), st.tuples(*[st.floats(-2.0, 2.0)] * 3)
+)
+
+
+@given(motions)
 def test_braking_ends_at_rest_within_acceleration_and_jerk(
-    velocity: Vector3, acceleration: Vector3
+    motion: tuple[Vector3, Vector3],
 ) -> None:
-    piece = stop_piece(MotionState(ZERO, velocity, acceleration), LIMITS)
-    if piece is None:
+    velocity, acceleration = motion
+    pieces = stop_pieces(MotionState(ZERO, velocity, acceleration), LIMITS)
+    if not pieces:
         assert norm(velocity) < 1e-5
         return
-    for state in samples(piece):
-        level, upright = math.hypot(*state.acceleration[:2]), abs(state.acceleration[2])
-        assert level <= max(3.0, math.hypot(*acceleration[:2])) * SLACK
-        assert upright <= max(3.0, abs(acceleration[2])) * SLACK
-        rise = 4.0 / 27.0 * norm(acceleration) * piece.duration  # of t (1 - t)^2 at t = 1/3
-        assert norm(state.velocity) <= norm(velocity) + rise + 1e-6
-    assert norm(piece.jerk) <= LIMITS.jerk * SLACK
-    end = piece.end()
+    # A present acceleration goes on until the jerk has taken it away.
+    rise = norm(acceleration) ** 2 / LIMITS.jerk
+    for before, after in itertools.pairwise(pieces):
+        assert before.end().velocity == pytest.approx(after.velocity, abs=1e-9)
+        assert before.end().acceleration == pytest.approx(after.acceleration, abs=1e-9)
+    for piece in pieces:
+        for state in samples(piece):
+            level, upright = math.hypot(*state.acceleration[:2]), abs(state.acceleration[2])
+            assert level <= max(3.0, math.hypot(*acceleration[:2])) * SLACK
+            assert upright <= max(4.0, abs(acceleration[2])) * SLACK
+            assert norm(state.velocity) <= norm(velocity) + rise + 1e-6
+        assert norm(piece.jerk) <= LIMITS.jerk * SLACK
+    end = pieces[-1].end()
     assert norm(end.velocity) < 1e-6
     assert norm(end.acceleration) < 1e-6
+
+
+@given(motions)
+def test_a_vertical_stop_brakes_with_what_acts_against_it(
+    motion: tuple[Vector3, Vector3],
+) -> None:
+    climb = abs(motion[0][2])
+    for pieces, limit in (
+        (stop_pieces(MotionState(ZERO, (0.0, 0.0, -climb), ZERO), LIMITS), 3.0),
+        (stop_pieces(MotionState(ZERO, (0.0, 0.0, climb), ZERO), LIMITS), 4.0),
+    ):
+        for piece in pieces:
+            assert all(abs(state.acceleration[2]) <= limit * SLACK for state in samples(piece))
+        if climb > 3.0:
+            way = abs(pieces[-1].end().position[2])
+            assert way == pytest.approx(climb**2 / (2.0 * limit) + climb * limit / 16.0, rel=1e-6)
+
+
+@given(st.floats(0.0, 1.0), limit_sets)
+def test_a_stop_during_a_leg_ends_no_later_than_the_leg(share: float, limits: MotionLimits) -> None:
+    pieces = [piece for _, piece in route_pieces(ZERO, [Waypoint((40.0, 0.0, 0.0), 0.0, limits)])]
+    time = share * sum(piece.duration for piece in pieces)
+    for piece in pieces:
+        if time <= piece.duration:
+            stop = stop_pieces(piece.at(time), limits)
+            assert not stop or stop[-1].end().position[0] <= 40.0 + 1e-3
+            return
+        time -= piece.duration
 
 
 def duration_of(start: Vector3, waypoints: list[Waypoint]) -> float:

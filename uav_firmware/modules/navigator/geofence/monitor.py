@@ -23,6 +23,14 @@ class GeofenceMonitor:
         self._since_us = 0
         self._due_us = 0
 
+    @property
+    def alarmed(self) -> bool:
+        """Whether the vehicle is outside, or would stop there."""
+        status = self.status
+        return status is not None and (
+            status.breach is not FenceBreach.NONE or status.predicted is not FenceBreach.NONE
+        )
+
     def update(self, flight: Flight, *, route_checked: bool) -> GeofenceStatus | None:
         """New status when one is due; None in between."""
         if flight.now_us < self._due_us or flight.estimate is None:

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from uav_firmware.lib.motion import MotionLimits
 from uav_firmware.lib.smoothing import Waypoint
+from uav_firmware.lib.speed_profile import Limits
 from uav_firmware.lib.vector import norm, subtract
 from uav_firmware.modules.navigator.path_follower import PathFollower
 from uav_firmware.msg.vectors import Vector3
@@ -157,3 +158,45 @@ def test_the_goal_is_the_next_waypoint_until_the_route_is_over() -> None:
             goals.append(path.goal)
         path.advance(DT)
     assert goals == [route[0].position, route[1].position, None]
+
+
+def test_a_stop_goes_no_further_than_a_vehicle_that_brakes_harder() -> None:
+    path = PathFollower()
+    path.reset((0.0, 0.0, 0.0), (0.0, 0.0, -9.0))
+    path.stop(FAST)
+    planned = path.rest_point(FAST)[2]
+    down, speed = 0.0, -9.0
+    while path.stopping:
+        speed = min(0.0, speed + 7.0 * DT)
+        down += speed * DT
+        path.shorten_stop((0.0, 0.0, down), (0.0, 0.0, speed))
+        before = path.state
+        path.advance(DT)
+        assert path.state.velocity[2] >= before.velocity[2] - 1e-9
+    assert planned < -13.0
+    assert down - 0.2 < path.state.position[2] < down + 0.5
+
+
+def test_a_stop_is_as_planned_for_a_vehicle_that_follows() -> None:
+    path = PathFollower()
+    path.reset((0.0, 0.0, 0.0), (5.0, 3.0, -1.0))
+    path.stop(FAST)
+    planned = path.rest_point(FAST)
+    while path.stopping:
+        state = path.state
+        path.shorten_stop(state.position, state.velocity)
+        path.advance(DT)
+    assert path.state.position == pytest.approx(planned, abs=1e-6)
+
+
+def test_a_stop_on_a_circle_keeps_to_it() -> None:
+    path = PathFollower()
+    path.reset((20.0, 0.0, -10.0))
+    path.circle((0.0, 0.0, -10.0), -20.0, math.inf, Limits(4.0, 1.0, 2.0))
+    advance(path, 600)
+    path.stop(FAST)
+    points = path.stop_points(FAST)
+    while not path.resting:
+        advance(path, 1)
+        assert math.isclose(math.hypot(*path.state.position[:2]), 20.0, abs_tol=1e-6)
+    assert path.state.position == pytest.approx(points[-1], abs=1e-6)
