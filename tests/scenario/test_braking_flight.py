@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from pymavlink.dialects.v20 import common
 
 from tests.support.autopilot_tester import AutopilotTester, hovering_tester
 from tests.support.stick_pilot import StickPilot, change_mode
@@ -105,3 +106,78 @@ def test_a_climb_at_full_thrust_ends_below_the_ceiling(
     tester.wait_until(lambda: tester.mode is mode, 5.0, "stopped by the geofence")
     tester.run_for(15.0)
     assert max(heights) < 30.0
+
+
+def order_to(tester: AutopilotTester, command: int, *parameters: float, north: float) -> None:
+    """A reposition or an orbit at 10 m above home; the vehicle must accept."""
+    latitude, longitude, _ = tester.place(north, 0.0, 0.0)
+    tester.send_command(
+        command, *parameters, latitude, longitude, tester.start.altitude_amsl_m + 10.0
+    )
+
+
+def distance(tester: AutopilotTester) -> float:
+    """True distance [m] from home."""
+    return math.hypot(*tester.true_position()[:2])
+
+
+def test_a_fast_flight_to_the_edge_of_the_fence_is_flown(tmp_path: Path) -> None:
+    tester, _ = hovering(tmp_path, GF_MAX_HOR_DIST=50.0)
+    distances = record(tester, lambda: distance(tester))
+    values = (12.0, 1.0, 0.0, math.nan)
+    order_to(tester, common.MAV_CMD_DO_REPOSITION, *values, north=49.5)
+    tester.run_for(20.0)
+    assert 49.0 < max(distances) < 50.0
+    assert not tester.has_status_text("Geofence breached")
+
+
+@pytest.mark.parametrize("at_m", [25.0, 35.0, 45.0])
+def test_a_hold_on_the_flight_to_the_edge_of_the_fence_ends_inside(
+    tmp_path: Path, at_m: float
+) -> None:
+    tester, _ = hovering(tmp_path, GF_MAX_HOR_DIST=50.0)
+    distances = record(tester, lambda: distance(tester))
+    values = (12.0, 1.0, 0.0, math.nan)
+    order_to(tester, common.MAV_CMD_DO_REPOSITION, *values, north=49.5)
+    tester.wait_until(lambda: distance(tester) > at_m, 20.0, f"at {at_m} m")
+    change_mode(tester, *LOITER)
+    tester.run_for(6.0)
+    assert max(distances) < 50.0
+
+
+def test_a_circle_along_the_fence_is_flown_and_a_hold_on_it_ends_inside(tmp_path: Path) -> None:
+    tester, _ = hovering(tmp_path, GF_MAX_HOR_DIST=50.0)
+    distances = record(tester, lambda: distance(tester))
+    order_to(tester, common.MAV_CMD_DO_ORBIT, 49.0, 9.0, 0.0, 0.0, north=0.0)
+    tester.run_for(40.0)
+    assert not tester.has_status_text("Geofence breached")
+    assert math.hypot(*tester.truth.velocity_ned[:2]) > 8.0
+    change_mode(tester, *LOITER)
+    tester.run_for(6.0)
+    assert not tester.has_status_text("Geofence breached")
+    assert max(distances) < 50.0
+
+
+@pytest.mark.parametrize(
+    ("settings", "sticks"),
+    [
+        ({}, {"forward": 1.0}),
+        ({"MPC_VEL_MANUAL": 20.0, "MPC_XY_VEL_MAX": 20.0}, {"forward": 1.0}),
+        ({"MPC_Z_VEL_MAX_UP": 8.0}, {"up": 1.0}),
+    ],
+    ids=["level", "fast", "climb"],
+)
+def test_a_pilot_is_stopped_inside_the_fence(
+    tmp_path: Path, settings: dict[str, float], sticks: dict[str, float]
+) -> None:
+    limits = {"GF_MAX_HOR_DIST": 50.0, "GF_MAX_VER_DIST": 30.0}
+    tester, pilot = hovering(tmp_path, **limits, **settings)
+    distances = record(tester, lambda: distance(tester))
+    heights = record(tester, lambda: tester.true_position()[2])
+    change_mode(tester, POSITION)
+    pilot.move(**sticks)
+    tester.wait_until(lambda: tester.is_in(NavigationState.AUTO_LOITER), 20.0, "stopped")
+    tester.run_for(6.0)
+    assert max(distances) < 50.0
+    assert max(heights) < 30.0
+    assert max(distances) > 35.0 or max(heights) > 20.0  # And not long before it had to be

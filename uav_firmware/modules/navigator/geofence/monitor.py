@@ -1,17 +1,25 @@
-"""Whether the vehicle is outside the geofence, or would stop outside it."""
+"""Whether the vehicle is outside the geofence, or would stop outside it.
 
+Where the navigator flies a route that was checked, a stop would keep to it, so it counts with the
+vehicle's distance from the set-point. Otherwise the stop is the vehicle's own: that of
+`motion.stop_pieces` from the motion that it has after the reaction time.
+"""
+
+import itertools
 import math
 from typing import Final
 
+from uav_firmware.lib.motion import MotionState, stop_pieces
+from uav_firmware.lib.vector import ZERO, add, norm, scale, subtract
 from uav_firmware.modules.navigator.flight import Flight
 from uav_firmware.msg.geofence import FenceAction, FenceBreach, GeofenceStatus
 from uav_firmware.msg.vectors import Vector3
 
 PERIOD_US: Final = 100_000  # [us] 10 Hz: a metre at 12 m/s, within the reaction time below
-_REACTION_S: Final = 0.3  # [s] Until the hold of a failsafe brakes
-_REACTION_ON_ROUTE_S: Final = 0.1  # [s] On a route on which the navigator itself brakes
-_STOP_SHARE: Final = 0.75  # Of v^2 / a: the distance of a stop from a steady speed
-_STOP_SHARE_ON_ROUTE: Final = 0.5
+_REACTION_S: Final = 0.25  # [s] A period, the commander's step and the lag of attitude and thrust
+_FOLLOWED_M: Final = 1.5  # [m] Farther from the set-point the vehicle does not fly the route
+_HARDEST_M_S2: Final = 6.0  # [m/s^2] With which a speed above the controller's limits is braked
+_SAMPLED_SHARES: Final = (0.5, 1.0)  # Of each stretch of a stop
 
 
 class GeofenceMonitor:
@@ -62,27 +70,54 @@ class GeofenceMonitor:
 
 def _check(flight: Flight, *, route_checked: bool) -> tuple[FenceBreach, FenceBreach]:
     fence, position = flight.fence, flight.position
-    here = (position[0], position[1])
-    breach = fence.breach(here, flight.height_of(position[2]))
-    predicted = breach
-    if breach is FenceBreach.NONE and flight.params.fence_prediction:
-        stop = _stopping_point(flight, route_checked=route_checked)
-        there = (stop[0], stop[1])
-        predicted = fence.breach(there, flight.height_of(stop[2]))
-        if predicted is FenceBreach.NONE and not fence.line_allowed(here, there):
-            predicted = FenceBreach.BOUNDARY
-    return breach, predicted
+    breach = fence.breach((position[0], position[1]), flight.height_of(position[2]))
+    if breach is not FenceBreach.NONE or not flight.params.fence_prediction:
+        return breach, breach
+    way = [position, *_way_to_rest(flight, route_checked=route_checked)]
+    for start, end in itertools.pairwise(way):
+        there = (end[0], end[1])
+        predicted = fence.breach(there, flight.height_of(end[2]))
+        if predicted is not FenceBreach.NONE:
+            return breach, predicted
+        if not fence.line_allowed((start[0], start[1]), there):
+            return breach, FenceBreach.BOUNDARY
+    return breach, FenceBreach.NONE
 
 
-def _stopping_point(flight: Flight, *, route_checked: bool) -> Vector3:
-    """Where the vehicle would come to rest [m, NED] after a command to stop."""
-    reaction = _REACTION_ON_ROUTE_S if route_checked else _REACTION_S
-    share = _STOP_SHARE_ON_ROUTE if route_checked else _STOP_SHARE
-    north, east, down = flight.position
-    if flight.estimate is None or not flight.estimate.velocity_valid:
-        return (north, east, down)
-    vn, ve, vd = flight.estimate.velocity_ned
-    params = flight.params
-    level = reaction + share * math.hypot(vn, ve) / params.acceleration_horizontal
-    upright = reaction + share * abs(vd) / params.acceleration_up
-    return (north + vn * level, east + ve * level, down + vd * upright)
+def _way_to_rest(flight: Flight, *, route_checked: bool) -> list[Vector3]:
+    """Points [m, NED] on the way of the vehicle after a command to stop; the last is the rest."""
+    estimate = flight.estimate
+    if estimate is None or not estimate.velocity_valid:
+        return []
+    off = subtract(estimate.position_ned, flight.path.state.position)
+    if route_checked and norm(off) < _FOLLOWED_M:
+        return [add(point, off) for point in flight.path.stop_points(flight.limits())]
+    # The acceleration goes on until the order to stop takes effect.
+    velocity = add(estimate.velocity_ned, scale(estimate.acceleration_ned, _REACTION_S))
+    mean = scale(add(estimate.velocity_ned, velocity), 0.5)
+    start = add(estimate.position_ned, scale(mean, _REACTION_S))
+    slow, way = _within_limits(velocity, flight.ceiling)
+    begin = MotionState(add(start, way), slow, ZERO)
+    stop = stop_pieces(begin, flight.limits())
+    rest = [
+        piece.at(share * piece.duration).position for piece in stop for share in _SAMPLED_SHARES
+    ]
+    return [start, begin.position, *rest]
+
+
+def _within_limits(velocity: Vector3, ceiling: Vector3) -> tuple[Vector3, Vector3]:
+    """Velocity within the position controller's limits [m/s], and the way [m] until then.
+
+    What is above them is braked by all tilt, or by all that gravity gives.
+    """
+    horizontal, up, down = ceiling
+    speed = math.hypot(velocity[0], velocity[1])
+    level = min(1.0, horizontal / speed) if speed > 0.0 else 1.0
+    climb = min(max(velocity[2], -up), down)
+    ways = (
+        speed * speed * (1.0 - level * level),
+        velocity[2] * abs(velocity[2]) - climb * abs(climb),
+    )
+    north, east = (velocity[0] / speed, velocity[1] / speed) if speed > 0.0 else (0.0, 0.0)
+    run, rise = ways[0] / (2.0 * _HARDEST_M_S2), ways[1] / (2.0 * _HARDEST_M_S2)
+    return (velocity[0] * level, velocity[1] * level, climb), (north * run, east * run, rise)
