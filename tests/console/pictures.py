@@ -8,7 +8,9 @@ that stand in the documentation are renewed in docs/pictures.
 import argparse
 import os
 import shutil
+import signal
 import subprocess
+import sys
 import tempfile
 from pathlib import Path
 from typing import Any, Final
@@ -116,6 +118,8 @@ def main() -> None:
     parser.add_argument("folder", type=Path, help="where the pictures go")
     parser.add_argument("screens", nargs="*", help="screens to take; all when none is named")
     arguments = parser.parse_args()
+    # Ended from outside it leaves through `running`, which ends the system's programs
+    signal.signal(signal.SIGTERM, lambda _number, _frame: sys.exit(1))
     with tempfile.TemporaryDirectory() as state, running(Path(state), vehicles=2) as farm:
         _prepare(farm)
         for person, (theme, language) in zip(PEOPLE, APPEARANCES, strict=True):
