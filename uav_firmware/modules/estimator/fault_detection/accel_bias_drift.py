@@ -31,6 +31,7 @@ _AGREEMENT: Final = 0.5  # [-] Of the larger of the two, by which they may diffe
 _HELD_S: Final = 0.6
 _SCALE_ERROR: Final = 0.02  # [-] Of the angle turned through: scale factor and misalignment
 _WILD_RAD: Final = 2.0  # RecentRotation through of late; nothing slow can be seen then
+_WHOLE_TURN_RAD: Final = 2.0 * math.pi  # What a scale error adds up to in more turns is learnt
 _ZERO: Final[Vector3] = (0.0, 0.0, 0.0)
 
 
@@ -58,8 +59,9 @@ class AccelDriftDetector:
     def update(self, core: EkfCore) -> EarlierEstimate | None:
         """Some ten times a second in flight; the estimate to return to once it has drifted."""
         if core.recent_rotation.angle_rad > _WILD_RAD or core.impact.is_recent(core.time_us):
+            manoeuvre_rad = max(self._manoeuvre_rad, core.recent_rotation.angle_rad)
             self.restart()
-            self._manoeuvre_rad = min(core.recent_rotation.angle_rad, _WILD_RAD)
+            self._manoeuvre_rad = min(manoeuvre_rad, _WHOLE_TURN_RAD)
             return None
         state, before_us = core.state, self._time_us
         self._time_us = core.time_us
