@@ -13,8 +13,8 @@ from uav_firmware.msg.control_mode import (
 )
 from uav_firmware.msg.estimate import (
     EstimatorStatus,
-    GroundDistance,
     HoverThrustEstimate,
+    TerrainEstimate,
     VehicleAttitude,
     VehicleGlobalPosition,
     VehicleLocalPosition,
@@ -126,7 +126,7 @@ class Topics:
     wind: Topic[WindEstimate] = field(default_factory=Topic)
     vehicle_status: Topic[VehicleStatus] = field(default_factory=Topic, metadata=_rate(2))
     land_detected: Topic[LandDetected] = field(default_factory=Topic, metadata=_rate(1))
-    ground_distance: Topic[GroundDistance] = field(default_factory=Topic)
+    terrain_estimate: Topic[TerrainEstimate] = field(default_factory=Topic)
     storage_status: Topic[StorageStatus] = field(default_factory=Topic)
     home_position: Topic[HomePosition] = field(default_factory=Topic)
     mission: Topic[Mission] = field(default_factory=Topic)

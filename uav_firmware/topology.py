@@ -166,7 +166,7 @@ class Autopilot:
             vehicle_local_position=topics.vehicle_local_position,
             land_detected=topics.land_detected,
             home_position=topics.home_position,
-            ground_distance=topics.ground_distance,
+            terrain_estimate=topics.terrain_estimate,
             trajectory_setpoint=topics.trajectory_setpoint,
             vehicle_attitude_setpoint=topics.vehicle_attitude_setpoint,
             vehicle_rates_setpoint=topics.vehicle_rates_setpoint,
@@ -192,7 +192,7 @@ class Autopilot:
             vehicle_control_mode=topics.vehicle_control_mode,
             hover_thrust_estimate=topics.hover_thrust_estimate,
             range_finder=topics.sensor_range,
-            ground_distance=topics.ground_distance,
+            terrain_estimate=topics.terrain_estimate,
             registry=registry,
         )
         self.position_control = PositionControlModule(

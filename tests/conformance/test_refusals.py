@@ -16,6 +16,7 @@ from pymavlink.dialects.v20 import development as mavlink
 
 from tests.conformance.lockstep import Lockstep
 from tests.conformance.test_command_matrix import VEHICLE, airborne, long
+from tests.support.ground_station import whole_texts
 from uav_firmware.modules.mavlink.commands.commands import KNOWN
 
 pytestmark = pytest.mark.scenario
@@ -56,16 +57,6 @@ def as_int(number: int, parameters: tuple[float, ...]) -> Any:
     return mavlink.MAVLink_command_int_message(
         VEHICLE, 1, 0, number, 0, 0, *parameters[:4], x, y, parameters[6]
     )
-
-
-def whole_texts(messages: list[Any]) -> list[str]:
-    """The texts of STATUSTEXTs, long ones put together from their chunks."""
-    texts: dict[object, str] = {}
-    for count, message in enumerate(messages):
-        if message.get_type() == "STATUSTEXT":
-            key = message.id or f"short {count}"
-            texts[key] = texts.get(key, "") + message.text
-    return list(texts.values())
 
 
 def answered(station: Lockstep, message: Any) -> tuple[int, list[str]]:

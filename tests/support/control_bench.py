@@ -214,6 +214,6 @@ class ControlBench:
             vehicle_control_mode=Topic(),
             hover_thrust_estimate=self.hover_thrust,
             range_finder=Topic(),
-            ground_distance=Topic(),
+            terrain_estimate=Topic(),
             registry=self.registry,
         )

@@ -171,3 +171,13 @@ def _is_one_frame(datagram: bytes) -> bool:
 
 def _message_id(frame: bytes) -> int:
     return int.from_bytes(frame[7:10], "little")
+
+
+def whole_texts(messages: Sequence[Any]) -> list[str]:
+    """The texts of STATUSTEXTs, long ones put together from their chunks."""
+    texts: dict[object, str] = {}
+    for count, message in enumerate(messages):
+        if message.get_type() == "STATUSTEXT":
+            key = message.id or f"short {count}"
+            texts[key] = texts.get(key, "") + message.text
+    return list(texts.values())

@@ -18,7 +18,7 @@ from uav_firmware.msg.estimate import (
     AidSource,
     EstimateResets,
     EstimatorStatus,
-    GroundDistance,
+    TerrainEstimate,
     VehicleAttitude,
     VehicleLocalPosition,
 )
@@ -341,7 +341,7 @@ class ToyVehicle:
         state = LandedState.ON_GROUND if self.landed else LandedState.IN_AIR
         self.land.publish(LandDetected(now, self.landed, self.landed, state))
         if self.ground_m is not None:
-            self.topics.ground_distance.publish(GroundDistance(now, -self.ground_m))
+            self.topics.terrain_estimate.publish(TerrainEstimate(now, -self.ground_m))
         self._sense_instruments()
 
     def _sense_instruments(self) -> None:

@@ -115,7 +115,7 @@ class HoverThrustEstimate(NamedTuple):
     valid: bool  # Learnt in this flight; else it is MPC_THR_HOVER
 
 
-class GroundDistance(NamedTuple):
+class TerrainEstimate(NamedTuple):
     """Ground under the vehicle, by the range finder; not published while that is unknown.
 
     Written by land_detector; read by navigator and manual_control.

@@ -4,7 +4,7 @@ import math
 from typing import Final
 
 from uav_firmware.bus import Topic
-from uav_firmware.modules.land_detector.ground_below import GroundBelow
+from uav_firmware.lib.terrain import TerrainFilter
 from uav_firmware.modules.land_detector.params import LandDetectorParams
 from uav_firmware.modules.land_detector.signs import (
     Observation,
@@ -17,8 +17,8 @@ from uav_firmware.modules.land_detector.signs import (
 from uav_firmware.modules.land_detector.states import LandEvent, next_state
 from uav_firmware.msg.control_mode import ControlLevel, VehicleControlMode
 from uav_firmware.msg.estimate import (
-    GroundDistance,
     HoverThrustEstimate,
+    TerrainEstimate,
     VehicleAttitude,
     VehicleLocalPosition,
 )
@@ -53,7 +53,7 @@ class LandDetectorModule:
         vehicle_control_mode: Topic[VehicleControlMode],
         hover_thrust_estimate: Topic[HoverThrustEstimate],
         range_finder: Topic[SensorRange],
-        ground_distance: Topic[GroundDistance],
+        terrain_estimate: Topic[TerrainEstimate],
     ) -> None:
         """`registry` must contain the thrusts of position_control and manual_control."""
         self._control_mode = vehicle_control_mode
@@ -66,8 +66,8 @@ class LandDetectorModule:
         self._land_detected = land_detected
         self._range_finder = range_finder
         self._range_count = 0
-        self._ground_below = GroundBelow()
-        self._ground_distance = ground_distance
+        self._terrain = TerrainFilter()
+        self._terrain_estimate = terrain_estimate
         self._registry = registry
         self._state = LandedState.ON_GROUND
         self._ground_down = 0.0  # [m] Down position of the ground where it last stood
@@ -109,9 +109,9 @@ class LandDetectorModule:
         if sample is None or self._range_finder.count == self._range_count:
             return
         self._range_count = self._range_finder.count
-        down = self._ground_below.update(sample, attitude.q_ned_frd, position)
+        down = self._terrain.update(sample, attitude.q_ned_frd, position)
         if not math.isnan(down):
-            self._ground_distance.publish(GroundDistance(sample.time_us, down))
+            self._terrain_estimate.publish(TerrainEstimate(sample.time_us, down))
 
     def _note_times(self, seen: Observation, now_us: int, *, reckoned: bool) -> None:
         """Remember since when each sign has held.

@@ -7,6 +7,7 @@ from uav_firmware.bus import Topic
 from uav_firmware.lib.guide import Guide
 from uav_firmware.lib.resets import ResetFollower
 from uav_firmware.lib.rotation import wrap_pi
+from uav_firmware.lib.terrain import ground_down
 from uav_firmware.modules.manual_control.stick_setpoints import (
     attitude,
     body_rates,
@@ -21,7 +22,7 @@ from uav_firmware.msg.control_mode import (
     ManualControlSetpoint,
     VehicleControlMode,
 )
-from uav_firmware.msg.estimate import GroundDistance, VehicleLocalPosition
+from uav_firmware.msg.estimate import TerrainEstimate, VehicleLocalPosition
 from uav_firmware.msg.setpoints import (
     TrajectorySetpoint,
     VehicleAttitudeSetpoint,
@@ -35,7 +36,6 @@ _NAN: Final = math.nan
 _STEP_MAX_S: Final = 0.1  # Longer pauses count as this, so that nothing jumps
 _YAW_LEASH: Final = math.radians(30.0)  # [rad] Largest lead of the heading set-point
 _GROUND_SINK_SPEED: Final = 0.7  # [m/s] Set-point on the ground, keeps the thrust low
-_GROUND_TIMEOUT_US: Final = 500_000  # [us] Ground measured before that is not below any more
 _CENTRED: Final = ManualControlSetpoint(0, 0.0, 0.0, 0.0, 0.0)
 
 
@@ -52,7 +52,7 @@ class ManualControlModule:
         vehicle_local_position: Topic[VehicleLocalPosition],
         land_detected: Topic[LandDetected],
         home_position: Topic[HomePosition],
-        ground_distance: Topic[GroundDistance],
+        terrain_estimate: Topic[TerrainEstimate],
         trajectory_setpoint: Topic[TrajectorySetpoint],
         vehicle_attitude_setpoint: Topic[VehicleAttitudeSetpoint],
         vehicle_rates_setpoint: Topic[VehicleRatesSetpoint],
@@ -64,7 +64,7 @@ class ManualControlModule:
         self._local_position = vehicle_local_position
         self._land = land_detected
         self._home = home_position
-        self._ground_distance = ground_distance
+        self._terrain_estimate = terrain_estimate
         self._trajectory = trajectory_setpoint
         self._attitude = vehicle_attitude_setpoint
         self._rates = vehicle_rates_setpoint
@@ -214,11 +214,10 @@ class ManualControlModule:
 
     def _vertical(self, up: float, estimate: VehicleLocalPosition) -> float:
         """Vertical velocity [m/s, down] of the throttle stick, slower near the ground."""
-        home = self._home.value
-        ground = home.position_ned[2] if home is not None else 0.0
-        measured = self._ground_distance.value
-        if measured is not None and estimate.time_us - measured.time_us <= _GROUND_TIMEOUT_US:
-            ground = measured.ground_down
+        ground = ground_down(self._terrain_estimate.value, estimate.time_us)
+        if math.isnan(ground):
+            home = self._home.value
+            ground = home.position_ned[2] if home is not None else 0.0
         sink = self._tuning.descent.limit(ground - estimate.position_ned[2])
         return climb_velocity(up, self._tuning.speed_up, sink)
 

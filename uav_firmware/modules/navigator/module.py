@@ -8,6 +8,7 @@ from uav_firmware.lib import fence_rules, mission_rules
 from uav_firmware.lib.geo import LocalFrame
 from uav_firmware.lib.mission_rules import DistanceLimits
 from uav_firmware.lib.resets import ResetFollower
+from uav_firmware.lib.terrain import ground_down
 from uav_firmware.modules.navigator.flight import Flight, Speeds
 from uav_firmware.modules.navigator.geofence import area
 from uav_firmware.modules.navigator.geofence.area import LocalGeofence
@@ -30,7 +31,7 @@ from uav_firmware.msg.control_mode import (
     ControlSource,
     ManualControlSetpoint,
 )
-from uav_firmware.msg.estimate import GroundDistance, VehicleLocalPosition
+from uav_firmware.msg.estimate import VehicleLocalPosition
 from uav_firmware.msg.geofence import FenceBreach
 from uav_firmware.msg.guidance import (
     FollowOrder,
@@ -64,7 +65,7 @@ READS: Final = (
     "vehicle_local_position", "vehicle_status", "vehicle_control_mode", "land_detected",
     "home_position", "mission", "fence", "rally_points", "navigator_request", "follow_target",
     "target_check_request", "plan_check_request", "failure_detector_status",
-    "manual_control_setpoint", "ground_distance",
+    "manual_control_setpoint", "terrain_estimate",
 )  # fmt: skip
 WRITES: Final = (
     "trajectory_setpoint", "mission_progress", "navigator_status", "orbit_status",
@@ -77,7 +78,6 @@ _LONGEST_STEP_S: Final = 0.1  # [s] a longer gap does not make the set-point jum
 
 _SPEED_LIMITS: Final = ("MPC_XY_VEL_MAX", "MPC_Z_VEL_MAX_UP", "MPC_Z_VEL_MAX_DN")
 _TILT_LIMIT: Final = "MPC_TILTMAX_AIR"
-_GROUND_TIMEOUT_US: Final = 500_000  # [us] Ground measured before that is not below any more
 _STICKS_TIMEOUT_US: Final = 500_000  # [us] Sticks older than this are ignored
 _DEAD_ZONE: Final = 0.1  # [-] Smaller deflections count as centred
 
@@ -169,7 +169,7 @@ class NavigatorModule:
         if estimate is not None:
             flight.frame = _frame_of(estimate, flight.frame)
             self._follow_resets(estimate)
-        flight.ground_down = _ground_down(self._topics.ground_distance.value, now_us)
+        flight.ground_down = ground_down(self._topics.terrain_estimate.value, now_us)
         flight.yaw_stick = _yaw_stick(self._topics.manual_control_setpoint.value, now_us)
         self._area.update(flight)
 
@@ -338,13 +338,6 @@ class NavigatorModule:
             self._reporter.report_status(
                 NavigatorStatus(now_us, vehicle.navigation_state, done, self._review.rejection)
             )
-
-
-def _ground_down(measured: GroundDistance | None, now_us: int) -> float:
-    """Down coordinate [m] of the ground below; NaN where it is not measured."""
-    if measured is None or now_us - measured.time_us > _GROUND_TIMEOUT_US:
-        return math.nan
-    return measured.ground_down
 
 
 def _tilt_max(registry: Registry) -> float:

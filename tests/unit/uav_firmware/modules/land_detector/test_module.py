@@ -11,8 +11,8 @@ from uav_firmware.modules.manual_control.params import ManualControlParams
 from uav_firmware.modules.position_control.params import PositionControlParams
 from uav_firmware.msg.control_mode import ControlLevel, ControlSource, VehicleControlMode
 from uav_firmware.msg.estimate import (
-    GroundDistance,
     HoverThrustEstimate,
+    TerrainEstimate,
     VehicleAttitude,
     VehicleLocalPosition,
 )
@@ -41,7 +41,7 @@ class Vehicle:
     control: Topic[VehicleControlMode] = field(default_factory=Topic)
     hover: Topic[HoverThrustEstimate] = field(default_factory=Topic)
     range_finder: Topic[SensorRange] = field(default_factory=Topic)
-    ground: Topic[GroundDistance] = field(default_factory=Topic)
+    ground: Topic[TerrainEstimate] = field(default_factory=Topic)
     believed_hover: float = HOVER  # MPC_THR_HOVER
     led_down: float | None = None  # [m/s] Streamed by the navigator; None: silent
     now_us: int = 0
@@ -63,7 +63,7 @@ class Vehicle:
             vehicle_control_mode=self.control,
             hover_thrust_estimate=self.hover,
             range_finder=self.range_finder,
-            ground_distance=self.ground,
+            terrain_estimate=self.ground,
             registry=registry,
         )
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from tests.support.ground_station import whole_texts
 from tests.unit.uav_firmware.modules.mavlink.harness import (
     BROKER,
     MavlinkHarness,
@@ -23,16 +24,6 @@ CAMERA_INFORMATION, STORAGE_INFORMATION, STREAM, LOG, ARM = 521, 525, 2504, 2510
 SECOND_US = 1_000_000
 
 
-def texts(messages: list[Any]) -> list[str]:
-    """STATUSTEXTs, chunks put together."""
-    whole: dict[object, str] = {}
-    for count, message in enumerate(messages):
-        if message.get_type() == "STATUSTEXT":
-            key = message.id or f"short {count}"
-            whole[key] = whole.get(key, "") + message.text
-    return list(whole.values())
-
-
 def replies(harness: MavlinkHarness, message: Any, component: int = 1) -> tuple[list[int], Any]:
     """Results and texts of what a command is answered with."""
     harness.received(component=component)
@@ -40,9 +31,9 @@ def replies(harness: MavlinkHarness, message: Any, component: int = 1) -> tuple[
     harness.send(message)
     harness.run()
     received = harness.received(component=component)
-    assert texts(harness.received(at=BROKER, component=component)) == []
+    assert whole_texts(harness.received(at=BROKER, component=component)) == []
     results = [m.result for m in received if m.get_type() == "COMMAND_ACK"]
-    return results, texts(received)
+    return results, whole_texts(received)
 
 
 @pytest.mark.parametrize(
@@ -147,7 +138,7 @@ def test_an_answer_that_does_not_come_is_a_failure_with_a_reason() -> None:
     harness.run(3 * SECOND_US)
     received = harness.received()
     assert [m.result for m in received if m.get_type() == "COMMAND_ACK"] == [4]
-    assert texts(received) == ["COMPONENT_ARM_DISARM failed: no answer in time"]
+    assert whole_texts(received) == ["COMPONENT_ARM_DISARM failed: no answer in time"]
 
 
 def test_too_many_commands_at_once_are_refused_with_a_reason() -> None:
@@ -157,9 +148,9 @@ def test_too_many_commands_at_once_are_refused_with_a_reason() -> None:
     harness.run()
     received = harness.received()
     results = [m.result for m in received if m.get_type() == "COMMAND_ACK"]
-    assert results == [1] * len(texts(received))
+    assert results == [1] * len(whole_texts(received))
     text = "CONDITION_YAW refused: too many commands wait for their answers"
-    assert set(texts(received)) == {text}
+    assert set(whole_texts(received)) == {text}
 
 
 def test_parameters_that_cannot_be_saved_are_a_reason() -> None:

@@ -1,4 +1,8 @@
-"""Where the ground under the vehicle is, by a range finder that looks down."""
+"""Height of the ground under the vehicle, by a range finder that looks down.
+
+The ground is a down coordinate about the local origin, which the motion does not change. A landing
+and a descent by stick go by it while it is measured.
+"""
 
 import math
 from collections import deque
@@ -6,17 +10,18 @@ from statistics import median
 from typing import Final
 
 from uav_firmware.lib.rotation import tilt_of
-from uav_firmware.msg.estimate import VehicleLocalPosition
+from uav_firmware.msg.estimate import TerrainEstimate, VehicleLocalPosition
 from uav_firmware.msg.sensors import SensorRange
 from uav_firmware.msg.vectors import Quaternion
 
 _SAMPLES: Final = 5  # Their median rejects a bird, a stalk, or a sample without an echo
 _TILT_MAX: Final = math.radians(30.0)  # [rad] Tilted more, it measures ground elsewhere
+_TIMEOUT_US: Final = 500_000  # [us] Ground measured before that is not below any more
 _NAN: Final = math.nan
 
 
-class GroundBelow:
-    """Median of the newest samples as a down coordinate, which the motion does not change."""
+class TerrainFilter:
+    """Median of the newest samples."""
 
     def __init__(self) -> None:
         self._downs: deque[float] = deque(maxlen=_SAMPLES)
@@ -39,3 +44,10 @@ class GroundBelow:
             return _NAN
         self._downs.append(position.position_ned[2] + sample.distance_m * math.cos(tilt))
         return median(self._downs) if len(self._downs) == _SAMPLES else _NAN
+
+
+def ground_down(measured: TerrainEstimate | None, now_us: int) -> float:
+    """Down coordinate [m] of the ground below; NaN where it is not measured now."""
+    if measured is None or now_us - measured.time_us > _TIMEOUT_US:
+        return _NAN
+    return measured.ground_down

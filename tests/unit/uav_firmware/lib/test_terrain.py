@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 
 from tests.support.estimates import local_position
 from uav_firmware.lib.rotation import from_euler
-from uav_firmware.modules.land_detector.ground_below import GroundBelow
-from uav_firmware.msg.estimate import EstimateResets
+from uav_firmware.lib.terrain import TerrainFilter, ground_down
+from uav_firmware.msg.estimate import EstimateResets, TerrainEstimate
 from uav_firmware.msg.sensors import SensorRange
 from uav_firmware.msg.vectors import Quaternion
 
@@ -18,7 +18,7 @@ SAMPLES = 5
 
 
 def seen(
-    below: GroundBelow,
+    below: TerrainFilter,
     *distances_m: float,
     height_m: float = 10.0,
     q: Quaternion = LEVEL,
@@ -39,7 +39,7 @@ def seen(
 
 @given(st.floats(1.0, 39.0), st.floats(-50.0, 50.0))
 def test_ground_lies_the_measured_distance_below(distance_m: float, height_m: float) -> None:
-    down = seen(GroundBelow(), *[distance_m] * SAMPLES, height_m=height_m)
+    down = seen(TerrainFilter(), *[distance_m] * SAMPLES, height_m=height_m)
     assert down == pytest.approx(distance_m - height_m)
 
 
@@ -48,23 +48,23 @@ def test_a_tilt_makes_no_ground_lower(tilt_deg: float, yaw_deg: float) -> None:
     tilt = math.radians(tilt_deg)
     q = from_euler(0.0, tilt, math.radians(yaw_deg))
     slant_m = 10.0 / math.cos(tilt)
-    assert seen(GroundBelow(), *[slant_m] * SAMPLES, q=q) == pytest.approx(0.0, abs=1e-6)
+    assert seen(TerrainFilter(), *[slant_m] * SAMPLES, q=q) == pytest.approx(0.0, abs=1e-6)
 
 
 def test_a_climb_does_not_move_the_ground() -> None:
-    below = GroundBelow()
+    below = TerrainFilter()
     downs = [seen(below, height, height_m=height) for height in (5.0, 6.0, 8.0, 11.0, 15.0, 20.0)]
     assert downs[-2:] == pytest.approx([0.0, 0.0])
 
 
 @pytest.mark.parametrize("outlier_m", [0.1, 3.0, 39.0])
 def test_a_single_wrong_sample_does_not_count(outlier_m: float) -> None:
-    assert seen(GroundBelow(), 10.0, 10.0, outlier_m, 10.0, 10.0) == pytest.approx(0.0)
+    assert seen(TerrainFilter(), 10.0, 10.0, outlier_m, 10.0, 10.0) == pytest.approx(0.0)
 
 
 @pytest.mark.parametrize("distance_m", [math.nan, math.inf, 0.0, 0.05, 41.0, -1.0])
 def test_a_sample_without_an_echo_proves_nothing(distance_m: float) -> None:
-    below = GroundBelow()
+    below = TerrainFilter()
     assert seen(below, *[10.0] * SAMPLES) == pytest.approx(0.0)
     assert math.isnan(seen(below, distance_m))
     assert math.isnan(seen(below, *[10.0] * (SAMPLES - 1)))
@@ -73,12 +73,19 @@ def test_a_sample_without_an_echo_proves_nothing(distance_m: float) -> None:
 
 def test_nothing_is_known_far_tilted_or_without_a_height() -> None:
     tilted = from_euler(math.radians(35.0), 0.0, 0.0)
-    assert math.isnan(seen(GroundBelow(), *[10.0] * SAMPLES, q=tilted))
-    assert math.isnan(seen(GroundBelow(), *[10.0] * SAMPLES, altitude_valid=False))
+    assert math.isnan(seen(TerrainFilter(), *[10.0] * SAMPLES, q=tilted))
+    assert math.isnan(seen(TerrainFilter(), *[10.0] * SAMPLES, altitude_valid=False))
 
 
 def test_samples_before_a_reset_of_the_height_do_not_count() -> None:
-    below = GroundBelow()
+    below = TerrainFilter()
     seen(below, *[10.0] * SAMPLES)
     assert math.isnan(seen(below, 10.0, height_m=25.0, z_count=1))
     assert seen(below, *[10.0] * SAMPLES, height_m=25.0, z_count=1) == pytest.approx(-15.0)
+
+
+def test_ground_that_was_measured_long_ago_is_not_below_any_more() -> None:
+    measured = TerrainEstimate(1_000_000, 3.0)
+    assert ground_down(measured, 1_500_000) == 3.0
+    assert math.isnan(ground_down(measured, 1_500_001))
+    assert math.isnan(ground_down(None, 0))
