@@ -68,7 +68,10 @@ class _Served(NamedTuple):
 
 
 class ConnectionLoop:
-    """Accepts and reads connections and dispatches requests; one thread calls all but `wake`."""
+    """Accepts and reads connections and dispatches requests.
+
+    One thread calls all but `wake` and `wake_streams`.
+    """
 
     def __init__(
         self,
@@ -95,6 +98,7 @@ class ConnectionLoop:
         self._wake_write.settimeout(0.0)
         self._connections: set[Connection] = set()
         self._streams: set[Connection] = set()
+        self._streams_are_due = False
         self._by_network: Counter[str] = Counter()
         self._unreported: Counter[tuple[Reason, str]] = Counter()
         self._report_at = 0.0
@@ -106,6 +110,11 @@ class ConnectionLoop:
         """Wake `turn`; safe in any thread and in a signal handler, also after `close`."""
         with contextlib.suppress(OSError):  # It is awake already, or closed
             self._wake_write.send(b"\n")
+
+    def wake_streams(self) -> None:
+        """Let `turn` send what is new to every stream; safe in any thread."""
+        self._streams_are_due = True
+        self.wake()
 
     def start(self) -> None:
         """Start to accept connections."""
@@ -131,9 +140,13 @@ class ConnectionLoop:
                 self._advance_connection(key.data, time.monotonic())
         self._shake_hands(handshakes)
         self._collect(time.monotonic())
-        for connection in list(self._streams):
-            self._advance_connection(connection, time.monotonic())
-        if now >= self._sweep_at:
+        is_sweep = now >= self._sweep_at
+        # Not in each turn: a request of somebody else would take as long as all streams
+        if self._streams_are_due or is_sweep:
+            self._streams_are_due = False  # Before they look: what is new after that wakes again
+            for connection in list(self._streams):
+                self._advance_connection(connection, time.monotonic())
+        if is_sweep:
             self._sweep_at = now + _SWEEP_S
             self._sweep(time.monotonic())
 

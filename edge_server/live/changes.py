@@ -4,6 +4,7 @@ A number belongs to one run of the server: `<run>-<number>`. A reader who has th
 run, or one that is no longer kept, begins anew with the complete state.
 """
 
+import itertools
 import json
 import re
 import threading
@@ -17,12 +18,12 @@ _ID: Final = re.compile(r"([0-9a-f]{1,32})-([0-9]{1,18})")
 
 
 class Change(NamedTuple):
-    """One change: the name of its event, and its JSON object as text."""
+    """One change, as every reader receives it."""
 
     number: int
-    name: str
     vehicle_id: int | None  # None: not about one vehicle
-    data: str
+    event: bytes
+    """The server-sent event."""
 
 
 class Changes:
@@ -41,7 +42,8 @@ class Changes:
         with self._lock:
             for name, vehicle_id, data in changes:
                 text = json.dumps(data, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
-                self._kept.append(Change(self.last + 1, name, vehicle_id, text))
+                event = self.encode(name, self.last + 1, text)
+                self._kept.append(Change(self.last + 1, vehicle_id, event))
                 self.last += 1
 
     def forget(self) -> None:
@@ -52,17 +54,15 @@ class Changes:
 
     def after(self, number: int) -> list[Change] | None:
         """The changes behind a number; None if some of them are no longer kept."""
-        if number == self.last:
-            return []
         with self._lock:
-            first = self._kept[0].number if self._kept else self.last + 1
-            if not first - 1 <= number <= self.last:
+            count = self.last - number
+            if not 0 <= count <= len(self._kept):
                 return None
-            return [change for change in self._kept if change.number > number]
+            return list(itertools.islice(reversed(self._kept), count))[::-1]
 
-    def id_of(self, number: int) -> str:
-        """Write a number as the `id` of an event."""
-        return f"{self._run}-{number}"
+    def encode(self, name: str, number: int, text: str) -> bytes:
+        """Write a server-sent event; `text` is JSON."""
+        return f"id: {self._run}-{number}\nevent: {name}\ndata: {text}\n\n".encode()
 
     def number_of(self, identifier: str) -> int | None:
         """Read an `id`; None for one of another run, or what is none."""

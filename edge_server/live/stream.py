@@ -53,18 +53,11 @@ class LiveStream:
         found = None if self._sent is None else self._changes.after(self._sent)
         if found is None:
             self._sent = last
-            return self._encode("snapshot", last, self._state(self._vehicle_ids))
+            return self._changes.encode("snapshot", last, self._state(self._vehicle_ids))
         if found:
             self._sent = found[-1].number
-        return b"".join(
-            self._encode(change.name, change.number, change.data)
-            for change in found
-            if self._permits(change)
-        )
+        return b"".join(change.event for change in found if self._permits(change))
 
     def _permits(self, change: Change) -> bool:
         known = self._vehicle_ids
         return known is None or change.vehicle_id is None or change.vehicle_id in known
-
-    def _encode(self, name: str, number: int, data: str) -> bytes:
-        return f"id: {self._changes.id_of(number)}\nevent: {name}\ndata: {data}\n\n".encode()

@@ -102,7 +102,7 @@ class EdgeWorker(ThreadWorker):  # type: ignore[misc]  # gunicorn has no types
         self._connections = connections = loop.ConnectionLoop(
             listeners, self._serve, options, COUNTS
         )
-        self.app.on_changes(connections.wake)
+        self.app.on_changes(connections.wake_streams)
         connections.start()
         while self.alive and self.is_parent_alive():
             connections.turn(time.monotonic())

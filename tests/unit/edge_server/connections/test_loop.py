@@ -462,6 +462,30 @@ def test_a_reader_that_does_not_read_keeps_one_part_and_no_thread() -> None:
         assert stream.taken - taken <= 2 * 5 + 8  # The new readers', not those who do not read
 
 
+def test_a_stream_is_asked_when_something_is_new_and_not_at_each_request(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(loop, "_SWEEP_S", PATIENCE_S)
+    stream = Numbers(10)
+    begin = streaming(stream)
+
+    def serve(exchange: Exchange) -> bool:
+        return begin(exchange) if stream.taken == 0 else answer(exchange)
+
+    with running(serve) as service:
+        service.service.wake()  # Its first sweep, which looks at every stream, lies behind it
+        with service.connect() as reader, reader.makefile("rb") as received:
+            reader.sendall(GET)
+            while received.readline() != b"\r\n":
+                pass
+            assert received.readline().startswith(b"1.")
+            for _ in range(20):
+                assert service.ask(GET) == ANSWER
+            service.service.wake_streams()
+            assert received.readline().startswith(b"2.")
+            stream.is_over = True
+
+
 @pytest.mark.parametrize("cut", [0, 1, len(GET) - 1])
 def test_a_reader_that_leaves_is_forgotten(cut: int) -> None:
     stream = Numbers(10)

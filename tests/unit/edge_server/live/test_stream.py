@@ -214,7 +214,9 @@ class TestTheWatcher:
             watcher.look()
         found = changes.after(0)
         assert found is not None
-        assert [json.loads(change.data) for change in found] == [vehicle(1, 5.0)]
+        assert [json.loads(change.event.split(b"data: ")[1]) for change in found] == [
+            vehicle(1, 5.0)
+        ]
 
     def test_what_changes_while_nobody_watches_is_not_lost(
         self, monkeypatch: pytest.MonkeyPatch
