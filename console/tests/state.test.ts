@@ -1,6 +1,7 @@
 import { expect, test } from "vitest";
 import type { Vehicle } from "../src/api/types";
 import { apply, EMPTY } from "../src/live/state";
+import { trailFeatures } from "../src/map/features";
 
 const vehicle = (time: string, latitude: number, altitude = 20): Vehicle =>
   ({
@@ -14,13 +15,17 @@ test("a vehicle that flies north gets a heading, a speed and a trail", () => {
   const tracked = next.vehicles.get(1);
   expect(tracked?.motion.heading_deg).toBeCloseTo(0);
   expect(tracked?.motion.speed_m_s).toBeCloseTo(5.56, 1);
-  expect(tracked?.trail).toHaveLength(2);
+  expect(trailFeatures([tracked?.trail ?? null])[0]?.geometry).toEqual({
+    type: "LineString",
+    coordinates: [[-3.7382, 40.4434], [-3.7382, 40.4435]],
+  });
 });
 
 test("home is where a vehicle was seen on the ground, and stays there", () => {
   const ground = apply(EMPTY, "vehicle", vehicle("2026-05-01T10:00:00Z", 40.4434, 0), 0);
   const above = apply(ground, "vehicle", vehicle("2026-05-01T10:00:09Z", 40.4444), 9000);
-  expect(above.vehicles.get(1)?.home?.latitude_deg).toBe(40.4434);
+  expect(above.homes).toBe(ground.homes); // Routes that begin there are not drawn again
+  expect(above.homes.get(1)?.latitude_deg).toBe(40.4434);
 });
 
 test("a snapshot replaces the vehicles that are no longer there", () => {
@@ -32,6 +37,13 @@ test("a snapshot replaces the vehicles that are no longer there", () => {
 test("a vehicle that the server has deleted is gone", () => {
   const one = apply(EMPTY, "vehicle", vehicle("2026-05-01T10:00:00Z", 40.4434), 0);
   expect(apply(one, "vehicle_removed", { vehicle_id: 1 }, 10).vehicles.size).toBe(0);
+});
+
+test("a vehicle that comes back after it was deleted has the home where it stands then", () => {
+  const one = apply(EMPTY, "vehicle", vehicle("2026-05-01T10:00:00Z", 40.4434, 0), 0);
+  const gone = apply(one, "vehicle_removed", { vehicle_id: 1 }, 10);
+  const back = apply(gone, "vehicle", vehicle("2026-05-01T11:00:00Z", 40.5, 0), 20);
+  expect(back.homes.get(1)?.latitude_deg).toBe(40.5);
 });
 
 test("the uplink is reachable while its state is open", () => {

@@ -16,26 +16,34 @@ export interface Motion {
   speed_m_s: number | null;
 }
 
-/** Distance over ground between two places [m]; flat, good for some kilometres. */
-export function distanceM(one: Fix, other: Fix): number {
-  const north = (other.latitude_deg - one.latitude_deg) * RAD * EARTH_RADIUS_M;
-  return Math.hypot(north, eastM(one, other));
+export interface Offset {
+  north_m: number;
+  east_m: number;
 }
 
-function eastM(one: Fix, other: Fix): number {
+/** From one place to another, over ground; flat, good for some kilometres. */
+export function offsetM(one: Fix, other: Fix): Offset {
   const scale = Math.cos(one.latitude_deg * RAD) * EARTH_RADIUS_M;
-  return (other.longitude_deg - one.longitude_deg) * RAD * scale;
+  return {
+    north_m: (other.latitude_deg - one.latitude_deg) * RAD * EARTH_RADIUS_M,
+    east_m: (other.longitude_deg - one.longitude_deg) * RAD * scale,
+  };
+}
+
+/** Distance over ground between two places [m]. */
+export function distanceM(one: Fix, other: Fix): number {
+  const { north_m, east_m } = offsetM(one, other);
+  return Math.hypot(north_m, east_m);
 }
 
 /** Motion from one fix to the next; a vehicle that rests keeps its last heading. */
 export function motionBetween(before: Fix, now: Fix, last: Motion): Motion {
   const seconds = (now.time_ms - before.time_ms) / 1000;
   if (seconds <= 0) return last;
-  const metres = distanceM(before, now);
-  const speed_m_s = metres / seconds;
+  const { north_m, east_m } = offsetM(before, now);
+  const speed_m_s = Math.hypot(north_m, east_m) / seconds;
   // Below this the noise of the position decides, not the motion
   if (speed_m_s < 0.3) return { heading_deg: last.heading_deg, speed_m_s: 0 };
-  const north = (now.latitude_deg - before.latitude_deg) * RAD * EARTH_RADIUS_M;
-  const heading = Math.atan2(eastM(before, now), north) / RAD;
+  const heading = Math.atan2(east_m, north_m) / RAD;
   return { heading_deg: (heading + 360) % 360, speed_m_s };
 }

@@ -1,7 +1,8 @@
 /** The state that the live feed keeps up to date, and how each of its events changes it. Pure. */
 
-import type { Alarm, MissionChange, StoredEvent, Uplink, Vehicle } from "../api/types";
-import { distanceM, motionBetween, type Fix, type Motion } from "./motion";
+import type { Alarm, MissionChange, Uplink, Vehicle } from "../api/types";
+import { motionBetween, type Fix, type Motion } from "./motion";
+import { beginTrail, extendTrail, type Trail } from "./trail";
 
 /** "polling" while the server has no live feed: positions are then read each second. */
 export type Connection = "connecting" | "live" | "polling" | "offline";
@@ -10,12 +11,10 @@ export type Connection = "connecting" | "live" | "polling" | "offline";
 export interface Tracked {
   vehicle: Vehicle;
   motion: Motion;
-  /** Places since this page was opened, the oldest first. */
-  trail: Fix[];
+  /** Since this page was opened; null before the first position. */
+  trail: Trail | null;
   /** When a newer report of it arrived, by this browser's clock: clocks of machines differ. */
   reportedAtMs: number;
-  /** Where it was first seen on the ground. */
-  home: Fix | null;
 }
 
 export interface LiveState {
@@ -23,8 +22,9 @@ export interface LiveState {
   /** Time of the last sign of life from the server, in milliseconds. */
   contactAtMs: number | null;
   vehicles: ReadonlyMap<number, Tracked>;
+  /** Where each vehicle was first seen on the ground; the same map until there is another home. */
+  homes: ReadonlyMap<number, Fix>;
   missions: ReadonlyMap<string, MissionChange>;
-  events: ReadonlyMap<number, StoredEvent>;
   alarms: ReadonlyMap<number, Alarm>;
   uplink: Uplink | null;
   /** Counts changes of missions, so that lists of plans load again. */
@@ -35,8 +35,8 @@ export const EMPTY: LiveState = {
   connection: "connecting",
   contactAtMs: null,
   vehicles: new Map(),
+  homes: new Map(),
   missions: new Map(),
-  events: new Map(),
   alarms: new Map(),
   uplink: null,
   missionChanges: 0,
@@ -52,13 +52,10 @@ interface UplinkRow {
 interface Snapshot {
   vehicles: Vehicle[];
   missions: MissionChange[];
-  events?: StoredEvent[];
   alarms?: Alarm[];
   uplink: UplinkRow | null;
 }
 
-const TRAIL_STEP_M = 1;
-const TRAIL_LENGTH = 1500;
 const ON_GROUND_M = 0.5;
 
 /** Applies one event of the feed; an unknown one changes nothing. */
@@ -70,8 +67,8 @@ export function apply(state: LiveState, type: string, data: unknown, nowMs: numb
       return {
         ...contacted,
         vehicles: new Map(all.vehicles.map((one) => [one.vehicle_id, track(state, one, nowMs)])),
+        homes: homesWith(state.homes, all.vehicles, nowMs),
         missions: new Map(all.missions.map((one) => [missionKey(one), one])),
-        events: new Map((all.events ?? []).map((one) => [one.id, one])),
         alarms: new Map((all.alarms ?? []).map((one) => [one.id, one])),
         uplink: uplinkOf(all.uplink),
         missionChanges: state.missionChanges + 1,
@@ -79,21 +76,17 @@ export function apply(state: LiveState, type: string, data: unknown, nowMs: numb
     }
     case "vehicle": {
       const one = data as Vehicle;
-      return { ...contacted, vehicles: set(state.vehicles, one.vehicle_id, track(state, one, nowMs)) };
+      const vehicles = set(state.vehicles, one.vehicle_id, track(state, one, nowMs));
+      return { ...contacted, vehicles, homes: homesWith(state.homes, [one], nowMs) };
     }
     case "vehicle_removed": {
-      const vehicles = new Map(state.vehicles);
-      vehicles.delete((data as Vehicle).vehicle_id);
-      return { ...contacted, vehicles };
+      const id = (data as Vehicle).vehicle_id;
+      return { ...contacted, vehicles: without(state.vehicles, id), homes: without(state.homes, id) };
     }
     case "mission": {
       const one = data as MissionChange;
       const missions = set(state.missions, missionKey(one), one);
       return { ...contacted, missions, missionChanges: state.missionChanges + 1 };
-    }
-    case "event": {
-      const one = data as StoredEvent;
-      return { ...contacted, events: set(state.events, one.id, one) };
     }
     case "alarm": {
       const one = data as Alarm;
@@ -119,31 +112,41 @@ function set<Key, Value>(map: ReadonlyMap<Key, Value>, key: Key, value: Value): 
   return new Map(map).set(key, value);
 }
 
+function without<Key, Value>(map: ReadonlyMap<Key, Value>, key: Key): Map<Key, Value> {
+  return new Map([...map].filter(([other]) => other !== key));
+}
+
 function track(state: LiveState, vehicle: Vehicle, nowMs: number): Tracked {
   const known = state.vehicles.get(vehicle.vehicle_id);
   const fix = fixOf(vehicle, nowMs);
-  const last = known?.trail.at(-1);
   const lastMotion = known?.motion ?? { heading_deg: null, speed_m_s: null };
   const motion = { ...lastMotion };
-  let trail = known?.trail ?? [];
-  if (fix !== null) {
-    if (last === undefined) {
-      trail = [fix];
-    } else if (fix.time_ms > last.time_ms) {
-      Object.assign(motion, motionBetween(last, fix, lastMotion));
-      // A vehicle that rests moves the last place's time, not its trail
-      const isNew = distanceM(last, fix) >= TRAIL_STEP_M || trail.length === 1;
-      trail = isNew
-        ? [...trail.slice(-TRAIL_LENGTH), fix]
-        : [...trail.slice(0, -1), { ...last, time_ms: fix.time_ms }];
-    }
+  let trail = known?.trail ?? null;
+  if (fix !== null && trail === null) {
+    trail = beginTrail(fix);
+  } else if (fix !== null && trail !== null && fix.time_ms > trail.last.time_ms) {
+    Object.assign(motion, motionBetween(trail.last, fix, lastMotion));
+    trail = extendTrail(trail, fix);
   }
   if (typeof vehicle.heading === "number") motion.heading_deg = vehicle.heading;
   if (typeof vehicle.speed === "number") motion.speed_m_s = vehicle.speed;
-  const isOnGround = fix !== null && Math.abs(fix.altitude_m ?? 99) < ON_GROUND_M;
   const isNews = known === undefined || known.vehicle.updated_at !== vehicle.updated_at;
   const reportedAtMs = isNews ? nowMs : known.reportedAtMs;
-  return { vehicle, motion, trail, reportedAtMs, home: known?.home ?? (isOnGround ? fix : null) };
+  return { vehicle, motion, trail, reportedAtMs };
+}
+
+/** Adds the places of vehicles that stand on the ground and have no home yet. */
+function homesWith(
+  homes: LiveState["homes"],
+  vehicles: readonly Vehicle[],
+  nowMs: number,
+): LiveState["homes"] {
+  const found = vehicles.flatMap((vehicle): [number, Fix][] => {
+    const fix = homes.has(vehicle.vehicle_id) ? null : fixOf(vehicle, nowMs);
+    const isOnGround = fix !== null && Math.abs(fix.altitude_m ?? 99) < ON_GROUND_M;
+    return isOnGround ? [[vehicle.vehicle_id, fix]] : [];
+  });
+  return found.length === 0 ? homes : new Map([...homes, ...found]);
 }
 
 function fixOf(vehicle: Vehicle, nowMs: number): Fix | null {

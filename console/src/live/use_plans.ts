@@ -1,5 +1,6 @@
 /** The plans of the last weeks with their live statuses. */
 
+import { useMemo } from "react";
 import { listPlans } from "../api/resources";
 import type { Mission, Plan, StatusId } from "../api/types";
 import { missionKey, type LiveState } from "./state";
@@ -17,7 +18,11 @@ export function usePlans(): Resource<Plan[]> {
     () => listPlans(new Date(Date.now() - DAYS * DAY_MS)).then((plans) => plans.reverse()),
     version,
   );
-  const value = resource.value?.map((plan) => withLive(plan, missions)) ?? null;
+  // The same array until a plan or a mission changes: screens redraw the map when it is another
+  const value = useMemo(
+    () => resource.value?.map((plan) => withLive(plan, missions)) ?? null,
+    [resource.value, missions],
+  );
   return { ...resource, value };
 }
 

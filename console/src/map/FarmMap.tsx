@@ -68,6 +68,7 @@ export default function FarmMap({ layers, symbols, extent, click, pick, pictures
       made = new maplibregl.Map({
         container: container.current,
         style: mapStyle(),
+        validateStyle: false, // Ours; a fault in it shows in the journeys
         center: FIRST_PLACE,
         zoom: 16,
         maxZoom: 21,
@@ -201,7 +202,10 @@ function useSymbols(map: MapLibreMap | null, symbols: Symbol[]): void {
       const known = present.get(symbol.key);
       if (known) {
         known.symbol = symbol;
-        known.marker.setLngLat([symbol.longitude, symbol.latitude]);
+        const { lng, lat } = known.marker.getLngLat(); // Where a person has dragged it, perhaps
+        if (lng !== symbol.longitude || lat !== symbol.latitude) {
+          known.marker.setLngLat([symbol.longitude, symbol.latitude]);
+        }
         symbol.update?.(known.marker.getElement());
         continue;
       }

@@ -2,6 +2,7 @@
 
 import type { Command, CommandState } from "../api/types";
 import type { Fix } from "../live/motion";
+import { trailPlaces, type Trail } from "../live/trail";
 
 type Lines = GeoJSON.FeatureCollection;
 type Place = [longitude: number, latitude: number];
@@ -41,8 +42,12 @@ export function fieldFeatures(fields: readonly Rings[], kind: "field" | "drawn" 
   );
 }
 
-export function trailFeature(trail: readonly Fix[]): GeoJSON.Feature {
-  return line(trail.map((fix) => [fix.longitude_deg, fix.latitude_deg]), { kind: "trail" });
+/** The trails of vehicles that have moved. */
+export function trailFeatures(trails: readonly (Trail | null)[]): GeoJSON.Feature[] {
+  return trails.flatMap((trail) => {
+    const places = trail === null ? [] : trailPlaces(trail);
+    return places.length < 2 ? [] : [line(places, { kind: "trail" })];
+  });
 }
 
 /** The place of a command, or null for one that is not a movement to a place. */

@@ -6,19 +6,21 @@ import { useLive, useSeldom } from "../live/use_live";
 import { runningMissions, usePlans } from "../live/use_plans";
 import { useResource } from "../live/use_resource";
 import { farmExtent } from "../map/farm_extent";
-import { collection, fieldFeatures, routeFeatures, trailFeature } from "../map/features";
+import { collection, fieldFeatures, routeFeatures, trailFeatures } from "../map/features";
 import { useFleetSymbols } from "./use_fleet_symbols";
 import { VehicleCard } from "./VehicleCard";
 
 const FarmMap = lazy(() => import("../map/FarmMap"));
 
-/** Trails and routes are drawn again as a whole; the symbols move at once. */
+/** Trails are drawn again as a whole; the symbols move at once. */
 const REDRAWN_EVERY_MS = 1000;
+const SHOWN_AT_FIRST = 4;
 
 /** The first screen: every vehicle on the map, and beside it what each is doing. */
 export function Fleet() {
   const { t } = useTranslation();
   const vehicles = useLive((state) => state.vehicles);
+  const homes = useLive((state) => state.homes);
   const connection = useLive((state) => state.connection);
   const [selected, setSelected] = useState<number | null>(null);
   const fields = useResource(listFields);
@@ -27,19 +29,20 @@ export function Fleet() {
   const running = useMemo(() => runningMissions(plans.value ?? []), [plans.value]);
   const seldom = useSeldom(vehicles, REDRAWN_EVERY_MS);
   const outlines = useMemo(() => fieldFeatures(fields.value ?? []), [fields.value]);
-  const layers = useMemo(() => {
-    const tracked = [...seldom.values()];
-    return {
-      fields: outlines,
-      trails: collection(tracked.filter((one) => one.trail.length > 1).map((one) => trailFeature(one.trail))),
-      routes: collection(
-        tracked.flatMap((one) => {
-          const found = running.get(one.vehicle.vehicle_id);
-          return found ? routeFeatures(found.mission.command_array, one.home) : [];
-        }),
+  const trails = useMemo(
+    () => collection(trailFeatures([...seldom.values()].map((one) => one.trail))),
+    [seldom],
+  );
+  const routes = useMemo(
+    () =>
+      collection(
+        [...running].flatMap(([vehicleId, { mission }]) =>
+          routeFeatures(mission.command_array, homes.get(vehicleId) ?? null),
+        ),
       ),
-    };
-  }, [seldom, outlines, running]);
+    [running, homes],
+  );
+  const layers = useMemo(() => ({ fields: outlines, trails, routes }), [outlines, trails, routes]);
   const symbols = useFleetSymbols(fields.value ?? [], selected, setSelected);
   const extent = useMemo(
     () =>
@@ -61,12 +64,13 @@ export function Fleet() {
         {connection !== "connecting" && vehicles.size === 0 && (
           <Empty icon="flight" title={t("fleet.empty_title")} text={t("fleet.empty_text")} />
         )}
-        {[...vehicles.values()].map((tracked) => (
+        {[...vehicles.values()].map((tracked, index) => (
           <VehicleCard
             key={tracked.vehicle.vehicle_id}
             tracked={tracked}
             running={running.get(tracked.vehicle.vehicle_id) ?? null}
             isSelected={selected === tracked.vehicle.vehicle_id}
+            isShownAtFirst={index < SHOWN_AT_FIRST}
             select={setSelected}
           />
         ))}

@@ -78,18 +78,18 @@ export default function PlanView({ reference }: { reference: string }) {
 function PlanMap({ plan }: { plan: Plan }) {
   const { t } = useTranslation();
   const fields = useResource(listFields);
-  const vehicles = useLive((state) => state.vehicles);
+  const homes = useLive((state) => state.homes);
   const symbols = useFleetSymbols(fields.value ?? [], null, () => go(""));
   const layers = useMemo(
     () => ({
       fields: fieldFeatures(fields.value ?? []),
       routes: collection(
         plan.missions.flatMap((mission) =>
-          routeFeatures(mission.command_array, vehicles.get(mission.vehicle_id)?.home ?? null),
+          routeFeatures(mission.command_array, homes.get(mission.vehicle_id) ?? null),
         ),
       ),
     }),
-    [fields.value, plan, vehicles],
+    [fields.value, plan, homes],
   );
   const extent = useMemo(
     () =>

@@ -1,4 +1,4 @@
-import { memo, use } from "react";
+import { memo, use, useRef } from "react";
 import { useTranslation } from "react-i18next";
 import { useUnits } from "../app/preferences";
 import { linkTo } from "../app/route";
@@ -6,6 +6,7 @@ import { Button } from "../controls/Button";
 import { Icon, type IconName } from "../controls/Icon";
 import { Pill, type Tone } from "../controls/StatusPill";
 import { StopContext } from "../controls/StopButton";
+import { useIsNear } from "../controls/use_is_near";
 import type { Vehicle } from "../api/types";
 import type { Tracked } from "../live/state";
 import type { Units } from "../units/units";
@@ -21,53 +22,37 @@ const TONES: Record<VehicleStatus, Tone> = {
   armed: "warning", ready: "good",
 };
 
-/** What one vehicle is doing: its state, its figures, its mission and its own stop. */
-export const VehicleCard = memo(function VehicleCard({ tracked, running, isSelected, select }: {
+/** What one vehicle is doing: its state, its figures, its mission and its own stop.
+ *
+ * Far from what the list shows, the figures are left out: a fleet of fifty would take a slow tablet
+ * more than a second to draw.
+ */
+export const VehicleCard = memo(function VehicleCard({ tracked, running, isSelected, isShownAtFirst, select }: {
   tracked: Tracked;
   running: Running | null;
   isSelected: boolean;
+  isShownAtFirst: boolean;
   select: (vehicleId: number) => void;
 }) {
   const { t } = useTranslation();
   const stop = use(StopContext);
-  const units = useUnits();
-  const { vehicle, motion } = tracked;
+  const card = useRef<HTMLElement>(null);
+  const isNear = useIsNear(card, isShownAtFirst);
+  const { vehicle } = tracked;
   const status = statusOf(vehicle);
   const name = t("vehicle.name", { id: vehicle.vehicle_id });
   return (
-    <article className={`vehicle-card ${isSelected ? "is-selected" : ""}`} aria-label={name}>
+    <article ref={card} className={`vehicle-card ${isSelected ? "is-selected" : ""}`} aria-label={name}>
       <header>
         <button type="button" className="vehicle-name" onClick={() => select(vehicle.vehicle_id)} aria-pressed={isSelected}>
           <h2>{name}</h2>
         </button>
         <Pill tone={TONES[status]}>{t(`vehicle.${status}`)}</Pill>
       </header>
-      <dl className="figures">
-        <Figure icon="height" label={t("vehicle.height")} value={units.height(vehicle.altitude)} />
-        <Figure icon="speed" label={t("vehicle.speed")} value={units.speed(motion.speed_m_s)} />
-        <Figure
-          icon="battery"
-          label={t("vehicle.battery")}
-          value={units.percentage(vehicle.battery_percentage)}
-          more={timeLeft(units, vehicle)}
-          isBad={isBatteryLow(vehicle)}
-        />
-        <Figure
-          icon="locate"
-          label={t("vehicle.gps")}
-          value={vehicle.gps_fix ? t(`gps.${vehicle.gps_fix}`, { defaultValue: vehicle.gps_fix }) : "–"}
-          more={
-            typeof vehicle.satellites === "number"
-              ? t("gps.satellites", { count: vehicle.satellites })
-              : ""
-          }
-          isBad={vehicle.gps_fix === "none" || vehicle.gps_fix === "2d"}
-        />
-        <LinkAge reportedAtMs={tracked.reportedAtMs} isBad={vehicle.link_state !== "connected"} />
-      </dl>
+      {isNear && <Figures tracked={tracked} />}
       {isSelected && <LivePicture vehicleId={vehicle.vehicle_id} />}
       {vehicle.warning && <p className="vehicle-warning">{vehicle.warning}</p>}
-      {running && <Progress running={running} />}
+      {isNear && running && <Progress running={running} />}
       {vehicle.held && <ReleaseForm vehicleId={vehicle.vehicle_id} reason={vehicle.held.reason} />}
       {vehicle.armed && (
         <Button kind="danger" icon="stop" onClick={() => stop?.(vehicle.vehicle_id)}>
@@ -77,6 +62,37 @@ export const VehicleCard = memo(function VehicleCard({ tracked, running, isSelec
     </article>
   );
 });
+
+function Figures({ tracked }: { tracked: Tracked }) {
+  const { t } = useTranslation();
+  const units = useUnits();
+  const { vehicle, motion } = tracked;
+  return (
+    <dl className="figures">
+      <Figure icon="height" label={t("vehicle.height")} value={units.height(vehicle.altitude)} />
+      <Figure icon="speed" label={t("vehicle.speed")} value={units.speed(motion.speed_m_s)} />
+      <Figure
+        icon="battery"
+        label={t("vehicle.battery")}
+        value={units.percentage(vehicle.battery_percentage)}
+        more={timeLeft(units, vehicle)}
+        isBad={isBatteryLow(vehicle)}
+      />
+      <Figure
+        icon="locate"
+        label={t("vehicle.gps")}
+        value={vehicle.gps_fix ? t(`gps.${vehicle.gps_fix}`, { defaultValue: vehicle.gps_fix }) : "–"}
+        more={
+          typeof vehicle.satellites === "number"
+            ? t("gps.satellites", { count: vehicle.satellites })
+            : ""
+        }
+        isBad={vehicle.gps_fix === "none" || vehicle.gps_fix === "2d"}
+      />
+      <LinkAge reportedAtMs={tracked.reportedAtMs} isBad={vehicle.link_state !== "connected"} />
+    </dl>
+  );
+}
 
 /** The flight time that is left; nothing while the motors stand, when it says hours. */
 function timeLeft(units: Units, vehicle: Vehicle): string {

@@ -15,11 +15,13 @@ export function useFleetSymbols(
 ): Symbol[] {
   const { t } = useTranslation();
   const vehicles = useLive((state) => state.vehicles);
+  const homes = useLive((state) => state.homes);
   return useMemo(() => {
     const symbols = fieldNames(fields);
-    for (const { vehicle, motion, home } of vehicles.values()) {
+    for (const { vehicle, motion } of vehicles.values()) {
       const id = vehicle.vehicle_id;
-      if (home !== null) {
+      const home = homes.get(id);
+      if (home !== undefined) {
         symbols.push({
           key: `home-${id}`,
           longitude: home.longitude_deg,
@@ -40,7 +42,7 @@ export function useFleetSymbols(
       });
     }
     return symbols;
-  }, [fields, vehicles, selected, select, t]);
+  }, [fields, vehicles, homes, selected, select, t]);
 }
 
 /** The name of each field, below the middle of its northern edge. */

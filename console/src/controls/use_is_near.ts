@@ -1,0 +1,21 @@
+/** Whether an element is in view, or soon will be. */
+
+import { useEffect, useState, type RefObject } from "react";
+
+/** A flick of a finger shows nothing that is not drawn yet. */
+const MARGIN = "600px 0px";
+
+/** Tells whether the element is near the part of its list that is shown. */
+export function useIsNear(element: RefObject<HTMLElement | null>, isNearAtFirst: boolean): boolean {
+  const [isNear, setNear] = useState(isNearAtFirst);
+  useEffect(() => {
+    if (element.current === null) return;
+    const observer = new IntersectionObserver(
+      (changes) => setNear(changes.at(-1)?.isIntersecting ?? true),
+      { root: element.current.parentElement, rootMargin: MARGIN },
+    );
+    observer.observe(element.current);
+    return () => observer.disconnect();
+  }, [element]);
+  return isNear;
+}
