@@ -12,17 +12,20 @@ import shutil
 import subprocess
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Final
+from statistics import median
+from typing import Any, Final, NamedTuple
 
 from tests.bench.edge import Client, edge_server
 from tests.bench.results import Result, at_most
 from tests.support.browser import CHROMIUMS, CONSOLE
 from tests.unit.edge_server.program import Program
 
-VEHICLES: Final = 50
+FLEET: Final = 50
+SMALL_FARM: Final = 3
+LOADS: Final = 3
 UPDATE_S: Final = 0.5
 MINUTES: Final = float(os.environ.get("CONSOLE_MINUTES", "10"))
 SLACK_S: Final = 180.0
@@ -36,22 +39,43 @@ def measure(folder: Path) -> Iterator[Result]:
     node = shutil.which("node")
     if chromium is None or node is None or not (CONSOLE / "dist" / "index.html").exists():
         return
-    with edge_server(folder, "http://127.0.0.1:9", "serve") as program, _moving(program):
-        seen = _look(folder, program, node, chromium)
-    megabytes = seen["first_load_bytes"] / 1e6
-    yield at_most("first load of the console", megabytes, "MB", 1.5, [megabytes])
-    interactive_s = seen["interactive_ms"] / 1e3
-    name = f"until the map zooms, {VEHICLES} vehicles, a quarter of the processor"
-    yield at_most(name, interactive_s, "s", 2.0, [interactive_s])
+    browser = Browser(folder, node, chromium)
+    yield from _first_loads(browser, SMALL_FARM)
+    seen = yield from _first_loads(browser, FLEET, MINUTES)
     growth = 100.0 * (seen["heap_after_bytes"] / seen["heap_before_bytes"] - 1.0)
     yield at_most(f"heap after {MINUTES:g} minutes, grown by", growth, "%", 10.0, [growth])
     frame_ms = seen["frame_p95_ms"]
     yield at_most("time of a frame, without a graphics card, p95", frame_ms, "ms", 33.4, [frame_ms])
 
 
-def _look(folder: Path, program: Program, node: str, chromium: str) -> dict[str, Any]:
+class Browser(NamedTuple):
+    """What shows the console."""
+
+    folder: Path
+    node: str
+    chromium: str
+
+
+def _first_loads(
+    browser: Browser, vehicles: int, minutes: float = 0.0
+) -> Generator[Result, None, dict[str, Any]]:
+    """Load the console of a farm several times; returns what is seen of it afterwards."""
+    folder = browser.folder / str(vehicles)
+    folder.mkdir()
+    with edge_server(folder, "http://127.0.0.1:9", "serve") as program, _moving(program, vehicles):
+        seen = _look(browser, program, vehicles, minutes)
+    megabytes = [one["first_load_bytes"] / 1e6 for one in seen["loads"]]
+    yield at_most(f"first load, {vehicles} vehicles", max(megabytes), "MB", 1.5, megabytes)
+    seconds = [one["interactive_ms"] / 1e3 for one in seen["loads"]]
+    name = f"until the map zooms, {vehicles} vehicles, a quarter of the processor"
+    yield at_most(name, median(seconds), "s", 2.0, seconds)
+    return seen
+
+
+def _look(browser: Browser, program: Program, vehicles: int, minutes: float) -> dict[str, Any]:
     """Show the console to a browser, and take what it measures."""
-    out = folder / "measured.json"
+    folder, node, chromium = browser
+    out = folder / f"{vehicles}.json"
     admin = Client(program, "admin")
     admin.ask("POST", "/users/", {"name": "viewer", "role": "operator"})
     path = admin.ask("POST", "/users/viewer/link")["path"]
@@ -62,11 +86,12 @@ def _look(folder: Path, program: Program, node: str, chromium: str) -> dict[str,
             **os.environ,
             "CHROMIUM": chromium,
             "LINK": f"http://127.0.0.1:{program.port}{path}",
-            "VEHICLES": str(VEHICLES),
-            "MINUTES": str(MINUTES),
+            "VEHICLES": str(vehicles),
+            "LOADS": str(LOADS),
+            "MINUTES": str(minutes),
             "OUT": str(out),
         },
-        timeout=MINUTES * 60.0 + SLACK_S,
+        timeout=minutes * 60.0 + SLACK_S,
         check=True,
     )
     measured: dict[str, Any] = json.loads(out.read_text())
@@ -74,10 +99,10 @@ def _look(folder: Path, program: Program, node: str, chromium: str) -> dict[str,
 
 
 @contextmanager
-def _moving(program: Program) -> Iterator[None]:
+def _moving(program: Program, vehicles: int) -> Iterator[None]:
     """Let every vehicle fly a circle."""
     is_over = threading.Event()
-    thread = threading.Thread(target=_move, args=(program, is_over), daemon=True)
+    thread = threading.Thread(target=_move, args=(program, vehicles, is_over), daemon=True)
     thread.start()
     try:
         yield
@@ -86,13 +111,13 @@ def _moving(program: Program) -> Iterator[None]:
         thread.join()
 
 
-def _move(program: Program, is_over: threading.Event) -> None:
+def _move(program: Program, vehicles: int, is_over: threading.Event) -> None:
     client, began = Client(program), time.monotonic()
     turn = 0
     while not is_over.wait(max(0.0, began + turn * UPDATE_S - time.monotonic())):
         turn += 1
-        for vehicle_id in range(1, VEHICLES + 1):
-            angle = 0.02 * turn + math.tau * vehicle_id / VEHICLES
+        for vehicle_id in range(1, vehicles + 1):
+            angle = 0.02 * turn + math.tau * vehicle_id / vehicles
             state = {
                 "link_state": "connected",
                 "armed": True,
