@@ -51,6 +51,14 @@ def test_a_put_with_an_older_tag_changes_nothing(edge: Edge, kind: str) -> None:
     assert edge.get(path) == seen
 
 
+def test_a_condition_that_is_cut_off_changes_nothing(edge: Edge) -> None:
+    path, body = make(edge, "plan")
+    seen = edge.get(path)
+    for cut in ("", '"', '"old', 'W/"', ",", '"old" and more'):
+        assert put(edge, path, body, If_Match=cut).status_code == 412, cut
+        assert edge.get(path) == seen
+
+
 @pytest.mark.first_case
 @KINDS
 def test_any_tag_will_do_for_a_star_and_for_no_condition(edge: Edge, kind: str) -> None:
