@@ -3,10 +3,11 @@ import type { Vehicle } from "../src/api/types";
 import { apply, EMPTY } from "../src/live/state";
 import { trailFeatures } from "../src/map/features";
 
-const vehicle = (time: string, latitude: number, altitude = 20): Vehicle =>
+const vehicle = (time: string, latitude: number, altitude = 20, more: object = {}): Vehicle =>
   ({
     vehicle_id: 1, link_state: "connected", armed: true, latitude, longitude: -3.7382, altitude,
-    held: null, brokers: [], registered_at: time, updated_at: time, recorded_at: time,
+    held: null, brokers: [], registered_at: "2026-05-01T09:00:00Z", updated_at: time, recorded_at: time,
+    ...more,
   }) as unknown as Vehicle;
 
 test("a vehicle that flies north gets a heading, a speed and a trail", () => {
@@ -26,6 +27,42 @@ test("home is where a vehicle was seen on the ground, and stays there", () => {
   const above = apply(ground, "vehicle", vehicle("2026-05-01T10:00:09Z", 40.4444), 9000);
   expect(above.homes).toBe(ground.homes); // Routes that begin there are not drawn again
   expect(above.homes.get(1)?.latitude_deg).toBe(40.4434);
+});
+
+test("a vehicle that is carried to another place has its home there", () => {
+  const rest = { armed: false };
+  const first = apply(EMPTY, "vehicle", vehicle("2026-05-01T10:00:00Z", 40.4434, 0, rest), 0);
+  const landed = apply(first, "vehicle", vehicle("2026-05-01T10:00:09Z", 40.44342, 0, rest), 9000);
+  expect(landed.homes).toBe(first.homes); // A position that stands still wanders
+  const carried = apply(landed, "vehicle", vehicle("2026-05-01T10:05:00Z", 40.4444, 0, rest), 300_000);
+  expect(carried.homes.get(1)?.latitude_deg).toBe(40.4444);
+});
+
+test("a vehicle that flies keeps its home, however low", () => {
+  const ground = apply(EMPTY, "vehicle", vehicle("2026-05-01T10:00:00Z", 40.4434, 0), 0);
+  const low = apply(ground, "vehicle", vehicle("2026-05-01T10:01:00Z", 40.4444, 0.2), 60_000);
+  expect(low.homes.get(1)?.latitude_deg).toBe(40.4434);
+});
+
+test("a vehicle that was registered anew has neither the trail nor the home of the former one", () => {
+  const ground = apply(EMPTY, "vehicle", vehicle("2026-05-01T10:00:00Z", 40.4434, 0), 0);
+  const anew = vehicle("2026-05-01T10:00:09Z", 40.45, 30, { registered_at: "2026-05-01T10:00:08Z" });
+  const other = apply(ground, "vehicle", anew, 9000);
+  expect(other.homes.size).toBe(0);
+  expect(trailFeatures([other.vehicles.get(1)?.trail ?? null])).toEqual([]);
+  const again = apply(ground, "snapshot", { vehicles: [anew], missions: [], uplink: null }, 9000);
+  expect(again.homes.size).toBe(0);
+});
+
+test("the trail goes on when the clock of a vehicle is set back", () => {
+  const ahead = apply(EMPTY, "vehicle", vehicle("2026-05-01T11:00:00Z", 40.4434), 0);
+  const right = apply(ahead, "vehicle", vehicle("2026-05-01T10:00:01Z", 40.4435), 1000);
+  const next = apply(right, "vehicle", vehicle("2026-05-01T10:00:03Z", 40.4436), 3000);
+  const tracked = next.vehicles.get(1);
+  expect(trailFeatures([tracked?.trail ?? null])[0]?.geometry).toMatchObject({
+    coordinates: [[-3.7382, 40.4434], [-3.7382, 40.4436]],
+  });
+  expect(tracked?.motion.speed_m_s).toBeCloseTo(5.56, 1);
 });
 
 test("a snapshot replaces the vehicles that are no longer there", () => {

@@ -5,7 +5,7 @@ from typing import Final
 
 from edge_server.live.changes import Change, Changes
 
-HEARTBEAT_S: Final = 10.0
+HEARTBEAT_S: Final = 4.0
 _HEARTBEAT: Final = b":\n\n"
 
 

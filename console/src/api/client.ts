@@ -49,6 +49,11 @@ export function onSignedOut(callback: () => void): void {
   reportSignedOut = callback;
 }
 
+/** Reports that the server no longer knows the session. */
+export function noteSignedOut(): void {
+  reportSignedOut();
+}
+
 export interface Request {
   method?: "GET" | "POST" | "PUT" | "PATCH" | "DELETE";
   body?: unknown;
@@ -113,7 +118,7 @@ async function send(path: string, options: Request): Promise<Response> {
     throw new RequestError(UNREACHABLE, "unreachable");
   }
   if (response.ok) return response;
-  if (response.status === 401 && !path.startsWith("/session/")) reportSignedOut();
+  if (response.status === 401 && !path.startsWith("/session/")) noteSignedOut();
   throw await refusalOf(response);
 }
 

@@ -1,13 +1,13 @@
 /** The connection to the live feed: connects again by itself, and polls where there is no feed. */
 
 import { listVehicles, readUplink } from "../api/resources";
-import { RequestError } from "../api/client";
+import { noteSignedOut, RequestError } from "../api/client";
 import { readStream, StreamRefusedError } from "./event_stream";
 import { apply, EMPTY, type Connection, type LiveState } from "./state";
 
 const RETRY_MS = [500, 1000, 2000, 4000, 5000];
-/** Three heartbeats of the server. */
-const SILENCE_MS = 30_000;
+/** Two heartbeats of the server, and some. */
+const SILENCE_MS = 10_000;
 const POLL_MS = 1000;
 
 /** Changes that arrive together are shown together: fifty vehicles come as fifty events. */
@@ -51,9 +51,12 @@ export class Feed {
         await pause(RETRY_MS[0] ?? 500, stop);
         continue;
       } catch (error) {
-        if (error instanceof StreamRefusedError && error.status === 404) {
-          await this.#poll(stop);
+        const refused = error instanceof StreamRefusedError ? error.status : 0;
+        if (refused === 401) {
+          noteSignedOut(); // The session has ended: no network brings it back
+          return;
         }
+        if (refused === 404) await this.#poll(stop);
       }
       if (stop.aborted) return;
       this.#connection("offline");

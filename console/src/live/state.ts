@@ -1,7 +1,7 @@
 /** The state that the live feed keeps up to date, and how each of its events changes it. Pure. */
 
 import type { Alarm, MissionChange, Uplink, Vehicle } from "../api/types";
-import { motionBetween, type Fix, type Motion } from "./motion";
+import { distanceM, motionBetween, type Fix, type Motion } from "./motion";
 import { beginTrail, extendTrail, type Trail } from "./trail";
 
 /** "polling" while the server has no live feed: positions are then read each second. */
@@ -22,7 +22,7 @@ export interface LiveState {
   /** Time of the last sign of life from the server, in milliseconds. */
   contactAtMs: number | null;
   vehicles: ReadonlyMap<number, Tracked>;
-  /** Where each vehicle was first seen on the ground; the same map until there is another home. */
+  /** Where each vehicle stands, or took off; the same map until one is another. */
   homes: ReadonlyMap<number, Fix>;
   missions: ReadonlyMap<string, MissionChange>;
   alarms: ReadonlyMap<number, Alarm>;
@@ -57,6 +57,8 @@ interface Snapshot {
 }
 
 const ON_GROUND_M = 0.5;
+/** Further than a position wanders that stands still. */
+const CARRIED_M = 5;
 
 /** Applies one event of the feed; an unknown one changes nothing. */
 export function apply(state: LiveState, type: string, data: unknown, nowMs: number): LiveState {
@@ -67,7 +69,7 @@ export function apply(state: LiveState, type: string, data: unknown, nowMs: numb
       return {
         ...contacted,
         vehicles: new Map(all.vehicles.map((one) => [one.vehicle_id, track(state, one, nowMs)])),
-        homes: homesWith(state.homes, all.vehicles, nowMs),
+        homes: homesWith(state, all.vehicles, nowMs),
         missions: new Map(all.missions.map((one) => [missionKey(one), one])),
         alarms: new Map((all.alarms ?? []).map((one) => [one.id, one])),
         uplink: uplinkOf(all.uplink),
@@ -77,7 +79,7 @@ export function apply(state: LiveState, type: string, data: unknown, nowMs: numb
     case "vehicle": {
       const one = data as Vehicle;
       const vehicles = set(state.vehicles, one.vehicle_id, track(state, one, nowMs));
-      return { ...contacted, vehicles, homes: homesWith(state.homes, [one], nowMs) };
+      return { ...contacted, vehicles, homes: homesWith(state, [one], nowMs) };
     }
     case "vehicle_removed": {
       const id = (data as Vehicle).vehicle_id;
@@ -116,15 +118,22 @@ function without<Key, Value>(map: ReadonlyMap<Key, Value>, key: Key): Map<Key, V
   return new Map([...map].filter(([other]) => other !== key));
 }
 
-function track(state: LiveState, vehicle: Vehicle, nowMs: number): Tracked {
+/** What is known of a vehicle; nothing if it was deleted and registered again meanwhile. */
+function knownOf(state: LiveState, vehicle: Vehicle): Tracked | undefined {
   const known = state.vehicles.get(vehicle.vehicle_id);
+  return known?.vehicle.registered_at === vehicle.registered_at ? known : undefined;
+}
+
+function track(state: LiveState, vehicle: Vehicle, nowMs: number): Tracked {
+  const known = knownOf(state, vehicle);
   const fix = fixOf(vehicle, nowMs);
   const lastMotion = known?.motion ?? { heading_deg: null, speed_m_s: null };
   const motion = { ...lastMotion };
   let trail = known?.trail ?? null;
   if (fix !== null && trail === null) {
     trail = beginTrail(fix);
-  } else if (fix !== null && trail !== null && fix.time_ms > trail.last.time_ms) {
+  } else if (fix !== null && trail !== null && fix.time_ms !== trail.last.time_ms) {
+    // Of an earlier time too: reports come in order, so its clock was set back
     Object.assign(motion, motionBetween(trail.last, fix, lastMotion));
     trail = extendTrail(trail, fix);
   }
@@ -135,18 +144,29 @@ function track(state: LiveState, vehicle: Vehicle, nowMs: number): Tracked {
   return { vehicle, motion, trail, reportedAtMs };
 }
 
-/** Adds the places of vehicles that stand on the ground and have no home yet. */
-function homesWith(
-  homes: LiveState["homes"],
-  vehicles: readonly Vehicle[],
-  nowMs: number,
-): LiveState["homes"] {
-  const found = vehicles.flatMap((vehicle): [number, Fix][] => {
-    const fix = homes.has(vehicle.vehicle_id) ? null : fixOf(vehicle, nowMs);
-    const isOnGround = fix !== null && Math.abs(fix.altitude_m ?? 99) < ON_GROUND_M;
-    return isOnGround ? [[vehicle.vehicle_id, fix]] : [];
-  });
-  return found.length === 0 ? homes : new Map([...homes, ...found]);
+/** Gives the homes after a report of these vehicles; the same map if none is another. */
+function homesWith(state: LiveState, vehicles: readonly Vehicle[], nowMs: number): LiveState["homes"] {
+  const changed = new Map(state.homes);
+  for (const vehicle of vehicles) {
+    const id = vehicle.vehicle_id;
+    const known = knownOf(state, vehicle) === undefined ? undefined : state.homes.get(id);
+    const home = homeOf(vehicle, known, nowMs);
+    if (home === undefined) changed.delete(id);
+    else changed.set(id, home);
+  }
+  const ids = [...changed.keys()];
+  const isSame = changed.size === state.homes.size && ids.every((id) => changed.get(id) === state.homes.get(id));
+  return isSame ? state.homes : changed;
+}
+
+/** Where a vehicle stands, or stood before it took off. */
+function homeOf(vehicle: Vehicle, known: Fix | undefined, nowMs: number): Fix | undefined {
+  const fix = fixOf(vehicle, nowMs);
+  if (fix === null) return known;
+  const isOnGround = Math.abs(fix.altitude_m ?? 99) < ON_GROUND_M;
+  if (known === undefined) return isOnGround ? fix : undefined;
+  const isCarried = vehicle.armed === false && distanceM(known, fix) > CARRIED_M;
+  return isCarried ? fix : known;
 }
 
 function fixOf(vehicle: Vehicle, nowMs: number): Fix | null {

@@ -63,7 +63,7 @@ def get() -> ResponseReturnValue:
     """Stream changes: `snapshot` with the complete state first, then each change by itself.
 
     A reader that sends `Last-Event-ID` continues after that event if it is still stored. A comment
-    is sent every 10 s. The stream ends with the key or session of its reader, and when the reader
+    is sent every 4 s. The stream ends with the key or session of its reader, and when the reader
     does not keep up.
     """
     live: Live = current_app.extensions[EXTENSION]
