@@ -23,5 +23,6 @@ export default defineConfig({
     rollupOptions: { output: { manualChunks: { map: ["maplibre-gl", "pmtiles"] } } },
   },
   server: { proxy: Object.fromEntries(PATHS.map((path) => [`/${path}`, EDGE])) },
-  test: { include: ["tests/**/*.test.ts"], environment: "node" },
+  // One worker for all files: to start one for each takes longer than the tests
+  test: { include: ["tests/**/*.test.ts"], environment: "node", pool: "threads", isolate: false },
 });

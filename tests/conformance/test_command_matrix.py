@@ -113,7 +113,6 @@ def result(station: Lockstep, message: Any) -> int:
     return int(finals[0])
 
 
-@pytest.mark.promise
 def test_long_and_int_are_carried_out_alike(flying: Lockstep) -> None:
     for number, first, place in ACCEPTED_IN_FLIGHT:
         for message in both_forms(flying, number, first, place):

@@ -25,6 +25,7 @@ def lines_of(world: World) -> list[str]:
     return [line for line in world.scheduler.trace.lines if "technician >" in line]
 
 
+@pytest.mark.thorough
 def test_a_report_that_comes_twice_changes_nothing(world: World) -> None:
     world.http.on_answered = Technician(world, {Fault.REPEATED_POSTS}).note
     world.run(10.0)

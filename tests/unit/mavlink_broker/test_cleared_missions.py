@@ -25,7 +25,7 @@ from tests.support.scripted_vehicle import (
     Script,
 )
 from tests.unit.mavlink_broker.test_events import ABORT, SOFT_ABORT, answer_statuses
-from tests.unit.mavlink_broker.test_live_commands import OWN
+from tests.unit.mavlink_broker.test_live_commands import OWN, OWN_TOO
 from tests.unit.mavlink_broker.test_pause_events import (
     COPTER_BRAKE,
     COPTER_LOITER,
@@ -48,7 +48,8 @@ SCRIPTS = {
 }
 EVERY = pytest.mark.parametrize("script", SCRIPTS.values(), ids=SCRIPTS)
 REAL = pytest.mark.parametrize(
-    "script", [PX4_1_17, OWN, COPTER_4_6], ids=["px4 1.17", "own", "copter 4.6"]
+    "script",
+    [pytest.param(PX4_1_17, id="px4 1.17"), OWN_TOO, pytest.param(COPTER_4_6, id="copter 4.6")],
 )
 STATION = 255
 

@@ -33,6 +33,8 @@ from tests.support.scripted_vehicle import (
 )
 
 OWN = dataclasses.replace(PX4, product=OWN_PRODUCT)
+OWN_TOO = pytest.param(OWN, id="own", marks=pytest.mark.thorough)
+"""This project's autopilot has PX4's modes: `make test` tries PX4's where it tries both."""
 PLACE = {"latitude": HOME[0], "longitude": HOME[1]}
 FINISHED = Status.FINISHED
 

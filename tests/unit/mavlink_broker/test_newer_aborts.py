@@ -22,11 +22,12 @@ from tests.support.scripted_vehicle import (
     ScriptedVehicle,
 )
 from tests.unit.mavlink_broker.test_events import ABORT, SOFT_ABORT, answer_statuses
-from tests.unit.mavlink_broker.test_live_commands import OWN
+from tests.unit.mavlink_broker.test_live_commands import OWN_TOO
 from tests.unit.mavlink_broker.test_pause_events import COPTER_LOITER, RETURN_HOME, answer, paused
 
 EVERY = pytest.mark.parametrize(
-    "script", [PX4_1_17, OWN, COPTER_4_6], ids=["px4 1.17", "own", "copter 4.6"]
+    "script",
+    [pytest.param(PX4_1_17, id="px4 1.17"), OWN_TOO, pytest.param(COPTER_4_6, id="copter 4.6")],
 )
 
 

@@ -29,11 +29,13 @@ from tests.unit.mavlink_broker.test_events import (
     answer_statuses,
     world_at,
 )
-from tests.unit.mavlink_broker.test_live_commands import OWN
+from tests.unit.mavlink_broker.test_live_commands import OWN_TOO
 
 PAUSE, RESUME, RETURN = 101, 102, 103
 BETWEEN_HEARTBEATS_S = 0.3
-SCRIPTS = pytest.mark.parametrize("script", [PX4, ARDUPILOT, OWN], ids=["px4", "ardupilot", "own"])
+SCRIPTS = pytest.mark.parametrize(
+    "script", [pytest.param(PX4, id="px4"), pytest.param(ARDUPILOT, id="ardupilot"), OWN_TOO]
+)
 
 
 def hovering_world(journal: Path, script: Script = PX4) -> World:
