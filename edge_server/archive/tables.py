@@ -224,7 +224,7 @@ def _number(connection: sqlite3.Connection, pragma: str) -> int:
 
 
 def open_for_reading(path: Path) -> sqlite3.Connection | None:
-    """Open the file to read; None while there is none. Raises sqlite3.Error."""
+    """Open the file to read; None while there is none, or no table in it. Raises sqlite3.Error."""
     if not path.exists():
         return None
     connection = sqlite3.connect(
@@ -234,6 +234,14 @@ def open_for_reading(path: Path) -> sqlite3.Connection | None:
         isolation_level=None,
         check_same_thread=False,
     )
+    try:
+        is_complete = _number(connection, "user_version") > 0
+    except BaseException:
+        connection.close()
+        raise
+    if not is_complete:  # The writer has just made the file
+        connection.close()
+        return None
     connection.row_factory = sqlite3.Row
     return connection
 

@@ -41,6 +41,12 @@ def test_an_archive_that_cannot_be_opened_costs_no_report(
     assert figure(edge, "fm_archive_lost_total") == 4
 
 
+def test_an_archive_that_has_no_table_yet_is_an_empty_one(edge: Edge) -> None:
+    edge.config.archive_path.touch()
+    assert edge.get("/flights/", "operator") == []
+    assert edge.get("/alarms/history", "operator") == []
+
+
 def test_an_alarm_is_not_acknowledged_while_the_archive_is_locked(edge: Edge) -> None:
     send(edge, "alarm")
     with closing(sqlite3.connect(edge.config.archive_path, isolation_level=None)) as other:
