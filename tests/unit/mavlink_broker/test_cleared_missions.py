@@ -25,7 +25,7 @@ from tests.support.scripted_vehicle import (
     Script,
 )
 from tests.unit.mavlink_broker.test_events import ABORT, SOFT_ABORT, answer_statuses
-from tests.unit.mavlink_broker.test_live_commands import OWN, OWN_TOO
+from tests.unit.mavlink_broker.test_live_commands import OWN, REAL_AUTOPILOTS
 from tests.unit.mavlink_broker.test_pause_events import (
     COPTER_BRAKE,
     COPTER_LOITER,
@@ -47,10 +47,6 @@ SCRIPTS = {
     "generic": GENERIC,
 }
 EVERY = pytest.mark.parametrize("script", SCRIPTS.values(), ids=SCRIPTS)
-REAL = pytest.mark.parametrize(
-    "script",
-    [pytest.param(PX4_1_17, id="px4 1.17"), OWN_TOO, pytest.param(COPTER_4_6, id="copter 4.6")],
-)
 STATION = 255
 
 
@@ -102,7 +98,7 @@ def test_the_report_names_what_has_happened(script: Script, station: int | None)
     )
 
 
-@REAL
+@REAL_AUTOPILOTS
 def test_the_vehicle_gets_no_order_until_the_event(script: Script) -> None:
     world = cleared(script)
     since = len(world.only_vehicle.frames)
@@ -125,7 +121,7 @@ def test_a_restarted_broker_brings_it_down_too(script: Script, kind: int, tmp_pa
     assert not world.only_vehicle.armed or script is GENERIC
 
 
-@REAL
+@REAL_AUTOPILOTS
 @pytest.mark.parametrize("kind", [ABORT, RETURN_HOME])
 def test_a_broker_that_was_away_when_it_was_cleared_brings_it_down_too(
     script: Script, kind: int, tmp_path: Path
@@ -146,7 +142,7 @@ def test_a_broker_that_was_away_when_it_was_cleared_brings_it_down_too(
     assert answer_statuses(world, event) == ["accepted", "done"]
 
 
-@REAL
+@REAL_AUTOPILOTS
 def test_a_pilot_who_takes_it_keeps_it(script: Script) -> None:
     world = cleared(script)
     vehicle = world.only_vehicle
@@ -171,7 +167,7 @@ def test_a_pilot_who_takes_it_keeps_it(script: Script) -> None:
     )
 
 
-@REAL
+@REAL_AUTOPILOTS
 @pytest.mark.parametrize("restarts", ["never", "before it flies", "behind that"])
 def test_a_ground_station_that_flies_its_own_mission_keeps_it(
     script: Script, restarts: str, tmp_path: Path
@@ -196,7 +192,7 @@ def test_a_ground_station_that_flies_its_own_mission_keeps_it(
     assert answer_statuses(world, event) == ["refused"]
 
 
-@REAL
+@REAL_AUTOPILOTS
 def test_one_that_replaces_the_mission_in_flight_keeps_it(script: Script) -> None:
     world = paused(script)
     vehicle = world.only_vehicle
@@ -213,7 +209,7 @@ def test_one_that_replaces_the_mission_in_flight_keeps_it(script: Script) -> Non
     assert answer_statuses(world, event) == ["refused"]
 
 
-@REAL
+@REAL_AUTOPILOTS
 def test_a_mission_that_is_replaced_in_a_pause_leaves_the_vehicle_to_the_broker(
     script: Script,
 ) -> None:

@@ -21,6 +21,7 @@ from tests.support.broker_world import (
     track,
     waypoint,
 )
+from tests.support.real_autopilots import COPTER_4_6, PX4_1_17
 from tests.support.scripted_vehicle import (
     ARDUPILOT,
     HOME,
@@ -33,8 +34,16 @@ from tests.support.scripted_vehicle import (
 )
 
 OWN = dataclasses.replace(PX4, product=OWN_PRODUCT)
-OWN_TOO = pytest.param(OWN, id="own", marks=pytest.mark.thorough)
-"""This project's autopilot has PX4's modes: `make test` tries PX4's where it tries both."""
+OWN_IF_THOROUGH = pytest.param(OWN, id="own", marks=pytest.mark.thorough)
+"""This project's autopilot beside PX4, whose modes it has."""
+REAL_AUTOPILOTS = pytest.mark.parametrize(
+    "script",
+    [
+        pytest.param(PX4_1_17, id="px4 1.17"),
+        OWN_IF_THOROUGH,
+        pytest.param(COPTER_4_6, id="copter 4.6"),
+    ],
+)
 PLACE = {"latitude": HOME[0], "longitude": HOME[1]}
 FINISHED = Status.FINISHED
 

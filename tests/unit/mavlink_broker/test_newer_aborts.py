@@ -10,7 +10,6 @@ import pytest
 from afarcloud.enumerations import Status
 from mavlink_broker.mavlink.dialect import mavlink
 from tests.support.broker_world import World, first_flight
-from tests.support.real_autopilots import COPTER_4_6, PX4_1_17
 from tests.support.scripted_vehicle import (
     COPTER_LAND,
     COPTER_RETURN,
@@ -22,13 +21,8 @@ from tests.support.scripted_vehicle import (
     ScriptedVehicle,
 )
 from tests.unit.mavlink_broker.test_events import ABORT, SOFT_ABORT, answer_statuses
-from tests.unit.mavlink_broker.test_live_commands import OWN_TOO
+from tests.unit.mavlink_broker.test_live_commands import REAL_AUTOPILOTS
 from tests.unit.mavlink_broker.test_pause_events import COPTER_LOITER, RETURN_HOME, answer, paused
-
-EVERY = pytest.mark.parametrize(
-    "script",
-    [pytest.param(PX4_1_17, id="px4 1.17"), OWN_TOO, pytest.param(COPTER_4_6, id="copter 4.6")],
-)
 
 
 def is_copter(world: World) -> bool:
@@ -53,7 +47,7 @@ def aborted(script: Script, kind: int) -> World:
 
 
 @pytest.mark.first_case
-@EVERY
+@REAL_AUTOPILOTS
 @pytest.mark.parametrize(
     ("first", "second"),
     [(RETURN_HOME, ABORT), (ABORT, RETURN_HOME), (ABORT, SOFT_ABORT), (ABORT, ABORT)],
@@ -70,7 +64,7 @@ def test_the_second_event_is_carried_out(script: Script, first: int, second: int
     assert world.only_vehicle.custom_mode == mode_of(world, first)
 
 
-@EVERY
+@REAL_AUTOPILOTS
 def test_a_vehicle_that_a_pilot_has_taken_meanwhile_is_left_alone(script: Script) -> None:
     world = aborted(script, RETURN_HOME)
     vehicle = world.only_vehicle
@@ -85,7 +79,7 @@ def test_a_vehicle_that_a_pilot_has_taken_meanwhile_is_left_alone(script: Script
     assert vehicle.custom_mode == mode_of(world, RETURN_HOME)
 
 
-@EVERY
+@REAL_AUTOPILOTS
 def test_on_the_ground_there_is_nothing_to_end(script: Script) -> None:
     world = aborted(script, ABORT)
     world.run_until(lambda: not world.only_vehicle.armed)
@@ -99,7 +93,7 @@ FAR = {"latitude": HOME[0] + 4e-4, "longitude": HOME[1], "altitude": 7.0}
 """So far away that the vehicle is on its way for some seconds."""
 
 
-@EVERY
+@REAL_AUTOPILOTS
 @pytest.mark.parametrize("gap_s", [0.0, 0.4, 4.0])
 @pytest.mark.parametrize("first", [RETURN_HOME, ABORT])
 @pytest.mark.parametrize("second", [ABORT, SOFT_ABORT])
@@ -126,7 +120,7 @@ def test_a_vehicle_that_comes_down_flies_to_the_place_of_the_second_event(
     assert vehicle.custom_mode == mode_of(world, ABORT)
 
 
-@EVERY
+@REAL_AUTOPILOTS
 def test_an_abort_of_what_waits_does_not_count_as_one_of_a_vehicle_that_a_pilot_flies(
     script: Script,
 ) -> None:
@@ -151,7 +145,7 @@ def moves(vehicle: ScriptedVehicle) -> int:
     return sum(command == mavlink.MAV_CMD_DO_REPOSITION for command, _ in vehicle.parameters)
 
 
-@EVERY
+@REAL_AUTOPILOTS
 def test_the_descent_of_the_first_event_may_show_behind_the_order_of_the_second(
     script: Script,
 ) -> None:
@@ -172,7 +166,7 @@ def test_the_descent_of_the_first_event_may_show_behind_the_order_of_the_second(
     assert vehicle.place == pytest.approx((FAR["latitude"], FAR["longitude"]))
 
 
-@EVERY
+@REAL_AUTOPILOTS
 def test_a_vehicle_that_accepts_a_place_and_comes_down_on_has_not_obeyed(
     script: Script, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -26,7 +26,7 @@ from tests.support.scripted_vehicle import (
     Script,
 )
 from tests.unit.mavlink_broker.test_events import ABORT, SOFT_ABORT, answer_statuses
-from tests.unit.mavlink_broker.test_live_commands import OWN, OWN_TOO
+from tests.unit.mavlink_broker.test_live_commands import OWN, OWN_IF_THOROUGH
 from tests.unit.mavlink_broker.test_takeover import in_mission, live, orders, slow, state
 
 PAUSE, RESUME, RETURN_HOME = 101, 102, 103
@@ -42,7 +42,7 @@ FLYING_MODES = {
 SCRIPTS = {"px4": PX4, "own": OWN, "ardupilot": ARDUPILOT, "generic": GENERIC}
 EVERY = pytest.mark.parametrize("family", SCRIPTS)
 KNOWN = pytest.mark.parametrize(
-    "family", ["px4", pytest.param("own", marks=OWN_TOO.marks), "ardupilot"]
+    "family", ["px4", pytest.param("own", marks=OWN_IF_THOROUGH.marks), "ardupilot"]
 )
 
 

@@ -29,12 +29,13 @@ from tests.unit.mavlink_broker.test_events import (
     answer_statuses,
     world_at,
 )
-from tests.unit.mavlink_broker.test_live_commands import OWN_TOO
+from tests.unit.mavlink_broker.test_live_commands import OWN_IF_THOROUGH
 
 PAUSE, RESUME, RETURN = 101, 102, 103
 BETWEEN_HEARTBEATS_S = 0.3
 SCRIPTS = pytest.mark.parametrize(
-    "script", [pytest.param(PX4, id="px4"), pytest.param(ARDUPILOT, id="ardupilot"), OWN_TOO]
+    "script",
+    [pytest.param(PX4, id="px4"), pytest.param(ARDUPILOT, id="ardupilot"), OWN_IF_THOROUGH],
 )
 
 
