@@ -49,6 +49,8 @@ def check_match(shown: dict[str, Any]) -> None:
     if "If-Match" not in request.headers:
         return
     wanted: ETags = request.if_match
+    if not wanted:
+        raise ChangedError("If-Match names no tag; send the ETag that was read")
     tag = tag_of(shown)
     tags = [tag, *(f"{tag}-{form}" for form in FORMS)]
     if not shown or not (wanted.star_tag or any(one in wanted for one in tags)):

@@ -224,7 +224,7 @@ def _number(connection: sqlite3.Connection, pragma: str) -> int:
 
 
 def open_for_reading(path: Path) -> sqlite3.Connection | None:
-    """Open the file to read; None while there is none, or no table in it. Raises sqlite3.Error."""
+    """Open the file to read; None while it is not made completely. Raises sqlite3.Error."""
     if not path.exists():
         return None
     connection = sqlite3.connect(

@@ -141,7 +141,7 @@ class ConnectionLoop:
         self._shake_hands(handshakes)
         self._collect(time.monotonic())
         is_sweep = now >= self._sweep_at
-        # Not in each turn: a request of somebody else would take as long as all streams
+        # Not in each turn: every request would wait until all streams had been asked
         if self._streams_are_due or is_sweep:
             self._streams_are_due = False  # Before they look: what is new after that wakes again
             for connection in list(self._streams):

@@ -6,6 +6,7 @@ from typing import Final
 from edge_server.live.changes import Change, Changes
 
 HEARTBEAT_S: Final = 4.0
+"""The console is offline after 10 s of silence (`console/src/live/feed.ts`)."""
 _HEARTBEAT: Final = b":\n\n"
 
 

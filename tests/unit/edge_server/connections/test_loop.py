@@ -467,13 +467,13 @@ def test_a_stream_is_asked_when_something_is_new_and_not_at_each_request(
 ) -> None:
     monkeypatch.setattr(loop, "_SWEEP_S", PATIENCE_S)
     stream = Numbers(10)
-    begin = streaming(stream)
+    serves = iter([answer, streaming(stream)])
 
     def serve(exchange: Exchange) -> bool:
-        return begin(exchange) if stream.taken == 0 else answer(exchange)
+        return next(serves, answer)(exchange)
 
     with running(serve) as service:
-        service.service.wake()  # Its first sweep, which looks at every stream, lies behind it
+        assert service.ask(GET) == ANSWER  # The first sweep, which asks every stream, is over
         with service.connect() as reader, reader.makefile("rb") as received:
             reader.sendall(GET)
             while received.readline() != b"\r\n":
@@ -481,6 +481,7 @@ def test_a_stream_is_asked_when_something_is_new_and_not_at_each_request(
             assert received.readline().startswith(b"1.")
             for _ in range(20):
                 assert service.ask(GET) == ANSWER
+            assert stream.taken == 1
             service.service.wake_streams()
             assert received.readline().startswith(b"2.")
             stream.is_over = True
