@@ -23,6 +23,7 @@ export default defineConfig({
     rollupOptions: { output: { manualChunks: { map: ["maplibre-gl", "pmtiles"] } } },
   },
   server: { proxy: Object.fromEntries(PATHS.map((path) => [`/${path}`, EDGE])) },
-  // One worker for all files: to start one for each takes longer than the tests
+  // Workers are used again for the next file: to start one for each takes longer than the tests. A
+  // test undoes what it changes in a module
   test: { include: ["tests/**/*.test.ts"], environment: "node", pool: "threads", isolate: false },
 });

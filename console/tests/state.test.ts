@@ -38,6 +38,11 @@ test("a vehicle that is carried to another place has its home there", () => {
   expect(carried.homes.get(1)?.latitude_deg).toBe(40.4444);
 });
 
+test("a disarmed vehicle stands where it is, whatever its height above another place", () => {
+  const slope = apply(EMPTY, "vehicle", vehicle("2026-05-01T10:00:00Z", 40.4434, 2, { armed: false }), 0);
+  expect(slope.homes.get(1)?.latitude_deg).toBe(40.4434);
+});
+
 test("a vehicle that flies keeps its home, however low", () => {
   const ground = apply(EMPTY, "vehicle", vehicle("2026-05-01T10:00:00Z", 40.4434, 0), 0);
   const low = apply(ground, "vehicle", vehicle("2026-05-01T10:01:00Z", 40.4444, 0.2), 60_000);
@@ -66,9 +71,9 @@ test("the trail goes on when the clock of a vehicle is set back", () => {
 });
 
 test("a snapshot replaces the vehicles that are no longer there", () => {
-  const one = apply(EMPTY, "vehicle", vehicle("2026-05-01T10:00:00Z", 40.4434), 0);
+  const one = apply(EMPTY, "vehicle", vehicle("2026-05-01T10:00:00Z", 40.4434, 0), 0);
   const none = apply(one, "snapshot", { vehicles: [], missions: [], uplink: null }, 10);
-  expect(none.vehicles.size).toBe(0);
+  expect([none.vehicles.size, none.homes.size]).toEqual([0, 0]);
 });
 
 test("a vehicle that the server has deleted is gone", () => {

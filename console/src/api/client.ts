@@ -62,7 +62,7 @@ export interface Request {
   /** Makes a repetition of a write harmless. */
   idempotencyKey?: string;
   /** Writes only what still has this tag; otherwise the answer is 412. */
-  ifMatch?: string;
+  ifMatch?: string | undefined;
 }
 
 /** What was read, and the tag by which the edge server knows whether it has changed since. */
@@ -96,7 +96,7 @@ async function send(path: string, options: Request): Promise<Response> {
   const headers: Record<string, string> = { Accept: "application/json" };
   if (method !== "GET" && csrfToken !== null) headers["X-CSRF-Token"] = csrfToken;
   if (options.idempotencyKey !== undefined) headers["Idempotency-Key"] = options.idempotencyKey;
-  if (options.ifMatch) headers["If-Match"] = options.ifMatch;
+  if (options.ifMatch !== undefined) headers["If-Match"] = options.ifMatch;
   let body: BodyInit | null = null;
   if (options.file !== undefined) {
     headers["Content-Type"] = contentType(options.file.name);

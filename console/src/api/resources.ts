@@ -72,10 +72,10 @@ export const getPlan = (reference: string): Promise<Plan> => request(`/plans/${r
 export const getTaggedPlan = (reference: string): Promise<Tagged<Plan>> =>
   requestTagged(`/plans/${reference}`);
 /** Dispatches a plan; with a tag only as it was read, otherwise RequestError 412. */
-export const dispatchPlan = (id: number, tag = ""): Promise<Plan> =>
+export const dispatchPlan = (id: number, tag?: string): Promise<Plan> =>
   request(`/plans/${id}/dispatch`, { method: "POST", ifMatch: tag });
-/** Deletes a plan; with a tag only as it was read, otherwise RequestError 412. */
-export const deletePlan = (id: number, tag = ""): Promise<void> =>
+/** Deletes a plan that still has this tag; raises RequestError 412 for any other. */
+export const deletePlan = (id: number, tag: string): Promise<void> =>
   request(`/plans/${id}`, { method: "DELETE", ifMatch: tag });
 
 export const createPlan = (document: PlanDocument): Promise<Plan> =>

@@ -2,7 +2,7 @@
 
 import { useEffect, useState, type RefObject } from "react";
 
-/** A flick of a finger shows nothing that is not drawn yet. */
+/** Drawn so far ahead that scrolling shows no card without figures. */
 const MARGIN = "600px 0px";
 
 /** Tells whether the element is near the part of its list that is shown. */

@@ -50,23 +50,27 @@ export class StreamRefusedError extends Error {
   }
 }
 
-/** Reads a stream until it ends; raises StreamRefusedError, or the network's error. */
+/** Reads a stream until it ends; raises StreamRefusedError, or the network's error.
+ *
+ * `received` is called for each piece, of which a large event has many.
+ */
 export async function readStream(
   path: string,
   lastId: string | null,
   signal: AbortSignal,
+  received: () => void,
   take: (event: StreamEvent) => void,
 ): Promise<void> {
   const headers: Record<string, string> = { Accept: "text/event-stream" };
   if (lastId !== null) headers["Last-Event-ID"] = lastId;
   const response = await fetch(path, { headers, signal, credentials: "same-origin" });
   if (!response.ok || response.body === null) throw new StreamRefusedError(response.status);
-  take({ type: HEARTBEAT, data: "", id: null });
   const parser = new EventParser();
   const reader = response.body.pipeThrough(new TextDecoderStream()).getReader();
   for (;;) {
     const { done, value } = await reader.read();
     if (done) return;
+    received();
     for (const event of parser.push(value)) take(event);
   }
 }

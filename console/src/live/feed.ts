@@ -6,7 +6,7 @@ import { readStream, StreamRefusedError } from "./event_stream";
 import { apply, EMPTY, type Connection, type LiveState } from "./state";
 
 const RETRY_MS = [500, 1000, 2000, 4000, 5000];
-/** Two heartbeats of the server, and some. */
+/** Two heartbeats of the server, 4 s each (`HEARTBEAT_S`), and 2 s. */
 const SILENCE_MS = 10_000;
 const POLL_MS = 1000;
 
@@ -69,9 +69,12 @@ export class Feed {
     const silence = new AbortController();
     let timer = setTimeout(() => silence.abort(), SILENCE_MS);
     try {
-      await readStream("/live/", this.#lastId, AbortSignal.any([stop, silence.signal]), (event) => {
+      const received = () => {
         clearTimeout(timer);
         timer = setTimeout(() => silence.abort(), SILENCE_MS);
+      };
+      const signal = AbortSignal.any([stop, silence.signal]);
+      await readStream("/live/", this.#lastId, signal, received, (event) => {
         connected();
         if (event.id !== null) this.#lastId = event.id;
         const data: unknown = event.data === "" ? null : JSON.parse(event.data);

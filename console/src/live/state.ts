@@ -22,7 +22,7 @@ export interface LiveState {
   /** Time of the last sign of life from the server, in milliseconds. */
   contactAtMs: number | null;
   vehicles: ReadonlyMap<number, Tracked>;
-  /** Where each vehicle stands, or took off; the same map until one is another. */
+  /** Where each vehicle was last seen standing, within 5 m; the same map until one has changed. */
   homes: ReadonlyMap<number, Fix>;
   missions: ReadonlyMap<string, MissionChange>;
   alarms: ReadonlyMap<number, Alarm>;
@@ -69,7 +69,7 @@ export function apply(state: LiveState, type: string, data: unknown, nowMs: numb
       return {
         ...contacted,
         vehicles: new Map(all.vehicles.map((one) => [one.vehicle_id, track(state, one, nowMs)])),
-        homes: homesWith(state, all.vehicles, nowMs),
+        homes: homesWith(state, all.vehicles, nowMs, true),
         missions: new Map(all.missions.map((one) => [missionKey(one), one])),
         alarms: new Map((all.alarms ?? []).map((one) => [one.id, one])),
         uplink: uplinkOf(all.uplink),
@@ -144,9 +144,14 @@ function track(state: LiveState, vehicle: Vehicle, nowMs: number): Tracked {
   return { vehicle, motion, trail, reportedAtMs };
 }
 
-/** Gives the homes after a report of these vehicles; the same map if none is another. */
-function homesWith(state: LiveState, vehicles: readonly Vehicle[], nowMs: number): LiveState["homes"] {
-  const changed = new Map(state.homes);
+/** Gives the homes after a report of these vehicles; the same map if no home has changed. */
+function homesWith(
+  state: LiveState,
+  vehicles: readonly Vehicle[],
+  nowMs: number,
+  areAll = false,
+): LiveState["homes"] {
+  const changed = areAll ? new Map<number, Fix>() : new Map(state.homes);
   for (const vehicle of vehicles) {
     const id = vehicle.vehicle_id;
     const known = knownOf(state, vehicle) === undefined ? undefined : state.homes.get(id);
@@ -159,14 +164,14 @@ function homesWith(state: LiveState, vehicles: readonly Vehicle[], nowMs: number
   return isSame ? state.homes : changed;
 }
 
-/** Where a vehicle stands, or stood before it took off. */
+/** Where a vehicle was last seen standing; while it is armed its height decides at first sight. */
 function homeOf(vehicle: Vehicle, known: Fix | undefined, nowMs: number): Fix | undefined {
   const fix = fixOf(vehicle, nowMs);
   if (fix === null) return known;
-  const isOnGround = Math.abs(fix.altitude_m ?? 99) < ON_GROUND_M;
-  if (known === undefined) return isOnGround ? fix : undefined;
-  const isCarried = vehicle.armed === false && distanceM(known, fix) > CARRIED_M;
-  return isCarried ? fix : known;
+  const isDisarmed = vehicle.armed === false;
+  const isLow = Math.abs(fix.altitude_m ?? 99) < ON_GROUND_M;
+  if (known === undefined) return isDisarmed || isLow ? fix : undefined;
+  return isDisarmed && distanceM(known, fix) > CARRIED_M ? fix : known;
 }
 
 function fixOf(vehicle: Vehicle, nowMs: number): Fix | null {

@@ -1,21 +1,22 @@
-/** Where a vehicle has been, in few points: a straight part of a flight needs two. Pure. */
+/** Where a vehicle has been, in few places: forty fixes on a line need two. Pure. */
 
 import { distanceM, offsetM, type Fix, type Offset } from "./motion";
 
-type Place = [longitude: number, latitude: number];
+export type Place = [longitude: number, latitude: number];
 
 /** What has been flown, as corners of a line, and the present part of it, which is straight. */
 export interface Trail {
   /** The oldest first. */
   corners: readonly Place[];
-  /** Fixes since the last corner. */
+  /** The corner at which the present part begins, and the fixes since. */
   straight: readonly Fix[];
   /** The newest fix; also that of a vehicle that rests. */
   last: Fix;
 }
 
-/** No place lies further from the trail that is drawn than this. */
+/** No kept fix lies further from the trail that is drawn than this. */
 export const TOLERANCE_M = 0.5;
+/** A fix nearer to the one before is not kept: the position of a vehicle that rests wanders. */
 const STEP_M = 1;
 const CORNERS_AT_MOST = 500;
 /** Fixes of a straight part that are compared with the next one. */
@@ -36,17 +37,17 @@ export function extendTrail(trail: Trail, fix: Fix): Trail {
   if (straight.length < STRAIGHT_AT_MOST && isStraight(corner, straight, fix)) {
     return { corners, straight: [...straight, fix], last: fix };
   }
-  const kept = [...corners.slice(1 - CORNERS_AT_MOST), placeOf(corner)];
+  const kept = [...corners.slice(1 - CORNERS_AT_MOST), placeOfFix(corner)];
   return { corners: kept, straight: [newest, fix], last: fix };
 }
 
 /** The line to draw, as [longitude, latitude]; of one place before the vehicle has moved. */
 export function trailPlaces({ corners, straight }: Trail): Place[] {
   const ends = straight.length > 1 ? [straight[0], straight.at(-1)] : straight;
-  return [...corners, ...ends.flatMap((fix) => (fix === undefined ? [] : [placeOf(fix)]))];
+  return [...corners, ...ends.flatMap((fix) => (fix === undefined ? [] : [placeOfFix(fix)]))];
 }
 
-function placeOf(fix: Fix): Place {
+export function placeOfFix(fix: Fix): Place {
   return [fix.longitude_deg, fix.latitude_deg];
 }
 

@@ -105,7 +105,7 @@ export default function FarmMap({ layers, symbols, extent, click, pick, pictures
   }, [map, preferences.units]);
 
   useEffect(() => {
-    map?.setStyle(mapStyle(), { transformStyle: keepBaseMaps });
+    map?.setStyle(mapStyle(), { transformStyle: keepBaseMaps, validate: false });
     // The first style has this theme already
     // eslint-disable-next-line react-hooks/exhaustive-deps
   }, [preferences.theme]);

@@ -2,10 +2,9 @@
 
 import type { Command, CommandState } from "../api/types";
 import type { Fix } from "../live/motion";
-import { trailPlaces, type Trail } from "../live/trail";
+import { placeOfFix, trailPlaces, type Place, type Trail } from "../live/trail";
 
 type Lines = GeoJSON.FeatureCollection;
-type Place = [longitude: number, latitude: number];
 
 const NOTHING: Lines = { type: "FeatureCollection", features: [] };
 const CIRCLE_POINTS = 48;
@@ -64,7 +63,7 @@ export function routeFeatures(
   home: Fix | null,
 ): GeoJSON.Feature[] {
   const features: GeoJSON.Feature[] = [];
-  let before: Place | null = home && [home.longitude_deg, home.latitude_deg];
+  let before: Place | null = home && placeOfFix(home);
   const start = before;
   for (const command of commands) {
     const part = partOf(command.command_status_id ?? 1);

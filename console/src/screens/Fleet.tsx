@@ -14,6 +14,7 @@ const FarmMap = lazy(() => import("../map/FarmMap"));
 
 /** Trails are drawn again as a whole; the symbols move at once. */
 const REDRAWN_EVERY_MS = 1000;
+/** Cards that a screen shows; the others are drawn when they come near. */
 const SHOWN_AT_FIRST = 4;
 
 /** The first screen: every vehicle on the map, and beside it what each is doing. */

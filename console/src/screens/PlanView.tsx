@@ -3,6 +3,8 @@ import { useTranslation } from "react-i18next";
 import type { RequestError } from "../api/client";
 import { createPlan, deletePlan, dispatchPlan, getTaggedPlan, listFields } from "../api/resources";
 import type { Mission, Plan } from "../api/types";
+import type { Fix } from "../live/motion";
+import type { LiveState } from "../live/state";
 import { useUnits } from "../app/preferences";
 import { go, linkTo } from "../app/route";
 import { useIsOperator } from "../app/session_context";
@@ -75,6 +77,12 @@ export default function PlanView({ reference }: { reference: string }) {
   );
 }
 
+/** Where a mission begins; of one that has ended the vehicle's home may be another by now. */
+function homeOf(mission: Mission, homes: LiveState["homes"]): Fix | null {
+  const hasEnded = mission.mission_status_id > 2;
+  return hasEnded ? null : (homes.get(mission.vehicle_id) ?? null);
+}
+
 function PlanMap({ plan }: { plan: Plan }) {
   const { t } = useTranslation();
   const fields = useResource(listFields);
@@ -85,7 +93,7 @@ function PlanMap({ plan }: { plan: Plan }) {
       fields: fieldFeatures(fields.value ?? []),
       routes: collection(
         plan.missions.flatMap((mission) =>
-          routeFeatures(mission.command_array, homes.get(mission.vehicle_id) ?? null),
+          routeFeatures(mission.command_array, homeOf(mission, homes)),
         ),
       ),
     }),

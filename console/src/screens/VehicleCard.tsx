@@ -24,8 +24,8 @@ const TONES: Record<VehicleStatus, Tone> = {
 
 /** What one vehicle is doing: its state, its figures, its mission and its own stop.
  *
- * Far from what the list shows, the figures are left out: a fleet of fifty would take a slow tablet
- * more than a second to draw.
+ * Far from what the list shows, its figures and its mission are left out: a fleet of fifty would
+ * take a slow tablet more than a second to draw.
  */
 export const VehicleCard = memo(function VehicleCard({ tracked, running, isSelected, isShownAtFirst, select }: {
   tracked: Tracked;
@@ -49,7 +49,7 @@ export const VehicleCard = memo(function VehicleCard({ tracked, running, isSelec
         </button>
         <Pill tone={TONES[status]}>{t(`vehicle.${status}`)}</Pill>
       </header>
-      {isNear && <Figures tracked={tracked} />}
+      {isNear ? <Figures tracked={tracked} /> : <div className="figures-left-out" />}
       {isSelected && <LivePicture vehicleId={vehicle.vehicle_id} />}
       {vehicle.warning && <p className="vehicle-warning">{vehicle.warning}</p>}
       {isNear && running && <Progress running={running} />}
