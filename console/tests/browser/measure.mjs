@@ -73,11 +73,13 @@ async function firstLoad(page, devtools) {
   await page.goto(`${url.origin}${url.pathname}`);
   await page.waitForFunction(() => {
     const scale = document.querySelector(".maplibregl-ctrl-scale")?.textContent;
-    if (scale === undefined || document.querySelector(".vehicle-marker") === null) return false;
+    const showAll = document.querySelector("[aria-label='Show everything']");
+    if (scale === undefined || showAll === null || showAll.disabled) return false;
     const hasChanged = scale !== globalThis.scaleBefore;
     globalThis.scaleBefore = scale;
-    if (hasChanged) return globalThis.hasClicked === true;
-    // The map has moved to its vehicles; what changes now is the answer to this click
+    if (globalThis.hasClicked) return hasChanged;
+    if (hasChanged) return false;
+    // The map has been moved to its vehicles; what changes now is the answer to this click
     globalThis.hasClicked = true;
     document.querySelector("[aria-label='Zoom in']").click();
     return false;
