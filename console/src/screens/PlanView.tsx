@@ -78,7 +78,7 @@ export default function PlanView({ reference }: { reference: string }) {
 }
 
 /** Where a mission begins; of one that has ended the vehicle's home may be another by now. */
-function homeOf(mission: Mission, homes: LiveState["homes"]): Fix | null {
+function startOf(mission: Mission, homes: LiveState["homes"]): Fix | null {
   const hasEnded = mission.mission_status_id > 2;
   return hasEnded ? null : (homes.get(mission.vehicle_id) ?? null);
 }
@@ -93,7 +93,7 @@ function PlanMap({ plan }: { plan: Plan }) {
       fields: fieldFeatures(fields.value ?? []),
       routes: collection(
         plan.missions.flatMap((mission) =>
-          routeFeatures(mission.command_array, homeOf(mission, homes)),
+          routeFeatures(mission.command_array, startOf(mission, homes)),
         ),
       ),
     }),
