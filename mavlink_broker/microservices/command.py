@@ -81,6 +81,7 @@ class CommandLong:
     command: int
     parameters: Seven = (0.0,) * 7
     component: int | None = None  # None: the autopilot; else e.g. a camera
+    wait_s: float = 0.0  # In a sequence: between the acceptance of the command before and this one
 
     def message(self, route: Route, confirmation: int) -> Message:
         """COMMAND_LONG(76) for one vehicle."""
@@ -111,6 +112,7 @@ class CommandInt:
     latitude_deg: float
     longitude_deg: float
     altitude_m: float
+    wait_s: float = 0.0  # As of CommandLong
 
     def message(self, route: Route, confirmation: int) -> Message:
         """COMMAND_INT(75) for one vehicle; it has no confirmation field."""
@@ -295,6 +297,7 @@ class CommandSequence:
         self._route = route
         self._round_trip = round_trip
         self._running: CommandTransaction | None = None
+        self._waits_until: float | None = None
         self._first_refusal: Refused | None = None
         self.alternative = 0  # Index of the alternative that is sent
         self.outcome: CommandOutcome | None = None
@@ -322,18 +325,26 @@ class CommandSequence:
             is_repetition=self._is_repetition,
             is_accepted_early=command.command in self._accepted_early,
         )
+        if command.wait_s > 0.0:
+            self._waits_until = now + command.wait_s
+            return []
         return self._running.start(now)
 
     def receive(self, message: Message, now: float) -> list[Message]:
-        """Handle an answer and send the next command."""
-        if self.outcome is not None or self._running is None:
+        """Handle an answer and send the next command; while it waits, nothing is an answer."""
+        if self.outcome is not None or self._running is None or self._waits_until is not None:
             return []
         return [*self._running.receive(message, now), *self._advance(now)]
 
     def tick(self, now: float) -> list[Message]:
-        """Repeat what is overdue."""
+        """Repeat what is overdue, and send a command that has waited."""
         if self.outcome is not None or self._running is None:
             return []
+        if self._waits_until is not None:
+            if now < self._waits_until:
+                return []
+            self._waits_until = None
+            return self._running.start(now)
         return [*self._running.tick(now), *self._advance(now)]
 
     def _advance(self, now: float) -> list[Message]:

@@ -68,15 +68,15 @@ def image(command: CameraImage, situation: Situation) -> Items | LiveAction:
     shots = (float(p.time_interval), float(p.photo_count))
     aim = p.pitch_angle, p.yaw_angle
     slew_s = 0.0 if aim == situation.aim else situation.family.gimbal_slew_s
+    turning_s = 0.0 if situation.family.gimbal_slew_s else _turning_s(situation.aim, aim)
     if situation.after_live:
-        return _live_image(situation, aim, shots, number, duration_s + slew_s)
+        return _live_image(situation, aim, shots, number, duration_s + slew_s, turning_s)
     pointing, notes = _pointing(p.pitch_angle, p.yaw_angle, situation)
     wholes = situation.family.truncated_parameters.get(_POINT)
     if wholes and (p.pitch_angle % 1.0 or (p.yaw_angle or 0.0) % 1.0):
         notes = (*notes, f"{situation.family.name} points its gimbal in whole degrees")
     capture, more = _capture(shots, number, situation.refused)
     taking = capture, mission_item.delay(duration_s + (slew_s if pointing else 0.0))
-    turning_s = 0.0 if situation.family.gimbal_slew_s else _turning_s(situation.aim, aim)
     waiting = (mission_item.delay(turning_s),) if pointing and turning_s else ()
     items = (*pointing, *waiting, *taking)
     return Items(items, len(items) - 1, (*notes, *more))
@@ -229,11 +229,13 @@ def _capture(
 
 def _live_image(
     situation: Situation,
-    aim: tuple[float, float | None],
+    aim: Aim,
     shots: tuple[float, float],
     number: float,
     duration_s: float,
+    turning_s: float,
 ) -> LiveAction:
+    """Point the gimbal, wait while it turns, take the pictures; without a gimbal at once."""
     (pitch_deg, yaw_deg), family = aim, situation.family
     yaw, flags = _direction(yaw_deg, family)
     point = long_command(_POINT, pitch_deg, yaw, math.nan, math.nan, flags)
@@ -241,11 +243,12 @@ def _live_image(
     control = long_command(_CONTROL, *broker, *_AS_BEFORE)
     single = number if shots[1] == 1.0 else 0.0
     takes = _to_camera(family, mavlink.MAV_CMD_IMAGE_START_CAPTURE, 0.0, *shots, single)
+    aimed = replace(takes[0], wait_s=turning_s)
     return LiveAction(
-        begin=((control, point, takes[0]), (point, takes[0]), *((take,) for take in takes)),
+        begin=((control, point, aimed), (point, aimed), *((take,) for take in takes)),
         alternative_notes=("", "", _NO_GIMBAL, _NO_GIMBAL),
         end=Lasted(duration_s),
-        within_s=duration_s + PANORAMA_WITHIN_S,
+        within_s=2.0 * turning_s + duration_s + PANORAMA_WITHIN_S,
         moves=False,
         wants_camera=True,
     )

@@ -17,6 +17,7 @@ from afarcloud.enumerations import OrbitType, TrackMode
 from afarcloud.plan import Mission
 from mavlink_broker.autopilots.families import ARDUPILOT, GENERIC, OWN, PX4, Family
 from mavlink_broker.mavlink.dialect import Message, Route
+from mavlink_broker.microservices.command import Command
 from mavlink_broker.microservices.config_overrides import ParameterOverride
 from mavlink_broker.planning.mission import FlightPlan, Home, LiveCommand, translate
 
@@ -188,9 +189,7 @@ def stretch_record(plan: FlightPlan) -> dict[str, Any]:
 def live_record(live: LiveCommand) -> dict[str, Any]:
     action = live.action
     alternatives = {
-        name: [
-            [message_record(order.message(ROUTE, 0)) for order in commands] for commands in listed
-        ]
+        name: [[order_record(order) for order in commands] for commands in listed]
         for name, listed in (("begin", action.begin), ("finish", action.finish))
     }
     return {
@@ -207,6 +206,12 @@ def live_record(live: LiveCommand) -> dict[str, Any]:
 def override_record(override: ParameterOverride) -> list[Any]:
     """A parameter that is borrowed, in its spellings."""
     return [[setting.name, setting.value] for setting in override]
+
+
+def order_record(order: Command) -> dict[str, Any]:
+    """Fields of a command, and how long it waits if it does."""
+    waits = {"wait_s": order.wait_s} if order.wait_s else {}
+    return message_record(order.message(ROUTE, 0)) | waits
 
 
 def message_record(message: Message) -> dict[str, Any]:

@@ -200,3 +200,33 @@ def test_without_further_alternatives_the_first_refusal_is_the_reason() -> None:
 def test_an_alternative_ends_at_its_first_refusal() -> None:
     _, sent = run([[A, B], [C]], {300: DENIED, 400: ACCEPTED})
     assert sent == [300, 400]
+
+
+LATE = CommandLong(command=400, wait_s=4.5)
+
+
+def test_a_command_waits_as_long_as_it_asks_behind_the_one_before() -> None:
+    sequence = CommandSequence([[B, LATE]], ROUTE, RoundTrip())
+    sequence.start(0.0)
+    assert sequence.receive(acknowledgement(176, ACCEPTED), 0.1) == []
+    assert tick_until(sequence, 0.1, 4.5) == []
+    (sent,) = tick_until(sequence, 4.5, 4.7)
+    assert (sent.command, sent.confirmation) == (400, 0)
+    sequence.receive(acknowledgement(400, ACCEPTED), 4.8)
+    assert sequence.outcome == Accepted()
+
+
+def test_an_answer_to_an_earlier_command_does_not_count_while_one_waits() -> None:
+    sequence = CommandSequence([[B, LATE]], ROUTE, RoundTrip())
+    sequence.start(0.0)
+    sequence.receive(acknowledgement(176, ACCEPTED), 0.1)
+    assert sequence.receive(acknowledgement(400, ACCEPTED), 0.2) == []
+    assert sequence.outcome is None
+    assert [message.command for message in tick_until(sequence, 0.2, 4.8)] == [400]
+
+
+def test_an_alternative_without_waiting_follows_a_refusal_at_once() -> None:
+    sequence = CommandSequence([[A, LATE], [C]], ROUTE, RoundTrip())
+    sequence.start(0.0)
+    (sent,) = sequence.receive(acknowledgement(300, DENIED), 0.1)
+    assert sent.command == 400

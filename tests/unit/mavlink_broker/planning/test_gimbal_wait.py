@@ -7,8 +7,8 @@ import pytest
 from afarcloud.plan import Mission
 from mavlink_broker.autopilots.families import ARDUPILOT, GENERIC, OWN, PX4, Family
 from mavlink_broker.mavlink.dialect import mavlink
-from mavlink_broker.planning.mission import FlightPlan, translate
-from tests.support.broker_world import go_home, mission, takeoff, waypoint
+from mavlink_broker.planning.mission import FlightPlan, LiveCommand, translate
+from tests.support.broker_world import follow, go_home, mission, takeoff, waypoint
 from tests.unit.mavlink_broker.planning.test_mission import HOME
 
 POINT = mavlink.MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW
@@ -75,3 +75,23 @@ def test_a_vehicle_without_a_gimbal_does_not_wait() -> None:
 
 def test_a_mount_of_the_older_kind_is_waited_for_too() -> None:
     assert waits_s(PX4, (-90.0, None), refused=frozenset({POINT})) == [4.5]
+
+
+def live_waits_s(family: Family, *aims: Aim) -> list[list[float]]:
+    """The delays of each alternative, of each picture behind a target that was followed."""
+    commands = [takeoff(1), follow(2)]
+    commands += [image(number, aim) for number, aim in enumerate(aims, start=3)]
+    plan = Mission.model_validate(mission(*commands, go_home(50)))
+    lives = [one for one in translate(plan, family, HOME).segments if isinstance(one, LiveCommand)]
+    pictures = [one.action for one in lives if one.action.command == SHOOT]
+    return [[sum(order.wait_s for order in orders) for orders in one.begin] for one in pictures]
+
+
+@WAITING
+def test_live_pictures_wait_too_but_not_where_there_is_no_gimbal(family: Family) -> None:
+    waits = live_waits_s(family, (-90.0, None), (-90.0, None), (0.0, None))
+    assert waits == [[4.5, 4.5, 0.0, 0.0], [0.0] * 4, [2.5, 2.5, 0.0, 0.0]]
+
+
+def test_live_pictures_of_the_projects_camera_do_not_wait() -> None:
+    assert live_waits_s(OWN, (-90.0, None)) == [[0.0] * 4]
