@@ -3,6 +3,7 @@
 import { useMemo } from "react";
 import { listPlans } from "../api/resources";
 import type { Mission, Plan, StatusId } from "../api/types";
+import type { Fix } from "./motion";
 import { missionKey, type LiveState } from "./state";
 import { useLive } from "./use_live";
 import { useResource, type Resource } from "./use_resource";
@@ -53,6 +54,12 @@ function merge(plan: Plan, mission: Mission, missions: LiveState["missions"]): M
 /** Whether a mission is with its vehicle and has not ended. */
 export function isInFlight(mission: Mission): boolean {
   return mission.dispatch_state === "accepted" && mission.mission_status_id <= 2;
+}
+
+/** Where a mission begins; of one that has ended the vehicle's home may be another by now. */
+export function startOf(mission: Mission, homes: LiveState["homes"]): Fix | null {
+  const hasEnded = mission.mission_status_id > 2;
+  return hasEnded ? null : (homes.get(mission.vehicle_id) ?? null);
 }
 
 /** A mission in flight, and its plan. */

@@ -3,8 +3,6 @@ import { useTranslation } from "react-i18next";
 import type { RequestError } from "../api/client";
 import { createPlan, deletePlan, dispatchPlan, getTaggedPlan, listFields } from "../api/resources";
 import type { Mission, Plan } from "../api/types";
-import type { Fix } from "../live/motion";
-import type { LiveState } from "../live/state";
 import { useUnits } from "../app/preferences";
 import { go, linkTo } from "../app/route";
 import { useIsOperator } from "../app/session_context";
@@ -15,7 +13,7 @@ import { Icon } from "../controls/Icon";
 import { ErrorNotice, Notice, Skeleton } from "../controls/states";
 import { Pill, StatusPill } from "../controls/StatusPill";
 import { useLive } from "../live/use_live";
-import { isInFlight, withLive } from "../live/use_plans";
+import { isInFlight, startOf, withLive } from "../live/use_plans";
 import { asRequestError, useResource } from "../live/use_resource";
 import { extentOf } from "../map/extent";
 import { collection, fieldFeatures, placeOf, routeFeatures } from "../map/features";
@@ -75,12 +73,6 @@ export default function PlanView({ reference }: { reference: string }) {
       </section>
     </div>
   );
-}
-
-/** Where a mission begins; of one that has ended the vehicle's home may be another by now. */
-function startOf(mission: Mission, homes: LiveState["homes"]): Fix | null {
-  const hasEnded = mission.mission_status_id > 2;
-  return hasEnded ? null : (homes.get(mission.vehicle_id) ?? null);
 }
 
 function PlanMap({ plan }: { plan: Plan }) {

@@ -8,6 +8,9 @@ import { COARSE, hold, journey, picture, requireAccessible, startBrowser, waitUn
 
 const { FARMER_LINK, OPERATOR_LINK, PLAN } = process.env;
 const NAME = "Stopped on its way";
+const WATCHED_MS = 2_000;
+/** Of a status, in the meantime. */
+const CHANGES_AT_MOST = 1;
 const screenLink = (page, name) => page.getByRole("navigation").getByRole("link", { name });
 
 async function uploadAsFarmer(page) {
@@ -50,7 +53,31 @@ async function lookAtLivePicture(page) {
   if (new Set((await frame()).split(",")).size < 8) throw new Error("the live picture is empty");
 }
 
+/** Counts what the map's worker is given, by the name of its source. */
+function countDrawings() {
+  globalThis.drawings = {};
+  const post = Worker.prototype.postMessage;
+  Worker.prototype.postMessage = function (message, ...more) {
+    const name = message?.data?.source;
+    if (name !== undefined) globalThis.drawings[name] = (globalThis.drawings[name] ?? 0) + 1;
+    return post.call(this, message, ...more);
+  };
+}
+
+/** States of the drone come all the time; what they do not change is not drawn again. */
+async function requireRestingMap(page) {
+  await page.evaluate(() => { globalThis.drawings = {}; });
+  await page.waitForTimeout(WATCHED_MS);
+  const drawings = await page.evaluate(() => globalThis.drawings);
+  for (const name of ["fields", "routes"]) {
+    if ((drawings[name] ?? 0) > CHANGES_AT_MOST) {
+      throw new Error(`${name} were drawn again without a change: ${JSON.stringify(drawings)}`);
+    }
+  }
+}
+
 async function flyAndStop(page) {
+  await page.addInitScript(countDrawings);
   await page.goto(OPERATOR_LINK);
   const drone = page.getByRole("article", { name: "Drone 1" });
   await drone.getByText("Ready", { exact: true }).waitFor();
@@ -73,6 +100,7 @@ async function flyAndStop(page) {
   await screenLink(page, "Fleet").click();
   await drone.getByText("On mission", { exact: true }).waitFor();
   await requireAccessible(page, "the fleet in flight");
+  await requireRestingMap(page);
   await page.getByRole("button", { name: "STOP", exact: true }).click();
   await requireAccessible(page, "the stop");
   const orders = page.locator(".stop-orders li");
