@@ -8,6 +8,7 @@ import { Button } from "../controls/Button";
 import { MoreRows } from "../controls/MoreRows";
 import { Empty, ErrorNotice, Loaded } from "../controls/states";
 import { Pill } from "../controls/StatusPill";
+import { nameOfAlarm, typeOfAlarm } from "../i18n/describe_alarm";
 import { useFeed, useLive } from "../live/use_live";
 import { asRequestError, useResource } from "../live/use_resource";
 import { Missing } from "./Missing";
@@ -56,7 +57,7 @@ function AlarmRow({ alarm }: { alarm: Alarm }) {
   const feed = useFeed();
   const [error, setError] = useState<RequestError | null>(null);
   const [isBusy, setBusy] = useState(false);
-  const type = [1, 2].includes(alarm.alarm_type_id ?? 0) ? alarm.alarm_type_id : "other";
+  const name = nameOfAlarm(alarm, t);
   const acknowledge = () => {
     setBusy(true);
     acknowledgeAlarm(alarm.id)
@@ -69,11 +70,12 @@ function AlarmRow({ alarm }: { alarm: Alarm }) {
   return (
     <li>
       <div className="row-main">
-        <strong>{alarm.description || t(`alarms.type_${type}`)}</strong>
+        <strong>{name}</strong>
         <span>
-          {t("vehicle.name", { id: alarm.vehicle_id })} · {t(`alarms.type_${type}`)} ·{" "}
+          {t("vehicle.name", { id: alarm.vehicle_id })} · {typeOfAlarm(alarm, t)} ·{" "}
           {units.time(alarm.recorded_at)}
         </span>
+        {alarm.description && alarm.description !== name && <span>{alarm.description}</span>}
         {error && <ErrorNotice error={error} />}
       </div>
       {alarm.acknowledged_at === null ? (

@@ -11,6 +11,7 @@ import { Empty, ErrorNotice, Skeleton } from "../controls/states";
 import { kindsOf, measurementFeatures } from "../flights/measurements";
 import { momentAt, pointsOf } from "../flights/track";
 import { useReplay } from "../flights/use_replay";
+import { describeAlarm } from "../i18n/describe_alarm";
 import { useResource } from "../live/use_resource";
 import type { Symbol } from "../map/FarmMap";
 import { extentOf } from "../map/extent";
@@ -84,7 +85,7 @@ export default function FlightView({ id }: { id: number }) {
     (): Mark[] => [
       ...(alarms.value ?? []).map((alarm): Mark => ({
         at_ms: Date.parse(alarm.recorded_at),
-        text: alarm.description ?? t(`alarms.type_${alarm.alarm_type_id ?? "other"}`),
+        text: describeAlarm(alarm, t),
         kind: "alarm",
       })),
       ...(flight.value?.command_array ?? []).flatMap((command, index): Mark[] =>
