@@ -131,6 +131,8 @@ class _Document(_Row):
     abort: _Abort | None = None
     live: _Live | None = None
     started: _Text | None = None
+    started_s: _Number | None = None
+    has_flown: bool = False
     paused: _Text | None = None
 
 
@@ -154,6 +156,8 @@ def encode(identity: VehicleIdentity, record: RecoveryRecord) -> bytes:
             abort=_if_any(_abort, record.abort),
             live=_if_any(_live, record.live),
             started=record.started,
+            started_s=record.started_s,
+            has_flown=record.has_flown,
             paused=record.paused,
         )
     except ValidationError as error:
@@ -204,6 +208,8 @@ def _record(document: _Document) -> RecoveryRecord:
         abort=_if_any(_read_abort, document.abort),
         live=_if_any(_read_live, document.live),
         started=document.started,
+        started_s=document.started_s,
+        has_flown=document.has_flown,
         paused=document.paused,
     )
 

@@ -19,7 +19,7 @@ flight.
 """
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
@@ -109,6 +109,8 @@ class RecoveryRecord:
     abort: PendingAbort | None = None
     live: LiveCommandProgress | None = None
     started: str | None = None  # First command of the mission items that it was last ordered to fly
+    started_s: float | None = None  # When that was, by the vehicle's clock since boot
+    has_flown: bool = False  # It was seen to fly them
     paused: str | None = None  # Name of the work that an event has paused
 
 
@@ -135,6 +137,8 @@ def merge_records(earlier: RecoveryRecord, later: RecoveryRecord) -> RecoveryRec
         abort=later.abort or earlier.abort,
         live=later.live or earlier.live,
         started=later.started or earlier.started,
+        started_s=later.started_s if later.started else earlier.started_s,
+        has_flown=later.has_flown if later.started else earlier.has_flown,
         paused=later.paused or earlier.paused,
     )
 
@@ -363,6 +367,8 @@ class RecoveryState:
         self._held_abort: PendingAbort | None = None
         self._live: LiveCommandProgress | None = None
         self._segment: str | None = None
+        self._segment_s: float | None = None
+        self._has_flown = False
         self._paused: str | None = None
 
     @property
@@ -379,9 +385,26 @@ class RecoveryState:
         """Note how far a live command is."""
         self._live = progress
 
-    def note_segment(self, first_command: str) -> None:
-        """Note that the vehicle is about to be ordered to fly items."""
-        self._segment = first_command
+    def note_segment(self, first_command: str, time_s: float | None) -> None:
+        """Note that the vehicle is about to be ordered to fly items, at a time of its clock."""
+        self._segment, self._segment_s, self._has_flown = first_command, time_s, False
+
+    def note_flying(self, first_command: str) -> None:
+        """Note that the vehicle was seen to fly these items."""
+        self._has_flown |= first_command == self._segment
+
+    def has_flown(self, first_command: str) -> bool:
+        """Whether the vehicle was seen to fly these items since it was ordered to."""
+        return self._has_flown and first_command == self._segment
+
+    def began_s(self, names: Collection[str]) -> float | None:
+        """Give when the newest of these commands was ordered, by the vehicle's clock since boot."""
+        live, times = self._live, []
+        if self._segment in names and self._segment_s is not None:
+            times.append(self._segment_s)
+        if live is not None and live.name in names and live.began_s is not None:
+            times.append(live.began_s)
+        return max(times, default=None)
 
     @property
     def paused(self) -> str | None:
@@ -402,7 +425,8 @@ class RecoveryState:
 
     def clear_commands(self) -> None:
         """Forget live command and segment: none is flown, or those of another mission."""
-        self._live = self._segment = None
+        self._live = self._segment = self._segment_s = None
+        self._has_flown = False
 
     def note_abort(self, abort: PendingAbort) -> None:
         """Note an abort that was accepted, until the vehicle has obeyed."""
@@ -441,6 +465,8 @@ class RecoveryState:
             abort=self._abort or self._held_abort,
             live=self._live,
             started=self._segment,
+            started_s=self._segment_s,
+            has_flown=self._has_flown,
             paused=self._paused,
         )
 
@@ -456,7 +482,9 @@ class RecoveryState:
         self.parameters.load(both.borrowed)
         self.hover.recall(both.hover, both.hover_mode)
         self._return, self._live = both.pending_return, both.live
-        self._abort, self._segment = both.abort, both.started
+        self._abort = both.abort
+        self._segment, self._segment_s = both.started, both.started_s
+        self._has_flown = both.has_flown
         self._paused = both.paused
 
     def forget(self) -> None:

@@ -114,7 +114,7 @@ class ScriptedVehicle:
         self.is_manual = False  # Flown manually; shown by the standard bit of the base mode
         self.frames: list[Message] = []  # Everything that was sent to it
         self._has_lost_current = False
-        self.custom_mode = PX4_HOLD if script.autopilot == mavlink.MAV_AUTOPILOT_PX4 else 0
+        self.custom_mode = self._first_mode
         self.current = 0
         self.mission_state = mavlink.MISSION_STATE_NO_MISSION
         self.commands: list[int] = []
@@ -214,8 +214,9 @@ class ScriptedVehicle:
         return [] if self.silent else frames
 
     def reboot(self, now: float) -> None:
-        """Start anew on the ground; the stored mission survives, the clock does not."""
+        """Start anew on the ground; the stored mission survives, clock and mode do not."""
         self.armed = self.airborne = False
+        self.custom_mode = self._first_mode
         self.booted_at = now
         self._next = {"heartbeat": now, "telemetry": now}
         self._streams.restart(now)
@@ -256,6 +257,11 @@ class ScriptedVehicle:
         """Change its system id."""
         self.system = system
         self._wire = VehicleWire(system, 1)
+
+    @property
+    def _first_mode(self) -> int:
+        """The mode after it was switched on."""
+        return PX4_HOLD if self.script.autopilot == mavlink.MAV_AUTOPILOT_PX4 else 0
 
     def set_mode(self, custom_mode: int) -> None:
         """Change the mode as a pilot would."""

@@ -163,17 +163,23 @@ class Attaching(Phase):
         return Event.LIVE_NEXT
 
     def _was_restarted(self, now: float) -> bool:
-        """Whether the vehicle, on the ground, was switched on after the mission's last report.
+        """Whether the vehicle was switched on again after it was ordered to begin.
 
-        A complete mission counts for more: the clock of a simulated vehicle is not the broker's.
+        Its own clock shows that, unless it has run for longer by now than it had then. On the
+        ground it shows too, by the broker's clock, if the mission was reported before; a report
+        that was made while the vehicle was out of reach hides it. A complete mission counts for
+        more: the clock of a simulated vehicle is not the broker's.
         """
-        snapshot, reported_at = self._vehicle.snapshot, self._mission.work.reported_at
-        current = snapshot.mission
+        mission, snapshot = self._mission, self._vehicle.snapshot
+        current, up_s = snapshot.mission, snapshot.time_s
         is_complete = current is not None and current.state == mavlink.MISSION_STATE_COMPLETE
-        if not snapshot.is_on_ground or is_complete:
+        if up_s is None or is_complete:
             return False
-        up_s = snapshot.time_s
-        return up_s is not None and reported_at is not None and now - up_s > reported_at
+        names = [mission.ledger.name_of(index) for index in range(len(mission.ledger.commands))]
+        began_s, reported_at = self._vehicle.recovery.began_s(names), mission.work.reported_at
+        if began_s is not None and up_s < began_s:
+            return True
+        return snapshot.is_on_ground and reported_at is not None and now - up_s > reported_at
 
     def settle(self, now: float, effects: Effects) -> Result:
         """Judge the items that the vehicle holds."""
@@ -274,8 +280,13 @@ class Attaching(Phase):
 
     @property
     def _is_fresh(self) -> bool:
-        """Whether the vehicle has done nothing of the segment, as its MISSION_CURRENT shows."""
+        """Whether the vehicle has done nothing of the segment, as its MISSION_CURRENT shows.
+
+        One that was restarted shows the same; it does not begin again what it was seen to fly.
+        """
         mission, snapshot = self._mission, self._vehicle.snapshot
+        if self._vehicle.recovery.has_flown(mission.ledger.name_of(mission.plan.first_command)):
+            return False
         rest = mission.plan.commands[1:]
         has_gone_on = any(mission.ledger.commands[i] is not Status.NOT_STARTED for i in rest)
         if has_gone_on or snapshot.is_on_ground != mission.segments.is_from_ground:

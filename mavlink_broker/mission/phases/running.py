@@ -66,6 +66,7 @@ class Running(Phase):
         changes = MissionChangeMonitor(mission.plan, vehicle, progress.reached_before)
         self._monitors = _Monitors(progress, changes, SkippedWaypointMonitor(mission.plan, vehicle))
         effects.for_edge += progress.begin(now)
+        vehicle.recovery.note_flying(mission.ledger.name_of(mission.plan.first_command))
         return None
 
     def leave(self) -> None:

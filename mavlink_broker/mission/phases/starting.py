@@ -113,7 +113,8 @@ class Starting(Phase):
         mission.ledger.set_command(first, Status.RUNNING)
         mission.report(effects)
         self._was_in_mission_mode = self._vehicle.mode_role is ModeRole.MISSION
-        self._vehicle.recovery.note_segment(mission.ledger.name_of(first))
+        time_s = self._vehicle.snapshot.time_s
+        self._vehicle.recovery.note_segment(mission.ledger.name_of(first), time_s)
         self._order_when_stored(now, effects)
         return None
 

@@ -162,3 +162,61 @@ def test_one_before_the_flight_that_shows_late_does_not_end_the_flight(
     assert state(world) is State.RUNNING
     world.run_until_over(1201)
     assert world.edge.status(1201) == Status.FINISHED
+
+
+FAMILIES = pytest.mark.parametrize("script", [PX4, ARDUPILOT], ids=["px4", "ardupilot"])
+
+
+def require_end_on_the_ground(world: World) -> None:
+    """Nobody arms or starts the vehicle again, and its mission has failed."""
+    vehicle = world.only_vehicle
+    since = len(vehicle.commands)
+    world.run_until_over(1201, within_s=30.0)
+    world.run(60.0)
+    starting = {mavlink.MAV_CMD_MISSION_START, mavlink.MAV_CMD_COMPONENT_ARM_DISARM}
+    assert not starting & set(vehicle.commands[since:])
+    assert world.edge.status(1201) == Status.FAILED
+
+
+@FAMILIES
+@pytest.mark.parametrize("away_s", [4.0, 45.0])
+def test_one_during_the_takeoff_does_not_begin_the_mission_again(
+    script: Script, away_s: float, tmp_path: Path
+) -> None:
+    """The link is lost, the vehicle restarts, the broker reports meanwhile, and is killed."""
+    world = World(journal=tmp_path)
+    vehicle = world.add_vehicle(script=replace(script, item_time_s=20.0))
+    world.edge.plan(first_flight())
+    world.run_until(lambda: state(world) is State.RUNNING)
+    world.run(5.0)
+    vehicle.silent = True
+    world.run(1.0)
+    vehicle.reboot(world.clock.now)
+    world.run(away_s)
+    assert world.edge.statuses(1201) == [Status.RUNNING, *[Status.NOT_STARTED] * 2]
+    world.kill_broker()
+    vehicle.silent = False
+    world.restart_broker()
+    require_end_on_the_ground(world)
+
+
+@FAMILIES
+def test_one_that_no_report_precedes_shows_by_the_vehicles_clock(
+    script: Script, tmp_path: Path
+) -> None:
+    """Edge server, broker and vehicle fail together, just after the order to start."""
+    world = World(journal=tmp_path)
+    vehicle = world.add_vehicle(script=replace(script, item_time_s=20.0))
+    world.run(90.0)
+    world.edge.plan(first_flight())
+    world.run_until(lambda: vehicle.uploads > 0)
+    world.edge.is_stalled = True
+    world.run_until(lambda: vehicle.airborne)
+    world.kill_broker()
+    vehicle.reboot(world.clock.now)
+    world.edge.is_stalled = False
+    world.run(20.0)
+    assert world.edge.status(1201) is None
+    world.restart_broker()
+    require_end_on_the_ground(world)
+    assert "the vehicle was restarted" in world.edge.reports(1201)[-1]["message"]

@@ -65,6 +65,8 @@ RECORDS = st.builds(
         noted_s=st.none() | NUMBERS,
     ),
     started=st.none() | TEXTS,
+    started_s=st.none() | NUMBERS,
+    has_flown=st.booleans(),
     live=st.none()
     | st.builds(
         LiveCommandProgress,
