@@ -8,10 +8,18 @@ from mavlink_broker.mission.context import HOVERING, TAKEN, MissionContext
 from mavlink_broker.mission.phases.phase import Fault, Phase, Request, Result
 from mavlink_broker.mission.states import ARMED_BY_BROKER, ASKING, IN_FLIGHT, Event, State
 from mavlink_broker.vehicle.alarms import is_navigation_failure, mission_error
-from mavlink_broker.vehicle.control_authority import AIRBORNE_MODES, Authority, Claim
+from mavlink_broker.vehicle.control_authority import (
+    AIRBORNE_MODES,
+    FAILSAFE_AFTER_S,
+    TAKEOVER_AFTER_S,
+    Authority,
+    Claim,
+)
 
 REASONS_WITHIN_S: Final = 0.5
 """How long a vehicle that refused something may take to send its reason."""
+REASONS_BEFORE_S: Final = 3.0
+"""How long before a vehicle changes its mode it may say why."""
 
 
 class Failing(Phase):
@@ -23,6 +31,7 @@ class Failing(Phase):
         self._entered_at = 0.0
         self._fault = Fault("")
         self._stops_propellers = False  # The broker armed the vehicle, and it does not take off
+        self._was_in_flight = False
         self._raises_alarm = False
         self._is_left_to_failsafe = False
         self._is_taken = False  # Another system, or a failsafe, has the vehicle
@@ -56,9 +65,9 @@ class Failing(Phase):
         if self._stops_propellers:
             effects.messages += exchanges.disarming(vehicle)
         self._may_take_off = self._stops_propellers and mission.is_start_ordered
-        held = vehicle.is_held_by_failsafe
+        held, self._was_in_flight = vehicle.is_held_by_failsafe, state in IN_FLIGHT
         # What a failsafe does is no alarm (its cause may be one), nor is what another system does
-        self._raises_alarm = state in IN_FLIGHT and not is_taken and not held
+        self._raises_alarm = self._was_in_flight and not is_taken and not held
         self._is_left_to_failsafe = held or who is Authority.FAILSAFE
         is_begun = mission.is_hovering and mission.was_reported_running
         waits = state in ASKING and is_begun and not was_taken
@@ -86,6 +95,19 @@ class Failing(Phase):
         self._entered_at = now
         return None
 
+    @property
+    def _reasons_since(self) -> float:
+        """The time from which on the vehicle has sent reasons; before a flight, its beginning.
+
+        What it has said earlier in a flight belongs to something else, such as another system's
+        order that it has refused.
+        """
+        began_at = self._mission.began_at
+        if not self._was_in_flight:
+            return began_at
+        noticed_s = FAILSAFE_AFTER_S if self._is_left_to_failsafe else TAKEOVER_AFTER_S
+        return max(began_at, self._entered_at - noticed_s - REASONS_BEFORE_S)
+
     def tick(self, now: float, effects: Effects) -> Result:
         """Report the failure with the vehicle's reasons.
 
@@ -96,7 +118,7 @@ class Failing(Phase):
         mission, vehicle = self._mission, self._vehicle
         if self._stops_propellers and mission.authority.who(self.claim) is Authority.BROKER:
             effects.messages += exchanges.disarming(vehicle)  # The first order may be lost
-        reasons = vehicle.status_texts_since(mission.began_at)
+        reasons = vehicle.status_texts_since(self._reasons_since)
         text = f"{self._fault.reason} ({reasons})" if reasons else self._fault.reason
         left = self._is_left_to_failsafe and is_navigation_failure(reasons or "")
         if self._raises_alarm or left:

@@ -4,6 +4,7 @@ The mission fails in the air within seconds. Its vehicle hovers in the mode in w
 left it, so it is the broker's until somebody else takes it.
 """
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,7 +12,7 @@ import pytest
 from afarcloud.enumerations import Status
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.mission.states import State
-from tests.support.broker_world import GENERIC, World
+from tests.support.broker_world import GENERIC, World, flying_world
 from tests.support.real_autopilots import COPTER_4_1, COPTER_4_6, PX4_1_14, PX4_1_17
 from tests.support.scripted_vehicle import (
     ARDUPILOT,
@@ -223,3 +224,19 @@ def test_a_mission_that_is_replaced_in_a_pause_leaves_the_vehicle_to_the_broker(
     world.run_until(lambda: not vehicle.armed)
     world.run(1.0)
     assert answer_statuses(world, event) == ["accepted", "done"]
+
+
+@pytest.mark.parametrize(("ago_s", "is_named"), [(12.0, False), (1.0, True)])
+def test_what_the_vehicle_has_said_long_before_is_not_the_reason(
+    ago_s: float, *, is_named: bool
+) -> None:
+    """A ground station's order was refused, the flight went on, then the mission was cleared."""
+    world = flying_world(replace(PX4, item_time_s=30.0))
+    world.run(2.0)
+    world.only_vehicle.send_status_text("DO_SET_MODE refused: No manual control input")
+    world.run(ago_s)
+    world.only_vehicle.clear_mission()
+    world.run_until_over(1201, within_s=20.0)
+    message = world.edge.reports(1201)[-1]["message"]
+    assert "cleared the mission" in message
+    assert ("No manual control input" in message) is is_named
