@@ -16,6 +16,7 @@ from uav_firmware.lib.rotation import tilt_of
 pytestmark = pytest.mark.scenario
 
 LATEST_DISARM_S = 2.0
+FORCE = 21196.0
 MOTOR = Kind.MOTOR_LOSS
 ALTITUDE, POSITION, ACRO, STABILIZED = 2, 3, 5, 7
 
@@ -103,6 +104,23 @@ def test_on_two_motors_of_one_diagonal_it_comes_down_and_stops(tmp_path: Path) -
         "at rest on the ground",
     )
     tester.wait_until(lambda: is_stopped(tester), LATEST_DISARM_S, "stopped")
+
+
+def test_a_vehicle_that_is_disarmed_in_the_air_is_a_wreck(tmp_path: Path) -> None:
+    """Nobody arms it again, by whatever program, before somebody has looked at it."""
+    tester = hovering(tmp_path)
+    tester.ground_station.command(common.MAV_CMD_COMPONENT_ARM_DISARM, 0.0, FORCE)
+    tester.wait_until(lambda: tester.simulation.wrecked, 5.0, "on the ground")
+    tester.run_for(1.0)
+    assert tester.has_status_text("Crash: fell with its motors stopped")
+    assert not tester.status.sensors_health & common.MAV_SYS_STATUS_SENSOR_PROPULSION
+    tester.ground_station.command(common.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)
+    tester.run_for(0.5)
+    assert not tester.status.armed
+    assert any("ARM_DISARM refused" in text for text in tester.ground_station.texts)
+    failures = tester.autopilot.topics.failure_detector_status.value
+    assert failures is not None
+    assert failures.crash
 
 
 def test_a_lost_attitude_disarms_just_after_the_take_off(tmp_path: Path) -> None:

@@ -17,6 +17,8 @@ wrong for a while. Three more hold without rest:
                 does not fall, for STANDS_TIME_S: something else carries it. Asks neither inertial
                 sensor nor estimate, of which one may be the reason why it was not seen to land
 
+A vehicle whose motors are stopped in the air falls: `FallDetector`, while it is disarmed.
+
 A detected crash stays detected until `reset`. An impact (`ImpactDetector`) is no crash by itself,
 but with two stopped rotors it is.
 """
@@ -43,6 +45,9 @@ _BLOW_M_S2: Final = 15.0  # Between two looks; rotors take six times as long for
 _BLOW_RAD_S: Final = 2.0
 _STRUCK_S: Final = 1.0
 _GRAVITY: Final = 9.80665  # [m/s^2]
+FALL_TIME_S: Final = 0.3  # Rotors that run down included, a fall of 0.5 to 1 m
+FALLS_WITHIN_S: Final = 5.0  # Later it is carried, not flown
+_FALLING: Final = 3.0  # [m/s^2] A body in free fall feels its drag alone
 
 
 class Moment(NamedTuple):
@@ -150,6 +155,35 @@ class ImpactDetector:
         else:
             self._left_s = max(0.0, self._left_s - dt)
         return self._left_s > 0.0
+
+
+class FallDetector:
+    """Detects, by the accelerometer, that a vehicle falls after it was disarmed in the air.
+
+    Who disarms a vehicle in the moment in which it touches down has not dropped it.
+    """
+
+    __slots__ = ("_falling_s", "_since_s", "_was_flying")
+
+    def __init__(self) -> None:
+        self._was_flying = False
+        self._falling_s = self._since_s = 0.0
+
+    def fly(self, *, in_air: bool) -> None:
+        """Note where an armed vehicle is."""
+        self._was_flying = in_air
+        self._falling_s = self._since_s = 0.0
+
+    def update(self, force_frd: Vector3, dt: float) -> bool:
+        """Look at a disarmed vehicle; whether it has fallen."""
+        if not self._was_flying:
+            return False
+        self._since_s += dt
+        self._falling_s = self._falling_s + dt if _size(force_frd) < _FALLING else 0.0
+        has_fallen = self._falling_s >= FALL_TIME_S
+        if has_fallen or self._since_s > FALLS_WITHIN_S:
+            self._was_flying = False
+        return has_fallen
 
 
 def _size(vector: Vector3) -> float:

@@ -8,6 +8,7 @@ from uav_firmware.lib.atmosphere import altitude_from_pressure
 from uav_firmware.lib.rotation import rotate, to_euler
 from uav_firmware.modules.failure_detector.crash_detector import (
     CrashDetector,
+    FallDetector,
     ImpactDetector,
     Moment,
 )
@@ -99,6 +100,7 @@ class FailureDetectorModule:
         self._motor_monitor = MotorMonitor(_limits(self._params))
         self._roll, self._pitch = AxisMonitor(), AxisMonitor()
         self._crash_detector, self._impact_detector = CrashDetector(), ImpactDetector()
+        self._fall_detector = FallDetector()
         self._struck = False
         self._thrust = self._carrying_thrust = math.nan
         self._crash = ""
@@ -139,6 +141,9 @@ class FailureDetectorModule:
                 self._crash = self._detect_crash(now_us, dt) or self._crash
             else:
                 self._crash_detector.reset()
+            if self._detect_fall(dt, armed=armed) and not self._crash:
+                self._crash = "fell with its motors stopped"
+                self._publish_text(now_us, f"Crash: {self._crash}")
         self._publish(now_us)
 
     def _monitor_motors(self) -> None:
@@ -185,6 +190,13 @@ class FailureDetectorModule:
             self._height_m(now_us),
         )
         return self._crash_detector.update(seen, dt)
+
+    def _detect_fall(self, dt: float, *, armed: bool) -> bool:
+        imu, landed = self._imu.value, self._landed.value
+        if armed or not self._params.crash_enabled:
+            self._fall_detector.fly(in_air=armed and landed is not None and not landed.landed)
+            return False
+        return imu is not None and self._fall_detector.update(imu.specific_force_frd, dt)
 
     def _thrust_share(self, dt: float) -> float:
         """Thrust over what carries the vehicle; NaN where nothing has shown that in this flight.

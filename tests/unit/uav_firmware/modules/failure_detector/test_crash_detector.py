@@ -8,10 +8,13 @@ from hypothesis import strategies as st
 
 from uav_firmware.modules.failure_detector.crash_detector import (
     ADRIFT_TIME_S,
+    FALL_TIME_S,
+    FALLS_WITHIN_S,
     REST_TIME_S,
     SILENT_TIME_S,
     STANDS_TIME_S,
     CrashDetector,
+    FallDetector,
     ImpactDetector,
     Moment,
 )
@@ -131,3 +134,40 @@ def test_no_thrust_along_the_rotors_looks_like_a_crash(
         force = (0.6 * drag * x, 0.6 * drag * y, thrust)
         detect(Moment((rate, 0.0, 0.0), force, NAN, failed), 0.5, seen)
     assert seen.cause == ""
+
+
+FALLING = (0.4, 0.0, -0.7)
+STANDING = (0.0, 0.0, -9.8)
+
+
+def disarmed(*, in_air: bool) -> FallDetector:
+    detector = FallDetector()
+    detector.fly(in_air=in_air)
+    return detector
+
+
+def falls(detector: FallDetector, force: tuple[float, float, float], seconds: float) -> bool:
+    return any(detector.update(force, DT) for _ in range(round(seconds / DT)))
+
+
+def test_a_vehicle_that_is_disarmed_in_the_air_falls() -> None:
+    detector = disarmed(in_air=True)
+    assert not falls(detector, FALLING, FALL_TIME_S - 2 * DT)
+    assert falls(detector, FALLING, 3 * DT)
+
+
+def test_one_that_is_disarmed_on_the_ground_may_be_dropped() -> None:
+    assert not falls(disarmed(in_air=False), FALLING, 2.0)
+
+
+def test_one_that_is_disarmed_as_it_touches_down_does_not_fall() -> None:
+    detector = disarmed(in_air=True)
+    for _ in range(5):  # It bounces
+        assert not falls(detector, FALLING, 0.1)
+        assert not falls(detector, STANDING, 0.1)
+    assert not falls(detector, STANDING, FALLS_WITHIN_S)
+    assert not falls(detector, FALLING, 2.0), "it is carried away"
+
+
+def test_without_an_accelerometer_no_fall_is_seen() -> None:
+    assert not falls(disarmed(in_air=True), SILENT, 2.0)
