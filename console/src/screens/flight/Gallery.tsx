@@ -6,7 +6,8 @@ import { Button } from "../../controls/Button";
 import { Dialog } from "../../controls/Dialog";
 import { Icon } from "../../controls/Icon";
 
-const ATTEMPTS = 2;
+/** Half a minute: a board makes one thumbnail of a large picture in a second. */
+const ATTEMPTS = 8;
 const RETRY_MS = 1_000;
 
 /** The pictures of a flight; the one with the number `open` is shown in full, the arrow keys change it. */
