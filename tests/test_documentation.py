@@ -156,6 +156,12 @@ def test_a_page_is_short() -> None:
             assert len(document.read_text().split()) <= MOST_WORDS, name_of(document)
 
 
+def test_a_block_of_code_has_lines_of_its_own() -> None:
+    for document in (*PAGES, *READMES):
+        for line in document.read_text().splitlines():
+            assert "```" not in line or re.fullmatch(r"\s*```\w*", line), (name_of(document), line)
+
+
 def test_a_package_readme_is_short() -> None:
     for document in READMES:
         if document.parent != ROOT:

@@ -12,7 +12,7 @@ from edge_server.process.exit_codes import OK
 from edge_server.services import accounts
 from edge_server.services.accounts import AccountChange, AccountRequest
 from edge_server.services.context import show_time
-from edge_server.services.errors import NotFoundError
+from edge_server.services.errors import ConflictError, NotFoundError
 from edge_server.store.connection.database import Database
 
 _MINUTE_S: Final = 60.0
@@ -56,11 +56,20 @@ def _delete(_config: Config, database: Database, options: argparse.Namespace) ->
 
 
 def _link(config: Config, database: Database, options: argparse.Namespace) -> int:
-    """Print the address that signs in once; create the account if a role is given."""
+    """Print the address that signs in once; create the account if a role is given.
+
+    Raises:
+        ConflictError: if there is an account with another role.
+    """
     now = time.time()
-    if options.role is not None and not _is_there(database, options.name):
-        request = AccountRequest(name=options.name, role=options.role)
-        accounts.create(database, request, now)
+    if options.role is not None:
+        role = _role_of(database, options.name)
+        if role is None:
+            accounts.create(database, AccountRequest(name=options.name, role=options.role), now)
+        elif role != options.role:
+            raise ConflictError(
+                f"{options.name} has the role {role}: leave --role out, or change it in the console"
+            )
     token = accounts.make_link(database, options.name, now, options.minutes * _MINUTE_S)
     scheme = "http" if config.tls_certificate_file is None else "https"
     host = "127.0.0.1" if config.host in {"0.0.0.0", "::"} else config.host  # noqa: S104  # compared
@@ -68,12 +77,11 @@ def _link(config: Config, database: Database, options: argparse.Namespace) -> in
     return OK
 
 
-def _is_there(database: Database, name: str) -> bool:
+def _role_of(database: Database, name: str) -> str | None:
     try:
-        accounts.find(database, name)
+        return accounts.find(database, name).role
     except NotFoundError:
-        return False
-    return True
+        return None
 
 
 def _read_password() -> str:

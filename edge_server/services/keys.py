@@ -75,7 +75,8 @@ def replace(database: Database, prefix: str, overlap_s: float, now: float) -> tu
 def retire(connection: Connection, key: StoredKey, overlap_s: float, now: float) -> None:
     """End a key that a new one replaces, now or after an overlap [s]; its name goes to that one."""
     suffix = f".replaced-{key.prefix}"
-    keys.rename(connection, key.prefix, key.name[: MOST_NAME - len(suffix)] + suffix)
+    if not key.name.endswith(suffix):  # A key in its overlap has given its name away already
+        keys.rename(connection, key.prefix, key.name[: MOST_NAME - len(suffix)] + suffix)
     if overlap_s > 0:
         keys.end(connection, key.prefix, now + overlap_s)
     else:

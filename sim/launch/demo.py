@@ -163,12 +163,20 @@ def _fly(system: System, number: int) -> list[dict[str, Any]]:
         except NotReadyError:
             continue
         system.screen.missions(missions)
+        require_free(missions)
         if all(int(mission["mission_status_id"]) >= TERMINAL for mission in missions):
             failed = [m["mission_id"] for m in missions if m["mission_status_id"] != FINISHED]
             if failed:
                 raise DemoError(f"missions {failed} did not finish: {missions}")
             return missions
     raise DemoError(f"plan {number} had not ended after {FLIGHT_TIMEOUT_S:.0f} s")
+
+
+def require_free(missions: list[dict[str, Any]]) -> None:
+    """Raise DemoError if a mission waits for a held vehicle, as after a flight that was stopped."""
+    reasons = {str(mission["waiting"]) for mission in missions if "waiting" in mission}
+    if reasons:
+        raise DemoError(f"{'; '.join(sorted(reasons))}, or use another STATE_DIR")
 
 
 def _await_delivery(system: System, missions: list[dict[str, Any]], arrived: int) -> None:

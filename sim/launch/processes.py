@@ -16,24 +16,38 @@ class Program(NamedTuple):
     arguments: tuple[str, ...]
     tcp_port: int | None = None
     udp_port: int | None = None
+    port_setting: str = ""
+    """The setting that chooses its port."""
 
 
 def programs(settings: Settings) -> list[Program]:
     """Give the programs of one system; settings reach them by environment."""
     return [
         *_mqtt_broker(settings),
-        Program("cloud", _module("sim.cloud"), tcp_port=settings.cloud_port),
-        Program("edge", _module("edge_server"), tcp_port=settings.edge_port),
+        Program(
+            "cloud",
+            _module("sim.cloud"),
+            tcp_port=settings.cloud_port,
+            port_setting="CLOUD_PORT",
+        ),
+        Program(
+            "edge",
+            _module("edge_server"),
+            tcp_port=settings.edge_port,
+            port_setting="EDGE_PORT",
+        ),
         Program(
             "broker",
             _broker(settings),
             udp_port=settings.mavlink_port,
+            port_setting="MAVLINK_PORT",
         ),
         *(
             Program(
                 f"vehicle-{system_id}",
                 _vehicle(settings, system_id),
                 udp_port=settings.vehicle_port(system_id),
+                port_setting="VEHICLE_PORT_BASE",
             )
             for system_id in range(1, settings.vehicles + 1)
         ),
@@ -64,7 +78,7 @@ def _mqtt_broker(settings: Settings) -> list[Program]:
         return []
     # Without a file of configuration Mosquitto listens on this machine alone, and checks no user.
     command = (settings.mosquitto, "-p", str(settings.mqtt_port))
-    return [Program("mosquitto", command, tcp_port=settings.mqtt_port)]
+    return [Program("mosquitto", command, tcp_port=settings.mqtt_port, port_setting="MQTT_PORT")]
 
 
 def _broker(settings: Settings) -> tuple[str, ...]:

@@ -131,8 +131,9 @@ def check_ports(programs: Sequence[Program]) -> None:
                 try:
                     probe.bind(("127.0.0.1", port))
                 except OSError as error:
+                    hint = f"; {program.port_setting} chooses another" * bool(program.port_setting)
                     raise PortTakenError(
-                        f"{program.name}: port {port} cannot be used: {error.strerror}"
+                        f"{program.name}: port {port} cannot be used: {error.strerror}{hint}"
                     ) from None
 
 

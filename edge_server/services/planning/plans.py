@@ -480,7 +480,8 @@ def _check_queue(connection: Connection, context: Context, mission: Mission, pat
     ]
     if any(item.mission_id == mission.mission_id for item in waiting):
         raise ConflictError(
-            f"mission {mission.mission_id} of vehicle {mission.vehicle_id} is unfinished",
+            f"mission {mission.mission_id} of vehicle {mission.vehicle_id} is unfinished; "
+            "post the plan again when it has ended, or with another mission_id",
             (Fault(f"{path}.mission_id", "is the id of an unfinished mission of this vehicle"),),
         )
     if len(waiting) >= context.config.queue_limit:

@@ -135,3 +135,16 @@ def test_a_key_whose_file_cannot_be_written_is_not_made_and_the_old_one_stays(
     assert code == FAILED
     assert "farmer.new" in complaint
     assert known(tmp_path) == before
+
+
+def test_a_key_that_is_replaced_twice_in_its_overlap_keeps_its_name(
+    run: Run, tmp_path: Path
+) -> None:
+    run("migrate")
+    for _ in range(2):
+        assert run("keys", "rotate", "farmer", "--overlap-hours", "24")[0] == OK
+    names = sorted(key.name for key in known(tmp_path).values() if key.name.startswith("farmer"))
+    replaced = [name.removeprefix("farmer.replaced-") for name in names[1:]]
+    assert names[0] == "farmer"
+    assert len(replaced) == 2
+    assert set(replaced) < set(known(tmp_path))

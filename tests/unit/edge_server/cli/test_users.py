@@ -62,8 +62,11 @@ def test_a_link_signs_in_once_and_creates_the_account(run: Run, tmp_path: Path) 
     assert address == "http://127.0.0.1:8000/console/"
     assert status_of_sign_in(tmp_path, link=token) == 201
     assert status_of_sign_in(tmp_path, link=token) == 401
-    assert run("users", "link", "maria", "--role", "admin")[0] == OK
-    assert "operator" in run("users", "list")[1]  # An account that is there keeps its role
+    assert run("users", "link", "maria", "--role", "operator")[0] == OK
+    code, printed, complaint = run("users", "link", "maria", "--role", "admin")
+    assert (code, printed) == (FAILED, "")
+    assert "maria has the role operator" in complaint
+    assert "operator" in run("users", "list")[1]
 
 
 @pytest.mark.parametrize(

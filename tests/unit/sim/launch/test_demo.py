@@ -5,7 +5,14 @@ from typing import Any
 import pytest
 
 from sim.camera.film.picture_file import write_picture
-from sim.launch.demo import DemoError, for_vehicles, read_plan, show_pictures, undelivered
+from sim.launch.demo import (
+    DemoError,
+    for_vehicles,
+    read_plan,
+    require_free,
+    show_pictures,
+    undelivered,
+)
 from sim.launch.settings import from_environment
 from tests.unit.sim.camera.shots import order, pose
 
@@ -34,6 +41,13 @@ def test_the_pictures_of_this_flight_are_laid_on_sheets(tmp_path: Path) -> None:
     (line,) = said
     assert "vehicle 1: 1 picture, " in line
     assert (tmp_path / "album" / "vehicle-1" / "mosaic.jpg").stat().st_size > 500
+
+
+def test_a_mission_that_waits_for_a_held_vehicle_ends_the_demo() -> None:
+    require_free([{"mission_id": 1}])
+    held = "vehicle 2 is held since noon: the vehicle was restarted; release it"
+    with pytest.raises(DemoError, match=f"^{held}, or use another STATE_DIR$"):
+        require_free([{"mission_id": 1}, {"mission_id": 2, "waiting": held}])
 
 
 class Told:

@@ -115,6 +115,9 @@ def test_a_taken_port_is_named(kind: socket.SocketKind) -> None:
         )
         with pytest.raises(PortTakenError, match=f"edge: port {port}"):
             check_ports([wanted])
+        named = wanted._replace(port_setting="EDGE_PORT")
+        with pytest.raises(PortTakenError, match="in use; EDGE_PORT chooses another"):
+            check_ports([named])
     check_ports([wanted])
 
 
