@@ -188,7 +188,7 @@ ARMING_SHOWN_WITHIN_S: Final = 45.0
 """How long after an order a vehicle may show that it obeys: 8 attempts of at most 5 s each."""
 ARMED_BY_OTHERS: Final = "somebody else has armed it"
 LEFT_BY_OTHERS: Final = (
-    f"somebody else had armed it: it has to stand disarmed for {STAND_S:.0f} s first"
+    f"somebody else or its failsafe had it: it has to stand disarmed for {STAND_S:.0f} s first"
 )
 
 
