@@ -7,9 +7,10 @@ from the newest backwards, as far as pictures may belong to its missions.
 
 Each picture belongs to the command that ran when it was taken (`Attribution`). The interval of a
 command runs from the end of the previous command to its own end, by the vehicle's clock and as far
-as the broker knows it. The broker learns of a command up to a second late, and a camera may need
-some time, so a command that lacks pictures also gets those from shortly before and after its
-interval. What an autopilot reports of pictures (`feedback`) is counted as of other cameras.
+as the broker knows it. The broker learns of a command up to a second late, later after a lost link
+or a pause of its own, and a camera may need some time. So a command that lacks pictures also gets
+those from shortly before its predecessor was seen last, and from shortly after its interval. What
+an autopilot reports of pictures (`feedback`) is counted as of other cameras.
 """
 
 import math
@@ -64,13 +65,16 @@ def current_command(
     """Give the command of a mission that runs, or is next."""
     if ledger.finished >= len(commands):
         return None
-    command = commands[ledger.finished]
+    return picture_command(ledger, commands, mission, ledger.finished)
+
+
+def picture_command(
+    ledger: MissionLedger, commands: tuple[Command, ...], mission: str, index: int
+) -> PictureCommand:
+    """Give a command of a mission by its index."""
+    command = commands[index]
     return PictureCommand(
-        mission,
-        ledger.mission_id,
-        ledger.finished,
-        command.command_id,
-        pictures_of(command),
+        mission, ledger.mission_id, index, command.command_id, pictures_of(command)
     )
 
 
@@ -80,6 +84,7 @@ class CommandInterval:
 
     command: PictureCommand | None
     began_s: float
+    earliest_s: float  # It may have begun since then, when its predecessor was seen last
     ended_s: float = math.inf
     is_partial: bool = False  # Its beginning was not observed
     counts: dict[int, int] = field(default_factory=dict)  # Its pictures, by camera
@@ -124,6 +129,7 @@ class Attribution:
     def __init__(self) -> None:
         self._intervals: deque[CommandInterval] = deque(maxlen=MAX_INTERVALS)
         self._incomplete: list[CommandInterval] = []
+        self._seen_s: float | None = None  # When the present command was seen last
 
     @property
     def current(self) -> PictureCommand | None:
@@ -135,11 +141,14 @@ class Attribution:
     ) -> bool:
         """Follow the command that runs, `is_resumed` if it ran before; return if it changed."""
         if self._intervals and self._intervals[-1].command == command:
+            self._seen_s = time_s
             return False
         if self._intervals:
             self._end(self._intervals[-1], time_s)
         is_first = all(interval.command is None for interval in self._intervals)
-        self._intervals.append(CommandInterval(command, time_s, is_partial=is_resumed and is_first))
+        earliest_s = time_s if self._seen_s is None else min(self._seen_s, time_s)
+        partial = is_resumed and is_first
+        self._intervals.append(CommandInterval(command, time_s, earliest_s, is_partial=partial))
         return True
 
     def _end(self, interval: CommandInterval, time_s: float) -> None:
@@ -162,7 +171,8 @@ class Attribution:
 
     def _count(self, since_s: float, time_s: float, camera: int) -> CommandInterval | None:
         for interval in self._intervals:
-            is_near = interval.began_s - EARLY_S <= time_s and since_s <= interval.ended_s + LATE_S
+            is_late = since_s > interval.ended_s + LATE_S
+            is_near = interval.earliest_s - EARLY_S <= time_s and not is_late
             if interval.missing_of(camera) and is_near:
                 interval.count(camera)
                 return interval

@@ -14,9 +14,9 @@ camera, then from the autopilot. A file on a web server is a job for the program
 import logging
 import zlib
 from collections import OrderedDict, deque
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Final, NamedTuple
 
 from afarcloud.enumerations import Status
 from mavlink_broker.edge.wire import MissionWork
@@ -43,9 +43,10 @@ from mavlink_broker.pictures.announcements import (
     PictureCommand,
     WebLocation,
     current_command,
+    picture_command,
     read_capture,
 )
-from mavlink_broker.pictures.feedback import Feedback, FeedbackCounter, read_feedback
+from mavlink_broker.pictures.feedback import Feedback, FeedbackCounter, Place, read_feedback
 from mavlink_broker.vehicle.mission_ledger import MissionLedger
 from mavlink_broker.vehicle.reporter import Reporter
 from mavlink_broker.vehicle.vehicle import Vehicle
@@ -243,6 +244,23 @@ MAX_CAMERAS: Final = 8
 _LOG = logging.getLogger(__name__)
 
 
+class _Taken(NamedTuple):
+    """A picture that was announced, and is of no command yet."""
+
+    capture: Capture
+    time_s: float  # When it was taken, by the vehicle's clock
+    is_of_earlier_run: bool
+
+
+class _FedBack(NamedTuple):
+    """A picture that the autopilot has reported, and that is of no command yet."""
+
+    camera: int
+    since_s: float
+    time_s: float
+    place: Place | None
+
+
 class PictureCollector:
     """The pictures of one vehicle."""
 
@@ -250,6 +268,7 @@ class PictureCollector:
         self._vehicle = vehicle
         self._reporter = reporter
         self._attribution = Attribution()
+        self._taken: list[_Taken | _FedBack] = []  # Since the last step, in their order
         self._cameras: dict[int, AnnouncementTracker] = {}
         self._feedback = FeedbackCounter()
         self._clock_s: dict[int, float] = {}  # Of each camera: its lag behind the autopilot's clock
@@ -288,10 +307,35 @@ class PictureCollector:
                 command = current_command(ledger, work.mission.command_array, work.name)
         before = self._attribution.current
         is_resumed = work is not None and work.was_accepted
+        for passed in self._passed(before):
+            self._attribution.update(passed, self._time_s(now))
         is_change = self._attribution.update(command, self._time_s(now), is_resumed=is_resumed)
+        self._attribute_taken()
         if is_change and (command is None or before is None):
             for camera in self._cameras.values():  # A mission begins or ends
                 camera.request_count()
+
+    def _passed(self, before: PictureCommand | None) -> Iterator[PictureCommand]:
+        """Give the commands behind `before` that have ended since the last step, too."""
+        if before is None or self._flight is None:
+            return
+        work, ledger = self._flight
+        if before.mission != work.name:
+            return
+        commands = work.mission.command_array
+        for index in range(before.command + 1, min(ledger.finished, len(commands))):
+            yield picture_command(ledger, commands, work.name, index)
+
+    def _attribute_taken(self) -> None:
+        """Give pictures to commands once it is known which of them have begun meanwhile."""
+        taken, self._taken = self._taken, []
+        for one in taken:
+            if isinstance(one, _FedBack):
+                self._attribution.attribute_feedback(*one)
+                continue
+            command = self._attribution.attribute(one.time_s, one.capture.component)
+            if command is not None or one.is_of_earlier_run:
+                self._fetch(one.capture, command)
 
     def restarted(self) -> None:
         """Note that the vehicle has restarted: its clock begins anew, and perhaps its camera's.
@@ -377,9 +421,7 @@ class PictureCollector:
         self._seen[capture.identity] = None
         if len(self._seen) > MAX_IDENTITIES:
             self._seen.popitem(last=False)
-        command = self._attribution.attribute(taken_s, capture.component)
-        if command is not None or is_of_earlier_run:
-            self._fetch(capture, command)
+        self._taken.append(_Taken(capture, taken_s, is_of_earlier_run))
 
     def _take_feedback(self, feedback: Feedback, now: float) -> None:
         booted_s = self._vehicle.snapshot.booted_at_utc_s
@@ -388,7 +430,7 @@ class PictureCollector:
         for lost in reversed(range(count)):
             place = None if lost else feedback.place
             since_s = since_s if lost else taken_s
-            self._attribution.attribute_feedback(feedback.camera, since_s, taken_s, place)
+            self._taken.append(_FedBack(feedback.camera, since_s, taken_s, place))
 
     def _taken_s(self, capture: Capture, now: float) -> float:
         """The time when it was taken, by the autopilot's clock; a camera may have its own.

@@ -50,8 +50,6 @@ ARMED_UNREADY_AFTER_S: Final = 45.0
 REPORTED_EVERY_S: Final = 5.0
 """How often a mission reports how long its vehicle has stood since somebody else's flight."""
 WAITED: Final = f"stood for {STAND_S:.0f} s first: somebody else or its failsafe had it"
-    f"waited until it had stood for {STAND_S:.0f} s: somebody else or its failsafe had it"
-)
 
 _LOG = logging.getLogger(__name__)
 

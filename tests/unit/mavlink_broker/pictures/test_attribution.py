@@ -89,3 +89,19 @@ def test_a_camera_that_takes_no_part_is_not_waited_for() -> None:
     attribution = flown(taker(0, expected=1), taker(1))
     assert commands_of(attribution, 105.0, camera=SECOND) == [0]
     assert list(attribution.incomplete()) == []
+
+
+def test_a_command_that_was_seen_late_gets_its_pictures() -> None:
+    """The broker stood still, or the link was away, while its predecessor ended."""
+    attribution = flown(taker(0), taker(1))
+    attribution.update(taker(1), 111.0)
+    attribution.update(taker(2, expected=3), 123.0)
+    assert commands_of(attribution, 107.0, 115.0, 116.0, 117.0, 118.0) == [0, 2, 2, 2, 1]
+
+
+def test_commands_that_were_not_seen_to_run_share_their_pictures_in_order() -> None:
+    attribution = flown(taker(0))
+    attribution.update(taker(0), 101.0)
+    for one in (taker(1, expected=2), taker(2), taker(3, expected=1)):
+        attribution.update(one, 130.0)
+    assert commands_of(attribution, 105.0, 107.0, 120.0) == [1, 1, 3]

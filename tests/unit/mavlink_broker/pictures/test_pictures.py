@@ -362,3 +362,29 @@ def test_old_announcements_do_not_count_as_a_restart() -> None:
     flight.world.run(20.0)
     assert len(flight.images) == 5
     assert flight.world.edge.status(MISSION) == Status.RUNNING
+
+
+def test_pictures_that_were_taken_while_the_broker_stood_still_belong_to_their_command() -> None:
+    """It was suspended at the waypoint before, and reads at once what has arrived meanwhile."""
+    flight = Flight(count=2)
+    world = flight.world
+    plan = mission(takeoff(), waypoint(), image(3, 2), waypoint(4, 20.0), image(5), go_home(6))
+    world.edge.plan(plan)
+    world.run_until(lambda: flight.item == mavlink.MAV_CMD_NAV_WAYPOINT and flight.vehicle.current)
+
+    def stand_still(until: int) -> None:
+        while flight.item != until:
+            world.clock.now += 0.1
+            world.air.step()
+
+    stand_still(mavlink.MAV_CMD_IMAGE_START_CAPTURE)
+    flight.camera.shoot()
+    flight.camera.shoot()
+    stand_still(mavlink.MAV_CMD_NAV_WAYPOINT)
+    stand_still(mavlink.MAV_CMD_IMAGE_START_CAPTURE)
+    flight.camera.shoot()
+    stand_still(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH)
+    flight.land()
+    assert [name.split("_")[1] for name in flight.names] == ["c3", "c3", "c5"]
+    assert flight.message(2) is None
+    assert flight.message(4) is None
