@@ -196,6 +196,7 @@ class FlightArchive:
             return
         try:
             if not self._has_file():
+                self._note_room()  # Its file may have been deleted to make it
                 return
             if trusts_clock:
                 self._locked(self._drop_aged)
@@ -329,7 +330,14 @@ class FlightArchive:
             self._return_pages()
             with self._lock:
                 upkeep.checkpoint(self._opened())
+        self._note_room()
+
+    def _note_room(self) -> None:
+        """Note whether the disk has room for flights beside the records."""
+        was_short = self._disk_is_short
         self._disk_is_short = self._free_bytes() < self._reserve_bytes()
+        if was_short and not self._disk_is_short:
+            LOG.info("the disk has room again: flights are archived")
 
     def _discard_if_needed(self) -> None:
         """Delete the whole archive if nothing else helps and the records need its room soon."""

@@ -103,12 +103,21 @@ def test_the_archive_gives_way_when_the_disk_is_short(
     assert flown(edge) == [4]
 
 
-def test_the_file_is_deleted_if_nothing_else_helps(
+def test_the_file_is_deleted_if_nothing_else_helps_and_begun_again_when_there_is_room(
     edge: Edge, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     usage = namedtuple("usage", "total used free")  # noqa: PYI024  # as shutil's
     begin(edge)
-    monkeypatch.setattr(shutil, "disk_usage", lambda _: usage(100_000 * MIB, 0, 10 * MIB))
+    with monkeypatch.context() as patch:
+        patch.setattr(shutil, "disk_usage", lambda _: usage(100_000 * MIB, 0, 10 * MIB))
+        for _ in range(2):
+            edge.context.archive.maintain(trusts_clock=False)
+            assert not edge.config.archive_path.exists()
+            assert not edge.context.archive.figures().is_working
+        fly(edge, 2)
+        assert flown(edge) == []
+    assert edge.count("telemetry") == 4
     edge.context.archive.maintain(trusts_clock=False)
-    assert not edge.config.archive_path.exists()
-    assert edge.count("telemetry") == 1
+    assert edge.context.archive.figures().is_working
+    fly(edge, 3)
+    assert flown(edge) == [3]
