@@ -77,6 +77,8 @@ class Poll(NamedTuple):
     """How long the edge server may wait for work."""
     held_back: frozenset[int]
     """Vehicles whose work is not taken from the answer."""
+    sent_at: float
+    """When it was made, by the monotonic clock [s]: an answer was not written before."""
 
 
 class Pause(Enum):
@@ -230,7 +232,7 @@ class EdgeClient:
         """
         wait_s = LONG_POLL_S if self._reachable else 0.0
         path = f"/broker/commands?after={self._cursor}&wait={wait_s:.0f}"
-        return Poll(path, wait_s, self._vehicles_with_unsent_reports())
+        return Poll(path, wait_s, self._vehicles_with_unsent_reports(), self._clock())
 
     def take_answer(self, poll: Poll, answer: Answer | Exception) -> Pause:
         """Pass on the work in an answer, or note the error; gives what the next poll waits for."""
@@ -248,10 +250,11 @@ class EdgeClient:
         if found is None:
             self._cursor = 0  # Another edge server may answer next; known work is recognised
             return Pause.RETRY
-        return self._receive_work(found, poll.held_back)
+        return self._receive_work(found, poll)
 
-    def _receive_work(self, answer: Any, held_back: frozenset[int]) -> Pause:
+    def _receive_work(self, answer: Any, poll: Poll) -> Pause:
         """Pass on the work of vehicles that are not held back, and note the cursor."""
+        held_back = poll.held_back
         try:
             commands = [dict(command) for command in answer["commands"]]
             cursor = int(answer["cursor"])
@@ -259,7 +262,7 @@ class EdgeClient:
             _LOG.exception("the edge server's work cannot be read")
             self._cursor = 0
             return Pause.RETRY
-        edge_time = self._edge_time(answer.get("time"))
+        edge_time = self._edge_time(answer.get("time"), poll.sent_at)
         waiting_for = tuple(held_back)  # An invalid vehicle_id may not be hashable
         due = [command for command in commands if command.get("vehicle_id") not in waiting_for]
         for command in due:
@@ -284,12 +287,12 @@ class EdgeClient:
                 _LOG.warning("work of vehicle %d waits until %d %s", vehicle_id, count, reports)
         self._held_back = vehicles
 
-    def _edge_time(self, written: object) -> datetime | None:
+    def _edge_time(self, written: object, sent_at: float) -> datetime | None:
         """Give the edge server's present time; None while it has named none that can be read."""
         now = self._clock()
         try:
             if isinstance(written, str):
-                self._edge_clock.note(_TIME.validate_python(written), now)
+                self._edge_clock.note(_TIME.validate_python(written), sent_at, now)
             return self._edge_clock.time(now)
         except (ValidationError, OverflowError):
             _LOG.warning("the time of the edge server's answer cannot be used: %.40r", written)

@@ -4,8 +4,10 @@ Work expires by the edge server's clock: an abort within 10 s. A broker on anoth
 clock is wrong, would refuse every abort as expired, or carry out one that nobody wants any more.
 
 An answer names the time at which it was written and arrives later: of several answers the one that
-was on its way for the shortest time is nearest to the truth. A time that differs from the estimate
-by more than an answer may take is that of a clock which was set, or of another edge server.
+was on its way for the shortest time is nearest to the truth. It was written after its request was
+sent, so that a time which is too early even for that moment is that of a clock which was set back,
+or of another edge server. An answer that is merely read late, as by a broker that was suspended for
+minutes, changes nothing: an order in it has expired meanwhile.
 """
 
 from collections import deque
@@ -14,8 +16,8 @@ from typing import Final
 
 ANSWERS_KEPT: Final = 16
 """A drift of 100 ppm makes 30 ms within so many long polls."""
-LONGEST_DELAY_S: Final = 60.0
-"""Longer than an answer is waited for."""
+SET_BACK_S: Final = 1.0
+"""More than the clocks drift apart within the answers that are kept."""
 
 
 class EdgeClock:
@@ -24,12 +26,12 @@ class EdgeClock:
     def __init__(self) -> None:
         self._ahead_s: deque[float] = deque(maxlen=ANSWERS_KEPT)  # [s] Of the monotonic clock
 
-    def note(self, written: datetime, now: float) -> None:
-        """Take the time that an answer names, received at a monotonic time [s]."""
-        ahead_s = written.timestamp() - now
-        if self._ahead_s and abs(ahead_s - max(self._ahead_s)) > LONGEST_DELAY_S:
+    def note(self, written: datetime, sent_at: float, now: float) -> None:
+        """Take the time that an answer names; request and answer at monotonic times [s]."""
+        at_least_s, at_most_s = written.timestamp() - now, written.timestamp() - sent_at
+        if self._ahead_s and at_most_s < max(self._ahead_s) - SET_BACK_S:
             self._ahead_s.clear()
-        self._ahead_s.append(ahead_s)
+        self._ahead_s.append(at_least_s)
 
     def time(self, now: float) -> datetime | None:
         """Give the edge server's time of day at a monotonic time [s]; None without an answer."""
