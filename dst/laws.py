@@ -100,6 +100,8 @@ class Laws:
         self._no_order_under_pilot()
         self._nothing_under_two_ids()
         self._nothing_invalid()
+        if not (self._world.edge.is_up and self._world.http.is_perfect):
+            self._edge_trouble_s = self._world.scheduler.now_s
         if self._world.edge.is_up:
             self._one_terminal_status()
             self._note_aborts()
@@ -240,8 +242,6 @@ class Laws:
     def _alarms_in_time(self) -> None:
         """The edge server knows of a motor failure soon, if link and edge server are there."""
         world, now_s = self._world, self._world.scheduler.now_s
-        if not (world.edge.is_up and world.http.is_perfect):
-            self._edge_trouble_s = now_s
         for system, vehicle in world.vehicles.items():
             truth, known_s = vehicle.truth, self._alarms_s[system]
             connected_s = max(self._connected_since_s(system), vehicle.booted_at_s)
@@ -296,7 +296,10 @@ class Laws:
         accepted_s = self._accepted_s.get(abort.number, math.inf)
         if abort.waits or self._world.vehicles[system].booted_at_s > abort.posted_s:
             return done_s
-        return min(done_s, max(accepted_s, self._connected_since_s(system)) + ABORT_S)
+        known_s = max(accepted_s, self._connected_since_s(system))
+        if self._world.broker.may_lack_records or system in self._world.confused:
+            known_s = max(known_s, self._edge_trouble_s)  # It hears of it again by the edge server
+        return min(done_s, known_s + ABORT_S)
 
     @staticmethod
     def _replaces(other: PostedAbort, abort: PostedAbort) -> bool:

@@ -210,7 +210,7 @@ def test_without_any_gyroscope_the_flight_is_terminated_and_says_why(
     tester.run_for(5.0)
     assert hover.tester.has_status_text("Gyroscope lost, no attitude: TERMINATE")
     assert hover.tester.has_status_text("Flight terminated")
-    for other in ("Motor", "Crash", "has jumped", "beyond its limit"):
+    for other in ("Motor", "Crash detected", "has jumped", "beyond its limit"):
         assert not hover.tester.has_status_text(other)
     assert not tester.status.preflight_checks_pass
 
