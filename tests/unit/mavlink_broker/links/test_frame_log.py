@@ -123,7 +123,8 @@ def test_a_new_run_starts_a_new_file_and_prunes_old_ones(tmp_path: Path) -> None
     for n in range(5):
         with opened(tmp_path, files=2) as log:
             log.write(next(numbered(1, n)), NOW)
-    assert [texts(replayed(path)) for path in files_of(tmp_path)] == [["3"], ["4"]]
+    # Files of one tick of the kernel's clock have no order by their time
+    assert sorted(texts(replayed(path)) for path in files_of(tmp_path)) == [["3"], ["4"]]
 
 
 def test_other_files_of_the_folder_are_left_alone(tmp_path: Path) -> None:
