@@ -244,7 +244,7 @@ MAX_CAMERAS: Final = 8
 _LOG = logging.getLogger(__name__)
 
 
-class _Taken(NamedTuple):
+class _AnnouncedPicture(NamedTuple):
     """A picture that was announced, and is of no command yet."""
 
     capture: Capture
@@ -252,7 +252,7 @@ class _Taken(NamedTuple):
     is_of_earlier_run: bool
 
 
-class _FedBack(NamedTuple):
+class _ReportedPicture(NamedTuple):
     """A picture that the autopilot has reported, and that is of no command yet."""
 
     camera: int
@@ -268,7 +268,9 @@ class PictureCollector:
         self._vehicle = vehicle
         self._reporter = reporter
         self._attribution = Attribution()
-        self._taken: list[_Taken | _FedBack] = []  # Since the last step, in their order
+        self._taken: list[
+            _AnnouncedPicture | _ReportedPicture
+        ] = []  # Since the last step, in their order
         self._cameras: dict[int, AnnouncementTracker] = {}
         self._feedback = FeedbackCounter()
         self._clock_s: dict[int, float] = {}  # Of each camera: its lag behind the autopilot's clock
@@ -330,7 +332,7 @@ class PictureCollector:
         """Give pictures to commands once it is known which of them have begun meanwhile."""
         taken, self._taken = self._taken, []
         for one in taken:
-            if isinstance(one, _FedBack):
+            if isinstance(one, _ReportedPicture):
                 self._attribution.attribute_feedback(*one)
                 continue
             command = self._attribution.attribute(one.time_s, one.capture.component)
@@ -421,7 +423,7 @@ class PictureCollector:
         self._seen[capture.identity] = None
         if len(self._seen) > MAX_IDENTITIES:
             self._seen.popitem(last=False)
-        self._taken.append(_Taken(capture, taken_s, is_of_earlier_run))
+        self._taken.append(_AnnouncedPicture(capture, taken_s, is_of_earlier_run))
 
     def _take_feedback(self, feedback: Feedback, now: float) -> None:
         booted_s = self._vehicle.snapshot.booted_at_utc_s
@@ -430,7 +432,7 @@ class PictureCollector:
         for lost in reversed(range(count)):
             place = None if lost else feedback.place
             since_s = since_s if lost else taken_s
-            self._taken.append(_FedBack(feedback.camera, since_s, taken_s, place))
+            self._taken.append(_ReportedPicture(feedback.camera, since_s, taken_s, place))
 
     def _taken_s(self, capture: Capture, now: float) -> float:
         """The time when it was taken, by the autopilot's clock; a camera may have its own.

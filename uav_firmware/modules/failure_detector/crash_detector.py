@@ -169,7 +169,7 @@ class FallDetector:
         self._was_flying = False
         self._falling_s = self._since_s = 0.0
 
-    def fly(self, *, in_air: bool) -> None:
+    def note_armed(self, *, in_air: bool) -> None:
         """Note where an armed vehicle is."""
         self._was_flying = in_air
         self._falling_s = self._since_s = 0.0

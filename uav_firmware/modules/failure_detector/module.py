@@ -194,7 +194,9 @@ class FailureDetectorModule:
     def _detect_fall(self, dt: float, *, armed: bool) -> bool:
         imu, landed = self._imu.value, self._landed.value
         if armed or not self._params.crash_enabled:
-            self._fall_detector.fly(in_air=armed and landed is not None and not landed.landed)
+            self._fall_detector.note_armed(
+                in_air=armed and landed is not None and not landed.landed
+            )
             return False
         return imu is not None and self._fall_detector.update(imu.specific_force_frd, dt)
 

@@ -142,7 +142,7 @@ STANDING = (0.0, 0.0, -9.8)
 
 def disarmed(*, in_air: bool) -> FallDetector:
     detector = FallDetector()
-    detector.fly(in_air=in_air)
+    detector.note_armed(in_air=in_air)
     return detector
 
 
