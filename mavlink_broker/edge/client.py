@@ -283,6 +283,8 @@ class EdgeClient:
             with self._changed:
                 counts = {one: self._outbox.unsent_reports_of(one) for one in sorted(vehicles)}
             for vehicle_id, count in counts.items():
+                if not count:
+                    continue  # Sent since the question, so that the next one gets its work
                 reports = "reports or answers to events of an earlier run are sent"
                 _LOG.warning("work of vehicle %d waits until %d %s", vehicle_id, count, reports)
         self._held_back = vehicles
@@ -434,6 +436,8 @@ class EdgeClient:
         """Log a refusal: the edge server's text names field and reason."""
         if _was_sent_before(post, status, text):
             _LOG.info("%s was sent before", post.path)
+        elif is_acknowledgement(post) and status in _WITHDRAWN:
+            _LOG.warning("%s: this work has ended meanwhile: HTTP %d %s", post.path, status, text)
         elif post.is_inherited:
             _LOG.warning("%s of an earlier run is refused: HTTP %d %s", post.path, status, text)
         else:

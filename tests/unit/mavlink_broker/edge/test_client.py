@@ -164,7 +164,11 @@ def test_a_final_refusal_is_not_retried(server: FakeEdgeServer, tmp_path: Path) 
     [([], True), ([404], False), ([503, 409], False), ([422], False), ([503], True)],
 )
 def test_the_answer_to_an_acceptance_is_passed_on(
-    server: FakeEdgeServer, tmp_path: Path, failures: list[int], holds: bool
+    server: FakeEdgeServer,
+    tmp_path: Path,
+    caplog: pytest.LogCaptureFixture,
+    failures: list[int],
+    holds: bool,
 ) -> None:
     (tmp_path / "broker.key").write_text(KEY)
     server.plan(first_flight())
@@ -188,6 +192,8 @@ def test_the_answer_to_an_acceptance_is_passed_on(
     sent = [*verdicts, *client.take_acceptance_results()]
     assert [(verdict.work_id, verdict.is_confirmed) for verdict in sent] == [(1, holds)]
     assert woken.event.is_set()
+    errors = [one for one in caplog.records if one.levelno >= logging.ERROR]
+    assert bool(errors) == (failures == [422])  # Work that ends meanwhile is none
 
 
 def test_the_key_file_may_appear_later_or_change(server: FakeEdgeServer, tmp_path: Path) -> None:
@@ -618,3 +624,19 @@ def test_a_post_without_an_answer_is_taken_again_after_its_pause(tmp_path: Path)
     assert client.take_post() is post
     client.settle(post, Answer(200, b"{}"))
     assert client.take_acceptance_results() == [AcceptanceResult(5, is_confirmed=True)]
+
+
+def test_no_work_is_said_to_wait_for_reports_that_were_sent_meanwhile(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.WARNING)
+    leave(tmp_path, report(1201, 2))
+    client = EdgeClient(NOWHERE, tmp_path / "key", Woken(), spool=spool_in(tmp_path))
+    poll = client.next_poll()
+    inherited = client.take_post()
+    assert inherited is not None
+    client.settle(inherited, Answer(201, b'{"id": 7}'))
+    work = Answer(200, b'{"cursor": 3, "commands": [{"id": 3, "vehicle_id": 1}]}')
+    assert client.take_answer(poll, work) is Pause.REPORTS
+    assert "waits until" not in caplog.text
+    assert client.take_answer(client.next_poll(), work) is Pause.NONE
