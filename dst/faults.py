@@ -305,7 +305,6 @@ class Faults:
         is_idle = vehicle.is_on and not vehicle.is_flying and not vehicle.armed
         if isinstance(vehicle, Vehicle) and is_idle:
             self._world.scheduler.note("faults", f"vehicle {system}", "another aircraft")
-            self._world.confused.add(system)
             vehicle.switch_off()
             self._world.scheduler.after(SWAP_S, vehicle.swap)
 

@@ -297,7 +297,7 @@ class Laws:
         if abort.waits or self._world.vehicles[system].booted_at_s > abort.posted_s:
             return done_s
         known_s = max(accepted_s, self._connected_since_s(system))
-        if self._world.broker.may_lack_records or system in self._world.confused:
+        if self._world.broker.may_lack_records or system in self._world.twinned:
             known_s = max(known_s, self._edge_trouble_s)  # It hears of it again by the edge server
         return min(done_s, known_s + ABORT_S)
 
@@ -345,7 +345,7 @@ class Laws:
             return []
         found = []
         for system, vehicle in self._world.vehicles.items():
-            if system in self._world.confused:
+            if system in self._world.twinned:
                 continue
             borrowed = vehicle.parameters.items() - vehicle.autopilot.parameters.items()
             found += [f"vehicle {system} has borrowed {one}" for one in sorted(borrowed)]

@@ -89,8 +89,8 @@ class World:
         self.twins: dict[int, Vehicle] = {}
         # By system id: each that has had it
         self._aircraft: dict[int, list[Vehicle | FlightStack]] = {}
-        self.confused: set[int] = set()
-        """System ids that several aircraft have had."""
+        self.twinned: set[int] = set()
+        """System ids that two aircraft have had at once."""
         self.connected_s = dict.fromkeys(range(1, vehicles + 1), 0.0)
         """Since when broker and link of each vehicle are up, or were for the last time."""
         self.up: dict[int, NetworkPath] = {}
@@ -118,7 +118,7 @@ class World:
     def add_twin(self, system: int) -> None:
         """Switch on another aircraft with the system id of one, until `remove_twin`."""
         self.remove_twin(system)
-        self.confused.add(system)
+        self.twinned.add(system)
         arrive = partial(self.broker.arrive, Address("192.0.2.2", TWIN_PORT + system))
         up = NetworkPath(self.scheduler, f"up/twin {system}", arrive)
         twin = Vehicle(self.scheduler, system, up.send, self.vehicles[system].autopilot)

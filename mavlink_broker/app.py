@@ -279,6 +279,8 @@ class App:
             with self._call(member, now) as call:
                 if is_of_autopilot:
                     member.session.receive(message, now, call.effects)
+                    if message.get_type() == "AUTOPILOT_VERSION":
+                        self._records.recall(member.session, now, call.effects)
                 else:
                     member.session.receive_payload(message, now, call.effects)
         if message.get_type() not in READ_LATER:

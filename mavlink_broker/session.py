@@ -123,9 +123,10 @@ class Session:
     def change_vehicle(self) -> bool:
         """Forget what was noted of a vehicle, for another has taken its place.
 
-        False while a mission flies.
+        False while it is armed, or while a mission is on it.
         """
-        if self.state is not State.IDLE or self.vehicle.snapshot.armed:
+        has_nothing = self.state in {State.IDLE, State.ATTACHING, State.WAITING}
+        if not has_nothing or self.vehicle.snapshot.armed:
             return False
         self.vehicle.recovery.forget()
         self.logs.forget()
@@ -168,9 +169,11 @@ class Session:
         """Handle a message of the vehicle's autopilot."""
         if self._state_order.is_overtaken(message, now):
             return
+        kind = message.get_type()
+        if kind == "AUTOPILOT_VERSION" and self.vehicle.is_swapped_for(message):
+            self.vehicle_replaced(now, effects)
         if self.vehicle.take(message, now):
             self._vehicle_restarted(now, effects)
-        kind = message.get_type()
         if kind in RATE_MESSAGES:
             effects.messages += self._streams.receive(message, now)
         self._alarms.receive(message, now)
@@ -181,12 +184,16 @@ class Session:
         if kind == "STATUSTEXT":
             self._heartbeat.receive_text(message.text)
         if kind in PARAMETER_MESSAGES:
-            self._heartbeat.receive(message)
-            self._battery_capacity.receive(message)
-            effects.messages += self.vehicle.parameters.receive(message, now)
+            self._receive_parameter(message, now, effects)
         if self._config_restorer.transfer is not None:
             effects.messages += self._config_restorer.transfer.receive(message, now)
         self.missions.receive(message, now, effects)
+
+    def _receive_parameter(self, message: Message, now: float, effects: Effects) -> None:
+        self._heartbeat.receive(message)
+        self._battery_capacity.receive(message)
+        if self.vehicle.is_identified:  # Else it may be the loan of another one
+            effects.messages += self.vehicle.parameters.receive(message, now)
 
     def receive_payload(self, message: Message, now: float, effects: Effects) -> None:
         """Handle a message of another component of the vehicle: its camera, its gimbal."""
@@ -209,6 +216,7 @@ class Session:
         self._request_anew()
         self.logs.restarted()
         if not is_old:
+            self.vehicle.ask_identity()
             self._end_orders(RESTARTED, now, effects)
 
     def vehicle_replaced(self, now: float, effects: Effects) -> None:
@@ -268,7 +276,8 @@ class Session:
         else:
             self._alarms.forget()
             self.missions.refuse_expired_events(now, effects)
-        effects.messages += self._config_restorer.step(now, idle=self.state is State.IDLE)
+        is_idle = self.state is State.IDLE and vehicle.is_identified
+        effects.messages += self._config_restorer.step(now, idle=is_idle)
         lost_since = self._lost_since
         is_unreachable = lost_since is not None and now - lost_since >= UNREACHABLE_AFTER_S
         self.missions.tick(now, effects, is_unreachable=is_unreachable)
@@ -290,8 +299,8 @@ class Session:
     def _override_parameters(self, now: float) -> list[Message]:
         """Set the parameters that the segment in flight needs, restore the others."""
         vehicle = self.vehicle
-        if vehicle.is_taken:
-            return []  # They are restored when it has landed
+        if vehicle.is_taken or not vehicle.is_identified:
+            return []  # They are restored when it has landed, if they are its own
         is_flying = self.missions.is_flying
         may_be_needed = vehicle.parameters.is_loaded and not vehicle.snapshot.is_on_ground
         if not is_flying and not may_be_needed:

@@ -2,9 +2,9 @@
 
 One SET_MESSAGE_INTERVAL is outstanding at a time, because COMMAND_ACK does not say which of
 several it answers. HOME_POSITION is requested until it is received; vehicles send it rarely.
-AUTOPILOT_VERSION is requested a few times, since it distinguishes kinds of vehicles. Frequent
-messages that the broker does not read are disabled: PX4 sends some 400 messages a second on a
-companion computer's link.
+AUTOPILOT_VERSION, which distinguishes kinds of vehicles and each from the others, is requested a
+few times at once, then now and then until it is received. Frequent messages that the broker does
+not read are disabled: PX4 sends some 400 messages a second on a companion computer's link.
 
 A message that is older than three of its periods is requested again: a vehicle forgets its streams
 when it restarts, and a link may lose the request. An old autopilot without SET_MESSAGE_INTERVAL
@@ -125,6 +125,8 @@ HOME_INTERVAL_S: Final = 1.0
 SINGLE_INTERVAL_S: Final = 1.5
 VERSION_INTERVAL_S: Final = 0.5
 VERSION_ATTEMPTS: Final = 8
+"""Missions wait for so many; later requests are `VERSION_LATER_S` apart."""
+VERSION_LATER_S: Final = 10.0
 
 
 class StreamRequests:
@@ -325,11 +327,13 @@ class StreamRequests:
     def _version(self, now: float) -> list[Message]:
         if "AUTOPILOT_VERSION" in self._received_at:
             self._version_requests = VERSION_ATTEMPTS + 1
-        if self.is_version_settled or now - self._version_requested_at < VERSION_INTERVAL_S:
+            return []
+        pause_s = VERSION_LATER_S if self.is_version_settled else VERSION_INTERVAL_S
+        if now - self._version_requested_at < pause_s:
             return []
         self._version_requests += 1
         self._version_requested_at = now
-        if self._version_requests > VERSION_ATTEMPTS:
+        if self._version_requests == VERSION_ATTEMPTS + 1:
             return []
         return [request_message(self.route, mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION)]
 

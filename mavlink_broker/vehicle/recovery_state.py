@@ -488,8 +488,8 @@ class RecoveryState:
         self._paused = both.paused
 
     def forget(self) -> None:
-        """Begin with nothing again: another vehicle has taken the place of this one."""
+        """Begin anew with another vehicle in place of this one; aborts are for it too."""
         self.overrides, self.parameters = VehicleOverrides(), ParameterOverrider()
         self.hover.end()
-        self._return = self._abort = self._held_abort = self._paused = None
+        self._return = self._paused = None
         self.clear_commands()

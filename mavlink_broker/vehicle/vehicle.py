@@ -185,6 +185,20 @@ class Vehicle:
         self._forget_telemetry()
         self._reboots, self.armed_period = RebootMonitor(), ArmedPeriod()
         self._back_at = None
+        self.ask_identity()
+
+    def is_swapped_for(self, version: Message) -> bool:
+        """Whether an AUTOPILOT_VERSION shows that another vehicle stands where this one stood.
+
+        One that is armed is not swapped: the sender has its system id too. Numbers of different
+        lengths may be one vehicle's, over MAVLink 1 and 2.
+        """
+        number = uid_of(version)
+        is_other = number != self.uid and len(number) == len(self.uid)
+        return is_other and not self.snapshot.armed
+
+    def ask_identity(self) -> None:
+        """Note that it may be another vehicle, until it has sent its AUTOPILOT_VERSION again."""
         self._is_identified = False
 
     def _observe_foreign_order(self, message: Message, now: float) -> None:
@@ -281,7 +295,7 @@ class Vehicle:
     def change_autopilot(self, component: int) -> None:
         """Address a component as its autopilot, and forget what another one sent."""
         self.route = self.route._replace(target_component=component)
-        self._is_identified = False
+        self.ask_identity()
         self.snapshot.forget()
 
     def add_camera(self, component: int) -> None:

@@ -7,6 +7,7 @@ from mavlink_broker.vehicle.recovery_state import (
     LiveCommandProgress,
     PendingAbort,
     PendingReturn,
+    RecoveryRecord,
     RecoveryState,
 )
 from mavlink_broker.vehicle.telemetry import Position, Snapshot
@@ -56,10 +57,10 @@ def test_an_abort_stays_noted_while_its_missions_may_be_handed_out_again() -> No
     assert state.record.abort is None
 
 
-def test_another_vehicle_begins_with_an_empty_record() -> None:
+def test_another_vehicle_begins_with_the_aborts_alone() -> None:
     state = noted()
     state.forget()
-    assert state.record == EMPTY_RECORD
+    assert state.record == RecoveryRecord(abort=noted().record.abort)
 
 
 def test_without_a_journal_everything_counts_as_stored() -> None:

@@ -1,0 +1,132 @@
+"""Another aircraft takes the place of one that stands, while the broker runs; simulated time.
+
+It has the same system id and address, and a hardware number and settings of its own. What the
+broker notes from then on is of the new one, so that a restarted broker restores that one.
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from afarcloud.enumerations import EventType, Status
+from tests.support.broker_world import World, first_flight, follow, go_home, mission, takeoff
+from tests.support.fenced_vehicle import FencedVehicle, fenced_vehicle
+from tests.support.scripted_vehicle import PX4, PX4_FOLLOW
+from tests.unit.mavlink_broker.mission.test_geofence_transfer import POINT, fence, placed, square
+from tests.unit.mavlink_broker.test_restart_overrides import DISK_LAG_S, WITH_FOLLOW
+
+FIRST, SECOND = "vehicle-1-0000000000000006.json", "vehicle-1-0000000000000007.json"
+
+
+class SwappedFarm:
+    """A vehicle that stands, and is swapped for another one."""
+
+    def __init__(self, folder: Path) -> None:
+        self.world = World(journal=folder, disk_lag_s=DISK_LAG_S)
+        self.vehicle: FencedVehicle = fenced_vehicle(self.world, PX4, values=WITH_FOLLOW)
+        self.vehicle.uid = 6
+        placed(self.vehicle, square(half_m=90.0))
+        self.world.run(10.0)
+
+    def swap(self, away_s: float) -> None:
+        """Put another aircraft in its place, with a fence and values of its owner's."""
+        self.vehicle.silent = True
+        self.world.run(away_s)
+        self.vehicle.silent = False
+        self.vehicle.uid = 7
+        self.vehicle.values = dict(WITH_FOLLOW, FLW_TGT_HT=9.0)
+        placed(self.vehicle, square(half_m=80.0))
+        self.vehicle.reboot(self.world.clock.now)
+        self.settings = dict(self.vehicle.values), self.vehicle.fence
+
+    def post(self) -> None:
+        """Post a plan that changes fence and values."""
+        self.world.edge.plan(
+            mission(takeoff(), follow(altitude=12.0), go_home(3)),
+            geofence=fence(max_altitude=60.0),
+            rally_points=[POINT],
+        )
+
+    def has_own_settings(self) -> bool:
+        """Whether the second aircraft has again what its owner had set."""
+        return (dict(self.vehicle.values), self.vehicle.fence) == self.settings
+
+
+def _before(farm: SwappedFarm, away_s: float) -> None:
+    farm.post()
+    farm.world.run(1.0)
+    farm.swap(away_s)
+
+
+def _at_once(farm: SwappedFarm, away_s: float) -> None:
+    farm.swap(away_s)
+    farm.post()
+
+
+def _a_second_later(farm: SwappedFarm, away_s: float) -> None:
+    farm.swap(away_s)
+    farm.world.run(1.0)
+    farm.post()
+
+
+@pytest.mark.first_case
+@pytest.mark.parametrize("away_s", [3.0, 0.0, 0.5, 30.0])
+@pytest.mark.parametrize("post_and_swap", [_at_once, _before, _a_second_later])
+def test_a_swapped_vehicle_is_restored_by_a_restarted_broker(
+    tmp_path: Path, post_and_swap: Callable[[SwappedFarm, float], None], away_s: float
+) -> None:
+    farm = SwappedFarm(tmp_path)
+    post_and_swap(farm, away_s)
+    farm.world.run_until(lambda: farm.vehicle.custom_mode == PX4_FOLLOW)
+    assert (tmp_path / SECOND).exists()
+    farm.world.kill_broker()
+    farm.world.run(1.0)
+    farm.world.restart_broker()
+    farm.world.run_until_over(1201)
+    assert farm.world.edge.status(1201) == Status.FINISHED
+    farm.world.run_until(lambda: farm.has_own_settings() and not (tmp_path / SECOND).exists())
+
+
+def test_a_vehicle_that_waits_with_the_firsts_fence_keeps_the_record_of_the_first(
+    tmp_path: Path,
+) -> None:
+    farm = SwappedFarm(tmp_path)
+    _before(farm, away_s=3.0)
+    farm.world.run_until_over(1201)
+    farm.world.run_until(lambda: farm.has_own_settings() and not (tmp_path / SECOND).exists())
+    assert (tmp_path / FIRST).exists()
+
+
+def test_an_abort_of_a_swapped_vehicle_is_known_behind_a_kill_of_the_broker(
+    tmp_path: Path,
+) -> None:
+    farm = SwappedFarm(tmp_path)
+    farm.swap(away_s=3.0)
+    farm.world.edge.plan(first_flight())
+    farm.world.run_until(lambda: farm.world.edge.status(1201) == Status.RUNNING)
+    farm.world.run(5.0)
+    farm.vehicle.silent = True
+    farm.world.edge.event(EventType.ABORT_MISSION)
+    farm.world.run(2.0)
+    assert (tmp_path / SECOND).exists()
+    assert not (tmp_path / FIRST).exists()
+    farm.world.kill_broker()
+    farm.vehicle.silent = False
+    farm.world.restart_broker()
+    farm.world.edge.take_work()  # It is out of reach: the journal alone knows of the abort
+    farm.world.run_until(lambda: not farm.vehicle.armed)
+
+
+def test_a_vehicle_that_shows_its_number_late_is_restored_all_the_same(tmp_path: Path) -> None:
+    """The restarted broker receives the vehicle and is not received by it, for a while."""
+    farm = SwappedFarm(tmp_path)
+    farm.swap(away_s=3.0)
+    farm.post()
+    farm.world.run_until(lambda: farm.vehicle.custom_mode == PX4_FOLLOW)
+    farm.world.kill_broker()
+    farm.world.restart_broker()
+    farm.world.air.is_uplink_up = False
+    farm.world.run(20.0)
+    farm.world.air.is_uplink_up = True
+    farm.world.run_until(lambda: farm.has_own_settings() and not (tmp_path / SECOND).exists())
