@@ -65,6 +65,8 @@ class Autopilot:
     """Whether it has DO_ORBIT."""
     counts_turns: bool = False
     """DO_ORBIT ends after an angle."""
+    turns_by_condition: bool = False
+    """Whether it has CONDITION_YAW as a command."""
     parameters: Mapping[str, float] = field(default_factory=dict)
     """Its parameters, none with the value that the broker sets while it borrows it."""
 
@@ -127,6 +129,7 @@ ARDUPILOT: Final = Autopilot(
     starts_disarmed=False,
     pauses_by_command=False,
     orbits=False,
+    turns_by_condition=True,
     parameters={
         "BATT_CAPACITY": 4200.0,
         "MIS_RESTART": 1.0,

@@ -16,6 +16,7 @@ from dst import http_wire
 from dst.disk import Disk
 from dst.edge_process import EdgeDownError, EdgeProcess
 from dst.owed import STORED_AFTER_S, Owed
+from dst.pictures import PictureJobs
 from dst.scheduler import Clock, Scheduler
 from mavlink_broker.app import App
 from mavlink_broker.config import Config
@@ -275,6 +276,8 @@ class BrokerProcess:
         """Start; `disk` has the folder, `send` takes each frame to a vehicle."""
         folder.mkdir()
         self.disk = disk
+        self.download_failure_share = 0.0
+        """Of the pictures."""
         self.may_lack_records = False
         """Whether it was killed while its disk refused what it has to restore on its vehicles."""
         self.clock = clock
@@ -302,6 +305,11 @@ class BrokerProcess:
         """Whether it runs."""
         return self.app is not None
 
+    @property
+    def was_restarted(self) -> bool:
+        """Whether it was ever killed."""
+        return self._starts > 1
+
     def start(self) -> None:
         """Start on what is on the disk."""
         self._starts += 1
@@ -323,7 +331,8 @@ class BrokerProcess:
         config = replace(Config(), state_vector_every_s=STATE_VECTOR_S)
         lag_s = self._journal_lag_s + 2.0 * self.disk.sync_s
         journal = self._journal = Journal(scheduler, JournalTable(database), lag_s)
-        self.app = App(config, self, client, self.clock, self._new_ulid, None, journal)
+        jobs = PictureJobs(scheduler, self.wake, lambda: self.download_failure_share)
+        self.app = App(config, self, client, self.clock, self._new_ulid, jobs, journal)
 
         def while_up(period_s: float, action: Callable[[], None]) -> None:
             def act() -> None:

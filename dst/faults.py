@@ -78,12 +78,13 @@ class Fault(StrEnum):
     PAUSES = "pauses"
     LONG_MISSIONS = "long-missions"
     GEOFENCES = "geofences"
+    PICTURES = "pictures"
 
 
 KINEMATIC_ONLY: Final = frozenset(
     {
         *(Fault.NOT_A_NUMBER, Fault.POSITION_UNKNOWN, Fault.BATTERY_UNKNOWN),
-        *(Fault.SWAPPED, Fault.TWICE),
+        *(Fault.SWAPPED, Fault.TWICE, Fault.PICTURES),
     }
 )
 """What the flight stack does not do on demand."""
@@ -141,6 +142,7 @@ class Faults:
         for path in (*world.up.values(), *world.down.values()):
             path.conditions, path.is_up = PERFECT, True
         world.cloud.is_up, world.cloud.answer_loss = True, 0.0
+        world.broker.download_failure_share = 0.0
         world.http.restore()
         for machine in self._machines:
             machine.restore()
@@ -191,6 +193,7 @@ class Faults:
             world.http.cut_rate = CUT_RATE
             world.http.on_cut = lambda: self._restore_edge(random, MEAN_CUT_S)
         world.cloud.answer_loss = rate(Fault.CLOUD_ANSWERS_LOST)
+        world.broker.download_failure_share = rate(Fault.PICTURES)
 
     def _schedule(self) -> None:
         """Have each enabled fault that comes and goes begin."""

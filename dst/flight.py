@@ -6,7 +6,10 @@ mistake.
 
 import math
 from dataclasses import dataclass, field
-from typing import Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+if TYPE_CHECKING:
+    from dst.pictures import Picture
 
 HOME: Final = (40.44340, -3.73820, 650.0)
 """Latitude, longitude [deg], altitude above mean sea level [m]."""
@@ -41,6 +44,8 @@ class OrderUnderPilot(NamedTuple):
 class Truth:
     """What a vehicle did, whatever anybody has learnt of it."""
 
+    aircraft: int = 0
+    """Its serial number."""
     north_m: float = 0.0
     east_m: float = 0.0
     height_m: float = 0.0
@@ -56,6 +61,9 @@ class Truth:
     highest_m: float = 0.0
     hardest_m_s: float = 0.0
     """Speed of the hardest touchdown of a vehicle whose autopilot ran."""
+    place_e7: tuple[int, int] | None = None
+    """Latitude and longitude [1e-7 deg] of the waypoint or centre that it was ordered to last."""
+    pictures: "list[Picture]" = field(default_factory=list)
 
     def note_place(self) -> None:
         """Note how far and how high it is."""
@@ -88,6 +96,13 @@ def offset_m(latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
         (latitude_deg - HOME[0]) * _METRES_PER_DEGREE_NORTH,
         (longitude_deg - HOME[1]) * _METRES_PER_DEGREE_EAST,
     )
+
+
+def is_same_place(one_e7: tuple[int, int] | None, other_e7: tuple[int, int] | None) -> bool:
+    """Whether two places are the same but for rounding; latitude and longitude [1e-7 deg]."""
+    if one_e7 is None or other_e7 is None:
+        return False
+    return all(abs(one - other) <= 2 for one, other in zip(one_e7, other_e7, strict=True))
 
 
 class Flight:
@@ -137,6 +152,7 @@ class Flight:
             truth.east_m = circle.east_m + radius_m * math.sin(bearing)
         circle.turned_rad += step
         centre = circle.latitude_e7, circle.longitude_e7
+        truth.place_e7 = centre
         truth.turned_rad[centre] = truth.turned_rad.get(centre, 0.0) + step
         return circle.turned_rad >= math.tau
 

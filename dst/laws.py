@@ -13,8 +13,9 @@ from typing import Any, Final
 from afarcloud.enumerations import Status
 from dst.autopilot import Mode
 from dst.edge_process import EdgeDownError
-from dst.flight import SINK_M_S, Reached
+from dst.flight import SINK_M_S, Reached, is_same_place
 from dst.operator_person import FENCE_M, HIGHEST_M, Operator, PostedAbort, PostedPlan
+from dst.picture_laws import PictureLaws
 from dst.vehicle import Vehicle
 from dst.world import World
 from edge_server.outbox.queue import Stream
@@ -62,6 +63,7 @@ class Laws:
         self._ended_aborts: dict[int, tuple[str, float]] = {}  # By number: state, when
         self._accepted_s: dict[int, float] = {}  # By number of the abort, as it was seen
         self._read_before: dict[str, tuple[object, Any]] = {}  # By path: its state then, the answer
+        self._pictures = PictureLaws(world, operator)
         self.period_s = CHECK_PERIOD_S
         world.http.on_taken = self._taken
         self._check_again()
@@ -74,6 +76,7 @@ class Laws:
         """Note what the edge server has acknowledged to the broker, and who has accepted what."""
         if post.is_acceptance:
             self._note_aborts()
+        self._pictures.taken(post, answer)
         disk = self._world.edge_machine.disk
         if answer.status_code == HTTPStatus.INTERNAL_SERVER_ERROR and not disk.is_read_only:
             self._unforeseen.append(f"{post.method} {post.path} {post.body}")
@@ -114,6 +117,8 @@ class Laws:
         self._no_internal_error()
         self._no_database_was_damaged()
         self._nothing_flown_after_abort()
+        if self._pictures.broken:
+            raise LawError(self._pictures.broken[0])
 
     def _no_order_under_pilot(self) -> None:
         """Nobody commands a vehicle that a pilot has taken."""
@@ -331,6 +336,7 @@ class Laws:
         ]
         found += [f"vehicle {one.system} is armed" for one in world.vehicles.values() if one.armed]
         found += self._borrowed()
+        found += self._pictures.missing()
         waiting = world.broker.client.waiting if world.broker.client is not None else 0
         found += [f"{waiting} posts of the broker wait"] if waiting > 3 else []
         found += list(world.http.owed.texts.values())
@@ -369,25 +375,27 @@ class Laws:
         self._delivered_in_order()
 
     def _status_agrees_with_truth(self) -> None:
-        """A waypoint that is reported as finished was flown."""
+        """What is reported as finished was flown, or taken."""
         for plan, mission in self._missions():
-            flown = self._flown(plan)
             for command in mission["command_array"]:
-                centre = plan.circles.get(command["command_id"])
-                place = plan.waypoints.get(command["command_id"])
-                status = command.get("command_status_id")
-                is_flown = place is not None and any(_is_at(one, place) for one in flown)
-                if centre is not None:
-                    is_flown = any(
-                        _turned_rad(truth.turned_rad, centre) > LEAST_TURN_RAD
-                        for truth in self._world.truths(plan.vehicle_id)
-                    )
-                has_place = place is not None or centre is not None
-                if has_place and status == Status.FINISHED and not is_flown:
+                is_finished = command.get("command_status_id") == Status.FINISHED
+                if is_finished and not self._was_done(plan, command["command_id"]):
                     raise LawError(
                         f"plan {plan.number}: command {command['command_id']} is FINISHED and "
                         f"was not flown"
                     )
+
+    def _was_done(self, plan: PostedPlan, command_id: int) -> bool:
+        """Whether a command was carried out, by truth; one without a place counts as done."""
+        place, centre = plan.waypoints.get(command_id), plan.circles.get(command_id)
+        if command_id in plan.pictures:
+            return self._pictures.has_taken(plan, command_id)
+        if centre is not None:
+            return any(
+                _turned_rad(truth.turned_rad, centre) > LEAST_TURN_RAD
+                for truth in self._world.truths(plan.vehicle_id)
+            )
+        return place is None or any(_is_at(one, place) for one in self._flown(plan))
 
     def _no_database_was_damaged(self) -> None:
         """No loss of power has damaged a database: none was set aside at a start."""
@@ -481,13 +489,8 @@ class Laws:
 
 def _turned_rad(turned_rad: dict[tuple[int, int], float], centre: tuple[int, int]) -> float:
     """Give the angle flown round a centre, which may have been rounded otherwise."""
-    return sum(
-        angle_rad
-        for (latitude, longitude), angle_rad in turned_rad.items()
-        if abs(latitude - centre[0]) <= 2 and abs(longitude - centre[1]) <= 2
-    )
+    return sum(angle_rad for place, angle_rad in turned_rad.items() if is_same_place(place, centre))
 
 
 def _is_at(reached: Reached, place: tuple[int, int]) -> bool:
-    latitude, longitude = place
-    return abs(reached.latitude_e7 - latitude) <= 2 and abs(reached.longitude_e7 - longitude) <= 2
+    return is_same_place((reached.latitude_e7, reached.longitude_e7), place)

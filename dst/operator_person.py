@@ -61,11 +61,18 @@ ENDING_EVENTS: Final = (ABORT, SOFT_ABORT, 103)
 PAUSE: Final = 101
 RESUME: Final = 102
 
-WAYPOINT, HOTPOINT, FOLLOW = 3, 7, 8
+WAYPOINT, IMAGE, HOTPOINT, FOLLOW, PANORAMA = 3, 4, 7, 8, 10
 """`command_type_id`."""
+PICTURES_SHARE: Final = 0.4
+"""How often pictures are taken at a place."""
+PANORAMA_SHARE: Final = 0.2
+FIRST_PICTURES: Final = 100
+"""`command_id` of pictures, less that of the command before, which has the place."""
+RADIUS_M: Final = 5.0
+"""Of the circles."""
 FIELDS: Final[dict[int, dict[str, Any]]] = {
     WAYPOINT: {"altitude": ALTITUDE_M},
-    HOTPOINT: {"orbit_altitude": ALTITUDE_M, "radius": 5.0, "angular_velocity": 20.0},
+    HOTPOINT: {"orbit_altitude": ALTITUDE_M, "radius": RADIUS_M, "angular_velocity": 20.0},
     FOLLOW: {"altitude": ALTITUDE_M},
 }
 
@@ -81,6 +88,8 @@ class PostedPlan:
     """By command id: latitude and longitude [1e-7 deg]."""
     circles: dict[int, tuple[int, int]] = field(default_factory=dict)
     """By command id: the centre, as of a waypoint."""
+    pictures: dict[int, tuple[int, int]] = field(default_factory=dict)
+    """By command id: the place where they are taken, as of a waypoint."""
     posted_s: float = 0.0
     cancelled_s: float | None = None
     """When its deletion was acknowledged."""
@@ -131,6 +140,7 @@ class Operator:
         self._numbers = world.scheduler.random("mission numbers")
         self._lengths = world.scheduler.random("long missions")
         self._regrets = world.scheduler.random("regrets")
+        self._views = world.scheduler.random("views")
         self._missions = 0
         self._events = 0
         self._shift = 0
@@ -194,6 +204,7 @@ class Operator:
         commands: list[dict[str, Any]] = [_command(1, 1, home_fields | {"altitude": ALTITUDE_M})]
         waypoints: dict[int, tuple[int, int]] = {}
         circles: dict[int, tuple[int, int]] = {}
+        pictures: dict[int, tuple[int, int]] = {}
         may_be_long = bool(self._enabled & {Fault.LONG_MISSIONS, Fault.POWER_CUT})
         is_long = may_be_long and self._lengths.random() < LONG_SHARE
         last = self._lengths.randint(8, 11) if is_long else random.randint(3, 5)
@@ -207,6 +218,10 @@ class Operator:
             if kind != FOLLOW:
                 targets[command_id] = round(latitude * 1e7), round(longitude * 1e7)
             commands.append(_command(command_id, kind, where | FIELDS[kind]))
+            may_look = kind != FOLLOW and Fault.PICTURES in self._enabled
+            if may_look and self._views.random() < PICTURES_SHARE:
+                pictures[FIRST_PICTURES + command_id] = targets[command_id]
+                commands.append(self._view(FIRST_PICTURES + command_id))
         commands.append(_command(LANDING, 11, {"landing": True}))
         speed_m_s = self._lengths.uniform(2.0, 4.0) if is_long else 5.0
         mission = {"mission_id": mission_id, "vehicle_id": vehicle_id, "maximum_speed": speed_m_s}
@@ -220,7 +235,9 @@ class Operator:
             return
         number = int(response.json()["id"])
         now_s = self._world.scheduler.now_s
-        plan = PostedPlan(number, mission_id, vehicle_id, waypoints, circles, posted_s=now_s)
+        plan = PostedPlan(
+            number, mission_id, vehicle_id, waypoints, circles, pictures, posted_s=now_s
+        )
         self.plans.append(plan)
         if Fault.CANCELLATIONS in self._enabled and self._regrets.random() < REGRET_SHARE:
             regret_s = self._regrets.expovariate(1.0 / MEAN_REGRET_S)
@@ -228,6 +245,17 @@ class Operator:
         if Fault.REPEATED_POSTS in self._enabled:
             pause_s = random.uniform(0.0, 60.0)
             self._world.scheduler.after(pause_s, lambda: self._repeat(body, key, number))
+
+    def _view(self, command_id: int) -> dict[str, Any]:
+        """Give a command that takes pictures where the vehicle is."""
+        views = self._views
+        if views.random() < PANORAMA_SHARE:
+            return _command(command_id, PANORAMA, {"panorama_mode": views.randint(0, 1)})
+        count = views.randint(1, 3)
+        interval_s = 0 if count == 1 else views.randint(1, 3)
+        pitch_deg = views.choice((-90.0, -45.0))
+        shots = {"photo_count": count, "time_interval": interval_s}
+        return _command(command_id, IMAGE, shots | {"pitch_angle": pitch_deg})
 
     def _mission_id(self) -> int:
         """Give a number, which another plan may have had before."""

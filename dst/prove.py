@@ -254,6 +254,39 @@ BREAKS: Final = (
         ),
         (Fault.NOT_A_NUMBER,),
     ),
+    Break(
+        "a picture is given to the command before the one that took it",
+        (
+            Change(
+                "mavlink_broker/pictures/announcements.py",
+                "            if interval.missing_of(camera)\n            and interval.earliest_s",
+                "            if interval.command\n            and interval.earliest_s",
+            ),
+        ),
+        (Fault.PICTURES,),
+    ),
+    Break(
+        "a picture whose announcement was lost is not asked for",
+        (
+            Change(
+                "mavlink_broker/pictures/announcements.py",
+                "                self._images.setdefault(missing, _PendingRequest())\n",
+                "                continue\n",
+            ),
+        ),
+        (Fault.PICTURES, Fault.LOSS),
+    ),
+    Break(
+        "what is borrowed of a swapped aircraft is noted as of the former one",
+        (
+            Change(
+                "mavlink_broker/fleet.py",
+                "        return before.uid == NO_NUMBER or session.change_vehicle()\n",
+                "        return before.uid == NO_NUMBER and session is not None\n",
+            ),
+        ),
+        (Fault.SWAPPED,),
+    ),
 )
 
 

@@ -85,7 +85,15 @@ def simulate(
         vehicles = Random(f"{seed}/vehicles").choice(VEHICLES)
     folder = Path(tempfile.mkdtemp(prefix="dst-", dir=prepared.parent))
     began_s = time.process_time()
-    world = World(seed, prepared, folder, vehicles=vehicles, is_deep=is_deep, kept_lines=kept_lines)
+    world = World(
+        seed,
+        prepared,
+        folder,
+        vehicles=vehicles,
+        is_deep=is_deep,
+        has_cameras=Fault.PICTURES in enabled,
+        kept_lines=kept_lines,
+    )
     operator = Operator(world, enabled)
     failure = None
     coverage = Coverage()

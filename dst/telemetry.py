@@ -72,9 +72,9 @@ def _extreme(kind: str, share: float) -> int:
     return int(share * (2 ** (bits - 1) - 1)) - (share < 0.0)
 
 
-def attitude(boot_ms: int) -> Any:
-    """Level."""
-    return mavlink.MAVLink_attitude_message(boot_ms, *[0.0] * 6)
+def attitude(boot_ms: int, yaw_rad: float) -> Any:
+    """Level, at rest."""
+    return mavlink.MAVLink_attitude_message(boot_ms, 0.0, 0.0, yaw_rad, *[0.0] * 3)
 
 
 def gps(boot_ms: int, truth: Truth | None) -> Any:

@@ -5,6 +5,7 @@ whole, a takeover by the pilot, a return at a low battery, disarming on the grou
 own, as its geometry is.
 """
 
+import math
 from collections.abc import Callable
 from typing import Any, Final
 
@@ -24,6 +25,7 @@ from dst.flight import (
     offset_m,
 )
 from dst.mission_store import MissionStore
+from dst.pictures import COMPONENT, Camera
 from dst.scheduler import Event, Scheduler
 
 STREAMS_S: Final = (0.5, 1.0, 2.0, 3.0)
@@ -51,6 +53,8 @@ class Vehicle:
         system: int,
         send: Callable[[bytes], None],
         autopilot: Autopilot = PX4,
+        *,
+        has_camera: bool = False,
     ) -> None:
         """Stand at home, disarmed, with a full battery; `send` takes each frame."""
         self.system = system
@@ -68,8 +72,14 @@ class Vehicle:
         self._send_frame = send
         self.serial = system
         """Of the aircraft."""
+        self._camera: Camera | None = None
+        self._has_camera = has_camera
+        self._yaw_rad = 0.0
+        self._mount_camera()
         self._codec = mavlink.MAVLink(None, srcSystem=system, srcComponent=1)
         self.booted_at_s = scheduler.now_s
+        self.starts = 0
+        """How often its autopilot has started."""
         self._missions = MissionStore(scheduler, self._send)
         self._current = 0
         self._is_complete = False
@@ -131,6 +141,7 @@ class Vehicle:
         self.pilot_since_s = None
         self.switch_off()
         self.booted_at_s = self._scheduler.now_s
+        self.starts += 1
         self._next_step = self._scheduler.after(BOOT_S, self._step_again)
 
     def swap(self) -> None:
@@ -139,7 +150,15 @@ class Vehicle:
         self._missions.forget()
         self.parameters = dict(self.autopilot.parameters)
         self.truth.north_m = self.truth.east_m = 0.0
+        self._mount_camera()
         self.switch_on()
+
+    def _mount_camera(self) -> None:
+        """Have a camera without pictures, if it has one."""
+        self.truth.aircraft = self.serial
+        if self._has_camera:
+            frame, boot_ms = self._send_frame, lambda: self._boot_ms
+            self._camera = Camera(self._scheduler, self.system, frame, self.truth, boot_ms)
 
     def switch_off(self) -> None:
         """End the autopilot, and whatever it sends."""
@@ -153,6 +172,8 @@ class Vehicle:
         self._periods_s.clear()
         self._missions.forget_transfer()
         self._current = 0
+        if self._camera is not None:
+            self._camera.stop()
 
     def switch_on(self) -> None:
         """Start the autopilot with a full battery; the stored mission survives."""
@@ -184,6 +205,8 @@ class Vehicle:
         if now_s >= self._heartbeat_s:
             self._heartbeat_s = now_s + 1.0
             self._heartbeat()
+            if self._camera is not None:
+                self._camera.heartbeat()
         for message_id, period_s in self._periods_s.items():
             if now_s >= self._due_s[message_id]:
                 # Streams of one interval are sent together
@@ -223,6 +246,7 @@ class Vehicle:
         item, truth = items[self._current], self.truth
         match item.command:
             case mavlink.MAV_CMD_NAV_TAKEOFF:
+                truth.place_e7 = None
                 if not self._flight.approach((truth.north_m, truth.east_m, item.z)):
                     return
             case mavlink.MAV_CMD_NAV_WAYPOINT:
@@ -231,7 +255,13 @@ class Vehicle:
                     return
                 if not self._has_waited(item.param1):
                     return
+                truth.place_e7 = item.x, item.y
                 truth.reached.append(Reached(self._scheduler.now_s, item.x, item.y))
+            case mavlink.MAV_CMD_NAV_DELAY:
+                if not self._has_waited(item.param1):
+                    return
+            case mavlink.MAV_CMD_IMAGE_START_CAPTURE if self._camera is not None:
+                self._camera.start(item.param2, int(item.param3), item.param4)
             case mavlink.MAV_CMD_NAV_LOITER_TURNS:
                 if self._circle is None:
                     self._circle = self._circle_of(item, item.param3, 2.0)
@@ -330,7 +360,9 @@ class Vehicle:
     def _send_stream(self, message_id: int) -> None:
         makers: dict[int, Callable[[], Any]] = {
             mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: self._position,
-            mavlink.MAVLINK_MSG_ID_ATTITUDE: lambda: telemetry.attitude(self._boot_ms),
+            mavlink.MAVLINK_MSG_ID_ATTITUDE: lambda: telemetry.attitude(
+                self._boot_ms, self._yaw_rad
+            ),
             mavlink.MAVLINK_MSG_ID_GPS_RAW_INT: lambda: telemetry.gps(
                 self._boot_ms, self.truth if self.has_position else None
             ),
@@ -387,6 +419,10 @@ class Vehicle:
         except (mavlink.MAVError, IndexError):
             return
         if getattr(message, "target_system", self.system) not in {0, self.system}:
+            return
+        if getattr(message, "target_component", 1) == COMPONENT:
+            if self._camera is not None:
+                self._camera.receive(message)
             return
         if message.get_type() == "MISSION_COUNT":
             self._note_order("MISSION_COUNT")
@@ -455,11 +491,17 @@ class Vehicle:
                 self._take_mode(Mode.HOLD)
                 north_m, east_m = offset_m(message.x / 1e7, message.y / 1e7)
                 self._target = north_m, east_m, message.z - HOME[2]
+                self._yaw_rad = self._yaw_rad if math.isnan(message.param4) else message.param4
+            case mavlink.MAV_CMD_CONDITION_YAW if autopilot.turns_by_condition:
+                self._yaw_rad = math.remainder(math.radians(message.param1), math.tau)
+            case mavlink.MAV_CMD_IMAGE_START_CAPTURE if self._camera is not None:
+                self._camera.start(message.param2, int(message.param3), message.param4)
             case mavlink.MAV_CMD_DO_ORBIT if autopilot.orbits and self.is_flying:
                 self._take_mode(Mode.ORBIT)
                 self._circle = self._circle_of(message, message.param1, message.param2)
             case mavlink.MAV_CMD_DO_FOLLOW if autopilot.counts_turns and self.is_flying:
                 self._take_mode(Mode.FOLLOW)
+                self.truth.place_e7 = None
             case mavlink.MAV_CMD_DO_SET_MISSION_CURRENT:
                 self._set_current(int(message.param1))
             case mavlink.MAV_CMD_SET_MESSAGE_INTERVAL:
@@ -478,9 +520,12 @@ class Vehicle:
         """Change the mode by command; the pilot's sticks have no precedence over it, as in PX4."""
         self.pilot_since_s = None
         self._in_failsafe = False
-        begins_anew = self._is_complete or self.parameters.get("MIS_RESTART") == 1.0
-        if mode is Mode.MISSION and self.mode is not Mode.MISSION and begins_anew:
-            self._current, self._is_complete = 0, False
+        if mode is Mode.MISSION and self.mode is not Mode.MISSION:
+            # PX4 repeats the last item of a mission that it has completed in this flight
+            is_over = self._is_complete and not self.is_flying
+            if is_over or self.parameters.get("MIS_RESTART") == 1.0:
+                self._current = 0
+            self._is_complete = False
         self._set_mode(mode)
 
     def _arm(self, *, is_on: bool) -> int:

@@ -50,12 +50,14 @@ class World:
         vehicles: int = 1,
         families: Sequence[Autopilot] = FAMILIES,
         is_deep: bool = False,
+        has_cameras: bool = False,
         kept_lines: int | None = KEPT_LINES,
     ) -> None:
         """Begin with every process up; `prepared` is an edge server's state folder to copy.
 
         Each vehicle has one of the autopilot families; in depth, the whole flight stack on JSBSim.
         """
+        self._has_cameras = has_cameras
         self.scheduler = Scheduler(seed, kept_lines=kept_lines)
         disk, broker_disk = (
             Disk(folder / name, self.scheduler.random(f"disk/{name}"))
@@ -106,7 +108,7 @@ class World:
         self.up[system] = NetworkPath(self.scheduler, f"up/{system}", arrive)
         send = self.up[system].send
         vehicle = (
-            Vehicle(self.scheduler, system, send, autopilot)
+            Vehicle(self.scheduler, system, send, autopilot, has_camera=self._has_cameras)
             if folder is None
             else _flight_stack(self.scheduler, system, send, folder)
         )

@@ -114,7 +114,7 @@ class MissionContext:
             work_id=work.work_id,
             plan_id=work.plan_ulid,
         )
-        self.segments = Segments(mission, vehicle)
+        self.segments = Segments(mission, vehicle, work.name)
         self.area = None if work.geofence is None else AreaCheck(work.geofence)
         self.authority = AuthorityMonitor(vehicle)
         self.speeds = SpeedChanges(vehicle, self.segments)

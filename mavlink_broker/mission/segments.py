@@ -22,8 +22,9 @@ SHORTEST_ITEMS: Final = 50
 class Segments:
     """An itinerary and a place in it."""
 
-    def __init__(self, mission: Mission, vehicle: Vehicle) -> None:
+    def __init__(self, mission: Mission, vehicle: Vehicle, flight: str) -> None:
         self._mission = mission
+        self._flight = flight  # Name of the work
         self._vehicle = vehicle
         self._itinerary: Itinerary | None = None
         self._number = 0
@@ -43,6 +44,7 @@ class Segments:
             own_component=vehicle.route.own_component,
             refused=vehicle.item_limits.refused,
             most_items=vehicle.item_limits.most_items,
+            flight=self._flight,
         )
 
     @property

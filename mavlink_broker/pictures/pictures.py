@@ -47,6 +47,7 @@ from mavlink_broker.pictures.announcements import (
     read_capture,
 )
 from mavlink_broker.pictures.feedback import Feedback, FeedbackCounter, Place, read_feedback
+from mavlink_broker.pictures.vehicle_time import OWN_CLOCK_S, RECENT_S, VehicleTime
 from mavlink_broker.vehicle.mission_ledger import MissionLedger
 from mavlink_broker.vehicle.reporter import Reporter
 from mavlink_broker.vehicle.vehicle import Vehicle
@@ -229,10 +230,8 @@ PICTURE_MESSAGES: Final = frozenset(
     }
 )
 """Messages of a vehicle's components about pictures."""
-RECENT_S: Final = 900.0
-"""Older pictures, taken before this run of the broker, are not downloaded."""
-OWN_CLOCK_S: Final = 3.0
-"""A camera whose clock differs more from the autopilot's has a clock of its own."""
+PROGRESS_WITHIN_S: Final = 10.0
+"""A picture that no command known to run has taken waits so long for the mission's progress."""
 CHECK_AFTER_S: Final = 2.0
 CHECKS: Final = 5
 DEVELOPING: Final = 2
@@ -249,6 +248,7 @@ class _AnnouncedPicture(NamedTuple):
 
     capture: Capture
     time_s: float  # When it was taken, by the vehicle's clock
+    announced_at: float
     is_of_earlier_run: bool
 
 
@@ -282,16 +282,15 @@ class PictureCollector:
         self._number = 0
         self._flight: tuple[MissionWork, MissionLedger] | None = None
         self._faults: list[tuple[PictureCommand, str]] = []
-        self._epoch_s = 0.0  # Added to the vehicle's time, which a restart sets back
-        self._epoch_before_s: float | None = None  # The same, before the vehicle's last restart
-        self._latest_s = 0.0
+        self._time = VehicleTime(vehicle)
         self.has_room = True  # The edge server keeps up with the pictures
         self.is_reachable = False  # Whether the vehicle is connected
 
     @property
     def unfinished(self) -> int:
         """How many announced pictures were not sent yet."""
-        return len(self._fetching) + len(self._developing) + len(self._postponed)
+        taken = len(self._taken) + len(self._fetching)
+        return taken + len(self._developing) + len(self._postponed)
 
     @property
     def is_fetching(self) -> bool:
@@ -302,20 +301,26 @@ class PictureCollector:
         self, work: MissionWork | None, ledger: MissionLedger | None, now: float
     ) -> None:
         """Follow the mission that is flown, if any, and its progress."""
+        self._follow_clock(now)
         command = None
         if work is not None and ledger is not None:
             self._flight = work, ledger
             if ledger.status is Status.RUNNING:
                 command = current_command(ledger, work.mission.command_array, work.name)
-        before = self._attribution.current
+        before, time_s = self._attribution.current, self._time.at(now)
         is_resumed = work is not None and work.was_accepted
         for passed in self._passed(before):
-            self._attribution.update(passed, self._time_s(now))
-        is_change = self._attribution.update(command, self._time_s(now), is_resumed=is_resumed)
-        self._attribute_taken()
+            self._attribution.update(passed, time_s)
+        is_change = self._attribution.update(
+            command, time_s, seen_s=self._time.received_s, is_resumed=is_resumed
+        )
+        self._attribute_taken(now)
         if is_change and (command is None or before is None):
             for camera in self._cameras.values():  # A mission begins or ends
                 camera.request_count()
+
+    def _follow_clock(self, now: float) -> None:
+        self._attribution.shift(self._time.update(now))
 
     def _passed(self, before: PictureCommand | None) -> Iterator[PictureCommand]:
         """Give the commands behind `before` that have ended since the last step, too."""
@@ -328,26 +333,39 @@ class PictureCollector:
         for index in range(before.command + 1, min(ledger.finished, len(commands))):
             yield picture_command(ledger, commands, work.name, index)
 
-    def _attribute_taken(self) -> None:
-        """Give pictures to commands once it is known which of them have begun meanwhile."""
-        taken, self._taken = self._taken, []
+    def _attribute_taken(self, now: float) -> None:
+        """Give pictures to commands, in their order, once it is known which of them have begun."""
+        taken, self._taken = sorted(self._taken, key=lambda one: one.time_s), []
         for one in taken:
             if isinstance(one, _ReportedPicture):
                 self._attribution.attribute_feedback(*one)
                 continue
-            command = self._attribution.attribute(one.time_s, one.capture.component)
+            if self._must_wait(one, now):
+                self._taken.append(one)
+                continue
+            command = self._attribution.attribute(
+                one.time_s, one.capture.component, one.capture.position
+            )
             if command is not None or one.is_of_earlier_run:
                 self._fetch(one.capture, command)
+
+    def _must_wait(self, one: _AnnouncedPicture, now: float) -> bool:
+        """Whether an earlier picture, or the progress of the mission, is still to be received."""
+        capture = one.capture
+        if self._cameras[capture.component].lacks_before(capture.index):
+            return True
+        may_be_of_later = self._attribution.may_be_of_later(
+            one.time_s, capture.component, capture.position
+        )
+        return may_be_of_later and now - one.announced_at < PROGRESS_WITHIN_S
 
     def restarted(self) -> None:
         """Note that the vehicle has restarted: its clock begins anew, and perhaps its camera's.
 
         Earlier pictures stay with earlier commands.
         """
-        self._epoch_before_s = self._epoch_s
-        self._epoch_s = self._latest_s + 2.0 * RECENT_S
         self._clock_s.clear()
-        self._feedback.restarted(self._epoch_s)
+        self._feedback.restarted(self._time.restarted())
         for camera in self._cameras.values():
             camera.request_count()
 
@@ -361,7 +379,10 @@ class PictureCollector:
 
     def receive(self, message: Message, now: float, effects: Effects) -> None:
         """Process a component's message about pictures."""
+        self._follow_clock(now)
         match message.get_type():
+            case "CAMERA_IMAGE_CAPTURED" | "CAMERA_CAPTURE_STATUS" if self._time.is_doubtful:
+                pass  # They are asked for again when the vehicle's time is known
             case "CAMERA_IMAGE_CAPTURED":
                 self._take_capture(read_capture(message), now)
             case "CAMERA_FEEDBACK":
@@ -405,9 +426,9 @@ class PictureCollector:
         component = source_of(message).component
         if component in self._cameras:
             self._cameras[component].take_count(message.image_count)
-            if message.time_boot_ms:
+            if message.time_boot_ms and self._vehicle.snapshot.time_s is not None:
                 camera_s = self._vehicle.snapshot.since_boot_s(message.time_boot_ms)
-                self._clock_s[component] = self._vehicle_time_s(now) - camera_s
+                self._clock_s[component] = self._time.since_boot_s(now) - camera_s
 
     def _take_capture(self, capture: Capture, now: float) -> None:
         self.add_camera(capture.component)
@@ -415,7 +436,7 @@ class PictureCollector:
         if camera is None:
             return
         taken_s = self._taken_s(capture, now)
-        is_recent = self._time_s(now) - taken_s <= RECENT_S
+        is_recent = self._time.at(now) - taken_s <= RECENT_S
         is_of_earlier_run = is_recent and not self._attribution.began_before(taken_s)
         is_new = camera.take(capture, goes_back=is_of_earlier_run)
         if not is_new or capture.identity in self._seen:
@@ -423,11 +444,11 @@ class PictureCollector:
         self._seen[capture.identity] = None
         if len(self._seen) > MAX_IDENTITIES:
             self._seen.popitem(last=False)
-        self._taken.append(_AnnouncedPicture(capture, taken_s, is_of_earlier_run))
+        self._taken.append(_AnnouncedPicture(capture, taken_s, now, is_of_earlier_run))
 
     def _take_feedback(self, feedback: Feedback, now: float) -> None:
         booted_s = self._vehicle.snapshot.booted_at_utc_s
-        taken_s = feedback.taken_s(self._vehicle_time_s(now), booted_s) + self._epoch_s
+        taken_s = self._time.of(feedback.taken_s(self._time.since_boot_s(now), booted_s), None, now)
         count, since_s = self._feedback.take(feedback, taken_s)
         for lost in reversed(range(count)):
             place = None if lost else feedback.place
@@ -440,25 +461,15 @@ class PictureCollector:
         The difference of the clocks is known from CAMERA_CAPTURE_STATUS, which a camera sends at
         once; it sends an announcement only when it has stored the picture.
         """
-        time_s = self._vehicle_time_s(now)
         if capture.taken_s is None:
-            return time_s + self._epoch_s
+            return self._time.at(now)
+        is_known = capture.component in self._clock_s
         behind_s = self._clock_s.get(capture.component, 0.0)
         taken_s = self._vehicle.snapshot.since_boot_s(round(capture.taken_s * 1e3))
-        taken_s += behind_s if abs(behind_s) > OWN_CLOCK_S else 0.0
-        if self._epoch_before_s is not None and self._is_before_restart(capture, taken_s, time_s):
-            return taken_s + self._epoch_before_s
-        return min(taken_s, time_s) + self._epoch_s
-
-    def _is_before_restart(self, capture: Capture, taken_s: float, time_s: float) -> bool:
-        """Whether a picture is older than the vehicle's last restart.
-
-        Its time of day shows it, else a time since boot that lies in the future.
-        """
-        booted_s = self._vehicle.snapshot.booted_at_utc_s
-        if capture.taken_utc_s is not None and booted_s is not None:
-            return capture.taken_utc_s < booted_s - OWN_CLOCK_S
-        return taken_s > time_s + OWN_CLOCK_S
+        has_own = abs(behind_s) > OWN_CLOCK_S
+        taken_s += behind_s if has_own else 0.0
+        is_same = is_known and not has_own
+        return self._time.of(taken_s, capture.taken_utc_s, now, is_same_clock=is_same)
 
     def _fetch(self, capture: Capture, command: PictureCommand | None) -> None:
         self._number += 1
@@ -477,7 +488,7 @@ class PictureCollector:
 
     def _request_missing(self, now: float) -> None:
         for interval in self._attribution.incomplete():
-            if self._time_s(now) >= interval.ended_s + CHECK_AFTER_S:
+            if self._time.at(now) >= interval.ended_s + CHECK_AFTER_S:
                 self._request_missing_of(interval, now)
 
     def _request_missing_of(self, interval: CommandInterval, now: float) -> None:
@@ -565,13 +576,3 @@ class PictureCollector:
                 has_changed = True
         if has_changed and self._flight is not None:
             effects.for_edge.append(self._reporter.mission(self._flight[1]))
-
-    def _time_s(self, now: float) -> float:
-        """The vehicle's time, continued over its restarts; the broker's if it sends none."""
-        time_s = self._vehicle_time_s(now) + self._epoch_s
-        self._latest_s = max(self._latest_s, time_s)
-        return time_s
-
-    def _vehicle_time_s(self, now: float) -> float:
-        time_s = self._vehicle.snapshot.time_s
-        return now if time_s is None else time_s

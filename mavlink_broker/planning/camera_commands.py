@@ -64,7 +64,7 @@ def image(command: CameraImage, situation: Situation) -> Items | LiveAction:
     """
     p = command.parameters
     duration_s = max(1.0, (p.photo_count - 1) * p.time_interval + 1.0)
-    number = _picture_number(situation.mission_id, command.command_id)
+    number = _picture_number(situation, command.command_id)
     shots = (float(p.time_interval), float(p.photo_count))
     aim = p.pitch_angle, p.yaw_angle
     slew_s = 0.0 if aim == situation.aim else situation.family.gimbal_slew_s
@@ -121,7 +121,7 @@ def panorama(command: CameraPanorama, situation: Situation) -> Items | LiveActio
     items: list[MissionItem] = []
     for shot in range(_SHOTS[mode]):
         yaw_deg = (first_deg + shot * _STEP_DEG) % 360.0
-        number = _picture_number(situation.mission_id, command.command_id, shot)
+        number = _picture_number(situation, command.command_id, shot)
         items += _turn(yaw_deg, situation)
         items.append(_capture((0.0, 1.0), number, situation.refused)[0])
     items.append(mission_item.delay(1.0))
@@ -136,7 +136,7 @@ def _turned_panorama(command: CameraPanorama, situation: Situation) -> LiveActio
     first_deg = -90.0 if mode is PanoramaMode.HALF_CIRCLE else 0.0
     steps: list[Step] = []
     for shot in range(_SHOTS[mode]):
-        number = _picture_number(situation.mission_id, command.command_id, shot)
+        number = _picture_number(situation, command.command_id, shot)
         take = _to_camera(family, mavlink.MAV_CMD_IMAGE_START_CAPTURE, 0.0, 0.0, 1.0, number)
         steps += [
             TurnInPlace(first_deg + shot * _STEP_DEG, _SETTLE_S),
@@ -265,6 +265,7 @@ def _video(command: int, values: tuple[float, float], situation: Situation) -> I
     )
 
 
-def _picture_number(mission_id: int, command_id: int, shot: int = 0) -> float:
+def _picture_number(situation: Situation, command_id: int, shot: int = 0) -> float:
     """Give a number that differs from recent ones: a camera ignores a repeated single picture."""
-    return float(1 + zlib.crc32(f"{mission_id}/{command_id}/{shot}".encode()) % _SEQUENCES)
+    text = f"{situation.flight}{situation.mission_id}/{command_id}/{shot}"
+    return float(1 + zlib.crc32(text.encode()) % _SEQUENCES)

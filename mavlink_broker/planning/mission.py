@@ -361,10 +361,12 @@ def translate(
     own_component: int = 191,
     refused: frozenset[int] = frozenset(),
     most_items: int | None = None,
+    flight: str = "",
 ) -> Itinerary:
     """Translate a whole mission for one family of autopilots.
 
-    The same mission, family, home and refusals always give the same items. `refused` are the
+    The same mission, family, home, refusals and `flight` always give the same items. `flight` tells
+    apart missions of one number, which a vehicle flies one after the other. `refused` are the
     MAV_CMDs that the vehicle has refused as mission items; a segment of more than `most_items` is
     flown in parts, between which the vehicle holds.
 
@@ -375,6 +377,7 @@ def translate(
         family,
         home,
         mission_id=mission.mission_id,
+        flight=flight,
         own_system=own_system,
         own_component=own_component,
         refused=refused,

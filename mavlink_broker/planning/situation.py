@@ -47,6 +47,7 @@ class Situation(NamedTuple):
     family: Family
     home: Home
     mission_id: int = 0
+    flight: str = ""  # Tells apart missions of one number
     own_system: int = 254  # The broker's, whose target a vehicle follows
     own_component: int = 191  # With it, who controls a gimbal live
     refused: frozenset[int] = frozenset()  # MAV_CMD that this vehicle refused as mission items

@@ -25,6 +25,7 @@ class ScriptedCamera:
     url: str = "mftp:///image/{index}.jpg"
     contents: bytes = JPEG
     first_index: int = 0
+    place_e7: tuple[int, int] = (0, 0)  # Latitude and longitude; it does not know them
     image_status: int = 0  # Of CAMERA_CAPTURE_STATUS; 0: idle
     is_silent: bool = False  # It answers no questions about its pictures
     taken: list[Message] = field(default_factory=list)
@@ -46,7 +47,7 @@ class ScriptedCamera:
         message = mavlink.MAVLink_camera_image_captured_message(
             self.boot_ms(),
             1_790_000_000_000_000 + self.boot_ms() * 1000,
-            *(0, 404_434_000, -37_382_000, 655_000, 5_000),
+            *(0, *self.place_e7, 655_000, 5_000),
             [1.0, 0.0, 0.0, 0.0],
             index,
             int(succeeded),

@@ -1,6 +1,6 @@
 """Whose picture it is: by its time, and by what a command still lacks."""
 
-from mavlink_broker.pictures.announcements import Attribution, PictureCommand
+from mavlink_broker.pictures.announcements import Area, Attribution, PictureCommand
 
 FIRST, SECOND = 100, 101
 """Components that are cameras."""
@@ -105,3 +105,70 @@ def test_commands_that_were_not_seen_to_run_share_their_pictures_in_order() -> N
     for one in (taker(1, expected=2), taker(2), taker(3, expected=1)):
         attribution.update(one, 130.0)
     assert commands_of(attribution, 105.0, 107.0, 120.0) == [1, 1, 3]
+
+
+NEAR, FAR = Area(40.0, -3.0), Area(40.0005, -3.0)
+"""Places 56 m apart."""
+CIRCLE = Area(40.001, -3.0, radius_m=20.0)
+
+
+def at(area: Area, command: int, expected: int) -> PictureCommand:
+    return PictureCommand("1/01PLAN", 7, command, command + 1, expected, area)
+
+
+def test_a_picture_belongs_to_the_command_at_whose_place_it_was_taken() -> None:
+    """The link was away meanwhile: which of the two ran when is not known."""
+    attribution = flown(taker(0))
+    attribution.update(taker(0), 101.0)
+    for one in (at(NEAR, 1, expected=2), taker(2), at(FAR, 3, expected=2)):
+        attribution.update(one, 130.0)
+    later, earlier = (attribution.attribute(120.0, FIRST, place[:2]) for place in (FAR, NEAR))
+    assert later is not None
+    assert earlier is not None
+    assert (later.command, earlier.command) == (3, 1)
+
+
+def test_a_picture_on_a_circle_belongs_to_the_command_behind_it() -> None:
+    attribution = flown(taker(0))
+    for one in (at(NEAR, 1, expected=1), at(CIRCLE, 2, expected=1)):
+        attribution.update(one, 110.0)
+    on_circle = 40.001 + 20.0 / 111_320.0, -3.0
+    found = attribution.attribute(112.0, FIRST, on_circle)
+    assert found is not None
+    assert found.command == 2
+
+
+def test_without_a_place_of_their_own_pictures_are_shared_in_order() -> None:
+    attribution = flown(at(NEAR, 0, expected=1), at(NEAR, 1, expected=1), None)
+    found = [attribution.attribute(time_s, FIRST, NEAR[:2]) for time_s in (108.0, 109.0)]
+    assert [one and one.command for one in found] == [0, 1]
+
+
+def test_a_picture_far_from_all_commands_goes_by_its_time() -> None:
+    attribution = flown(at(NEAR, 0, expected=1), at(NEAR, 1, expected=1), None)
+    found = attribution.attribute(105.0, FIRST, (41.0, -3.0))
+    assert found is not None
+    assert found.command == 0
+
+
+def test_a_picture_that_no_command_lacks_there_may_be_of_a_later_one() -> None:
+    attribution = flown(taker(0), at(NEAR, 1, expected=1))
+    assert attribution.may_be_of_later(115.0, FIRST, FAR[:2])
+    assert not attribution.may_be_of_later(115.0, FIRST, NEAR[:2])
+    assert not attribution.may_be_of_later(115.0, FIRST, None)
+    attribution.attribute(115.0, FIRST, NEAR[:2])
+    assert attribution.may_be_of_later(116.0, FIRST, NEAR[:2])
+
+
+def test_a_command_that_was_resumed_takes_no_picture_behind_its_end() -> None:
+    """Its own ones may have been announced before this run of the broker."""
+    attribution = Attribution()
+    attribution.update(taker(1, expected=2), 100.0, is_resumed=True)
+    attribution.update(taker(2, expected=2), 104.0)
+    assert commands_of(attribution, 105.0) == [2]
+
+
+def test_times_of_another_clock_are_shifted() -> None:
+    attribution = flown(taker(0), taker(1, expected=1), taker(2))
+    attribution.shift(-60.0)
+    assert commands_of(attribution, 45.0, 55.0, 65.0) == [0, 1, 2]

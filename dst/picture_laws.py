@@ -1,0 +1,88 @@
+"""What must hold of pictures: each one arrives, and belongs to the command that took it."""
+
+import math
+import re
+from http import HTTPStatus
+from typing import Final
+
+from dst.flight import Truth, offset_m
+from dst.operator_person import RADIUS_M, Operator, PostedPlan
+from dst.pictures import Picture, url_in
+from dst.vehicle import Vehicle
+from dst.world import World
+from mavlink_broker.edge.bounded_http import Answer
+from mavlink_broker.edge.outbox import Post
+
+PATH: Final = "/image/"
+_NAME: Final = re.compile(r"m(\d+)_c(\d+)_\d+\.\w+")
+
+
+class PictureLaws:
+    """Watches the pictures of a world; `broken` has what is wrong."""
+
+    def __init__(self, world: World, operator: Operator) -> None:
+        self._world = world
+        self._operator = operator
+        self._arrived: dict[str, str] = {}  # By URL: the name
+        self.broken: list[str] = []
+
+    def taken(self, post: Post, answer: Answer) -> None:
+        """Note a picture that the edge server has stored."""
+        if post.path != PATH or answer.status_code != HTTPStatus.CREATED:
+            return
+        name, url = post.body["name"], url_in(post.body["frame"])
+        before = self._arrived.setdefault(url, name)
+        if before != name:
+            self.broken.append(f"{url} has arrived as {before}, and as {name}")
+        picture = self._truth(post.vehicle_id).get(url)
+        match = _NAME.fullmatch(name)
+        if picture is None:
+            self.broken.append(f"{url} was never taken")
+        elif post.vehicle_id in self._world.twinned:
+            return  # Which of the two has taken which picture is not judged
+        elif match is not None and not self._is_of(post.vehicle_id, picture, match):
+            self.broken.append(f"{name} is {url}, which was taken at {picture.place_e7}")
+
+    def has_taken(self, plan: PostedPlan, command_id: int) -> bool:
+        """Whether a picture was taken where a command of a plan takes some, since it was posted."""
+        return any(
+            picture.time_s > plan.posted_s and _is_near(plan.pictures[command_id], picture.place_e7)
+            for truth in self._world.truths(plan.vehicle_id)
+            for picture in truth.pictures
+        )
+
+    def missing(self) -> list[str]:
+        """Give the pictures that have not arrived, of vehicles that were never away."""
+        if self._world.broker.was_restarted:
+            return []
+        found = []
+        for system, vehicle in self._world.vehicles.items():
+            if _was_never_away(vehicle) and system not in self._world.twinned:
+                urls = [one.url for one in vehicle.truth.pictures]
+                found += [f"{url} is missing" for url in urls if url not in self._arrived]
+        return found
+
+    def _truth(self, system: int) -> dict[str, Picture]:
+        truths: list[Truth] = self._world.truths(system)
+        return {one.url: one for truth in truths for one in truth.pictures}
+
+    def _is_of(self, system: int, picture: Picture, name: re.Match[str]) -> bool:
+        """Whether a plan has a command of this name at the place of the picture."""
+        mission_id, command_id = map(int, name.groups())
+        return any(
+            _is_near(plan.pictures.get(command_id), picture.place_e7)
+            for plan in self._operator.plans
+            if (plan.vehicle_id, plan.mission_id) == (system, mission_id)
+        )
+
+
+def _is_near(one_e7: tuple[int, int] | None, other_e7: tuple[int, int] | None) -> bool:
+    """Whether two places are one; a vehicle may turn for a panorama where it has left a circle."""
+    if one_e7 is None or other_e7 is None:
+        return False
+    one_m, other_m = (offset_m(place[0] / 1e7, place[1] / 1e7) for place in (one_e7, other_e7))
+    return math.dist(one_m, other_m) <= RADIUS_M + 1.0
+
+
+def _was_never_away(vehicle: object) -> bool:
+    return isinstance(vehicle, Vehicle) and vehicle.starts == 1

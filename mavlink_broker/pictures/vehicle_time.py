@@ -1,0 +1,111 @@
+"""The time by which pictures belong to commands: a vehicle's clock, continued over its restarts.
+
+Until the vehicle has sent its clock the broker's own one stands in for it. The two have nothing in
+common, so `update` gives by how much all times of before have to be shifted then.
+"""
+
+from typing import Final
+
+from mavlink_broker.vehicle.vehicle import Vehicle
+
+RECENT_S: Final = 900.0
+"""Older pictures, taken before this run of the broker, are not downloaded."""
+OWN_CLOCK_S: Final = 3.0
+"""A camera whose clock differs more from the autopilot's has a clock of its own."""
+PROVED_WITHIN_S: Final = 10.0
+"""A clock that has gone back for so long is believed, whether or not it proves a restart."""
+
+
+class VehicleTime:
+    """The time of one vehicle."""
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        self._vehicle = vehicle
+        self._ahead_s: float | None = 0.0  # The broker's clock; None: the vehicle has restarted
+        self._newest_s: float | None = None  # By the vehicle's clock, as it was received
+        self._behind_since: float | None = None  # When that has gone back
+        self._is_known = False
+        self._epoch_s = 0.0  # Added to the vehicle's time, which a restart sets back
+        self._epoch_before_s: float | None = None  # The same, before the vehicle's last restart
+        self._latest_s = 0.0
+
+    def update(self, now: float) -> float:
+        """Follow the vehicle's clock; gives how far the times of before have to be shifted."""
+        time_s = self._vehicle.snapshot.time_s
+        if time_s is None or time_s == self._newest_s or self._may_be_restarted(time_s, now):
+            return 0.0
+        self._newest_s = time_s
+        was_known, self._is_known = self._is_known, True
+        self._ahead_s = now - time_s
+        if was_known:
+            return 0.0
+        self._latest_s = self._epoch_s
+        return -self._ahead_s
+
+    def _may_be_restarted(self, time_s: float, now: float) -> bool:
+        """Whether the clock has gone back, and it is not known yet what that means.
+
+        `restarted` is called when more messages have proved a restart.
+        """
+        if self._newest_s is None or time_s > self._newest_s - OWN_CLOCK_S:
+            self._behind_since = None
+            return False
+        self._behind_since = now if self._behind_since is None else self._behind_since
+        if now - self._behind_since < PROVED_WITHIN_S:
+            return True
+        self._behind_since = None
+        return False
+
+    @property
+    def is_doubtful(self) -> bool:
+        """Whether it is not known yet whether the vehicle has restarted."""
+        return self._behind_since is not None
+
+    @property
+    def received_s(self) -> float | None:
+        """The time by the newest clock that was received; None before that."""
+        return None if self._newest_s is None else self._newest_s + self._epoch_s
+
+    def restarted(self) -> float:
+        """Begin anew with a vehicle that has restarted; gives the time of its start."""
+        self._epoch_before_s = self._epoch_s
+        self._epoch_s = self._latest_s + 2.0 * RECENT_S
+        self._ahead_s = None if self._is_known else self._ahead_s
+        self._newest_s = self._behind_since = None
+        return self._epoch_s
+
+    def since_boot_s(self, now: float) -> float:
+        """Give the vehicle's time; the broker's if it has not sent any yet, 0 after a restart."""
+        return 0.0 if self._ahead_s is None else now - self._ahead_s
+
+    def at(self, now: float) -> float:
+        """Give the time, which goes on over restarts."""
+        time_s = self.since_boot_s(now) + self._epoch_s
+        self._latest_s = max(self._latest_s, time_s)
+        return time_s
+
+    def of(
+        self, since_boot_s: float, utc_s: float | None, now: float, *, is_same_clock: bool = False
+    ) -> float:
+        """Give the time of something by the vehicle's clock, perhaps before its last restart.
+
+        `utc_s` is its time of day, None if it is not known; `is_same_clock` if its time since boot
+        is known to be that of the autopilot.
+        """
+        now_s = self.since_boot_s(now)
+        is_before = self._is_before(since_boot_s, utc_s, now_s)
+        if self._epoch_before_s is not None and is_before:
+            return since_boot_s + self._epoch_before_s
+        if is_same_clock and is_before:  # An earlier run of the broker has seen the restart
+            return self._epoch_s - OWN_CLOCK_S
+        return (min(since_boot_s, now_s) if self._is_known else since_boot_s) + self._epoch_s
+
+    def _is_before(self, since_boot_s: float, utc_s: float | None, now_s: float) -> bool:
+        """Whether something is older than the vehicle's last restart.
+
+        Its time of day shows it, else a time since boot that lies in the future.
+        """
+        booted_s = self._vehicle.snapshot.booted_at_utc_s
+        if utc_s is not None and booted_s is not None:
+            return utc_s < booted_s - OWN_CLOCK_S
+        return since_boot_s > now_s + OWN_CLOCK_S

@@ -1,0 +1,86 @@
+"""The time of pictures: the vehicle's clock, whatever the broker's own one shows."""
+
+import pytest
+
+from mavlink_broker.mavlink.dialect import Route, mavlink
+from mavlink_broker.pictures.vehicle_time import PROVED_WITHIN_S, RECENT_S, VehicleTime
+from mavlink_broker.vehicle.vehicle import Vehicle
+
+UP_S = 100_000.0
+"""The broker's clock: its computer runs for longer than the vehicle."""
+
+
+class ClockedVehicle:
+    """A vehicle that sends its clock."""
+
+    def __init__(self) -> None:
+        self.vehicle = Vehicle(1, Route(254, 191, 1, 1))
+        self.time = VehicleTime(self.vehicle)
+
+    def send(self, since_boot_s: float, now: float) -> float:
+        """Send the clock; gives how far earlier times are to be shifted."""
+        boot_ms = round(since_boot_s * 1e3)
+        message = mavlink.MAVLink_global_position_int_message(boot_ms, *[0] * 8)
+        self.vehicle.snapshot.take(message)
+        return self.time.update(now)
+
+
+def test_what_was_noted_by_the_brokers_clock_is_shifted_to_that_of_the_vehicle() -> None:
+    one = ClockedVehicle()
+    noted_s = one.time.at(UP_S)
+    shift_s = one.send(52.0, UP_S + 2.0)
+    assert noted_s + shift_s == pytest.approx(50.0)
+    assert one.time.at(UP_S + 2.0) == pytest.approx(52.0)
+    assert one.send(53.0, UP_S + 3.0) == 0.0
+
+
+def test_the_time_goes_on_between_two_messages() -> None:
+    one = ClockedVehicle()
+    one.send(52.0, UP_S)
+    assert one.time.at(UP_S + 1.5) == pytest.approx(53.5)
+    assert one.time.received_s == pytest.approx(52.0)
+
+
+def test_nothing_is_taken_in_the_future() -> None:
+    one = ClockedVehicle()
+    one.send(52.0, UP_S)
+    assert one.time.of(54.0, None, UP_S + 1.0) == pytest.approx(53.0)
+    assert one.time.of(51.0, None, UP_S + 1.0) == pytest.approx(51.0)
+
+
+def test_a_restart_goes_on_behind_what_was_before() -> None:
+    one = ClockedVehicle()
+    one.send(52.0, UP_S)
+    before_s = one.time.of(51.0, None, UP_S)
+    one.time.at(UP_S)
+    one.time.restarted()
+    one.send(3.0, UP_S + 30.0)
+    assert one.time.at(UP_S + 30.0) > before_s + RECENT_S
+    assert one.time.of(51.0, None, UP_S + 30.0) == pytest.approx(before_s)
+
+
+def test_a_clock_that_goes_back_is_not_believed_before_a_restart_is_proved() -> None:
+    one = ClockedVehicle()
+    one.send(52.0, UP_S)
+    one.send(3.0, UP_S + 1.0)
+    assert one.time.is_doubtful
+    assert one.time.at(UP_S + 1.0) == pytest.approx(53.0)
+    one.time.restarted()
+    assert not one.time.is_doubtful
+
+
+def test_a_clock_that_stays_back_is_believed_in_the_end() -> None:
+    one = ClockedVehicle()
+    one.send(52.0, UP_S)
+    one.send(3.0, UP_S + 1.0)
+    one.send(3.0 + PROVED_WITHIN_S, UP_S + 1.0 + PROVED_WITHIN_S)
+    assert not one.time.is_doubtful
+    assert one.time.at(UP_S + 1.0 + PROVED_WITHIN_S) == pytest.approx(3.0 + PROVED_WITHIN_S)
+
+
+def test_a_picture_of_before_a_restart_that_only_an_earlier_run_has_seen_is_older() -> None:
+    """Its time since boot lies ahead of the vehicle's clock, which the camera shares."""
+    one = ClockedVehicle()
+    one.send(16.0, UP_S)
+    assert one.time.of(29.0, None, UP_S, is_same_clock=True) < 0.0
+    assert one.time.of(29.0, None, UP_S) == pytest.approx(16.0)
