@@ -9,6 +9,7 @@ import time
 from typing import Final, Protocol
 
 from edge_server.connections.framing import FramedRequest
+from edge_server.connections.stall import since_boot_s
 
 SEND_S: Final = 20.0
 """How long a client may receive nothing of an answer."""
@@ -41,7 +42,10 @@ class Exchange:
         client: tuple[str, int],
         server: tuple[str, int],
         request: FramedRequest,
+        arrived_s: float | None = None,
     ) -> None:
+        """Begin with a whole request; `arrived_s`: on `since_boot_s`, now by default."""
+        self._arrived_s = since_boot_s() if arrived_s is None else arrived_s
         self.sock = self
         self.client = client
         self.server = server
@@ -53,6 +57,11 @@ class Exchange:
         self._send_budget_s = SEND_S
         self.stream: Stream | None = None
         """What the loop sends from now on."""
+
+    @property
+    def waited_s(self) -> float:
+        """How long ago the request has arrived, at the longest."""
+        return since_boot_s() - self._arrived_s
 
     def begin_stream(self, head: bytes, stream: Stream) -> None:
         """Send the head of an answer without an end; what the view returns is not sent.

@@ -27,6 +27,7 @@ from edge_server.connections.connection import Connection, Phase
 from edge_server.connections.counts import ConnectionCounts
 from edge_server.connections.exchange import Exchange, Stream
 from edge_server.connections.framing import Lane, lane_of
+from edge_server.connections.stall import StallMonitor
 
 LOG = logging.getLogger(__name__)
 URGENT_THREADS: Final = 4
@@ -79,6 +80,7 @@ class ConnectionLoop:
         serve: Serve,
         options: Options,
         counts: ConnectionCounts,
+        stalls: StallMonitor | None = None,
     ) -> None:
         self._listeners = listeners
         self._serve = serve
@@ -103,6 +105,7 @@ class ConnectionLoop:
         self._unreported: Counter[tuple[Reason, str]] = Counter()
         self._report_at = 0.0
         self._sweep_at = 0.0
+        self._stalls = stalls or StallMonitor()
         self._accepts_from = 0.0
         self._accepting = False
 
@@ -128,7 +131,10 @@ class ConnectionLoop:
         if not self._accepting and self._accepts_from and now >= self._accepts_from:
             self._accept(on=True)
         handshakes: list[Connection] = []
-        for key, _ in self._selector.select(_SWEEP_S):
+        self._stalls.note()
+        ready = self._selector.select(_SWEEP_S)
+        self._stalls.note(waited_s=_SWEEP_S)
+        for key, _ in ready:
             if key.fileobj is self._wake_read:
                 with contextlib.suppress(BlockingIOError):
                     self._wake_read.recv(4096)
@@ -282,7 +288,8 @@ class ConnectionLoop:
         connection.phase = Phase.SERVING
         self._dispatched_bytes[lane] += kept_bytes
         server = connection.sock.getsockname()[:2]
-        exchange = Exchange(connection.sock, connection.client, server, request)
+        arrived_s = self._stalls.arrived_s()
+        exchange = Exchange(connection.sock, connection.client, server, request, arrived_s)
 
         def serve() -> None:
             keep = False

@@ -34,6 +34,8 @@ from edge_server.store.rows.idempotency import Answered
 
 LIFETIME_S: Final = 10.0
 """Longest lifetime of an event, whatever its `expires_at`."""
+LATE_S: Final = 1.0
+"""A request that was read this much later has waited, as no request does on a running server."""
 RESULT_TIMEOUT_S: Final = 600.0
 """After its expiry, for the broker to report how an accepted event has ended."""
 EVENT_LIMIT: Final = 64
@@ -41,8 +43,10 @@ EVENT_LIMIT: Final = 64
 
 
 @retry_on_conflict
-def create(context: Context, event: Event, caller: Caller) -> dict[str, Any]:
+def create(context: Context, event: Event, caller: Caller, waited_s: float = 0.0) -> dict[str, Any]:
     """Store an event and wake the broker; returns it as stored.
+
+    `waited_s` is how long ago it may have arrived, by which it expires earlier.
 
     Raises:
         NotFoundError: if the vehicle is not registered.
@@ -58,7 +62,7 @@ def create(context: Context, event: Event, caller: Caller) -> dict[str, Any]:
         broker_work.expire(connection, now)
         answered = post_idempotency.find_answer(connection, caller, route, body_sha256)
         if answered is None:
-            work_id = _queue(connection, context, event, now)
+            work_id = _queue(connection, context, event, now, waited_s)
             identifier = events.add(connection, work_id=work_id, received_at=now)
             _empty_queue(connection, event, identifier, now)
             shown = show(_find(connection, identifier))
@@ -164,9 +168,12 @@ def show(stored: StoredEvent) -> dict[str, Any]:
     return {**shown, "message": stored.message} if stored.message else shown
 
 
-def _queue(connection: Connection, context: Context, event: Event, now: float) -> int:
+def _queue(
+    connection: Connection, context: Context, event: Event, now: float, waited_s: float = 0.0
+) -> int:
     """Check an event and queue it as work; returns the id of the work."""
-    expires_at = _expiry(event, now)
+    late_s = waited_s if waited_s >= LATE_S else 0.0
+    expires_at = min(_expiry(event, now), now + LIFETIME_S - late_s)
     _check_speed(context, event)
     _check_vehicle(connection, event)
     if len(work.live_events(connection, now)) >= EVENT_LIMIT:

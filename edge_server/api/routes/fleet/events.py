@@ -9,7 +9,7 @@ from werkzeug.exceptions import Forbidden
 from afarcloud.enumerations import EventType
 from afarcloud.plan import Event
 from afarcloud.wire import Kind
-from edge_server.api import bodies, etags, schemas, urls
+from edge_server.api import bodies, etags, freshness, schemas, urls
 from edge_server.api.access import scopes
 from edge_server.api.access.auth import PEOPLE, PLANNERS, READERS, allow, audit, caller
 from edge_server.api.contract import PAGE, Contract, describe
@@ -51,7 +51,8 @@ def blueprint() -> Blueprint:
 )
 def create() -> ResponseReturnValue:
     """Interrupt a vehicle's mission; a farmer may stop it, not resume it or change its speed."""
-    stored = events.create(bodies.context(), _event(), caller())
+    freshness.check()
+    stored = events.create(bodies.context(), _event(), caller(), freshness.waited_s())
     audit(f"posted event {stored['id']}: {stored['event_type_name']}")
     return stored, 201, {"Location": urls.path_of("events.get", identifier=stored["id"])}
 

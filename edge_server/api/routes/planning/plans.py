@@ -8,7 +8,7 @@ from flask.typing import ResponseReturnValue
 from afarcloud.numbers import Model, ShortText, VehicleId
 from afarcloud.plan import Plan
 from afarcloud.wire import Kind
-from edge_server.api import bodies, etags, schemas, urls
+from edge_server.api import bodies, etags, freshness, schemas, urls
 from edge_server.api.access.auth import PLANNERS, READERS, allow, audit, caller, refusal
 from edge_server.api.access.scopes import (
     check,
@@ -77,6 +77,8 @@ def create() -> ResponseReturnValue:
     """Store a plan and queue its missions; those of a farmer or the cloud are held."""
     plan = _held_unless_allowed(bodies.document(Kind.PLAN, Plan))
     check(*(mission.vehicle_id for mission in plan.missions))
+    if plan.dispatch:
+        freshness.check()
     stored = plans.create(bodies.context(), plan, caller())
     audit(f"posted plan {stored['id']}")
     return stored, 201, {"Location": urls.path_of("plans.get", reference=stored["id"])}
@@ -139,6 +141,7 @@ def dispatch(reference: int | str) -> ResponseReturnValue:
     if _needs_dispatcher():
         raise refusal(_UNATTENDED)
     check_resource(lambda: plans.find(bodies.context(), reference))
+    freshness.check()
     stored = plans.dispatch(bodies.context(), reference, etags.check_match)
     audit(f"dispatched plan {stored['id']}")
     return etags.tagged(stored)

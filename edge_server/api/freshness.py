@@ -1,0 +1,31 @@
+"""Orders that may have lain unread for too long are not carried out: their sender has given up."""
+
+from typing import Final
+
+from flask import request
+
+from edge_server.connections.exchange import Exchange
+from edge_server.services.errors import ConflictError
+
+WITHIN_S: Final = 10.0
+"""As long as an event is valid."""
+
+
+def waited_s() -> float:
+    """How long the request may have waited in this process, or in its socket, to be read."""
+    exchange = request.environ.get("gunicorn.socket")
+    return exchange.waited_s if isinstance(exchange, Exchange) else 0.0
+
+
+def check() -> None:
+    """Refuse an order that may be older than an event is valid.
+
+    Raises:
+        ConflictError: if it is.
+    """
+    seconds = waited_s()
+    if seconds > WITHIN_S:
+        raise ConflictError(
+            f"the edge server stood still, and this may have waited for {seconds:.0f} s: it is not "
+            "carried out; look what the vehicle does, and send it again"
+        )
