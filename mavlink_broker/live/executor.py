@@ -187,6 +187,7 @@ class LiveCommandExecutor:
         self._may_be_repetition = False  # An earlier run may have sent it
         self.phase = LivePhase.SETTING_PARAMETERS
         self.reason = ""
+        self.is_unanswered = False  # It has failed since the vehicle did not answer
         self.is_control_lost = False  # Another controller, or a pause, has ended it
         self._is_out_of_mission = False  # The vehicle has left its mission items for this command
         self._was_following = False  # In a mode that only the broker or a pause ends
@@ -360,6 +361,7 @@ class LiveCommandExecutor:
         is_for_camera = self._action.wants_camera and self.phase is LivePhase.BEGINNING
         note = camera_note(self._vehicle, refusal) if is_for_camera else None
         if note is None:
+            self.is_unanswered = refusal.result is None
             return self._fail(refusal.reason)
         self._note, self._sequence = note, None
         self._enter(LivePhase.DONE, now)

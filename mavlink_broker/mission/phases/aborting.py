@@ -261,7 +261,8 @@ class AbortExecutor:
             return messages
         if self._again_at == math.inf:
             self._again_at = now + AGAIN_AFTER_S
-            self._lands_instead |= has_failed and not self._may_be_lost
+            is_refused = has_failed and not self._executor.is_unanswered
+            self._lands_instead |= is_refused and not self._may_be_lost
         if now < self._again_at:
             return messages
         self._again_at = math.inf

@@ -14,7 +14,15 @@ from afarcloud.enumerations import EventType, Status
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.mission.states import State
 from tests.support.broker_world import World, first_flight
-from tests.support.scripted_vehicle import ARDUPILOT, PX4, PX4_LAND, Script, ScriptedVehicle
+from tests.support.scripted_vehicle import (
+    ARDUPILOT,
+    COPTER_RETURN,
+    PX4,
+    PX4_LAND,
+    PX4_RETURN,
+    Script,
+    ScriptedVehicle,
+)
 from tests.unit.mavlink_broker.test_events import ABORT, POINT, answer_statuses, world_at
 from tests.unit.mavlink_broker.test_sessions import ELSEWHERE
 from tests.unit.mavlink_broker.test_takeover import ASKING, in_mission, slow, state
@@ -262,3 +270,18 @@ def test_progress_of_one_that_has_not_shown_its_clock_does_not_count() -> None:
     world.run(3.5)
     assert world.edge.statuses(1201) == before
     assert world.edge.status(1201) == Status.RUNNING
+
+
+@FAMILIES
+@pytest.mark.parametrize("lost_s", [6.0, 14.0, 20.0])
+def test_a_return_that_does_not_arrive_is_no_landing_later(script: Script, lost_s: float) -> None:
+    """The vehicle is received all the time, and does not receive the broker."""
+    world, vehicle = flying(script)
+    world.air.is_uplink_up = False
+    world.edge.event(EventType.RETURN_HOME)
+    world.run(lost_s)
+    world.air.is_uplink_up = True
+    world.run(20.0)
+    assert mavlink.MAV_CMD_NAV_LAND not in orders(vehicle)
+    assert vehicle.custom_mode in {PX4_RETURN, COPTER_RETURN}
+    assert answer_statuses(world, 2)[-1] == "done"
