@@ -44,8 +44,11 @@ class PictureLaws:
             self.broken.append(f"{name} is {url}, which was taken at {picture.place_e7}")
 
     def has_taken(self, plan: PostedPlan, command_id: int) -> bool:
-        """Whether a picture was taken where a command of a plan takes some, since it was posted."""
-        return any(
+        """Whether a picture was taken where a command of a plan takes some, since it was posted.
+
+        The second aircraft with a system id has no camera.
+        """
+        return plan.vehicle_id in self._world.twinned or any(
             picture.time_s > plan.posted_s and _is_near(plan.pictures[command_id], picture.place_e7)
             for truth in self._world.truths(plan.vehicle_id)
             for picture in truth.pictures

@@ -121,6 +121,9 @@ class VehicleRecords:
             return
         if before is not None and (not identity.uid or not self._may_change(session, before)):
             return
+        if before is not None and before.uid != NO_NUMBER:
+            number = vehicle.vehicle_id
+            _LOG.warning("vehicle %d is another one: %s, before %s", number, identity, before)
         on_disk = self._journal.recall(identity)
         without_number = self._journal.recall(VehicleIdentity(system, NO_NUMBER))
         vehicle.recovery.tracker.load(identity, on_disk)

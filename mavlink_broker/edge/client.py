@@ -376,7 +376,7 @@ class EdgeClient:
             text = str(answer)[:MAX_LOGGED_CHARACTERS]
             self._set_reachable(is_reachable=False, error=answer)
         else:
-            status, text = answer.status_code, answer.text[:MAX_LOGGED_CHARACTERS]
+            status, text = answer.status_code, answer.text.strip()[:MAX_LOGGED_CHARACTERS]
             self._set_reachable(is_reachable=True)
         reason = text if status is None else f"HTTP {status} {text}"
         is_settled = is_own and status is not None and is_final(status)
@@ -437,7 +437,7 @@ class EdgeClient:
         if _was_sent_before(post, status, text):
             _LOG.info("%s was sent before", post.path)
         elif is_acknowledgement(post) and status in _WITHDRAWN:
-            _LOG.warning("%s: this work has ended meanwhile: HTTP %d %s", post.path, status, text)
+            _LOG.warning("%s is not accepted: HTTP %d %s", post.path, status, text)
         elif post.is_inherited:
             _LOG.warning("%s of an earlier run is refused: HTTP %d %s", post.path, status, text)
         else:

@@ -42,6 +42,7 @@ from mavlink_broker.vehicle.vehicle import Vehicle
 REPLACED: Final = "a later event replaced it"
 NOT_IN_THE_AIR: Final = "the vehicle is not in the air for this mission: abort the mission instead"
 NOT_PAUSED: Final = "no event has paused the mission"
+MAY_BE_OBEYED: Final = "the vehicle may have obeyed"
 PAUSED: Final = "paused by an event"
 RESUMED: Final = "resumed"
 PAUSED_INSTEAD: Final = "a later event has paused the mission"
@@ -205,7 +206,9 @@ class PauseOrders:
         """Answer when the vehicle has obeyed, refused, or does not show what it has accepted."""
         outcome = None if self._sequence is None else self._sequence.outcome
         if isinstance(outcome, Refused):
-            self._refuse(outcome.reason, now, effects)
+            is_answered = outcome.result is not None
+            reason = outcome.reason if is_answered else f"{outcome.reason}, {MAY_BE_OBEYED}"
+            self._refuse(reason, now, effects)
         elif isinstance(outcome, Accepted):
             self._shown_until = self._shown_until or now + SHOWN_WITHIN_S
             if self._is_obeyed:

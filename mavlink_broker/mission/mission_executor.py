@@ -464,8 +464,9 @@ class MissionExecutor:
     # Alarms, restarts, errors
 
     def withdraw(self, now: float, effects: Effects) -> None:
-        """Drop a mission that the edge server has ended; nothing is reported of it."""
-        _LOG.warning("mission %d was withdrawn", self.work.mission.mission_id)
+        """Drop a mission that the edge server has ended, or holds; nothing is reported of it."""
+        number = self.work.mission.mission_id
+        _LOG.warning("mission %d is not flown: the edge server holds it or has ended it", number)
         self._cancel_upload(effects)
         self._move(Event.ENDED, now, effects)
 

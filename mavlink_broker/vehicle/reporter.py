@@ -264,14 +264,18 @@ _ACTIVITIES: Final[Mapping[ModeRole, str]] = {
 
 
 def activity(vehicle: Vehicle) -> str | None:
-    """Name what the vehicle does in the edge server's terms; None: its modes are not known."""
+    """Name what the vehicle does in the edge server's terms; None: its modes are not known.
+
+    A vehicle that was told to hold and flies its mission on has not obeyed yet.
+    """
     if not vehicle.snapshot.armed:
         return "on_ground"
-    if vehicle.recovery.paused is not None:
+    flies_on = vehicle.mode_role is ModeRole.MISSION  # ArduPilot, with a low battery by default
+    obeys = not flies_on or vehicle.mode == vehicle.family.paused_mode
+    if vehicle.recovery.paused is not None and obeys:
         return "paused"
     if not vehicle.family.knows_modes:
         return None
-    flies_on = vehicle.mode_role is ModeRole.MISSION  # ArduPilot, with a low battery by default
     is_failsafe = vehicle.in_failsafe and not flies_on
     return "failsafe" if is_failsafe else _ACTIVITIES[vehicle.mode_role]
 

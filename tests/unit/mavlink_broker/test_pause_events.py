@@ -165,6 +165,25 @@ class TestItems:
         assert world.edge.bodies("/vehicles/1")[-1]["activity"] == shown
 
     @KNOWN
+    def test_a_pause_that_does_not_arrive_is_not_shown_and_says_what_is_not_known(
+        self, family: str
+    ) -> None:
+        world = World()
+        vehicle = world.add_vehicle(script=slow(SCRIPTS[family]))
+        world.edge.plan(mission(takeoff(1), waypoint(2, hold_time=60.0), go_home(3)))
+        world.run_until(lambda: vehicle.airborne and state(world) is State.RUNNING)
+        world.run(7.0)
+        world.air.is_uplink_up = False
+        event = world.edge.event(PAUSE)
+        world.run(4.0)
+        assert world.edge.bodies("/vehicles/1")[-1]["activity"] == "mission"
+        world.run(12.0)
+        status, message = answer(world, event)
+        assert status == "refused"
+        assert message is not None
+        assert message.endswith("attempts, the vehicle may have obeyed")
+
+    @KNOWN
     def test_an_abort_ends_a_paused_mission_at_once(self, family: str) -> None:
         world = paused(SCRIPTS[family])
         event = world.edge.event(ABORT)
