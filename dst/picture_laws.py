@@ -56,8 +56,6 @@ class PictureLaws:
 
     def missing(self) -> list[str]:
         """Give the pictures that have not arrived, of vehicles that were never away."""
-        if self._world.broker.was_restarted:
-            return []
         found = []
         for system, vehicle in self._world.vehicles.items():
             if _was_never_away(vehicle) and system not in self._world.twinned:

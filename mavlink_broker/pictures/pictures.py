@@ -47,7 +47,7 @@ from mavlink_broker.pictures.announcements import (
     read_capture,
 )
 from mavlink_broker.pictures.feedback import Feedback, FeedbackCounter, Place, read_feedback
-from mavlink_broker.pictures.vehicle_time import OWN_CLOCK_S, RECENT_S, VehicleTime
+from mavlink_broker.pictures.vehicle_time import OWN_CLOCK_S, VehicleTime
 from mavlink_broker.vehicle.mission_ledger import MissionLedger
 from mavlink_broker.vehicle.reporter import Reporter
 from mavlink_broker.vehicle.vehicle import Vehicle
@@ -436,9 +436,9 @@ class PictureCollector:
         if camera is None:
             return
         taken_s = self._taken_s(capture, now)
-        is_recent = self._time.at(now) - taken_s <= RECENT_S
+        is_recent = self._time.is_recent(taken_s, now)
         is_of_earlier_run = is_recent and not self._attribution.began_before(taken_s)
-        is_new = camera.take(capture, goes_back=is_of_earlier_run)
+        is_new = camera.take(capture, goes_back=is_recent)
         if not is_new or capture.identity in self._seen:
             return
         self._seen[capture.identity] = None

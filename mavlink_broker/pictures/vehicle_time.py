@@ -56,6 +56,10 @@ class VehicleTime:
         self._behind_since = None
         return False
 
+    def is_recent(self, time_s: float, now: float) -> bool:
+        """Whether something is recent enough; everything is until the vehicle's clock is known."""
+        return not self._is_known or self.at(now) - time_s <= RECENT_S
+
     @property
     def is_doubtful(self) -> bool:
         """Whether it is not known yet whether the vehicle has restarted."""

@@ -260,6 +260,24 @@ def test_a_restarted_broker_fetches_what_was_taken_while_it_was_away() -> None:
     assert flight.message() is None
 
 
+def test_a_restarted_broker_fetches_what_was_taken_before_it_received_the_vehicle() -> None:
+    """The link is away when it starts: some pictures are older than this run, some are not."""
+    flight = Flight(count=5)
+    flight.until_pictures()
+    flight.world.kill_broker()
+    flight.vehicle.silent = True
+    for is_restart in (False, True):
+        if is_restart:
+            flight.world.restart_broker()
+        for _ in range(2):
+            flight.camera.shoot()
+            flight.world.run(2.0)
+    flight.vehicle.silent = False
+    flight.camera.shoot()
+    flight.land()
+    assert len(flight.images) == 5
+
+
 def test_a_new_broker_does_not_fetch_old_pictures() -> None:
     flight = Flight()
     flight.world.is_broker_running = False

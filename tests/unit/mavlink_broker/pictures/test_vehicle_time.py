@@ -84,3 +84,11 @@ def test_a_picture_of_before_a_restart_that_only_an_earlier_run_has_seen_is_olde
     one.send(16.0, UP_S)
     assert one.time.of(29.0, None, UP_S, is_same_clock=True) < 0.0
     assert one.time.of(29.0, None, UP_S) == pytest.approx(16.0)
+
+
+def test_everything_is_recent_until_the_clock_is_known() -> None:
+    one = ClockedVehicle()
+    assert one.time.is_recent(40.0, UP_S)
+    one.send(RECENT_S + 60.0, UP_S)
+    assert not one.time.is_recent(40.0, UP_S)
+    assert one.time.is_recent(80.0, UP_S)
