@@ -169,9 +169,11 @@ class Vehicle:
             self.doubt(now)
 
     def doubt(self, now: float) -> None:
-        """Note that it has to show by its clock that it is the same, if it has sent one."""
+        """Note that it has to show that it is the same: by its clock, or by its number."""
         if self._has_clock:
             self._back_at = now
+        else:
+            self.ask_identity()
 
     def _forget_telemetry(self) -> None:
         self._received_at.clear()
