@@ -258,7 +258,7 @@ BREAKS: Final = (
         "a picture is given to the command before the one that took it",
         (
             Change(
-                "mavlink_broker/pictures/announcements.py",
+                "mavlink_broker/pictures/attribution.py",
                 "            if interval.missing_of(camera)\n            and interval.earliest_s",
                 "            if interval.command\n            and interval.earliest_s",
             ),

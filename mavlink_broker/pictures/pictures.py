@@ -35,16 +35,18 @@ from mavlink_broker.microservices.ftp_download import NO_ANSWER, FileDownload
 from mavlink_broker.microservices.ftp_requests import Fetched, PartialFile
 from mavlink_broker.pictures.announcements import (
     AnnouncementTracker,
-    Attribution,
     Capture,
-    CommandInterval,
     FileLocation,
     Location,
-    PictureCommand,
     WebLocation,
+    read_capture,
+)
+from mavlink_broker.pictures.attribution import (
+    Attribution,
+    CommandInterval,
+    PictureCommand,
     current_command,
     picture_command,
-    read_capture,
 )
 from mavlink_broker.pictures.feedback import Feedback, FeedbackCounter, Place, read_feedback
 from mavlink_broker.pictures.vehicle_time import OWN_CLOCK_S, VehicleTime

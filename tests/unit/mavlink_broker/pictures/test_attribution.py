@@ -1,6 +1,6 @@
 """Whose picture it is: by its time, and by what a command still lacks."""
 
-from mavlink_broker.pictures.announcements import Area, Attribution, PictureCommand
+from mavlink_broker.pictures.attribution import Area, Attribution, PictureCommand
 
 FIRST, SECOND = 100, 101
 """Components that are cameras."""
