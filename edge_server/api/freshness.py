@@ -1,14 +1,10 @@
 """Orders that may have lain unread for too long are not carried out: their sender has given up."""
 
-from typing import Final
-
 from flask import request
 
 from edge_server.connections.exchange import Exchange
 from edge_server.services.errors import ConflictError
-
-WITHIN_S: Final = 10.0
-"""As long as an event is valid."""
+from edge_server.services.fleet.events import LIFETIME_S
 
 
 def waited_s() -> float:
@@ -24,7 +20,7 @@ def check() -> None:
         ConflictError: if it is.
     """
     seconds = waited_s()
-    if seconds > WITHIN_S:
+    if seconds > LIFETIME_S:
         raise ConflictError(
             f"the edge server stood still, and this may have waited for {seconds:.0f} s: it is not "
             "carried out; look what the vehicle does, and send it again"

@@ -17,6 +17,7 @@ from edge_server.connections.admission import Limits
 from edge_server.connections.counts import ConnectionCounts
 from edge_server.connections.exchange import Exchange
 from edge_server.connections.loop import ConnectionLoop, Options
+from edge_server.connections.stall import StallMonitor, since_boot_s
 from tests.support.descriptors import numbers_given_again, open_channels
 from tests.support.polling import PATIENCE_S, wait_until
 
@@ -43,6 +44,7 @@ class Running:
         limits: Limits,
         threads: int,
         tls: ssl.SSLContext | None,
+        stalls: StallMonitor | None,
     ) -> None:
         loop.raise_descriptor_limit(4000)
         self.counts = ConnectionCounts()
@@ -55,7 +57,7 @@ class Running:
             lambda status: b"HTTP/1.1 %d No\r\n\r\n" % status,
             lambda key: key != "theirs",
         )
-        self.service = ConnectionLoop([listener], serve, options, self.counts)
+        self.service = ConnectionLoop([listener], serve, options, self.counts, stalls)
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run)
 
@@ -93,10 +95,11 @@ def running(
     kept_bytes: int = 2**26,
     threads: int = 2,
     tls: ssl.SSLContext | None = None,
+    stalls: StallMonitor | None = None,
     before: Callable[[Running], None] = lambda _: None,
 ) -> Iterator[Running]:
     """The loop; `before` is done when it listens and has not begun."""
-    service = Running(serve, Limits(connections, per_address, kept_bytes), threads, tls)
+    service = Running(serve, Limits(connections, per_address, kept_bytes), threads, tls, stalls)
     before(service)
     service.begin()
     try:
@@ -509,3 +512,18 @@ def test_a_closed_loop_leaves_nothing_open_and_is_woken_without_effect() -> None
     wait_until(lambda: open_channels() <= before)
     with numbers_given_again():
         service.service.wake()  # As a request does that is served after the end
+
+
+def test_a_request_that_is_read_behind_a_pause_may_have_waited_as_long() -> None:
+    """The clock of the loop jumps, as after a suspension."""
+    late_s = [61.0]
+    waited_s: list[float] = []
+
+    def serve(exchange: Exchange) -> bool:
+        waited_s.append(exchange.waited_s)
+        return answer(exchange)
+
+    with running(serve, stalls=StallMonitor(lambda: since_boot_s() - late_s[0])) as service:
+        late_s[0] = 0.0
+        assert service.ask(ABORT) == ANSWER
+    assert waited_s[0] > 60.0
