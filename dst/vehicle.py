@@ -436,6 +436,9 @@ class Vehicle:
             case "FOLLOW_TARGET" if self.mode is Mode.FOLLOW:
                 north_m, east_m = offset_m(message.lat / 1e7, message.lon / 1e7)
                 self._target = north_m, east_m, max(message.alt - HOME[2], 8.0)
+            case "TIMESYNC" if message.tc1 == 0:
+                own_ns = round(self._scheduler.now_s * 1e9)
+                self._send(mavlink.MAVLink_timesync_message(own_ns, message.ts1))
             case "PARAM_REQUEST_READ":
                 self._send_parameter(message.param_id)
             case "PARAM_SET":

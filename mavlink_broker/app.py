@@ -225,6 +225,7 @@ class App:
         dead = self._edge.dead_letters_of(member.session.vehicle.vehicle_id)
         warnings = (
             member.session.vehicle.duplicate,
+            member.session.link_warning,
             member.session.vehicle.armed_period.warning(now),
             f"{dead} reports could not be delivered: see dead-letters" if dead else None,
             self.internal_errors.warning(_owner(member), now),

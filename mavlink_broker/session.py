@@ -26,7 +26,8 @@ from mavlink_broker.effects import (
     LogJobFailed,
 )
 from mavlink_broker.mavlink.dialect import Message, mavlink, source_of
-from mavlink_broker.microservices.heartbeat import StateOrder
+from mavlink_broker.microservices.answer_monitor import AnswerMonitor
+from mavlink_broker.microservices.heartbeat import LOST_AFTER_S, StateOrder
 from mavlink_broker.microservices.log_download import LOG_MESSAGES
 from mavlink_broker.microservices.message_rates import RATE_MESSAGES, StreamRequests
 from mavlink_broker.microservices.parameter import PARAMETER_MESSAGES
@@ -54,6 +55,10 @@ UNREACHABLE_AFTER_S: Final = 5.0
 A vehicle that a new broker has yet to receive may be flown by a pilot: its mission waits for that.
 """
 FORGOTTEN_AFTER_S: Final = 60.0
+UNANSWERED: Final = (
+    "it is received but does not answer, so that orders may not reach it: the link may work in one "
+    "direction only, or the vehicle has another signing key"
+)
 PREPARATION: Final = BEFORE_TAKEOFF | {State.ATTACHING}
 """States in which the link is kept free of pictures."""
 
@@ -97,12 +102,13 @@ class Session:
         )
         self._frames = FlightFrames(vehicle, new_session_id, limit_bytes=frames_limit_bytes)
         self._state_order = StateOrder()
+        self._answers = AnswerMonitor(vehicle.route)
         self._heartbeat = GcsHeartbeat(vehicle, observes=observes)
         self._streams = StreamRequests(vehicle.route, vehicle.round_trip, observes=observes)
         self._battery_capacity = BatteryCapacity(vehicle, battery_capacity_ah)
         self._alarms = AlarmMonitor()
         self._config_restorer = VehicleConfigRestorer(vehicle)
-        self._was_lost = True
+        self._was_lost, self._was_received = True, False
         self._lost_since: float | None = None
 
     @property
@@ -114,6 +120,11 @@ class Session:
     def is_restoring(self) -> bool:
         """Whether the vehicle still has a geofence or parameters of its last plan."""
         return self._config_restorer.is_due
+
+    @property
+    def link_warning(self) -> str | None:
+        """What an operator should know about its link; None if it works in both directions."""
+        return UNANSWERED if self._answers.is_unanswered else None
 
     def is_stranger(self, now: float) -> bool:
         """Whether a vehicle has sent no more than a heartbeat, and sends nothing any more."""
@@ -137,6 +148,7 @@ class Session:
         self.vehicle.change_autopilot(component)
         self._streams.route = self.vehicle.route
         self._streams.renew()
+        self._answers = AnswerMonitor(self.vehicle.route)
         self._heartbeat.renew()
         self._alarms.forget()
 
@@ -174,6 +186,7 @@ class Session:
             self.vehicle_replaced(now, effects)
         if self.vehicle.take(message, now):
             self._vehicle_restarted(now, effects)
+        self._answers.receive(message)
         if kind in RATE_MESSAGES:
             effects.messages += self._streams.receive(message, now)
         self._alarms.receive(message, now)
@@ -263,6 +276,7 @@ class Session:
         self._telemetry.update(self.missions.running_mission_id, now, effects)
         if vehicle.is_reachable(now):
             effects.messages += self._heartbeat.tick(now)
+            effects.messages += self._ask_for_answer(now)
             effects.messages += self._streams.tick(now)
             if self._streams.is_version_settled:
                 vehicle.identify()
@@ -292,9 +306,32 @@ class Session:
         is_reachable = self.vehicle.is_reachable(now)
         if is_reachable and self._was_lost:
             self._streams.renew()
+            self._answers = AnswerMonitor(self.vehicle.route)
+            if self._lost_since is not None and self._was_received:
+                away_s = now - self._lost_since
+                _LOG.info(
+                    "vehicle %d: its link is back after %.0f s", self.vehicle.vehicle_id, away_s
+                )
+        elif not is_reachable and not self._was_lost:
+            _LOG.warning(
+                "vehicle %d: its link is lost, no heartbeat for %.0f s",
+                self.vehicle.vehicle_id,
+                LOST_AFTER_S,
+            )
+        self._was_received |= is_reachable
         self._was_lost = not is_reachable
         self._lost_since = None if is_reachable else (self._lost_since or now)
         self.vehicle.assume_home(now)
+
+    def _ask_for_answer(self, now: float) -> list[Message]:
+        """Follow whether the vehicle answers while it is received."""
+        if self._observes or not self.vehicle.is_connected(now):
+            return []
+        was_unanswered = self._answers.is_unanswered
+        messages = self._answers.tick(now)
+        if self._answers.is_unanswered and not was_unanswered:
+            _LOG.warning("vehicle %d: %s", self.vehicle.vehicle_id, UNANSWERED)
+        return messages
 
     def _override_parameters(self, now: float) -> list[Message]:
         """Set the parameters that the segment in flight needs, restore the others."""

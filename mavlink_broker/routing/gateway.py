@@ -17,7 +17,7 @@ use. Frames to them are signed with it. Without that key nothing is forwarded.
 """
 
 import logging
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -234,6 +234,8 @@ GCS_TIMEOUT_S: Final = 10.0
 """A ground station is connected until so long after its last message."""
 REQUESTS_KEPT: Final = 500
 """Message ids per vehicle; no vehicle sends more."""
+TIME_REQUESTS_KEPT: Final = 64
+"""Requests of TIMESYNC, whose answers come within seconds."""
 
 
 class Refusals:
@@ -309,6 +311,7 @@ class Gateway:
         self._received_at: float | None = None
         self._requested: dict[int, set[int]] = {}
         self._log_read_of: set[int] = set()  # Systems
+        self._time_requests: deque[int] = deque(maxlen=TIME_REQUESTS_KEPT)  # ts1 of TIMESYNCs
         self.refusals = Refusals()
 
     def has_ground_station(self, now: float) -> bool:
@@ -325,10 +328,12 @@ class Gateway:
     def from_vehicle(self, message: Message, now: float) -> bytes | None:
         """Return the unsigned copy of a vehicle's frame; None if it is for the broker only.
 
-        The data of logs has no addressee: it is forwarded while ground stations request some.
+        The data of logs and the answers to TIMESYNC have no addressee: they are forwarded while
+        ground stations request some. Another system's request has another clock.
         """
         is_unread_log = message.get_type() == "LOG_DATA" and not self._is_log_read(message, now)
-        if target_of(message) == self._own_system or is_unread_log:
+        is_our_time = message.get_type() == "TIMESYNC" and not self._is_time_wanted(message)
+        if target_of(message) == self._own_system or is_unread_log or is_our_time:
             self._sequence_numbers.withheld(source_of(message))
             return None
         return self._sequence_numbers.forwarded(unsigned(bytes(message.get_msgbuf())))
@@ -379,8 +384,14 @@ class Gateway:
             self._log_read_of.clear()
         return source_of(message).system in self._log_read_of
 
+    def _is_time_wanted(self, message: Message) -> bool:
+        """Whether a vehicle's TIMESYNC is a request, or the answer to a ground station's."""
+        return message.tc1 == 0 or message.ts1 in self._time_requests
+
     def _note_request(self, message: Message, system: int) -> None:
-        """Record a requested message: the ground station sets its rate from now on."""
+        """Record what a ground station requests; it sets the rate of that message from now on."""
+        if message.get_type() == "TIMESYNC" and message.tc1 == 0:
+            self._time_requests.append(message.ts1)
         if message.get_type() == "LOG_REQUEST_DATA":
             self._log_read_of.add(system)
         elif message.get_type() == "LOG_REQUEST_END":

@@ -39,6 +39,7 @@ class Script:
     item_time_s: float = 2.0
     sends_item_reached: bool = True
     has_home: bool = True
+    has_timesync: bool = True  # It answers TIMESYNC
     battery_capacity_mah: float | None = 4200.0
     settings: Mapping[str, float] = field(default_factory=dict)  # Parameters that can be set
     ignores_start: bool = False

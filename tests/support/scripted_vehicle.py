@@ -463,6 +463,8 @@ class ScriptedVehicle:
                 self.last_target = message.lat / 1e7, message.lon / 1e7
             case "REQUEST_DATA_STREAM":
                 self._streams.ask_group(message, self._now)
+            case "TIMESYNC" if message.tc1 == 0 and self.script.has_timesync:
+                self._send(mavlink.MAVLink_timesync_message(round(self._now * 1e9), message.ts1))
             case "PARAM_SET":
                 self._set_parameter(message)
             case "PARAM_REQUEST_READ":

@@ -157,3 +157,67 @@ def test_a_refusal_is_one_also_after_the_link_was_away() -> None:
     lose_link(world)
     world.run_until_over(1201)
     assert world.edge.statuses(1201)[1] == Status.FAILED
+
+
+class TestALinkOfOneDirection:
+    """Telemetry arrives, and no order does."""
+
+    @pytest.mark.first_case
+    @pytest.mark.parametrize("script", [OWN, PX4_1_17, COPTER_4_6], ids=["own", "px4", "copter"])
+    def test_is_shown_until_the_vehicle_answers_again(
+        self, script: Script, caplog: pytest.LogCaptureFixture
+    ) -> None:
+        world = World()
+        world.add_vehicle(script=script)
+        world.run(20.0)
+        assert warning(world) is None
+        world.air.is_uplink_up = False
+        world.run(20.0)
+        assert "does not answer" in (warning(world) or "")
+        assert caplog.text.count("does not answer") == 1
+        world.air.is_uplink_up = True
+        world.run(5.0)
+        assert warning(world) is None
+
+    def test_is_shown_if_it_never_answered(self) -> None:
+        world = World()
+        world.air.is_uplink_up = False
+        world.add_vehicle(script=PX4_1_17)
+        world.run(20.0)
+        assert "does not answer" in (warning(world) or "")
+
+    def test_is_not_taken_from_a_vehicle_without_timesync(self) -> None:
+        world = World()
+        world.add_vehicle(script=dataclasses.replace(PX4_1_17, has_timesync=False))
+        world.run(60.0)
+        assert warning(world) is None
+
+    @pytest.mark.parametrize("loss", [0.1, 0.3])
+    def test_is_not_taken_from_one_that_loses_frames(
+        self, loss: float, caplog: pytest.LogCaptureFixture
+    ) -> None:
+        world = World(loss=loss)
+        world.add_vehicle(script=PX4_1_17)
+        world.run(300.0)
+        assert "does not answer" not in caplog.text
+
+
+def test_a_lost_link_and_its_return_are_logged_once(caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level("INFO")
+    world = World()
+    world.add_vehicle(script=PX4_1_17)
+    world.run(5.0)
+    assert "link" not in caplog.text.replace("mavlink", "")
+    lose_link(world, 20.0)
+    world.run(3.0)
+    texts = [text for text in caplog.messages if "its link is" in text]
+    assert [text.split(", ")[0].split(" after ")[0] for text in texts] == [
+        "vehicle 1: its link is lost",
+        "vehicle 1: its link is back",
+    ]
+
+
+def warning(world: World) -> str | None:
+    """The newest warning that the edge server has of the vehicle."""
+    text: str | None = world.edge.bodies("/vehicles/1")[-1]["warning"]
+    return text

@@ -58,6 +58,7 @@ READING: Final = {
     "MISSION_REQUEST_LIST",
     "MISSION_REQUEST_INT",
     "MISSION_ACK",
+    "TIMESYNC",
 }
 TAKEOVERS: Final = [
     pytest.param(PX4, PX4_POSITION, id="px4-posctl"),

@@ -139,6 +139,19 @@ def test_data_of_a_log_is_forwarded_while_a_ground_station_reads_one() -> None:
     assert world.forward(data, GCS_TIMEOUT_S + 1.0) is None  # It has gone
 
 
+def test_an_answer_to_timesync_is_forwarded_if_a_ground_station_has_asked() -> None:
+    """One that the broker asked for has the broker's clock: a ground station would set its own."""
+    world = GatewayWorld()
+    world.controls[1] = BrokerControl.MISSION
+    answer = mavlink.MAVLink_timesync_message(777, 55)
+    assert world.forward(answer) is None
+    assert world.forward(mavlink.MAVLink_timesync_message(0, 66)) is not None  # Its own request
+    sent = world.send(mavlink.MAVLink_timesync_message(0, 55))
+    assert {decoded(frame).ts1 for _, frame in sent.to_vehicles} == {55}
+    assert world.forward(answer) is not None
+    assert world.forward(mavlink.MAVLink_timesync_message(777, 56)) is None
+
+
 def test_withheld_and_inserted_frames_do_not_look_lost_and_lost_ones_do() -> None:
     world = GatewayWorld()
     world.controls[1] = BrokerControl.MISSION
