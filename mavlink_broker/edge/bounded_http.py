@@ -39,7 +39,7 @@ import requests
 from requests.adapters import HTTPAdapter
 from urllib3 import HTTPConnectionPool, HTTPSConnectionPool
 from urllib3.connection import HTTPConnection, HTTPSConnection
-from urllib3.exceptions import HeaderParsingError
+from urllib3.exceptions import HeaderParsingError, HTTPError
 
 CHUNK_BYTES: Final = 64 * 1024
 _REASON_CHARACTERS: Final = 200
@@ -288,6 +288,15 @@ class BoundedHttp:
             if exchange.has_expired:
                 raise requests.Timeout(_timeout_text(within_s))
         return answer
+
+
+def cause_of(error: Exception) -> str:
+    """Text of why an exchange has failed: the system's own where a library's is around it."""
+    first: BaseException = error
+    if error.args and isinstance(error.args[0], HTTPError):
+        while (cause := first.__cause__ or first.__context__) is not None:
+            first = cause
+    return str(first) or type(first).__name__
 
 
 def _timeout_text(within_s: float) -> str:

@@ -34,6 +34,7 @@ from mavlink_broker.edge.bounded_http import (
     Answer,
     EdgeConnection,
     NoKeyError,
+    cause_of,
     is_final,
     is_temporary_refusal,
 )
@@ -373,7 +374,7 @@ class EdgeClient:
         answer, is_own = _examined(answer)
         status, text, is_dead = None, "", False
         if isinstance(answer, Exception):
-            text = str(answer)[:MAX_LOGGED_CHARACTERS]
+            text = cause_of(answer)[:MAX_LOGGED_CHARACTERS]
             self._set_reachable(is_reachable=False, error=answer)
         else:
             status, text = answer.status_code, answer.text.strip()[:MAX_LOGGED_CHARACTERS]
@@ -458,12 +459,13 @@ class EdgeClient:
         if is_reachable == self._reachable:
             return
         at_start, self._reachable = self._reachable is None, is_reachable
+        reason = None if error is None else cause_of(error)
         if is_reachable:
             _LOG.info("the edge server answers")
         elif at_start:  # Programs start in any order: waiting at the start is normal
-            _LOG.info("waiting for the edge server: %s", error)
+            _LOG.info("waiting for the edge server: %s", reason)
         else:
-            _LOG.warning("the edge server does not answer: %s", error)
+            _LOG.warning("the edge server does not answer: %s", reason)
 
 
 def headers_of(post: Post) -> dict[str, str]:

@@ -148,10 +148,15 @@ class MissionLedger:
         self.set_mission(Status.FAILED, reason)
 
     def abort(self, reason: str) -> None:
-        """End everything that has not ended as ABORTED."""
+        """End everything that has not ended as ABORTED.
+
+        A command with notes, as of a pause, gets the reason too: its last note would look like it.
+        """
         for index, status in enumerate(self._statuses):
             if not status.is_terminal:
                 self.set_command(index, Status.ABORTED)
+                if self._added[index] or self._messages[index]:
+                    self.add_note(index, reason)
         self.set_mission(Status.ABORTED, reason)
 
     def report(self, *, vehicle_id: int, sequence_number: int) -> MissionReport:

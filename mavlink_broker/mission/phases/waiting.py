@@ -130,7 +130,7 @@ class Waiting(Phase):
             return
         mission_id, vehicle_id = self._mission.work.mission.mission_id, self._vehicle.vehicle_id
         if obstacle is None:
-            _LOG.info("mission %d goes on after %.0f s", mission_id, waited_s)
+            _LOG.info("mission %d no longer waits for vehicle %d", mission_id, vehicle_id)
         else:
             _LOG.warning("mission %d waits for vehicle %d: %s", mission_id, vehicle_id, obstacle)
         self._obstacle = obstacle

@@ -170,7 +170,7 @@ class TestWaiting:
         assert vehicle.uploads == 0
         assert caplog.text.count("mission 1201 waits for vehicle 1: it is not ready to arm") == 1
         world.run_until_over(1201)
-        assert "mission 1201 goes on after 2" in caplog.text
+        assert "mission 1201 no longer waits for vehicle 1" in caplog.text
         assert world.edge.status(1201) == Status.FINISHED
 
     @pytest.mark.thorough

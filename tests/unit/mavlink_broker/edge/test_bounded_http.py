@@ -214,3 +214,15 @@ def test_headers_that_cannot_be_read_are_one_line_in_the_log(
     assert message.startswith(f"an answer of {host} has headers that cannot be read: ")
     assert "MissingHeaderBodySeparatorDefect" in message
     assert "\n" not in message
+
+
+def test_the_cause_of_a_failure_is_the_systems_own_text() -> None:
+    with BoundedHttp() as http, pytest.raises(requests.ConnectionError) as refused:
+        http.exchange(
+            "GET", "http://127.0.0.1:1/", within_s=9.0, timeouts_s=(9.0, 9.0), max_bytes=9
+        )
+    assert bounded_http.cause_of(refused.value) == "[Errno 111] Connection refused"
+    with server(silence) as url, BoundedHttp() as http, pytest.raises(requests.Timeout) as late:
+        http.exchange("GET", url, within_s=DEADLINE_S, timeouts_s=(9.0, 9.0), max_bytes=9)
+    assert bounded_http.cause_of(late.value) == str(late.value)
+    assert "no complete answer" in str(late.value)

@@ -36,6 +36,17 @@ def test_a_failure_may_name_its_command() -> None:
     assert book.commands == (Status.ABORTED, Status.ABORTED, Status.FAILED)
 
 
+def test_an_aborted_command_that_was_paused_says_why_it_ended() -> None:
+    """Its last note would otherwise be the pause."""
+    book = ledger()
+    book.set_command(0, Status.RUNNING)
+    book.add_pause_note("paused by an event")
+    book.abort("aborted by an event")
+    report = book.report(vehicle_id=1, sequence_number=4)
+    texts = [command.message for command in report.command_report_array]
+    assert texts == ["paused by an event; aborted by an event", None, None]
+
+
 @given(st.integers(0, 3), st.none() | st.integers(0, 2))
 def test_a_failure_leaves_nothing_open_and_changes_nothing_that_ended(
     finished: int, named: int | None
