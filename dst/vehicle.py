@@ -413,7 +413,7 @@ class Vehicle:
         if self._next_step is not None and not is_booting:
             self._receive(datagram)
 
-    def _receive(self, datagram: bytes) -> None:  # noqa: C901  # a case per message
+    def _receive(self, datagram: bytes) -> None:  # noqa: C901, PLR0912  # a case per message
         try:
             message = self._codec.decode(bytearray(datagram))
         except (mavlink.MAVError, IndexError):
