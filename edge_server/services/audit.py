@@ -93,6 +93,11 @@ class Trail:
         if not self._made:
             self._made.append(f"{self._subject}/{identifier}")
 
+    @property
+    def repeats_answer(self) -> bool:
+        """Whether the last transaction changed nothing: the request had been made before."""
+        return self._changes_nothing
+
     def changes_nothing(self) -> None:
         """Note that the present transaction changes nothing: it repeats an answer."""
         self._changes_nothing = True

@@ -254,8 +254,10 @@ def is_idempotency_key(key: object) -> bool:
 
 
 def audit(action: str) -> None:
-    """Log a write by a person or the cloud."""
-    AUDIT.info("%s %s from %s", g.role, action, request.remote_addr)
+    """Log a write by a person or the cloud; one that repeats an earlier answer says so."""
+    trail = audit_trail.current()
+    again = "again (nothing is done twice) " if trail is not None and trail.repeats_answer else ""
+    AUDIT.info("%s %s%s from %s", g.role, again, action, request.remote_addr)
 
 
 def _has_key() -> bool:

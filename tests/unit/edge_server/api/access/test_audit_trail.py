@@ -79,6 +79,16 @@ def test_repeated_and_invalid_requests_are_not_audited(edge: Edge) -> None:
     assert [row[3] for row in audit_rows(edge)] == ["done", "409"]
 
 
+def test_the_log_says_that_a_request_was_made_before(
+    edge: Edge, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level("INFO")
+    for _ in range(2):
+        edge.post_plan(plan(), key="once")
+    posted = [text for text in caplog.messages if "posted plan" in text]
+    assert ["again" in text for text in posted] == [False, True]
+
+
 def test_without_its_row_a_change_is_not_made(edge: Edge) -> None:
     with edge.context.database.write() as own:
         own.execute(
