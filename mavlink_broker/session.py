@@ -362,7 +362,9 @@ class Session:
             self.missions.raise_alarm(failure.text, now, effects)
 
     def _tick_pictures(self, now: float, effects: Effects) -> None:
-        self.pictures.update_mission(self.missions.work, self.missions.ledger, now)
+        is_followed = self.state is not State.ATTACHING
+        missions = self.missions
+        self.pictures.update_mission(missions.work, missions.ledger, now, is_followed=is_followed)
         self.pictures.is_reachable = self.vehicle.is_reachable(now)
         if self.pictures.is_reachable and not self._observes:
             self.pictures.step(now, effects, is_busy=self.state in PREPARATION)

@@ -28,6 +28,7 @@ from afarcloud.enumerations import PanoramaMode
 from afarcloud.geodesy import distance_m
 from mavlink_broker.pictures.feedback import Place
 from mavlink_broker.vehicle.mission_ledger import MissionLedger
+from mavlink_broker.vehicle.recovery_state import RecoveryState
 
 EARLY_S: Final = 3.0
 LATE_S: Final = 10.0
@@ -190,22 +191,36 @@ class Attribution:
         time_s: float,
         *,
         seen_s: float | None = None,
-        is_resumed: bool = False,
+        resumed_since_s: float | None = None,
     ) -> bool:
-        """Follow the command that runs, `is_resumed` if it ran before; return if it changed.
+        """Follow the command that runs; return if it changed.
 
-        `seen_s` is when the vehicle was last received, now by default.
+        `seen_s` is when the vehicle has shown last that it runs, now by default; what is older
+        than is known changes nothing. `resumed_since_s` if an earlier run has ordered it: when it
+        may have begun.
         """
         if self._intervals and self._intervals[-1].command == command:
-            self._seen_s = time_s if seen_s is None else seen_s
+            seen_s = time_s if seen_s is None else seen_s
+            self._seen_s = seen_s if self._seen_s is None else max(self._seen_s, seen_s)
             return False
         if self._intervals:
             self._end(self._intervals[-1], time_s)
         is_first = all(interval.command is None for interval in self._intervals)
+        is_partial = is_first and resumed_since_s is not None
+        if is_first and resumed_since_s is not None:
+            self._seen_s = resumed_since_s
         earliest_s = time_s if self._seen_s is None else min(self._seen_s, time_s)
-        partial = is_resumed and is_first
-        self._intervals.append(CommandInterval(command, time_s, earliest_s, is_partial=partial))
+        self._intervals.append(CommandInterval(command, time_s, earliest_s, is_partial=is_partial))
         return True
+
+    def add_earlier(self, command: PictureCommand, since_s: float) -> None:
+        """Add a command that an earlier run has seen end, before the present one.
+
+        Its pictures, taken at `since_s` at the earliest, may be received in this run.
+        """
+        present = self._intervals[-1]
+        interval = CommandInterval(command, since_s, since_s, present.began_s, is_partial=True)
+        self._intervals.insert(len(self._intervals) - 1, interval)
 
     def shift(self, shift_s: float) -> None:
         """Shift all times, for another clock is used from now on."""
@@ -337,3 +352,32 @@ def _at(position: Position | None, candidates: list[CommandInterval]) -> Command
 def _off_m(interval: CommandInterval, position: Position) -> float:
     area = None if interval.command is None else interval.command.area
     return math.inf if area is None else area.off_m(*position)
+
+
+class EarlierFlight:
+    """The flight that an earlier run of the broker has ordered, as far as the journal shows it.
+
+    Until the edge server has sent its mission again nobody knows whose the pictures are.
+    """
+
+    def __init__(self) -> None:
+        self.was_flying = False
+        """Whether the journal has had mission items, or a live command, under way."""
+        self._first_command: str | None = None  # Of the items that were ordered last
+        self._ordered_s = -math.inf  # When that was, by the vehicle's clock since boot
+
+    def recall(self, recovery: RecoveryState) -> None:
+        """Keep what the journal has, which is cleared when the vehicle has landed."""
+        self.was_flying |= recovery.segment is not None or recovery.live is not None
+        if recovery.segment is not None:
+            self._first_command = recovery.segment
+            ordered_s = recovery.began_s({recovery.segment})
+            self._ordered_s = -math.inf if ordered_s is None else ordered_s
+
+    def since_s(self, ledger: MissionLedger, index: int) -> float:
+        """Give when a command of the mission may have begun, at the earliest.
+
+        One before the items that were ordered last may have begun at any time before.
+        """
+        is_behind = self._first_command in {ledger.name_of(one) for one in range(index + 1)}
+        return self._ordered_s if is_behind else -math.inf

@@ -4,18 +4,15 @@ Each picture belongs to the command that was running when it was taken; it is do
 the size that the edge server takes, and sent once. No mission waits for its pictures, and none is
 lost silently: the report of its command, or the log after the mission, names a missing picture.
 
-Files are downloaded one at a time, with retries (`PictureFetcher`). A download that was interrupted
-is resumed with the bytes so far; a round that received any bytes does not count as a failure.
-
-Over MAVFTP a file is requested from the component that the announcement names, then from the
-camera, then from the autopilot. A file on a web server is a job for the program's threads.
+A restarted broker may receive pictures before it has its mission again: they wait for it
+(`EarlierFlight`).
 """
 
 import logging
+import math
 import zlib
-from collections import OrderedDict, deque
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from collections import OrderedDict
+from collections.abc import Iterator
 from typing import Final, NamedTuple
 
 from afarcloud.enumerations import Status
@@ -25,203 +22,29 @@ from mavlink_broker.effects import (
     ConvertPicture,
     Downloaded,
     Effects,
-    FetchUrl,
-    Job,
     JobFailed,
     JobOutcome,
 )
-from mavlink_broker.mavlink.dialect import Message, Route, mavlink, source_of
-from mavlink_broker.microservices.ftp_download import NO_ANSWER, FileDownload
-from mavlink_broker.microservices.ftp_requests import Fetched, PartialFile
+from mavlink_broker.mavlink.dialect import Message, mavlink, source_of
 from mavlink_broker.pictures.announcements import (
     AnnouncementTracker,
     Capture,
-    FileLocation,
-    Location,
-    WebLocation,
     read_capture,
 )
 from mavlink_broker.pictures.attribution import (
     Attribution,
     CommandInterval,
+    EarlierFlight,
     PictureCommand,
     current_command,
     picture_command,
 )
+from mavlink_broker.pictures.downloads import PictureDownload, PictureFetcher, Progress
 from mavlink_broker.pictures.feedback import Feedback, FeedbackCounter, Place, read_feedback
 from mavlink_broker.pictures.vehicle_time import OWN_CLOCK_S, VehicleTime
 from mavlink_broker.vehicle.mission_ledger import MissionLedger
 from mavlink_broker.vehicle.reporter import Reporter
 from mavlink_broker.vehicle.vehicle import Vehicle
-
-MAX_FILE_BYTES: Final = 32 * 1024 * 1024
-""" a camera of 50 megapixels writes half of it."""
-PAUSES_S: Final = (2.0, 10.0, 30.0)
-"""Before each further round: the camera may still write the file, the link may be bad."""
-
-
-@dataclass(slots=True)
-class PictureDownload:
-    """The download of one picture."""
-
-    number: int
-    capture: Capture
-    command: PictureCommand | None
-    location: Location
-    rounds: int = 0
-    component: int = 0  # Index of the component that this round asks
-    unanswered: set[int] = field(default_factory=set)  # Components that have not answered
-    silent: set[int] = field(default_factory=set)  # The same, of the previous round
-    not_before: float = 0.0
-    reason: str = ""
-    is_second_chance: bool = False
-    partial: PartialFile | None = None  # The bytes so far
-
-    def restarted(self) -> "PictureDownload":
-        """Give the same download from its first round, for the last time."""
-        number, capture = self.number, self.capture
-        return PictureDownload(
-            number,
-            capture,
-            self.command,
-            self.location,
-            is_second_chance=True,
-            partial=self.partial,
-        )
-
-
-@dataclass(slots=True)
-class Progress:
-    """The result of a step: messages, jobs, and downloads that have ended."""
-
-    messages: list[Message]
-    jobs: list[Job]
-    completed: list[tuple[PictureDownload, bytes]]
-    failed: list[PictureDownload]
-
-    @classmethod
-    def none(cls) -> "Progress":
-        """Give an empty result."""
-        return cls([], [], [], [])
-
-
-class PictureFetcher:
-    """The downloads of one vehicle; the caller decides whether a new one may begin."""
-
-    def __init__(self, route: Route, first_seq: int) -> None:
-        self.route = route
-        self._next_seq = first_seq
-        self._waiting: deque[PictureDownload] = deque()
-        self._running: PictureDownload | None = None
-        self._download: FileDownload | None = None
-        self._received_before = 0  # [bytes] Received before this transfer
-
-    def __len__(self) -> int:
-        return len(self._waiting) + (self._running is not None)
-
-    def add(self, picture: PictureDownload) -> None:
-        """Queue a download."""
-        self._waiting.append(picture)
-
-    def receive(self, message: Message, now: float) -> Progress:
-        """Process an answer of a file server."""
-        progress = Progress.none()
-        if self._download is not None:
-            progress.messages += self._download.receive(message, now)
-            self._settle(progress, now)
-        return progress
-
-    def step(self, now: float, *, is_paused: bool) -> Progress:
-        """Do what is due, while the vehicle is connected. `is_paused`: request nothing."""
-        progress = Progress.none()
-        if self._download is not None:
-            self._download.is_paused = is_paused
-            progress.messages += self._download.tick(now)
-            self._settle(progress, now)
-        if self._running is None and not is_paused:
-            self._begin_next(progress, now)
-        return progress
-
-    def web_completed(self, number: int, data: bytes) -> Progress:
-        """Process a file of a web server."""
-        progress = Progress.none()
-        if self._running is not None and self._running.number == number:
-            progress.completed.append((self._running, data))
-            self._running = None
-        return progress
-
-    def web_failed(self, number: int, reason: str, now: float) -> Progress:
-        """Process the failure of a web server."""
-        progress = Progress.none()
-        if self._running is not None and self._running.number == number:
-            self._retry(self._running, reason, progress, now)
-        return progress
-
-    def _begin_next(self, progress: Progress, now: float) -> None:
-        picture = next((one for one in self._waiting if now >= one.not_before), None)
-        if picture is None:
-            return
-        self._waiting.remove(picture)
-        self._running = picture
-        match picture.location:
-            case WebLocation(url):
-                progress.jobs.append(FetchUrl(picture.number, url, MAX_FILE_BYTES))
-            case FileLocation(path):
-                component = self._components(picture)[picture.component]
-                route = self.route._replace(target_component=component)
-                self._download = FileDownload(
-                    path,
-                    route,
-                    limit_bytes=MAX_FILE_BYTES,
-                    first_seq=self._next_seq,
-                    partial=picture.partial,
-                )
-                self._received_before = self._download.partial.received
-                progress.messages += self._download.start(now)
-
-    def _components(self, picture: PictureDownload) -> Sequence[int]:
-        """The components to ask in this round, without silent ones if others have answered."""
-        named = picture.location.component if isinstance(picture.location, FileLocation) else None
-        possible = (named, picture.capture.component, self.route.target_component)
-        components = dict.fromkeys(one for one in possible if one is not None)
-        return tuple(one for one in components if one not in picture.silent) or tuple(components)
-
-    def _settle(self, progress: Progress, now: float) -> None:
-        download, picture = self._download, self._running
-        if download is None or picture is None or download.outcome is None:
-            return
-        self._download = self._running = None
-        self._next_seq = download.next_seq
-        if isinstance(download.outcome, Fetched):
-            progress.completed.append((picture, download.outcome.data))
-            return
-        picture.partial = download.partial
-        if download.partial.received > self._received_before:
-            picture.rounds = 0  # The link is bad, but bytes arrive
-        reason, asked = download.outcome.reason, self._components(picture)
-        if reason == NO_ANSWER:
-            picture.unanswered.add(asked[picture.component])
-        picture.component += 1
-        if not picture.reason or picture.reason == NO_ANSWER:
-            picture.reason = reason
-        if picture.component < len(asked):
-            self._waiting.appendleft(picture)
-        else:
-            picture.component = 0
-            picture.silent = set(picture.unanswered)
-            self._retry(picture, picture.reason, progress, now)
-
-    def _retry(self, picture: PictureDownload, reason: str, progress: Progress, now: float) -> None:
-        self._running = None
-        if picture.rounds >= len(PAUSES_S):
-            picture.reason = reason
-            progress.failed.append(picture)
-            return
-        picture.reason = ""
-        picture.not_before = now + PAUSES_S[picture.rounds]
-        picture.rounds += 1
-        self._waiting.append(picture)
-
 
 PICTURE_MESSAGES: Final = frozenset(
     {
@@ -234,6 +57,8 @@ PICTURE_MESSAGES: Final = frozenset(
 """Messages of a vehicle's components about pictures."""
 PROGRESS_WITHIN_S: Final = 10.0
 """A picture that no command known to run has taken waits so long for the mission's progress."""
+MISSION_WITHIN_S: Final = 120.0
+"""How long pictures wait for the mission of an earlier run, which the edge server sends again."""
 CHECK_AFTER_S: Final = 2.0
 CHECKS: Final = 5
 DEVELOPING: Final = 2
@@ -285,6 +110,9 @@ class PictureCollector:
         self._flight: tuple[MissionWork, MissionLedger] | None = None
         self._faults: list[tuple[PictureCommand, str]] = []
         self._time = VehicleTime(vehicle)
+        self._followed_since = -math.inf  # From then on its progress is that of this run
+        self._earlier = EarlierFlight()
+        self._flight_known_s = math.inf  # When the first mission of this run was received
         self.has_room = True  # The edge server keeps up with the pictures
         self.is_reachable = False  # Whether the vehicle is connected
 
@@ -300,26 +128,74 @@ class PictureCollector:
         return self.is_reachable and self.unfinished > 0
 
     def update_mission(
-        self, work: MissionWork | None, ledger: MissionLedger | None, now: float
+        self,
+        work: MissionWork | None,
+        ledger: MissionLedger | None,
+        now: float,
+        *,
+        is_followed: bool = True,
     ) -> None:
-        """Follow the mission that is flown, if any, and its progress."""
+        """Follow the mission that is flown, if any, and its progress.
+
+        `is_followed`: the ledger has the progress that the vehicle shows, not that of an earlier
+        run.
+        """
         self._follow_clock(now)
+        if self._flight is None:
+            self._earlier.recall(self._vehicle.recovery)
         command = None
         if work is not None and ledger is not None:
+            if self._flight is None:
+                self._flight_known_s = self._time.at(now)
             self._flight = work, ledger
             if ledger.status is Status.RUNNING:
                 command = current_command(ledger, work.mission.command_array, work.name)
-        before, time_s = self._attribution.current, self._time.at(now)
-        is_resumed = work is not None and work.was_accepted
-        for passed in self._passed(before):
-            self._attribution.update(passed, time_s)
-        is_change = self._attribution.update(
-            command, time_s, seen_s=self._time.received_s, is_resumed=is_resumed
-        )
+        if not is_followed:
+            self._followed_since = now
+        is_change = self._follow_command(command, now)
         self._attribute_taken(now)
-        if is_change and (command is None or before is None):
+        if is_change:
             for camera in self._cameras.values():  # A mission begins or ends
                 camera.request_count()
+
+    def _follow_command(self, command: PictureCommand | None, now: float) -> bool:
+        """Follow the command that runs; returns whether a mission begins or ends."""
+        before, time_s = self._attribution.current, self._time.at(now)
+        for passed in self._passed(before):
+            self._attribution.update(passed, time_s)
+        resumed_since_s = None
+        if command is not None and self._flight is not None and self._flight[0].was_accepted:
+            resumed_since_s = self._earlier.since_s(self._flight[1], command.command)
+        is_change = self._attribution.update(
+            command,
+            time_s,
+            seen_s=self._progress_shown_s(now),
+            resumed_since_s=resumed_since_s,
+        )
+        if is_change and before is None and resumed_since_s is not None:
+            self._add_earlier()
+        return is_change and (command is None or before is None)
+
+    def _add_earlier(self) -> None:
+        """Add the commands that an earlier run has seen end, whose pictures may come now."""
+        if self._flight is None:
+            return
+        work, ledger = self._flight
+        commands = work.mission.command_array
+        for index in range(min(ledger.finished, len(commands))):
+            one = picture_command(ledger, commands, work.name, index)
+            if one.expected:
+                self._attribution.add_earlier(one, self._earlier.since_s(ledger, index))
+
+    def _progress_shown_s(self, now: float) -> float | None:
+        """When the vehicle has shown its progress last: behind an outage, later than its clock."""
+        age_s = self._vehicle.age_s("MISSION_CURRENT", now)
+        received_s = self._time.received_s
+        if now - (age_s or 0.0) <= self._followed_since:
+            return -math.inf
+        if age_s is None or received_s is None:
+            return received_s
+        return min(received_s, self._time.at(now) - age_s)
 
     def _follow_clock(self, now: float) -> None:
         self._attribution.shift(self._time.update(now))
@@ -348,7 +224,8 @@ class PictureCollector:
             command = self._attribution.attribute(
                 one.time_s, one.capture.component, one.capture.position
             )
-            if command is not None or one.is_of_earlier_run:
+            is_of_earlier = self._earlier.was_flying and one.time_s <= self._flight_known_s
+            if command is not None or one.is_of_earlier_run or is_of_earlier:
                 self._fetch(one.capture, command)
 
     def _must_wait(self, one: _AnnouncedPicture, now: float) -> bool:
@@ -356,10 +233,14 @@ class PictureCollector:
         capture = one.capture
         if self._cameras[capture.component].lacks_before(capture.index):
             return True
+        if self._flight is None:
+            is_open = self._earlier.was_flying or not self._vehicle.is_identified
+            return is_open and now - one.announced_at < MISSION_WITHIN_S
         may_be_of_later = self._attribution.may_be_of_later(
             one.time_s, capture.component, capture.position
         )
-        return may_be_of_later and now - one.announced_at < PROGRESS_WITHIN_S
+        since = max(one.announced_at, self._followed_since)
+        return may_be_of_later and now - since < PROGRESS_WITHIN_S
 
     def restarted(self) -> None:
         """Note that the vehicle has restarted: its clock begins anew, and perhaps its camera's.

@@ -1,5 +1,7 @@
 """Whose picture it is: by its time, and by what a command still lacks."""
 
+import math
+
 from mavlink_broker.pictures.attribution import Area, Attribution, PictureCommand
 
 FIRST, SECOND = 100, 101
@@ -40,6 +42,16 @@ def test_an_incomplete_command_gets_pictures_from_shortly_before_its_interval() 
     assert commands_of(attribution, 108.0, 108.5) == [1, 1]
 
 
+def test_what_was_taken_before_the_vehicle_showed_its_progress_is_of_what_ran_meanwhile() -> None:
+    """An earlier run knew the first command; the link was lost until the second had ended."""
+    attribution = Attribution()
+    for time_s in (100.0, 140.0):
+        attribution.update(taker(0), time_s, seen_s=-math.inf, resumed_since_s=90.0)
+    attribution.update(taker(1, expected=2), 141.0, seen_s=141.0)
+    attribution.update(None, 141.0)
+    assert commands_of(attribution, 105.0, 120.0, 121.0) == [1, 1, 0]
+
+
 def test_a_complete_command_gets_no_late_picture() -> None:
     attribution = flown(taker(0), taker(1, expected=1), taker(2))
     assert commands_of(attribution, 112.0, 108.0, 122.0) == [1, 0, 2]
@@ -67,8 +79,8 @@ def test_an_ended_command_without_all_pictures_is_incomplete() -> None:
 def test_a_command_whose_beginning_was_not_observed_is_never_incomplete() -> None:
     attribution = Attribution()
     attribution.update(None, 90.0)
-    attribution.update(taker(3, expected=4), 100.0, is_resumed=True)
-    attribution.update(taker(4, expected=1), 110.0, is_resumed=True)
+    attribution.update(taker(3, expected=4), 100.0, resumed_since_s=100.0)
+    attribution.update(taker(4, expected=1), 110.0, resumed_since_s=100.0)
     attribution.update(None, 120.0)
     assert [span.command for span in attribution.incomplete()] == [taker(4, expected=1)]
 
@@ -163,7 +175,7 @@ def test_a_picture_that_no_command_lacks_there_may_be_of_a_later_one() -> None:
 def test_a_command_that_was_resumed_takes_no_picture_behind_its_end() -> None:
     """Its own ones may have been announced before this run of the broker."""
     attribution = Attribution()
-    attribution.update(taker(1, expected=2), 100.0, is_resumed=True)
+    attribution.update(taker(1, expected=2), 100.0, resumed_since_s=100.0)
     attribution.update(taker(2, expected=2), 104.0)
     assert commands_of(attribution, 105.0) == [2]
 

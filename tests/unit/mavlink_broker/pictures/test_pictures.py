@@ -3,6 +3,7 @@
 import base64
 import dataclasses
 import math
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -10,6 +11,7 @@ import pytest
 from afarcloud.enumerations import Status
 from afarcloud.state import Image
 from mavlink_broker.mavlink.dialect import mavlink
+from mavlink_broker.pictures.pictures import MISSION_WITHIN_S
 from tests.support.broker_world import World, go_home, mission, takeoff, waypoint
 from tests.support.file_server import ScriptedFiles
 from tests.support.scripted_camera import JPEG, ScriptedCamera
@@ -32,20 +34,31 @@ def image(command_id: int = 3, count: int = 1) -> dict[str, Any]:
 class Flight:
     """A vehicle with a camera on a mission that takes pictures at its third command."""
 
-    def __init__(self, *, count: int = 1, loss: float = 0.0, seed: int = 1, **camera: Any) -> None:
-        self.world = World(loss=loss, seed=seed)
+    def __init__(
+        self,
+        *,
+        count: int = 1,
+        loss: float = 0.0,
+        seed: int = 1,
+        journal: Path | None = None,
+        **camera: Any,
+    ) -> None:
+        self.world = World(loss=loss, seed=seed, journal=journal)
         self.vehicle: ScriptedVehicle = self.world.add_vehicle(script=SLOW)
         self.camera: ScriptedCamera = self.world.add_camera(self.vehicle, **camera)
         self.count = count
 
     def until_pictures(self) -> None:
         """Fly until the vehicle is at the item that takes the pictures."""
-        world = self.world
-        world.edge.plan(
+        self.until(mavlink.MAV_CMD_IMAGE_START_CAPTURE)
+
+    def until(self, command: int) -> None:
+        """Fly until the vehicle is at an item with that MAV_CMD for the first time."""
+        self.world.edge.plan(
             mission(takeoff(), waypoint(), image(3, self.count), waypoint(4, 20.0), go_home(5))
         )
-        world.run_until(lambda: self.item == mavlink.MAV_CMD_IMAGE_START_CAPTURE)
-        world.run(1.0)
+        self.world.run_until(lambda: self.item == command)
+        self.world.run(1.0)
 
     @property
     def item(self) -> int:
@@ -276,6 +289,47 @@ def test_a_restarted_broker_fetches_what_was_taken_before_it_received_the_vehicl
     flight.camera.shoot()
     flight.land()
     assert len(flight.images) == 5
+
+
+def test_a_restarted_broker_whose_link_is_lost_gives_the_pictures_to_their_command() -> None:
+    """They were taken while nobody received it: the waypoint before them took none."""
+    flight = Flight(count=3)
+    flight.until(mavlink.MAV_CMD_NAV_WAYPOINT)
+    flight.world.restart_broker()
+    flight.world.run(0.5)
+    flight.vehicle.silent = True
+    for _ in range(3):
+        flight.world.run(8.0)
+        flight.camera.shoot()
+    flight.world.run(5.0)
+    flight.vehicle.silent = False
+    flight.land()
+    assert flight.names == [f"m1201_c3_000{number}.jpeg" for number in range(3)]
+
+
+@pytest.mark.parametrize("within_s", [30.0, 200.0])
+def test_pictures_wait_for_the_mission_that_the_edge_server_sends_again(
+    within_s: float, tmp_path: Path
+) -> None:
+    """A restarted broker that cannot reach the edge server does not know what is flown."""
+    flight = Flight(count=3, journal=tmp_path)
+    flight.until_pictures()
+    flight.camera.shoot()
+    flight.world.run_until(lambda: flight.names)
+    flight.world.kill_broker()
+    flight.world.edge.posts.clear()
+    flight.world.restart_broker()
+    flight.world.edge.take_work()  # It is lost on its way
+    for _ in range(2):
+        flight.world.run(1.0)
+        flight.camera.shoot()
+    flight.world.run(within_s)
+    is_late = within_s > MISSION_WITHIN_S
+    assert len(flight.names) == (3 if is_late else 0)
+    flight.world.edge.hand_out_again()
+    flight.land()
+    kind = "found" if is_late else "m1201_c3"
+    assert sorted(flight.names) == [f"{kind}_000{number}.jpeg" for number in range(3)]
 
 
 def test_a_new_broker_does_not_fetch_old_pictures() -> None:
