@@ -14,6 +14,7 @@ from afarcloud.enumerations import Status
 from dst.autopilot import Mode
 from dst.edge_process import EdgeDownError
 from dst.flight import SINK_M_S, Reached, is_same_place
+from dst.link_laws import LinkLaws
 from dst.operator_person import FENCE_M, HIGHEST_M, Operator, PostedAbort, PostedPlan
 from dst.picture_laws import PictureLaws
 from dst.vehicle import Vehicle
@@ -64,6 +65,7 @@ class Laws:
         self._accepted_s: dict[int, float] = {}  # By number of the abort, as it was seen
         self._read_before: dict[str, tuple[object, Any]] = {}  # By path: its state then, the answer
         self._pictures = PictureLaws(world, operator)
+        self._links = LinkLaws(world)
         self.period_s = CHECK_PERIOD_S
         world.http.on_taken = self._taken
         self._check_again()
@@ -117,8 +119,8 @@ class Laws:
         self._no_internal_error()
         self._no_database_was_damaged()
         self._nothing_flown_after_abort()
-        if self._pictures.broken:
-            raise LawError(self._pictures.broken[0])
+        for broken in (*self._pictures.broken, *self._links.broken()):
+            raise LawError(broken)
 
     def _no_order_under_pilot(self) -> None:
         """Nobody commands a vehicle that a pilot has taken."""

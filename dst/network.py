@@ -37,7 +37,18 @@ class Path:
         self._random = scheduler.random(f"network/{name}")
         self._deliver = deliver
         self.conditions = conditions
-        self.is_up = True
+        self._is_up = True
+        self.changed_s = 0.0  # When it last went down or came up
+
+    @property
+    def is_up(self) -> bool:
+        """Whether anything is delivered."""
+        return self._is_up
+
+    @is_up.setter
+    def is_up(self, is_up: bool) -> None:
+        if is_up != self._is_up:
+            self._is_up, self.changed_s = is_up, self._scheduler.now_s
 
     def send(self, datagram: bytes) -> None:
         """Send a datagram, which may arrive never, once, or more often."""

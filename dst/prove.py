@@ -287,6 +287,17 @@ BREAKS: Final = (
         ),
         (Fault.SWAPPED,),
     ),
+    Break(
+        "a vehicle that answers nothing is not warned of",
+        (
+            Change(
+                "mavlink_broker/microservices/answer_monitor.py",
+                "            self.is_unanswered = not self._lacks_timesync\n",
+                "",
+            ),
+        ),
+        (Fault.LINK_DOWN,),
+    ),
 )
 
 
