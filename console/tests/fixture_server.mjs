@@ -56,6 +56,7 @@ function vehicles() {
       altitude: flying ? 25 : 0, battery_percentage: 0.68, mission_id: flying ? 11 : null, updated_at: ago(0), recorded_at: ago(0) },
     { ...base, vehicle_id: 2, link_state: "connected", armed: false, mode: "HOLD", latitude: 40.44325, longitude: -3.7386,
       altitude: 0, battery_percentage: 0.21, mission_id: null, updated_at: ago(3), recorded_at: ago(3),
+      warning: "it is received but does not answer, so that orders may not reach it: the link may work in one direction only, or the vehicle has another signing key",
       held: { reason: "mission 9 failed: motor 3 stopped.", since: ago(900), mission_id: 9, plan_id: null } },
   ];
 }

@@ -47,6 +47,7 @@ export function StopDialog({ vehicleId, close }: { vehicleId: number | null; clo
   const isPaused = chosen.some((vehicle) => vehicle?.activity === "paused");
   const isOperator = useIsOperator();
   const choices = [HOLD_HERE, ...(isPaused && isOperator ? [FLY_ON] : []), ...ENDINGS];
+  const warned = chosen.flatMap((one) => (one?.warning ? [one] : []));
   const flying = [...vehicles.values()].filter(({ vehicle }) => isAirborne(vehicle)).length;
 
   const order = (kind: StopKind) => send(ids, kind);
@@ -66,6 +67,11 @@ export function StopDialog({ vehicleId, close }: { vehicleId: number | null; clo
       </SelectField>
       {!isConnected && <Notice kind="error">{t("stop.offline")}</Notice>}
       {isConnected && ids.length === 0 && <Notice kind="info">{t("fleet.empty_title")}</Notice>}
+      {warned.map((one) => (
+        <Notice key={one.vehicle_id} kind="info">
+          {t("vehicle.name", { id: one.vehicle_id })}: {one.warning}
+        </Notice>
+      ))}
       <div className="stop-choices">
         {choices.map(({ kind, name, icon, className }) => (
           <section key={name}>
