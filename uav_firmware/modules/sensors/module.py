@@ -25,7 +25,6 @@ from uav_firmware.modules.sensors.triad_vote import (
     DisputeByBias,
     Limits,
     TriadVote,
-    changes,
 )
 from uav_firmware.msg.estimate import EstimatorStatus, VehicleAttitude, VehicleLocalPosition
 from uav_firmware.msg.sensors import (
@@ -159,11 +158,9 @@ class SensorsModule:
 
     def _judge_imus(self, gyros: TriadVote, accels: TriadVote, now_us: int) -> None:
         rates, forces = _samples(self._window)
-        rates_change = bool(changes(rates).any())
-        forces_change = bool(changes(forces).any())
-        for failed in gyros.judge(rates, others_change=forces_change):
+        for failed in gyros.judge(rates, forces):
             self._report(now_us, "Gyroscope", failed.instance, failed.reason, len(gyros.good))
-        for failed in accels.judge(forces, others_change=rates_change):
+        for failed in accels.judge(forces, rates):
             self._report(now_us, "Accelerometer", failed.instance, failed.reason, len(accels.good))
         estimate = self._estimator_status.value
         if estimate is not None:
@@ -231,7 +228,7 @@ class SensorsModule:
         if mag is None or field is None:
             return
         x, y, z = field
-        self._mag.publish(mag._replace(field_frd=(x, y, z)))
+        self._mag.publish(mag if vote.selected == 0 else mag._replace(field_frd=(x, y, z)))
         if attitude is not None and not vote.disputed and math.isfinite(x + y + z):
             self._learn_field(rotate(attitude.q_ned_frd, (x, y, z)))
 

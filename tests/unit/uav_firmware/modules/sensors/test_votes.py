@@ -55,7 +55,7 @@ class Flown:
             motion = np.array([0.5, -0.2, -9.8]) + self._random.standard_normal((WINDOW, 1, 3))
             noise = self._random.standard_normal((WINDOW, self._count, 3))
             window = self.spoil(motion + self._standing + self._vibration * noise)
-            news = self.vote.judge(window, others_change=True)
+            news = self.vote.judge(window, motion)
             self.failed += [(failure.instance, failure.reason) for failure in news]
 
 
@@ -120,7 +120,7 @@ def test_what_delivers_nothing_or_the_same_is_found_in_one_window(
 
 def test_all_that_stand_still_together_are_not_stuck() -> None:
     vote = TriadVote(3, LIMITS)
-    assert vote.judge(np.ones((WINDOW, 3, 3)), others_change=False) == []
+    assert vote.judge(np.ones((WINDOW, 3, 3)), np.ones((WINDOW, 3, 3))) == []
 
 
 def test_a_glitch_of_the_bus_fails_nothing() -> None:
