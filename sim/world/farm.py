@@ -49,6 +49,7 @@ class Farm:
         self._air_map = SmoothMap(seed, Layer.AIR)
         self._relief_map = SmoothMap(seed, Layer.RELIEF)
         self._humidity_map = SmoothMap(seed, Layer.HUMIDITY)
+        self._last_ground: tuple[tuple[float, float, float], Ground] | None = None
 
     @property
     def fields(self) -> Sequence[Field]:
@@ -149,13 +150,19 @@ class Farm:
         return climate.mean_c(self.plane.latitude_deg, self.plane.altitude_amsl_m, time_utc_s)
 
     def _ground(self, latitude_deg: float, longitude_deg: float, time_utc_s: float) -> Ground:
+        """The ground at a place; the last one is kept, since a sample asks four times for it."""
+        asked = (latitude_deg, longitude_deg, time_utc_s)
+        if self._last_ground is not None and self._last_ground[0] == asked:
+            return self._last_ground[1]
         place = self.plane.place(latitude_deg, longitude_deg)
-        return Ground(
+        ground = Ground(
             air=self._air_map.at(*place),
             humidity=self._humidity_map.at(*place),
             vegetation=self._vegetation(place),
             moisture=self.soil_moisture(latitude_deg, longitude_deg, time_utc_s),
         )
+        self._last_ground = (asked, ground)
+        return ground
 
     def _standing_moisture(self, place: Place) -> float:
         moisture = _WILD_MOISTURE
