@@ -2,8 +2,10 @@
 
 mypyc translates typed modules to C: the same statements on the same numbers, so that a flight
 has the same bytes of telemetry, without the interpreter. All modules of the autopilot and of the
-physics in which it flies are one library. The result is `uav_firmware/_compiled/`; C files and
-objects stay in `build/compiled/`, where the next run finds what has not changed.
+physics in which it flies are one library. GCC compiles it twice: the first one counts, in a flight
+of `deploy.training_flight`, what a step runs; in the second that lies together in memory, and the
+rest, most of it error paths, out of its way. The result is `uav_firmware/_compiled/`; C files,
+counts and objects stay in `build/compiled/`, where the next run finds what has not changed.
 
 Exit codes: 0 compiled; 1 a module cannot be compiled; 2 the machine lacks a compiler, Python's
 headers or mypyc.
@@ -21,9 +23,10 @@ import shutil
 import subprocess
 import sys
 import sysconfig
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from types import MappingProxyType
 from typing import Final, NamedTuple
 
 from uav_firmware.compiled import (
@@ -63,6 +66,21 @@ _FLAGS: Final = (
     "-O2", "-DNDEBUG", "-fwrapv", "-fPIC", "-fvisibility=hidden", "-ffp-contract=off", "-w",
     "-pthread", "-fno-plt",
 )  # fmt: skip
+
+
+class Pass(NamedTuple):
+    """What distinguishes one compilation of the library by GCC."""
+
+    objects: str  # Folder that keeps them
+    flags: Sequence[str] = ()
+
+
+COUNTING: Final = Pass("counting", ("-fprofile-generate", "-fprofile-update=single"))
+ARRANGED: Final = Pass("objects", ("-fprofile-use", "-fprofile-partial-training"))
+PLAIN: Final = Pass("objects")
+"""For a compiler other than GCC."""
+STUBS: Final = Pass("stubs")
+
 MATH: Final = {"isfinite": 1, "radians": 1, "degrees": 1, "atan2": 2}
 """Functions of `math`, and how many floats each takes."""
 _MYPY: Final = """[mypy]
@@ -208,8 +226,31 @@ def quicken(text: str) -> str:
     )
 
 
-def build_library(files: CFiles, build: Path, into: Path) -> None:
-    """Compile and link the library and the stubs.
+def build_library(files: CFiles, build: Path, into: Path, how: Pass) -> None:
+    """Compile and link the library.
+
+    Raises:
+        CompileError: with the compiler's message.
+    """
+    parts = compile_all([*files.runtime, *files.modules], build, how)
+    link(parts, into / f"{LIBRARY}{SUFFIX}", how)
+
+
+def build_stubs(stubs: Sequence[Path], build: Path, into: Path) -> None:
+    """Compile and link the stubs: each module's, which only points into the library.
+
+    Raises:
+        CompileError: with the compiler's message.
+    """
+    names = [".".join(stub.relative_to(build).with_suffix("").parts) for stub in stubs]
+    parts = compile_all(stubs, build, STUBS)
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        made = [into / f"{name}{SUFFIX}" for name in names]
+        list(pool.map(lambda part, file: link([part], file, STUBS), parts, made))
+
+
+def compile_all(files: Sequence[Path], build: Path, how: Pass) -> list[Path]:
+    """Compile what has changed; objects that nothing needs any more are removed.
 
     Raises:
         CompileError: with the compiler's message.
@@ -219,32 +260,66 @@ def build_library(files: CFiles, build: Path, into: Path) -> None:
     include = ["-include", str(FAST_PATHS)]
     include += [f"-I{path}" for path in (sysconfig.get_path("include"), include_dir(), build)]
     runtime = sorted(Path(include_dir()).glob("*.[ch]"))
-    headers = _digest([*build.rglob("*.h"), *runtime, FAST_PATHS], [*_FLAGS, *compiler()])
-    objects = build / "objects"
+    flags = [*_FLAGS, *how.flags]
+    headers = _digest([*build.rglob("*.h"), *runtime, FAST_PATHS], [*flags, *compiler()])
+    objects = build / how.objects
     objects.mkdir(exist_ok=True)
+    counts = counts_of(build)
 
     def compiled(file: Path) -> Path:
-        made = objects / f"{file.stem}-{_digest([file], [headers])}.o"
+        read, where = [file], []
+        if how.flags:  # Where GCC writes the counts, and finds them
+            where = ["-dumpdir", f"{counts}/", "-dumpbase", file.name, "-dumpbase-ext", ".c"]
+        if how is ARRANGED:
+            read += counts.glob(f"{file.stem}.gcda")
+        made = objects / f"{file.stem}-{_digest(read, [headers])}.o"
         if not made.exists():
-            _run([*compiler(), *_FLAGS, *include, "-c", str(file), "-o", f"{made}.new"])
-            Path(f"{made}.new").rename(made)
+            new = f"{made}.new"
+            _run([*compiler(), *flags, *where, *include, "-c", str(file), "-o", new])
+            Path(new).rename(made)
         return made
 
-    def linked(name: str, parts: Sequence[Path]) -> None:
-        _run([*compiler(), "-shared", *map(str, parts), "-lm", "-o", str(into / f"{name}{SUFFIX}")])
-
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        parts = list(pool.map(compiled, [*files.runtime, *files.modules]))
-        linked(LIBRARY, parts)
-        stubs = list(pool.map(compiled, files.stubs))
-        names = [".".join(shim.relative_to(build).with_suffix("").parts) for shim in files.stubs]
-        list(
-            pool.map(
-                lambda pair: linked(*pair), [(n, [s]) for n, s in zip(names, stubs, strict=True)]
-            )
-        )
-    for old in set(objects.iterdir()) - {*parts, *stubs}:
+        parts = list(pool.map(compiled, files))
+    for old in set(objects.iterdir()) - set(parts):
         old.unlink()
+    return parts
+
+
+def link(parts: Sequence[Path], made: Path, how: Pass) -> None:
+    """Make one library of objects.
+
+    Raises:
+        CompileError: with the linker's message.
+    """
+    _run([*compiler(), "-shared", *how.flags, *map(str, parts), "-lm", "-o", str(made)])
+
+
+def counts_of(build: Path) -> Path:
+    """Folder of the counts; a copy of the checkout may share it by a symbolic link."""
+    return (build / "counts").resolve()
+
+
+def is_gcc() -> bool:
+    """Whether the compiler is GCC: others count in another way."""
+    done = subprocess.run(  # noqa: S603 - ours
+        [*compiler(), "--version"], capture_output=True, text=True, check=False
+    )
+    return "Free Software Foundation" in done.stdout
+
+
+def count_in_flight(build: Path, made: Path) -> None:
+    """Fly the counting library.
+
+    Raises:
+        CompileError: if it does not fly.
+    """
+    counts = counts_of(build)
+    shutil.rmtree(counts, ignore_errors=True)
+    counts.mkdir()
+    # Not the build that is in use; and the same library counts the same every time
+    variables = {"FARM_PURE": "1", "PYTHONHASHSEED": "0"}
+    _run([sys.executable, "-m", "deploy.training_flight", str(made)], variables)
 
 
 def _digest(files: Iterable[Path], texts: Iterable[str] = ()) -> str:
@@ -254,8 +329,10 @@ def _digest(files: Iterable[Path], texts: Iterable[str] = ()) -> str:
     return digest.hexdigest()[:24]
 
 
-def _run(command: Sequence[str]) -> None:
-    done = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603 - ours
+def _run(command: Sequence[str], variables: Mapping[str, str] = MappingProxyType({})) -> None:
+    done = subprocess.run(  # noqa: S603 - ours
+        command, capture_output=True, text=True, check=False, env={**os.environ, **variables}
+    )
     if done.returncode != 0:
         raise CompileError(f"{command[0]} failed:\n{done.stderr}")
 
@@ -271,12 +348,18 @@ def compile_stack() -> int:
     made = BUILD / "made"
     shutil.rmtree(made, ignore_errors=True)
     made.mkdir()
-    build_library(files, BUILD, made)
-    if hashes() != read:
-        raise CompileError("a source has changed in the meantime; compile again")
     names = [".".join(path.with_suffix("").parts) for path in paths]
     manifest = Manifest(abi(), names, read)
     (made / MANIFEST).write_text(json.dumps(manifest._asdict()), encoding="utf-8")
+    build_stubs(files.stubs, BUILD, made)
+    if is_gcc():
+        build_library(files, BUILD, made, COUNTING)
+        count_in_flight(BUILD, made)
+        build_library(files, BUILD, made, ARRANGED)
+    else:
+        build_library(files, BUILD, made, PLAIN)
+    if hashes() != read:
+        raise CompileError("a source has changed in the meantime; compile again")
     shutil.rmtree(FOLDER, ignore_errors=True)
     shutil.move(made, FOLDER)
     _load(names)

@@ -47,7 +47,7 @@ def flight(root: Path, folder: Path, *, pure: str) -> dict[str, bytes]:
 
 
 @pytest.mark.thorough
-@pytest.mark.timeout(1800)  # GCC takes minutes, twice as many on a busy machine
+@pytest.mark.timeout(3600)  # GCC takes minutes, twice as many on a busy machine
 def test_a_compiled_flight_leaves_the_same_bytes(checkout: Path, tmp_path: Path) -> None:
     pure = flight(checkout, tmp_path / "pure", pure="1")
     compiled = flight(checkout, tmp_path / "compiled", pure="0")
@@ -57,6 +57,6 @@ def test_a_compiled_flight_leaves_the_same_bytes(checkout: Path, tmp_path: Path)
 
 
 @pytest.mark.thorough
-@pytest.mark.timeout(1800)  # as above
+@pytest.mark.timeout(3600)  # as above
 def test_the_golden_records_are_those_of_the_compiled_stack(checkout: Path) -> None:
     run(checkout, "pytest", "-q", "tests/golden/test_estimator.py", "tests/golden/test_firmware.py")

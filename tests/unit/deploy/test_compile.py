@@ -1,10 +1,13 @@
 """What the flight stack is compiled from, and what a machine without a compiler says."""
 
+import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
 from deploy import compile as build
+from deploy import training_flight
 from uav_firmware.compiled import ROOT
 
 
@@ -86,3 +89,28 @@ def test_a_machine_without_the_headers_of_python_says_so(
     monkeypatch.setattr("sysconfig.get_path", lambda _: "/nowhere")
     assert build.main() == build.EXIT_NOT_EQUIPPED
     assert "there is no /nowhere/Python.h" in capsys.readouterr().err
+
+
+def test_the_training_flight_needs_a_build(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert training_flight.main([str(tmp_path)]) == 1
+    assert capsys.readouterr().err == f"{tmp_path} holds no build\n"
+
+
+@pytest.mark.thorough
+def test_the_training_flight_takes_off_and_lands(tmp_path: Path) -> None:
+    assert training_flight.fly(tmp_path)
+
+
+@pytest.mark.skipif(build.lacking() is not None or not build.is_gcc(), reason="counts need GCC")
+def test_the_second_compilation_reads_what_the_first_has_counted(tmp_path: Path) -> None:
+    source, library = tmp_path / "branch.c", tmp_path / "branch.so"
+    text = "int branch(int x) { return x > 3 ? 2 * x : x; }\n"
+    source.write_text(f'__attribute__((visibility("default"))) {text}', encoding="utf-8")
+    build.link(build.compile_all([source], tmp_path, build.COUNTING), library, build.COUNTING)
+    uncounted = build.compile_all([source], tmp_path, build.ARRANGED)
+    call = f"import ctypes; ctypes.CDLL({str(library)!r}).branch(7)"
+    subprocess.run([sys.executable, "-c", call], check=True)
+    assert [file.name for file in build.counts_of(tmp_path).iterdir()] == ["branch.gcda"]
+    assert build.compile_all([source], tmp_path, build.ARRANGED) != uncounted
