@@ -13,6 +13,7 @@ from dst.coverage import Coverage
 from dst.disk import StillOpenError
 from dst.faults import BREAK_FACTOR, KINEMATIC_ONLY, Fault, Faults, draw
 from dst.laws import BREAK_CHECK_PERIOD_S, CHECK_PERIOD_S, LawError, Laws
+from dst.memory import MOST_BYTES, held_bytes
 from dst.operator_person import Operator
 from dst.scheduler import KEPT_LINES
 from dst.technician import Technician
@@ -149,6 +150,7 @@ def _run(world: World, operator: Operator, enabled: frozenset[Fault], hours: flo
         if not laws.open_matters():
             break
     laws.check_end()
+    _judge_memory(world)
 
 
 def _shift_starts(world: World, hours: float) -> list[float]:
@@ -174,6 +176,7 @@ def _take_break(
         if world.scheduler.now_s >= latest_s:
             raise LawError("a vehicle is armed long after the shift")
         world.run(LOOK_S)
+    _judge_memory(world)
     operator.go_home()
     world.switch_off()
     faults.factor, laws.period_s = BREAK_FACTOR, BREAK_CHECK_PERIOD_S
@@ -183,6 +186,18 @@ def _take_break(
     faults.factor, laws.period_s = 1.0, CHECK_PERIOD_S
     world.switch_on()
     operator.start()
+
+
+def _judge_memory(world: World) -> None:
+    """The broker holds so much at most when every vehicle has landed, however long it has run.
+
+    Raises:
+        LawError: if it holds more.
+    """
+    app = world.broker.app
+    held = 0 if app is None else held_bytes(app)
+    if held > MOST_BYTES * len(world.vehicles):
+        raise LawError(f"the broker holds {held} bytes for {len(world.vehicles)} vehicles")
 
 
 def shrink(outcome: Outcome, run: Callable[[frozenset[Fault]], Outcome]) -> Outcome:

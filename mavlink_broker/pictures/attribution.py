@@ -216,10 +216,13 @@ class Attribution:
     def add_earlier(self, command: PictureCommand, since_s: float) -> None:
         """Add a command that an earlier run has seen end, before the present one.
 
-        Its pictures, taken at `since_s` at the earliest, may be received in this run.
+        Its pictures, taken at `since_s` at the earliest, may be received in this run. Later ones
+        take its place where it is one of too many.
         """
         present = self._intervals[-1]
         interval = CommandInterval(command, since_s, since_s, present.began_s, is_partial=True)
+        if len(self._intervals) == MAX_INTERVALS:
+            self._intervals.popleft()
         self._intervals.insert(len(self._intervals) - 1, interval)
 
     def shift(self, shift_s: float) -> None:
@@ -374,10 +377,12 @@ class EarlierFlight:
             ordered_s = recovery.began_s({recovery.segment})
             self._ordered_s = -math.inf if ordered_s is None else ordered_s
 
-    def since_s(self, ledger: MissionLedger, index: int) -> float:
-        """Give when a command of the mission may have begun, at the earliest.
+    def since_s(self, ledger: MissionLedger) -> list[float]:
+        """Give when each command of the mission may have begun, at the earliest.
 
         One before the items that were ordered last may have begun at any time before.
         """
-        is_behind = self._first_command in {ledger.name_of(one) for one in range(index + 1)}
-        return self._ordered_s if is_behind else -math.inf
+        names = map(ledger.name_of, range(len(ledger.commands)))
+        first = next((i for i, name in enumerate(names) if name == self._first_command), None)
+        count = len(ledger.commands) if first is None else first
+        return [-math.inf] * count + [self._ordered_s] * (len(ledger.commands) - count)

@@ -12,7 +12,7 @@ import logging
 import math
 import zlib
 from collections import OrderedDict
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Final, NamedTuple
 
 from afarcloud.enumerations import Status
@@ -112,6 +112,7 @@ class PictureCollector:
         self._time = VehicleTime(vehicle)
         self._followed_since = -math.inf  # From then on its progress is that of this run
         self._earlier = EarlierFlight()
+        self._has_followed = False  # A command of a mission
         self._flight_known_s = math.inf  # When the first mission of this run was received
         self.has_room = True  # The edge server keeps up with the pictures
         self.is_reachable = False  # Whether the vehicle is connected
@@ -163,20 +164,29 @@ class PictureCollector:
         before, time_s = self._attribution.current, self._time.at(now)
         for passed in self._passed(before):
             self._attribution.update(passed, time_s)
-        resumed_since_s = None
-        if command is not None and self._flight is not None and self._flight[0].was_accepted:
-            resumed_since_s = self._earlier.since_s(self._flight[1], command.command)
+        since_s = self._earlier_since_s(command)
         is_change = self._attribution.update(
             command,
             time_s,
             seen_s=self._progress_shown_s(now),
-            resumed_since_s=resumed_since_s,
+            resumed_since_s=None if command is None or not since_s else since_s[command.command],
         )
-        if is_change and before is None and resumed_since_s is not None:
-            self._add_earlier()
+        if since_s:
+            self._add_earlier(since_s)
         return is_change and (command is None or before is None)
 
-    def _add_earlier(self) -> None:
+    def _earlier_since_s(self, command: PictureCommand | None) -> list[float]:
+        """Give when each command of an earlier run's mission may have begun, once it is known.
+
+        Empty for a mission of this run, and before and behind that.
+        """
+        if command is None or self._flight is None or self._has_followed:
+            return []
+        self._has_followed = True
+        work, ledger = self._flight
+        return self._earlier.since_s(ledger) if work.was_accepted else []
+
+    def _add_earlier(self, since_s: Sequence[float]) -> None:
         """Add the commands that an earlier run has seen end, whose pictures may come now."""
         if self._flight is None:
             return
@@ -185,7 +195,7 @@ class PictureCollector:
         for index in range(min(ledger.finished, len(commands))):
             one = picture_command(ledger, commands, work.name, index)
             if one.expected:
-                self._attribution.add_earlier(one, self._earlier.since_s(ledger, index))
+                self._attribution.add_earlier(one, since_s[index])
 
     def _progress_shown_s(self, now: float) -> float | None:
         """When the vehicle has shown its progress last: behind an outage, later than its clock."""

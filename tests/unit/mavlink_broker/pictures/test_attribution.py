@@ -2,7 +2,7 @@
 
 import math
 
-from mavlink_broker.pictures.attribution import Area, Attribution, PictureCommand
+from mavlink_broker.pictures.attribution import MAX_INTERVALS, Area, Attribution, PictureCommand
 
 FIRST, SECOND = 100, 101
 """Components that are cameras."""
@@ -184,3 +184,12 @@ def test_times_of_another_clock_are_shifted() -> None:
     attribution = flown(taker(0), taker(1, expected=1), taker(2))
     attribution.shift(-60.0)
     assert commands_of(attribution, 45.0, 55.0, 65.0) == [0, 1, 2]
+
+
+def test_earlier_commands_beyond_the_bound_leave_the_newest_of_them() -> None:
+    attribution = Attribution()
+    attribution.update(taker(5000), 100.0, resumed_since_s=90.0)
+    for number in range(2 * MAX_INTERVALS):
+        attribution.add_earlier(taker(number, expected=1), 90.0)
+    assert commands_of(attribution, 95.0) == [MAX_INTERVALS + 1]
+    assert commands_of(attribution, 101.0) == [5000]
