@@ -6,6 +6,7 @@ REQUEST_MESSAGE(512) of CAMERA_IMAGE_CAPTURED(263) with the number. A restarted 
 from the newest backwards, as far as pictures may belong to its missions.
 """
 
+import math
 import re
 from dataclasses import dataclass
 from typing import Final, NamedTuple, TypeAlias
@@ -133,6 +134,14 @@ class AnnouncementTracker:
         """
         first = min(self._announced, default=number)
         return any(first < one < number for one in self._images)
+
+    @property
+    def goes_back(self) -> bool:
+        """Whether pictures from before the first one that was announced here are requested."""
+        if not self._goes_back:
+            return False
+        first = min(self._announced, default=math.inf)
+        return self._status is not None or any(number < first for number in self._images)
 
     def request_count(self, *, go_back: bool = False) -> None:
         """Request the number of pictures; `go_back`: also those that were not announced here."""

@@ -57,6 +57,9 @@ PICTURE_MESSAGES: Final = frozenset(
 """Messages of a vehicle's components about pictures."""
 PROGRESS_WITHIN_S: Final = 10.0
 """A picture that no command known to run has taken waits so long for the mission's progress."""
+PROGRESS_GAP_S: Final = 5.0
+PROGRESS_SETTLED_S: Final = 5.0
+"""So long after a gap in its progress the vehicle may be further than the ledger."""
 MISSION_WITHIN_S: Final = 120.0
 """How long pictures wait for the mission of an earlier run, which the edge server sends again."""
 CHECK_AFTER_S: Final = 2.0
@@ -111,8 +114,9 @@ class PictureCollector:
         self._faults: list[tuple[PictureCommand, str]] = []
         self._time = VehicleTime(vehicle)
         self._followed_since = -math.inf  # From then on its progress is that of this run
+        self._shown_since = -math.inf  # From then on the vehicle has shown it without a gap
         self._earlier = EarlierFlight()
-        self._has_followed = False  # A command of a mission
+        self._followed_from_s = math.inf  # When the first command of a mission was followed
         self._flight_known_s = math.inf  # When the first mission of this run was received
         self.has_room = True  # The edge server keeps up with the pictures
         self.is_reachable = False  # Whether the vehicle is connected
@@ -164,7 +168,7 @@ class PictureCollector:
         before, time_s = self._attribution.current, self._time.at(now)
         for passed in self._passed(before):
             self._attribution.update(passed, time_s)
-        since_s = self._earlier_since_s(command)
+        since_s = self._earlier_since_s(command, now)
         is_change = self._attribution.update(
             command,
             time_s,
@@ -175,14 +179,14 @@ class PictureCollector:
             self._add_earlier(since_s)
         return is_change and (command is None or before is None)
 
-    def _earlier_since_s(self, command: PictureCommand | None) -> list[float]:
+    def _earlier_since_s(self, command: PictureCommand | None, now: float) -> list[float]:
         """Give when each command of an earlier run's mission may have begun, once it is known.
 
         Empty for a mission of this run, and before and behind that.
         """
-        if command is None or self._flight is None or self._has_followed:
+        if command is None or self._flight is None or self._followed_from_s < math.inf:
             return []
-        self._has_followed = True
+        self._followed_from_s = self._time.at(now)
         work, ledger = self._flight
         return self._earlier.since_s(ledger) if work.was_accepted else []
 
@@ -198,10 +202,15 @@ class PictureCollector:
                 self._attribution.add_earlier(one, since_s[index])
 
     def _progress_shown_s(self, now: float) -> float | None:
-        """When the vehicle has shown its progress last: behind an outage, later than its clock."""
+        """When the vehicle has shown its progress last.
+
+        What it has shown just after an outage is not in the ledger yet.
+        """
         age_s = self._vehicle.age_s("MISSION_CURRENT", now)
         received_s = self._time.received_s
-        if now - (age_s or 0.0) <= self._followed_since:
+        if not self._vehicle.is_connected(now) or (age_s or 0.0) > PROGRESS_GAP_S:
+            self._shown_since = now
+        if now - max(self._shown_since, self._followed_since) < PROGRESS_SETTLED_S:
             return -math.inf
         if age_s is None or received_s is None:
             return received_s
@@ -241,8 +250,11 @@ class PictureCollector:
     def _must_wait(self, one: _AnnouncedPicture, now: float) -> bool:
         """Whether an earlier picture, or the progress of the mission, is still to be received."""
         capture = one.capture
-        if self._cameras[capture.component].lacks_before(capture.index):
+        camera = self._cameras[capture.component]
+        if camera.lacks_before(capture.index):
             return True
+        if camera.goes_back and one.time_s < self._followed_from_s:
+            return True  # They are given to commands in their order, and come the other way round
         if self._flight is None:
             is_open = self._earlier.was_flying or not self._vehicle.is_identified
             return is_open and now - one.announced_at < MISSION_WITHIN_S

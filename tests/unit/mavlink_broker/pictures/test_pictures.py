@@ -3,6 +3,7 @@
 import base64
 import dataclasses
 import math
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -460,3 +461,47 @@ def test_pictures_that_were_taken_while_the_broker_stood_still_belong_to_their_c
     assert [name.split("_")[1] for name in flight.names] == ["c3", "c3", "c5"]
     assert flight.message(2) is None
     assert flight.message(4) is None
+
+
+@pytest.mark.parametrize("kill_before", [1, 3, 5, 8])
+@pytest.mark.parametrize("edge_away_s", [0.0, 30.0])
+def test_commands_at_one_place_keep_their_pictures_over_a_restart(
+    kill_before: int, edge_away_s: float, tmp_path: Path
+) -> None:
+    """The restarted broker gets the pictures of before from the newest back."""
+    flight = Flight(journal=tmp_path)
+    world, vehicle = flight.world, flight.vehicle
+    world.edge.plan(
+        mission(takeoff(), waypoint(), image(3, 4), image(4, 2), image(5, 3), go_home(6))
+    )
+    killed_at = 0.0
+    for number, count in enumerate((4, 2, 3)):
+        world.run_until(partial(_is_at, vehicle, mavlink.MAV_CMD_IMAGE_START_CAPTURE, number))
+        for _ in range(count):
+            if len(flight.camera.taken) == kill_before:
+                world.kill_broker()
+                world.run(1.0)
+                world.restart_broker()
+                killed_at = world.clock.now
+                if edge_away_s:
+                    world.edge.take_work()  # It is lost on its way
+            flight.camera.shoot()
+            world.run(1.0)
+    if edge_away_s:
+        world.run(max(0.0, killed_at + edge_away_s - world.clock.now))
+        world.edge.hand_out_again()
+    flight.land()
+    commands = [3] * 4 + [4] * 2 + [5] * 3
+    assert sorted(set(flight.names), key=_number_of) == [
+        f"m1201_c{command}_{number:04d}.jpeg" for number, command in enumerate(commands)
+    ]
+
+
+def _is_at(vehicle: ScriptedVehicle, command: int, number: int) -> bool:
+    """Whether the vehicle is at an item with that MAV_CMD, the first one having the number 0."""
+    places = [seq for seq, item in enumerate(vehicle.items) if item.command == command]
+    return vehicle.armed and len(places) > number and vehicle.current >= places[number]
+
+
+def _number_of(name: str) -> int:
+    return int(name.removesuffix(".jpeg").rpartition("_")[2])
