@@ -8,6 +8,9 @@ was on its way for the shortest time is nearest to the truth. It was written aft
 sent, so that a time which is too early even for that moment is that of a clock which was set back,
 or of another edge server. An answer that is merely read late, as by a broker that was suspended for
 minutes, changes nothing: an order in it has expired meanwhile.
+
+The first answer has none before it that would show how long it was on its way. It is asked for
+without a wait, so that it counts as written at once: an order in it may be older than it says.
 """
 
 from collections import deque
@@ -25,16 +28,21 @@ class EdgeClock:
 
     def __init__(self) -> None:
         self._ahead_s: deque[float] = deque(maxlen=ANSWERS_KEPT)  # [s] Of the monotonic clock
+        self._first_at_most_s: float | None = None  # The same, until there is a second answer
 
     def note(self, written: datetime, sent_at: float, now: float) -> None:
         """Take the time that an answer names; request and answer at monotonic times [s]."""
         at_least_s, at_most_s = written.timestamp() - now, written.timestamp() - sent_at
-        if self._ahead_s and at_most_s < max(self._ahead_s) - SET_BACK_S:
+        is_first = not self._ahead_s
+        if not is_first and at_most_s < max(self._ahead_s) - SET_BACK_S:
             self._ahead_s.clear()
         self._ahead_s.append(at_least_s)
+        self._first_at_most_s = at_most_s if is_first else None
 
     def time(self, now: float) -> datetime | None:
         """Give the edge server's time of day at a monotonic time [s]; None without an answer."""
         if not self._ahead_s:
             return None
-        return datetime.fromtimestamp(0.0, UTC) + timedelta(seconds=max(self._ahead_s) + now)
+        first_s = self._first_at_most_s
+        ahead_s = max(self._ahead_s) if first_s is None else first_s
+        return datetime.fromtimestamp(0.0, UTC) + timedelta(seconds=ahead_s + now)

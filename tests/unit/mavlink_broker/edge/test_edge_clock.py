@@ -20,7 +20,7 @@ def test_it_is_not_known_without_an_answer() -> None:
     assert EdgeClock().time(100.0) is None
 
 
-@given(st.lists(st.floats(0.0, 30.0), min_size=1, max_size=16))
+@given(st.lists(st.floats(0.0, 30.0), min_size=2, max_size=16))
 def test_it_is_late_by_the_shortest_delay_at_most(delays_s: list[float]) -> None:
     clock = EdgeClock()
     for number, delay_s in enumerate(delays_s):
@@ -29,6 +29,19 @@ def test_it_is_late_by_the_shortest_delay_at_most(delays_s: list[float]) -> None
     known = clock.time(1000.0)
     assert known is not None
     assert (at(900.0) - known).total_seconds() == pytest.approx(min(delays_s), abs=1e-3)
+
+
+@given(st.floats(0.0, 10.0), st.floats(0.0, 86_400.0))
+def test_the_first_answer_counts_as_written_when_it_was_asked_for(
+    held_s: float, suspended_s: float
+) -> None:
+    """It was on its way for long, or the program was suspended: an order in it may have expired."""
+    clock = EdgeClock()
+    read = 100.0 + held_s + suspended_s
+    clock.note(at(0.0), 100.0, read)
+    known = clock.time(read)
+    assert known is not None
+    assert (known - at(held_s + suspended_s)).total_seconds() == pytest.approx(0.0, abs=1e-3)
 
 
 @pytest.mark.parametrize("step_s", [-3600.0, -2.0, 2.0, 3600.0])
