@@ -103,6 +103,7 @@ class Session:
         self._frames = FlightFrames(vehicle, new_session_id, limit_bytes=frames_limit_bytes)
         self._state_order = StateOrder()
         self._answers = AnswerMonitor(vehicle.route)
+        self._was_unanswered = False
         self._heartbeat = GcsHeartbeat(vehicle, observes=observes)
         self._streams = StreamRequests(vehicle.route, vehicle.round_trip, observes=observes)
         self._battery_capacity = BatteryCapacity(vehicle, battery_capacity_ah)
@@ -327,10 +328,12 @@ class Session:
         """Follow whether the vehicle answers while it is received."""
         if self._observes or not self.vehicle.is_connected(now):
             return []
-        was_unanswered = self._answers.is_unanswered
         messages = self._answers.tick(now)
-        if self._answers.is_unanswered and not was_unanswered:
+        before, self._was_unanswered = self._was_unanswered, self._answers.is_unanswered
+        if self._was_unanswered and not before:
             _LOG.warning("vehicle %d: %s", self.vehicle.vehicle_id, UNANSWERED)
+        elif before and not self._was_unanswered:
+            _LOG.info("vehicle %d: it answers again", self.vehicle.vehicle_id)
         return messages
 
     def _override_parameters(self, now: float) -> list[Message]:

@@ -170,8 +170,9 @@ class JournalWriter:
         if not self._is_refusal_logged:
             self._is_refusal_logged = True
             _LOG.warning(
-                "no journal is kept in %s: %s; a broker that is killed now cannot restore the "
-                "vehicles' own configuration",
+                "no journal is kept in %s: %s; make room, or make it writable: a broker that is "
+                "killed now forgets accepted aborts until the edge server repeats them, and what "
+                "it has to restore on the vehicles",
                 self._journal.folder,
                 reason,
             )

@@ -230,8 +230,10 @@ class RecordTracker:
         if now - self._waits_since >= WRITE_TIMEOUT_S:
             self._is_slow = True
             _LOG.warning(
-                "%s: its recovery record cannot be written; commands are sent without it",
+                "%s: its recovery record is not on the disk after %.0f s; commands are sent "
+                "without it",
                 self.identity,
+                WRITE_TIMEOUT_S,
             )
 
 

@@ -167,6 +167,7 @@ class TestALinkOfOneDirection:
     def test_is_shown_until_the_vehicle_answers_again(
         self, script: Script, caplog: pytest.LogCaptureFixture
     ) -> None:
+        caplog.set_level("INFO")
         world = World()
         world.add_vehicle(script=script)
         world.run(20.0)
@@ -178,6 +179,7 @@ class TestALinkOfOneDirection:
         world.air.is_uplink_up = True
         world.run(5.0)
         assert warning(world) is None
+        assert caplog.text.count("it answers again") == 1
 
     def test_is_shown_if_it_never_answered(self) -> None:
         world = World()
