@@ -207,6 +207,9 @@ class PauseOrders:
         outcome = None if self._sequence is None else self._sequence.outcome
         if isinstance(outcome, Refused):
             is_answered = outcome.result is not None
+            if not is_answered and self._vehicle.family.knows_modes and self._is_obeyed:
+                self._settle_as(is_paused=self._pauses, effects=effects)  # Its answer was lost
+                return
             reason = outcome.reason if is_answered else f"{outcome.reason}, {MAY_BE_OBEYED}"
             self._refuse(reason, now, effects)
         elif isinstance(outcome, Accepted):

@@ -184,6 +184,31 @@ class TestItems:
         assert message.endswith("attempts, the vehicle may have obeyed")
 
     @KNOWN
+    @pytest.mark.parametrize("kind", [PAUSE, RESUME])
+    def test_what_the_vehicle_is_seen_to_obey_is_done_though_its_answers_are_lost(
+        self, family: str, kind: int
+    ) -> None:
+        """As over a link whose round trip is longer than any answer is waited for."""
+        if kind == RESUME:
+            world = paused(SCRIPTS[family])
+        else:
+            world = World()
+            world.add_vehicle(script=slow(SCRIPTS[family]))
+            world.edge.plan(mission(takeoff(1), waypoint(2, hold_time=60.0), go_home(3)))
+            world.run_until(lambda: world.only_vehicle.airborne and state(world) is State.RUNNING)
+            world.run(7.0)
+        world.only_vehicle.lost_answers |= {
+            mavlink.MAV_CMD_DO_SET_MODE,
+            mavlink.MAV_CMD_DO_PAUSE_CONTINUE,
+            mavlink.MAV_CMD_MISSION_START,
+        }
+        event = world.edge.event(kind)
+        world.run(60.0)
+        assert answer_statuses(world, event) == ["accepted", "done"]
+        modes = PAUSED_MODES if kind == PAUSE else FLYING_MODES
+        assert world.only_vehicle.custom_mode == modes[family]
+
+    @KNOWN
     def test_an_abort_ends_a_paused_mission_at_once(self, family: str) -> None:
         world = paused(SCRIPTS[family])
         event = world.edge.event(ABORT)
