@@ -386,6 +386,8 @@ class MissionExecutor:
         waits = self.state in IN_FLIGHT and not self._context.pauses.is_paused
         command = self.ledger.finished if waits else None
         deadline_s = self._vehicle_time_s(now) + COMMAND_WITHIN_S
+        if work.was_accepted and work.expires_at is not None:  # It waits since before its expiry
+            deadline_s -= max(0.0, now - work.expires_at)
         if before is not None:
             command, deadline_s = before.command, before.deadline_s
         self._soft_abort = SoftAbort(work, command, deadline_s, now)

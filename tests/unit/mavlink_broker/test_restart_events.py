@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable
+from datetime import timedelta
 from pathlib import Path
 
 import pytest
@@ -9,7 +10,7 @@ import pytest
 from afarcloud.enumerations import Status
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.mission.states import State
-from tests.support.broker_world import World, first_flight, mission, takeoff, waypoint
+from tests.support.broker_world import World, first_flight, go_home, mission, takeoff, waypoint
 from tests.support.scripted_vehicle import PX4, PX4_HOLD, PX4_LAND, PX4_POSITION, PX4_RETURN
 from tests.unit.mavlink_broker.test_events import (
     ABORT,
@@ -79,6 +80,25 @@ def test_a_soft_abort_still_waits_for_the_running_command(away_s: float) -> None
     assert world.edge.status(1201) == Status.ABORTED
     assert world.edge.statuses(1201)[1] == Status.FINISHED
     assert world.only_vehicle.custom_mode == PX4_RETURN
+
+
+def test_a_restart_does_not_begin_the_time_of_a_soft_abort_anew() -> None:
+    """The running command lasts longer than a soft abort waits, 30 s after its expiry at most."""
+    world = World()
+    vehicle = world.add_vehicle(script=dataclasses.replace(PX4, item_time_s=300.0))
+    world.edge.plan(mission(takeoff(1), waypoint(2), go_home(3)))
+    world.run_until(lambda: vehicle.airborne)
+    world.run(2.0)
+    event = world.edge.event(SOFT_ABORT)
+    expires = world.clock.utc() + timedelta(seconds=10.0)
+    world.edge.work[event]["expires_at"] = expires.isoformat()
+    posted_at = world.clock.now
+    world.run(0.5)
+    for _ in range(3):
+        restart(world, 8.0)
+        world.run(3.0)
+    world.run_until(lambda: vehicle.custom_mode == PX4_RETURN)
+    assert world.clock.now - posted_at < 42.0
 
 
 @pytest.mark.thorough
