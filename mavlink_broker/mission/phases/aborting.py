@@ -183,6 +183,8 @@ class AbortExecutor:
         self.taken: str | None = None  # Who has taken the vehicle meanwhile
         self._needs_position = False  # For what is ordered
         self._disarms = False  # What is ordered is for the ground
+        self._was_flying = bool(vehicle.snapshot.armed) and not vehicle.is_standing_armed
+        self._was_answered = event.abort is not None  # Not followed on the way to a place
         self._executor = LiveCommandExecutor(self._action(with_place=True), vehicle)
 
     def is_over(self, now: float) -> bool:
@@ -198,6 +200,19 @@ class AbortExecutor:
             return self._arms_until is None
         is_done = self._executor.phase is LivePhase.DONE
         return is_done and not self._flies_on and not self._vehicle.is_standing_armed
+
+    @property
+    def has_come_down_unanswered(self) -> bool:
+        """Whether a vehicle that flew has landed without having answered any order."""
+        is_down = self._vehicle.snapshot.armed is False and self.taken is None
+        return is_down and self._was_flying and not self._was_answered
+
+    def _note_answer(self) -> None:
+        """Note that an order of the present action was answered, whichever way."""
+        phase = self._executor.phase
+        is_refused = phase is LivePhase.FAILED and not self._executor.is_unanswered
+        is_accepted = phase in {LivePhase.RUNNING, LivePhase.ENDING, LivePhase.DONE}
+        self._was_answered |= is_accepted or is_refused
 
     @property
     def _flies_on(self) -> bool:
@@ -237,7 +252,9 @@ class AbortExecutor:
         """Handle a message of the vehicle."""
         if self._is_taken(now) or self._must_drop_place() or self._has_left_ground:
             return []
-        return self._executor.receive(message, now)
+        messages = self._executor.receive(message, now)
+        self._note_answer()
+        return messages
 
     def tick(self, now: float) -> list[Message]:
         """Repeat what is overdue, and begin again what was refused or not obeyed."""
@@ -254,6 +271,7 @@ class AbortExecutor:
             self._executor = LiveCommandExecutor(action, self._vehicle)
             return self._executor.start(now)
         messages = self._executor.tick(now)
+        self._note_answer()
         has_failed = self._executor.phase is LivePhase.FAILED
         is_obeyed = not self._flies_on and not self._vehicle.is_standing_armed
         if not has_failed and (is_obeyed or self._executor.phase is not LivePhase.DONE):
@@ -339,6 +357,10 @@ class AbortExecutor:
         return Claim(roles, mode=self._first_mode, is_exclusive=True)
 
 
+CAME_DOWN_UNANSWERED: Final = (
+    "the vehicle has answered no order: it has come down by itself, and may have flown its mission "
+    "to the end"
+)
 RESTARTED: Final = "the vehicle was restarted"
 REPLACED_VEHICLE: Final = "another vehicle with its system id is received in its place"
 RETURN_ENDED: Final = f"{RESTARTED} on its way home"
@@ -398,7 +420,8 @@ class Aborting(Phase):
         effects.messages += self._executor.tick(now)
         if not self._executor.is_over(now):
             return None
-        self.acknowledge(effects)
+        is_unanswered = self._executor.has_come_down_unanswered
+        self.acknowledge(effects, CAME_DOWN_UNANSWERED if is_unanswered else None)
         return Event.ENDED
 
     @property

@@ -241,6 +241,21 @@ def test_one_that_was_restarted_has_not_done_what_an_earlier_run_of_the_broker_o
     assert "restarted" in world.edge.acknowledgements(2)[-1]["message"]
 
 
+@pytest.mark.parametrize("is_reached", [True, False])
+def test_an_abort_that_nobody_answered_says_that_the_vehicle_has_come_down_by_itself(
+    is_reached: bool,
+) -> None:
+    """A link of one direction: the broker sees it fly its mission to the end."""
+    world = in_mission(PX4)
+    world.air.is_uplink_up = is_reached
+    event = world.edge.event(ABORT)
+    world.run_until(lambda: not world.only_vehicle.armed)
+    world.run(2.0)
+    last = world.edge.acknowledgements(event)[-1]
+    assert last["status"] == "done"
+    assert ("answered no order" in (last.get("message") or "")) is not is_reached
+
+
 def test_one_that_lands_last_and_was_restarted_has_not_finished_its_mission() -> None:
     world = in_mission(replace(PX4, goes_to_places=False))
     vehicle = world.only_vehicle
