@@ -146,14 +146,16 @@ class PictureCollector:
         run.
         """
         self._follow_clock(now)
-        if self._flight is None:
+        is_earlier = work is None or work.was_accepted
+        if is_earlier and self._followed_from_s == math.inf:
             self._earlier.recall(self._vehicle.recovery)
         command = None
         if work is not None and ledger is not None:
             if self._flight is None:
                 self._flight_known_s = self._time.at(now)
             self._flight = work, ledger
-            if ledger.status is Status.RUNNING:
+            is_known = self._vehicle.is_identified or self._followed_from_s < math.inf
+            if ledger.status is Status.RUNNING and is_known:  # Else the journal is not read yet
                 command = current_command(ledger, work.mission.command_array, work.name)
         if not is_followed:
             self._followed_since = now

@@ -463,18 +463,39 @@ def test_pictures_that_were_taken_while_the_broker_stood_still_belong_to_their_c
     assert flight.message(4) is None
 
 
-@pytest.mark.parametrize("kill_before", [1, 3, 5, 8])
+@pytest.mark.first_case
+@pytest.mark.parametrize("kill_before", [8, 1, 3, 5])
 @pytest.mark.parametrize("edge_away_s", [0.0, 30.0])
+@pytest.mark.parametrize("is_second", [True, False])
 def test_commands_at_one_place_keep_their_pictures_over_a_restart(
-    kill_before: int, edge_away_s: float, tmp_path: Path
+    kill_before: int, edge_away_s: float, is_second: bool, tmp_path: Path
 ) -> None:
-    """The restarted broker gets the pictures of before from the newest back."""
+    """The restarted broker gets the pictures of before from the newest back.
+
+    `is_second`: the same commands have been flown a minute before.
+    """
     flight = Flight(journal=tmp_path)
+    if is_second:
+        take_pictures_of(flight, 1200)
+        flight.world.edge.posts.clear()
+    first = len(flight.camera.taken)
+    take_pictures_of(flight, MISSION, kill_before=first + kill_before, edge_away_s=edge_away_s)
+    flight.world.run(30.0)
+    names = {name for name in flight.names if _number_of(name) >= first}
+    assert sorted(names, key=_number_of) == [
+        f"m1201_c{command}_{first + number:04d}.jpeg"
+        for number, command in enumerate([3] * 4 + [4] * 2 + [5] * 3)
+    ]
+
+
+def take_pictures_of(
+    flight: Flight, mission_id: int, *, kill_before: int = -1, edge_away_s: float = 0.0
+) -> None:
+    """Fly three commands that take pictures at one place; the broker is killed before one."""
     world, vehicle = flight.world, flight.vehicle
-    world.edge.plan(
-        mission(takeoff(), waypoint(), image(3, 4), image(4, 2), image(5, 3), go_home(6))
-    )
-    killed_at = 0.0
+    commands = (takeoff(), waypoint(), image(3, 4), image(4, 2), image(5, 3), go_home(6))
+    world.edge.plan(mission(*commands, mission_id=mission_id))
+    back_at = 0.0
     for number, count in enumerate((4, 2, 3)):
         world.run_until(partial(_is_at, vehicle, mavlink.MAV_CMD_IMAGE_START_CAPTURE, number))
         for _ in range(count):
@@ -482,19 +503,16 @@ def test_commands_at_one_place_keep_their_pictures_over_a_restart(
                 world.kill_broker()
                 world.run(1.0)
                 world.restart_broker()
-                killed_at = world.clock.now
+                back_at = world.clock.now + edge_away_s
                 if edge_away_s:
                     world.edge.take_work()  # It is lost on its way
             flight.camera.shoot()
             world.run(1.0)
     if edge_away_s:
-        world.run(max(0.0, killed_at + edge_away_s - world.clock.now))
+        world.run(max(0.0, back_at - world.clock.now))
         world.edge.hand_out_again()
-    flight.land()
-    commands = [3] * 4 + [4] * 2 + [5] * 3
-    assert sorted(set(flight.names), key=_number_of) == [
-        f"m1201_c{command}_{number:04d}.jpeg" for number, command in enumerate(commands)
-    ]
+    world.run_until_over(mission_id)
+    world.run(30.0)
 
 
 def _is_at(vehicle: ScriptedVehicle, command: int, number: int) -> bool:
