@@ -34,8 +34,8 @@ class LinkLaws:
             is_reached = world.down[system].is_up
             if not is_reached and session.link_warning is None:
                 found.append(f"vehicle {system} receives nothing, and nobody is warned")
-            lossless = world.down[system].conditions.loss < MOST_LOSS
-            if is_reached and lossless and session.link_warning is not None:
+            is_healthy = world.down[system].conditions.loss < MOST_LOSS
+            if is_reached and is_healthy and session.link_warning is not None:
                 found.append(f"vehicle {system} answers: {session.link_warning!r}")
         return found
 

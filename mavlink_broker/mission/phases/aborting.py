@@ -358,8 +358,7 @@ class AbortExecutor:
 
 
 CAME_DOWN_UNANSWERED: Final = (
-    "the vehicle has answered no order: it has come down by itself, and may have flown its mission "
-    "to the end"
+    "the vehicle has landed and answered no order: it may have flown its mission to the end"
 )
 RESTARTED: Final = "the vehicle was restarted"
 REPLACED_VEHICLE: Final = "another vehicle with its system id is received in its place"

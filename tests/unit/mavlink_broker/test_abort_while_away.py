@@ -25,7 +25,7 @@ from tests.support.scripted_vehicle import (
 )
 from tests.unit.mavlink_broker.test_events import ABORT, POINT, answer_statuses, world_at
 from tests.unit.mavlink_broker.test_sessions import ELSEWHERE
-from tests.unit.mavlink_broker.test_takeover import ASKING, in_mission, slow, state
+from tests.unit.mavlink_broker.test_takeover import ASKING, REFUSING_RETURN, in_mission, slow, state
 
 HERE = ("192.0.2.1", 14581)
 FAMILIES = pytest.mark.parametrize("script", [PX4, ARDUPILOT], ids=["px4", "ardupilot"])
@@ -241,19 +241,20 @@ def test_one_that_was_restarted_has_not_done_what_an_earlier_run_of_the_broker_o
     assert "restarted" in world.edge.acknowledgements(2)[-1]["message"]
 
 
-@pytest.mark.parametrize("is_reached", [True, False])
-def test_an_abort_that_nobody_answered_says_that_the_vehicle_has_come_down_by_itself(
-    is_reached: bool,
-) -> None:
+@pytest.mark.parametrize("answer", ["obeys", "refuses", "none"])
+def test_an_abort_says_if_the_vehicle_has_landed_without_an_answer(answer: str) -> None:
     """A link of one direction: the broker sees it fly its mission to the end."""
     world = in_mission(PX4)
-    world.air.is_uplink_up = is_reached
+    world.air.is_uplink_up = answer != "none"
+    if answer == "refuses":
+        vehicle = world.only_vehicle
+        vehicle.script = replace(vehicle.script, results=REFUSING_RETURN)
     event = world.edge.event(ABORT)
     world.run_until(lambda: not world.only_vehicle.armed)
     world.run(2.0)
     last = world.edge.acknowledgements(event)[-1]
     assert last["status"] == "done"
-    assert ("answered no order" in (last.get("message") or "")) is not is_reached
+    assert ("answered no order" in (last.get("message") or "")) is (answer == "none")
 
 
 def test_one_that_lands_last_and_was_restarted_has_not_finished_its_mission() -> None:
