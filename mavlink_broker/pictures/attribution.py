@@ -71,6 +71,7 @@ class PictureCommand:
     command_id: int
     expected: int
     area: Area | None = None  # None: not known before the flight
+    is_followed: bool = False  # The next command with pictures takes them at the same place
 
 
 def pictures_of(command: Command) -> int:
@@ -98,8 +99,27 @@ def picture_command(
 ) -> PictureCommand:
     """Give a command of a mission by its index."""
     command = commands[index]
-    count, area = pictures_of(command), _area_of(commands, index)
-    return PictureCommand(mission, ledger.mission_id, index, command.command_id, count, area)
+    return PictureCommand(
+        mission,
+        ledger.mission_id,
+        index,
+        command.command_id,
+        expected=pictures_of(command),
+        area=_area_of(commands, index),
+        is_followed=_is_followed(commands, index),
+    )
+
+
+def _is_followed(commands: tuple[Command, ...], index: int) -> bool:
+    """Whether the next command with pictures takes them where this one does, or may do so."""
+    later = range(index + 1, len(commands))
+    following = next((one for one in later if pictures_of(commands[one])), None)
+    if following is None:
+        return False
+    here, there = _area_of(commands, index), _area_of(commands, following)
+    if here is None or there is None:
+        return True
+    return here.off_m(there.latitude_deg, there.longitude_deg) <= SAME_PLACE_M + here.radius_m
 
 
 def _area_of(commands: tuple[Command, ...], index: int) -> Area | None:
@@ -309,6 +329,15 @@ class Attribution:
         if position is None:
             return False
         return AT_PLACE_M < min(_off_m(interval, position) for interval in lacking) < math.inf
+
+    def may_be_overtaken(self, time_s: float, camera: int, position: Position | None) -> bool:
+        """Whether a picture would be given to a command behind which others are taken there.
+
+        An earlier picture, which is announced later, would then be given to the wrong command.
+        """
+        interval = self._find(time_s, time_s, camera, position)
+        command = None if interval is None else interval.command
+        return command is not None and command.is_followed
 
     def _lacking(self, since_s: float, time_s: float, camera: int) -> list[CommandInterval]:
         """Give the commands that lack pictures of a camera, and may have taken one then."""

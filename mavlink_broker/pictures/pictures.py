@@ -60,6 +60,8 @@ PROGRESS_WITHIN_S: Final = 10.0
 PROGRESS_GAP_S: Final = 5.0
 PROGRESS_SETTLED_S: Final = 5.0
 """So long after a gap in its progress the vehicle may be further than the ledger."""
+STORED_WITHIN_S: Final = 3.0
+"""A camera may store a picture, and number and announce it, so long behind a later one."""
 MISSION_WITHIN_S: Final = 120.0
 """How long pictures wait for the mission of an earlier run, which the edge server sends again."""
 CHECK_AFTER_S: Final = 2.0
@@ -235,11 +237,13 @@ class PictureCollector:
     def _attribute_taken(self, now: float) -> None:
         """Give pictures to commands, in their order, once it is known which of them have begun."""
         taken, self._taken = sorted(self._taken, key=lambda one: one.time_s), []
+        waiting = set[int]()  # Cameras of which a picture waits: later ones wait behind it
         for one in taken:
             if isinstance(one, _ReportedPicture):
                 self._attribution.attribute_feedback(*one)
                 continue
-            if self._must_wait(one, now):
+            if one.capture.component in waiting or self._must_wait(one, now):
+                waiting.add(one.capture.component)
                 self._taken.append(one)
                 continue
             command = self._attribution.attribute(
@@ -260,9 +264,12 @@ class PictureCollector:
         if self._flight is None:
             is_open = self._earlier.was_flying or not self._vehicle.is_identified
             return is_open and now - one.announced_at < MISSION_WITHIN_S
-        may_be_of_later = self._attribution.may_be_of_later(
-            one.time_s, capture.component, capture.position
-        )
+        picture = one.time_s, capture.component, capture.position
+        if now - one.announced_at < STORED_WITHIN_S and self._attribution.may_be_overtaken(
+            *picture
+        ):
+            return True
+        may_be_of_later = self._attribution.may_be_of_later(*picture)
         since = max(one.announced_at, self._followed_since)
         return may_be_of_later and now - since < PROGRESS_WITHIN_S
 

@@ -38,15 +38,18 @@ class ScriptedCamera:
         """Send a HEARTBEAT."""
         self._send(mavlink.MAVLink_heartbeat_message(mavlink.MAV_TYPE_CAMERA, 8, 0, 0, 4, 3))
 
-    def shoot(self, *, announced: bool = True, succeeded: bool = True) -> int:
-        """Take a picture; gives its number."""
+    def shoot(
+        self, *, announced: bool = True, succeeded: bool = True, taken_ms: int | None = None
+    ) -> int:
+        """Take a picture; gives its number. `taken_ms` if it was taken before, and stored now."""
+        taken_ms = self.boot_ms() if taken_ms is None else taken_ms
         index = self.first_index + len(self.taken)
         path = f"/image/{index}.jpg"
         if succeeded:
             self.files.files = {**self.files.files, path: self.contents + bytes([index % 256])}
         message = mavlink.MAVLink_camera_image_captured_message(
-            self.boot_ms(),
-            1_790_000_000_000_000 + self.boot_ms() * 1000,
+            taken_ms,
+            1_790_000_000_000_000 + taken_ms * 1000,
             *(0, *self.place_e7, 655_000, 5_000),
             [1.0, 0.0, 0.0, 0.0],
             index,

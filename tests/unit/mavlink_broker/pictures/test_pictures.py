@@ -463,6 +463,29 @@ def test_pictures_that_were_taken_while_the_broker_stood_still_belong_to_their_c
     assert flight.message(4) is None
 
 
+def test_a_picture_that_is_stored_late_belongs_to_the_command_that_has_taken_it() -> None:
+    """The camera numbers and announces it behind the first one of the next command."""
+    flight = Flight()
+    flight.vehicle.script = dataclasses.replace(SLOW, item_time_s=1.5)
+    world, camera, capture = flight.world, flight.camera, mavlink.MAV_CMD_IMAGE_START_CAPTURE
+    world.edge.plan(mission(takeoff(), waypoint(), image(3, 2), image(4, 2), go_home(5)))
+    world.run_until(partial(_is_at, flight.vehicle, capture, 0))
+    camera.shoot()
+    world.run_until(partial(_is_at, flight.vehicle, capture, 1))
+    taken_ms = camera.boot_ms() - 100
+    camera.shoot()
+    world.run(1.0)
+    camera.shoot(taken_ms=taken_ms)
+    camera.shoot()
+    flight.land()
+    assert sorted(flight.names, key=_number_of) == [
+        "m1201_c3_0000.jpeg",
+        "m1201_c4_0001.jpeg",
+        "m1201_c3_0002.jpeg",
+        "m1201_c4_0003.jpeg",
+    ]
+
+
 @pytest.mark.first_case
 @pytest.mark.parametrize("kill_before", [8, 1, 3, 5])
 @pytest.mark.parametrize("edge_away_s", [0.0, 30.0])
