@@ -1,14 +1,16 @@
 """The operator: posts plans, repeats requests, cancels, aborts, pauses, releases held vehicles."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
 from http import HTTPStatus
-from typing import Any, Final
+from random import Random
+from typing import Any, Final, NamedTuple
 
 from dst.autopilot import Mode
 from dst.edge_process import EdgeDownError, Response
 from dst.faults import Fault
 from dst.flight import place
+from dst.pictures import SINGLE, Series
 from dst.world import World
 from mavlink_broker.mission.states import State
 
@@ -68,6 +70,11 @@ PICTURES_SHARE: Final = 0.4
 PANORAMA_SHARE: Final = 0.2
 FIRST_PICTURES: Final = 100
 """`command_id` of pictures, less that of the command before, which has the place."""
+MORE_PICTURES: Final = 100
+"""`command_id` of the next pictures at that place, less that of the ones before."""
+MORE_PICTURES_SHARE: Final = 0.4
+MOST_PICTURES: Final = 3
+"""Commands of pictures at one place."""
 RADIUS_M: Final = 5.0
 """Of the circles."""
 FIELDS: Final[dict[int, dict[str, Any]]] = {
@@ -75,6 +82,15 @@ FIELDS: Final[dict[int, dict[str, Any]]] = {
     HOTPOINT: {"orbit_altitude": ALTITUDE_M, "radius": RADIUS_M, "angular_velocity": 20.0},
     FOLLOW: {"altitude": ALTITUDE_M},
 }
+
+
+class PlannedPictures(NamedTuple):
+    """The pictures of one command."""
+
+    place_e7: tuple[int, int]
+    """Where they are taken: latitude and longitude [1e-7 deg]."""
+    series: Series | None
+    """No other command at this place has the same; None for a panorama."""
 
 
 @dataclass
@@ -88,8 +104,8 @@ class PostedPlan:
     """By command id: latitude and longitude [1e-7 deg]."""
     circles: dict[int, tuple[int, int]] = field(default_factory=dict)
     """By command id: the centre, as of a waypoint."""
-    pictures: dict[int, tuple[int, int]] = field(default_factory=dict)
-    """By command id: the place where they are taken, as of a waypoint."""
+    pictures: dict[int, "PlannedPictures"] = field(default_factory=dict)
+    """By command id."""
     posted_s: float = 0.0
     cancelled_s: float | None = None
     """When its deletion was acknowledged."""
@@ -141,6 +157,7 @@ class Operator:
         self._lengths = world.scheduler.random("long missions")
         self._regrets = world.scheduler.random("regrets")
         self._views = world.scheduler.random("views")
+        self._more_views = world.scheduler.random("more views")
         self._missions = 0
         self._events = 0
         self._shift = 0
@@ -204,7 +221,7 @@ class Operator:
         commands: list[dict[str, Any]] = [_command(1, 1, home_fields | {"altitude": ALTITUDE_M})]
         waypoints: dict[int, tuple[int, int]] = {}
         circles: dict[int, tuple[int, int]] = {}
-        pictures: dict[int, tuple[int, int]] = {}
+        pictures: dict[int, PlannedPictures] = {}
         may_be_long = bool(self._enabled & {Fault.LONG_MISSIONS, Fault.POWER_CUT})
         is_long = may_be_long and self._lengths.random() < LONG_SHARE
         last = self._lengths.randint(8, 11) if is_long else random.randint(3, 5)
@@ -220,8 +237,10 @@ class Operator:
             commands.append(_command(command_id, kind, where | FIELDS[kind]))
             may_look = kind != FOLLOW and Fault.PICTURES in self._enabled
             if may_look and self._views.random() < PICTURES_SHARE:
-                pictures[FIRST_PICTURES + command_id] = targets[command_id]
-                commands.append(self._view(FIRST_PICTURES + command_id))
+                first = FIRST_PICTURES + command_id
+                for planned, command in self._views_at(targets[command_id], first):
+                    pictures[command["command_id"]] = planned
+                    commands.append(command)
         commands.append(_command(LANDING, 11, {"landing": True}))
         speed_m_s = self._lengths.uniform(2.0, 4.0) if is_long else 5.0
         mission = {"mission_id": mission_id, "vehicle_id": vehicle_id, "maximum_speed": speed_m_s}
@@ -246,16 +265,20 @@ class Operator:
             pause_s = random.uniform(0.0, 60.0)
             self._world.scheduler.after(pause_s, lambda: self._repeat(body, key, number))
 
-    def _view(self, command_id: int) -> dict[str, Any]:
-        """Give a command that takes pictures where the vehicle is."""
-        views = self._views
-        if views.random() < PANORAMA_SHARE:
-            return _command(command_id, PANORAMA, {"panorama_mode": views.randint(0, 1)})
-        count = views.randint(1, 3)
-        interval_s = 0 if count == 1 else views.randint(1, 3)
-        pitch_deg = views.choice((-90.0, -45.0))
-        shots = {"photo_count": count, "time_interval": interval_s}
-        return _command(command_id, IMAGE, shots | {"pitch_angle": pitch_deg})
+    def _views_at(
+        self, place_e7: tuple[int, int], first: int
+    ) -> Iterator[tuple[PlannedPictures, dict[str, Any]]]:
+        """Give the commands that take pictures at a place; the first has the id `first`."""
+        views, taken = self._views, set[Series]()
+        for command_id in range(first, first + MOST_PICTURES * MORE_PICTURES, MORE_PICTURES):
+            planned, command = _view(views, place_e7, command_id)
+            series = planned.series or SINGLE  # By turns, a panorama is single pictures
+            if series not in taken:
+                taken.add(series)
+                yield planned, command
+            views = self._more_views
+            if views.random() >= MORE_PICTURES_SHARE:
+                break
 
     def _mission_id(self) -> int:
         """Give a number, which another plan may have had before."""
@@ -387,6 +410,21 @@ class Operator:
             return
         vehicle_id = self._orders.choice(lost or flying or list(world.vehicles))
         self._post_abort(vehicle_id, self._orders.choice(ENDING_EVENTS))
+
+
+def _view(
+    views: Random, place_e7: tuple[int, int], command_id: int
+) -> tuple[PlannedPictures, dict[str, Any]]:
+    """Draw a command that takes pictures where the vehicle is."""
+    if views.random() < PANORAMA_SHARE:
+        panorama = {"panorama_mode": views.randint(0, 1)}
+        return PlannedPictures(place_e7, None), _command(command_id, PANORAMA, panorama)
+    count = views.randint(1, 3)
+    interval_s = 0 if count == 1 else views.randint(1, 3)
+    pitch_deg = views.choice((-90.0, -45.0))
+    shots = {"photo_count": count, "time_interval": interval_s, "pitch_angle": pitch_deg}
+    planned = PlannedPictures(place_e7, Series(float(interval_s), count))
+    return planned, _command(command_id, IMAGE, shots)
 
 
 def _command(command_id: int, kind: int, parameters: dict[str, Any]) -> dict[str, Any]:

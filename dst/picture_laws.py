@@ -6,8 +6,8 @@ from http import HTTPStatus
 from typing import Final
 
 from dst.flight import Truth, offset_m
-from dst.operator_person import RADIUS_M, Operator, PostedPlan
-from dst.pictures import Picture, url_in
+from dst.operator_person import RADIUS_M, Operator, PlannedPictures, PostedPlan
+from dst.pictures import PANORAMA_INTERVAL_S, SINGLE, Picture, url_in
 from dst.vehicle import Vehicle
 from dst.world import World
 from mavlink_broker.edge.bounded_http import Answer
@@ -41,15 +41,17 @@ class PictureLaws:
         elif post.vehicle_id in self._world.twinned:
             return  # Which of the two has taken which picture is not judged
         elif match is not None and not self._is_of(post.vehicle_id, picture, match):
-            self.broken.append(f"{name} is {url}, which was taken at {picture.place_e7}")
+            ordered = f"ordered as {picture.series}"
+            text = f"{name} is {url}, which was taken at {picture.place_e7}, {ordered}"
+            self.broken.append(text)
 
     def has_taken(self, plan: PostedPlan, command_id: int) -> bool:
-        """Whether a picture was taken where a command of a plan takes some, since it was posted.
+        """Whether a picture was taken as a command of a plan orders some, since it was posted.
 
         The second aircraft with a system id has no camera.
         """
         return plan.vehicle_id in self._world.twinned or any(
-            picture.time_s > plan.posted_s and _is_near(plan.pictures[command_id], picture.place_e7)
+            picture.time_s > plan.posted_s and _is_of(plan.pictures[command_id], picture)
             for truth in self._world.truths(plan.vehicle_id)
             for picture in truth.pictures
         )
@@ -68,13 +70,22 @@ class PictureLaws:
         return {one.url: one for truth in truths for one in truth.pictures}
 
     def _is_of(self, system: int, picture: Picture, name: re.Match[str]) -> bool:
-        """Whether a plan has a command of this name at the place of the picture."""
+        """Whether a plan has a command of this name that orders the picture."""
         mission_id, command_id = map(int, name.groups())
         return any(
-            _is_near(plan.pictures.get(command_id), picture.place_e7)
+            _is_of(plan.pictures[command_id], picture)
             for plan in self._operator.plans
             if (plan.vehicle_id, plan.mission_id) == (system, mission_id)
+            and command_id in plan.pictures
         )
+
+
+def _is_of(planned: PlannedPictures, picture: Picture) -> bool:
+    """Whether a command orders a picture: at this place, in such a series."""
+    is_ordered = picture.series == planned.series
+    if planned.series is None:
+        is_ordered = picture.series == SINGLE or picture.series.interval_s == PANORAMA_INTERVAL_S
+    return is_ordered and _is_near(planned.place_e7, picture.place_e7)
 
 
 def _is_near(one_e7: tuple[int, int] | None, other_e7: tuple[int, int] | None) -> bool:

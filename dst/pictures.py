@@ -36,6 +36,16 @@ PANORAMA_INTERVAL_S: Final = 0.8
 PANORAMA_STEP_DEG: Final = 45.0
 
 
+class Series(NamedTuple):
+    """Pictures that are ordered together."""
+
+    interval_s: float
+    photos: int
+
+
+SINGLE: Final = Series(0.0, 1)
+
+
 class Picture(NamedTuple):
     """A picture that was taken, by truth."""
 
@@ -43,6 +53,8 @@ class Picture(NamedTuple):
     place_e7: tuple[int, int] | None
     """Latitude and longitude of the command before, which brought the vehicle here [1e-7 deg]."""
     url: str
+    series: Series
+    """As it was ordered."""
 
 
 class Camera:
@@ -64,7 +76,7 @@ class Camera:
         self._boot_ms = boot_ms
         self._codec = mavlink.MAVLink(None, srcSystem=system, srcComponent=COMPONENT)
         self._announcements: list[Any] = []
-        self._series = 0  # What was ordered before the last stop is not taken any more
+        self._stops = 0  # What was ordered before the last stop is not taken any more
         self._busy_until_s = 0.0
         self._number = 0.0  # Of the newest single picture: a repeated order takes no other one
 
@@ -75,7 +87,7 @@ class Camera:
 
     def stop(self) -> None:
         """Take no more pictures of what was ordered before."""
-        self._series += 1
+        self._stops += 1
         self._busy_until_s = 0.0
 
     def receive(self, message: Any) -> None:
@@ -89,10 +101,10 @@ class Camera:
         if count == 1 and number > 0.0 and number == self._number:
             return
         self._number = number
-        series = self._series
+        series = Series(interval_s, count)
         self._busy_until_s = self._scheduler.now_s + count * max(interval_s, 0.1)
         for one in range(count):
-            self._scheduler.after(one * interval_s, partial(self._take, series))
+            self._scheduler.after(one * interval_s, partial(self._take, series, self._stops))
 
     def _obey(self, message: Any) -> int:
         match message.command:
@@ -115,10 +127,10 @@ class Camera:
             return  # The command is repeated
         count = round(span_deg / PANORAMA_STEP_DEG) + (0 if span_deg >= 360.0 else 1)
         self.start(PANORAMA_INTERVAL_S, count)
-        series = self._series
+        stops = self._stops
 
         def complete() -> None:
-            if series == self._series:
+            if stops == self._stops:
                 command, accepted = mavlink.MAV_CMD_PANORAMA_CREATE, mavlink.MAV_RESULT_ACCEPTED
                 self._send(mavlink.MAVLink_command_ack_message(command, accepted))
 
@@ -137,12 +149,12 @@ class Camera:
         if is_image and 0 <= index < len(self._announcements):
             self._send(self._announcements[index])
 
-    def _take(self, series: int) -> None:
-        if series != self._series:
+    def _take(self, series: Series, stops: int) -> None:
+        if stops != self._stops:
             return
         truth, boot_ms = self._truth, self._boot_ms()
         url = f"http://192.0.2.1/{truth.aircraft}/{len(truth.pictures)}.jpg"
-        truth.pictures.append(Picture(self._scheduler.now_s, truth.place_e7, url))
+        truth.pictures.append(Picture(self._scheduler.now_s, truth.place_e7, url, series))
         self._scheduler.note(f"camera {truth.aircraft}", "-", f"takes {url} at {truth.place_e7}")
         latitude_deg, longitude_deg = place(truth.north_m, truth.east_m)
         height_mm = round(truth.height_m * 1e3)
@@ -155,13 +167,13 @@ class Camera:
             file_url=url.encode(),
         )
         pause_s = self._random.uniform(*STORING_S)
-        self._scheduler.after(pause_s, partial(self._store, series, picture))
+        self._scheduler.after(pause_s, partial(self._store, stops, picture))
 
-    def _store(self, series: int, picture: Callable[..., Any]) -> None:
+    def _store(self, stops: int, picture: Callable[..., Any]) -> None:
         """Store a picture under the next number, and announce it, unless it has restarted."""
         message = picture(image_index=len(self._announcements))
         self._announcements.append(message)
-        if series == self._series:
+        if stops == self._stops:
             self._send(message)
 
     def _send(self, message: Any) -> None:
