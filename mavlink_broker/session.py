@@ -25,6 +25,7 @@ from mavlink_broker.effects import (
     LogJobDone,
     LogJobFailed,
 )
+from mavlink_broker.live.tracking_stop import TrackingStop
 from mavlink_broker.mavlink.dialect import Message, mavlink, source_of
 from mavlink_broker.microservices.answer_monitor import AnswerMonitor
 from mavlink_broker.microservices.heartbeat import LOST_AFTER_S, StateOrder
@@ -109,6 +110,7 @@ class Session:
         self._battery_capacity = BatteryCapacity(vehicle, battery_capacity_ah)
         self._alarms = AlarmMonitor()
         self._config_restorer = VehicleConfigRestorer(vehicle)
+        self._tracking_stop = TrackingStop(vehicle)
         self._was_lost, self._was_received = True, False
         self._lost_since: float | None = None
 
@@ -188,6 +190,7 @@ class Session:
         if self.vehicle.take(message, now):
             self._vehicle_restarted(now, effects)
         self._answers.receive(message)
+        effects.messages += self._tracking_stop.receive(message, now)
         if kind in RATE_MESSAGES:
             effects.messages += self._streams.receive(message, now)
         self._alarms.receive(message, now)
@@ -218,6 +221,7 @@ class Session:
             return
         self._alarms.observe(message, now)
         self.vehicle.observations.take(message, self.vehicle.snapshot, now)
+        effects.messages += self._tracking_stop.receive(message, now)
         if message.get_type() in PICTURE_MESSAGES:
             self.pictures.receive(message, now, effects)
         self.missions.receive_payload(message, now, effects)
@@ -286,6 +290,7 @@ class Session:
             vehicle.update_descent(now)
             self.missions.tick_events(now, effects)
             effects.messages += self._override_parameters(now)
+            effects.messages += self._stop_tracking(now)
             failures = self._alarms.tick(now, is_connected=vehicle.is_connected(now))
             self._raise_alarms(failures, now, effects)
         else:
@@ -354,6 +359,15 @@ class Session:
             vehicle.parameter_encoding,
             lambda: vehicle.recovery.is_stored,
         )
+
+    def _stop_tracking(self, now: float) -> list[Message]:
+        """Have the camera stop tracking what no command wants; not while another system flies."""
+        vehicle, missions = self.vehicle, self.missions
+        if vehicle.is_taken or not vehicle.is_identified or self._observes:
+            return []
+        is_in_air = not vehicle.snapshot.is_on_ground
+        may_go_on = vehicle.recovery.may_resume_tracking and not missions.is_flying and is_in_air
+        return self._tracking_stop.tick(now, is_wanted=missions.tracks or may_go_on)
 
     def _raise_alarms(self, failures: Iterable[Failure], now: float, effects: Effects) -> None:
         """Report what has failed; a mission in flight fails with it."""

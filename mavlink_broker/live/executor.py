@@ -127,6 +127,8 @@ class LiveCommandRecord:
         if live is None or live.name != self._name:
             began_s = self._vehicle.snapshot.time_s
             self._vehicle.recovery.note_live(LiveCommandProgress(name=self._name, began_s=began_s))
+        if isinstance(self._action.end, Tracked):
+            self._vehicle.recovery.note_tracking()
         return self._vehicle.recovery.is_stored
 
     def accept(self) -> None:
@@ -204,6 +206,12 @@ class LiveCommandExecutor:
     def has_approach(self) -> bool:
         """Whether it begins at a position that the vehicle has to reach first."""
         return self._action.approach is not None
+
+    @property
+    def tracks(self) -> bool:
+        """Whether the camera tracks a subject for it."""
+        is_open = self.phase not in {LivePhase.DONE, LivePhase.FAILED}
+        return is_open and isinstance(self._action.end, Tracked)
 
     @property
     def claim(self) -> Claim:

@@ -84,6 +84,7 @@ class MissionExecutor:
         self._attaching = Attaching(context)
         self._geofence = PlacingGeofence(context)
         self._running = Running(context)
+        self._flying_live = FlyingLive(context)
         self._aborting = Aborting(context)
         self._failing = Failing(context)
         uploading = Uploading(context)
@@ -99,7 +100,7 @@ class MissionExecutor:
             State.ARMING: Arming(context),
             State.STARTING: Starting(context),
             State.RUNNING: self._running,
-            State.FLYING_LIVE: FlyingLive(context),
+            State.FLYING_LIVE: self._flying_live,
             State.ABORTING: self._aborting,
             State.FAILING: self._failing,
         }
@@ -118,6 +119,11 @@ class MissionExecutor:
     def is_confirmed(self) -> bool:
         """Whether the edge server has confirmed that this broker flies it."""
         return self._context.is_confirmed
+
+    @property
+    def tracks(self) -> bool:
+        """Whether the camera tracks a subject for it, or may do so."""
+        return self._flying_live.tracks or self.is_attaching
 
     @property
     def is_attaching(self) -> bool:

@@ -81,6 +81,11 @@ class MissionQueue:
         return self._current is not None
 
     @property
+    def tracks(self) -> bool:
+        """Whether the camera tracks a subject for the mission that flies, or may do so."""
+        return self._current is not None and self._current.tracks
+
+    @property
     def work(self) -> MissionWork | None:
         """The work item of the mission that flies."""
         return None if self._current is None else self._current.work

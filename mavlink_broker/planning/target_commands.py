@@ -4,10 +4,10 @@ from typing import Final
 
 from afarcloud.commands import NavFollowTarget, NavTrackSubject
 from afarcloud.enumerations import FollowHeading, TrackMode
-from mavlink_broker.autopilots.families import FollowMethod
+from mavlink_broker.autopilots.families import Family, FollowMethod
 from mavlink_broker.autopilots.parameter_settings import BEHIND_DEG, BESIDE_DEG, ParameterOverrides
 from mavlink_broker.mavlink.dialect import mavlink
-from mavlink_broker.microservices.command import CommandAlternatives, long_command
+from mavlink_broker.microservices.command import CommandAlternatives, CommandLong, long_command
 from mavlink_broker.planning.live_actions import Lasted, LiveAction, Tracked, reposition
 from mavlink_broker.planning.situation import Situation, Spot
 
@@ -65,7 +65,7 @@ def track(command: NavTrackSubject, situation: Situation) -> LiveAction:
     mode, family = command.parameters.track_mode, situation.family
     height_m = max(situation.relative_altitude_m, family.lowest_follow_m)
     moves = mode is not TrackMode.SPOTLIGHT_PRO
-    camera = None if family.camera_is_autopilot else mavlink.MAV_COMP_ID_CAMERA
+    camera = _camera_of(family)
     (left, top), (right, bottom) = command.parameters.corners
     rectangle = long_command(
         mavlink.MAV_CMD_CAMERA_TRACK_RECTANGLE, left, top, right, bottom, component=camera
@@ -73,7 +73,7 @@ def track(command: NavTrackSubject, situation: Situation) -> LiveAction:
     middle = ((left + right) / 2.0, (top + bottom) / 2.0)
     size = min(right - left, bottom - top) / 2.0
     point = long_command(mavlink.MAV_CMD_CAMERA_TRACK_POINT, *middle, size, component=camera)
-    stop = long_command(mavlink.MAV_CMD_CAMERA_STOP_TRACKING, component=camera)
+    stop = stop_tracking(family)
     return LiveAction(
         begin=((rectangle,), (point,)),
         alternative_notes=("", "the camera tracks a point instead of a rectangle"),
@@ -92,6 +92,15 @@ def track(command: NavTrackSubject, situation: Situation) -> LiveAction:
         moves=moves,
         wants_camera=True,
     )
+
+
+def stop_tracking(family: Family) -> CommandLong:
+    """Have the camera track nothing."""
+    return long_command(mavlink.MAV_CMD_CAMERA_STOP_TRACKING, component=_camera_of(family))
+
+
+def _camera_of(family: Family) -> int | None:
+    return None if family.camera_is_autopilot else mavlink.MAV_COMP_ID_CAMERA
 
 
 def _borrowed(mode: TrackMode, situation: Situation, height_m: float) -> ParameterOverrides:

@@ -134,6 +134,7 @@ class _Document(_Row):
     started_s: _Number | None = None
     has_flown: bool = False
     paused: _Text | None = None
+    is_tracking: bool = False
 
 
 def encode(identity: VehicleIdentity, record: RecoveryRecord) -> bytes:
@@ -159,6 +160,7 @@ def encode(identity: VehicleIdentity, record: RecoveryRecord) -> bytes:
             started_s=record.started_s,
             has_flown=record.has_flown,
             paused=record.paused,
+            is_tracking=record.is_tracking,
         )
     except ValidationError as error:
         raise JournalError(_first(error)) from error
@@ -211,6 +213,7 @@ def _record(document: _Document) -> RecoveryRecord:
         started_s=document.started_s,
         has_flown=document.has_flown,
         paused=document.paused,
+        is_tracking=document.is_tracking,
     )
 
 

@@ -112,6 +112,7 @@ class RecoveryRecord:
     started_s: float | None = None  # When that was, by the vehicle's clock since boot
     has_flown: bool = False  # It was seen to fly them
     paused: str | None = None  # Name of the work that an event has paused
+    is_tracking: bool = False  # Its camera may have been ordered to track a subject
 
 
 EMPTY_RECORD: Final = RecoveryRecord()
@@ -140,6 +141,7 @@ def merge_records(earlier: RecoveryRecord, later: RecoveryRecord) -> RecoveryRec
         started_s=later.started_s if later.started else earlier.started_s,
         has_flown=later.has_flown if later.started else earlier.has_flown,
         paused=later.paused or earlier.paused,
+        is_tracking=later.is_tracking or earlier.is_tracking,
     )
 
 
@@ -372,6 +374,8 @@ class RecoveryState:
         self._segment_s: float | None = None
         self._has_flown = False
         self._paused: str | None = None
+        self._is_tracking = False
+        self._is_of_earlier_run = False  # That tracking
 
     @property
     def live(self) -> LiveCommandProgress | None:
@@ -420,6 +424,24 @@ class RecoveryState:
     def clear_pause(self) -> None:
         """Forget the pause: the mission flies, or has ended."""
         self._paused = None
+
+    @property
+    def is_tracking(self) -> bool:
+        """Whether the camera may have been ordered to track a subject, and not to stop."""
+        return self._is_tracking
+
+    @property
+    def may_resume_tracking(self) -> bool:
+        """Whether an earlier run has ordered it, whose command may be continued."""
+        return self._is_tracking and self._is_of_earlier_run
+
+    def note_tracking(self) -> None:
+        """Note that the camera is about to be ordered to track a subject."""
+        self._is_tracking, self._is_of_earlier_run = True, False
+
+    def clear_tracking(self) -> None:
+        """Forget it: the camera was ordered to stop."""
+        self._is_tracking = False
 
     def clear_live(self) -> None:
         """Forget the live command: the vehicle has left it, and it begins anew."""
@@ -470,6 +492,7 @@ class RecoveryState:
             started_s=self._segment_s,
             has_flown=self._has_flown,
             paused=self._paused,
+            is_tracking=self._is_tracking,
         )
 
     @property
@@ -488,10 +511,12 @@ class RecoveryState:
         self._segment, self._segment_s = both.started, both.started_s
         self._has_flown = both.has_flown
         self._paused = both.paused
+        self._is_tracking, self._is_of_earlier_run = both.is_tracking, record.is_tracking
 
     def forget(self) -> None:
         """Begin anew with another vehicle in place of this one; aborts are for it too."""
         self.overrides, self.parameters = VehicleOverrides(), ParameterOverrider()
         self.hover.end()
         self._return = self._paused = None
+        self.clear_tracking()
         self.clear_commands()

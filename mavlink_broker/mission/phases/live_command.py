@@ -36,6 +36,11 @@ class FlyingLive(Phase):
         return self._executor.claim
 
     @property
+    def tracks(self) -> bool:
+        """Whether the camera tracks a subject for the command."""
+        return self._executor is not None and self._executor.tracks
+
+    @property
     def was_taken(self) -> bool:
         """Whether another system has ended the command."""
         return self._executor is not None and self._executor.is_control_lost

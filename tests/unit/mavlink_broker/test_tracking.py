@@ -4,11 +4,12 @@ import dataclasses
 import itertools
 import math
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
 
-from afarcloud.enumerations import Status, TrackMode
+from afarcloud.enumerations import EventType, Status, TrackMode
 from afarcloud.geodesy import offset, shifted
 from mavlink_broker.mavlink.codec import Encoder
 from mavlink_broker.mavlink.dialect import mavlink
@@ -19,7 +20,9 @@ from tests.support.scripted_vehicle import (
     PX4,
     PX4_FOLLOW,
     PX4_HOLD,
+    PX4_LAND,
     PX4_ORBIT,
+    PX4_POSITION,
     Script,
     ScriptedVehicle,
 )
@@ -34,8 +37,10 @@ CAMERA = mavlink.MAV_COMP_ID_CAMERA
 class Scene:
     """A vehicle whose camera tracks something to its east that walks north."""
 
-    def __init__(self, mode: TrackMode, script: Script = PX4) -> None:
-        self.world = World()
+    def __init__(
+        self, mode: TrackMode, script: Script = PX4, *, journal: Path | None = None
+    ) -> None:
+        self.world = World(journal=journal)
         self.vehicle = self.world.add_vehicle(script=script)
         self._camera = Encoder(1, CAMERA)
         self._walked_m = 0.0
@@ -251,6 +256,77 @@ class TestAQuickShot:
         scene.see_until(lambda: scene.status(1) == Status.FINISHED)
         assert scene.vehicle.height_m == pytest.approx(before + 10.0)
         assert "backwards and up instead of a circle" in scene.message
+
+
+class TestACommandThatIsCutShort:
+    """The camera is ordered to stop, once; else the next pictures would show its subject."""
+
+    @pytest.mark.parametrize("script", [PX4, ARDUPILOT])
+    def test_by_an_abort(self, script: Script) -> None:
+        scene = Scene(TrackMode.TRACE, script)
+        scene.see(5.0)
+        scene.world.edge.event(EventType.ABORT_MISSION)
+        scene.see(10.0)
+        assert stops_of(scene.vehicle) == 1
+
+    def test_by_a_pause(self) -> None:
+        scene = Scene(TrackMode.TRACE)
+        scene.see(5.0)
+        scene.world.edge.event(EventType.PAUSE_MISSION)
+        scene.see(5.0)
+        assert stops_of(scene.vehicle) == 1
+        scene.world.edge.event(EventType.RESUME_MISSION)
+        scene.see(5.0)
+        assert stops_of(scene.vehicle) == 1
+        assert len(orders_of(scene.vehicle, mavlink.MAV_CMD_CAMERA_TRACK_RECTANGLE)) == 2
+
+    def test_by_the_pilot_when_the_vehicle_has_landed(self) -> None:
+        scene = Scene(TrackMode.TRACE)
+        scene.see(5.0)
+        scene.vehicle.set_mode(PX4_POSITION)
+        scene.see(10.0)
+        assert stops_of(scene.vehicle) == 0
+        scene.vehicle.set_mode(PX4_LAND)
+        scene.see(15.0)
+        assert stops_of(scene.vehicle) == 1
+
+    def test_by_an_abort_that_a_restarted_broker_carries_out(self, tmp_path: Path) -> None:
+        scene = Scene(TrackMode.TRACE, journal=tmp_path)
+        scene.see(5.0)
+        scene.world.kill_broker()
+        scene.world.edge.event(EventType.ABORT_MISSION)
+        scene.world.restart_broker()
+        scene.see(20.0)
+        assert stops_of(scene.vehicle) == 1
+
+    def test_by_nothing_where_a_restarted_broker_goes_on(self, tmp_path: Path) -> None:
+        scene = Scene(TrackMode.TRACE, journal=tmp_path)
+        scene.see(5.0)
+        scene.world.kill_broker()
+        scene.world.restart_broker()
+        scene.see(20.0)
+        assert stops_of(scene.vehicle) == 0
+        scene.see_until(lambda: scene.status(1) == Status.FINISHED)
+        scene.see(20.0)
+        assert stops_of(scene.vehicle) == 1
+
+    def test_is_ordered_again_some_times_if_nobody_answers(
+        self, caplog: pytest.LogCaptureFixture
+    ) -> None:
+        scene = Scene(TrackMode.TRACE)
+        scene.vehicle.lost_answers = {mavlink.MAV_CMD_CAMERA_STOP_TRACKING}
+        scene.see(5.0)
+        scene.world.edge.event(EventType.ABORT_MISSION)
+        scene.see(300.0)
+        stops = stops_of(scene.vehicle)
+        assert stops > 5
+        assert "its camera may still track a subject" in caplog.text
+        scene.see(60.0)
+        assert stops_of(scene.vehicle) == stops
+
+
+def stops_of(vehicle: ScriptedVehicle) -> int:
+    return len(orders_of(vehicle, mavlink.MAV_CMD_CAMERA_STOP_TRACKING))
 
 
 @pytest.mark.thorough
