@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 if TYPE_CHECKING:
     from dst.pictures import Picture
+    from dst.tracking import Tracked
 
 HOME: Final = (40.44340, -3.73820, 650.0)
 """Latitude, longitude [deg], altitude above mean sea level [m]."""
@@ -64,6 +65,9 @@ class Truth:
     place_e7: tuple[int, int] | None = None
     """Latitude and longitude [1e-7 deg] of the waypoint or centre that it was ordered to last."""
     pictures: "list[Picture]" = field(default_factory=list)
+    tracked: "list[Tracked]" = field(default_factory=list)
+    """Subjects that its camera was ordered to track."""
+    is_tracking: bool = False
 
     def note_place(self) -> None:
         """Note how far and how high it is."""

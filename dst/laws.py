@@ -392,6 +392,8 @@ class Laws:
         place, centre = plan.waypoints.get(command_id), plan.circles.get(command_id)
         if command_id in plan.pictures:
             return self._pictures.has_taken(plan, command_id)
+        if command_id in plan.subjects:
+            return self._pictures.has_tracked(plan, command_id)
         if centre is not None:
             return any(
                 _turned_rad(truth.turned_rad, centre) > LEAST_TURN_RAD

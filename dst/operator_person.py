@@ -11,6 +11,7 @@ from dst.edge_process import EdgeDownError, Response
 from dst.faults import Fault
 from dst.flight import place
 from dst.pictures import SINGLE, Series
+from dst.tracking import Rectangle
 from dst.world import World
 from mavlink_broker.mission.states import State
 
@@ -63,7 +64,7 @@ ENDING_EVENTS: Final = (ABORT, SOFT_ABORT, 103)
 PAUSE: Final = 101
 RESUME: Final = 102
 
-WAYPOINT, IMAGE, HOTPOINT, FOLLOW, PANORAMA = 3, 4, 7, 8, 10
+WAYPOINT, IMAGE, HOTPOINT, FOLLOW, TRACK, PANORAMA = 3, 4, 7, 8, 9, 10
 """`command_type_id`."""
 PICTURES_SHARE: Final = 0.4
 """How often pictures are taken at a place."""
@@ -75,6 +76,10 @@ MORE_PICTURES: Final = 100
 MORE_PICTURES_SHARE: Final = 0.4
 MOST_PICTURES: Final = 3
 """Commands of pictures at one place."""
+FIRST_TRACK: Final = 400
+"""`command_id` of a subject that is tracked, less that of the command before."""
+TRACK_SHARE: Final = 0.1
+TRACK_MODES: Final = 5
 RADIUS_M: Final = 5.0
 """Of the circles."""
 FIELDS: Final[dict[int, dict[str, Any]]] = {
@@ -106,6 +111,8 @@ class PostedPlan:
     """By command id: the centre, as of a waypoint."""
     pictures: dict[int, "PlannedPictures"] = field(default_factory=dict)
     """By command id."""
+    subjects: dict[int, Rectangle] = field(default_factory=dict)
+    """By command id: what the camera tracks."""
     posted_s: float = 0.0
     cancelled_s: float | None = None
     """When its deletion was acknowledged."""
@@ -158,6 +165,7 @@ class Operator:
         self._regrets = world.scheduler.random("regrets")
         self._views = world.scheduler.random("views")
         self._more_views = world.scheduler.random("more views")
+        self._subjects = world.scheduler.random("subjects")
         self._missions = 0
         self._events = 0
         self._shift = 0
@@ -222,6 +230,7 @@ class Operator:
         waypoints: dict[int, tuple[int, int]] = {}
         circles: dict[int, tuple[int, int]] = {}
         pictures: dict[int, PlannedPictures] = {}
+        subjects: dict[int, Rectangle] = {}
         may_be_long = bool(self._enabled & {Fault.LONG_MISSIONS, Fault.POWER_CUT})
         is_long = may_be_long and self._lengths.random() < LONG_SHARE
         last = self._lengths.randint(8, 11) if is_long else random.randint(3, 5)
@@ -235,12 +244,9 @@ class Operator:
             if kind != FOLLOW:
                 targets[command_id] = round(latitude * 1e7), round(longitude * 1e7)
             commands.append(_command(command_id, kind, where | FIELDS[kind]))
-            may_look = kind != FOLLOW and Fault.PICTURES in self._enabled
-            if may_look and self._views.random() < PICTURES_SHARE:
-                first = FIRST_PICTURES + command_id
-                for planned, command in self._views_at(targets[command_id], first):
-                    pictures[command["command_id"]] = planned
-                    commands.append(command)
+            if kind != FOLLOW and Fault.PICTURES in self._enabled:
+                place_e7 = targets[command_id]
+                commands += self._camera_work(command_id, place_e7, pictures, subjects)
         commands.append(_command(LANDING, 11, {"landing": True}))
         speed_m_s = self._lengths.uniform(2.0, 4.0) if is_long else 5.0
         mission = {"mission_id": mission_id, "vehicle_id": vehicle_id, "maximum_speed": speed_m_s}
@@ -255,7 +261,14 @@ class Operator:
         number = int(response.json()["id"])
         now_s = self._world.scheduler.now_s
         plan = PostedPlan(
-            number, mission_id, vehicle_id, waypoints, circles, pictures, posted_s=now_s
+            number,
+            mission_id,
+            vehicle_id,
+            waypoints,
+            circles,
+            pictures,
+            subjects,
+            posted_s=now_s,
         )
         self.plans.append(plan)
         if Fault.CANCELLATIONS in self._enabled and self._regrets.random() < REGRET_SHARE:
@@ -264,6 +277,24 @@ class Operator:
         if Fault.REPEATED_POSTS in self._enabled:
             pause_s = random.uniform(0.0, 60.0)
             self._world.scheduler.after(pause_s, lambda: self._repeat(body, key, number))
+
+    def _camera_work(
+        self,
+        before: int,
+        place_e7: tuple[int, int],
+        pictures: dict[int, PlannedPictures],
+        subjects: dict[int, Rectangle],
+    ) -> Iterator[dict[str, Any]]:
+        """Give commands of a camera behind another command, whose place this is, and note them."""
+        if self._views.random() < PICTURES_SHARE:
+            for planned, command in self._views_at(place_e7, FIRST_PICTURES + before):
+                pictures[command["command_id"]] = planned
+                yield command
+        # A vehicle that follows its subject has no geofence here
+        is_free = Fault.GEOFENCES not in self._enabled
+        if is_free and self._subjects.random() < TRACK_SHARE:
+            subjects[FIRST_TRACK + before] = rectangle = self._rectangle()
+            yield self._track(FIRST_TRACK + before, rectangle)
 
     def _views_at(
         self, place_e7: tuple[int, int], first: int
@@ -279,6 +310,17 @@ class Operator:
             views = self._more_views
             if views.random() >= MORE_PICTURES_SHARE:
                 break
+
+    def _rectangle(self) -> Rectangle:
+        """Draw what is tracked; its corners are numbers that a float has."""
+        left, top = (self._subjects.randint(0, 127) / 256.0 for _ in range(2))
+        return Rectangle(left, top, left + 0.25, top + 0.25)
+
+    def _track(self, command_id: int, rectangle: Rectangle) -> dict[str, Any]:
+        """Give a command that tracks a subject."""
+        corners = [list(rectangle[:2]), list(rectangle[2:])]
+        mode = self._subjects.randrange(TRACK_MODES)
+        return _command(command_id, TRACK, {"corners": corners, "track_mode": mode})
 
     def _mission_id(self) -> int:
         """Give a number, which another plan may have had before."""

@@ -1,4 +1,7 @@
-"""What must hold of pictures: each one arrives, and belongs to the command that took it."""
+"""What must hold of cameras.
+
+Each picture arrives, and belongs to the command that took it; no camera tracks on in the end.
+"""
 
 import math
 import re
@@ -56,9 +59,21 @@ class PictureLaws:
             for picture in truth.pictures
         )
 
+    def has_tracked(self, plan: PostedPlan, command_id: int) -> bool:
+        """Whether a camera was ordered to track the subject of a command, since it was posted."""
+        return plan.vehicle_id in self._world.twinned or any(
+            tracked.time_s > plan.posted_s and tracked.rectangle == plan.subjects[command_id]
+            for truth in self._world.truths(plan.vehicle_id)
+            for tracked in truth.tracked
+        )
+
     def missing(self) -> list[str]:
-        """Give the pictures that have not arrived, of vehicles that were never away."""
-        found = []
+        """Give what cameras still track, and what has not arrived of vehicles never away."""
+        found = [
+            f"the camera of vehicle {system} tracks a subject"
+            for system, vehicle in self._world.vehicles.items()
+            if vehicle.truth.is_tracking and system not in self._world.twinned
+        ]
         for system, vehicle in self._world.vehicles.items():
             if _was_never_away(vehicle) and system not in self._world.twinned:
                 urls = [one.url for one in vehicle.truth.pictures]

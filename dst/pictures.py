@@ -17,6 +17,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from afarcloud.enumerations import ImageFormat
 from dst.flight import HOME, Truth, place
 from dst.scheduler import Scheduler
+from dst.tracking import ORDERS, REPORTS, Tracking
 from mavlink_broker.effects import (
     ConvertedPicture,
     ConvertPicture,
@@ -75,6 +76,8 @@ class Camera:
         self._truth = truth
         self._boot_ms = boot_ms
         self._codec = mavlink.MAVLink(None, srcSystem=system, srcComponent=COMPONENT)
+        subjects = scheduler.random(f"subjects/{system}")
+        self._tracking = Tracking(scheduler, subjects, self._send, truth)
         self._announcements: list[Any] = []
         self._stops = 0  # What was ordered before the last stop is not taken any more
         self._busy_until_s = 0.0
@@ -84,6 +87,15 @@ class Camera:
         """Send a HEARTBEAT."""
         kind, none = mavlink.MAV_TYPE_CAMERA, mavlink.MAV_AUTOPILOT_INVALID
         self._send(mavlink.MAVLink_heartbeat_message(kind, none, 0, 0, 4, 3))
+
+    def restart(self) -> None:
+        """Forget what was ordered before; the pictures stay."""
+        self.stop()
+        self._tracking.stop()
+
+    def obey_tracking(self, message: Any) -> int:
+        """Carry out an order of what to track, or of how often to report it; gives the result."""
+        return self._tracking.obey(message)
 
     def stop(self) -> None:
         """Take no more pictures of what was ordered before."""
@@ -117,6 +129,8 @@ class Camera:
                 return int(mavlink.MAV_RESULT_IN_PROGRESS)
             case mavlink.MAV_CMD_REQUEST_MESSAGE:
                 self._answer(int(message.param1), int(message.param2))
+            case _ if is_of_tracking(message):
+                return self.obey_tracking(message)
             case _:
                 return int(mavlink.MAV_RESULT_UNSUPPORTED)
         return int(mavlink.MAV_RESULT_ACCEPTED)
@@ -221,6 +235,12 @@ class PictureJobs:
                 return ConvertedPicture(number, ImageFormat.JPEG, frame, len(picture))
             case _:
                 return JobFailed(job.number, "this simulation fetches no logs")
+
+
+def is_of_tracking(message: Any) -> bool:
+    """Whether a command is about what a camera tracks."""
+    is_interval = message.command == mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
+    return message.command in ORDERS or (is_interval and int(message.param1) in REPORTS)
 
 
 def _jpeg(comment: bytes) -> bytes:

@@ -25,7 +25,7 @@ from dst.flight import (
     offset_m,
 )
 from dst.mission_store import MissionStore
-from dst.pictures import COMPONENT, Camera
+from dst.pictures import COMPONENT, Camera, is_of_tracking
 from dst.scheduler import Event, Scheduler
 
 STREAMS_S: Final = (0.5, 1.0, 2.0, 3.0)
@@ -149,6 +149,8 @@ class Vehicle:
         self.serial += SERIALS
         self._missions.forget()
         self.parameters = dict(self.autopilot.parameters)
+        if self._camera is not None:
+            self._camera.restart()
         self.truth.north_m = self.truth.east_m = 0.0
         self._mount_camera()
         self.switch_on()
@@ -173,7 +175,7 @@ class Vehicle:
         self._missions.forget_transfer()
         self._current = 0
         if self._camera is not None:
-            self._camera.stop()
+            self._camera.restart()
 
     def switch_on(self) -> None:
         """Start the autopilot with a full battery; the stored mission survives."""
@@ -499,6 +501,8 @@ class Vehicle:
                 self._yaw_rad = math.remainder(math.radians(message.param1), math.tau)
             case mavlink.MAV_CMD_IMAGE_START_CAPTURE if self._camera is not None:
                 self._camera.start(message.param2, int(message.param3), message.param4)
+            case _ if self._camera is not None and is_of_tracking(message):
+                return self._camera.obey_tracking(message)
             case mavlink.MAV_CMD_DO_ORBIT if autopilot.orbits and self.is_flying:
                 self._take_mode(Mode.ORBIT)
                 self._circle = self._circle_of(message, message.param1, message.param2)
