@@ -32,7 +32,9 @@ REPORTS: Final = frozenset(
 SHORTEST_PERIOD_S: Final = 0.5
 """Of the reports: a fast simulation."""
 LOST_AFTER_S: Final = 5.0, 40.0
-FASTEST_M_S: Final = 1.0
+SPEED_M_S: Final = 0.5
+NORTH_M, EAST_M = (10.0, 16.0), (-5.0, 5.0)
+"""Of home: so that a vehicle that circles a subject stays where plans are flown."""
 _UNKNOWN: Final = 2**31 - 1
 
 
@@ -77,7 +79,7 @@ class Tracking:
         self._subject: Subject | None = None
         self._orders = 0
         self._began_s = 0.0
-        self._place_m = self._velocity_m_s = 0.0, 0.0
+        self._path_m = (0.0, 0.0), (0.0, 0.0)  # North and east of home, from and to
         self._lost_s = math.inf
 
     def obey(self, message: Any) -> int:
@@ -106,10 +108,8 @@ class Tracking:
         self._subject, self._truth.is_tracking = random.choice(list(Subject)), True
         self._began_s = self._scheduler.now_s
         self._truth.tracked.append(Tracked(self._began_s, rectangle))
-        self._place_m = random.uniform(5.0, 30.0), random.uniform(-30.0, 30.0)
-        fastest_m_s = FASTEST_M_S if self._subject is Subject.MOVES else 0.0
-        north_m_s, east_m_s = (random.uniform(-fastest_m_s, fastest_m_s) for _ in range(2))
-        self._velocity_m_s = north_m_s, east_m_s
+        begin_m, end_m = [(random.uniform(*NORTH_M), random.uniform(*EAST_M)) for _ in range(2)]
+        self._path_m = begin_m, end_m if self._subject is Subject.MOVES else begin_m
         is_lost = self._subject is Subject.LOST
         self._lost_s = self._began_s + random.uniform(*LOST_AFTER_S) if is_lost else math.inf
         self._scheduler.note(
@@ -138,13 +138,16 @@ class Tracking:
         self._scheduler.after(self._periods_s[message_id], again)
 
     def _place(self, status: int) -> Any:
-        since_s = self._scheduler.now_s - self._began_s
-        (north_m, east_m), (north_m_s, east_m_s) = self._place_m, self._velocity_m_s
-        where = place(north_m + since_s * north_m_s, east_m + since_s * east_m_s)
+        begin_m, end_m = self._path_m
+        length_m = math.dist(begin_m, end_m)
+        gone_m = min(length_m, SPEED_M_S * (self._scheduler.now_s - self._began_s))
+        north, east = ((b - a) / max(length_m, 1.0) for a, b in zip(begin_m, end_m, strict=True))
+        where = place(begin_m[0] + gone_m * north, begin_m[1] + gone_m * east)
+        speed_m_s = SPEED_M_S if gone_m < length_m else 0.0
         place_e7 = round(where[0] * 1e7), round(where[1] * 1e7)
         if self._subject is Subject.WITHOUT_PLACE:
             place_e7 = _UNKNOWN, _UNKNOWN
-        velocity_ned = north_m_s, east_m_s, 0.0
+        velocity_ned = speed_m_s * north, speed_m_s * east, 0.0
         return mavlink.MAVLink_camera_tracking_geo_status_message(
             status, *place_e7, 650.0, 1.0, 1.0, *velocity_ned, 0.1, 10.0, math.nan, math.nan
         )
