@@ -16,6 +16,7 @@ from sqlalchemy.exc import DBAPIError, SQLAlchemyError
 
 from dst import http_wire
 from dst.disk import Disk
+from dst.memory import held_bytes
 from dst.scheduler import Clock, Event, Scheduler
 from edge_server.app import context_of, create_app
 from edge_server.config import Config
@@ -138,6 +139,11 @@ class EdgeProcess:
     def is_up(self) -> bool:
         """Whether it runs."""
         return self._app is not None
+
+    @property
+    def held_bytes(self) -> int:
+        """What it holds in memory, without its libraries; 0 if it does not run."""
+        return held_bytes([self._context, self._app and self._app.extensions])
 
     @property
     def work_count(self) -> int:

@@ -1,13 +1,15 @@
-"""How many bytes the broker holds: its objects, and what they refer to."""
+"""How many bytes broker and edge server hold: their objects, and what they refer to."""
 
 import sys
 from collections import deque
 from collections.abc import Iterable
 from typing import Any, Final
 
-PACKAGES: Final = frozenset({"afarcloud", "mavlink_broker"})
-MOST_BYTES: Final = 512 << 10
+PACKAGES: Final = frozenset({"afarcloud", "edge_server", "mavlink_broker"})
+MOST_OF_BROKER: Final = 512 << 10
 """Per vehicle, several times what a broker holds after a shift with everything in it."""
+MOST_OF_EDGE: Final = 128 << 10
+"""Four times what an edge server holds after a day: the rest is in its database."""
 
 
 def held_bytes(root: object) -> int:

@@ -13,7 +13,7 @@ from dst.coverage import Coverage
 from dst.disk import StillOpenError
 from dst.faults import BREAK_FACTOR, KINEMATIC_ONLY, Fault, Faults, draw
 from dst.laws import BREAK_CHECK_PERIOD_S, CHECK_PERIOD_S, LawError, Laws
-from dst.memory import MOST_BYTES, held_bytes
+from dst.memory import MOST_OF_BROKER, MOST_OF_EDGE, held_bytes
 from dst.operator_person import Operator
 from dst.scheduler import KEPT_LINES
 from dst.technician import Technician
@@ -189,15 +189,18 @@ def _take_break(
 
 
 def _judge_memory(world: World) -> None:
-    """The broker holds so much at most when every vehicle has landed, however long it has run.
+    """Both programs hold so much at most when every vehicle has landed, however long they have run.
 
     Raises:
         LawError: if it holds more.
     """
     app = world.broker.app
     held = 0 if app is None else held_bytes(app)
-    if held > MOST_BYTES * len(world.vehicles):
+    if held > MOST_OF_BROKER * len(world.vehicles):
         raise LawError(f"the broker holds {held} bytes for {len(world.vehicles)} vehicles")
+    held = world.edge.held_bytes
+    if held > MOST_OF_EDGE:
+        raise LawError(f"the edge server holds {held} bytes")
 
 
 def shrink(outcome: Outcome, run: Callable[[frozenset[Fault]], Outcome]) -> Outcome:

@@ -1,10 +1,11 @@
-"""What counts as held by the broker."""
+"""What counts as held by broker and edge server."""
 
 from collections import deque
 from datetime import UTC, datetime
 from types import SimpleNamespace
 
 from dst.memory import held_bytes
+from edge_server.services.brokers import WorkSignal
 from mavlink_broker.edge.outbox import Outbox
 from mavlink_broker.pictures.attribution import Attribution, PictureCommand
 
@@ -19,6 +20,13 @@ def commands(count: int) -> Attribution:
 def test_what_grows_is_found_in_what_refers_to_it() -> None:
     few, many = held_bytes([commands(10)]), held_bytes({"fleet": (commands(500),)})
     assert many > few + 490 * 200
+
+
+def test_objects_of_the_edge_server_count() -> None:
+    signal = WorkSignal()
+    before = held_bytes({"context": signal})
+    signal.__dict__["waiting"] = [f"broker {number}" for number in range(1000)]
+    assert held_bytes({"context": signal}) > before + 1000 * 50
 
 
 def test_what_is_bounded_does_not_grow() -> None:
