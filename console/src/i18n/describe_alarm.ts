@@ -19,9 +19,9 @@ export function typeOfAlarm(alarm: Alarm, t: TFunction): string {
   return t([1, 2].includes(type) ? `alarms.type_${type}` : "alarms.type_other");
 }
 
-/** Gives the name with the drone's own words, which are in one language. */
-export function describeAlarm(alarm: Alarm, t: TFunction): string {
+/** Gives the name with the words of the report. */
+export function describeAlarm(alarm: Alarm, t: TFunction, reportText: (text: string) => string): string {
   const name = nameOfAlarm(alarm, t);
   const words = alarm.description ?? "";
-  return words === "" || words === name ? name : `${name}: ${words}`;
+  return words === "" || words === name ? name : `${name}: ${reportText(words)}`;
 }

@@ -9,6 +9,7 @@ import { MoreRows } from "../controls/MoreRows";
 import { Empty, ErrorNotice, Loaded } from "../controls/states";
 import { Pill } from "../controls/StatusPill";
 import { nameOfAlarm, typeOfAlarm } from "../i18n/describe_alarm";
+import { useReportText } from "../i18n/use_report_text";
 import { useFeed, useLive } from "../live/use_live";
 import { asRequestError, useResource } from "../live/use_resource";
 import { Missing } from "./Missing";
@@ -57,6 +58,7 @@ function AlarmRow({ alarm }: { alarm: Alarm }) {
   const feed = useFeed();
   const [error, setError] = useState<RequestError | null>(null);
   const [isBusy, setBusy] = useState(false);
+  const reportText = useReportText();
   const name = nameOfAlarm(alarm, t);
   const acknowledge = () => {
     setBusy(true);
@@ -75,7 +77,7 @@ function AlarmRow({ alarm }: { alarm: Alarm }) {
           {t("vehicle.name", { id: alarm.vehicle_id })} · {typeOfAlarm(alarm, t)} ·{" "}
           {units.time(alarm.recorded_at)}
         </span>
-        {alarm.description && alarm.description !== name && <span>{alarm.description}</span>}
+        {alarm.description && alarm.description !== name && <span>{reportText(alarm.description)}</span>}
         {error && <ErrorNotice error={error} />}
       </div>
       {alarm.acknowledged_at === null ? (

@@ -1,4 +1,5 @@
 import { useTranslation } from "react-i18next";
+import { useReportText } from "../i18n/use_report_text";
 import { getPlan } from "../api/resources";
 import type { Flight, FlownCommand } from "../api/types";
 import { useUnits } from "../app/preferences";
@@ -8,6 +9,7 @@ import { useResource } from "../live/use_resource";
 /** What a flight has done, step by step: when each command began and how long it took. */
 export function FlightSteps({ flight }: { flight: Flight & { command_array: FlownCommand[] } }) {
   const { t } = useTranslation();
+  const reportText = useReportText();
   const units = useUnits();
   const { plan_id } = flight;
   // The plan names the commands; it may have been deleted
@@ -34,7 +36,7 @@ export function FlightSteps({ flight }: { flight: Flight & { command_array: Flow
                   {started_at && ended_at && (
                     <> · {units.duration(Date.parse(ended_at) - Date.parse(started_at))}</>
                   )}
-                  {command.message && <> · {command.message}</>}
+                  {command.message && <> · {reportText(command.message)}</>}
                 </span>
               </span>
               <StatusPill status={command.command_status_id} />

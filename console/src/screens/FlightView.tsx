@@ -12,6 +12,7 @@ import { kindsOf, measurementFeatures } from "../flights/measurements";
 import { momentAt, pointsOf } from "../flights/track";
 import { useReplay } from "../flights/use_replay";
 import { describeAlarm } from "../i18n/describe_alarm";
+import { useReportText } from "../i18n/use_report_text";
 import { useResource } from "../live/use_resource";
 import type { Symbol } from "../map/FarmMap";
 import { extentOf } from "../map/extent";
@@ -35,6 +36,7 @@ const REFRESH_MS = 4_000;
 /** A recorded flight: its track with a replay, its curves, figures, measurements and pictures. */
 export default function FlightView({ id }: { id: number }) {
   const { t } = useTranslation();
+  const reportText = useReportText();
   const flight = useResource(() => getFlight(id), id);
   const track = useResource(() => flightTrack(id), id);
   const pictures = useResource(() => listPictures(id), id);
@@ -85,7 +87,7 @@ export default function FlightView({ id }: { id: number }) {
     (): Mark[] => [
       ...(alarms.value ?? []).map((alarm): Mark => ({
         at_ms: Date.parse(alarm.recorded_at),
-        text: describeAlarm(alarm, t),
+        text: describeAlarm(alarm, t, reportText),
         kind: "alarm",
       })),
       ...(flight.value?.command_array ?? []).flatMap((command, index): Mark[] =>
@@ -94,7 +96,7 @@ export default function FlightView({ id }: { id: number }) {
           : [{ at_ms: Date.parse(command.started_at), text: t("flights.step", { id: index + 1 }), kind: "step" }],
       ),
     ],
-    [alarms.value, flight.value, t],
+    [alarms.value, flight.value, reportText, t],
   );
   const layers = useMemo(
     () => ({

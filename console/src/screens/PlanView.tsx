@@ -1,5 +1,6 @@
 import { lazy, Suspense, useMemo, useState } from "react";
 import { useTranslation } from "react-i18next";
+import { useReportText } from "../i18n/use_report_text";
 import type { RequestError } from "../api/client";
 import { createPlan, deletePlan, dispatchPlan, getTaggedPlan, listFields } from "../api/resources";
 import type { Mission, Plan } from "../api/types";
@@ -201,6 +202,7 @@ function PlanActions({ plan, tag, reload }: {
 /** The steps of a mission in their order; the status of each changes while it flies. */
 function MissionTimeline({ mission }: { mission: Mission }) {
   const { t } = useTranslation();
+  const reportText = useReportText();
   const units = useUnits();
   return (
     <div className="card">
@@ -214,8 +216,8 @@ function MissionTimeline({ mission }: { mission: Mission }) {
           )}
           <Pill tone="neutral">{t(`dispatch.${mission.dispatch_state}`)}</Pill>
         </header>
-        {mission.waiting && <Notice kind="info">{t("plans.waiting", { reason: mission.waiting })}</Notice>}
-        {mission.message && <Notice kind="info">{mission.message}</Notice>}
+        {mission.waiting && <Notice kind="info">{t("plans.waiting", { reason: reportText(mission.waiting) })}</Notice>}
+        {mission.message && <Notice kind="info">{reportText(mission.message)}</Notice>}
         {isInFlight(mission) && <LivePicture vehicleId={mission.vehicle_id} />}
         <ol className="timeline">
           {mission.command_array.map((command, index) => (
@@ -225,8 +227,9 @@ function MissionTimeline({ mission }: { mission: Mission }) {
                 <strong>{t(`command.${command.command_type_id}`)}</strong>
                 <br />
                 <span className="muted small">
-                  {command.message ??
-                    (typeof command.parameters["altitude"] === "number"
+                  {command.message
+                    ? reportText(command.message)
+                    : (typeof command.parameters["altitude"] === "number"
                       ? units.height(command.parameters["altitude"])
                       : "")}
                 </span>

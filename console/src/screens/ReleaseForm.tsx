@@ -1,5 +1,6 @@
 import { useState, type FormEvent } from "react";
 import { useTranslation } from "react-i18next";
+import { useReportText } from "../i18n/use_report_text";
 import type { RequestError } from "../api/client";
 import { releaseVehicle } from "../api/resources";
 import { useIsOperator } from "../app/session_context";
@@ -12,6 +13,7 @@ import { asRequestError } from "../live/use_resource";
 /** Why a vehicle waits after a fault, and how an operator lets it fly again. */
 export function ReleaseForm({ vehicleId, reason }: { vehicleId: number; reason: string }) {
   const { t } = useTranslation();
+  const reportText = useReportText();
   const feed = useFeed();
   const isOperator = useIsOperator();
   const [text, setText] = useState("");
@@ -29,7 +31,7 @@ export function ReleaseForm({ vehicleId, reason }: { vehicleId: number; reason: 
   };
   return (
     <div className="release">
-      <Notice kind="info">{t("release.held", { reason })}</Notice>
+      <Notice kind="info">{t("release.held", { reason: reportText(reason) })}</Notice>
       {error && <ErrorNotice error={error} />}
       {isOperator && !isOpen && <Button onClick={() => setOpen(true)}>{t("release.open")}</Button>}
       {isOpen && (

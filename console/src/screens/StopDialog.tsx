@@ -1,5 +1,6 @@
 import { useState } from "react";
 import { useTranslation } from "react-i18next";
+import { useReportText } from "../i18n/use_report_text";
 import { LAND_HERE, PAUSE, RESUME, RETURN_HOME, type StopKind } from "../api/resources";
 import { useIsOperator } from "../app/session_context";
 import { Button } from "../controls/Button";
@@ -38,6 +39,7 @@ const ENDINGS: readonly Choice[] = [
 /** Pauses a vehicle, calls it home or lands it: says what will happen, then what happened. */
 export function StopDialog({ vehicleId, close }: { vehicleId: number | null; close: () => void }) {
   const { t } = useTranslation();
+  const reportText = useReportText();
   const isConnected = useIsConnected();
   const vehicles = useLive((state) => state.vehicles);
   const [target, setTarget] = useState(vehicleId === null ? ALL : String(vehicleId));
@@ -69,7 +71,7 @@ export function StopDialog({ vehicleId, close }: { vehicleId: number | null; clo
       {isConnected && ids.length === 0 && <Notice kind="info">{t("fleet.empty_title")}</Notice>}
       {warned.map((one) => (
         <Notice key={one.vehicle_id} kind="info">
-          {t("vehicle.name", { id: one.vehicle_id })}: {one.warning}
+          {t("vehicle.name", { id: one.vehicle_id })}: {reportText(one.warning ?? "")}
         </Notice>
       ))}
       <div className="stop-choices">
@@ -102,6 +104,7 @@ export function StopDialog({ vehicleId, close }: { vehicleId: number | null; clo
 
 function OrderRow({ order }: { order: StopOrder }) {
   const { t } = useTranslation();
+  const reportText = useReportText();
   return (
     <li>
       <div>
@@ -111,7 +114,7 @@ function OrderRow({ order }: { order: StopOrder }) {
       </div>
       <p className="small">
         {t(`order.${order.state}_text`)}
-        {order.reason && <> {t("error.reason", { reason: order.reason })}</>}
+        {order.reason && <> {t("error.reason", { reason: reportText(order.reason) })}</>}
       </p>
     </li>
   );

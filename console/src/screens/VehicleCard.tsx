@@ -1,5 +1,6 @@
 import { memo, use, useRef } from "react";
 import { useTranslation } from "react-i18next";
+import { useReportText } from "../i18n/use_report_text";
 import { useUnits } from "../app/preferences";
 import { linkTo } from "../app/route";
 import { Button } from "../controls/Button";
@@ -35,6 +36,7 @@ export const VehicleCard = memo(function VehicleCard({ tracked, running, isSelec
   select: (vehicleId: number) => void;
 }) {
   const { t } = useTranslation();
+  const reportText = useReportText();
   const stop = use(StopContext);
   const card = useRef<HTMLElement>(null);
   const isNear = useIsNear(card, isShownAtFirst);
@@ -51,7 +53,7 @@ export const VehicleCard = memo(function VehicleCard({ tracked, running, isSelec
       </header>
       {isNear ? <Figures tracked={tracked} /> : <div className="figures-left-out" />}
       {isSelected && <LivePicture vehicleId={vehicle.vehicle_id} />}
-      {vehicle.warning && <p className="vehicle-warning">{vehicle.warning}</p>}
+      {vehicle.warning && <p className="vehicle-warning">{reportText(vehicle.warning)}</p>}
       {isNear && running && <Progress running={running} />}
       {vehicle.held && <ReleaseForm vehicleId={vehicle.vehicle_id} reason={vehicle.held.reason} />}
       {vehicle.armed && (
