@@ -146,8 +146,11 @@ class LiveCommandRecord:
         live = self._vehicle.recovery.live
         if self._name is None or live is None or live.name != self._name or steps.start is None:
             return
-        if (steps.start, steps.steps) != (live.start, live.steps):
-            self._vehicle.recovery.note_live(replace(live, start=steps.start, steps=steps.steps))
+        if (steps.start, steps.steps) == (live.start, live.steps):
+            return
+        if live.start is None:
+            live = replace(live, start_s=self._vehicle.snapshot.time_s)
+        self._vehicle.recovery.note_live(replace(live, start=steps.start, steps=steps.steps))
 
     @property
     def elapsed_s(self) -> float:

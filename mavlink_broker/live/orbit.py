@@ -59,17 +59,13 @@ class TurnAngle:
         """Move the centre; the angle so far counts."""
         self._end = replace(self._end, latitude_deg=latitude_deg, longitude_deg=longitude_deg)
 
-    def resume(self, start: Pose | None, elapsed_s: float) -> None:
-        """Continue the turn that an earlier run of the broker began `elapsed_s` ago.
+    def resume(self, start: Pose, elapsed_s: float) -> None:
+        """Continue the turn that was begun there, on the circle, `elapsed_s` ago.
 
-        The next position gives the angle within a turn, and the time the number of full turns; if
-        the start is not known, the time gives the whole angle.
+        The next position gives the angle within a turn, and the time the number of full turns.
         """
         end = self._end
         self._flown_rad = end.speed_m_s / end.radius_m * elapsed_s
-        if start is None:
-            self.turned_rad = self._flown_rad
-            return
         north, east = offset(end.latitude_deg, end.longitude_deg, *start[:2])
         self._first = math.atan2(east, north)
 
@@ -128,10 +124,15 @@ class OrbitMonitor:
         self._position_s: float | None = None
 
     def resume(self, note: LiveCommandProgress) -> None:
-        """Continue the turn that an earlier run of the broker began."""
+        """Continue the turn that an earlier run of the broker has seen begin.
+
+        A turn counts anew of a vehicle that it has not seen on the circle: that may have been on
+        its way there for any time.
+        """
         time_s, self.start = self._vehicle.snapshot.time_s, note.start
-        if time_s is not None and note.accepted_s is not None:
-            self._turning.resume(note.start, max(0.0, time_s - note.accepted_s))
+        since_s = note.accepted_s if note.start_s is None else note.start_s
+        if note.start is not None and time_s is not None and since_s is not None:
+            self._turning.resume(note.start, max(0.0, time_s - since_s))
 
     def receive(self, message: Message, now: float) -> list[Message]:
         """Process a position."""

@@ -115,6 +115,7 @@ class _Live(_Row):
     began: _Number | None
     going: _Number | None
     start: _Pose | None
+    start_s: _Number | None = None
     steps: _Count
 
 
@@ -318,6 +319,7 @@ def _live(live: LiveCommandProgress) -> _Live:
         began=live.began_s,
         going=live.accepted_s,
         start=_if_any(_pose, live.start),
+        start_s=live.start_s,
         steps=live.steps,
     )
 
@@ -329,6 +331,7 @@ def _read_live(row: _Live) -> LiveCommandProgress:
         began_s=row.began,
         accepted_s=row.going,
         start=_if_any(_read_pose, row.start),
+        start_s=row.start_s,
         steps=row.steps,
     )
 

@@ -93,6 +93,7 @@ class LiveCommandProgress:
     began_s: float | None = None  # When it began; None: the vehicle sends no time
     accepted_s: float | None = None  # When the vehicle accepted it
     start: Pose | None = None  # Where its first step begins
+    start_s: float | None = None  # When it was there; None: not recorded
     steps: int = 0  # Completed: turns, pictures, points of a circle
 
 

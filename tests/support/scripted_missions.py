@@ -58,6 +58,7 @@ class Script:
     most_items: float = math.inf  # Of a mission; more are answered by NO_SPACE
     goes_to_places: bool = True  # Else it never arrives where it was sent
     speed_m_s: float = 10.0  # Over ground, while it flies to a position
+    circle_after_s: float = 0.0  # How long it takes to get to a circle, by its centre
     climb_rate_m_s: float = 3.0
     fence_m: float = math.inf  # From home; what leads out is accepted, and not done
     streams_unasked: bool = True

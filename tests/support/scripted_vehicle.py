@@ -834,6 +834,9 @@ class ScriptedVehicle:
         """Fly on along the circle, and hold when it has been flown as far as was asked for."""
         if self.circle is None or self.custom_mode != PX4_ORBIT:
             return
+        if self._now < self._mode_began_at + self.script.circle_after_s:
+            self.place = self.circle.centre
+            return
         self.place = self.circle.after(TELEMETRY_S)
         if self.circle.is_complete:
             self.circle = None

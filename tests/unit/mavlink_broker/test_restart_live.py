@@ -96,6 +96,22 @@ class TestCircles:
         assert vehicle.circle is not None
         assert vehicle.circle.flown_rad / (2.0 * math.pi) == pytest.approx(1.0, abs=0.06)
 
+    @pytest.mark.parametrize("flown_s", [-10.0, -3.0, 2.0, 8.0])
+    def test_the_way_to_an_endless_one_does_not_count(self, tmp_path: Path, flown_s: float) -> None:
+        """The broker dies so long behind the beginning of the turn; the way there was as long."""
+        way_s = turn_s = 360.0 / 12.0
+        script = dataclasses.replace(PX4, circle_after_s=way_s)
+        world = begun(tmp_path, hotpoint(angular_velocity=12.0, radius=15.0), script=script)
+        vehicle = world.only_vehicle
+        world.run_until(lambda: vehicle.circle is not None)
+        world.run(way_s + flown_s)
+        die(world)
+        time_until_over(world)
+        circle = vehicle.circle
+        assert circle is not None
+        most_rad = 2.0 * math.pi * (1.0 + AWAY_S / turn_s)
+        assert 0.94 * 2.0 * math.pi < circle.flown_rad < most_rad
+
     def test_one_that_ended_while_no_broker_ran_is_not_flown_twice(self, tmp_path: Path) -> None:
         world = begun(tmp_path, hotpoint(angular_velocity=12.0, radius=15.0), script=PX4)
         world.run_until(lambda: is_running(world))

@@ -41,13 +41,6 @@ def test_what_was_flown_meanwhile_counts(
     assert turning.turned_rad == pytest.approx(flown * 2.0 * math.pi, abs=0.01)
 
 
-def test_without_a_start_position_the_time_gives_the_angle() -> None:
-    turning = TurnAngle(turned(is_clockwise=True))
-    turning.resume(None, 0.5 * FULL_S)
-    turning.take(*at(123.0))
-    assert turning.turned_rad == pytest.approx(math.pi)
-
-
 def test_off_the_circle_nothing_counts() -> None:
     turning = TurnAngle(turned(is_clockwise=True))
     places = []
