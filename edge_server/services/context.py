@@ -22,7 +22,7 @@ from edge_server.store.connection.database import Database, Topic
 from edge_server.store.files import high_water
 from edge_server.store.files.high_water import HighWater
 from edge_server.store.rows import vehicles
-from edge_server.store.rows.work import Work
+from edge_server.store.rows.work import PossibleFlight
 
 WAITING_LIMIT = 8
 CACHED_S: Final = 0.5
@@ -66,10 +66,10 @@ class BriefCache:
         self._monotonic = monotonic
         self._lock = threading.Lock()
         self._changes = 0
-        self._missions: tuple[Work, ...] = ()
+        self._missions: tuple[PossibleFlight, ...] = ()
         self._until_s = float("-inf")
 
-    def get(self, read: Callable[[], Iterable[Work]]) -> tuple[Work, ...]:
+    def get(self, read: Callable[[], Iterable[PossibleFlight]]) -> tuple[PossibleFlight, ...]:
         """Return what was read last; read it again when another server may have changed it."""
         with self._lock:
             changes = self._changes

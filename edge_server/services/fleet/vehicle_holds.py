@@ -25,7 +25,7 @@ from edge_server.services.retries import retry_on_conflict
 from edge_server.store.connection.locks import WORK, of_vehicle
 from edge_server.store.rows import vehicle_holds, work
 from edge_server.store.rows.vehicle_holds import VehicleHold
-from edge_server.store.rows.work import Work
+from edge_server.store.rows.work import PossibleFlight, Work
 
 AIRBORNE_M: Final = 2.0
 """Height above home from which a vehicle flies; below, it may be the drift of a barometer."""
@@ -78,10 +78,10 @@ def is_in_the_air(state: StateVector) -> bool:
 
 
 def new_flights(
-    missions: Iterable[Work], states: Iterable[StateVector], now: float
+    missions: Iterable[PossibleFlight], states: Iterable[StateVector], now: float
 ) -> frozenset[int]:
     """Return vehicles that these states show in flight on a mission not known to have flown."""
-    of_vehicle: dict[int | None, list[Work]] = {}
+    of_vehicle: dict[int, list[PossibleFlight]] = {}
     for mission in missions:
         of_vehicle.setdefault(mission.vehicle_id, []).append(mission)
     return frozenset(
@@ -95,14 +95,15 @@ def after_state_vector(connection: Connection, state: StateVector, now: float) -
     """Note that the mission that was under way when a state in flight was measured has flown."""
     if not is_in_the_air(state):
         return
-    for mission in work.not_flown(connection, vehicle_id=state.vehicle_id):
-        if _was_under_way(mission, state, now):
+    for flight in work.not_flown(connection, vehicle_id=state.vehicle_id):
+        mission = work.get(connection, flight.id) if _was_under_way(flight, state, now) else None
+        if mission is not None:
             _note(connection, mission, now, flown=True)
 
 
-def _was_under_way(mission: Work, state: StateVector, now: float) -> bool:
+def _was_under_way(mission: PossibleFlight, state: StateVector, now: float) -> bool:
     """Whether a state was measured between the acceptance of a mission and its end."""
-    if mission.vehicle_id != state.vehicle_id or mission.accepted_at is None:
+    if mission.vehicle_id != state.vehicle_id:
         return False
     measured_at = now if state.recorded_at is None else state.recorded_at.timestamp()
     return mission.accepted_at <= measured_at and not (

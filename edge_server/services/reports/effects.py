@@ -16,7 +16,7 @@ from edge_server.services.fleet.progress import Change
 from edge_server.store.connection.locks import WORK, Lock, of_stream
 from edge_server.store.rows import work
 from edge_server.store.rows.idempotency import Answered
-from edge_server.store.rows.work import Work
+from edge_server.store.rows.work import PossibleFlight, Work
 
 
 def locks_of(report: Report, kind: Kind, flights: Collection[int]) -> tuple[Lock, ...]:
@@ -40,7 +40,7 @@ def new_flights(context: Context, reports: Iterable[Report], now: float) -> froz
     return vehicle_holds.new_flights(missions, in_the_air, now)
 
 
-def _read_not_flown(context: Context, now: float) -> list[Work]:
+def _read_not_flown(context: Context, now: float) -> list[PossibleFlight]:
     """Read the missions that a state vector may show in flight, however late it arrives."""
     with context.database.read() as connection:
         return work.not_flown(connection, ended_since=now - post_idempotency.KEPT_S)

@@ -251,19 +251,30 @@ def recent_missions(connection: Connection, *, ended_since: float, limit: int) -
     return [_work(row) for row in rows][::-1]
 
 
+class PossibleFlight(NamedTuple):
+    """A mission that was accepted and is not known to have flown."""
+
+    id: int
+    vehicle_id: int
+    accepted_at: float
+    ended_at: float | None
+
+
 def not_flown(
     connection: Connection, *, vehicle_id: int | None = None, ended_since: float | None = None
-) -> list[Work]:
+) -> list[PossibleFlight]:
     """List missions that were accepted and are not known to have flown, of one vehicle or of all.
 
-    With `ended_since` missions that ended before it are left out.
+    With `ended_since` missions that ended before it are left out. There may be hundreds, which are
+    read while a vehicle flies: without their commands.
     """
-    query = _QUERY.where(text("accepted_at IS NOT NULL AND NOT flown"))  # As in the index
+    query = select(*(work.c[name] for name in PossibleFlight._fields))
+    query = query.where(text("accepted_at IS NOT NULL AND NOT flown"))  # As in the index
     if vehicle_id is not None:
         query = query.where(work.c.vehicle_id == vehicle_id)
     if ended_since is not None:
         query = query.where(or_(work.c.ended_at.is_(None), work.c.ended_at >= ended_since))
-    return [_work(row) for row in connection.execute(query.order_by(work.c.id))]
+    return [PossibleFlight(*row) for row in connection.execute(query.order_by(work.c.id))]
 
 
 _LIVE_EVENTS: Final = _QUERY.where(
