@@ -199,7 +199,10 @@ def _check_speed(context: Context, event: Event) -> None:
 
 
 def _check_vehicle(connection: Connection, event: Event) -> None:
-    """Check that there is something to interrupt: a mission here, or a flight of the vehicle."""
+    """Check that there is something to interrupt: a mission here, or a flight of the vehicle.
+
+    An event that the broker still carries out shows one: what the vehicle does may not be known.
+    """
     known = vehicles.get(connection, event.vehicle_id)
     if known is None:
         raise NotFoundError(
@@ -207,7 +210,8 @@ def _check_vehicle(connection: Connection, event: Event) -> None:
             (Fault("vehicle_id", "is not registered"),),
         )
     is_flying = known.state.get("armed") or known.state.get("mission_id") is not None
-    if not is_flying and not _missions(connection, event.vehicle_id):
+    is_open = is_flying or work.has_open_event(connection, event.vehicle_id)
+    if not is_open and not _missions(connection, event.vehicle_id):
         raise ConflictError(
             f"vehicle {event.vehicle_id} has no active mission",
             (Fault("vehicle_id", "has no active mission", 409, "NO_ACTIVE_MISSION"),),

@@ -325,6 +325,21 @@ def test_a_finished_mission_leaves_the_vehicle_idle(edge: Edge) -> None:
 
 
 @pytest.mark.first_case
+@pytest.mark.parametrize("kind", [1, RETURN_HOME])
+def test_an_event_that_is_carried_out_can_be_replaced(edge: Edge, kind: int) -> None:
+    """The mission has ended with it, and where the vehicle is may not be known."""
+    fly(edge)
+    send(edge, event(RETURN_HOME))
+    (first,) = [item["id"] for item in edge.work() if item["kind"] == "event"]
+    assert edge.acknowledge(first, "accepted").status_code == 200
+    edge.report("mission_report", mission_report(4, 4, 4, 4))
+    assert send(edge, event(kind))["state"] == "queued"
+    for identifier in [item["id"] for item in edge.work() if item["kind"] == "event"]:
+        assert edge.acknowledge(identifier, "done").status_code == 200
+    assert edge.post("/events/", event(kind), "operator").status_code == 409
+
+
+@pytest.mark.first_case
 @pytest.mark.parametrize("reported", [{"armed": True}, {"mission_id": 7}])
 def test_a_flight_that_only_the_vehicle_knows_can_be_aborted(
     edge: Edge, reported: dict[str, Any]
