@@ -76,6 +76,7 @@ class Script:
     wants_takeoff_first: bool = False  # Refuses to begin on the ground with anything else
     in_progress: frozenset[int] = frozenset()  # Commands that it works on for 2 s first
     disarms_after_s: float = 0.0  # Once it stands
+    disarms_unstarted_s: float = math.inf  # Armed, and not taken off
     sends_landed_state: bool = True
     heartbeats_at_once: bool = True  # Else a change shows with the next one, a second at most
     begins_anew_when_disarmed: bool = False  # It stays in the mission mode, at its first item

@@ -673,6 +673,7 @@ class ScriptedVehicle:
         match message.command:
             case mavlink.MAV_CMD_COMPONENT_ARM_DISARM:
                 self.armed = message.param1 == 1.0
+                self._disarm_at = self._now + self.script.disarms_unstarted_s
                 self._send_mode_change()
             case mavlink.MAV_CMD_DO_SET_MODE:
                 main, sub = int(message.param2), int(message.param3)
@@ -770,6 +771,7 @@ class ScriptedVehicle:
     def _begin_if_flying(self) -> None:
         if self.armed and self.in_mission and self.items:
             self.airborne = True
+            self._disarm_at = math.inf
             self.mission_state = mavlink.MISSION_STATE_ACTIVE
             self._item_began_at = self._now
 

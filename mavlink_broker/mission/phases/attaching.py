@@ -109,15 +109,29 @@ class Attaching(Phase):
             self._vehicle,
             now,
             started=self._mission.was_reported_running,
+            may_begin=not self._mission.was_reported_running or self._shows_nothing_flown,
             waited_s=now - self._entered_at,
             connected_s=0.0 if self._connected_at is None else now - self._connected_at,
         )
         match step:
+            case _Step.WAIT if self._mission.was_reported_running and _stands_ready(self._vehicle):
+                self._vehicle.armed_period.claim()  # An earlier run has ordered it to arm
             case _Step.BEGIN:
                 return Event.NOT_STARTED
             case _Step.COMPARE if not self._flies_another:
                 return self._attach(now, effects)
         return None
+
+    @property
+    def _shows_nothing_flown(self) -> bool:
+        """Whether a mission that was ordered to start shows no sign that it was.
+
+        Its broker may have been killed between the arming and the start.
+        """
+        ledger, current = self._mission.ledger, self._vehicle.snapshot.mission
+        has_gone_on = any(status is not Status.NOT_STARTED for status in ledger.commands[1:])
+        has_flown = has_gone_on or self._vehicle.recovery.has_flown(ledger.name_of(0))
+        return not has_flown and current is not None and current.state in _NOT_STARTED
 
     def _apply_notes(self, now: float, effects: Effects) -> None:
         """Report what the journal holds and the edge server has not received.
@@ -302,13 +316,15 @@ def _next_step(
     now: float,
     *,
     started: bool,
+    may_begin: bool,
     waited_s: float,
     connected_s: float,
 ) -> _Step:
     """Decide what to do about a mission; `started` if it was reported to run.
 
-    A started mission never begins again: it waits for the vehicle without a limit. The vehicle has
-    been connected for `connected_s`, in which it may not have sent its position and battery yet.
+    A started mission waits for the vehicle without a limit; `may_begin` if nothing shows that any
+    of it was flown. The vehicle has been connected for `connected_s`, in which it may not have sent
+    its position and battery yet.
     """
     snapshot = vehicle.snapshot
     if not vehicle.is_reachable(now) or snapshot.armed is None or not vehicle.is_identified:
@@ -321,10 +337,9 @@ def _next_step(
     has_position = snapshot.home is not None and snapshot.position is not None
     if not has_position or not (has_all_telemetry or connected_s >= TELEMETRY_WITHIN_S):
         return _Step.WAIT
-    return _Step.WAIT if not started and _is_about_to_disarm(vehicle) else _Step.COMPARE
+    return _Step.WAIT if may_begin and _stands_ready(vehicle) else _Step.COMPARE
 
 
-def _is_about_to_disarm(vehicle: Vehicle) -> bool:
+def _stands_ready(vehicle: Vehicle) -> bool:
     """Armed on the ground without an order to start: it will take off or disarm by itself."""
-    on_ground = vehicle.snapshot.landed_state == mavlink.MAV_LANDED_STATE_ON_GROUND
-    return on_ground and vehicle.mode_role is not ModeRole.MISSION
+    return vehicle.is_standing_armed and vehicle.mode_role is not ModeRole.MISSION

@@ -77,6 +77,29 @@ def test_a_time_that_lasts_is_counted_by_the_vehicles_clock_from_the_first_secon
     assert world.edge.status(1201) == Status.FINISHED
 
 
+@pytest.mark.first_case
+@pytest.mark.parametrize("away_s", [0.5, 4.0, 20.0])
+@pytest.mark.parametrize("script", [PX4, ARDUPILOT], ids=["px4", "ardupilot"])
+def test_a_start_that_was_lost_with_its_broker_is_ordered_again(
+    script: Script, away_s: float
+) -> None:
+    """Armed, and not started: the vehicle disarms by itself, which ends no mission."""
+    world = World()
+    script = dataclasses.replace(script, disarms_unstarted_s=10.0)
+    vehicle = world.add_vehicle(script=dataclasses.replace(script, ignores_start=True))
+    world.edge.plan(first_flight())
+    world.run_until(lambda: mavlink.MAV_CMD_MISSION_START in vehicle.commands)
+    world.kill_broker()
+    vehicle.script = script
+    world.run(away_s)
+    world.restart_broker()
+    world.run_until_over(1201)
+    assert world.edge.statuses(1201) == FINISHED
+    assert world.edge.bodies("/alarm/") == []
+    messages = [report.get("message") for report in world.edge.reports(1201)]
+    assert not any("somebody else" in (text or "") for text in messages[:-1])
+
+
 def test_a_mission_that_was_over_before_anybody_saw_it_fly_is_not_flown_again() -> None:
     """Killed as soon as the vehicle was ordered to start, and back after its landing."""
     world = World()
