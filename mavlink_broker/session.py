@@ -284,7 +284,7 @@ class Session:
             effects.messages += self._ask_for_answer(now)
             effects.messages += self._streams.tick(now)
             if self._streams.is_version_settled:
-                vehicle.identify()
+                vehicle.identify(has_answered=self._streams.is_answered)
             effects.messages += self._battery_capacity.tick(now)
             vehicle.update_hover(is_ordered=self.state is not State.IDLE)
             vehicle.update_descent(now)
@@ -296,7 +296,8 @@ class Session:
         else:
             self._alarms.forget()
             self.missions.refuse_expired_events(now, effects)
-        is_idle = self.state is State.IDLE and vehicle.is_identified
+        is_known = vehicle.is_identified and vehicle.has_version
+        is_idle = self.state is State.IDLE and is_known
         effects.messages += self._config_restorer.step(now, idle=is_idle)
         lost_since = self._lost_since
         is_unreachable = lost_since is not None and now - lost_since >= UNREACHABLE_AFTER_S

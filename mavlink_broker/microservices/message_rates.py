@@ -169,6 +169,8 @@ class StreamRequests:
         self._home_requested_at: float | None = None
         self._version_requests = 0
         self._version_requested_at = -math.inf
+        self.is_answered = False
+        """Whether the vehicle has acknowledged anything, so that it receives requests."""
 
     def watch(self, requested_by_gcs: Collection[int] | None) -> None:
         """Follow the message ids that ground stations have requested; None without one.
@@ -195,6 +197,9 @@ class StreamRequests:
     def receive(self, message: Message, now: float) -> list[Message]:
         """Handle a message of the vehicle."""
         name = message.get_type()
+        if name == "COMMAND_ACK" and not self.is_answered:
+            self.is_answered = True
+            self._version_requests = 0  # Those of before may not have reached it
         if name in _TRACKED:
             mean_s = self._interval_s.get(name, REQUEST_INTERVAL_S)
             newest_s = min(now - self._received_at.get(name, -math.inf), REQUEST_INTERVAL_S)

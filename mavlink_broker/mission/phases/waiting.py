@@ -91,7 +91,13 @@ class Waiting(Phase):
         if self._waits_for_others(now, effects):
             return None
         waited_s = now - self._entered_at
-        obstacle = find_obstacle(vehicle, now, hovering=mission.is_hovering, waited_s=waited_s)
+        obstacle = find_obstacle(
+            vehicle,
+            now,
+            hovering=mission.is_hovering,
+            waited_s=waited_s,
+            wants_fence=mission.area is not None or bool(mission.work.rally_spots),
+        )
         self._log_obstacle(obstacle, waited_s)
         if obstacle is None:
             return self._begin_transfer() if mission.is_confirmed else None
@@ -169,11 +175,15 @@ class Waiting(Phase):
         return is_for_air and mission.segments.is_first and not self._vehicle.stays_on_ground
 
 
-def find_obstacle(vehicle: Vehicle, now: float, *, hovering: bool, waited_s: float) -> str | None:
+def find_obstacle(
+    vehicle: Vehicle, now: float, *, hovering: bool, waited_s: float, wants_fence: bool
+) -> str | None:
     """Name what is lacking before the transfer to the vehicle, or None.
 
     `hovering`: it holds in the air where a mission of this broker left it, and may fly on. On the
     ground nobody knows which one of two vehicles with one system id a mission is for.
+    `wants_fence`: a geofence or rally points are to be placed. One that has not answered yet, over
+    a link of one direction, would be taken for one that keeps none.
     """
     snapshot = vehicle.snapshot
     may_navigate = snapshot.can_navigate
@@ -183,6 +193,7 @@ def find_obstacle(vehicle: Vehicle, now: float, *, hovering: bool, waited_s: flo
         "the vehicle is not connected": not vehicle.is_reachable(now),
         str(vehicle.duplicate): vehicle.duplicate is not None and not hovering,
         "its kind is not known": not vehicle.is_identified,
+        "it has not answered whether it keeps a geofence": wants_fence and not vehicle.has_version,
         "its position is not known": snapshot.position is None,
         "its home is not known": snapshot.home is None,
         "it cannot navigate yet": not may_navigate and not hovering,

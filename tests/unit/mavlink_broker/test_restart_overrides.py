@@ -91,6 +91,25 @@ def test_a_vehicles_own_settings_are_restored_whenever_the_broker_dies(
     assert farm.world.edge.status(1201) == Status.FINISHED
 
 
+@pytest.mark.first_case
+@pytest.mark.parametrize(
+    ("script", "values"), [(PX4, WITH_FOLLOW), (ARDUPILOT, WITH_RATE)], ids=["px4", "ardupilot"]
+)
+def test_a_vehicle_that_receives_nothing_at_first_gets_back_everything(
+    tmp_path: Path, script: Script, values: Mapping[str, Any]
+) -> None:
+    """Over a link of one direction nobody knows what it can keep."""
+    farm = Farm(tmp_path, script, values)
+    farm.world.run_until_over(1201)
+    farm.world.kill_broker()
+    assert farm.held != farm.before
+    farm.world.air.is_uplink_up = False
+    farm.world.restart_broker()
+    farm.world.run(30.0)
+    farm.world.air.is_uplink_up = True
+    farm.world.run_until(farm.is_as_before, within_s=200.0)
+
+
 def test_nothing_is_changed_before_the_journal_holds_what_it_was(tmp_path: Path) -> None:
     farm = Farm(tmp_path, PX4, WITH_FOLLOW)
     assert farm.world.disk is not None

@@ -128,6 +128,23 @@ class TestPlacing:
         assert vehicle.log.count("stored 0") == 2
         assert vehicle.log.count("stored 1") == 1
 
+    @BOTH
+    @pytest.mark.parametrize("away_s", [3.0, 15.0, 40.0])
+    def test_one_that_receives_nothing_at_first_gets_it_before_it_flies(
+        self, script: Script, away_s: float
+    ) -> None:
+        """A link of one direction: nobody knows yet whether the vehicle keeps a geofence."""
+        world = World()
+        vehicle = fenced_vehicle(world, script)
+        world.air.is_uplink_up = False
+        world.edge.plan(first_flight(), geofence=fence())
+        world.run(away_s)
+        world.air.is_uplink_up = True
+        world.run_until(lambda: world.edge.status(1201) == Status.RUNNING)
+        assert len(vehicle.fence) == 4
+        world.run_until_over(1201)
+        assert world.edge.statuses(1201) == FINISHED
+
     def test_a_vehicle_that_cannot_keep_one_flies_checked_by_the_broker_alone(self) -> None:
         world = World()
         vehicle = fenced_vehicle(world, capabilities=0)
