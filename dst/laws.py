@@ -13,6 +13,7 @@ from typing import Any, Final
 from afarcloud.enumerations import Status
 from dst.autopilot import Mode
 from dst.edge_process import EdgeDownError
+from dst.event_laws import EventLaws
 from dst.flight import SINK_M_S, Reached, is_same_place
 from dst.link_laws import LinkLaws
 from dst.operator_person import FENCE_M, HIGHEST_M, Operator, PostedAbort, PostedPlan
@@ -66,6 +67,7 @@ class Laws:
         self._read_before: dict[str, tuple[object, Any]] = {}  # By path: its state then, the answer
         self._pictures = PictureLaws(world, operator)
         self._links = LinkLaws(world)
+        self._events = EventLaws(world, operator)
         self.period_s = CHECK_PERIOD_S
         world.http.on_taken = self._taken
         self._check_again()
@@ -339,6 +341,7 @@ class Laws:
         found += [f"vehicle {one.system} is armed" for one in world.vehicles.values() if one.armed]
         found += self._borrowed()
         found += self._pictures.missing()
+        found += self._events.open()
         waiting = world.broker.client.waiting if world.broker.client is not None else 0
         found += [f"{waiting} posts of the broker wait"] if waiting > 3 else []
         found += list(world.http.owed.texts.values())

@@ -1,6 +1,6 @@
 """The operator: posts plans, repeats requests, cancels, aborts, pauses, releases held vehicles."""
 
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from http import HTTPStatus
 from random import Random
@@ -59,10 +59,18 @@ RESUMES: Final = 3
 ALTITUDE_M: Final = 5.0
 SOFT_ABORT: Final = 2
 ABORT: Final = 1
+SPEED: Final = 3
+PLACE_SHARE: Final = 0.5
+"""How often an abort names a place."""
+SPEEDS_M_S: Final = 2.0, 8.0
+MEAN_SPEED_S: Final = 20.0
+"""Between two changes of the speed."""
 ENDING_EVENTS: Final = (ABORT, SOFT_ABORT, 103)
 """Abort, soft abort and return home: `event_type_id`."""
 PAUSE: Final = 101
 RESUME: Final = 102
+
+NO_FIELDS: Final[Mapping[str, Any]] = {}
 
 WAYPOINT, IMAGE, HOTPOINT, FOLLOW, TRACK, PANORAMA = 3, 4, 7, 8, 9, 10
 """`command_type_id`."""
@@ -127,6 +135,8 @@ class PostedAbort:
     posted_s: float
     waits: bool
     """Whether the running command comes to its end first."""
+    place_m: tuple[float, float] | None = None
+    """Where the vehicle goes first: north and east of home; None: nowhere."""
 
 
 @dataclass(slots=True)
@@ -148,6 +158,10 @@ class Operator:
         self.plans: list[PostedPlan] = []
         self.aborts: list[PostedAbort] = []
         self.pauses: list[PostedPause] = []
+        self.speeds: list[int] = []
+        """Numbers of the events that change a speed."""
+        self.on_sent_away: Callable[[PostedAbort], None] = lambda _abort: None
+        """Called with each abort that names a place."""
         self.rescues = 0
         """How often a vehicle that hovered without a mission had to be landed by hand."""
         self._hovers_since_s: dict[int, float] = {}
@@ -158,7 +172,9 @@ class Operator:
         self._random = world.scheduler.random("operator")
         self._orders = world.scheduler.random("aborts")
         self._abort_share = world.scheduler.random("abort habits").choice(ABORT_SHARES)
+        self._abort_places = world.scheduler.random("abort places")
         self._breaks = world.scheduler.random("pauses")
+        self._speeds = world.scheduler.random("speeds")
         self._live = world.scheduler.random("live commands")
         self._numbers = world.scheduler.random("mission numbers")
         self._lengths = world.scheduler.random("long missions")
@@ -179,6 +195,7 @@ class Operator:
         self._next(self._shift, FIRST_PLAN_S)
         self._watch(self._shift)
         self._pause_again(self._shift)
+        self._change_speed_again(self._shift)
         self._release(self._shift)
 
     def stop(self) -> None:
@@ -389,6 +406,23 @@ class Operator:
 
         self._world.scheduler.after(self._breaks.expovariate(1.0 / MEAN_LOOK_S), act)
 
+    def _change_speed_again(self, shift: int) -> None:
+        """Change the speed of a vehicle that flies, again and again."""
+        if shift != self._shift or not self._is_posting or Fault.PAUSES not in self._enabled:
+            return
+
+        def act() -> None:
+            self._change_speed_again(shift)
+            vehicles = self._world.vehicles.items()
+            flying = [system for system, vehicle in vehicles if vehicle.is_flying]
+            if flying and shift == self._shift and self._is_posting:
+                speed_m_s = self._speeds.uniform(*SPEEDS_M_S)
+                fields = {"maximum_speed": speed_m_s}
+                number = self._post_event(self._speeds.choice(flying), SPEED, fields)
+                self.speeds += [] if number is None else [number]
+
+        self._world.scheduler.after(self._speeds.expovariate(1.0 / MEAN_SPEED_S), act)
+
     def _pause(self, vehicle_id: int) -> None:
         number = self._post_event(vehicle_id, PAUSE)
         if number is None:
@@ -416,11 +450,13 @@ class Operator:
         session = None if app is None else app.sessions.get(system)
         return session is None or session.vehicle.recovery.paused is not None
 
-    def _post_event(self, vehicle_id: int, kind: int) -> int | None:
+    def _post_event(
+        self, vehicle_id: int, kind: int, fields: Mapping[str, Any] = NO_FIELDS
+    ) -> int | None:
         """Post an event; gives its number if it was acknowledged."""
         self._events += 1
         event = {"sequence_number": self._events, "vehicle_id": vehicle_id, "event_type_id": kind}
-        response = self._request("POST", "/events/", event)
+        response = self._request("POST", "/events/", event | dict(fields))
         if response is None or response.status != 201:
             return None
         number = int(response.json()["id"])
@@ -429,10 +465,20 @@ class Operator:
         return number
 
     def _post_abort(self, vehicle_id: int, kind: int) -> None:
-        number = self._post_event(vehicle_id, kind)
+        place_m, fields = None, NO_FIELDS
+        random = self._abort_places
+        if kind in {ABORT, SOFT_ABORT} and random.random() < PLACE_SHARE:
+            place_m = random.uniform(5.0, 30.0), random.uniform(-30.0, 30.0)
+            latitude, longitude = place(*place_m)
+            there = {"latitude": latitude, "longitude": longitude, "altitude": ALTITUDE_M}
+            fields = {"abort": there}
+        number = self._post_event(vehicle_id, kind, fields)
         if number is not None:
-            now_s = self._world.scheduler.now_s
-            self.aborts.append(PostedAbort(number, vehicle_id, now_s, waits=kind == SOFT_ABORT))
+            now_s, waits = self._world.scheduler.now_s, kind == SOFT_ABORT
+            abort = PostedAbort(number, vehicle_id, now_s, waits, place_m)
+            self.aborts.append(abort)
+            if place_m is not None:
+                self.on_sent_away(abort)
 
     def _abort(self, shift: int) -> None:
         self._watch(shift)
