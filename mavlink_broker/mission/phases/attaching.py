@@ -324,7 +324,7 @@ def _next_step(
 
     A started mission waits for the vehicle without a limit; `may_begin` if nothing shows that any
     of it was flown. The vehicle has been connected for `connected_s`, in which it may not have sent
-    its position and battery yet.
+    its position, its battery and whether it stands.
     """
     snapshot = vehicle.snapshot
     if not vehicle.is_reachable(now) or snapshot.armed is None or not vehicle.is_identified:
@@ -333,7 +333,8 @@ def _next_step(
     if not started and snapshot.is_on_ground:
         return _Step.BEGIN
     newest = snapshot.attitude, snapshot.battery_fraction, snapshot.mission
-    has_all_telemetry = None not in newest
+    shows_ground = snapshot.landed_state != mavlink.MAV_LANDED_STATE_UNDEFINED
+    has_all_telemetry = None not in newest and shows_ground
     has_position = snapshot.home is not None and snapshot.position is not None
     if not has_position or not (has_all_telemetry or connected_s >= TELEMETRY_WITHIN_S):
         return _Step.WAIT

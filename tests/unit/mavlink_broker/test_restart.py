@@ -79,9 +79,10 @@ def test_a_time_that_lasts_is_counted_by_the_vehicles_clock_from_the_first_secon
 
 @pytest.mark.first_case
 @pytest.mark.parametrize("away_s", [0.5, 4.0, 20.0])
+@pytest.mark.parametrize("stands_shown_after_s", [0.0, 1.5])
 @pytest.mark.parametrize("script", [PX4, ARDUPILOT], ids=["px4", "ardupilot"])
 def test_a_start_that_was_lost_with_its_broker_is_ordered_again(
-    script: Script, away_s: float
+    script: Script, stands_shown_after_s: float, away_s: float
 ) -> None:
     """Armed, and not started: the vehicle disarms by itself, which ends no mission."""
     world = World()
@@ -90,9 +91,11 @@ def test_a_start_that_was_lost_with_its_broker_is_ordered_again(
     world.edge.plan(first_flight())
     world.run_until(lambda: mavlink.MAV_CMD_MISSION_START in vehicle.commands)
     world.kill_broker()
-    vehicle.script = script
+    vehicle.script = dataclasses.replace(script, sends_landed_state=False)
     world.run(away_s)
     world.restart_broker()
+    world.run(stands_shown_after_s)
+    vehicle.script = script
     world.run_until_over(1201)
     assert world.edge.statuses(1201) == FINISHED
     assert world.edge.bodies("/alarm/") == []
