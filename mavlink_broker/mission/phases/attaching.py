@@ -50,6 +50,9 @@ _REFUSALS: Final = (
     {_GIMBAL, _MOUNT, _CAPTURE},
 )
 """Sets of MAV_CMD that a vehicle may have refused as items, so that it holds others."""
+ARMED_UNSTARTED_S: Final = 10.0
+"""How long a vehicle stays armed without a start: COM_DISARM_PRFLT of PX4, DISARM_DELAY of
+ArduPilot."""
 _HALVINGS: Final = 3
 """How often an earlier run may have halved a segment: into eight parts."""
 
@@ -109,29 +112,15 @@ class Attaching(Phase):
             self._vehicle,
             now,
             started=self._mission.was_reported_running,
-            may_begin=not self._mission.was_reported_running or self._shows_nothing_flown,
             waited_s=now - self._entered_at,
             connected_s=0.0 if self._connected_at is None else now - self._connected_at,
         )
         match step:
-            case _Step.WAIT if self._mission.was_reported_running and _stands_ready(self._vehicle):
-                self._vehicle.armed_period.claim()  # An earlier run has ordered it to arm
             case _Step.BEGIN:
                 return Event.NOT_STARTED
             case _Step.COMPARE if not self._flies_another:
                 return self._attach(now, effects)
         return None
-
-    @property
-    def _shows_nothing_flown(self) -> bool:
-        """Whether a mission that was ordered to start shows no sign that it was.
-
-        Its broker may have been killed between the arming and the start.
-        """
-        ledger, current = self._mission.ledger, self._vehicle.snapshot.mission
-        has_gone_on = any(status is not Status.NOT_STARTED for status in ledger.commands[1:])
-        has_flown = has_gone_on or self._vehicle.recovery.has_flown(ledger.name_of(0))
-        return not has_flown and current is not None and current.state in _NOT_STARTED
 
     def _apply_notes(self, now: float, effects: Effects) -> None:
         """Report what the journal holds and the edge server has not received.
@@ -269,13 +258,37 @@ class Attaching(Phase):
         return mission.event_of_segment()
 
     def _begin_or_wait(self) -> Result:
-        """Begin from the ground or from a hover of this broker; else wait for the landing."""
-        if self._vehicle.snapshot.is_on_ground or self._vehicle.hovers:
+        """Begin from the ground or from a hover of this broker; else wait for the landing.
+
+        A vehicle that stands armed disarms first. If an earlier run has just armed it, and was
+        killed before the start, that is no flight of somebody else.
+        """
+        if self._was_just_armed:
+            self._vehicle.armed_period.claim()
+        if self._is_standing or self._vehicle.hovers:
             self._mission.is_hovering = self._vehicle.hovers
             return Event.NOT_STARTED
         self.exchange = None
         self._flies_another = True
         return None
+
+    @property
+    def _is_standing(self) -> bool:
+        """Whether the vehicle is on the ground, armed or not."""
+        return self._vehicle.snapshot.is_on_ground or self._vehicle.is_standing_armed
+
+    @property
+    def _was_just_armed(self) -> bool:
+        """Whether an earlier run was about to start the segment, so shortly ago that it still arms.
+
+        A vehicle that is not started disarms after some seconds; later somebody else arms it.
+        """
+        now_s = self._vehicle.snapshot.time_s
+        name = self._mission.ledger.name_of(self._mission.plan.first_command)
+        began_s = self._vehicle.recovery.began_s([name])
+        if now_s is None or began_s is None or not self._vehicle.is_standing_armed:
+            return False
+        return 0.0 <= now_s - began_s <= ARMED_UNSTARTED_S
 
     @property
     def _is_begun(self) -> bool:
@@ -303,7 +316,7 @@ class Attaching(Phase):
             return False
         rest = mission.plan.commands[1:]
         has_gone_on = any(mission.ledger.commands[i] is not Status.NOT_STARTED for i in rest)
-        if has_gone_on or snapshot.is_on_ground != mission.segments.is_from_ground:
+        if has_gone_on or self._is_standing != mission.segments.is_from_ground:
             return False
         current = snapshot.mission
         if current is None or current.seq > mission.plan.first_item:
@@ -316,15 +329,13 @@ def _next_step(
     now: float,
     *,
     started: bool,
-    may_begin: bool,
     waited_s: float,
     connected_s: float,
 ) -> _Step:
     """Decide what to do about a mission; `started` if it was reported to run.
 
-    A started mission waits for the vehicle without a limit; `may_begin` if nothing shows that any
-    of it was flown. The vehicle has been connected for `connected_s`, in which it may not have sent
-    its position, its battery and whether it stands.
+    A started mission waits for the vehicle without a limit. The vehicle has been connected for
+    `connected_s`, in which it may not have sent its position, its battery and whether it stands.
     """
     snapshot = vehicle.snapshot
     if not vehicle.is_reachable(now) or snapshot.armed is None or not vehicle.is_identified:
@@ -338,9 +349,9 @@ def _next_step(
     has_position = snapshot.home is not None and snapshot.position is not None
     if not has_position or not (has_all_telemetry or connected_s >= TELEMETRY_WITHIN_S):
         return _Step.WAIT
-    return _Step.WAIT if may_begin and _stands_ready(vehicle) else _Step.COMPARE
+    return _Step.WAIT if not started and _is_about_to_disarm(vehicle) else _Step.COMPARE
 
 
-def _stands_ready(vehicle: Vehicle) -> bool:
+def _is_about_to_disarm(vehicle: Vehicle) -> bool:
     """Armed on the ground without an order to start: it will take off or disarm by itself."""
     return vehicle.is_standing_armed and vehicle.mode_role is not ModeRole.MISSION
