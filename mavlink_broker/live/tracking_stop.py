@@ -18,6 +18,11 @@ AGAIN_AFTER_S: Final = 10.0
 ATTEMPTS: Final = 5
 """Each repeats its command some times."""
 
+_STOPPED: Final = frozenset(
+    {mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_DENIED, mavlink.MAV_RESULT_UNSUPPORTED}
+)
+"""Results of a camera that tracks nothing any more; others are repeated."""
+
 _LOG = logging.getLogger(__name__)
 
 
@@ -31,10 +36,11 @@ class TrackingStop:
         self._again_at = -math.inf
 
     def receive(self, message: Message, now: float) -> list[Message]:
-        """Process an answer; a camera that refuses to stop tracks nothing."""
-        if message.get_type() != "COMMAND_ACK":
+        """Process an answer, also to a stop at the planned end of a command."""
+        if message.get_type() != "COMMAND_ACK" or not self._vehicle.route.is_for_us(message):
             return []
-        if message.command == mavlink.MAV_CMD_CAMERA_STOP_TRACKING:
+        is_stop = message.command == mavlink.MAV_CMD_CAMERA_STOP_TRACKING
+        if is_stop and message.result in _STOPPED:
             self._vehicle.recovery.clear_tracking()
         return [] if self._sequence is None else self._sequence.receive(message, now)
 
@@ -55,11 +61,11 @@ class TrackingStop:
         return self._sequence.start(now)
 
     def _end_attempt(self, now: float) -> None:
-        """Try again later, some times: nobody has answered."""
+        """Try again later, some times: nobody has answered, or not yet."""
         self._sequence, self._again_at = None, now + AGAIN_AFTER_S
         if self._attempts >= ATTEMPTS:
             _LOG.warning(
-                "vehicle %d: its camera may still track a subject: it does not answer",
+                "vehicle %d: its camera may still track a subject: it does not stop",
                 self._vehicle.vehicle_id,
             )
             self._vehicle.recovery.clear_tracking()
