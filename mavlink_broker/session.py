@@ -296,7 +296,7 @@ class Session:
         else:
             self._alarms.forget()
             self.missions.refuse_expired_events(now, effects)
-        is_known = vehicle.is_identified and vehicle.has_version
+        is_known = vehicle.is_identified and vehicle.are_capabilities_known
         is_idle = self.state is State.IDLE and is_known
         effects.messages += self._config_restorer.step(now, idle=is_idle)
         lost_since = self._lost_since

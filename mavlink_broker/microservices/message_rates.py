@@ -170,7 +170,7 @@ class StreamRequests:
         self._version_requests = 0
         self._version_requested_at = -math.inf
         self.is_answered = False
-        """Whether the vehicle has acknowledged anything, so that it receives requests."""
+        """Whether the vehicle has acknowledged anything to the broker, and so receives it."""
 
     def watch(self, requested_by_gcs: Collection[int] | None) -> None:
         """Follow the message ids that ground stations have requested; None without one.
@@ -197,7 +197,8 @@ class StreamRequests:
     def receive(self, message: Message, now: float) -> list[Message]:
         """Handle a message of the vehicle."""
         name = message.get_type()
-        if name == "COMMAND_ACK" and not self.is_answered:
+        is_answer = name == "COMMAND_ACK" and self.route.is_for_us(message)
+        if is_answer and not self.is_answered:
             self.is_answered = True
             self._version_requests = 0  # Those of before may not have reached it
         if name in _TRACKED:

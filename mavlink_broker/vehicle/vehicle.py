@@ -110,7 +110,9 @@ class Vehicle:
     vehicle_type: int | None = None  # MAV_TYPE
     autopilot: int | None = None  # MAV_AUTOPILOT
     _is_identified: bool = False
-    _has_version: bool = False  # It has sent its AUTOPILOT_VERSION, or answers without having one
+    _are_capabilities_known: bool = (
+        False  # It has sent its AUTOPILOT_VERSION, or answers without having one
+    )
     _warning: str | None = None
     _duplicate: str | None = None
     _mission_overrides: tuple[ParameterOverride, ...] = ()
@@ -146,7 +148,7 @@ class Vehicle:
             self.capabilities = message.capabilities
             self.software_version = message.flight_sw_version
             self.uid = uid_of(message)
-            self._is_identified = self._has_version = True
+            self._is_identified = self._are_capabilities_known = True
             self.family = family_of(self.autopilot or 0, self.product, self.vehicle_type)
         self._status_texts.receive(message, now)
         if kind in AGED:
@@ -202,7 +204,7 @@ class Vehicle:
 
     def ask_identity(self) -> None:
         """Note that it may be another vehicle, until it has sent its AUTOPILOT_VERSION again."""
-        self._is_identified = self._has_version = False
+        self._is_identified = self._are_capabilities_known = False
 
     def _observe_foreign_order(self, message: Message, now: float) -> None:
         """Keep another system's order until the vehicle leaves the mode that it led to.
@@ -294,12 +296,12 @@ class Vehicle:
     def identify(self, *, has_answered: bool) -> None:
         """Note that it sends no AUTOPILOT_VERSION; `has_answered` if it receives the requests."""
         self._is_identified = True
-        self._has_version |= has_answered
+        self._are_capabilities_known |= has_answered
 
     @property
-    def has_version(self) -> bool:
+    def are_capabilities_known(self) -> bool:
         """Whether its `capabilities` are all that it will send of them."""
-        return self._has_version
+        return self._are_capabilities_known
 
     def change_autopilot(self, component: int) -> None:
         """Address a component as its autopilot, and forget what another one sent."""

@@ -193,7 +193,9 @@ def find_obstacle(
         "the vehicle is not connected": not vehicle.is_reachable(now),
         str(vehicle.duplicate): vehicle.duplicate is not None and not hovering,
         "its kind is not known": not vehicle.is_identified,
-        "it has not answered whether it keeps a geofence": wants_fence and not vehicle.has_version,
+        "it has not answered whether it keeps a geofence": (
+            wants_fence and not vehicle.are_capabilities_known
+        ),
         "its position is not known": snapshot.position is None,
         "its home is not known": snapshot.home is None,
         "it cannot navigate yet": not may_navigate and not hovering,
