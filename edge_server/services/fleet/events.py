@@ -5,6 +5,7 @@ broker has accepted it by `expires_at`, it is never published again. An abort em
 queue in the transaction that stores it, so that no later mission starts behind it.
 """
 
+from collections.abc import Iterable
 from typing import Any, Final
 
 from sqlalchemy import Connection
@@ -175,8 +176,9 @@ def _queue(
     late_s = waited_s if waited_s >= LATE_S else 0.0
     expires_at = min(_expiry(event, now), now + LIFETIME_S - late_s)
     _check_speed(context, event)
-    _check_vehicle(connection, event)
-    if len(work.live_events(connection, now)) >= EVENT_LIMIT:
+    live = work.live_events(connection, now)
+    _check_vehicle(connection, event, live)
+    if len(live) >= EVENT_LIMIT:
         raise TooMuchError(f"{EVENT_LIMIT} events wait, the maximum; try again later")
     return work.add_event(connection, body=write(event), now=now, expires_at=expires_at)
 
@@ -198,10 +200,11 @@ def _check_speed(context: Context, event: Event) -> None:
         raise InvalidError((Fault("maximum_speed", text),))
 
 
-def _check_vehicle(connection: Connection, event: Event) -> None:
+def _check_vehicle(connection: Connection, event: Event, live: Iterable[work.Work]) -> None:
     """Check that there is something to interrupt: a mission here, or a flight of the vehicle.
 
-    An event that the broker still carries out shows one: what the vehicle does may not be known.
+    An event of the `live` ones that the broker carries out shows a flight, too: what the vehicle
+    does may not be known.
     """
     known = vehicles.get(connection, event.vehicle_id)
     if known is None:
@@ -210,8 +213,10 @@ def _check_vehicle(connection: Connection, event: Event) -> None:
             (Fault("vehicle_id", "is not registered"),),
         )
     is_flying = known.state.get("armed") or known.state.get("mission_id") is not None
-    is_open = is_flying or work.has_open_event(connection, event.vehicle_id)
-    if not is_open and not _missions(connection, event.vehicle_id):
+    is_ended = any(
+        one.vehicle_id == event.vehicle_id and one.state == work.ACCEPTED for one in live
+    )
+    if not (is_flying or is_ended or _missions(connection, event.vehicle_id)):
         raise ConflictError(
             f"vehicle {event.vehicle_id} has no active mission",
             (Fault("vehicle_id", "has no active mission", 409, "NO_ACTIVE_MISSION"),),

@@ -277,19 +277,6 @@ def not_flown(
     return [PossibleFlight(*row) for row in connection.execute(query.order_by(work.c.id))]
 
 
-_OPEN_EVENT: Final = select(work.c.id).where(
-    work.c.kind == EVENT,
-    work.c.vehicle_id == bindparam("vehicle_id"),
-    work.c.state == ACCEPTED,
-)
-
-
-def has_open_event(connection: Connection, vehicle_id: int) -> bool:
-    """Whether a broker carries out an event of a vehicle."""
-    rows = connection.execute(_OPEN_EVENT.limit(1), {"vehicle_id": vehicle_id})
-    return rows.first() is not None
-
-
 _LIVE_EVENTS: Final = _QUERY.where(
     work.c.kind == EVENT,
     or_(

@@ -339,6 +339,16 @@ def test_an_event_that_is_carried_out_can_be_replaced(edge: Edge, kind: int) -> 
     assert edge.post("/events/", event(kind), "operator").status_code == 409
 
 
+def test_an_event_whose_end_was_never_reported_shows_no_flight_for_ever(edge: Edge) -> None:
+    fly(edge)
+    send(edge, event(RETURN_HOME))
+    (work,) = [item["id"] for item in edge.work() if item["kind"] == "event"]
+    assert edge.acknowledge(work, "accepted").status_code == 200
+    edge.report("mission_report", mission_report(4, 4, 4, 4))
+    edge.clock.pass_s(events.LIFETIME_S + UNDER_WAY_S + 1.0)
+    assert edge.post("/events/", event(1), "operator").status_code == 409
+
+
 @pytest.mark.first_case
 @pytest.mark.parametrize("reported", [{"armed": True}, {"mission_id": 7}])
 def test_a_flight_that_only_the_vehicle_knows_can_be_aborted(
