@@ -9,6 +9,7 @@ const values = (text: string) => [...text.matchAll(/\{(\w+)\}/g)].map((found) =>
 test("a report that is known is in the person's language", () => {
   expect(spanish.describe("aborted by an event")).toBe("interrumpida por un evento");
   expect(LANGUAGES.en.reports.describe("aborted by an event")).toBe("aborted by an event");
+  expect(spanish.describe("constructor")).toBe("constructor");
 });
 
 test("values stay, phrases within phrases are translated", () => {

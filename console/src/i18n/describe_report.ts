@@ -14,18 +14,18 @@ const SEPARATOR = "; ";
 
 /** A report joins several phrases; one that is not known stays as it is. */
 export class ReportTexts {
-  readonly #phrases: Phrases;
+  readonly #phrases: ReadonlyMap<string, string>;
   #patterns: Pattern[] | null = null;
 
   constructor(phrases: Phrases) {
-    this.#phrases = phrases;
+    this.#phrases = new Map(Object.entries(phrases));
   }
 
   readonly describe = (text: string): string =>
     text.split(SEPARATOR).map((part) => this.#part(part)).join(SEPARATOR);
 
   #part(text: string): string {
-    const known = this.#phrases[text];
+    const known = this.#phrases.get(text);
     if (known !== undefined) return known;
     this.#patterns ??= patternsOf(this.#phrases);
     for (const { expression, names, phrase } of this.#patterns) {
@@ -39,9 +39,9 @@ export class ReportTexts {
 }
 
 /** Gives the phrases with values, those with the longest fixed text first. */
-function patternsOf(phrases: Phrases): Pattern[] {
+function patternsOf(phrases: ReadonlyMap<string, string>): Pattern[] {
   const fixed = (text: string) => text.replace(PLACEHOLDER, "").length;
-  return Object.entries(phrases)
+  return [...phrases]
     .filter(([text]) => text.includes("{"))
     .sort(([one], [other]) => fixed(other) - fixed(one))
     .map(([text, phrase]) => ({
