@@ -29,8 +29,11 @@ class EventLaws:
         """Follow a vehicle that an event sends to a place, until it is there or has landed."""
         vehicle = self._world.vehicles[abort.vehicle_id]
         truth, place_m = vehicle.truth, abort.place_m
-        if place_m is None or not vehicle.is_flying:
-            self._may_stay_away.add(abort.number)
+        is_new = self._world.scheduler.now_s <= abort.posted_s
+        if place_m is None or (not vehicle.is_flying and (is_new or abort.waits)):
+            self._may_stay_away.add(abort.number)  # It stands, or has landed by itself
+        elif not vehicle.is_flying:
+            return
         elif math.dist((truth.north_m, truth.east_m), place_m) <= THERE_M:
             self._visited.add(abort.number)
         else:

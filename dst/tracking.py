@@ -77,7 +77,6 @@ class Tracking:
         self._truth = truth
         self._periods_s: dict[int, float] = {}
         self._subject: Subject | None = None
-        self._orders = 0
         self._began_s = 0.0
         self._path_m = (0.0, 0.0), (0.0, 0.0)  # North and east of home, from and to
         self._lost_s = math.inf
@@ -105,6 +104,7 @@ class Tracking:
 
     def _begin(self, rectangle: Rectangle) -> None:
         random = self._random
+        self._periods_s.clear()
         self._subject, self._truth.is_tracking = random.choice(list(Subject)), True
         self._began_s = self._scheduler.now_s
         self._truth.tracked.append(Tracked(self._began_s, rectangle))
