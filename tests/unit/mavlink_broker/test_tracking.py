@@ -310,6 +310,18 @@ class TestACommandThatIsCutShort:
         scene.see(20.0)
         assert stops_of(scene.vehicle) == 1
 
+    def test_is_ordered_again_by_a_camera_that_is_busy_at_first(self) -> None:
+        busy = {mavlink.MAV_CMD_CAMERA_STOP_TRACKING: mavlink.MAV_RESULT_TEMPORARILY_REJECTED}
+        scene = Scene(TrackMode.TRACE, dataclasses.replace(PX4, results=busy))
+        scene.see(5.0)
+        scene.world.edge.event(EventType.ABORT_MISSION)
+        scene.see(3.0)
+        scene.vehicle.script = PX4
+        before = stops_of(scene.vehicle)
+        assert before >= 1
+        scene.see(15.0)
+        assert stops_of(scene.vehicle) == before + 1
+
     def test_is_ordered_again_some_times_if_nobody_answers(
         self, caplog: pytest.LogCaptureFixture
     ) -> None:

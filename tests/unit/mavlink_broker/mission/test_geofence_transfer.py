@@ -31,6 +31,9 @@ from tests.support.scripted_missions import ARDUPILOT, PX4, Script
 from tests.support.scripted_vehicle import HOME, PX4_LAND, PX4_RETURN
 
 INCLUSION, EXCLUSION = 5001, 5002
+FOR_A_STATION = mavlink.MAVLink_command_ack_message(
+    mavlink.MAV_CMD_REQUEST_MESSAGE, mavlink.MAV_RESULT_ACCEPTED, target_system=255
+)
 POINT = {"latitude": HOME[0] + 1e-4, "longitude": HOME[1], "altitude": 12.5}
 BOTH = pytest.mark.parametrize("script", [PX4, ARDUPILOT], ids=["px4", "ardupilot"])
 
@@ -138,7 +141,9 @@ class TestPlacing:
         vehicle = fenced_vehicle(world, script)
         world.air.is_uplink_up = False
         world.edge.plan(first_flight(), geofence=fence())
-        world.run(away_s)
+        for _ in range(round(away_s)):
+            world.run(1.0)
+            vehicle.send(FOR_A_STATION)
         world.air.is_uplink_up = True
         world.run_until(lambda: world.edge.status(1201) == Status.RUNNING)
         assert len(vehicle.fence) == 4
