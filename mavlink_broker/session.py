@@ -190,9 +190,9 @@ class Session:
         if self.vehicle.take(message, now):
             self._vehicle_restarted(now, effects)
         self._answers.receive(message)
-        effects.messages += self._tracking_stop.receive(message, now)
         if kind in RATE_MESSAGES:
             effects.messages += self._streams.receive(message, now)
+            effects.messages += self._tracking_stop.receive(message, now)
         self._alarms.receive(message, now)
         if kind in PICTURE_MESSAGES:
             self.pictures.receive(message, now, effects)
