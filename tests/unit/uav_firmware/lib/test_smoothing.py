@@ -15,6 +15,8 @@ from uav_firmware.msg.vectors import Vector3
 
 LIMITS = MotionLimits(5.0, 3.0, 1.5, 3.0, 4.0, 3.0, 8.0)
 SLACK = 1.0 + 1e-6
+AT_REST = 1e-5
+"""A slower motion is not braked at all; in m/s and m/s²."""
 
 coordinate = st.floats(-60.0, 60.0)
 points = st.tuples(coordinate, coordinate, st.floats(-60.0, 0.0))
@@ -122,7 +124,7 @@ def test_braking_ends_at_rest_within_acceleration_and_jerk(
     velocity, acceleration = motion
     pieces = stop_pieces(MotionState(ZERO, velocity, acceleration), LIMITS)
     if not pieces:
-        assert norm(velocity) < 1e-5
+        assert norm(velocity) < AT_REST
         return
     # A present acceleration goes on until the jerk has taken it away.
     rise = norm(acceleration) ** 2 / LIMITS.jerk
@@ -137,8 +139,8 @@ def test_braking_ends_at_rest_within_acceleration_and_jerk(
             assert norm(state.velocity) <= norm(velocity) + rise + 1e-6
         assert norm(piece.jerk) <= LIMITS.jerk * SLACK
     end = pieces[-1].end()
-    assert norm(end.velocity) < 1e-6
-    assert norm(end.acceleration) < 1e-6
+    assert norm(end.velocity) < AT_REST
+    assert norm(end.acceleration) < AT_REST
 
 
 @given(motions)
