@@ -26,6 +26,7 @@ from mavlink_broker.microservices.command import (
 )
 from mavlink_broker.planning.live_actions import Move, Tracked
 from mavlink_broker.planning.situation import Spot
+from mavlink_broker.planning.target_commands import camera_of
 from mavlink_broker.planning.target_track import target_message
 from mavlink_broker.vehicle.recovery_state import LiveCommandProgress, Pose
 from mavlink_broker.vehicle.vehicle import Vehicle
@@ -136,7 +137,7 @@ class SubjectTracker:
             return []
         self._requests += 1
         self._request_at = time_s + REQUEST_AGAIN_S
-        component = None if self._vehicle.family.camera_is_autopilot else mavlink.MAV_COMP_ID_CAMERA
+        component = camera_of(self._vehicle.family)
         interval = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
         return [
             long_command(interval, message_id, STATUS_EVERY_US, component=component).message(

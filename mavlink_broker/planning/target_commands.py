@@ -65,7 +65,7 @@ def track(command: NavTrackSubject, situation: Situation) -> LiveAction:
     mode, family = command.parameters.track_mode, situation.family
     height_m = max(situation.relative_altitude_m, family.lowest_follow_m)
     moves = mode is not TrackMode.SPOTLIGHT_PRO
-    camera = _camera_of(family)
+    camera = camera_of(family)
     (left, top), (right, bottom) = command.parameters.corners
     rectangle = long_command(
         mavlink.MAV_CMD_CAMERA_TRACK_RECTANGLE, left, top, right, bottom, component=camera
@@ -96,10 +96,11 @@ def track(command: NavTrackSubject, situation: Situation) -> LiveAction:
 
 def stop_tracking(family: Family) -> CommandLong:
     """Have the camera track nothing."""
-    return long_command(mavlink.MAV_CMD_CAMERA_STOP_TRACKING, component=_camera_of(family))
+    return long_command(mavlink.MAV_CMD_CAMERA_STOP_TRACKING, component=camera_of(family))
 
 
-def _camera_of(family: Family) -> int | None:
+def camera_of(family: Family) -> int | None:
+    """Give the component that tracks; None: the autopilot."""
     return None if family.camera_is_autopilot else mavlink.MAV_COMP_ID_CAMERA
 
 

@@ -213,10 +213,10 @@ def _check_vehicle(connection: Connection, event: Event, live: Iterable[work.Wor
             (Fault("vehicle_id", "is not registered"),),
         )
     is_flying = known.state.get("armed") or known.state.get("mission_id") is not None
-    is_ended = any(
+    is_interrupted = any(
         one.vehicle_id == event.vehicle_id and one.state == work.ACCEPTED for one in live
     )
-    if not (is_flying or is_ended or _missions(connection, event.vehicle_id)):
+    if not (is_flying or is_interrupted or _missions(connection, event.vehicle_id)):
         raise ConflictError(
             f"vehicle {event.vehicle_id} has no active mission",
             (Fault("vehicle_id", "has no active mission", 409, "NO_ACTIVE_MISSION"),),
