@@ -1,4 +1,4 @@
-import { useCallback, useEffect, useMemo, useState } from "react";
+import { useCallback, useEffect, useLayoutEffect, useMemo, useState } from "react";
 import { useTranslation } from "react-i18next";
 import { onSignedOut } from "../api/client";
 import { presentSession, signInByLink, signOut, takeLink } from "../api/session";
@@ -28,8 +28,9 @@ export function App() {
   }, []);
   const value = useMemo(() => ({ preferences, change }), [preferences, change]);
 
+  // Before the effects of what is shown: the map reads the colours of the theme
+  useLayoutEffect(() => applyPreferences(preferences), [preferences]);
   useEffect(() => {
-    applyPreferences(preferences);
     if (i18n.language !== preferences.language) void i18n.changeLanguage(preferences.language);
   }, [preferences, i18n]);
 

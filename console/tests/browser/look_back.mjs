@@ -107,6 +107,24 @@ async function showSurveyMap(page) {
   }
 }
 
+/** The map takes the colours of a theme at once. */
+async function changeTheme(page) {
+  const map = page.getByRole("region", { name: "Track" });
+  for (const [theme, ground] of [["Dark", [19, 26, 22]], ["Light", [238, 241, 234]]]) {
+    await chooseTheme(page, theme);
+    for (let attempt = 0; await countPixels(page, map, ground) < 10_000; attempt += 1) {
+      if (attempt > 60) throw new Error(`the map does not take the theme ${theme}`);
+      await page.waitForTimeout(500);
+    }
+  }
+}
+
+async function chooseTheme(page, theme) {
+  await page.locator(".header-person").click();
+  await page.getByRole("radio", { name: theme }).or(page.getByRole("button", { name: theme })).first().click();
+  await page.keyboard.press("Escape");
+}
+
 /** A base map is drawn below the track, also in another theme and after a reload. */
 async function showBaseMap(page) {
   const map = page.getByRole("region", { name: "Track" });
@@ -135,9 +153,7 @@ async function showBaseMap(page) {
   await page.evaluate(() => localStorage.setItem("farm-console", JSON.stringify({ theme: "dark", language: "en" })));
   await page.reload();
   await isDrawn("after a reload");
-  await page.locator(".header-person").click();
-  await page.getByRole("radio", { name: "Outdoor" }).or(page.getByRole("button", { name: "Outdoor" })).first().click();
-  await page.keyboard.press("Escape");
+  await chooseTheme(page, "Outdoor");
   await isDrawn("in another theme");
 }
 
@@ -152,6 +168,7 @@ try {
     await downloadLog(page);
     await showPicturesOnMap(page);
     await showSurveyMap(page);
+    await changeTheme(page);
     await showBaseMap(page);
   });
 } finally {
