@@ -34,6 +34,19 @@ test("a server that is busy or broken is offline, and is tried again", async () 
   expect(connection).toBe("offline");
 });
 
+test("a feed that is started twice connects once", async () => {
+  let asked = 0;
+  vi.stubGlobal("fetch", () => new Promise(() => (asked += 1)));
+  const feed = new Feed();
+  feed.start();
+  feed.start();
+  expect(asked).toBe(1);
+  feed.stop();
+  feed.start();
+  expect(asked).toBe(2);
+  feed.stop();
+});
+
 const SNAPSHOT = `id: a-1\nevent: snapshot\ndata: {"vehicles":[],"missions":[],"uplink":null}\n\n`;
 
 /** Sends pieces of a stream, one each so many seconds; gives what the feed shows after each. */

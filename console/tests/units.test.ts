@@ -11,6 +11,17 @@ test("a height just below zero is no negative zero", () => {
   expect(new Units("metric", "en").height(-0.2)).toBe("0 m");
 });
 
+test("a whole number is written as the language does, whatever its size", () => {
+  const numbers = [0, 0.5, 1.5, 2.5, -2.5, -17.2, 99.49, 998.5, 999.4, 999.5, -999.5, 1000, 1234567, Infinity, NaN];
+  for (const language of ["en", "es", "es-MX", "ar-EG"]) {
+    const format = new Intl.NumberFormat(language, { maximumFractionDigits: 0 });
+    for (const number of numbers) {
+      const expected = format.format(number).replace(/^-0$/, "0");
+      expect(new Units("metric", language).count(number), `${number} in ${language}`).toBe(expected);
+    }
+  }
+});
+
 test("a value that is not known is a dash", () => {
   expect(new Units("metric", "es").percentage(null)).toBe("–");
 });

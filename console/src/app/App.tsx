@@ -1,10 +1,11 @@
 import { useCallback, useEffect, useLayoutEffect, useMemo, useState } from "react";
 import { useTranslation } from "react-i18next";
 import { onSignedOut } from "../api/client";
-import { presentSession, signInByLink, signOut, takeLink } from "../api/session";
+import { signOut } from "../api/session";
 import type { Session } from "../api/types";
 import { Splash } from "../controls/Splash";
 import { LANGUAGES } from "../i18n/i18n";
+import { Feed } from "../live/feed";
 import { asRequestError } from "../live/use_resource";
 import { SignIn } from "../screens/SignIn";
 import type { RequestError } from "../api/client";
@@ -16,10 +17,16 @@ import { Shell } from "./Shell";
 type Entry =
   | { kind: "checking" }
   | { kind: "signed out"; error: RequestError | null; hasEnded: boolean }
-  | { kind: "signed in"; session: Session };
+  | { kind: "signed in"; session: Session; feed: Feed };
+
+interface AppProperties {
+  /** The session that this browser has, or that of the one-time link with which it was opened. */
+  entering: Promise<Session>;
+  hasLink: boolean;
+}
 
 /** The console: the sign-in, or the shell for a person who is signed in. */
-export function App() {
+export function App({ entering, hasLink }: AppProperties) {
   const { i18n } = useTranslation();
   const [entry, setEntry] = useState<Entry>({ kind: "checking" });
   const [preferences, setPreferences] = useState(() => readPreferences(Object.keys(LANGUAGES)));
@@ -35,18 +42,20 @@ export function App() {
   }, [preferences, i18n]);
 
   useEffect(() => {
+    let isCurrent = true;
     onSignedOut(() => setEntry({ kind: "signed out", error: null, hasEnded: true }));
-    const link = takeLink();
-    const entering = link === null ? presentSession() : signInByLink(link);
     entering
-      .then((session) => setEntry({ kind: "signed in", session }))
+      .then((session) => isCurrent && setEntry(signedIn(session)))
       .catch((reason: unknown) => {
         const error = asRequestError(reason);
         // Without a link a missing session is the usual beginning, not an error
-        const isUsual = link === null && error.status === 401;
+        const isUsual = !hasLink && error.status === 401;
         setEntry({ kind: "signed out", error: isUsual ? null : error, hasEnded: false });
       });
-  }, []);
+    return () => {
+      isCurrent = false;
+    };
+  }, [entering, hasLink]);
 
   const leave = useCallback(() => {
     // The server may be out of reach; this browser is signed out in any case
@@ -61,14 +70,21 @@ export function App() {
         <SignIn
           firstError={entry.error}
           hasEnded={entry.hasEnded}
-          enter={(session) => setEntry({ kind: "signed in", session })}
+          enter={(session) => setEntry(signedIn(session))}
         />
       )}
       {entry.kind === "signed in" && (
         <SessionContext value={{ session: entry.session, leave }}>
-          <Shell />
+          <Shell feed={entry.feed} />
         </SessionContext>
       )}
     </PreferencesContext>
   );
+}
+
+/** The feed is opened before anything is drawn: the map waits for the places of the vehicles. */
+function signedIn(session: Session): Entry {
+  const feed = new Feed();
+  feed.start();
+  return { kind: "signed in", session, feed };
 }

@@ -3,7 +3,7 @@ import { useTranslation } from "react-i18next";
 import { Empty, Skeleton } from "../controls/states";
 import { StopContext, type Stop } from "../controls/StopButton";
 import { useAlarmSound } from "../live/alarm_sound";
-import { Feed } from "../live/feed";
+import type { Feed } from "../live/feed";
 import { FeedContext } from "../live/use_live";
 import { Fleet } from "../screens/Fleet";
 import { StopDialog } from "../screens/StopDialog";
@@ -23,9 +23,8 @@ const Alarms = lazy(() => import("../screens/Alarms"));
 const System = lazy(() => import("../screens/System"));
 
 /** Header, navigation and the screen of the present address. */
-export function Shell() {
+export function Shell({ feed }: { feed: Feed }) {
   const { t } = useTranslation();
-  const [feed] = useState(() => new Feed());
   const [stops, setStops] = useState<{ vehicleId: number | null } | null>(null);
   const stop = useCallback<Stop>((vehicleId) => setStops({ vehicleId }), []);
   useEffect(() => {

@@ -17,7 +17,7 @@ const SHOWN_EVERY_MS = 100;
 export class Feed {
   #state: LiveState = EMPTY;
   #listeners = new Set<() => void>();
-  #stop = new AbortController();
+  #stop: AbortController | null = null;
   #lastId: string | null = null;
   #timer: ReturnType<typeof setTimeout> | null = null;
 
@@ -28,13 +28,16 @@ export class Feed {
 
   readonly state = (): LiveState => this.#state;
 
+  /** Connects; a feed that is connected goes on. */
   start(): void {
+    if (this.#stop !== null) return;
     this.#stop = new AbortController();
     void this.#run(this.#stop.signal);
   }
 
   stop(): void {
-    this.#stop.abort();
+    this.#stop?.abort();
+    this.#stop = null;
   }
 
   /** Takes an event that this browser has caused, so that it shows before the feed sends it. */

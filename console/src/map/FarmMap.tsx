@@ -10,7 +10,7 @@ import { gridOf } from "./grid";
 import maplibregl from "./maplibre";
 import { drawPictures } from "./picture_map";
 import type { PictureLayer } from "./picture_places";
-import { mapStyle, type SourceName } from "./style";
+import { mapStyle, type MapData } from "./style";
 
 /** A symbol on the map; `element` is made once for each key. */
 export interface Symbol {
@@ -26,7 +26,7 @@ export interface Symbol {
 }
 
 export interface FarmMapProperties {
-  layers: Partial<Record<Exclude<SourceName, "grid">, GeoJSON.FeatureCollection>>;
+  layers: Omit<MapData, "grid">;
   symbols: Symbol[];
   /** What the map shows at first, once it is known: [west, south, east, north]. */
   extent: [number, number, number, number] | null;
@@ -42,6 +42,8 @@ export interface FarmMapProperties {
 
 const FIRST_PLACE: [number, number] = [-3.7382, 40.4434];
 const CLOSEST_ZOOM = 18;
+/** How long the first drawing waits for what says where to look: to draw another place first costs more. */
+const AWAITS_EXTENT_MS = 500;
 /** What is shown does not lie below the buttons on the left. */
 const PADDING = { top: 56, right: 56, bottom: 56, left: 84 };
 
@@ -50,12 +52,17 @@ export default function FarmMap({ layers, symbols, extent, click, pick, pictures
   const { t } = useTranslation();
   const { preferences } = usePreferences();
   const container = useRef<HTMLDivElement>(null);
+  /** Made at once; it has a style and is `map` when it is known what it shows. */
+  const bare = useRef<MapLibreMap | null>(null);
   const [map, setMap] = useState<MapLibreMap | null>(null);
   const [hasFailed, setFailed] = useState(false);
+  const [hasWaited, setWaited] = useState(false);
   const [styles, setStyles] = useState(0);
   const hasFitted = useRef(false);
   /** What the sources of the present style hold: an unchanged layer is not sent again. */
-  const drawn = useRef<{ styles: number; layers: FarmMapProperties["layers"] }>({ styles: 0, layers: {} });
+  const drawn = useRef<FarmMapProperties["layers"]>({});
+  const latestLayers = useRef(layers);
+  latestLayers.current = layers;
   const latestClick = useRef(click);
   latestClick.current = click;
   const latestPick = useRef(pick);
@@ -67,8 +74,6 @@ export default function FarmMap({ layers, symbols, extent, click, pick, pictures
     try {
       made = new maplibregl.Map({
         container: container.current,
-        style: mapStyle(),
-        validateStyle: false, // Ours; a fault in it shows in the journeys
         center: FIRST_PLACE,
         zoom: 16,
         maxZoom: 21,
@@ -82,18 +87,37 @@ export default function FarmMap({ layers, symbols, extent, click, pick, pictures
       return;
     }
     made.touchZoomRotate.disableRotation();
-    made.on("style.load", () => {
+    made.on("style.load", () => setStyles((count) => count + 1));
+    made.once("style.load", () => {
       setMap(made);
-      setStyles((count) => count + 1);
+      made.on("moveend", () => drawGrid(made));
     });
-    made.on("moveend", () => drawGrid(made));
     made.on("click", (event) => {
       const key: unknown = made.queryRenderedFeatures(event.point, { layers: ["measurement"] })[0]?.properties["key"];
       if (typeof key === "string" && latestPick.current) latestPick.current(key);
       else latestClick.current?.(event.lngLat.lng, event.lngLat.lat);
     });
-    return () => made.remove();
+    bare.current = made;
+    const timer = setTimeout(() => setWaited(true), AWAITS_EXTENT_MS);
+    return () => {
+      clearTimeout(timer);
+      bare.current = null;
+      made.remove();
+    };
   }, []);
+
+  useEffect(() => {
+    const made = map ?? bare.current;
+    if (made === null) return;
+    if (extent !== null && !hasFitted.current) {
+      hasFitted.current = true;
+      fit(made, extent, 0);
+    }
+    if (bare.current !== null && (extent !== null || hasWaited)) {
+      bare.current = null;
+      setStyle(made);
+    }
+  }, [map, extent, hasWaited]);
 
   useEffect(() => {
     if (map === null) return;
@@ -105,22 +129,26 @@ export default function FarmMap({ layers, symbols, extent, click, pick, pictures
   }, [map, preferences.units]);
 
   useEffect(() => {
-    map?.setStyle(mapStyle(), { transformStyle: keepBaseMaps, validate: false });
+    if (map !== null) setStyle(map);
     // The first style has this theme already
     // eslint-disable-next-line react-hooks/exhaustive-deps
   }, [preferences.theme]);
 
   useEffect(() => {
     if (map === null) return;
-    const isNewStyle = drawn.current.styles !== styles;
-    if (isNewStyle) drawGrid(map);
     for (const [name, data] of Object.entries(layers)) {
-      const isDrawn = drawn.current.layers[name as keyof typeof layers] === data;
-      if (!isNewStyle && isDrawn) continue;
+      if (drawn.current[name as keyof typeof layers] === data) continue;
       (map.getSource(name) as GeoJSONSource | undefined)?.setData(data);
     }
-    drawn.current = { styles, layers };
-  }, [map, styles, layers]);
+    drawn.current = layers;
+  }, [map, layers]);
+
+  /** Draws the map in the colours of the present theme, with everything that is known. */
+  function setStyle(map: MapLibreMap): void {
+    drawn.current = latestLayers.current;
+    const style = mapStyle({ ...drawn.current, grid: gridOfView(map) });
+    map.setStyle(style, { transformStyle: keepBaseMaps, validate: false }); // Ours: a fault shows in the journeys
+  }
 
   useEffect(() => {
     if (map === null || pictures === undefined) return;
@@ -130,12 +158,6 @@ export default function FarmMap({ layers, symbols, extent, click, pick, pictures
   }, [map, styles, pictures]);
 
   useSymbols(map, symbols);
-
-  useEffect(() => {
-    if (map === null || extent === null || hasFitted.current) return;
-    hasFitted.current = true;
-    fit(map, extent, 0);
-  }, [map, extent]);
 
   return (
     <div className="farm-map" role="region" aria-label={label}>
@@ -175,16 +197,19 @@ function fit(map: MapLibreMap, [west, south, east, north]: [number, number, numb
 }
 
 function drawGrid(map: MapLibreMap): void {
-  const bounds = map.getBounds();
-  (map.getSource("grid") as GeoJSONSource | undefined)?.setData(
-    gridOf({
-      west: bounds.getWest(),
-      south: bounds.getSouth(),
-      east: bounds.getEast(),
-      north: bounds.getNorth(),
-    }),
-  );
+  (map.getSource("grid") as GeoJSONSource | undefined)?.setData(gridOfView(map));
 }
+
+function gridOfView(map: MapLibreMap): GeoJSON.FeatureCollection {
+  const bounds = map.getBounds();
+  return gridOf({
+    west: bounds.getWest(),
+    south: bounds.getSouth(),
+    east: bounds.getEast(),
+    north: bounds.getNorth(),
+  });
+}
+
 
 /** Keeps one marker for each symbol, moved and not made again. */
 function useSymbols(map: MapLibreMap | null, symbols: Symbol[]): void {

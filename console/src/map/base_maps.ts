@@ -5,7 +5,7 @@ import type { LayerSpecification, Map as MapLibreMap, StyleSpecification } from 
 import { PMTiles, Protocol } from "pmtiles";
 import type { BaseMap } from "../api/types";
 import maplibregl from "./maplibre";
-import { mapStyle } from "./style";
+import { FIELD_OPACITY } from "./style";
 
 /** Opacity of the base maps that are shown, by name. */
 export type ShownMaps = Record<string, number>;
@@ -15,7 +15,7 @@ export const PREFIX = "base:";
 /** Pictures of a flight, above the base maps. */
 export const PICTURES = `${PREFIX}picture-`;
 /** Of the fields' areas while something is below them: its colours mean something. The edges stay. */
-const FIELD_OPACITY = 0;
+const COVERED_OPACITY = 0;
 /** Base maps lie below this layer. */
 export const ABOVE = "field";
 const PREPARE_ATTEMPTS = 30;
@@ -51,7 +51,7 @@ export function keepBaseMaps(previous: StyleSpecification | undefined, next: Sty
     sources: { ...next.sources, ...Object.fromEntries(sources) },
     layers: [...next.layers.slice(0, at), ...layers, ...next.layers.slice(at)].map((layer) =>
       layer.id === ABOVE && layer.type === "fill" && layers.length > 0
-        ? { ...layer, paint: { ...layer.paint, "fill-opacity": FIELD_OPACITY } }
+        ? { ...layer, paint: { ...layer.paint, "fill-opacity": COVERED_OPACITY } }
         : layer,
     ),
   };
@@ -91,11 +91,11 @@ function abovePlace(map: MapLibreMap): string {
 
 /** Shows what lies below the fields in its own colours. */
 export function thinFields(map: MapLibreMap): void {
-  const layers = map.getStyle().layers;
-  const usual = mapStyle().layers.find(({ id }) => id === ABOVE);
-  const opacity = usual?.type === "fill" ? usual.paint?.["fill-opacity"] : undefined;
-  const isCovered = layers.some(({ id }) => id.startsWith(PREFIX));
-  map.setPaintProperty(ABOVE, "fill-opacity", isCovered ? FIELD_OPACITY : opacity);
+  const isCovered = map.getLayersOrder().some((id) => id.startsWith(PREFIX));
+  const opacity = isCovered ? COVERED_OPACITY : FIELD_OPACITY;
+  // The same value again would draw the map for the whole time of a transition
+  if (map.getPaintProperty(ABOVE, "fill-opacity") === opacity) return;
+  map.setPaintProperty(ABOVE, "fill-opacity", opacity);
 }
 
 async function add(map: MapLibreMap, one: BaseMap, id: string, signal: AbortSignal): Promise<void> {

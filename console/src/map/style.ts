@@ -5,18 +5,24 @@ import type { ExpressionSpecification, LayerSpecification, StyleSpecification } 
 export const SOURCES = ["grid", "fields", "routes", "trails", "measurements"] as const;
 export type SourceName = (typeof SOURCES)[number];
 
+/** Of the fields' areas, where nothing lies below them. */
+export const FIELD_OPACITY = 0.55;
+
 /** Reads a colour of the present theme. */
 function colour(name: string): string {
   return getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
 }
 
+/** What is drawn, by the name of its source; nothing where one is missing. */
+export type MapData = Partial<Record<SourceName, GeoJSON.FeatureCollection>>;
+
 /** Makes the whole style; it is small enough to be set again when the theme changes. */
-export function mapStyle(): StyleSpecification {
+export function mapStyle(data: MapData): StyleSpecification {
   const empty = { type: "FeatureCollection" as const, features: [] };
   return {
     version: 8,
     sources: Object.fromEntries(
-      SOURCES.map((name) => [name, { type: "geojson" as const, data: empty }]),
+      SOURCES.map((name) => [name, { type: "geojson" as const, data: data[name] ?? empty }]),
     ),
     layers: layers(),
   };
@@ -43,7 +49,7 @@ function layers(): LayerSpecification[] {
       type: "fill",
       source: "fields",
       filter: ["!=", ["get", "kind"], "exclusion"],
-      paint: { "fill-color": colour("map-field"), "fill-opacity": 0.55 },
+      paint: { "fill-color": colour("map-field"), "fill-opacity": FIELD_OPACITY },
     },
     {
       id: "exclusion",

@@ -15,7 +15,14 @@ const SMALL_M2 = 1_000;
 /** By language and digits: to make one takes longer than to draw the number. */
 const formats = new Map<string, Intl.NumberFormat>();
 
+/** Languages that write a whole number below a thousand as JavaScript does. */
+const PLAIN = /^(en|es)\b/;
+
 function rounded(value: number, digits: number, language: string): string {
+  if (digits === 0 && Math.abs(value) < 999.5 && PLAIN.test(language)) {
+    // The browser takes a while to make its first format, in the middle of the first load
+    return String(Math.sign(value) * Math.round(Math.abs(value)));
+  }
   const key = `${language} ${digits}`;
   let format = formats.get(key);
   if (format === undefined) {

@@ -71,20 +71,23 @@ async function firstLoad(page, devtools) {
   const url = new URL(process.env.LINK);
   const began = Date.now();
   await page.goto(`${url.origin}${url.pathname}`);
-  await page.waitForFunction(() => {
-    const scale = document.querySelector(".maplibregl-ctrl-scale")?.textContent;
+  const answered = await page.waitForFunction(() => {
+    const bar = document.querySelector(".maplibregl-ctrl-scale");
     const showAll = document.querySelector("[aria-label='Show everything']");
-    if (scale === undefined || showAll === null || showAll.disabled) return false;
+    if (bar === null || showAll === null || showAll.disabled) return false;
+    // The text alone changes only where a rounded distance does, in the middle of the zoom
+    const scale = `${bar.textContent} ${bar.style.width}`;
     const hasChanged = scale !== globalThis.scaleBefore;
     globalThis.scaleBefore = scale;
-    if (globalThis.hasClicked) return hasChanged;
+    if (globalThis.hasClicked) return hasChanged && Date.now();
     if (hasChanged) return false;
     // The map has been moved to its vehicles; what changes now is the answer to this click
     globalThis.hasClicked = true;
     document.querySelector("[aria-label='Zoom in']").click();
     return false;
-  }, undefined, { polling: 100 });
-  const interactive_ms = Date.now() - began;
+  }, undefined, { polling: "raf" });
+  // By the page's clock, which is this machine's: the way of the answer to here is not the map's
+  const interactive_ms = (await answered.jsonValue()) - began;
   await page.waitForFunction((count) => document.querySelectorAll(".vehicle-card").length >= count, VEHICLES);
   return { interactive_ms, first_load_bytes: bytes };
 }
