@@ -17,6 +17,10 @@ from edge_server.store.files import ballast
 LOG = logging.getLogger(__name__)
 
 
+class NoSpaceError(migrate.StoreError):
+    """The disk has no space for the state folder, also without the reserves."""
+
+
 def prepare(config: Config) -> None:
     """Create what is missing and migrate what is old; no effect on a prepared folder.
 
@@ -26,6 +30,7 @@ def prepare(config: Config) -> None:
         ConfigError: if the folder cannot be created.
         StoreError: if the database cannot be used.
         SecretFileError: if a configured secret cannot be used, or others can read it.
+        NoSpaceError: if the disk is full and all reserves are released.
     """
     key_files.check_given(config)
     _check_signature_key(config)
@@ -39,7 +44,9 @@ def prepare(config: Config) -> None:
                 raise
             released = next((path for path in reserves if ballast.release(path)), None)
             if released is None:
-                raise
+                raise NoSpaceError(
+                    f"the disk of {config.state_dir} is full; free some space there"
+                ) from error
             LOG.warning("the disk is full; the reserve %s is released", released)
         else:
             return

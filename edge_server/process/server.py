@@ -94,15 +94,15 @@ def _prepare(config: Config) -> int:
 
 
 def _prepare_when_available(config: Config) -> None:
-    """Prepare; waits for a database server that does not answer yet."""
-    from edge_server.process.preparation import prepare  # noqa: PLC0415  # stays in the child
+    """Prepare; waits for a database server that does not answer yet, and for space on the disk."""
+    from edge_server.process.preparation import NoSpaceError, prepare  # noqa: PLC0415  # as above
     from edge_server.store.migrate import UnreachableError  # noqa: PLC0415  # as above
 
     logged = ""
     while True:
         try:
             prepare(config)
-        except UnreachableError as error:
+        except (UnreachableError, NoSpaceError) as error:
             if logged != str(error):
                 logged = str(error)
                 LOG.warning("waiting for the database: %s", error)

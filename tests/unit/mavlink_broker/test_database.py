@@ -21,6 +21,7 @@ from mavlink_broker.database import (
     DatabaseBusyError,
     read_rows,
 )
+from tests.support.small_disk import NoSmallDiskError, fill_up, small_disk
 
 ALL = "SELECT number, data FROM posts ORDER BY number"
 ROWS = 200
@@ -90,6 +91,23 @@ def test_a_broker_whose_disk_stores_no_identity_is_known_by_its_key_alone(
     database.open()
     database.close()
     assert database.instance_id == ""
+
+
+def test_a_first_start_on_a_full_disk_names_the_disk_and_works_with_space(tmp_path: Path) -> None:
+    try:
+        with small_disk(tmp_path / "disk", 8) as folder:
+            fill_up(folder / "others")
+            database = Database(folder / "broker")
+            for _ in range(2):  # The second finds the empty file of the first
+                with pytest.raises(OSError, match=r"disk is full|No space left") as caught:
+                    database.read(ALL)
+                assert caught.value.errno == errno.ENOSPC
+            (folder / "others").unlink()
+            add(database, 1)
+            database.close()
+            assert numbers_in(folder / "broker") == [1]
+    except NoSmallDiskError as error:
+        pytest.skip(f"no file system can be mounted here: {error}")
 
 
 def test_a_change_is_on_the_disk_and_the_lock_ends_when_the_broker_is_killed(
