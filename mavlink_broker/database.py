@@ -119,12 +119,12 @@ class Database:
                     return self._connected().execute(query).fetchall()
             except DatabaseBusyError:
                 raise
-            except OSError as refusal:  # Its opening alone writes: read-only disk, or beside a lock
+            except OSError:  # Its opening alone writes: on a read-only disk, or beside a lock
                 if self._is_closed or not self._path.exists():
                     raise
                 with suppress(OSError):
                     return read_rows(self.folder, query)
-                raise refusal  # A file without tables says less than the disk that refused them
+                raise  # A file without tables says less than the disk that refused them
 
     @contextmanager
     def change(self, size_bytes: int = 0) -> Iterator[sqlite3.Connection]:
