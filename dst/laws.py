@@ -16,8 +16,9 @@ from dst.edge_process import EdgeDownError
 from dst.event_laws import EventLaws
 from dst.flight import SINK_M_S, Reached, is_same_place
 from dst.link_laws import LinkLaws
-from dst.operator_person import FENCE_M, HIGHEST_M, Operator, PostedAbort, PostedPlan
+from dst.operator_person import Operator, PostedAbort, PostedPlan
 from dst.picture_laws import PictureLaws
+from dst.plans import FENCE_M, HIGHEST_M
 from dst.vehicle import Vehicle
 from dst.world import World
 from edge_server.outbox.queue import Stream
@@ -392,10 +393,11 @@ class Laws:
 
     def _was_done(self, plan: PostedPlan, command_id: int) -> bool:
         """Whether a command was carried out, by truth; one without a place counts as done."""
-        place, centre = plan.waypoints.get(command_id), plan.circles.get(command_id)
-        if command_id in plan.pictures:
+        planned = plan.commands
+        place, centre = planned.waypoints.get(command_id), planned.circles.get(command_id)
+        if command_id in planned.pictures:
             return self._pictures.has_taken(plan, command_id)
-        if command_id in plan.subjects:
+        if command_id in planned.subjects:
             return self._pictures.has_tracked(plan, command_id)
         if centre is not None:
             return any(
@@ -485,7 +487,7 @@ class Laws:
 
     def _flown(self, plan: PostedPlan) -> list[Reached]:
         """Give what was flown of a plan, by whichever aircraft with its system id."""
-        places = plan.waypoints.values()
+        places = plan.commands.waypoints.values()
         return [
             one
             for truth in self._world.truths(plan.vehicle_id)

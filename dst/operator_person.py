@@ -1,17 +1,15 @@
 """The operator: posts plans, repeats requests, cancels, aborts, pauses, releases held vehicles."""
 
-from collections.abc import Callable, Collection, Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
 from http import HTTPStatus
-from random import Random
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 from dst.autopilot import Mode
 from dst.edge_process import EdgeDownError, Response
 from dst.faults import Fault
 from dst.flight import place
-from dst.pictures import SINGLE, Series
-from dst.tracking import Rectangle
+from dst.plans import ALTITUDE_M, PlannedCommands, Planner, place_in_field
 from dst.world import World
 from mavlink_broker.mission.states import State
 
@@ -28,27 +26,6 @@ UNAWARE_AFTER_S: Final = 18.0
 REGRET_SHARE: Final = 0.3
 MEAN_REGRET_S: Final = 1.0
 """From a plan that is posted by mistake to its cancellation."""
-FENCED_SHARE: Final = 0.5
-FENCE_M: Final = 60.0
-"""Half the side of the square about home that plans stay within."""
-HIGHEST_M: Final = 20.0
-GEOFENCE: Final = {
-    "inclusion": [
-        [
-            list(place(north_m, east_m))
-            for north_m, east_m in (
-                (-FENCE_M, -FENCE_M),
-                (-FENCE_M, FENCE_M),
-                (FENCE_M, FENCE_M),
-                (FENCE_M, -FENCE_M),
-            )
-        ]
-    ],
-    "max_altitude": HIGHEST_M,
-}
-LONG_SHARE: Final = 0.5
-LANDING: Final = 20
-"""`command_id` of the last command."""
 RELEASE_PERIOD_S: Final = 15.0
 RESCUE_S: Final = 60.0
 """A vehicle that has hovered or circled so long without a mission is landed by its pilot."""
@@ -56,7 +33,6 @@ PATIENCE_S: Final = 180.0
 """A mission that hovers or circles so long is aborted."""
 RESUMES: Final = 3
 """After so many requests to resume, a mission that stays paused is aborted."""
-ALTITUDE_M: Final = 5.0
 SOFT_ABORT: Final = 2
 ABORT: Final = 1
 SPEED: Final = 3
@@ -72,39 +48,6 @@ RESUME: Final = 102
 
 NO_FIELDS: Final[Mapping[str, Any]] = {}
 
-WAYPOINT, IMAGE, HOTPOINT, FOLLOW, TRACK, PANORAMA = 3, 4, 7, 8, 9, 10
-"""`command_type_id`."""
-PICTURES_SHARE: Final = 0.4
-"""How often pictures are taken at a place."""
-PANORAMA_SHARE: Final = 0.2
-FIRST_PICTURES: Final = 100
-"""`command_id` of pictures, less that of the command before, which has the place."""
-MORE_PICTURES: Final = 100
-"""`command_id` of the next pictures at that place, less that of the ones before."""
-MORE_PICTURES_SHARE: Final = 0.4
-MOST_PICTURES: Final = 3
-"""Commands of pictures at one place."""
-FIRST_TRACK: Final = 400
-"""`command_id` of a subject that is tracked, less that of the command before."""
-TRACK_SHARE: Final = 0.1
-TRACK_MODES: Final = 5
-RADIUS_M: Final = 5.0
-"""Of the circles."""
-FIELDS: Final[dict[int, dict[str, Any]]] = {
-    WAYPOINT: {"altitude": ALTITUDE_M},
-    HOTPOINT: {"orbit_altitude": ALTITUDE_M, "radius": RADIUS_M, "angular_velocity": 20.0},
-    FOLLOW: {"altitude": ALTITUDE_M},
-}
-
-
-class PlannedPictures(NamedTuple):
-    """The pictures of one command."""
-
-    place_e7: tuple[int, int]
-    """Where they are taken: latitude and longitude [1e-7 deg]."""
-    series: Series | None
-    """No other command at this place has the same; None for a panorama."""
-
 
 @dataclass
 class PostedPlan:
@@ -113,14 +56,7 @@ class PostedPlan:
     number: int
     mission_id: int
     vehicle_id: int
-    waypoints: dict[int, tuple[int, int]]
-    """By command id: latitude and longitude [1e-7 deg]."""
-    circles: dict[int, tuple[int, int]] = field(default_factory=dict)
-    """By command id: the centre, as of a waypoint."""
-    pictures: dict[int, "PlannedPictures"] = field(default_factory=dict)
-    """By command id."""
-    subjects: dict[int, Rectangle] = field(default_factory=dict)
-    """By command id: what the camera tracks."""
+    commands: PlannedCommands
     posted_s: float = 0.0
     cancelled_s: float | None = None
     """When its deletion was acknowledged."""
@@ -170,19 +106,13 @@ class Operator:
         self._world = world
         self._enabled = frozenset(enabled)
         self._random = world.scheduler.random("operator")
+        self._planner = Planner(world.scheduler, list(world.vehicles), enabled, self._random)
         self._orders = world.scheduler.random("aborts")
         self._abort_share = world.scheduler.random("abort habits").choice(ABORT_SHARES)
         self._abort_places = world.scheduler.random("abort places")
         self._breaks = world.scheduler.random("pauses")
         self._speeds = world.scheduler.random("speeds")
-        self._live = world.scheduler.random("live commands")
-        self._numbers = world.scheduler.random("mission numbers")
-        self._lengths = world.scheduler.random("long missions")
         self._regrets = world.scheduler.random("regrets")
-        self._views = world.scheduler.random("views")
-        self._more_views = world.scheduler.random("more views")
-        self._subjects = world.scheduler.random("subjects")
-        self._missions = 0
         self._events = 0
         self._shift = 0
         self._is_posting = False
@@ -238,112 +168,22 @@ class Operator:
             return None
 
     def _post_plan(self) -> None:
-        self._missions += 1
-        mission_id, random = self._mission_id(), self._random
-        vehicle_id = random.choice(list(self._world.vehicles))
-        home = place(0.0, 0.0)
-        home_fields = {"latitude": home[0], "longitude": home[1]}
-        commands: list[dict[str, Any]] = [_command(1, 1, home_fields | {"altitude": ALTITUDE_M})]
-        waypoints: dict[int, tuple[int, int]] = {}
-        circles: dict[int, tuple[int, int]] = {}
-        pictures: dict[int, PlannedPictures] = {}
-        subjects: dict[int, Rectangle] = {}
-        may_be_long = bool(self._enabled & {Fault.LONG_MISSIONS, Fault.POWER_CUT})
-        is_long = may_be_long and self._lengths.random() < LONG_SHARE
-        last = self._lengths.randint(8, 11) if is_long else random.randint(3, 5)
-        if Fault.REPEATED_MISSIONS in self._enabled and not is_long:
-            last = 4  # The same commands each time, of other places
-        for command_id in range(2, last):
-            latitude, longitude = place(random.uniform(5.0, 30.0), random.uniform(-30.0, 30.0))
-            where = {"latitude": latitude, "longitude": longitude}
-            kind = self._live.choices((WAYPOINT, HOTPOINT, FOLLOW), (7, 3, 1))[0]
-            targets = waypoints if kind == WAYPOINT else circles
-            if kind != FOLLOW:
-                targets[command_id] = round(latitude * 1e7), round(longitude * 1e7)
-            commands.append(_command(command_id, kind, where | FIELDS[kind]))
-            if kind != FOLLOW and Fault.PICTURES in self._enabled:
-                place_e7 = targets[command_id]
-                commands += self._camera_work(command_id, place_e7, pictures, subjects)
-        commands.append(_command(LANDING, 11, {"landing": True}))
-        speed_m_s = self._lengths.uniform(2.0, 4.0) if is_long else 5.0
-        mission = {"mission_id": mission_id, "vehicle_id": vehicle_id, "maximum_speed": speed_m_s}
-        missions = [mission | {"command_array": commands}]
-        body: dict[str, Any] = {"name": "simulated", "missions": missions}
-        if Fault.GEOFENCES in self._enabled and self._lengths.random() < FENCED_SHARE:
-            body["geofence"] = GEOFENCE
-        key = f"plan-{self._missions}"
-        response = self._request("POST", "/plans/", body, key)
+        drawn = self._planner.draw()
+        response = self._request("POST", "/plans/", drawn.body, drawn.key)
         if response is None or response.status != 201:
             return
         number = int(response.json()["id"])
         now_s = self._world.scheduler.now_s
-        plan = PostedPlan(
-            number,
-            mission_id,
-            vehicle_id,
-            waypoints,
-            circles,
-            pictures,
-            subjects,
-            posted_s=now_s,
-        )
+        plan = PostedPlan(number, drawn.mission_id, drawn.vehicle_id, drawn.commands, now_s)
         self.plans.append(plan)
         if Fault.CANCELLATIONS in self._enabled and self._regrets.random() < REGRET_SHARE:
             regret_s = self._regrets.expovariate(1.0 / MEAN_REGRET_S)
             self._world.scheduler.after(regret_s, lambda: self._cancel(plan))
         if Fault.REPEATED_POSTS in self._enabled:
-            pause_s = random.uniform(0.0, 60.0)
-            self._world.scheduler.after(pause_s, lambda: self._repeat(body, key, number))
-
-    def _camera_work(
-        self,
-        before: int,
-        place_e7: tuple[int, int],
-        pictures: dict[int, PlannedPictures],
-        subjects: dict[int, Rectangle],
-    ) -> Iterator[dict[str, Any]]:
-        """Give commands of a camera behind another command, whose place this is, and note them."""
-        if self._views.random() < PICTURES_SHARE:
-            for planned, command in self._views_at(place_e7, FIRST_PICTURES + before):
-                pictures[command["command_id"]] = planned
-                yield command
-        # A vehicle that follows its subject has no geofence here
-        is_free = Fault.GEOFENCES not in self._enabled
-        if is_free and self._subjects.random() < TRACK_SHARE:
-            subjects[FIRST_TRACK + before] = rectangle = self._rectangle()
-            yield self._track(FIRST_TRACK + before, rectangle)
-
-    def _views_at(
-        self, place_e7: tuple[int, int], first: int
-    ) -> Iterator[tuple[PlannedPictures, dict[str, Any]]]:
-        """Give the commands that take pictures at a place; the first has the id `first`."""
-        views, taken = self._views, set[Series]()
-        for command_id in range(first, first + MOST_PICTURES * MORE_PICTURES, MORE_PICTURES):
-            planned, command = _view(views, place_e7, command_id)
-            series = planned.series or SINGLE  # By turns, a panorama is single pictures
-            if series not in taken:
-                taken.add(series)
-                yield planned, command
-            views = self._more_views
-            if views.random() >= MORE_PICTURES_SHARE:
-                break
-
-    def _rectangle(self) -> Rectangle:
-        """Draw what is tracked; its corners are numbers that a float has."""
-        left, top = (self._subjects.randint(0, 127) / 256.0 for _ in range(2))
-        return Rectangle(left, top, left + 0.25, top + 0.25)
-
-    def _track(self, command_id: int, rectangle: Rectangle) -> dict[str, Any]:
-        """Give a command that tracks a subject."""
-        corners = [list(rectangle[:2]), list(rectangle[2:])]
-        mode = self._subjects.randrange(TRACK_MODES)
-        return _command(command_id, TRACK, {"corners": corners, "track_mode": mode})
-
-    def _mission_id(self) -> int:
-        """Give a number, which another plan may have had before."""
-        if Fault.REPEATED_MISSIONS not in self._enabled:
-            return self._missions
-        return self._numbers.randint(1, 2)
+            pause_s = self._random.uniform(0.0, 60.0)
+            self._world.scheduler.after(
+                pause_s, lambda: self._repeat(drawn.body, drawn.key, number)
+            )
 
     def _repeat(self, body: Any, key: str, number: int) -> None:
         response = self._request("POST", "/plans/", body, key)
@@ -468,7 +308,7 @@ class Operator:
         place_m, fields = None, NO_FIELDS
         random = self._abort_places
         if kind in {ABORT, SOFT_ABORT} and random.random() < PLACE_SHARE:
-            place_m = random.uniform(5.0, 30.0), random.uniform(-30.0, 30.0)
+            place_m = place_in_field(random)
             latitude, longitude = place(*place_m)
             there = {"latitude": latitude, "longitude": longitude, "altitude": ALTITUDE_M}
             fields = {"abort": there}
@@ -498,22 +338,3 @@ class Operator:
             return
         vehicle_id = self._orders.choice(lost or flying or list(world.vehicles))
         self._post_abort(vehicle_id, self._orders.choice(ENDING_EVENTS))
-
-
-def _view(
-    views: Random, place_e7: tuple[int, int], command_id: int
-) -> tuple[PlannedPictures, dict[str, Any]]:
-    """Draw a command that takes pictures where the vehicle is."""
-    if views.random() < PANORAMA_SHARE:
-        panorama = {"panorama_mode": views.randint(0, 1)}
-        return PlannedPictures(place_e7, None), _command(command_id, PANORAMA, panorama)
-    count = views.randint(1, 3)
-    interval_s = 0 if count == 1 else views.randint(1, 3)
-    pitch_deg = views.choice((-90.0, -45.0))
-    shots = {"photo_count": count, "time_interval": interval_s, "pitch_angle": pitch_deg}
-    planned = PlannedPictures(place_e7, Series(float(interval_s), count))
-    return planned, _command(command_id, IMAGE, shots)
-
-
-def _command(command_id: int, kind: int, parameters: dict[str, Any]) -> dict[str, Any]:
-    return {"command_id": command_id, "command_type_id": kind, "parameters": parameters}

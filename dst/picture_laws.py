@@ -9,8 +9,9 @@ from http import HTTPStatus
 from typing import Final
 
 from dst.flight import Truth, offset_m
-from dst.operator_person import RADIUS_M, Operator, PlannedPictures, PostedPlan
+from dst.operator_person import Operator, PostedPlan
 from dst.pictures import PANORAMA_INTERVAL_S, SINGLE, Picture, url_in
+from dst.plans import RADIUS_M, PlannedPictures
 from dst.vehicle import Vehicle
 from dst.world import World
 from mavlink_broker.edge.bounded_http import Answer
@@ -54,7 +55,7 @@ class PictureLaws:
         The second aircraft with a system id has no camera.
         """
         return plan.vehicle_id in self._world.twinned or any(
-            picture.time_s > plan.posted_s and _is_of(plan.pictures[command_id], picture)
+            picture.time_s > plan.posted_s and _is_of(plan.commands.pictures[command_id], picture)
             for truth in self._world.truths(plan.vehicle_id)
             for picture in truth.pictures
         )
@@ -62,7 +63,8 @@ class PictureLaws:
     def has_tracked(self, plan: PostedPlan, command_id: int) -> bool:
         """Whether a camera was ordered to track the subject of a command, since it was posted."""
         return plan.vehicle_id in self._world.twinned or any(
-            tracked.time_s > plan.posted_s and tracked.rectangle == plan.subjects[command_id]
+            tracked.time_s > plan.posted_s
+            and tracked.rectangle == plan.commands.subjects[command_id]
             for truth in self._world.truths(plan.vehicle_id)
             for tracked in truth.tracked
         )
@@ -88,10 +90,10 @@ class PictureLaws:
         """Whether a plan has a command of this name that orders the picture."""
         mission_id, command_id = map(int, name.groups())
         return any(
-            _is_of(plan.pictures[command_id], picture)
+            _is_of(plan.commands.pictures[command_id], picture)
             for plan in self._operator.plans
             if (plan.vehicle_id, plan.mission_id) == (system, mission_id)
-            and command_id in plan.pictures
+            and command_id in plan.commands.pictures
         )
 
 

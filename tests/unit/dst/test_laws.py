@@ -11,6 +11,7 @@ from dst.edge_process import prepared_folder
 from dst.flight import OrderUnderPilot, Reached, Truth
 from dst.laws import LawError, Laws
 from dst.operator_person import PAUSE, Operator, PostedAbort, PostedPause, PostedPlan
+from dst.plans import PlannedCommands
 from dst.vehicle import Vehicle
 from dst.world import World
 from mavlink_broker.edge.bounded_http import Answer
@@ -272,7 +273,7 @@ def test_a_waypoint_that_is_flown_while_the_mission_is_paused_is_found(
     number = world.request("POST", "/plans/", plan(903)).json()["id"]
     waypoint = plan(903)["missions"][0]["command_array"][1]["parameters"]
     where = round(waypoint["latitude"] * 1e7), round(waypoint["longitude"] * 1e7)
-    posted = PostedPlan(number, 903, 1, {2: where}, posted_s=world.scheduler.now_s)
+    posted = PostedPlan(number, 903, 1, PlannedCommands({2: where}), posted_s=world.scheduler.now_s)
     while not world.vehicles[1].is_flying:
         world.run(1.0)
     event = {"sequence_number": 903, "vehicle_id": 1, "event_type_id": PAUSE}

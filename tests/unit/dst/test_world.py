@@ -9,7 +9,7 @@ from afarcloud.enumerations import Status
 from dst.autopilot import FAMILIES, Autopilot
 from dst.edge_process import prepared_folder
 from dst.flight import place
-from dst.operator_person import FIELDS, GEOFENCE, HOTPOINT
+from dst.plans import FIELDS, GEOFENCE, HOTPOINT
 from dst.vehicle import Vehicle
 from dst.world import World
 from edge_server.store.files import ballast
