@@ -3,15 +3,15 @@
 LawError  a law is broken
 """
 
-import json
 import math
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from http import HTTPStatus
 from typing import Any, Final
 
 from afarcloud.enumerations import Status
 from dst.autopilot import Mode
+from dst.delivery_laws import DeliveryLaws
 from dst.edge_process import EdgeDownError
 from dst.event_laws import EventLaws
 from dst.flight import SINK_M_S, Reached, is_same_place
@@ -21,7 +21,6 @@ from dst.picture_laws import PictureLaws
 from dst.plans import FENCE_M, HIGHEST_M
 from dst.vehicle import Vehicle
 from dst.world import World
-from edge_server.outbox.queue import Stream
 from mavlink_broker.edge.bounded_http import Answer
 from mavlink_broker.edge.outbox import MAX_STATE_VECTORS, Post
 
@@ -55,8 +54,6 @@ class Laws:
     def __init__(self, world: World, operator: Operator) -> None:
         self._world = world
         self._operator = operator
-        self._acknowledged: dict[tuple[str, int], str] = {}
-        self._ids_of_key: dict[str, set[int]] = defaultdict(set)
         self._ended: dict[int, tuple[Status, float]] = {}  # By plan: first terminal status, when
         self._invalid: list[str] = []
         self._unforeseen: list[str] = []  # Posts that the edge server has answered with 500
@@ -66,6 +63,7 @@ class Laws:
         self._ended_aborts: dict[int, tuple[str, float]] = {}  # By number: state, when
         self._accepted_s: dict[int, float] = {}  # By number of the abort, as it was seen
         self._read_before: dict[str, tuple[object, Any]] = {}  # By path: its state then, the answer
+        self._deliveries = DeliveryLaws(world, operator)
         self._pictures = PictureLaws(world, operator)
         self._links = LinkLaws(world)
         self._events = EventLaws(world, operator)
@@ -81,6 +79,7 @@ class Laws:
         """Note what the edge server has acknowledged to the broker, and who has accepted what."""
         if post.is_acceptance:
             self._note_aborts()
+        self._deliveries.taken(post, answer)
         self._pictures.taken(post, answer)
         disk = self._world.edge_machine.disk
         if answer.status_code == HTTPStatus.INTERNAL_SERVER_ERROR and not disk.is_read_only:
@@ -90,12 +89,6 @@ class Laws:
             self._invalid.append(f"{post.path} {post.body}: {answer.body.decode()}")
         if post.path == "/alarm/" and answer.status_code == HTTPStatus.CREATED:
             self._alarms_s[post.vehicle_id].append(self._world.scheduler.now_s)
-        if post.method != "POST" or answer.status_code >= 300 or post.idempotency_key is None:
-            return
-        number = json.loads(answer.body).get("id")
-        if number is not None:
-            self._acknowledged[post.path.strip("/"), number] = post.idempotency_key
-            self._ids_of_key[post.idempotency_key].add(number)
 
     # While it runs.
 
@@ -106,7 +99,6 @@ class Laws:
             LawError: if one is broken.
         """
         self._no_order_under_pilot()
-        self._nothing_under_two_ids()
         self._nothing_invalid()
         if not (self._world.edge.is_up and self._world.http.is_perfect):
             self._edge_trouble_s = self._world.scheduler.now_s
@@ -122,7 +114,8 @@ class Laws:
         self._no_internal_error()
         self._no_database_was_damaged()
         self._nothing_flown_after_abort()
-        for broken in (*self._pictures.broken, *self._links.broken()):
+        stored_twice = self._deliveries.stored_twice()
+        for broken in (*stored_twice, *self._pictures.broken, *self._links.broken()):
             raise LawError(broken)
 
     def _no_order_under_pilot(self) -> None:
@@ -137,14 +130,6 @@ class Laws:
                         f"since {order.pilot_since_s:.1f} s"
                     )
             vehicle.truth.orders_under_pilot.clear()
-
-    def _nothing_under_two_ids(self) -> None:
-        """A request that is repeated is stored once."""
-        for key, numbers in self._ids_of_key.items():
-            if len(numbers) > 1:
-                raise LawError(f"key {key} is stored as {sorted(numbers)}")
-        if self._operator.double_ids:
-            raise LawError("; ".join(self._operator.double_ids))
 
     def _nothing_invalid(self) -> None:
         """The broker reports nothing that the edge server has to refuse for its content."""
@@ -346,9 +331,7 @@ class Laws:
         waiting = world.broker.client.waiting if world.broker.client is not None else 0
         found += [f"{waiting} posts of the broker wait"] if waiting > 3 else []
         found += list(world.http.owed.texts.values())
-        missing = set(self._acknowledged) - self._delivered()
-        kinds = Counter(kind for kind, _ in missing if kind != "state_vector")
-        found += [f"the cloud lacks {count} of {kind}" for kind, count in kinds.items()]
+        found += self._deliveries.missing()
         return found
 
     def _borrowed(self) -> list[str]:
@@ -377,8 +360,8 @@ class Laws:
             raise LawError(f"not within the time after the faults: {'; '.join(matters)}")
         self._read_before.clear()
         self._status_agrees_with_truth()
-        self._delivered_under_one_id()
-        self._delivered_in_order()
+        for broken in self._deliveries.delivered_wrongly():
+            raise LawError(broken)
 
     def _status_agrees_with_truth(self) -> None:
         """What is reported as finished was flown, or taken."""
@@ -413,27 +396,6 @@ class Laws:
         damaged = [*quarantine.glob("*"), *world.broker_machine.disk.folder.glob("*.bad")]
         if damaged:
             raise LawError(f"a database was set aside as {damaged[0].name}")
-
-    def _delivered_under_one_id(self) -> None:
-        """The cloud has each record under one message id."""
-        ids: dict[tuple[str, str], set[str]] = defaultdict(set)
-        for message_id, record in self._world.cloud.received.items():
-            content = json.loads(record.payload)
-            content.pop("message_id", None)
-            text = json.dumps(content, sort_keys=True)
-            ids[record.stream.kind, text].add(message_id)
-        for (kind, text), found in ids.items():
-            if len(found) > 1:
-                raise LawError(f"the cloud has one {kind} under {len(found)} ids: {text}")
-
-    def _delivered_in_order(self) -> None:
-        """The cloud has received the records of each stream in the order of the outbox."""
-        newest: dict[Stream, int] = {}
-        for record in self._world.cloud.received.values():
-            before = newest.get(record.stream, 0)
-            if record.outbox_id < before:
-                raise LawError(f"the cloud has {record.stream} {record.outbox_id} after {before}")
-            newest[record.stream] = record.outbox_id
 
     # Facts.
 
@@ -480,10 +442,6 @@ class Laws:
             return None
         self._read_before[path] = state, response.json()
         return self._read_before[path][1]
-
-    def _delivered(self) -> set[tuple[str, int]]:
-        records = self._world.cloud.received.values()
-        return {(record.stream.kind, record.record_id) for record in records}
 
     def _flown(self, plan: PostedPlan) -> list[Reached]:
         """Give what was flown of a plan, by whichever aircraft with its system id."""
