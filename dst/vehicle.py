@@ -20,10 +20,10 @@ from dst.flight import (
     Circle,
     Flight,
     OrderUnderPilot,
-    Reached,
     Truth,
     offset_m,
 )
+from dst.mission_flight import ItemEnd, MissionFlight, circle_of
 from dst.mission_store import MissionStore
 from dst.pictures import COMPONENT, Camera, is_of_tracking
 from dst.scheduler import Event, Scheduler
@@ -81,12 +81,10 @@ class Vehicle:
         self.starts = 0
         """How often its autopilot has started."""
         self._missions = MissionStore(scheduler, self._send)
-        self._current = 0
-        self._is_complete = False
+        self._mission = MissionFlight(scheduler, self._missions, self._flight, autopilot)
         self._target: tuple[float, float, float] | None = None
         self._circle: Circle | None = None
         self._armed_s = 0.0
-        self._wait_until_s = 0.0
         self._stream_s = scheduler.random(f"streams/{system}").choice(STREAMS_S)
         self._periods_s: dict[int, float] = {}
         self._due_s: dict[int, float] = {}
@@ -173,7 +171,8 @@ class Vehicle:
         self._flight.speed_m_s = SPEED_M_S
         self._periods_s.clear()
         self._missions.forget_transfer()
-        self._current = 0
+        self._mission.interrupt()
+        self._mission.current = 0
         if self._camera is not None:
             self._camera.restart()
 
@@ -232,7 +231,8 @@ class Vehicle:
             if self._flight.approach((0.0, 0.0, max(truth.height_m, 5.0))):
                 self._set_mode(Mode.LAND)
         elif self.mode is Mode.LAND:
-            self._descend()
+            if self._flight.descend():
+                self._disarm()
         elif self.mode is Mode.ORBIT and self._circle is not None:
             is_full = self._flight.turn(self._circle)
             if is_full and self.autopilot.counts_turns:
@@ -240,87 +240,17 @@ class Vehicle:
         elif self._target is not None:
             self._flight.approach(self._target)
 
-    def _fly_item(self) -> None:  # noqa: C901, PLR0911, PLR0912  # a case per command of an item
-        items = self._missions.items
-        if self._is_complete or self._current >= len(items):
+    def _fly_item(self) -> None:
+        end = self._mission.fly(self._camera)
+        if end is None:
             return
-        self._current = max(self._current, self.autopilot.first_item)
-        item, truth = items[self._current], self.truth
-        match item.command:
-            case mavlink.MAV_CMD_NAV_TAKEOFF:
-                truth.place_e7 = None
-                if not self._flight.approach((truth.north_m, truth.east_m, item.z)):
-                    return
-            case mavlink.MAV_CMD_NAV_WAYPOINT:
-                north_m, east_m = offset_m(item.x / 1e7, item.y / 1e7)
-                if not self._flight.approach((north_m, east_m, item.z)):
-                    return
-                if not self._has_waited(item.param1):
-                    return
-                truth.place_e7 = item.x, item.y
-                truth.reached.append(Reached(self._scheduler.now_s, item.x, item.y))
-            case mavlink.MAV_CMD_NAV_DELAY:
-                if not self._has_waited(item.param1):
-                    return
-            case mavlink.MAV_CMD_IMAGE_START_CAPTURE if self._camera is not None:
-                self._camera.start(item.param2, int(item.param3), item.param4)
-            case mavlink.MAV_CMD_NAV_LOITER_TURNS:
-                if self._circle is None:
-                    self._circle = self._circle_of(item, item.param3, 2.0)
-                if not self._flight.turn(self._circle):
-                    return
-                self._circle = None
-            case mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH if self.autopilot.keeps_mode:
-                over_home = 0.0, 0.0, max(truth.height_m, 0.01)
-                if truth.north_m or truth.east_m:
-                    self._flight.approach(over_home)
-                elif self._descend():
-                    self._item_done()
-                return
-            case mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH:
-                self._set_mode(Mode.RETURN)
-            case mavlink.MAV_CMD_NAV_LAND:
-                if self._descend():
-                    self._item_done()
-                return
-            case mavlink.MAV_CMD_DO_CHANGE_SPEED:
-                self._flight.speed_m_s = item.param2 if item.param2 > 0.0 else SPEED_M_S
-            case _:
-                pass
-        self._item_done()
-
-    def _circle_of(self, message: Any, radius_m: float, speed_m_s: float) -> Circle:
-        """Give the circle of an item or a command, its altitude relative to home."""
-        north_m, east_m = offset_m(message.x / 1e7, message.y / 1e7)
-        height_m = message.z - HOME[2] if message.z > HOME[2] / 2.0 else message.z
-        place_e7 = message.x, message.y
-        return Circle(north_m, east_m, height_m, radius_m, speed_m_s, *place_e7)
-
-    def _has_waited(self, hold_s: float) -> bool:
-        if not hold_s > 0.0:
-            return True
-        now_s = self._scheduler.now_s
-        if not self._wait_until_s:
-            self._wait_until_s = now_s + hold_s
-        if now_s < self._wait_until_s:
-            return False
-        self._wait_until_s = 0.0
-        return True
-
-    def _item_done(self) -> None:
-        self._send(mavlink.MAVLink_mission_item_reached_message(self._current))
-        if self._current + 1 < len(self._missions.items):
-            self._current += 1
-        else:
-            self._is_complete = True
+        if end is ItemEnd.LANDED:
+            self._disarm()
+        elif end is ItemEnd.RETURNS:
+            self._set_mode(Mode.RETURN)
+        self._send(mavlink.MAVLink_mission_item_reached_message(self._mission.current))
+        self._mission.advance()
         self._send_stream(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT)
-
-    def _descend(self) -> bool:
-        """Sink; gives whether it stands, and has disarmed."""
-        if not self._flight.descend():
-            return False
-        self._disarm()
-        return True
 
     def _disarm(self) -> None:
         self.armed = self._in_failsafe = self._has_motor_failure = False
@@ -332,7 +262,7 @@ class Vehicle:
     def _set_mode(self, mode: Mode) -> None:
         self.mode = mode
         self._target = self._circle = None
-        self._wait_until_s = 0.0
+        self._mission.interrupt()
         aircraft = "" if self.serial == self.system else f" aircraft {self.serial}"
         self._scheduler.note(f"vehicle {self.system}{aircraft}", "-", f"mode {mode.name}")
         self._heartbeat()
@@ -395,17 +325,7 @@ class Vehicle:
         return telemetry.position(self._boot_ms, self.truth.height_m, truth)
 
     def _mission_current(self) -> Any:
-        count = max(0, len(self._missions.items) - self.autopilot.first_item)
-        if not count:
-            state = mavlink.MISSION_STATE_NO_MISSION
-        elif self._is_complete:
-            state = mavlink.MISSION_STATE_COMPLETE
-        elif self.mode is Mode.MISSION and self.armed:
-            state = mavlink.MISSION_STATE_ACTIVE
-        else:
-            state = mavlink.MISSION_STATE_NOT_STARTED
-        flies = 1 if self.mode is Mode.MISSION else 2
-        return mavlink.MAVLink_mission_current_message(self._current, count, state, flies)
+        return self._mission.message(is_flown=self.mode is Mode.MISSION, is_armed=self.armed)
 
     # Messages from the broker.
 
@@ -429,7 +349,7 @@ class Vehicle:
         if message.get_type() == "MISSION_COUNT":
             self._note_order("MISSION_COUNT")
         if self._missions.receive(message):
-            self._current, self._is_complete = 0, False
+            self._mission.restart()
         match message.get_type():
             case "COMMAND_LONG" | "COMMAND_INT":
                 self._command(message)
@@ -456,8 +376,7 @@ class Vehicle:
             self._send(answer)
 
     def _set_current(self, seq: int) -> None:
-        if seq < len(self._missions.items):
-            self._current, self._is_complete = seq, False
+        self._mission.select(seq)
         self._send_stream(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT)
 
     def _note_order(self, name: str) -> None:
@@ -505,7 +424,7 @@ class Vehicle:
                 return self._camera.obey_tracking(message)
             case mavlink.MAV_CMD_DO_ORBIT if autopilot.orbits and self.is_flying:
                 self._take_mode(Mode.ORBIT)
-                self._circle = self._circle_of(message, message.param1, message.param2)
+                self._circle = circle_of(message, message.param1, message.param2)
             case mavlink.MAV_CMD_DO_FOLLOW if autopilot.counts_turns and self.is_flying:
                 self._take_mode(Mode.FOLLOW)
                 self.truth.place_e7 = None
@@ -529,10 +448,10 @@ class Vehicle:
         self._in_failsafe = False
         if mode is Mode.MISSION and self.mode is not Mode.MISSION:
             # PX4 repeats the last item of a mission that it has completed in this flight
-            is_over = self._is_complete and not self.is_flying
+            is_over = self._mission.is_complete and not self.is_flying
             if is_over or self.parameters.get("MIS_RESTART") == 1.0:
-                self._current = 0
-            self._is_complete = False
+                self._mission.current = 0
+            self._mission.is_complete = False
         self._set_mode(mode)
 
     def _arm(self, *, is_on: bool) -> int:
