@@ -304,8 +304,8 @@ class Progress:
     @property
     def last_command_has_begun(self) -> bool:
         """Whether the last command's items are being flown, or have been."""
-        last = self.plan.commands[-1]
-        return self.current >= self.plan.first_item_of(last)
+        owners = self.plan.command_of_item
+        return self.current >= owners.index(owners[-1])
 
     @property
     def finished_commands(self) -> int:

@@ -108,10 +108,6 @@ class FlightPlan:
         """The commands that it flies."""
         return range(self.first_command, self.first_command + len(self.done_item))
 
-    def first_item_of(self, command: int) -> int:
-        """Give the first item that belongs to a command."""
-        return self.command_of_item.index(command)
-
     def messages(self, system: int, component: int) -> tuple[Message, ...]:
         """Give the items as they are uploaded to a vehicle."""
         return tuple(
