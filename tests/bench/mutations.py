@@ -172,7 +172,7 @@ BREAKS: Final = (
     ),
     Break(
         "two vehicles with one system id are reported",
-        "mavlink_broker/routing/router.py",
+        "mavlink_broker/routing/link_selection.py",
         "CLOCK_DIFFERENCE_MS: Final = 10_000",
         "CLOCK_DIFFERENCE_MS: Final = 10_000_000",
         f"{_BROKER}/routing",

@@ -3,7 +3,7 @@
 from mavlink_broker.links.url import Address
 from mavlink_broker.mavlink.codec import Decoder, Encoder
 from mavlink_broker.mavlink.dialect import Message, mavlink
-from mavlink_broker.routing.router import DuplicateSystemIds
+from mavlink_broker.routing.link_selection import DuplicateSystemIds
 
 HERE = Address("192.0.2.1", 14581)
 THERE = Address("192.0.2.9", 14581)

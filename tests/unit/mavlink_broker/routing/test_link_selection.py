@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mavlink_broker.links.url import Address
-from mavlink_broker.routing.router import (
+from mavlink_broker.routing.link_selection import (
     ADDRESSES_KEPT,
     SILENT_AFTER_S,
     STEADY_AFTER_S,
