@@ -131,9 +131,9 @@ BREAKS: Final = (
         (
             Change(
                 "mavlink_broker/edge/client.py",
-                "            if status is None or not is_settled:\n                is_dead",
+                "            if not outcome.is_settled:\n                is_dead",
                 "            if status is None:\n                self._outbox.answered(post)\n"
-                "            elif not is_settled:\n                is_dead",
+                "            elif not outcome.is_settled:\n                is_dead",
             ),
         ),
         (Fault.EDGE_KILLED,),
@@ -142,7 +142,7 @@ BREAKS: Final = (
         "an answer of somebody else than the edge server settles a post",
         (
             Change(
-                "mavlink_broker/edge/client.py",
+                "mavlink_broker/edge/post_outcome.py",
                 "if isinstance(answer.json(), dict):",
                 "if answer is not None:",
             ),

@@ -9,8 +9,6 @@ steps between, which take no time. A simulation calls them without threads.
 
 A vehicle's work is held back while reports of an earlier run about it wait: what the edge server
 states of a mission is true only when it has received every report about it.
-
-ForeignAnswerError  somebody else answered in the place of the edge server
 """
 
 import logging
@@ -35,14 +33,13 @@ from mavlink_broker.edge.bounded_http import (
     EdgeConnection,
     NoKeyError,
     cause_of,
-    is_final,
-    is_temporary_refusal,
 )
 from mavlink_broker.edge.edge_clock import EdgeClock
 from mavlink_broker.edge.outbox import Outbox, Post
+from mavlink_broker.edge.post_outcome import PostOutcome, examined
 from mavlink_broker.edge.spool import Spool
 from mavlink_broker.edge.spool_writer import SpoolWriter
-from mavlink_broker.edge.wire import VEHICLE_LANE, AcceptanceResult, is_acknowledgement
+from mavlink_broker.edge.wire import VEHICLE_LANE, AcceptanceResult
 from mavlink_broker.supervision import SupervisedThread, reason_of
 
 T = TypeVar("T")
@@ -54,20 +51,7 @@ SHORTEST_UPDATE_S: Final = 0.2
 """A vehicle sends its position five times a second."""
 _INTERVAL: Final = re.compile(r"[0-9]{1,3}(\.[0-9]{1,6})?", re.ASCII)
 _TIME: Final[TypeAdapter[datetime]] = TypeAdapter(AwareDatetime)
-_REFUSALS: Final = HTTPStatus.BAD_REQUEST
-"""Status codes from here on."""
-MAX_LOGGED_CHARACTERS: Final = 500
-"""Of a refusal's text."""
-
-_WITHDRAWN: Final = frozenset({HTTPStatus.NOT_FOUND, HTTPStatus.CONFLICT, HTTPStatus.GONE})
-"""Answers to an acknowledgement of work that is cancelled, expired or ended."""
-_KNOWN: Final = "Idempotency-Key was used"
-"""The edge server's refusal of another body under a key that it has received before."""
 _LOG = logging.getLogger(__name__)
-
-
-class ForeignAnswerError(requests.RequestException):
-    """Somebody else answered in the place of the edge server."""
 
 
 class Poll(NamedTuple):
@@ -345,7 +329,7 @@ class EdgeClient:
             self._answered.notify_all()
         self._notify_spool()
         if is_dead:
-            self._given_up(post, None, reason)
+            self._give_up(PostOutcome(post, None, reason))
 
     def _pause(self) -> float | None:
         due = self._outbox.next_due()
@@ -371,46 +355,37 @@ class EdgeClient:
         A success of anybody else than the edge server, such as a captive portal, is no answer; a
         refusal, such as a proxy's, is not final.
         """
-        answer, is_own = _examined(answer)
-        status, text, is_dead = None, "", False
-        if isinstance(answer, Exception):
-            text = cause_of(answer)[:MAX_LOGGED_CHARACTERS]
-            self._set_reachable(is_reachable=False, error=answer)
-        else:
-            status, text = answer.status_code, answer.text.strip()[:MAX_LOGGED_CHARACTERS]
-            self._set_reachable(is_reachable=True)
-        reason = text if status is None else f"HTTP {status} {text}"
-        is_settled = is_own and status is not None and is_final(status)
+        answer, is_own = examined(answer)
+        outcome = PostOutcome.of(post, answer, is_own=is_own)
+        status, error = outcome.status, answer if isinstance(answer, Exception) else None
+        self._set_reachable(is_reachable=error is None, error=error)
         if post.lane == VEHICLE_LANE:
             self._note_update_interval(post.vehicle_id, answer)
+        is_dead = False
         with self._changed:
-            if status is None or not is_settled:
+            if not outcome.is_settled:
                 is_dead = self._outbox.failed(
                     post,
                     self._clock(),
                     is_unreachable=status is None,
-                    is_temporary=status is not None and is_temporary_refusal(status),
+                    is_temporary=outcome.is_temporary,
                     lacks_space=status == HTTPStatus.INSUFFICIENT_STORAGE,
-                    reason=reason,
+                    reason=outcome.reason,
                 )
-            elif _loses_nothing(post, status, text):
+            elif outcome.loses_nothing:
                 self._outbox.answered(post)
             else:
-                is_dead = self._outbox.refused(post, reason)
+                is_dead = self._outbox.refused(post, outcome.reason)
             self._changed.notify_all()
             self._answered.notify_all()
             concerns_spool = post.spool_number is not None or self._outbox.has_failures or is_dead
         if concerns_spool:
             self._notify_spool()
         if is_dead:
-            self._given_up(post, status, text)
-            return
-        if status is None or not is_settled:
-            return
-        if status >= HTTPStatus.BAD_REQUEST:
-            self._log_refusal(post, status, text)
-        if post.accepted_work_id is not None:
-            self._put_acceptance_result(_acceptance_result(post.accepted_work_id, status, text))
+            self._give_up(outcome)
+        elif outcome.is_settled:
+            outcome.log_refusal()
+            self._pass_on(outcome.acceptance_result)
 
     def _note_update_interval(self, vehicle_id: int, answer: Answer | Exception) -> None:
         text = None if isinstance(answer, Exception) else answer.update_interval
@@ -419,30 +394,15 @@ class EdgeClient:
         else:
             self._update_intervals_s.pop(vehicle_id, None)
 
-    def _given_up(self, post: Post, status: int | None, text: str) -> None:
-        """Log a post that was given up; if it is an acceptance, its mission fails."""
-        _LOG.error(
-            "%s %s of vehicle %d%s is given up: HTTP %s %s",
-            *(post.method, post.path, post.vehicle_id),
-            *(" by an earlier run" if post.is_inherited else "", status, text),
-        )
-        if post.accepted_work_id is not None:
-            self._put_acceptance_result(_acceptance_result(post.accepted_work_id, status, text))
+    def _give_up(self, outcome: PostOutcome) -> None:
+        """Log a post that is not sent again; if it is an acceptance, its mission fails."""
+        outcome.log_given_up()
+        self._pass_on(outcome.acceptance_result)
 
-    def _put_acceptance_result(self, result: AcceptanceResult) -> None:
-        self._acceptance_results.put(result)
-        self._wake()
-
-    def _log_refusal(self, post: Post, status: int, text: str) -> None:
-        """Log a refusal: the edge server's text names field and reason."""
-        if _was_sent_before(post, status, text):
-            _LOG.info("%s was sent before", post.path)
-        elif is_acknowledgement(post) and status in _WITHDRAWN:
-            _LOG.warning("%s is not accepted: HTTP %d %s", post.path, status, text)
-        elif post.is_inherited:
-            _LOG.warning("%s of an earlier run is refused: HTTP %d %s", post.path, status, text)
-        else:
-            _LOG.error("%s %s: HTTP %d %s", post.method, post.path, status, text)
+    def _pass_on(self, result: AcceptanceResult | None) -> None:
+        if result is not None:
+            self._acceptance_results.put(result)
+            self._wake()
 
     def update_spool(self) -> None:
         """Bring the spool up to date, as its thread does once a second and when notified."""
@@ -471,48 +431,6 @@ class EdgeClient:
 def headers_of(post: Post) -> dict[str, str]:
     """Give the headers of a post's request."""
     return {"Idempotency-Key": post.idempotency_key} if post.idempotency_key else {}
-
-
-def _acceptance_result(work_id: int, status: int | None, text: str) -> AcceptanceResult:
-    """Give what the last answer to an acceptance means; without a status there was none."""
-    if status is not None and status < HTTPStatus.BAD_REQUEST:
-        return AcceptanceResult(work_id, is_confirmed=True)
-    if status in _WITHDRAWN:
-        return AcceptanceResult(work_id, is_confirmed=False, reason=text)
-    answer = text if status is None else f"HTTP {status} {text}"
-    reason = f"the edge server did not confirm the acceptance: {answer}"
-    return AcceptanceResult(work_id, is_confirmed=False, reason=reason, has_failed=True)
-
-
-def _examined(answer: Answer | Exception) -> tuple[Answer | Exception, bool]:
-    """Give an answer, and whether it is the edge server's: its answers are JSON objects.
-
-    A success or redirection of somebody else becomes an error.
-    """
-    if isinstance(answer, Exception):
-        return answer, False
-    try:
-        if isinstance(answer.json(), dict):
-            return answer, True
-    except requests.RequestException as error:
-        _LOG.debug("an answer is not JSON: %s", error)
-    if answer.status_code >= _REFUSALS:
-        return answer, False
-    return ForeignAnswerError(f"HTTP {answer.status_code} is not of the edge server"), False
-
-
-def _loses_nothing(post: Post, status: int, text: str) -> bool:
-    """Whether an answer loses no data: a success, or a refusal of known or ended work.
-
-    An acknowledgement of work that the edge server has withdrawn or closed has no effect.
-    """
-    if status < HTTPStatus.BAD_REQUEST or _was_sent_before(post, status, text):
-        return True
-    return is_acknowledgement(post) and status in _WITHDRAWN
-
-
-def _was_sent_before(post: Post, status: int, text: str) -> bool:
-    return post.may_be_duplicate and status == HTTPStatus.UNPROCESSABLE_ENTITY and _KNOWN in text
 
 
 def _drain(waiting: queue.SimpleQueue[T]) -> list[T]:

@@ -7,7 +7,7 @@ from datetime import UTC, datetime, timedelta
 import pytest
 from PIL import Image as Pictures
 
-from mavlink_broker.edge.client import _KNOWN
+from mavlink_broker.edge.post_outcome import KNOWN
 from mavlink_broker.edge.wire import post_for
 from mavlink_broker.effects import ConvertedPicture, ConvertPicture, EdgeReport
 from mavlink_broker.mavlink.codec import Decoder, Encoder
@@ -61,7 +61,7 @@ def statuses(server: Edge, reports: list[EdgeReport], at: datetime = AT) -> list
         post = post_for(report, vehicle_id=1, recorded_at=at, key="unused")
         answer = server.report(post.path.strip("/"), post.body, post.idempotency_key)
         if answer.status_code == 422:
-            assert _KNOWN in answer.get_data(as_text=True)
+            assert KNOWN in answer.get_data(as_text=True)
         answers.append(answer.status_code)
     return answers
 
