@@ -20,7 +20,7 @@ from mavlink_broker.microservices.config_overrides import (
 from mavlink_broker.microservices.heartbeat import LinkMonitor, LinkState, RebootMonitor, is_vehicle
 from mavlink_broker.microservices.parameter import ParameterEncoding, encoding_of
 from mavlink_broker.microservices.status_text import StatusTexts
-from mavlink_broker.planning.situation import Home
+from mavlink_broker.planning.situation import Home, ItemLimits
 from mavlink_broker.planning.target_track import TargetSource
 from mavlink_broker.vehicle import control_authority
 from mavlink_broker.vehicle.control_authority import (
@@ -52,36 +52,6 @@ EVENT_MESSAGES: Final = frozenset({"CAMERA_IMAGE_CAPTURED"})
 """Their times are those of an event, which may be long ago."""
 
 _MODES: Final = frozenset({mavlink.MAV_CMD_DO_SET_MODE})
-
-
-class ItemLimits:
-    """What a mission of one vehicle may hold, as far as its refusals show."""
-
-    def __init__(self) -> None:
-        self._refused: frozenset[int] = frozenset()
-        self._most_items: int | None = None
-
-    @property
-    def refused(self) -> frozenset[int]:
-        """MAV_CMDs that no mission may hold."""
-        return self._refused
-
-    @property
-    def most_items(self) -> int | None:
-        """How many items a mission may have; None: the vehicle has refused no number."""
-        return self._most_items
-
-    def refuse(self, command: int) -> None:
-        """Leave a MAV_CMD out from now on."""
-        self._refused |= {command}
-
-    def limit(self, most_items: int | None) -> None:
-        """Limit the number of items."""
-        self._most_items = most_items
-
-    def assume(self, refused: frozenset[int]) -> None:
-        """Replace what is left out by what an earlier run may have left out."""
-        self._refused = refused
 
 
 @dataclass(slots=True)
