@@ -79,17 +79,15 @@ class Vehicle:
     uid: str = ""  # Its own number, hexadecimal, once received
     vehicle_type: int | None = None  # MAV_TYPE
     autopilot: int | None = None  # MAV_AUTOPILOT
-    _is_identified: bool = False
-    _are_capabilities_known: bool = (
-        False  # It has sent its AUTOPILOT_VERSION, or answers without having one
-    )
-    _warning: str | None = None
-    _duplicate: str | None = None
-    _mission_overrides: tuple[ParameterOverride, ...] = ()
-    _is_taken: bool = False
+    is_identified: bool = False  # It has sent its AUTOPILOT_VERSION, or will not
+    are_capabilities_known: bool = False  # As they are: all that it will send of them
+    warning: str | None = None  # For an operator: link, dead letters, internal errors
+    duplicate: str | None = None  # Another vehicle with its system id, which is received too
+    is_taken: bool = False  # By another system from a mission; until it is disarmed
     own_descent: OwnDescent = field(default_factory=OwnDescent)
     armed_period: ArmedPeriod = field(default_factory=ArmedPeriod)
-    _foreign_order: ForeignOrder | None = None
+    foreign_order: ForeignOrder | None = None  # Of another system: it led to the present mode
+    _mission_overrides: tuple[ParameterOverride, ...] = ()
     _waits: bool = False  # By its newest heartbeat, in a mode in which it waits or is guided
     _shows_manual: bool = False  # Its heartbeats show by standard bits who steers it
     _received_at: dict[str, float] = field(default_factory=dict)
@@ -118,7 +116,7 @@ class Vehicle:
             self.capabilities = message.capabilities
             self.software_version = message.flight_sw_version
             self.uid = uid_of(message)
-            self._is_identified = self._are_capabilities_known = True
+            self.is_identified = self.are_capabilities_known = True
             self.family = family_of(self.autopilot or 0, self.product, self.vehicle_type)
         self._status_texts.receive(message, now)
         if kind in AGED:
@@ -131,8 +129,8 @@ class Vehicle:
         self.snapshot.take(message)
         if kind in MEASURED:
             self.observations.take(message, self.snapshot, now)
-        self.armed_period.update(now, is_armed=self.snapshot.armed, is_taken=self._is_taken)
-        self._is_taken = self._is_taken and self.snapshot.armed is not False
+        self.armed_period.update(now, is_armed=self.snapshot.armed, is_taken=self.is_taken)
+        self.is_taken = self.is_taken and self.snapshot.armed is not False
         self._observe_foreign_order(message, now)
         return rebooted
 
@@ -150,7 +148,7 @@ class Vehicle:
 
     def _forget_telemetry(self) -> None:
         self._received_at.clear()
-        self._foreign_order = None
+        self.foreign_order = None
         self.snapshot.forget()
         self.observations.forget()
         self._status_texts.clear()
@@ -174,7 +172,7 @@ class Vehicle:
 
     def ask_identity(self) -> None:
         """Note that it may be another vehicle, until it has sent its AUTOPILOT_VERSION again."""
-        self._is_identified = self._are_capabilities_known = False
+        self.is_identified = self.are_capabilities_known = False
 
     def _observe_foreign_order(self, message: Message, now: float) -> None:
         """Keep another system's order until the vehicle leaves the mode that it led to.
@@ -183,16 +181,16 @@ class Vehicle:
         """
         ours = frozenset({self.route.own_system, self.route.target_system})
         order = control_authority.foreign_order(message, ours, now)
-        self._foreign_order = order or self._foreign_order
+        self.foreign_order = order or self.foreign_order
         if message.get_type() != "HEARTBEAT":
             return
         waited = self._waits
         self._waits = self.mode_role in {ModeRole.HOLD, ModeRole.GUIDED, ModeRole.PAUSED}
-        if self._foreign_order is None:
+        if self.foreign_order is None:
             return
-        is_shown = waited or now - self._foreign_order.at > SHOWN_WITHIN_S
+        is_shown = waited or now - self.foreign_order.at > SHOWN_WITHIN_S
         if not self.snapshot.armed or (is_shown and not self._waits):
-            self._foreign_order = None
+            self.foreign_order = None
 
     @property
     def overrides(self) -> VehicleOverrides:
@@ -258,20 +256,10 @@ class Vehicle:
         elif was_held:
             self.armed_period.lose()
 
-    @property
-    def is_identified(self) -> bool:
-        """Whether it has sent its AUTOPILOT_VERSION, or will not."""
-        return self._is_identified
-
     def identify(self, *, has_answered: bool) -> None:
         """Note that it sends no AUTOPILOT_VERSION; `has_answered` if it receives the requests."""
-        self._is_identified = True
-        self._are_capabilities_known |= has_answered
-
-    @property
-    def are_capabilities_known(self) -> bool:
-        """Whether its `capabilities` are all that it will send of them."""
-        return self._are_capabilities_known
+        self.is_identified = True
+        self.are_capabilities_known |= has_answered
 
     def change_autopilot(self, component: int) -> None:
         """Address a component as its autopilot, and forget what another one sent."""
@@ -283,41 +271,21 @@ class Vehicle:
         """Note that a component is a camera."""
         self.cameras.add(component)
 
-    @property
-    def warning(self) -> str | None:
-        """What an operator should know about it: link, dead letters, internal errors."""
-        return self._warning
-
-    @property
-    def duplicate(self) -> str | None:
-        """Description of another vehicle with its system id that is received too."""
-        return self._duplicate
-
     def note_duplicate(self, duplicate: str | None) -> None:
         """Replace the description of another vehicle with its system id; None: there is none."""
-        self._duplicate = duplicate
+        self.duplicate = duplicate
 
     def warn(self, warning: str | None) -> None:
         """Replace the warning; None for nothing."""
-        self._warning = warning
-
-    @property
-    def is_taken(self) -> bool:
-        """Whether another system has taken it from a mission; until it is disarmed."""
-        return self._is_taken
+        self.warning = warning
 
     def take_away(self) -> None:
         """Note that another system has taken it from a mission."""
-        self._is_taken = True
-
-    @property
-    def foreign_order(self) -> ForeignOrder | None:
-        """The order of another system that led to the present mode."""
-        return self._foreign_order
+        self.is_taken = True
 
     def forget_foreign_order(self) -> None:
         """Note that an order of the broker is newer."""
-        self._foreign_order = None
+        self.foreign_order = None
 
     def link_state(self, now: float) -> LinkState:
         """State of its link."""
@@ -378,7 +346,7 @@ class Vehicle:
             snapshot.armed,
             in_failsafe=self.in_failsafe,
             is_manual=is_manual and not self.family.knows_modes,
-            ordered=self._foreign_order,
+            ordered=self.foreign_order,
         )
 
     @property
