@@ -14,7 +14,7 @@ from mavlink_broker.edge.wire import MissionWork
 from mavlink_broker.effects import Effects
 from mavlink_broker.live.camera_state import SeriesMonitor
 from mavlink_broker.mavlink.dialect import Message
-from mavlink_broker.mission.flight_orders import PauseOrders, SpeedChanges
+from mavlink_broker.mission.flight_orders import PauseOrders, SoftAbort, SpeedChanges
 from mavlink_broker.mission.segments import Segments
 from mavlink_broker.mission.states import Event
 from mavlink_broker.planning.geofence import AreaCheck
@@ -119,6 +119,7 @@ class MissionContext:
         self.authority = AuthorityMonitor(vehicle)
         self.speeds = SpeedChanges(vehicle, self.segments)
         self.pauses = PauseOrders(vehicle, work.name)
+        self.soft_abort = SoftAbort(vehicle, self.ledger)
         self.captures = PendingCaptures(work, vehicle)
         self.began_at = 0.0
         self.is_confirmed = work.was_accepted  # The edge server knows that this broker flies it

@@ -1,4 +1,4 @@
-"""Events after which a mission goes on: pause, resume, another speed.
+"""Events after which a mission goes on: pause, resume, another speed, at first a soft abort.
 
     flies --PAUSE_MISSION--> ordered to hold --holds--> paused
     paused --RESUME_MISSION--> ordered to fly on --flies--> flies
@@ -17,6 +17,8 @@ orders nothing while another system is in command.
 `SpeedChanges` orders another speed while a mission flies or is transferred to the vehicle. The
 items of a segment set the speed of their upload. So a speed that comes during the transfer is
 ordered behind it, and a speed that was changed is ordered again behind each item that sets another.
+
+`SoftAbort` waits for the command that is flown to end; then it ends the mission.
 """
 
 from typing import Final
@@ -37,9 +39,11 @@ from mavlink_broker.planning.live_actions import speed_command
 from mavlink_broker.planning.mission import FlightPlan
 from mavlink_broker.vehicle import control_authority
 from mavlink_broker.vehicle.control_authority import Authority
+from mavlink_broker.vehicle.mission_ledger import MissionLedger
 from mavlink_broker.vehicle.vehicle import Vehicle
 
 REPLACED: Final = "a later event replaced it"
+"""Answer to an event behind which a newer one decides what the vehicle does."""
 NOT_IN_THE_AIR: Final = "the vehicle is not in the air for this mission: abort the mission instead"
 NOT_PAUSED: Final = "no event has paused the mission"
 MAY_BE_OBEYED: Final = "the vehicle may have obeyed"
@@ -50,6 +54,8 @@ SHOWN_WITHIN_S: Final = 5.0
 """How long a vehicle may take to show a mode that it has accepted."""
 LATE_WITHIN_S: Final = 30.0
 """How long behind an order without an answer the vehicle may still obey it."""
+COMMAND_WITHIN_S: Final = 30.0
+"""How long a soft abort waits for the running command, by the vehicle's time."""
 _FLYING_ITEMS: Final = frozenset({ModeRole.MISSION, ModeRole.ENDING})
 _READY_FOR_LIVE: Final = frozenset({ModeRole.HOLD, ModeRole.GUIDED})
 
@@ -420,3 +426,52 @@ def _mission_speeds(plan: FlightPlan) -> list[int]:
             found += speeds[:-1] if item.command == _CIRCLE else speeds
             speeds = []
     return found
+
+
+class SoftAbort:
+    """The soft abort of one mission that waits for the running command, if there is one."""
+
+    def __init__(self, vehicle: Vehicle, ledger: MissionLedger) -> None:
+        self.work: EventWork | None = None
+        """The event that waits."""
+        self.since = 0.0
+        """When the newest one came, on the broker's clock [s]."""
+        self._vehicle = vehicle
+        self._ledger = ledger
+        self._command: int | None = None  # Running when it came; None: it waits for nothing
+        self._deadline_s = 0.0  # By the vehicle's time
+
+    def begin(self, work: EventWork, now: float, effects: Effects, *, waits: bool) -> None:
+        """Wait for the running command, or (not `waits`) for nothing.
+
+        Another event changes the place, not the deadline.
+        """
+        if self.work is None:
+            self._command = self._ledger.finished if waits else None
+            self._deadline_s = self._time_s(now) + COMMAND_WITHIN_S
+            if work.was_accepted and work.expires_at is not None:
+                # It waits since before its expiry
+                self._deadline_s -= max(0.0, now - work.expires_at)
+        self.answer("done", REPLACED, effects)
+        self.work, self.since = work, now
+
+    def take_due(self, now: float) -> EventWork | None:
+        """Give the event if the mission ends by it now; it waits no more."""
+        has_ended = self._command is None or self._ledger.commands[self._command].is_terminal
+        return self.take() if has_ended or self._time_s(now) >= self._deadline_s else None
+
+    def take(self) -> EventWork | None:
+        """Give the event that waits; it waits no more."""
+        work, self.work = self.work, None
+        return work
+
+    def answer(self, status: str, message: str | None, effects: Effects) -> None:
+        """Answer the event that waits; what replaces it has ended the mission if it is "done"."""
+        work = self.take()
+        if work is not None:
+            effects.for_edge.append(Acknowledgement(work.work_id, status, message))
+
+    def _time_s(self, now: float) -> float:
+        """Give the vehicle's time since boot [s], or the broker's clock without one."""
+        time_s = self._vehicle.snapshot.time_s
+        return now if time_s is None else time_s

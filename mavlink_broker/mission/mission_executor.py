@@ -23,16 +23,10 @@ from mavlink_broker.mission.flight_orders import (
     NOT_IN_THE_AIR,
     PAUSED,
     PAUSED_INSTEAD,
+    REPLACED,
     RESUMED,
 )
-from mavlink_broker.mission.phases.aborting import (
-    COMMAND_WITHIN_S,
-    REASONS,
-    REPLACED,
-    Aborting,
-    SoftAbort,
-    return_event,
-)
+from mavlink_broker.mission.phases.aborting import REASONS, Aborting, return_event
 from mavlink_broker.mission.phases.attaching import Attaching
 from mavlink_broker.mission.phases.failing import Failing
 from mavlink_broker.mission.phases.live_command import FlyingLive
@@ -61,7 +55,6 @@ from mavlink_broker.mission.states import (
 from mavlink_broker.planning.geofence import fence_items, rally_items
 from mavlink_broker.planning.mission import RefusedError
 from mavlink_broker.vehicle.control_authority import Authority
-from mavlink_broker.vehicle.mission_ledger import MissionLedger
 from mavlink_broker.vehicle.reporter import Reporter
 from mavlink_broker.vehicle.vehicle import Vehicle
 
@@ -76,11 +69,14 @@ class MissionExecutor:
     """One mission."""
 
     def __init__(self, work: MissionWork, vehicle: Vehicle, reporter: Reporter) -> None:
-        self.state = State.IDLE
-        self._vehicle = vehicle
         self._context = context = MissionContext(work, vehicle, reporter)
+        self._vehicle = vehicle
+        self.state = State.IDLE
+        self.work = work
+        """The work item of the edge server."""
+        self.ledger = context.ledger
+        """The statuses of the mission and its commands."""
         self._link_losses = 0  # While the vehicle's answer was needed
-        self._soft_abort: SoftAbort | None = None  # Waits for the running command
         self._attaching = Attaching(context)
         self._geofence = PlacingGeofence(context)
         self._running = Running(context)
@@ -104,16 +100,6 @@ class MissionExecutor:
             State.ABORTING: self._aborting,
             State.FAILING: self._failing,
         }
-
-    @property
-    def work(self) -> MissionWork:
-        """The work item of the edge server."""
-        return self._context.work
-
-    @property
-    def ledger(self) -> MissionLedger:
-        """The statuses of the mission and its commands."""
-        return self._context.ledger
 
     @property
     def is_confirmed(self) -> bool:
@@ -186,7 +172,7 @@ class MissionExecutor:
         self._context.report(effects)
 
     def abort(self, reason: str, effects: Effects) -> None:
-        """Abort a mission that has not begun."""
+        """Note and report that it is aborted; one that has begun is ended by `abort_now`."""
         self.ledger.abort(reason)
         self._context.report(effects)
 
@@ -254,8 +240,8 @@ class MissionExecutor:
         self._apply(self._phase.tick(now, effects), now, effects)
         if not yields:
             self._context.speeds.order_late(self.state, now, effects)
-        if self._soft_abort is not None and not self._context.pauses.is_paused:
-            self._abort_when_due(self._soft_abort, now, effects)
+        if self._context.soft_abort.work is not None and not self._context.pauses.is_paused:
+            self._abort_when_due(now, effects)
 
     def _report_pause(self, effects: Effects) -> None:
         """Write into the report that the mission is paused, or not any more.
@@ -265,9 +251,8 @@ class MissionExecutor:
         is_paused = self._context.pauses.take_change()
         if is_paused is None:
             return
-        if is_paused and self._soft_abort is not None:
-            work_id, self._soft_abort = self._soft_abort.work.work_id, None
-            effects.for_edge.append(Acknowledgement(work_id, "refused", PAUSED_INSTEAD))
+        if is_paused:
+            self._context.soft_abort.answer("refused", PAUSED_INSTEAD, effects)
         self.ledger.add_pause_note(PAUSED if is_paused else RESUMED)
         self._context.report(effects)
 
@@ -344,10 +329,9 @@ class MissionExecutor:
         """Continue after a segment, or end; a soft abort that waits for that ends the mission."""
         context, segments = self._context, self._context.segments
         landed = segments.is_on_ground if segments.has_moved else not context.is_hovering
-        abort = self._soft_abort
-        if abort is not None and not segments.is_last:
-            self._soft_abort = None
-            self.abort_now(abort.work, now, effects)
+        work = None if segments.is_last else context.soft_abort.take()
+        if work is not None:
+            self.abort_now(work, now, effects)
             return
         if not segments.advance():
             effects.messages += exchanges.parking(self._vehicle) if landed else []
@@ -361,67 +345,46 @@ class MissionExecutor:
 
     def handle_event(self, work: EventWork, now: float, effects: Effects) -> None:
         """Carry out an event after which the mission continues: pause, resume, change the speed."""
-        speed_m_s, speeds = work.event.maximum_speed, self._context.speeds
+        context, state, who = self._context, self.state, self._who
+        speed_m_s = work.event.maximum_speed
         match work.event.event_type_id:
             case EventType.DRONE_SPEED if speed_m_s is not None:
-                speeds.change(work, speed_m_s, self.state, self._who, now, effects)
-            case EventType.PAUSE_MISSION | EventType.RESUME_MISSION:
-                self._pause_or_resume(work, now, effects)
-
-    def _pause_or_resume(self, work: EventWork, now: float, effects: Effects) -> None:
-        pauses, state, who = self._context.pauses, self.state, self._who
-        if work.event.event_type_id is EventType.RESUME_MISSION:
-            has_items = self._running.has_items
-            pauses.resume(work, state, who, now, effects, has_items=has_items)
-        elif state in IN_FLIGHT or self._context.is_flying:
-            pauses.pause(work, state, who, now, effects)
-        else:
-            effects.for_edge.append(Acknowledgement(work.work_id, "refused", NOT_IN_THE_AIR))
+                context.speeds.change(work, speed_m_s, state, who, now, effects)
+            case EventType.RESUME_MISSION:
+                has_items = self._running.has_items
+                context.pauses.resume(work, state, who, now, effects, has_items=has_items)
+            case EventType.PAUSE_MISSION if state in IN_FLIGHT or context.is_flying:
+                context.pauses.pause(work, state, who, now, effects)
+            case EventType.PAUSE_MISSION:
+                effects.for_edge.append(Acknowledgement(work.work_id, "refused", NOT_IN_THE_AIR))
 
     def answer_events(self, reason: str, effects: Effects) -> None:
         """Answer every event that the end of the mission leaves without an answer."""
-        self._end_soft_abort(effects, reason)
+        self._context.soft_abort.answer("done", reason, effects)
         self._context.speeds.cancel(reason, effects)
         self._context.pauses.cancel(reason, effects)
         self._aborting.refuse(reason, effects)
 
     def abort_softly(self, work: EventWork, now: float, effects: Effects) -> None:
         """Wait for the running command; another soft abort changes the place, not the deadline."""
-        before = self._soft_abort
-        self._end_soft_abort(effects, REPLACED)
         waits = self.state in IN_FLIGHT and not self._context.pauses.is_paused
-        command = self.ledger.finished if waits else None
-        deadline_s = self._vehicle_time_s(now) + COMMAND_WITHIN_S
-        if work.was_accepted and work.expires_at is not None:  # It waits since before its expiry
-            deadline_s -= max(0.0, now - work.expires_at)
-        if before is not None:
-            command, deadline_s = before.command, before.deadline_s
-        self._soft_abort = SoftAbort(work, command, deadline_s, now)
-        self._abort_when_due(self._soft_abort, now, effects)
+        self._context.soft_abort.begin(work, now, effects, waits=waits)
+        self._abort_when_due(now, effects)
 
-    def _end_soft_abort(self, effects: Effects, message: str) -> None:
-        """Answer a soft abort that waits as done: what replaces it has ended the mission."""
-        if self._soft_abort is not None:
-            work_id, self._soft_abort = self._soft_abort.work.work_id, None
-            effects.for_edge.append(Acknowledgement(work_id, "done", message))
-
-    def _abort_when_due(self, abort: SoftAbort, now: float, effects: Effects) -> None:
-        statuses = self.ledger.commands
-        ended = abort.command is not None and statuses[abort.command].is_terminal
+    def _abort_when_due(self, now: float, effects: Effects) -> None:
+        soft_abort = self._context.soft_abort
         if self.state is State.IDLE:  # The mission has ended meanwhile
-            self._soft_abort = None
-            effects.for_edge.append(Acknowledgement(abort.work.work_id, "done"))
-        elif abort.is_due(command_ended=ended, now_s=self._vehicle_time_s(now)):
-            self._soft_abort = None
-            if self._running.was_paused_after(abort.since):
-                self._end_paused(abort.work, now, effects)
-            else:
-                self.abort_now(abort.work, now, effects)
+            soft_abort.answer("done", None, effects)
+            return
+        work = soft_abort.take_due(now)
+        if work is not None and self._running.was_paused_after(soft_abort.since):
+            self._end_paused(work, now, effects)
+        elif work is not None:
+            self.abort_now(work, now, effects)
 
     def _end_paused(self, work: EventWork, now: float, effects: Effects) -> None:
         """End a mission at the time of a soft abort after which the vehicle was paused."""
-        self.ledger.abort(REASONS[work.event.event_type_id])
-        self._context.report(effects)
+        self.abort(REASONS[work.event.event_type_id], effects)
         reason = f"{self._running.pause}: it stays there"
         effects.for_edge.append(Acknowledgement(work.work_id, "refused", reason))
         self._vehicle.take_away()
@@ -430,11 +393,10 @@ class MissionExecutor:
     def abort_now(self, work: EventWork, now: float, effects: Effects) -> None:
         """End the mission; a vehicle that is armed is sent where the event says."""
         authority = self._context.authority
-        self._end_soft_abort(effects, REPLACED)
+        self._context.soft_abort.answer("done", REPLACED, effects)
         self._cancel_upload(effects)
         if not self.ledger.status.is_terminal:
-            self.ledger.abort(REASONS[work.event.event_type_id])
-            self._context.report(effects)
+            self.abort(REASONS[work.event.event_type_id], effects)
         who = self._aborting.who(now) if self.state is State.ABORTING else None
         who = who or self._who
         self._aborting.acknowledge(effects, instead=REPLACED)
@@ -464,11 +426,6 @@ class MissionExecutor:
         if self.state is State.UPLOADING:
             effects.messages.append(exchanges.cancellation(self._vehicle))
 
-    def _vehicle_time_s(self, now: float) -> float:
-        """Give the vehicle's time since boot [s], or the broker's clock without one."""
-        time_s = self._vehicle.snapshot.time_s
-        return now if time_s is None else time_s
-
     # Alarms, restarts, errors
 
     def withdraw(self, now: float, effects: Effects) -> None:
@@ -484,7 +441,7 @@ class MissionExecutor:
             return
         self.ledger.fail(reason)
         self._context.report(effects)
-        self._end_soft_abort(effects, f"the mission has failed: {reason}")
+        self._context.soft_abort.answer("done", f"the mission has failed: {reason}", effects)
         if self._context.authority.is_lost:
             if self._who is not Authority.BROKER:
                 self._vehicle.take_away()
@@ -502,7 +459,7 @@ class MissionExecutor:
         if not self.ledger.status.is_terminal:
             self.ledger.fail(reason)
             context.report(effects)
-        self._end_soft_abort(effects, f"the mission has failed: {reason}")
+        self._context.soft_abort.answer("done", f"the mission has failed: {reason}", effects)
         self._aborting.refuse(reason, effects)
         self._cancel_upload(effects)
         is_ours = self._who is Authority.BROKER
@@ -532,7 +489,7 @@ class MissionExecutor:
         preparing = self.state in BEFORE_TAKEOFF
         flew_unseen = self.is_flight_unknown and self._link_losses > 0
         if self.state in IN_FLIGHT or flew_unseen or (preparing and context.is_hovering):
-            self._end_soft_abort(effects, f"the mission has failed: {reason}")
+            self._context.soft_abort.answer("done", f"the mission has failed: {reason}", effects)
             self._fail(Fault(reason), now, effects)
         elif preparing:
             self._move(Event.VEHICLE_RESTARTED, now, effects)

@@ -20,10 +20,10 @@ from mavlink_broker.autopilots.families import ModeRole
 from mavlink_broker.edge.wire import AcceptanceResult, EventWork
 from mavlink_broker.effects import Acknowledgement, EdgeMessage, Effects
 from mavlink_broker.mavlink.dialect import Message, mavlink
+from mavlink_broker.mission.flight_orders import REPLACED
 from mavlink_broker.mission.mission_executor import MissionExecutor
 from mavlink_broker.mission.phases.aborting import (
     REASONS,
-    REPLACED,
     AbortExecutor,
     abort_note,
     noted_event,

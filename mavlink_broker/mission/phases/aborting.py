@@ -15,14 +15,12 @@ An order that leads to a place becomes a landing as soon as the vehicle has lost
 """
 
 import math
-from dataclasses import dataclass
 from typing import Final
 
 from afarcloud.enumerations import EventType
 from afarcloud.plan import AbortPoint
 from afarcloud.plan import Event as AbortEvent
 from mavlink_broker.autopilots.families import Family, ModeRole
-from mavlink_broker.edge.wire import EventWork
 from mavlink_broker.effects import Acknowledgement, Effects
 from mavlink_broker.live.executor import LiveCommandExecutor, LivePhase
 from mavlink_broker.mavlink.dialect import Message, mavlink
@@ -48,29 +46,11 @@ LATE_ORDER_S: Final = 5.0
 """How long an order of the mission may still arrive behind one that ends it: the longest timeout
 of a command. Later only another system puts the vehicle back into its mission."""
 _DISARM: Final = long_command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0.0)
-REPLACED: Final = "a later event replaced it"
-"""Answer to an abort behind which a newer one decides where the vehicle goes."""
 REASONS: Final = {
     EventType.ABORT_MISSION: "aborted by an event",
     EventType.SOFT_ABORT_MISSION: "aborted softly by an event",
     EventType.RETURN_HOME: "aborted by an event: the vehicle returns home",
 }
-COMMAND_WITHIN_S: Final = 30.0
-"""How long a soft abort waits for the running command, by the vehicle's time."""
-
-
-@dataclass(slots=True)
-class SoftAbort:
-    """Waits for the running command to end."""
-
-    work: EventWork
-    command: int | None  # Running when it came; None: there is nothing to wait for
-    deadline_s: float
-    since: float  # [s] When it was accepted, on the broker's clock
-
-    def is_due(self, *, command_ended: bool, now_s: float) -> bool:
-        """Whether the mission ends now."""
-        return self.command is None or command_ended or now_s >= self.deadline_s
 
 
 def return_event(vehicle_id: int) -> AbortEvent:
