@@ -59,6 +59,16 @@ CONFIRMATIONS: Final = 3
 """One late frame proves nothing; a rebooted vehicle continues to count from zero."""
 SILENCE_S: Final = 2.0
 """After this silence any step back counts: the vehicle may have been switched off."""
+JUMP_MS: Final = 500
+"""A clock that is further from what it should show, behind a silence, has jumped."""
+JUMP_WITHOUT_SILENCE_MS: Final = 5000
+"""Frames of a radio are late by less from one to the next."""
+REAL_TIME: Final = 1000.0
+"""Rate of a clock that is not simulated [ms/s]."""
+RATE_KNOWN_S: Final = 1.0
+"""So long a clock is followed before its rate counts."""
+DRIFT: Final = 0.01
+"""Of a clock against the broker's; a simulated one keeps its rate no better."""
 FAR_BACK_MS: Final = 30_000
 """Step back that counts without a silence: no radio delays frames for so long."""
 MESSAGES_KEPT: Final = 64
@@ -155,6 +165,7 @@ class _Clock:
     newest_ms: int
     received_at: float
     began_at: float  # First sample
+    first_ms: int
     went_on_at: float = -math.inf
     behind: int = 0
     was_silent: bool = False  # Before it went back
@@ -167,6 +178,7 @@ class RebootMonitor:
         self._clocks: dict[str, _Clock] = {}
         self.confirmed_at = -math.inf  # When the clock last went on, or a reboot was detected
         self.doubted_at = -math.inf  # When it last was behind as after a reboot
+        self.has_jumped = False  # By the newest sample: it may be another vehicle's
         self._rebooted_at = -math.inf
 
     def has_shown(self, since: float) -> bool:
@@ -181,9 +193,10 @@ class RebootMonitor:
     def sample(self, kind: str, time_boot_ms: int, now: float) -> bool:
         """Compare a time since boot of a kind of message; true when it proves a reboot."""
         clock = self._clocks.get(kind)
+        self.has_jumped = clock is not None and _has_jumped(clock, time_boot_ms, now)
         if clock is None:
             if len(self._clocks) < MESSAGES_KEPT:
-                self._clocks[kind] = _Clock(time_boot_ms, now, now)
+                self._clocks[kind] = _Clock(time_boot_ms, now, now, time_boot_ms)
             return False
         gap_s, clock.received_at = now - clock.received_at, now
         if time_boot_ms >= clock.newest_ms or _has_wrapped(clock.newest_ms, time_boot_ms):
@@ -196,9 +209,23 @@ class RebootMonitor:
                 self.doubted_at = now
         if clock.behind < CONFIRMATIONS:
             return False
-        self._clocks = {kind: _Clock(time_boot_ms, now, now)}
+        self._clocks = {kind: _Clock(time_boot_ms, now, now, time_boot_ms)}
         self.confirmed_at = self._rebooted_at = now
         return True
+
+
+def _has_jumped(clock: _Clock, time_boot_ms: int, now: float) -> bool:
+    """Whether a clock shows another time than it would by its rate before.
+
+    A simulated vehicle's runs faster or slower than the broker's. Frames that were kept on the way
+    look the same.
+    """
+    silent_s, known_s = now - clock.received_at, clock.received_at - clock.began_at
+    rate = (clock.newest_ms - clock.first_ms) / known_s if known_s >= RATE_KNOWN_S else REAL_TIME
+    expected_ms = rate * silent_s
+    jump_ms = JUMP_MS if silent_s >= SILENCE_S else JUMP_WITHOUT_SILENCE_MS
+    apart_ms = abs(time_boot_ms - clock.newest_ms - expected_ms)
+    return apart_ms > jump_ms * max(1.0, rate / REAL_TIME) + DRIFT * expected_ms
 
 
 def _is_suspicious(clock: _Clock, time_boot_ms: int) -> bool:

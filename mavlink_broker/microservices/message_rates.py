@@ -181,6 +181,12 @@ class StreamRequests:
             for stream in STREAMS:
                 self._requested_at.pop(stream.name, None)
 
+    def ask_version(self) -> None:
+        """Request AUTOPILOT_VERSION again: another vehicle may stand there."""
+        self._received_at.pop("AUTOPILOT_VERSION", None)
+        self._version_requests = 0
+        self._version_requested_at = -math.inf
+
     @property
     def is_version_settled(self) -> bool:
         """Whether AUTOPILOT_VERSION was received or requested often enough."""

@@ -93,6 +93,7 @@ class Vehicle:
     _received_at: dict[str, float] = field(default_factory=dict)
     _reboots: RebootMonitor = field(default_factory=RebootMonitor)
     _back_at: float | None = None  # When its link was last back
+    _has_jumped: bool = False  # Its clock, behind a silence; it has not sent its number since
     _booted_at: float = -math.inf  # Of the newest restart that its clock has proved
     _arming_ordered_at: float = -math.inf
     _homeless_since: float | None = None  # On the ground, without a home position
@@ -117,6 +118,7 @@ class Vehicle:
             self.software_version = message.flight_sw_version
             self.uid = uid_of(message)
             self.is_identified = self.are_capabilities_known = True
+            self._has_jumped = False
             self.family = family_of(self.autopilot or 0, self.product, self.vehicle_type)
         self._status_texts.receive(message, now)
         if kind in AGED:
@@ -126,6 +128,9 @@ class Vehicle:
             self._booted_at = now - boot_ms / 1e3
         if rebooted and not self.was_ordered_since_boot:
             self._forget_telemetry()
+        if boot_ms is not None and self._reboots.has_jumped:
+            self._has_jumped = True
+            self.ask_identity()
         self.snapshot.take(message)
         if kind in MEASURED:
             self.observations.take(message, self.snapshot, now)
@@ -157,7 +162,7 @@ class Vehicle:
         """Forget what was received: another vehicle has its system id."""
         self._forget_telemetry()
         self._reboots, self.armed_period = RebootMonitor(), ArmedPeriod()
-        self._back_at = None
+        self._back_at, self._has_jumped = None, False
         self.ask_identity()
 
     def is_swapped_for(self, version: Message) -> bool:
@@ -260,6 +265,7 @@ class Vehicle:
         """Note that it sends no AUTOPILOT_VERSION; `has_answered` if it receives the requests."""
         self.is_identified = True
         self.are_capabilities_known |= has_answered
+        self._has_jumped &= not has_answered
 
     def change_autopilot(self, component: int) -> None:
         """Address a component as its autopilot, and forget what another one sent."""
@@ -306,7 +312,12 @@ class Vehicle:
         return self._reboots.confirmed_at > -math.inf and self._reboots.confirmed_at >= since
 
     def may_be_restarted(self, now: float) -> bool:
-        """Whether it may have been switched off while its link was away: its clock shows that."""
+        """Whether it may have been switched off or swapped while its link was away.
+
+        Its clock shows that. One on the ground whose clock has jumped shows its number too.
+        """
+        if self._has_jumped and not self.snapshot.armed:
+            return True
         if self._back_at is None or self._reboots.has_shown(self._back_at):
             return False
         return now - max(self._back_at, self._reboots.doubted_at) < CLOCK_WITHIN_S

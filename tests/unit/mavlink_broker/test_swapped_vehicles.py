@@ -27,10 +27,14 @@ class SwappedFarm:
         self.vehicle: FencedVehicle = fenced_vehicle(self.world, PX4, values=WITH_FOLLOW)
         self.vehicle.uid = 6
         placed(self.vehicle, square(half_m=90.0))
+        self.fence = self.vehicle.fence  # Of its owner
         self.world.run(10.0)
 
-    def swap(self, away_s: float) -> None:
-        """Put another aircraft in its place, with a fence and values of its owner's."""
+    def swap(self, away_s: float, *, on_for_s: float = 0.0) -> None:
+        """Put another aircraft in its place, with a fence and values of its owner's.
+
+        It has been switched on for a while.
+        """
         self.vehicle.silent = True
         self.world.run(away_s)
         self.vehicle.silent = False
@@ -38,6 +42,7 @@ class SwappedFarm:
         self.vehicle.values = dict(WITH_FOLLOW, FLW_TGT_HT=9.0)
         placed(self.vehicle, square(half_m=80.0))
         self.vehicle.reboot(self.world.clock.now)
+        self.vehicle.booted_at = self.world.clock.now - on_for_s
         self.settings = dict(self.vehicle.values), self.vehicle.fence
 
     def post(self) -> None:
@@ -70,6 +75,18 @@ def _a_second_later(farm: SwappedFarm, away_s: float) -> None:
     farm.post()
 
 
+def _value_set(farm: SwappedFarm) -> bool:
+    return "GF_MAX_VER_DIST" in dict(farm.vehicle.set)
+
+
+def _fence_stored(farm: SwappedFarm) -> bool:
+    return farm.vehicle.fence != farm.fence
+
+
+def _mission_stored(farm: SwappedFarm) -> bool:
+    return bool(farm.vehicle.items)
+
+
 @pytest.mark.first_case
 @pytest.mark.parametrize("away_s", [3.0, 0.0, 0.5, 30.0])
 @pytest.mark.parametrize("post_and_swap", [_at_once, _before, _a_second_later])
@@ -92,7 +109,9 @@ def test_a_vehicle_that_waits_with_the_firsts_fence_keeps_the_record_of_the_firs
     tmp_path: Path,
 ) -> None:
     farm = SwappedFarm(tmp_path)
-    _before(farm, away_s=3.0)
+    farm.post()
+    farm.world.run_until(lambda: _fence_stored(farm))
+    farm.swap(away_s=3.0)
     farm.world.run_until_over(1201)
     farm.world.run_until(lambda: farm.has_own_settings() and not (tmp_path / SECOND).exists())
     assert (tmp_path / FIRST).exists()
@@ -130,3 +149,26 @@ def test_a_vehicle_that_shows_its_number_late_is_restored_all_the_same(tmp_path:
     farm.world.run(20.0)
     farm.world.air.is_uplink_up = True
     farm.world.run_until(lambda: farm.has_own_settings() and not (tmp_path / SECOND).exists())
+
+
+@pytest.mark.parametrize("away_s", [3.0, 10.0])
+@pytest.mark.parametrize("on_for_s", [15.0, 60.0])
+@pytest.mark.parametrize("moment", [_value_set, _fence_stored, _mission_stored])
+def test_an_aircraft_that_was_switched_on_before_is_no_continuation_of_the_first(
+    tmp_path: Path, moment: Callable[[SwappedFarm], bool], on_for_s: float, away_s: float
+) -> None:
+    """Its clock is ahead of the last one of the first, whose fence was placed already."""
+    farm = SwappedFarm(tmp_path)
+    farm.post()
+    farm.world.run_until(lambda: moment(farm))
+    farm.world.air.is_uplink_up = False
+    farm.world.run(0.5)
+    farm.swap(away_s, on_for_s=on_for_s)
+    farm.world.air.is_uplink_up = True
+    farm.world.run_until(lambda: farm.vehicle.armed)
+    assert farm.vehicle.fence != farm.settings[1]
+    assert farm.vehicle.values["GF_MAX_VER_DIST"] == 60.0
+    farm.world.run_until_over(1201)
+    assert farm.world.edge.status(1201) == Status.FINISHED
+    farm.world.run_until(farm.has_own_settings)
+    assert (tmp_path / FIRST).exists()
