@@ -55,8 +55,9 @@ from tests.bench.results import Result, at_most
 from tests.support.broker_world import go_home, mission, takeoff, waypoint
 from tests.support.fake_edge import FakeEdgeServer
 from tests.support.polling import PATIENCE_S
-from tests.support.scripted_vehicle import PX4, ScriptedVehicle
+from tests.support.scripted_vehicle import ScriptedVehicle
 from tests.support.system import free_ports, wait_for
+from tests.support.vehicle_script import PX4
 
 EXECUTIONS: Final = 5
 WRITERS: Final = 5

@@ -25,7 +25,8 @@ from mavlink_broker.mavlink.dialect import mavlink
 from tests.support.broker_world import FINISHED, Clock, first_flight
 from tests.support.fake_edge import FakeEdge
 from tests.support.link_ends import Cable
-from tests.support.scripted_vehicle import PX4, ScriptedVehicle
+from tests.support.scripted_vehicle import ScriptedVehicle
+from tests.support.vehicle_script import PX4
 
 TICK_S: Final = 0.02
 BYTES_PER_TICK: Final = round(57_600 / 10 * TICK_S)

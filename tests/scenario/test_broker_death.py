@@ -15,7 +15,7 @@ from tests.soak.broker_death import (
     uploads,
 )
 from tests.support.broker_world import GENERIC, follow, go_home, hotpoint, takeoff, waypoint
-from tests.support.scripted_vehicle import ARDUPILOT, PX4, Script
+from tests.support.vehicle_script import ARDUPILOT, PX4, Script
 from tests.unit.mavlink_broker.test_live_commands import OWN
 
 pytestmark = pytest.mark.scenario

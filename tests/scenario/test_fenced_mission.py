@@ -9,7 +9,7 @@ from afarcloud.enumerations import EventType, Status
 from afarcloud.geodesy import shifted
 from tests.support.broker_world import go_home, mission, takeoff, waypoint
 from tests.support.flying_world import FlyingWorld
-from tests.support.scripted_vehicle import HOME
+from tests.support.vehicle_script import HOME
 
 pytestmark = pytest.mark.scenario
 

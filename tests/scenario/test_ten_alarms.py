@@ -11,7 +11,7 @@ from sim.fault_schedule import Fault
 from sim.faults.notation import read_order
 from tests.support.broker_world import go_home, mission, takeoff, waypoint
 from tests.support.flying_world import FlyingWorld
-from tests.support.scripted_vehicle import HOME
+from tests.support.vehicle_script import HOME
 
 pytestmark = pytest.mark.scenario
 

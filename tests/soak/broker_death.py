@@ -23,7 +23,7 @@ from mavlink_broker.mavlink.dialect import mavlink
 from tests.support.broker_world import World, go_home, mission, takeoff, waypoint
 from tests.support.fake_edge import FakeEdge
 from tests.support.flying_world import PERFECT, Conditions, FlyingWorld
-from tests.support.scripted_vehicle import Script
+from tests.support.vehicle_script import Script
 
 PLAN: Final = Path(__file__).parent.parent.parent / "examples" / "plans" / "eleven_commands.json"
 AWAY_S: Final = (0.0, 2.0, 10.0, 30.0, 60.0)

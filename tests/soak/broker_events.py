@@ -13,7 +13,7 @@ from typing import Any, Final, NamedTuple
 from afarcloud.enumerations import Status
 from tests.support.broker_world import go_home, mission, takeoff, waypoint
 from tests.support.flying_world import PERFECT, Conditions, FlyingWorld
-from tests.support.scripted_vehicle import HOME
+from tests.support.vehicle_script import HOME
 
 ABORT, SOFT_ABORT, SPEED = 1, 2, 3
 HEIGHT_M: Final = 5.0

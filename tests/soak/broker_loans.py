@@ -12,7 +12,7 @@ from random import Random
 from typing import Any, Final
 
 from afarcloud.enumerations import Status
-from tests.support.scripted_vehicle import ARDUPILOT, PX4, Script
+from tests.support.vehicle_script import ARDUPILOT, PX4, Script
 from tests.unit.mavlink_broker.test_restart_overrides import WITH_FOLLOW, WITH_RATE, Farm
 
 LOSSES: Final = (0.0, 0.2)

@@ -8,7 +8,8 @@ the time since boot in 32 bits. The message is sent once.
 from dataclasses import dataclass
 from typing import Final
 
-from tests.support.scripted_vehicle import HOME, ScriptedVehicle
+from tests.support.scripted_vehicle import ScriptedVehicle
+from tests.support.vehicle_script import HOME
 from tests.support.vehicle_wire import mavlink
 
 NOON_US: Final = 1_790_000_000_000_000

@@ -22,7 +22,8 @@ from mavlink_broker.pictures.worker_pool import run_job
 from tests.support.fake_edge import FakeEdge
 from tests.support.scripted_camera import ScriptedCamera
 from tests.support.scripted_disk import ScriptedDisk
-from tests.support.scripted_vehicle import ARDUPILOT, HOME, PX4, Script, ScriptedVehicle
+from tests.support.scripted_vehicle import ScriptedVehicle
+from tests.support.vehicle_script import ARDUPILOT, HOME, PX4, Script
 
 GENERIC = Script(autopilot=mavlink.MAV_AUTOPILOT_GENERIC)
 FAMILIES = pytest.mark.parametrize("script", [PX4, ARDUPILOT, GENERIC])

@@ -9,8 +9,9 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from tests.support.broker_world import World
-from tests.support.scripted_missions import ARDUPILOT, PX4, Script, ScriptedMissions
+from tests.support.scripted_missions import ScriptedMissions
 from tests.support.scripted_vehicle import ScriptedVehicle
+from tests.support.vehicle_script import ARDUPILOT, PX4, Script
 from tests.support.vehicle_wire import Message, mavlink
 
 FENCE, RALLY = 1, 2

@@ -11,8 +11,8 @@ import math
 from dataclasses import replace
 from typing import Final
 
-from tests.support.scripted_missions import Script
 from tests.support.stored_items import as_ardupilot_keeps, as_px4_keeps
+from tests.support.vehicle_script import Script
 from tests.support.vehicle_wire import mavlink
 
 PX4_MODES_TO_ARM_IN: Final = frozenset({4 << 16 | 2 << 24, 4 << 16 | 3 << 24, 4 << 16 | 4 << 24})

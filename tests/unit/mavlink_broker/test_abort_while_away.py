@@ -14,15 +14,8 @@ from afarcloud.enumerations import EventType, Status
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.mission.states import State
 from tests.support.broker_world import World, first_flight
-from tests.support.scripted_vehicle import (
-    ARDUPILOT,
-    COPTER_RETURN,
-    PX4,
-    PX4_LAND,
-    PX4_RETURN,
-    Script,
-    ScriptedVehicle,
-)
+from tests.support.scripted_vehicle import ScriptedVehicle
+from tests.support.vehicle_script import ARDUPILOT, COPTER_RETURN, PX4, PX4_LAND, PX4_RETURN, Script
 from tests.unit.mavlink_broker.test_events import ABORT, POINT, answer_statuses, world_at
 from tests.unit.mavlink_broker.test_sessions import ELSEWHERE
 from tests.unit.mavlink_broker.test_takeover import ASKING, REFUSING_RETURN, in_mission, slow, state

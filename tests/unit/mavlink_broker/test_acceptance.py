@@ -17,7 +17,7 @@ from tests.support.broker_world import (
     takeoff,
     waypoint,
 )
-from tests.support.scripted_vehicle import ARDUPILOT, PX4, Script
+from tests.support.vehicle_script import ARDUPILOT, PX4, Script
 
 
 def asked_late(script: Script = PX4) -> tuple[World, int]:

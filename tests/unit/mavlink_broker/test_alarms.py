@@ -16,7 +16,7 @@ from tests.support.broker_world import (
     mission,
     takeoff,
 )
-from tests.support.scripted_vehicle import (
+from tests.support.vehicle_script import (
     ARDUPILOT,
     COPTER_RETURN,
     PX4,

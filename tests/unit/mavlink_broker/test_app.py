@@ -19,7 +19,7 @@ from tests.support.broker_world import (
     takeoff,
     waypoint,
 )
-from tests.support.scripted_vehicle import ARDUPILOT, PX4, PX4_POSITION
+from tests.support.vehicle_script import ARDUPILOT, PX4, PX4_POSITION
 
 
 class TestSeveralVehicles:

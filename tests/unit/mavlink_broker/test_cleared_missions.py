@@ -14,7 +14,7 @@ from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.mission.states import State
 from tests.support.broker_world import GENERIC, World, flying_world
 from tests.support.real_autopilots import COPTER_4_1, COPTER_4_6, PX4_1_14, PX4_1_17
-from tests.support.scripted_vehicle import (
+from tests.support.vehicle_script import (
     ARDUPILOT,
     COPTER_LAND,
     COPTER_RETURN,

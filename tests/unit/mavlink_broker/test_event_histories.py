@@ -18,7 +18,7 @@ from typing import Any, Final
 import pytest
 
 from tests.support.broker_world import World, follow, go_home, mission, takeoff, waypoint
-from tests.support.scripted_vehicle import ARDUPILOT, PX4, PX4_POSITION, Script
+from tests.support.vehicle_script import ARDUPILOT, PX4, PX4_POSITION, Script
 from tests.unit.mavlink_broker.test_live_commands import OWN
 from tests.unit.mavlink_broker.test_takeover import orders
 

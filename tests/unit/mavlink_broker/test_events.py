@@ -12,7 +12,7 @@ from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.mission.mission_executor import MissionExecutor
 from mavlink_broker.mission.states import State
 from tests.support.broker_world import World, follow, go_home, hotpoint, mission, takeoff, waypoint
-from tests.support.scripted_vehicle import (
+from tests.support.vehicle_script import (
     ARDUPILOT,
     COPTER_LAND,
     COPTER_RETURN,

@@ -7,14 +7,7 @@ import pytest
 from afarcloud.enumerations import Status
 from mavlink_broker.mavlink.dialect import mavlink
 from tests.support.broker_world import GENERIC, World, go_home, hotpoint, mission, takeoff, waypoint
-from tests.support.scripted_vehicle import (
-    PX4,
-    PX4_HOLD,
-    PX4_LAND,
-    PX4_ORBIT,
-    PX4_RETURN,
-    Script,
-)
+from tests.support.vehicle_script import PX4, PX4_HOLD, PX4_LAND, PX4_ORBIT, PX4_RETURN, Script
 from tests.unit.mavlink_broker.test_live_commands import OWN
 
 REFUSED = {mavlink.MAV_CMD_DO_ORBIT: mavlink.MAV_RESULT_DENIED}

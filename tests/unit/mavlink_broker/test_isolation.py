@@ -17,8 +17,7 @@ from mavlink_broker.routing.router import Router
 from mavlink_broker.session import Session
 from tests.support.broker_world import FINISHED, World, first_flight
 from tests.support.fenced_vehicle import ARDUPILOT_VALUES, PX4_VALUES, FencedVehicle
-from tests.support.scripted_missions import ARDUPILOT, PX4, Script
-from tests.support.scripted_vehicle import HOME, PX4_RETURN
+from tests.support.vehicle_script import ARDUPILOT, HOME, PX4, PX4_RETURN, Script
 from tests.unit.mavlink_broker.test_events import (
     ABORT,
     POINT,

@@ -22,7 +22,7 @@ from tests.support.broker_world import (
     waypoint,
 )
 from tests.support.real_autopilots import COPTER_4_6, PX4_1_17
-from tests.support.scripted_vehicle import (
+from tests.support.vehicle_script import (
     ARDUPILOT,
     HOME,
     PX4,

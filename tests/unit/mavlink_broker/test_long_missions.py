@@ -8,7 +8,7 @@ import pytest
 from afarcloud.enumerations import Status
 from mavlink_broker.mavlink.dialect import mavlink
 from tests.support.broker_world import World, go_home, mission, takeoff, waypoint
-from tests.support.scripted_vehicle import ARDUPILOT, PX4, Script
+from tests.support.vehicle_script import ARDUPILOT, PX4, Script
 
 COMMANDS = 150
 AUTOPILOTS = pytest.mark.parametrize("script", [PX4, ARDUPILOT], ids=["px4", "ardupilot"])

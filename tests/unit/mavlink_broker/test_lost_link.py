@@ -9,7 +9,8 @@ from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.mission.states import State
 from tests.support.broker_world import World, go_home, hotpoint, mission, takeoff, waypoint
 from tests.support.real_autopilots import COPTER_4_6, PX4_1_17
-from tests.support.scripted_vehicle import PX4_RETURN, Script, ScriptedVehicle
+from tests.support.scripted_vehicle import ScriptedVehicle
+from tests.support.vehicle_script import PX4_RETURN, Script
 from tests.unit.mavlink_broker.test_live_commands import OWN, messages
 
 AWAY_S = 15.0

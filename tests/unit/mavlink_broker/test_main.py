@@ -17,7 +17,8 @@ from afarcloud.enumerations import Status
 from mavlink_broker.database import Database
 from tests.support.broker_world import first_flight
 from tests.support.fake_edge import FakeEdgeServer
-from tests.support.scripted_vehicle import PX4, ScriptedVehicle
+from tests.support.scripted_vehicle import ScriptedVehicle
+from tests.support.vehicle_script import PX4
 
 ROOT = Path(__file__).parents[3]
 LISTENING = "links udpin://0.0.0.0:"

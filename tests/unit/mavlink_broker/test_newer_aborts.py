@@ -10,7 +10,8 @@ import pytest
 from afarcloud.enumerations import Status
 from mavlink_broker.mavlink.dialect import mavlink
 from tests.support.broker_world import World, first_flight
-from tests.support.scripted_vehicle import (
+from tests.support.scripted_vehicle import ScriptedVehicle
+from tests.support.vehicle_script import (
     COPTER_LAND,
     COPTER_RETURN,
     HOME,
@@ -18,7 +19,6 @@ from tests.support.scripted_vehicle import (
     PX4_POSITION,
     PX4_RETURN,
     Script,
-    ScriptedVehicle,
 )
 from tests.unit.mavlink_broker.test_events import ABORT, SOFT_ABORT, answer_statuses
 from tests.unit.mavlink_broker.test_live_commands import REAL_AUTOPILOTS

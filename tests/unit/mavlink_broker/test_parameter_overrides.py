@@ -17,14 +17,8 @@ from tests.support.broker_world import (
     takeoff,
     waypoint,
 )
-from tests.support.scripted_vehicle import (
-    ARDUPILOT,
-    HOME,
-    PX4,
-    PX4_FOLLOW,
-    Script,
-    ScriptedVehicle,
-)
+from tests.support.scripted_vehicle import ScriptedVehicle
+from tests.support.vehicle_script import ARDUPILOT, HOME, PX4, PX4_FOLLOW, Script
 
 COPTER_FOLLOW = 23
 PLACE = {"latitude": HOME[0], "longitude": HOME[1]}

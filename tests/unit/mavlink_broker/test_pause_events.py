@@ -10,7 +10,7 @@ from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.mission.flight_orders import NOT_IN_THE_AIR, NOT_PAUSED, PAUSED, PAUSED_INSTEAD
 from mavlink_broker.mission.states import State
 from tests.support.broker_world import GENERIC, World, follow, go_home, mission, takeoff, waypoint
-from tests.support.scripted_vehicle import (
+from tests.support.vehicle_script import (
     ARDUPILOT,
     COPTER_AUTO,
     COPTER_GUIDED,

@@ -13,7 +13,7 @@ from afarcloud.enumerations import Status
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.mission.states import State
 from tests.support.broker_world import World, follow, go_home, hotpoint, mission, takeoff, waypoint
-from tests.support.scripted_vehicle import (
+from tests.support.vehicle_script import (
     ARDUPILOT,
     COPTER_AUTO,
     PX4,

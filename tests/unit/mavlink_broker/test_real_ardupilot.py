@@ -19,13 +19,8 @@ from tests.support.broker_world import (
     waypoint,
 )
 from tests.support.real_autopilots import COPTER_4_1, COPTER_4_6, PX4_1_17, ROVER
-from tests.support.scripted_vehicle import (
-    COPTER_AUTO,
-    COPTER_RETURN,
-    HOME,
-    Script,
-    ScriptedVehicle,
-)
+from tests.support.scripted_vehicle import ScriptedVehicle
+from tests.support.vehicle_script import COPTER_AUTO, COPTER_RETURN, HOME, Script
 from tests.unit.mavlink_broker.test_real_autopilots import example, flown
 
 SPEED = mavlink.MAV_CMD_DO_CHANGE_SPEED

@@ -29,7 +29,8 @@ from tests.support.real_autopilots import (
     PX4_BARE,
     PX4_BARE_1_14,
 )
-from tests.support.scripted_vehicle import (
+from tests.support.scripted_vehicle import ScriptedVehicle
+from tests.support.vehicle_script import (
     COPTER_AUTO,
     COPTER_GUIDED,
     HOME,
@@ -37,7 +38,6 @@ from tests.support.scripted_vehicle import (
     PX4_MISSION,
     PX4_POSITION,
     Script,
-    ScriptedVehicle,
 )
 
 PLANS = Path(__file__).parents[3] / "examples" / "plans"

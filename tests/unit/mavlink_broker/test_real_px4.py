@@ -23,7 +23,7 @@ from tests.support.broker_world import (
     waypoint,
 )
 from tests.support.real_autopilots import PX4_1_13, PX4_1_14, PX4_1_16, PX4_1_17
-from tests.support.scripted_vehicle import HOME, PX4_HOLD, PX4_MISSION, PX4_RETURN, Script
+from tests.support.vehicle_script import HOME, PX4_HOLD, PX4_MISSION, PX4_RETURN, Script
 
 PAUSE, RESUME, RETURN_HOME = 101, 102, 103
 ATTENDED = dataclasses.replace(

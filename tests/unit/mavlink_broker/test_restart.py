@@ -23,7 +23,7 @@ from tests.support.broker_world import (
     takeoff,
     waypoint,
 )
-from tests.support.scripted_vehicle import ARDUPILOT, PX4, Script
+from tests.support.vehicle_script import ARDUPILOT, PX4, Script
 from tests.unit.mavlink_broker.test_live_commands import OWN
 
 

@@ -11,7 +11,7 @@ from afarcloud.enumerations import Status
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.mission.states import State
 from tests.support.broker_world import World, first_flight, go_home, mission, takeoff, waypoint
-from tests.support.scripted_vehicle import PX4, PX4_HOLD, PX4_LAND, PX4_POSITION, PX4_RETURN
+from tests.support.vehicle_script import PX4, PX4_HOLD, PX4_LAND, PX4_POSITION, PX4_RETURN
 from tests.unit.mavlink_broker.test_events import (
     ABORT,
     POINT,

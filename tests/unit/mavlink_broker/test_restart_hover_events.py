@@ -11,7 +11,7 @@ from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.mission.pending_events import MAX_WAITING, TOO_MANY
 from mavlink_broker.vehicle.telemetry import Snapshot
 from tests.support.broker_world import World, first_flight
-from tests.support.scripted_vehicle import (
+from tests.support.vehicle_script import (
     ARDUPILOT,
     COPTER_LAND,
     COPTER_RETURN,

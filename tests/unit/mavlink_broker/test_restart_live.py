@@ -20,12 +20,7 @@ from tests.support.broker_world import (
     track,
     waypoint,
 )
-from tests.support.scripted_vehicle import (
-    PX4,
-    PX4_FOLLOW,
-    PX4_HOLD,
-    Script,
-)
+from tests.support.vehicle_script import PX4, PX4_FOLLOW, PX4_HOLD, Script
 from tests.unit.mavlink_broker.test_live_commands import OWN
 
 DISK_LAG_S = 0.05

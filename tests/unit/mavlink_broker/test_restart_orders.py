@@ -17,7 +17,7 @@ from tests.support.broker_world import (
     takeoff,
     waypoint,
 )
-from tests.support.scripted_vehicle import (
+from tests.support.vehicle_script import (
     ARDUPILOT,
     COPTER_RETURN,
     PX4,

@@ -20,7 +20,7 @@ from tests.support.fenced_vehicle import (
     FencedVehicle,
     fenced_vehicle,
 )
-from tests.support.scripted_vehicle import ARDUPILOT, PX4, PX4_FOLLOW, Script
+from tests.support.vehicle_script import ARDUPILOT, PX4, PX4_FOLLOW, Script
 from tests.unit.mavlink_broker.mission.test_geofence_transfer import POINT, fence, placed, square
 from tests.unit.mavlink_broker.test_parameter_overrides import circle
 

@@ -14,8 +14,8 @@ from afarcloud.enumerations import EventType, Status
 from mavlink_broker.mavlink.dialect import mavlink
 from tests.soak.broker_death import Undisturbed, judge_orders, judge_reports, scripted, sorties
 from tests.support.broker_world import World, first_flight, mission
-from tests.support.scripted_vehicle import PX4
 from tests.support.unreachable_edge import UnreachableEdge
+from tests.support.vehicle_script import PX4
 
 ITEM_S = 4.0
 NUMBER = 1201

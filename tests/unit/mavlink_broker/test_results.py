@@ -15,7 +15,7 @@ from mavlink_broker.edge.wire import post_for
 from mavlink_broker.effects import Result
 from mavlink_broker.mavlink.dialect import mavlink
 from tests.support.broker_world import World, first_flight, flying_world, go_home, mission, takeoff
-from tests.support.scripted_vehicle import HOME, PX4
+from tests.support.vehicle_script import HOME, PX4
 
 SLOW = dataclasses.replace(PX4, item_time_s=5.0)
 SET = ["/pose/", "/observation/", "/battery/"]

@@ -18,7 +18,7 @@ from tests.support.broker_world import (
     takeoff,
     waypoint,
 )
-from tests.support.scripted_vehicle import ARDUPILOT, HOME, PX4, PX4_HOLD, Script
+from tests.support.vehicle_script import ARDUPILOT, HOME, PX4, PX4_HOLD, Script
 
 RESULT_PATHS = frozenset({"/pose/", "/battery/", "/mission_report/"})
 

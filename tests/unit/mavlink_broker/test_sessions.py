@@ -13,7 +13,9 @@ from mavlink_broker.mavlink.codec import Encoder
 from mavlink_broker.mavlink.dialect import Message, mavlink
 from tests.support.broker_world import FINISHED, World, first_flight
 from tests.support.real_autopilots import COPTER_4_6, PX4_1_17
-from tests.support.scripted_vehicle import PX4, Script, ScriptedVehicle
+from tests.support.scripted_telemetry import STREAMS
+from tests.support.scripted_vehicle import ScriptedVehicle
+from tests.support.vehicle_script import PX4, Script
 from tests.unit.mavlink_broker.test_takeover import orders
 
 ELSEWHERE = ("198.51.100.7", 40_000)
@@ -84,14 +86,14 @@ class TestTheRegistry:
     ) -> None:
         """The edge server still shows the value before: it does not look fresh."""
         world = World()
-        vehicle = world.add_vehicle(script=COPTER_4_6)
+        world.add_vehicle(script=COPTER_4_6)
         world.run(10.0)
         assert registered(world)["stale"] == []
         unmeasured = mavlink.MAVLink_battery_status_message(
             0, 1, 1, 32767, [65535] * 10, -1, 0, -1, -1
         )
         with monkeypatch.context() as patch:
-            patch.setattr(vehicle, "_battery", lambda: unmeasured)
+            patch.setitem(STREAMS, "battery", lambda _: unmeasured)
             world.run(10.0)
             assert registered(world)["stale"] == ["battery"]
         world.run(10.0)

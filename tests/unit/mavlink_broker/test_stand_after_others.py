@@ -23,7 +23,8 @@ from tests.support.broker_world import (
     takeoff,
     waypoint,
 )
-from tests.support.scripted_vehicle import (
+from tests.support.scripted_vehicle import ScriptedVehicle
+from tests.support.vehicle_script import (
     ARDUPILOT,
     COPTER_LAND,
     COPTER_RETURN,
@@ -32,7 +33,6 @@ from tests.support.scripted_vehicle import (
     PX4_POSITION,
     PX4_RETURN,
     Script,
-    ScriptedVehicle,
 )
 from tests.unit.mavlink_broker.test_takeover import in_mission, orders
 

@@ -12,7 +12,7 @@ import pytest
 from afarcloud.enumerations import EventType, Status
 from tests.support.broker_world import World, first_flight, follow, go_home, mission, takeoff
 from tests.support.fenced_vehicle import FencedVehicle, fenced_vehicle
-from tests.support.scripted_vehicle import PX4, PX4_FOLLOW
+from tests.support.vehicle_script import PX4, PX4_FOLLOW
 from tests.unit.mavlink_broker.mission.test_geofence_transfer import POINT, fence, placed, square
 from tests.unit.mavlink_broker.test_restart_overrides import DISK_LAG_S, WITH_FOLLOW
 

@@ -24,7 +24,8 @@ from tests.support.broker_world import (
     takeoff,
     waypoint,
 )
-from tests.support.scripted_vehicle import (
+from tests.support.scripted_vehicle import ScriptedVehicle
+from tests.support.vehicle_script import (
     ARDUPILOT,
     COPTER_AUTO,
     COPTER_GUIDED,
@@ -37,7 +38,6 @@ from tests.support.scripted_vehicle import (
     PX4_POSITION,
     PX4_RETURN,
     Script,
-    ScriptedVehicle,
 )
 from tests.unit.mavlink_broker.test_events import ABORT, POINT, SOFT_ABORT, answer_statuses
 from tests.unit.mavlink_broker.test_live_commands import OWN

@@ -14,7 +14,8 @@ from afarcloud.geodesy import offset, shifted
 from mavlink_broker.mavlink.codec import Encoder
 from mavlink_broker.mavlink.dialect import mavlink
 from tests.support.broker_world import World, go_home, mission, takeoff
-from tests.support.scripted_vehicle import (
+from tests.support.scripted_vehicle import ScriptedVehicle
+from tests.support.vehicle_script import (
     ARDUPILOT,
     HOME,
     PX4,
@@ -24,7 +25,6 @@ from tests.support.scripted_vehicle import (
     PX4_ORBIT,
     PX4_POSITION,
     Script,
-    ScriptedVehicle,
 )
 
 COPTER_FOLLOW = 23

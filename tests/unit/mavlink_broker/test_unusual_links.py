@@ -17,7 +17,7 @@ from mavlink_broker.mavlink.signing import KeyRing, LinkSigning, SignatureCheck
 from mavlink_broker.planning.target_track import VehicleTrack
 from mavlink_broker.vehicle.telemetry import Snapshot
 from tests.support.broker_world import FINISHED, World, first_flight
-from tests.support.scripted_vehicle import PX4
+from tests.support.vehicle_script import PX4
 
 COMPANION, OF_A_USER = mavlink.MAV_COMP_ID_ONBOARD_COMPUTER, 25
 ROUND_MS = 1 << 32

@@ -11,7 +11,7 @@ from mavlink_broker.mavlink.dialect import Route, mavlink
 from mavlink_broker.mission.states import State
 from mavlink_broker.vehicle.vehicle import Vehicle
 from tests.support.broker_world import World, first_flight
-from tests.support.scripted_vehicle import (
+from tests.support.vehicle_script import (
     ARDUPILOT,
     COPTER_GUIDED,
     PX4,

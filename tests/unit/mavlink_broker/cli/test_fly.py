@@ -34,7 +34,8 @@ from tests.support.broker_world import (
     takeoff,
     waypoint,
 )
-from tests.support.scripted_vehicle import PX4, Script, ScriptedVehicle
+from tests.support.scripted_vehicle import ScriptedVehicle
+from tests.support.vehicle_script import PX4, Script
 from tests.unit.mavlink_broker.test_main import fly as live
 
 ROOT = Path(__file__).parents[4]

@@ -13,7 +13,7 @@ import pytest
 from mavlink_broker.cli.program import UsageError
 from mavlink_broker.cli.translate import FAMILIES, run
 from tests.support.broker_world import first_flight, go_home, land, mission, takeoff, waypoint
-from tests.support.scripted_vehicle import HOME
+from tests.support.vehicle_script import HOME
 
 NOW = datetime(2026, 11, 21, 8, 0, tzinfo=UTC)
 ROOT = Path(__file__).parents[4]

@@ -19,7 +19,8 @@ from mavlink_broker.cli.vehicles import COLUMNS, row, table
 from mavlink_broker.mavlink.dialect import Route
 from mavlink_broker.vehicle.vehicle import Vehicle, version
 from tests.support.broker_world import World
-from tests.support.scripted_vehicle import ARDUPILOT, PX4, ScriptedVehicle
+from tests.support.scripted_vehicle import ScriptedVehicle
+from tests.support.vehicle_script import ARDUPILOT, PX4
 from tests.unit.mavlink_broker.test_main import fly as live
 
 ROOT = Path(__file__).parents[4]

@@ -10,8 +10,8 @@ from mavlink_broker.autopilots.families import OWN_PRODUCT
 from mavlink_broker.mavlink.dialect import Message, mavlink
 from tests.support.broker_world import World, go_home, mission, takeoff
 from tests.support.scripted_camera import ScriptedCamera
-from tests.support.scripted_missions import PX4, Script
 from tests.support.scripted_vehicle import ScriptedVehicle
+from tests.support.vehicle_script import PX4, Script
 
 CREATE = mavlink.MAV_CMD_PANORAMA_CREATE
 OWN = dataclasses.replace(PX4, product=OWN_PRODUCT)

@@ -11,7 +11,7 @@ from mavlink_broker.live.orbit import MAX_DEVIATION_M, point_count
 from mavlink_broker.mavlink.dialect import mavlink
 from tests.support.broker_world import World, go_home, mission, takeoff
 from tests.support.geodesy import LocalGround
-from tests.support.scripted_vehicle import ARDUPILOT, HOME, PX4, Script
+from tests.support.vehicle_script import ARDUPILOT, HOME, PX4, Script
 
 RADIUS_M = 15.0
 MAXIMUM_SPEED_M_S = 4.0

@@ -8,7 +8,8 @@ from afarcloud.geodesy import shifted
 from mavlink_broker.config import Config
 from mavlink_broker.live.follow_target import TargetSourceError, read_target_sources
 from tests.support.broker_world import World, follow, go_home, mission, takeoff
-from tests.support.scripted_vehicle import HOME, PX4, PX4_FOLLOW, ScriptedVehicle
+from tests.support.scripted_vehicle import ScriptedVehicle
+from tests.support.vehicle_script import HOME, PX4, PX4_FOLLOW
 
 HEADER = "time_s,latitude_deg,longitude_deg\n"
 

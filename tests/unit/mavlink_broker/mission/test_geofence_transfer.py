@@ -27,8 +27,7 @@ from tests.support.fenced_vehicle import (
     FencedVehicle,
     fenced_vehicle,
 )
-from tests.support.scripted_missions import ARDUPILOT, PX4, Script
-from tests.support.scripted_vehicle import HOME, PX4_LAND, PX4_RETURN
+from tests.support.vehicle_script import ARDUPILOT, HOME, PX4, PX4_LAND, PX4_RETURN, Script
 
 INCLUSION, EXCLUSION = 5001, 5002
 FOR_A_STATION = mavlink.MAVLink_command_ack_message(

@@ -10,7 +10,8 @@ from mavlink_broker.mavlink.codec import Decoder, Encoder
 from mavlink_broker.mavlink.dialect import Message, mavlink
 from tests.support.broker_world import FINISHED, World, go_home, mission, takeoff, waypoint
 from tests.support.real_autopilots import COPTER_4_6, PX4_1_14, PX4_1_17
-from tests.support.scripted_vehicle import Script, ScriptedVehicle
+from tests.support.scripted_vehicle import ScriptedVehicle
+from tests.support.vehicle_script import Script
 
 AUTOPILOTS = pytest.mark.parametrize(
     "script", [PX4_1_14, PX4_1_17, COPTER_4_6], ids=["px4 1.14", "px4 1.17", "copter"]

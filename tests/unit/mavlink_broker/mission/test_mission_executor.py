@@ -19,7 +19,7 @@ from tests.support.broker_world import (
     takeoff,
     waypoint,
 )
-from tests.support.scripted_vehicle import (
+from tests.support.vehicle_script import (
     PX4,
     PX4_HOLD,
     PX4_MISSION,

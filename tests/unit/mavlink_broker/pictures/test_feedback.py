@@ -9,7 +9,8 @@ from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.pictures.feedback import Feedback, FeedbackCounter
 from tests.support.ardupilot_camera import TriggeredCamera
 from tests.support.broker_world import World, go_home, mission, takeoff, waypoint
-from tests.support.scripted_vehicle import ARDUPILOT, ScriptedVehicle
+from tests.support.scripted_vehicle import ScriptedVehicle
+from tests.support.vehicle_script import ARDUPILOT
 from tests.unit.mavlink_broker.pictures.test_pictures import image
 
 SLOW = dataclasses.replace(ARDUPILOT, item_time_s=6.0)

@@ -16,7 +16,8 @@ from mavlink_broker.pictures.pictures import MISSION_WITHIN_S
 from tests.support.broker_world import World, go_home, mission, takeoff, waypoint
 from tests.support.file_server import ScriptedFiles
 from tests.support.scripted_camera import JPEG, ScriptedCamera
-from tests.support.scripted_vehicle import PX4, ScriptedVehicle
+from tests.support.scripted_vehicle import ScriptedVehicle
+from tests.support.vehicle_script import PX4
 
 SLOW = dataclasses.replace(PX4, item_time_s=6.0)
 MISSION = 1201

@@ -12,7 +12,8 @@ from mavlink_broker.microservices.command import RoundTrip
 from mavlink_broker.pictures.announcements import MAX_NUMBERS, AnnouncementTracker, Capture
 from tests.support.broker_world import World, go_home, mission, takeoff
 from tests.support.scripted_camera import ScriptedCamera
-from tests.support.scripted_vehicle import PX4, PX4_POSITION, ScriptedVehicle
+from tests.support.scripted_vehicle import ScriptedVehicle
+from tests.support.vehicle_script import PX4, PX4_POSITION
 from tests.unit.mavlink_broker.microservices.harness import ROUTE
 
 SLOW = dataclasses.replace(PX4, item_time_s=4.0)
