@@ -132,22 +132,13 @@ VERSION_LATER_S: Final = 10.0
 class StreamRequests:
     """Keeps the required messages of one vehicle coming.
 
-    `turns_off`: unread messages are disabled; not if other clients use the same link.
     `observes`: no rate is changed; missing messages are requested one at a time.
     """
 
-    def __init__(
-        self,
-        route: Route,
-        round_trip: RoundTrip,
-        *,
-        turns_off: bool = True,
-        observes: bool = False,
-    ) -> None:
+    def __init__(self, route: Route, round_trip: RoundTrip, *, observes: bool = False) -> None:
         self._observes = observes
         self.route = route
         self._round_trip = round_trip
-        self._turns_off = turns_off
         self._received_at: dict[str, float] = {}
         self._interval_s: dict[str, float] = {}
         self._gcs_rates = GroundStationRates()
@@ -260,7 +251,7 @@ class StreamRequests:
             message_id, interval_us = request
             name = mavlink.mavlink_map[message_id].msgname
             return self._request(name, set_interval(message_id, interval_us), now)
-        for name, message_id in UNREAD.items() if self._turns_off else ():
+        for name, message_id in UNREAD.items():
             if self._is_to_disable(name, now) and not self._gcs_rates.keeps(message_id):
                 self._stops[name] = self._stops.get(name, 0) + 1
                 return self._request(name, set_interval(message_id, _OFF_US), now)

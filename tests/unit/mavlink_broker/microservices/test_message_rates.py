@@ -120,13 +120,6 @@ def test_one_refusal_causes_no_group_requests() -> None:
     assert groups(refuse_all(requests, mavlink.MAV_RESULT_ACCEPTED)) == []
 
 
-def test_nothing_is_disabled_on_a_shared_link() -> None:
-    requests = StreamRequests(ROUTE, RoundTrip(), turns_off=False)
-    asked_for_all(requests)
-    receive_often(requests, 1.0, 0.02)
-    assert intervals(requests.tick(1.0)) == []
-
-
 def test_a_restart_of_the_vehicle_renews_everything() -> None:
     requests = StreamRequests(ROUTE, RoundTrip())
     asked_for_all(requests)
