@@ -118,7 +118,6 @@ class Stream:
         self._queue_bytes = queue_bytes
         self._is_partly_sent = False  # The first of the queue has left in part
         self.dropped = 0  # Frames
-        self.is_proven = False  # A whole frame has come
 
     @property
     def skipped(self) -> int:
@@ -138,9 +137,7 @@ class Stream:
         """
         self._now = now
         data = self._bytes() if is_readable else b""
-        frames = self._scanner.feed(data, now)
-        self.is_proven |= bool(frames)
-        return frames
+        return self._scanner.feed(data, now)
 
     def send(self, frame: bytes) -> None:
         """Send a frame, now or when the descriptor takes more.

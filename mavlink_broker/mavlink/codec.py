@@ -121,7 +121,6 @@ VERSION_2: Final = 0xFD
 SIGNED_FLAG: Final = 0x01
 SIGNATURE_LENGTH: Final = 13
 DIGEST_LENGTH: Final = 6
-LARGEST_FRAME: Final = 12 + 255 + SIGNATURE_LENGTH
 
 _OVERHEAD: Final = {VERSION_1: 8, VERSION_2: 12}
 _MARKER: Final = re.compile(b"[\xfd\xfe]")

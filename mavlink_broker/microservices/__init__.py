@@ -1,8 +1,8 @@
 """MAVLink's services without input or output: (message or tick, now) -> messages to send.
 
 Command protocol: `command`. Mission protocol (mission, geofence, rally points): `mission_protocol`,
-`mission_upload`, `mission_download`, `mission_set_current`. Parameter protocol: `parameter`;
-`config_overrides` restores what a mission changes. Heartbeats, reboots and streams: `heartbeat`,
-`message_rates`, `status_text`. Link estimates: `timeouts`. Files: `ftp_download`, `ftp_requests`.
-Keys of signed links: `signing_setup`.
+`mission_upload`, `mission_download`. Parameter protocol: `parameter`; `config_overrides` restores
+what a mission changes. Heartbeats, reboots and streams: `heartbeat`, `message_rates`,
+`status_text`; whether a vehicle receives: `answer_monitor`. Files: `ftp_download`, `ftp_requests`;
+logs: `log_download`. Keys of signed links: `signing_setup`.
 """

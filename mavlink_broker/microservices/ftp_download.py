@@ -276,23 +276,23 @@ class FileDownload:
         )  # The end of the file comes by burst too
         at = self._file.missing.first_gap(least, self._bursts.position)
         if not self._supports_bursts or at is None:
-            return self._read_pieces(now, 0, self._file.size)
+            return self._read_pieces(now, self._file.size)
         messages = []
         if not self._requests.count(ftp_requests.BURST) and now >= self._not_before:
             self._bursts.position = at
             messages.append(self._ask_for(ftp_requests.BURST, at, DATA_MAX, now))
         # Gaps after the burst's position are filled by it or by the next one.
-        return [*messages, *self._read_pieces(now, 0, self._bursts.position)]
+        return [*messages, *self._read_pieces(now, self._bursts.position)]
 
-    def _read_pieces(self, now: float, start: int, end: int) -> list[Message]:
-        """Request missing pieces of a part of the file, as far as the window allows."""
+    def _read_pieces(self, now: float, end: int) -> list[Message]:
+        """Request missing pieces of the file before `end`, as far as the window allows."""
         requested = self._requests.offsets(ftp_requests.READ)
         allowed = self._window.allowance(now, len(requested))
         messages: list[Message] = []
         for offset, size in self._file.missing.pieces(DATA_MAX) if allowed else ():
             if len(messages) >= allowed or offset >= end:
                 break
-            if start <= offset and offset not in requested:
+            if offset not in requested:
                 messages.append(self._ask_for(ftp_requests.READ, offset, size, now))
         return messages
 

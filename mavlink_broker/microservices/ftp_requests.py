@@ -177,13 +177,6 @@ class PendingRequests:
         """Remove all requests."""
         self._pending.clear()
 
-    def drop_all(self, opcode: int) -> None:
-        """Remove all requests with an opcode."""
-        for request in [
-            request for request in self._pending.values() if request.packet.opcode == opcode
-        ]:
-            self.drop(request)
-
     def answered_by(self, answer: Packet, now: float) -> PendingRequest | None:
         """Remove and return the request of an answer; None if there is none.
 

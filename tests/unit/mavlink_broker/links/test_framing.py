@@ -4,10 +4,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mavlink_broker.links.stream import FRAME_TIMEOUT_S, FrameScanner
-from mavlink_broker.mavlink.codec import LARGEST_FRAME, Encoder, signed
+from mavlink_broker.mavlink.codec import SIGNATURE_LENGTH, Encoder, signed
 from mavlink_broker.mavlink.dialect import mavlink
 
 HEARTBEAT = mavlink.MAVLink_heartbeat_message(2, 12, 0, 0, 4, 3)
+LARGEST_FRAME = 12 + 255 + SIGNATURE_LENGTH
 NOISE = st.binary(max_size=60)
 
 
