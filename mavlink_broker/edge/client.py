@@ -18,14 +18,12 @@ import re
 import threading
 import time
 from collections.abc import Callable
-from datetime import datetime
 from enum import Enum, auto
 from http import HTTPStatus
 from pathlib import Path
 from typing import Any, Final, NamedTuple, TypeVar
 
 import requests
-from pydantic import AwareDatetime, TypeAdapter, ValidationError
 
 from afarcloud import wire
 from mavlink_broker.edge.bounded_http import (
@@ -50,7 +48,6 @@ RETRY_WORK_S: Final = 0.5
 SHORTEST_UPDATE_S: Final = 0.2
 """A vehicle sends its position five times a second."""
 _INTERVAL: Final = re.compile(r"[0-9]{1,3}(\.[0-9]{1,6})?", re.ASCII)
-_TIME: Final[TypeAdapter[datetime]] = TypeAdapter(AwareDatetime)
 _LOG = logging.getLogger(__name__)
 
 
@@ -247,7 +244,7 @@ class EdgeClient:
             _LOG.exception("the edge server's work cannot be read")
             self._cursor = 0
             return Pause.RETRY
-        edge_time = self._edge_time(answer.get("time"), poll.sent_at)
+        edge_time = self._edge_clock.read(answer.get("time"), poll.sent_at, self._clock())
         waiting_for = tuple(held_back)  # An invalid vehicle_id may not be hashable
         due = [command for command in commands if command.get("vehicle_id") not in waiting_for]
         for command in due:
@@ -273,17 +270,6 @@ class EdgeClient:
                 reports = "reports or answers to events of an earlier run are sent"
                 _LOG.warning("work of vehicle %d waits until %d %s", vehicle_id, count, reports)
         self._held_back = vehicles
-
-    def _edge_time(self, written: object, sent_at: float) -> datetime | None:
-        """Give the edge server's present time; None while it has named none that can be read."""
-        now = self._clock()
-        try:
-            if isinstance(written, str):
-                self._edge_clock.note(_TIME.validate_python(written), sent_at, now)
-            return self._edge_clock.time(now)
-        except (ValidationError, OverflowError):
-            _LOG.warning("the time of the edge server's answer cannot be used: %.40r", written)
-            return None
 
     def _vehicles_with_unsent_reports(self) -> frozenset[int]:
         """Vehicles whose work is held back."""

@@ -13,14 +13,20 @@ The first answer has none before it that would show how long it was on its way. 
 without a wait, so that it counts as written at once: an order in it may be older than it says.
 """
 
+import logging
 from collections import deque
 from datetime import UTC, datetime, timedelta
 from typing import Final
+
+from pydantic import AwareDatetime, TypeAdapter, ValidationError
 
 ANSWERS_KEPT: Final = 16
 """A drift of 100 ppm makes 30 ms within so many long polls."""
 SET_BACK_S: Final = 1.0
 """More than the clocks drift apart within the answers that are kept."""
+
+_TIME: Final[TypeAdapter[datetime]] = TypeAdapter(AwareDatetime)
+_LOG = logging.getLogger(__name__)
 
 
 class EdgeClock:
@@ -29,6 +35,19 @@ class EdgeClock:
     def __init__(self) -> None:
         self._ahead_s: deque[float] = deque(maxlen=ANSWERS_KEPT)  # [s] Of the monotonic clock
         self._first_at_most_s: float | None = None  # The same, until there is a second answer
+
+    def read(self, written: object, sent_at: float, now: float) -> datetime | None:
+        """Give the present time of day after an answer; None while none has named one to be used.
+
+        `written` is the time as the answer has it; request and answer at monotonic times [s].
+        """
+        try:
+            if isinstance(written, str):
+                self.note(_TIME.validate_python(written), sent_at, now)
+            return self.time(now)
+        except (ValidationError, OverflowError):
+            _LOG.warning("the time of the edge server's answer cannot be used: %.40r", written)
+            return None
 
     def note(self, written: datetime, sent_at: float, now: float) -> None:
         """Take the time that an answer names; request and answer at monotonic times [s]."""
