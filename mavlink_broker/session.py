@@ -25,7 +25,7 @@ from mavlink_broker.effects import (
     LogJobDone,
     LogJobFailed,
 )
-from mavlink_broker.live.tracking_stop import TrackingStop
+from mavlink_broker.live.tracking import TrackingStop
 from mavlink_broker.mavlink.dialect import Message, mavlink, source_of
 from mavlink_broker.microservices.answer_monitor import AnswerMonitor
 from mavlink_broker.microservices.heartbeat import LOST_AFTER_S, StateOrder

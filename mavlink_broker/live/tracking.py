@@ -7,8 +7,14 @@ The camera reports whether it tracks (CAMERA_TRACKING_IMAGE_STATUS) and the subj
 (CAMERA_TRACKING_GEO_STATUS); the broker requests both. If the camera reports no position, the
 gimbal alone follows the subject, and a note says so. A subject that is lost for 3 s ends the
 command: the vehicle holds.
+
+A command that ends as planned has the camera stop. One that ends otherwise (an abort, a failure, a
+pause, a restart of the broker) leaves the camera on its subject: its gimbal would turn the pictures
+of the next mission there. `TrackingStop` has it stop when no command of the broker wants it any
+more.
 """
 
+import logging
 import math
 from typing import Final
 
@@ -26,7 +32,7 @@ from mavlink_broker.microservices.command import (
 )
 from mavlink_broker.planning.live_actions import Move, Tracked
 from mavlink_broker.planning.situation import Spot
-from mavlink_broker.planning.target_commands import camera_of
+from mavlink_broker.planning.target_commands import camera_of, stop_tracking
 from mavlink_broker.planning.target_track import target_message
 from mavlink_broker.vehicle.recovery_state import LiveCommandProgress, Pose
 from mavlink_broker.vehicle.vehicle import Vehicle
@@ -41,6 +47,9 @@ TURN_EVERY_S: Final = 1.0
 TURNED_AWAY_DEG: Final = 5.0
 QUICK_RETREAT: Final = Move(forward_m=-15.0, up_m=10.0)
 """Flown instead of a circle: backwards and up, the subject in sight."""
+STOP_AGAIN_AFTER_S: Final = 10.0
+STOP_ATTEMPTS: Final = 5
+"""Each repeats its command some times."""
 
 _ACTIVE: Final[int] = mavlink.CAMERA_TRACKING_STATUS_FLAGS_ACTIVE
 _NO_POSITION: Final = 2**31 - 1
@@ -50,6 +59,13 @@ _REQUESTED: Final = (
     mavlink.MAVLINK_MSG_ID_CAMERA_TRACKING_GEO_STATUS,
 )
 TRACKING_MESSAGES: Final = frozenset({"CAMERA_TRACKING_IMAGE_STATUS", "CAMERA_TRACKING_GEO_STATUS"})
+
+_STOPPED: Final = frozenset(
+    {mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_DENIED, mavlink.MAV_RESULT_UNSUPPORTED}
+)
+"""Results of a camera that tracks nothing any more; others are repeated."""
+
+_LOG = logging.getLogger(__name__)
 
 
 class SubjectTracker:
@@ -261,3 +277,48 @@ class SubjectTracker:
     def _time_s(self, now: float) -> float:
         time_s = self._vehicle.snapshot.time_s
         return now if time_s is None else time_s
+
+
+class TrackingStop:
+    """The camera of one vehicle; that it tracks for the broker is in the recovery state."""
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        self._vehicle = vehicle
+        self._sequence: CommandSequence | None = None
+        self._attempts = 0
+        self._again_at = -math.inf
+
+    def receive(self, message: Message, now: float) -> list[Message]:
+        """Process an answer, also to a stop at the planned end of a command."""
+        if message.get_type() != "COMMAND_ACK" or not self._vehicle.route.is_for_us(message):
+            return []
+        is_stop = message.command == mavlink.MAV_CMD_CAMERA_STOP_TRACKING
+        if is_stop and message.result in _STOPPED:
+            self._vehicle.recovery.clear_tracking()
+        return [] if self._sequence is None else self._sequence.receive(message, now)
+
+    def tick(self, now: float, *, is_wanted: bool) -> list[Message]:
+        """Stop it, unless a command wants it to track, or may be continued."""
+        if is_wanted or not self._vehicle.recovery.is_tracking:
+            self._sequence, self._attempts, self._again_at = None, 0, -math.inf
+            return []
+        if self._sequence is not None:
+            messages = self._sequence.tick(now)
+            if self._sequence.outcome is not None:
+                self._end_attempt(now)
+            return messages
+        if now < self._again_at:
+            return []
+        self._attempts += 1
+        self._sequence = self._vehicle.sequence(((stop_tracking(self._vehicle.family),),))
+        return self._sequence.start(now)
+
+    def _end_attempt(self, now: float) -> None:
+        """Try again later, some times: nobody has answered, or not yet."""
+        self._sequence, self._again_at = None, now + STOP_AGAIN_AFTER_S
+        if self._attempts >= STOP_ATTEMPTS:
+            _LOG.warning(
+                "vehicle %d: its camera may still track a subject: it does not stop",
+                self._vehicle.vehicle_id,
+            )
+            self._vehicle.recovery.clear_tracking()
