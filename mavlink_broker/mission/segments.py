@@ -68,7 +68,7 @@ class Segments:
         before = self.plan
         if len(before.items) <= SHORTEST_ITEMS:
             return False
-        self._vehicle.item_limits.limit(math.ceil(len(before.items) / 2) + SPARE_ITEMS)
+        self._vehicle.item_limits.most_items = math.ceil(len(before.items) / 2) + SPARE_ITEMS
         self.translate()
         self.go_to(before.first_command)
         return len(self.plan.items) < len(before.items)
@@ -83,7 +83,7 @@ class Segments:
     def do_without(self, item: int) -> bool:
         """Translate again without the command of an item; whether that changes anything."""
         before = self.plan
-        self._vehicle.item_limits.refuse(before.items[item].command)
+        self._vehicle.item_limits.refused |= {before.items[item].command}
         self.translate()
         return self.plan.items != before.items
 

@@ -79,31 +79,9 @@ class Items:
     overrides: tuple[ParameterOverride, ...] = ()  # While it is flown
 
 
+@dataclass(slots=True)
 class ItemLimits:
     """What a mission of one vehicle may hold, as far as its refusals show."""
 
-    def __init__(self) -> None:
-        self._refused: frozenset[int] = frozenset()
-        self._most_items: int | None = None
-
-    @property
-    def refused(self) -> frozenset[int]:
-        """MAV_CMDs that no mission may hold."""
-        return self._refused
-
-    @property
-    def most_items(self) -> int | None:
-        """How many items a mission may have; None: the vehicle has refused no number."""
-        return self._most_items
-
-    def refuse(self, command: int) -> None:
-        """Leave a MAV_CMD out from now on."""
-        self._refused |= {command}
-
-    def limit(self, most_items: int | None) -> None:
-        """Limit the number of items."""
-        self._most_items = most_items
-
-    def assume(self, refused: frozenset[int]) -> None:
-        """Replace what is left out by what an earlier run may have left out."""
-        self._refused = refused
+    refused: frozenset[int] = frozenset()  # MAV_CMDs that no mission may hold
+    most_items: int | None = None  # Of a mission; None: the vehicle has refused no number

@@ -221,12 +221,12 @@ class Attaching(Phase):
             refusals = _REFUSALS[self._refusals_tried]
             self._refusals_tried += 1
             before = mission.plan.items
-            limits.assume(frozenset(refusals))
-            limits.limit(None)
+            limits.refused = frozenset(refusals)
+            limits.most_items = None
             mission.segments.translate()
             if mission.plan.items != before:
                 return True
-        limits.assume(frozenset())
+        limits.refused = frozenset()
         return self._try_shorter_segments()
 
     def _try_shorter_segments(self) -> bool:
@@ -236,7 +236,7 @@ class Attaching(Phase):
         self._halvings_tried += 1
         segments = self._mission.segments
         if self._whole_items == 0:
-            self._vehicle.item_limits.limit(None)
+            self._vehicle.item_limits.most_items = None
             segments.translate()
             self._whole_items = segments.longest
         if self._whole_items <= SHORTEST_ITEMS:
@@ -244,7 +244,7 @@ class Attaching(Phase):
         items = self._whole_items
         for _ in range(self._halvings_tried):
             items = math.ceil(items / 2) + SPARE_ITEMS
-        self._vehicle.item_limits.limit(items)
+        self._vehicle.item_limits.most_items = items
         segments.translate()
         return True
 
