@@ -150,6 +150,9 @@ class Space:
         path = self._config.ballast_path
         free = shutil.disk_usage(self._config.edge_dir).free
         if not ballast.hold(path) or free < ballast.size_on(path):
+            if upkeep.lacks_room(self._database) and ballast.release(path):
+                LOG.warning("the disk is full; the ballast %s becomes free pages", path)
+                upkeep.hold_room(self._database)  # At once: another program may take the room
             if upkeep.checkpoint(self._database) is CheckpointResult.FULL and ballast.release(path):
                 LOG.warning("the disk is full; the ballast %s is released", path)
                 upkeep.checkpoint(self._database)
@@ -163,6 +166,8 @@ class Space:
             self._has_free_pages = not ballast.hold(path) and upkeep.look(
                 self._database
             ).free_bytes > _TIMES_BALLAST * ballast.size_on(path)
+        else:
+            upkeep.hold_room(self._database)
         self._has_checked_disk = True
 
     def _may_release_ballast(self) -> bool:

@@ -57,6 +57,8 @@ _POSTGRESQL_OPTIONS: Final[dict[str, Any]] = {
     },
 }
 _PAGE_BYTES: Final = 4096
+_LOG_HEADER_BYTES: Final = 32
+_FRAME_HEADER_BYTES: Final = 24
 _LOG_PART_OF_DISK: Final = 64
 _LARGE_DISK_BYTES: Final = 2**40
 _IMMEDIATE: Final = "edge_immediate"
@@ -124,6 +126,11 @@ def log_pages(disk_bytes: int) -> int:
     The log takes room beside the pages that it changes, so on a small disk it is kept small.
     """
     return min(max(disk_bytes // _LOG_PART_OF_DISK // _PAGE_BYTES, 64), 1000)
+
+
+def log_bytes(disk_bytes: int) -> int:
+    """Return how large the write-ahead log is when it is written into the database [bytes]."""
+    return log_pages(disk_bytes) * (_PAGE_BYTES + _FRAME_HEADER_BYTES) + _LOG_HEADER_BYTES
 
 
 def _on_sqlite_begin(connection: Connection) -> None:

@@ -3,20 +3,30 @@
 Deleted rows leave free pages in the file, which only this file can use; the write-ahead log beside
 it grows until it is written into the file. Returning pages takes a little room itself, so it is
 done in small steps, each written into the file before the next one.
+
+Some free pages and the log's usual size are never returned: what is small, as an order to stop, is
+written into them on a disk that another program keeps full.
 """
 
 import logging
+import os
+import shutil
 import sqlite3
+from contextlib import suppress
 from enum import StrEnum
+from pathlib import Path
 from typing import Final, NamedTuple
 
 from sqlalchemy.exc import OperationalError
 
 from edge_server.store.connection.database import Database
+from edge_server.store.connection.engines import log_bytes
 from edge_server.store.connection.failures import is_busy
 
 LOG = logging.getLogger(__name__)
 STEP_PAGES: Final = 64
+KEPT_PAGES: Final = 128
+"""Free pages that stay in the file."""
 
 
 class Pages(NamedTuple):
@@ -53,19 +63,79 @@ class CheckpointResult(StrEnum):
 
 
 def checkpoint(database: Database) -> CheckpointResult:
-    """Write the write-ahead log into the file and empty it.
+    """Write the write-ahead log into the file; what it has beyond its usual size is returned.
 
     Raises:
         DBAPIError: if the file is broken.
     """
     try:
-        busy, *_ = database.tend(
-            lambda file: file.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()
-        )
+        busy = database.tend(_empty_log)
     except OperationalError as error:
         LOG.debug("the write-ahead log cannot be emptied now: %s", error.orig)
         return CheckpointResult.BUSY if is_busy(error) else CheckpointResult.FULL
     return CheckpointResult.BUSY if busy else CheckpointResult.DONE
+
+
+def _empty_log(file: sqlite3.Connection) -> bool:
+    """Whether another connection has kept the log from being emptied."""
+    log, kept_bytes = _log_of(file)
+    is_long = log.exists() and log.stat().st_size > kept_bytes
+    mode = "TRUNCATE" if is_long else "RESTART"  # Else it is written over from its beginning
+    busy, *_ = file.execute(f"PRAGMA wal_checkpoint({mode})").fetchone()
+    _hold_log(log, kept_bytes)
+    return bool(busy)
+
+
+def _log_of(file: sqlite3.Connection) -> tuple[Path, int]:
+    """Return the write-ahead log and its usual size [bytes]."""
+    (_, _, path) = file.execute("PRAGMA database_list").fetchone()
+    log = Path(f"{path}-wal")
+    return log, log_bytes(shutil.disk_usage(log.parent).total)
+
+
+def _hold_log(log: Path, kept_bytes: int) -> None:
+    """Take the disk's room for the log's usual size: SQLite reads no zeros behind its frames."""
+    with suppress(OSError):  # Another program has taken the room
+        descriptor = os.open(log, os.O_RDWR | os.O_CLOEXEC)
+        try:
+            os.posix_fallocate(descriptor, 0, kept_bytes)
+        finally:
+            os.close(descriptor)
+
+
+def lacks_room(database: Database) -> bool:
+    """Whether the file has used up half of the free pages that it keeps.
+
+    Raises:
+        DBAPIError: if the file cannot be read now.
+    """
+    return look(database).free < KEPT_PAGES // 2
+
+
+def hold_room(database: Database) -> None:
+    """Take the log's usual size, and some free pages, on a disk that has room for them.
+
+    Raises:
+        DBAPIError: if the file cannot be written now.
+    """
+    database.tend(lambda file: _hold_log(*_log_of(file)))
+    if lacks_room(database):
+        database.tend(_add_free_pages)
+        checkpoint(database)  # Into the file, so that the log is free again
+
+
+def _add_free_pages(file: sqlite3.Connection) -> None:
+    """Fill pages and free them: the file keeps them until `release_pages`."""
+    size_bytes = KEPT_PAGES * int(file.execute("PRAGMA page_size").fetchone()[0])
+    try:
+        file.execute("BEGIN IMMEDIATE")
+        file.execute("CREATE TABLE reserve (content BLOB)")
+        file.execute("INSERT INTO reserve VALUES (zeroblob(?))", (size_bytes,))
+        file.execute("DROP TABLE reserve")
+        file.execute("COMMIT")
+    finally:
+        if file.in_transaction:
+            file.execute("ROLLBACK")
 
 
 def release_pages(database: Database, steps: int) -> bool:
@@ -76,7 +146,7 @@ def release_pages(database: Database, steps: int) -> bool:
     before = look(database)
     try:
         for _ in range(steps):
-            if not look(database).free:
+            if look(database).free <= KEPT_PAGES:
                 break
             database.tend(_take_a_step)
             checkpoint(database)
@@ -87,4 +157,5 @@ def release_pages(database: Database, steps: int) -> bool:
 
 def _take_a_step(file: sqlite3.Connection) -> None:
     # As a script: the statement returns a page with each result row, and `execute` reads one row
-    file.executescript(f"PRAGMA incremental_vacuum({STEP_PAGES});")
+    free = int(file.execute("PRAGMA freelist_count").fetchone()[0])
+    file.executescript(f"PRAGMA incremental_vacuum({max(1, min(STEP_PAGES, free - KEPT_PAGES))});")

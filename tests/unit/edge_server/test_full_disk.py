@@ -2,7 +2,6 @@
 
 import base64
 import os
-import sqlite3
 import threading
 import time
 from collections.abc import Iterator, Sequence
@@ -11,7 +10,6 @@ from random import Random
 
 import pytest
 from sqlalchemy import delete
-from sqlalchemy.exc import OperationalError
 
 from edge_server.app import context_of, create_app
 from edge_server.config import Config
@@ -23,8 +21,9 @@ from edge_server.outbox.retry import Backoff
 from edge_server.outbox.schedule import Schedule
 from edge_server.outbox.streams import AllStreams
 from edge_server.outbox.uplink import MAXIMUM_BATCH, BatchLimit
-from edge_server.process.preparation import open_database, prepare
+from edge_server.process.preparation import NoSpaceError, open_database, prepare
 from edge_server.store.files import upkeep
+from edge_server.store.migrate import is_ready
 from edge_server.store.rows.tables import telemetry
 from tests.support.small_disk import NoSmallDiskError, fill_up, small_disk
 from tests.unit.edge_server import documents
@@ -188,10 +187,55 @@ def test_a_start_on_a_disk_without_any_room_says_so(edge: Edge) -> None:
     edge.config.ballast_path.unlink()
     edge.config.start_reserve_path.unlink()
     fill_up(filler)
-    with pytest.raises((OperationalError, sqlite3.OperationalError)):
+    with pytest.raises(NoSpaceError, match="is full; free some space there"):
         prepare(edge.config)
     filler.unlink()
     prepare(edge.config)
+
+
+@pytest.mark.first_case
+def test_a_first_start_on_a_full_disk_asks_for_room_and_works_with_it(edge: Edge) -> None:
+    filler = edge.config.state_dir / "another program"
+    fill_up(filler)
+    config = Config(state_dir=edge.config.state_dir / "new")
+    with pytest.raises(NoSpaceError, match="is full; free some space there"):
+        prepare(config)
+    filler.unlink()
+    prepare(config)
+    assert is_ready(config.database)
+
+
+@pytest.mark.first_case
+@pytest.mark.parametrize("rounds", [400])
+def test_stops_are_accepted_while_another_program_takes_whatever_is_free(
+    edge: Edge, rounds: int
+) -> None:
+    """A drone flies for minutes, is updated twice a second, and is asked to pause and to stop."""
+    filler = edge.config.state_dir / "another program"
+    edge.register(1)
+    assert edge.post_plan(documents.plan()).status_code == 201
+    edge.accept()
+    edge.context.space.maintain(time.monotonic())
+    number = fill(edge, 0, ["image"])
+    fill_up(filler)
+    edge.context.space.maintain(time.monotonic())
+    accepted = 0
+    for turn in range(rounds):
+        fill_up(filler)
+        state = {"link_state": "connected", "altitude": 5.0 + turn % 7}
+        updated = edge.ask("PUT", "/vehicles/1", "broker", json=state)
+        assert updated.status_code in {200, 201, 204}, (turn, updated.json)
+        if turn % 10 == 0:
+            edge.context.space.maintain(time.monotonic())
+            fill_up(filler)
+        if turn % 40 == 39:
+            kind = (101, 102, 1)[accepted % 3]
+            answer = edge.post("/events/", documents.event(kind), "operator")
+            assert answer.status_code == 201, (turn, answer.json)
+            edge.acknowledge(answer.json["id"], "done")
+            accepted += 1
+    assert report(edge, "pose", number) == 507
+    filler.unlink()
 
 
 @pytest.mark.first_case
