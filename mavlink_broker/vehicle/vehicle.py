@@ -93,6 +93,7 @@ class Vehicle:
     _received_at: dict[str, float] = field(default_factory=dict)
     _reboots: RebootMonitor = field(default_factory=RebootMonitor)
     _back_at: float | None = None  # When its link was last back
+    _has_long_uid: bool = False  # Its number is that of MAVLink 2
     _has_jumped: bool = False  # Its clock, behind a silence; it has not sent its number since
     _booted_at: float = -math.inf  # Of the newest restart that its clock has proved
     _arming_ordered_at: float = -math.inf
@@ -116,7 +117,7 @@ class Vehicle:
             self.product = message.vendor_id, message.product_id
             self.capabilities = message.capabilities
             self.software_version = message.flight_sw_version
-            self.uid = uid_of(message)
+            self.uid, self._has_long_uid = uid_of(message), has_long_uid(message)
             self.is_identified = self.are_capabilities_known = True
             self._has_jumped = False
             self.family = family_of(self.autopilot or 0, self.product, self.vehicle_type)
@@ -168,12 +169,13 @@ class Vehicle:
     def is_swapped_for(self, version: Message) -> bool:
         """Whether an AUTOPILOT_VERSION shows that another vehicle stands where this one stood.
 
-        One that is armed is not swapped: the sender has its system id too. Numbers of different
-        lengths may be one vehicle's, over MAVLink 1 and 2.
+        One that is armed is not swapped: the sender has its system id too. A long number and a
+        short one may be one vehicle's, over MAVLink 2 and 1.
         """
         number = uid_of(version)
-        is_other = number != self.uid and len(number) == len(self.uid)
-        return is_other and not self.snapshot.armed
+        is_other = number not in {"", self.uid} and self.uid != ""
+        are_comparable = has_long_uid(version) == self._has_long_uid
+        return is_other and are_comparable and not self.snapshot.armed
 
     def ask_identity(self) -> None:
         """Note that it may be another vehicle, until it has sent its AUTOPILOT_VERSION again."""
@@ -472,6 +474,11 @@ def _boot_ms_of(message: Message) -> int | None:
         return None
     boot_ms: int | None = getattr(message, "time_boot_ms", None)
     return boot_ms
+
+
+def has_long_uid(message: Message) -> bool:
+    """Whether an AUTOPILOT_VERSION has the number of MAVLink 2, `uid2`."""
+    return any(message.uid2)
 
 
 def uid_of(message: Message) -> str:

@@ -1,5 +1,7 @@
 """A vehicle that was away shows that it is the same: by its clock, or by its number."""
 
+from collections.abc import Sequence
+
 import pytest
 
 from mavlink_broker.mavlink.dialect import Message, Route, mavlink
@@ -9,8 +11,11 @@ from tests.unit.mavlink_broker.microservices.harness import received
 AWAY_S = 20.0
 
 
-def version(uid: int) -> Message:
-    message = mavlink.MAVLink_autopilot_version_message(0, 0, 0, 0, 0, *[[0] * 8] * 3, 0, 0, uid)
+def version(uid: int, long_uid: Sequence[int] = ()) -> Message:
+    numbers = uid, [*long_uid, *[0] * (18 - len(long_uid))]
+    message = mavlink.MAVLink_autopilot_version_message(
+        0, 0, 0, 0, 0, *[[0] * 8] * 3, 0, 0, *numbers
+    )
     return received(message)
 
 
@@ -112,3 +117,12 @@ def test_a_simulated_clock_goes_on_at_its_own_rate(rate: float) -> None:
             vehicle.take(version(6), now)
     assert vehicle.is_identified
     assert not vehicle.may_be_restarted(2.0 + AWAY_S)
+
+
+def test_long_numbers_are_compared_whatever_zeros_they_end_with() -> None:
+    vehicle = known(has_clock=False)
+    assert not vehicle.is_swapped_for(version(6, [1]))
+    vehicle.take(version(6, [1]), 1.5)
+    assert vehicle.is_swapped_for(version(6, [1, 80]))
+    assert not vehicle.is_swapped_for(version(6, [1, 0]))
+    assert not vehicle.is_swapped_for(version(7))
