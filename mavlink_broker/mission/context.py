@@ -131,6 +131,11 @@ class MissionContext:
         """Whether it may not begin any more."""
         return self.work.expires_at is not None and now >= self.work.expires_at
 
+    def expire(self, effects: Effects) -> None:
+        """Report that it is not flown, because it has expired."""
+        self.ledger.abort("expired before take-off")
+        self.report(effects)
+
     @property
     def plan(self) -> FlightPlan:
         """The mission items of the present segment."""

@@ -48,6 +48,7 @@ from mavlink_broker.mission.states import (
     ENDING,
     IN_FLIGHT,
     READING,
+    TRANSFERRING,
     Event,
     State,
     follow,
@@ -228,6 +229,11 @@ class MissionExecutor:
 
     def tick(self, now: float, effects: Effects) -> None:
         """Do what is due at a time; while another system is in command nothing is ordered."""
+        if self._has_expired(now):
+            self._context.expire(effects)
+            self._cancel_upload(effects)
+            self._move(Event.ENDED, now, effects)
+            return
         yields = self._yields(now, effects)
         phase = self._phase
         if phase.exchange is not None and (not yields or self.is_attaching):
@@ -242,6 +248,12 @@ class MissionExecutor:
             self._context.speeds.order_late(self.state, now, effects)
         if self._context.soft_abort.work is not None and not self._context.pauses.is_paused:
             self._abort_when_due(now, effects)
+
+    def _has_expired(self, now: float) -> bool:
+        """Whether it has expired while it goes onto the vehicle, which was not ordered to start."""
+        context = self._context
+        is_begun = context.is_start_ordered or context.was_reported_running
+        return self.state in TRANSFERRING and not is_begun and context.is_expired(now)
 
     def _report_pause(self, effects: Effects) -> None:
         """Write into the report that the mission is paused, or not any more.

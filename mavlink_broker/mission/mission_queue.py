@@ -181,7 +181,7 @@ class MissionQueue:
                 # They may have the names of what was flown before
                 vehicle.recovery.clear_commands()
             mission.begin(now, effects, hovering=vehicle.hovers, resumed=is_resumed)
-        elif mission.is_expired(now):
+        elif mission.work.was_accepted and mission.is_expired(now):
             self._waiting.popleft().abort("expired before take-off", effects)
 
     def _is_resumed(self, mission: MissionExecutor) -> bool:

@@ -58,6 +58,8 @@ BEFORE_TAKEOFF: Final = frozenset(
 ASKING: Final = BEFORE_TAKEOFF | {State.FLYING_LIVE}
 """States that need the vehicle's answers: a link that is away shows as a refusal."""
 ARMED_BY_BROKER: Final = frozenset({State.ARMING, State.STARTING})
+TRANSFERRING: Final = BEFORE_TAKEOFF - ARMED_BY_BROKER
+"""States in which a mission that expires is not flown any more: nothing was ordered to move."""
 IN_FLIGHT: Final = frozenset({State.RUNNING, State.FLYING_LIVE})
 READING: Final = frozenset({State.ATTACHING, State.RUNNING})
 """States that order nothing, so that they go on while another system is in command."""

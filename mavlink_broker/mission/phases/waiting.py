@@ -80,13 +80,18 @@ class Waiting(Phase):
         self._entered_at = now
         return None
 
+    def _expired(self, effects: Effects) -> Result:
+        """End the mission; the edge server itself ends one that it has not given to this broker."""
+        if not self._mission.is_confirmed:
+            return None
+        self._mission.expire(effects)
+        return Event.ENDED
+
     def tick(self, now: float, effects: Effects) -> Result:
         """Go on when nothing is lacking; fail after `VEHICLE_WITHIN_S`."""
         mission, vehicle = self._mission, self._vehicle
         if mission.is_expired(now):
-            mission.ledger.abort("expired before take-off")
-            mission.report(effects)
-            return Event.ENDED
+            return self._expired(effects)
         mission.is_hovering |= vehicle.hovers  # Its heartbeat may have arrived after `begin`
         if self._waits_for_others(now, effects):
             return None

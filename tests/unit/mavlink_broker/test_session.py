@@ -1,6 +1,7 @@
 """Whole missions by the whole broker, and what one must wait for, in simulated time."""
 
 import dataclasses
+from datetime import timedelta
 
 import pytest
 
@@ -215,6 +216,41 @@ class TestWaiting:
         world.run_until_over(2)
         assert vehicle.uploads == 2
         assert world.edge.statuses(2) == FINISHED
+
+    @pytest.mark.parametrize("delay_s", [0.5, 1.0, 1.5])
+    def test_a_mission_that_expires_on_its_way_onto_the_vehicle_is_not_flown(
+        self, delay_s: float
+    ) -> None:
+        """Its vehicle is ready at once; a slow link takes longer than the mission may wait."""
+        world = World()
+        vehicle = world.add_vehicle()
+        world.run(5.0)
+        world.air.delay(vehicle, delay_s)
+        world.run(5.0)
+        expires_at = world.clock.utc() + timedelta(seconds=8.0 * delay_s)
+        world.edge.plan(first_flight(), expires_at=expires_at.isoformat())
+        world.run_until_over(1201, within_s=60.0)
+        assert world.edge.status(1201) == Status.ABORTED
+        assert "expired before take-off" in world.edge.reports(1201)[-1]["message"]
+        world.run(30.0)
+        assert not vehicle.armed
+        assert not vehicle.airborne
+
+    def test_a_mission_that_expired_behind_another_is_ended_by_the_edge_server_alone(self) -> None:
+        world = World()
+        vehicle = world.add_vehicle()
+        world.edge.plan(first_flight(1))
+        second = world.edge.plan(first_flight(2), expires_at="2026-11-21T08:00:05Z")
+        world.edge.cancel(second)  # It has ended it at its expiry, and answers so
+        world.run(6.0)
+        world.edge.answers_acceptances = False
+        world.run_until_over(1)
+        world.run(10.0)
+        world.edge.answers_acceptances = True
+        world.edge.plan(first_flight(3))
+        world.run_until_over(3)
+        assert vehicle.uploads == 2
+        assert world.edge.reports(2) == []
 
     @pytest.mark.thorough
     def test_past_its_expiry_aborts_a_mission(self) -> None:
