@@ -44,7 +44,7 @@ from mavlink_broker.vehicle.vehicle import Vehicle
 
 REPLACED: Final = "a later event replaced it"
 """Answer to an event behind which a newer one decides what the vehicle does."""
-NOT_IN_THE_AIR: Final = "the vehicle is not in the air for this mission: abort the mission instead"
+NOT_IN_THE_AIR: Final = "the vehicle flies no command of this mission: it can only be aborted"
 NOT_PAUSED: Final = "no event has paused the mission"
 MAY_BE_OBEYED: Final = "the vehicle may have obeyed"
 PAUSED: Final = "paused by an event"

@@ -232,7 +232,7 @@ def test_stops_are_accepted_while_another_program_takes_whatever_is_free(
             kind = (101, 102, 1)[accepted % 3]
             answer = edge.post("/events/", documents.event(kind), "operator")
             assert answer.status_code == 201, (turn, answer.json)
-            edge.acknowledge(answer.json["id"], "done")
+            edge.acknowledge(answer.get_json()["id"], "done")
             accepted += 1
     assert report(edge, "pose", number) == 507
     filler.unlink()
