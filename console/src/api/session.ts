@@ -31,7 +31,11 @@ export function takeLink(): string | null {
   const found = /^#link=(.+)$/.exec(window.location.hash);
   if (found?.[1] === undefined) return null;
   window.history.replaceState(null, "", window.location.pathname + window.location.search);
-  return decodeURIComponent(found[1]);
+  try {
+    return decodeURIComponent(found[1]);
+  } catch {
+    return found[1]; // No link of ours: the server refuses it, and the sign-in says so
+  }
 }
 
 function remember(session: Session): Session {

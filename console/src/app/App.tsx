@@ -50,7 +50,7 @@ export function App({ entering, hasLink }: AppProperties) {
         const error = asRequestError(reason);
         // Without a link a missing session is the usual beginning, not an error
         const isUsual = !hasLink && error.status === 401;
-        setEntry({ kind: "signed out", error: isUsual ? null : error, hasEnded: false });
+        if (isCurrent) setEntry({ kind: "signed out", error: isUsual ? null : error, hasEnded: false });
       });
     return () => {
       isCurrent = false;

@@ -102,6 +102,7 @@ export default function FarmMap({ layers, symbols, extent, click, pick, pictures
     return () => {
       clearTimeout(timer);
       bare.current = null;
+      hasFitted.current = false;
       made.remove();
     };
   }, []);
