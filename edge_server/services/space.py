@@ -150,8 +150,8 @@ class Space:
         path = self._config.ballast_path
         free = shutil.disk_usage(self._config.edge_dir).free
         if not ballast.hold(path) or free < ballast.size_on(path):
-            if upkeep.lacks_room(self._database) and ballast.release(path):
-                LOG.warning("the disk is full; the ballast %s becomes free pages", path)
+            if not upkeep.hold_room(self._database) and ballast.release(path):
+                LOG.warning("the disk is full; a part of the ballast %s becomes free pages", path)
                 upkeep.hold_room(self._database)  # At once: another program may take the room
             if upkeep.checkpoint(self._database) is CheckpointResult.FULL and ballast.release(path):
                 LOG.warning("the disk is full; the ballast %s is released", path)

@@ -58,6 +58,8 @@ _POSTGRESQL_OPTIONS: Final[dict[str, Any]] = {
 }
 _PAGE_BYTES: Final = 4096
 _LOG_HEADER_BYTES: Final = 32
+_TRANSACTION_PAGES: Final = 64
+"""Of a large one that holds no picture."""
 _FRAME_HEADER_BYTES: Final = 24
 _LOG_PART_OF_DISK: Final = 64
 _LARGE_DISK_BYTES: Final = 2**40
@@ -104,9 +106,9 @@ def _on_sqlite_connect(connection: sqlite3.Connection, _record: object) -> None:
         connection.execute("PRAGMA auto_vacuum=INCREMENTAL").close()
     for pragma in PRAGMAS:
         connection.execute(pragma).close()
-    pages = log_pages(_disk_bytes(connection))
-    connection.execute(f"PRAGMA wal_autocheckpoint={pages}").close()
-    connection.execute(f"PRAGMA journal_size_limit={pages * _PAGE_BYTES}").close()
+    disk_bytes = _disk_bytes(connection)
+    connection.execute(f"PRAGMA wal_autocheckpoint={log_pages(disk_bytes)}").close()
+    connection.execute(f"PRAGMA journal_size_limit={log_bytes(disk_bytes)}").close()
 
 
 def _is_empty(connection: sqlite3.Connection) -> bool:
@@ -129,8 +131,13 @@ def log_pages(disk_bytes: int) -> int:
 
 
 def log_bytes(disk_bytes: int) -> int:
-    """Return how large the write-ahead log is when it is written into the database [bytes]."""
-    return log_pages(disk_bytes) * (_PAGE_BYTES + _FRAME_HEADER_BYTES) + _LOG_HEADER_BYTES
+    """Return the size that the write-ahead log keeps [bytes].
+
+    It is written into the database behind the transaction that exceeds `log_pages`, so it has room
+    for one more.
+    """
+    frames = log_pages(disk_bytes) + _TRANSACTION_PAGES
+    return frames * (_PAGE_BYTES + _FRAME_HEADER_BYTES) + _LOG_HEADER_BYTES
 
 
 def _on_sqlite_begin(connection: Connection) -> None:

@@ -63,65 +63,56 @@ class CheckpointResult(StrEnum):
 
 
 def checkpoint(database: Database) -> CheckpointResult:
-    """Write the write-ahead log into the file; what it has beyond its usual size is returned.
+    """Write the write-ahead log into the file, and take the disk's room for the log's usual size.
+
+    What the log has beyond that is returned to the disk by the next transaction.
 
     Raises:
         DBAPIError: if the file is broken.
     """
     try:
-        busy = database.tend(_empty_log)
+        busy = database.tend(_restart_log)
     except OperationalError as error:
         LOG.debug("the write-ahead log cannot be emptied now: %s", error.orig)
         return CheckpointResult.BUSY if is_busy(error) else CheckpointResult.FULL
     return CheckpointResult.BUSY if busy else CheckpointResult.DONE
 
 
-def _empty_log(file: sqlite3.Connection) -> bool:
-    """Whether another connection has kept the log from being emptied."""
-    log, kept_bytes = _log_of(file)
-    is_long = log.exists() and log.stat().st_size > kept_bytes
-    mode = "TRUNCATE" if is_long else "RESTART"  # Else it is written over from its beginning
-    busy, *_ = file.execute(f"PRAGMA wal_checkpoint({mode})").fetchone()
-    _hold_log(log, kept_bytes)
+def _restart_log(file: sqlite3.Connection) -> bool:
+    """Let the log be written over from its beginning; whether another connection prevents that."""
+    busy, *_ = file.execute("PRAGMA wal_checkpoint(RESTART)").fetchone()
+    _hold_log(file)
     return bool(busy)
 
 
-def _log_of(file: sqlite3.Connection) -> tuple[Path, int]:
-    """Return the write-ahead log and its usual size [bytes]."""
+def _hold_log(file: sqlite3.Connection) -> None:
+    """Take the disk's room for the log's usual size: SQLite reads no zeros behind its frames."""
     (_, _, path) = file.execute("PRAGMA database_list").fetchone()
     log = Path(f"{path}-wal")
-    return log, log_bytes(shutil.disk_usage(log.parent).total)
-
-
-def _hold_log(log: Path, kept_bytes: int) -> None:
-    """Take the disk's room for the log's usual size: SQLite reads no zeros behind its frames."""
     with suppress(OSError):  # Another program has taken the room
         descriptor = os.open(log, os.O_RDWR | os.O_CLOEXEC)
         try:
+            kept_bytes = log_bytes(shutil.disk_usage(log.parent).total)
             os.posix_fallocate(descriptor, 0, kept_bytes)
         finally:
             os.close(descriptor)
 
 
-def lacks_room(database: Database) -> bool:
-    """Whether the file has used up half of the free pages that it keeps.
+def hold_room(database: Database) -> bool:
+    """Take the log's usual size and some free pages of the disk; returns whether they are there.
 
     Raises:
-        DBAPIError: if the file cannot be read now.
+        DBAPIError: if the file is broken.
     """
-    return look(database).free < KEPT_PAGES // 2
-
-
-def hold_room(database: Database) -> None:
-    """Take the log's usual size, and some free pages, on a disk that has room for them.
-
-    Raises:
-        DBAPIError: if the file cannot be written now.
-    """
-    database.tend(lambda file: _hold_log(*_log_of(file)))
-    if lacks_room(database):
-        database.tend(_add_free_pages)
-        checkpoint(database)  # Into the file, so that the log is free again
+    try:
+        database.tend(_hold_log)
+        if look(database).free < KEPT_PAGES // 2:
+            database.tend(_add_free_pages)
+            checkpoint(database)  # Into the file, so that the log is free again
+    except OperationalError as error:
+        LOG.debug("no room can be held now: %s", error.orig)
+        return is_busy(error)  # It is tried again in the next cycle
+    return True
 
 
 def _add_free_pages(file: sqlite3.Connection) -> None:
@@ -157,5 +148,6 @@ def release_pages(database: Database, steps: int) -> bool:
 
 def _take_a_step(file: sqlite3.Connection) -> None:
     # As a script: the statement returns a page with each result row, and `execute` reads one row
+    # Another thread may have used some since: 0 would return all of them
     free = int(file.execute("PRAGMA freelist_count").fetchone()[0])
     file.executescript(f"PRAGMA incremental_vacuum({max(1, min(STEP_PAGES, free - KEPT_PAGES))});")

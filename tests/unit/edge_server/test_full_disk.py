@@ -225,7 +225,7 @@ def test_stops_are_accepted_while_another_program_takes_whatever_is_free(
         state = {"link_state": "connected", "altitude": 5.0 + turn % 7}
         updated = edge.ask("PUT", "/vehicles/1", "broker", json=state)
         assert updated.status_code in {200, 201, 204}, (turn, updated.json)
-        if turn % 10 == 0:
+        if turn == rounds // 2:
             edge.context.space.maintain(time.monotonic())
             fill_up(filler)
         if turn % 40 == 39:
