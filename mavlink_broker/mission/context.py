@@ -128,7 +128,9 @@ class MissionContext:
         self.was_running = False  # The present segment flew before this broker began to follow it
 
     def is_expired(self, now: float) -> bool:
-        """Whether it may not begin any more."""
+        """Whether it may not begin any more; what has begun is flown to its end."""
+        if self.is_start_ordered or self.was_reported_running:
+            return False
         return self.work.expires_at is not None and now >= self.work.expires_at
 
     def expire(self, effects: Effects) -> None:

@@ -251,9 +251,7 @@ class MissionExecutor:
 
     def _has_expired(self, now: float) -> bool:
         """Whether it has expired while it goes onto the vehicle, which was not ordered to start."""
-        context = self._context
-        is_begun = context.is_start_ordered or context.was_reported_running
-        return self.state in TRANSFERRING and not is_begun and context.is_expired(now)
+        return self.state in TRANSFERRING and self._context.is_expired(now)
 
     def _report_pause(self, effects: Effects) -> None:
         """Write into the report that the mission is paused, or not any more.

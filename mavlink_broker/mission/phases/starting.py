@@ -73,6 +73,9 @@ class Arming(Phase):
         mission = self._mission
         if mission.vehicle.snapshot.armed and not mission.is_hovering:
             return Event.ARMED
+        if self.exchange is None and mission.is_expired(now):
+            mission.expire(effects)
+            return Event.ENDED
         if self.exchange is None and now >= self._again_at:
             self._order(now, effects)
         return None

@@ -80,8 +80,11 @@ class Waiting(Phase):
         self._entered_at = now
         return None
 
-    def _expired(self, effects: Effects) -> Result:
-        """End the mission; the edge server itself ends one that it has not given to this broker."""
+    def _end_expired(self, effects: Effects) -> Result:
+        """Report that it has expired, once the edge server has confirmed its acceptance.
+
+        One that the edge server has ended itself is dropped with that answer, and not reported.
+        """
         if not self._mission.is_confirmed:
             return None
         self._mission.expire(effects)
@@ -91,7 +94,7 @@ class Waiting(Phase):
         """Go on when nothing is lacking; fail after `VEHICLE_WITHIN_S`."""
         mission, vehicle = self._mission, self._vehicle
         if mission.is_expired(now):
-            return self._expired(effects)
+            return self._end_expired(effects)
         mission.is_hovering |= vehicle.hovers  # Its heartbeat may have arrived after `begin`
         if self._waits_for_others(now, effects):
             return None

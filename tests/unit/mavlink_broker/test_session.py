@@ -236,6 +236,15 @@ class TestWaiting:
         assert not vehicle.armed
         assert not vehicle.airborne
 
+    def test_a_mission_that_has_begun_is_flown_to_its_end_behind_its_expiry(self) -> None:
+        world = World()
+        world.add_vehicle()
+        expires_at = world.clock.utc() + timedelta(seconds=5.0)
+        world.edge.plan(first_flight(), expires_at=expires_at.isoformat())
+        world.run_until(lambda: world.edge.status(1201) == Status.RUNNING, within_s=5.0)
+        world.run_until_over(1201)
+        assert world.edge.status(1201) == Status.FINISHED
+
     def test_a_mission_that_expired_behind_another_is_ended_by_the_edge_server_alone(self) -> None:
         world = World()
         vehicle = world.add_vehicle()
