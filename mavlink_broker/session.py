@@ -112,7 +112,7 @@ class Session:
         self._config_restorer = VehicleConfigRestorer(vehicle)
         self._tracking_stop = TrackingStop(vehicle)
         self._was_lost, self._was_received = True, False
-        self._was_identified = False
+        self._identity_requests = 0  # Of the vehicle, that were sent on to it
         self._lost_since: float | None = None
 
     @property
@@ -283,12 +283,12 @@ class Session:
         if vehicle.is_reachable(now):
             effects.messages += self._heartbeat.tick(now)
             effects.messages += self._ask_for_answer(now)
-            if self._was_identified and not vehicle.is_identified:
+            if self._identity_requests != vehicle.identity_requests:
+                self._identity_requests = vehicle.identity_requests
                 self._streams.ask_version()
             effects.messages += self._streams.tick(now)
             if self._streams.is_version_settled:
                 vehicle.identify(has_answered=self._streams.is_answered)
-            self._was_identified = vehicle.is_identified
             effects.messages += self._battery_capacity.tick(now)
             vehicle.update_hover(is_ordered=self.state is not State.IDLE)
             vehicle.update_descent(now)

@@ -59,16 +59,18 @@ CONFIRMATIONS: Final = 3
 """One late frame proves nothing; a rebooted vehicle continues to count from zero."""
 SILENCE_S: Final = 2.0
 """After this silence any step back counts: the vehicle may have been switched off."""
+JUMP_GAP_S: Final = 3.0
+"""Longer than the interval of any message that is requested: the vehicle was silent."""
 JUMP_MS: Final = 500
-"""A clock that is further from what it should show, behind a silence, has jumped."""
-JUMP_WITHOUT_SILENCE_MS: Final = 5000
-"""Frames of a radio are late by less from one to the next."""
+"""Behind such a gap: a clock that is further from what it should show may be another vehicle's."""
+JUMP_WITHOUT_GAP_MS: Final = 5000
+"""Without a gap: a radio delays one frame more than the frame before it, by less than this."""
 REAL_TIME: Final = 1000.0
 """Rate of a clock that is not simulated [ms/s]."""
 RATE_KNOWN_S: Final = 1.0
-"""So long a clock is followed before its rate counts."""
+"""A clock is followed for this long before its own rate is used, instead of `REAL_TIME`."""
 DRIFT: Final = 0.01
-"""Of a clock against the broker's; a simulated one keeps its rate no better."""
+"""Share of the time by which a clock may gain or lose against the broker's."""
 FAR_BACK_MS: Final = 30_000
 """Step back that counts without a silence: no radio delays frames for so long."""
 MESSAGES_KEPT: Final = 64
@@ -179,27 +181,37 @@ class RebootMonitor:
         self.confirmed_at = -math.inf  # When the clock last went on, or a reboot was detected
         self.doubted_at = -math.inf  # When it last was behind as after a reboot
         self.has_jumped = False  # By the newest sample: it may be another vehicle's
-        self._rebooted_at = -math.inf
+        self._rebooted_at = self._jumped_at = -math.inf
 
     def has_shown(self, since: float) -> bool:
-        """Whether a clock of before has gone on since a time, or a reboot was detected since.
+        """Whether a clock of before has gone on since a time, or a reboot or jump was detected.
 
         A kind of message that was not received before would go on after a reboot too.
         """
         clocks = self._clocks.values()
         goes_on = any(clock.began_at < since <= clock.went_on_at for clock in clocks)
-        return goes_on or self._rebooted_at >= since
+        return goes_on or max(self._rebooted_at, self._jumped_at) >= since
 
     def sample(self, kind: str, time_boot_ms: int, now: float) -> bool:
         """Compare a time since boot of a kind of message; true when it proves a reboot."""
+        self.has_jumped = False
         clock = self._clocks.get(kind)
-        self.has_jumped = clock is not None and _has_jumped(clock, time_boot_ms, now)
         if clock is None:
             if len(self._clocks) < MESSAGES_KEPT:
                 self._clocks[kind] = _Clock(time_boot_ms, now, now, time_boot_ms)
             return False
+        has_wrapped = _has_wrapped(clock.newest_ms, time_boot_ms)
+        passed_ms = time_boot_ms - clock.newest_ms + (_COUNTER if has_wrapped else 0)
+        if passed_ms >= -TOLERANCE_MS and _has_jumped(clock, passed_ms, now):
+            # No restart; what was known of the clocks says nothing of this one
+            self._clocks = {kind: _Clock(time_boot_ms, now, now, time_boot_ms)}
+            self.has_jumped = True
+            self.confirmed_at = self._jumped_at = now
+            return False
         gap_s, clock.received_at = now - clock.received_at, now
-        if time_boot_ms >= clock.newest_ms or _has_wrapped(clock.newest_ms, time_boot_ms):
+        if passed_ms >= 0:
+            if has_wrapped:
+                clock.first_ms, clock.began_at = time_boot_ms, now
             clock.newest_ms, clock.behind, clock.was_silent = time_boot_ms, 0, False
             self.confirmed_at = clock.went_on_at = now
         else:
@@ -214,18 +226,20 @@ class RebootMonitor:
         return True
 
 
-def _has_jumped(clock: _Clock, time_boot_ms: int, now: float) -> bool:
-    """Whether a clock shows another time than it would by its rate before.
+def _has_jumped(clock: _Clock, passed_ms: int, now: float) -> bool:
+    """Whether a clock has not gone on by what it would at its rate of before.
 
-    A simulated vehicle's runs faster or slower than the broker's. Frames that were kept on the way
-    look the same.
+    A simulated vehicle's clock runs faster or slower than the broker's, and in bursts: the
+    tolerance grows with its rate. Frames that were kept on the way look like a jump.
     """
-    silent_s, known_s = now - clock.received_at, clock.received_at - clock.began_at
-    rate = (clock.newest_ms - clock.first_ms) / known_s if known_s >= RATE_KNOWN_S else REAL_TIME
-    expected_ms = rate * silent_s
-    jump_ms = JUMP_MS if silent_s >= SILENCE_S else JUMP_WITHOUT_SILENCE_MS
-    apart_ms = abs(time_boot_ms - clock.newest_ms - expected_ms)
-    return apart_ms > jump_ms * max(1.0, rate / REAL_TIME) + DRIFT * expected_ms
+    gap_s, known_s = now - clock.received_at, clock.received_at - clock.began_at
+    is_rate_known = known_s >= RATE_KNOWN_S
+    if not is_rate_known and gap_s < JUMP_GAP_S:
+        return False
+    rate = (clock.newest_ms - clock.first_ms) / known_s if is_rate_known else REAL_TIME
+    least_ms = JUMP_MS if gap_s >= JUMP_GAP_S else JUMP_WITHOUT_GAP_MS
+    tolerance_ms = least_ms * max(1.0, rate / REAL_TIME) + DRIFT * rate * gap_s
+    return abs(passed_ms - rate * gap_s) > tolerance_ms
 
 
 def _is_suspicious(clock: _Clock, time_boot_ms: int) -> bool:

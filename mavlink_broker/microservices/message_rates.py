@@ -173,7 +173,8 @@ class StreamRequests:
                 self._requested_at.pop(stream.name, None)
 
     def ask_version(self) -> None:
-        """Request AUTOPILOT_VERSION again: another vehicle may stand there."""
+        """Request AUTOPILOT_VERSION again: another vehicle may send, which has answered nothing."""
+        self.is_answered = False
         self._received_at.pop("AUTOPILOT_VERSION", None)
         self._version_requests = 0
         self._version_requested_at = -math.inf

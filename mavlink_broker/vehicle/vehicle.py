@@ -82,6 +82,7 @@ class Vehicle:
     is_identified: bool = False  # It has sent its AUTOPILOT_VERSION, or will not
     are_capabilities_known: bool = False  # As they are: all that it will send of them
     warning: str | None = None  # For an operator: link, dead letters, internal errors
+    identity_requests: int = 0  # How often it has had to show again which one it is
     duplicate: str | None = None  # Another vehicle with its system id, which is received too
     is_taken: bool = False  # By another system from a mission; until it is disarmed
     own_descent: OwnDescent = field(default_factory=OwnDescent)
@@ -94,7 +95,7 @@ class Vehicle:
     _reboots: RebootMonitor = field(default_factory=RebootMonitor)
     _back_at: float | None = None  # When its link was last back
     _has_long_uid: bool = False  # Its number is that of MAVLink 2
-    _has_jumped: bool = False  # Its clock, behind a silence; it has not sent its number since
+    _may_be_swapped: bool = False  # Its clock has jumped; it has not sent its number since
     _booted_at: float = -math.inf  # Of the newest restart that its clock has proved
     _arming_ordered_at: float = -math.inf
     _homeless_since: float | None = None  # On the ground, without a home position
@@ -119,7 +120,7 @@ class Vehicle:
             self.software_version = message.flight_sw_version
             self.uid, self._has_long_uid = uid_of(message), has_long_uid(message)
             self.is_identified = self.are_capabilities_known = True
-            self._has_jumped = False
+            self._may_be_swapped = False
             self.family = family_of(self.autopilot or 0, self.product, self.vehicle_type)
         self._status_texts.receive(message, now)
         if kind in AGED:
@@ -130,7 +131,7 @@ class Vehicle:
         if rebooted and not self.was_ordered_since_boot:
             self._forget_telemetry()
         if boot_ms is not None and self._reboots.has_jumped:
-            self._has_jumped = True
+            self._may_be_swapped = True
             self.ask_identity()
         self.snapshot.take(message)
         if kind in MEASURED:
@@ -163,7 +164,7 @@ class Vehicle:
         """Forget what was received: another vehicle has its system id."""
         self._forget_telemetry()
         self._reboots, self.armed_period = RebootMonitor(), ArmedPeriod()
-        self._back_at, self._has_jumped = None, False
+        self._back_at, self._may_be_swapped = None, False
         self.ask_identity()
 
     def is_swapped_for(self, version: Message) -> bool:
@@ -180,6 +181,7 @@ class Vehicle:
     def ask_identity(self) -> None:
         """Note that it may be another vehicle, until it has sent its AUTOPILOT_VERSION again."""
         self.is_identified = self.are_capabilities_known = False
+        self.identity_requests += 1
 
     def _observe_foreign_order(self, message: Message, now: float) -> None:
         """Keep another system's order until the vehicle leaves the mode that it led to.
@@ -267,7 +269,7 @@ class Vehicle:
         """Note that it sends no AUTOPILOT_VERSION; `has_answered` if it receives the requests."""
         self.is_identified = True
         self.are_capabilities_known |= has_answered
-        self._has_jumped &= not has_answered
+        self._may_be_swapped &= not has_answered
 
     def change_autopilot(self, component: int) -> None:
         """Address a component as its autopilot, and forget what another one sent."""
@@ -318,7 +320,7 @@ class Vehicle:
 
         Its clock shows that. One on the ground whose clock has jumped shows its number too.
         """
-        if self._has_jumped and not self.snapshot.armed:
+        if self._may_be_swapped and not self.snapshot.armed:
             return True
         if self._back_at is None or self._reboots.has_shown(self._back_at):
             return False

@@ -151,19 +151,27 @@ def test_a_vehicle_that_shows_its_number_late_is_restored_all_the_same(tmp_path:
     farm.world.run_until(lambda: farm.has_own_settings() and not (tmp_path / SECOND).exists())
 
 
-@pytest.mark.parametrize("away_s", [3.0, 10.0])
-@pytest.mark.parametrize("on_for_s", [15.0, 60.0])
+@pytest.mark.parametrize(("away_s", "deaf_s"), [(3.5, 0.0), (10.0, 0.0), (3.5, 12.0)])
+@pytest.mark.parametrize("on_for_s", [20.0, 60.0])
 @pytest.mark.parametrize("moment", [_value_set, _fence_stored, _mission_stored])
 def test_an_aircraft_that_was_switched_on_before_is_no_continuation_of_the_first(
-    tmp_path: Path, moment: Callable[[SwappedFarm], bool], on_for_s: float, away_s: float
+    tmp_path: Path,
+    moment: Callable[[SwappedFarm], bool],
+    on_for_s: float,
+    away_s: float,
+    deaf_s: float,
 ) -> None:
-    """Its clock is ahead of the last one of the first, whose fence was placed already."""
+    """Its clock is ahead of the last one of the first, whose fence was placed already.
+
+    It may be received for a while before it receives.
+    """
     farm = SwappedFarm(tmp_path)
     farm.post()
     farm.world.run_until(lambda: moment(farm))
     farm.world.air.is_uplink_up = False
     farm.world.run(0.5)
     farm.swap(away_s, on_for_s=on_for_s)
+    farm.world.run(deaf_s)
     farm.world.air.is_uplink_up = True
     farm.world.run_until(lambda: farm.vehicle.armed)
     assert farm.vehicle.fence != farm.settings[1]

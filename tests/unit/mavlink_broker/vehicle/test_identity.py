@@ -91,6 +91,31 @@ def test_frames_that_a_radio_has_delayed_by_seconds_are_of_the_same_vehicle() ->
     assert vehicle.is_identified
 
 
+def test_a_clock_that_wraps_goes_on() -> None:
+    vehicle = Vehicle(1, Route(254, 191, 1, 1))
+    for step in range(200):
+        now = step * 0.5
+        vehicle.take(heartbeat(), now)
+        if step == 0:
+            vehicle.take(version(6), now)
+        vehicle.take(clock(((1 << 32) - 40_000 + round(now * 1e3)) % (1 << 32)), now)
+        assert vehicle.is_identified
+        assert not vehicle.may_be_restarted(now)
+
+
+def test_after_a_jump_the_clock_is_followed_anew() -> None:
+    vehicle = known(has_clock=True)
+    vehicle.take(heartbeat(), 6.0)
+    vehicle.take(clock(30_000 + 60_000 + 6_000), 6.0)
+    assert not vehicle.is_identified
+    vehicle.take(version(6), 6.5)
+    for step in range(100):
+        now = 8.0 + 2.0 * step
+        vehicle.take(heartbeat(), now)
+        vehicle.take(clock(30_000 + 60_000 + round(now * 1e3)), now)
+        assert vehicle.is_identified, now
+
+
 def test_one_that_sends_no_number_is_taken_for_the_same_once_it_answers() -> None:
     vehicle, now = known(has_clock=True), 1.0 + AWAY_S
     vehicle.take(clock(95_000), now)
