@@ -17,10 +17,6 @@ from edge_server.store.files import ballast
 LOG = logging.getLogger(__name__)
 
 
-class NoSpaceError(migrate.StoreError):
-    """The disk has no space for the state folder, also without the reserves."""
-
-
 def prepare(config: Config) -> None:
     """Create what is missing and migrate what is old; no effect on a prepared folder.
 
@@ -44,7 +40,7 @@ def prepare(config: Config) -> None:
                 raise
             released = next((path for path in reserves if ballast.release(path)), None)
             if released is None:
-                raise NoSpaceError(
+                raise migrate.NoSpaceError(
                     f"the disk of {config.state_dir} is full; free some space there"
                 ) from error
             LOG.warning("the disk is full; the reserve %s is released", released)

@@ -95,8 +95,11 @@ def _prepare(config: Config) -> int:
 
 def _prepare_when_available(config: Config) -> None:
     """Prepare; waits for a database server that does not answer yet, and for space on the disk."""
-    from edge_server.process.preparation import NoSpaceError, prepare  # noqa: PLC0415  # as above
-    from edge_server.store.migrate import UnreachableError  # noqa: PLC0415  # as above
+    from edge_server.process.preparation import prepare  # noqa: PLC0415  # stays in the child
+    from edge_server.store.migrate import (  # noqa: PLC0415  # as above
+        NoSpaceError,
+        UnreachableError,
+    )
 
     logged = ""
     while True:

@@ -166,8 +166,6 @@ class Space:
             self._has_free_pages = not ballast.hold(path) and upkeep.look(
                 self._database
             ).free_bytes > _TIMES_BALLAST * ballast.size_on(path)
-        else:
-            upkeep.hold_room(self._database)
         self._has_checked_disk = True
 
     def _may_release_ballast(self) -> bool:

@@ -46,6 +46,10 @@ class NewerDatabaseError(StoreError):
     """The database was made by a newer version."""
 
 
+class NoSpaceError(StoreError):
+    """The disk has no space for the database, also without the reserves."""
+
+
 class UnreachableError(StoreError):
     """The database server does not answer; later it may."""
 

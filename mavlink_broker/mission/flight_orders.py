@@ -44,7 +44,7 @@ from mavlink_broker.vehicle.vehicle import Vehicle
 
 REPLACED: Final = "a later event replaced it"
 """Answer to an event behind which a newer one decides what the vehicle does."""
-NOT_IN_THE_AIR: Final = "the vehicle flies no command of this mission: it can only be aborted"
+FLIES_NO_COMMAND: Final = "the vehicle flies no command of this mission: it can only be aborted"
 NOT_PAUSED: Final = "no event has paused the mission"
 MAY_BE_OBEYED: Final = "the vehicle may have obeyed"
 PAUSED: Final = "paused by an event"
@@ -130,7 +130,7 @@ class PauseOrders:
             return
         foreign = self._vehicle.foreign_order
         if self.is_paused and self._vehicle.snapshot.armed is False:
-            effects.for_edge.append(Acknowledgement(work.work_id, "refused", NOT_IN_THE_AIR))
+            effects.for_edge.append(Acknowledgement(work.work_id, "refused", FLIES_NO_COMMAND))
             return
         if not self.is_paused:
             effects.for_edge.append(Acknowledgement(work.work_id, "refused", NOT_PAUSED))

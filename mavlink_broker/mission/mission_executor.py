@@ -19,8 +19,8 @@ from mavlink_broker.microservices.mission_protocol import FENCE, RALLY
 from mavlink_broker.mission import exchanges
 from mavlink_broker.mission.context import MissionContext
 from mavlink_broker.mission.flight_orders import (
+    FLIES_NO_COMMAND,
     MISSION_ENDED,
-    NOT_IN_THE_AIR,
     PAUSED,
     PAUSED_INSTEAD,
     REPLACED,
@@ -366,7 +366,7 @@ class MissionExecutor:
             case EventType.PAUSE_MISSION if state in IN_FLIGHT or context.is_flying:
                 context.pauses.pause(work, state, who, now, effects)
             case EventType.PAUSE_MISSION:
-                effects.for_edge.append(Acknowledgement(work.work_id, "refused", NOT_IN_THE_AIR))
+                effects.for_edge.append(Acknowledgement(work.work_id, "refused", FLIES_NO_COMMAND))
 
     def answer_events(self, reason: str, effects: Effects) -> None:
         """Answer every event that the end of the mission leaves without an answer."""

@@ -21,9 +21,9 @@ from edge_server.outbox.retry import Backoff
 from edge_server.outbox.schedule import Schedule
 from edge_server.outbox.streams import AllStreams
 from edge_server.outbox.uplink import MAXIMUM_BATCH, BatchLimit
-from edge_server.process.preparation import NoSpaceError, open_database, prepare
+from edge_server.process.preparation import open_database, prepare
 from edge_server.store.files import upkeep
-from edge_server.store.migrate import is_ready
+from edge_server.store.migrate import NoSpaceError, is_ready
 from edge_server.store.rows.tables import telemetry
 from tests.support.small_disk import NoSmallDiskError, fill_up, small_disk
 from tests.unit.edge_server import documents

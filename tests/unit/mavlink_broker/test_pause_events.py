@@ -7,7 +7,12 @@ import pytest
 
 from afarcloud.enumerations import Status
 from mavlink_broker.mavlink.dialect import mavlink
-from mavlink_broker.mission.flight_orders import NOT_IN_THE_AIR, NOT_PAUSED, PAUSED, PAUSED_INSTEAD
+from mavlink_broker.mission.flight_orders import (
+    FLIES_NO_COMMAND,
+    NOT_PAUSED,
+    PAUSED,
+    PAUSED_INSTEAD,
+)
 from mavlink_broker.mission.states import State
 from tests.support.broker_world import GENERIC, World, follow, go_home, mission, takeoff, waypoint
 from tests.support.vehicle_script import (
@@ -438,7 +443,7 @@ class TestBeforeTakeoff:
         world.run_until(lambda: state(world) is State.WAITING)
         pause = world.edge.event(PAUSE)
         world.run(1.0)
-        assert answer(world, pause) == ("refused", NOT_IN_THE_AIR)
+        assert answer(world, pause) == ("refused", FLIES_NO_COMMAND)
 
     def test_between_two_missions_items_it_waits_until_they_fly(self) -> None:
         world = World()
@@ -554,7 +559,7 @@ class TestRestarts:
         since = len(vehicle.frames)
         resume = world.edge.event(RESUME)
         world.run(1.0)
-        assert answer(world, resume) == ("refused", NOT_IN_THE_AIR)
+        assert answer(world, resume) == ("refused", FLIES_NO_COMMAND)
         world.run_until_over(1201)
         assert world.edge.status(1201) == Status.FAILED
         assert orders(vehicle, since) == []
