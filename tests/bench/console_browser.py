@@ -25,7 +25,7 @@ from tests.unit.edge_server.program import Program
 
 FLEET: Final = 50
 SMALL_FARM: Final = 3
-LOADS: Final = 3
+LOADS: Final = 9
 UPDATE_S: Final = 0.5
 MINUTES: Final = float(os.environ.get("CONSOLE_MINUTES", "10"))
 SLACK_S: Final = 180.0

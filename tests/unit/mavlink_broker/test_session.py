@@ -236,14 +236,28 @@ class TestWaiting:
         assert not vehicle.armed
         assert not vehicle.airborne
 
+    def test_a_vehicle_that_refuses_to_arm_until_the_expiry_is_not_ordered_again(self) -> None:
+        world = World()
+        refusal = mavlink.MAV_RESULT_FAILED
+        script = dataclasses.replace(PX4, arms_in=frozenset(), arming_refusal=refusal)
+        vehicle = world.add_vehicle(script=script)
+        world.edge.plan(first_flight(), expires_at="2026-11-21T08:00:10Z")
+        world.run(11.0)
+        vehicle.script = PX4
+        world.run_until_over(1201, within_s=30.0)
+        assert "expired before take-off" in world.edge.reports(1201)[-1]["message"]
+        world.run(30.0)
+        assert not vehicle.armed
+
     def test_a_mission_that_has_begun_is_flown_to_its_end_behind_its_expiry(self) -> None:
+        """Its second part begins on the ground, behind the expiry."""
         world = World()
         world.add_vehicle()
-        expires_at = world.clock.utc() + timedelta(seconds=5.0)
-        world.edge.plan(first_flight(), expires_at=expires_at.isoformat())
+        parts = mission(takeoff(1), land(2), takeoff(3), go_home(4))
+        world.edge.plan(parts, expires_at="2026-11-21T08:00:05Z")
         world.run_until(lambda: world.edge.status(1201) == Status.RUNNING, within_s=5.0)
         world.run_until_over(1201)
-        assert world.edge.status(1201) == Status.FINISHED
+        assert world.edge.statuses(1201) == [Status.FINISHED] * 4
 
     def test_a_mission_that_expired_behind_another_is_ended_by_the_edge_server_alone(self) -> None:
         world = World()
