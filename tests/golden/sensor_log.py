@@ -85,7 +85,7 @@ def _mag(time_us: int, x: int, y: int, z: int) -> SensorMag:
 
 
 def _land(time_us: int, landed: int, contact: int, state: int) -> LandDetected:
-    return LandDetected(time_us, bool(landed), bool(contact), LandedState(state))
+    return LandDetected(time_us, bool(landed), bool(contact), LandedState(state), bool(landed))
 
 
 def _counts(vector: tuple[float, float, float], lsb: float) -> list[int]:

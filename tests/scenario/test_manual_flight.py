@@ -197,3 +197,27 @@ def test_a_throttle_that_is_up_keeps_the_vehicle_disarmed(tmp_path: Path) -> Non
     tester.run_for(0.2)
     with pytest.raises(AssertionError, match="Throttle"):
         tester.arm()
+
+
+@pytest.mark.parametrize("main_mode", [POSITION, ALTITUDE])
+@pytest.mark.parametrize("stick", [0.15, 0.3])
+def test_a_slow_take_off_by_stick_misleads_no_sensor(
+    tmp_path: Path, main_mode: int, stick: float
+) -> None:
+    """Rising by a few centimetres per second, the vehicle looks at rest to its inertial sensor.
+
+    Velocity held at zero meanwhile would be taken for a bias of the accelerometer, whose failsafe
+    lands; and the time in which a take-off must follow the arming ends at a height of 0.2 m.
+    """
+    tester, pilot = ready(tmp_path, main_mode)
+    tester.arm()
+    pilot.move(up=stick)
+    biases: list[float] = []
+    core = tester.autopilot.estimator.estimator.core
+    assert core is not None
+    tester.watch(lambda: biases.append(max(map(abs, core.state.accel_bias_frd))))
+    tester.wait_until(lambda: tester.true_position()[2] > 0.5, 30.0, "half a metre up")
+    tester.run_for(3.0)
+    assert max(biases) < 0.1
+    assert tester.status.armed
+    assert tester.mode in {NavigationState.POSCTL, NavigationState.ALTCTL}

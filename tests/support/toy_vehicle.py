@@ -108,6 +108,7 @@ class ToyVehicle:
     drift: Vector3 = (0.0, 0.0, 0.0)  # [m/s] Of a vehicle that stands
     wind: Vector3 = (0.0, 0.0, 0.0)
     roll: float = 0.0
+    lifting: bool = False  # Its rotors may carry it, on the ground
     ground_m: float | None = None  # Above home, as the range finder measures it; None: it does not
     resets: EstimateResets = field(default_factory=EstimateResets)
     stopped: AidSource = field(
@@ -339,7 +340,8 @@ class ToyVehicle:
             )
         )
         state = LandedState.ON_GROUND if self.landed else LandedState.IN_AIR
-        self.land.publish(LandDetected(now, self.landed, self.landed, state))
+        low_throttle = self.landed and not self.lifting
+        self.land.publish(LandDetected(now, self.landed, self.landed, state, low_throttle))
         if self.ground_m is not None:
             self.topics.terrain_estimate.publish(TerrainEstimate(now, -self.ground_m))
         self._sense_instruments()

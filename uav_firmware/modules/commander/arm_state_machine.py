@@ -73,9 +73,18 @@ class DisarmTimer:
         self._grounded_since_us = self._mission_since_us = now_us
 
     def due(
-        self, now_us: int, *, landed: bool, mission_state: int, params: CommanderParams
+        self,
+        now_us: int,
+        *,
+        landed: bool,
+        resting: bool,
+        mission_state: int,
+        params: CommanderParams,
     ) -> ArmingEvent | None:
         """Event that disarms now, if any.
+
+        Time counts while the vehicle rests: one that takes off slowly, at the first centimetres,
+        is landed, but not resting.
 
         A mission that continues after a landing, or waits before its take-off, stays armed; one
         that does not take off, for COM_DISARM_MIS.
@@ -88,7 +97,7 @@ class DisarmTimer:
         waited_s = (now_us - self._mission_since_us) * 1e-6
         if waited_s > 0.0 and 0.0 <= params.disarm_mission_s <= waited_s:
             return ArmingEvent.PREFLIGHT_TIMEOUT
-        if not landed or in_mission:
+        if not resting or in_mission:
             self._grounded_since_us = now_us
             return None
         grounded_s = (now_us - self._grounded_since_us) * 1e-6

@@ -302,7 +302,11 @@ class CommanderModule:
             self._enter(following)
         mission_state = view.progress.state if view.progress is not None else 0
         event = self._stopping_failure(view) or self._disarm_timer.due(
-            view.now_us, landed=view.landed, mission_state=mission_state, params=self._params
+            view.now_us,
+            landed=view.landed,
+            resting=view.resting,
+            mission_state=mission_state,
+            params=self._params,
         )
         if event is not None:
             self._disarm(event, view.now_us)

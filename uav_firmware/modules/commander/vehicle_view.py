@@ -107,6 +107,11 @@ class VehicleView(NamedTuple):
         return self.land is None or self.land.landed
 
     @property
+    def resting(self) -> bool:
+        """Whether it is on the ground and its rotors cannot lift it."""
+        return self.land is None or (self.land.landed and self.land.has_low_throttle)
+
+    @property
     def dead_reckoning(self) -> bool:
         """Whether the position is by dead reckoning from the last fix."""
         return self.position is not None and self.position.dead_reckoning

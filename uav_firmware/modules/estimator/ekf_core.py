@@ -42,6 +42,7 @@ from uav_firmware.modules.estimator.kalman_filter.state import (
     NominalState,
 )
 from uav_firmware.modules.estimator.params import EstimatorParams, HeightReference
+from uav_firmware.msg.status import LandDetected
 from uav_firmware.msg.vectors import Vector3
 
 RESET_AFTER_S: Final = 5.0
@@ -80,6 +81,7 @@ class EkfCore:
         self.origin: LocalFrame | None = None
         self.declination: float | None = None  # [rad] At the origin
         self.on_ground: bool | None = None  # None while unknown
+        self._has_low_throttle = True
         # When a jump of the bias of roll or pitch rate was last suspected, and of the yaw rate
         self.tilt_jump_us: int | None = None
         self.turn_jump_us: int | None = None
@@ -98,11 +100,20 @@ class EkfCore:
         self.state = state
         """The best estimate, the filter's own: read five times in a step, so no property."""
 
+    def update_landed(self, land: LandDetected) -> None:
+        """Apply the report of the land detector."""
+        self.on_ground = land.landed
+        self._has_low_throttle = land.has_low_throttle
+
     @property
     def standing(self) -> bool:
-        """At rest on the ground: landed, or never yet flown for want of an origin."""
+        """At rest on the ground: landed, or never yet flown for want of an origin.
+
+        Rotors that may carry the vehicle end it: one that rises slowly is at rest to the inertial
+        sensor and has not risen far enough for the land detector.
+        """
         on_ground = self.origin is None if self.on_ground is None else self.on_ground
-        return on_ground and self.rest.at_rest
+        return on_ground and self._has_low_throttle and self.rest.at_rest
 
     def configure(self, params: EstimatorParams) -> None:
         """Work with changed parameters from now on."""

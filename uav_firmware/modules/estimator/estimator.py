@@ -28,6 +28,7 @@ from uav_firmware.modules.estimator.kalman_filter.state import (
 from uav_firmware.modules.estimator.params import EstimatorParams, HeightReference
 from uav_firmware.msg.estimate import AidSource
 from uav_firmware.msg.sensors import ImuShift, SensorBaro, SensorGps, SensorImu, SensorMag
+from uav_firmware.msg.status import LandDetected
 from uav_firmware.msg.vectors import Vector3
 
 _LARGEST_TILT_SIGMA_RAD = 0.1
@@ -61,7 +62,7 @@ class Estimator:
         self.rate_frd: Vector3 = (0.0, 0.0, 0.0)  # [rad/s] Of the last good sample, bias removed
         self._params = params
         self._average = RestAverage()
-        self._on_ground: bool | None = None
+        self._land: LandDetected | None = None
         # Biased for certain as no healthy sensor is; found once, it stays so until a restart
         self.gyro_broken = False
         self.accel_broken = False
@@ -127,7 +128,8 @@ class Estimator:
         alignment = self._average.add(imu)
         if alignment is not None:
             self.core = EkfCore(alignment, imu.time_us, self._params)
-            self.core.on_ground = self._on_ground
+            if self._land is not None:
+                self.core.update_landed(self._land)
             self.core.lateral.set_drag(self.drag.drag)
 
     def update_gps(self, gps: SensorGps) -> None:
@@ -151,12 +153,12 @@ class Estimator:
         if self.core is not None:
             self.compass.update(self.core, mag)
 
-    def update_landed(self, *, landed: bool, contact: bool = False) -> None:
-        """Apply the report of the land detector: at rest on the ground, carried by something."""
-        self._on_ground = landed
-        self.drag.carried = contact
+    def update_landed(self, land: LandDetected) -> None:
+        """Apply the report of the land detector: on the ground, carried by something."""
+        self._land = land
+        self.drag.carried = land.ground_contact
         if self.core is not None:
-            self.core.on_ground = landed
+            self.core.update_landed(land)
 
     def finish_step(self) -> None:
         """After all sensors of a step: the aids without a sensor, and the limits."""

@@ -118,7 +118,7 @@ class EstimatorModule:
         self._aid_counts = counts
         landed = self._new(1, self._landed)
         if landed is not None:
-            estimator.update_landed(landed=landed.landed, contact=landed.ground_contact)
+            estimator.update_landed(landed)
         mag = self._new(2, self._mag)
         if mag is not None:
             estimator.update_mag(mag)

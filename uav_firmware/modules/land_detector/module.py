@@ -98,10 +98,12 @@ class LandDetectorModule:
             self._commanded_sink(position, now_us),
             position.sink_accuracy_m_s,
         )
-        self._note_times(seen, now_us, reckoned=position.dead_reckoning)
+        low_thrust = self._low_thrust
+        self._note_times(seen, now_us, low_thrust, reckoned=position.dead_reckoning)
         for event in self._events(seen, status, now_us):
             self._state = next_state(self._state, event)
-        self._publish(now_us, status)
+        low_throttle = not status.armed or seen.thrust <= low_thrust
+        self._publish(now_us, status, low_throttle=low_throttle)
 
     def _measure_ground(self, attitude: VehicleAttitude, position: VehicleLocalPosition) -> None:
         """Publish where the ground is, with each sample of the range finder."""
@@ -113,12 +115,14 @@ class LandDetectorModule:
         if not math.isnan(down):
             self._terrain_estimate.publish(TerrainEstimate(sample.time_us, down))
 
-    def _note_times(self, seen: Observation, now_us: int, *, reckoned: bool) -> None:
+    def _note_times(
+        self, seen: Observation, now_us: int, low_thrust: float, *, reckoned: bool
+    ) -> None:
         """Remember since when each sign has held.
 
         A velocity that is reckoned by drag shows a wind to a vehicle that stands: it is no sign.
         """
-        limits = self._limits._replace(thrust=self._low_thrust)
+        limits = self._limits._replace(thrust=low_thrust)
         if reckoned:
             limits = limits._replace(horizontal_speed=math.inf)
         if not touches_ground(seen, limits):
@@ -190,7 +194,7 @@ class LandDetectorModule:
             return 0.0
         return setpoint.velocity_ned[2]
 
-    def _publish(self, now_us: int, status: VehicleStatus) -> None:
+    def _publish(self, now_us: int, status: VehicleStatus, *, low_throttle: bool) -> None:
         landed = self._state is LandedState.ON_GROUND
         contact = landed or (
             status.armed and _held(self._touching_since_us, now_us, 0.5 * self._trigger_s)
@@ -200,9 +204,12 @@ class LandDetectorModule:
             former is None
             or former.landed_state is not self._state
             or former.ground_contact is not contact
+            or former.has_low_throttle is not low_throttle
             or now_us - former.time_us >= _PERIOD_US
         ):
-            self._land_detected.publish(LandDetected(now_us, landed, contact, self._state))
+            self._land_detected.publish(
+                LandDetected(now_us, landed, contact, self._state, low_throttle)
+            )
 
     def _retune(self) -> None:
         self._seen_version = self._registry.version

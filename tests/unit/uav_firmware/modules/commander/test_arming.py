@@ -219,6 +219,18 @@ def test_armed_and_left_alone_on_the_ground_it_disarms_after_ten_seconds() -> No
     assert "Disarmed: no take-off" in vehicle.texts
 
 
+def test_one_that_takes_off_slowly_is_not_disarmed_in_its_first_centimetres() -> None:
+    vehicle = ToyVehicle()
+    vehicle.run(0.5)
+    assert vehicle.arm() is ACCEPTED
+    vehicle.lifting = True
+    vehicle.run(15.0)
+    assert vehicle.armed
+    vehicle.lifting = False
+    vehicle.run(10.5)
+    assert not vehicle.armed
+
+
 def test_two_seconds_after_landing_it_disarms_and_goes_to_hold() -> None:
     vehicle = ToyVehicle()
     vehicle.run(0.5)

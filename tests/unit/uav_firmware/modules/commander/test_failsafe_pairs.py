@@ -65,7 +65,7 @@ def healthy(now_us: int) -> VehicleView:
         estimator=EstimatorStatus(now_us, 0, 0.0, 0.0, 0.0, 0.0, 0.1, 0.1, zero, True),
         gps=gps,
         battery=BatteryStatus(now_us, 15.0, 0.0, 0.0, 5.0, 1.0),
-        land=LandDetected(now_us, False, False, LandedState.IN_AIR),
+        land=LandDetected(now_us, False, False, LandedState.IN_AIR, False),
         home=HomePosition(0, 40.0, -3.0, 650.0, zero, 0.0),
         progress=MissionProgress(now_us, 1, 0, 3, 0, 0, 1, 0),
         navigator=None,

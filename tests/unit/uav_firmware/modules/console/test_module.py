@@ -51,12 +51,24 @@ def test_arming_and_mode_are_logged_once() -> None:
 def test_landed_states_and_items_are_logged_on_change() -> None:
     vehicle = Vehicle()
     vehicle.land.publish(
-        LandDetected(0, landed=True, ground_contact=True, landed_state=LandedState.ON_GROUND)
+        LandDetected(
+            0,
+            landed=True,
+            ground_contact=True,
+            landed_state=LandedState.ON_GROUND,
+            has_low_throttle=True,
+        )
     )
     vehicle.progress.publish(MissionProgress(0, 5, 0, 3, -1, 0, 2))
     assert vehicle.lines() == ["mission of 3 items"]
     vehicle.land.publish(
-        LandDetected(0, landed=False, ground_contact=False, landed_state=LandedState.TAKEOFF)
+        LandDetected(
+            0,
+            landed=False,
+            ground_contact=False,
+            landed_state=LandedState.TAKEOFF,
+            has_low_throttle=False,
+        )
     )
     vehicle.progress.publish(MissionProgress(0, 5, 1, 3, 0, 1, 3))
     assert vehicle.lines() == ["landed state TAKEOFF", "mission item 0 reached"]

@@ -292,7 +292,13 @@ class Rig:
         if self.landed.value is None or self.landed.value.landed != readings.landed:
             state = LandedState.ON_GROUND if readings.landed else LandedState.IN_AIR
             self.landed.publish(
-                LandDetected(readings.truth.time_us, readings.landed, readings.landed, state)
+                LandDetected(
+                    readings.truth.time_us,
+                    readings.landed,
+                    readings.landed,
+                    state,
+                    has_low_throttle=readings.landed,
+                )
             )
         self.module.update()
 

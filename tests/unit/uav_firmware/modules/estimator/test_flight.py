@@ -13,7 +13,9 @@ from tests.unit.uav_firmware.modules.estimator.flight import (
     Errors,
     Flight,
     Rig,
+    recorded,
 )
+from uav_firmware.msg.status import LandDetected, LandedState
 
 FLYING_S = 16.0
 
@@ -97,6 +99,23 @@ def test_innovations_are_as_large_as_expected() -> None:
     normalised = 5.0 * np.array(ratios)  # Standard deviations; the gate is five
     assert (normalised < 3.0).mean(axis=0).min() > 0.95
     assert np.median(normalised[:, 0]) > 0.2
+
+
+def test_rotors_that_may_lift_the_vehicle_end_its_standing() -> None:
+    """Rising slowly it is at rest to the inertial sensor, and not yet seen to fly."""
+    rig = Rig()
+    standing = {}
+    for readings in recorded().steps(10.0):
+        if readings.truth.time_us == 9_000_000:
+            rig.landed.publish(
+                LandDetected(9_000_000, True, True, LandedState.ON_GROUND, has_low_throttle=False)
+            )
+        rig.feed(readings)
+        core = rig.module.estimator.core
+        if core is not None:
+            standing[readings.truth.time_us] = core.standing
+    assert standing[8_900_000]
+    assert not standing[9_100_000]
 
 
 @pytest.mark.thorough

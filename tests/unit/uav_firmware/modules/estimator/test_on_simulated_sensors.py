@@ -73,7 +73,7 @@ def attitude_error(rig: Rig, truth: SensorTruth) -> Array:
 )
 def test_at_rest_for_a_minute(seed: int, noise_factor: float) -> None:
     rig, simulated = Rig(), vehicle(seed, noise_factor)
-    rig.landed.publish(LandDetected(0, True, True, LandedState.ON_GROUND))
+    rig.landed.publish(LandDetected(0, True, True, LandedState.ON_GROUND, True))
     errors = []
     for count in range(60 * 250):
         step(rig, simulated)

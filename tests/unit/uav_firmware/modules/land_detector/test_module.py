@@ -173,6 +173,22 @@ def test_where_a_throttle_leads_it_has_to_be_down(level: ControlLevel) -> None:
     assert vehicle.pass_time(1.0, thrust=0.08, height=0.0).landed
 
 
+def test_a_throttle_that_may_lift_the_vehicle_is_reported_before_it_rises() -> None:
+    vehicle = Vehicle()
+    assert vehicle.pass_time(0.5, thrust=IDLE, height=0.0).has_low_throttle
+    report = vehicle.pass_time(0.1, thrust=HOVER, height=0.0)
+    assert report.landed
+    assert not report.has_low_throttle
+    assert vehicle.pass_time(0.1, thrust=IDLE, height=0.0).has_low_throttle
+
+
+def test_a_disarmed_vehicle_has_a_low_throttle_whatever_was_set_last() -> None:
+    vehicle = Vehicle()
+    vehicle.pass_time(0.1, thrust=HOVER, height=0.0)
+    vehicle.status.publish(vehicle_status(armed=False))
+    assert vehicle.pass_time(0.1, thrust=HOVER, height=0.0).has_low_throttle
+
+
 def test_land_mode_leads_to_landing_at_any_height() -> None:
     vehicle = Vehicle()
     vehicle.fly()

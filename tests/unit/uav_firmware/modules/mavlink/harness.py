@@ -203,7 +203,13 @@ def flying_topics() -> Topics:
     topics.battery_status.publish(BatteryStatus(0, 11.8, 14.5, 1.2, 5.0, 0.76))
     topics.vehicle_status.publish(status(armed=True))
     topics.land_detected.publish(
-        LandDetected(0, landed=False, ground_contact=False, landed_state=LandedState.IN_AIR)
+        LandDetected(
+            0,
+            landed=False,
+            ground_contact=False,
+            landed_state=LandedState.IN_AIR,
+            has_low_throttle=False,
+        )
     )
     topics.home_position.publish(
         HomePosition(0, LATITUDE_DEG, LONGITUDE_DEG, ALTITUDE_M, ZERO, 0.0)

@@ -41,7 +41,13 @@ class Vehicle:
         self._now_us = 1_000_000
         self.status.publish(vehicle_status(armed=True))
         self.land.publish(
-            LandDetected(0, landed=False, ground_contact=False, landed_state=LandedState.IN_AIR)
+            LandDetected(
+                0,
+                landed=False,
+                ground_contact=False,
+                landed_state=LandedState.IN_AIR,
+                has_low_throttle=False,
+            )
         )
 
     def wants(self, position: Vector3, yaw: float = NAN) -> None:

@@ -217,7 +217,12 @@ def test_the_prearm_bit_reports_whether_arming_is_possible(ready: bool) -> None:
     [
         (lambda t: t.vehicle_status.publish(status(NavigationState.AUTO_RTL, armed=True)), "mode"),
         (lambda t: t.vehicle_status.publish(status(armed=False)), "arming"),
-        (lambda t: t.land_detected.publish(LandDetected(0, True, True, LandedState.ON_GROUND)), ""),
+        (
+            lambda t: t.land_detected.publish(
+                LandDetected(0, True, True, LandedState.ON_GROUND, True)
+            ),
+            "",
+        ),
     ],
 )
 def test_a_change_triggers_a_heartbeat_at_once(change: Any, expected: str) -> None:
