@@ -15,6 +15,7 @@ than the first timeout would then never be sampled: when every request had to be
 since the first one is taken, which is too long rather than too short.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Final, TypeAlias
@@ -149,6 +150,8 @@ class Refused:
 
 CommandOutcome: TypeAlias = Accepted | Refused
 
+EXPIRED: Final = Refused("expired before the vehicle has accepted it")
+
 
 class CommandTransaction:
     """One command until its final answer."""
@@ -161,6 +164,7 @@ class CommandTransaction:
         *,
         is_repetition: bool = False,
         is_accepted_early: bool = False,
+        sends_until: float = math.inf,
     ) -> None:
         """Prepare a command.
 
@@ -170,7 +174,9 @@ class CommandTransaction:
             round_trip: Estimate of the link's round trip.
             is_repetition: The vehicle may have received the command before.
             is_accepted_early: The vehicle accepts it first, and judges it afterwards.
+            sends_until: From this time [s] on it is not repeated, as it has expired.
         """
+        self._sends_until = sends_until
         self._first_confirmation = int(is_repetition)
         self._is_accepted_early = is_accepted_early
         self._was_accepted = False  # Early
@@ -203,11 +209,14 @@ class CommandTransaction:
         """Repeat it when the answer is overdue."""
         if self.outcome is not None or now < self._deadline:
             return []
-        if not self._asking:
-            return self.start(now)
         if self._was_accepted:
             self.outcome = Accepted()
             return []
+        if now >= self._sends_until:
+            self.outcome = EXPIRED
+            return []
+        if not self._asking:
+            return self.start(now)
         if self._confirmation + 1 >= ATTEMPTS:
             self.outcome = Refused(f"no answer to {self._name} after {ATTEMPTS} attempts")
             return []
@@ -289,8 +298,19 @@ class CommandSequence:
         *,
         is_repetition: bool = False,
         accepted_early: frozenset[int] = frozenset(),
+        sends_until: float = math.inf,
     ) -> None:
-        """`accepted_early`: MAV_CMDs that the vehicle accepts before it judges them."""
+        """Prepare the commands.
+
+        Args:
+            alternatives: What is sent.
+            route: Source and target ids.
+            round_trip: Estimate of the link's round trip.
+            is_repetition: The vehicle may have received them before.
+            accepted_early: MAV_CMDs that the vehicle accepts before it judges them.
+            sends_until: From this time [s] on nothing is sent, as they have expired.
+        """
+        self._sends_until = sends_until
         self._is_repetition = is_repetition
         self._accepted_early = accepted_early
         self._steps = [list(alternative) for alternative in alternatives]
@@ -317,6 +337,9 @@ class CommandSequence:
         if not self._steps[0]:
             self.outcome = Accepted()
             return []
+        if now >= self._sends_until:
+            self.outcome = self._first_refusal or EXPIRED
+            return []
         command = self._steps[0].pop(0)
         self._running = CommandTransaction(
             command,
@@ -324,6 +347,7 @@ class CommandSequence:
             self._round_trip,
             is_repetition=self._is_repetition,
             is_accepted_early=command.command in self._accepted_early,
+            sends_until=self._sends_until,
         )
         if command.wait_s > 0.0:
             self._waits_until = now + command.wait_s

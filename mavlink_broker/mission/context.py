@@ -7,6 +7,7 @@ the broker is (`mavlink_broker.vehicle.control_authority`); the monitor keeps wh
 depend on from one phase to the next.
 """
 
+import math
 from typing import Final
 
 from afarcloud.enumerations import Status
@@ -129,9 +130,14 @@ class MissionContext:
 
     def is_expired(self, now: float) -> bool:
         """Whether it may not begin any more; what has begun is flown to its end."""
-        if self.is_start_ordered or self.was_reported_running:
-            return False
-        return self.work.expires_at is not None and now >= self.work.expires_at
+        return now >= self.expires_at
+
+    @property
+    def expires_at(self) -> float:
+        """From when on it may not begin [s]; infinite once it has begun."""
+        if self.is_start_ordered or self.was_reported_running or self.work.expires_at is None:
+            return math.inf
+        return self.work.expires_at
 
     def expire(self, effects: Effects) -> None:
         """Report that it is not flown, because it has expired."""

@@ -244,6 +244,8 @@ def repetition(alternatives: CommandAlternatives, vehicle: Vehicle) -> Message:
     return alternatives[0][0].message(vehicle.route, 1)
 
 
-def commands(alternatives: CommandAlternatives, vehicle: Vehicle) -> CommandSequence:
-    """Order by the family's alternatives, one after the other."""
-    return vehicle.sequence(alternatives)
+def commands(
+    alternatives: CommandAlternatives, vehicle: Vehicle, *, sends_until: float = math.inf
+) -> CommandSequence:
+    """Order by the family's alternatives, one after the other, until `sends_until` [s]."""
+    return vehicle.sequence(alternatives, sends_until=sends_until)

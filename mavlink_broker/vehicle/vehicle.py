@@ -383,7 +383,11 @@ class Vehicle:
         return self.snapshot.ready_to_arm
 
     def sequence(
-        self, alternatives: CommandAlternatives, *, is_repetition: bool = False
+        self,
+        alternatives: CommandAlternatives,
+        *,
+        is_repetition: bool = False,
+        sends_until: float = math.inf,
     ) -> CommandSequence:
         """Prepare an order to it: the first alternative of which it accepts every command."""
         versions = self.family.accepts_modes_early
@@ -394,6 +398,7 @@ class Vehicle:
             self.round_trip,
             is_repetition=is_repetition,
             accepted_early=_MODES if is_early else frozenset(),
+            sends_until=sends_until,
         )
 
     def override_during_missions(self, overrides: tuple[ParameterOverride, ...]) -> None:

@@ -42,7 +42,9 @@ class Arming(Phase):
     def _order(self, now: float, effects: Effects) -> None:
         vehicle = self._mission.vehicle
         self._mission.authority.order_arming(now)
-        self.exchange = exchanges.commands(vehicle.family.arming, vehicle)
+        self.exchange = exchanges.commands(
+            vehicle.family.arming, vehicle, sends_until=self._mission.expires_at
+        )
         effects.messages += self.exchange.start(now)
 
     def settle(self, now: float, effects: Effects) -> Result:
@@ -54,7 +56,7 @@ class Arming(Phase):
         match outcome:
             case Accepted():
                 return Event.ARMED
-            case Refused() if self._may_still_arm(now):
+            case Refused() if self._may_still_arm(now) or self._mission.is_expired(now):
                 self.exchange = None
                 self._again_at = now + ARM_AGAIN_AFTER_S
             case Refused(reason):
@@ -73,11 +75,13 @@ class Arming(Phase):
         mission = self._mission
         if mission.vehicle.snapshot.armed and not mission.is_hovering:
             return Event.ARMED
-        if self.exchange is None and mission.is_expired(now):
+        if self.exchange is not None or now < self._again_at:
+            return None
+        if mission.is_expired(now):
             mission.expire(effects)
+            effects.messages += exchanges.disarming(mission.vehicle)
             return Event.ENDED
-        if self.exchange is None and now >= self._again_at:
-            self._order(now, effects)
+        self._order(now, effects)
         return None
 
 

@@ -236,9 +236,13 @@ class TestWaiting:
         assert not vehicle.armed
         assert not vehicle.airborne
 
-    def test_a_vehicle_that_refuses_to_arm_until_the_expiry_is_not_ordered_again(self) -> None:
+    @pytest.mark.parametrize(
+        "refusal", [mavlink.MAV_RESULT_FAILED, mavlink.MAV_RESULT_TEMPORARILY_REJECTED]
+    )
+    def test_a_vehicle_that_refuses_to_arm_until_the_expiry_is_not_ordered_again(
+        self, refusal: int
+    ) -> None:
         world = World()
-        refusal = mavlink.MAV_RESULT_FAILED
         script = dataclasses.replace(PX4, arms_in=frozenset(), arming_refusal=refusal)
         vehicle = world.add_vehicle(script=script)
         world.edge.plan(first_flight(), expires_at="2026-11-21T08:00:10Z")
@@ -248,6 +252,20 @@ class TestWaiting:
         assert "expired before take-off" in world.edge.reports(1201)[-1]["message"]
         world.run(30.0)
         assert not vehicle.armed
+
+    def test_an_order_to_arm_without_an_answer_is_not_repeated_after_the_expiry(self) -> None:
+        world = World()
+        vehicle = world.add_vehicle()
+        world.edge.plan(first_flight(), expires_at="2026-11-21T08:00:10Z")
+        world.run_until(lambda: vehicle.uploads == 1, within_s=9.0)
+        world.air.is_uplink_up = False
+        world.run(11.0)
+        world.air.is_uplink_up = True
+        world.run_until_over(1201, within_s=30.0)
+        assert "expired before take-off" in world.edge.reports(1201)[-1]["message"]
+        world.run(30.0)
+        assert not vehicle.armed
+        assert not vehicle.airborne
 
     def test_a_mission_that_has_begun_is_flown_to_its_end_behind_its_expiry(self) -> None:
         """Its second part begins on the ground, behind the expiry."""
