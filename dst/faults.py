@@ -24,6 +24,8 @@ MEAN_IN_FLIGHT_S: Final = 25.0
 CUT_RATE: Final = 0.3
 """How often the edge server is out of reach just after an answer that matters."""
 MEAN_CUT_S: Final = 12.0
+SLOWEST_DELAY: Final = 7.5
+"""From the rate of slow links to their delay in each direction, up to 1.5 s."""
 KILL_RATE: Final = 0.15
 """How often the broker is killed just after it has accepted something."""
 MEAN_KILL_S: Final = 1.0
@@ -44,6 +46,7 @@ class Fault(StrEnum):
     REORDERING = "reordering"
     CORRUPTION = "corruption"
     LINK_DOWN = "link-down"
+    LINK_SLOW = "link-slow"
     EDGE_REQUESTS_LOST = "edge-requests-lost"
     EDGE_ANSWERS_LOST = "edge-answers-lost"
     EDGE_ANSWERS_STALLED = "edge-answers-stalled"
@@ -74,6 +77,7 @@ class Fault(StrEnum):
     REPEATED_MISSIONS = "repeated-missions"
     REPEATED_POSTS = "repeated-posts"
     CANCELLATIONS = "cancellations"
+    EXPIRIES = "expiries"
     ABORTS = "aborts"
     PAUSES = "pauses"
     LONG_MISSIONS = "long-missions"
@@ -91,7 +95,10 @@ KINEMATIC_ONLY: Final = frozenset(
 
 
 PLACES: Final = (
-    (Fault.LOSS, Fault.DUPLICATION, Fault.REORDERING, Fault.CORRUPTION, Fault.LINK_DOWN),
+    (
+        *(Fault.LOSS, Fault.DUPLICATION, Fault.REORDERING, Fault.CORRUPTION),
+        *(Fault.LINK_DOWN, Fault.LINK_SLOW),
+    ),
     (
         *(Fault.EDGE_REQUESTS_LOST, Fault.EDGE_ANSWERS_LOST, Fault.EDGE_ANSWERS_STALLED),
         *(Fault.EDGE_ANSWERS_FOREIGN, Fault.EDGE_UNREACHABLE, Fault.REPORT_ALWAYS_FAILS),
@@ -179,6 +186,7 @@ class Faults:
             loss=rate(Fault.LOSS),
             duplication=rate(Fault.DUPLICATION),
             corruption=rate(Fault.CORRUPTION) / 2.0,
+            delay_s=PERFECT.delay_s + SLOWEST_DELAY * rate(Fault.LINK_SLOW),
             jitter_s=5.0 * rate(Fault.REORDERING),
         )
         for path in (*world.up.values(), *world.down.values()):

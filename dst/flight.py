@@ -51,6 +51,8 @@ class Truth:
     east_m: float = 0.0
     height_m: float = 0.0
     reached: list[Reached] = field(default_factory=list)
+    armed_s: list[float] = field(default_factory=list)
+    """When it was armed by an order."""
     turned_rad: dict[tuple[int, int], float] = field(default_factory=dict)
     """Angle flown round each centre: latitude and longitude [1e-7 deg]."""
     orders_under_pilot: list[OrderUnderPilot] = field(default_factory=list)

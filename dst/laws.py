@@ -14,7 +14,7 @@ from dst.autopilot import Mode
 from dst.delivery_laws import DeliveryLaws
 from dst.edge_process import EdgeDownError
 from dst.event_laws import EventLaws
-from dst.flight import SINK_M_S, Reached, is_same_place
+from dst.flight import SINK_M_S, Reached, Truth, is_same_place
 from dst.link_laws import LinkLaws
 from dst.operator_person import Operator, PostedAbort, PostedPlan
 from dst.picture_laws import PictureLaws
@@ -40,6 +40,8 @@ MOST_WAITING: Final = MAX_STATE_VECTORS + 1000
 """Posts: state vectors are thinned out at their limit, the others are few."""
 LEAST_TURN_RAD: Final = 0.65 * math.tau
 """The broker takes a turn for complete from 0.7 on, by positions that it has received."""
+EXPIRY_S: Final = 5.0
+"""An order to arm that was sent before a plan expired arrives within this time."""
 ABORT_S: Final = 20.0
 """A vehicle that is connected has left its mission within this time after an abort is accepted."""
 
@@ -107,6 +109,7 @@ class Laws:
             self._note_aborts()
             self._note_pauses()
         self._nothing_flown_afterwards()
+        self._nothing_begun_after_expiry()
         self._nothing_flown_while_paused()
         self._alarms_in_time()
         self._queues_are_bounded()
@@ -157,6 +160,20 @@ class Laws:
                     raise LawError(
                         f"plan {plan.number}: a waypoint is flown at {one.time_s:.1f} s, "
                         f"though it ended at {min(ends):.1f} s"
+                    )
+
+    def _nothing_begun_after_expiry(self) -> None:
+        """A vehicle that was not armed while a plan was valid is not armed for it later."""
+        for plan in self._operator.plans:
+            latest_s = plan.expires_s + EXPIRY_S
+            for truth in self._world.truths(plan.vehicle_id):
+                begun = any(plan.posted_s <= armed_s <= latest_s for armed_s in truth.armed_s)
+                first_s = min((one.time_s for one in self._flown_by(truth, plan)), default=0.0)
+                armed_s = max((one for one in truth.armed_s if one <= first_s), default=0.0)
+                if armed_s > latest_s and not begun:
+                    raise LawError(
+                        f"plan {plan.number}: vehicle {plan.vehicle_id} was armed for it at "
+                        f"{armed_s:.1f} s, though it expired at {plan.expires_s:.1f} s"
                     )
 
     def _mission_end_s(self, plan: PostedPlan) -> float:
@@ -445,13 +462,14 @@ class Laws:
 
     def _flown(self, plan: PostedPlan) -> list[Reached]:
         """Give what was flown of a plan, by whichever aircraft with its system id."""
+        truths = self._world.truths(plan.vehicle_id)
+        return [one for truth in truths for one in self._flown_by(truth, plan)]
+
+    @staticmethod
+    def _flown_by(truth: Truth, plan: PostedPlan) -> list[Reached]:
+        """Give what one aircraft has flown of a plan."""
         places = plan.commands.waypoints.values()
-        return [
-            one
-            for truth in self._world.truths(plan.vehicle_id)
-            for one in truth.reached
-            if any(_is_at(one, place) for place in places)
-        ]
+        return [one for one in truth.reached if any(_is_at(one, place) for place in places)]
 
 
 def _turned_rad(turned_rad: dict[tuple[int, int], float], centre: tuple[int, int]) -> float:

@@ -45,7 +45,7 @@ class Machine:
     ) -> None:
         self.name = name
         self.disk = disk
-        self._clock = clock
+        self.clock = clock
         self.processes = processes
         self._scheduler = scheduler
         self._database = database
@@ -76,13 +76,13 @@ class Machine:
     def step_clock(self, random: Random) -> None:
         """Have the time of day stepped, and the clocks drift, as without a time server."""
         largest_s = random.choice(STEPS_S)
-        self._clock.step(random.uniform(-largest_s, largest_s))
-        self._clock.run(random.uniform(-MOST_DRIFT, MOST_DRIFT))
-        self._note(f"the clock is off by {self._clock.error_s:.0f} s")
+        self.clock.step(random.uniform(-largest_s, largest_s))
+        self.clock.run(random.uniform(-MOST_DRIFT, MOST_DRIFT))
+        self._note(f"the clock is off by {self.clock.error_s:.0f} s")
 
     def set_clock(self) -> None:
         """Have the time of day set right."""
-        self._clock.set_right()
+        self.clock.set_right()
 
     # Each begins a trouble of the disk; `restore` ends all.
 

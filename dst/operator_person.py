@@ -1,7 +1,9 @@
 """The operator: posts plans, repeats requests, cancels, aborts, pauses, releases held vehicles."""
 
+import math
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
+from datetime import timedelta
 from http import HTTPStatus
 from typing import Any, Final
 
@@ -60,6 +62,8 @@ class PostedPlan:
     posted_s: float = 0.0
     cancelled_s: float | None = None
     """When its deletion was acknowledged."""
+    expires_s: float = math.inf
+    """A vehicle that was not armed for it by then is not armed for it any more."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,21 +173,32 @@ class Operator:
 
     def _post_plan(self) -> None:
         drawn = self._planner.draw()
-        response = self._request("POST", "/plans/", drawn.body, drawn.key)
+        body, expires_s = drawn.body, math.inf
+        if drawn.lifetime_s is not None:
+            expires_at = self._world.edge_machine.clock.utc() + timedelta(seconds=drawn.lifetime_s)
+            body = body | {"expires_at": expires_at.isoformat()}
+            if Fault.CLOCKS not in self._enabled:
+                expires_s = self._world.scheduler.now_s + drawn.lifetime_s
+        response = self._request("POST", "/plans/", body, drawn.key)
         if response is None or response.status != 201:
             return
         number = int(response.json()["id"])
         now_s = self._world.scheduler.now_s
-        plan = PostedPlan(number, drawn.mission_id, drawn.vehicle_id, drawn.commands, now_s)
+        plan = PostedPlan(
+            number,
+            drawn.mission_id,
+            drawn.vehicle_id,
+            drawn.commands,
+            now_s,
+            expires_s=expires_s,
+        )
         self.plans.append(plan)
         if Fault.CANCELLATIONS in self._enabled and self._regrets.random() < REGRET_SHARE:
             regret_s = self._regrets.expovariate(1.0 / MEAN_REGRET_S)
             self._world.scheduler.after(regret_s, lambda: self._cancel(plan))
         if Fault.REPEATED_POSTS in self._enabled:
             pause_s = self._random.uniform(0.0, 60.0)
-            self._world.scheduler.after(
-                pause_s, lambda: self._repeat(drawn.body, drawn.key, number)
-            )
+            self._world.scheduler.after(pause_s, lambda: self._repeat(body, drawn.key, number))
 
     def _repeat(self, body: Any, key: str, number: int) -> None:
         response = self._request("POST", "/plans/", body, key)

@@ -29,6 +29,9 @@ GEOFENCE: Final = {
     ],
     "max_altitude": HIGHEST_M,
 }
+EXPIRING_SHARE: Final = 0.5
+"""How often a plan says when it expires."""
+MEAN_LIFETIME_S: Final = 20.0
 LONG_SHARE: Final = 0.5
 LANDING: Final = 20
 """`command_id` of the last command."""
@@ -90,6 +93,8 @@ class DrawnPlan(NamedTuple):
     mission_id: int
     vehicle_id: int
     commands: PlannedCommands
+    lifetime_s: float | None
+    """Until it expires; None: as long as the edge server lets plans live."""
 
 
 class Planner:
@@ -112,6 +117,7 @@ class Planner:
         self._views = scheduler.random("views")
         self._more_views = scheduler.random("more views")
         self._subjects = scheduler.random("subjects")
+        self._lifetimes = scheduler.random("lifetimes")
         self._count = 0
 
     def draw(self) -> DrawnPlan:
@@ -137,7 +143,14 @@ class Planner:
         body: dict[str, Any] = {"name": "simulated", "missions": missions}
         if Fault.GEOFENCES in self._enabled and self._lengths.random() < FENCED_SHARE:
             body["geofence"] = GEOFENCE
-        return DrawnPlan(f"plan-{self._count}", body, mission_id, vehicle_id, planned)
+        lifetime_s = self._lifetime_s()
+        return DrawnPlan(f"plan-{self._count}", body, mission_id, vehicle_id, planned, lifetime_s)
+
+    def _lifetime_s(self) -> float | None:
+        """Draw a time that may end before, while and after a vehicle gets the mission."""
+        if Fault.EXPIRIES not in self._enabled or self._lifetimes.random() >= EXPIRING_SHARE:
+            return None
+        return self._lifetimes.expovariate(1.0 / MEAN_LIFETIME_S)
 
     def _mission_id(self) -> int:
         """Give a number, which another plan may have had before."""

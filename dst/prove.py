@@ -288,6 +288,17 @@ BREAKS: Final = (
         (Fault.SWAPPED,),
     ),
     Break(
+        "a mission that expires while it goes onto the vehicle is flown",
+        (
+            Change(
+                "mavlink_broker/mission/mission_executor.py",
+                "        return self.state in TRANSFERRING and self._context.is_expired(now)\n",
+                "        return False\n",
+            ),
+        ),
+        (Fault.EXPIRIES,),
+    ),
+    Break(
         "a vehicle that answers nothing is not warned of",
         (
             Change(

@@ -460,6 +460,8 @@ class Vehicle:
         if not is_on and self.is_flying:
             return int(mavlink.MAV_RESULT_DENIED)
         self._armed_s = self._scheduler.now_s
+        if is_on and not self.armed:
+            self.truth.armed_s.append(self._armed_s)
         self.armed = is_on
         self._heartbeat()
         return int(mavlink.MAV_RESULT_ACCEPTED)
