@@ -17,6 +17,8 @@ from afarcloud.state import CommandReport, MissionReport
 
 LATE_S: Final = 60.0
 """A result may be recorded so long after the end of its flight."""
+PARKED_LATE_S: Final = 1.0
+"""The last point of a track, when the vehicle was disarmed at the end of its flight."""
 EARLY_S: Final = 5.0
 STALE_S: Final = 12 * 3600.0
 """A flight without any report for so long has ended with its last one."""
@@ -42,16 +44,34 @@ def time_of(recorded_at: datetime | None, received_at: float) -> float:
     return recorded
 
 
-def at_time(connection: sqlite3.Connection, vehicle_id: int, at: float) -> int | None:
-    """Find the flight of a vehicle that something recorded then belongs to; None without one."""
+def at_time(
+    connection: sqlite3.Connection, vehicle_id: int, at: float, late_s: float = LATE_S
+) -> int | None:
+    """Find the flight of a vehicle that something recorded then belongs to; None without one.
+
+    It may be recorded `late_s` [s] after the end of the flight.
+    """
     row = connection.execute(
         "SELECT id, ended_at FROM flight WHERE vehicle_id = ? AND started_at <= ? AND dropped = 0"
         " ORDER BY started_at DESC, id DESC LIMIT 1",
         (vehicle_id, at + EARLY_S),
     ).fetchone()
-    if row is None or (row[1] is not None and at > row[1] + LATE_S):
+    if row is None or (row[1] is not None and at > row[1] + late_s):
         return None
     return int(row[0])
+
+
+def of_point(connection: sqlite3.Connection, vehicle_id: int, at: float) -> int | None:
+    """Find the flight whose track a point belongs to; None without one.
+
+    A vehicle that is still armed, such as one that returns after its mission has failed, goes on
+    with its track; one that stands does not.
+    """
+    row = connection.execute(
+        "SELECT armed FROM vehicle WHERE vehicle_id = ?", (vehicle_id,)
+    ).fetchone()
+    is_armed = row is not None and bool(row[0])
+    return at_time(connection, vehicle_id, at, LATE_S if is_armed else PARKED_LATE_S)
 
 
 def note_report(connection: sqlite3.Connection, flight: int, at: float, received_at: float) -> None:

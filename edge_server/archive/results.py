@@ -29,14 +29,17 @@ class Stored(NamedTuple):
 
 def take(connection: sqlite3.Connection, stored: Stored) -> None:
     """Store a report of its vehicle's flight; without a flight only an alarm is stored."""
-    flight = flights.at_time(connection, stored.report.vehicle_id, stored.at)
+    vehicle_id = stored.report.vehicle_id
+    if isinstance(stored.report, StateVector):
+        flight = flights.of_point(connection, vehicle_id, stored.at)
+        if flight is not None:
+            _take_point(connection, stored.report, stored, flight)
+        return
+    flight = flights.at_time(connection, vehicle_id, stored.at)
     if isinstance(stored.report, Alarm):
         _take_alarm(connection, stored.report, stored, flight)
         return
     if flight is None:
-        return
-    if isinstance(stored.report, StateVector):
-        _take_point(connection, stored.report, stored, flight)
         return
     if isinstance(stored.report, Image):
         _take_picture(connection, stored.report, stored, flight)

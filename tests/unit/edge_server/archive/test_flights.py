@@ -61,6 +61,32 @@ def test_a_point_that_arrives_late_is_in_the_track_of_its_flight(edge: Edge) -> 
     assert points(edge) == 1
 
 
+def test_the_track_ends_with_the_vehicle_that_is_parked(edge: Edge) -> None:
+    arm(edge, armed=True)
+    begin(edge)
+    edge.clock.pass_s(60.0)
+    report(edge, FINISHED)
+    arm(edge, armed=False)
+    for second in range(1, 6):
+        edge.clock.pass_s(2.0)
+        send(edge, "state_vector", sequence_number=second)
+    assert points(edge) == 0
+
+
+def test_the_track_goes_on_while_a_vehicle_returns_after_its_mission_has_failed(edge: Edge) -> None:
+    arm(edge, armed=True)
+    begin(edge)
+    edge.clock.pass_s(60.0)
+    report(edge, FAILED)
+    for second in range(1, 6):
+        edge.clock.pass_s(2.0)
+        send(edge, "state_vector", sequence_number=second)
+    arm(edge, armed=False)
+    edge.clock.pass_s(2.0)
+    send(edge, "state_vector", sequence_number=6)
+    assert points(edge) == 5
+
+
 def test_a_vehicle_flown_by_hand_has_a_flight_from_arming_to_disarming(edge: Edge) -> None:
     arm(edge, armed=True)
     edge.clock.pass_s(30.0)
