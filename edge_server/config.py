@@ -54,6 +54,7 @@ class Config:
     connections: int = 2000
     connections_per_address: int = 256
     plan_lifetime_s: float = 12 * 3600.0
+    held_plan_lifetime_s: float = 30 * 86_400.0
     queue_limit: int = 8  # Unfinished missions per vehicle
     farthest_m: float = 0.0  # These two as `VehicleLimits` has them
     longest_leg_m: float = 0.0
@@ -343,6 +344,12 @@ SETTINGS: Final = (
         "PLAN_LIFETIME_S",
         _seconds(1, 30 * 86400),
         "default lifetime of a plan",
+    ),
+    Setting(
+        "held_plan_lifetime_s",
+        "HELD_PLAN_LIFETIME_S",
+        _seconds(1, 365 * 86400),
+        "lifetime of a plan until its dispatch",
     ),
     Setting("queue_limit", "QUEUE_LIMIT", _whole(1, 1000), "unfinished missions per vehicle"),
     Setting("farthest_m", "FARTHEST_M", _METRES, "from the first position; 0: no limit"),

@@ -279,10 +279,15 @@ def _queue_dispatched(
     fence: FenceVerdict,
     now: float,
 ) -> StoredPlan:
-    """Queue a held plan's missions as new work: the broker's cursor is past their old ids."""
+    """Queue a held plan's missions as new work: the broker's cursor is past their old ids.
+
+    The lifetime of a plan that names no time begins anew.
+    """
     work.remove_of_plan(connection, stored.id, now)
     checked = _checked(connection, context, plan, fence, now)
-    dispatched = stored._replace(body=checked.body, warnings=checked.warnings)
+    dispatched = stored._replace(
+        body=checked.body, warnings=checked.warnings, expires_at=checked.expires_at
+    )
     plans.replace(connection, dispatched)
     _queue(connection, context, plan, dispatched, now)
     return dispatched
@@ -438,8 +443,9 @@ def _checked(
     faults = tuple(fault for fault in checked.faults if fault not in lacks)
     if faults or (lacks and plan.dispatch):
         raise InvalidError(faults or lacks)
-    lifetime_end = now + context.config.plan_lifetime_s
-    expires_at = plan.expires_at.timestamp() if plan.expires_at else lifetime_end
+    config = context.config
+    lifetime_s = config.plan_lifetime_s if plan.dispatch else config.held_plan_lifetime_s
+    expires_at = plan.expires_at.timestamp() if plan.expires_at else now + lifetime_s
     body = write(plan)
     del body["missions"]
     return StoredPlan(

@@ -10,8 +10,6 @@ from tests.unit.edge_server.documents import mission, plan
 
 pytestmark = BOTH_ENGINES
 
-LIFETIME_S = 12 * 3600.0
-
 
 def hold(edge: Edge, **changes: Any) -> dict[str, Any]:
     answer = edge.post_plan(plan(**{"dispatch": False, **changes}))
@@ -83,10 +81,33 @@ def test_at_dispatch_the_vehicle_must_still_be_there(edge: Edge) -> None:
     assert edge.get(f"/plans/{held['id']}") == held
 
 
+def test_the_lifetime_of_a_held_plan_begins_anew_with_its_dispatch(edge: Edge) -> None:
+    """Plans are drawn in the evening, and their next batteries flown days later."""
+    number = hold(edge)["id"]
+    edge.clock.pass_s(2 * edge.config.plan_lifetime_s)
+    assert dispatch(edge, number).status_code == 200
+    edge.clock.pass_s(edge.config.plan_lifetime_s - 1.0)
+    assert len(edge.work()) == 1
+    edge.clock.pass_s(2.0)
+    assert edge.work() == []
+
+
+def test_a_held_plan_ends_after_a_lifetime_of_its_own_and_at_the_time_that_it_names(
+    edge: Edge,
+) -> None:
+    hold(edge)
+    hold(edge, expires_at="2026-11-21T12:01:00Z")
+    edge.clock.pass_s(61.0)
+    statuses = {one["id"]: one["plan_status_name"] for one in edge.get("/plans/")}
+    assert sorted(statuses.values()) == ["ABORTED", "NOT_STARTED"]
+    edge.clock.pass_s(edge.config.held_plan_lifetime_s)
+    assert {one["plan_status_name"] for one in edge.get("/plans/")} == {"ABORTED"}
+
+
 @pytest.mark.first_case
 def test_an_expired_plan_is_not_dispatched(edge: Edge) -> None:
     held = hold(edge)
-    edge.clock.pass_s(LIFETIME_S + 1.0)
+    edge.clock.pass_s(edge.config.held_plan_lifetime_s + 1.0)
     answer = dispatch(edge, held["id"])
     assert answer.status_code == 409
     assert "expired" in answer.json["message"]
