@@ -186,8 +186,10 @@ def _rally_reach_faults(plan: Plan, vehicles: Mapping[int, VehicleLimits]) -> It
     for index, point in enumerate(plan.rally_points if begins else ()):
         place = point.latitude, point.longitude
         if all(distance_m(*first[:2], *place) > limit_m > 0.0 for first, limit_m in begins):
-            text = "lies farther from the first place of every mission than vehicles go"
-            yield Fault(f"rally_points.{index}", f"{text} (farthest_m)")
+            text = (
+                "lies farther from the first place of every mission than vehicles go (farthest_m)"
+            )
+            yield Fault(f"rally_points.{index}", text)
 
 
 def _fence_faults(mission: Mission, path: str, fence: FenceCheck) -> Iterator[Fault]:

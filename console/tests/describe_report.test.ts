@@ -1,6 +1,8 @@
 import { expect, test } from "vitest";
 import { ReportTexts } from "../src/i18n/describe_report";
 import { LANGUAGES, reportTexts } from "../src/i18n/i18n";
+import englishFaults from "../src/i18n/faults.en.json";
+import spanishFaults from "../src/i18n/faults.es.json";
 import phrases from "../src/i18n/reports.es.json";
 
 const spanish = LANGUAGES.es.reports;
@@ -40,6 +42,29 @@ test("translations name the same values", () => {
   for (const [text, phrase] of Object.entries(phrases)) {
     expect([text, values(phrase)]).toEqual([text, values(text)]);
   }
+});
+
+test("a fault names steps as they are on the screen, in both languages", () => {
+  const fault = "follows the landing of command_array.3: NAV_TAKEOFF (1) has to come first";
+  expect(LANGUAGES.en.reports.describe(fault))
+    .toBe("comes behind the landing of step 4: a take-off is needed before");
+  expect(spanish.describe(fault))
+    .toBe("viene tras el aterrizaje del paso 4: antes hace falta un despegue");
+  expect(spanish.describe("the leg there enters geofence.exclusion.0"))
+    .toBe("el trayecto hasta allí entra en la zona prohibida 1");
+  expect(LANGUAGES.en.reports.describe("coordinates of the field")).toBe("coordinates of the field");
+});
+
+test("phrases of faults name no value that the fault has not", () => {
+  for (const faults of [englishFaults, spanishFaults]) {
+    for (const [text, phrase] of Object.entries(faults)) {
+      expect([text, values(text)]).toEqual([text, expect.arrayContaining(values(phrase))]);
+    }
+  }
+});
+
+test("a fault that has an English phrase has a Spanish one", () => {
+  expect(Object.keys(spanishFaults)).toEqual(expect.arrayContaining(Object.keys(englishFaults)));
 });
 
 test("a language without phrases gives reports as they are", () => {

@@ -1,5 +1,7 @@
 /** Requests to the edge server that served this page: one place for cookie, CSRF token and errors. */
 
+import i18next, { reportTexts } from "../i18n/i18n";
+
 /** What the edge server answers to a request that it refuses; see its HTTP errors. */
 interface Problem {
   message?: string;
@@ -13,7 +15,7 @@ export interface LastChange {
   at: string;
 }
 
-/** A faulty member of a document, by its path in the document. */
+/** A faulty member of a document, by its path in the document; the text is in the person's language. */
 export interface Fault {
   path: string;
   text: string;
@@ -135,7 +137,7 @@ async function refusalOf(response: Response): Promise<RequestError> {
   const problem = (await response.json().catch(() => ({}))) as Problem;
   return new RequestError(
     response.status,
-    problem.message ?? response.statusText,
+    inPersonsLanguage(problem.message ?? response.statusText),
     faultsOf(problem),
     Number.isFinite(retryAfter) && retryAfter > 0 ? retryAfter : null,
     problem.changed ?? null,
@@ -145,6 +147,12 @@ async function refusalOf(response: Response): Promise<RequestError> {
 /** Lists the faults of an answer in the order of the answer. */
 export function faultsOf(problem: Problem): Fault[] {
   return Object.values(problem.detail ?? {}).flatMap((paths) =>
-    Object.entries(paths).flatMap(([path, texts]) => texts.map((text) => ({ path, text }))),
+    Object.entries(paths).flatMap(([path, texts]) =>
+      texts.map((text) => ({ path, text: inPersonsLanguage(text) })),
+    ),
   );
+}
+
+function inPersonsLanguage(text: string): string {
+  return reportTexts(i18next.language).describe(text);
 }

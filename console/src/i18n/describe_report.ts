@@ -1,6 +1,9 @@
-/** What broker and edge server report of missions and drones, in the person's language. */
+/** What broker and edge server report, and the faults they find, in the person's language. */
 
-/** Phrases of one language by those of the reports; `{name}` stands for a value, or a phrase. */
+/**
+ * Phrases of one language by those of the programs; `{name}` stands for a value, or a phrase, and
+ * `{step}` for a place in an array, which persons count from 1.
+ */
 export type Phrases = Record<string, string>;
 
 interface Pattern {
@@ -11,6 +14,7 @@ interface Pattern {
 
 const PLACEHOLDER = /\{(\w+)\}/g;
 const SEPARATOR = "; ";
+const STEP = "step";
 
 /** A report joins several phrases; one that is not known stays as it is. */
 export class ReportTexts {
@@ -31,10 +35,16 @@ export class ReportTexts {
     for (const { expression, names, phrase } of this.#patterns) {
       const found = expression.exec(text);
       if (found === null) continue;
-      const values = new Map(names.map((name, index) => [name, this.#part(found[index + 1] ?? "")]));
+      const values = new Map(
+        names.map((name, index) => [name, this.#value(name, found[index + 1] ?? "")]),
+      );
       return phrase.replace(PLACEHOLDER, (whole, name: string) => values.get(name) ?? whole);
     }
     return text;
+  }
+
+  #value(name: string, text: string): string {
+    return name === STEP ? String(Number(text) + 1) : this.#part(text);
   }
 }
 

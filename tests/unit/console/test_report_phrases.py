@@ -1,4 +1,4 @@
-"""The console translates reports by their English words: these have to be what programs report."""
+"""The console translates reports and faults by their English words: those that programs write."""
 
 import ast
 import json
@@ -9,7 +9,16 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[3]
-PHRASES = ROOT / "console" / "src" / "i18n" / "reports.es.json"
+TEXTS = ROOT / "console" / "src" / "i18n"
+PHRASES = TEXTS / "reports.es.json"
+FAULTS = TEXTS / "faults.es.json"
+RULES = (
+    *(ROOT / "afarcloud" / f"{name}.py" for name in ("area", "fence_check", "flyable", "rules")),
+    ROOT / "afarcloud" / "geometry.py",
+    *(ROOT / "edge_server" / "survey" / f"{name}.py" for name in ("planner", "request", "sorties")),
+)
+"""What judges the plans, fields and surveys of a person."""
+OF_PYDANTIC = ("String should have at ", "must be a valid ", "must be greater than", "must be less")
 PROGRAMS = ("afarcloud", "edge_server", "mavlink_broker")
 SHORTEST = 4
 """Shorter pieces between two values prove nothing."""
@@ -52,6 +61,39 @@ def test_each_phrase_is_made_of_what_a_program_reports(reported: str) -> None:
     phrases = json.loads(PHRASES.read_text())
     assert len(phrases) > 100
     assert not unreported(phrases, reported)
+
+
+def test_each_phrase_of_a_fault_is_made_of_what_a_program_finds(reported: str) -> None:
+    faults = json.loads(FAULTS.read_text())
+    assert not unreported((one for one in faults if not one.startswith(OF_PYDANTIC)), reported)
+
+
+def sentences_of(path: Path) -> Iterator[str]:
+    """Give the texts of a module that are sentences, values as a number."""
+    tree = ast.parse(path.read_text())
+    joined = (node.values for node in ast.walk(tree) if isinstance(node, ast.JoinedStr))
+    pieces = {part.value for parts in joined for part in parts if isinstance(part, ast.Constant)}
+    for text in texts_of(path):
+        shown = text.replace(GAP, "7").strip()
+        if text not in pieces and re.search(r"[a-z]{2,} [a-z(]", shown):
+            yield shown
+
+
+@pytest.mark.parametrize("module", RULES, ids=lambda path: path.name)
+def test_each_fault_of_a_plan_a_field_and_a_survey_has_a_phrase(module: Path) -> None:
+    """A person who has never written JSON reads them."""
+    phrases = json.loads(FAULTS.read_text())
+    pieces = (re.split(r"\{\w+\}", phrase) for phrase in phrases)
+    patterns = [re.compile(".+?".join(map(re.escape, one))) for one in pieces]
+    examples = [re.sub(r"\{\w+\}", "7", phrase) for phrase in phrases]
+    without = {
+        part
+        for text in sentences_of(module)
+        for part in text.split("; ")
+        if not any(pattern.fullmatch(part) for pattern in patterns)
+        and not any(part in example for example in examples)
+    }
+    assert not without
 
 
 def test_a_phrase_that_no_program_reports_is_found(reported: str) -> None:
