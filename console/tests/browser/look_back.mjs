@@ -10,9 +10,12 @@ const { OPERATOR_LINK } = process.env;
 const BASE = OPERATOR_LINK.split("#")[0];
 /** Small pictures in the list and beside a place of the map, and no large one before it is opened. */
 async function requireThumbnails(page) {
-  const small = page.locator(".pictures img");
+  const small = page.locator(".pictures button");
   const asked = [];
   page.on("request", (request) => asked.push(new URL(request.url()).pathname));
+  page.on("response", (response) => {
+    if (response.status() === 429) throw new Error(`refused: ${response.url()}`);
+  });
   await small.first().scrollIntoViewIfNeeded();
   await page.waitForFunction(() => {
     const pictures = [...document.querySelectorAll(".pictures img")];

@@ -1,14 +1,19 @@
-import { useEffect, useState } from "react";
+import { useEffect, useRef, useState } from "react";
 import { useTranslation } from "react-i18next";
 import type { Picture } from "../../api/types";
 import { useUnits } from "../../app/preferences";
 import { Button } from "../../controls/Button";
 import { Dialog } from "../../controls/Dialog";
 import { Icon } from "../../controls/Icon";
+import { useIsNear } from "../../controls/use_is_near";
+import { Turns } from "../../flights/turns";
 
 /** Half a minute: a board makes one thumbnail of a large picture in a second. */
 const ATTEMPTS = 8;
 const RETRY_MS = 1_000;
+
+/** The edge server makes one thumbnail at a time, and lets three wait. */
+const turns = new Turns(3);
 
 /** The pictures of a flight; the one with the number `open` is shown in full, the arrow keys change it. */
 export function Gallery({ pictures, open, show }: {
@@ -23,9 +28,7 @@ export function Gallery({ pictures, open, show }: {
     <>
       <div className="pictures">
         {pictures.map((one) => (
-          <button key={one.id} type="button" onClick={() => show(one.id)}>
-            <Thumbnail picture={one} />
-          </button>
+          <Thumbnail key={one.id} picture={one} show={() => show(one.id)} />
         ))}
       </div>
       {picture && (
@@ -41,29 +44,48 @@ export function Gallery({ pictures, open, show }: {
   );
 }
 
-/** A small picture; the edge server makes few at once, so one that it refuses is asked for again. */
-function Thumbnail({ picture }: { picture: Picture }) {
+/** A button with a small picture, loaded in its turn; one that is refused is asked for again. */
+function Thumbnail({ picture, show }: { picture: Picture; show: () => void }) {
   const { t } = useTranslation();
+  const place = useRef<HTMLButtonElement>(null);
+  const isNear = useIsNear(place, false, "page");
   const [attempt, setAttempt] = useState(0);
-  const [isShown, setShown] = useState(true);
+  const [isWanted, setWanted] = useState(true);
+  const [hasTurn, setTurn] = useState(false);
+  const [isLoaded, setLoaded] = useState(false);
   useEffect(() => {
-    if (isShown || attempt >= ATTEMPTS) return;
+    if (!isNear || !isWanted || isLoaded) return;
+    const end = turns.take(() => setTurn(true));
+    return () => {
+      end();
+      setTurn(false);
+    };
+  }, [isNear, isWanted, isLoaded]);
+  useEffect(() => {
+    if (isWanted || attempt >= ATTEMPTS) return;
     const timer = setTimeout(() => {
       setAttempt(attempt + 1);
-      setShown(true);
+      setWanted(true);
     }, RETRY_MS * (1 + attempt));
     return () => clearTimeout(timer);
-  }, [isShown, attempt]);
+  }, [isWanted, attempt]);
   const name = t("flights.picture", { id: picture.id });
-  if (!isShown) return <span className="picture-missing" role="img" aria-label={name}><Icon name="picture" /></span>;
   return (
-    <img
-      key={attempt}
-      src={picture.thumbnail_url ?? picture.url}
-      alt={name}
-      loading="lazy"
-      onError={() => setShown(false)}
-    />
+    <button ref={place} type="button" onClick={show}>
+      {hasTurn || isLoaded ? (
+        <img
+          key={attempt}
+          src={picture.thumbnail_url ?? picture.url}
+          alt={name}
+          onLoad={() => setLoaded(true)}
+          onError={() => setWanted(false)}
+        />
+      ) : (
+        <span className="picture-missing" role="img" aria-label={name}>
+          <Icon name="picture" />
+        </span>
+      )}
+    </button>
   );
 }
 
