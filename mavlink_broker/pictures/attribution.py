@@ -187,6 +187,10 @@ class CommandInterval:
         count = 0 if camera is None else self.counts.get(camera, 0)
         return 0 if self.command is None else max(0, self.command.expected - count)
 
+    def ran_at(self, time_s: float) -> bool:
+        """Whether it was the command that ran."""
+        return self.began_s <= time_s < self.ended_s
+
     def count(self, camera: int) -> None:
         """Count a picture of a camera."""
         self.counts[camera] = self.counts.get(camera, 0) + 1
@@ -292,20 +296,21 @@ class Attribution:
         """Find the command of a picture.
 
         The place decides among commands that lack pictures, then among those shortly before and
-        after, at last among those that have all of theirs. Else it is the first one that lacks
-        pictures, or the one that ran.
+        after, at last among those that have all of theirs, where it is one too many of the one
+        that ran: an order whose answer was lost is obeyed twice. Else it is the first one that
+        lacks pictures, or the one that ran.
         """
         lacking = self._lacking(since_s, time_s, camera)
         around = self._around(since_s, time_s)
         still_lacking = [one for one in around if one.missing_of(camera)]
-        for candidates in (lacking, still_lacking, around):
+        ran_first = sorted(around, key=lambda one: not one.ran_at(time_s))
+        for candidates in (lacking, still_lacking, ran_first):
             at_place = _at(position, candidates)
             if at_place is not None:
                 return at_place
         if lacking:
             return lacking[0]
-        ran = (one for one in self._intervals if one.began_s <= time_s < one.ended_s)
-        return next(ran, None)
+        return next((one for one in self._intervals if one.ran_at(time_s)), None)
 
     def _around(self, since_s: float, time_s: float) -> list[CommandInterval]:
         """Give the commands with pictures that may have run some seconds before or after."""

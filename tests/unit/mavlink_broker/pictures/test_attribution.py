@@ -156,6 +156,14 @@ def test_without_a_place_of_their_own_pictures_are_shared_in_order() -> None:
     assert [one and one.command for one in found] == [0, 1]
 
 
+def test_one_picture_too_many_belongs_to_the_command_that_ran() -> None:
+    """An order for pictures whose answer was lost is repeated, and obeyed twice."""
+    attribution = flown(at(NEAR, 0, expected=1), at(NEAR, 1, expected=1), None)
+    times_s = (101.0, 111.0, 113.0)
+    found = [attribution.attribute(time_s, FIRST, NEAR[:2]) for time_s in times_s]
+    assert [one and one.command for one in found] == [0, 1, 1]
+
+
 def test_a_picture_far_from_all_commands_goes_by_its_time() -> None:
     attribution = flown(at(NEAR, 0, expected=1), at(NEAR, 1, expected=1), None)
     found = attribution.attribute(105.0, FIRST, (41.0, -3.0))
