@@ -92,6 +92,7 @@ export const importPlan = (file: File, vehicleId: number): Promise<Plan> =>
 
 /** Numbers of the events that stop a mission, or let it fly on. */
 export const LAND_HERE = 1;
+const NEW_SPEED = 3;
 export const PAUSE = 101;
 export const RESUME = 102;
 export const RETURN_HOME = 103;
@@ -102,6 +103,13 @@ export const stopVehicle = (vehicleId: number, kind: StopKind): Promise<StoredEv
   request("/events/", {
     method: "POST",
     body: { vehicle_id: vehicleId, event_type_id: kind },
+    timeoutMs: 5_000,
+  });
+/** Lets a vehicle fly its mission at another speed; it is tried once and never queued in the browser. */
+export const changeSpeed = (vehicleId: number, speed_m_s: number): Promise<StoredEvent> =>
+  request("/events/", {
+    method: "POST",
+    body: { vehicle_id: vehicleId, event_type_id: NEW_SPEED, maximum_speed: speed_m_s },
     timeoutMs: 5_000,
   });
 export const getEvent = (id: number): Promise<StoredEvent> =>

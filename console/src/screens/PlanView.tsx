@@ -23,6 +23,7 @@ import { Checklist } from "./Checklist";
 import { DownloadDialog } from "./DownloadDialog";
 import { LivePicture } from "./LivePicture";
 import { PlanState } from "./Plans";
+import { SpeedForm } from "./SpeedForm";
 import { useFleetSymbols } from "./use_fleet_symbols";
 
 const FarmMap = lazy(() => import("../map/FarmMap"));
@@ -202,6 +203,7 @@ function PlanActions({ plan, tag, reload }: {
 /** The steps of a mission in their order; the status of each changes while it flies. */
 function MissionTimeline({ mission }: { mission: Mission }) {
   const { t } = useTranslation();
+  const isOperator = useIsOperator();
   const reportText = useReportText();
   const units = useUnits();
   return (
@@ -218,6 +220,7 @@ function MissionTimeline({ mission }: { mission: Mission }) {
         </header>
         {mission.waiting && <Notice kind="info">{t("plans.waiting", { reason: reportText(mission.waiting) })}</Notice>}
         {mission.message && <Notice kind="info">{reportText(mission.message)}</Notice>}
+        {isInFlight(mission) && isOperator && <SpeedForm mission={mission} />}
         {isInFlight(mission) && <LivePicture vehicleId={mission.vehicle_id} />}
         <ol className="timeline">
           {mission.command_array.map((command, index) => (

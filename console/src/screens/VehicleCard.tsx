@@ -3,6 +3,7 @@ import { useTranslation } from "react-i18next";
 import { useReportText } from "../i18n/use_report_text";
 import { useUnits } from "../app/preferences";
 import { linkTo } from "../app/route";
+import { useIsOperator } from "../app/session_context";
 import { Button } from "../controls/Button";
 import { Icon, type IconName } from "../controls/Icon";
 import { Pill, type Tone } from "../controls/StatusPill";
@@ -16,6 +17,7 @@ import type { Running } from "../live/use_plans";
 import { isBatteryLow, statusOf, type VehicleStatus } from "../live/vehicle_status";
 import { LivePicture } from "./LivePicture";
 import { ReleaseForm } from "./ReleaseForm";
+import { SpeedForm } from "./SpeedForm";
 
 const TONES: Record<VehicleStatus, Tone> = {
   lost: "bad", stale: "warning", held: "warning", on_mission: "active", flying: "active",
@@ -38,6 +40,7 @@ export const VehicleCard = memo(function VehicleCard({ tracked, running, isSelec
   const { t } = useTranslation();
   const reportText = useReportText();
   const stop = use(StopContext);
+  const isOperator = useIsOperator();
   const card = useRef<HTMLElement>(null);
   const isNear = useIsNear(card, isShownAtFirst);
   const { vehicle } = tracked;
@@ -55,6 +58,7 @@ export const VehicleCard = memo(function VehicleCard({ tracked, running, isSelec
       {isSelected && <LivePicture vehicleId={vehicle.vehicle_id} />}
       {vehicle.warning && <p className="vehicle-warning">{reportText(vehicle.warning)}</p>}
       {isNear && running && <Progress running={running} />}
+      {isNear && running && isOperator && <SpeedForm mission={running.mission} />}
       {vehicle.held && <ReleaseForm vehicleId={vehicle.vehicle_id} reason={vehicle.held.reason} />}
       {vehicle.armed && (
         <Button kind="danger" icon="stop" onClick={() => stop?.(vehicle.vehicle_id)}>
