@@ -108,6 +108,8 @@ export interface Plan {
 
 /** Live state of a mission, as the feed sends it. */
 export interface MissionChange {
+  /** Of the work: missions are flown in the order of these numbers. */
+  id?: number;
   plan_id: string;
   mission_id: number;
   vehicle_id: number;

@@ -2,6 +2,7 @@ import { lazy, Suspense, useMemo, useState } from "react";
 import { useTranslation } from "react-i18next";
 import { listFields } from "../api/resources";
 import { Empty, ErrorNotice, Skeleton } from "../controls/states";
+import { waitingMissions, type Waiting } from "../live/queue";
 import { useLive, useSeldom } from "../live/use_live";
 import { runningMissions, usePlans } from "../live/use_plans";
 import { useResource } from "../live/use_resource";
@@ -16,18 +17,22 @@ const FarmMap = lazy(() => import("../map/FarmMap"));
 const REDRAWN_EVERY_MS = 1000;
 /** Cards that a screen shows; the others are drawn when they come near. */
 const SHOWN_AT_FIRST = 4;
+/** The same array each time, so that a card is not drawn again for it. */
+const NONE_WAITING: readonly Waiting[] = [];
 
 /** The first screen: every vehicle on the map, and beside it what each is doing. */
 export function Fleet() {
   const { t } = useTranslation();
   const vehicles = useLive((state) => state.vehicles);
   const homes = useLive((state) => state.homes);
+  const missions = useLive((state) => state.missions);
   const connection = useLive((state) => state.connection);
   const [selected, setSelected] = useState<number | null>(null);
   const fields = useResource(listFields);
   const plans = usePlans();
 
   const running = useMemo(() => runningMissions(plans.value ?? []), [plans.value]);
+  const waiting = useMemo(() => waitingMissions(plans.value ?? [], missions), [plans.value, missions]);
   const seldom = useSeldom(vehicles, REDRAWN_EVERY_MS);
   const outlines = useMemo(() => fieldFeatures(fields.value ?? []), [fields.value]);
   const trails = useMemo(
@@ -69,6 +74,7 @@ export function Fleet() {
           <VehicleCard
             key={tracked.vehicle.vehicle_id}
             tracked={tracked}
+            waiting={waiting.get(tracked.vehicle.vehicle_id) ?? NONE_WAITING}
             running={running.get(tracked.vehicle.vehicle_id) ?? null}
             isSelected={selected === tracked.vehicle.vehicle_id}
             isShownAtFirst={index < SHOWN_AT_FIRST}

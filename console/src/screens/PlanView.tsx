@@ -25,6 +25,7 @@ import { LivePicture } from "./LivePicture";
 import { PlanState } from "./Plans";
 import { SpeedForm } from "./SpeedForm";
 import { useFleetSymbols } from "./use_fleet_symbols";
+import { isInQueue, PlanQueues } from "./WaitingPlans";
 
 const FarmMap = lazy(() => import("../map/FarmMap"));
 
@@ -59,6 +60,7 @@ export default function PlanView({ reference }: { reference: string }) {
           <PlanState plan={plan} />
         </header>
         <PlanActions plan={plan} tag={resource.value?.tag ?? ""} reload={resource.reload} />
+        {isInQueue(plan) && <PlanQueues plan={plan} />}
         {plan.warnings.length > 0 && (
           <Notice kind="info">
             <strong>{t("plans.warnings")}</strong>

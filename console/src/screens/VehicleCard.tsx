@@ -12,12 +12,14 @@ import { useIsNear } from "../controls/use_is_near";
 import type { Vehicle } from "../api/types";
 import type { Tracked } from "../live/state";
 import type { Units } from "../units/units";
+import type { Waiting } from "../live/queue";
 import { useNow } from "../live/use_live";
 import type { Running } from "../live/use_plans";
 import { isBatteryLow, statusOf, type VehicleStatus } from "../live/vehicle_status";
 import { LivePicture } from "./LivePicture";
 import { ReleaseForm } from "./ReleaseForm";
 import { SpeedForm } from "./SpeedForm";
+import { WaitingPlans } from "./WaitingPlans";
 
 const TONES: Record<VehicleStatus, Tone> = {
   lost: "bad", stale: "warning", held: "warning", on_mission: "active", flying: "active",
@@ -30,9 +32,10 @@ const TONES: Record<VehicleStatus, Tone> = {
  * Far from what the list shows, its figures and its mission are left out: a fleet of fifty would
  * take a slow tablet more than a second to draw.
  */
-export const VehicleCard = memo(function VehicleCard({ tracked, running, isSelected, isShownAtFirst, select }: {
+export const VehicleCard = memo(function VehicleCard({ tracked, running, waiting, isSelected, isShownAtFirst, select }: {
   tracked: Tracked;
   running: Running | null;
+  waiting: readonly Waiting[];
   isSelected: boolean;
   isShownAtFirst: boolean;
   select: (vehicleId: number) => void;
@@ -59,6 +62,7 @@ export const VehicleCard = memo(function VehicleCard({ tracked, running, isSelec
       {vehicle.warning && <p className="vehicle-warning">{reportText(vehicle.warning)}</p>}
       {isNear && running && <Progress running={running} />}
       {isNear && running && isOperator && <SpeedForm mission={running.mission} />}
+      {isNear && <WaitingPlans vehicleId={vehicle.vehicle_id} waiting={waiting} />}
       {vehicle.held && <ReleaseForm vehicleId={vehicle.vehicle_id} reason={vehicle.held.reason} />}
       {vehicle.armed && (
         <Button kind="danger" icon="stop" onClick={() => stop?.(vehicle.vehicle_id)}>
