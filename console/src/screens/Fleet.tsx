@@ -4,10 +4,13 @@ import { listFields } from "../api/resources";
 import { Empty, ErrorNotice, Skeleton } from "../controls/states";
 import { waitingMissions, type Waiting } from "../live/queue";
 import { useLive, useSeldom } from "../live/use_live";
-import { runningMissions, usePlans } from "../live/use_plans";
+import { runningMissions, usePlans, type Running } from "../live/use_plans";
 import { useResource } from "../live/use_resource";
 import { farmExtent } from "../map/farm_extent";
 import { collection, fieldFeatures, routeFeatures, trailFeatures } from "../map/features";
+import { fenceFeatures } from "../map/fence_features";
+import { FenceLegend } from "../map/FenceLegend";
+import { fenceOf, type Fence } from "../planning/fence";
 import { useFleetSymbols } from "./use_fleet_symbols";
 import { VehicleCard } from "./VehicleCard";
 
@@ -48,7 +51,12 @@ export function Fleet() {
       ),
     [running, homes],
   );
-  const layers = useMemo(() => ({ fields: outlines, trails, routes }), [outlines, trails, routes]);
+  const fences = useMemo(() => fencesOf(running.values()), [running]);
+  const fenceAreas = useMemo(() => fenceFeatures(fences), [fences]);
+  const layers = useMemo(
+    () => ({ fields: outlines, fences: fenceAreas, trails, routes }),
+    [outlines, fenceAreas, trails, routes],
+  );
   const symbols = useFleetSymbols(fields.value ?? [], selected, setSelected);
   const extent = useMemo(
     () =>
@@ -62,7 +70,13 @@ export function Fleet() {
     <div className="fleet">
       <h1 className="visually-hidden">{t("nav.fleet")}</h1>
       <Suspense fallback={<div className="farm-map" />}>
-        <FarmMap layers={layers} symbols={symbols} extent={extent} label={t("map.label")} />
+        <FarmMap
+          layers={layers}
+          symbols={symbols}
+          extent={extent}
+          legend={fences.length > 0 && <FenceLegend fences={fences} />}
+          label={t("map.label")}
+        />
       </Suspense>
       <section className="fleet-list" aria-label={t("fleet.list")}>
         {fields.error && <ErrorNotice error={fields.error} retry={fields.reload} />}
@@ -84,4 +98,10 @@ export function Fleet() {
       </section>
     </div>
   );
+}
+
+/** The fence of each plan in flight, also of one that several vehicles fly. */
+function fencesOf(running: Iterable<Running>): Fence[] {
+  const plans = new Map([...running].map(({ plan }) => [plan.id, plan]));
+  return [...plans.values()].map(({ geofence }) => fenceOf(geofence)).filter((fence) => fence !== null);
 }

@@ -18,6 +18,9 @@ import { isInFlight, startOf, withLive } from "../live/use_plans";
 import { asRequestError, useResource } from "../live/use_resource";
 import { extentOf } from "../map/extent";
 import { collection, fieldFeatures, placeOf, routeFeatures } from "../map/features";
+import { fenceFeatures, fencePlaces } from "../map/fence_features";
+import { FenceLegend } from "../map/FenceLegend";
+import { fenceOf } from "../planning/fence";
 import { documentOf, newMissionId, renumberedFrom } from "../planning/plan_document";
 import { Checklist } from "./Checklist";
 import { DownloadDialog } from "./DownloadDialog";
@@ -39,6 +42,8 @@ export default function PlanView({ reference }: { reference: string }) {
     () => (resource.value === null ? null : withLive(resource.value.value, missions)),
     [resource.value, missions],
   );
+  const units = useUnits();
+  const highest_m = fenceOf(plan?.geofence)?.highest_m;
   if (plan === null) {
     return (
       <div className="screen">
@@ -59,6 +64,9 @@ export default function PlanView({ reference }: { reference: string }) {
           <h1>{plan.name ?? t("plans.unnamed", { id: plan.id })}</h1>
           <PlanState plan={plan} />
         </header>
+        {typeof highest_m === "number" && (
+          <p className="muted small">{t("fence.highest", { height: units.height(highest_m) })}</p>
+        )}
         <PlanActions plan={plan} tag={resource.value?.tag ?? ""} reload={resource.reload} />
         {isInQueue(plan) && <PlanQueues plan={plan} />}
         {plan.warnings.length > 0 && (
@@ -84,29 +92,39 @@ function PlanMap({ plan }: { plan: Plan }) {
   const fields = useResource(listFields);
   const homes = useLive((state) => state.homes);
   const symbols = useFleetSymbols(fields.value ?? [], null, () => go(""));
+  const fence = useMemo(() => fenceOf(plan.geofence), [plan.geofence]);
+  const fences = useMemo(() => fenceFeatures(fence === null ? [] : [fence]), [fence]);
   const layers = useMemo(
     () => ({
       fields: fieldFeatures(fields.value ?? []),
+      fences,
       routes: collection(
         plan.missions.flatMap((mission) =>
           routeFeatures(mission.command_array, startOf(mission, homes)),
         ),
       ),
     }),
-    [fields.value, plan, homes],
+    [fields.value, fences, plan, homes],
   );
   const extent = useMemo(
     () =>
-      extentOf(
-        plan.missions.flatMap((mission) =>
+      extentOf([
+        ...(fence === null ? [] : fencePlaces(fence)),
+        ...plan.missions.flatMap((mission) =>
           mission.command_array.map(placeOf).filter((place) => place !== null),
         ),
-      ),
-    [plan],
+      ]),
+    [plan, fence],
   );
   return (
     <Suspense fallback={<div className="farm-map" />}>
-      <FarmMap layers={layers} symbols={symbols} extent={extent} label={t("map.label")} />
+      <FarmMap
+        layers={layers}
+        symbols={symbols}
+        extent={extent}
+        legend={fence !== null && <FenceLegend fences={[fence]} />}
+        label={t("map.label")}
+      />
     </Suspense>
   );
 }

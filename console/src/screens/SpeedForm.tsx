@@ -41,7 +41,7 @@ export function SpeedForm({ mission }: { mission: Mission }) {
   }
   return (
     <div className="speed-form">
-      <form className="form-line" onSubmit={submit} noValidate>
+      <form onSubmit={submit} noValidate>
         <QuantityField
           label={t("plans.maximum_speed")}
           unit={unit}
