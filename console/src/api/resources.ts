@@ -118,6 +118,9 @@ export const getEvent = (id: number): Promise<StoredEvent> =>
 /** Lists the flights of the archive, the newest first. */
 export const listFlights = async (): Promise<Flight[]> =>
   (await allOf<Flight>("/flights/")).reverse();
+/** Lists the flights since a time, the oldest first. */
+export const listFlightsSince = (since: Date): Promise<Flight[]> =>
+  allOf(`/flights/?since=${encodeURIComponent(since.toISOString())}`);
 export const getFlight = (id: number): Promise<Flight & { command_array: FlownCommand[] }> =>
   request(`/flights/${id}`);
 export const flightTrack = (id: number): Promise<GeoJSON.FeatureCollection | GeoJSON.Feature> =>

@@ -14,6 +14,7 @@ import { Icon } from "../controls/Icon";
 import { ErrorNotice, Notice, Skeleton } from "../controls/states";
 import { Pill, StatusPill } from "../controls/StatusPill";
 import { useLive } from "../live/use_live";
+import { usePlanFlights, type MissionFlight } from "../live/use_plan_flights";
 import { isInFlight, startOf, withLive } from "../live/use_plans";
 import { asRequestError, useResource } from "../live/use_resource";
 import { extentOf } from "../map/extent";
@@ -23,8 +24,10 @@ import { FenceLegend } from "../map/FenceLegend";
 import { fenceOf } from "../planning/fence";
 import { documentOf, newMissionId, renumberedFrom } from "../planning/plan_document";
 import { Checklist } from "./Checklist";
+import { CommandTimes } from "./CommandTimes";
 import { DownloadDialog } from "./DownloadDialog";
 import { LivePicture } from "./LivePicture";
+import { MissionFlightNotes } from "./MissionFlightNotes";
 import { PlanState } from "./Plans";
 import { SpeedForm } from "./SpeedForm";
 import { useFleetSymbols } from "./use_fleet_symbols";
@@ -79,9 +82,7 @@ export default function PlanView({ reference }: { reference: string }) {
             </ul>
           </Notice>
         )}
-        {plan.missions.map((mission) => (
-          <MissionTimeline key={mission.mission_id} mission={mission} />
-        ))}
+        <Timelines plan={plan} />
       </section>
     </div>
   );
@@ -220,8 +221,19 @@ function PlanActions({ plan, tag, reload }: {
   );
 }
 
+function Timelines({ plan }: { plan: Plan }) {
+  const flights = usePlanFlights(plan);
+  return (
+    <>
+      {plan.missions.map((mission) => (
+        <MissionTimeline key={mission.mission_id} mission={mission} flight={flights.get(mission.mission_id)} />
+      ))}
+    </>
+  );
+}
+
 /** The steps of a mission in their order; the status of each changes while it flies. */
-function MissionTimeline({ mission }: { mission: Mission }) {
+function MissionTimeline({ mission, flight }: { mission: Mission; flight: MissionFlight | undefined }) {
   const { t } = useTranslation();
   const isOperator = useIsOperator();
   const reportText = useReportText();
@@ -240,6 +252,7 @@ function MissionTimeline({ mission }: { mission: Mission }) {
         </header>
         {mission.waiting && <Notice kind="info">{t("plans.waiting", { reason: reportText(mission.waiting) })}</Notice>}
         {mission.message && <Notice kind="info">{reportText(mission.message)}</Notice>}
+        <MissionFlightNotes mission={mission} flight={flight} />
         {isInFlight(mission) && isOperator && <SpeedForm mission={mission} />}
         {isInFlight(mission) && <LivePicture vehicleId={mission.vehicle_id} />}
         <ol className="timeline">
@@ -256,6 +269,7 @@ function MissionTimeline({ mission }: { mission: Mission }) {
                       ? units.height(command.parameters["altitude"])
                       : "")}
                 </span>
+                <FlownTimes flight={flight} commandId={command.command_id} />
               </span>
               <StatusPill status={command.command_status_id} />
             </li>
@@ -263,5 +277,15 @@ function MissionTimeline({ mission }: { mission: Mission }) {
         </ol>
       </div>
     </div>
+  );
+}
+
+function FlownTimes({ flight, commandId }: { flight: MissionFlight | undefined; commandId: number }) {
+  const flown = flight?.command_array.find((one) => one.command_id === commandId);
+  if (!flown?.started_at) return null;
+  return (
+    <span className="muted small flown-times">
+      <CommandTimes command={flown} />
+    </span>
   );
 }
