@@ -2,7 +2,8 @@
 
 import { request, requestTagged, requestText, type Tagged } from "./client";
 import type {
-  AccessKey, Alarm, Band, Backup, Backups, BaseMap, DeadLetter, Flight, FlightLog, FlightMap, FlightObservations, Footprint, FlownCommand, Picture, Plan,
+  AccessKey, Alarm, Band, Backup, Backups, BaseMap, DeadLetter, Flight, FlightLog, FlightMap, FlightObservations, Footprint, FlownCommand, NewAccessKey,
+  OpenSession, Picture, Plan,
   PlanDocument, PlannedSurvey, Storage, StoredEvent, StoredField, SurveyOrder, User, Vehicle, Video,
 } from "./types";
 
@@ -150,10 +151,23 @@ export const acknowledgeAlarm = (id: number): Promise<Alarm> =>
   request(`/alarms/history/${id}/acknowledge`, { method: "POST" });
 
 export const listUsers = (): Promise<User[]> => request("/users/");
-export const createUser = (name: string, role: string, password: string): Promise<User> =>
+/** Makes an account; one without a password signs in by link. */
+export const createUser = (name: string, role: string, password: string | null): Promise<User> =>
   request("/users/", { method: "POST", body: { name, role, password } });
-export const changeUser = (name: string, change: Partial<User>): Promise<User> =>
+/** What of an account can be changed; a new password ends the person's sessions. */
+export type UserChange = Partial<{ role: string; password: string; disabled: boolean }>;
+export const changeUser = (name: string, change: UserChange): Promise<User> =>
   request(`/users/${encodeURIComponent(name)}`, { method: "PATCH", body: change });
+
+export const deleteUser = (name: string): Promise<void> =>
+  request(`/users/${encodeURIComponent(name)}`, { method: "DELETE" });
+/** Makes a link that signs the person in once, within 10 minutes. */
+export const makeSignInLink = (name: string): Promise<{ path: string }> =>
+  request(`/users/${encodeURIComponent(name)}/link`, { method: "POST" });
+
+/** Lists the browsers in which people are signed in. */
+export const listSessions = (): Promise<OpenSession[]> => request("/sessions/");
+export const endSession = (id: string): Promise<void> => request(`/sessions/${id}`, { method: "DELETE" });
 
 export const getStorage = (): Promise<Storage> => request("/storage");
 
@@ -162,6 +176,9 @@ export const listBackups = (): Promise<Backups> => request("/backups/");
 export const makeBackup = (): Promise<Backup> => request("/backups/", { method: "POST", timeoutMs: 300_000 });
 
 export const listKeys = (): Promise<AccessKey[]> => request("/keys/");
+/** Makes a key; its secret is in this answer alone. */
+export const createKey = (name: string, role: string, expires_at: string | null): Promise<NewAccessKey> =>
+  request("/keys/", { method: "POST", body: { name, role, expires_at } });
 export const revokeKey = (prefix: string): Promise<void> =>
   request(`/keys/${prefix}`, { method: "DELETE" });
 

@@ -7,6 +7,10 @@ type Schemas = components["schemas"];
 export type Role = "farmer" | "operator" | "admin" | "broker" | "cloud";
 export type StoredField = Schemas["StoredField"];
 export type AccessKey = Schemas["AccessKey"];
+/** A key with its secret, which is shown once. */
+export type NewAccessKey = Schemas["NewAccessKey"];
+/** A browser in which a person is signed in. */
+export type OpenSession = Schemas["Session"];
 export type Storage = Schemas["Storage"];
 export type Backup = Schemas["Backup"];
 export type Backups = Schemas["Backups"];
