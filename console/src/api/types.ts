@@ -175,7 +175,7 @@ export interface FlownCommand {
   ended_at: string | null;
 }
 
-/** A file of the maps folder; one that cannot be shown has a fault and no address. */
+/** A file of the maps folder, or the map of a survey; one that cannot be shown has a fault and no address. */
 export interface BaseMap {
   name: string;
   kind: "vector_tiles" | "raster_tiles" | "picture" | "vegetation_index" | null;
@@ -185,6 +185,8 @@ export interface BaseMap {
   /** Latitude and longitude from the north-west on clockwise, of a picture. */
   corners: [number, number][] | null;
   fault: string | null;
+  /** Of which flight it was made, and when; not of a file. */
+  survey?: { flightId: number; madeAt: string };
 }
 
 /** What ground a picture shows; null for one that is no map. */
