@@ -26,7 +26,7 @@ export function SpeedForm({ mission }: { mission: Mission }) {
   const [order, send] = useSpeedOrder(mission.vehicle_id);
   const ordered = orderedSpeed(speed_m_s);
   const unit = units.speedInput;
-  const inUnit = (value: number) => String(Number((value * unit.factor).toFixed(unit.digits)));
+  const inUnit = (value_m_s: number) => units.entered(value_m_s, unit);
   const range = t("editor.range", { low: inUnit(SLOWEST_M_S), high: inUnit(FASTEST_M_S) });
   const submit = (event: FormEvent) => {
     event.preventDefault();

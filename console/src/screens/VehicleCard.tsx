@@ -61,7 +61,9 @@ export const VehicleCard = memo(function VehicleCard({ tracked, running, waiting
       {isSelected && <LivePicture vehicleId={vehicle.vehicle_id} />}
       {vehicle.warning && <p className="vehicle-warning">{reportText(vehicle.warning)}</p>}
       {isNear && running && <Progress running={running} />}
-      {isNear && running && isOperator && <SpeedForm mission={running.mission} />}
+      {isNear && running && isOperator && (
+        <SpeedForm key={`${running.plan.id}-${running.mission.mission_id}`} mission={running.mission} />
+      )}
       {isNear && <WaitingPlans vehicleId={vehicle.vehicle_id} waiting={waiting} />}
       {vehicle.held && <ReleaseForm vehicleId={vehicle.vehicle_id} reason={vehicle.held.reason} />}
       {vehicle.armed && (
