@@ -1,8 +1,10 @@
+import { readFileSync } from "node:fs";
 import type { TFunction } from "i18next";
 import { expect, test } from "vitest";
 import type { Alarm } from "../src/api/types";
 import en from "../src/i18n/en.json";
-import { describeAlarm, nameOfAlarm, typeOfAlarm } from "../src/i18n/describe_alarm";
+import es from "../src/i18n/es.json";
+import { describeAlarm, nameOfAlarm, typeOfAlarm, whatToDo } from "../src/i18n/describe_alarm";
 
 const texts: Record<string, string> = en.alarms;
 const t = ((key: string) => texts[key.replace("alarms.", "")]) as unknown as TFunction;
@@ -31,4 +33,27 @@ test("a description adds the drone's own words once", () => {
   expect(describeAlarm(alarm({ alarm_code_id: 5, description: "no fix" }), t, (text) => text)).toBe("GPS failed: no fix");
   expect(describeAlarm(alarm({ alarm_code_id: 5 }), t, (text) => text)).toBe("GPS failed");
   expect(describeAlarm(alarm({ description: "the tank is empty" }), t, (text) => text)).toBe("the tank is empty");
+});
+
+test("each alarm says what to do, in each language", () => {
+  for (const language of [en.alarms, es.alarms] as Record<string, string>[]) {
+    const say = ((key: string) => language[key.replace("alarms.", "")]) as unknown as TFunction;
+    for (const code of [1, 2, 3, 4, 5, 6, 50, 51, 52, 53]) {
+      expect(whatToDo(alarm({ alarm_code_id: code }), say)).toBe(language[`do_${code}`]);
+      expect(language[`do_${code}`]?.length).toBeGreaterThan(40);
+    }
+    expect(whatToDo(alarm({ alarm_code_id: 77 }), say)).toBe(language["do_other"]);
+  }
+});
+
+test("the operator's guide says the same of an alarm", () => {
+  const guide = readFileSync("../docs/operators-guide/alarms.md", "utf8").toLowerCase();
+  for (const words of [
+    "it brakes, holds its place for a moment and lands if the position does not come back",
+    "keep away until it has landed and the motors have stopped", "its landing is slower",
+    "keep the ground below it free", "if it does not do what you expect", "the flight goes on, but pictures",
+  ]) {
+    expect(guide).toContain(words);
+    expect(Object.values(texts).some((text) => text.toLowerCase().includes(words))).toBe(true);
+  }
 });

@@ -57,3 +57,9 @@ test("measured values keep their unit, or have that of the system", () => {
   expect(metric.measured(12345, "lx")).toBe("12,345 lx");
   expect(metric.measured(0.5, "1")).toBe("0.50");
 });
+
+test("a limit of an entered value is written as people read it", () => {
+  const [metric, imperial] = [new Units("metric", "es"), new Units("imperial", "en")];
+  expect(metric.entered(0.1, metric.speedInput)).toBe("0,4");
+  expect(imperial.entered(12, imperial.speedInput)).toBe("26.8");
+});

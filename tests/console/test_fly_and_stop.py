@@ -36,10 +36,12 @@ def test_a_plan_is_flown_and_stopped(tmp_path: Path) -> None:
         events = farm.get("/events/")
         plan = farm.get("/plans/1")
     assert [(event["event_type_name"], event["state"]) for event in events] == [
+        ("DRONE_SPEED", "done"),
         ("PAUSE_MISSION", "done"),
         ("RESUME_MISSION", "done"),
         ("ABORT_MISSION", "done"),
     ]
+    assert events[0]["maximum_speed"] == pytest.approx(2.0)
     assert plan["missions"][0]["mission_status_id"] == 5, plan
 
 

@@ -2,7 +2,8 @@
 
 import { request, requestTagged, requestText, type Tagged } from "./client";
 import type {
-  AccessKey, Alarm, Band, Backup, Backups, BaseMap, DeadLetter, Flight, FlightLog, FlightMap, FlightObservations, Footprint, FlownCommand, Picture, Plan,
+  AccessKey, Alarm, Band, Backup, Backups, BaseMap, DeadLetter, Flight, FlightLog, FlightMap, FlightObservations, Footprint, FlownCommand, NewAccessKey,
+  OpenSession, Picture, Plan,
   PlanDocument, PlannedSurvey, Storage, StoredEvent, StoredField, SurveyOrder, User, Vehicle, Video,
 } from "./types";
 
@@ -92,6 +93,7 @@ export const importPlan = (file: File, vehicleId: number): Promise<Plan> =>
 
 /** Numbers of the events that stop a mission, or let it fly on. */
 export const LAND_HERE = 1;
+const NEW_SPEED = 3;
 export const PAUSE = 101;
 export const RESUME = 102;
 export const RETURN_HOME = 103;
@@ -104,12 +106,22 @@ export const stopVehicle = (vehicleId: number, kind: StopKind): Promise<StoredEv
     body: { vehicle_id: vehicleId, event_type_id: kind },
     timeoutMs: 5_000,
   });
+/** Lets a vehicle fly its mission at another speed; it is tried once and never queued in the browser. */
+export const changeSpeed = (vehicleId: number, speed_m_s: number): Promise<StoredEvent> =>
+  request("/events/", {
+    method: "POST",
+    body: { vehicle_id: vehicleId, event_type_id: NEW_SPEED, maximum_speed: speed_m_s },
+    timeoutMs: 5_000,
+  });
 export const getEvent = (id: number): Promise<StoredEvent> =>
   request(`/events/${id}`, { timeoutMs: 3_000 });
 
 /** Lists the flights of the archive, the newest first. */
 export const listFlights = async (): Promise<Flight[]> =>
   (await allOf<Flight>("/flights/")).reverse();
+/** Lists the flights since a time, the oldest first. */
+export const listFlightsSince = (since: Date): Promise<Flight[]> =>
+  allOf(`/flights/?since=${encodeURIComponent(since.toISOString())}`);
 export const getFlight = (id: number): Promise<Flight & { command_array: FlownCommand[] }> =>
   request(`/flights/${id}`);
 export const flightTrack = (id: number): Promise<GeoJSON.FeatureCollection | GeoJSON.Feature> =>
@@ -139,10 +151,23 @@ export const acknowledgeAlarm = (id: number): Promise<Alarm> =>
   request(`/alarms/history/${id}/acknowledge`, { method: "POST" });
 
 export const listUsers = (): Promise<User[]> => request("/users/");
-export const createUser = (name: string, role: string, password: string): Promise<User> =>
+/** Makes an account; one without a password signs in by link. */
+export const createUser = (name: string, role: string, password: string | null): Promise<User> =>
   request("/users/", { method: "POST", body: { name, role, password } });
-export const changeUser = (name: string, change: Partial<User>): Promise<User> =>
+/** What of an account can be changed; a new password ends the person's sessions. */
+export type UserChange = Partial<{ role: string; password: string; disabled: boolean }>;
+export const changeUser = (name: string, change: UserChange): Promise<User> =>
   request(`/users/${encodeURIComponent(name)}`, { method: "PATCH", body: change });
+
+export const deleteUser = (name: string): Promise<void> =>
+  request(`/users/${encodeURIComponent(name)}`, { method: "DELETE" });
+/** Makes a link that signs the person in once, within 10 minutes. */
+export const makeSignInLink = (name: string): Promise<{ path: string }> =>
+  request(`/users/${encodeURIComponent(name)}/link`, { method: "POST" });
+
+/** Lists the browsers in which people are signed in. */
+export const listSessions = (): Promise<OpenSession[]> => request("/sessions/");
+export const endSession = (id: string): Promise<void> => request(`/sessions/${id}`, { method: "DELETE" });
 
 export const getStorage = (): Promise<Storage> => request("/storage");
 
@@ -151,6 +176,9 @@ export const listBackups = (): Promise<Backups> => request("/backups/");
 export const makeBackup = (): Promise<Backup> => request("/backups/", { method: "POST", timeoutMs: 300_000 });
 
 export const listKeys = (): Promise<AccessKey[]> => request("/keys/");
+/** Makes a key; its secret is in this answer alone. */
+export const createKey = (name: string, role: string, expires_at: string | null): Promise<NewAccessKey> =>
+  request("/keys/", { method: "POST", body: { name, role, expires_at } });
 export const revokeKey = (prefix: string): Promise<void> =>
   request(`/keys/${prefix}`, { method: "DELETE" });
 

@@ -7,6 +7,10 @@ type Schemas = components["schemas"];
 export type Role = "farmer" | "operator" | "admin" | "broker" | "cloud";
 export type StoredField = Schemas["StoredField"];
 export type AccessKey = Schemas["AccessKey"];
+/** A key with its secret, which is shown once. */
+export type NewAccessKey = Schemas["NewAccessKey"];
+/** A browser in which a person is signed in. */
+export type OpenSession = Schemas["Session"];
 export type Storage = Schemas["Storage"];
 export type Backup = Schemas["Backup"];
 export type Backups = Schemas["Backups"];
@@ -108,6 +112,8 @@ export interface Plan {
 
 /** Live state of a mission, as the feed sends it. */
 export interface MissionChange {
+  /** Of the work: missions are flown in the order of these numbers. */
+  id?: number;
   plan_id: string;
   mission_id: number;
   vehicle_id: number;
@@ -169,7 +175,7 @@ export interface FlownCommand {
   ended_at: string | null;
 }
 
-/** A file of the maps folder; one that cannot be shown has a fault and no address. */
+/** A file of the maps folder, or the map of a survey; one that cannot be shown has a fault and no address. */
 export interface BaseMap {
   name: string;
   kind: "vector_tiles" | "raster_tiles" | "picture" | "vegetation_index" | null;
@@ -179,6 +185,8 @@ export interface BaseMap {
   /** Latitude and longitude from the north-west on clockwise, of a picture. */
   corners: [number, number][] | null;
   fault: string | null;
+  /** Of which flight it was made, and when; not of a file. */
+  survey?: { flightId: number; madeAt: string };
 }
 
 /** What ground a picture shows; null for one that is no map. */

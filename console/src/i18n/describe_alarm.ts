@@ -19,6 +19,12 @@ export function typeOfAlarm(alarm: Alarm, t: TFunction): string {
   return t([1, 2].includes(type) ? `alarms.type_${type}` : "alarms.type_other");
 }
 
+/** Says what a person does about it; of a code that is not known, by the kind of alarm. */
+export function whatToDo(alarm: Alarm, t: TFunction): string {
+  const code = alarm.alarm_code_id ?? 0;
+  return t(KNOWN.has(code) ? `alarms.do_${code}` : "alarms.do_other");
+}
+
 /** Gives the name with the words of the report. */
 export function describeAlarm(alarm: Alarm, t: TFunction, reportText: (text: string) => string): string {
   const name = nameOfAlarm(alarm, t);

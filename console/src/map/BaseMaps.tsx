@@ -1,20 +1,29 @@
-import { useEffect, useState } from "react";
+import { useEffect, useMemo, useState } from "react";
 import { useTranslation } from "react-i18next";
 import type { Map as MapLibreMap } from "maplibre-gl";
 import { listBaseMaps } from "../api/resources";
+import type { BaseMap } from "../api/types";
+import { useUnits } from "../app/preferences";
 import { Icon } from "../controls/Icon";
 import { useResource } from "../live/use_resource";
 import { drawBaseMaps, readShownMaps, storeShownMaps, type ShownMaps } from "./base_maps";
+import { listSurveyMaps } from "./survey_maps";
 import { VegetationLegend } from "./VegetationLegend";
 
 /** The choice of base maps: which are shown, and how strongly; this browser keeps it. */
 export function BaseMaps({ map, styles }: { map: MapLibreMap; styles: number }) {
   const { t } = useTranslation();
   const [isOpen, setOpen] = useState(false);
+  /** The maps of surveys that are not shown are looked for when somebody may choose one. */
+  const [hasOpened, setHasOpened] = useState(false);
   const [shown, setShown] = useState(readShownMaps);
   const [faults, setFaults] = useState<Record<string, string>>({});
-  const maps = useResource(listBaseMaps);
-  const found = maps.value;
+  const files = useResource(listBaseMaps);
+  const surveys = useResource(() => listSurveyMaps(Object.keys(shown), hasOpened), String(hasOpened));
+  const found = useMemo(
+    () => (files.value === null ? null : [...files.value, ...(surveys.value ?? [])]),
+    [files.value, surveys.value],
+  );
   useEffect(() => {
     if (found === null) return;
     const control = new AbortController();
@@ -39,41 +48,71 @@ export function BaseMaps({ map, styles }: { map: MapLibreMap; styles: number }) 
         type="button"
         aria-label={t("map.layers")}
         aria-expanded={isOpen}
-        onClick={() => setOpen(!isOpen)}
+        onClick={() => {
+          setOpen(!isOpen);
+          setHasOpened(true);
+        }}
       >
         <Icon name="layers" />
       </button>
       {isOpen && (
         <fieldset onKeyDown={(event) => event.key === "Escape" && setOpen(false)}>
           <legend>{t("map.layers")}</legend>
-          {found.length === 0 && <p className="muted">{t("map.no_layers")}</p>}
-          {found.map(({ name, kind, fault }) => (
-            <div key={name}>
-              <label>
-                <input
-                  type="checkbox"
-                  checked={name in shown && fault === null}
-                  disabled={fault !== null}
-                  onChange={(event) => choose(name, event.target.checked)}
-                />
-                <span>{name.replace(/\.[^.]+$/, "")}</span>
-              </label>
-              {(fault ?? faults[name]) && <p className="small">{fault ?? faults[name]}</p>}
-              {kind === "vegetation_index" && name in shown && <VegetationLegend />}
-              {name in shown && fault === null && (
-                <input
-                  type="range"
-                  min={0.1}
-                  max={1}
-                  step={0.05}
-                  value={shown[name]}
-                  aria-label={t("map.opacity", { name })}
-                  onChange={(event) => show({ ...shown, [name]: Number(event.target.value) })}
-                />
-              )}
-            </div>
+          {found.length === 0 && !surveys.isLoading && <p className="muted">{t("map.no_layers")}</p>}
+          {found.map((one) => (
+            <BaseMapChoice
+              key={one.name}
+              map={one}
+              opacity={one.fault === null ? shown[one.name] : undefined}
+              fault={one.fault ?? faults[one.name]}
+              choose={(isShown) => choose(one.name, isShown)}
+              change={(opacity) => show({ ...shown, [one.name]: opacity })}
+            />
           ))}
+          {surveys.isLoading && <p className="muted small">{t("map.surveys_loading")}</p>}
         </fieldset>
+      )}
+    </div>
+  );
+}
+
+function BaseMapChoice({ map: { name, kind, survey, fault: unreadable }, opacity, fault, choose, change }: {
+  map: BaseMap;
+  /** Undefined: it is not shown. */
+  opacity: number | undefined;
+  fault: string | undefined;
+  choose: (isShown: boolean) => void;
+  change: (opacity: number) => void;
+}) {
+  const { t } = useTranslation();
+  const units = useUnits();
+  const isIndex = kind === "vegetation_index";
+  const label = survey === undefined
+    ? name.replace(/\.[^.]+$/, "")
+    : t(isIndex ? "map.survey_index" : "map.survey", { id: survey.flightId, time: units.time(survey.madeAt) });
+  return (
+    <div>
+      <label>
+        <input
+          type="checkbox"
+          checked={opacity !== undefined}
+          disabled={unreadable !== null}
+          onChange={(event) => choose(event.target.checked)}
+        />
+        <span>{label}</span>
+      </label>
+      {fault && <p className="small">{fault}</p>}
+      {isIndex && opacity !== undefined && <VegetationLegend />}
+      {opacity !== undefined && (
+        <input
+          type="range"
+          min={0.1}
+          max={1}
+          step={0.05}
+          value={opacity}
+          aria-label={t("map.opacity", { name: survey === undefined ? name : label })}
+          onChange={(event) => change(Number(event.target.value))}
+        />
       )}
     </div>
   );

@@ -1,10 +1,11 @@
 /** Base maps below everything else: PMTiles archives of the edge server, read a range at a time, and
- *  its GeoTIFFs as pictures. */
+ *  its GeoTIFFs and its maps of surveys as pictures. */
 
 import type { LayerSpecification, Map as MapLibreMap, StyleSpecification } from "maplibre-gl";
 import { PMTiles, Protocol } from "pmtiles";
 import type { BaseMap } from "../api/types";
 import maplibregl from "./maplibre";
+import { layerAbove, stacked } from "./stacking";
 import { FIELD_OPACITY } from "./style";
 
 /** Opacity of the base maps that are shown, by name. */
@@ -65,7 +66,9 @@ export async function drawBaseMaps(
   map: MapLibreMap, maps: readonly BaseMap[], shown: ShownMaps, signal: AbortSignal,
 ): Promise<Record<string, string>> {
   const faults: Record<string, string> = {};
-  for (const one of maps) {
+  const all = stacked(maps);
+  const order = all.map(({ name }) => PREFIX + name);
+  for (const one of all) {
     const id = PREFIX + one.name;
     const opacity = shown[one.name];
     if (opacity === undefined || one.url === null) {
@@ -73,7 +76,7 @@ export async function drawBaseMaps(
       continue;
     }
     try {
-      if (map.getSource(id) === undefined) await add(map, one, id, signal);
+      if (map.getSource(id) === undefined) await add(map, one, id, order, signal);
     } catch (error) {
       faults[one.name] = error instanceof Error ? error.message : String(error);
     }
@@ -84,9 +87,11 @@ export async function drawBaseMaps(
   return faults;
 }
 
-/** Base maps lie below the pictures of a flight. */
-function abovePlace(map: MapLibreMap): string {
-  return map.getStyle().layers.find(({ id }) => id.startsWith(PICTURES))?.id ?? ABOVE;
+/** The layer below which a base map lies: of a higher one, or the pictures of a flight. */
+function abovePlace(map: MapLibreMap, source: string, order: readonly string[]): string {
+  const { layers } = map.getStyle();
+  const sources = layers.map((layer) => ({ id: layer.id, source: "source" in layer ? String(layer.source) : undefined }));
+  return layerAbove(sources, source, order) ?? layers.find(({ id }) => id.startsWith(PICTURES))?.id ?? ABOVE;
 }
 
 /** Shows what lies below the fields in its own colours. */
@@ -98,9 +103,11 @@ export function thinFields(map: MapLibreMap): void {
   map.setPaintProperty(ABOVE, "fill-opacity", opacity);
 }
 
-async function add(map: MapLibreMap, one: BaseMap, id: string, signal: AbortSignal): Promise<void> {
+async function add(
+  map: MapLibreMap, one: BaseMap, id: string, order: readonly string[], signal: AbortSignal,
+): Promise<void> {
   const url = new URL(one.url ?? "", location.href).href;
-  if (one.kind === "picture" || one.kind === "vegetation_index") return addPicture(map, one, id, url, signal);
+  if (one.kind === "picture" || one.kind === "vegetation_index") return addPicture(map, one, id, url, order, signal);
   const archive = new PMTiles(url);
   protocol.add(archive);
   const layers = one.kind === "vector_tiles" ? vectorLayers(id, await archive.getMetadata()) : [rasterLayer(id)];
@@ -108,17 +115,19 @@ async function add(map: MapLibreMap, one: BaseMap, id: string, signal: AbortSign
   const tiles = { url: `pmtiles://${url}` };
   if (one.kind === "vector_tiles") map.addSource(id, { type: "vector", ...tiles });
   else map.addSource(id, { type: "raster", tileSize: 256, ...tiles });
-  for (const layer of layers) map.addLayer(layer, abovePlace(map));
+  for (const layer of layers) map.addLayer(layer, abovePlace(map, id, order));
 }
 
-async function addPicture(map: MapLibreMap, one: BaseMap, id: string, url: string, signal: AbortSignal): Promise<void> {
+async function addPicture(
+  map: MapLibreMap, one: BaseMap, id: string, url: string, order: readonly string[], signal: AbortSignal,
+): Promise<void> {
   await prepare(url, signal);
   const [northWest, northEast, southEast, southWest] = (one.corners ?? []).map(
     ([latitude, longitude]): [number, number] => [longitude, latitude],
   );
   if (signal.aborted || !northWest || !northEast || !southEast || !southWest) return;
   map.addSource(id, { type: "image", url, coordinates: [northWest, northEast, southEast, southWest] });
-  map.addLayer(rasterLayer(id), abovePlace(map));
+  map.addLayer(rasterLayer(id), abovePlace(map, id, order));
 }
 
 /** Waits until the edge server has made a picture: a large one takes some seconds, one at a time. */

@@ -2,7 +2,7 @@
 
 import type { ExpressionSpecification, LayerSpecification, StyleSpecification } from "maplibre-gl";
 
-export const SOURCES = ["grid", "fields", "routes", "trails", "measurements"] as const;
+export const SOURCES = ["grid", "fields", "fences", "routes", "trails", "measurements"] as const;
 export type SourceName = (typeof SOURCES)[number];
 
 /** Of the fields' areas, where nothing lies below them. */
@@ -78,6 +78,20 @@ function layers(): LayerSpecification[] {
         ],
         "line-width": ["match", ["get", "kind"], "drawn", 3, 2],
       },
+    },
+    {
+      id: "fence-exclusion",
+      type: "fill",
+      source: "fences",
+      filter: ["==", ["get", "kind"], "exclusion"],
+      paint: { "fill-color": colour("map-fence"), "fill-opacity": 0.18 },
+    },
+    {
+      id: "fence",
+      type: "line",
+      source: "fences",
+      layout: { "line-join": "round" },
+      paint: { "line-color": colour("map-fence"), "line-width": 3, "line-dasharray": [4, 1.5, 1, 1.5] },
     },
     {
       id: "trail",

@@ -4,13 +4,15 @@
 export interface Fence {
   inclusion: readonly (readonly (readonly number[])[])[];
   exclusion: readonly (readonly (readonly number[])[])[];
+  /** Above home; none: no limit of its own. */
+  highest_m?: number | null;
 }
 
 /** The fence of a plan document; null without one. */
 export function fenceOf(geofence: object | null | undefined): Fence | null {
   if (!geofence) return null;
-  const { inclusion = [], exclusion = [] } = geofence as Partial<Fence>;
-  return { inclusion, exclusion };
+  const { inclusion = [], exclusion = [], max_altitude } = geofence as Partial<Fence> & { max_altitude?: number | null };
+  return { inclusion, exclusion, highest_m: max_altitude ?? null };
 }
 
 export function allows(fence: Fence, place: readonly [latitude: number, longitude: number]): boolean {

@@ -8,7 +8,7 @@ import { Button } from "../controls/Button";
 import { MoreRows } from "../controls/MoreRows";
 import { Empty, ErrorNotice, Loaded } from "../controls/states";
 import { Pill } from "../controls/StatusPill";
-import { nameOfAlarm, typeOfAlarm } from "../i18n/describe_alarm";
+import { nameOfAlarm, typeOfAlarm, whatToDo } from "../i18n/describe_alarm";
 import { useReportText } from "../i18n/use_report_text";
 import { useFeed, useLive } from "../live/use_live";
 import { asRequestError, useResource } from "../live/use_resource";
@@ -78,6 +78,9 @@ function AlarmRow({ alarm }: { alarm: Alarm }) {
           {units.time(alarm.recorded_at)}
         </span>
         {alarm.description && alarm.description !== name && <span>{reportText(alarm.description)}</span>}
+        <p className="what-to-do">
+          <strong>{t("alarms.what_to_do")}</strong> {whatToDo(alarm, t)}
+        </p>
         {error && <ErrorNotice error={error} />}
       </div>
       {alarm.acknowledged_at === null ? (

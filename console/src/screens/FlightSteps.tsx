@@ -2,15 +2,14 @@ import { useTranslation } from "react-i18next";
 import { useReportText } from "../i18n/use_report_text";
 import { getPlan } from "../api/resources";
 import type { Flight, FlownCommand } from "../api/types";
-import { useUnits } from "../app/preferences";
 import { StatusPill } from "../controls/StatusPill";
 import { useResource } from "../live/use_resource";
+import { CommandTimes } from "./CommandTimes";
 
 /** What a flight has done, step by step: when each command began and how long it took. */
 export function FlightSteps({ flight }: { flight: Flight & { command_array: FlownCommand[] } }) {
   const { t } = useTranslation();
   const reportText = useReportText();
-  const units = useUnits();
   const { plan_id } = flight;
   // The plan names the commands; it may have been deleted
   const plan = useResource(async () => (plan_id === null ? null : getPlan(plan_id)), plan_id ?? "");
@@ -22,7 +21,6 @@ export function FlightSteps({ flight }: { flight: Flight & { command_array: Flow
       <ol className="timeline">
         {flight.command_array.map((command, index) => {
           const type = planned?.command_array.find((one) => one.command_id === command.command_id);
-          const { started_at, ended_at } = command;
           return (
             <li key={command.command_id} data-status={command.command_status_id}>
               <span className="timeline-number">{index + 1}</span>
@@ -32,10 +30,7 @@ export function FlightSteps({ flight }: { flight: Flight & { command_array: Flow
                 </strong>
                 <br />
                 <span className="muted small">
-                  {started_at && units.clock(started_at)}
-                  {started_at && ended_at && (
-                    <> · {units.duration(Date.parse(ended_at) - Date.parse(started_at))}</>
-                  )}
+                  <CommandTimes command={command} />
                   {command.message && <> · {reportText(command.message)}</>}
                 </span>
               </span>

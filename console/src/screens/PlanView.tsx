@@ -14,16 +14,24 @@ import { Icon } from "../controls/Icon";
 import { ErrorNotice, Notice, Skeleton } from "../controls/states";
 import { Pill, StatusPill } from "../controls/StatusPill";
 import { useLive } from "../live/use_live";
+import { usePlanFlights, type MissionFlight } from "../live/use_plan_flights";
 import { isInFlight, startOf, withLive } from "../live/use_plans";
 import { asRequestError, useResource } from "../live/use_resource";
 import { extentOf } from "../map/extent";
 import { collection, fieldFeatures, placeOf, routeFeatures } from "../map/features";
+import { fenceFeatures, fencePlaces } from "../map/fence_features";
+import { FenceLegend } from "../map/FenceLegend";
+import { fenceOf } from "../planning/fence";
 import { documentOf, newMissionId, renumberedFrom } from "../planning/plan_document";
 import { Checklist } from "./Checklist";
+import { CommandTimes } from "./CommandTimes";
 import { DownloadDialog } from "./DownloadDialog";
 import { LivePicture } from "./LivePicture";
+import { MissionFlightNotes } from "./MissionFlightNotes";
 import { PlanState } from "./Plans";
+import { SpeedForm } from "./SpeedForm";
 import { useFleetSymbols } from "./use_fleet_symbols";
+import { isInQueue, PlanQueues } from "./WaitingPlans";
 
 const FarmMap = lazy(() => import("../map/FarmMap"));
 
@@ -37,6 +45,8 @@ export default function PlanView({ reference }: { reference: string }) {
     () => (resource.value === null ? null : withLive(resource.value.value, missions)),
     [resource.value, missions],
   );
+  const units = useUnits();
+  const highest_m = fenceOf(plan?.geofence)?.highest_m;
   if (plan === null) {
     return (
       <div className="screen">
@@ -57,7 +67,11 @@ export default function PlanView({ reference }: { reference: string }) {
           <h1>{plan.name ?? t("plans.unnamed", { id: plan.id })}</h1>
           <PlanState plan={plan} />
         </header>
+        {typeof highest_m === "number" && (
+          <p className="muted small">{t("fence.highest", { height: units.height(highest_m) })}</p>
+        )}
         <PlanActions plan={plan} tag={resource.value?.tag ?? ""} reload={resource.reload} />
+        {isInQueue(plan) && <PlanQueues plan={plan} />}
         {plan.warnings.length > 0 && (
           <Notice kind="info">
             <strong>{t("plans.warnings")}</strong>
@@ -68,9 +82,7 @@ export default function PlanView({ reference }: { reference: string }) {
             </ul>
           </Notice>
         )}
-        {plan.missions.map((mission) => (
-          <MissionTimeline key={mission.mission_id} mission={mission} />
-        ))}
+        <Timelines plan={plan} />
       </section>
     </div>
   );
@@ -81,29 +93,39 @@ function PlanMap({ plan }: { plan: Plan }) {
   const fields = useResource(listFields);
   const homes = useLive((state) => state.homes);
   const symbols = useFleetSymbols(fields.value ?? [], null, () => go(""));
+  const fence = useMemo(() => fenceOf(plan.geofence), [plan.geofence]);
+  const fences = useMemo(() => fenceFeatures(fence === null ? [] : [fence]), [fence]);
   const layers = useMemo(
     () => ({
       fields: fieldFeatures(fields.value ?? []),
+      fences,
       routes: collection(
         plan.missions.flatMap((mission) =>
           routeFeatures(mission.command_array, startOf(mission, homes)),
         ),
       ),
     }),
-    [fields.value, plan, homes],
+    [fields.value, fences, plan, homes],
   );
   const extent = useMemo(
     () =>
-      extentOf(
-        plan.missions.flatMap((mission) =>
+      extentOf([
+        ...(fence === null ? [] : fencePlaces(fence)),
+        ...plan.missions.flatMap((mission) =>
           mission.command_array.map(placeOf).filter((place) => place !== null),
         ),
-      ),
-    [plan],
+      ]),
+    [plan, fence],
   );
   return (
     <Suspense fallback={<div className="farm-map" />}>
-      <FarmMap layers={layers} symbols={symbols} extent={extent} label={t("map.label")} />
+      <FarmMap
+        layers={layers}
+        symbols={symbols}
+        extent={extent}
+        legend={fence !== null && <FenceLegend fences={[fence]} />}
+        label={t("map.label")}
+      />
     </Suspense>
   );
 }
@@ -199,9 +221,21 @@ function PlanActions({ plan, tag, reload }: {
   );
 }
 
+function Timelines({ plan }: { plan: Plan }) {
+  const flights = usePlanFlights(plan);
+  return (
+    <>
+      {plan.missions.map((mission) => (
+        <MissionTimeline key={mission.mission_id} mission={mission} flight={flights.get(mission.mission_id)} />
+      ))}
+    </>
+  );
+}
+
 /** The steps of a mission in their order; the status of each changes while it flies. */
-function MissionTimeline({ mission }: { mission: Mission }) {
+function MissionTimeline({ mission, flight }: { mission: Mission; flight: MissionFlight | undefined }) {
   const { t } = useTranslation();
+  const isOperator = useIsOperator();
   const reportText = useReportText();
   const units = useUnits();
   return (
@@ -218,6 +252,8 @@ function MissionTimeline({ mission }: { mission: Mission }) {
         </header>
         {mission.waiting && <Notice kind="info">{t("plans.waiting", { reason: reportText(mission.waiting) })}</Notice>}
         {mission.message && <Notice kind="info">{reportText(mission.message)}</Notice>}
+        <MissionFlightNotes mission={mission} flight={flight} />
+        {isInFlight(mission) && isOperator && <SpeedForm mission={mission} />}
         {isInFlight(mission) && <LivePicture vehicleId={mission.vehicle_id} />}
         <ol className="timeline">
           {mission.command_array.map((command, index) => (
@@ -233,6 +269,7 @@ function MissionTimeline({ mission }: { mission: Mission }) {
                       ? units.height(command.parameters["altitude"])
                       : "")}
                 </span>
+                <FlownTimes flight={flight} commandId={command.command_id} />
               </span>
               <StatusPill status={command.command_status_id} />
             </li>
@@ -240,5 +277,15 @@ function MissionTimeline({ mission }: { mission: Mission }) {
         </ol>
       </div>
     </div>
+  );
+}
+
+function FlownTimes({ flight, commandId }: { flight: MissionFlight | undefined; commandId: number }) {
+  const flown = flight?.command_array.find((one) => one.command_id === commandId);
+  if (!flown?.started_at) return null;
+  return (
+    <span className="muted small flown-times">
+      <CommandTimes command={flown} />
+    </span>
   );
 }

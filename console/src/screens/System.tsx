@@ -6,11 +6,13 @@ import { AuditLog } from "./system/AuditLog";
 import { Backups } from "./system/Backups";
 import { DeadLetters } from "./system/DeadLetters";
 import { Keys } from "./system/Keys";
+import { Sessions } from "./system/Sessions";
 import { StorageUse } from "./system/StorageUse";
 import { Users } from "./system/Users";
 
 const SECTIONS = {
   users: Users,
+  sessions: Sessions,
   keys: Keys,
   audit: AuditLog,
   dead_letters: DeadLetters,
@@ -18,7 +20,7 @@ const SECTIONS = {
   backups: Backups,
 } as const;
 
-/** People, keys, the audit log, rejected records, the use of the disk and backups, for administrators. */
+/** People, their sessions, keys, the audit log, rejected records, the use of the disk and backups, for administrators. */
 export default function System({ section }: { section: string }) {
   const { t } = useTranslation();
   const { session } = useSession();

@@ -3,6 +3,7 @@ import { useTranslation } from "react-i18next";
 import { useReportText } from "../i18n/use_report_text";
 import { useUnits } from "../app/preferences";
 import { linkTo } from "../app/route";
+import { useIsOperator } from "../app/session_context";
 import { Button } from "../controls/Button";
 import { Icon, type IconName } from "../controls/Icon";
 import { Pill, type Tone } from "../controls/StatusPill";
@@ -11,11 +12,14 @@ import { useIsNear } from "../controls/use_is_near";
 import type { Vehicle } from "../api/types";
 import type { Tracked } from "../live/state";
 import type { Units } from "../units/units";
+import type { Waiting } from "../live/queue";
 import { useNow } from "../live/use_live";
 import type { Running } from "../live/use_plans";
 import { isBatteryLow, statusOf, type VehicleStatus } from "../live/vehicle_status";
 import { LivePicture } from "./LivePicture";
 import { ReleaseForm } from "./ReleaseForm";
+import { SpeedForm } from "./SpeedForm";
+import { WaitingPlans } from "./WaitingPlans";
 
 const TONES: Record<VehicleStatus, Tone> = {
   lost: "bad", stale: "warning", held: "warning", on_mission: "active", flying: "active",
@@ -28,9 +32,10 @@ const TONES: Record<VehicleStatus, Tone> = {
  * Far from what the list shows, its figures and its mission are left out: a fleet of fifty would
  * take a slow tablet more than a second to draw.
  */
-export const VehicleCard = memo(function VehicleCard({ tracked, running, isSelected, isShownAtFirst, select }: {
+export const VehicleCard = memo(function VehicleCard({ tracked, running, waiting, isSelected, isShownAtFirst, select }: {
   tracked: Tracked;
   running: Running | null;
+  waiting: readonly Waiting[];
   isSelected: boolean;
   isShownAtFirst: boolean;
   select: (vehicleId: number) => void;
@@ -38,6 +43,7 @@ export const VehicleCard = memo(function VehicleCard({ tracked, running, isSelec
   const { t } = useTranslation();
   const reportText = useReportText();
   const stop = use(StopContext);
+  const isOperator = useIsOperator();
   const card = useRef<HTMLElement>(null);
   const isNear = useIsNear(card, isShownAtFirst);
   const { vehicle } = tracked;
@@ -55,6 +61,10 @@ export const VehicleCard = memo(function VehicleCard({ tracked, running, isSelec
       {isSelected && <LivePicture vehicleId={vehicle.vehicle_id} />}
       {vehicle.warning && <p className="vehicle-warning">{reportText(vehicle.warning)}</p>}
       {isNear && running && <Progress running={running} />}
+      {isNear && running && isOperator && (
+        <SpeedForm key={`${running.plan.id}-${running.mission.mission_id}`} mission={running.mission} />
+      )}
+      {isNear && <WaitingPlans vehicleId={vehicle.vehicle_id} waiting={waiting} />}
       {vehicle.held && <ReleaseForm vehicleId={vehicle.vehicle_id} reason={vehicle.held.reason} />}
       {vehicle.armed && (
         <Button kind="danger" icon="stop" onClick={() => stop?.(vehicle.vehicle_id)}>

@@ -60,6 +60,16 @@ async function follow(
     update({ state: isIdle ? "idle" : "failed", reason: error.status === 0 ? "" : error.message });
     return;
   }
+  await followEvent(event, update, isOpen);
+}
+
+/** Follows a stored event to its end. */
+export async function followEvent(
+  stored: StoredEvent,
+  update: (change: Pick<StopOrder, "state" | "reason">) => void,
+  isOpen: () => boolean,
+): Promise<void> {
+  let event = stored;
   for (;;) {
     update({ state: event.state, reason: event.message ?? "" });
     if (FINAL.has(event.state) || !isOpen()) return;

@@ -115,6 +115,11 @@ export class Units {
       : { symbol: "km/h", factor: KMH_PER_M_S, digits: 1 };
   }
 
+  /** A value in the unit in which a person enters it, without the unit. */
+  entered(value: number, { factor, digits }: { factor: number; digits: number }): string {
+    return this.#write(value * factor, digits);
+  }
+
   get resolutionInput() {
     return this.system === "imperial"
       ? { symbol: "in/px", factor: INCHES_PER_M, digits: 2 }

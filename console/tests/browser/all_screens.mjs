@@ -11,7 +11,7 @@ const BASE = ADMIN_LINK.split("#")[0];
 const SCREENS = [
   "", "fields", "fields/new", `fields/${FIELD}`, `fields/${FIELD}/survey`, "plans",
   `plans/${DRAFT}`, "plans/new", `plans/${DRAFT}/edit`, "flights", "alarms",
-  "system/users", "system/keys", "system/audit", "system/dead_letters", "system/storage", "system/backups",
+  "system/users", "system/sessions", "system/keys", "system/audit", "system/dead_letters", "system/storage", "system/backups",
   "nowhere",
 ];
 const APPEARANCES = [["light", "desktop"], ["dark", "phone"], ["outdoor", "phone"]];

@@ -76,6 +76,22 @@ async function requireRestingMap(page) {
   }
 }
 
+/** The order is followed to its end, and the page leads to the flight with the times of its steps. */
+async function changeSpeed(page) {
+  await page.getByRole("button", { name: "Change the speed" }).click();
+  const speed = page.getByLabel("Maximum speed (km/h)");
+  await speed.fill("90");
+  await page.getByText("Allowed: 0.4 to 43.2").waitFor();
+  if (await page.getByRole("button", { name: "Change", exact: true }).isEnabled()) {
+    throw new Error("a speed above the limit can be ordered");
+  }
+  await speed.fill("7.2");
+  await page.getByRole("button", { name: "Change", exact: true }).click();
+  await page.locator(".speed-outcome").getByText("Done", { exact: true }).waitFor();
+  await page.getByRole("link", { name: /^Flight / }).waitFor();
+  await page.locator(".timeline li:nth-child(2) .flown-times").waitFor();
+}
+
 async function flyAndStop(page) {
   await page.addInitScript(countDrawings);
   await page.goto(OPERATOR_LINK);
@@ -93,6 +109,7 @@ async function flyAndStop(page) {
   await hold(page, dialog.getByRole("button", { name: "Fly now" }),
     page.getByText("With the drone").or(page.locator("[data-status='2']")));
   await page.locator(".timeline li:nth-child(2)[data-status='2']").waitFor();
+  await changeSpeed(page);
   await lookAtLivePicture(page);
   await requireAccessible(page, "a plan in flight");
   await picture(page, "live-picture");

@@ -153,6 +153,19 @@ async function showBaseMap(page) {
   await isDrawn("of vector tiles", [156, 196, 221]);
   await map.getByLabel("Lake", { exact: true }).uncheck();
   await isDrawn("without the vegetation");
+  // Chosen later than what lies below and above them
+  const surveyed = [0, 120, 60];
+  await map.getByLabel(/^Survey of flight 1,/).check();
+  for (let attempt = 0; await countPixels(page, map, surveyed) < 3_000; attempt += 1) {
+    if (attempt > 60) throw new Error("the survey is not drawn above the tiles");
+    await page.waitForTimeout(500);
+  }
+  await map.getByLabel("Aerial", { exact: true }).uncheck();
+  await map.getByLabel("Aerial", { exact: true }).check();
+  await isDrawn("below the survey");
+  if (await countPixels(page, map, surveyed) < 3_000) throw new Error("tiles cover the survey");
+  await requireAccessible(page, "a survey as a base map");
+  await map.getByLabel(/^Survey of flight 1,/).uncheck();
   await page.evaluate(() => localStorage.setItem("farm-console", JSON.stringify({ theme: "dark", language: "en" })));
   await page.reload();
   await isDrawn("after a reload");

@@ -5,10 +5,11 @@ import { listKeys, revokeKey } from "../../api/resources";
 import type { AccessKey } from "../../api/types";
 import { useUnits } from "../../app/preferences";
 import { Button } from "../../controls/Button";
-import { Dialog } from "../../controls/Dialog";
+import { ConfirmDialog } from "../../controls/ConfirmDialog";
 import { Empty, ErrorNotice, Loaded } from "../../controls/states";
 import { Pill } from "../../controls/StatusPill";
 import { asRequestError, useResource } from "../../live/use_resource";
+import { NewKey } from "./NewKey";
 
 /** The access keys of programs. */
 export function Keys() {
@@ -24,44 +25,46 @@ export function Keys() {
       .catch((reason: unknown) => setError(asRequestError(reason)));
   };
   return (
-    <div className="card">
-      {error && <ErrorNotice error={error} />}
-      <Loaded resource={keys} empty={<Empty icon="system" title={t("system.empty_keys")} />}>
-        {(rows) => (
-          <ul className="rows">
-            {rows.map((key) => (
-              <li key={key.prefix}>
-                <div className="row-main">
-                  <strong>{key.name}</strong>
-                  <span>
-                    {t(`role.${key.role}`)} · {key.prefix} · {t("system.created")}:{" "}
-                    {units.time(key.created_at)}
-                  </span>
-                </div>
-                <Pill tone={key.state === "active" ? "good" : "neutral"}>
-                  {t(`system.${key.state}`)}
-                </Pill>
-                {key.state === "active" && (
-                  <Button kind="danger" onClick={() => setRevoked(key)}>
-                    {t("system.revoke")}
-                  </Button>
-                )}
-              </li>
-            ))}
-          </ul>
+    <>
+      <div className="card">
+        {error && <ErrorNotice error={error} />}
+        <Loaded resource={keys} empty={<Empty icon="system" title={t("system.empty_keys")} />}>
+          {(rows) => (
+            <ul className="rows">
+              {rows.map((key) => (
+                <li key={key.prefix}>
+                  <div className="row-main">
+                    <strong>{key.name}</strong>
+                    <span>
+                      {t(`role.${key.role}`)} · {key.prefix} · {t("system.created")}:{" "}
+                      {units.time(key.created_at)}
+                      {key.expires_at && ` · ${t("system.expires")}: ${units.time(key.expires_at)}`}
+                    </span>
+                  </div>
+                  <Pill tone={key.state === "active" ? "good" : "neutral"}>
+                    {t(`system.${key.state}`)}
+                  </Pill>
+                  {key.state === "active" && (
+                    <Button kind="danger" onClick={() => setRevoked(key)}>
+                      {t("system.revoke")}
+                    </Button>
+                  )}
+                </li>
+              ))}
+            </ul>
+          )}
+        </Loaded>
+        {revoked && (
+          <ConfirmDialog
+            title={`${t("system.revoke")}: ${revoked.name}`}
+            text={t("system.revoke_text")}
+            action={t("system.revoke")}
+            act={() => revoke(revoked)}
+            close={() => setRevoked(null)}
+          />
         )}
-      </Loaded>
-      {revoked && (
-        <Dialog title={`${t("system.revoke")}: ${revoked.name}`} close={() => setRevoked(null)}>
-          <p>{t("system.revoke_text")}</p>
-          <footer className="dialog-actions">
-            <Button onClick={() => setRevoked(null)}>{t("action.cancel")}</Button>
-            <Button kind="danger" onClick={() => revoke(revoked)}>
-              {t("system.revoke")}
-            </Button>
-          </footer>
-        </Dialog>
-      )}
-    </div>
+      </div>
+      <NewKey made={keys.reload} />
+    </>
   );
 }

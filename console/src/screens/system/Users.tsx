@@ -1,31 +1,34 @@
-import { useState, type FormEvent } from "react";
+import { useState } from "react";
 import { useTranslation } from "react-i18next";
 import type { RequestError } from "../../api/client";
-import { changeUser, createUser, listUsers } from "../../api/resources";
+import { changeUser, listUsers } from "../../api/resources";
 import type { User } from "../../api/types";
 import { useUnits } from "../../app/preferences";
 import { useSession } from "../../app/session_context";
 import { Button } from "../../controls/Button";
-import { SelectField, TextField } from "../../controls/fields";
 import { Empty, ErrorNotice, Loaded } from "../../controls/states";
 import { Pill } from "../../controls/StatusPill";
 import { asRequestError, useResource } from "../../live/use_resource";
 import { Missing } from "../Missing";
-
-const ROLES = ["farmer", "operator", "admin"] as const;
+import { NewUser } from "./NewUser";
+import { UserDialog } from "./UserDialog";
 
 /** Who may sign in, with which role. */
 export function Users() {
   const { t } = useTranslation();
+  const { session } = useSession();
   const users = useResource(listUsers);
+  const [opened, setOpened] = useState<string | null>(null);
   const [error, setError] = useState<RequestError | null>(null);
-  const run = (work: Promise<unknown>) =>
-    work
+  const toggle = (user: User) => {
+    changeUser(user.name, { disabled: !user.disabled })
       .then(() => {
         setError(null);
         users.reload();
       })
       .catch((reason: unknown) => setError(asRequestError(reason)));
+  };
+  const open = users.value?.find(({ name }) => name === opened);
   return (
     <>
       {error && <ErrorNotice error={error} />}
@@ -41,24 +44,37 @@ export function Users() {
                 <UserRow
                   key={user.name}
                   user={user}
-                  toggle={() => void run(changeUser(user.name, { disabled: !user.disabled }))}
+                  isSelf={user.name === session.name}
+                  toggle={() => toggle(user)}
+                  open={() => setOpened(user.name)}
                 />
               ))}
             </ul>
           )}
         </Loaded>
       </div>
-      {users.error?.status !== 404 && (
-        <NewUser create={(name, role, password) => run(createUser(name, role, password))} />
+      {users.error?.status !== 404 && <NewUser made={users.reload} />}
+      {open && (
+        <UserDialog
+          key={open.name}
+          user={open}
+          isSelf={open.name === session.name}
+          changed={users.reload}
+          close={() => setOpened(null)}
+        />
       )}
     </>
   );
 }
 
-function UserRow({ user, toggle }: { user: User; toggle: () => void }) {
+function UserRow({ user, isSelf, toggle, open }: {
+  user: User;
+  isSelf: boolean;
+  toggle: () => void;
+  open: () => void;
+}) {
   const { t } = useTranslation();
   const units = useUnits();
-  const { session } = useSession();
   return (
     <li>
       <div className="row-main">
@@ -70,65 +86,12 @@ function UserRow({ user, toggle }: { user: User; toggle: () => void }) {
       <Pill tone={user.disabled ? "neutral" : "good"}>
         {t(user.disabled ? "system.disabled" : "system.active")}
       </Pill>
-      {user.name !== session.name && (
+      {!isSelf && (
         <Button onClick={toggle}>{t(user.disabled ? "system.enable" : "system.disable")}</Button>
       )}
+      <Button aria-label={t("system.change_user_of", { name: user.name })} onClick={open}>
+        {t("system.change_user")}
+      </Button>
     </li>
-  );
-}
-
-function NewUser({ create }: {
-  create: (name: string, role: string, password: string) => Promise<unknown>;
-}) {
-  const { t } = useTranslation();
-  const [name, setName] = useState("");
-  const [role, setRole] = useState("operator");
-  const [password, setPassword] = useState("");
-  const [isBusy, setBusy] = useState(false);
-  const submit = (event: FormEvent) => {
-    event.preventDefault();
-    setBusy(true);
-    void create(name, role, password).finally(() => {
-      setBusy(false);
-      setPassword("");
-    });
-  };
-  return (
-    <section className="card">
-      <form className="card-body" onSubmit={submit}>
-        <h2>{t("system.add_user")}</h2>
-        <div className="form-line">
-          <TextField
-            label={t("system.name")}
-            value={name}
-            onChange={(event) => setName(event.target.value)}
-            autoComplete="off"
-            required
-          />
-          <SelectField
-            label={t("system.role")}
-            value={role}
-            onChange={(event) => setRole(event.target.value)}
-          >
-            {ROLES.map((one) => (
-              <option key={one} value={one}>
-                {t(`role.${one}`)}
-              </option>
-            ))}
-          </SelectField>
-          <TextField
-            label={t("system.password")}
-            type="password"
-            value={password}
-            onChange={(event) => setPassword(event.target.value)}
-            autoComplete="new-password"
-            required
-          />
-          <Button kind="primary" icon="add" type="submit" isBusy={isBusy}>
-            {t("system.add_user")}
-          </Button>
-        </div>
-      </form>
-    </section>
   );
 }

@@ -3,7 +3,7 @@
 type Report = Readonly<Record<string, unknown>>;
 
 /** Members that the edge server gives a record: nobody corrects them. */
-const RECEIPT = ["id", "received_at"];
+const RECEIPT = ["id", "message_id", "received_at"];
 /** A picture's bytes, which nobody edits as text; they stay as they are. */
 const FRAME = "frame";
 

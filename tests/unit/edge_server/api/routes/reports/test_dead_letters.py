@@ -5,6 +5,8 @@ from typing import Any
 
 import pytest
 
+from afarcloud.wire import TELEMETRY
+from edge_server.api.schemas import Record
 from edge_server.outbox import queue
 from edge_server.outbox.queue import Stream
 from tests.support.databases import BOTH_ENGINES
@@ -13,6 +15,7 @@ from tests.unit.edge_server.documents import mission_report, plan, telemetry
 
 pytestmark = BOTH_ENGINES
 
+KINDS = [kind.value for kind in TELEMETRY]
 REASON = "422: longitude is missing"
 
 
@@ -110,6 +113,16 @@ def test_a_report_that_still_waits_is_no_dead_letter(edge: Edge, method: str, ac
     waiting = (edge.report("pose", telemetry("pose")).json or {})["id"]
     assert ask(edge, method, waiting, action).status_code == 404
     assert due(edge) == [waiting]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_letter_without_its_receipt_is_accepted_as_it_is_shown(edge: Edge, kind: str) -> None:
+    stored = rejected(edge, kind)
+    shown = ask(edge, "GET", stored["id"]).json["report"]
+    report = {name: value for name, value in shown.items() if name not in Record.model_fields}
+    answer = edge.ask("PUT", f"/dead_letters/{stored['id']}", "admin", json=report)
+    assert answer.status_code == 200, answer.text
+    assert due(edge, kind) == [stored["id"]]
 
 
 @pytest.mark.first_case

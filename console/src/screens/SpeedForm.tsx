@@ -1,0 +1,78 @@
+import { useState, type FormEvent } from "react";
+import { useTranslation } from "react-i18next";
+import type { Mission } from "../api/types";
+import { useUnits } from "../app/preferences";
+import { Button } from "../controls/Button";
+import { QuantityField } from "../controls/QuantityField";
+import { Pill, type Tone } from "../controls/StatusPill";
+import { useReportText } from "../i18n/use_report_text";
+import { useIsConnected } from "../live/use_live";
+import { FASTEST_M_S, orderedSpeed, SLOWEST_M_S } from "../planning/speed_limits";
+import { useSpeedOrder, type SpeedOrder } from "./use_speed_order";
+import type { OrderState } from "./use_stop_orders";
+
+const TONES: Record<OrderState, Tone> = {
+  sending: "neutral", queued: "active", accepted: "active", done: "good",
+  refused: "bad", expired: "bad", idle: "neutral", failed: "bad",
+};
+
+/** Changes the speed of a mission in flight, and says what became of the order. */
+export function SpeedForm({ mission }: { mission: Mission }) {
+  const { t } = useTranslation();
+  const units = useUnits();
+  const isConnected = useIsConnected();
+  const [isOpen, setOpen] = useState(false);
+  const [speed_m_s, setSpeed] = useState(mission.maximum_speed ?? null);
+  const [order, send] = useSpeedOrder(mission.vehicle_id);
+  const ordered = orderedSpeed(speed_m_s);
+  const unit = units.speedInput;
+  const inUnit = (value_m_s: number) => units.entered(value_m_s, unit);
+  const range = t("editor.range", { low: inUnit(SLOWEST_M_S), high: inUnit(FASTEST_M_S) });
+  const submit = (event: FormEvent) => {
+    event.preventDefault();
+    if (ordered !== null) send(ordered);
+  };
+  if (!isOpen) {
+    return (
+      <Button icon="speed" onClick={() => setOpen(true)}>
+        {t("speed.open")}
+      </Button>
+    );
+  }
+  return (
+    <div className="speed-form">
+      <form onSubmit={submit} noValidate>
+        <QuantityField
+          label={t("plans.maximum_speed")}
+          unit={unit}
+          value={speed_m_s}
+          change={setSpeed}
+          hint={t("editor.out_of_range", { range })}
+          error={ordered === null ? t("editor.out_of_range", { range }) : undefined}
+          max={FASTEST_M_S}
+        />
+        <Button kind="primary" icon="speed" type="submit" disabled={ordered === null || !isConnected}>
+          {t("speed.change")}
+        </Button>
+      </form>
+      {!isConnected && <p className="muted small">{t("speed.offline")}</p>}
+      <div aria-live="polite">{order && <Outcome order={order} />}</div>
+    </div>
+  );
+}
+
+function Outcome({ order }: { order: SpeedOrder }) {
+  const { t } = useTranslation();
+  const reportText = useReportText();
+  const units = useUnits();
+  return (
+    <div className="speed-outcome">
+      <strong>{units.speed(order.speed_m_s)}</strong>
+      <Pill tone={TONES[order.state]}>{t(`order.${order.state}`)}</Pill>
+      <p className="small muted">
+        {t(order.state === "done" ? "speed.done_text" : `order.${order.state}_text`)}
+        {order.reason && <> {t("error.reason", { reason: reportText(order.reason) })}</>}
+      </p>
+    </div>
+  );
+}

@@ -1,0 +1,70 @@
+import { readFileSync } from "node:fs";
+import { afterEach, beforeEach, expect, test, vi } from "vitest";
+import { RequestError } from "../src/api/client";
+import type { StoredEvent } from "../src/api/types";
+import { changeSpeed } from "../src/api/resources";
+import { FASTEST_M_S, orderedSpeed, SLOWEST_M_S } from "../src/planning/speed_limits";
+import { outcomeOf } from "../src/screens/use_speed_order";
+import { followEvent } from "../src/screens/use_stop_orders";
+
+const stored = (state: StoredEvent["state"], message?: string) =>
+  ({ id: 4, state, ...(message === undefined ? {} : { message }) }) as StoredEvent;
+const answer = (body: unknown) => new Response(JSON.stringify(body), { status: 200 });
+
+beforeEach(() => {
+  vi.useFakeTimers();
+});
+afterEach(() => {
+  vi.useRealTimers();
+  vi.unstubAllGlobals();
+});
+
+test("the limits are those of the edge server", () => {
+  const source = readFileSync("../afarcloud/flyable.py", "utf8");
+  expect(source).toContain(`SLOWEST_M_S: Final = ${SLOWEST_M_S}\n`);
+  expect(source).toContain(`maximum_speed_m_s: float = ${FASTEST_M_S.toFixed(1)}\n`);
+});
+
+test("a speed within the limits is ordered as it was entered", () => {
+  expect([null, 0, 0.05, 3, 12.1].map(orderedSpeed)).toEqual([null, null, null, 3, null]);
+  expect(orderedSpeed(43.2 / 3.6)).toBe(FASTEST_M_S);
+  expect(orderedSpeed(26.8 / 2.23694)).toBeCloseTo(11.98, 2);
+});
+
+test("an order names the vehicle and the speed", async () => {
+  const fetched = vi.fn(async (_path: string, _options: RequestInit) => answer(stored("queued")));
+  vi.stubGlobal("fetch", fetched);
+  await changeSpeed(2, 3.5);
+  const [path, options] = fetched.mock.calls[0] ?? [];
+  expect([path, options?.method]).toEqual(["/events/", "POST"]);
+  expect(JSON.parse(String(options?.body))).toEqual({ vehicle_id: 2, event_type_id: 3, maximum_speed: 3.5 });
+});
+
+test.each([
+  [stored("done"), { state: "done", reason: "" }],
+  [stored("refused", "there is no mission"), { state: "refused", reason: "there is no mission" }],
+  [stored("expired"), { state: "expired", reason: "" }],
+] as const)("an order is followed to its end: $state", async (end, told) => {
+  const states = [stored("accepted"), end];
+  vi.stubGlobal("fetch", vi.fn(async () => answer(states.shift())));
+  const news: unknown[] = [];
+  const followed = followEvent(stored("queued"), (one) => news.push(one), () => true);
+  await vi.runAllTimersAsync();
+  await followed;
+  expect(news).toEqual([{ state: "queued", reason: "" }, { state: "accepted", reason: "" }, told]);
+});
+
+test("an order that nobody looks at any more is not asked for again", async () => {
+  const fetched = vi.fn();
+  vi.stubGlobal("fetch", fetched);
+  await followEvent(stored("queued"), () => undefined, () => false);
+  expect(fetched).not.toHaveBeenCalled();
+});
+
+test("an order that was not stored says why", () => {
+  const fault = { path: "maximum_speed", text: "must be at most 12.0 m/s" };
+  expect(outcomeOf(new RequestError(422, "invalid", [fault]))).toEqual({ state: "refused", reason: fault.text });
+  expect(outcomeOf(new RequestError(409, "no mission to interrupt"))).toEqual({ state: "refused", reason: "no mission to interrupt" });
+  expect(outcomeOf(new RequestError(0, "unreachable"))).toEqual({ state: "failed", reason: "" });
+  expect(outcomeOf(new RequestError(503, "busy"))).toEqual({ state: "failed", reason: "busy" });
+});
