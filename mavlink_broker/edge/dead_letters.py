@@ -90,7 +90,12 @@ class DeadLetters:
         if letter is None:
             return None
         return replace(
-            letter.post, attempts=0, may_be_duplicate=True, spool_number=None, is_inherited=True
+            letter.post,
+            attempts=0,
+            may_be_duplicate=True,
+            spool_number=None,
+            is_inherited=True,
+            is_retried=True,
         )
 
     def remove(self, numbers: Collection[int]) -> None:

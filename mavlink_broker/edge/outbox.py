@@ -76,6 +76,7 @@ class Post:
     replaces: bool = False  # A newer one of the same lane makes it obsolete
     spool_number: int | None = None  # In the spool, if it is there
     is_inherited: bool = False  # From an earlier run of the broker
+    is_retried: bool = False  # It was given up, and a person has it sent again
     accepted_work_id: int | None = None  # The work that it accepts: the answer decides
     attempts: int = 0  # Failures of its own, while others were answered
     answers_before: int = 0  # How many others had been answered at its last failure
@@ -105,8 +106,12 @@ class Post:
 
     @property
     def is_inherited_report(self) -> bool:
-        """Whether the edge server knows less of a mission than an earlier run until it is sent."""
-        return self.is_inherited and self.urgency is Urgency.REPORT and not self.is_result
+        """Whether the edge server knows less of a mission than an earlier run until it is sent.
+
+        Work waits for it; not for one that was given up, and that may fail for ever.
+        """
+        is_report = self.urgency is Urgency.REPORT and not self.is_result
+        return self.is_inherited and is_report and not self.is_retried
 
 
 @dataclass(frozen=True, slots=True)

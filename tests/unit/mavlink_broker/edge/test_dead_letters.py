@@ -167,6 +167,18 @@ def test_a_retry_is_sent_once_under_its_key_and_removes_the_dead_letter(tmp_path
     assert after.writer.dead_letters == {}
 
 
+def test_a_report_that_a_person_has_sent_again_holds_back_no_work(tmp_path: Path) -> None:
+    """It may fail again; the missions of its vehicle have gone on without it before."""
+    run = Run(tmp_path)
+    run.queue.put(post(number=7))
+    telemetry(run, MAX_ATTEMPTS + 2)
+    ((number, _),) = read_dead_letters(tmp_path)
+    request_action(tmp_path, "retry", [number])
+    run.writer.run_once(0.0)
+    assert len(run.queue) == 1
+    assert run.queue.vehicles_with_unsent_reports == frozenset()
+
+
 def test_a_retry_requested_while_no_broker_runs_is_done_by_the_next(tmp_path: Path) -> None:
     run = Run(tmp_path)
     run.queue.put(post(number=7))
