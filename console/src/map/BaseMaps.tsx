@@ -5,6 +5,7 @@ import { listBaseMaps } from "../api/resources";
 import type { BaseMap } from "../api/types";
 import { useUnits } from "../app/preferences";
 import { Icon } from "../controls/Icon";
+import { useReportText } from "../i18n/use_report_text";
 import { useResource } from "../live/use_resource";
 import { drawBaseMaps, readShownMaps, storeShownMaps, type ShownMaps } from "./base_maps";
 import { listSurveyMaps } from "./survey_maps";
@@ -86,6 +87,7 @@ function BaseMapChoice({ map: { name, kind, survey, fault: unreadable }, opacity
 }) {
   const { t } = useTranslation();
   const units = useUnits();
+  const reportText = useReportText();
   const isIndex = kind === "vegetation_index";
   const label = survey === undefined
     ? name.replace(/\.[^.]+$/, "")
@@ -101,7 +103,7 @@ function BaseMapChoice({ map: { name, kind, survey, fault: unreadable }, opacity
         />
         <span>{label}</span>
       </label>
-      {fault && <p className="small">{fault}</p>}
+      {fault && <p className="small">{reportText(fault)}</p>}
       {isIndex && opacity !== undefined && <VegetationLegend />}
       {opacity !== undefined && (
         <input

@@ -46,6 +46,7 @@ export default function PlanView({ reference }: { reference: string }) {
     [resource.value, missions],
   );
   const units = useUnits();
+  const reportText = useReportText();
   const highest_m = fenceOf(plan?.geofence)?.highest_m;
   if (plan === null) {
     return (
@@ -77,7 +78,7 @@ export default function PlanView({ reference }: { reference: string }) {
             <strong>{t("plans.warnings")}</strong>
             <ul>
               {plan.warnings.map((warning, index) => (
-                <li key={index}>{warning.message ?? warning.path}</li>
+                <li key={index}>{warning.message === undefined ? warning.path : reportText(warning.message)}</li>
               ))}
             </ul>
           </Notice>
