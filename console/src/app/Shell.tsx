@@ -1,4 +1,4 @@
-import { lazy, Suspense, useCallback, useEffect, useState } from "react";
+import { Suspense, useCallback, useEffect, useState } from "react";
 import { useTranslation } from "react-i18next";
 import { Empty, Skeleton } from "../controls/states";
 import { StopContext, type Stop } from "../controls/StopButton";
@@ -7,20 +7,25 @@ import type { Feed } from "../live/feed";
 import { FeedContext } from "../live/use_live";
 import { Fleet } from "../screens/Fleet";
 import { StopDialog } from "../screens/StopDialog";
+import { Boundary } from "./Boundary";
 import { Header } from "./Header";
 import { Navigation } from "./Navigation";
+import { part } from "./part";
+import { usePreload } from "./preload";
 import { useRoute } from "./route";
 
-const Fields = lazy(() => import("../screens/Fields"));
-const FieldEditor = lazy(() => import("../screens/FieldEditor"));
-const SurveyEditor = lazy(() => import("../screens/SurveyEditor"));
-const Plans = lazy(() => import("../screens/Plans"));
-const PlanEditor = lazy(() => import("../screens/PlanEditor"));
-const PlanView = lazy(() => import("../screens/PlanView"));
-const Flights = lazy(() => import("../screens/Flights"));
-const FlightView = lazy(() => import("../screens/FlightView"));
-const Alarms = lazy(() => import("../screens/Alarms"));
-const System = lazy(() => import("../screens/System"));
+const Fields = part(() => import("../screens/Fields"));
+const FieldEditor = part(() => import("../screens/FieldEditor"));
+const SurveyEditor = part(() => import("../screens/SurveyEditor"));
+const Plans = part(() => import("../screens/Plans"));
+const PlanEditor = part(() => import("../screens/PlanEditor"));
+const PlanView = part(() => import("../screens/PlanView"));
+const Flights = part(() => import("../screens/Flights"));
+const FlightView = part(() => import("../screens/FlightView"));
+const Alarms = part(() => import("../screens/Alarms"));
+const System = part(() => import("../screens/System"));
+/** Those that a person is likely to need without a connection first. */
+const PARTS = [PlanView, Plans, Alarms, Flights, FlightView, Fields, PlanEditor, FieldEditor, SurveyEditor, System];
 
 /** Header, navigation and the screen of the present address. */
 export function Shell({ feed }: { feed: Feed }) {
@@ -43,9 +48,8 @@ export function Shell({ feed }: { feed: Feed }) {
         <Navigation />
         <main id="content" tabIndex={-1}>
           <AlarmSound />
-          <Suspense fallback={<Skeleton />}>
-            <Screen />
-          </Suspense>
+          <Preload />
+          <Content />
         </main>
       </div>
       {stops && <StopDialog vehicleId={stops.vehicleId} close={() => setStops(null)} />}
@@ -60,9 +64,25 @@ function AlarmSound() {
   return null;
 }
 
-function Screen() {
+/** Inside the feed: it tells whether there is a connection. */
+function Preload() {
+  usePreload(PARTS);
+  return null;
+}
+
+function Content() {
+  const route = useRoute();
+  return (
+    <Boundary place={route.join("/")}>
+      <Suspense fallback={<Skeleton />}>
+        <Screen route={route} />
+      </Suspense>
+    </Boundary>
+  );
+}
+
+function Screen({ route: [first, second, third] }: { route: string[] }) {
   const { t } = useTranslation();
-  const [first, second, third] = useRoute();
   switch (first) {
     case undefined:
       return <Fleet />;

@@ -1,4 +1,4 @@
-import { lazy, Suspense, useEffect, useMemo, useRef, useState } from "react";
+import { Suspense, useEffect, useMemo, useRef, useState } from "react";
 import { useTranslation } from "react-i18next";
 import type { Tagged } from "../api/client";
 import { createPlan, getTaggedPlan, listFields, replacePlan } from "../api/resources";
@@ -14,6 +14,7 @@ import { useLive } from "../live/use_live";
 import { useResource } from "../live/use_resource";
 import { extentOf } from "../map/extent";
 import { collection, fieldFeatures, placeOf, routeFeatures } from "../map/features";
+import { FarmMap } from "../map/map_part";
 import { waypointElement } from "../map/markers";
 import { isSamePlan, planChanges } from "../planning/changes";
 import {
@@ -31,8 +32,6 @@ import { LeaveWarning } from "./LeaveWarning";
 import { useEditing } from "./use_editing";
 import { fieldNames } from "./use_fleet_symbols";
 import { useSaving } from "./use_saving";
-
-const FarmMap = lazy(() => import("../map/FarmMap"));
 
 /** A new plan, or one that no vehicle has yet. */
 export default function PlanEditor({ reference }: { reference: string | null }) {

@@ -1,4 +1,4 @@
-import { lazy, Suspense, useMemo, useState } from "react";
+import { Suspense, useMemo, useState } from "react";
 import { useTranslation } from "react-i18next";
 import { useReportText } from "../i18n/use_report_text";
 import type { RequestError } from "../api/client";
@@ -18,14 +18,13 @@ import { isInFlight, startOf, withLive } from "../live/use_plans";
 import { asRequestError, useResource } from "../live/use_resource";
 import { extentOf } from "../map/extent";
 import { collection, fieldFeatures, placeOf, routeFeatures } from "../map/features";
+import { FarmMap } from "../map/map_part";
 import { documentOf, newMissionId, renumberedFrom } from "../planning/plan_document";
 import { Checklist } from "./Checklist";
 import { DownloadDialog } from "./DownloadDialog";
 import { LivePicture } from "./LivePicture";
 import { PlanState } from "./Plans";
 import { useFleetSymbols } from "./use_fleet_symbols";
-
-const FarmMap = lazy(() => import("../map/FarmMap"));
 
 /** A plan: its route on the map, and each step with its live status. */
 export default function PlanView({ reference }: { reference: string }) {
