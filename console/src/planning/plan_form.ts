@@ -30,19 +30,18 @@ export function isSameForm(one: PlanForm, other: PlanForm): boolean {
   return isSame(one, other);
 }
 
-/** The document of a form; what the editor does not show stays as it is in `before`. */
-export function withForm(before: PlanDocument | null, { form, vehicleId, missionId, dispatch }: {
+/** The document of a form, as a draft; what the editor does not show stays as it is in `before`. */
+export function withForm(before: PlanDocument | null, { form, vehicleId, missionId }: {
   form: PlanForm;
   vehicleId: number;
   /** Of a new plan. */
   missionId: number;
-  dispatch: boolean;
 }): PlanDocument {
   const mission = before?.missions[0] ?? { mission_id: missionId };
   return {
     ...before,
     name: form.name,
-    dispatch,
+    dispatch: false,
     missions: [
       {
         ...mission,

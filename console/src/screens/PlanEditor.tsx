@@ -1,7 +1,7 @@
 import { Suspense, useEffect, useMemo, useRef, useState } from "react";
 import { useTranslation } from "react-i18next";
 import type { Tagged } from "../api/client";
-import { createPlan, getTaggedPlan, listFields, replacePlan } from "../api/resources";
+import { createPlan, dispatchPlan, getTaggedPlan, listFields, replacePlan } from "../api/resources";
 import type { Command, Plan, PlanDocument } from "../api/types";
 import { go, linkTo, setGuard } from "../app/route";
 import { useIsOperator } from "../app/session_context";
@@ -26,6 +26,7 @@ import { formOf, isSameForm, withForm, type PlanForm } from "../planning/plan_fo
 import { save as saveOver } from "../planning/saving";
 import { CommandForm } from "./CommandForm";
 import { ConflictNotice } from "./ConflictNotice";
+import { DispatchDialog } from "./DispatchDialog";
 import { RestoredNotice, StepButtons } from "./EditingState";
 import { HeightProfile } from "./HeightProfile";
 import { LeaveWarning } from "./LeaveWarning";
@@ -72,6 +73,7 @@ function Editor({ read }: { read: Tagged<Plan> | null }) {
   const dragged = useRef<number | null>(null);
   const drags = useRef(0);
   const [open, setOpen] = useState<number | null>(null);
+  const [flown, setFlown] = useState<Tagged<Plan> | null>(null);
   const saving = useSaving<Plan>();
   const { error, conflict, isBusy } = saving;
   const editing = useEditing<PlanForm, Plan>({
@@ -130,20 +132,22 @@ function Editor({ read }: { read: Tagged<Plan> | null }) {
   const hasProblem = commands.some((command) =>
     parametersOf(command.command_type_id).some((one) => problemOf(one, command.parameters[one.name]) !== null),
   );
-  const draftFor = (dispatch: boolean): PlanDocument =>
+  const draft = (): PlanDocument =>
     withForm(editing.base === null ? null : documentOf(editing.base.value), {
       form: { ...form, name: form.name.trim() || t("editor.title_new") },
       vehicleId: chosen,
       missionId: newMissionId(Date.now()),
-      dispatch,
     });
-  const stored = ({ id }: Plan) => {
+  const forgetDraft = () => {
     editing.forget();
     setGuard(null);
+  };
+  const show = ({ id }: Plan) => {
+    forgetDraft();
     go(`plans/${id}`);
   };
-  const save = (dispatch: boolean) => {
-    const document = draftFor(dispatch);
+  const save = (then: (stored: Plan) => void) => {
+    const document = draft();
     const base = editing.base;
     const work = () =>
       base === null
@@ -152,16 +156,22 @@ function Editor({ read }: { read: Tagged<Plan> | null }) {
             put: (tag) => replacePlan(base.value.id, document, tag),
             read: () => getTaggedPlan(String(base.value.id)),
             isSame: isSamePlan,
-            isMine: (theirs) => !dispatch && isSameForm(formOf(theirs), { ...form, vehicleId: chosen }),
+            isMine: (theirs) => isSameForm(formOf(theirs), { ...form, vehicleId: chosen }),
           });
-    saving.run(work, stored, (refusal) => {
+    saving.run(work, then, (refusal) => {
       const first = refusal.faults.map((fault) => placeOfFault(fault.path)).find((one) => one !== null);
       if (first) setOpen(first.index);
     });
   };
+  /** Nothing flies by one click: the stored plan is dispatched as from its own page. */
+  const saveAndFly = () =>
+    save(({ id }) => {
+      forgetDraft();
+      getTaggedPlan(String(id)).then(setFlown, () => go(`plans/${id}`));
+    });
   const copy = () => {
-    const document = renumberedFrom(draftFor(false), newMissionId(Date.now()));
-    saving.run(() => createPlan({ ...document, name: t("conflict.copy_of", { name: document.name }) }), stored);
+    const document = renumberedFrom(draft(), newMissionId(Date.now()));
+    saving.run(() => createPlan({ ...document, name: t("conflict.copy_of", { name: document.name }) }), show);
   };
 
   const faultsOf = (index: number) =>
@@ -310,17 +320,33 @@ function Editor({ read }: { read: Tagged<Plan> | null }) {
           ))}
         </SelectField>
         <div className="actions">
-          <Button kind="primary" isBusy={isBusy} disabled={commands.length === 0 || hasProblem} onClick={() => save(false)}>
+          <Button kind="primary" isBusy={isBusy} disabled={commands.length === 0 || hasProblem} onClick={() => save(show)}>
             {t("editor.save")}
           </Button>
           {isOperator && (
-            <Button icon="flight" isBusy={isBusy} disabled={commands.length === 0 || hasProblem} onClick={() => save(true)}>
+            <Button icon="flight" isBusy={isBusy} disabled={commands.length === 0 || hasProblem} onClick={saveAndFly}>
               {t("editor.save_and_fly")}
             </Button>
           )}
         </div>
       </section>
+      {flown !== null && <Departure plan={flown} />}
     </div>
+  );
+}
+
+/** The dialog with which a plan that was just stored is dispatched; then its page is shown. */
+function Departure({ plan: { value: plan, tag } }: { plan: Tagged<Plan> }) {
+  const dispatching = useSaving<unknown>();
+  const leave = () => go(`plans/${plan.id}`);
+  return (
+    <DispatchDialog
+      plan={plan}
+      error={dispatching.error}
+      isBusy={dispatching.isBusy}
+      dispatch={() => dispatching.run(() => dispatchPlan(plan.id, tag), leave)}
+      close={leave}
+    />
   );
 }
 

@@ -9,7 +9,6 @@ import { go, linkTo } from "../app/route";
 import { useIsOperator } from "../app/session_context";
 import { Button } from "../controls/Button";
 import { Dialog } from "../controls/Dialog";
-import { HoldButton } from "../controls/HoldButton";
 import { Icon } from "../controls/Icon";
 import { ErrorNotice, Notice, Skeleton } from "../controls/states";
 import { Pill, StatusPill } from "../controls/StatusPill";
@@ -20,7 +19,7 @@ import { extentOf } from "../map/extent";
 import { collection, fieldFeatures, placeOf, routeFeatures } from "../map/features";
 import { FarmMap } from "../map/map_part";
 import { documentOf, newMissionId, renumberedFrom } from "../planning/plan_document";
-import { Checklist } from "./Checklist";
+import { DispatchDialog } from "./DispatchDialog";
 import { DownloadDialog } from "./DownloadDialog";
 import { LivePicture } from "./LivePicture";
 import { PlanState } from "./Plans";
@@ -168,30 +167,26 @@ function PlanActions({ plan, tag, reload }: {
         )}
       </div>
       {question === "download" && <DownloadDialog plan={plan} close={() => setQuestion(null)} />}
-      {question !== null && question !== "download" && (
-        <Dialog title={t(`plans.${question}`)} close={() => setQuestion(null)}>
-          {question === "dispatch" && <Checklist plan={plan} />}
-          <p>{t(`plans.${question}_text`)}</p>
-          {question === "dispatch" ? (
-            <HoldButton
-              className="hold-home"
-              hint={t("stop.hold")}
-              act={() => act(() => dispatchPlan(plan.id, tag), reload)}
+      {question === "dispatch" && (
+        <DispatchDialog
+          plan={plan}
+          dispatch={() => act(() => dispatchPlan(plan.id, tag), reload)}
+          close={() => setQuestion(null)}
+        />
+      )}
+      {question === "cancel" && (
+        <Dialog title={t("plans.cancel")} close={() => setQuestion(null)}>
+          <p>{t("plans.cancel_text")}</p>
+          <footer className="dialog-actions">
+            <Button onClick={() => setQuestion(null)}>{t("action.back")}</Button>
+            <Button
+              kind="danger"
+              icon="remove"
+              onClick={() => act(() => deletePlan(plan.id, tag), () => go("plans"))}
             >
-              <Icon name="flight" size={26} /> {t("plans.dispatch")}
-            </HoldButton>
-          ) : (
-            <footer className="dialog-actions">
-              <Button onClick={() => setQuestion(null)}>{t("action.back")}</Button>
-              <Button
-                kind="danger"
-                icon="remove"
-                onClick={() => act(() => deletePlan(plan.id, tag), () => go("plans"))}
-              >
-                {t("plans.cancel")}
-              </Button>
-            </footer>
-          )}
+              {t("plans.cancel")}
+            </Button>
+          </footer>
         </Dialog>
       )}
     </>
