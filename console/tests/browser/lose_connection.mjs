@@ -2,7 +2,7 @@
  *
  *     node tests/browser/lose_connection.mjs
  *
- * ANA_LINK and JUAN_LINK sign in. OUT takes what a failure leaves.
+ * ANA_LINK and JUAN_LINK sign in; drone 2 was lost 25 h ago. OUT takes what a failure leaves.
  */
 import { COARSE, journey, requireAccessible, startBrowser } from "./chromium.mjs";
 
@@ -24,8 +24,14 @@ async function opensAScreenThatWasLoadedBefore(page) {
     wanted.delete(SCREENS.exec(request.url())?.[1]);
     if (wanted.size === 0) resolve();
   }));
+  await page.addInitScript(() => {
+    const now = Date.now;
+    Date.now = () => now() - 7_200_000;
+  });
   await page.goto(ANA_LINK);
   await page.locator(".farm-map canvas").waitFor();
+  // Its last report, not the last one of its broker, and not by a clock that is 2 h slow
+  await page.getByRole("article", { name: "Drone 2" }).getByText("25 h 0 min").waitFor();
   await isLoaded;
   await page.context().setOffline(true);
   for (const name of ["Plans", "Flights", "Fields", "Alarms"]) {
