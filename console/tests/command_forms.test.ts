@@ -2,6 +2,7 @@ import { expect, test } from "vitest";
 import {
   COMMAND_TYPES, newCommand, parametersOf, placeOfFault, problemOf,
 } from "../src/planning/command_forms";
+import { USUAL_SPEED_M_S } from "../src/planning/plan_form";
 
 const PLACE = { latitude: 40.4434, longitude: -3.7382 };
 const parameter = (type: number, name: string) => {
@@ -15,6 +16,16 @@ test("every command type of the edge server has a form whose first values are va
   for (const type of COMMAND_TYPES) {
     const { parameters } = newCommand(type, 1, PLACE);
     for (const one of parametersOf(type)) expect(problemOf(one, parameters[one.name])).toBeNull();
+  }
+});
+
+test("no new command is faster than the usual plan, as the edge server reckons it", () => {
+  for (const type of COMMAND_TYPES) {
+    const { angular_velocity, radius } = newCommand(type, 1, PLACE).parameters;
+    if (angular_velocity === undefined) continue;
+    const speed_m_s = ((Number(angular_velocity) * Math.PI) / 180) * Number(radius);
+    expect(speed_m_s).toBeGreaterThan(1);
+    expect(speed_m_s).toBeLessThanOrEqual(USUAL_SPEED_M_S);
   }
 });
 

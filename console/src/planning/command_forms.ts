@@ -34,6 +34,8 @@ const USUAL: Record<string, ParameterValue> = {
   altitude: 15,
   orbit_altitude: 15,
   radius: 20,
+  // With this radius 3.5 m/s: less than the usual maximum speed of a plan, unlike the server's 20 deg/s
+  angular_velocity: 10,
   pitch_angle: -90,
   corners: [[0.25, 0.25], [0.75, 0.75]],
 };
@@ -59,7 +61,7 @@ export function newCommand(
     const isPlace = one.name === "latitude" || one.name === "longitude";
     if (isPlace) parameters[one.name] = rounded(place[one.name as "latitude" | "longitude"]);
     else if (one.required) parameters[one.name] = USUAL[one.name] ?? one.minimum ?? 0;
-    else if (one.default !== null) parameters[one.name] = one.default;
+    else if (one.default !== null) parameters[one.name] = USUAL[one.name] ?? one.default;
   }
   return { command_id: commandId, command_type_id: commandType, parameters };
 }

@@ -13,7 +13,7 @@ export interface PlanForm {
   commands: Command[];
 }
 
-const USUAL_SPEED_M_S = 5;
+export const USUAL_SPEED_M_S = 5;
 
 /** The form of a stored plan; null: of a new one. */
 export function formOf(plan: Plan | null): PlanForm {
