@@ -1,6 +1,6 @@
 import { expect, test } from "vitest";
 import {
-  COMMAND_TYPES, newCommand, parametersOf, placeOfFault, problemOf,
+  COMMAND_TYPES, newCommand, parametersOf, placeOfFault, problemOf, problemsOf,
 } from "../src/planning/command_forms";
 import { USUAL_SPEED_M_S } from "../src/planning/plan_form";
 
@@ -35,6 +35,15 @@ test("ranges are those of the edge server", () => {
   expect(problemOf(parameter(3, "altitude"), 120.5)).toBe("out_of_range");
   expect(problemOf(parameter(4, "photo_count"), 1.5)).toBe("whole");
   expect(problemOf(parameter(7, "radius"), null)).toBe("number");
+});
+
+test("the problems of a command name its parameters", () => {
+  const command = newCommand(3, 1, PLACE);
+  expect(problemsOf(command)).toEqual([]);
+  const faulty = { ...command, parameters: { ...command.parameters, altitude: 500, hold_time: NaN } };
+  expect(problemsOf(faulty).map((one) => [one.parameter.name, one.problem])).toEqual([
+    ["altitude", "out_of_range"], ["hold_time", "number"],
+  ]);
 });
 
 test("a fault of the edge server belongs to the command and parameter of its path", () => {

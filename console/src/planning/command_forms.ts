@@ -86,6 +86,14 @@ export function problemOf(
   return null;
 }
 
+/** The parameters of a command with whose values something is wrong. */
+export function problemsOf(command: Command): { parameter: Parameter; problem: "number" | "whole" | "out_of_range" }[] {
+  return parametersOf(command.command_type_id).flatMap((parameter) => {
+    const problem = problemOf(parameter, command.parameters[parameter.name]);
+    return problem === null ? [] : [{ parameter, problem }];
+  });
+}
+
 /** Numbers the commands again from 1, after one was moved or removed. */
 export function renumbered(commands: readonly Command[]): Command[] {
   return commands.map((command, index) => ({ ...command, command_id: index + 1 }));

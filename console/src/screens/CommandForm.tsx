@@ -5,7 +5,7 @@ import type { Fault } from "../api/client";
 import type { Command, ParameterValue } from "../api/types";
 import { Button } from "../controls/Button";
 import { SelectField, TextField } from "../controls/fields";
-import { parametersOf, placeOfFault, problemOf, type Parameter } from "../planning/command_forms";
+import { parametersOf, placeOfFault, problemOf, problemsOf, type Parameter } from "../planning/command_forms";
 
 const UNITS: Record<string, string> = {
   altitude: "m", orbit_altitude: "m", landing_altitude: "m", minimum_target_altitude: "m", radius: "m",
@@ -34,8 +34,7 @@ export function CommandForm({ index, count, command, isOpen, faults, toggle, cha
     (fault) => !parameters.some((one) => placeOfFault(fault.path)?.parameter === one.name),
   );
   const height = command.parameters["altitude"] ?? command.parameters["orbit_altitude"];
-  const hasProblem =
-    faults.length > 0 || parameters.some((one) => problemOf(one, command.parameters[one.name]) !== null);
+  const hasProblem = faults.length > 0 || problemsOf(command).length > 0;
   const set = (name: string, value: ParameterValue) => change({ ...command.parameters, [name]: value });
   return (
     <li className={`step ${isOpen ? "is-open" : ""} ${hasProblem ? "has-error" : ""}`}>

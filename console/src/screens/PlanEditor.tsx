@@ -1,6 +1,6 @@
 import { Suspense, useEffect, useMemo, useRef, useState } from "react";
 import { useTranslation } from "react-i18next";
-import type { Tagged } from "../api/client";
+import type { Fault, Tagged } from "../api/client";
 import { createPlan, dispatchPlan, getTaggedPlan, listFields, replacePlan } from "../api/resources";
 import type { Command, Plan, PlanDocument } from "../api/types";
 import { go, linkTo, setGuard } from "../app/route";
@@ -15,10 +15,9 @@ import { useResource } from "../live/use_resource";
 import { extentOf } from "../map/extent";
 import { collection, fieldFeatures, placeOf, routeFeatures } from "../map/features";
 import { FarmMap } from "../map/map_part";
-import { waypointElement } from "../map/markers";
 import { isSamePlan, planChanges } from "../planning/changes";
 import {
-  COMMAND_TYPES, hasPlace, HOME, newCommand, parametersOf, placeOfFault, problemOf, renumbered,
+  COMMAND_TYPES, hasPlace, HOME, newCommand, placeOfFault, problemsOf, renumbered,
   rounded, TAKEOFF, WAYPOINT,
 } from "../planning/command_forms";
 import { documentOf, newMissionId, renumberedFrom } from "../planning/plan_document";
@@ -33,6 +32,15 @@ import { LeaveWarning } from "./LeaveWarning";
 import { useEditing } from "./use_editing";
 import { fieldNames } from "./use_fleet_symbols";
 import { useSaving } from "./use_saving";
+import { useStepSymbols } from "./use_step_symbols";
+
+const NO_FAULTS: Fault[] = [];
+/** Fields of the editor beside those of the steps, as the edge server's faults name them. */
+const FIELDS = ["name", "vehicle_id", "maximum_speed"] as const;
+
+function fieldOfFault(path: string): (typeof FIELDS)[number] | null {
+  return FIELDS.find((name) => path === name || path === `missions.0.${name}`) ?? null;
+}
 
 /** A new plan, or one that no vehicle has yet. */
 export default function PlanEditor({ reference }: { reference: string | null }) {
@@ -90,8 +98,10 @@ function Editor({ read }: { read: Tagged<Plan> | null }) {
   const commands = form.commands;
   const chosen = form.vehicleId ?? [...vehicles.keys()][0] ?? 1;
 
-  const changeForm = (part: Partial<PlanForm>, continued?: string) =>
+  const changeForm = (part: Partial<PlanForm>, continued?: string) => {
     editing.change((present) => ({ ...present, ...part }), continued);
+    if (error !== null) saving.forget();
+  };
   const change = (update: (present: Command[]) => Command[], continued?: string) => {
     editing.change((present) => ({ ...present, commands: renumbered(update(present.commands)) }), continued);
     if (error !== null) saving.forget();
@@ -129,9 +139,12 @@ function Editor({ read }: { read: Tagged<Plan> | null }) {
       return moved;
     });
 
-  const hasProblem = commands.some((command) =>
-    parametersOf(command.command_type_id).some((one) => problemOf(one, command.parameters[one.name]) !== null),
-  );
+  const remove = (index: number) => {
+    setOpen(null);
+    change((present) => present.filter((_, at) => at !== index));
+  };
+
+  const hasProblem = commands.some((command) => problemsOf(command).length > 0);
   const draft = (): PlanDocument =>
     withForm(editing.base === null ? null : documentOf(editing.base.value), {
       form: { ...form, name: form.name.trim() || t("editor.title_new") },
@@ -176,7 +189,11 @@ function Editor({ read }: { read: Tagged<Plan> | null }) {
 
   const faultsOf = (index: number) =>
     (error?.faults ?? []).filter((fault) => placeOfFault(fault.path)?.index === index);
-  const otherFaults = (error?.faults ?? []).filter((fault) => placeOfFault(fault.path) === null);
+  const faultAt = (name: (typeof FIELDS)[number]) => error?.faults.find((fault) => fieldOfFault(fault.path) === name)?.text;
+  const otherFaults = (error?.faults ?? []).filter(
+    (fault) => placeOfFault(fault.path) === null && fieldOfFault(fault.path) === null,
+  );
+  const steps = useStepSymbols(commands, open, error?.faults ?? NO_FAULTS, { select: setOpen, remove, move });
 
   const layers = useMemo(
     () => ({
@@ -188,26 +205,9 @@ function Editor({ read }: { read: Tagged<Plan> | null }) {
   const symbols = useMemo(
     () => [
       ...fieldNames(fields.value ?? []),
-      ...commands.flatMap((command, index) => {
-        const place = placeOf(command);
-        if (place === null) return [];
-        const label = t("editor.step", { index: index + 1, name: t(`command.${command.command_type_id}`) });
-        return [
-          {
-            key: `step-${index}`,
-            longitude: place[0],
-            latitude: place[1],
-            level: 3,
-            make: () => waypointElement(String(index + 1), label, () => setOpen(index)),
-            update: (element: HTMLElement) => element.classList.toggle("is-selected", index === open),
-            drag: (longitude: number, latitude: number, isDropped: boolean) =>
-              move(index, latitude, longitude, isDropped),
-          },
-        ];
-      }),
+      ...steps,
     ],
-    // `move` only calls a state setter
-    [fields.value, commands, open, t],
+    [fields.value, steps],
   );
   const extent = useMemo(() => {
     const corners = (fields.value ?? []).flatMap((one) =>
@@ -262,9 +262,9 @@ function Editor({ read }: { read: Tagged<Plan> | null }) {
             </ul>
           </Notice>
         )}
-        <TextField label={t("editor.name")} value={form.name} onChange={(event) => changeForm({ name: event.target.value }, "name")} maxLength={120} />
+        <TextField label={t("editor.name")} value={form.name} onChange={(event) => changeForm({ name: event.target.value }, "name")} maxLength={120} error={faultAt("name")} />
         <div className="form-line">
-          <SelectField label={t("editor.vehicle")} value={chosen} onChange={(event) => changeForm({ vehicleId: Number(event.target.value) })}>
+          <SelectField label={t("editor.vehicle")} value={chosen} error={faultAt("vehicle_id")} onChange={(event) => changeForm({ vehicleId: Number(event.target.value) })}>
             {[...new Set([chosen, ...vehicles.keys()])].map((id) => (
               <option key={id} value={id}>
                 {t("vehicle.name", { id })}
@@ -279,6 +279,7 @@ function Editor({ read }: { read: Tagged<Plan> | null }) {
             step="any"
             value={form.speed}
             onChange={(event) => changeForm({ speed: event.target.value }, "speed")}
+            error={faultAt("maximum_speed")}
           />
         </div>
         <div className="actions">
@@ -299,10 +300,7 @@ function Editor({ read }: { read: Tagged<Plan> | null }) {
               change={(parameters) =>
                 change((present) => present.map((one, at) => (at === index ? { ...one, parameters } : one)))
               }
-              remove={() => {
-                setOpen(null);
-                change((present) => present.filter((_, at) => at !== index));
-              }}
+              remove={() => remove(index)}
               up={() => swap(index, index - 1)}
               down={() => swap(index, index + 1)}
             />

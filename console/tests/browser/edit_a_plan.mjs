@@ -50,12 +50,58 @@ async function addEachKind(page) {
   await page.locator(".timeline li").nth(9).waitFor();
 }
 
+/** What is wrong with a step is marked on the map and in the form, whoever has found it. */
+async function showFaults(page) {
+  await page.goto(`${origin}/console/plans/new`);
+  await page.locator(".farm-map canvas").click();
+  await page.getByLabel("Add a step").selectOption({ label: "Circle around a point ⌖" });
+  await page.locator(".step-title").nth(1).click();
+  const rate = page.getByLabel("Turn rate (°/s)");
+  const marker = (index) => page.locator(".waypoint-marker", { hasText: String(index) });
+  const marked = page.locator(".waypoint-marker.has-error");
+  await rate.fill("99");
+  await marked.waitFor();
+  if (!(await button(page, "Save draft").isDisabled())) throw new Error("a rate out of its range can be saved");
+  await rate.fill("59");
+  await marked.waitFor({ state: "detached" });
+  await button(page, "Save draft").click();
+  await marked.waitFor();
+  if ((await marker(2).getAttribute("class")).includes("has-error") === false) throw new Error("another step is marked");
+  if (!/m\/s, above maximum_speed/.test(await marker(2).getAttribute("aria-label"))) throw new Error("the marker does not say what is wrong");
+  await page.locator(".step.has-error .field.has-error").waitFor();
+  await rate.fill("5");
+  await page.getByLabel("Maximum speed").fill("999");
+  await button(page, "Save draft").click();
+  await page.locator(".form-line .field.has-error").waitFor();
+}
+
+/** The keys move a step by a metre, with Shift by ten, and remove it. */
+async function moveByKeys(page) {
+  await page.goto(`${origin}/console/plans/${DRAFT}/edit`);
+  await page.locator(".step-title").first().click();
+  const latitude = page.getByLabel("Latitude (°)");
+  const before = Number(await latitude.inputValue());
+  const steps = await page.locator(".step").count();
+  await page.locator(".waypoint-marker").first().focus();
+  await page.keyboard.press("ArrowUp");
+  await page.keyboard.press("Shift+ArrowUp");
+  const moved_m = (Number(await latitude.inputValue()) - before) * 111_195;
+  if (Math.abs(moved_m - 11) > 0.1) throw new Error(`the step was moved by ${moved_m} m`);
+  await page.keyboard.press("Delete");
+  await page.waitForFunction((count) => document.querySelectorAll(".step").length === count, steps - 1);
+  for (let undone = 0; undone < 3; undone += 1) await button(page, "Undo").click();
+  await page.locator(".step-title").first().click();
+  if (Number(await latitude.inputValue()) !== before) throw new Error("the step is not where it was");
+}
+
 const browser = await startBrowser();
 try {
   await journey(browser, "edit-a-plan", async (page) => {
     await page.goto(ANA_LINK);
     await page.getByRole("navigation").waitFor();
     await addEachKind(page);
+    await showFaults(page);
+    await moveByKeys(page);
     await saveAndFly(page);
   }, COARSE);
 } finally {
