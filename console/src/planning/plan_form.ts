@@ -8,7 +8,7 @@ export interface PlanForm {
   name: string;
   /** Null until somebody has chosen: then it is the first vehicle. */
   vehicleId: number | null;
-  /** As it was typed [m/s]. */
+  /** [m/s]; empty while what is typed is no number. */
   speed: string;
   commands: Command[];
 }

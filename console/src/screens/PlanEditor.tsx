@@ -3,11 +3,13 @@ import { useTranslation } from "react-i18next";
 import type { Fault, Tagged } from "../api/client";
 import { createPlan, dispatchPlan, getTaggedPlan, listFields, replacePlan } from "../api/resources";
 import type { Command, Plan, PlanDocument } from "../api/types";
+import { useUnits } from "../app/preferences";
 import { go, linkTo, setGuard } from "../app/route";
 import { useIsOperator } from "../app/session_context";
 import { Button } from "../controls/Button";
 import { SelectField, TextField } from "../controls/fields";
 import { Icon } from "../controls/Icon";
+import { QuantityField } from "../controls/QuantityField";
 import { ErrorNotice, Notice, Skeleton } from "../controls/states";
 import { describeError } from "../i18n/describe_error";
 import { useLive } from "../live/use_live";
@@ -75,6 +77,7 @@ export default function PlanEditor({ reference }: { reference: string | null }) 
 
 function Editor({ read }: { read: Tagged<Plan> | null }) {
   const { t } = useTranslation();
+  const units = useUnits();
   const isOperator = useIsOperator();
   const vehicles = useLive((state) => state.vehicles);
   const fields = useResource(listFields);
@@ -144,7 +147,7 @@ function Editor({ read }: { read: Tagged<Plan> | null }) {
     change((present) => present.filter((_, at) => at !== index));
   };
 
-  const hasProblem = commands.some((command) => problemsOf(command).length > 0);
+  const hasProblem = !(Number(form.speed) > 0) || commands.some((command) => problemsOf(command).length > 0);
   const draft = (): PlanDocument =>
     withForm(editing.base === null ? null : documentOf(editing.base.value), {
       form: { ...form, name: form.name.trim() || t("editor.title_new") },
@@ -271,14 +274,11 @@ function Editor({ read }: { read: Tagged<Plan> | null }) {
               </option>
             ))}
           </SelectField>
-          <TextField
+          <QuantityField
             label={t("editor.speed")}
-            type="number"
-            inputMode="decimal"
-            min={0.1}
-            step="any"
-            value={form.speed}
-            onChange={(event) => changeForm({ speed: event.target.value }, "speed")}
+            unit={units.speedInput}
+            value={form.speed === "" ? null : Number(form.speed)}
+            change={(speed_m_s) => changeForm({ speed: speed_m_s === null ? "" : String(speed_m_s) }, "speed")}
             error={faultAt("maximum_speed")}
           />
         </div>

@@ -102,11 +102,17 @@ export class Units {
       : `${this.#write(squareMetres / M2_PER_HA, 1)} ha`;
   }
 
-  /** Units in which a person enters a height, a speed [m/s] and a small length [m]. */
+  /** Units in which a person enters a height, a length of some metres, a speed [m/s] and a resolution [m]. */
   get heightInput() {
     return this.system === "imperial"
       ? { symbol: "ft", factor: FEET_PER_M, digits: 0 }
       : { symbol: "m", factor: 1, digits: 1 };
+  }
+
+  get lengthInput() {
+    return this.system === "imperial"
+      ? { symbol: "ft", factor: FEET_PER_M, digits: 1 }
+      : { symbol: "m", factor: 1, digits: 2 };
   }
 
   get speedInput() {

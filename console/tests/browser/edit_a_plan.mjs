@@ -94,6 +94,50 @@ async function moveByKeys(page) {
   if (Number(await latitude.inputValue()) !== before) throw new Error("the step is not where it was");
 }
 
+/** Heights and speeds are entered in the chosen units, and stored in metres and seconds. */
+async function enterImperialUnits(page) {
+  const choose = async (name) => {
+    await page.locator(".header-person").click();
+    await page.getByRole("dialog").getByRole("radio", { name }).check();
+    await page.getByRole("dialog").getByRole("button", { name: "Done" }).click();
+  };
+  await page.goto(`${origin}/console/plans/${DRAFT}/edit`);
+  await choose("Imperial");
+  await page.getByLabel("Maximum speed (mph)").fill("10");
+  await page.locator(".step-title").first().click();
+  await page.getByLabel("Height (ft)").fill("50");
+  await page.locator(".step-title").first().getByText("50 ft").waitFor();
+  await button(page, "Save draft").click();
+  await page.locator(".timeline").waitFor();
+  const mission = await page.evaluate(async (id) => (await (await fetch(`/plans/${id}`)).json()).missions[0], DRAFT);
+  const stored = [mission.maximum_speed.toFixed(2), mission.command_array[0].parameters.altitude];
+  if (`${stored}` !== "4.47,15.24") throw new Error(`stored are ${stored}`);
+  await choose("Metric");
+}
+
+/** Nothing runs off the right edge where texts are long and the screen is small, nor STOP's orders below it. */
+async function fitsOnSmallScreens(page) {
+  await page.setViewportSize({ width: 1024, height: 768 });
+  for (const theme of ["light", "outdoor"]) {
+    await page.evaluate((chosen) => localStorage.setItem("farm-console", JSON.stringify({ language: "es", theme: chosen })), theme);
+    await page.goto(`${origin}/console/plans/${DRAFT}/edit`);
+    for (const title of await page.locator(".step-title").all()) {
+      await title.click();
+      const [wide, room] = await page.locator(".split-side").evaluate((one) => [one.scrollWidth, one.clientWidth]);
+      if (wide > room) throw new Error(`the editor is ${wide} px wide in ${room} px (${theme})`);
+    }
+  }
+  await page.setViewportSize({ width: 740, height: 360 });
+  await page.locator(".header .stop-button").click();
+  const land = page.getByRole("dialog").getByRole("button", { name: "Aterrizar aquí" });
+  await land.waitFor();
+  const bottom = await land.evaluate((one) => one.getBoundingClientRect().bottom);
+  if (bottom > 360) throw new Error(`the order to land ends ${bottom} px below the top of 360 px`);
+  await page.keyboard.press("Escape");
+  await page.setViewportSize({ width: 1280, height: 800 });
+  await page.evaluate(() => localStorage.removeItem("farm-console"));
+}
+
 const browser = await startBrowser();
 try {
   await journey(browser, "edit-a-plan", async (page) => {
@@ -102,6 +146,8 @@ try {
     await addEachKind(page);
     await showFaults(page);
     await moveByKeys(page);
+    await enterImperialUnits(page);
+    await fitsOnSmallScreens(page);
     await saveAndFly(page);
   }, COARSE);
 } finally {
