@@ -12,7 +12,8 @@ import { Header } from "./Header";
 import { Navigation } from "./Navigation";
 import { part } from "./part";
 import { usePreload } from "./preload";
-import { useRoute } from "./route";
+import { numberOf, useRoute } from "./route";
+import { useTitle } from "./use_title";
 
 const Fields = part(() => import("../screens/Fields"));
 const FieldEditor = part(() => import("../screens/FieldEditor"));
@@ -72,6 +73,7 @@ function Preload() {
 
 function Content() {
   const route = useRoute();
+  useTitle(route[0]);
   return (
     <Boundary place={route.join("/")}>
       <Suspense fallback={<Skeleton />}>
@@ -82,12 +84,12 @@ function Content() {
 }
 
 function Screen({ route: [first, second, third] }: { route: string[] }) {
-  const { t } = useTranslation();
   switch (first) {
     case undefined:
       return <Fleet />;
     case "fields":
       if (second === undefined) return <Fields />;
+      if (second !== "new" && numberOf(second) === null) return <Nothing />;
       if (third === "survey") return <SurveyEditor key={second} fieldId={Number(second)} />;
       return <FieldEditor key={second} id={second === "new" ? null : Number(second)} />;
     case "plans":
@@ -97,12 +99,17 @@ function Screen({ route: [first, second, third] }: { route: string[] }) {
       return <PlanView key={second} reference={second} />;
     case "flights":
       if (second === undefined) return <Flights />;
-      return <FlightView key={second} id={Number(second)} />;
+      return numberOf(second) === null ? <Nothing /> : <FlightView key={second} id={Number(second)} />;
     case "alarms":
       return <Alarms />;
     case "system":
       return <System section={second ?? "users"} />;
     default:
-      return <Empty icon="map" title={t("shell.not_found")} />;
+      return <Nothing />;
   }
+}
+
+function Nothing() {
+  const { t } = useTranslation();
+  return <Empty icon="map" title={t("shell.not_found")} />;
 }

@@ -162,6 +162,15 @@ export default function FlightView({ id }: { id: number }) {
     [points],
   );
 
+  if (flight.value === null && flight.error?.status === 404) {
+    return (
+      <Empty icon="flight" title={t("shell.not_found")}>
+        <a className="button button-plain" {...linkTo("flights")}>
+          <Icon name="back" /> {t("flights.title")}
+        </a>
+      </Empty>
+    );
+  }
   return (
     <div className="split">
       <div className="split-map">
