@@ -22,6 +22,7 @@ import { documentOf, newMissionId, renumberedFrom } from "../planning/plan_docum
 import { DispatchDialog } from "./DispatchDialog";
 import { DownloadDialog } from "./DownloadDialog";
 import { LivePicture } from "./LivePicture";
+import { PlanLife } from "./PlanLife";
 import { PlanState } from "./Plans";
 import { useFleetSymbols } from "./use_fleet_symbols";
 
@@ -56,6 +57,7 @@ export default function PlanView({ reference }: { reference: string }) {
           <PlanState plan={plan} />
         </header>
         <PlanActions plan={plan} tag={resource.value?.tag ?? ""} reload={resource.reload} />
+        <PlanLife plan={plan} />
         {plan.warnings.length > 0 && (
           <Notice kind="info">
             <strong>{t("plans.warnings")}</strong>

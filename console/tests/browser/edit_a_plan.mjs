@@ -138,6 +138,20 @@ async function fitsOnSmallScreens(page) {
   await page.evaluate(() => localStorage.removeItem("farm-console"));
 }
 
+/** What a screen says of itself: its title, a flight that is none, how long a plan lives. */
+async function readTitlesAndTimes(page) {
+  await page.goto(`${origin}/console/flights/NaN`);
+  await page.getByText("There is nothing at this address").waitFor();
+  await page.goto(`${origin}/console/flights/999`);
+  await page.getByText("There is nothing at this address").waitFor();
+  if (await page.getByText("GPX").count()) throw new Error("a flight that does not exist has files");
+  if ((await page.title()) !== "Flights - Farm console") throw new Error(`the title is ${await page.title()}`);
+  await page.goto(`${origin}/console/plans/${DRAFT}`);
+  await page.getByText(/^Can be flown until .*[AP]M\. After that it expires/).waitFor();
+  const brand = await page.locator(".brand").evaluate((one) => one.getBoundingClientRect().width);
+  if (brand < 44) throw new Error(`the link with the name is ${brand} px wide`);
+}
+
 const browser = await startBrowser();
 try {
   await journey(browser, "edit-a-plan", async (page) => {
@@ -147,6 +161,7 @@ try {
     await showFaults(page);
     await moveByKeys(page);
     await enterImperialUnits(page);
+    await readTitlesAndTimes(page);
     await fitsOnSmallScreens(page);
     await saveAndFly(page);
   }, COARSE);
