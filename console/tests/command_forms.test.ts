@@ -1,7 +1,8 @@
 import { expect, test } from "vitest";
 import {
-  COMMAND_TYPES, newCommand, parametersOf, placeOfFault, problemOf,
+  COMMAND_TYPES, newCommand, parametersOf, placeOfFault, problemOf, problemsOf,
 } from "../src/planning/command_forms";
+import { USUAL_SPEED_M_S } from "../src/planning/plan_form";
 
 const PLACE = { latitude: 40.4434, longitude: -3.7382 };
 const parameter = (type: number, name: string) => {
@@ -18,12 +19,31 @@ test("every command type of the edge server has a form whose first values are va
   }
 });
 
+test("no new command is faster than the usual plan, as the edge server reckons it", () => {
+  for (const type of COMMAND_TYPES) {
+    const { angular_velocity, radius } = newCommand(type, 1, PLACE).parameters;
+    if (angular_velocity === undefined) continue;
+    const speed_m_s = ((Number(angular_velocity) * Math.PI) / 180) * Number(radius);
+    expect(speed_m_s).toBeGreaterThan(1);
+    expect(speed_m_s).toBeLessThanOrEqual(USUAL_SPEED_M_S);
+  }
+});
+
 test("ranges are those of the edge server", () => {
   expect(problemOf(parameter(1, "altitude"), 0)).toBe("out_of_range");
   expect(problemOf(parameter(3, "altitude"), 0)).toBeNull();
   expect(problemOf(parameter(3, "altitude"), 120.5)).toBe("out_of_range");
   expect(problemOf(parameter(4, "photo_count"), 1.5)).toBe("whole");
   expect(problemOf(parameter(7, "radius"), null)).toBe("number");
+});
+
+test("the problems of a command name its parameters", () => {
+  const command = newCommand(3, 1, PLACE);
+  expect(problemsOf(command)).toEqual([]);
+  const faulty = { ...command, parameters: { ...command.parameters, altitude: 500, hold_time: NaN } };
+  expect(problemsOf(faulty).map((one) => [one.parameter.name, one.problem])).toEqual([
+    ["altitude", "out_of_range"], ["hold_time", "number"],
+  ]);
 });
 
 test("a fault of the edge server belongs to the command and parameter of its path", () => {

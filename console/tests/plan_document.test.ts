@@ -24,12 +24,12 @@ test("a copy has mission numbers of its own, one after the other", () => {
 
 test("the editor keeps fence, field and mission number, which it does not show", () => {
   const form = { ...formOf(PLAN), name: "South", speed: "7.5" };
-  const written = withForm(documentOf(PLAN), { form, vehicleId: 2, missionId: 50, dispatch: true });
-  expect(written).toMatchObject({ name: "South", geofence: GEOFENCE, field_id: 4, dispatch: true });
+  const written = withForm(documentOf(PLAN), { form, vehicleId: 2, missionId: 50 });
+  expect(written).toMatchObject({ name: "South", geofence: GEOFENCE, field_id: 4, dispatch: false });
   expect(written.missions).toMatchObject([{ mission_id: 3, vehicle_id: 2, maximum_speed: 7.5 }]);
 });
 
 test("a new plan has one mission under a new number", () => {
-  const written = withForm(null, { form: { ...formOf(null), name: "New" }, vehicleId: 1, missionId: 50, dispatch: false });
+  const written = withForm(null, { form: { ...formOf(null), name: "New" }, vehicleId: 1, missionId: 50 });
   expect(written.missions).toMatchObject([{ mission_id: 50, vehicle_id: 1, maximum_speed: 5 }]);
 });

@@ -93,9 +93,20 @@ test("the uplink is reachable while its state is open", () => {
   expect(blocked.uplink).toEqual({ reachable: false, records_waiting: 3 });
 });
 
-test("the age of a report counts from its arrival, not from its repetition", () => {
-  const one = apply(EMPTY, "vehicle", vehicle("2026-05-01T10:00:00Z", 40.4434), 1000);
-  const again = apply(one, "vehicle", vehicle("2026-05-01T10:00:00Z", 40.4434), 9000);
-  expect(again.vehicles.get(1)?.reportedAtMs).toBe(1000);
-  expect(again.contactAtMs).toBe(9000);
+const heardAt = (last: Vehicle) => {
+  const tracked = apply(EMPTY, "snapshot", { vehicles: [last], missions: [], uplink: null }, 9e12).vehicles.get(1);
+  return new Date(tracked?.heardAtMs ?? 0).toISOString();
+};
+
+test("a vehicle was heard when its broker says so, not when this browser learns of it", () => {
+  expect(heardAt(vehicle("2026-05-01T10:00:00Z", 40.4434))).toBe("2026-05-01T10:00:00.000Z");
+  const late = { updated_at: "2026-05-01T10:00:07Z" };
+  expect(heardAt(vehicle("2026-05-01T10:00:00Z", 40.4434, 20, late))).toBe("2026-05-01T10:00:00.000Z");
+  const ahead = { updated_at: "2026-05-01T09:59:00Z" };
+  expect(heardAt(vehicle("2026-05-01T10:00:00Z", 40.4434, 20, ahead))).toBe("2026-05-01T09:59:00.000Z");
+});
+
+test("what a broker reports of a lost vehicle does not make it heard", () => {
+  const lost = { link_state: "lost", position_age: 86_400 };
+  expect(heardAt(vehicle("2026-05-02T10:00:00Z", 40.4434, 20, lost))).toBe("2026-05-01T10:00:00.000Z");
 });

@@ -1,6 +1,7 @@
 /** Requests to the edge server that served this page: one place for cookie, CSRF token and errors. */
 
 import i18next, { reportTexts } from "../i18n/i18n";
+import { noteServerTime } from "./server_clock";
 
 /** What the edge server answers to a request that it refuses; see its HTTP errors. */
 interface Problem {
@@ -108,6 +109,7 @@ async function send(path: string, options: Request): Promise<Response> {
     body = JSON.stringify(options.body);
   }
   let response: Response;
+  const sentMs = Date.now();
   try {
     response = await fetch(path, {
       method,
@@ -119,6 +121,7 @@ async function send(path: string, options: Request): Promise<Response> {
   } catch {
     throw new RequestError(UNREACHABLE, "unreachable");
   }
+  noteServerTime(response, sentMs);
   if (response.ok) return response;
   if (response.status === 401 && !path.startsWith("/session/")) noteSignedOut();
   throw await refusalOf(response);

@@ -1,4 +1,4 @@
-import { lazy, Suspense, useCallback, useEffect, useState } from "react";
+import { Suspense, useCallback, useEffect, useState } from "react";
 import { useTranslation } from "react-i18next";
 import { Empty, Skeleton } from "../controls/states";
 import { StopContext, type Stop } from "../controls/StopButton";
@@ -7,20 +7,26 @@ import type { Feed } from "../live/feed";
 import { FeedContext } from "../live/use_live";
 import { Fleet } from "../screens/Fleet";
 import { StopDialog } from "../screens/StopDialog";
+import { Boundary } from "./Boundary";
 import { Header } from "./Header";
 import { Navigation } from "./Navigation";
-import { useRoute } from "./route";
+import { part } from "./part";
+import { usePreload } from "./preload";
+import { numberOf, useRoute } from "./route";
+import { useTitle } from "./use_title";
 
-const Fields = lazy(() => import("../screens/Fields"));
-const FieldEditor = lazy(() => import("../screens/FieldEditor"));
-const SurveyEditor = lazy(() => import("../screens/SurveyEditor"));
-const Plans = lazy(() => import("../screens/Plans"));
-const PlanEditor = lazy(() => import("../screens/PlanEditor"));
-const PlanView = lazy(() => import("../screens/PlanView"));
-const Flights = lazy(() => import("../screens/Flights"));
-const FlightView = lazy(() => import("../screens/FlightView"));
-const Alarms = lazy(() => import("../screens/Alarms"));
-const System = lazy(() => import("../screens/System"));
+const Fields = part(() => import("../screens/Fields"));
+const FieldEditor = part(() => import("../screens/FieldEditor"));
+const SurveyEditor = part(() => import("../screens/SurveyEditor"));
+const Plans = part(() => import("../screens/Plans"));
+const PlanEditor = part(() => import("../screens/PlanEditor"));
+const PlanView = part(() => import("../screens/PlanView"));
+const Flights = part(() => import("../screens/Flights"));
+const FlightView = part(() => import("../screens/FlightView"));
+const Alarms = part(() => import("../screens/Alarms"));
+const System = part(() => import("../screens/System"));
+/** Those that a person is likely to need without a connection first. */
+const PARTS = [PlanView, Plans, Alarms, Flights, FlightView, Fields, PlanEditor, FieldEditor, SurveyEditor, System];
 
 /** Header, navigation and the screen of the present address. */
 export function Shell({ feed }: { feed: Feed }) {
@@ -43,9 +49,8 @@ export function Shell({ feed }: { feed: Feed }) {
         <Navigation />
         <main id="content" tabIndex={-1}>
           <AlarmSound />
-          <Suspense fallback={<Skeleton />}>
-            <Screen />
-          </Suspense>
+          <Preload />
+          <Content />
         </main>
       </div>
       {stops && <StopDialog vehicleId={stops.vehicleId} close={() => setStops(null)} />}
@@ -60,14 +65,31 @@ function AlarmSound() {
   return null;
 }
 
-function Screen() {
-  const { t } = useTranslation();
-  const [first, second, third] = useRoute();
+/** Inside the feed: it tells whether there is a connection. */
+function Preload() {
+  usePreload(PARTS);
+  return null;
+}
+
+function Content() {
+  const route = useRoute();
+  useTitle(route[0]);
+  return (
+    <Boundary place={route.join("/")}>
+      <Suspense fallback={<Skeleton />}>
+        <Screen route={route} />
+      </Suspense>
+    </Boundary>
+  );
+}
+
+function Screen({ route: [first, second, third] }: { route: string[] }) {
   switch (first) {
     case undefined:
       return <Fleet />;
     case "fields":
       if (second === undefined) return <Fields />;
+      if (second !== "new" && numberOf(second) === null) return <Nothing />;
       if (third === "survey") return <SurveyEditor key={second} fieldId={Number(second)} />;
       return <FieldEditor key={second} id={second === "new" ? null : Number(second)} />;
     case "plans":
@@ -77,12 +99,17 @@ function Screen() {
       return <PlanView key={second} reference={second} />;
     case "flights":
       if (second === undefined) return <Flights />;
-      return <FlightView key={second} id={Number(second)} />;
+      return numberOf(second) === null ? <Nothing /> : <FlightView key={second} id={Number(second)} />;
     case "alarms":
       return <Alarms />;
     case "system":
       return <System section={second ?? "users"} />;
     default:
-      return <Empty icon="map" title={t("shell.not_found")} />;
+      return <Nothing />;
   }
+}
+
+function Nothing() {
+  const { t } = useTranslation();
+  return <Empty icon="map" title={t("shell.not_found")} />;
 }

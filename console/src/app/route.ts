@@ -87,6 +87,11 @@ export function useRoute(): string[] {
   return present === "" ? [] : present.split("/").map(decodeURIComponent);
 }
 
+/** The number that a part of an address is; null for anything else. */
+export function numberOf(part: string): number | null {
+  return /^[1-9]\d{0,14}$/.test(part) ? Number(part) : null;
+}
+
 /** Goes to an address below /console/. */
 export function go(to: string): void {
   const leave = () => {

@@ -1,12 +1,12 @@
-import { useTranslation } from "react-i18next";
+import { useWaitingText } from "./use_waiting_text";
 
 /** A quiet page while the console finds out who is signed in. */
 export function Splash() {
-  const { t } = useTranslation();
+  const { text, isLong } = useWaitingText();
   return (
     <div className="splash" role="status">
       <span className="spinner spinner-large" />
-      <span className="visually-hidden">{t("state.loading")}</span>
+      <p className={isLong ? "muted" : "visually-hidden"}>{text}</p>
     </div>
   );
 }

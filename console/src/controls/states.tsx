@@ -5,6 +5,7 @@ import { describeError } from "../i18n/describe_error";
 import type { Resource } from "../live/use_resource";
 import { Button } from "./Button";
 import { Icon, type IconName } from "./Icon";
+import { useWaitingText } from "./use_waiting_text";
 
 /** A message in its place on the page; errors are announced at once. */
 export function Notice({ kind, children }: { kind: "error" | "info" | "good"; children: ReactNode }) {
@@ -50,12 +51,12 @@ export function Empty({ icon, title, text, children }: {
   );
 }
 
-/** Grey lines in the shape of a list that loads. */
+/** Grey lines in the shape of a list that loads; after some seconds they say what they wait for. */
 export function Skeleton({ rows = 4 }: { rows?: number }) {
-  const { t } = useTranslation();
+  const text = useWaitingText();
   return (
     <div className="skeleton" role="status">
-      <span className="visually-hidden">{t("state.loading")}</span>
+      <p className={text.isLong ? "muted" : "visually-hidden"}>{text.text}</p>
       {Array.from({ length: rows }, (_, index) => (
         <span key={index} />
       ))}

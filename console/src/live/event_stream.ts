@@ -1,5 +1,7 @@
 /** Server-sent events, read from a stream; unlike EventSource it shows status codes and heartbeats. */
 
+import { noteServerTime } from "../api/server_clock";
+
 /** One event of the stream; a comment line is an event of type "heartbeat". */
 export interface StreamEvent {
   type: string;
@@ -63,7 +65,9 @@ export async function readStream(
 ): Promise<void> {
   const headers: Record<string, string> = { Accept: "text/event-stream" };
   if (lastId !== null) headers["Last-Event-ID"] = lastId;
+  const sentMs = Date.now();
   const response = await fetch(path, { headers, signal, credentials: "same-origin" });
+  noteServerTime(response, sentMs);
   if (!response.ok || response.body === null) throw new StreamRefusedError(response.status);
   const parser = new EventParser();
   const reader = response.body.pipeThrough(new TextDecoderStream()).getReader();

@@ -13,8 +13,8 @@ export interface Tracked {
   motion: Motion;
   /** Since this page was opened; null before the first position. */
   trail: Trail | null;
-  /** When a newer report of it arrived, by this browser's clock: clocks of machines differ. */
-  reportedAtMs: number;
+  /** When the vehicle itself was last heard, by the edge server's clock. */
+  heardAtMs: number;
 }
 
 export interface LiveState {
@@ -139,9 +139,19 @@ function track(state: LiveState, vehicle: Vehicle, nowMs: number): Tracked {
   }
   if (typeof vehicle.heading === "number") motion.heading_deg = vehicle.heading;
   if (typeof vehicle.speed === "number") motion.speed_m_s = vehicle.speed;
-  const isNews = known === undefined || known.vehicle.updated_at !== vehicle.updated_at;
-  const reportedAtMs = isNews ? nowMs : known.reportedAtMs;
-  return { vehicle, motion, trail, reportedAtMs };
+  return { vehicle, motion, trail, heardAtMs: heardAt(vehicle) };
+}
+
+/** When a vehicle was last heard: its broker reports it also while its link is lost.
+ *
+ * A broker's clock may be ahead; the edge server has had the report no later than it says.
+ */
+function heardAt(vehicle: Vehicle): number {
+  const receivedMs = Date.parse(vehicle.updated_at);
+  const recordedMs = Date.parse(vehicle.recorded_at ?? vehicle.updated_at);
+  const reportedMs = Number.isFinite(recordedMs) ? Math.min(recordedMs, receivedMs) : receivedMs;
+  const age_s = vehicle.link_state === "connected" ? 0 : (vehicle.position_age ?? 0);
+  return reportedMs - age_s * 1000;
 }
 
 /** Gives the homes after a report of these vehicles; the same map if no home has changed. */

@@ -120,6 +120,8 @@ export default function FarmMap({ layers, symbols, extent, click, pick, pictures
     }
   }, [map, extent, hasWaited]);
 
+  useFitAfterTurning(map, extent);
+
   useEffect(() => {
     if (map === null) return;
     const scale = new maplibregl.ScaleControl({ unit: preferences.units, maxWidth: 120 });
@@ -197,6 +199,31 @@ function fit(map: MapLibreMap, [west, south, east, north]: [number, number, numb
   map.fitBounds(bounds, { padding: PADDING, maxZoom: CLOSEST_ZOOM, duration });
 }
 
+/** Shows everything again when a phone is turned, unless a person has moved the map. */
+function useFitAfterTurning(map: MapLibreMap | null, extent: FarmMapProperties["extent"]): void {
+  const latest = useRef(extent);
+  latest.current = extent;
+  useEffect(() => {
+    if (map === null) return;
+    let isMoved = false;
+    const moved = (event: { originalEvent?: unknown }) => {
+      if (event.originalEvent !== undefined) isMoved = true;
+    };
+    const turned = () => {
+      if (isMoved) return;
+      map.resize();
+      if (latest.current !== null) fit(map, latest.current, 0);
+    };
+    const orientation = window.matchMedia("(orientation: portrait)");
+    map.on("movestart", moved);
+    orientation.addEventListener("change", turned);
+    return () => {
+      map.off("movestart", moved);
+      orientation.removeEventListener("change", turned);
+    };
+  }, [map]);
+}
+
 function drawGrid(map: MapLibreMap): void {
   (map.getSource("grid") as GeoJSONSource | undefined)?.setData(gridOfView(map));
 }
@@ -232,7 +259,9 @@ function useSymbols(map: MapLibreMap | null, symbols: Symbol[]): void {
         if (lng !== symbol.longitude || lat !== symbol.latitude) {
           known.marker.setLngLat([symbol.longitude, symbol.latitude]);
         }
-        symbol.update?.(known.marker.getElement());
+        const element = known.marker.getElement();
+        element.style.zIndex = String(symbol.level ?? 0);
+        symbol.update?.(element);
         continue;
       }
       const element = symbol.make();

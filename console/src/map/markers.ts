@@ -98,22 +98,8 @@ export function flightElement(text: string, colour: number): HTMLElement {
   return element;
 }
 
-/** Makes the numbered symbol of a command's place. */
-export function waypointElement(label: string, name: string, select: () => void): HTMLElement {
-  const element = document.createElement("button");
-  element.type = "button";
-  element.className = "waypoint-marker";
-  element.setAttribute("aria-label", name);
-  element.textContent = label;
-  element.addEventListener("click", (event) => {
-    event.stopPropagation();
-    select();
-  });
-  return element;
-}
-
-/** What a person does with a corner from the keyboard. */
-export interface CornerKeys {
+/** What a person does with a symbol from the keyboard. */
+export interface SymbolKeys {
   select: () => void;
   remove: () => void;
   /** Steps of a metre, or of ten with Shift. */
@@ -125,8 +111,35 @@ const STEPS: Record<string, [north: number, east: number]> = {
 };
 
 /** Makes the symbol of a corner: arrow keys move it, Delete removes it. */
-export function cornerElement(name: string, keys: CornerKeys): HTMLElement {
+export function cornerElement(name: string, keys: SymbolKeys): HTMLElement {
   const element = pointElement("corner-marker", name, keys.select);
+  listenToKeys(element, keys);
+  return element;
+}
+
+/** Makes the numbered symbol of a command's place: the same keys move and remove it. */
+export function waypointElement(label: string, name: string, keys: SymbolKeys): HTMLElement {
+  const element = pointElement("waypoint-marker", name, keys.select);
+  element.textContent = label;
+  listenToKeys(element, keys);
+  return element;
+}
+
+/** Marks whether the place is chosen, and what is wrong with its command. */
+export function updateWaypointElement(
+  element: HTMLElement,
+  name: string,
+  isSelected: boolean,
+  faults: readonly string[],
+): void {
+  const text = [name, ...faults].join(": ");
+  element.classList.toggle("is-selected", isSelected);
+  element.classList.toggle("has-error", faults.length > 0);
+  element.setAttribute("aria-label", text);
+  element.title = text;
+}
+
+function listenToKeys(element: HTMLElement, keys: SymbolKeys): void {
   element.addEventListener("keydown", (event) => {
     const step = STEPS[event.key];
     if (step !== undefined) {
@@ -141,11 +154,10 @@ export function cornerElement(name: string, keys: CornerKeys): HTMLElement {
     event.preventDefault();
     event.stopPropagation();
   });
-  return element;
 }
 
 /** Makes the symbol of a field's entry, which can be moved like a corner where there are keys. */
-export function entryElement(name: string, keys: CornerKeys | null): HTMLElement {
+export function entryElement(name: string, keys: SymbolKeys | null): HTMLElement {
   if (keys !== null) {
     const element = cornerElement(name, keys);
     element.classList.add("entry-marker");

@@ -34,6 +34,8 @@ const USUAL: Record<string, ParameterValue> = {
   altitude: 15,
   orbit_altitude: 15,
   radius: 20,
+  // With this radius 3.5 m/s: less than the usual maximum speed of a plan, unlike the server's 20 deg/s
+  angular_velocity: 10,
   pitch_angle: -90,
   corners: [[0.25, 0.25], [0.75, 0.75]],
 };
@@ -59,7 +61,7 @@ export function newCommand(
     const isPlace = one.name === "latitude" || one.name === "longitude";
     if (isPlace) parameters[one.name] = rounded(place[one.name as "latitude" | "longitude"]);
     else if (one.required) parameters[one.name] = USUAL[one.name] ?? one.minimum ?? 0;
-    else if (one.default !== null) parameters[one.name] = one.default;
+    else if (one.default !== null) parameters[one.name] = USUAL[one.name] ?? one.default;
   }
   return { command_id: commandId, command_type_id: commandType, parameters };
 }
@@ -82,6 +84,14 @@ export function problemOf(
   if (minimum !== null && (one.above_minimum ? value <= minimum : value < minimum)) return "out_of_range";
   if (maximum !== null && (one.below_maximum ? value >= maximum : value > maximum)) return "out_of_range";
   return null;
+}
+
+/** The parameters of a command with whose values something is wrong. */
+export function problemsOf(command: Command): { parameter: Parameter; problem: "number" | "whole" | "out_of_range" }[] {
+  return parametersOf(command.command_type_id).flatMap((parameter) => {
+    const problem = problemOf(parameter, command.parameters[parameter.name]);
+    return problem === null ? [] : [{ parameter, problem }];
+  });
 }
 
 /** Numbers the commands again from 1, after one was moved or removed. */

@@ -8,12 +8,12 @@ export interface PlanForm {
   name: string;
   /** Null until somebody has chosen: then it is the first vehicle. */
   vehicleId: number | null;
-  /** As it was typed [m/s]. */
+  /** [m/s]; empty while what is typed is no number. */
   speed: string;
   commands: Command[];
 }
 
-const USUAL_SPEED_M_S = 5;
+export const USUAL_SPEED_M_S = 5;
 
 /** The form of a stored plan; null: of a new one. */
 export function formOf(plan: Plan | null): PlanForm {
@@ -30,19 +30,18 @@ export function isSameForm(one: PlanForm, other: PlanForm): boolean {
   return isSame(one, other);
 }
 
-/** The document of a form; what the editor does not show stays as it is in `before`. */
-export function withForm(before: PlanDocument | null, { form, vehicleId, missionId, dispatch }: {
+/** The document of a form, as a draft; what the editor does not show stays as it is in `before`. */
+export function withForm(before: PlanDocument | null, { form, vehicleId, missionId }: {
   form: PlanForm;
   vehicleId: number;
   /** Of a new plan. */
   missionId: number;
-  dispatch: boolean;
 }): PlanDocument {
   const mission = before?.missions[0] ?? { mission_id: missionId };
   return {
     ...before,
     name: form.name,
-    dispatch,
+    dispatch: false,
     missions: [
       {
         ...mission,

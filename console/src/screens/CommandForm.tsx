@@ -3,13 +3,19 @@ import { useTranslation } from "react-i18next";
 import type { TFunction } from "i18next";
 import type { Fault } from "../api/client";
 import type { Command, ParameterValue } from "../api/types";
+import { useUnits } from "../app/preferences";
 import { Button } from "../controls/Button";
 import { SelectField, TextField } from "../controls/fields";
-import { parametersOf, placeOfFault, problemOf, type Parameter } from "../planning/command_forms";
+import { parametersOf, placeOfFault, problemOf, problemsOf, type Parameter } from "../planning/command_forms";
+import { fromUnit, inUnit, type EnteredUnit } from "../units/entered";
 
+const LENGTHS = new Set([
+  "altitude", "orbit_altitude", "landing_altitude", "minimum_target_altitude", "radius",
+  "acceptance_radius", "trajectory_control",
+]);
+/** Units that are the same in each system. */
 const UNITS: Record<string, string> = {
-  altitude: "m", orbit_altitude: "m", landing_altitude: "m", minimum_target_altitude: "m", radius: "m",
-  acceptance_radius: "m", trajectory_control: "m", hold_time: "s", time_interval: "s",
+  hold_time: "s", time_interval: "s",
   angular_velocity: "°/s", latitude: "°", longitude: "°", yaw_angle: "°", desired_yaw_angle: "°",
   pitch_angle: "°", minimum_pitch: "°",
 };
@@ -28,14 +34,14 @@ export function CommandForm({ index, count, command, isOpen, faults, toggle, cha
   down: () => void;
 }) {
   const { t } = useTranslation();
+  const units = useUnits();
   const parameters = parametersOf(command.command_type_id);
   const number = index + 1;
   const general = faults.filter(
     (fault) => !parameters.some((one) => placeOfFault(fault.path)?.parameter === one.name),
   );
   const height = command.parameters["altitude"] ?? command.parameters["orbit_altitude"];
-  const hasProblem =
-    faults.length > 0 || parameters.some((one) => problemOf(one, command.parameters[one.name]) !== null);
+  const hasProblem = faults.length > 0 || problemsOf(command).length > 0;
   const set = (name: string, value: ParameterValue) => change({ ...command.parameters, [name]: value });
   return (
     <li className={`step ${isOpen ? "is-open" : ""} ${hasProblem ? "has-error" : ""}`}>
@@ -43,7 +49,7 @@ export function CommandForm({ index, count, command, isOpen, faults, toggle, cha
         <button type="button" className="step-title" aria-expanded={isOpen} onClick={toggle}>
           <b>{number}</b>
           {t(`command.${command.command_type_id}`)}
-          {typeof height === "number" && <small>{height} m</small>}
+          {typeof height === "number" && <small>{units.height(height)}</small>}
         </button>
         <Button kind="quiet" icon="up" aria-label={t("editor.up", { index: number })} disabled={index === 0} onClick={up} />
         <Button kind="quiet" icon="down" aria-label={t("editor.down", { index: number })} disabled={number === count} onClick={down} />
@@ -82,8 +88,10 @@ interface ParameterProperties {
 
 function ParameterField({ parameter, value, fault, set }: ParameterProperties) {
   const { t } = useTranslation();
+  const units = useUnits();
   const { name } = parameter;
-  const label = t(`parameter.${name}`) + (UNITS[name] ? ` (${UNITS[name]})` : "");
+  const unit = LENGTHS.has(name) ? units.lengthInput : { symbol: UNITS[name] ?? "", factor: 1, digits: null };
+  const label = t(`parameter.${name}`) + (unit.symbol === "" ? "" : ` (${unit.symbol})`);
   if (parameter.type === "boolean") {
     return (
       <SelectField label={label} error={fault} value={String(value ?? parameter.default)} onChange={(event) => set(event.target.value === "true")}>
@@ -107,28 +115,32 @@ function ParameterField({ parameter, value, fault, set }: ParameterProperties) {
     return <CornersField label={label} fault={fault} value={value} set={set} />;
   }
   const problem = problemOf(parameter, value);
-  const range = rangeOf(parameter, t);
+  const range = rangeOf(parameter, unit, t);
   const ownFault = problem === null ? undefined : t(`editor.${problem}`, { range });
   return (
     <NumberField
       label={label}
+      key={unit.symbol}
+      unit={unit}
       value={typeof value === "number" ? value : null}
       hint={parameter.required ? range : `${range}, ${t("editor.optional")}`}
       error={fault ?? ownFault}
-      placeholder={parameter.default === null ? t("editor.automatic") : String(parameter.default)}
+      placeholder={parameter.default === null ? t("editor.automatic") : inUnit(Number(parameter.default), unit)}
       set={set}
     />
   );
 }
 
-function rangeOf(one: Parameter, t: TFunction): string {
-  const values = { low: one.minimum ?? "…", high: one.maximum ?? "…" };
-  return t(one.above_minimum ? "editor.above" : "editor.range", values);
+function rangeOf(one: Parameter, unit: EnteredUnit, t: TFunction): string {
+  const low = one.minimum === null ? "…" : inUnit(one.minimum, unit, Math.ceil);
+  const high = one.maximum === null ? "…" : inUnit(one.maximum, unit, Math.floor);
+  return t(one.above_minimum ? "editor.above" : "editor.range", { low, high });
 }
 
 /** A number that may be typed step by step: "-" and "1." are no numbers yet. */
-function NumberField({ label, value, hint, error, placeholder, set }: {
+function NumberField({ label, unit, value, hint, error, placeholder, set }: {
   label: string;
+  unit: EnteredUnit;
   value: number | null;
   hint: string;
   error: string | undefined;
@@ -143,11 +155,11 @@ function NumberField({ label, value, hint, error, placeholder, set }: {
       error={error}
       inputMode="decimal"
       placeholder={placeholder}
-      value={typed ?? (value === null || Number.isNaN(value) ? "" : String(value))}
+      value={typed ?? (value === null || Number.isNaN(value) ? "" : inUnit(value, unit))}
       onChange={(event) => {
         setTyped(event.target.value);
         const text = event.target.value.trim().replace(",", ".");
-        set(text === "" ? null : Number(text));
+        set(text === "" ? null : fromUnit(Number(text), unit));
       }}
       onBlur={() => {
         if (value === null || Number.isFinite(value)) setTyped(null);

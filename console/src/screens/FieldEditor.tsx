@@ -1,4 +1,4 @@
-import { lazy, Suspense, useMemo, useRef, useState } from "react";
+import { Suspense, useMemo, useRef, useState } from "react";
 import { useTranslation } from "react-i18next";
 import { RequestError, type Tagged } from "../api/client";
 import { createField, deleteField, getField, listFields, replaceField } from "../api/resources";
@@ -16,6 +16,7 @@ import { useLive } from "../live/use_live";
 import { asRequestError, useResource } from "../live/use_resource";
 import { farmExtent } from "../map/farm_extent";
 import { collection, fieldFeatures } from "../map/features";
+import { FarmMap } from "../map/map_part";
 import { fieldChanges, isSame, isSameField } from "../planning/changes";
 import {
   draftOf, EMPTY, fieldArea_m2, isComplete, nextCorner, outlineOf, presentRing, ringOf, ringOfFault,
@@ -33,7 +34,6 @@ import { useEditing } from "./use_editing";
 import { useFleetSymbols } from "./use_fleet_symbols";
 import { useSaving } from "./use_saving";
 
-const FarmMap = lazy(() => import("../map/FarmMap"));
 const DEFAULT_START: Corner = [40.4434, -3.7382];
 const nothing = () => undefined;
 

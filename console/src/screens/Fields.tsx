@@ -1,4 +1,4 @@
-import { lazy, Suspense, useMemo, useState } from "react";
+import { Suspense, useMemo, useState } from "react";
 import { useTranslation } from "react-i18next";
 import { listFields } from "../api/resources";
 import type { StoredField } from "../api/types";
@@ -12,10 +12,10 @@ import { useLive } from "../live/use_live";
 import { useResource } from "../live/use_resource";
 import { farmExtent } from "../map/farm_extent";
 import { fieldFeatures } from "../map/features";
+import { FarmMap } from "../map/map_part";
 import { FieldFileDialog } from "./FieldFileDialog";
 import { useFleetSymbols } from "./use_fleet_symbols";
 
-const FarmMap = lazy(() => import("../map/FarmMap"));
 const nothing = () => undefined;
 
 /** Every field on the map, and the list of them. */

@@ -1,4 +1,4 @@
-import { lazy, Suspense, useMemo, useState } from "react";
+import { Suspense, useMemo, useState } from "react";
 import { useTranslation } from "react-i18next";
 import { listFields } from "../api/resources";
 import { Empty, ErrorNotice, Skeleton } from "../controls/states";
@@ -10,11 +10,10 @@ import { farmExtent } from "../map/farm_extent";
 import { collection, fieldFeatures, routeFeatures, trailFeatures } from "../map/features";
 import { fenceFeatures } from "../map/fence_features";
 import { FenceLegend } from "../map/FenceLegend";
+import { FarmMap } from "../map/map_part";
 import { fenceOf, type Fence } from "../planning/fence";
 import { useFleetSymbols } from "./use_fleet_symbols";
 import { VehicleCard } from "./VehicleCard";
-
-const FarmMap = lazy(() => import("../map/FarmMap"));
 
 /** Trails are drawn again as a whole; the symbols move at once. */
 const REDRAWN_EVERY_MS = 1000;

@@ -1,4 +1,4 @@
-import { lazy, Suspense, useEffect, useMemo, useState } from "react";
+import { Suspense, useEffect, useMemo, useState } from "react";
 import { useTranslation } from "react-i18next";
 import {
   flightTrack, getFlight, getFlightMap, listFields, listFlightAlarms, listFootprints, listObservations, listPictures,
@@ -17,6 +17,7 @@ import { useResource } from "../live/use_resource";
 import type { Symbol } from "../map/FarmMap";
 import { extentOf } from "../map/extent";
 import { collection, fieldFeatures } from "../map/features";
+import { FarmMap } from "../map/map_part";
 import { pictureElement, updateVehicleElement, valueElement, vehicleElement } from "../map/markers";
 import { picturePlaces, placedMap, placedPictures } from "../map/picture_places";
 import { FlightLogs } from "./flight/FlightLogs";
@@ -28,7 +29,6 @@ import { FlightSteps } from "./FlightSteps";
 import { FlightFigures } from "./Flights";
 import { fieldNames } from "./use_fleet_symbols";
 
-const FarmMap = lazy(() => import("../map/FarmMap"));
 const FORMATS = { gpx: "GPX", csv: "CSV", geojson: "GeoJSON" } as const;
 /** How often a flight that goes on is loaded again. */
 const REFRESH_MS = 4_000;
@@ -162,6 +162,15 @@ export default function FlightView({ id }: { id: number }) {
     [points],
   );
 
+  if (flight.value === null && flight.error?.status === 404) {
+    return (
+      <Empty icon="flight" title={t("shell.not_found")}>
+        <a className="button button-plain" {...linkTo("flights")}>
+          <Icon name="back" /> {t("flights.title")}
+        </a>
+      </Empty>
+    );
+  }
   return (
     <div className="split">
       <div className="split-map">

@@ -1,23 +1,25 @@
-import { lazy, Suspense, useEffect, useMemo, useRef, useState } from "react";
+import { Suspense, useEffect, useMemo, useRef, useState } from "react";
 import { useTranslation } from "react-i18next";
-import type { Tagged } from "../api/client";
-import { createPlan, getTaggedPlan, listFields, replacePlan } from "../api/resources";
+import type { Fault, Tagged } from "../api/client";
+import { createPlan, dispatchPlan, getTaggedPlan, listFields, replacePlan } from "../api/resources";
 import type { Command, Plan, PlanDocument } from "../api/types";
+import { useUnits } from "../app/preferences";
 import { go, linkTo, setGuard } from "../app/route";
 import { useIsOperator } from "../app/session_context";
 import { Button } from "../controls/Button";
 import { SelectField, TextField } from "../controls/fields";
 import { Icon } from "../controls/Icon";
+import { QuantityField } from "../controls/QuantityField";
 import { ErrorNotice, Notice, Skeleton } from "../controls/states";
 import { describeError } from "../i18n/describe_error";
 import { useLive } from "../live/use_live";
 import { useResource } from "../live/use_resource";
 import { extentOf } from "../map/extent";
 import { collection, fieldFeatures, placeOf, routeFeatures } from "../map/features";
-import { waypointElement } from "../map/markers";
+import { FarmMap } from "../map/map_part";
 import { isSamePlan, planChanges } from "../planning/changes";
 import {
-  COMMAND_TYPES, hasPlace, HOME, newCommand, parametersOf, placeOfFault, problemOf, renumbered,
+  COMMAND_TYPES, hasPlace, HOME, newCommand, placeOfFault, problemsOf, renumbered,
   rounded, TAKEOFF, WAYPOINT,
 } from "../planning/command_forms";
 import { documentOf, newMissionId, renumberedFrom } from "../planning/plan_document";
@@ -25,14 +27,22 @@ import { formOf, isSameForm, withForm, type PlanForm } from "../planning/plan_fo
 import { save as saveOver } from "../planning/saving";
 import { CommandForm } from "./CommandForm";
 import { ConflictNotice } from "./ConflictNotice";
+import { DispatchDialog } from "./DispatchDialog";
 import { RestoredNotice, StepButtons } from "./EditingState";
 import { HeightProfile } from "./HeightProfile";
 import { LeaveWarning } from "./LeaveWarning";
 import { useEditing } from "./use_editing";
 import { fieldNames } from "./use_fleet_symbols";
 import { useSaving } from "./use_saving";
+import { useStepSymbols } from "./use_step_symbols";
 
-const FarmMap = lazy(() => import("../map/FarmMap"));
+const NO_FAULTS: Fault[] = [];
+/** Fields of the editor beside those of the steps, as the edge server's faults name them. */
+const FIELDS = ["name", "vehicle_id", "maximum_speed"] as const;
+
+function fieldOfFault(path: string): (typeof FIELDS)[number] | null {
+  return FIELDS.find((name) => path === name || path === `missions.0.${name}`) ?? null;
+}
 
 /** A new plan, or one that no vehicle has yet. */
 export default function PlanEditor({ reference }: { reference: string | null }) {
@@ -67,12 +77,14 @@ export default function PlanEditor({ reference }: { reference: string | null }) 
 
 function Editor({ read }: { read: Tagged<Plan> | null }) {
   const { t } = useTranslation();
+  const units = useUnits();
   const isOperator = useIsOperator();
   const vehicles = useLive((state) => state.vehicles);
   const fields = useResource(listFields);
   const dragged = useRef<number | null>(null);
   const drags = useRef(0);
   const [open, setOpen] = useState<number | null>(null);
+  const [flown, setFlown] = useState<Tagged<Plan> | null>(null);
   const saving = useSaving<Plan>();
   const { error, conflict, isBusy } = saving;
   const editing = useEditing<PlanForm, Plan>({
@@ -89,8 +101,10 @@ function Editor({ read }: { read: Tagged<Plan> | null }) {
   const commands = form.commands;
   const chosen = form.vehicleId ?? [...vehicles.keys()][0] ?? 1;
 
-  const changeForm = (part: Partial<PlanForm>, continued?: string) =>
+  const changeForm = (part: Partial<PlanForm>, continued?: string) => {
     editing.change((present) => ({ ...present, ...part }), continued);
+    if (error !== null) saving.forget();
+  };
   const change = (update: (present: Command[]) => Command[], continued?: string) => {
     editing.change((present) => ({ ...present, commands: renumbered(update(present.commands)) }), continued);
     if (error !== null) saving.forget();
@@ -128,23 +142,28 @@ function Editor({ read }: { read: Tagged<Plan> | null }) {
       return moved;
     });
 
-  const hasProblem = commands.some((command) =>
-    parametersOf(command.command_type_id).some((one) => problemOf(one, command.parameters[one.name]) !== null),
-  );
-  const draftFor = (dispatch: boolean): PlanDocument =>
+  const remove = (index: number) => {
+    setOpen(null);
+    change((present) => present.filter((_, at) => at !== index));
+  };
+
+  const hasProblem = !(Number(form.speed) > 0) || commands.some((command) => problemsOf(command).length > 0);
+  const draft = (): PlanDocument =>
     withForm(editing.base === null ? null : documentOf(editing.base.value), {
       form: { ...form, name: form.name.trim() || t("editor.title_new") },
       vehicleId: chosen,
       missionId: newMissionId(Date.now()),
-      dispatch,
     });
-  const stored = ({ id }: Plan) => {
+  const forgetDraft = () => {
     editing.forget();
     setGuard(null);
+  };
+  const show = ({ id }: Plan) => {
+    forgetDraft();
     go(`plans/${id}`);
   };
-  const save = (dispatch: boolean) => {
-    const document = draftFor(dispatch);
+  const save = (then: (stored: Plan) => void) => {
+    const document = draft();
     const base = editing.base;
     const work = () =>
       base === null
@@ -153,21 +172,31 @@ function Editor({ read }: { read: Tagged<Plan> | null }) {
             put: (tag) => replacePlan(base.value.id, document, tag),
             read: () => getTaggedPlan(String(base.value.id)),
             isSame: isSamePlan,
-            isMine: (theirs) => !dispatch && isSameForm(formOf(theirs), { ...form, vehicleId: chosen }),
+            isMine: (theirs) => isSameForm(formOf(theirs), { ...form, vehicleId: chosen }),
           });
-    saving.run(work, stored, (refusal) => {
+    saving.run(work, then, (refusal) => {
       const first = refusal.faults.map((fault) => placeOfFault(fault.path)).find((one) => one !== null);
       if (first) setOpen(first.index);
     });
   };
+  /** Nothing flies by one click: the stored plan is dispatched as from its own page. */
+  const saveAndFly = () =>
+    save(({ id }) => {
+      forgetDraft();
+      getTaggedPlan(String(id)).then(setFlown, () => go(`plans/${id}`));
+    });
   const copy = () => {
-    const document = renumberedFrom(draftFor(false), newMissionId(Date.now()));
-    saving.run(() => createPlan({ ...document, name: t("conflict.copy_of", { name: document.name }) }), stored);
+    const document = renumberedFrom(draft(), newMissionId(Date.now()));
+    saving.run(() => createPlan({ ...document, name: t("conflict.copy_of", { name: document.name }) }), show);
   };
 
   const faultsOf = (index: number) =>
     (error?.faults ?? []).filter((fault) => placeOfFault(fault.path)?.index === index);
-  const otherFaults = (error?.faults ?? []).filter((fault) => placeOfFault(fault.path) === null);
+  const faultAt = (name: (typeof FIELDS)[number]) => error?.faults.find((fault) => fieldOfFault(fault.path) === name)?.text;
+  const otherFaults = (error?.faults ?? []).filter(
+    (fault) => placeOfFault(fault.path) === null && fieldOfFault(fault.path) === null,
+  );
+  const steps = useStepSymbols(commands, open, error?.faults ?? NO_FAULTS, { select: setOpen, remove, move });
 
   const layers = useMemo(
     () => ({
@@ -179,26 +208,9 @@ function Editor({ read }: { read: Tagged<Plan> | null }) {
   const symbols = useMemo(
     () => [
       ...fieldNames(fields.value ?? []),
-      ...commands.flatMap((command, index) => {
-        const place = placeOf(command);
-        if (place === null) return [];
-        const label = t("editor.step", { index: index + 1, name: t(`command.${command.command_type_id}`) });
-        return [
-          {
-            key: `step-${index}`,
-            longitude: place[0],
-            latitude: place[1],
-            level: 3,
-            make: () => waypointElement(String(index + 1), label, () => setOpen(index)),
-            update: (element: HTMLElement) => element.classList.toggle("is-selected", index === open),
-            drag: (longitude: number, latitude: number, isDropped: boolean) =>
-              move(index, latitude, longitude, isDropped),
-          },
-        ];
-      }),
+      ...steps,
     ],
-    // `move` only calls a state setter
-    [fields.value, commands, open, t],
+    [fields.value, steps],
   );
   const extent = useMemo(() => {
     const corners = (fields.value ?? []).flatMap((one) =>
@@ -253,23 +265,21 @@ function Editor({ read }: { read: Tagged<Plan> | null }) {
             </ul>
           </Notice>
         )}
-        <TextField label={t("editor.name")} value={form.name} onChange={(event) => changeForm({ name: event.target.value }, "name")} maxLength={120} />
+        <TextField label={t("editor.name")} value={form.name} onChange={(event) => changeForm({ name: event.target.value }, "name")} maxLength={120} error={faultAt("name")} />
         <div className="form-line">
-          <SelectField label={t("editor.vehicle")} value={chosen} onChange={(event) => changeForm({ vehicleId: Number(event.target.value) })}>
+          <SelectField label={t("editor.vehicle")} value={chosen} error={faultAt("vehicle_id")} onChange={(event) => changeForm({ vehicleId: Number(event.target.value) })}>
             {[...new Set([chosen, ...vehicles.keys()])].map((id) => (
               <option key={id} value={id}>
                 {t("vehicle.name", { id })}
               </option>
             ))}
           </SelectField>
-          <TextField
+          <QuantityField
             label={t("editor.speed")}
-            type="number"
-            inputMode="decimal"
-            min={0.1}
-            step="any"
-            value={form.speed}
-            onChange={(event) => changeForm({ speed: event.target.value }, "speed")}
+            unit={units.speedInput}
+            value={form.speed === "" ? null : Number(form.speed)}
+            change={(speed_m_s) => changeForm({ speed: speed_m_s === null ? "" : String(speed_m_s) }, "speed")}
+            error={faultAt("maximum_speed")}
           />
         </div>
         <div className="actions">
@@ -290,10 +300,7 @@ function Editor({ read }: { read: Tagged<Plan> | null }) {
               change={(parameters) =>
                 change((present) => present.map((one, at) => (at === index ? { ...one, parameters } : one)))
               }
-              remove={() => {
-                setOpen(null);
-                change((present) => present.filter((_, at) => at !== index));
-              }}
+              remove={() => remove(index)}
               up={() => swap(index, index - 1)}
               down={() => swap(index, index + 1)}
             />
@@ -311,17 +318,33 @@ function Editor({ read }: { read: Tagged<Plan> | null }) {
           ))}
         </SelectField>
         <div className="actions">
-          <Button kind="primary" isBusy={isBusy} disabled={commands.length === 0 || hasProblem} onClick={() => save(false)}>
+          <Button kind="primary" isBusy={isBusy} disabled={commands.length === 0 || hasProblem} onClick={() => save(show)}>
             {t("editor.save")}
           </Button>
           {isOperator && (
-            <Button icon="flight" isBusy={isBusy} disabled={commands.length === 0 || hasProblem} onClick={() => save(true)}>
+            <Button icon="flight" isBusy={isBusy} disabled={commands.length === 0 || hasProblem} onClick={saveAndFly}>
               {t("editor.save_and_fly")}
             </Button>
           )}
         </div>
       </section>
+      {flown !== null && <Departure plan={flown} />}
     </div>
+  );
+}
+
+/** The dialog with which a plan that was just stored is dispatched; then its page is shown. */
+function Departure({ plan: { value: plan, tag } }: { plan: Tagged<Plan> }) {
+  const dispatching = useSaving<unknown>();
+  const leave = () => go(`plans/${plan.id}`);
+  return (
+    <DispatchDialog
+      plan={plan}
+      error={dispatching.error}
+      isBusy={dispatching.isBusy}
+      dispatch={() => dispatching.run(() => dispatchPlan(plan.id, tag), leave)}
+      close={leave}
+    />
   );
 }
 

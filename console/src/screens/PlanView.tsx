@@ -1,6 +1,5 @@
-import { lazy, Suspense, useMemo, useState } from "react";
+import { Suspense, useMemo, useState } from "react";
 import { useTranslation } from "react-i18next";
-import { useReportText } from "../i18n/use_report_text";
 import type { RequestError } from "../api/client";
 import { createPlan, deletePlan, dispatchPlan, getTaggedPlan, listFields } from "../api/resources";
 import type { Mission, Plan } from "../api/types";
@@ -9,10 +8,10 @@ import { go, linkTo } from "../app/route";
 import { useIsOperator } from "../app/session_context";
 import { Button } from "../controls/Button";
 import { Dialog } from "../controls/Dialog";
-import { HoldButton } from "../controls/HoldButton";
 import { Icon } from "../controls/Icon";
 import { ErrorNotice, Notice, Skeleton } from "../controls/states";
 import { Pill, StatusPill } from "../controls/StatusPill";
+import { useReportText } from "../i18n/use_report_text";
 import { useLive } from "../live/use_live";
 import { usePlanFlights, type MissionFlight } from "../live/use_plan_flights";
 import { isInFlight, startOf, withLive } from "../live/use_plans";
@@ -21,19 +20,19 @@ import { extentOf } from "../map/extent";
 import { collection, fieldFeatures, placeOf, routeFeatures } from "../map/features";
 import { fenceFeatures, fencePlaces } from "../map/fence_features";
 import { FenceLegend } from "../map/FenceLegend";
+import { FarmMap } from "../map/map_part";
 import { fenceOf } from "../planning/fence";
 import { documentOf, newMissionId, renumberedFrom } from "../planning/plan_document";
-import { Checklist } from "./Checklist";
 import { CommandTimes } from "./CommandTimes";
+import { DispatchDialog } from "./DispatchDialog";
 import { DownloadDialog } from "./DownloadDialog";
 import { LivePicture } from "./LivePicture";
 import { MissionFlightNotes } from "./MissionFlightNotes";
+import { PlanLife } from "./PlanLife";
 import { PlanState } from "./Plans";
 import { SpeedForm } from "./SpeedForm";
 import { useFleetSymbols } from "./use_fleet_symbols";
 import { isInQueue, PlanQueues } from "./WaitingPlans";
-
-const FarmMap = lazy(() => import("../map/FarmMap"));
 
 /** A plan: its route on the map, and each step with its live status. */
 export default function PlanView({ reference }: { reference: string }) {
@@ -73,6 +72,7 @@ export default function PlanView({ reference }: { reference: string }) {
         )}
         <PlanActions plan={plan} tag={resource.value?.tag ?? ""} reload={resource.reload} />
         {isInQueue(plan) && <PlanQueues plan={plan} />}
+        <PlanLife plan={plan} />
         {plan.warnings.length > 0 && (
           <Notice kind="info">
             <strong>{t("plans.warnings")}</strong>
@@ -192,30 +192,26 @@ function PlanActions({ plan, tag, reload }: {
         )}
       </div>
       {question === "download" && <DownloadDialog plan={plan} close={() => setQuestion(null)} />}
-      {question !== null && question !== "download" && (
-        <Dialog title={t(`plans.${question}`)} close={() => setQuestion(null)}>
-          {question === "dispatch" && <Checklist plan={plan} />}
-          <p>{t(`plans.${question}_text`)}</p>
-          {question === "dispatch" ? (
-            <HoldButton
-              className="hold-home"
-              hint={t("stop.hold")}
-              act={() => act(() => dispatchPlan(plan.id, tag), reload)}
+      {question === "dispatch" && (
+        <DispatchDialog
+          plan={plan}
+          dispatch={() => act(() => dispatchPlan(plan.id, tag), reload)}
+          close={() => setQuestion(null)}
+        />
+      )}
+      {question === "cancel" && (
+        <Dialog title={t("plans.cancel")} close={() => setQuestion(null)}>
+          <p>{t("plans.cancel_text")}</p>
+          <footer className="dialog-actions">
+            <Button onClick={() => setQuestion(null)}>{t("action.back")}</Button>
+            <Button
+              kind="danger"
+              icon="remove"
+              onClick={() => act(() => deletePlan(plan.id, tag), () => go("plans"))}
             >
-              <Icon name="flight" size={26} /> {t("plans.dispatch")}
-            </HoldButton>
-          ) : (
-            <footer className="dialog-actions">
-              <Button onClick={() => setQuestion(null)}>{t("action.back")}</Button>
-              <Button
-                kind="danger"
-                icon="remove"
-                onClick={() => act(() => deletePlan(plan.id, tag), () => go("plans"))}
-              >
-                {t("plans.cancel")}
-              </Button>
-            </footer>
-          )}
+              {t("plans.cancel")}
+            </Button>
+          </footer>
         </Dialog>
       )}
     </>

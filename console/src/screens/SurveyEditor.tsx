@@ -1,4 +1,4 @@
-import { lazy, Suspense, useCallback, useEffect, useMemo, useRef, useState } from "react";
+import { Suspense, useCallback, useEffect, useMemo, useRef, useState } from "react";
 import { useTranslation } from "react-i18next";
 import { RequestError } from "../api/client";
 import { createSurvey, listFields, previewSurvey } from "../api/resources";
@@ -13,6 +13,7 @@ import { usePreview } from "../live/use_preview";
 import { asRequestError, useResource } from "../live/use_resource";
 import { farmExtent } from "../map/farm_extent";
 import { collection, fieldFeatures } from "../map/features";
+import { FarmMap } from "../map/map_part";
 import { entryElement, flightElement } from "../map/markers";
 import {
   colourOf, footprintFeatures, footprintOf, surveyFeatures, surveyFlights, type SurveyFlight,
@@ -24,7 +25,6 @@ import { SurveyFigures } from "./SurveyFigures";
 import { SurveyInputs } from "./SurveyInputs";
 import { useFleetSymbols } from "./use_fleet_symbols";
 
-const FarmMap = lazy(() => import("../map/FarmMap"));
 const NO_FIELDS: StoredField[] = [];
 const nothing = () => undefined;
 

@@ -9,6 +9,7 @@ import { Icon, type IconName } from "../controls/Icon";
 import { Pill, type Tone } from "../controls/StatusPill";
 import { StopContext } from "../controls/StopButton";
 import { useIsNear } from "../controls/use_is_near";
+import { serverAheadMs } from "../api/server_clock";
 import type { Vehicle } from "../api/types";
 import type { Tracked } from "../live/state";
 import type { Units } from "../units/units";
@@ -101,7 +102,7 @@ function Figures({ tracked }: { tracked: Tracked }) {
         }
         isBad={vehicle.gps_fix === "none" || vehicle.gps_fix === "2d"}
       />
-      <LinkAge reportedAtMs={tracked.reportedAtMs} isBad={vehicle.link_state !== "connected"} />
+      <LinkAge heardAtMs={tracked.heardAtMs} isBad={vehicle.link_state !== "connected"} />
     </dl>
   );
 }
@@ -134,11 +135,11 @@ function Figure({ icon, label, value, more = "", isBad = false }: {
 }
 
 /** Renders by itself each second, so that the card need not. */
-function LinkAge({ reportedAtMs, isBad }: { reportedAtMs: number; isBad: boolean }) {
+function LinkAge({ heardAtMs, isBad }: { heardAtMs: number; isBad: boolean }) {
   const { t } = useTranslation();
   const units = useUnits();
   const now = useNow();
-  return <Figure icon="link" label={t("vehicle.link")} value={units.duration(now - reportedAtMs)} isBad={isBad} />;
+  return <Figure icon="link" label={t("vehicle.link")} value={units.duration(now + serverAheadMs() - heardAtMs)} isBad={isBad} />;
 }
 
 function Progress({ running }: { running: Running }) {

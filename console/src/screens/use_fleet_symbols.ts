@@ -2,7 +2,7 @@
 
 import { useMemo } from "react";
 import { useTranslation } from "react-i18next";
-import type { StoredField } from "../api/types";
+import type { StoredField, Vehicle } from "../api/types";
 import { useLive } from "../live/use_live";
 import { statusOf } from "../live/vehicle_status";
 import type { Symbol } from "../map/FarmMap";
@@ -35,7 +35,7 @@ export function useFleetSymbols(
         key: `vehicle-${id}`,
         longitude: vehicle.longitude,
         latitude: vehicle.latitude,
-        level: 3,
+        level: vehicleLevel(vehicle),
         make: () => vehicleElement(t("vehicle.name", { id }), () => select(id)),
         update: (element) =>
           updateVehicleElement(element, motion.heading_deg, statusOf(vehicle), id === selected),
@@ -43,6 +43,11 @@ export function useFleetSymbols(
     }
     return symbols;
   }, [fields, vehicles, homes, selected, select, t]);
+}
+
+/** What flies, or waits in the air, lies above what stands on the ground. */
+export function vehicleLevel(vehicle: Vehicle): number {
+  return vehicle.armed ? 4 : 3;
 }
 
 /** The name of each field, below the middle of its northern edge. */

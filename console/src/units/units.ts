@@ -32,6 +32,9 @@ function rounded(value: number, digits: number, language: string): string {
   return format.format(value);
 }
 
+/** In each place the same; the language decides between 12 and 24 hours. */
+const HOUR_AND_MINUTE = { hour: "2-digit", minute: "2-digit" } as const;
+
 /** Formats values in one system of units and one language. */
 export class Units {
   constructor(
@@ -102,11 +105,17 @@ export class Units {
       : `${this.#write(squareMetres / M2_PER_HA, 1)} ha`;
   }
 
-  /** Units in which a person enters a height, a speed [m/s] and a small length [m]. */
+  /** Units in which a person enters a height, a length of some metres, a speed [m/s] and a resolution [m]. */
   get heightInput() {
     return this.system === "imperial"
       ? { symbol: "ft", factor: FEET_PER_M, digits: 0 }
       : { symbol: "m", factor: 1, digits: 1 };
+  }
+
+  get lengthInput() {
+    return this.system === "imperial"
+      ? { symbol: "ft", factor: FEET_PER_M, digits: 1 }
+      : { symbol: "m", factor: 1, digits: 2 };
   }
 
   get speedInput() {
@@ -152,14 +161,13 @@ export class Units {
     return new Date(stamp).toLocaleString(this.language, {
       day: "numeric",
       month: "short",
-      hour: "2-digit",
-      minute: "2-digit",
+      ...HOUR_AND_MINUTE,
     });
   }
 
   /** Time of day to the second, in the browser's time zone. */
   clock(stamp: string): string {
-    return new Date(stamp).toLocaleTimeString(this.language);
+    return new Date(stamp).toLocaleTimeString(this.language, { ...HOUR_AND_MINUTE, second: "2-digit" });
   }
 
   #write(value: number, digits: number): string {

@@ -49,12 +49,12 @@ async function editField(ana, juan) {
 async function editPlan(ana, juan) {
   await open(ana, `plans/${DRAFT}/edit`);
   await open(juan, `plans/${DRAFT}/edit`);
-  await ana.getByLabel("Maximum speed").fill("7");
+  await ana.getByLabel("Maximum speed (km/h)").fill("25.2");
   await button(ana, "Save draft").click();
   await ana.getByRole("heading", { level: 1 }).waitFor();
   await name(juan).fill("Juan's plan");
   await button(juan, "Save draft").click();
-  await juan.getByText("The maximum speed is now 7 m/s.").waitFor();
+  await juan.getByText("The maximum speed is now 25 km/h.").waitFor();
   await picture(juan, "conflict-plan");
   await button(juan, "Save mine as a copy").click();
   await juan.getByRole("heading", { name: "Juan's plan (copy)" }).waitFor();

@@ -25,9 +25,10 @@ const DIALOGS = {
   "screens/FieldFileDialog.tsx": [["fields", (page) => button(page, "Upload a file").click()]],
   "screens/UploadDialog.tsx": [["plans", (page) => button(page, "Upload a file").click()]],
   "screens/DownloadDialog.tsx": [[`plans/${DRAFT}`, (page) => button(page, "Download").click()]],
-  "screens/PlanView.tsx": [
+  "screens/PlanView.tsx": [[`plans/${DRAFT}`, (page) => button(page, "Cancel plan").click()]],
+  "screens/DispatchDialog.tsx": [
     [`plans/${DRAFT}`, (page) => button(page, "Fly now").click()],
-    [`plans/${DRAFT}`, (page) => button(page, "Cancel plan").click()],
+    [`plans/${DRAFT}/edit`, (page) => button(page, "Save and fly").click()],
   ],
   "screens/SurveyDeparture.tsx": [[`fields/${FIELD}/survey`, async (page) => {
     await page.locator(".flight-marker").first().waitFor();

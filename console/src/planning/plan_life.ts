@@ -1,0 +1,14 @@
+/** Until when a plan may be dispatched. Pure. */
+
+import type { Plan } from "../api/types";
+
+/** How the edge server ends a mission that nobody began in time (`EXPIRED` of its broker_work). */
+const EXPIRED = "expired before dispatch";
+
+/** "open": it can be flown until then; "expired": it ended unflown; null: neither matters any more. */
+export function lifeOf({ missions, expires_at }: Pick<Plan, "missions" | "expires_at">, nowMs: number): "open" | "expired" | null {
+  if (missions.some((one) => one.message === EXPIRED)) return "expired";
+  const waits = missions.some((one) => one.dispatch_state === "held" || one.dispatch_state === "queued");
+  if (!waits) return null;
+  return nowMs < Date.parse(expires_at) ? "open" : "expired";
+}

@@ -1,0 +1,170 @@
+/** An operator edits a draft in the editor and flies it from there.
+ *
+ *     node tests/browser/edit_a_plan.mjs
+ *
+ * ANA_LINK signs the operator in; DRAFT is the plan. OUT takes what a failure leaves.
+ */
+import { COARSE, hold, journey, requireAccessible, startBrowser } from "./chromium.mjs";
+
+const { ANA_LINK, DRAFT } = process.env;
+const origin = new URL(ANA_LINK).origin;
+const button = (page, text) => page.getByRole("button", { name: text, exact: true });
+const stateOf = (page) =>
+  page.evaluate(async (id) => (await (await fetch(`/plans/${id}`)).json()).missions[0].dispatch_state, DRAFT);
+
+async function openEditor(page) {
+  await page.goto(`${origin}/console/plans/${DRAFT}/edit`);
+  await page.getByLabel("Name", { exact: true }).waitFor();
+}
+
+/** One click flies nothing: the checklist comes first, and the button is held. */
+async function saveAndFly(page) {
+  await openEditor(page);
+  await page.getByLabel("Name", { exact: true }).fill("Flown from the editor");
+  await button(page, "Save and fly").click();
+  const dialog = page.getByRole("dialog", { name: "Fly now" });
+  await dialog.getByText("Wind within the drone’s limit").waitFor();
+  await requireAccessible(page, "the dispatch from the editor");
+  await dialog.getByRole("button", { name: "Fly now" }).click();
+  if ((await stateOf(page)) !== "held") throw new Error("the plan was dispatched by a click");
+  await page.keyboard.press("Escape");
+  await page.getByRole("heading", { name: "Flown from the editor" }).waitFor();
+
+  await openEditor(page);
+  await button(page, "Save and fly").click();
+  await hold(page, dialog.getByRole("button", { name: "Fly now" }), page.locator(".timeline"));
+  if ((await stateOf(page)) !== "queued") throw new Error("the plan was not dispatched");
+}
+
+/** A step of each kind as it is added is accepted; a landing ends the flight, so it is left out. */
+async function addEachKind(page) {
+  await page.goto(`${origin}/console/plans/new`);
+  await page.locator(".farm-map canvas").click();
+  const kinds = page.getByLabel("Add a step");
+  const names = await kinds.locator("option:not([disabled])").allInnerTexts();
+  if (names.length !== 11) throw new Error(`there are ${names.length} kinds of steps`);
+  for (const name of names.filter((one) => !/^(Take off|Land|Return home)/.test(one))) {
+    await kinds.selectOption({ label: name });
+  }
+  await button(page, "Save draft").click();
+  await page.locator(".timeline li").nth(9).waitFor();
+}
+
+/** What is wrong with a step is marked on the map and in the form, whoever has found it. */
+async function showFaults(page) {
+  await page.goto(`${origin}/console/plans/new`);
+  await page.locator(".farm-map canvas").click();
+  await page.getByLabel("Add a step").selectOption({ label: "Circle around a point ⌖" });
+  await page.locator(".step-title").nth(1).click();
+  const rate = page.getByLabel("Turn rate (°/s)");
+  const marker = (index) => page.locator(".waypoint-marker", { hasText: String(index) });
+  const marked = page.locator(".waypoint-marker.has-error");
+  await rate.fill("99");
+  await marked.waitFor();
+  if (!(await button(page, "Save draft").isDisabled())) throw new Error("a rate out of its range can be saved");
+  await rate.fill("59");
+  await marked.waitFor({ state: "detached" });
+  await button(page, "Save draft").click();
+  await marked.waitFor();
+  if ((await marker(2).getAttribute("class")).includes("has-error") === false) throw new Error("another step is marked");
+  if (!/m\/s, above maximum_speed/.test(await marker(2).getAttribute("aria-label"))) throw new Error("the marker does not say what is wrong");
+  await page.locator(".step.has-error .field.has-error").waitFor();
+  await rate.fill("5");
+  await page.getByLabel("Maximum speed").fill("999");
+  await button(page, "Save draft").click();
+  await page.locator(".form-line .field.has-error").waitFor();
+}
+
+/** The keys move a step by a metre, with Shift by ten, and remove it. */
+async function moveByKeys(page) {
+  await page.goto(`${origin}/console/plans/${DRAFT}/edit`);
+  await page.locator(".step-title").first().click();
+  const latitude = page.getByLabel("Latitude (°)");
+  const before = Number(await latitude.inputValue());
+  const steps = await page.locator(".step").count();
+  await page.locator(".waypoint-marker").first().focus();
+  await page.keyboard.press("ArrowUp");
+  await page.keyboard.press("Shift+ArrowUp");
+  const moved_m = (Number(await latitude.inputValue()) - before) * 111_195;
+  if (Math.abs(moved_m - 11) > 0.1) throw new Error(`the step was moved by ${moved_m} m`);
+  await page.keyboard.press("Delete");
+  await page.waitForFunction((count) => document.querySelectorAll(".step").length === count, steps - 1);
+  for (let undone = 0; undone < 3; undone += 1) await button(page, "Undo").click();
+  await page.locator(".step-title").first().click();
+  if (Number(await latitude.inputValue()) !== before) throw new Error("the step is not where it was");
+}
+
+/** Heights and speeds are entered in the chosen units, and stored in metres and seconds. */
+async function enterImperialUnits(page) {
+  const choose = async (name) => {
+    await page.locator(".header-person").click();
+    await page.getByRole("dialog").getByRole("radio", { name }).check();
+    await page.getByRole("dialog").getByRole("button", { name: "Done" }).click();
+  };
+  await page.goto(`${origin}/console/plans/${DRAFT}/edit`);
+  await choose("Imperial");
+  await page.getByLabel("Maximum speed (mph)").fill("10");
+  await page.locator(".step-title").first().click();
+  await page.getByLabel("Height (ft)").fill("50");
+  await page.locator(".step-title").first().getByText("50 ft").waitFor();
+  await button(page, "Save draft").click();
+  await page.locator(".timeline").waitFor();
+  const mission = await page.evaluate(async (id) => (await (await fetch(`/plans/${id}`)).json()).missions[0], DRAFT);
+  const stored = [mission.maximum_speed.toFixed(2), mission.command_array[0].parameters.altitude];
+  if (`${stored}` !== "4.47,15.24") throw new Error(`stored are ${stored}`);
+  await choose("Metric");
+}
+
+/** Nothing runs off the right edge where texts are long and the screen is small, nor STOP's orders below it. */
+async function fitsOnSmallScreens(page) {
+  await page.setViewportSize({ width: 1024, height: 768 });
+  for (const theme of ["light", "outdoor"]) {
+    await page.evaluate((chosen) => localStorage.setItem("farm-console", JSON.stringify({ language: "es", theme: chosen })), theme);
+    await page.goto(`${origin}/console/plans/${DRAFT}/edit`);
+    for (const title of await page.locator(".step-title").all()) {
+      await title.click();
+      const [wide, room] = await page.locator(".split-side").evaluate((one) => [one.scrollWidth, one.clientWidth]);
+      if (wide > room) throw new Error(`the editor is ${wide} px wide in ${room} px (${theme})`);
+    }
+  }
+  await page.setViewportSize({ width: 740, height: 360 });
+  await page.locator(".header .stop-button").click();
+  const land = page.getByRole("dialog").getByRole("button", { name: "Aterrizar aquí" });
+  await land.waitFor();
+  const bottom = await land.evaluate((one) => one.getBoundingClientRect().bottom);
+  if (bottom > 360) throw new Error(`the order to land ends ${bottom} px below the top of 360 px`);
+  await page.keyboard.press("Escape");
+  await page.setViewportSize({ width: 1280, height: 800 });
+  await page.evaluate(() => localStorage.removeItem("farm-console"));
+}
+
+/** What a screen says of itself: its title, a flight that is none, how long a plan lives. */
+async function readTitlesAndTimes(page) {
+  await page.goto(`${origin}/console/flights/NaN`);
+  await page.getByText("There is nothing at this address").waitFor();
+  await page.goto(`${origin}/console/flights/999`);
+  await page.getByText("There is nothing at this address").waitFor();
+  if (await page.getByText("GPX").count()) throw new Error("a flight that does not exist has files");
+  if ((await page.title()) !== "Flights - Farm console") throw new Error(`the title is ${await page.title()}`);
+  await page.goto(`${origin}/console/plans/${DRAFT}`);
+  await page.getByText(/^Can be flown until .*[AP]M\. After that it expires/).waitFor();
+  const brand = await page.locator(".brand").evaluate((one) => one.getBoundingClientRect().width);
+  if (brand < 44) throw new Error(`the link with the name is ${brand} px wide`);
+}
+
+const browser = await startBrowser();
+try {
+  await journey(browser, "edit-a-plan", async (page) => {
+    await page.goto(ANA_LINK);
+    await page.getByRole("navigation").waitFor();
+    await addEachKind(page);
+    await showFaults(page);
+    await moveByKeys(page);
+    await enterImperialUnits(page);
+    await readTitlesAndTimes(page);
+    await fitsOnSmallScreens(page);
+    await saveAndFly(page);
+  }, COARSE);
+} finally {
+  await browser.close();
+}

@@ -1,0 +1,24 @@
+import { expect, test } from "vitest";
+import { parametersOf, problemOf } from "../src/planning/command_forms";
+import { fromUnit, inUnit } from "../src/units/entered";
+import { Units } from "../src/units/units";
+
+const FEET = new Units("imperial", "en").lengthInput;
+const METRES = new Units("metric", "en").lengthInput;
+
+test("what is entered in feet is stored in metres, and shown as it was entered", () => {
+  expect(fromUnit(50, FEET)).toBe(15.24);
+  for (const feet of [0.5, 3, 33, 49.2, 50, 393.7, -164]) expect(inUnit(fromUnit(feet, FEET), FEET)).toBe(String(feet));
+  expect([fromUnit(15.5, METRES), inUnit(15.5, METRES)]).toEqual([15.5, "15.5"]);
+});
+
+test("a limit that is shown in feet is allowed", () => {
+  for (const one of parametersOf(7).filter(({ name }) => name === "orbit_altitude" || name === "radius")) {
+    const shown = [inUnit(one.minimum ?? 0, FEET, Math.ceil), inUnit(one.maximum ?? 0, FEET, Math.floor)];
+    for (const feet of shown) expect(problemOf(one, fromUnit(Number(feet), FEET))).toBeNull();
+  }
+});
+
+test("a value without a system is shown as it is", () => {
+  expect(inUnit(40.4434123, { symbol: "°", factor: 1, digits: null })).toBe("40.4434123");
+});
