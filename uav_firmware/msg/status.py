@@ -97,7 +97,7 @@ class LandDetected(NamedTuple):
     landed: bool
     ground_contact: bool
     landed_state: LandedState
-    has_low_throttle: bool  # The rotors cannot carry the vehicle, so it rests on what it touches
+    has_low_throttle: bool  # Disarmed, or so little thrust that no rotor lifts the vehicle
 
 
 class HomePosition(NamedTuple):

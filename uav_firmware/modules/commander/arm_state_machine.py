@@ -59,18 +59,23 @@ def after(state: Arming, event: ArmingEvent) -> Arming:
         raise IllegalArmingError(f"{event.name} while {state.name}") from None
 
 
+LIFTING_S: Final = 30.0
+"""A vehicle that is still landed after so long with its throttle up cannot take off."""
+
+
 class DisarmTimer:
     """Disarms after a landing, or when no take-off follows the arming."""
 
     def __init__(self) -> None:
         self._flown = False
-        self._grounded_since_us = 0
+        self._grounded_since_us = 0  # At rest, as far as its throttle lets it be
+        self._landed_since_us = 0  # Whatever its throttle
         self._mission_since_us = 0  # Began on the ground, or has flown
 
     def start(self, now_us: int) -> None:
         """Begin at the arming."""
         self._flown = False
-        self._grounded_since_us = self._mission_since_us = now_us
+        self._grounded_since_us = self._landed_since_us = self._mission_since_us = now_us
 
     def due(
         self,
@@ -84,7 +89,7 @@ class DisarmTimer:
         """Event that disarms now, if any.
 
         Time counts while the vehicle rests: one that takes off slowly, at the first centimetres,
-        is landed, but not resting.
+        is landed, but not resting. Where that leads to no take-off, it is disarmed later.
 
         A mission that continues after a landing, or waits before its take-off, stays armed; one
         that does not take off, for COM_DISARM_MIS.
@@ -97,10 +102,13 @@ class DisarmTimer:
         waited_s = (now_us - self._mission_since_us) * 1e-6
         if waited_s > 0.0 and 0.0 <= params.disarm_mission_s <= waited_s:
             return ArmingEvent.PREFLIGHT_TIMEOUT
-        if not resting or in_mission:
-            self._grounded_since_us = now_us
+        if not landed or in_mission:
+            self._grounded_since_us = self._landed_since_us = now_us
             return None
         grounded_s = (now_us - self._grounded_since_us) * 1e-6
+        if not resting:
+            self._grounded_since_us = now_us
+            grounded_s = (now_us - self._landed_since_us) * 1e-6 - LIFTING_S
         if self._flown:
             over = 0.0 <= params.disarm_landed_s <= grounded_s
             return ArmingEvent.LANDED_TIMEOUT if over else None

@@ -231,6 +231,19 @@ def test_one_that_takes_off_slowly_is_not_disarmed_in_its_first_centimetres() ->
     assert not vehicle.armed
 
 
+def test_one_that_is_tied_down_is_disarmed_though_its_throttle_is_up() -> None:
+    vehicle = ToyVehicle()
+    vehicle.run(0.5)
+    assert vehicle.arm() is ACCEPTED
+    vehicle.lifting = True
+    armed = []
+    for seconds in (39.0, 1.5):
+        vehicle.run(seconds)
+        armed.append(vehicle.armed)
+    assert armed == [True, False]
+    assert "Disarmed: no take-off" in vehicle.texts
+
+
 def test_two_seconds_after_landing_it_disarms_and_goes_to_hold() -> None:
     vehicle = ToyVehicle()
     vehicle.run(0.5)
