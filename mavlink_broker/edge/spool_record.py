@@ -39,6 +39,7 @@ class _PostRecord(BaseModel):
     lane: Annotated[str, Field(pattern=r"^[a-z_]{1,40}$")]
     urgency: Annotated[int, Field(ge=min(Urgency), le=max(Urgency))]
     may_be_known: bool
+    is_retried: bool = False
     body: dict[str, Any]
 
 
@@ -102,6 +103,8 @@ def _document_of(number: int, post: Post) -> dict[str, Any]:
         "urgency": int(post.urgency),
         "may_be_known": post.may_be_duplicate,
         "body": post.body,
+        # Alone where it is true: an earlier version refuses fields that it does not know
+        **({"is_retried": True} if post.is_retried else {}),
     }
 
 
@@ -119,6 +122,7 @@ def _post(record: _PostRecord) -> Post:
         may_be_duplicate=record.may_be_known,
         spool_number=record.number,
         is_inherited=True,
+        is_retried=record.is_retried,
     )
 
 

@@ -177,6 +177,10 @@ def test_a_report_that_a_person_has_sent_again_holds_back_no_work(tmp_path: Path
     run.writer.run_once(0.0)
     assert len(run.queue) == 1
     assert run.queue.vehicles_with_unsent_reports == frozenset()
+    run.kill()
+    after = Run(tmp_path)
+    assert len(after.queue) == 1
+    assert after.queue.vehicles_with_unsent_reports == frozenset()
 
 
 def test_a_retry_requested_while_no_broker_runs_is_done_by_the_next(tmp_path: Path) -> None:
