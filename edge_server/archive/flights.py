@@ -44,34 +44,51 @@ def time_of(recorded_at: datetime | None, received_at: float) -> float:
     return recorded
 
 
-def at_time(
-    connection: sqlite3.Connection, vehicle_id: int, at: float, late_s: float = LATE_S
-) -> int | None:
-    """Find the flight of a vehicle that something recorded then belongs to; None without one.
-
-    It may be recorded `late_s` [s] after the end of the flight.
-    """
-    row = connection.execute(
-        "SELECT id, ended_at FROM flight WHERE vehicle_id = ? AND started_at <= ? AND dropped = 0"
-        " ORDER BY started_at DESC, id DESC LIMIT 1",
-        (vehicle_id, at + EARLY_S),
-    ).fetchone()
-    if row is None or (row[1] is not None and at > row[1] + late_s):
-        return None
-    return int(row[0])
+def at_time(connection: sqlite3.Connection, vehicle_id: int, at: float) -> int | None:
+    """Find the flight of a vehicle that something recorded then belongs to; None without one."""
+    found = _latest(connection, vehicle_id, at)
+    return None if found is None else found[0]
 
 
 def of_point(connection: sqlite3.Connection, vehicle_id: int, at: float) -> int | None:
     """Find the flight whose track a point belongs to; None without one.
 
-    A vehicle that is still armed, such as one that returns after its mission has failed, goes on
-    with its track; one that stands does not.
+    A track goes on behind the end of its mission until the vehicle is disarmed: it may return
+    after a failure. A point may arrive long after that.
     """
-    row = connection.execute(
-        "SELECT armed FROM vehicle WHERE vehicle_id = ?", (vehicle_id,)
+    found = _latest(connection, vehicle_id, at)
+    if found is None:
+        return None
+    flight, ended_at = found
+    is_over = ended_at is not None and at > ended_at + PARKED_LATE_S
+    return None if is_over and _was_parked(connection, vehicle_id, at) else flight
+
+
+def _latest(
+    connection: sqlite3.Connection, vehicle_id: int, at: float
+) -> tuple[int, float | None] | None:
+    """Find the flight that had begun then, and when it ended; None if that is too long ago."""
+    row: tuple[int, float | None] | None = connection.execute(
+        "SELECT id, ended_at FROM flight WHERE vehicle_id = ? AND started_at <= ? AND dropped = 0"
+        " ORDER BY started_at DESC, id DESC LIMIT 1",
+        (vehicle_id, at + EARLY_S),
     ).fetchone()
-    is_armed = row is not None and bool(row[0])
-    return at_time(connection, vehicle_id, at, LATE_S if is_armed else PARKED_LATE_S)
+    if row is None or (row[1] is not None and at > row[1] + LATE_S):
+        return None
+    return row
+
+
+def _was_parked(connection: sqlite3.Connection, vehicle_id: int, at: float) -> bool:
+    """Whether a vehicle was disarmed then, or has never been reported as armed."""
+    row = connection.execute(
+        "SELECT armed, disarming.at FROM vehicle LEFT JOIN disarming USING (vehicle_id)"
+        " WHERE vehicle_id = ?",
+        (vehicle_id,),
+    ).fetchone()
+    if row is None:
+        return True
+    armed, disarmed_at = row
+    return not armed and (disarmed_at is None or at > disarmed_at + PARKED_LATE_S)
 
 
 def note_report(connection: sqlite3.Connection, flight: int, at: float, received_at: float) -> None:
@@ -158,6 +175,8 @@ def take_armed(connection: sqlite3.Connection, vehicle_id: int, at: float, *, ar
     was_armed = row is not None and bool(row[0])
     if row is None or was_armed != armed:
         connection.execute("REPLACE INTO vehicle VALUES (?, ?)", (vehicle_id, int(armed)))
+    if was_armed and not armed:
+        connection.execute("REPLACE INTO disarming VALUES (?, ?)", (vehicle_id, at))
     opened = _open_flight(connection, vehicle_id)
     if armed and not was_armed and opened is None and not _resume(connection, vehicle_id):
         _insert(connection, vehicle_id, MissionName(0, None), at, at, has_mission=False)

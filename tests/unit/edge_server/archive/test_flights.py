@@ -87,6 +87,21 @@ def test_the_track_goes_on_while_a_vehicle_returns_after_its_mission_has_failed(
     assert points(edge) == 5
 
 
+def test_the_way_back_is_in_the_track_also_if_it_arrives_after_the_disarming(edge: Edge) -> None:
+    """State vectors wait behind an update of their vehicle when the link has been away."""
+    arm(edge, armed=True)
+    begin(edge)
+    edge.clock.pass_s(60.0)
+    report(edge, FAILED)
+    edge.clock.pass_s(20.0)
+    arm(edge, armed=False)
+    edge.clock.pass_s(30.0)
+    for number, second in enumerate((5, 15, 25)):
+        at = f"2026-11-21T12:01:{second:02}Z"
+        send(edge, "state_vector", sequence_number=number, recorded_at=at)
+    assert points(edge) == 2
+
+
 def test_a_vehicle_flown_by_hand_has_a_flight_from_arming_to_disarming(edge: Edge) -> None:
     arm(edge, armed=True)
     edge.clock.pass_s(30.0)
