@@ -48,7 +48,10 @@ class Arming(Phase):
         effects.messages += self.exchange.start(now)
 
     def settle(self, now: float, effects: Effects) -> Result:
-        """Order it again after a refusal that may pass."""
+        """After a refusal that may pass order it again, unless it has expired; both after a pause.
+
+        In the pause a heartbeat may show that the vehicle is armed, though its answer is lost.
+        """
         del effects
         outcome = self.exchange.outcome if self.exchange else None
         if isinstance(outcome, Refused) and outcome.result is not None:
