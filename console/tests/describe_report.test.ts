@@ -51,7 +51,7 @@ test("a fault names steps as they are on the screen, in both languages", () => {
   expect(spanish.describe(fault))
     .toBe("viene tras el aterrizaje del paso 4: antes hace falta un despegue");
   expect(spanish.describe("the leg there enters geofence.exclusion.0"))
-    .toBe("el trayecto hasta allí entra en la zona prohibida 1");
+    .toBe("el trayecto hasta allí entra en la zona sin vuelo 1");
   expect(LANGUAGES.en.reports.describe("coordinates of the field")).toBe("coordinates of the field");
 });
 

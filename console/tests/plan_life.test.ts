@@ -9,8 +9,9 @@ const life = (mission: Partial<Mission>, now: string) =>
 test("a plan that waits can be flown until it expires", () => {
   expect(life({ dispatch_state: "held" }, "2026-05-01T21:59:59Z")).toBe("open");
   expect(life({ dispatch_state: "queued" }, "2026-05-01T22:00:00Z")).toBe("expired");
-  const ended = { dispatch_state: "closed", message: "expired before dispatch" } as const;
-  expect(life(ended, "2026-05-02T08:00:00Z")).toBe("expired");
+  for (const message of ["expired before dispatch", "expired before take-off"]) {
+    expect(life({ dispatch_state: "closed", message }, "2026-05-02T08:00:00Z")).toBe("expired");
+  }
 });
 
 test("a plan that is flown or was has no such time", () => {

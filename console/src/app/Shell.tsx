@@ -12,6 +12,7 @@ import { Header } from "./Header";
 import { Navigation } from "./Navigation";
 import { part } from "./part";
 import { usePreload } from "./preload";
+import { FarmMap } from "../map/map_part";
 import { numberOf, useRoute } from "./route";
 import { useTitle } from "./use_title";
 
@@ -26,7 +27,7 @@ const FlightView = part(() => import("../screens/FlightView"));
 const Alarms = part(() => import("../screens/Alarms"));
 const System = part(() => import("../screens/System"));
 /** Those that a person is likely to need without a connection first. */
-const PARTS = [PlanView, Plans, Alarms, Flights, FlightView, Fields, PlanEditor, FieldEditor, SurveyEditor, System];
+const PARTS = [FarmMap, PlanView, Plans, Alarms, Flights, FlightView, Fields, PlanEditor, FieldEditor, SurveyEditor, System];
 
 /** Header, navigation and the screen of the present address. */
 export function Shell({ feed }: { feed: Feed }) {
@@ -103,7 +104,7 @@ function Screen({ route: [first, second, third] }: { route: string[] }) {
     case "alarms":
       return <Alarms />;
     case "system":
-      return <System section={second ?? "users"} />;
+      return <System key={second} section={second ?? "users"} />; // Another section has not failed
     default:
       return <Nothing />;
   }

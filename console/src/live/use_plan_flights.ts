@@ -16,12 +16,14 @@ export interface MissionFlight extends Flight {
 
 /** Gives the last flight of each mission of a plan by the mission's number, again whenever one changes. */
 export function usePlanFlights(plan: Plan): ReadonlyMap<number, MissionFlight> {
-  const changes = useLive((state) => state.missionChanges);
   const alarms = useLive((state) => state.alarms.size);
+  const progress = plan.missions
+    .flatMap((mission) => [mission.mission_status_id, ...mission.command_array.map((one) => one.command_status_id)])
+    .join();
   const hasFlown = plan.missions.some((mission) => mission.mission_status_id > 1);
   const flights = useResource(
     async () => (hasFlown ? readFlights(plan) : []),
-    `${plan.id}-${hasFlown}-${changes}-${alarms}`,
+    `${plan.id}-${progress}-${alarms}`,
   );
   return useMemo(() => new Map(flights.value?.map((flight) => [flight.mission_id ?? 0, flight])), [flights.value]);
 }

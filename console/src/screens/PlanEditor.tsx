@@ -162,7 +162,7 @@ function Editor({ read }: { read: Tagged<Plan> | null }) {
     forgetDraft();
     go(`plans/${id}`);
   };
-  const save = (then: (stored: Plan) => void) => {
+  const save = (then: (stored: Plan) => void | Promise<void>) => {
     const document = draft();
     const base = editing.base;
     const work = () =>
@@ -183,7 +183,7 @@ function Editor({ read }: { read: Tagged<Plan> | null }) {
   const saveAndFly = () =>
     save(({ id }) => {
       forgetDraft();
-      getTaggedPlan(String(id)).then(setFlown, () => go(`plans/${id}`));
+      return getTaggedPlan(String(id)).then(setFlown, () => go(`plans/${id}`));
     });
   const copy = () => {
     const document = renumberedFrom(draft(), newMissionId(Date.now()));

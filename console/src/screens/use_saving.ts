@@ -10,7 +10,12 @@ export interface Attempt<Value> {
   error: RequestError | null;
   /** What somebody else has made of it; null inside if it is deleted. */
   conflict: { theirs: Tagged<Value> | null; last: LastChange | null } | null;
-  run: (work: () => Promise<Value>, then: (stored: Value) => void, refused?: (error: RequestError) => void) => void;
+  /** Busy until `then` has ended too: a second press would store what is new once more. */
+  run: (
+    work: () => Promise<Value>,
+    then: (stored: Value) => void | Promise<void>,
+    refused?: (error: RequestError) => void,
+  ) => void;
   forget: () => void;
 }
 
@@ -24,7 +29,7 @@ export function useSaving<Value>(): Attempt<Value> {
     work()
       .then((stored) => {
         setConflict(null);
-        then(stored);
+        return then(stored);
       })
       .catch((reason: unknown) => {
         if (reason instanceof ChangedError) {

@@ -35,7 +35,13 @@ const DIALOGS = {
     await button(page, "Fly now").click();
   }]],
   "screens/flight/Gallery.tsx": [["flights/1", (page) => page.locator(".pictures button").nth(1).click()]],
-  "screens/system/Keys.tsx": [["system/keys", (page) => button(page, "Revoke").first().click()]],
+  "controls/ConfirmDialog.tsx": [["system/keys", (page) => button(page, "Revoke").first().click()]],
+  "screens/system/NewKey.tsx": [["system/keys", async (page) => {
+    await page.getByLabel("Name").fill(`program-${Date.now()}`);
+    await button(page, "Make a key").click();
+  }]],
+  "screens/system/UserDialog.tsx": [["system/users", (page) =>
+    page.getByRole("button", { name: "Change the account of" }).first().click()]],
   "screens/system/CorrectDialog.tsx": [["system/dead_letters", async (page) => {
     await page.route("**/dead_letters/**", (route) =>
       route.fulfill({ json: route.request().url().includes("?") ? [LETTER] : LETTER }));
