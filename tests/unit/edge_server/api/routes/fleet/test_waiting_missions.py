@@ -274,5 +274,5 @@ def test_a_held_plan_from_the_future_lives_no_longer_either(edge: Edge) -> None:
     edge.post_plan(plan(mission(1), dispatch=False))
     edge.clock.now = NOON
     edge.get("/plans/1")
-    edge.clock.pass_s(12 * HOURS_S + 1.0)
+    edge.clock.pass_s(edge.config.held_plan_lifetime_s + 1.0)
     assert edge.ask("POST", "/plans/1/dispatch", "operator").status_code == 409
