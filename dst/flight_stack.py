@@ -218,12 +218,15 @@ class FlightStack:
     def _fly(self) -> None:
         """Fly for a round, and note what it did."""
         self._next = self._scheduler.after(ROUND_S, self._fly)
+        was_armed = self.armed
         for _ in range(round(ROUND_S * 1e6) // self._vehicle.step_us):
             self._stack.scheduler.step()
         if self._simulation.wrecked:
             self._scheduler.note(f"vehicle {self.system}", "-", "is wrecked and replaced")
             self.reboot()
             return
+        if self.armed and not was_armed:
+            self.truth.armed_s.append(self._scheduler.now_s)
         truth = self._simulation.truth
         self.truth.north_m, self.truth.east_m = offset_m(truth.latitude_deg, truth.longitude_deg)
         self.truth.height_m = truth.height_above_home_m

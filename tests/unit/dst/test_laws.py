@@ -115,6 +115,15 @@ def test_a_waypoint_that_is_flown_after_the_end_is_found(
         farm.laws.check()
 
 
+def test_a_vehicle_that_is_armed_for_an_expired_plan_is_found(
+    farm: Farm, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plan = farm.operator.plans[0]
+    monkeypatch.setattr(plan, "expires_s", plan.posted_s - 10.0)
+    with pytest.raises(LawError, match=r"was armed for it at .* though it expired"):
+        farm.laws.check_end()
+
+
 def test_an_order_to_a_vehicle_that_a_pilot_flies_is_found(farm: Farm) -> None:
     order = OrderUnderPilot(100.0, 50.0, "MAV_CMD_NAV_LAND")
     farm.world.vehicles[1].truth.orders_under_pilot.append(order)
