@@ -207,13 +207,15 @@ class ParameterOverrider:
             self._not_before = now + RETRY_INTERVAL_S
 
     def _record_other_value(self, name: str, reported_value: float | None) -> None:
-        """Record the value that a vehicle has stored instead of the requested one."""
+        """Record the value that a vehicle has stored instead of the requested one.
+
+        The original value may be a late answer of before the write, which the vehicle obeys yet:
+        it is read again when the override ends.
+        """
         overridden = self._overridden.get(name)
         if overridden is None or reported_value is None:
             return
-        if is_same(reported_value, overridden.before):
-            del self._overridden[name]
-        else:
+        if not is_same(reported_value, overridden.before):
             self._overridden[name] = overridden.with_value(reported_value)
 
     def _written(self, setting: Setting, previous: float) -> None:

@@ -7,7 +7,7 @@ import pytest
 from mavlink_broker.mavlink.dialect import Message, mavlink
 from mavlink_broker.microservices.command import RoundTrip
 from mavlink_broker.microservices.config_overrides import OverriddenParameter, ParameterOverrider
-from mavlink_broker.microservices.parameter import ParameterEncoding, Setting
+from mavlink_broker.microservices.parameter import MAX_CONTRADICTIONS, ParameterEncoding, Setting
 from tests.unit.mavlink_broker.microservices.harness import ROUTE, received
 
 REAL32 = mavlink.MAV_PARAM_TYPE_REAL32
@@ -22,6 +22,7 @@ class Vehicle:
     def __init__(self, **values: float) -> None:
         self.values = values
         self.writes: list[tuple[str, float]] = []
+        self.late = 0.0
         self.frozen: set[str] = set()
 
     def answer(self, message: Message) -> list[Message]:
@@ -141,7 +142,33 @@ def test_missing_and_unchanged_parameters_are_reported() -> None:
     assert "no answer" in refusals["CIRCLE_RATE"]
     assert "keeps it at 1" in refusals["CIRCLE_OPTIONS"]
     exchange.overrider.set_overrides(())
+    exchange.run()
     assert exchange.overrider.is_idle
+    assert vehicle.values == {"CIRCLE_OPTIONS": 1.0}
+
+
+class LateVehicle(Vehicle):
+    """Obeys, while answers of before are received: a slow link that doubles and reorders them."""
+
+    def answer(self, message: Message) -> list[Message]:
+        before = self.values.get(message.param_id, 0.0)
+        answers = super().answer(message)
+        if message.get_type() == "PARAM_SET" and len(self.writes) <= MAX_CONTRADICTIONS:
+            self.late = before if len(self.writes) == 1 else self.late
+            name = message.param_id.encode()
+            return [received(mavlink.MAVLink_param_value_message(name, self.late, REAL32, 9, 1))]
+        return answers
+
+
+def test_a_parameter_whose_refusal_was_a_late_answer_is_restored() -> None:
+    exchange = Exchange(LateVehicle(CIRCLE_RATE=20.0))
+    exchange.overrider.set_overrides((TARGET,))
+    exchange.run()
+    assert exchange.overrider.refusals
+    assert exchange.vehicle.values == {"CIRCLE_RATE": 12.0}
+    exchange.overrider.set_overrides(())
+    exchange.run()
+    assert exchange.vehicle.values == {"CIRCLE_RATE": 20.0}
 
 
 def test_a_failed_restore_is_retried() -> None:
