@@ -93,7 +93,6 @@ export const importPlan = (file: File, vehicleId: number): Promise<Plan> =>
 
 /** Numbers of the events that stop a mission, or let it fly on. */
 export const LAND_HERE = 1;
-const NEW_SPEED = 3;
 export const PAUSE = 101;
 export const RESUME = 102;
 export const RETURN_HOME = 103;
@@ -106,6 +105,8 @@ export const stopVehicle = (vehicleId: number, kind: StopKind): Promise<StoredEv
     body: { vehicle_id: vehicleId, event_type_id: kind },
     timeoutMs: 5_000,
   });
+/** Number of the event that changes a speed. */
+const NEW_SPEED = 3;
 /** Lets a vehicle fly its mission at another speed; it is tried once and never queued in the browser. */
 export const changeSpeed = (vehicleId: number, speed_m_s: number): Promise<StoredEvent> =>
   request("/events/", {

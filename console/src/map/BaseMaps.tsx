@@ -8,6 +8,7 @@ import { Icon } from "../controls/Icon";
 import { useReportText } from "../i18n/use_report_text";
 import { useResource } from "../live/use_resource";
 import { drawBaseMaps, readShownMaps, storeShownMaps, type ShownMaps } from "./base_maps";
+import { OpacitySlider } from "./OpacitySlider";
 import { listSurveyMaps } from "./survey_maps";
 import { VegetationLegend } from "./VegetationLegend";
 
@@ -106,14 +107,10 @@ function BaseMapChoice({ map: { name, kind, survey, fault: unreadable }, opacity
       {fault && <p className="small">{reportText(fault)}</p>}
       {isIndex && opacity !== undefined && <VegetationLegend />}
       {opacity !== undefined && (
-        <input
-          type="range"
-          min={0.1}
-          max={1}
-          step={0.05}
+        <OpacitySlider
+          label={t("map.opacity", { name: survey === undefined ? name : label })}
           value={opacity}
-          aria-label={t("map.opacity", { name: survey === undefined ? name : label })}
-          onChange={(event) => change(Number(event.target.value))}
+          change={change}
         />
       )}
     </div>

@@ -7,6 +7,7 @@ import { useUnits } from "../../app/preferences";
 import { useIsOperator } from "../../app/session_context";
 import { Button } from "../../controls/Button";
 import { Icon } from "../../controls/Icon";
+import { OpacitySlider } from "../../map/OpacitySlider";
 import { VegetationLegend } from "../../map/VegetationLegend";
 import { ErrorNotice, Notice } from "../../controls/states";
 import { asRequestError, type Resource } from "../../live/use_resource";
@@ -35,17 +36,7 @@ export function LayerChoice({ label, sliderLabel, opacity, change }: {
         />
         <span>{label}</span>
       </label>
-      {opacity !== null && (
-        <input
-          type="range"
-          min={0.1}
-          max={1}
-          step={0.05}
-          value={opacity}
-          aria-label={sliderLabel}
-          onChange={(event) => change(Number(event.target.value))}
-        />
-      )}
+      {opacity !== null && <OpacitySlider label={sliderLabel} value={opacity} change={change} />}
     </div>
   );
 }

@@ -6,10 +6,11 @@ import type { NewAccessKey } from "../../api/types";
 import { Button } from "../../controls/Button";
 import { CopyField } from "../../controls/CopyField";
 import { Dialog } from "../../controls/Dialog";
-import { SelectField, TextField } from "../../controls/fields";
+import { TextField } from "../../controls/fields";
 import { ErrorNotice, Notice } from "../../controls/states";
 import { asRequestError } from "../../live/use_resource";
-import { endOfDay, KEY_ROLES, NAME_PATTERN } from "./accounts";
+import { NameField, RoleField } from "./account_fields";
+import { endOfDay, KEY_ROLES } from "./accounts";
 
 /** Makes an access key for a program; its secret is shown once. */
 export function NewKey({ made }: { made: () => void }) {
@@ -40,22 +41,8 @@ export function NewKey({ made }: { made: () => void }) {
         <h2>{t("system.add_key")}</h2>
         {error && <ErrorNotice error={error} />}
         <div className="form-line">
-          <TextField
-            label={t("system.name")}
-            value={name}
-            onChange={(event) => setName(event.target.value)}
-            pattern={NAME_PATTERN}
-            title={t("system.name_rule")}
-            autoComplete="off"
-            required
-          />
-          <SelectField label={t("system.role")} value={role} onChange={(event) => setRole(event.target.value)}>
-            {KEY_ROLES.map((one) => (
-              <option key={one} value={one}>
-                {t(`role.${one}`)}
-              </option>
-            ))}
-          </SelectField>
+          <NameField value={name} change={setName} />
+          <RoleField roles={KEY_ROLES} value={role} change={setRole} />
           <TextField
             label={t("system.expires_optional")}
             type="date"

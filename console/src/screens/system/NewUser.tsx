@@ -3,10 +3,10 @@ import { useTranslation } from "react-i18next";
 import type { RequestError } from "../../api/client";
 import { createUser } from "../../api/resources";
 import { Button } from "../../controls/Button";
-import { SelectField, TextField } from "../../controls/fields";
 import { ErrorNotice } from "../../controls/states";
 import { asRequestError } from "../../live/use_resource";
-import { LONGEST_PASSWORD, NAME_PATTERN, PERSON_ROLES, SHORTEST_PASSWORD } from "./accounts";
+import { NameField, PasswordField, RoleField } from "./account_fields";
+import { PERSON_ROLES, SHORTEST_PASSWORD } from "./accounts";
 
 /** Makes an account; one without a password signs in by link. */
 export function NewUser({ made }: { made: () => void }) {
@@ -35,31 +35,9 @@ export function NewUser({ made }: { made: () => void }) {
         <h2>{t("system.add_user")}</h2>
         {error && <ErrorNotice error={error} />}
         <div className="form-line">
-          <TextField
-            label={t("system.name")}
-            value={name}
-            onChange={(event) => setName(event.target.value)}
-            pattern={NAME_PATTERN}
-            title={t("system.name_rule")}
-            autoComplete="off"
-            required
-          />
-          <SelectField label={t("system.role")} value={role} onChange={(event) => setRole(event.target.value)}>
-            {PERSON_ROLES.map((one) => (
-              <option key={one} value={one}>
-                {t(`role.${one}`)}
-              </option>
-            ))}
-          </SelectField>
-          <TextField
-            label={t("system.password_optional")}
-            type="password"
-            value={password}
-            onChange={(event) => setPassword(event.target.value)}
-            minLength={SHORTEST_PASSWORD}
-            maxLength={LONGEST_PASSWORD}
-            autoComplete="new-password"
-          />
+          <NameField value={name} change={setName} />
+          <RoleField roles={PERSON_ROLES} value={role} change={setRole} />
+          <PasswordField label={t("system.password_optional")} value={password} change={setPassword} />
           <Button kind="primary" icon="add" type="submit" isBusy={isBusy}>
             {t("system.add_user")}
           </Button>

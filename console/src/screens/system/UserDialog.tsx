@@ -6,10 +6,10 @@ import type { User } from "../../api/types";
 import { Button } from "../../controls/Button";
 import { CopyField } from "../../controls/CopyField";
 import { Dialog } from "../../controls/Dialog";
-import { SelectField, TextField } from "../../controls/fields";
 import { ErrorNotice, Notice } from "../../controls/states";
 import { asRequestError } from "../../live/use_resource";
-import { LONGEST_PASSWORD, PERSON_ROLES, SHORTEST_PASSWORD, signInAddress } from "./accounts";
+import { PasswordField, RoleField } from "./account_fields";
+import { PERSON_ROLES, SHORTEST_PASSWORD, signInAddress } from "./accounts";
 
 /** Changes a person's account: role, password, a link that signs in once, the end of it. */
 export function UserDialog({ user, isSelf, changed, close }: {
@@ -64,29 +64,14 @@ export function UserDialog({ user, isSelf, changed, close }: {
       {done !== null && <Notice kind="good">{done}</Notice>}
       {!isSelf && (
         <form className="form-line" onSubmit={changeRole}>
-          <SelectField label={t("system.role")} value={role} onChange={(event) => setRole(event.target.value)}>
-            {PERSON_ROLES.map((one) => (
-              <option key={one} value={one}>
-                {t(`role.${one}`)}
-              </option>
-            ))}
-          </SelectField>
+          <RoleField roles={PERSON_ROLES} value={role} change={setRole} />
           <Button type="submit" disabled={isBusy || role === user.role}>
             {t("system.change_role")}
           </Button>
         </form>
       )}
       <form className="form-line" onSubmit={changePassword}>
-        <TextField
-          label={t("system.new_password")}
-          type="password"
-          value={password}
-          onChange={(event) => setPassword(event.target.value)}
-          minLength={SHORTEST_PASSWORD}
-          maxLength={LONGEST_PASSWORD}
-          autoComplete="new-password"
-          required
-        />
+        <PasswordField label={t("system.new_password")} value={password} change={setPassword} required />
         <Button type="submit" disabled={isBusy || password === ""}>
           {t("system.set_password")}
         </Button>
