@@ -1,6 +1,9 @@
 /** Requests to the edge server that served this page: one place for cookie, CSRF token and errors. */
 
+import { appliedUnits } from "../app/preferences";
 import i18next, { reportTexts } from "../i18n/i18n";
+import { quantitiesIn } from "../units/fields";
+import { Units } from "../units/units";
 import { noteServerTime } from "./server_clock";
 
 /** What the edge server answers to a request that it refuses; see its HTTP errors. */
@@ -16,7 +19,7 @@ export interface LastChange {
   at: string;
 }
 
-/** A faulty member of a document, by its path in the document; the text is in the person's language. */
+/** A faulty member of a document, by its path in the document; the text is in the person's language and units. */
 export interface Fault {
   path: string;
   text: string;
@@ -151,11 +154,12 @@ async function refusalOf(response: Response): Promise<RequestError> {
 export function faultsOf(problem: Problem): Fault[] {
   return Object.values(problem.detail ?? {}).flatMap((paths) =>
     Object.entries(paths).flatMap(([path, texts]) =>
-      texts.map((text) => ({ path, text: inPersonsLanguage(text) })),
+      texts.map((text) => ({ path, text: inPersonsLanguage(text, path.split(".").at(-1)) })),
     ),
   );
 }
 
-function inPersonsLanguage(text: string): string {
-  return reportTexts(i18next.language).describe(text);
+function inPersonsLanguage(text: string, field?: string): string {
+  const units = new Units(appliedUnits(), i18next.language);
+  return reportTexts(i18next.language).describe(text, quantitiesIn(units, field));
 }

@@ -34,10 +34,18 @@ export function readPreferences(languages: readonly string[]): Preferences {
   }
 }
 
+let applied: System = "metric";
+
+/** The units that were chosen last, for what is no component. */
+export function appliedUnits(): System {
+  return applied;
+}
+
 /** Stores the choices and applies those that are attributes of the page. */
 export function applyPreferences(preferences: Preferences): void {
   document.documentElement.dataset["theme"] = preferences.theme;
   document.documentElement.lang = preferences.language;
+  applied = preferences.units;
   try {
     localStorage.setItem(KEY, JSON.stringify(preferences));
   } catch {

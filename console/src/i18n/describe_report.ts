@@ -12,7 +12,24 @@ interface Pattern {
   readonly phrase: string;
 }
 
+/** Units of the edge server and the broker that persons may read in others. */
+export type SiUnit = "m" | "m/s" | "deg/s";
+
+/** Which side of the number is allowed: to round to the other would give a value that is refused. */
+export type Limit = "least" | "most" | null;
+
+/** Writes a number of a report; its unit is null where the report has none: that of a field. */
+export type WriteQuantity = (value: number, unit: SiUnit | null, limit: Limit) => string;
+
 const PLACEHOLDER = /\{(\w+)\}/g;
+/** A placeholder with the unit behind it. */
+const QUANTITY_PLACE = /\{(\w+)\}(?: (m\/s|deg\/s|m)(?![\w/²^]))?/g;
+const QUANTITY = /(?<![\w.,])(-?\d+(?:\.\d+)?) (m\/s|deg\/s|m)(?![\w/²^])/g;
+const NUMBER = /^-?\d+(?:\.\d+)?$/;
+/** Values of a range, in the unit of the field that it belongs to. */
+const LIMITS: ReadonlyMap<string, Limit> = new Map<string, Limit>([
+  ["least", "least"], ["low", "least"], ["most", "most"], ["high", "most"], ["largest", "most"], ["value", null],
+]);
 const SEPARATOR = "; ";
 const STEP = "step";
 
@@ -25,10 +42,11 @@ export class ReportTexts {
     this.#phrases = new Map(Object.entries(phrases));
   }
 
-  readonly describe = (text: string): string =>
-    text.split(SEPARATOR).map((part) => this.#part(part)).join(SEPARATOR);
+  /** Gives a report in this language; `write` decides in which units it is read. */
+  readonly describe = (text: string, write: WriteQuantity = asReported): string =>
+    text.split(SEPARATOR).map((part) => this.#part(part, write)).join(SEPARATOR);
 
-  #part(text: string): string {
+  #part(text: string, write: WriteQuantity): string {
     const known = this.#phrases.get(text);
     if (known !== undefined) return known;
     this.#patterns ??= patternsOf(this.#phrases);
@@ -36,16 +54,27 @@ export class ReportTexts {
       const found = expression.exec(text);
       if (found === null) continue;
       const values = new Map(
-        names.map((name, index) => [name, this.#value(name, found[index + 1] ?? "")]),
+        names.map((name, index) => [name, found[index + 1] ?? ""]),
       );
-      return phrase.replace(PLACEHOLDER, (whole, name: string) => values.get(name) ?? whole);
+      return phrase.replace(QUANTITY_PLACE, (whole, name: string, unit: SiUnit | undefined) => {
+        const value = values.get(name);
+        return value === undefined ? whole : this.#value(name, value, unit ?? null, write);
+      });
     }
-    return text;
+    return text.replace(QUANTITY, (_, value: string, unit: SiUnit) => write(Number(value), unit, null));
   }
 
-  #value(name: string, text: string): string {
-    return name === STEP ? String(Number(text) + 1) : this.#part(text);
+  #value(name: string, text: string, unit: SiUnit | null, write: WriteQuantity): string {
+    if (name === STEP) return String(Number(text) + 1);
+    const isQuantity = NUMBER.test(text) && (unit !== null || LIMITS.has(name));
+    if (isQuantity) return write(Number(text), unit, LIMITS.get(name) ?? null);
+    return unit === null ? this.#part(text, write) : `${text} ${unit}`;
   }
+}
+
+/** Numbers and units as the programs write them. */
+function asReported(value: number, unit: SiUnit | null): string {
+  return unit === null ? String(value) : `${value} ${unit}`;
 }
 
 /** Gives the phrases with values, those with the longest fixed text first. */

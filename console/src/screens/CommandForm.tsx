@@ -8,17 +8,7 @@ import { Button } from "../controls/Button";
 import { SelectField, TextField } from "../controls/fields";
 import { parametersOf, placeOfFault, problemOf, problemsOf, type Parameter } from "../planning/command_forms";
 import { fromUnit, inUnit, type EnteredUnit } from "../units/entered";
-
-const LENGTHS = new Set([
-  "altitude", "orbit_altitude", "landing_altitude", "minimum_target_altitude", "radius",
-  "acceptance_radius", "trajectory_control",
-]);
-/** Units that are the same in each system. */
-const UNITS: Record<string, string> = {
-  hold_time: "s", time_interval: "s",
-  angular_velocity: "°/s", latitude: "°", longitude: "°", yaw_angle: "°", desired_yaw_angle: "°",
-  pitch_angle: "°", minimum_pitch: "°",
-};
+import { unitOfField } from "../units/fields";
 
 /** One step of a plan: its name, and while it is open a field for each parameter. */
 export function CommandForm({ index, count, command, isOpen, faults, toggle, change, remove, up, down }: {
@@ -90,7 +80,7 @@ function ParameterField({ parameter, value, fault, set }: ParameterProperties) {
   const { t } = useTranslation();
   const units = useUnits();
   const { name } = parameter;
-  const unit = LENGTHS.has(name) ? units.lengthInput : { symbol: UNITS[name] ?? "", factor: 1, digits: null };
+  const unit = unitOfField(name, units);
   const label = t(`parameter.${name}`) + (unit.symbol === "" ? "" : ` (${unit.symbol})`);
   if (parameter.type === "boolean") {
     return (

@@ -9,10 +9,9 @@ import {
   CAMERA_CHOICES, cameraOf, heightOf_m, inputOfFault, resolutionOf_m, type Camera,
   type CameraChoice, type FaultPath, type SurveyForm,
 } from "../planning/survey";
+import { MINUTES, PERCENT } from "../units/fields";
 import { SurveyVehicles } from "./SurveyVehicles";
 
-const PERCENT = { symbol: "%", factor: 100, digits: 0 };
-const MINUTES = { symbol: "min", factor: 1 / 60, digits: 1 };
 const MILLIMETRES = { symbol: "mm", factor: 1, digits: 2 };
 const PIXELS = { symbol: "px", factor: 1, digits: 0 };
 const SIZES = [
