@@ -14,15 +14,21 @@ SPEED = 2.0
 
 
 def long_plan() -> dict[str, object]:
-    """A plan that does not end before somebody ends it."""
+    """A plan that takes a picture, and does not end before somebody ends it."""
     plan = short_plan()
     plan["name"] = "Stopped on its way"
-    plan["missions"][0]["command_array"][1]["parameters"]["hold_time"] = HOLD_S
+    takeoff, waypoint, *rest = plan["missions"][0]["command_array"]
+    waypoint["parameters"]["hold_time"] = HOLD_S
+    picture = {"command_type_id": 4, "parameters": {"pitch_angle": -90}}
+    steps = [takeoff, picture, waypoint, *rest]
+    plan["missions"][0]["command_array"] = [
+        step | {"command_id": number} for number, step in enumerate(steps, 1)
+    ]
     return plan
 
 
 @pytest.mark.timeout(TEST_TIMEOUT_S)
-def test_a_plan_is_flown_and_stopped(tmp_path: Path) -> None:
+def test_a_plan_is_flown_and_stopped_and_a_field_is_drawn(tmp_path: Path) -> None:
     with (
         console_journey(tmp_path) as take,
         running(tmp_path / "farm", speed=SPEED, with_video=True) as farm,
@@ -33,8 +39,10 @@ def test_a_plan_is_flown_and_stopped(tmp_path: Path) -> None:
             FARMER_LINK=sign_in_link(farm, "farmer", "maria"),
             OPERATOR_LINK=sign_in_link(farm, "operator", "juan"),
         )
+        take("plan_a_field", PLANNER_LINK=sign_in_link(farm, "farmer", "luis"))
         events = farm.get("/events/")
-        plan = farm.get("/plans/1")
+        plan, survey = farm.get("/plans/1"), farm.get("/plans/2")
+        (field,) = farm.get("/fields/")
     assert [(event["event_type_name"], event["state"]) for event in events] == [
         ("DRONE_SPEED", "done"),
         ("PAUSE_MISSION", "done"),
@@ -43,15 +51,6 @@ def test_a_plan_is_flown_and_stopped(tmp_path: Path) -> None:
     ]
     assert events[0]["maximum_speed"] == pytest.approx(2.0)
     assert plan["missions"][0]["mission_status_id"] == 5, plan
-
-
-@pytest.mark.thorough
-@pytest.mark.timeout(TEST_TIMEOUT_S)
-def test_a_field_is_drawn_and_its_survey_is_planned(tmp_path: Path) -> None:
-    with console_journey(tmp_path) as take, running(tmp_path / "farm") as farm:
-        take("plan_a_field", PLANNER_LINK=sign_in_link(farm, "farmer", "luis"))
-        (field,) = farm.get("/fields/")
-        survey = farm.get("/plans/1")
     assert field["name"] == "Olive grove"
     assert [len(ring) for ring in (field["boundary"], *field["exclusions"])] == [4, 3]
     assert (survey["name"], survey["field_id"]) == ("Olive grove 1", field["id"])

@@ -4,6 +4,7 @@ import type { Mission, Vehicle } from "../api/types";
 import { allows, type Fence } from "./fence";
 import { heightProfile, lengthOf, metresBetween } from "./height_profile";
 import { TAKEOFF } from "./command_forms";
+import { windState, type Wind } from "./wind";
 
 /** "look": nothing measures it, a person has to look. */
 export type CheckState = "good" | "warning" | "bad" | "look";
@@ -31,11 +32,14 @@ export interface Circumstances {
   fence: Fence | null;
   /** How long a battery lasts. */
   endurance_s?: number;
+  /** The wind that was measured last, and the time now by the same clock. */
+  wind?: Wind | null;
+  now_ms?: number;
 }
 
 /** The checks of a mission for the vehicle as it is now; undefined: it is not known. */
 export function checklist(
-  mission: Mission, vehicle: Vehicle | undefined, { fence, endurance_s }: Circumstances,
+  mission: Mission, vehicle: Vehicle | undefined, { fence, endurance_s, wind, now_ms }: Circumstances,
 ): Check[] {
   return [
     { name: "ready", state: readiness(vehicle) },
@@ -44,7 +48,7 @@ export function checklist(
     { name: "place", state: place(mission, vehicle, NEAR_M) },
     { name: "home", state: place(mission, vehicle, FAR_M) },
     { name: "fence", state: inside(mission, fence) },
-    { name: "wind", state: "look" },
+    { name: "wind", state: windState(wind ?? null, now_ms ?? 0) },
   ];
 }
 

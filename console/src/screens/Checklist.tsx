@@ -1,7 +1,10 @@
 import { useTranslation } from "react-i18next";
+import { serverAheadMs } from "../api/server_clock";
 import type { Mission, Plan } from "../api/types";
+import { useUnits } from "../app/preferences";
 import { Pill } from "../controls/StatusPill";
 import { useLive } from "../live/use_live";
+import { useWind } from "../live/use_wind";
 import { checklist, type Circumstances } from "../planning/checklist";
 import { fenceOf } from "../planning/fence";
 
@@ -21,14 +24,30 @@ export function Checklist({ plan }: { plan: Plan }) {
 }
 
 /** The checks of one vehicle. */
-export function Checks({ mission, ...circumstances }: { mission: Mission } & Circumstances) {
+export function Checks({ mission, ...circumstances }: { mission: Mission } & Pick<Circumstances, "fence" | "endurance_s">) {
   const { t } = useTranslation();
+  const units = useUnits();
   const vehicles = useLive((state) => state.vehicles);
+  const wind = useWind();
+  const now_ms = Date.now() + serverAheadMs();
+  const checks = checklist(
+    mission, vehicles.get(mission.vehicle_id)?.vehicle, { ...circumstances, wind, now_ms },
+  );
   return (
     <ul>
-      {checklist(mission, vehicles.get(mission.vehicle_id)?.vehicle, circumstances).map(({ name, state }) => (
+      {checks.map(({ name, state }) => (
         <li key={name}>
-          <span>{t(`check.${name}`)}</span>
+          <span>
+            {t(`check.${name}`)}
+            {name === "wind" && wind !== null && state !== "look" && (
+              <small>
+                {t("check.wind_measured", {
+                  speed: units.measured(wind.speed_m_s, "m/s"),
+                  age: units.duration(now_ms - wind.at_ms),
+                })}
+              </small>
+            )}
+          </span>
           <Pill tone={state === "look" ? "neutral" : state}>{t(`check.${state}`)}</Pill>
         </li>
       ))}

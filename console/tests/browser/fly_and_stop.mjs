@@ -1,4 +1,5 @@
-/** A farmer uploads a plan and may not fly it; an operator flies it, stops it and replays it.
+/** A farmer uploads a plan and may not fly it; an operator flies it, stops it, replays it and
+ * looks at its picture.
  *
  *     node tests/browser/fly_and_stop.mjs
  *
@@ -89,7 +90,7 @@ async function changeSpeed(page) {
   await page.getByRole("button", { name: "Change", exact: true }).click();
   await page.locator(".speed-outcome").getByText("Done", { exact: true }).waitFor();
   await page.getByRole("link", { name: /^Flight / }).waitFor();
-  await page.locator(".timeline li:nth-child(2) .flown-times").waitFor();
+  await page.locator(".timeline li:nth-child(3) .flown-times").waitFor();
 }
 
 async function flyAndStop(page) {
@@ -108,7 +109,7 @@ async function flyAndStop(page) {
   await requireAccessible(page, "the dispatch");
   await hold(page, dialog.getByRole("button", { name: "Fly now" }),
     page.getByText("With the drone").or(page.locator("[data-status='2']")));
-  await page.locator(".timeline li:nth-child(2)[data-status='2']").waitFor();
+  await page.locator(".timeline li:nth-child(3)[data-status='2']").waitFor();
   await changeSpeed(page);
   await lookAtLivePicture(page);
   await requireAccessible(page, "a plan in flight");
@@ -131,6 +132,15 @@ async function flyAndStop(page) {
   await drone.getByText("Ready", { exact: true }).waitFor();
 }
 
+/** The picture of the flight opens in its full size. */
+async function lookAtPicture(page) {
+  await page.locator(".pictures button").first().click();
+  const full = page.getByRole("dialog").locator("img");
+  const element = await full.elementHandle();
+  await page.waitForFunction((one) => one.naturalWidth > 320, element);
+  await requireAccessible(page, "a picture of the flight");
+}
+
 async function lookBack(page) {
   await screenLink(page, "Flights").click();
   await page.locator(".rows").getByText("Aborted").waitFor();
@@ -141,6 +151,7 @@ async function lookBack(page) {
   await waitUntilAbove(page, slider, 0.05);
   await page.getByRole("button", { name: "Pause" }).click();
   await requireAccessible(page, "a flight");
+  await lookAtPicture(page);
 }
 
 const browser = await startBrowser();
