@@ -22,6 +22,18 @@ test("each difference of a plan is named, with the new value or how many steps",
   ]);
 });
 
+test("of a plan of several drones each difference is named", () => {
+  const [mission] = BASE.missions;
+  const other = { ...mission!, mission_id: 4, vehicle_id: 2 };
+  const pair = { ...BASE, missions: [mission!, other] };
+  expect(planChanges(pair, { ...BASE, missions: [mission!, { ...other, vehicle_id: 3 }] }))
+    .toEqual([{ name: "vehicle", text: "3" }]);
+  expect(planChanges(pair, BASE)).toEqual([{ name: "missions" }]);
+  const shorter = { ...other, command_array: other.command_array.slice(1) };
+  expect(planChanges(pair, { ...BASE, missions: [mission!, shorter] }).map(({ name }) => name))
+    .toEqual(["steps_changed", "steps_removed"]);
+});
+
 test("a fence and a dispatch are differences, a live status and a warning are none", () => {
   const geofence = { inclusion: [] };
   expect(planChanges(BASE, { ...BASE, geofence })).toEqual([{ name: "rest" }]);

@@ -47,7 +47,7 @@ test("the problems of a command name its parameters", () => {
 });
 
 test("a fault of the edge server belongs to the command and parameter of its path", () => {
-  expect(placeOfFault("missions.0.command_array.3.parameters.altitude")).toEqual({ index: 3, parameter: "altitude" });
-  expect(placeOfFault("missions.0.command_array.2")).toEqual({ index: 2, parameter: null });
+  expect(placeOfFault("missions.0.command_array.3.parameters.altitude")).toEqual({ mission: 0, index: 3, parameter: "altitude" });
+  expect(placeOfFault("missions.1.command_array.2")).toEqual({ mission: 1, index: 2, parameter: null });
   expect(placeOfFault("missions.0.vehicle_id")).toBeNull();
 });

@@ -130,3 +130,18 @@ def test_one_vehicle_of_a_survey_flies_and_the_other_waits(tmp_path: Path) -> No
         for mission in plan["missions"]
     }
     assert states == {1: "queued", 2: "held"}
+
+
+@pytest.mark.thorough
+@pytest.mark.timeout(TEST_TIMEOUT_S)
+def test_a_plan_of_two_drones_is_edited(tmp_path: Path) -> None:
+    with console_journey(tmp_path) as take, edge_server(tmp_path) as (server, needs):
+        take("edit_two_drones", **needs)
+        (plan,) = plans_of(server)
+    missions = plan["missions"]
+    assert [one["vehicle_id"] for one in missions] == [1, 2]
+    assert [one["maximum_speed"] for one in missions] == pytest.approx([3.0, 2.0])
+    assert [[step["command_type_id"] for step in one["command_array"]] for one in missions] == [
+        [1, 3, 11],
+        [1, 11],
+    ]

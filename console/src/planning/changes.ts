@@ -1,12 +1,12 @@
 /** What differs between two versions of a plan or a field, as keys of the texts. Pure. */
 
-import type { Command, Plan, StoredField } from "../api/types";
+import type { Mission, Plan, StoredField } from "../api/types";
 import { bare, documentOf } from "./plan_document";
 
 /** One line about a difference; `count` is how many of them there are. */
 export interface Change {
   name: "name" | "vehicle" | "speed" | "steps_changed" | "steps_added" | "steps_removed" | "dispatched"
-    | "rest" | "boundary" | "holes" | "exclusions" | "entry";
+    | "missions" | "rest" | "boundary" | "holes" | "exclusions" | "entry";
   text?: string;
   count?: number;
 }
@@ -16,20 +16,28 @@ export function isSame(one: unknown, other: unknown): boolean {
   return ordered(one) === ordered(other);
 }
 
-/** What somebody has changed in a plan of one mission. */
+/** What somebody has changed in a plan. */
 export function planChanges(base: Plan, theirs: Plan): Change[] {
-  const [before, after] = [base.missions[0], theirs.missions[0]];
   const changes: Change[] = [];
-  if (!isSame(statesOf(base), statesOf(theirs))) changes.push({ name: "dispatched" });
+  const pairs = base.missions.flatMap((before, index) => {
+    const after = theirs.missions[index];
+    return after === undefined ? [] : [[before, after] as const];
+  });
+  if (pairs.some(([before, after]) => before.dispatch_state !== after.dispatch_state)) {
+    changes.push({ name: "dispatched" });
+  }
   if ((base.name ?? "") !== (theirs.name ?? "")) changes.push({ name: "name", text: theirs.name ?? "" });
-  if (before?.vehicle_id !== after?.vehicle_id) {
-    changes.push({ name: "vehicle", text: String(after?.vehicle_id ?? "") });
+  if (base.missions.length !== theirs.missions.length) changes.push({ name: "missions" });
+  for (const [before, after] of pairs) {
+    if (before.vehicle_id !== after.vehicle_id) changes.push({ name: "vehicle", text: String(after.vehicle_id) });
   }
-  if (before?.maximum_speed !== after?.maximum_speed) {
-    changes.push({ name: "speed", text: String(after?.maximum_speed ?? "") });
+  for (const [before, after] of pairs) {
+    if (before.maximum_speed !== after.maximum_speed) {
+      changes.push({ name: "speed", text: String(after.maximum_speed ?? "") });
+    }
   }
-  changes.push(...stepChanges(before?.command_array ?? [], after?.command_array ?? []));
-  if (!isSame(restOf(base), restOf(theirs))) changes.push({ name: "rest" });
+  changes.push(...stepChanges(pairs));
+  if (!isSame(restOf(base, pairs.length), restOf(theirs, pairs.length))) changes.push({ name: "rest" });
   return changes;
 }
 
@@ -53,25 +61,27 @@ export function isSameField(one: StoredField, other: StoredField): boolean {
   return fieldChanges(one, other).length === 0;
 }
 
-function stepChanges(before: readonly Command[], after: readonly Command[]): Change[] {
-  const shared = Math.min(before.length, after.length);
-  const changed = before.slice(0, shared)
-    .filter((one, index) => !isSame(bare(one), after[index] && bare(after[index]))).length;
-  const changes: Change[] = [];
-  if (changed > 0) changes.push({ name: "steps_changed", count: changed });
-  if (after.length > shared) changes.push({ name: "steps_added", count: after.length - shared });
-  if (before.length > shared) changes.push({ name: "steps_removed", count: before.length - shared });
-  return changes;
+/** How many steps differ in all missions together. */
+function stepChanges(pairs: readonly (readonly [Mission, Mission])[]): Change[] {
+  const counts = { steps_changed: 0, steps_added: 0, steps_removed: 0 };
+  for (const [{ command_array: before }, { command_array: after }] of pairs) {
+    const shared = Math.min(before.length, after.length);
+    counts.steps_changed += before.slice(0, shared)
+      .filter((one, index) => !isSame(bare(one), after[index] && bare(after[index]))).length;
+    counts.steps_added += after.length - shared;
+    counts.steps_removed += before.length - shared;
+  }
+  const names = ["steps_changed", "steps_added", "steps_removed"] as const;
+  return names.filter((name) => counts[name] > 0).map((name) => ({ name, count: counts[name] }));
 }
 
-function statesOf(plan: Plan): string[] {
-  return plan.missions.map((one) => one.dispatch_state);
-}
-
-/** What the editor does not show, and keeps as it is. */
-function restOf(plan: Plan): object {
+/** What the editor does not show, and keeps as it is; of so many missions. */
+function restOf(plan: Plan, count: number): object {
   const { name: _name, missions, ...rest } = documentOf(plan);
-  return { ...rest, more: missions.slice(1) };
+  return {
+    ...rest,
+    missions: missions.slice(0, count).map(({ vehicle_id: _vehicle, maximum_speed: _speed, command_array: _steps, ...more }) => more),
+  };
 }
 
 function ordered(value: unknown): string {

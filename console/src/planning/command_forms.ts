@@ -99,9 +99,16 @@ export function renumbered(commands: readonly Command[]): Command[] {
   return commands.map((command, index) => ({ ...command, command_id: index + 1 }));
 }
 
+/** A command of a mission, both counted from 0, and one of its parameters or none. */
+export interface FaultPlace {
+  mission: number;
+  index: number;
+  parameter: string | null;
+}
+
 /** Which command and parameter a path of the server's faults names; null for none. */
-export function placeOfFault(path: string): { index: number; parameter: string | null } | null {
-  const found = /(?:^|\.)missions\.\d+\.command_array\.(\d+)(?:\.(?:parameters\.)?(.+))?$/.exec(path);
-  if (found?.[1] === undefined) return null;
-  return { index: Number(found[1]), parameter: found[2] ?? null };
+export function placeOfFault(path: string): FaultPlace | null {
+  const found = /(?:^|\.)missions\.(\d+)\.command_array\.(\d+)(?:\.(?:parameters\.)?(.+))?$/.exec(path);
+  if (found?.[2] === undefined) return null;
+  return { mission: Number(found[1]), index: Number(found[2]), parameter: found[3] ?? null };
 }

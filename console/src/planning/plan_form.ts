@@ -1,4 +1,4 @@
-/** A plan of one mission as its editor holds it. Pure. */
+/** A plan as its editor holds it. Pure. */
 
 import type { Command, Plan, PlanDocument } from "../api/types";
 import { isSame } from "./changes";
@@ -6,6 +6,13 @@ import { bare } from "./plan_document";
 
 export interface PlanForm {
   name: string;
+  /** One for each drone; never empty. */
+  missions: MissionForm[];
+}
+
+export interface MissionForm {
+  /** Null for one that was added. */
+  missionId: number | null;
   /** Null until somebody has chosen: then it is the first vehicle. */
   vehicleId: number | null;
   /** [m/s]; empty while what is typed is no number. */
@@ -17,38 +24,52 @@ export const USUAL_SPEED_M_S = 5;
 
 /** The form of a stored plan; null: of a new one. */
 export function formOf(plan: Plan | null): PlanForm {
-  const mission = plan?.missions[0];
   return {
     name: plan?.name ?? "",
-    vehicleId: mission?.vehicle_id ?? null,
-    speed: String(mission?.maximum_speed ?? USUAL_SPEED_M_S),
-    commands: (mission?.command_array ?? []).map(bare),
+    missions: plan?.missions.map((one) => ({
+      missionId: one.mission_id,
+      vehicleId: one.vehicle_id,
+      speed: String(one.maximum_speed ?? USUAL_SPEED_M_S),
+      commands: one.command_array.map(bare),
+    })) ?? [newMission(null)],
   };
 }
 
+/** An empty mission for a vehicle. */
+export function newMission(vehicleId: number | null): MissionForm {
+  return { missionId: null, vehicleId, speed: String(USUAL_SPEED_M_S), commands: [] };
+}
+
+/** Changes the mission at a place, and no other. */
+export function withMission(form: PlanForm, index: number, change: (mission: MissionForm) => MissionForm): PlanForm {
+  return { ...form, missions: form.missions.map((one, at) => (at === index ? change(one) : one)) };
+}
+
+/** Whether two forms make the same plan; a mission that was just stored has its number now. */
 export function isSameForm(one: PlanForm, other: PlanForm): boolean {
-  return isSame(one, other);
+  const unnumbered = (form: PlanForm) =>
+    ({ ...form, missions: form.missions.map((mission) => ({ ...mission, missionId: null })) });
+  return isSame(unnumbered(one), unnumbered(other));
 }
 
 /** The document of a form, as a draft; what the editor does not show stays as it is in `before`. */
 export function withForm(before: PlanDocument | null, { form, vehicleId, missionId }: {
   form: PlanForm;
+  /** For a mission for which nobody has chosen one. */
   vehicleId: number;
-  /** Of a new plan. */
+  /** Of the first new mission; the others have the next ones. */
   missionId: number;
 }): PlanDocument {
-  const mission = before?.missions[0] ?? { mission_id: missionId };
   return {
     ...before,
     name: form.name,
     dispatch: false,
-    missions: [
-      {
-        ...mission,
-        vehicle_id: vehicleId,
-        maximum_speed: Number(form.speed),
-        command_array: form.commands,
-      },
-    ],
+    missions: form.missions.map((one, index) => ({
+      ...(before?.missions.find(({ mission_id }) => mission_id === one.missionId)
+        ?? { mission_id: missionId + index }),
+      vehicle_id: one.vehicleId ?? vehicleId,
+      maximum_speed: Number(one.speed),
+      command_array: one.commands,
+    })),
   };
 }

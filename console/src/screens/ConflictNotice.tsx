@@ -33,7 +33,7 @@ export function ConflictNotice({ kind, changes, last, isBusy, load, copy }: {
         {changes !== null && (
           <ul>
             {changes.map(({ name, text, count }) => (
-              <li key={name}>{t(`conflict.${name}`, { text: name === "speed" ? units.speed(Number(text)) : text, count })}</li>
+              <li key={`${name} ${text ?? ""}`}>{t(`conflict.${name}`, { text: name === "speed" ? units.speed(Number(text)) : text, count })}</li>
             ))}
           </ul>
         )}

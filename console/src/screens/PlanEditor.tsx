@@ -7,7 +7,7 @@ import { useUnits } from "../app/preferences";
 import { go, linkTo, setGuard } from "../app/route";
 import { useIsOperator } from "../app/session_context";
 import { Button } from "../controls/Button";
-import { SelectField, TextField } from "../controls/fields";
+import { Segments, SelectField, TextField } from "../controls/fields";
 import { Icon } from "../controls/Icon";
 import { QuantityField } from "../controls/QuantityField";
 import { ErrorNotice, Notice, Skeleton } from "../controls/states";
@@ -23,7 +23,9 @@ import {
   rounded, TAKEOFF, WAYPOINT,
 } from "../planning/command_forms";
 import { documentOf, newMissionId, renumberedFrom } from "../planning/plan_document";
-import { formOf, isSameForm, withForm, type PlanForm } from "../planning/plan_form";
+import {
+  formOf, isSameForm, newMission, withForm, withMission, type MissionForm, type PlanForm,
+} from "../planning/plan_form";
 import { save as saveOver } from "../planning/saving";
 import { CommandForm } from "./CommandForm";
 import { ConflictNotice } from "./ConflictNotice";
@@ -39,9 +41,17 @@ import { useStepSymbols } from "./use_step_symbols";
 const NO_FAULTS: Fault[] = [];
 /** Fields of the editor beside those of the steps, as the edge server's faults name them. */
 const FIELDS = ["name", "vehicle_id", "maximum_speed"] as const;
+type Field = (typeof FIELDS)[number];
 
-function fieldOfFault(path: string): (typeof FIELDS)[number] | null {
-  return FIELDS.find((name) => path === name || path === `missions.0.${name}`) ?? null;
+/** The field that a fault's path names while one of the missions is edited. */
+function fieldOfFault(path: string, mission: number): Field | null {
+  return FIELDS.find((name) => path === name || path === `missions.${mission}.${name}`) ?? null;
+}
+
+/** The mission that a fault's path names, counted from 0. */
+function missionOfFault(path: string): number | null {
+  const found = /^missions\.(\d+)\b/.exec(path);
+  return found === null ? null : Number(found[1]);
 }
 
 /** A new plan, or one that no vehicle has yet. */
@@ -61,11 +71,10 @@ export default function PlanEditor({ reference }: { reference: string | null }) 
   }
   const { id, missions } = plan.value.value;
   const isOpen = missions.every((one) => ["held", "queued"].includes(one.dispatch_state));
-  const problem = missions.length > 1 ? "several" : isOpen ? null : "not_editable";
-  if (problem !== null) {
+  if (!isOpen) {
     return (
       <div className="screen">
-        <Notice kind="info">{t(`editor.${problem}`)}</Notice>
+        <Notice kind="info">{t("editor.not_editable")}</Notice>
         <a className="back-link" {...linkTo(`plans/${id}`)}>
           <Icon name="back" /> {t("action.back")}
         </a>
@@ -84,11 +93,12 @@ function Editor({ read }: { read: Tagged<Plan> | null }) {
   const dragged = useRef<number | null>(null);
   const drags = useRef(0);
   const [open, setOpen] = useState<number | null>(null);
+  const [chosenMission, setMission] = useState(0);
   const [flown, setFlown] = useState<Tagged<Plan> | null>(null);
   const saving = useSaving<Plan>();
   const { error, conflict, isBusy } = saving;
   const editing = useEditing<PlanForm, Plan>({
-    name: `plans/${read?.value.id ?? "new"}`,
+    name: `plan/${read?.value.id ?? "new"}`,
     read,
     stateOf: formOf,
     stepped: () => {
@@ -98,16 +108,38 @@ function Editor({ read }: { read: Tagged<Plan> | null }) {
   });
   const plan = read?.value ?? null;
   const form = editing.present;
-  const commands = form.commands;
-  const chosen = form.vehicleId ?? [...vehicles.keys()][0] ?? 1;
+  // A step back may have removed the mission that was edited
+  const missionIndex = Math.min(chosenMission, form.missions.length - 1);
+  const mission = form.missions[missionIndex] ?? newMission(null);
+  const commands = mission.commands;
+  const firstVehicle = [...vehicles.keys()][0] ?? 1;
+  const vehicleOf = ({ vehicleId }: MissionForm) => vehicleId ?? firstVehicle;
 
-  const changeForm = (part: Partial<PlanForm>, continued?: string) => {
-    editing.change((present) => ({ ...present, ...part }), continued);
+  const changeForm = (update: (present: PlanForm) => PlanForm, continued?: string) => {
+    editing.change(update, continued);
     if (error !== null) saving.forget();
   };
-  const change = (update: (present: Command[]) => Command[], continued?: string) => {
-    editing.change((present) => ({ ...present, commands: renumbered(update(present.commands)) }), continued);
-    if (error !== null) saving.forget();
+  const changeMission = (part: Partial<MissionForm>, continued?: string) =>
+    changeForm((present) => withMission(present, missionIndex, (one) => ({ ...one, ...part })), continued);
+  const change = (update: (present: Command[]) => Command[], continued?: string) =>
+    changeForm((present) => withMission(present, missionIndex, (one) => (
+      { ...one, commands: renumbered(update(one.commands)) }
+    )), continued);
+  const editMission = (index: number) => {
+    setMission(index);
+    setOpen(null);
+  };
+  const addMission = () => {
+    const used = new Set(form.missions.map(vehicleOf));
+    const free = [...vehicles.keys()].find((id) => !used.has(id)) ?? firstVehicle;
+    changeForm((present) => ({ ...present, missions: [...present.missions, newMission(free)] }));
+    editMission(form.missions.length);
+  };
+  const removeMission = () => {
+    changeForm((present) => (
+      { ...present, missions: present.missions.filter((_, index) => index !== missionIndex) }
+    ));
+    editMission(Math.max(0, missionIndex - 1));
   };
   const add = (type: number, place: { latitude: number; longitude: number }) => {
     // A flight begins with a takeoff and, until somebody decides otherwise, ends at home
@@ -147,11 +179,12 @@ function Editor({ read }: { read: Tagged<Plan> | null }) {
     change((present) => present.filter((_, at) => at !== index));
   };
 
-  const hasProblem = !(Number(form.speed) > 0) || commands.some((command) => problemsOf(command).length > 0);
+  const isReady = form.missions.every(({ speed, commands: steps }) =>
+    Number(speed) > 0 && steps.length > 0 && steps.every((step) => problemsOf(step).length === 0));
   const draft = (): PlanDocument =>
     withForm(editing.base === null ? null : documentOf(editing.base.value), {
       form: { ...form, name: form.name.trim() || t("editor.title_new") },
-      vehicleId: chosen,
+      vehicleId: firstVehicle,
       missionId: newMissionId(Date.now()),
     });
   const forgetDraft = () => {
@@ -165,6 +198,7 @@ function Editor({ read }: { read: Tagged<Plan> | null }) {
   const save = (then: (stored: Plan) => void | Promise<void>) => {
     const document = draft();
     const base = editing.base;
+    const mine = { ...form, missions: form.missions.map((one) => ({ ...one, vehicleId: vehicleOf(one) })) };
     const work = () =>
       base === null
         ? createPlan(document)
@@ -172,11 +206,13 @@ function Editor({ read }: { read: Tagged<Plan> | null }) {
             put: (tag) => replacePlan(base.value.id, document, tag),
             read: () => getTaggedPlan(String(base.value.id)),
             isSame: isSamePlan,
-            isMine: (theirs) => isSameForm(formOf(theirs), { ...form, vehicleId: chosen }),
+            isMine: (theirs) => isSameForm(formOf(theirs), mine),
           });
     saving.run(work, then, (refusal) => {
+      const faulty = refusal.faults.map((fault) => missionOfFault(fault.path)).find((one) => one !== null);
+      if (faulty !== undefined && faulty !== null) setMission(faulty);
       const first = refusal.faults.map((fault) => placeOfFault(fault.path)).find((one) => one !== null);
-      if (first) setOpen(first.index);
+      if (first && first.mission === faulty) setOpen(first.index);
     });
   };
   /** Nothing flies by one click: the stored plan is dispatched as from its own page. */
@@ -190,20 +226,25 @@ function Editor({ read }: { read: Tagged<Plan> | null }) {
     saving.run(() => createPlan({ ...document, name: t("conflict.copy_of", { name: document.name }) }), show);
   };
 
-  const faultsOf = (index: number) =>
-    (error?.faults ?? []).filter((fault) => placeOfFault(fault.path)?.index === index);
-  const faultAt = (name: (typeof FIELDS)[number]) => error?.faults.find((fault) => fieldOfFault(fault.path) === name)?.text;
-  const otherFaults = (error?.faults ?? []).filter(
-    (fault) => placeOfFault(fault.path) === null && fieldOfFault(fault.path) === null,
+  const faults = error?.faults ?? NO_FAULTS;
+  const stepFaults = useMemo(
+    () => faults.filter((fault) => placeOfFault(fault.path)?.mission === missionIndex),
+    [faults, missionIndex],
   );
-  const steps = useStepSymbols(commands, open, error?.faults ?? NO_FAULTS, { select: setOpen, remove, move });
+  const faultsOf = (index: number) => stepFaults.filter((fault) => placeOfFault(fault.path)?.index === index);
+  const faultAt = (name: Field) => faults.find((fault) => fieldOfFault(fault.path, missionIndex) === name)?.text;
+  const otherFaults = faults.filter(
+    (fault) => !stepFaults.includes(fault) && fieldOfFault(fault.path, missionIndex) === null
+      && (missionOfFault(fault.path) ?? missionIndex) === missionIndex,
+  );
+  const steps = useStepSymbols(commands, open, stepFaults, { select: setOpen, remove, move });
 
   const layers = useMemo(
     () => ({
       fields: fieldFeatures(fields.value ?? []),
-      routes: collection(routeFeatures(commands, null)),
+      routes: collection(form.missions.flatMap((one) => routeFeatures(one.commands, null))),
     }),
-    [fields.value, commands],
+    [fields.value, form.missions],
   );
   const symbols = useMemo(
     () => [
@@ -216,9 +257,9 @@ function Editor({ read }: { read: Tagged<Plan> | null }) {
     const corners = (fields.value ?? []).flatMap((one) =>
       one.boundary.map(([latitude = 0, longitude = 0]) => [longitude, latitude] as const),
     );
-    const places = commands.map(placeOf).filter((place) => place !== null);
+    const places = form.missions.flatMap((one) => one.commands).map(placeOf).filter((place) => place !== null);
     return fields.value === null ? null : extentOf([...corners, ...places]);
-  }, [fields.value, commands]);
+  }, [fields.value, form.missions]);
   const middle = useMiddle(commands, fields.value?.[0]?.boundary[0] ?? null);
 
   return (
@@ -265,10 +306,24 @@ function Editor({ read }: { read: Tagged<Plan> | null }) {
             </ul>
           </Notice>
         )}
-        <TextField label={t("editor.name")} value={form.name} onChange={(event) => changeForm({ name: event.target.value }, "name")} maxLength={120} error={faultAt("name")} />
+        <TextField label={t("editor.name")} value={form.name} onChange={(event) => {
+            const name = event.target.value;
+            changeForm((present) => ({ ...present, name }), "name");
+          }} maxLength={120} error={faultAt("name")} />
+        {form.missions.length > 1 && (
+          <Segments
+            label={t("editor.missions")}
+            options={form.missions.map((one, index) => [
+              String(index),
+              t("vehicle.name", { id: vehicleOf(one) }) + (faults.some((fault) => missionOfFault(fault.path) === index) ? " ⚠" : ""),
+            ])}
+            value={String(missionIndex)}
+            choose={(index) => editMission(Number(index))}
+          />
+        )}
         <div className="form-line">
-          <SelectField label={t("editor.vehicle")} value={chosen} error={faultAt("vehicle_id")} onChange={(event) => changeForm({ vehicleId: Number(event.target.value) })}>
-            {[...new Set([chosen, ...vehicles.keys()])].map((id) => (
+          <SelectField label={t("editor.vehicle")} value={vehicleOf(mission)} error={faultAt("vehicle_id")} onChange={(event) => changeMission({ vehicleId: Number(event.target.value) })}>
+            {[...new Set([vehicleOf(mission), ...vehicles.keys()])].map((id) => (
               <option key={id} value={id}>
                 {t("vehicle.name", { id })}
               </option>
@@ -277,20 +332,24 @@ function Editor({ read }: { read: Tagged<Plan> | null }) {
           <QuantityField
             label={t("editor.speed")}
             unit={units.speedInput}
-            value={form.speed === "" ? null : Number(form.speed)}
-            change={(speed_m_s) => changeForm({ speed: speed_m_s === null ? "" : String(speed_m_s) }, "speed")}
+            value={mission.speed === "" ? null : Number(mission.speed)}
+            change={(speed_m_s) => changeMission({ speed: speed_m_s === null ? "" : String(speed_m_s) }, "speed")}
             error={faultAt("maximum_speed")}
           />
         </div>
         <div className="actions">
           <StepButtons editing={editing} />
+          <Button icon="add" onClick={addMission}>{t("editor.add_drone")}</Button>
+          {form.missions.length > 1 && (
+            <Button icon="remove" onClick={removeMission}>{t("editor.remove_drone", { id: vehicleOf(mission) })}</Button>
+          )}
         </div>
         <HeightProfile commands={commands} open={open} />
         {commands.length > 0 && <p className="muted small">{t("editor.map_hint")}</p>}
         <ol className="steps">
           {commands.map((command, index) => (
             <CommandForm
-              key={index}
+              key={`${missionIndex} ${index}`}
               index={index}
               count={commands.length}
               command={command}
@@ -318,11 +377,11 @@ function Editor({ read }: { read: Tagged<Plan> | null }) {
           ))}
         </SelectField>
         <div className="actions">
-          <Button kind="primary" isBusy={isBusy} disabled={commands.length === 0 || hasProblem} onClick={() => save(show)}>
+          <Button kind="primary" isBusy={isBusy} disabled={!isReady} onClick={() => save(show)}>
             {t("editor.save")}
           </Button>
           {isOperator && (
-            <Button icon="flight" isBusy={isBusy} disabled={commands.length === 0 || hasProblem} onClick={saveAndFly}>
+            <Button icon="flight" isBusy={isBusy} disabled={!isReady} onClick={saveAndFly}>
               {t("editor.save_and_fly")}
             </Button>
           )}

@@ -161,8 +161,8 @@ function PlanActions({ plan, tag, reload }: {
   const copy = async () => {
     const document = renumberedFrom(documentOf(plan), newMissionId(Date.now()));
     const name = t("conflict.copy_of", { name: plan.name ?? t("plans.unnamed", { id: plan.id }) });
-    const { id, missions } = await createPlan({ ...document, name });
-    go(missions.length > 1 ? `plans/${id}` : `plans/${id}/edit`);
+    const { id } = await createPlan({ ...document, name });
+    go(`plans/${id}/edit`);
   };
   return (
     <>
