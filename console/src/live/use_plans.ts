@@ -1,4 +1,4 @@
-/** The plans of the last weeks with their live statuses. */
+/** The stored plans with their live statuses. */
 
 import { useMemo } from "react";
 import { listPlans } from "../api/resources";
@@ -11,13 +11,13 @@ import { useResource, type Resource } from "./use_resource";
 const DAYS = 30;
 const DAY_MS = 86_400_000;
 
-/** Loads the plans, the newest first, and again when a mission has changed. */
-export function usePlans(): Resource<Plan[]> {
+/** Loads the plans of the last weeks, or all, the newest first; again when a mission has changed. */
+export function usePlans(withOld = false): Resource<Plan[]> {
   const missions = useLive((state) => state.missions);
   const version = useLive((state) => state.missionChanges);
   const resource = useResource(
-    () => listPlans(new Date(Date.now() - DAYS * DAY_MS)).then((plans) => plans.reverse()),
-    version,
+    () => listPlans(withOld ? new Date(0) : new Date(Date.now() - DAYS * DAY_MS)).then((plans) => plans.reverse()),
+    `${version} ${withOld}`,
   );
   // The same array until a plan or a mission changes: screens redraw the map when it is another
   const value = useMemo(

@@ -19,6 +19,24 @@ async function copy(page) {
   if ((await name.inputValue()) !== "Draft (copy)") throw new Error(`the copy is ${await name.inputValue()}`);
 }
 
+/** The library shows what has the words that are typed, among the older plans too. */
+async function search(page) {
+  await page.goto(`${origin}/console/plans`);
+  const names = page.locator(".row-main strong");
+  await names.nth(1).waitFor();
+  const field = page.getByLabel("Search by name, drone or date");
+  await field.fill("copy DRAFT drone");
+  await names.nth(1).waitFor({ state: "detached" });
+  if ((await names.allInnerTexts()).join() !== "Draft (copy)") throw new Error(`found ${await names.allInnerTexts()}`);
+  await field.fill("meadow");
+  await page.getByText("No plan has these words").waitFor();
+  await requireAccessible(page, "a search without a find");
+  await field.fill("");
+  await button(page, "Show plans older than 30 days").click();
+  await button(page, "Show plans older than 30 days").waitFor({ state: "detached" });
+  await names.nth(1).waitFor();
+}
+
 /** Downloads a file of the plan; gives its path. */
 async function download(page, text) {
   await page.goto(`${origin}/console/plans/${DRAFT}`);
@@ -46,6 +64,7 @@ try {
     await page.goto(ANA_LINK);
     await page.getByRole("navigation").waitFor();
     await copy(page);
+    await search(page);
     for (const [text, ending] of [["JSON", "json"], [".plan", "plan"], [".waypoints", "waypoints"]]) {
       const file = await download(page, text);
       if (!file.name.endsWith(`.${ending}`)) throw new Error(`the file is ${file.name}`);
