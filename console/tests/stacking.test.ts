@@ -1,16 +1,16 @@
 import { afterEach, expect, test, vi } from "vitest";
-import type { BaseMap, Flight, FlightMap } from "../src/api/types";
+import type { BaseMap, MadeFlightMap } from "../src/api/types";
 import { layerAbove, stacked } from "../src/map/stacking";
-import { asBaseMap, listSurveyMaps, surveyFlights, surveyName, surveysOf } from "../src/map/survey_maps";
+import { asBaseMap, isSurvey, listSurveyMaps, surveyName } from "../src/map/survey_maps";
 
 const file = (name: string, kind: BaseMap["kind"]): BaseMap =>
   ({ name, kind, url: `/maps/${name}`, bounds: null, corners: null, fault: null });
-const made = (band: FlightMap["band"]): FlightMap => ({
-  band, state: "ready", reason: null, url: `/flights/7/map/picture?band=${band}`, made_at: "2026-05-01T10:00:00Z",
+const made = (flight_id: number, band: MadeFlightMap["band"]): MadeFlightMap => ({
+  id: flight_id, flight_id, vehicle_id: 1, band, url: `/flights/${flight_id}/map/picture?band=${band}`,
+  made_at: "2026-05-01T10:00:00Z",
   corners: [[41, -3], [41, -2], [40, -2], [40, -3]], pictures: 9, metres_per_px: 0.05,
 });
-const none: FlightMap = { ...made("rgb"), state: "none", url: null, made_at: null, corners: null };
-const survey = (id: number, band: FlightMap["band"] = "rgb") => asBaseMap(id, made(band)) as BaseMap;
+const survey = (id: number, band: MadeFlightMap["band"] = "rgb") => asBaseMap(made(id, band));
 
 afterEach(() => vi.unstubAllGlobals());
 
@@ -39,29 +39,16 @@ test("a finished map of a survey is a base map between its corners", () => {
     survey: { flightId: 7, madeAt: "2026-05-01T10:00:00Z" },
   });
   expect(survey(7, "ndvi").kind).toBe("vegetation_index");
-  expect(asBaseMap(7, none)).toBeNull();
 });
 
 test("the names of surveys are told from those of files", () => {
-  expect(surveysOf([surveyName(7, "ndvi"), "survey.tif", "survey/x/rgb"])).toEqual([{ flightId: 7, band: "ndvi" }]);
+  expect([surveyName(7, "ndvi"), "survey.tif", "survey/x/rgb"].map(isSurvey)).toEqual([true, false, false]);
 });
 
-test("the newest flights with pictures may have a map", () => {
-  const flights = Array.from({ length: 50 }, (_, index) => ({ id: 50 - index, pictures: index % 2 === 0 ? 1 : 9 }) as Flight);
-  expect(surveyFlights(flights)).toEqual(Array.from({ length: 20 }, (_, index) => 49 - 2 * index));
-});
-
-test("only what is shown is asked for before somebody chooses", async () => {
-  const asked: string[] = [];
+test("the maps of surveys come in one answer, the newest first", async () => {
   const answers: Record<string, unknown> = {
-    "/flights/7/map?band=rgb": made("rgb"), "/flights/7/map?band=ndvi": none, "/flights/?limit=500&after=0": [{ id: 7, pictures: 9 }],
+    "/flight_maps/?limit=500&after=0": [made(3, "rgb"), made(7, "rgb"), made(7, "nir"), made(7, "ndvi")],
   };
-  vi.stubGlobal("fetch", async (path: string) => {
-    asked.push(path);
-    return path in answers ? new Response(JSON.stringify(answers[path])) : new Response("{}", { status: 404 });
-  });
-  expect((await listSurveyMaps(["survey/7/rgb", "survey/3/rgb", "Aerial.pmtiles"], false)).map(({ name }) => name))
-    .toEqual(["survey/7/rgb"]);
-  expect(asked).toEqual(["/flights/7/map?band=rgb", "/flights/3/map?band=rgb"]);
-  expect((await listSurveyMaps(["survey/7/rgb"], true)).map(({ name }) => name)).toEqual(["survey/7/rgb"]);
+  vi.stubGlobal("fetch", async (path: string) => new Response(JSON.stringify(answers[path])));
+  expect((await listSurveyMaps()).map(({ name }) => name)).toEqual(["survey/7/ndvi", "survey/7/rgb", "survey/3/rgb"]);
 });

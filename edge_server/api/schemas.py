@@ -398,6 +398,20 @@ class FlightMap(Answer):
     metres_per_px: float | None
 
 
+class MadeFlightMap(Answer):
+    """A map of a flight that is made; `corners` are from the north-west on clockwise."""
+
+    id: Id
+    flight_id: Id
+    vehicle_id: Id
+    band: Literal["rgb", "nir", "ndvi"]
+    url: str
+    made_at: datetime
+    corners: list[list[float]]
+    pictures: int
+    metres_per_px: float
+
+
 class Video(Answer):
     """The live picture of a vehicle; `reason` says why its camera cannot be shown."""
 

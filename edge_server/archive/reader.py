@@ -122,6 +122,24 @@ def flight_map(connection: sqlite3.Connection, flight_id: int, band: str) -> Row
     return found
 
 
+def flight_maps(
+    connection: sqlite3.Connection, *, after_id: int, limit: int, vehicle_id: int | None
+) -> list[Row]:
+    """List the maps of flights without their data, in the order in which they were made."""
+    try:
+        return connection.execute(
+            "SELECT flight_map.rowid AS id, flight, vehicle_id, band, made_at, about"
+            " FROM flight_map JOIN flight ON flight.id = flight WHERE dropped = 0"
+            " AND flight_map.rowid > ? AND (? IS NULL OR vehicle_id = ?)"
+            " ORDER BY flight_map.rowid LIMIT ?",
+            (after_id, vehicle_id, vehicle_id, limit),
+        ).fetchall()
+    except sqlite3.OperationalError as error:
+        if not tables.lacks_table(error):
+            raise
+        return []
+
+
 def points(connection: sqlite3.Connection, flight_id: int) -> Iterator[Point]:
     """Give the points of a track in the order of time, a part at a time."""
     last = (-(2**62), 0)

@@ -43,7 +43,7 @@ class Page(NamedTuple):
 
 
 @contextmanager
-def _reading(context: Context) -> Iterator[sqlite3.Connection | None]:
+def reading(context: Context) -> Iterator[sqlite3.Connection | None]:
     """Give a connection to the archive; raises UnavailableError if it cannot be read."""
     try:
         with context.archive.reading() as connection:
@@ -54,7 +54,7 @@ def _reading(context: Context) -> Iterator[sqlite3.Connection | None]:
 
 def flights(context: Context, page: Page) -> Listing:
     """List flights, oldest first."""
-    with _reading(context) as connection:
+    with reading(context) as connection:
         if connection is None:
             return Listing()
         return fill(reader.flights(connection, **page._asdict()), _show_flight)
@@ -62,13 +62,13 @@ def flights(context: Context, page: Page) -> Listing:
 
 def flight(context: Context, flight_id: int) -> dict[str, Any]:
     """Return a flight without its commands; raises NotFoundError."""
-    with _reading(context) as connection:
+    with reading(context) as connection:
         return _show_flight(_find(connection, flight_id))
 
 
 def flight_with_results(context: Context, flight_id: int) -> dict[str, Any]:
     """Return a flight, its commands, poses and batteries; raises NotFoundError."""
-    with _reading(context) as connection:
+    with reading(context) as connection:
         found = _find(connection, flight_id)
         if connection is None:
             raise _missing(flight_id)
@@ -95,7 +95,7 @@ def _missing(flight_id: int) -> NotFoundError:
 
 def track(context: Context, flight_id: int, form: str) -> Iterator[str]:
     """Write the track of a flight in one of `track_files.FORMATS`, as of now."""
-    with _reading(context) as connection:
+    with reading(context) as connection:
         found = _find(connection, flight_id)
         if connection is None:
             return
@@ -165,7 +165,7 @@ def observations(context: Context, flight_id: int, page: Page) -> Listing:
 
 def observations_csv(context: Context, flight_id: int) -> Iterator[str]:
     """Write all measurements of a flight as CSV, as of now."""
-    with _reading(context) as connection:
+    with reading(context) as connection:
         _find(connection, flight_id)
         if connection is not None:
             yield from observation_files.write(_observed(connection, flight_id))
@@ -189,14 +189,14 @@ def _observed(connection: sqlite3.Connection, flight_id: int) -> Iterator[dict[s
 def _of_flight(
     context: Context, flight_id: int, read: Callable[[sqlite3.Connection], Listing]
 ) -> Listing:
-    with _reading(context) as connection:
+    with reading(context) as connection:
         _find(connection, flight_id)
         return Listing() if connection is None else read(connection)
 
 
 def picture(context: Context, flight_id: int, number: int) -> Picture:
     """Return a picture; raises NotFoundError."""
-    with _reading(context) as connection:
+    with reading(context) as connection:
         _find(connection, flight_id)
         found = None if connection is None else reader.picture(connection, flight_id, number)
         if found is None:
@@ -222,7 +222,7 @@ def thumbnail(context: Context, flight_id: int, number: int, found: Picture) -> 
 
 def alarms(context: Context, page: Page) -> Listing:
     """List alarms, oldest first."""
-    with _reading(context) as connection:
+    with reading(context) as connection:
         if connection is None:
             return Listing()
         return fill(reader.alarms(connection, **page._asdict()), _show_alarm)
@@ -230,7 +230,7 @@ def alarms(context: Context, page: Page) -> Listing:
 
 def recent_alarms(context: Context, since_s: float, limit: int) -> list[dict[str, Any]]:
     """Return the latest alarms received from a time [s since 1970], in no promised order."""
-    with _reading(context) as connection:
+    with reading(context) as connection:
         if connection is None:
             return []
         return [_show_alarm(row) for row in reader.latest_alarms(connection, since_s, limit)]
@@ -238,7 +238,7 @@ def recent_alarms(context: Context, since_s: float, limit: int) -> list[dict[str
 
 def alarm(context: Context, alarm_id: int) -> dict[str, Any]:
     """Return an alarm; raises NotFoundError."""
-    with _reading(context) as connection:
+    with reading(context) as connection:
         found = None if connection is None else reader.alarm(connection, alarm_id)
         if found is None:
             raise NotFoundError(f"there is no alarm {alarm_id} in the archive")

@@ -4,7 +4,6 @@ Pictures of one band make a map: colours, near infrared, or the vegetation index
 """
 
 import json
-import sqlite3
 from typing import Any, Final
 
 from edge_server.archive import reader
@@ -17,7 +16,6 @@ from edge_server.services.errors import (
     ConflictError,
     NotFoundError,
     TooMuchError,
-    UnavailableError,
 )
 
 MEDIA_TYPE: Final = "image/webp"
@@ -43,11 +41,33 @@ def overview(context: Context, flight_id: int, band: str) -> dict[str, Any]:
     shown |= {"url": None, "made_at": None}
     if stored is None:
         return {**shown, "corners": None, "pictures": 0, "metres_per_px": None}
+    return shown | _show_map(key, stored)
+
+
+def listing(
+    context: Context, *, after_id: int, limit: int, vehicle_id: int | None
+) -> list[dict[str, Any]]:
+    """List the maps that are made, in the order in which they were made; one made anew is last."""
+    with flight_archive.reading(context) as connection:
+        if connection is None:
+            return []
+        return [
+            {"id": row["id"], "flight_id": row["flight"], "vehicle_id": row["vehicle_id"]}
+            | {"band": row["band"]}
+            | _show_map(MapKey(row["flight"], row["band"]), row)
+            for row in reader.flight_maps(
+                connection, after_id=after_id, limit=limit, vehicle_id=vehicle_id
+            )
+        ]
+
+
+def _show_map(key: MapKey, stored: reader.Row) -> dict[str, Any]:
+    """Show where the picture of a map is, and what ground it shows."""
     about = json.loads(stored["about"])
+    band, made_at = key.band, stored["made_at"]
     return {
-        **shown,
-        "url": f"/flights/{flight_id}/map/picture?band={band}&made={int(stored['made_at'])}",
-        "made_at": show_time(stored["made_at"]),
+        "url": f"/flights/{key.flight_id}/map/picture?band={band}&made={int(made_at)}",
+        "made_at": show_time(made_at),
         "corners": about["corners"],
         "pictures": about["pictures"],
         "metres_per_px": about["metres_per_px"],
@@ -106,34 +126,28 @@ def _placed(context: Context, key: MapKey) -> list[tuple[int, Any]]:
     """List the pictures of a band that look down, with their corners on the ground."""
     found: list[tuple[int, Any]] = []
     after_id = 0
-    try:
-        with context.archive.reading() as connection:
-            while connection is not None:
-                heads = list(
-                    reader.picture_heads(
-                        connection,
-                        key.flight_id,
-                        after_id=after_id,
-                        limit=_PAGE,
-                        size_bytes=footprint.HEAD_BYTES,
-                    )
+    with flight_archive.reading(context) as connection:
+        while connection is not None:
+            heads = list(
+                reader.picture_heads(
+                    connection,
+                    key.flight_id,
+                    after_id=after_id,
+                    limit=_PAGE,
+                    size_bytes=footprint.HEAD_BYTES,
                 )
-                for row in heads:
-                    is_of_band = footprint.band(row["head"]) == key.band
-                    corners = footprint.footprint(row["head"]) if is_of_band else None
-                    if corners is not None:
-                        found.append((row["number"], corners))
-                if len(heads) < _PAGE:
-                    break
-                after_id = heads[-1]["number"]
-    except sqlite3.Error as error:
-        raise UnavailableError(f"the flight archive cannot be read: {error}") from None
+            )
+            for row in heads:
+                is_of_band = footprint.band(row["head"]) == key.band
+                corners = footprint.footprint(row["head"]) if is_of_band else None
+                if corners is not None:
+                    found.append((row["number"], corners))
+            if len(heads) < _PAGE:
+                break
+            after_id = heads[-1]["number"]
     return found
 
 
 def _stored(context: Context, key: MapKey) -> reader.Row | None:
-    try:
-        with context.archive.reading() as connection:
-            return None if connection is None else reader.flight_map(connection, *key)
-    except sqlite3.Error as error:
-        raise UnavailableError(f"the flight archive cannot be read: {error}") from None
+    with flight_archive.reading(context) as connection:
+        return None if connection is None else reader.flight_map(connection, *key)

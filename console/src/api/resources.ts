@@ -2,7 +2,7 @@
 
 import { request, requestTagged, requestText, type Tagged } from "./client";
 import type {
-  AccessKey, Alarm, Band, Backup, Backups, BaseMap, DeadLetter, Flight, FlightLog, FlightMap, FlightObservations, Footprint, FlownCommand, NewAccessKey,
+  AccessKey, Alarm, Band, Backup, Backups, BaseMap, DeadLetter, Flight, FlightLog, FlightMap, FlightObservations, Footprint, FlownCommand, MadeFlightMap, NewAccessKey,
   OpenSession, Picture, Plan,
   PlanDocument, PlannedSurvey, Storage, StoredEvent, StoredField, SurveyOrder, User, Vehicle, Video,
 } from "./types";
@@ -134,6 +134,8 @@ export const getFlightMap = (id: number, band: Band): Promise<FlightMap> => requ
 /** Begins to make the map of a flight; its state says when it is done. */
 export const makeFlightMap = (id: number, band: Band): Promise<FlightMap> =>
   request(`/flights/${id}/map?band=${band}`, { method: "POST", timeoutMs: 30_000 });
+/** Lists the maps of flights that are made, the newest last. */
+export const listFlightMaps = (): Promise<MadeFlightMap[]> => allOf("/flight_maps/");
 /** Lists the base maps that somebody has put into the edge server's maps folder. */
 export const listBaseMaps = (): Promise<BaseMap[]> => request("/maps/");
 

@@ -16,6 +16,7 @@ export type Backup = Schemas["Backup"];
 export type Backups = Schemas["Backups"];
 export type FlightLog = Schemas["FlightLog"];
 export type FlightMap = Schemas["FlightMap"];
+export type MadeFlightMap = Schemas["MadeFlightMap"];
 /** What the pictures of a map show: colours, near infrared, vegetation index. */
 export type Band = FlightMap["band"];
 export type Video = Schemas["Video"];

@@ -9,7 +9,7 @@ import { useReportText } from "../i18n/use_report_text";
 import { useResource } from "../live/use_resource";
 import { drawBaseMaps, readShownMaps, storeShownMaps, type ShownMaps } from "./base_maps";
 import { OpacitySlider } from "./OpacitySlider";
-import { listSurveyMaps } from "./survey_maps";
+import { isSurvey, listSurveyMaps } from "./survey_maps";
 import { VegetationLegend } from "./VegetationLegend";
 
 /** The choice of base maps: which are shown, and how strongly; this browser keeps it. */
@@ -21,7 +21,8 @@ export function BaseMaps({ map, styles }: { map: MapLibreMap; styles: number }) 
   const [shown, setShown] = useState(readShownMaps);
   const [faults, setFaults] = useState<Record<string, string>>({});
   const files = useResource(listBaseMaps);
-  const surveys = useResource(() => listSurveyMaps(Object.keys(shown), hasOpened), String(hasOpened));
+  const isAsked = hasOpened || Object.keys(shown).some(isSurvey);
+  const surveys = useResource(() => (isAsked ? listSurveyMaps() : Promise.resolve([])), String(isAsked));
   const found = useMemo(
     () => (files.value === null ? null : [...files.value, ...(surveys.value ?? [])]),
     [files.value, surveys.value],

@@ -1,6 +1,9 @@
-"""`/flights/<id>/map`: the pictures of a survey, laid out as one map for each band."""
+"""`/flights/<id>/map`: the pictures of a survey, laid out as one map for each band.
 
-from typing import Any
+`/flight_maps/` lists those that are made.
+"""
+
+from typing import Any, Final
 
 from flask import Blueprint, Response, request
 from flask.typing import ResponseReturnValue
@@ -13,14 +16,34 @@ from edge_server.api.routes.reports.flights import ITEM, NAMES
 from edge_server.pictures import footprint
 from edge_server.services import flight_archive, flight_maps
 
+LIST_NAMES: Final = ("flight_maps",)
+
 
 def blueprint() -> Blueprint:
     """Make the routes."""
     routes = Blueprint("flight_maps", __name__)
+    urls.add(routes, LIST_NAMES, "page", page, "GET")
     urls.add(routes, NAMES, "get", get, "GET", item=ITEM, action="map")
     urls.add(routes, NAMES, "make", make, "POST", item=ITEM, action="map")
     urls.add(routes, NAMES, "picture", picture, "GET", item=ITEM, action="map/picture")
     return routes
+
+
+@allow(PEOPLE)
+@describe(
+    Contract({200: schemas.MadeFlightMap}, is_list=True, query=("after", "limit", "vehicle_id"))
+)
+def page() -> list[dict[str, Any]]:
+    """List the maps of flights that are made, the one that was made last at the end."""
+    after_id = bodies.query_integer("after", 0, 0, 2**63 - 1)
+    limit = bodies.query_integer("limit", bodies.PAGE_DEFAULT, 1, bodies.PAGE_LIMIT)
+
+    def of(vehicle_id: int | None) -> list[dict[str, Any]]:
+        return flight_maps.listing(
+            bodies.context(), after_id=after_id, limit=limit, vehicle_id=vehicle_id
+        )
+
+    return scopes.pages(of, bodies.query_vehicle(), limit)
 
 
 @allow(PEOPLE)

@@ -102,6 +102,7 @@ MATRIX: list[tuple[str, str, set[str], Any]] = [
     ("DELETE", "/sessions/0123abcd", {"admin"}, None),
     ("GET", "/flights/", PEOPLE, None),
     ("GET", "/flights/1", PEOPLE, None),
+    ("GET", "/flight_maps/", PEOPLE, None),
     ("GET", "/flights/1/track", PEOPLE, None),
     ("GET", "/flights/1/pictures", PEOPLE, None),
     ("GET", "/flights/1/pictures/1", PEOPLE, None),

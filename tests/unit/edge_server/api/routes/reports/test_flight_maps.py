@@ -91,6 +91,32 @@ def test_pictures_of_each_band_make_a_map_of_their_own(edge: Edge) -> None:
     assert edge.ask("GET", "/flights/1/map?band=red", "operator").status_code == 422
 
 
+def test_the_maps_that_are_made_are_listed_the_newest_last(survey: Edge) -> None:
+    assert survey.get("/flight_maps/") == []
+    made(survey)
+    (first,) = survey.get("/flight_maps/", "farmer")
+    assert (first["flight_id"], first["vehicle_id"], first["band"]) == (1, 1, "rgb")
+    about = survey.get("/flights/1/map")
+    assert all(first[name] == about[name] for name in ("url", "corners", "pictures", "made_at"))
+    assert survey.get(f"/flight_maps/?after={first['id']}") == []
+    made(survey)
+    (again,) = survey.get("/flight_maps/")
+    assert again["flight_id"] == 1
+    assert survey.get("/flight_maps/?vehicle_id=2") == []
+
+
+def test_a_key_lists_the_maps_of_its_own_vehicles(survey: Edge) -> None:
+    made(survey)
+    for vehicle_ids, count in (([2], 0), ([1, 2], 1)):
+        body = {"name": f"drones-{count}", "role": "operator", "vehicle_ids": vehicle_ids}
+        answer = survey.post("/keys/", body, "admin").json
+        assert answer is not None
+        headers = {"X-API-Key": answer["key"]}
+        listed_maps = survey.ask("GET", "/flight_maps/", None, headers=headers).json
+        assert listed_maps is not None
+        assert len(listed_maps) == count
+
+
 def listed(*names: str) -> str:
     """A band name as an element with one entry or several, as cameras with several bands write."""
     entries = "".join(f"<rdf:li>{name}</rdf:li>" for name in names)
