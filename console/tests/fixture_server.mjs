@@ -207,7 +207,7 @@ createServer(async (request, response) => {
     if (request.method !== "GET" && request.headers["x-csrf-token"] !== "fixture") return answer(403, problem("no CSRF token"));
     if (pathname === "/live/") return live(response);
     if (pathname === "/audit") {
-      return response.end([1, 2].map((id) => JSON.stringify({ id, recorded_at: ago(id * 300), name: "maria", role: "operator", action: "posted plan 3", result: 201 })).join("\n"));
+      return response.end([1, 2].map((id) => JSON.stringify({ id, recorded_at: ago(id * 300), name: "maria", role: "operator", action: "plans.create", object: "plans/3", result: "done" })).join("\n"));
     }
     for (const [method, pattern, handler] of ROUTES) {
       const found = pattern.exec(pathname);

@@ -1,6 +1,7 @@
 import { useTranslation } from "react-i18next";
 import { listAudit } from "../../api/resources";
 import { useUnits } from "../../app/preferences";
+import { describeAction, describeResult } from "../../i18n/describe_audit";
 import { Empty, Loaded } from "../../controls/states";
 import { useResource } from "../../live/use_resource";
 
@@ -9,7 +10,7 @@ const SHOWN = 300;
 
 /** Who changed what in the last days. */
 export function AuditLog() {
-  const { t } = useTranslation();
+  const { t, i18n } = useTranslation();
   const units = useUnits();
   const rows = useResource(() => listAudit(new Date(Date.now() - WEEK_MS)));
   const text = (value: unknown) => (value === null || value === undefined ? "" : String(value));
@@ -34,8 +35,8 @@ export function AuditLog() {
                     <td data-label={t("system.when")}>{units.time(text(row["time"] ?? row["recorded_at"]))}</td>
                     <td data-label={t("system.who")}>{text(row["who"]).replace(/^user\//, "")}</td>
                     <td data-label={t("system.role")}>{text(row["role"]) && t(`role.${text(row["role"])}`)}</td>
-                    <td data-label={t("system.what")}>{[text(row["action"]), text(row["object"])].filter(Boolean).join(" ")}</td>
-                    <td data-label={t("system.result")}>{text(row["result"])}</td>
+                    <td data-label={t("system.what")}>{describeAction(row, t, i18n)}</td>
+                    <td data-label={t("system.result")}>{describeResult(row, t)}</td>
                   </tr>
                 ))}
               </tbody>
