@@ -98,6 +98,24 @@ const heardAt = (last: Vehicle) => {
   return new Date(tracked?.heardAtMs ?? 0).toISOString();
 };
 
+test("a broker's clock that is behind makes no report older", () => {
+  const slow = (recorded: string, received: string) => vehicle(recorded, 40.4434, 20, { updated_at: received });
+  expect(heardAt(slow("2026-05-01T09:00:00Z", "2026-05-01T10:00:00Z"))).toBe("2026-05-01T10:00:00.000Z");
+  const said = (...reports: Vehicle[]) => {
+    const state = reports.reduce((before, one) => apply(before, "vehicle", one, 0), EMPTY);
+    return new Date(state.vehicles.get(1)?.heardAtMs ?? 0).toISOString().slice(11, 19);
+  };
+  const first = slow("2026-05-01T09:00:00Z", "2026-05-01T10:00:00Z");
+  // The vehicle is silent: its report is sent again
+  expect(said(first, slow("2026-05-01T09:00:00Z", "2026-05-01T10:00:40Z"))).toBe("10:00:00");
+  // The clock is put right
+  expect(said(first, slow("2026-05-01T10:01:00Z", "2026-05-01T10:01:00Z"), slow("2026-05-01T10:01:00Z", "2026-05-01T10:01:30Z")))
+    .toBe("10:01:00");
+  // The clock is set back
+  expect(said(slow("2026-05-01T10:00:00Z", "2026-05-01T10:00:00Z"), slow("2026-05-01T09:00:01Z", "2026-05-01T10:00:01Z")))
+    .toBe("10:00:01");
+});
+
 test("a vehicle was heard when its broker says so, not when this browser learns of it", () => {
   expect(heardAt(vehicle("2026-05-01T10:00:00Z", 40.4434))).toBe("2026-05-01T10:00:00.000Z");
   const late = { updated_at: "2026-05-01T10:00:07Z" };

@@ -15,6 +15,8 @@ export interface Tracked {
   trail: Trail | null;
   /** When the vehicle itself was last heard, by the edge server's clock. */
   heardAtMs: number;
+  /** How far its broker's clock is behind the edge server's, as far as that is known. */
+  behindMs: number;
 }
 
 export interface LiveState {
@@ -56,6 +58,8 @@ interface Snapshot {
   uplink: UplinkRow | null;
 }
 
+/** A report that seems to have taken longer was recorded by a clock that is behind. */
+const LONGEST_REPORT_MS = 15_000;
 const ON_GROUND_M = 0.5;
 /** Further than a position wanders that stands still. */
 const CARRIED_M = 5;
@@ -139,19 +143,25 @@ function track(state: LiveState, vehicle: Vehicle, nowMs: number): Tracked {
   }
   if (typeof vehicle.heading === "number") motion.heading_deg = vehicle.heading;
   if (typeof vehicle.speed === "number") motion.speed_m_s = vehicle.speed;
-  return { vehicle, motion, trail, heardAtMs: heardAt(vehicle) };
+  return { vehicle, motion, trail, ...heard(vehicle, known) };
 }
 
 /** When a vehicle was last heard: its broker reports it also while its link is lost.
  *
- * A broker's clock may be ahead; the edge server has had the report no later than it says.
+ * A broker's clock may be ahead: the edge server has had the report no later than it says. Or it is
+ * behind: by the quickest report, unless that can have been on its way for so long.
  */
-function heardAt(vehicle: Vehicle): number {
+function heard(vehicle: Vehicle, known: Tracked | undefined): Pick<Tracked, "heardAtMs" | "behindMs"> {
   const receivedMs = Date.parse(vehicle.updated_at);
-  const recordedMs = Date.parse(vehicle.recorded_at ?? vehicle.updated_at);
-  const reportedMs = Number.isFinite(recordedMs) ? Math.min(recordedMs, receivedMs) : receivedMs;
+  const stampMs = Date.parse(vehicle.recorded_at ?? vehicle.updated_at);
+  const recordedMs = Number.isFinite(stampMs) ? stampMs : receivedMs;
+  const lastStampMs = Date.parse(known?.vehicle.recorded_at ?? "");
+  const wasSetBack = recordedMs < lastStampMs;
+  const lagMs = receivedMs - recordedMs;
+  const present = lagMs > LONGEST_REPORT_MS ? lagMs : 0;
+  const behindMs = known === undefined || wasSetBack ? present : Math.min(known.behindMs, Math.max(lagMs, 0));
   const age_s = vehicle.link_state === "connected" ? 0 : (vehicle.position_age ?? 0);
-  return reportedMs - age_s * 1000;
+  return { heardAtMs: Math.min(recordedMs + behindMs, receivedMs) - age_s * 1000, behindMs };
 }
 
 /** Gives the homes after a report of these vehicles; the same map if no home has changed. */
