@@ -4,7 +4,7 @@ import { RequestError } from "../src/api/client";
 import type { StoredEvent } from "../src/api/types";
 import { changeSpeed } from "../src/api/resources";
 import { FASTEST_M_S, orderedSpeed, SLOWEST_M_S } from "../src/planning/speed_limits";
-import { outcomeOf } from "../src/screens/use_speed_order";
+import { lastSpeedOf, outcomeOf } from "../src/screens/use_speed_order";
 import { followEvent } from "../src/screens/use_stop_orders";
 
 const stored = (state: StoredEvent["state"], message?: string) =>
@@ -67,4 +67,11 @@ test("an order that was not stored says why", () => {
   expect(outcomeOf(new RequestError(409, "no mission to interrupt"))).toEqual({ state: "refused", reason: "no mission to interrupt" });
   expect(outcomeOf(new RequestError(0, "unreachable"))).toEqual({ state: "failed", reason: "" });
   expect(outcomeOf(new RequestError(503, "busy"))).toEqual({ state: "failed", reason: "busy" });
+});
+
+test("the speed that is flown is that of the last order that was carried out", () => {
+  const speed = (maximum_speed: number, state: StoredEvent["state"], event_type_id = 3) =>
+    ({ id: 1, event_type_id, state, maximum_speed }) as StoredEvent;
+  expect(lastSpeedOf([speed(4, "done"), speed(2, "done"), speed(9, "refused"), speed(8, "done", 101)])).toBe(2);
+  expect(lastSpeedOf([speed(9, "expired")])).toBeNull();
 });

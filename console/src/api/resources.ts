@@ -106,7 +106,7 @@ export const stopVehicle = (vehicleId: number, kind: StopKind): Promise<StoredEv
     timeoutMs: 5_000,
   });
 /** Number of the event that changes a speed. */
-const NEW_SPEED = 3;
+export const NEW_SPEED = 3;
 /** Lets a vehicle fly its mission at another speed; it is tried once and never queued in the browser. */
 export const changeSpeed = (vehicleId: number, speed_m_s: number): Promise<StoredEvent> =>
   request("/events/", {
@@ -114,6 +114,9 @@ export const changeSpeed = (vehicleId: number, speed_m_s: number): Promise<Store
     body: { vehicle_id: vehicleId, event_type_id: NEW_SPEED, maximum_speed: speed_m_s },
     timeoutMs: 5_000,
   });
+/** Lists the events of a vehicle since a time, the oldest first. */
+export const listEvents = (vehicleId: number, since: Date): Promise<StoredEvent[]> =>
+  allOf(`/events/?vehicle_id=${vehicleId}&since=${encodeURIComponent(since.toISOString())}`);
 export const getEvent = (id: number): Promise<StoredEvent> =>
   request(`/events/${id}`, { timeoutMs: 3_000 });
 

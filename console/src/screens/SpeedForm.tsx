@@ -8,7 +8,7 @@ import { Pill, type Tone } from "../controls/StatusPill";
 import { useReportText } from "../i18n/use_report_text";
 import { useIsConnected } from "../live/use_live";
 import { FASTEST_M_S, orderedSpeed, SLOWEST_M_S } from "../planning/speed_limits";
-import { useSpeedOrder, type SpeedOrder } from "./use_speed_order";
+import { useLastSpeed, useSpeedOrder, type SpeedOrder } from "./use_speed_order";
 import type { OrderState } from "./use_stop_orders";
 
 const TONES: Record<OrderState, Tone> = {
@@ -16,14 +16,35 @@ const TONES: Record<OrderState, Tone> = {
   refused: "bad", expired: "bad", idle: "neutral", failed: "bad",
 };
 
-/** Changes the speed of a mission in flight, and says what became of the order. */
-export function SpeedForm({ mission }: { mission: Mission }) {
+/** Changes the speed of a mission in flight; `open` is called when a person begins to. */
+export function SpeedForm({ mission, open }: { mission: Mission; open?: () => void }) {
+  const { t } = useTranslation();
+  const [isOpen, setOpen] = useState(false);
+  if (isOpen) return <OpenForm mission={mission} />;
+  return (
+    <Button
+      icon="speed"
+      onClick={() => {
+        setOpen(true);
+        open?.();
+      }}
+    >
+      {t("speed.open")}
+    </Button>
+  );
+}
+
+/** The speed that is flown now, to be changed, and what became of the order. */
+function OpenForm({ mission }: { mission: Mission }) {
   const { t } = useTranslation();
   const units = useUnits();
   const isConnected = useIsConnected();
-  const [isOpen, setOpen] = useState(false);
-  const [speed_m_s, setSpeed] = useState(mission.maximum_speed ?? null);
+  const flown_m_s = useLastSpeed(mission.vehicle_id);
+  const [chosen_m_s, choose] = useState<number | null | undefined>(undefined);
   const [order, send] = useSpeedOrder(mission.vehicle_id);
+  const speed_m_s = chosen_m_s !== undefined
+    ? chosen_m_s
+    : flown_m_s === null ? (mission.maximum_speed ?? null) : (flown_m_s ?? null);
   const ordered = orderedSpeed(speed_m_s);
   const unit = units.speedInput;
   const inUnit = (value_m_s: number) => units.entered(value_m_s, unit);
@@ -32,13 +53,6 @@ export function SpeedForm({ mission }: { mission: Mission }) {
     event.preventDefault();
     if (ordered !== null) send(ordered);
   };
-  if (!isOpen) {
-    return (
-      <Button icon="speed" onClick={() => setOpen(true)}>
-        {t("speed.open")}
-      </Button>
-    );
-  }
   return (
     <div className="speed-form">
       <form onSubmit={submit} noValidate>
@@ -46,9 +60,9 @@ export function SpeedForm({ mission }: { mission: Mission }) {
           label={t("plans.maximum_speed")}
           unit={unit}
           value={speed_m_s}
-          change={setSpeed}
+          change={choose}
           hint={t("editor.out_of_range", { range })}
-          error={ordered === null ? t("editor.out_of_range", { range }) : undefined}
+          error={ordered === null && (chosen_m_s !== undefined || speed_m_s !== null) ? t("editor.out_of_range", { range }) : undefined}
           max={FASTEST_M_S}
         />
         <Button kind="primary" icon="speed" type="submit" disabled={ordered === null || !isConnected}>

@@ -1,4 +1,4 @@
-import { memo, use, useRef } from "react";
+import { memo, use, useRef, useState } from "react";
 import { useTranslation } from "react-i18next";
 import { useReportText } from "../i18n/use_report_text";
 import { useUnits } from "../app/preferences";
@@ -47,6 +47,8 @@ export const VehicleCard = memo(function VehicleCard({ tracked, running, waiting
   const isOperator = useIsOperator();
   const card = useRef<HTMLElement>(null);
   const isNear = useIsNear(card, isShownAtFirst);
+  /** A form that a person has opened stays, with what became of the order, while the card is scrolled away. */
+  const [changesSpeed, setChangesSpeed] = useState(false);
   const { vehicle } = tracked;
   const status = statusOf(vehicle);
   const name = t("vehicle.name", { id: vehicle.vehicle_id });
@@ -62,8 +64,12 @@ export const VehicleCard = memo(function VehicleCard({ tracked, running, waiting
       {isSelected && <LivePicture vehicleId={vehicle.vehicle_id} />}
       {vehicle.warning && <p className="vehicle-warning">{reportText(vehicle.warning)}</p>}
       {isNear && running && <Progress running={running} />}
-      {isNear && running && isOperator && (
-        <SpeedForm key={`${running.plan.id}-${running.mission.mission_id}`} mission={running.mission} />
+      {(isNear || changesSpeed) && running && isOperator && (
+        <SpeedForm
+          key={`${running.plan.id}-${running.mission.mission_id}`}
+          mission={running.mission}
+          open={() => setChangesSpeed(true)}
+        />
       )}
       {isNear && <WaitingPlans vehicleId={vehicle.vehicle_id} waiting={waiting} />}
       {vehicle.held && <ReleaseForm vehicleId={vehicle.vehicle_id} reason={vehicle.held.reason} />}

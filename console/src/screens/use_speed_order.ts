@@ -2,8 +2,10 @@
 
 import { useCallback, useEffect, useRef, useState } from "react";
 import { RequestError, UNREACHABLE } from "../api/client";
-import { changeSpeed } from "../api/resources";
-import { asRequestError } from "../live/use_resource";
+import { changeSpeed, listEvents, listFlightsSince, NEW_SPEED } from "../api/resources";
+import { serverAheadMs } from "../api/server_clock";
+import type { StoredEvent } from "../api/types";
+import { asRequestError, useResource } from "../live/use_resource";
 import { followEvent, type OrderState } from "./use_stop_orders";
 
 export interface SpeedOrder {
@@ -32,6 +34,29 @@ export function useSpeedOrder(vehicleId: number): [SpeedOrder | null, (speed_m_s
       .catch((reason: unknown) => update(outcomeOf(asRequestError(reason))));
   }, [vehicleId]);
   return [order, send];
+}
+
+/** Longer than any flight. */
+const LONGEST_FLIGHT_MS = 24 * 3_600_000;
+
+/** The speed that was ordered last in the flight of a vehicle [m/s]: null without one, undefined at first. */
+export function useLastSpeed(vehicleId: number): number | null | undefined {
+  const last = useResource(() => readLastSpeed(vehicleId));
+  return last.value?.speed_m_s ?? (last.isLoading ? undefined : null);
+}
+
+async function readLastSpeed(vehicleId: number): Promise<{ speed_m_s: number | null }> {
+  const now_ms = Date.now() + serverAheadMs();
+  const flights = await listFlightsSince(new Date(now_ms - LONGEST_FLIGHT_MS));
+  const flight = flights.filter((one) => one.vehicle_id === vehicleId && one.ended_at === null).at(-1);
+  if (flight === undefined) return { speed_m_s: null };
+  return { speed_m_s: lastSpeedOf(await listEvents(vehicleId, new Date(flight.started_at))) };
+}
+
+/** The speed of the last order that was carried out; null without one. */
+export function lastSpeedOf(events: readonly StoredEvent[]): number | null {
+  const done = events.filter((one) => one.event_type_id === NEW_SPEED && one.state === "done");
+  return done.at(-1)?.maximum_speed ?? null;
 }
 
 /** What became of an order that the edge server has not stored, or whose answer was lost. */
