@@ -14,6 +14,8 @@ test("a row says what was done to what", () => {
 
 test("a row without a number, or of the program, reads as well", () => {
   expect(said("session.end", "session")).toBe("Signed out");
+  expect(said("session.create", "session")).toBe("Sign-in");
+  expect(said("session.create", "users/ana")).toBe("Sign-in ana");
   expect(said("plans.create", "plans")).toBe("Plan  stored".replace("  ", " "));
   expect(said("retention.plans", "12 plans")).toBe("Old plans deleted: 12 plans");
   expect(said("telemetry.state_vector_put", "telemetry/7")).toBe("Record state_vector 7 corrected");

@@ -339,10 +339,6 @@ function Editor({ read }: { read: Tagged<Plan> | null }) {
         </div>
         <div className="actions">
           <StepButtons editing={editing} />
-          <Button icon="add" onClick={addMission}>{t("editor.add_drone")}</Button>
-          {form.missions.length > 1 && (
-            <Button icon="remove" onClick={removeMission}>{t("editor.remove_drone", { id: vehicleOf(mission) })}</Button>
-          )}
         </div>
         <HeightProfile commands={commands} open={open} />
         {commands.length > 0 && <p className="muted small">{t("editor.map_hint")}</p>}
@@ -376,6 +372,12 @@ function Editor({ read }: { read: Tagged<Plan> | null }) {
             </option>
           ))}
         </SelectField>
+        <div className="actions">
+          <Button icon="add" onClick={addMission}>{t("editor.add_drone")}</Button>
+          {form.missions.length > 1 && (
+            <Button icon="remove" onClick={removeMission}>{t("editor.remove_drone", { id: vehicleOf(mission) })}</Button>
+          )}
+        </div>
         <div className="actions">
           <Button kind="primary" isBusy={isBusy} disabled={!isReady} onClick={() => save(show)}>
             {t("editor.save")}
