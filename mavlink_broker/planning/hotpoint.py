@@ -73,12 +73,15 @@ def _slowed(p: NavHotpointParameters) -> str:
 def _manner(p: NavHotpointParameters, family: Family) -> OrbitMethod | str:
     """Give the method of a family, or the reason to fly from point to point."""
     if p.orbit_type in _ALWAYS_FLOWN and p.orbit_type not in family.orbit_headings:
-        reason = "orbit_type: flown from point to point, for"
-        return f"{reason} {family.name}'s own circle knows no such heading"
+        return (
+            "orbit_type: flown from point to point, for "
+            f"{family.name}'s own circle knows no such heading"
+        )
     if _rate_deg_s(p) > family.circle_rate_max_deg_s + _HARDLY_FASTER_DEG_S:
-        reason = "angular_velocity: flown from point to point, for"
-        fastest = f"{family.circle_rate_max_deg_s:g} deg/s at most"
-        return f"{reason} {family.name}'s own circle turns by {fastest}"
+        return (
+            "angular_velocity: flown from point to point, for "
+            f"{family.name}'s own circle turns by {family.circle_rate_max_deg_s:g} deg/s at most"
+        )
     return family.orbiting
 
 

@@ -18,6 +18,23 @@ RULES = (
     *(ROOT / "edge_server" / "survey" / f"{name}.py" for name in ("planner", "request", "sorties")),
 )
 """What judges the plans, fields and surveys of a person."""
+REPORTING = (
+    *(
+        path
+        for folder in ("live", "mission", "pictures", "planning")
+        for path in sorted((ROOT / "mavlink_broker" / folder).rglob("*.py"))
+    ),
+    *(
+        ROOT / "mavlink_broker" / "microservices" / f"{name}.py"
+        for name in ("command", "ftp_download", "ftp_requests", "parameter")
+    ),
+    *sorted((ROOT / "mavlink_broker" / "microservices").glob("mission_*.py")),
+    *(ROOT / "mavlink_broker" / "vehicle" / f"{name}.py" for name in ("alarms", "flight_logs")),
+)
+"""Modules of the broker whose sentences reach the console in missions, commands and events."""
+UNREPORTED = {"this program sends no logs"}
+"""Of a mistake in the program."""
+LOGGED = {"debug", "info", "warning", "error", "exception"}
 OF_PYDANTIC = ("String should have at ", "must be a valid ", "must be greater than", "must be less")
 PROGRAMS = ("afarcloud", "edge_server", "mavlink_broker")
 SHORTEST = 4
@@ -69,10 +86,20 @@ def test_each_phrase_of_a_fault_is_made_of_what_a_program_finds(reported: str) -
 
 
 def sentences_of(path: Path) -> Iterator[str]:
-    """Give the texts of a module that are sentences, values as a number."""
+    """Give the texts of a module that are sentences, values as a number; no log messages."""
     tree = ast.parse(path.read_text())
     joined = (node.values for node in ast.walk(tree) if isinstance(node, ast.JoinedStr))
     pieces = {part.value for parts in joined for part in parts if isinstance(part, ast.Constant)}
+    logged = {
+        argument.value
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Call)
+        and isinstance(node.func, ast.Attribute)
+        and node.func.attr in LOGGED
+        for argument in node.args
+        if isinstance(argument, ast.Constant)
+    }
+    pieces |= logged
     for text in texts_of(path):
         shown = text.replace(GAP, "7").strip()
         if text not in pieces and re.search(r"[a-z]{2,} [a-z(]", shown):
@@ -82,18 +109,29 @@ def sentences_of(path: Path) -> Iterator[str]:
 @pytest.mark.parametrize("module", RULES, ids=lambda path: path.name)
 def test_each_fault_of_a_plan_a_field_and_a_survey_has_a_phrase(module: Path) -> None:
     """A person who has never written JSON reads them."""
-    phrases = json.loads(FAULTS.read_text())
+    without = without_phrase(module, json.loads(FAULTS.read_text()))
+    assert not without
+
+
+@pytest.mark.parametrize("module", REPORTING, ids=lambda path: f"{path.parent.name}.{path.stem}")
+def test_each_report_of_the_broker_has_a_phrase(module: Path) -> None:
+    """English and Spanish are complete."""
+    reports = json.loads(PHRASES.read_text()) | json.loads(FAULTS.read_text())
+    assert not without_phrase(module, reports) - UNREPORTED
+
+
+def without_phrase(module: Path, phrases: dict[str, str]) -> set[str]:
+    """Give the sentences of a module that no phrase translates."""
     pieces = (re.split(r"\{\w+\}", phrase) for phrase in phrases)
     patterns = [re.compile(".+?".join(map(re.escape, one))) for one in pieces]
     examples = [re.sub(r"\{\w+\}", "7", phrase) for phrase in phrases]
-    without = {
+    return {
         part
         for text in sentences_of(module)
         for part in text.split("; ")
         if not any(pattern.fullmatch(part) for pattern in patterns)
         and not any(part in example for example in examples)
     }
-    assert not without
 
 
 def test_a_phrase_that_no_program_reports_is_found(reported: str) -> None:
