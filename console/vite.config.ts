@@ -5,7 +5,7 @@ import { defineConfig } from "vitest/config";
 // The edge server serves the built files below /console/; in development its paths are passed on.
 const EDGE = process.env["EDGE_URL"] ?? "http://127.0.0.1:8000";
 const PATHS = [
-  "session", "sessions", "users", "live", "flights", "alarms", "vehicles", "plans", "events",
+  "session", "sessions", "users", "live", "flights", "flight_maps", "alarms", "vehicles", "plans", "events",
   "fields", "surveys", "maps", "keys", "audit", "dead_letters", "readyz",
   "videos", "storage", "backups",
 ];

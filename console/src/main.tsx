@@ -2,7 +2,8 @@ import { StrictMode } from "react";
 import { createRoot } from "react-dom/client";
 import { presentSession, signInByLink, takeLink } from "./api/session";
 import { App } from "./app/App";
-import "./i18n/i18n";
+import { readPreferences } from "./app/preferences";
+import { LANGUAGES, showLanguage } from "./i18n/i18n";
 import "./styles/tokens.css";
 import "./styles/base.css";
 import "./styles/controls.css";
@@ -16,11 +17,13 @@ const root = document.getElementById("root");
 if (root === null) throw new Error("index.html has no element #root");
 // Loaded while the session is read: the map is the largest part, and nearly every screen has one
 void import("./map/FarmMap").catch(() => undefined);
+const language = showLanguage(readPreferences(Object.keys(LANGUAGES)).language);
 const link = takeLink();
 const entering = link === null ? presentSession() : signInByLink(link);
 const page = createRoot(root);
-// The session is mostly known before the map is loaded: nothing is drawn that is gone at once
-void Promise.race([entering.catch(() => undefined), pause(SPLASH_AFTER_MS)]).then(() =>
+// Language and session are mostly known before the map is loaded: nothing is drawn that is gone at once
+const known = Promise.all([language, entering.catch(() => undefined)]);
+void Promise.race([known, pause(SPLASH_AFTER_MS)]).then(() =>
   page.render(
     <StrictMode>
       <App entering={entering} hasLink={link !== null} />

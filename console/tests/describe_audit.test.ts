@@ -1,7 +1,8 @@
 import { expect, test } from "vitest";
-import i18next from "../src/i18n/i18n";
+import i18next, { loadLanguage } from "../src/i18n/i18n";
 import { describeAction, describeResult } from "../src/i18n/describe_audit";
 
+await loadLanguage("es");
 const said = (action: string, object: string, language = "en") =>
   describeAction({ id: 1, action, object }, i18next.getFixedT(language), i18next);
 

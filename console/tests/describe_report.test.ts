@@ -1,16 +1,17 @@
 import { expect, test } from "vitest";
 import { ReportTexts } from "../src/i18n/describe_report";
-import { LANGUAGES, reportTexts } from "../src/i18n/i18n";
+import { loadLanguage, reportTexts } from "../src/i18n/i18n";
 import englishFaults from "../src/i18n/faults.en.json";
 import spanishFaults from "../src/i18n/faults.es.json";
 import phrases from "../src/i18n/reports.es.json";
 
-const spanish = LANGUAGES.es.reports;
+await loadLanguage("es");
+const spanish = reportTexts("es");
 const values = (text: string) => [...text.matchAll(/\{(\w+)\}/g)].map((found) => found[1]).sort();
 
 test("a report that is known is in the person's language", () => {
   expect(spanish.describe("aborted by an event")).toBe("interrumpida por un evento");
-  expect(LANGUAGES.en.reports.describe("aborted by an event")).toBe("aborted by an event");
+  expect(reportTexts("en").describe("aborted by an event")).toBe("aborted by an event");
   expect(spanish.describe("constructor")).toBe("constructor");
 });
 
@@ -46,13 +47,13 @@ test("translations name the same values", () => {
 
 test("a fault names steps as they are on the screen, in both languages", () => {
   const fault = "follows the landing of command_array.3: NAV_TAKEOFF (1) has to come first";
-  expect(LANGUAGES.en.reports.describe(fault))
+  expect(reportTexts("en").describe(fault))
     .toBe("comes behind the landing of step 4: a take-off is needed before");
   expect(spanish.describe(fault))
     .toBe("viene tras el aterrizaje del paso 4: antes hace falta un despegue");
   expect(spanish.describe("the leg there enters geofence.exclusion.0"))
     .toBe("el trayecto hasta allí entra en la zona sin vuelo 1");
-  expect(LANGUAGES.en.reports.describe("coordinates of the field")).toBe("coordinates of the field");
+  expect(reportTexts("en").describe("coordinates of the field")).toBe("coordinates of the field");
 });
 
 test("phrases of faults name no value that the fault has not", () => {

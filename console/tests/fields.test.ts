@@ -1,13 +1,14 @@
 import { expect, test } from "vitest";
-import { LANGUAGES } from "../src/i18n/i18n";
+import { loadLanguage, reportTexts } from "../src/i18n/i18n";
 import { fromUnit } from "../src/units/entered";
 import { quantitiesIn, unitOfField } from "../src/units/fields";
 import { Units } from "../src/units/units";
 
+await loadLanguage("es");
 const metric = new Units("metric", "en");
 const imperial = new Units("imperial", "en");
 const said = (text: string, units: Units, field: string | null = null) =>
-  LANGUAGES.en.reports.describe(text, quantitiesIn(units, field));
+  reportTexts("en").describe(text, quantitiesIn(units, field));
 
 test("a fault names a speed in the unit of its field", () => {
   const fault = "must be at least 0.5 m/s: no vehicle flies slower";
@@ -53,7 +54,7 @@ test("a step and a vehicle's number are no quantities", () => {
 
 test("a Spanish phrase has the units too", () => {
   const said = (text: string, field: string | null = null) =>
-    LANGUAGES.es.reports.describe(text, quantitiesIn(new Units("metric", "es"), field));
+    reportTexts("es").describe(text, quantitiesIn(new Units("metric", "es"), field));
   expect(said("must be at least 0.00417 deg/s, one turn a day", "angular_velocity")).toBe("debe ser al menos 0.00417 °/s");
   expect(said("must be at least 0.5 m/s: no vehicle flies slower")).toContain("1.8 km/h");
 });

@@ -1,10 +1,9 @@
 import { useCallback, useEffect, useLayoutEffect, useMemo, useState } from "react";
-import { useTranslation } from "react-i18next";
 import { onSignedOut } from "../api/client";
 import { signOut } from "../api/session";
 import type { Session } from "../api/types";
 import { Splash } from "../controls/Splash";
-import { LANGUAGES } from "../i18n/i18n";
+import { LANGUAGES, showLanguage } from "../i18n/i18n";
 import { Feed } from "../live/feed";
 import { asRequestError } from "../live/use_resource";
 import { SignIn } from "../screens/SignIn";
@@ -27,7 +26,6 @@ interface AppProperties {
 
 /** The console: the sign-in, or the shell for a person who is signed in. */
 export function App({ entering, hasLink }: AppProperties) {
-  const { i18n } = useTranslation();
   const [entry, setEntry] = useState<Entry>({ kind: "checking" });
   const [preferences, setPreferences] = useState(() => readPreferences(Object.keys(LANGUAGES)));
   const change = useCallback((part: Partial<Preferences>) => {
@@ -38,8 +36,8 @@ export function App({ entering, hasLink }: AppProperties) {
   // Before the effects of what is shown: the map reads the colours of the theme
   useLayoutEffect(() => applyPreferences(preferences), [preferences]);
   useEffect(() => {
-    if (i18n.language !== preferences.language) void i18n.changeLanguage(preferences.language);
-  }, [preferences, i18n]);
+    void showLanguage(preferences.language);
+  }, [preferences.language]);
 
   useEffect(() => {
     let isCurrent = true;

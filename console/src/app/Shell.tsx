@@ -12,6 +12,7 @@ import { Header } from "./Header";
 import { Navigation } from "./Navigation";
 import { part } from "./part";
 import { usePreload } from "./preload";
+import { LANGUAGES, loadLanguage } from "../i18n/i18n";
 import { FarmMap } from "../map/map_part";
 import { numberOf, useRoute } from "./route";
 import { useTitle } from "./use_title";
@@ -27,7 +28,10 @@ const FlightView = part(() => import("../screens/FlightView"));
 const Alarms = part(() => import("../screens/Alarms"));
 const System = part(() => import("../screens/System"));
 /** Those that a person is likely to need without a connection first. */
-const PARTS = [FarmMap, PlanView, Plans, Alarms, Flights, FlightView, Fields, PlanEditor, FieldEditor, SurveyEditor, System];
+const PARTS = [
+  FarmMap, PlanView, Plans, Alarms, Flights, FlightView, Fields, PlanEditor, FieldEditor, SurveyEditor, System,
+  ...Object.keys(LANGUAGES).map((code) => ({ preload: () => loadLanguage(code).then(() => true, () => false) })),
+];
 
 /** Header, navigation and the screen of the present address. */
 export function Shell({ feed }: { feed: Feed }) {

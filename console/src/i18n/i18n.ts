@@ -1,35 +1,64 @@
 /**
  * Languages: each is three files beside this one, its texts and the phrases of reports and faults,
- * which come in English; add it to LANGUAGES and it can be chosen.
+ * which come in English, and a module that joins them; add it to LANGUAGES and it can be chosen.
  */
 
 import i18next from "i18next";
 import { initReactI18next } from "react-i18next";
-import { ReportTexts } from "./describe_report";
+import { ReportTexts, type Phrases } from "./describe_report";
 import en from "./en.json";
-import es from "./es.json";
 import enFaults from "./faults.en.json";
-import esFaults from "./faults.es.json";
-import esReports from "./reports.es.json";
+
+interface LanguageFiles {
+  texts: object;
+  phrases: Phrases;
+}
+
+interface Language {
+  /** In the language itself. */
+  name: string;
+  /** Null for what is always there. */
+  load: (() => Promise<{ default: LanguageFiles }>) | null;
+}
+
+export const LANGUAGES: Readonly<Record<string, Language>> = {
+  en: { name: "English", load: null },
+  es: { name: "Español", load: () => import("./es") },
+};
 
 /**
- * Each language's own name, its texts and its phrases of reports and faults. Reports are written for
- * persons, so English has phrases for faults alone, which name the members of a document.
+ * Phrases by language, of those that are loaded. Reports are written for persons, so English has
+ * phrases for faults alone, which name the members of a document.
  */
-export const LANGUAGES = {
-  en: { name: "English", texts: en, reports: new ReportTexts(enFaults) },
-  es: { name: "Español", texts: es, reports: new ReportTexts({ ...esReports, ...esFaults }) },
-} as const;
+const english = new ReportTexts(enFaults);
+const reports = new Map<string, ReportTexts>([["en", english]]);
 
-/** Gives the phrases of reports and faults in a language; English where it has none. */
+/** Gives the phrases of reports and faults in a language; English while it is not loaded. */
 export function reportTexts(language: string): ReportTexts {
-  return (language in LANGUAGES ? LANGUAGES[language as keyof typeof LANGUAGES] : LANGUAGES.en).reports;
+  return reports.get(language) ?? english;
+}
+
+/** Loads the texts of a language; raises what the import raises. */
+export async function loadLanguage(code: string): Promise<void> {
+  const load = LANGUAGES[code]?.load;
+  if (reports.has(code) || !load) return;
+  const { texts, phrases } = (await load()).default;
+  i18next.addResourceBundle(code, "translation", texts);
+  reports.set(code, new ReportTexts(phrases));
+}
+
+/** Shows the console in a language as soon as it is loaded; the present one stays if it cannot be. */
+export async function showLanguage(code: string): Promise<void> {
+  try {
+    await loadLanguage(code);
+  } catch {
+    return; // No connection: the next choice tries again
+  }
+  if (i18next.language !== code) await i18next.changeLanguage(code);
 }
 
 void i18next.use(initReactI18next).init({
-  resources: Object.fromEntries(
-    Object.entries(LANGUAGES).map(([code, one]) => [code, { translation: one.texts }]),
-  ),
+  resources: { en: { translation: en } },
   lng: "en",
   fallbackLng: "en",
   interpolation: { escapeValue: false }, // React escapes
