@@ -109,13 +109,14 @@ def _plan_faults(plan: Plan, now: datetime) -> Iterator[Fault]:
     seen_vehicles: dict[int, int] = {}
     seen_missions: dict[int, int] = {}
     for index, mission in enumerate(plan.missions):
-        for seen, key, name in (
-            (seen_vehicles, mission.vehicle_id, "vehicle_id"),
-            (seen_missions, mission.mission_id, "mission_id"),
-        ):
-            first = seen.setdefault(key, index)
-            if first != index:
-                yield Fault(f"missions.{index}.{name}", f"{key} is already in missions.{first}")
+        first = seen_vehicles.setdefault(mission.vehicle_id, index)
+        if first != index:
+            message = f"vehicle {mission.vehicle_id} flies missions.{first} already"
+            yield Fault(f"missions.{index}.vehicle_id", message)
+        first = seen_missions.setdefault(mission.mission_id, index)
+        if first != index:
+            message = f"{mission.mission_id} is already in missions.{first}"
+            yield Fault(f"missions.{index}.mission_id", message)
 
 
 def _limit_faults(mission: Mission, path: str, limits: VehicleLimits) -> Iterator[Fault]:

@@ -102,9 +102,9 @@ def _boundaries(placemark: "Element", path: str) -> list[Boundary]:
     alone = [one for one in geometries if one not in inside]
     strange = [_tag(one) for one in alone if _tag(one) != "Polygon"]
     if strange:
-        raise _refusal(path, f"{_called(name)}has a {strange[0]}; only polygons are fields")
+        raise _refusal(path, _called(name, f"has a {strange[0]}; only polygons are fields"))
     if not alone:
-        raise _refusal(path, f"{_called(name)}has no polygon")
+        raise _refusal(path, _called(name, "has no polygon"))
     polygons = []
     for number, polygon in enumerate(alone):
         place = f"{path}.Polygon.{number}"
@@ -161,5 +161,5 @@ def _tag(element: "Element") -> str:
     return str(element.tag).rpartition("}")[2]
 
 
-def _called(name: str | None) -> str:
-    return "" if name is None else f"({name[:60]}) "
+def _called(name: str | None, fault: str) -> str:
+    return fault if name is None else f"({name[:60]}) {fault}"

@@ -16,8 +16,13 @@ RULES = (
     *(ROOT / "afarcloud" / f"{name}.py" for name in ("area", "fence_check", "flyable", "rules")),
     ROOT / "afarcloud" / "geometry.py",
     *(ROOT / "edge_server" / "survey" / f"{name}.py" for name in ("planner", "request", "sorties")),
+    *sorted((ROOT / "edge_server" / "exchange").glob("*.py")),
+    *(
+        ROOT / "edge_server" / "geodata" / f"{name}.py"
+        for name in ("field", "geojson", "kml", "projection", "rings", "shapefile", "utm", "zipped")
+    ),
 )
-"""What judges the plans, fields and surveys of a person."""
+"""What judges the plans, fields, surveys and files of a person."""
 REPORTING = (
     *(
         path
