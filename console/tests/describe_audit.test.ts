@@ -1,6 +1,6 @@
 import { expect, test } from "vitest";
 import i18next, { loadLanguage } from "../src/i18n/i18n";
-import { describeAction, describeResult } from "../src/i18n/describe_audit";
+import { describeAction, describeActor, describeResult } from "../src/i18n/describe_audit";
 
 await loadLanguage("es");
 const said = (action: string, object: string, language = "en") =>
@@ -11,6 +11,14 @@ test("a row says what was done to what", () => {
   expect(said("plans.dispatch", "plans/3", "es")).toBe("Plan 3 enviado a volar");
   expect(said("users.create", "users/maria")).toBe("Account maria made");
   expect(said("vehicles.release", "vehicles/2: looked at it/again")).toBe("Drone 2: looked at it/again released");
+});
+
+test("an order says what was ordered of which drone", () => {
+  expect(said("events.create", "events/7: PAUSE_MISSION of vehicle 2")).toBe("Order 7 to drone 2: pause");
+  expect(said("events.create", "events/7: PAUSE_MISSION of vehicle 2", "es")).toBe("Orden 7 al dron 2: pausa");
+  expect(said("events.create", "events/7: DANCE of vehicle 2")).toBe("Order 7: DANCE of vehicle 2 to a drone");
+  expect(said("events.create", "events")).toBe("Order to a drone");
+  expect(said("flight_maps.make", "flights/2/map?band=ndvi")).toBe("Map made of flight 2 (ndvi)");
 });
 
 test("a row without a number, or of the program, reads as well", () => {
@@ -29,5 +37,8 @@ test("an action that has no text stays as it is", () => {
 
 test("a result is a word, a refusal has its status", () => {
   const t = i18next.getFixedT("es");
-  expect(["done", "403", "odd"].map((result) => describeResult({ id: 1, result }, t))).toEqual(["Hecho", "Rechazado (403)", "odd"]);
+  expect(["done", "403", "odd"].map((result) => describeResult({ id: 1, result }, t))).toEqual(["Hecho", "Rechazado: no permitido", "odd"]);
+  expect(describeResult({ id: 1, result: "418" }, t)).toBe("Rechazado (418)");
+  expect(describeActor({ id: 1, who: "user/ana", role: "admin" }, t)).toBe("ana");
+  expect(describeActor({ id: 1, who: "user/link", role: "" }, t)).toBe("por enlace");
 });

@@ -3,6 +3,9 @@
 import type { i18n, TFunction } from "i18next";
 import type { AuditRow } from "../api/resources";
 
+/** An order to a vehicle, and the map of a flight, as the edge server writes them. */
+const ORDER = /^(\d+): (\w+) of vehicle (\d+)$/;
+const MAP = /^(\d+)\/map\?band=(\w+)$/;
 /** A report of a vehicle: which kind it is says the object. */
 const RECORD = /^telemetry\.(\w+)_(create|put|delete)$/;
 
@@ -14,7 +17,11 @@ export function describeAction(row: AuditRow, t: TFunction, texts: Pick<i18n, "e
   const key = `audit.${kind === undefined ? action : `record.${verb}`}`;
   if (action === "" || !texts.exists(key)) return [action, object].filter(Boolean).join(" ");
   const [, rest] = /^\w+\/(.*)$/s.exec(object) ?? [];
-  const what = rest ?? (/^\w+$/.test(object) ? "" : object);
+  const [, id, order, vehicle] = ORDER.exec(rest ?? "") ?? [];
+  if (vehicle !== undefined && texts.exists(`audit.event.${order}`)) {
+    return t("audit.ordered", { id, order: t(`audit.event.${order}`), vehicle });
+  }
+  const what = rest?.replace(MAP, "$1 ($2)") ?? (/^\w+$/.test(object) ? "" : object);
   return t(key, { what: kind === undefined ? what : `${kind} ${what}` }).replace(/ +/g, " ").trim();
 }
 
@@ -22,7 +29,13 @@ export function describeAction(row: AuditRow, t: TFunction, texts: Pick<i18n, "e
 export function describeResult(row: AuditRow, t: TFunction): string {
   const result = textOf(row["result"]);
   if (result === "done") return t("audit.done");
-  return /^\d+$/.test(result) ? t("audit.refused", { status: result }) : result;
+  return /^\d+$/.test(result) ? t([`audit.refused_${result}`, "audit.refused"], { status: result }) : result;
+}
+
+/** Who did it: a person without the prefix that tells accounts from keys. */
+export function describeActor(row: AuditRow, t: TFunction): string {
+  const who = textOf(row["who"]).replace(/^user\//, "");
+  return who === "link" && textOf(row["role"]) === "" ? t("audit.by_link") : who;
 }
 
 function textOf(value: unknown): string {

@@ -15,6 +15,7 @@ from afarcloud.faults import Fault, InvalidError
 from afarcloud.flyable import speed_fault
 from afarcloud.plan import Event
 from afarcloud.wire import Kind, write
+from edge_server.services import audit
 from edge_server.services import idempotency as post_idempotency
 from edge_server.services.context import (
     Caller,
@@ -66,6 +67,8 @@ def create(context: Context, event: Event, caller: Caller, waited_s: float = 0.0
             work_id = _queue(connection, context, event, now, waited_s)
             identifier = events.add(connection, work_id=work_id, received_at=now)
             _empty_queue(connection, event, identifier, now)
+            name = event.event_type_id.name
+            audit.about(f"events/{identifier}: {name} of vehicle {event.vehicle_id}")
             shown = show(_find(connection, identifier))
             answered = Answered(route, body_sha256, identifier, None, now, to_json(shown))
             post_idempotency.store_answer(connection, caller, answered)

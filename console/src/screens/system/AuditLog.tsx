@@ -1,7 +1,7 @@
 import { useTranslation } from "react-i18next";
 import { listAudit } from "../../api/resources";
 import { useUnits } from "../../app/preferences";
-import { describeAction, describeResult } from "../../i18n/describe_audit";
+import { describeAction, describeActor, describeResult } from "../../i18n/describe_audit";
 import { Empty, Loaded } from "../../controls/states";
 import { useResource } from "../../live/use_resource";
 
@@ -33,7 +33,7 @@ export function AuditLog() {
                 {all.slice(0, SHOWN).map((row) => (
                   <tr key={row.id}>
                     <td data-label={t("system.when")}>{units.time(text(row["time"] ?? row["recorded_at"]))}</td>
-                    <td data-label={t("system.who")}>{text(row["who"]).replace(/^user\//, "")}</td>
+                    <td data-label={t("system.who")}>{describeActor(row, t)}</td>
                     <td data-label={t("system.role")}>{text(row["role"]) && t(`role.${text(row["role"])}`)}</td>
                     <td data-label={t("system.what")}>{describeAction(row, t, i18n)}</td>
                     <td data-label={t("system.result")}>{describeResult(row, t)}</td>
