@@ -29,6 +29,7 @@ test("of a plan of several drones each difference is named", () => {
   expect(planChanges(pair, { ...BASE, missions: [mission!, { ...other, vehicle_id: 3 }] }))
     .toEqual([{ name: "vehicle", text: "3" }]);
   expect(planChanges(pair, BASE)).toEqual([{ name: "missions" }]);
+  expect(planChanges(pair, { ...BASE, missions: [other] })).toEqual([{ name: "missions" }]);
   const shorter = { ...other, command_array: other.command_array.slice(1) };
   expect(planChanges(pair, { ...BASE, missions: [mission!, shorter] }).map(({ name }) => name))
     .toEqual(["steps_changed", "steps_removed"]);

@@ -46,6 +46,13 @@ test("the problems of a command name its parameters", () => {
   ]);
 });
 
+test("corners of a picture are fractions of its sides", () => {
+  const track = COMMAND_TYPES.map((type) => parametersOf(type).find((one) => one.name === "corners")).find((one) => one !== undefined)!;
+  expect(problemOf(track, [[0.1, 0.2], [0.8, 0.9]])).toBeNull();
+  expect(problemOf(track, [[NaN, NaN], [NaN, NaN]])).toBe("number");
+  expect(problemOf(track, [[0.1, 0.2], [0.8, 1.1]])).toBe("out_of_range");
+});
+
 test("a fault of the edge server belongs to the command and parameter of its path", () => {
   expect(placeOfFault("missions.0.command_array.3.parameters.altitude")).toEqual({ mission: 0, index: 3, parameter: "altitude" });
   expect(placeOfFault("missions.1.command_array.2")).toEqual({ mission: 1, index: 2, parameter: null });

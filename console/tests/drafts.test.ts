@@ -15,26 +15,27 @@ class MemoryStorage {
   }
 }
 
-const draft = (state: string, at_ms = 1) => ({ at_ms, base: { value: "stored", tag: "t" }, state });
+const isState = (kept: object) => "name" in kept;
+const draft = (name: string, at_ms = 1) => ({ at_ms, base: { value: "stored", tag: "t" }, state: { name } });
 
 test("a draft is there again with the version that it was made of", () => {
   const place = new MemoryStorage();
   new Drafts(place, "ana").write("plans/7", draft("mine"));
-  expect(new Drafts(place, "ana").read("plans/7")).toEqual(draft("mine"));
+  expect(new Drafts(place, "ana").read("plans/7", isState)).toEqual(draft("mine"));
 });
 
 test("nobody gets a draft of another person, or of another plan", () => {
   const place = new MemoryStorage();
   new Drafts(place, "ana").write("plans/7", draft("mine"));
-  expect(new Drafts(place, "juan").read("plans/7")).toBeNull();
-  expect(new Drafts(place, "ana").read("plans/8")).toBeNull();
+  expect(new Drafts(place, "juan").read("plans/7", isState)).toBeNull();
+  expect(new Drafts(place, "ana").read("plans/8", isState)).toBeNull();
 });
 
 test("the oldest drafts are forgotten", () => {
   const drafts = new Drafts(new MemoryStorage(), "ana");
   for (let index = 0; index < 45; index += 1) drafts.write(`plans/${index}`, draft("mine", index));
-  expect(drafts.read("plans/4")).toBeNull();
-  expect(drafts.read("plans/5")).not.toBeNull();
+  expect(drafts.read("plans/4", isState)).toBeNull();
+  expect(drafts.read("plans/5", isState)).not.toBeNull();
 });
 
 test("storage that is full, or holds something else, does not stop anybody", () => {
@@ -42,7 +43,15 @@ test("storage that is full, or holds something else, does not stop anybody", () 
   const drafts = new Drafts(place, "ana");
   drafts.write("plans/7", draft("mine"));
   for (const key of place.items.keys()) place.items.set(key, "{broken");
-  expect(drafts.read("plans/7")).toBeNull();
+  expect(drafts.read("plans/7", isState)).toBeNull();
   place.isFull = true;
   drafts.write("plans/7", draft("mine"));
+});
+
+test("a draft of another version of the console is dropped", () => {
+  const drafts = new Drafts(new MemoryStorage(), "ana");
+  drafts.write("plans/7", { at_ms: 1, base: null, state: { title: "old" } });
+  expect(drafts.read("plans/7", isState)).toBeNull();
+  drafts.write("plans/7", { at_ms: 1, base: null, state: "mine" });
+  expect(drafts.read("plans/7", isState)).toBeNull();
 });

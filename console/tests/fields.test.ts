@@ -1,7 +1,10 @@
 import { expect, test } from "vitest";
-import { loadLanguage, reportTexts } from "../src/i18n/i18n";
+import { Fault } from "../src/api/client";
+import i18next, { loadLanguage, reportTexts } from "../src/i18n/i18n";
 import { fromUnit } from "../src/units/entered";
+import { orderedSpeed } from "../src/planning/speed_limits";
 import { quantitiesIn, unitOfField } from "../src/units/fields";
+import { speedRange } from "../src/units/limits";
 import { Units } from "../src/units/units";
 
 await loadLanguage("es");
@@ -55,6 +58,22 @@ test("a step and a vehicle's number are no quantities", () => {
 test("a Spanish phrase has the units too", () => {
   const said = (text: string, field: string | null = null) =>
     reportTexts("es").describe(text, quantitiesIn(new Units("metric", "es"), field));
-  expect(said("must be at least 0.00417 deg/s, one turn a day", "angular_velocity")).toBe("debe ser al menos 0.00417 °/s");
-  expect(said("must be at least 0.5 m/s: no vehicle flies slower")).toContain("1.8 km/h");
+  expect(said("must be at least 0.00417 deg/s, one turn a day", "angular_velocity")).toBe("debe ser al menos 0,00417 °/s");
+  expect(said("must be at least 0.5 m/s: no vehicle flies slower")).toContain("1,8 km/h");
+});
+
+test("a fault on the screen follows the language", async () => {
+  const fault = new Fault("missions.0.maximum_speed", "must be at most 12 m/s, the vehicle's limit");
+  expect(fault.text).toBe("must be at most 43.2 km/h, the drone's limit");
+  await i18next.changeLanguage("es");
+  expect(fault.text).toBe("debe ser como máximo 43,2 km/h, el límite del dron");
+  await i18next.changeLanguage("en");
+});
+
+test("both ends of the named range of speeds can be ordered", () => {
+  for (const units of [metric, imperial]) {
+    const ends = speedRange(units, i18next.t).match(/[\d.]+/g)?.map((one) => fromUnit(Number(one), units.speedInput)) ?? [];
+    expect(ends).toHaveLength(2);
+    expect(ends.map((one) => orderedSpeed(one) === null)).toEqual([false, false]);
+  }
 });

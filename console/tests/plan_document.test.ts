@@ -1,6 +1,6 @@
 import { expect, test } from "vitest";
 import { documentOf, renumberedFrom } from "../src/planning/plan_document";
-import { formOf, isSameForm, newMission, withForm, withMission } from "../src/planning/plan_form";
+import { changedMission, formOf, isPlanForm, isSameForm, lacksOf, newMission, withForm, withMission } from "../src/planning/plan_form";
 import { storedPlan, waypoint } from "./plans";
 
 const GEOFENCE = { inclusion: [[[0, 0], [0, 1], [1, 1]]] };
@@ -50,4 +50,25 @@ test("a change of one mission leaves the others as they are", () => {
 test("a new plan has one mission under a new number", () => {
   const written = withForm(null, { form: { ...formOf(null), name: "New" }, vehicleId: 1, missionId: 50 });
   expect(written.missions).toMatchObject([{ mission_id: 50, vehicle_id: 1, maximum_speed: 5 }]);
+});
+
+test("a form of another version of the console is none", () => {
+  expect(isPlanForm(formOf(PLAN))).toBe(true);
+  const others = [{ name: "Old", vehicleId: 1, speed: "5", commands: [] }, { name: "", missions: [] }, { missions: [null], name: "" }];
+  expect(others.map(isPlanForm)).toEqual([false, false, false]);
+});
+
+test("a mission says what it lacks", () => {
+  expect(lacksOf({ ...newMission(1), speed: "0" })).toEqual(["speed", "steps"]);
+  const [mission] = formOf(PLAN).missions;
+  expect(lacksOf(mission!)).toEqual([]);
+  const faulty = mission!.commands.map((one) => ({ ...one, parameters: { ...one.parameters, altitude: 1e6 } }));
+  expect(lacksOf({ ...mission!, commands: faulty })).toEqual(["values"]);
+});
+
+test("a step back names the mission that it has changed", () => {
+  const form = { name: "Both", missions: [newMission(1), newMission(2)] };
+  expect(changedMission(form, withMission(form, 1, (one) => ({ ...one, speed: "2" })))).toBe(1);
+  expect(changedMission(form, { ...form, missions: [...form.missions, newMission(3)] })).toBe(2);
+  expect(changedMission(form, { ...form, name: "All" })).toBeNull();
 });

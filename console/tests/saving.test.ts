@@ -1,6 +1,6 @@
 import { expect, test } from "vitest";
-import { RequestError, type Tagged } from "../src/api/client";
-import { ChangedError, save } from "../src/planning/saving";
+import { Fault, RequestError, type Tagged } from "../src/api/client";
+import { Attempts, ChangedError, save } from "../src/planning/saving";
 
 /** A resource at an edge server: content, a live status that changes its tag, and several writers. */
 class Resource {
@@ -76,10 +76,26 @@ test("a version that was deleted is not made again", async () => {
 });
 
 test("a refusal for another reason stays what it is", async () => {
-  const refused = new RequestError(422, "wrong", [{ path: "name", text: "is too long" }]);
+  const refused = new RequestError(422, "wrong", [new Fault("name", "is too long")]);
   const work = save({ value: "a", tag: "a" }, {
     put: () => Promise.reject(refused), read: () => Promise.reject(refused),
     isSame: () => true, isMine: () => false,
   });
   await expect(work).rejects.toBe(refused);
+});
+
+test("the same content again is the same document under the same key", async () => {
+  const attempts = new Attempts();
+  const sent: [number, string][] = [];
+  const send = (document: number, key: string) => {
+    sent.push([document, key]);
+    return Promise.reject(new RequestError(0, "unreachable"));
+  };
+  await attempts.run({ name: "North" }, 1, send).catch(() => undefined);
+  await attempts.run({ name: "North" }, 2, send).catch(() => undefined);
+  await attempts.run({ name: "South" }, 3, send).catch(() => undefined);
+  expect(sent.map(([document]) => document)).toEqual([1, 1, 3]);
+  expect(sent[0]?.[1]).toBe(sent[1]?.[1]);
+  expect(new Set(sent.map(([, key]) => key)).size).toBe(2);
+  expect(sent[0]?.[1]).toMatch(/^[0-9a-f]{32}$/);
 });

@@ -1,6 +1,6 @@
 import { readFileSync } from "node:fs";
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
-import { RequestError } from "../src/api/client";
+import { Fault, RequestError } from "../src/api/client";
 import type { StoredEvent } from "../src/api/types";
 import { changeSpeed } from "../src/api/resources";
 import { FASTEST_M_S, orderedSpeed, SLOWEST_M_S } from "../src/planning/speed_limits";
@@ -62,7 +62,7 @@ test("an order that nobody looks at any more is not asked for again", async () =
 });
 
 test("an order that was not stored says why", () => {
-  const fault = { path: "maximum_speed", text: "must be at most 12.0 m/s" };
+  const fault = new Fault("maximum_speed", "must be at most 12.0 m/s, the vehicle's limit");
   expect(outcomeOf(new RequestError(422, "invalid", [fault]))).toEqual({ state: "refused", reason: fault.text });
   expect(outcomeOf(new RequestError(409, "no mission to interrupt"))).toEqual({ state: "refused", reason: "no mission to interrupt" });
   expect(outcomeOf(new RequestError(0, "unreachable"))).toEqual({ state: "failed", reason: "" });

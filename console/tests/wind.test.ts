@@ -14,11 +14,16 @@ const list = (...values: [property: string, minutesAgo: number, value: number, u
 
 test("the newest measurement of any flight is the wind", () => {
   const lists = [list(["wind_speed", 3, 4], ["wind_speed", 2, 5]), list(["wind_speed", 9, 11], ["air_temperature", 1, 20, "Cel"])];
-  expect(newestWind(lists)).toEqual({ speed_m_s: 5, at_ms: NOW_MS - 2 * MINUTE_MS });
+  expect(newestWind(lists, NOW_MS)).toEqual({ speed_m_s: 5, at_ms: NOW_MS - 2 * MINUTE_MS });
+});
+
+test("a drone whose clock is wrong hides no other's wind", () => {
+  const lists = [list(["wind_speed", -120, 2]), list(["wind_speed", 1, 13])];
+  expect(newestWind(lists, NOW_MS)?.speed_m_s).toBe(13);
 });
 
 test("without a measurement, or with an old one, a person has to look", () => {
-  expect(newestWind([list(["wind_direction", 1, 90, "deg"], ["wind_speed", 1, 9, "kn"])])).toBeNull();
+  expect(newestWind([list(["wind_direction", 1, 90, "deg"], ["wind_speed", 1, 9, "kn"])], NOW_MS)).toBeNull();
   expect(windState(null, NOW_MS)).toBe("look");
   expect(windState({ speed_m_s: 2, at_ms: NOW_MS - 31 * MINUTE_MS }, NOW_MS)).toBe("look");
   expect(windState({ speed_m_s: NaN, at_ms: NOW_MS }, NOW_MS)).toBe("look");

@@ -19,10 +19,18 @@ export interface LastChange {
   at: string;
 }
 
-/** A faulty member of a document, by its path in the document; the text is in the person's language and units. */
-export interface Fault {
-  path: string;
-  text: string;
+/** A faulty member of a document, by its path in the document. */
+export class Fault {
+  constructor(
+    readonly path: string,
+    /** In the edge server's words. */
+    readonly reported: string,
+  ) {}
+
+  /** In the person's language and units, which may change while it is shown. */
+  get text(): string {
+    return inPersonsLanguage(this.reported, this.path.split(".").at(-1));
+  }
 }
 
 /** Status of a request that never reached the server. */
@@ -38,6 +46,11 @@ export class RequestError extends Error {
     readonly changed: LastChange | null = null,
   ) {
     super(message);
+  }
+
+  /** The edge server's reason in the person's language. */
+  get reason(): string {
+    return inPersonsLanguage(this.message);
   }
 }
 
@@ -143,7 +156,7 @@ async function refusalOf(response: Response): Promise<RequestError> {
   const problem = (await response.json().catch(() => ({}))) as Problem;
   return new RequestError(
     response.status,
-    inPersonsLanguage(problem.message ?? response.statusText),
+    problem.message ?? response.statusText,
     faultsOf(problem),
     Number.isFinite(retryAfter) && retryAfter > 0 ? retryAfter : null,
     problem.changed ?? null,
@@ -153,9 +166,7 @@ async function refusalOf(response: Response): Promise<RequestError> {
 /** Lists the faults of an answer in the order of the answer. */
 export function faultsOf(problem: Problem): Fault[] {
   return Object.values(problem.detail ?? {}).flatMap((paths) =>
-    Object.entries(paths).flatMap(([path, texts]) =>
-      texts.map((text) => ({ path, text: inPersonsLanguage(text, path.split(".").at(-1)) })),
-    ),
+    Object.entries(paths).flatMap(([path, texts]) => texts.map((text) => new Fault(path, text))),
   );
 }
 

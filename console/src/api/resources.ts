@@ -41,8 +41,9 @@ export interface FieldDraft {
   entry?: [number, number];
 }
 
-export const createField = (draft: FieldDraft): Promise<StoredField> =>
-  request("/fields/", { method: "POST", body: draft });
+/** Stores a field; the same key again gives the same field. */
+export const createField = (draft: FieldDraft, idempotencyKey: string): Promise<StoredField> =>
+  request("/fields/", { method: "POST", body: draft, idempotencyKey });
 export const getField = (id: number): Promise<Tagged<StoredField>> => requestTagged(`/fields/${id}`);
 /** Replaces a field that still has this tag; raises RequestError 412 for any other. */
 export const replaceField = (id: number, draft: FieldDraft, tag: string): Promise<StoredField> =>
@@ -79,16 +80,18 @@ export const dispatchPlan = (id: number, tag?: string): Promise<Plan> =>
 export const deletePlan = (id: number, tag: string): Promise<void> =>
   request(`/plans/${id}`, { method: "DELETE", ifMatch: tag });
 
-export const createPlan = (document: PlanDocument): Promise<Plan> =>
-  request("/plans/", { method: "POST", body: document });
+/** Stores a plan; the same key again gives the same plan. */
+export const createPlan = (document: PlanDocument, idempotencyKey?: string): Promise<Plan> =>
+  request("/plans/", { method: "POST", body: document, ...(idempotencyKey && { idempotencyKey }) });
 /** Replaces a plan that still has this tag; raises RequestError 412 for any other. */
 export const replacePlan = (id: number, document: PlanDocument, tag: string): Promise<Plan> =>
   request(`/plans/${id}`, { method: "PUT", body: document, ifMatch: tag });
-/** Imports a mission file of a ground station for one vehicle. */
-export const importPlan = (file: File, vehicleId: number): Promise<Plan> =>
+/** Imports a mission file of a ground station for one vehicle; the same key again gives the same plan. */
+export const importPlan = (file: File, vehicleId: number, idempotencyKey: string): Promise<Plan> =>
   request(`/plans/import?vehicle_id=${vehicleId}&name=${encodeURIComponent(file.name)}`, {
     method: "POST",
     file,
+    idempotencyKey,
   });
 
 /** Numbers of the events that stop a mission, or let it fly on. */

@@ -17,6 +17,6 @@ export function describeError(error: RequestError, t: TFunction): string {
     : t("error.other", { status: error.status });
   const givesReason = error.status === 409 || error.status === 422 || error.status === 403;
   const reasons = error.faults.map((fault) => fault.text).slice(0, 3);
-  const reason = reasons.length > 0 ? reasons.join("; ") : error.message;
+  const reason = reasons.length > 0 ? reasons.join("; ") : error.reason;
   return givesReason && reason ? `${plain} ${t("error.reason", { reason })}` : plain;
 }

@@ -20,5 +20,5 @@ async function readWind(): Promise<Wind | null> {
   const flights = await listFlightsSince(new Date(now_ms - WIND_EXPIRES_MS - LONGEST_FLIGHT_MS));
   const newest = flights.slice(-MOST_FLIGHTS);
   const lists = await Promise.all(newest.map(({ id }) => listObservations(id)));
-  return newestWind(lists.flat());
+  return newestWind(lists.flat(), now_ms);
 }

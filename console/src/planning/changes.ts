@@ -19,15 +19,15 @@ export function isSame(one: unknown, other: unknown): boolean {
 /** What somebody has changed in a plan. */
 export function planChanges(base: Plan, theirs: Plan): Change[] {
   const changes: Change[] = [];
-  const pairs = base.missions.flatMap((before, index) => {
-    const after = theirs.missions[index];
+  const pairs = base.missions.flatMap((before) => {
+    const after = theirs.missions.find(({ mission_id }) => mission_id === before.mission_id);
     return after === undefined ? [] : [[before, after] as const];
   });
   if (pairs.some(([before, after]) => before.dispatch_state !== after.dispatch_state)) {
     changes.push({ name: "dispatched" });
   }
   if ((base.name ?? "") !== (theirs.name ?? "")) changes.push({ name: "name", text: theirs.name ?? "" });
-  if (base.missions.length !== theirs.missions.length) changes.push({ name: "missions" });
+  if (pairs.length < Math.max(base.missions.length, theirs.missions.length)) changes.push({ name: "missions" });
   for (const [before, after] of pairs) {
     if (before.vehicle_id !== after.vehicle_id) changes.push({ name: "vehicle", text: String(after.vehicle_id) });
   }
@@ -37,7 +37,7 @@ export function planChanges(base: Plan, theirs: Plan): Change[] {
     }
   }
   changes.push(...stepChanges(pairs));
-  if (!isSame(restOf(base, pairs.length), restOf(theirs, pairs.length))) changes.push({ name: "rest" });
+  if (!isSame(restOf(base), restOf(theirs))) changes.push({ name: "rest" });
   return changes;
 }
 
@@ -75,13 +75,10 @@ function stepChanges(pairs: readonly (readonly [Mission, Mission])[]): Change[] 
   return names.filter((name) => counts[name] > 0).map((name) => ({ name, count: counts[name] }));
 }
 
-/** What the editor does not show, and keeps as it is; of so many missions. */
-function restOf(plan: Plan, count: number): object {
-  const { name: _name, missions, ...rest } = documentOf(plan);
-  return {
-    ...rest,
-    missions: missions.slice(0, count).map(({ vehicle_id: _vehicle, maximum_speed: _speed, command_array: _steps, ...more }) => more),
-  };
+/** What the editor does not show, and keeps as it is. */
+function restOf(plan: Plan): object {
+  const { name: _name, missions: _missions, ...rest } = documentOf(plan);
+  return rest;
 }
 
 function ordered(value: unknown): string {

@@ -77,6 +77,7 @@ export function problemOf(
   value: ParameterValue | undefined,
 ): "number" | "whole" | "out_of_range" | null {
   if (value === null || value === undefined) return one.required ? "number" : null;
+  if (Array.isArray(value)) return problemOfCorners(value);
   if (typeof value !== "number") return null;
   if (!Number.isFinite(value)) return "number";
   if (one.type === "integer" && !Number.isInteger(value)) return "whole";
@@ -84,6 +85,13 @@ export function problemOf(
   if (minimum !== null && (one.above_minimum ? value <= minimum : value < minimum)) return "out_of_range";
   if (maximum !== null && (one.below_maximum ? value >= maximum : value > maximum)) return "out_of_range";
   return null;
+}
+
+/** Two corners of a picture as fractions of its sides. */
+function problemOfCorners(corners: unknown[]): "number" | "out_of_range" | null {
+  const values = corners.flat();
+  if (!values.every((one) => typeof one === "number" && Number.isFinite(one))) return "number";
+  return values.every((one) => (one as number) >= 0 && (one as number) <= 1) ? null : "out_of_range";
 }
 
 /** The parameters of a command with whose values something is wrong. */

@@ -19,10 +19,12 @@ type Place = Pick<Storage, "getItem" | "setItem" | "removeItem" | "key" | "lengt
 export class Drafts {
   constructor(private readonly place: Place, private readonly person: string) {}
 
-  read<State, Value>(name: string): StoredDraft<State, Value> | null {
+  /** Gives a draft whose state is one of this version of the console; null without one. */
+  read<State, Value>(name: string, isState: (state: object) => boolean): StoredDraft<State, Value> | null {
     try {
       const found = JSON.parse(this.place.getItem(this.key(name)) ?? "null") as StoredDraft<State, Value> | null;
-      return typeof found === "object" && found !== null && "state" in found ? found : null;
+      const state = found?.state;
+      return typeof state === "object" && state !== null && isState(state) ? found : null;
     } catch {
       return null; // Storage is switched off, or holds something else
     }

@@ -2,6 +2,7 @@
 
 import type { Command, Plan, PlanDocument } from "../api/types";
 import { isSame } from "./changes";
+import { problemsOf } from "./command_forms";
 import { bare } from "./plan_document";
 
 export interface PlanForm {
@@ -35,9 +36,30 @@ export function formOf(plan: Plan | null): PlanForm {
   };
 }
 
+/** Whether what a browser has kept is a form of this version of the console. */
+export function isPlanForm(kept: object): kept is PlanForm {
+  if (!("missions" in kept) || !Array.isArray(kept.missions) || kept.missions.length === 0) return false;
+  return "name" in kept && kept.missions.every((one: Partial<MissionForm> | null) => Array.isArray(one?.commands));
+}
+
+/** The first mission in which two forms differ; null if they differ in none. */
+export function changedMission(before: PlanForm, after: PlanForm): number | null {
+  const index = after.missions.findIndex((one, at) => !isSame(one, before.missions[at] ?? null));
+  return index === -1 ? null : index;
+}
+
 /** An empty mission for a vehicle. */
 export function newMission(vehicleId: number | null): MissionForm {
   return { missionId: null, vehicleId, speed: String(USUAL_SPEED_M_S), commands: [] };
+}
+
+/** What keeps a mission from being stored, as keys of the texts. */
+export function lacksOf({ speed, commands }: MissionForm): ("speed" | "steps" | "values")[] {
+  const lacks: ReturnType<typeof lacksOf> = [];
+  if (!(Number(speed) > 0)) lacks.push("speed");
+  if (commands.length === 0) lacks.push("steps");
+  if (commands.some((command) => problemsOf(command).length > 0)) lacks.push("values");
+  return lacks;
 }
 
 /** Changes the mission at a place, and no other. */

@@ -52,6 +52,25 @@ export async function save<Value>(base: Tagged<Value>, saving: Saving<Value>): P
   }
 }
 
+/** Stores something new: the same content again, after an answer that was lost, is stored once. */
+export class Attempts {
+  #last: { content: string; key: string; document: unknown } | null = null;
+
+  /** Sends the first document that was made of this content, under its key. */
+  run<Document, Value>(
+    content: unknown, document: Document, send: (document: Document, idempotencyKey: string) => Promise<Value>,
+  ): Promise<Value> {
+    const text = JSON.stringify(content);
+    if (this.#last?.content !== text) this.#last = { content: text, key: newKey(), document };
+    return send(this.#last.document as Document, this.#last.key);
+  }
+}
+
+/** A key that nobody else has; `crypto.randomUUID` needs HTTPS, which a farm may not have. */
+export function newKey(): string {
+  return Array.from(crypto.getRandomValues(new Uint32Array(4)), (part) => part.toString(16).padStart(8, "0")).join("");
+}
+
 async function present<Value>(read: () => Promise<Tagged<Value>>): Promise<Tagged<Value> | null> {
   try {
     return await read();

@@ -1,6 +1,7 @@
 /** What a person chooses for a survey, and the order to the edge server that it makes. Pure. */
 
 import type { SurveyOrder } from "../api/types";
+import { orderedSpeed } from "./speed_limits";
 
 /** A camera that looks straight down; its width lies across the line of flight. */
 export interface Camera {
@@ -76,14 +77,16 @@ export function heightOf_m(camera: Camera, resolution_m: number): number {
 /** The order of a form for a field, held until somebody dispatches it; null while a value is missing. */
 export function orderOf(form: SurveyForm, fieldId: number, vehicles: readonly number[]): SurveyOrder | null {
   const { height_m, side_overlap, front_overlap, speed_m_s, endurance_s, swath_width_m } = form;
-  const numbers = [height_m, side_overlap, front_overlap, speed_m_s, endurance_s];
+  // The survey's own limit is higher than that of the plans which are made of it
+  const flown_m_s = orderedSpeed(speed_m_s);
+  const numbers = [height_m, side_overlap, front_overlap, flown_m_s, endurance_s];
   if (numbers.includes(null) || vehicles.length === 0) return null;
   const shared = {
     field_id: fieldId,
     altitude: height_m ?? 0,
     side_overlap: side_overlap ?? 0,
     front_overlap: front_overlap ?? 0,
-    maximum_speed: speed_m_s ?? 0,
+    maximum_speed: flown_m_s ?? 0,
     endurance: endurance_s ?? 0,
     vehicles: [...vehicles],
     most_commands: MOST_COMMANDS,

@@ -14,13 +14,15 @@ export const WIND_EXPIRES_MS = 30 * 60_000;
 const CALM_M_S = 8;
 const STRONG_M_S = 12;
 
-/** The newest wind among the measurements of flights; null without one. */
-export function newestWind(lists: readonly FlightObservations[]): Wind | null {
+/** The newest wind of the last half hour among the measurements of flights; null without one. */
+export function newestWind(lists: readonly FlightObservations[], now_ms: number): Wind | null {
   let newest: Wind | null = null;
   for (const { observation_array } of lists) {
     for (const one of observation_array) {
       if (one.observed_property !== "wind_speed" || one.result_uom !== "m/s") continue;
       const at_ms = one.result_time * 1000;
+      // A drone's clock may be wrong: it hides no other's wind
+      if (Math.abs(now_ms - at_ms) > WIND_EXPIRES_MS) continue;
       if (newest === null || at_ms > newest.at_ms) newest = { speed_m_s: one.result_value, at_ms };
     }
   }

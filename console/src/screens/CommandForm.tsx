@@ -9,6 +9,10 @@ import { SelectField, TextField } from "../controls/fields";
 import { parametersOf, placeOfFault, problemOf, problemsOf, type Parameter } from "../planning/command_forms";
 import { fromUnit, inUnit, type EnteredUnit } from "../units/entered";
 import { unitOfField } from "../units/fields";
+import type { Units } from "../units/units";
+
+/** Of the sides of a picture. */
+const CORNER_RANGE = "0 … 1";
 
 /** One step of a plan: its name, and while it is open a field for each parameter. */
 export function CommandForm({ index, count, command, isOpen, faults, toggle, change, remove, up, down }: {
@@ -102,10 +106,12 @@ function ParameterField({ parameter, value, fault, set }: ParameterProperties) {
     );
   }
   if (parameter.type === "array") {
-    return <CornersField label={label} fault={fault} value={value} set={set} />;
+    const problem = problemOf(parameter, value);
+    const ownFault = problem === null ? undefined : t(`editor.${problem}`, { range: CORNER_RANGE });
+    return <CornersField label={label} fault={fault ?? ownFault} value={value} set={set} />;
   }
   const problem = problemOf(parameter, value);
-  const range = rangeOf(parameter, unit, t);
+  const range = rangeOf(parameter, unit, units, t);
   const ownFault = problem === null ? undefined : t(`editor.${problem}`, { range });
   return (
     <NumberField
@@ -121,9 +127,10 @@ function ParameterField({ parameter, value, fault, set }: ParameterProperties) {
   );
 }
 
-function rangeOf(one: Parameter, unit: EnteredUnit, t: TFunction): string {
-  const low = one.minimum === null ? "…" : inUnit(one.minimum, unit, Math.ceil);
-  const high = one.maximum === null ? "…" : inUnit(one.maximum, unit, Math.floor);
+function rangeOf(one: Parameter, unit: EnteredUnit, units: Units, t: TFunction): string {
+  const low = one.minimum === null ? "…" : units.written(inUnit(one.minimum, unit, Math.ceil));
+  const high = one.maximum === null ? "…" : units.written(inUnit(one.maximum, unit, Math.floor));
+  if (one.below_maximum) return t("editor.below", { low, high });
   return t(one.above_minimum ? "editor.above" : "editor.range", { low, high });
 }
 
@@ -169,7 +176,7 @@ function CornersField({ label, value, fault, set }: {
   return (
     <TextField
       label={label}
-      hint="0 … 1"
+      hint={CORNER_RANGE}
       error={fault}
       value={typed}
       onChange={(event) => {

@@ -22,7 +22,7 @@ import {
   draftOf, EMPTY, fieldArea_m2, isComplete, nextCorner, outlineOf, presentRing, ringOf, ringOfFault,
   withCorner, withEntry, withMovedCorner, withoutCorner, withRing, type Corner, type Outline, type Ring, type RingName,
 } from "../planning/outline";
-import { save as saveOver } from "../planning/saving";
+import { Attempts, save as saveOver } from "../planning/saving";
 import { ConflictNotice } from "./ConflictNotice";
 import { CornerForm } from "./CornerForm";
 import { EntryForm } from "./EntryForm";
@@ -44,6 +44,10 @@ interface FieldForm {
 
 function formOf(field: StoredField | null): FieldForm {
   return field === null ? { name: "", outline: EMPTY } : { name: field.name ?? "", outline: outlineOf(field) };
+}
+
+function isFieldForm(kept: object): boolean {
+  return "name" in kept && "outline" in kept && typeof kept.outline === "object";
 }
 
 /** A new field, or one that is stored. */
@@ -70,10 +74,13 @@ function Editor({ read, others }: { read: Tagged<StoredField> | null; others: St
   const [selected, setSelected] = useState<number | null>(null);
   const saving = useSaving<StoredField>();
   const { error, conflict, isBusy } = saving;
+  const [attempts] = useState(() => new Attempts());
   const editing = useEditing<FieldForm, StoredField>({
     name: `fields/${read?.value.id ?? "new"}`,
     read,
     stateOf: formOf,
+    isState: isFieldForm,
+    isLocked: isBusy,
     stepped: () => {
       setSelected(null);
       saving.forget();
@@ -119,7 +126,7 @@ function Editor({ read, others }: { read: Tagged<StoredField> | null; others: St
     const base = editing.base;
     const work = () =>
       base === null
-        ? createField(draft)
+        ? attempts.run(draft, draft, createField)
         : saveOver(base, {
             put: (tag) => replaceField(base.value.id, draft, tag),
             read: () => getField(base.value.id),
@@ -133,7 +140,8 @@ function Editor({ read, others }: { read: Tagged<StoredField> | null; others: St
   };
   const copy = () => {
     const shown = name.trim() || t("fields.unnamed", { id: field?.id });
-    saving.run(() => createField(draftOf(t("conflict.copy_of", { name: shown }), outline)), stored);
+    const draft = draftOf(t("conflict.copy_of", { name: shown }), outline);
+    saving.run(() => attempts.run(draft, draft, createField), stored);
   };
 
   const fleet = useFleetSymbols(others, null, nothing);
@@ -168,7 +176,7 @@ function Editor({ read, others }: { read: Tagged<StoredField> | null; others: St
   );
 
   return (
-    <div className="split">
+    <div className="split" inert={isBusy}>
       <LeaveWarning isChanged={editing.isChanged} discard={editing.forget} />
       <div className="split-map is-drawn-on">
         <Suspense fallback={<div className="farm-map" />}>

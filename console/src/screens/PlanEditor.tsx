@@ -5,7 +5,7 @@ import { createPlan, dispatchPlan, getTaggedPlan, listFields, replacePlan } from
 import type { Command, Plan, PlanDocument } from "../api/types";
 import { useUnits } from "../app/preferences";
 import { go, linkTo, setGuard } from "../app/route";
-import { useIsOperator } from "../app/session_context";
+import { useIsOperator, useSession } from "../app/session_context";
 import { Button } from "../controls/Button";
 import { Segments, SelectField, TextField } from "../controls/fields";
 import { Icon } from "../controls/Icon";
@@ -19,14 +19,16 @@ import { collection, fieldFeatures, placeOf, routeFeatures } from "../map/featur
 import { FarmMap } from "../map/map_part";
 import { isSamePlan, planChanges } from "../planning/changes";
 import {
-  COMMAND_TYPES, hasPlace, HOME, newCommand, placeOfFault, problemsOf, renumbered,
+  COMMAND_TYPES, hasPlace, HOME, newCommand, placeOfFault, renumbered,
   rounded, TAKEOFF, WAYPOINT,
 } from "../planning/command_forms";
+import { Drafts } from "../planning/drafts";
 import { documentOf, newMissionId, renumberedFrom } from "../planning/plan_document";
 import {
-  formOf, isSameForm, newMission, withForm, withMission, type MissionForm, type PlanForm,
+  changedMission, formOf, isPlanForm, isSameForm, lacksOf, newMission, withForm, withMission, type MissionForm, type PlanForm,
 } from "../planning/plan_form";
-import { save as saveOver } from "../planning/saving";
+import { Attempts, save as saveOver } from "../planning/saving";
+import { speedRange } from "../units/limits";
 import { CommandForm } from "./CommandForm";
 import { ConflictNotice } from "./ConflictNotice";
 import { DispatchDialog } from "./DispatchDialog";
@@ -38,6 +40,7 @@ import { fieldNames } from "./use_fleet_symbols";
 import { useSaving } from "./use_saving";
 import { useStepSymbols } from "./use_step_symbols";
 
+const GONE = 404;
 const NO_FAULTS: Fault[] = [];
 /** Fields of the editor beside those of the steps, as the edge server's faults name them. */
 const FIELDS = ["name", "vehicle_id", "maximum_speed"] as const;
@@ -66,6 +69,7 @@ export default function PlanEditor({ reference }: { reference: string | null }) 
     return (
       <div className="screen">
         {plan.error ? <ErrorNotice error={plan.error} retry={plan.reload} /> : <Skeleton />}
+        {plan.error?.status === GONE && <KeptDraft id={Number(reference)} />}
       </div>
     );
   }
@@ -75,6 +79,7 @@ export default function PlanEditor({ reference }: { reference: string | null }) 
     return (
       <div className="screen">
         <Notice kind="info">{t("editor.not_editable")}</Notice>
+        <KeptDraft id={id} />
         <a className="back-link" {...linkTo(`plans/${id}`)}>
           <Icon name="back" /> {t("action.back")}
         </a>
@@ -82,6 +87,45 @@ export default function PlanEditor({ reference }: { reference: string | null }) 
     );
   }
   return <Editor read={plan.value} />;
+}
+
+/** What somebody has edited of a plan that can no longer be changed: it becomes a plan of its own. */
+function KeptDraft({ id }: { id: number }) {
+  const { t } = useTranslation();
+  const { session } = useSession();
+  const drafts = useMemo(() => new Drafts(window.localStorage, session.name), [session.name]);
+  const [kept, setKept] = useState(() => drafts.read<PlanForm, Plan>(draftName(id), isPlanForm));
+  const saving = useSaving<Plan>();
+  const [attempts] = useState(() => new Attempts());
+  if (kept === null) return null;
+  const forget = () => {
+    drafts.remove(draftName(id));
+    setKept(null);
+  };
+  const copy = () => {
+    const missionId = newMissionId(Date.now());
+    const base = kept.base === null ? null : documentOf(kept.base.value);
+    const document = renumberedFrom(withForm(base, { form: kept.state, vehicleId: 1, missionId }), missionId);
+    const name = t("conflict.copy_of", { name: kept.state.name || t("editor.title_new") });
+    saving.run(() => attempts.run(kept.state, { ...document, name }, createPlan), (stored) => {
+      forget();
+      go(`plans/${stored.id}/edit`);
+    });
+  };
+  return (
+    <Notice kind="info">
+      <p>{t("leave.kept")}</p>
+      {saving.error && <p className="fault">{describeError(saving.error, t)}</p>}
+      <div className="actions">
+        <Button kind="primary" icon="add" isBusy={saving.isBusy} onClick={copy}>{t("conflict.copy")}</Button>
+        <Button icon="remove" onClick={forget}>{t("leave.discard_draft")}</Button>
+      </div>
+    </Notice>
+  );
+}
+
+function draftName(id: number | "new"): string {
+  return `plan/${id}`;
 }
 
 function Editor({ read }: { read: Tagged<Plan> | null }) {
@@ -94,14 +138,20 @@ function Editor({ read }: { read: Tagged<Plan> | null }) {
   const drags = useRef(0);
   const [open, setOpen] = useState<number | null>(null);
   const [chosenMission, setMission] = useState(0);
+  const adding = useRef<HTMLDivElement>(null);
   const [flown, setFlown] = useState<Tagged<Plan> | null>(null);
   const saving = useSaving<Plan>();
   const { error, conflict, isBusy } = saving;
+  const [attempts] = useState(() => new Attempts());
   const editing = useEditing<PlanForm, Plan>({
-    name: `plan/${read?.value.id ?? "new"}`,
+    name: draftName(read?.value.id ?? "new"),
     read,
     stateOf: formOf,
-    stepped: () => {
+    isState: isPlanForm,
+    isLocked: isBusy,
+    stepped: (before, after) => {
+      // A step back is seen where it is
+      setMission((present) => changedMission(before, after) ?? present);
       setOpen(null);
       saving.forget();
     },
@@ -120,7 +170,10 @@ function Editor({ read }: { read: Tagged<Plan> | null }) {
     if (error !== null) saving.forget();
   };
   const changeMission = (part: Partial<MissionForm>, continued?: string) =>
-    changeForm((present) => withMission(present, missionIndex, (one) => ({ ...one, ...part })), continued);
+    changeForm(
+      (present) => withMission(present, missionIndex, (one) => ({ ...one, ...part })),
+      continued && `${continued} ${missionIndex}`,
+    );
   const change = (update: (present: Command[]) => Command[], continued?: string) =>
     changeForm((present) => withMission(present, missionIndex, (one) => (
       { ...one, commands: renumbered(update(one.commands)) }
@@ -129,9 +182,9 @@ function Editor({ read }: { read: Tagged<Plan> | null }) {
     setMission(index);
     setOpen(null);
   };
+  const used = new Set(form.missions.map(vehicleOf));
+  const free = [...vehicles.keys()].find((id) => !used.has(id)) ?? null;
   const addMission = () => {
-    const used = new Set(form.missions.map(vehicleOf));
-    const free = [...vehicles.keys()].find((id) => !used.has(id)) ?? firstVehicle;
     changeForm((present) => ({ ...present, missions: [...present.missions, newMission(free)] }));
     editMission(form.missions.length);
   };
@@ -140,6 +193,8 @@ function Editor({ read }: { read: Tagged<Plan> | null }) {
       { ...present, missions: present.missions.filter((_, index) => index !== missionIndex) }
     ));
     editMission(Math.max(0, missionIndex - 1));
+    // The button that was pressed is about to go
+    adding.current?.querySelector("button")?.focus();
   };
   const add = (type: number, place: { latitude: number; longitude: number }) => {
     // A flight begins with a takeoff and, until somebody decides otherwise, ends at home
@@ -173,14 +228,18 @@ function Editor({ read }: { read: Tagged<Plan> | null }) {
       if (one && two) [moved[index], moved[other]] = [two, one];
       return moved;
     });
+  /** What is open stays open, wherever it goes. */
+  const swapOpen = (index: number, other: number) => {
+    swap(index, other);
+    setOpen((present) => (present === index ? other : present === other ? index : present));
+  };
 
   const remove = (index: number) => {
     setOpen(null);
     change((present) => present.filter((_, at) => at !== index));
   };
 
-  const isReady = form.missions.every(({ speed, commands: steps }) =>
-    Number(speed) > 0 && steps.length > 0 && steps.every((step) => problemsOf(step).length === 0));
+  const lacks = form.missions.flatMap((one) => lacksOf(one).map((name) => ({ name, id: vehicleOf(one) })));
   const draft = (): PlanDocument =>
     withForm(editing.base === null ? null : documentOf(editing.base.value), {
       form: { ...form, name: form.name.trim() || t("editor.title_new") },
@@ -198,10 +257,11 @@ function Editor({ read }: { read: Tagged<Plan> | null }) {
   const save = (then: (stored: Plan) => void | Promise<void>) => {
     const document = draft();
     const base = editing.base;
-    const mine = { ...form, missions: form.missions.map((one) => ({ ...one, vehicleId: vehicleOf(one) })) };
+    const missions = form.missions.map((one) => ({ ...one, vehicleId: vehicleOf(one) }));
+    const mine = { name: document.name ?? "", missions };
     const work = () =>
       base === null
-        ? createPlan(document)
+        ? attempts.run(form, document, createPlan)
         : saveOver(base, {
             put: (tag) => replacePlan(base.value.id, document, tag),
             read: () => getTaggedPlan(String(base.value.id)),
@@ -223,7 +283,8 @@ function Editor({ read }: { read: Tagged<Plan> | null }) {
     });
   const copy = () => {
     const document = renumberedFrom(draft(), newMissionId(Date.now()));
-    saving.run(() => createPlan({ ...document, name: t("conflict.copy_of", { name: document.name }) }), show);
+    const named = { ...document, name: t("conflict.copy_of", { name: document.name }) };
+    saving.run(() => attempts.run(["copy", form], named, createPlan), show);
   };
 
   const faults = error?.faults ?? NO_FAULTS;
@@ -263,7 +324,7 @@ function Editor({ read }: { read: Tagged<Plan> | null }) {
   const middle = useMiddle(commands, fields.value?.[0]?.boundary[0] ?? null);
 
   return (
-    <div className="split">
+    <div className="split" inert={isBusy}>
       <LeaveWarning isChanged={editing.isChanged} discard={editing.forget} />
       <div className="split-map">
         <Suspense fallback={<div className="farm-map" />}>
@@ -334,7 +395,8 @@ function Editor({ read }: { read: Tagged<Plan> | null }) {
             unit={units.speedInput}
             value={mission.speed === "" ? null : Number(mission.speed)}
             change={(speed_m_s) => changeMission({ speed: speed_m_s === null ? "" : String(speed_m_s) }, "speed")}
-            error={faultAt("maximum_speed")}
+            hint={t("editor.out_of_range", { range: speedRange(units, t) })}
+            error={faultAt("maximum_speed") ?? (Number(mission.speed) > 0 ? undefined : t("editor.number"))}
           />
         </div>
         <div className="actions">
@@ -356,8 +418,8 @@ function Editor({ read }: { read: Tagged<Plan> | null }) {
                 change((present) => present.map((one, at) => (at === index ? { ...one, parameters } : one)))
               }
               remove={() => remove(index)}
-              up={() => swap(index, index - 1)}
-              down={() => swap(index, index + 1)}
+              up={() => swapOpen(index, index - 1)}
+              down={() => swapOpen(index, index + 1)}
             />
           ))}
         </ol>
@@ -372,22 +434,27 @@ function Editor({ read }: { read: Tagged<Plan> | null }) {
             </option>
           ))}
         </SelectField>
-        <div className="actions">
-          <Button icon="add" onClick={addMission}>{t("editor.add_drone")}</Button>
+        <div className="actions" ref={adding}>
+          <Button icon="add" disabled={free === null} onClick={addMission}>{t("editor.add_drone")}</Button>
           {form.missions.length > 1 && (
             <Button icon="remove" onClick={removeMission}>{t("editor.remove_drone", { id: vehicleOf(mission) })}</Button>
           )}
         </div>
         <div className="actions">
-          <Button kind="primary" isBusy={isBusy} disabled={!isReady} onClick={() => save(show)}>
+          <Button kind="primary" isBusy={isBusy} disabled={lacks.length > 0} onClick={() => save(show)}>
             {t("editor.save")}
           </Button>
           {isOperator && (
-            <Button icon="flight" isBusy={isBusy} disabled={!isReady} onClick={saveAndFly}>
+            <Button icon="flight" isBusy={isBusy} disabled={lacks.length > 0} onClick={saveAndFly}>
               {t("editor.save_and_fly")}
             </Button>
           )}
         </div>
+        {lacks.length > 0 && commands.length > 0 && (
+          <ul className="muted small" role="status">
+            {lacks.map(({ name, id }) => <li key={`${name} ${id}`}>{t(`editor.lacks_${name}`, { id })}</li>)}
+          </ul>
+        )}
       </section>
       {flown !== null && <Departure plan={flown} />}
     </div>

@@ -242,7 +242,7 @@ function MissionTimeline({ mission, flight }: { mission: Mission; flight: Missio
           <h2>{t("vehicle.name", { id: mission.vehicle_id })}</h2>
           {typeof mission.maximum_speed === "number" && (
             <span className="muted small">
-              {t("plans.maximum_speed")}: {units.speed(mission.maximum_speed)}
+              {t("plans.maximum_speed")}: {units.exactSpeed(mission.maximum_speed)}
             </span>
           )}
           <Pill tone="neutral">{t(`dispatch.${mission.dispatch_state}`)}</Pill>

@@ -7,7 +7,8 @@ import { QuantityField } from "../controls/QuantityField";
 import { Pill, type Tone } from "../controls/StatusPill";
 import { useReportText } from "../i18n/use_report_text";
 import { useIsConnected } from "../live/use_live";
-import { FASTEST_M_S, orderedSpeed, SLOWEST_M_S } from "../planning/speed_limits";
+import { FASTEST_M_S, orderedSpeed } from "../planning/speed_limits";
+import { speedRange } from "../units/limits";
 import { useLastSpeed, useSpeedOrder, type SpeedOrder } from "./use_speed_order";
 import type { OrderState } from "./use_stop_orders";
 
@@ -47,8 +48,7 @@ function OpenForm({ mission }: { mission: Mission }) {
     : flown_m_s === null ? (mission.maximum_speed ?? null) : (flown_m_s ?? null);
   const ordered = orderedSpeed(speed_m_s);
   const unit = units.speedInput;
-  const inUnit = (value_m_s: number) => units.entered(value_m_s, unit);
-  const range = t("editor.range", { low: inUnit(SLOWEST_M_S), high: inUnit(FASTEST_M_S) });
+  const range = speedRange(units, t);
   const submit = (event: FormEvent) => {
     event.preventDefault();
     if (ordered !== null) send(ordered);

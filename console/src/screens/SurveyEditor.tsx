@@ -19,6 +19,7 @@ import {
   colourOf, footprintFeatures, footprintOf, surveyFeatures, surveyFlights, type SurveyFlight,
 } from "../map/survey_features";
 import { Drafts } from "../planning/drafts";
+import { newKey } from "../planning/saving";
 import { cameraOf, FIRST_FORM, inputOfFault, orderOf, textOfFault, type SurveyForm } from "../planning/survey";
 import { SurveyDeparture } from "./SurveyDeparture";
 import { SurveyFigures } from "./SurveyFigures";
@@ -175,7 +176,7 @@ function useChoices(fieldId: number) {
   const { session } = useSession();
   const drafts = useMemo(() => new Drafts(window.localStorage, session.name), [session.name]);
   const name = `surveys/${fieldId}`;
-  const [first] = useState(() => drafts.read<Choices, never>(name)?.state ?? null);
+  const [first] = useState(() => drafts.read<Choices, never>(name, (state) => "form" in state)?.state ?? null);
   const keep = useCallback(
     (state: Choices) => drafts.write(name, { at_ms: Date.now(), base: null, state }),
     [drafts, name],
@@ -234,7 +235,7 @@ function useStoring() {
   const keys = useRef(new Map<string, string>());
   const keyFor = (order: SurveyOrder): string => {
     const text = JSON.stringify(order);
-    const key = keys.current.get(text) ?? `survey-${Date.now()}-${Math.random().toString(36).slice(2)}`;
+    const key = keys.current.get(text) ?? newKey();
     keys.current.set(text, key);
     return key;
   };

@@ -9,6 +9,8 @@ import {
   CAMERA_CHOICES, cameraOf, heightOf_m, inputOfFault, resolutionOf_m, type Camera,
   type CameraChoice, type FaultPath, type SurveyForm,
 } from "../planning/survey";
+import { orderedSpeed } from "../planning/speed_limits";
+import { speedRange } from "../units/limits";
 import { MINUTES, PERCENT } from "../units/fields";
 import { SurveyVehicles } from "./SurveyVehicles";
 
@@ -34,7 +36,9 @@ export function SurveyInputs({ form, vehicles, flights, direction_deg, faults, c
   const units = useUnits();
   const camera = cameraOf(form);
   const errorOf = (path: FaultPath): string | undefined =>
-    faults.find((fault) => inputOfFault(fault.path, form) === path)?.text;
+    path === "maximum_speed" && form.speed_m_s !== null && orderedSpeed(form.speed_m_s) === null
+      ? t("editor.out_of_range", { range: speedRange(units, t) })
+      : faults.find((fault) => inputOfFault(fault.path, form) === path)?.text;
   const quantity = (
     name: "height_m" | "swath_width_m" | "side_overlap" | "front_overlap" | "speed_m_s" | "endurance_s",
     unit: typeof PERCENT,

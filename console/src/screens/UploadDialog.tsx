@@ -12,6 +12,7 @@ import { describeError } from "../i18n/describe_error";
 import { useLive } from "../live/use_live";
 import { asRequestError } from "../live/use_resource";
 import { newMissionId, renumberedFrom, withoutTimes } from "../planning/plan_document";
+import { Attempts, newKey } from "../planning/saving";
 
 class NotAPlanError extends Error {}
 
@@ -23,13 +24,15 @@ export function UploadDialog({ close }: { close: () => void }) {
   const [vehicleId, setVehicleId] = useState<number | null>(null);
   const [error, setError] = useState<RequestError | NotAPlanError | null>(null);
   const [isBusy, setBusy] = useState(false);
+  const [attempts] = useState(() => new Attempts());
   const chosen = vehicleId ?? [...vehicles.keys()][0] ?? 1;
 
   const submit = (event: FormEvent) => {
     event.preventDefault();
     if (file === null) return;
     setBusy(true);
-    upload(file, chosen)
+    const content = [file.name, file.size, file.lastModified, chosen];
+    attempts.run(content, file, (sent, key) => upload(sent, chosen, key))
       .then((plan) => {
         close();
         go(`plans/${plan.id}`);
@@ -45,7 +48,7 @@ export function UploadDialog({ close }: { close: () => void }) {
       {error instanceof NotAPlanError && <Notice kind="error">{t("plans.not_json")}</Notice>}
       {error !== null && !(error instanceof NotAPlanError) && (
         <Notice kind="error">
-          <p>{describeError(error, t)}</p>
+          <p>{error.faults.length > 0 ? t("error.422") : describeError(error, t)}</p>
           <FaultList faults={error.faults} />
         </Notice>
       )}
@@ -80,9 +83,9 @@ export function UploadDialog({ close }: { close: () => void }) {
 }
 
 /** The content decides, not the name: a .plan of a ground station is JSON too. */
-async function upload(file: File, vehicleId: number): Promise<Plan> {
+async function upload(file: File, vehicleId: number, key: string): Promise<Plan> {
   const text = await file.text();
-  if (text.startsWith("QGC WPL")) return importPlan(file, vehicleId);
+  if (text.startsWith("QGC WPL") || /\.waypoints$/i.test(file.name)) return importPlan(file, vehicleId, key);
   let document: unknown;
   try {
     document = JSON.parse(text);
@@ -90,21 +93,21 @@ async function upload(file: File, vehicleId: number): Promise<Plan> {
     throw new NotAPlanError();
   }
   if (typeof document !== "object" || document === null) throw new NotAPlanError();
-  if ("fileType" in document) return importPlan(file, vehicleId);
+  if ("fileType" in document) return importPlan(file, vehicleId, key);
   const bare = "plan" in document && typeof document.plan === "object" ? document.plan : document;
-  return createHeld((bare ?? document) as PlanDocument);
+  return createHeld((bare ?? document) as PlanDocument, key);
 }
 
 /** Stores a document as a draft; under new numbers where its plan is here already, or its time is over. */
-async function createHeld(document: PlanDocument): Promise<Plan> {
+async function createHeld(document: PlanDocument, key: string): Promise<Plan> {
   const held = { ...document, dispatch: false };
   try {
-    return await createPlan(held);
+    return await createPlan(held, key);
   } catch (reason) {
     const { status, faults } = asRequestError(reason);
     const isTaken = status === 409 && Array.isArray(held.missions);
     const isOver = status === 422 && faults.length > 0 && faults.every(({ path }) => path === "expires_at");
     if (!isTaken && !isOver) throw reason;
-    return createPlan(renumberedFrom(withoutTimes(held), newMissionId(Date.now())));
+    return createPlan(renumberedFrom(withoutTimes(held), newMissionId(Date.now())), newKey());
   }
 }

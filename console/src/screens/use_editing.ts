@@ -29,18 +29,22 @@ export interface Editing<State, Value> {
   forget: () => void;
 }
 
-export function useEditing<State, Value>({ name, read, stateOf, stepped }: {
+export function useEditing<State, Value>({ name, read, stateOf, isState, isLocked, stepped }: {
   /** Under which the draft is kept. */
   name: string;
   /** The version as it was read; null for something new. */
   read: Tagged<Value> | null;
   stateOf: (value: Value | null) => State;
-  /** Called after a step back or forward. */
-  stepped: () => void;
+  /** Whether a draft that was kept is one of this version of the console; any other is dropped. */
+  isState: (kept: object) => boolean;
+  /** While it is saved: what came later would be lost. */
+  isLocked: boolean;
+  /** Called after a step back or forward, with the states before and after it. */
+  stepped: (before: State, after: State) => void;
 }): Editing<State, Value> {
   const { session } = useSession();
   const drafts = useMemo(() => new Drafts(window.localStorage, session.name), [session.name]);
-  const [kept] = useState(() => drafts.read<State, Value>(name));
+  const [kept] = useState(() => drafts.read<State, Value>(name, isState));
   const [base, setBase] = useState(kept === null ? read : kept.base);
   const [restoredAtMs, setRestoredAtMs] = useState(kept?.at_ms ?? null);
   const [history, setHistory] = useState<History<State>>(() => {
@@ -60,14 +64,16 @@ export function useEditing<State, Value>({ name, read, stateOf, stepped }: {
   }, [drafts, name, base, present, isChanged]);
 
   const change = (update: (present: State) => State, continued?: string) => {
+    if (isLocked) return;
     const isContinued = continued !== undefined && continued === last.current;
     last.current = continued;
     setHistory((all) => record(all, update(all.present), isContinued));
   };
   const step = (to: typeof undo) => {
+    if (isLocked) return;
     last.current = undefined;
     setHistory((all) => to(all));
-    stepped();
+    stepped(history.present, to(history).present);
   };
   const steps = { undo: () => step(undo), redo: () => step(redo) };
   useUndoKeys(steps.undo, steps.redo);

@@ -39,6 +39,9 @@ export function useSpeedOrder(vehicleId: number): [SpeedOrder | null, (speed_m_s
 /** Longer than any flight. */
 const LONGEST_FLIGHT_MS = 24 * 3_600_000;
 
+/** What a broker's clock may be ahead; an order of the flight before may lie within it. */
+const CLOCK_MARGIN_MS = 5 * 60_000;
+
 /** The speed that was ordered last in the flight of a vehicle [m/s]: null without one, undefined at first. */
 export function useLastSpeed(vehicleId: number): number | null | undefined {
   const last = useResource(() => readLastSpeed(vehicleId));
@@ -50,7 +53,9 @@ async function readLastSpeed(vehicleId: number): Promise<{ speed_m_s: number | n
   const flights = await listFlightsSince(new Date(now_ms - LONGEST_FLIGHT_MS));
   const flight = flights.filter((one) => one.vehicle_id === vehicleId && one.ended_at === null).at(-1);
   if (flight === undefined) return { speed_m_s: null };
-  return { speed_m_s: lastSpeedOf(await listEvents(vehicleId, new Date(flight.started_at))) };
+  // The flight's time is by its broker's clock, those of the events by the edge server's
+  const since_ms = Math.min(Date.parse(flight.started_at), now_ms - CLOCK_MARGIN_MS);
+  return { speed_m_s: lastSpeedOf(await listEvents(vehicleId, new Date(since_ms))) };
 }
 
 /** The speed of the last order that was carried out; null without one. */

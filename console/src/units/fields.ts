@@ -33,7 +33,7 @@ export function quantitiesIn(units: Units, field: string | null = null): WriteQu
   return (value, unit, limit) => {
     const entered = unit === null ? unitOfField(field ?? "", units) : enteredUnitOf(unit, units);
     const round = limit === "least" ? Math.ceil : limit === "most" ? Math.floor : Math.round;
-    return [inUnit(value, entered, round), entered.symbol].filter(Boolean).join(" ");
+    return [units.written(inUnit(value, entered, round)), entered.symbol].filter(Boolean).join(" ");
   };
 }
 

@@ -1,5 +1,7 @@
 /** Numbers with their units, as people read them. The edge server knows SI units only. */
 
+import { inUnit } from "./entered";
+
 export type System = "metric" | "imperial";
 
 const FEET_PER_M = 3.28084;
@@ -31,6 +33,9 @@ function rounded(value: number, digits: number, language: string): string {
   }
   return format.format(value);
 }
+
+/** Languages that write 1.5 as JavaScript does. */
+const PLAIN_POINT = /^en\b/;
 
 /** In each place the same; the language decides between 12 and 24 hours. */
 const HOUR_AND_MINUTE = { hour: "2-digit", minute: "2-digit" } as const;
@@ -133,6 +138,18 @@ export class Units {
     return this.system === "imperial"
       ? { symbol: "in/px", factor: INCHES_PER_M, digits: 2 }
       : { symbol: "cm/px", factor: 100, digits: 2 };
+  }
+
+  /** A number as text, such as "1.5", as the language writes it. */
+  written(text: string): string {
+    const decimal = PLAIN_POINT.test(this.language) ? "." : this.#write(1.1, 1).slice(1, 2);
+    return text.replace(".", decimal);
+  }
+
+  /** A speed in the unit and with the digits in which it is entered. */
+  exactSpeed(metresPerSecond: number): string {
+    const { symbol } = this.speedInput;
+    return `${this.written(inUnit(metresPerSecond, this.speedInput))} ${symbol}`;
   }
 
   count(number: number | null | undefined): string {

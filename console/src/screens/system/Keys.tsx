@@ -45,7 +45,7 @@ export function Keys() {
                     {t(`system.${key.state}`)}
                   </Pill>
                   {key.state === "active" && (
-                    <Button kind="danger" onClick={() => setRevoked(key)}>
+                    <Button kind="danger" aria-label={`${t("system.revoke")}: ${key.name}, ${key.prefix}`} onClick={() => setRevoked(key)}>
                       {t("system.revoke")}
                     </Button>
                   )}
