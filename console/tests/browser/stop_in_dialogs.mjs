@@ -35,7 +35,7 @@ const DIALOGS = {
     await button(page, "Fly now").click();
   }]],
   "screens/flight/Gallery.tsx": [["flights/1", (page) => page.locator(".pictures button").nth(1).click()]],
-  "controls/ConfirmDialog.tsx": [["system/keys", (page) => button(page, "Revoke").first().click()]],
+  "controls/ConfirmDialog.tsx": [["system/keys", (page) => page.getByRole("button", { name: /^Revoke: / }).first().click()]],
   "screens/system/NewKey.tsx": [["system/keys", async (page) => {
     await page.getByLabel("Name").fill(`program-${Date.now()}`);
     await button(page, "Make a key").click();
