@@ -165,7 +165,7 @@ class Simulation:
         readings = self._suite.read(truth, self._quadrotor.motor_currents_a)
         if self._environment_schedule.due(truth.time_us):
             sample = self._environment.read(truth, self.farm_time_s)
-            readings = readings._replace(environment=sample, only_fast=False)
+            readings = readings.with_environment(sample)
         return self._effects.readings(readings) if self._effects.touches_readings else readings
 
     def _set_wind(self, wind_ned: Vector3) -> None:

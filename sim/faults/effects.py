@@ -81,7 +81,7 @@ class FaultEffects:
     def readings(self, readings: Readings) -> Readings:
         """What the broken instruments say instead."""
         kinds = self._kinds
-        return readings._replace(
+        return Readings(
             imus=tuple(
                 faulty.read(imu) if faulty.touched else imu
                 for faulty, imu in zip(self._imus, readings.imus, strict=False)
@@ -95,8 +95,11 @@ class FaultEffects:
                 for faulty, mag in zip(self._mags, readings.mags, strict=False)
             ),
             gps=self._gps(readings.gps),
-            environment=self._measured(readings.environment),
+            battery=readings.battery,
+            esc=readings.esc,
             range=None if Kind.RANGEFINDER_LOSS in kinds else readings.range,
+            environment=self._measured(readings.environment),
+            only_fast=readings.only_fast,
         )
 
     def _measured(self, sample: EnvironmentReading | None) -> EnvironmentReading | None:

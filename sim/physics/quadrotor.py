@@ -195,7 +195,7 @@ class Quadrotor:
         """The state now, said to be at `time_us`."""
         if self._wreck is None:
             return self._state.truth(time_us)
-        return self._wreck._replace(time_us=time_us)
+        return self._wreck.lying_still(time_us, self._wreck.specific_force_frd)
 
     def motor_power_w(self) -> float:
         """Electrical power [W] that the four motors draw: each its voltage times its current."""
@@ -219,14 +219,7 @@ class Quadrotor:
     def _lying_still(self) -> Truth:
         """The state of a wreck: where and how it hit the ground, at rest, rotors stopped."""
         last = self._state.truth(0)
-        still = (0.0, 0.0, 0.0)
-        return last._replace(
-            velocity_ned=still,
-            rate_frd=still,
-            inertial_rate_frd=still,
-            specific_force_frd=_weight_on_ground(last.q_ned_frd),
-            rotor_rpm=(0.0, 0.0, 0.0, 0.0),
-        )
+        return last.lying_still(0, _weight_on_ground(last.q_ned_frd))
 
 
 def _weight_on_ground(q_ned_frd: Quaternion) -> Vector3:

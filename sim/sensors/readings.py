@@ -1,17 +1,25 @@
 """What the instruments read; a reading that is not due is None in `Readings`."""
 
 import math
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from sim.physics.truth import Motors, Vector3
 
 
-class ImuReading(NamedTuple):
+class ImuReading:
     """Gyroscope and accelerometer, one in every control step."""
 
-    time_us: int  # [us]
-    rate_frd: Vector3  # [rad/s] Of the body against inertial space
-    specific_force_frd: Vector3  # [m/s^2] About (0, 0, -9.8) at rest
+    __slots__ = ("rate_frd", "specific_force_frd", "time_us")
+
+    def __init__(
+        self,
+        time_us: int,  # [us]
+        rate_frd: Vector3,  # [rad/s] Of the body against inertial space
+        specific_force_frd: Vector3,  # [m/s^2] About (0, 0, -9.8) at rest
+    ) -> None:
+        self.time_us: Final = time_us
+        self.rate_frd: Final = rate_frd
+        self.specific_force_frd: Final = specific_force_frd
 
 
 class BaroReading(NamedTuple):
@@ -56,12 +64,20 @@ class BatteryReading(NamedTuple):
     current_a: float  # [A] Drawn
 
 
-class EscReading(NamedTuple):
+class EscReading:
     """Telemetry of the four speed controllers."""
 
-    time_us: int  # [us]
-    rotor_rpm: Motors  # [1/min] Never negative, whatever the sense of rotation
-    current_a: Motors  # [A] Drawn from the pack by each
+    __slots__ = ("current_a", "rotor_rpm", "time_us")
+
+    def __init__(
+        self,
+        time_us: int,  # [us]
+        rotor_rpm: Motors,  # [1/min] Never negative, whatever the sense of rotation
+        current_a: Motors,  # [A] Drawn from the pack by each
+    ) -> None:
+        self.time_us: Final = time_us
+        self.rotor_rpm: Final = rotor_rpm
+        self.current_a: Final = current_a
 
 
 class RangeReading(NamedTuple):
@@ -83,18 +99,55 @@ class EnvironmentReading(NamedTuple):
     hygrometer_speaks: bool = True  # Else temperature and humidity of the air have not come
 
 
-class Readings(NamedTuple):
+class Readings:
     """All that the instruments say after one control step, of some one entry per instance."""
 
-    imus: tuple[ImuReading, ...]
-    baros: tuple[BaroReading | None, ...]
-    mags: tuple[MagReading | None, ...]
-    gps: GpsReading | None
-    battery: BatteryReading | None
-    esc: EscReading | None
-    range: RangeReading | None = None
-    environment: EnvironmentReading | None = None
-    only_fast: bool = False  # Of inertial units and speed controllers: every other reading is None
+    __slots__ = (
+        "baros",
+        "battery",
+        "environment",
+        "esc",
+        "gps",
+        "imus",
+        "mags",
+        "only_fast",
+        "range",
+    )
+
+    def __init__(
+        self,
+        imus: tuple[ImuReading, ...],
+        baros: tuple[BaroReading | None, ...],
+        mags: tuple[MagReading | None, ...],
+        gps: GpsReading | None,
+        battery: BatteryReading | None,
+        esc: EscReading | None,
+        range: RangeReading | None = None,
+        environment: EnvironmentReading | None = None,
+        only_fast: bool = False,  # Every other reading than inertial units and ESCs is None
+    ) -> None:
+        self.imus: Final = imus
+        self.baros: Final = baros
+        self.mags: Final = mags
+        self.gps: Final = gps
+        self.battery: Final = battery
+        self.esc: Final = esc
+        self.range: Final = range
+        self.environment: Final = environment
+        self.only_fast: Final = only_fast
+
+    def with_environment(self, sample: EnvironmentReading) -> "Readings":
+        """The same with a sample of air and soil."""
+        return Readings(
+            self.imus,
+            self.baros,
+            self.mags,
+            self.gps,
+            self.battery,
+            self.esc,
+            self.range,
+            sample,
+        )
 
     @property
     def imu(self) -> ImuReading:

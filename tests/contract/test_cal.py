@@ -9,6 +9,7 @@ import pytest
 from sim.config import SimulationConfig
 from sim.sensors.rangefinder import MAXIMUM_M, MINIMUM_M
 from sim.simulation import Simulation
+from tests.support.messages import fields_of, said
 from uav_firmware.cal.vehicle import Vehicle
 from uav_firmware.drivers.jsbsim import JsbsimVehicle
 from uav_firmware.msg.sensors import (
@@ -108,7 +109,7 @@ def test_no_reading_is_due_in_a_step_of_fast_sensors_alone(vehicle: Vehicle) -> 
 
 def test_a_reading_is_the_same_however_often_it_is_read(vehicle: Vehicle) -> None:
     for _ in run(vehicle, 0.2):
-        assert vehicle.read_imu() == vehicle.read_imu()
+        assert said(vehicle.read_imu()) == said(vehicle.read_imu())
         assert vehicle.read_baro() == vehicle.read_baro()
 
 
@@ -201,7 +202,7 @@ def test_the_simulated_vehicle_hands_every_reading_over_under_its_own_name() -> 
             reading = getattr(simulation.readings, name)
             assert (sample is None) == (reading is None)
             if sample is not None:
-                expected = reading._asdict()
+                expected = fields_of(reading)
                 if name == "mag":
                     expected["field_frd"] = expected.pop("field_frd_gauss")
                 elif name == "gps":
@@ -211,7 +212,7 @@ def test_the_simulated_vehicle_hands_every_reading_over_under_its_own_name() -> 
                     expected["altitude_ellipsoid_m"] = pytest.approx(ellipsoid_m, nan_ok=True)
                 elif name == "range":
                     expected |= {"minimum_m": MINIMUM_M, "maximum_m": MAXIMUM_M}
-                assert sample._asdict() == expected
+                assert fields_of(sample) == expected
                 seen.add(name)
     assert seen == {"imu", "baro", "mag", "gps", "battery", "esc", "range", "environment"}
 
@@ -223,6 +224,6 @@ def test_the_simulated_truth_is_handed_over_under_its_own_name() -> None:
     for _ in run(vehicle, 1.0):
         pass
     shown = vehicle.read_truth()._asdict()
-    true = simulation.truth._asdict()
+    true = fields_of(simulation.truth)
     assert shown.pop("acceleration_frd") == true["specific_force_frd"]
     assert shown == {name: true[name] for name in shown}

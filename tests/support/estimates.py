@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from tests.support.messages import changed
 from uav_firmware.msg.estimate import VehicleLocalPosition
 
 _AT_REST = VehicleLocalPosition(
@@ -24,4 +25,4 @@ _AT_REST = VehicleLocalPosition(
 
 def local_position(**changes: Any) -> VehicleLocalPosition:
     """A local position with some fields changed."""
-    return _AT_REST._replace(**changes)
+    return changed(_AT_REST, **changes)

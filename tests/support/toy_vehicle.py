@@ -8,6 +8,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
+from tests.support.messages import changed
 from uav_firmware.lib.geo import LocalFrame
 from uav_firmware.lib.rotation import from_euler
 from uav_firmware.modules.commander.module import CommanderModule
@@ -265,7 +266,7 @@ class ToyVehicle:
         setpoint = self.setpoint.value
         if setpoint is not None:  # As the position controller does
             x, y, z = (a + b for a, b in zip(setpoint.position_ned, step, strict=True))
-            self.setpoint.publish(setpoint._replace(position_ned=(x, y, z)))
+            self.setpoint.publish(changed(setpoint, position_ned=(x, y, z)))
         n, e, d = (a + b for a, b in zip(former.position_total_ned, step, strict=True))
         self.resets = former._replace(
             xy_count=former.xy_count + 1,

@@ -1,12 +1,19 @@
 """Motor commands. Written by control_allocator, carried out by the driver."""
 
-from typing import NamedTuple
+from typing import Final
 
 from uav_firmware.msg.vectors import Motors
 
 
-class ActuatorMotors(NamedTuple):
+class ActuatorMotors:
     """Normalised motor commands; all zero when disarmed."""
 
-    time_us: int  # [us]
-    control: Motors  # [-] 0 stopped to 1 full
+    __slots__ = ("control", "time_us")
+
+    def __init__(
+        self,
+        time_us: int,  # [us]
+        control: Motors,  # [-] 0 stopped to 1 full
+    ) -> None:
+        self.time_us: Final = time_us
+        self.control: Final = control

@@ -1,7 +1,7 @@
 """Estimated state of the vehicle. Written by estimator."""
 
 from enum import IntFlag
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from uav_firmware.msg.vectors import Quaternion, Vector3
 
@@ -46,34 +46,85 @@ class EstimateResets(NamedTuple):
         )
 
 
-class VehicleAttitude(NamedTuple):
+_NO_RESETS: Final = EstimateResets()
+
+
+class VehicleAttitude:
     """Attitude, at control rate; read by attitude_control, rate_control and mavlink."""
 
-    time_us: int  # [us] Time of the IMU sample
-    q_ned_frd: Quaternion  # [-] Body to NED
-    rate_frd: Vector3  # [rad/s] Bias-corrected angular rate
+    __slots__ = ("q_ned_frd", "rate_frd", "time_us")
+
+    def __init__(
+        self,
+        time_us: int,  # [us] Time of the IMU sample
+        q_ned_frd: Quaternion,  # [-] Body to NED
+        rate_frd: Vector3,  # [rad/s] Bias-corrected angular rate
+    ) -> None:
+        self.time_us: Final = time_us
+        self.q_ned_frd: Final = q_ned_frd
+        self.rate_frd: Final = rate_frd
 
 
-class VehicleLocalPosition(NamedTuple):
+class VehicleLocalPosition:
     """Position about the local origin; read by position_control, navigator, mavlink."""
 
-    time_us: int  # [us]
-    position_ned: Vector3  # [m] About the origin; down is positive
-    velocity_ned: Vector3  # [m/s]
-    acceleration_ned: Vector3  # [m/s^2] Gravity removed
-    heading: float  # [rad] Yaw of the body x axis from north, (-pi, pi]
-    origin_latitude_deg: float  # [deg] Of position (0, 0, 0)
-    origin_longitude_deg: float  # [deg]
-    origin_altitude_amsl_m: float  # [m]
-    horizontal_accuracy_m: float  # [m] One sigma
-    vertical_accuracy_m: float  # [m] One sigma
-    position_valid: bool  # Horizontal position observed
-    altitude_valid: bool  # Vertical position observed
-    velocity_valid: bool  # Velocity observed
-    heading_valid: bool  # Heading observed
-    resets: EstimateResets = EstimateResets()
-    dead_reckoning: bool = False  # Neither GPS position nor GPS velocity aids it
-    sink_accuracy_m_s: float = 0.0  # [m/s] Of the vertical velocity, one sigma
+    __slots__ = (
+        "acceleration_ned",
+        "altitude_valid",
+        "dead_reckoning",
+        "heading",
+        "heading_valid",
+        "horizontal_accuracy_m",
+        "origin_altitude_amsl_m",
+        "origin_latitude_deg",
+        "origin_longitude_deg",
+        "position_ned",
+        "position_valid",
+        "resets",
+        "sink_accuracy_m_s",
+        "time_us",
+        "velocity_ned",
+        "velocity_valid",
+        "vertical_accuracy_m",
+    )
+
+    def __init__(
+        self,
+        time_us: int,  # [us]
+        position_ned: Vector3,  # [m] About the origin; down is positive
+        velocity_ned: Vector3,  # [m/s]
+        acceleration_ned: Vector3,  # [m/s^2] Gravity removed
+        heading: float,  # [rad] Yaw of the body x axis from north, (-pi, pi]
+        origin_latitude_deg: float,  # [deg] Of position (0, 0, 0)
+        origin_longitude_deg: float,  # [deg]
+        origin_altitude_amsl_m: float,  # [m]
+        horizontal_accuracy_m: float,  # [m] One sigma
+        vertical_accuracy_m: float,  # [m] One sigma
+        position_valid: bool,  # Horizontal position observed
+        altitude_valid: bool,  # Vertical position observed
+        velocity_valid: bool,  # Velocity observed
+        heading_valid: bool,  # Heading observed
+        resets: EstimateResets = _NO_RESETS,
+        dead_reckoning: bool = False,  # Neither GPS position nor GPS velocity aids it
+        sink_accuracy_m_s: float = 0.0,  # [m/s] Of the vertical velocity, one sigma
+    ) -> None:
+        self.time_us: Final = time_us
+        self.position_ned: Final = position_ned
+        self.velocity_ned: Final = velocity_ned
+        self.acceleration_ned: Final = acceleration_ned
+        self.heading: Final = heading
+        self.origin_latitude_deg: Final = origin_latitude_deg
+        self.origin_longitude_deg: Final = origin_longitude_deg
+        self.origin_altitude_amsl_m: Final = origin_altitude_amsl_m
+        self.horizontal_accuracy_m: Final = horizontal_accuracy_m
+        self.vertical_accuracy_m: Final = vertical_accuracy_m
+        self.position_valid: Final = position_valid
+        self.altitude_valid: Final = altitude_valid
+        self.velocity_valid: Final = velocity_valid
+        self.heading_valid: Final = heading_valid
+        self.resets: Final = resets
+        self.dead_reckoning: Final = dead_reckoning
+        self.sink_accuracy_m_s: Final = sink_accuracy_m_s
 
 
 class VehicleGlobalPosition(NamedTuple):

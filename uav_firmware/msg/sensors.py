@@ -1,17 +1,25 @@
 """What the sensors measure. Written by the driver, voted by sensors, read by the estimator."""
 
 import math
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from uav_firmware.msg.vectors import Motors, Vector3
 
 
-class SensorImu(NamedTuple):
+class SensorImu:
     """Inertial measurement, one per control step; read by estimator and rate_control."""
 
-    time_us: int  # [us] Simulated time since boot
-    rate_frd: Vector3  # [rad/s] Angular rate of the body against inertial space
-    specific_force_frd: Vector3  # [m/s^2] Accelerometer: about (0, 0, -9.81) at rest
+    __slots__ = ("rate_frd", "specific_force_frd", "time_us")
+
+    def __init__(
+        self,
+        time_us: int,  # [us] Simulated time since boot
+        rate_frd: Vector3,  # [rad/s] Angular rate of the body against inertial space
+        specific_force_frd: Vector3,  # [m/s^2] Accelerometer: about (0, 0, -9.81) at rest
+    ) -> None:
+        self.time_us: Final = time_us
+        self.rate_frd: Final = rate_frd
+        self.specific_force_frd: Final = specific_force_frd
 
 
 class ImuShift(NamedTuple):
@@ -80,12 +88,20 @@ class SensorBattery(NamedTuple):
     current_a: float  # [A] Drawn
 
 
-class SensorEsc(NamedTuple):
+class SensorEsc:
     """Telemetry of the speed controllers at 50 Hz or more; read by failure_detector."""
 
-    time_us: int  # [us]
-    rotor_rpm: Motors  # [1/min] Never negative
-    current_a: Motors  # [A] Drawn by each
+    __slots__ = ("current_a", "rotor_rpm", "time_us")
+
+    def __init__(
+        self,
+        time_us: int,  # [us]
+        rotor_rpm: Motors,  # [1/min] Never negative
+        current_a: Motors,  # [A] Drawn by each
+    ) -> None:
+        self.time_us: Final = time_us
+        self.rotor_rpm: Final = rotor_rpm
+        self.current_a: Final = current_a
 
 
 class SensorRange(NamedTuple):

@@ -8,6 +8,7 @@ from sim.config import SimulationConfig
 from sim.physics.quadrotor import MotorCommandError
 from sim.physics.truth import Motors
 from sim.simulation import Simulation
+from tests.support.messages import said
 
 STOPPED: Motors = (0.0, 0.0, 0.0, 0.0)
 CLIMB: Motors = (0.5, 0.5, 0.5, 0.5)
@@ -36,9 +37,9 @@ def test_another_seed_gives_another_flight(tmp_path: Path) -> None:
 
 def test_the_same_seed_gives_the_same_readings() -> None:
     one, two = (Simulation(SimulationConfig(seed=9)) for _ in range(2))
-    assert one.readings == two.readings
+    assert said(one.readings) == said(two.readings)
     for _ in range(300):
-        assert one.step(CLIMB) == two.step(CLIMB)
+        assert said(one.step(CLIMB)) == said(two.step(CLIMB))
 
 
 def test_two_vehicles_in_one_process_do_not_disturb_each_other() -> None:
@@ -47,7 +48,7 @@ def test_two_vehicles_in_one_process_do_not_disturb_each_other() -> None:
     beside, other = Simulation(SimulationConfig(seed=3)), Simulation(SimulationConfig(seed=4))
     for readings in expected:
         other.step(STOPPED)
-        assert beside.step(CLIMB) == readings
+        assert said(beside.step(CLIMB)) == said(readings)
 
 
 def test_noise_does_not_move_the_vehicle() -> None:
@@ -56,7 +57,7 @@ def test_noise_does_not_move_the_vehicle() -> None:
     for _ in range(250):
         noisy.step(CLIMB)
         ideal.step(CLIMB)
-    assert noisy.truth == ideal.truth
+    assert said(noisy.truth) == said(ideal.truth)
 
 
 def test_a_step_takes_as_long_as_the_control_rate_says() -> None:
@@ -99,7 +100,7 @@ def test_a_command_that_is_no_number_lets_no_time_pass() -> None:
     before = simulation.truth
     with pytest.raises(MotorCommandError):
         simulation.step((0.5, 0.5, 0.5, float("nan")))
-    assert simulation.truth == before
+    assert simulation.truth is before
 
 
 def test_an_empty_battery_stops_the_motors() -> None:

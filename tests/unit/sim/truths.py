@@ -4,6 +4,7 @@ import math
 from typing import Any
 
 from sim.physics.truth import Truth, quaternion_from_euler
+from tests.support.messages import changed
 
 
 def truth(
@@ -15,7 +16,7 @@ def truth(
     **changes: Any,
 ) -> Truth:
     """A vehicle at rest, level, at the default home, but for `changes`."""
-    return Truth(
+    level = Truth(
         time_us=time_us,
         latitude_deg=40.4434,
         longitude_deg=-3.7382,
@@ -35,4 +36,5 @@ def truth(
         airspeed_m_s=0.0,
         pressure_pa=93756.0,
         temperature_c=10.8,
-    )._replace(**changes)
+    )
+    return changed(level, **changes)

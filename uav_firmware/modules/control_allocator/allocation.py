@@ -7,7 +7,7 @@ a quadrotor that tilts the wrong way loses more height than one that sinks for a
 """
 
 import math
-from typing import NamedTuple
+from typing import Final
 
 from uav_firmware.modules.control_allocator.geometry import Mix
 from uav_firmware.msg.vectors import Motors, Vector3
@@ -16,12 +16,20 @@ _YAW_THRUST_MARGIN = 0.15  # [-] Thrust that may be moved to make room for yaw
 _ZERO: Vector3 = (0.0, 0.0, 0.0)
 
 
-class Allocation(NamedTuple):
+class Allocation:
     """What the motors do and what they could not do."""
 
-    thrust: Motors  # [-] Of each motor, 0 to 1 of its own full thrust
-    unallocated_torque_frd: Vector3  # [-] Wanted minus produced
-    unallocated_thrust: float  # [-] Wanted minus produced
+    __slots__ = ("thrust", "unallocated_thrust", "unallocated_torque_frd")
+
+    def __init__(
+        self,
+        thrust: Motors,  # [-] Of each motor, 0 to 1 of its own full thrust
+        unallocated_torque_frd: Vector3,  # [-] Wanted minus produced
+        unallocated_thrust: float,  # [-] Wanted minus produced
+    ) -> None:
+        self.thrust: Final = thrust
+        self.unallocated_torque_frd: Final = unallocated_torque_frd
+        self.unallocated_thrust: Final = unallocated_thrust
 
 
 def allocate(torque_frd: Vector3, thrust: float, mix: Mix) -> Allocation:

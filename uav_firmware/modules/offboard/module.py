@@ -81,10 +81,12 @@ class OffboardModule:
                 self._fly(setpoint, estimate, dt)
             case VehicleAttitudeSetpoint():
                 thrust = self._thrust(setpoint.thrust, status, now_us)
-                self._attitude.publish(setpoint._replace(time_us=now_us, thrust=thrust))
+                self._attitude.publish(
+                    VehicleAttitudeSetpoint(now_us, setpoint.q_ned_frd, setpoint.yaw_rate, thrust)
+                )
             case VehicleRatesSetpoint():
                 thrust = self._thrust(setpoint.thrust, status, now_us)
-                self._rates.publish(setpoint._replace(time_us=now_us, thrust=thrust))
+                self._rates.publish(VehicleRatesSetpoint(now_us, setpoint.rate_frd, thrust))
         self._was_active = isinstance(setpoint, TrajectorySetpoint)
 
     @property

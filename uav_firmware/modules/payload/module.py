@@ -138,7 +138,11 @@ class PayloadModule:
         status = self._vehicle_status.value
         known = local is not None and local.position_valid and local.altitude_valid
         if local is not None and known:
-            origin = local[5:8]  # Latitude, longitude, altitude
+            origin = (
+                local.origin_latitude_deg,
+                local.origin_longitude_deg,
+                local.origin_altitude_amsl_m,
+            )
             if self._frame is None or origin != self._origin:
                 self._origin, self._frame = origin, LocalFrame(*origin)
         return Situation(

@@ -7,6 +7,7 @@ import pytest
 from sim.config import SimulationConfig
 from sim.physics.quadrotor import MotorCommandError, Quadrotor
 from sim.physics.truth import Motors, Truth, body_from_ned
+from tests.support.messages import said
 
 HOVER = 0.418
 RATE_HZ = 500
@@ -147,7 +148,8 @@ def test_thrust_follows_a_command_with_its_time_constant(quadrotor: Quadrotor) -
 
 def test_commands_beyond_the_range_saturate(quadrotor: Quadrotor) -> None:
     other = Quadrotor(SimulationConfig())
-    assert fly(quadrotor, (7.0, 7.0, -3.0, -3.0), 0.1) == fly(other, (1.0, 1.0, 0.0, 0.0), 0.1)
+    beyond = fly(quadrotor, (7.0, 7.0, -3.0, -3.0), 0.1)
+    assert said(beyond) == said(fly(other, (1.0, 1.0, 0.0, 0.0), 0.1))
 
 
 @pytest.mark.parametrize("bad", [float("nan"), float("inf"), float("-inf")])
@@ -167,7 +169,7 @@ def test_a_vehicle_that_falls_from_high_up_stays_where_it_hits(quadrotor: Quadro
     assert lying.velocity_ned == (0.0, 0.0, 0.0)
     assert lying.rotor_rpm == (0.0, 0.0, 0.0, 0.0)
     assert math.hypot(*lying.specific_force_frd) == pytest.approx(9.81)
-    assert fly(quadrotor, (1.0, 1.0, 1.0, 1.0), 2.0) == lying
+    assert said(fly(quadrotor, (1.0, 1.0, 1.0, 1.0), 2.0)) == said(lying)
     assert quadrotor.motor_power_w() == 0.0
 
 

@@ -35,7 +35,7 @@ def test_noise_within_a_second_is_that_of_the_data_sheet() -> None:
 def test_moving_air_sucks_at_the_case() -> None:
     """A tenth of half the density times the square of the speed is missing: altitude reads high."""
     still = baro(factor=1.0).read(truth())
-    moved = baro(factor=1.0).read(truth()._replace(airspeed_m_s=10.0))
+    moved = baro(factor=1.0).read(truth(airspeed_m_s=10.0))
     dynamic_pa = 0.5 * 1.15 * 10.0**2
     assert still.pressure_pa - moved.pressure_pa == pytest.approx(
         SUCTION_SHARE * dynamic_pa, rel=0.1

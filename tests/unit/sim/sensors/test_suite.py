@@ -7,6 +7,7 @@ import pytest
 from sim.config import SimulationConfig
 from sim.physics.truth import Motors
 from sim.sensors.suite import Schedule, SensorSuite
+from tests.support.messages import fields_of
 from tests.unit.sim.truths import truth
 
 SECONDS = 10
@@ -22,7 +23,7 @@ def counts() -> Counter[str]:
     counted: Counter[str] = Counter()
     for step in range(SECONDS * 250):
         readings = suite.read(truth(step * 4000), no_currents)
-        counted.update(name for name, value in readings._asdict().items() if value is not None)
+        counted.update(name for name, value in fields_of(readings).items() if value is not None)
         for several in ("imus", "baros", "mags"):
             counted[several] -= None in getattr(readings, several)
     return counted

@@ -7,6 +7,7 @@ import pytest
 from sim.config import SimulationConfig
 from sim.fault_schedule import Fault, Kind
 from sim.simulation import Simulation
+from tests.support.messages import changed
 from uav_firmware.cal.camera import Gaze
 from uav_firmware.drivers import jsbsim_seeker
 from uav_firmware.drivers.jsbsim_seeker import JsbsimSeeker
@@ -23,8 +24,8 @@ def world(noise: float = 0.0) -> Simulation:
     tractor = simulation.farm.subjects(simulation.farm_time_s)[0]
     east, north = tractor.place
     latitude, longitude = simulation.farm.plane.geodetic((east, north - 20.0))
-    simulation.truth = simulation.truth._replace(
-        latitude_deg=latitude, longitude_deg=longitude, altitude_amsl_m=671.35
+    simulation.truth = changed(
+        simulation.truth, latitude_deg=latitude, longitude_deg=longitude, altitude_amsl_m=671.35
     )
     return simulation
 

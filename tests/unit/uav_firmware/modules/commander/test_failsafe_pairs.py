@@ -10,6 +10,7 @@ from typing import Any, Final
 import pytest
 
 from tests.support.estimates import local_position
+from tests.support.messages import changed
 from uav_firmware.modules.commander.arm_state_machine import ArmingEvent
 from uav_firmware.modules.commander.failsafe.causes import ROWS, Cause, Conditions
 from uav_firmware.modules.commander.failsafe.machine import Failsafe, FailsafeMachine
@@ -109,7 +110,7 @@ def _sensors(view: VehicleView, **fields: Any) -> VehicleView:
 def _unestimated(**fields: Any) -> Callable[[VehicleView], VehicleView]:
     def lose(view: VehicleView) -> VehicleView:
         assert view.position is not None
-        return view._replace(position=view.position._replace(**fields))
+        return view._replace(position=changed(view.position, **fields))
 
     return lose
 

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.support.messages import changed
 from tests.unit.uav_firmware.modules.estimator.flight import Readings, Rig, recorded
 from uav_firmware.modules.estimator.health import StatusFlag, Validity, status_flags
 from uav_firmware.msg.sensors import SensorBaro, SensorGps, SensorImu, SensorMag
@@ -169,7 +170,7 @@ def test_a_blow_beyond_the_range_of_the_accelerometer_is_found_by_the_next_fixes
         if not struck:
             struck.append(imu)
             _, y, z = imu.specific_force_frd
-            readings = readings._replace(imu=imu._replace(specific_force_frd=(157.0, y, z)))
+            readings = readings._replace(imu=changed(imu, specific_force_frd=(157.0, y, z)))
         since_s = 0.0 if gps is None else gps.time_us * 1e-6 - blow_s
         if gps is None or since_s < 0.0:
             return readings
@@ -227,7 +228,7 @@ def jumped_gyro(*jump_deg_s: float) -> Change:
             rate + math.radians(jump)
             for rate, jump in zip(readings.imu.rate_frd, jump_deg_s, strict=True)
         )
-        return readings._replace(imu=readings.imu._replace(rate_frd=(x, y, z)))
+        return readings._replace(imu=changed(readings.imu, rate_frd=(x, y, z)))
 
     return change
 
@@ -295,7 +296,7 @@ def test_absurd_values_do_not_reach_the_state(
         if readings.truth.time_us % 60_000:
             return readings
         if isinstance(bad, SensorImu):
-            return readings._replace(imu=bad._replace(time_us=readings.imu.time_us))
+            return readings._replace(imu=changed(bad, time_us=readings.imu.time_us))
         if isinstance(bad, SensorBaro) and readings.baro is not None:
             return readings._replace(baro=bad._replace(time_us=readings.baro.time_us))
         if isinstance(bad, SensorMag) and readings.mag is not None:
@@ -313,7 +314,7 @@ def test_absurd_values_do_not_reach_the_state(
 @pytest.mark.thorough
 def test_a_dead_imu_is_reported() -> None:
     def dead(readings: Readings) -> Readings:
-        return readings._replace(imu=readings.imu._replace(rate_frd=(NAN, NAN, NAN)))
+        return readings._replace(imu=changed(readings.imu, rate_frd=(NAN, NAN, NAN)))
 
     rig = Rig()
     fly(rig, 21.0, dead, between_s=(20.0, INF))
@@ -409,7 +410,7 @@ def test_parameters_change_in_flight() -> None:
     rig.registry.set("EKF2_GPS_P_GATE", 1.0)
     rig.registry.set("EKF2_NOAID_TOUT", 500_000)
     rig.module.update()
-    rig.imu.publish(readings.imu._replace(time_us=readings.imu.time_us + 4000))
+    rig.imu.publish(changed(readings.imu, time_us=readings.imu.time_us + 4000))
     rig.module.update()
     assert rig.module.estimator.gps.horizontal.gate == 1.0
 

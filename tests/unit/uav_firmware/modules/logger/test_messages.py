@@ -43,14 +43,16 @@ VALUES: dict[Any, st.SearchStrategy[Any]] = {
 
 
 def message_type(stream: Stream) -> Any:
-    """The NamedTuple that a stream's topic carries."""
+    """The class of what a stream's topic carries."""
     topics = Topics()
     name = next(name for name in Topics.__slots__ if stream.topic(topics) is getattr(topics, name))
     return get_type_hints(Topics)[name].__args__[0]
 
 
 def instances(kind: Any) -> st.SearchStrategy[Any]:
-    hints = get_type_hints(kind)
+    plain = get_type_hints(kind.__init__)  # Of a NamedTuple it has none
+    plain.pop("return", None)
+    hints = plain or get_type_hints(kind)
     given_ranges = {
         "capacity_ah": st.floats(0.0, 1e6, width=32),
         "pressure_pa": st.floats(1e4, 1.1e5, width=32),

@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.support.messages import changed, fields_of
 from tests.unit.uav_firmware.modules.mavlink.harness import (
     ALTITUDE_M,
     BROKER,
@@ -273,7 +274,7 @@ def test_altitudes_are_consistent() -> None:
 
 def test_an_invalid_position_is_not_sent() -> None:
     topics = flying_topics()
-    topics.vehicle_local_position.publish(LOCAL._replace(position_valid=False))
+    topics.vehicle_local_position.publish(changed(LOCAL, position_valid=False))
     assert build("LOCAL_POSITION_NED", topics) is None
     assert build("GPS_GLOBAL_ORIGIN", topics) is None
 
@@ -292,7 +293,7 @@ def test_the_distance_is_to_the_current_waypoint() -> None:
     assert setpoint is not None
     north, east, down = LOCAL.position_ned
     topics.trajectory_setpoint.publish(
-        setpoint._replace(goal_ned=(north - 30.0, east + 40.0, down - 20.0))
+        changed(setpoint, goal_ned=(north - 30.0, east + 40.0, down - 20.0))
     )
     output = build("NAV_CONTROLLER_OUTPUT", topics)
     assert (output.target_bearing, output.wp_dist) == (127, 50)
@@ -376,7 +377,8 @@ def test_a_diverged_estimate_drops_messages_only(number: float) -> None:
         topic = getattr(topics, name)
         if isinstance(topic, Topic) and topic.value is not None:
             old = topic.value
-            topic.publish(old._replace(**{f: broken(getattr(old, f), number) for f in old._fields}))
+            fields = {name: broken(value, number) for name, value in fields_of(old).items()}
+            topic.publish(changed(old, **fields))
     harness = MavlinkHarness(topics=topics)
     harness.run(12 * SECOND_US)
     received = {message.get_type() for message in harness.received(at=GROUND)}
@@ -439,7 +441,7 @@ def test_odometry_has_the_velocity_in_the_body_frame() -> None:
     topics = flying_topics()
     east = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
     topics.vehicle_attitude.publish(VehicleAttitude(0, east, (0.1, 0.2, 0.3)))
-    topics.vehicle_local_position.publish(LOCAL._replace(velocity_ned=(0.0, 2.0, 0.5)))
+    topics.vehicle_local_position.publish(changed(LOCAL, velocity_ned=(0.0, 2.0, 0.5)))
     odometry = build("ODOMETRY", topics)
     assert (odometry.frame_id, odometry.child_frame_id) == (1, 12)
     assert (odometry.x, odometry.y, odometry.z) == LOCAL.position_ned
