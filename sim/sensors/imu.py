@@ -97,10 +97,13 @@ class Triad:
         row_x, row_y, row_z = self._rows
         self._terms = (*row_x, self.bias[0], *row_y, self.bias[1], *row_z, self.bias[2])
 
-    def read(self, true_value: Vector3, rotor_load: float) -> Vector3:
-        """Measured components; `rotor_load` is the rotor speed over hover's, squared."""
+    def sigma(self, rotor_load: float) -> float:
+        """Of the white noise; `rotor_load` is the rotor speed over hover's, squared."""
         vibration = self._vibration * rotor_load
-        sigma = math.sqrt(self._variance + vibration * vibration)
+        return math.sqrt(self._variance + vibration * vibration)
+
+    def read(self, true_value: Vector3, sigma: float) -> Vector3:
+        """Measured components with white noise of `sigma`."""
         limit = self._full_scale
         noise_x, noise_y, noise_z = next(self._triples)
         true_x, true_y, true_z = true_value
@@ -125,7 +128,7 @@ def _sensitivity(normals: Iterator[float], noise: AxisNoise, axis: int, factor: 
 
 
 class Imu:
-    """Samples in every control step; `factor` scales every error alike."""
+    """Sampled in every control step; `factor` scales every error alike."""
 
     def __init__(self, generator: np.random.Generator, *, rate_hz: int, factor: float) -> None:
         normals = standard_normals(generator)
@@ -134,19 +137,26 @@ class Imu:
         self._steps_per_bias = max(1, rate_hz // _BIAS_RATE_HZ)
         self._steps_to_bias = self._steps_per_bias
 
-    def read(self, truth: Truth, load: float | None = None) -> ImuReading:
-        """One sample; `load` is `rotor_load(truth)` where the caller has it for several units."""
+    def read(self, truth: Truth) -> ImuReading:
+        """One sample."""
+        return self.sample(truth, *self.sigmas(truth))
+
+    def sigmas(self, truth: Truth) -> tuple[float, float]:
+        """White noise of gyroscope and accelerometer; the same for all units of a vehicle."""
+        load = rotor_load(truth)
+        return self.gyroscope.sigma(load), self.accelerometer.sigma(load)
+
+    def sample(self, truth: Truth, rate_sigma: float, force_sigma: float) -> ImuReading:
+        """One sample with this white noise."""
         self._steps_to_bias -= 1
         if self._steps_to_bias == 0:
             self._steps_to_bias = self._steps_per_bias
             self.gyroscope.step_bias()
             self.accelerometer.step_bias()
-        if load is None:
-            load = rotor_load(truth)
         return ImuReading(
             truth.time_us,
-            self.gyroscope.read(truth.inertial_rate_frd, load),
-            self.accelerometer.read(truth.specific_force_frd, load),
+            self.gyroscope.read(truth.inertial_rate_frd, rate_sigma),
+            self.accelerometer.read(truth.specific_force_frd, force_sigma),
         )
 
 

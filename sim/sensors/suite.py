@@ -13,7 +13,7 @@ from sim.sensors.baro import Barometer
 from sim.sensors.battery import Battery
 from sim.sensors.esc import EscTelemetry
 from sim.sensors.gps import Gps
-from sim.sensors.imu import Imu, rotor_load
+from sim.sensors.imu import Imu
 from sim.sensors.magnetometer import Magnetometer
 from sim.sensors.rangefinder import RangeFinder
 from sim.sensors.readings import BaroReading, EscReading, ImuReading, MagReading, Readings
@@ -114,8 +114,8 @@ class SensorSuite:
         return readings
 
     def _imus(self, truth: Truth) -> tuple[ImuReading, ...]:
-        load = rotor_load(truth)
-        return tuple([imu.read(truth, load) for imu in self.imus])
+        rate_sigma, force_sigma = self.imus[0].sigmas(truth)
+        return tuple([imu.sample(truth, rate_sigma, force_sigma) for imu in self.imus])
 
     def _baros(self, truth: Truth) -> tuple[BaroReading, ...]:
         return tuple([baro.read(truth) for baro in self.baros])
