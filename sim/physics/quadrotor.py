@@ -152,12 +152,12 @@ class Quadrotor:
         in a second.
         """
         state = self._state
-        drag = rotor_drag(
+        forward_n, right_n, yaw_nm = rotor_drag(
             truth.rotor_rpm, state.air_velocity_frd(), truth.rate_frd, state.density_kg_m3()
         )
-        self._set_drag_forward(drag.forward_n / NEWTONS_PER_POUND)
-        self._set_drag_right(drag.right_n / NEWTONS_PER_POUND)
-        self._set_yaw_brake(drag.yaw_nm / _NEWTON_METRES_PER_POUND_FOOT)
+        self._set_drag_forward(forward_n / NEWTONS_PER_POUND)
+        self._set_drag_right(right_n / NEWTONS_PER_POUND)
+        self._set_yaw_brake(yaw_nm / _NEWTON_METRES_PER_POUND_FOOT)
         if self._ground_effect:
             more = ground_effect_factor(state.height_above_ground_m()) - 1.0
             self._set_ground_lift(more * state.thrust_lbs())

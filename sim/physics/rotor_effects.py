@@ -30,7 +30,7 @@ with the rotor's radius R and its height z. It is meant for z above R/2; below, 
 R/2 is kept, 4/3.
 """
 
-from typing import Final, NamedTuple
+from typing import Final
 
 from sim.physics.truth import Motors, Vector3
 
@@ -45,18 +45,12 @@ _LOWEST_HEIGHT_M: Final = 0.5 * ROTOR_RADIUS_M
 _DRAG_PER_RPM: Final = DRAG_IN_HOVER_N_S_M / (HOVER_RPM * HOVER_DENSITY_KG_M3)
 
 
-class RotorDrag(NamedTuple):
-    """Force of all rotors in the plane of their hubs, and their moment about the down axis."""
-
-    forward_n: float  # [N] Acts at the hubs' height, ROTOR_ABOVE_CENTRE_M above the centre
-    right_n: float  # [N] As above
-    yaw_nm: float  # [N m]
-
-
 def rotor_drag(
     rotor_rpm: Motors, air_velocity_frd: Vector3, rate_frd: Vector3, density_kg_m3: float
-) -> RotorDrag:
-    """H-force of four rotors at (+-ARM_M, +-ARM_M).
+) -> tuple[float, float, float]:
+    """H-force of four rotors at (+-ARM_M, +-ARM_M): forward [N], right [N], yaw moment [N m].
+
+    The forces act at the hubs' height, ROTOR_ABOVE_CENTRE_M above the centre of gravity.
 
     `air_velocity_frd` is the velocity [m/s] of the centre of gravity through the air, body FRD;
     `rate_frd` that of the body's rotation [rad/s]. The down component of the velocity does not
@@ -71,7 +65,7 @@ def rotor_drag(
     p, q, r = rate_frd
     forward = air_velocity_frd[0] - q * ROTOR_ABOVE_CENTRE_M
     right = air_velocity_frd[1] + p * ROTOR_ABOVE_CENTRE_M
-    return RotorDrag(
+    return (
         r * aside - total * forward,
         -r * ahead - total * right,
         forward * aside - right * ahead - r * total * 2.0 * ARM_M * ARM_M,
