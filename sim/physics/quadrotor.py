@@ -42,6 +42,7 @@ RATED_VOLTAGE_V: Final = 14.63
 _STANDING_HEIGHT_M: Final = 0.1507  # Centre of gravity above ground, gear compressed
 _SETTLING_TIME_S: Final = 2.0  # The contact springs come to rest within 1.5 s
 _REACH_FT: Final = 0.21 / METRES_PER_FOOT  # From the centre of gravity to a foot
+_FAR_UP_FT: Final = 10.0  # Above the level of the ground: no foot reaches it
 _HARDEST_LANDING_M_S: Final = 6.0  # More breaks a light airframe
 _TIPPED_OVER_COSINE: Final = 0.5  # 60 degrees, past the tipping point
 _WRECK_HEIGHT_M: Final = 0.06  # Lower than a landing that the feet bear
@@ -102,6 +103,8 @@ class Quadrotor:
         self._height_above_ground_ft = _node(
             fdm, properties.HEIGHT_ABOVE_GROUND_FT
         ).get_double_value
+        self._altitude_ft = _node(fdm, properties.ALTITUDE_GEODETIC_FT).get_double_value
+        self._far_up_ft = config.home_altitude_amsl_m / METRES_PER_FOOT + _FAR_UP_FT
         self._set_motors = _setters(fdm, properties.ESC_COMMANDS_NORM)
         self._set_wind = _setters(fdm, properties.WIND_NED_FPS)
         self._motors: Motors = (0.0, 0.0, 0.0, 0.0)
@@ -170,11 +173,13 @@ class Quadrotor:
         """
         if self._wreck is not None:
             return
-        run, height_ft = self._run, self._height_above_ground_ft
+        run, altitude_ft, height_ft = self._run, self._altitude_ft, self._height_above_ground_ft
+        far_up_ft = self._far_up_ft
         for _ in range(steps):
             if not run():
                 raise AirframeError("JSBSim ended the simulation")
-            if height_ft() < _REACH_FT and self._hits_ground():
+            # JSBSim keeps the altitude; the height above the ground it works out when asked
+            if altitude_ft() < far_up_ft and height_ft() < _REACH_FT and self._hits_ground():
                 self._wreck = self._lying_still()
                 return
 
