@@ -86,7 +86,7 @@ class Estimator:
         admitted = self.imu_checks.admit(imu)
         if admitted is None:
             return self.core is not None
-        rate, force, dt = admitted
+        rate, force, dt = admitted.rate_frd, admitted.specific_force_frd, admitted.dt
         core = self.core
         if core is None:
             self._align(SensorImu(imu.time_us, rate, force))

@@ -25,6 +25,17 @@ _LEAST_GIVEN: Final = 0.95  # [-] Of hover: what thrust does not carry for long,
 _LEAST_THRUST: Final = 0.1  # [-] Less has not lifted the vehicle
 
 
+class Admitted:
+    """What is integrated for a sample."""
+
+    __slots__ = ("dt", "rate_frd", "specific_force_frd")
+
+    def __init__(self, rate_frd: Vector3, specific_force_frd: Vector3, dt: float) -> None:
+        self.rate_frd: Final = rate_frd  # [rad/s]
+        self.specific_force_frd: Final = specific_force_frd  # [m/s^2]
+        self.dt: Final = dt  # [s]
+
+
 class ImuChecks:
     """Replaces absurd samples and watches over the order of time."""
 
@@ -46,7 +57,7 @@ class ImuChecks:
         self._rate_bad_since_us: int | None = None
         self._force_bad_since_us: int | None = None
 
-    def admit(self, imu: SensorImu) -> tuple[Vector3, Vector3, float] | None:
+    def admit(self, imu: SensorImu) -> Admitted | None:
         """Rate, specific force and dt [s] to integrate; None for a sample out of order.
 
         A gap longer than 0.1 s counts as 0.1 s: what happened in it is not known, and a long
@@ -65,11 +76,11 @@ class ImuChecks:
         force_is_sane = x * x + y * y + z * z < _LARGEST_FORCE_SQUARED and not self._given_up
         if rate_is_sane and force_is_sane:
             self._rate, self._force = rate, force
-            share = min(dt / _MEAN_S, 1.0)
+            share = dt / _MEAN_S  # Less than 1, since a step is short
             self._mean_z += share * (z - self._mean_z)
             self._mean_thrust += share * (self._thrust - self._mean_thrust)
             if self._thrust > _LEAST_THRUST:
-                share = min(dt / _CARRYING_S, 1.0) if self._carrying_thrust else 1.0
+                share = dt / _CARRYING_S if self._carrying_thrust else 1.0
                 self._carrying_thrust += share * (self._thrust - self._carrying_thrust)
             self._rate_bad_since_us = self._force_bad_since_us = None
         else:
@@ -78,7 +89,7 @@ class ImuChecks:
             if before_us is None:
                 return None
         self._time_us = now_us
-        return self._rate, self._force, dt
+        return Admitted(self._rate, self._force, dt)
 
     def _substitute(self, imu: SensorImu, *, rate_is_sane: bool, force_is_sane: bool) -> None:
         now_us = imu.time_us

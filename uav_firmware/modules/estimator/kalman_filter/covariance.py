@@ -11,7 +11,7 @@ subtracts the square of one vector.
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,21 +29,38 @@ MOVERS: Final = 15
 _ZERO3: Final[Vector3] = (0.0, 0.0, 0.0)
 
 
-class Measurement(NamedTuple):
+class Measurement:
     """One scalar measurement, linearised at the present estimate."""
 
-    innovation: float  # Measured minus expected
-    jacobian: tuple[float, ...]  # Row H of length SIZE: change of the expectation per error
-    variance: float  # Of the measurement noise
+    __slots__ = ("innovation", "jacobian", "variance")
+
+    def __init__(
+        self,
+        innovation: float,  # Measured minus expected
+        jacobian: tuple[float, ...],  # Row H of length SIZE: change of the expectation per error
+        variance: float,  # Of the measurement noise
+    ) -> None:
+        self.innovation: Final = innovation
+        self.jacobian: Final = jacobian
+        self.variance: Final = variance
 
 
-class Transition(NamedTuple):
+class Transition:
     """How errors move on over an interval; SI."""
 
-    elapsed: float  # [s]
-    impulse_ned: Vector3  # [m/s] Integral of the specific force
-    rotation: Matrix3  # [-] Body to NED, row by row
-    kept: float  # [-] Share of the slow error of GPS height that is left
+    __slots__ = ("elapsed", "impulse_ned", "kept", "rotation")
+
+    def __init__(
+        self,
+        elapsed: float,  # [s]
+        impulse_ned: Vector3,  # [m/s] Integral of the specific force
+        rotation: Matrix3,  # [-] Body to NED, row by row
+        kept: float,  # [-] Share of the slow error of GPS height that is left
+    ) -> None:
+        self.elapsed: Final = elapsed
+        self.impulse_ned: Final = impulse_ned
+        self.rotation: Final = rotation
+        self.kept: Final = kept
 
 
 def jacobian(

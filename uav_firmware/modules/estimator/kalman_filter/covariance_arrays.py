@@ -6,7 +6,7 @@ both. Sums run along the first axis: along the last one numpy adds in another or
 
 import math
 from collections.abc import Sequence
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
@@ -137,14 +137,15 @@ class ArrayCovariance(Covariance):
     def fuse(self, measurements: Sequence[Measurement]) -> list[float]:
         """Take in one scalar after the other."""
         matrix, error = self._matrix, np.zeros(SIZE)
-        for innovation, row, variance in measurements:
-            _, across, shared, expected = self._view(row)
-            square = expected + variance
+        for measurement in measurements:
+            view = self._view(measurement.jacobian)
+            across, shared = view.across, view.shared
+            square = view.variance + measurement.variance
             if not square > 0.0:
                 continue
             size = math.sqrt(square)
             shared /= size
-            error += shared * ((innovation - _dot(across, error)) / size)
+            error += shared * ((measurement.innovation - _dot(across, error)) / size)
             np.multiply(shared[:, None], shared, self._products)
             np.subtract(matrix, self._products, matrix)
             self._views.clear()
@@ -152,18 +153,28 @@ class ArrayCovariance(Covariance):
         return errors
 
 
-class _View(NamedTuple):
+class _View:
     """The covariance as a measurement sees it, until it changes."""
 
-    row: tuple[float, ...]
-    across: Array  # The row
-    shared: Array  # Covariance of the measurement with each error: H P
-    variance: float  # H P H'
+    __slots__ = ("across", "row", "shared", "variance")
+
+    def __init__(
+        self,
+        row: tuple[float, ...],
+        across: Array,  # The row
+        shared: Array,  # Covariance of the measurement with each error: H P
+        variance: float,  # H P H'
+    ) -> None:
+        self.row: Final = row
+        self.across: Final = across
+        self.shared: Final = shared
+        self.variance: Final = variance
 
 
 def _couplings(transition: Transition) -> list[float]:
     """Entries of F in the order of `_PLACES`."""
-    elapsed, (ix, iy, iz), ((xx, xy, xz), (yx, yy, yz), (zx, zy, zz)), _ = transition
+    elapsed, (ix, iy, iz) = transition.elapsed, transition.impulse_ned
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = transition.rotation
     xx, xy, xz = -elapsed * xx, -elapsed * xy, -elapsed * xz
     yx, yy, yz = -elapsed * yx, -elapsed * yy, -elapsed * yz
     zx, zy, zz = -elapsed * zx, -elapsed * zy, -elapsed * zz

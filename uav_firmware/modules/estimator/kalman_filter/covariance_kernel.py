@@ -130,13 +130,14 @@ class KernelCovariance(Covariance):
         p, shared, error = self._entries, self._shared, self._error
         for j in range(SIZE):
             error[j] = 0.0
-        for innovation, row, variance in measurements:
+        for measurement in measurements:
+            row = measurement.jacobian
             self._share(row)
-            square = _dot(row, shared) + variance
+            square = _dot(row, shared) + measurement.variance
             if not square > 0.0:
                 continue
             size = math.sqrt(square)
-            step = (innovation - _dot(row, error)) / size
+            step = (measurement.innovation - _dot(row, error)) / size
             for j in range(SIZE):
                 scaled = shared[j] / size
                 shared[j] = scaled

@@ -16,16 +16,25 @@ predictor in front of it (PX4's EKF2), this needs one integration instead of two
 
 from bisect import bisect_left
 from collections import deque
-from operator import itemgetter
-from typing import Final, NamedTuple, TypeAlias
+from operator import attrgetter
+from typing import Final, NamedTuple
 
 from uav_firmware.modules.estimator.kalman_filter.state import NominalState
 from uav_firmware.msg.vectors import Quaternion, Vector3
 
-_Entry: TypeAlias = tuple[int, Vector3, Vector3]
-"""Time [us], W [m/s] and S [m]: plain, since one is made for every sample."""
 
-_time_of: Final = itemgetter(0)
+class _Entry:
+    """The sums at the time of a sample."""
+
+    __slots__ = ("s", "time_us", "w")
+
+    def __init__(self, time_us: int, w: Vector3, s: Vector3) -> None:
+        self.time_us: Final = time_us
+        self.w: Final = w  # [m/s]
+        self.s: Final = s  # [m]
+
+
+_time_of: Final = attrgetter("time_us")
 
 
 class Past(NamedTuple):
@@ -43,16 +52,16 @@ class InertialHistory:
 
     def __init__(self, start_us: int, length: int) -> None:
         self._entries: deque[_Entry] = deque(maxlen=length)
-        self._entries.append((start_us, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
+        self._entries.append(_Entry(start_us, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
 
     def push(self, time_us: int, change_ned: Vector3, dt: float) -> None:
         """Add the change of velocity [m/s] over the dt [s] that ended at `time_us`."""
-        _, w, s = self._entries[-1]
-        wx, wy, wz = w
-        sx, sy, sz = s
+        last = self._entries[-1]
+        wx, wy, wz = last.w
+        sx, sy, sz = last.s
         cx, cy, cz = change_ned
         self._entries.append(
-            (
+            _Entry(
                 time_us,
                 (wx + cx, wy + cy, wz + cz),
                 (
@@ -65,8 +74,9 @@ class InertialHistory:
 
     def recall(self, state: NominalState, time_us: int, gravity: float) -> Past | None:
         """The state at `time_us`; None if that is in the future or longer ago than is kept."""
-        now_us, now_w, now_s = self._entries[-1]
-        if not self._entries[0][0] <= time_us <= now_us:
+        last = self._entries[-1]
+        now_us, now_w, now_s = last.time_us, last.w, last.s
+        if not self._entries[0].time_us <= time_us <= now_us:
             return None
         w, s = self._at(time_us)
         wx, wy, wz = w
@@ -92,12 +102,12 @@ class InertialHistory:
         """Both sums at a time, linear between two samples."""
         entries = self._entries
         index = bisect_left(entries, time_us, key=_time_of)
-        after_us, after_w, after_s = entries[index]
-        if after_us == time_us:
-            return after_w, after_s
-        before_us, before_w, before_s = entries[index - 1]
-        share = (time_us - before_us) / (after_us - before_us)
-        return _between(before_w, after_w, share), _between(before_s, after_s, share)
+        after = entries[index]
+        if after.time_us == time_us:
+            return after.w, after.s
+        before = entries[index - 1]
+        share = (time_us - before.time_us) / (after.time_us - before.time_us)
+        return _between(before.w, after.w, share), _between(before.s, after.s, share)
 
 
 def _between(first: Vector3, second: Vector3, share: float) -> Vector3:
