@@ -28,18 +28,19 @@ class AxisGains(NamedTuple):
 class RateAxis:
     """The loop about one body axis."""
 
-    __slots__ = ("_derivative", "_last_rate", "gains", "integral")
+    __slots__ = ("_derivative", "_has_last", "_last_rate", "gains", "integral")
 
     def __init__(self, gains: AxisGains) -> None:
         self.gains = gains
         self.integral = 0.0  # [-] Torque that the integrator holds
-        self._last_rate: float | None = None  # [rad/s]
+        self._has_last = False
+        self._last_rate = 0.0  # [rad/s] Of the sample before, if there is one
         self._derivative = 0.0  # [rad/s^2] Low-passed
 
     def reset(self) -> None:
         """Forget the past: before take-off, and when the motors stand."""
         self.integral = 0.0
-        self._last_rate = None
+        self._has_last = False
         self._derivative = 0.0
 
     def update(
@@ -52,10 +53,10 @@ class RateAxis:
         """
         p, i, d, limit = self.gains  # Cheaper than field by field
         error = setpoint - rate
-        if self._last_rate is not None:
+        if self._has_last:
             sample = (rate - self._last_rate) / dt
             self._derivative += smoothing * (sample - self._derivative)
-        self._last_rate = rate
+        self._has_last, self._last_rate = True, rate
         torque = p * error + self.integral - d * self._derivative
         if unallocated * error <= 0.0:
             ratio = error / _LARGE_ERROR
