@@ -100,7 +100,7 @@ def healthy_bits(view: VehicleView, *, ready: bool) -> int:
         (imu_good and accels and not view.accel_broken, SensorBit.ACCEL_3D),
         (imu_good and gyros and not view.gyro_broken, SensorBit.GYRO_3D),
         (
-            ages.baro < SENSOR_STALE_S and baros and not stopped & AidSource.BAROMETER,
+            ages.baro < SENSOR_STALE_S and baros and AidSource.BAROMETER not in stopped,
             SensorBit.ABSOLUTE_PRESSURE,
         ),
         (ages.mag < SENSOR_STALE_S and mags, SensorBit.MAG_3D),

@@ -122,9 +122,14 @@ class LandDetectorModule:
 
         A velocity that is reckoned by drag shows a wind to a vehicle that stands: it is no sign.
         """
-        limits = self._limits._replace(thrust=low_thrust)
-        if reckoned:
-            limits = limits._replace(horizontal_speed=math.inf)
+        usual = self._limits
+        limits = Thresholds(
+            usual.vertical_speed,
+            math.inf if reckoned else usual.horizontal_speed,
+            usual.rotation,
+            low_thrust,
+            usual.lift_thrust,
+        )
         if not touches_ground(seen, limits):
             self._touching_since_us = None
         elif self._touching_since_us is None:

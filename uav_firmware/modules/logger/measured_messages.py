@@ -132,7 +132,7 @@ def _estimator_status(status: EstimatorStatus) -> Values:
         status.mag_ratio,
         status.flags,
         *(
-            bool(status.stopped & source)
+            source in status.stopped
             for source in (
                 AidSource.GPS_POSITION,
                 AidSource.GPS_VELOCITY,

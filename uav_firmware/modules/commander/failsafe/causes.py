@@ -155,7 +155,7 @@ def _gps_loss_action(moment: Conditions) -> Action:
 
 
 def _stopped(source: AidSource) -> Callable[[Conditions, bool], bool]:
-    return lambda moment, _present: bool(moment.view.stopped & source)
+    return lambda moment, _present: source in moment.view.stopped
 
 
 def _needs(moment: Conditions, need: Need) -> bool:

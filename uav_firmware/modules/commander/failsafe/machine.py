@@ -103,9 +103,11 @@ class FailsafeMachine:
     def _evaluate(self, moment: Conditions) -> frozenset[Cause]:
         """Causes whose condition has held for their delay."""
         now_us, since, present = moment.view.now_us, self._since_us, []
+        former = self._present  # Mostly empty, as is `since`: a look into it takes longer
         for cause, row in ROWS.items():
-            if not row.holds(moment, cause in self._present):
-                since.pop(cause, None)
+            if not row.holds(moment, bool(former) and cause in former):
+                if since:
+                    since.pop(cause, None)
             elif now_us - since.setdefault(cause, now_us) >= row.delay_s(moment.params) * 1e6:
                 present.append(cause)
         return frozenset(present)

@@ -135,7 +135,8 @@ class Camera:
         if (
             self.memory_full
             or self._exposing
-            or self.state in {CameraState.IDLE, CameraState.PANORAMA}
+            or self.state is CameraState.IDLE
+            or self.state is CameraState.PANORAMA
         ):
             return False
         series = self._series
