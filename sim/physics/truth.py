@@ -3,6 +3,8 @@
 import math
 from typing import Final, TypeAlias
 
+from sim.native import mypyc_attr
+
 Vector3: TypeAlias = tuple[float, float, float]
 """Three components in the order of the frame that the field's name ends in."""
 
@@ -15,6 +17,7 @@ Motors: TypeAlias = tuple[float, float, float, float]
 _STILL: Final[Vector3] = (0.0, 0.0, 0.0)
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class Truth:
     """The true state, which no instrument measures exactly, all at the same instant."""
 

@@ -3,9 +3,11 @@
 import math
 from typing import Final, NamedTuple
 
+from sim.native import mypyc_attr
 from sim.physics.truth import Motors, Vector3
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class ImuReading:
     """Gyroscope and accelerometer, one in every control step."""
 
@@ -64,6 +66,7 @@ class BatteryReading(NamedTuple):
     current_a: float  # [A] Drawn
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class EscReading:
     """Telemetry of the four speed controllers."""
 
@@ -99,6 +102,7 @@ class EnvironmentReading(NamedTuple):
     hygrometer_speaks: bool = True  # Else temperature and humidity of the air have not come
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class Readings:
     """All that the instruments say after one control step, of some one entry per instance."""
 

@@ -2,9 +2,11 @@
 
 from typing import Final
 
+from uav_firmware.msg.native import mypyc_attr
 from uav_firmware.msg.vectors import Motors
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class ActuatorMotors:
     """Normalised motor commands; all zero when disarmed."""
 

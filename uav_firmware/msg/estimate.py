@@ -3,6 +3,7 @@
 from enum import IntFlag
 from typing import Final, NamedTuple
 
+from uav_firmware.msg.native import mypyc_attr
 from uav_firmware.msg.vectors import Quaternion, Vector3
 
 
@@ -49,6 +50,7 @@ class EstimateResets(NamedTuple):
 _NO_RESETS: Final = EstimateResets()
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class VehicleAttitude:
     """Attitude, at control rate; read by attitude_control, rate_control and mavlink."""
 
@@ -65,6 +67,7 @@ class VehicleAttitude:
         self.rate_frd: Final = rate_frd
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class VehicleLocalPosition:
     """Position about the local origin; read by position_control, navigator, mavlink."""
 

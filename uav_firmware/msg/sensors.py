@@ -3,9 +3,11 @@
 import math
 from typing import Final, NamedTuple
 
+from uav_firmware.msg.native import mypyc_attr
 from uav_firmware.msg.vectors import Motors, Vector3
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class SensorImu:
     """Inertial measurement, one per control step; read by estimator and rate_control."""
 
@@ -88,6 +90,7 @@ class SensorBattery(NamedTuple):
     current_a: float  # [A] Drawn
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class SensorEsc:
     """Telemetry of the speed controllers at 50 Hz or more; read by failure_detector."""
 

@@ -3,9 +3,11 @@
 import math
 from typing import Final
 
+from uav_firmware.msg.native import mypyc_attr
 from uav_firmware.msg.vectors import Quaternion, Vector3
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class TrajectorySetpoint:
     """Where to be. Written by navigator, read by position_control. NaN means unset."""
 
@@ -45,6 +47,7 @@ class TrajectorySetpoint:
         self.speed_max: Final = speed_max
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class VehicleAttitudeSetpoint:
     """How to lean. Written by position_control, read by attitude_control."""
 
@@ -63,6 +66,7 @@ class VehicleAttitudeSetpoint:
         self.thrust: Final = thrust
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class VehicleRatesSetpoint:
     """How fast to turn. Written by attitude_control, read by rate_control."""
 
@@ -79,6 +83,7 @@ class VehicleRatesSetpoint:
         self.thrust: Final = thrust
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class VehicleTorqueThrustSetpoint:
     """Normalised torque and thrust. Written by rate_control, read by control_allocator."""
 
@@ -95,6 +100,7 @@ class VehicleTorqueThrustSetpoint:
         self.thrust: Final = thrust
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class ControlAllocatorStatus:
     """What could not be produced. Written by control_allocator, read by rate_control."""
 

@@ -10,12 +10,14 @@ import math
 from typing import Final
 
 from uav_firmware.modules.control_allocator.geometry import Mix
+from uav_firmware.msg.native import mypyc_attr
 from uav_firmware.msg.vectors import Motors, Vector3
 
 _YAW_THRUST_MARGIN = 0.15  # [-] Thrust that may be moved to make room for yaw
 _ZERO: Vector3 = (0.0, 0.0, 0.0)
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class Allocation:
     """What the motors do and what they could not do."""
 

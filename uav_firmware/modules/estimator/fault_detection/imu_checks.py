@@ -11,6 +11,7 @@ flight without an accelerometer is rough, and long enough to land (P. Martin and
 from typing import Final
 
 from uav_firmware.lib.geo import STANDARD_GRAVITY_M_S2
+from uav_firmware.msg.native import mypyc_attr
 from uav_firmware.msg.sensors import SensorImu
 from uav_firmware.msg.vectors import Vector3
 
@@ -25,6 +26,7 @@ _LEAST_GIVEN: Final = 0.95  # [-] Of hover: what thrust does not carry for long,
 _LEAST_THRUST: Final = 0.1  # [-] Less has not lifted the vehicle
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class Admitted:
     """What is integrated for a sample."""
 

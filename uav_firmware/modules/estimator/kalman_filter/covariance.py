@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uav_firmware.lib.rotation import Matrix3
+from uav_firmware.msg.native import mypyc_attr
 from uav_firmware.msg.vectors import Vector3
 
 Array = NDArray[np.float64]
@@ -29,6 +30,7 @@ MOVERS: Final = 15
 _ZERO3: Final[Vector3] = (0.0, 0.0, 0.0)
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class Measurement:
     """One scalar measurement, linearised at the present estimate."""
 
@@ -45,6 +47,7 @@ class Measurement:
         self.variance: Final = variance
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class Transition:
     """How errors move on over an interval; SI."""
 

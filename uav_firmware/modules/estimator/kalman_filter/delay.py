@@ -20,9 +20,11 @@ from operator import attrgetter
 from typing import Final, NamedTuple
 
 from uav_firmware.modules.estimator.kalman_filter.state import NominalState
+from uav_firmware.msg.native import mypyc_attr
 from uav_firmware.msg.vectors import Quaternion, Vector3
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class _Entry:
     """The sums at the time of a sample."""
 
