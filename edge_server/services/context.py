@@ -17,6 +17,7 @@ from edge_server.pictures.mosaics import MosaicWork
 from edge_server.pictures.orthophotos import Orthophotos
 from edge_server.pictures.thumbnails import Thumbnails
 from edge_server.services.brokers import BrokerContacts, WorkSignal
+from edge_server.services.fleet.event_ages import EventAges
 from edge_server.services.space import Space
 from edge_server.store.connection.database import Database, Topic
 from edge_server.store.files import high_water
@@ -102,6 +103,7 @@ class Context:
     work_signal: WorkSignal = field(init=False)
     space: Space = field(init=False)
     contacts: BrokerContacts = field(init=False)
+    event_ages: EventAges = field(init=False)
     high_water: HighWater | None = field(init=False)
     archive: FlightArchive = field(init=False)
     fence_check: threading.Lock = field(default_factory=threading.Lock)
@@ -122,6 +124,7 @@ class Context:
         object.__setattr__(self, "space", space)
         object.__setattr__(self, "not_flown", BriefCache(self.monotonic))
         object.__setattr__(self, "contacts", BrokerContacts(self.database, self.clock))
+        object.__setattr__(self, "event_ages", EventAges(self.monotonic))
         archive = FlightArchive(
             self.config.archive_path,
             budget_bytes=self.config.archive_mib * 1024 * 1024,

@@ -54,7 +54,7 @@ def request_state_vector(context: Context, request: LatestStateVector) -> dict[s
         find_vehicle(context, request.vehicle_id)
     now = context.clock()
     with context.database.write(WORK) as connection:
-        expire(connection, now)
+        expire(context, connection, now)
         waiting = work.unfinished(connection)
         if sum(item.kind == work.STATE_VECTOR for item in waiting) >= REQUEST_LIMIT:
             raise TooMuchError(
@@ -231,7 +231,7 @@ def acknowledge(
     """
     with context.database.write(WORK) as connection:
         now = context.clock()
-        expire(connection, now)
+        expire(context, connection, now)
         item = work.get(connection, identifier)
         if item is None:
             raise NotFoundError(f"there is no work {identifier}; it may have been cancelled")
@@ -321,25 +321,49 @@ def expire_if_due(context: Context) -> None:
         if not (work.overdue(connection, now) or work.from_the_future(connection, now)):
             return
     with context.database.write(WORK) as connection:
-        expire(connection, now)
+        expire(context, connection, now)
     context.wake_relay()
 
 
-def expire(connection: Connection, now: float) -> None:
-    """End work that has expired, which is never flown, and events of an unknown age."""
+def expire(context: Context, connection: Connection, now: float) -> None:
+    """End work that has expired, which is never flown.
+
+    What was received while the clock was ahead is given its right age first.
+    """
     for item in work.from_the_future(connection, now):
-        _count_from_now(connection, item, now)
+        if item.kind == work.MISSION:
+            _count_from_now(connection, item, now)
+        else:
+            _correct_event(context, connection, item, now)
     for item in work.overdue(connection, now):
         if item.kind == work.MISSION:
             end(connection, item, Status.ABORTED, EXPIRED, now)
         elif item.kind == work.EVENT:
-            before = event_states.state_of(item.status_id or Status.NOT_STARTED)
-            is_queued = before is State.QUEUED
-            trigger = Trigger.TOO_LATE if is_queued else Trigger.AGE_UNKNOWN
-            message = EXPIRED_EVENT if is_queued else AGE_UNKNOWN
-            _move_event(connection, item, EVENT_STATES.follow(before, trigger), message)
+            _end_event(connection, item, EXPIRED_EVENT)
         else:
             work.change(connection, item.id, state=work.CLOSED)
+
+
+def _correct_event(context: Context, connection: Connection, item: Work, now: float) -> None:
+    """Set the receipt of an event to its right time; end one that may be of any age.
+
+    The age of an accepted event does not matter: the broker carries it out already, and how that
+    ends is reported. Counted from now, it is handed out to a restarted broker for as long as
+    any other.
+    """
+    age_s = context.event_ages.age_s(item.id)
+    if age_s is None and item.state == work.QUEUED:
+        _end_event(connection, item, AGE_UNKNOWN)
+        return
+    created_at = now - (age_s or 0.0)
+    expires_at = created_at + item.expires_at - item.created_at
+    work.change(connection, item.id, created_at=created_at, expires_at=expires_at)
+
+
+def _end_event(connection: Connection, item: Work, message: str) -> None:
+    """End an event that no broker has accepted in time."""
+    before = event_states.state_of(item.status_id or Status.NOT_STARTED)
+    _move_event(connection, item, EVENT_STATES.follow(before, Trigger.TOO_LATE), message)
 
 
 def _count_from_now(connection: Connection, item: Work, now: float) -> None:

@@ -7,7 +7,6 @@
     ACCEPTED --> ACCEPTED: accepted
     ACCEPTED --> DONE: done
     ACCEPTED --> REFUSED: refused
-    ACCEPTED --> REFUSED: age unknown
     DONE --> DONE: done
     REFUSED --> REFUSED: refused
 
@@ -39,7 +38,6 @@ class Trigger(StrEnum):
     DONE = "done"
     REFUSED = "refused"
     TOO_LATE = "too late"
-    AGE_UNKNOWN = "age unknown"
 
 
 EVENT_STATES: Final = TransitionTable(
@@ -52,7 +50,6 @@ EVENT_STATES: Final = TransitionTable(
         (State.ACCEPTED, Trigger.ACCEPTED): State.ACCEPTED,  # Repeated
         (State.ACCEPTED, Trigger.DONE): State.DONE,
         (State.ACCEPTED, Trigger.REFUSED): State.REFUSED,
-        (State.ACCEPTED, Trigger.AGE_UNKNOWN): State.REFUSED,
         (State.DONE, Trigger.DONE): State.DONE,  # Repeated
         (State.REFUSED, Trigger.REFUSED): State.REFUSED,  # Repeated
     },

@@ -61,7 +61,7 @@ def create(context: Context, event: Event, caller: Caller, waited_s: float = 0.0
     route = Kind.EVENT.value
     with context.database.write(WORK) as connection:
         now = context.clock()
-        broker_work.expire(connection, now)
+        broker_work.expire(context, connection, now)
         answered = post_idempotency.find_answer(connection, caller, route, body_sha256)
         if answered is None:
             work_id = _queue(connection, context, event, now, waited_s)
@@ -96,7 +96,7 @@ def replace(
     """
     with context.database.write(WORK) as connection:
         now = context.clock()
-        broker_work.expire(connection, now)
+        broker_work.expire(context, connection, now)
         old = _find(connection, identifier)
         precondition(show(old))
         if old.state != work.QUEUED:
@@ -151,7 +151,7 @@ def remove(context: Context, identifier: int) -> None:
     """
     with context.database.write(WORK) as connection:
         now = context.clock()
-        broker_work.expire(connection, now)
+        broker_work.expire(context, connection, now)
         stored = _find(connection, identifier)
         if stored.state == work.ACCEPTED and now < stored.expires_at + RESULT_TIMEOUT_S:
             raise ConflictError(f"event {identifier} cannot be deleted: the broker carries it out")
@@ -183,7 +183,10 @@ def _queue(
     _check_vehicle(connection, event, live)
     if len(live) >= EVENT_LIMIT:
         raise TooMuchError(f"{EVENT_LIMIT} events wait, the maximum; try again later")
-    return work.add_event(connection, body=write(event), now=now, expires_at=expires_at)
+    work_id = work.add_event(connection, body=write(event), now=now, expires_at=expires_at)
+    context.event_ages.keep_only([item.id for item in live])
+    context.event_ages.note(work_id)
+    return work_id
 
 
 def _expiry(event: Event, now: float) -> float:

@@ -152,7 +152,7 @@ def _create(
     warnings: Sequence[Fault] = (),
     missing: Sequence[Fault] | None = None,
 ) -> int:
-    broker_work.expire(connection, now)
+    broker_work.expire(context, connection, now)
     stored = _checked(connection, context, plan, fence, now, missing)
     stored.warnings.extend({"path": one.path, "message": one.message} for one in warnings)
     if plans.find(connection, stored.plan_id) is not None:
@@ -184,7 +184,7 @@ def replace(
     fence = _check_fence(context, plan)
     with context.database.write(WORK) as connection:
         now = context.clock()
-        broker_work.expire(connection, now)
+        broker_work.expire(context, connection, now)
         old = _find(connection, reference)
         with audit.naming_last_change(connection, f"plans/{old.id}", f"plans/{old.plan_id}"):
             precondition(_show(connection, old))
@@ -228,7 +228,7 @@ def dispatch(
     fence = None if checked is None else _check_fence(context, checked)
     with context.database.write(WORK) as connection:
         now = context.clock()
-        broker_work.expire(connection, now)
+        broker_work.expire(context, connection, now)
         stored = _find(connection, reference)
         missions = work.of_plan(connection, stored.id)
         if any(item.held for item in missions):
@@ -396,7 +396,7 @@ def _is_lost(connection: Connection, item: work.Work) -> bool:
     known = vehicles.get(connection, vehicle_id)
     if known is not None and known.state.get("mission_id") == item.mission_id:
         return False
-    return work.has_answered_abort(connection, vehicle_id, item.accepted_at or 0.0)
+    return work.has_answered_abort(connection, item)
 
 
 def _check_silent(connection: Connection, item: work.Work, now: float) -> None:

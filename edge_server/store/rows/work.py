@@ -317,12 +317,16 @@ def newest_event_about(connection: Connection, mission: Work) -> Work | None:
     return _work(row) if row else None
 
 
-def has_answered_abort(connection: Connection, vehicle_id: int, since_s: float) -> bool:
-    """Whether the broker has carried out or refused an abort that was received since a time."""
+def has_answered_abort(connection: Connection, mission: Work) -> bool:
+    """Whether the broker has carried out or refused an abort that came after an accepted mission.
+
+    By their order instead of their times, since a clock may be set back in between. One that came
+    before the mission was accepted has ended it.
+    """
     query = _QUERY.where(
         work.c.kind == EVENT,
-        work.c.vehicle_id == vehicle_id,
-        work.c.created_at >= since_s,
+        work.c.vehicle_id == mission.vehicle_id,
+        work.c.id > mission.id,
         work.c.status_id.in_((int(Status.FINISHED), int(Status.FAILED))),
     )
     return any(_is_abort(_work(row).body or {}) for row in connection.execute(query))
@@ -334,33 +338,25 @@ def _is_abort(event: dict[str, Any]) -> bool:
 
 _OVERDUE: Final = _QUERY.where(
     work.c.state.in_((QUEUED, ACCEPTED)),
-    or_(
-        and_(
-            work.c.expires_at <= bindparam("now"),
-            or_(work.c.state == QUEUED, work.c.kind == STATE_VECTOR),
-        ),
-        and_(work.c.kind == EVENT, work.c.created_at > bindparam("newest")),
-    ),
+    work.c.expires_at <= bindparam("now"),
+    or_(work.c.state == QUEUED, work.c.kind == STATE_VECTOR),
 ).order_by(work.c.id)
 
 
 def overdue(connection: Connection, now: float) -> list[Work]:
-    """List work that has expired: missions and events not accepted, and requests not answered.
-
-    An event from the future has expired too, accepted or not: the clock was set back, and its age
-    is unknown, so that it is not handed out to a restarted broker.
-    """
-    values = {"now": now, "newest": now + CLOCK_SLACK_S}
-    return [_work(row) for row in connection.execute(_OVERDUE, values)]
+    """List work that has expired: missions and events not accepted, and requests not answered."""
+    return [_work(row) for row in connection.execute(_OVERDUE, {"now": now})]
 
 
 _FROM_THE_FUTURE: Final = _QUERY.where(
-    work.c.kind == MISSION, work.c.state == QUEUED, work.c.created_at > bindparam("newest")
+    work.c.state.in_((QUEUED, ACCEPTED)),
+    work.c.created_at > bindparam("newest"),
+    or_(work.c.kind == EVENT, and_(work.c.kind == MISSION, work.c.state == QUEUED)),
 ).order_by(work.c.id)
 
 
 def from_the_future(connection: Connection, now: float) -> list[Work]:
-    """List missions in the queue that were received after now: the clock has been set back."""
+    """List queued missions and open events that were received after now: the clock was set back."""
     rows = connection.execute(_FROM_THE_FUTURE, {"newest": now + CLOCK_SLACK_S})
     return [_work(row) for row in rows]
 

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -27,16 +28,21 @@ CLOUD_JWS = "cloud-jws.json"
 
 
 class Clock:
-    """Epoch seconds that pass by `pass_s` only."""
+    """Epoch seconds that pass by `pass_s` only; who sets `now` sets the clock, in no time."""
 
     def __init__(self, now: float = NOON) -> None:
         self.now = now
+        self._passed_s = 0.0
 
     def __call__(self) -> float:
         return self.now
 
+    def monotonic(self) -> float:
+        return time.monotonic() + self._passed_s
+
     def pass_s(self, seconds: float) -> None:
         self.now += seconds
+        self._passed_s += seconds
 
 
 class Edge:
@@ -180,7 +186,7 @@ def config(
 def edge(config: Config) -> Iterator[Edge]:
     """An edge server with vehicles 1 and 2."""
     clock = Clock()
-    app = create_app(config, clock=clock)
+    app = create_app(config, clock=clock, monotonic=clock.monotonic)
     context = context_of(app)
     edge = Edge(app.test_client(), context, clock)
     edge.register(1, 2)
