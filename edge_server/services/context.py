@@ -18,6 +18,7 @@ from edge_server.pictures.orthophotos import Orthophotos
 from edge_server.pictures.thumbnails import Thumbnails
 from edge_server.services.brokers import BrokerContacts, WorkSignal
 from edge_server.services.fleet.event_ages import EventAges
+from edge_server.services.fleet.unstored_states import UnstoredStates
 from edge_server.services.space import Space
 from edge_server.store.connection.database import Database, Topic
 from edge_server.store.files import high_water
@@ -108,6 +109,7 @@ class Context:
     archive: FlightArchive = field(init=False)
     fence_check: threading.Lock = field(default_factory=threading.Lock)
     """Held while a plan is checked against its geofence: aborts share the interpreter."""
+    unstored: UnstoredStates = field(default_factory=UnstoredStates)
     not_flown: BriefCache = field(init=False)
     """Missions that were accepted and are not known to have flown."""
     orthophotos: Orthophotos = field(init=False)

@@ -165,7 +165,7 @@ def release(context: Context, vehicle_id: int, reason: str) -> dict[str, Any]:
     """
     with context.database.write(WORK, of_vehicle(vehicle_id)) as connection:
         now = context.clock()
-        vehicles.shown(connection, vehicle_id, now)
+        vehicles.shown(context, connection, vehicle_id, now)
         if vehicle_holds.get(connection, vehicle_id) is None:
             audit.changes_nothing()
         else:
@@ -173,7 +173,7 @@ def release(context: Context, vehicle_id: int, reason: str) -> dict[str, Any]:
             vehicle_holds.remove(connection, vehicle_id)
             _clear_faults(connection, vehicle_id)
             _queue_anew(connection, vehicle_id, now)
-        shown = vehicles.shown(connection, vehicle_id, now)
+        shown = vehicles.shown(context, connection, vehicle_id, now)
     context.work_signal.notify()
     return shown
 

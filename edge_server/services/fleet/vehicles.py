@@ -4,6 +4,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 from sqlalchemy import Connection
+from sqlalchemy.exc import DBAPIError
 
 from afarcloud.numbers import (
     Boolean,
@@ -89,7 +90,7 @@ def put(
     given = state.model_dump(mode="json", exclude_unset=True)
     now = context.clock()
     with context.database.write(of_vehicle(vehicle_id)) as connection:
-        known = vehicles.get(connection, vehicle_id)
+        known = _newest(context, connection, vehicle_id)
         hold = vehicle_holds.get(connection, vehicle_id)
         contact = vehicles.contact(connection, vehicle_id)
         precondition(_show(known, hold, contact, now) if known else {})
@@ -97,10 +98,47 @@ def put(
         vehicles.put(connection, vehicle_id, merged, now)
         since = known.registered_at if known else now
         stored = _show(StoredVehicle(vehicle_id, merged, since, now), hold, contact, now)
+    context.unstored.forget(vehicle_id)
     if state.armed is not None:
         at = flights.time_of(state.recorded_at, now)
         context.archive.take_armed(vehicle_id, armed=state.armed, at=at)
     return stored, known is None
+
+
+def report(
+    context: Context, vehicle_id: int, state: VehicleState, precondition: Precondition
+) -> tuple[dict[str, Any], bool]:
+    """Take what a broker reports of a vehicle, as `put`.
+
+    What the database refuses is shown to readers nevertheless; the broker learns of the refusal.
+    """
+    try:
+        return put(context, vehicle_id, state, precondition)
+    except DBAPIError:
+        _keep(context, vehicle_id, state, precondition)
+        raise
+
+
+def _keep(
+    context: Context, vehicle_id: int, state: VehicleState, precondition: Precondition
+) -> None:
+    """Keep the state of a registered vehicle in memory."""
+    now = context.clock()
+    with context.database.read() as connection:
+        stored = vehicles.get(connection, vehicle_id)
+        if stored is None:
+            return
+        precondition(shown(context, connection, vehicle_id, now))
+    known = context.unstored.newest(stored)
+    given = state.model_dump(mode="json", exclude_unset=True)
+    newest = known._replace(state={**known.state, **given}, updated_at=now)
+    context.unstored.keep(newest, stored)
+
+
+def _newest(context: Context, connection: Connection, vehicle_id: int) -> StoredVehicle | None:
+    """Return a registered vehicle with its newest state, which may not be stored."""
+    stored = vehicles.get(connection, vehicle_id)
+    return None if stored is None else context.unstored.newest(stored)
 
 
 def everyone(context: Context) -> list[dict[str, Any]]:
@@ -109,7 +147,12 @@ def everyone(context: Context) -> list[dict[str, Any]]:
         holds, contacts = vehicle_holds.everyone(connection), vehicles.contacts(connection)
         now = context.clock()
         return [
-            _show(item, holds.get(item.vehicle_id), contacts.get(item.vehicle_id), now)
+            _show(
+                context.unstored.newest(item),
+                holds.get(item.vehicle_id),
+                contacts.get(item.vehicle_id),
+                now,
+            )
             for item in vehicles.everyone(connection)
         ]
 
@@ -117,12 +160,12 @@ def everyone(context: Context) -> list[dict[str, Any]]:
 def find(context: Context, vehicle_id: int) -> dict[str, Any]:
     """Return one vehicle; raises NotFoundError."""
     with context.database.read() as connection:
-        return shown(connection, vehicle_id, context.clock())
+        return shown(context, connection, vehicle_id, context.clock())
 
 
-def shown(connection: Connection, vehicle_id: int, now: float) -> dict[str, Any]:
+def shown(context: Context, connection: Connection, vehicle_id: int, now: float) -> dict[str, Any]:
     """Return one vehicle inside a transaction; raises NotFoundError."""
-    known = vehicles.get(connection, vehicle_id)
+    known = _newest(context, connection, vehicle_id)
     if known is None:
         raise NotFoundError(f"vehicle {vehicle_id} is not registered")
     hold, contact = (
@@ -141,6 +184,7 @@ def remove(context: Context, vehicle_id: int) -> None:
         if work.unfinished(connection, vehicle_id=vehicle_id, limit=1):
             raise ConflictError(f"vehicle {vehicle_id} cannot be deleted: it has unfinished work")
         vehicles.remove(connection, vehicle_id)
+    context.unstored.forget(vehicle_id)
 
 
 def _show(

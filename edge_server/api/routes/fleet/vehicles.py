@@ -68,8 +68,9 @@ def put(vehicle_id: int) -> ResponseReturnValue:
     scopes.check(vehicle_id)
     if caller().role == Role.BROKER:
         bodies.context().contacts.note(broker(), [vehicle_id])
-    stored, is_new = vehicles.put(bodies.context(), vehicle_id, state, etags.check_match)
-    if caller().role != Role.BROKER:
+        stored, is_new = vehicles.report(bodies.context(), vehicle_id, state, etags.check_match)
+    else:
+        stored, is_new = vehicles.put(bodies.context(), vehicle_id, state, etags.check_match)
         audit(f"put vehicle {vehicle_id}")
     response = make_response(etags.tagged(stored, 201 if is_new else 200))
     if live.is_watched():

@@ -1,7 +1,11 @@
 """The registry of vehicles over HTTP."""
 
+import sqlite3
+from contextlib import closing
+
 import pytest
 
+from edge_server.live.reading import reader
 from tests.unit.edge_server.conftest import Edge
 from tests.unit.edge_server.documents import mission_report, plan
 
@@ -38,6 +42,35 @@ def test_an_absent_member_stays_and_a_null_replaces_it(edge: Edge) -> None:
         "AUTO.MISSION",
     )
     assert shown["updated_at"] > shown["registered_at"]
+
+
+def test_the_newest_state_is_shown_while_the_database_refuses_it(edge: Edge) -> None:
+    """In the list, alone and in the live stream; the broker learns that it is not stored."""
+    edge.ask("PUT", "/vehicles/1", "broker", json=STATE)
+    edge.clock.pass_s(60.0)
+    read = reader(edge.context)
+    with closing(sqlite3.connect(edge.config.database_path, isolation_level=None)) as other:
+        other.execute("BEGIN IMMEDIATE")
+        moved = {"link_state": "connected", "altitude": 33.0, "mode": None}
+        assert edge.ask("PUT", "/vehicles/1", "broker", json=moved).status_code == 503
+        shown = edge.get("/vehicles/1")
+        assert (shown["altitude"], shown["mode"], shown["battery_percentage"]) == (33.0, None, 0.8)
+        assert shown["updated_at"] == "2026-11-21T12:01:00Z"
+        assert edge.get("/vehicles/")[0] == shown
+        assert read().vehicles[1] == shown
+    landed = {"link_state": "connected", "armed": False}
+    assert edge.ask("PUT", "/vehicles/1", "broker", json=landed).status_code == 200
+    later = STATE | {"altitude": 33.0, "mode": None, "armed": False}
+    assert later.items() <= edge.get("/vehicles/1").items()
+
+
+def test_what_a_person_sets_is_not_shown_if_it_is_refused(edge: Edge) -> None:
+    edge.ask("PUT", "/vehicles/1", "broker", json=STATE)
+    with closing(sqlite3.connect(edge.config.database_path, isolation_level=None)) as other:
+        other.execute("BEGIN IMMEDIATE")
+        answer = edge.ask("PUT", "/vehicles/1", "operator", json={"link_state": "lost"})
+    assert answer.status_code == 503
+    assert edge.get("/vehicles/1")["link_state"] == "connected"
 
 
 def test_without_a_watcher_updates_come_at_the_usual_interval(edge: Edge) -> None:
