@@ -410,6 +410,25 @@ class EdgeConnection:
         return self._key
 
 
+def explain(answer: Answer) -> str:
+    """Say in words why an answer refuses: the edge server's sentence, then each fault of a field.
+
+    What is not the edge server's, such as the page of a proxy, is given as one line.
+    """
+    try:
+        document = answer.json()
+        faults = [
+            f"{path} {text}" if text[:1].islower() else f"{path}: {text}"
+            for fields in document.get("detail", {}).values()
+            for path, texts in fields.items()
+            for text in texts
+        ]
+        sentence = str(document["message"])
+    except (requests.RequestException, AttributeError, KeyError, TypeError):
+        return " ".join(answer.text.split())
+    return f"{sentence}: {'; '.join(faults)}" if faults else sentence
+
+
 def is_final(status_code: int) -> bool:
     """Whether a repeated request would get the same answer."""
     if status_code in _RETRIED:

@@ -31,10 +31,11 @@ from mavlink_broker.edge.bounded_http import (
     EdgeConnection,
     NoKeyError,
     cause_of,
+    explain,
 )
 from mavlink_broker.edge.edge_clock import EdgeClock
 from mavlink_broker.edge.outbox import Outbox, Post
-from mavlink_broker.edge.post_outcome import PostOutcome, examined
+from mavlink_broker.edge.post_outcome import MAX_LOGGED_CHARACTERS, PostOutcome, examined
 from mavlink_broker.edge.spool import Spool
 from mavlink_broker.edge.spool_writer import SpoolWriter
 from mavlink_broker.edge.wire import VEHICLE_LANE, AcceptanceResult
@@ -226,7 +227,10 @@ class EdgeClient:
                 found = answer.json()
             self._set_reachable(is_reachable=True)
             if found is None:
-                _LOG.warning("the edge server refuses work: HTTP %d", answer.status_code)
+                reason = explain(answer)[:MAX_LOGGED_CHARACTERS]
+                _LOG.warning(
+                    "the edge server refuses work: HTTP %d: %s", answer.status_code, reason
+                )
         except (requests.RequestException, NoKeyError) as error:
             self._set_reachable(is_reachable=False, error=error)
         if found is None:

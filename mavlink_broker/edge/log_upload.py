@@ -19,6 +19,7 @@ from mavlink_broker.edge.bounded_http import (
     Answer,
     EdgeConnection,
     NoKeyError,
+    explain,
     is_final,
     is_temporary_refusal,
 )
@@ -94,7 +95,7 @@ def _outcome(job: LogJob, answer: Answer) -> LogJobOutcome:
     if status >= HTTPStatus.BAD_REQUEST:
         return LogJobFailed(
             job.number,
-            f"HTTP {status} {_message(answer)}",
+            f"HTTP {status}: {explain(answer)[:_MAX_REASON]}",
             is_final=is_final(status) and status not in _RETRIED,
             is_temporary=is_temporary_refusal(status),
         )
@@ -107,13 +108,6 @@ def _outcome(job: LogJob, answer: Answer) -> LogJobOutcome:
     except (requests.RequestException, KeyError, TypeError, ValueError, OverflowError):
         reason = f"HTTP {status} is not of the edge server"
         return LogJobFailed(job.number, reason, is_final=False, is_temporary=True)
-
-
-def _message(answer: Answer) -> str:
-    try:
-        return str(answer.json()["message"])[:_MAX_REASON]
-    except (requests.RequestException, KeyError, TypeError):
-        return answer.text[:_MAX_REASON]
 
 
 def _read(shown: Mapping[str, Any]) -> LogState:

@@ -10,9 +10,15 @@ from typing import Final, Self
 
 import requests
 
-from mavlink_broker.edge.bounded_http import Answer, cause_of, is_final, is_temporary_refusal
+from mavlink_broker.edge.bounded_http import (
+    Answer,
+    cause_of,
+    explain,
+    is_final,
+    is_temporary_refusal,
+)
 from mavlink_broker.edge.outbox import Post
-from mavlink_broker.edge.wire import AcceptanceResult, is_acknowledgement
+from mavlink_broker.edge.wire import VEHICLE_LANE, AcceptanceResult, is_acknowledgement
 
 MAX_LOGGED_CHARACTERS: Final = 500
 """Of a refusal's text."""
@@ -36,7 +42,7 @@ class PostOutcome:
 
     post: Post
     status: int | None  # None: there was no answer
-    text: str  # Names field and reason of a refusal
+    text: str  # Names field and reason of a refusal, in words
     is_settled: bool = False  # The edge server's own answer, which a repetition would get again
 
     @classmethod
@@ -44,13 +50,15 @@ class PostOutcome:
         """Judge an answer; `is_own` if it is the edge server's, as of `examined`."""
         if isinstance(answer, Exception):
             return cls(post, None, cause_of(answer)[:MAX_LOGGED_CHARACTERS])
-        status, text = answer.status_code, answer.text.strip()[:MAX_LOGGED_CHARACTERS]
+        status, text = answer.status_code, explain(answer)[:MAX_LOGGED_CHARACTERS]
         return cls(post, status, text, is_own and is_final(status))
 
     @property
     def reason(self) -> str:
         """Why the post was not taken."""
-        return self.text if self.status is None else f"HTTP {self.status} {self.text}"
+        if self.status is None:
+            return self.text
+        return f"HTTP {self.status}: {self.text}" if self.text else f"HTTP {self.status}"
 
     @property
     def is_temporary(self) -> bool:
@@ -80,26 +88,22 @@ class PostOutcome:
 
     def log_refusal(self) -> None:
         """Log a final answer, if it is a refusal."""
-        post, status, text = self.post, self.status, self.text
+        what, why = _name_of(self.post), self.reason
         if self._is_success:
             return
         if self._was_sent_before:
-            _LOG.info("%s was sent before", post.path)
+            _LOG.info("%s was sent before", what)
         elif self._is_withdrawn:
-            _LOG.warning("%s is not accepted: HTTP %d %s", post.path, status, text)
-        elif post.is_inherited:
-            _LOG.warning("%s of an earlier run is refused: HTTP %d %s", post.path, status, text)
+            _LOG.warning("%s is not accepted: %s", what, why)
+        elif self.post.is_inherited:
+            _LOG.warning("%s, by an earlier run, is refused: %s", what, why)
         else:
-            _LOG.error("%s %s: HTTP %d %s", post.method, post.path, status, text)
+            _LOG.error("%s is refused: %s", what, why)
 
     def log_given_up(self) -> None:
         """Log that the post is not sent again."""
-        post = self.post
-        _LOG.error(
-            "%s %s of vehicle %d%s is given up: HTTP %s %s",
-            *(post.method, post.path, post.vehicle_id),
-            *(" by an earlier run" if post.is_inherited else "", self.status, self.text),
-        )
+        by_whom = ", by an earlier run," if self.post.is_inherited else ""
+        _LOG.error("%s%s is given up: %s", _name_of(self.post), by_whom, self.reason)
 
     @property
     def _is_success(self) -> bool:
@@ -113,6 +117,16 @@ class PostOutcome:
     @property
     def _is_withdrawn(self) -> bool:
         return is_acknowledgement(self.post) and self.status in _WITHDRAWN
+
+
+def _name_of(post: Post) -> str:
+    """Name a post as an operator knows it."""
+    if is_acknowledgement(post):
+        status, work_id = post.body["status"], post.path.split("/")[3]
+        return f'the answer "{status}" of vehicle {post.vehicle_id} to work {work_id}'
+    if post.lane == VEHICLE_LANE:
+        return f"the state of vehicle {post.vehicle_id}"
+    return f"the {post.path.strip('/').replace('_', ' ')} of vehicle {post.vehicle_id}"
 
 
 def examined(answer: Answer | Exception) -> tuple[Answer | Exception, bool]:
