@@ -259,19 +259,19 @@ class PendingEvents:
         return EXPIRED
 
     def _needs_telemetry(self, work: EventWork, now: float) -> bool:
-        """Whether an abort of an earlier run needs telemetry that has not arrived yet.
+        """Whether an abort needs telemetry that has not arrived yet at a broker that just started.
 
-        The vehicle's clock shows whether it was restarted. Without a home no place can be ordered,
-        and without a position the vehicle lands.
+        The vehicle's clock shows whether it was restarted since an abort of an earlier run. Without
+        a home no place can be ordered, and without a position the vehicle lands.
         """
         of_earlier_run = work.was_accepted or self.is_before(work.work_id)
         snapshot = self._vehicle.snapshot
-        if not (is_abort(work) and of_earlier_run) or snapshot.armed is None:
+        if not is_abort(work) or snapshot.armed is None:
             return False
         lands_here = work.event.event_type_id is EventType.ABORT_MISSION
         leads = snapshot.armed and (work.event.abort is not None or not lands_here)
         lacks_place = snapshot.home is None or not snapshot.knows_whether_placed
-        lacks_time = self._noted_s is not None and snapshot.time_s is None
+        lacks_time = of_earlier_run and self._noted_s is not None and snapshot.time_s is None
         if not (lacks_time or (leads and lacks_place)):
             return False
         self._connected_since = self._connected_since or now
@@ -408,7 +408,7 @@ class PendingEvents:
             vehicle.recovery.clear_abort()
             self.leaves_hovering = executor.leaves_hovering
             self.sends_down = executor.sends_down
-            _acknowledge(work, effects, executor.taken)
+            _acknowledge(work, effects, executor.taken, done=executor.instead)
 
     def recall_return(self, pending: PendingReturn) -> None:
         """Restore a return that an alarm had ordered, and that the vehicle had not obeyed yet."""

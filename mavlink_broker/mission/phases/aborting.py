@@ -45,6 +45,8 @@ WITHIN_S: Final = 600.0
 LATE_ORDER_S: Final = 5.0
 """How long an order of the mission may still arrive behind one that ends it: the longest timeout
 of a command. Later only another system puts the vehicle back into its mission."""
+NOT_PLACED: Final = "the position of the vehicle is not known: it lands where it is"
+NOT_OBEYED: Final = "the vehicle cannot be ordered there: it lands where it is"
 _DISARM: Final = long_command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0.0)
 REASONS: Final = {
     EventType.ABORT_MISSION: "aborted by an event",
@@ -159,6 +161,8 @@ class AbortExecutor:
         self._may_be_lost = False  # What was sent since the action began: the link was away, or
         # the vehicle might be restarted, to which none is sent
         self._lands_instead = False
+        self._is_there = event.abort is None  # At the place, if there is one
+        self.instead: str | None = None  # What is ordered otherwise than the event says
         self._obeyed_at: float | None = None  # It has left its mission
         self.taken: str | None = None  # Who has taken the vehicle meanwhile
         self._needs_position = False  # For what is ordered
@@ -264,6 +268,7 @@ class AbortExecutor:
         if now < self._again_at:
             return messages
         self._again_at = math.inf
+        self._is_there |= not has_failed
         self._may_be_lost = not self._vehicle.shows_itself(now)
         self._executor = LiveCommandExecutor(self._action(with_place=has_failed), self._vehicle)
         return [*messages, *self._executor.start(now)]
@@ -301,10 +306,19 @@ class AbortExecutor:
         if self._is_down:
             return disarm_action(self._vehicle)
         if self._lands_instead or self._lacks_position:
+            self.instead = self._reason_to_land_here
             return land_action(self._vehicle)
+        self.instead = None
         lands_here = self._event.event_type_id is EventType.ABORT_MISSION
         self._needs_position = not lands_here or (with_place and self._event.abort is not None)
         return _airborne_action(self._event, self._vehicle, with_place=with_place)
+
+    @property
+    def _reason_to_land_here(self) -> str | None:
+        """Why the vehicle lands where it is; None if the event says so."""
+        if self._is_there and self._event.event_type_id is EventType.ABORT_MISSION:
+            return None
+        return NOT_PLACED if self._lacks_position else NOT_OBEYED
 
     def _is_taken(self, now: float) -> bool:
         """Whether another system has taken the vehicle, once and for all."""
@@ -422,7 +436,7 @@ class Aborting(Phase):
         if self._executor is not None and self._work_id is not None:
             taken = self._executor.taken
             status = "done" if taken is None else "refused"
-            note = taken or instead or self._note
+            note = taken or instead or self._executor.instead or self._note
             effects.for_edge.append(Acknowledgement(self._work_id, status, note))
             self._vehicle.recovery.clear_abort()
             self._work_id = None

@@ -10,6 +10,7 @@ import pytest
 from afarcloud.enumerations import Status
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.mission.mission_executor import MissionExecutor
+from mavlink_broker.mission.phases.aborting import NOT_OBEYED
 from mavlink_broker.mission.states import State
 from tests.support.broker_world import World, follow, go_home, hotpoint, mission, takeoff, waypoint
 from tests.support.vehicle_script import (
@@ -235,9 +236,11 @@ class TestAnAbort:
         vehicle = world.only_vehicle
         denied = {mavlink.MAV_CMD_DO_REPOSITION: mavlink.MAV_RESULT_DENIED}
         vehicle.script = dataclasses.replace(vehicle.script, results=denied)
-        world.edge.event(ABORT, abort=POINT)
+        event = world.edge.event(ABORT, abort=POINT)
         world.run(4.0)
         assert vehicle.custom_mode == PX4_LAND
+        answer = world.edge.acknowledgements(event)[-1]
+        assert answer == {"status": "done", "message": NOT_OBEYED}
 
     def test_comes_through_a_lost_link(self) -> None:
         world = world_at(1)

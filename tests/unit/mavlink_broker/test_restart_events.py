@@ -9,6 +9,7 @@ import pytest
 
 from afarcloud.enumerations import Status
 from mavlink_broker.mavlink.dialect import mavlink
+from mavlink_broker.mission.phases.aborting import NOT_OBEYED
 from mavlink_broker.mission.states import State
 from tests.support.broker_world import World, first_flight, go_home, mission, takeoff, waypoint
 from tests.support.vehicle_script import PX4, PX4_HOLD, PX4_LAND, PX4_POSITION, PX4_RETURN
@@ -54,6 +55,38 @@ def test_an_abort_with_a_point_still_lands_there(away_s: float) -> None:
     assert is_at_point(world)()
     assert vehicle.commands.count(mavlink.MAV_CMD_MISSION_START) == 1
     assert world.edge.status(1201) == Status.ABORTED
+
+
+@pytest.mark.first_case
+@pytest.mark.parametrize("known_after_s", [0.0, 1.0, 2.5])
+def test_an_abort_that_meets_a_restart_waits_for_what_its_place_needs(known_after_s: float) -> None:
+    """The home of the vehicle reaches the new broker a while after its first heartbeat."""
+    world = world_at(1)
+    vehicle = world.only_vehicle
+    world.kill_broker()
+    known = vehicle.script
+    vehicle.script = dataclasses.replace(known, has_home=False)
+    event = world.edge.event(ABORT, abort=POINT)
+    world.restart_broker()
+    world.run(known_after_s)
+    vehicle.script = known
+    world.run_until(lambda: not vehicle.armed)
+    world.run(1.0)
+    assert is_at_point(world)()
+    assert world.edge.acknowledgements(event)[-1] == {"status": "done"}
+
+
+def test_a_place_that_cannot_be_ordered_is_a_landing_and_the_answer_says_so() -> None:
+    world = world_at(1)
+    vehicle = world.only_vehicle
+    world.kill_broker()
+    vehicle.script = dataclasses.replace(vehicle.script, has_home=False)
+    event = world.edge.event(ABORT, abort=POINT)
+    world.restart_broker()
+    world.run_until(lambda: not vehicle.armed)
+    world.run(1.0)
+    assert not is_at_point(world)()
+    assert world.edge.acknowledgements(event)[-1] == {"status": "done", "message": NOT_OBEYED}
 
 
 def test_a_landing_that_was_ordered_is_not_ordered_again() -> None:
