@@ -93,6 +93,8 @@ class EdgeHttp:
         """Called when the edge server has taken the broker's acceptance of some work."""
         self.on_answered: Callable[[Post, Answer], None] = lambda _post, _answer: None
         """As `on_taken`, for the counters."""
+        self.on_change: Callable[[Post, Answer], None] = lambda _post, _answer: None
+        """As `on_taken`, for the faults."""
 
     @property
     def is_perfect(self) -> bool:
@@ -154,6 +156,7 @@ class EdgeHttp:
             self.owed.take(post, answer)
             self.on_taken(post, answer)
             self.on_answered(post, answer)
+            self.on_change(post, answer)
             if post.is_acceptance and answer.status_code < HTTPStatus.BAD_REQUEST:
                 self.on_accepted()
         if self._is_cut(post, answer):

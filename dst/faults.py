@@ -10,6 +10,7 @@ from functools import partial
 from random import Random
 from typing import Final
 
+from dst.change_kills import ChangeKills
 from dst.http_wire import FOREIGN_ANSWERS
 from dst.machine import Machine, Process
 from dst.network import PERFECT, Conditions
@@ -58,6 +59,7 @@ class Fault(StrEnum):
     BROKER_KILLED = "broker-killed"
     EDGE_KILLED = "edge-killed"
     RELAY_KILLED = "relay-killed"
+    KILLED_AT_CHANGES = "killed-at-changes"
     VEHICLE_REBOOTED = "vehicle-rebooted"
     VEHICLE_FAILS = "vehicle-fails"
     SWAPPED = "swapped"
@@ -104,7 +106,10 @@ PLACES: Final = (
         *(Fault.EDGE_ANSWERS_FOREIGN, Fault.EDGE_UNREACHABLE, Fault.REPORT_ALWAYS_FAILS),
     ),
     (Fault.CLOUD_UNREACHABLE, Fault.CLOUD_ANSWERS_LOST, Fault.RELAY_KILLED),
-    (Fault.BROKER_KILLED, Fault.EDGE_KILLED, Fault.POWER_CUT, Fault.POWER_LOST, Fault.CLOCKS),
+    (
+        *(Fault.BROKER_KILLED, Fault.EDGE_KILLED, Fault.KILLED_AT_CHANGES),
+        *(Fault.POWER_CUT, Fault.POWER_LOST, Fault.CLOCKS),
+    ),
     (Fault.DISK_FULL, Fault.DISK_READ_ONLY, Fault.DISK_SLOW, Fault.DATABASE_LOCKED),
 )
 """Where a seed may have no faults at all: one that works lets those of other places meet."""
@@ -139,12 +144,17 @@ class Faults:
         """What the power cut keeps down, also when the other faults have ended."""
         self._kills = world.scheduler.random("kills after acceptances")
         world.http.on_accepted = self._accepted
+        self._change_kills: ChangeKills | None = None
+        if Fault.KILLED_AT_CHANGES in self._enabled:
+            self._change_kills = ChangeKills(world, self._kills_by_name())
         self._degrade()
         self._schedule()
 
     def stop(self) -> None:
         """End every fault: links and processes are up, nothing is lost any more."""
         self._is_stopped = True
+        if self._change_kills is not None:
+            self._change_kills.stop()
         world = self._world
         for path in (*world.up.values(), *world.down.values()):
             path.conditions, path.is_up = PERFECT, True
@@ -172,6 +182,19 @@ class Faults:
             Fault.BROKER_KILLED: world.broker,
             Fault.EDGE_KILLED: world.edge,
             Fault.RELAY_KILLED: world.relay,
+        }
+
+    def _kills_by_name(self) -> dict[str, Callable[[], None]]:
+        """Give how each program is killed, and started again, near changes."""
+        random = self._world.scheduler.random("starts after changes")
+        names = {
+            Fault.BROKER_KILLED: "broker",
+            Fault.EDGE_KILLED: "edge server",
+            Fault.RELAY_KILLED: "relay",
+        }
+        return {
+            names[fault]: partial(self._kill(fault, process), random)
+            for fault, process in self._processes.items()
         }
 
     def _degrade(self) -> None:

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from functools import partial
+from http import HTTPStatus
 from pathlib import Path
 from random import Random
 from typing import TYPE_CHECKING, Any, Final
@@ -93,6 +94,10 @@ class World:
         self._aircraft: dict[int, list[Vehicle | FlightStack]] = {}
         self.twinned: set[int] = set()
         """System ids that two aircraft have had at once."""
+        self.on_frame: Callable[[int, bytes], None] = lambda _system, _frame: None
+        """Called with each frame that the broker or a vehicle sends, by the vehicle's system id."""
+        self.on_event: Callable[[], None] = lambda: None
+        """Called when the edge server has taken an event of the operator."""
         self.connected_s = dict.fromkeys(range(1, vehicles + 1), 0.0)
         """Since when broker and link of each vehicle are up, or were for the last time."""
         self.up: dict[int, NetworkPath] = {}
@@ -105,8 +110,12 @@ class World:
     def _add_vehicle(self, system: int, autopilot: Autopilot, folder: Path | None) -> None:
         """Add a vehicle of a family, or the flight stack with its storage in a folder."""
         arrive = partial(self.broker.arrive, Address("192.0.2.1", VEHICLE_PORT + system))
-        self.up[system] = NetworkPath(self.scheduler, f"up/{system}", arrive)
-        send = self.up[system].send
+        up = self.up[system] = NetworkPath(self.scheduler, f"up/{system}", arrive)
+
+        def send(frame: bytes) -> None:
+            self.on_frame(system, frame)
+            up.send(frame)
+
         vehicle = (
             Vehicle(self.scheduler, system, send, autopilot, has_camera=self._has_cameras)
             if folder is None
@@ -142,6 +151,7 @@ class World:
         path = self.down.get(address.port - VEHICLE_PORT)
         twin = self.twins.get(address.port - TWIN_PORT)
         if path is not None:
+            self.on_frame(address.port - VEHICLE_PORT, frame)
             path.send(frame)
         elif twin is not None:
             self.scheduler.after(0.005, lambda: twin.receive(frame))
@@ -178,6 +188,8 @@ class World:
         if method != "GET":
             text = f"{method} {path} {response.status}"
             self.scheduler.note("operator", "edge server", text)
+        if (method, path, response.status) == ("POST", "/events/", HTTPStatus.CREATED):
+            self.on_event()
         return response
 
     def close(self) -> None:
