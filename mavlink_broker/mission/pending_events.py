@@ -43,6 +43,7 @@ MAX_WAITING: Final = 32
 TELEMETRY_WITHIN_S: Final = 3.0
 """How long a vehicle may take to send its position and the state of its sensors."""
 RESTARTED = "the vehicle was restarted since"
+NOT_SEEN: Final = "the vehicle lands, or has landed: whether it was there before is not known"
 _DESCENDING: Final = Claim(control_authority.DESCENT_MODES)
 _IN_AIR: Final = Claim(control_authority.AIRBORNE_MODES)
 ANSWERED_KEPT: Final = 256
@@ -322,7 +323,8 @@ class PendingEvents:
         elif work.was_accepted and (work.work_id in self._stale or self._is_past(self._noted_s)):
             effects.for_edge.append(Acknowledgement(work.work_id, "refused", RESTARTED))
         elif comes_down or (not seen.armed and vehicle.shows_itself(now)):
-            effects.for_edge.append(Acknowledgement(work.work_id, "done"))
+            note = None if work.event.abort is None else NOT_SEEN
+            effects.for_edge.append(Acknowledgement(work.work_id, "done", note))
         else:
             if is_newer:
                 vehicle.forget_foreign_order()

@@ -46,7 +46,9 @@ LATE_ORDER_S: Final = 5.0
 """How long an order of the mission may still arrive behind one that ends it: the longest timeout
 of a command. Later only another system puts the vehicle back into its mission."""
 NOT_PLACED: Final = "the position of the vehicle is not known: it lands where it is"
+NOT_THERE: Final = "the vehicle has landed before it was there"
 NOT_OBEYED: Final = "the vehicle cannot be ordered there: it lands where it is"
+_BEGUN: Final = frozenset({LivePhase.RUNNING, LivePhase.ENDING, LivePhase.DONE})
 _DISARM: Final = long_command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0.0)
 REASONS: Final = {
     EventType.ABORT_MISSION: "aborted by an event",
@@ -162,7 +164,7 @@ class AbortExecutor:
         # the vehicle might be restarted, to which none is sent
         self._lands_instead = False
         self._is_there = event.abort is None  # At the place, if there is one
-        self.instead: str | None = None  # What is ordered otherwise than the event says
+        self._lands_here: str | None = None  # Why that was ordered last, otherwise than it says
         self._obeyed_at: float | None = None  # It has left its mission
         self.taken: str | None = None  # Who has taken the vehicle meanwhile
         self._needs_position = False  # For what is ordered
@@ -195,8 +197,10 @@ class AbortExecutor:
         """Note that an order of the present action was answered, whichever way."""
         phase = self._executor.phase
         is_refused = phase is LivePhase.FAILED and not self._executor.is_unanswered
-        is_accepted = phase in {LivePhase.RUNNING, LivePhase.ENDING, LivePhase.DONE}
+        is_accepted = phase in _BEGUN
         self._was_answered |= is_accepted or is_refused
+        has_passed = phase in {LivePhase.BEGINNING, *_BEGUN}
+        self._is_there |= has_passed and self._executor.has_approach
 
     @property
     def _flies_on(self) -> bool:
@@ -268,7 +272,6 @@ class AbortExecutor:
         if now < self._again_at:
             return messages
         self._again_at = math.inf
-        self._is_there |= not has_failed
         self._may_be_lost = not self._vehicle.shows_itself(now)
         self._executor = LiveCommandExecutor(self._action(with_place=has_failed), self._vehicle)
         return [*messages, *self._executor.start(now)]
@@ -306,19 +309,22 @@ class AbortExecutor:
         if self._is_down:
             return disarm_action(self._vehicle)
         if self._lands_instead or self._lacks_position:
-            self.instead = self._reason_to_land_here
+            self._lands_here = NOT_PLACED if self._lacks_position else NOT_OBEYED
             return land_action(self._vehicle)
-        self.instead = None
+        self._lands_here = None
         lands_here = self._event.event_type_id is EventType.ABORT_MISSION
         self._needs_position = not lands_here or (with_place and self._event.abort is not None)
         return _airborne_action(self._event, self._vehicle, with_place=with_place)
 
     @property
-    def _reason_to_land_here(self) -> str | None:
-        """Why the vehicle lands where it is; None if the event says so."""
-        if self._is_there and self._event.event_type_id is EventType.ABORT_MISSION:
+    def instead(self) -> str | None:
+        """What a vehicle that flew has done otherwise than the event says; None if nothing."""
+        if not self._was_flying:
             return None
-        return NOT_PLACED if self._lacks_position else NOT_OBEYED
+        if not self._is_there:
+            return self._lands_here or NOT_THERE
+        lands_anyway = self._event.event_type_id is EventType.ABORT_MISSION
+        return None if lands_anyway else self._lands_here
 
     def _is_taken(self, now: float) -> bool:
         """Whether another system has taken the vehicle, once and for all."""

@@ -9,7 +9,8 @@ import pytest
 
 from afarcloud.enumerations import Status
 from mavlink_broker.mavlink.dialect import mavlink
-from mavlink_broker.mission.phases.aborting import NOT_OBEYED
+from mavlink_broker.mission.pending_events import NOT_SEEN
+from mavlink_broker.mission.phases.aborting import NOT_OBEYED, NOT_THERE
 from mavlink_broker.mission.states import State
 from tests.support.broker_world import World, first_flight, go_home, mission, takeoff, waypoint
 from tests.support.vehicle_script import PX4, PX4_HOLD, PX4_LAND, PX4_POSITION, PX4_RETURN
@@ -87,6 +88,34 @@ def test_a_place_that_cannot_be_ordered_is_a_landing_and_the_answer_says_so() ->
     world.run(1.0)
     assert not is_at_point(world)()
     assert world.edge.acknowledgements(event)[-1] == {"status": "done", "message": NOT_OBEYED}
+
+
+def test_an_abort_whose_vehicle_has_landed_meanwhile_does_not_say_that_it_was_there() -> None:
+    """The link was away from the abort on, and the broker was restarted."""
+    world = world_at(1)
+    vehicle = world.only_vehicle
+    vehicle.silent = True
+    event = world.edge.event(ABORT, abort=POINT)
+    world.run(2.0)
+    assert answer_statuses(world, event) == ["accepted"]
+    world.kill_broker()
+    vehicle.armed = vehicle.airborne = False
+    vehicle.silent = False
+    world.restart_broker()
+    world.run_until(lambda: "done" in answer_statuses(world, event))
+    assert world.edge.acknowledgements(event)[-1] == {"status": "done", "message": NOT_SEEN}
+
+
+def test_an_abort_whose_vehicle_lands_by_itself_does_not_say_that_it_was_there() -> None:
+    world = world_at(1)
+    vehicle = world.only_vehicle
+    vehicle.silent = True
+    event = world.edge.event(ABORT, abort=POINT)
+    world.run(2.0)
+    vehicle.armed = vehicle.airborne = False
+    vehicle.silent = False
+    world.run_until(lambda: "done" in answer_statuses(world, event))
+    assert world.edge.acknowledgements(event)[-1] == {"status": "done", "message": NOT_THERE}
 
 
 def test_a_landing_that_was_ordered_is_not_ordered_again() -> None:
