@@ -10,7 +10,7 @@ of both. What an autopilot reports of pictures (`feedback`) is counted as of oth
 
 import math
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple, TypeAlias
 
@@ -201,13 +201,14 @@ class Attribution:
 
     def __init__(self) -> None:
         self._intervals: deque[CommandInterval] = deque(maxlen=MAX_INTERVALS)
+        self._present: CommandInterval | None = None  # Of the intervals: it has not ended
         self._incomplete: list[CommandInterval] = []
         self._seen_s: float | None = None  # When the present command was seen last
 
     @property
     def current(self) -> PictureCommand | None:
         """The command that runs."""
-        return self._intervals[-1].command if self._intervals else None
+        return None if self._present is None else self._present.command
 
     def update(
         self,
@@ -223,18 +224,19 @@ class Attribution:
         than is known changes nothing. `resumed_since_s` if an earlier run has ordered it: when it
         may have begun.
         """
-        if self._intervals and self._intervals[-1].command == command:
+        if self._present is not None and self._present.command == command:
             seen_s = time_s if seen_s is None else seen_s
             self._seen_s = seen_s if self._seen_s is None else max(self._seen_s, seen_s)
             return False
-        if self._intervals:
-            self._end(self._intervals[-1], time_s)
+        if self._present is not None:
+            self._end(self._present, time_s)
         is_first = all(interval.command is None for interval in self._intervals)
         is_partial = is_first and resumed_since_s is not None
         if is_first and resumed_since_s is not None:
             self._seen_s = resumed_since_s
         earliest_s = time_s if self._seen_s is None else min(self._seen_s, time_s)
-        self._intervals.append(CommandInterval(command, time_s, earliest_s, is_partial=is_partial))
+        self._present = CommandInterval(command, time_s, earliest_s, is_partial=is_partial)
+        self._intervals.append(self._present)
         return True
 
     def add_earlier(self, command: PictureCommand, since_s: float) -> None:
@@ -243,11 +245,26 @@ class Attribution:
         Its pictures, taken at `since_s` at the earliest, may be received in this run. Later ones
         take its place where it is one of too many.
         """
-        present = self._intervals[-1]
-        interval = CommandInterval(command, since_s, since_s, present.began_s, is_partial=True)
+        present = self._present
+        until_s = math.inf if present is None else present.began_s
+        interval = CommandInterval(command, since_s, since_s, until_s, is_partial=True)
         if len(self._intervals) == MAX_INTERVALS:
             self._intervals.popleft()
         self._intervals.insert(len(self._intervals) - 1, interval)
+
+    def add_unseen(self, commands: Iterable[PictureCommand], until_s: float) -> None:
+        """Add commands behind the present one that the vehicle may have flown unseen, in order.
+
+        It has restarted since, so that its progress never shows them. What was taken behind the
+        time when the present command was seen last, until `until_s`, may be of any of them.
+        """
+        seen_s = self._seen_s
+        if self._present is None or seen_s is None:
+            return
+        since_s = max(seen_s, self._present.began_s)
+        for command in commands:
+            interval = CommandInterval(command, since_s, since_s, until_s, is_partial=True)
+            self._intervals.append(interval)
 
     def shift(self, shift_s: float) -> None:
         """Shift all times, for another clock is used from now on."""

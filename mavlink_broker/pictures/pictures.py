@@ -170,7 +170,7 @@ class PictureCollector:
     def _follow_command(self, command: PictureCommand | None, now: float) -> bool:
         """Follow the command that runs; returns whether a mission begins or ends."""
         before, time_s = self._attribution.current, self._time.at(now)
-        for passed in self._passed(before):
+        for passed in self._behind(before, 0 if self._flight is None else self._flight[1].finished):
             self._attribution.update(passed, time_s)
         since_s = self._earlier_since_s(command, now)
         is_change = self._attribution.update(
@@ -223,15 +223,15 @@ class PictureCollector:
     def _follow_clock(self, now: float) -> None:
         self._attribution.shift(self._time.update(now))
 
-    def _passed(self, before: PictureCommand | None) -> Iterator[PictureCommand]:
-        """Give the commands behind `before` that have ended since the last step, too."""
-        if before is None or self._flight is None:
+    def _behind(
+        self, before: PictureCommand | None, end: int | None = None
+    ) -> Iterator[PictureCommand]:
+        """Give the commands of the mission in flight behind one of it, up to an index."""
+        if before is None or self._flight is None or before.mission != self._flight[0].name:
             return
         work, ledger = self._flight
-        if before.mission != work.name:
-            return
         commands = work.mission.command_array
-        for index in range(before.command + 1, min(ledger.finished, len(commands))):
+        for index in range(before.command + 1, len(commands[:end])):
             yield picture_command(ledger, commands, work.name, index)
 
     def _attribute_taken(self, now: float) -> None:
@@ -276,8 +276,10 @@ class PictureCollector:
     def restarted(self) -> None:
         """Note that the vehicle has restarted: its clock begins anew, and perhaps its camera's.
 
-        Earlier pictures stay with earlier commands.
+        Earlier pictures stay with earlier commands, also with those that it has flown unseen.
         """
+        behind = self._behind(self._attribution.current)
+        self._attribution.add_unseen((one for one in behind if one.expected), self._time.latest_s)
         self._clock_s.clear()
         self._feedback.restarted(self._time.restarted())
         for camera in self._cameras.values():

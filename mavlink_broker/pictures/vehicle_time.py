@@ -70,6 +70,11 @@ class VehicleTime:
         """The time by the newest clock that was received; None before that."""
         return None if self._newest_s is None else self._newest_s + self._epoch_s
 
+    @property
+    def latest_s(self) -> float:
+        """The latest time that was given."""
+        return self._latest_s
+
     def restarted(self) -> float:
         """Begin anew with a vehicle that has restarted; gives the time of its start."""
         self._epoch_before_s = self._epoch_s

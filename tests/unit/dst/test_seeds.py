@@ -9,6 +9,7 @@ from random import SystemRandom
 import pytest
 
 from dst.edge_process import prepared_folder
+from dst.faults import Fault
 from dst.simulate import Outcome, simulate
 
 FLYING = 2
@@ -17,6 +18,15 @@ MORE = tuple(seed for seed in (1, *range(4, 201)) if seed not in FIXED)
 DAYS = range(1, 4)
 DEEP = range(1, 4)
 FRESH = 17
+FAILED_BEFORE = {
+    6098: frozenset(
+        {
+            *(Fault.EDGE_ANSWERS_STALLED, Fault.LINK_DOWN, Fault.PICTURES, Fault.POWER_LOST),
+            *(Fault.REBOOTED_IN_FLIGHT, Fault.REORDERING, Fault.REPEATED_POSTS),
+        }
+    ),
+}
+"""Seeds with faults that they do not draw themselves."""
 LARGEST_SEED = 10**6
 IS_CI = bool(os.environ.get("CI"))
 """Whether a change decides over the result, not chance."""
@@ -44,6 +54,15 @@ def check(seed: int, prepared: Path, hours: float = 0.0, *, is_deep: bool = Fals
 @pytest.mark.parametrize("seed", FIXED)
 def test_every_law_holds(seed: int, prepared: Path) -> None:
     check(seed, prepared)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(("seed", "faults"), FAILED_BEFORE.items())
+def test_every_law_holds_in_a_seed_that_has_failed(
+    seed: int, faults: frozenset[Fault], prepared: Path
+) -> None:
+    outcome = simulate(seed, prepared, faults=faults)
+    assert outcome.failure is None, outcome.describe()
 
 
 def test_a_seed_posts_plans_and_flies(prepared: Path) -> None:

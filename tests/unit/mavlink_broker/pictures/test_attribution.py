@@ -52,6 +52,25 @@ def test_what_was_taken_before_the_vehicle_showed_its_progress_is_of_what_ran_me
     assert commands_of(attribution, 105.0, 120.0, 121.0) == [1, 1, 0]
 
 
+def test_commands_that_were_flown_unseen_share_their_pictures_in_order() -> None:
+    """The first one was seen last at 104 s; the vehicle has restarted by 140 s."""
+    attribution = flown(taker(0, expected=2))
+    attribution.update(taker(0, expected=2), 104.0)
+    attribution.attribute(103.0, FIRST)
+    attribution.add_unseen([taker(1, expected=2), taker(3, expected=1)], 140.0)
+    assert attribution.current == taker(0, expected=2)
+    attribution.update(None, 2000.0)
+    assert commands_of(attribution, 106.0, 110.0, 112.0, 139.0) == [0, 1, 1, 3]
+    assert commands_of(attribution, 2001.0) == [None]
+    assert all(interval.command == taker(0, expected=2) for interval in attribution.incomplete())
+
+
+def test_nothing_is_flown_unseen_before_the_first_command() -> None:
+    attribution = Attribution()
+    attribution.add_unseen([taker(1, expected=1)], 140.0)
+    assert commands_of(attribution, 120.0) == [None]
+
+
 def test_a_complete_command_gets_no_late_picture() -> None:
     attribution = flown(taker(0), taker(1, expected=1), taker(2))
     assert commands_of(attribution, 112.0, 108.0, 122.0) == [1, 0, 2]

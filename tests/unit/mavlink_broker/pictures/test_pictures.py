@@ -309,6 +309,29 @@ def test_a_restarted_broker_whose_link_is_lost_gives_the_pictures_to_their_comma
     assert flight.names == [f"m1201_c3_000{number}.jpeg" for number in range(3)]
 
 
+def test_pictures_that_are_taken_unseen_before_a_restart_in_flight_go_to_their_commands() -> None:
+    """The link is away during all of them, and the vehicle never shows again how far it came."""
+    flight = Flight()
+    commands = (takeoff(), waypoint(), image(3, 2), image(4, 2), image(5), go_home(6))
+    flight.world.edge.plan(mission(*commands))
+    flight.world.run_until(lambda: flight.item == mavlink.MAV_CMD_NAV_WAYPOINT)
+    flight.world.run(3.0)
+    flight.vehicle.silent = True
+    for _ in range(5):
+        flight.world.run(4.0)
+        flight.camera.shoot(announced=False)
+    flight.world.run(2.0)
+    flight.vehicle.reboot(flight.world.clock.now)
+    flight.world.run(8.0)
+    flight.vehicle.silent = False
+    flight.land()
+    flight.world.run(30.0)
+    assert flight.world.edge.status(MISSION) == Status.FAILED
+    assert sorted(flight.names, key=_number_of) == [
+        f"m1201_c{command}_{number:04d}.jpeg" for number, command in enumerate([3, 3, 4, 4, 5])
+    ]
+
+
 @pytest.mark.parametrize("within_s", [30.0, 200.0])
 def test_pictures_wait_for_the_mission_that_the_edge_server_sends_again(
     within_s: float, tmp_path: Path
