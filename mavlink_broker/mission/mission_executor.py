@@ -26,7 +26,7 @@ from mavlink_broker.mission.flight_orders import (
     REPLACED,
     RESUMED,
 )
-from mavlink_broker.mission.phases.aborting import REASONS, Aborting, return_event
+from mavlink_broker.mission.phases.aborting import REASONS, Aborting, note_on_ground, return_event
 from mavlink_broker.mission.phases.attaching import Attaching
 from mavlink_broker.mission.phases.failing import Failing
 from mavlink_broker.mission.phases.live_command import FlyingLive
@@ -416,7 +416,8 @@ class MissionExecutor:
             effects.for_edge.append(Acknowledgement(work.work_id, "refused", reason))
             self._move(Event.ENDED, now, effects)
         elif not self._may_be_armed(now):
-            effects.for_edge.append(Acknowledgement(work.work_id, "done"))
+            done = Acknowledgement(work.work_id, "done", note_on_ground(work.event))
+            effects.for_edge.append(done)
             self._move(Event.ENDED, now, effects)
         else:
             self._aborting.order(work.event, work.work_id, now)

@@ -47,6 +47,7 @@ LATE_ORDER_S: Final = 5.0
 of a command. Later only another system puts the vehicle back into its mission."""
 NOT_PLACED: Final = "the position of the vehicle is not known: it lands where it is"
 NOT_THERE: Final = "the vehicle has landed before it was there"
+STANDS: Final = "the vehicle is on the ground: it does not go there"
 NOT_OBEYED: Final = "the vehicle cannot be ordered there: it lands where it is"
 _BEGUN: Final = frozenset({LivePhase.RUNNING, LivePhase.ENDING, LivePhase.DONE})
 _DISARM: Final = long_command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0.0)
@@ -79,6 +80,11 @@ def noted_event(note: PendingAbort, vehicle_id: int) -> AbortEvent:
     place = note.point
     point = place and AbortPoint(latitude=place[0], longitude=place[1], altitude=place[2])
     return AbortEvent(vehicle_id=vehicle_id, event_type_id=EventType(note.event_type), abort=point)
+
+
+def note_on_ground(event: AbortEvent) -> str | None:
+    """What becomes of an event whose vehicle stands already; None if it is as ordered."""
+    return None if event.abort is None else STANDS
 
 
 def within_fence(

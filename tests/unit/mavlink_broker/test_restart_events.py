@@ -10,7 +10,7 @@ import pytest
 from afarcloud.enumerations import Status
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.mission.pending_events import NOT_SEEN
-from mavlink_broker.mission.phases.aborting import NOT_OBEYED, NOT_THERE
+from mavlink_broker.mission.phases.aborting import NOT_OBEYED, NOT_THERE, STANDS
 from mavlink_broker.mission.states import State
 from tests.support.broker_world import World, first_flight, go_home, mission, takeoff, waypoint
 from tests.support.vehicle_script import PX4, PX4_HOLD, PX4_LAND, PX4_POSITION, PX4_RETURN
@@ -104,6 +104,19 @@ def test_an_abort_whose_vehicle_has_landed_meanwhile_does_not_say_that_it_was_th
     world.restart_broker()
     world.run_until(lambda: "done" in answer_statuses(world, event))
     assert world.edge.acknowledgements(event)[-1] == {"status": "done", "message": NOT_SEEN}
+
+
+def test_an_abort_that_finds_its_vehicle_on_the_ground_says_so() -> None:
+    """It has landed by itself while no broker ran, and the abort came then."""
+    world = world_at(1)
+    vehicle = world.only_vehicle
+    world.kill_broker()
+    event = world.edge.event(ABORT, abort=POINT)
+    vehicle.armed = vehicle.airborne = False
+    world.restart_broker()
+    world.run_until(lambda: "done" in answer_statuses(world, event))
+    assert world.edge.status(1201) == Status.ABORTED
+    assert world.edge.acknowledgements(event)[-1] == {"status": "done", "message": STANDS}
 
 
 def test_an_abort_whose_vehicle_lands_by_itself_does_not_say_that_it_was_there() -> None:
