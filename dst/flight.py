@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 HOME: Final = (40.44340, -3.73820, 650.0)
 """Latitude, longitude [deg], altitude above mean sea level [m]."""
+HOME_E7: Final = round(HOME[0] * 1e7), round(HOME[1] * 1e7)
 _METRES_PER_DEGREE_NORTH: Final = 111_320.0
 _METRES_PER_DEGREE_EAST: Final = _METRES_PER_DEGREE_NORTH * math.cos(math.radians(HOME[0]))
 
@@ -31,6 +32,15 @@ class Reached(NamedTuple):
     time_s: float
     latitude_e7: int
     longitude_e7: int
+
+
+class Arming(NamedTuple):
+    """An order to arm that was obeyed."""
+
+    time_s: float
+    places_e7: frozenset[tuple[int, int]] = frozenset()
+    """Latitude and longitude [1e-7 deg] of the waypoints of the mission that the vehicle had then,
+    but those at home; none where they are not known."""
 
 
 class OrderUnderPilot(NamedTuple):
@@ -51,8 +61,8 @@ class Truth:
     east_m: float = 0.0
     height_m: float = 0.0
     reached: list[Reached] = field(default_factory=list)
-    armed_s: list[float] = field(default_factory=list)
-    """When it was armed by an order."""
+    armings: list[Arming] = field(default_factory=list)
+    """By an order, oldest first."""
     turned_rad: dict[tuple[int, int], float] = field(default_factory=dict)
     """Angle flown round each centre: latitude and longitude [1e-7 deg]."""
     orders_under_pilot: list[OrderUnderPilot] = field(default_factory=list)

@@ -14,7 +14,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 import uav_firmware  # noqa: F401  # First: it chooses the compiled modules where there are any
 from dst.autopilot import ORDERS, OWN, REPORTED_FROM_M, Mode
-from dst.flight import HOME, OrderUnderPilot, Reached, Truth, offset_m
+from dst.flight import HOME, Arming, OrderUnderPilot, Reached, Truth, offset_m
 from dst.scheduler import EPOCH, Event, Scheduler
 from sim.config import SimulationConfig
 from sim.faults.injection import Failure, Unit
@@ -226,7 +226,7 @@ class FlightStack:
             self.reboot()
             return
         if self.armed and not was_armed:
-            self.truth.armed_s.append(self._scheduler.now_s)
+            self.truth.armings.append(Arming(self._scheduler.now_s))
         truth = self._simulation.truth
         self.truth.north_m, self.truth.east_m = offset_m(truth.latitude_deg, truth.longitude_deg)
         self.truth.height_m = truth.height_above_home_m

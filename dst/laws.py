@@ -14,7 +14,7 @@ from dst.autopilot import Mode
 from dst.delivery_laws import DeliveryLaws
 from dst.edge_process import EdgeDownError
 from dst.event_laws import EventLaws
-from dst.flight import SINK_M_S, Reached, Truth, is_same_place
+from dst.flight import SINK_M_S, Arming, Reached, Truth, is_same_place
 from dst.link_laws import LinkLaws
 from dst.operator_person import Operator, PostedAbort, PostedPlan
 from dst.picture_laws import PictureLaws
@@ -163,18 +163,29 @@ class Laws:
                     )
 
     def _nothing_begun_after_expiry(self) -> None:
-        """A vehicle that was not armed while a plan was valid is not armed for it later."""
+        """A vehicle that was not armed for a plan while it was valid is not armed for it later."""
         for plan in self._operator.plans:
-            latest_s = plan.expires_s + EXPIRY_S
             for truth in self._world.truths(plan.vehicle_id):
-                begun = any(plan.posted_s <= armed_s <= latest_s for armed_s in truth.armed_s)
-                first_s = min((one.time_s for one in self._flown_by(truth, plan)), default=0.0)
-                armed_s = max((one for one in truth.armed_s if one <= first_s), default=0.0)
-                if armed_s > latest_s and not begun:
+                armed_s = self._armed_late_s(truth, plan)
+                if armed_s is not None:
                     raise LawError(
                         f"plan {plan.number}: vehicle {plan.vehicle_id} was armed for it at "
                         f"{armed_s:.1f} s, though it expired at {plan.expires_s:.1f} s"
                     )
+
+    def _armed_late_s(self, truth: Truth, plan: PostedPlan) -> float | None:
+        """Give when an aircraft was armed for a plan that had expired and that it had not begun.
+
+        An arming is for the plan whose mission the aircraft has, else for that which it flies next.
+        """
+        latest_s = plan.expires_s + EXPIRY_S
+        armings = [one for one in truth.armings if one.time_s >= plan.posted_s]
+        if any(one.time_s <= latest_s and _is_for(one, plan) is not False for one in armings):
+            return None
+        first_s = min((one.time_s for one in self._flown_by(truth, plan)), default=0.0)
+        before = [one.time_s for one in armings if one.time_s <= first_s]
+        late = [*before[-1:], *(one.time_s for one in armings if _is_for(one, plan))]
+        return next((time_s for time_s in late if time_s > latest_s), None)
 
     def _mission_end_s(self, plan: PostedPlan) -> float:
         """Give from when on nothing of a mission is flown that has its terminal status.
@@ -475,6 +486,14 @@ class Laws:
 def _turned_rad(turned_rad: dict[tuple[int, int], float], centre: tuple[int, int]) -> float:
     """Give the angle flown round a centre, which may have been rounded otherwise."""
     return sum(angle_rad for place, angle_rad in turned_rad.items() if is_same_place(place, centre))
+
+
+def _is_for(arming: Arming, plan: PostedPlan) -> bool | None:
+    """Whether a vehicle had the mission of a plan when it was armed; None if nothing shows that."""
+    if not arming.places_e7:
+        return None
+    places = plan.commands.waypoints.values()
+    return any(is_same_place(one, other) for one in arming.places_e7 for other in places)
 
 
 def _is_at(reached: Reached, place: tuple[int, int]) -> bool:

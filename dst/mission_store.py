@@ -5,6 +5,7 @@ from typing import Any, Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from dst.flight import HOME_E7, is_same_place
 from dst.scheduler import Scheduler
 
 REPEAT_REQUEST_S: Final = 0.5
@@ -31,6 +32,13 @@ class MissionStore:
     def items(self) -> list[Any]:
         """The items of the mission."""
         return self._plans.get(mavlink.MAV_MISSION_TYPE_MISSION, [])
+
+    @property
+    def places_e7(self) -> frozenset[tuple[int, int]]:
+        """Latitude and longitude [1e-7 deg] of the mission's waypoints, but those at home."""
+        waypoint = mavlink.MAV_CMD_NAV_WAYPOINT
+        places = {(one.x, one.y) for one in self.items if one.command == waypoint}
+        return frozenset(place for place in places if not is_same_place(place, HOME_E7))
 
     @property
     def has_fence(self) -> bool:

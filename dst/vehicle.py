@@ -17,6 +17,7 @@ from dst.flight import (
     HOME,
     SPEED_M_S,
     STEP_S,
+    Arming,
     Circle,
     Flight,
     OrderUnderPilot,
@@ -461,7 +462,7 @@ class Vehicle:
             return int(mavlink.MAV_RESULT_DENIED)
         self._armed_s = self._scheduler.now_s
         if is_on and not self.armed:
-            self.truth.armed_s.append(self._armed_s)
+            self.truth.armings.append(Arming(self._armed_s, self._missions.places_e7))
         self.armed = is_on
         self._heartbeat()
         return int(mavlink.MAV_RESULT_ACCEPTED)

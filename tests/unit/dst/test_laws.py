@@ -8,8 +8,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from dst.autopilot import Mode
 from dst.edge_process import prepared_folder
-from dst.flight import OrderUnderPilot, Reached, Truth
-from dst.laws import LawError, Laws
+from dst.flight import Arming, OrderUnderPilot, Reached, Truth
+from dst.laws import EXPIRY_S, LawError, Laws
 from dst.operator_person import PAUSE, Operator, PostedAbort, PostedPause, PostedPlan
 from dst.plans import PlannedCommands
 from dst.vehicle import Vehicle
@@ -122,6 +122,36 @@ def test_a_vehicle_that_is_armed_for_an_expired_plan_is_found(
     monkeypatch.setattr(plan, "expires_s", plan.posted_s - 10.0)
     with pytest.raises(LawError, match=r"was armed for it at .* though it expired"):
         farm.laws.check_end()
+
+
+def test_an_arming_for_another_plan_does_not_begin_an_expired_one(
+    farm: Farm, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plan, truth = farm.operator.plans[0], farm.world.vehicles[1].truth
+    [arming] = truth.armings
+    assert arming.places_e7 == set(plan.commands.waypoints.values())
+    monkeypatch.setattr(plan, "expires_s", arming.time_s - EXPIRY_S - 0.1)
+    for_another = Arming(plan.posted_s, frozenset({(404_000_000, -37_000_000)}))
+    monkeypatch.setattr(truth, "armings", [for_another, arming])
+    with pytest.raises(LawError, match=r"was armed for it at .* though it expired"):
+        farm.laws.check()
+    not_known = Arming(plan.posted_s)
+    monkeypatch.setattr(truth, "armings", [not_known, arming])
+    farm.laws.check()
+
+
+def test_a_vehicle_that_is_armed_too_late_and_does_not_fly_is_found(
+    farm: Farm, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plan, truth = farm.operator.plans[0], farm.world.vehicles[1].truth
+    places = frozenset(plan.commands.waypoints.values())
+    monkeypatch.setattr(truth, "reached", [])
+    monkeypatch.setattr(plan, "expires_s", plan.posted_s + 1.0)
+    monkeypatch.setattr(truth, "armings", [Arming(plan.posted_s + 5.9, places)])
+    farm.laws.check()
+    monkeypatch.setattr(truth, "armings", [Arming(plan.posted_s + 6.1, places)])
+    with pytest.raises(LawError, match=r"was armed for it at .* though it expired"):
+        farm.laws.check()
 
 
 def test_an_order_to_a_vehicle_that_a_pilot_flies_is_found(farm: Farm) -> None:
