@@ -414,13 +414,26 @@ class ProgressMonitor:
         return reports
 
     def _has_landed_meanwhile(self) -> bool:
-        """Whether a vehicle that has run its mission has landed where that ends."""
+        """Whether a vehicle that has run its mission has landed where that ends.
+
+        One that has disarmed without a take-off stands there too.
+        """
         vehicle, last = self._vehicle, self._plan.items[-1]
         place, home = vehicle.snapshot.position, vehicle.snapshot.home
         end = (last.latitude_deg, last.longitude_deg) if last.is_positional else home
         if place is None or end is None or not vehicle.has_run_its_mission:
             return False
-        return self._plan.ends_on_ground and distance_m(*place[:2], *end[:2]) <= END_WITHIN_M
+        is_there = distance_m(*place[:2], *end[:2]) <= END_WITHIN_M
+        return self._plan.ends_on_ground and is_there and self._had_time
+
+    @property
+    def _had_time(self) -> bool:
+        """Whether it can have flown the items since they were ordered; so if nobody knows."""
+        name = self._ledger.name_of(self._plan.first_command)
+        began_s, now_s = self._vehicle.recovery.began_s([name]), self._vehicle.snapshot.time_s
+        if began_s is None or now_s is None or now_s < began_s:
+            return True
+        return now_s - began_s >= self._plan.least_time_s
 
     def _current(self, message: Message) -> None:
         if self._mission_id is None:

@@ -7,10 +7,12 @@ hold.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import Any, Final, Self, TypeAlias
 
 from afarcloud.commands import FLYING, CameraImage, Command, NavWaypoint
 from afarcloud.enumerations import CommandType
+from afarcloud.geodesy import distance_m
 from afarcloud.plan import Mission
 from mavlink_broker.autopilots.families import Family
 from mavlink_broker.mavlink import mission_item
@@ -37,6 +39,10 @@ from mavlink_broker.planning.situation import (
 
 __all__ = ["FlightPlan", "Home", "Itinerary", "LiveCommand", "RefusedError", "translate"]
 
+FASTEST_M_S: Final = 20.0
+"""Over ground: no vehicle that is flown here is faster, with the wind behind it."""
+_HOLDING: Final = frozenset({mavlink.MAV_CMD_NAV_WAYPOINT, mavlink.MAV_CMD_NAV_DELAY})
+"""Items whose first parameter is a time to wait [s]."""
 Translator: TypeAlias = Callable[[Any, Situation], Items | LiveAction | Refusal]
 
 TRANSLATORS: Final[Mapping[CommandType, Translator]] = {
@@ -92,6 +98,19 @@ class FlightPlan:
             if seq >= self.first_item and item.command <= mavlink.MAV_CMD_NAV_LAST
         )
         return next(legs, self.first_item)
+
+    @property
+    def least_time_s(self) -> float:
+        """What flying its items takes at least: the way between their places, and the holds [s]."""
+        flown = self.items[self.first_item :]
+        places = [
+            (item.latitude_deg, item.longitude_deg)
+            for item in flown
+            if item.is_positional and item.command <= mavlink.MAV_CMD_NAV_LAST
+        ]
+        way_m = sum(distance_m(*before, *after) for before, after in pairwise(places))
+        holds_s = sum(max(0.0, item.parameters[0]) for item in flown if item.command in _HOLDING)
+        return way_m / FASTEST_M_S + holds_s
 
     @property
     def comes_down_at_once(self) -> bool:

@@ -10,7 +10,7 @@ from mavlink_broker.mission.states import State
 from tests.support.broker_world import World, go_home, hotpoint, mission, takeoff, waypoint
 from tests.support.real_autopilots import COPTER_4_6, PX4_1_17
 from tests.support.scripted_vehicle import ScriptedVehicle
-from tests.support.vehicle_script import PX4_RETURN, Script
+from tests.support.vehicle_script import ARDUPILOT, PX4_RETURN, Script
 from tests.unit.mavlink_broker.test_live_commands import OWN, messages
 
 AWAY_S = 15.0
@@ -224,3 +224,21 @@ def warning(world: World) -> str | None:
     """The newest warning that the edge server has of the vehicle."""
     text: str | None = world.edge.bodies("/vehicles/1")[-1]["warning"]
     return text
+
+
+@pytest.mark.parametrize("away_s", [8.0, 14.0])
+def test_a_vehicle_that_has_disarmed_before_its_take_off_has_flown_nothing(away_s: float) -> None:
+    """ArduPilot, disarmed in its mission mode, shows the same as behind a landing at home."""
+    world = World(tick_s=0.02)
+    vehicle = world.add_vehicle(script=dataclasses.replace(ARDUPILOT, ignores_start=True))
+    world.run(2.0)
+    far = waypoint(2, north_m=200.0)
+    world.edge.plan(mission(takeoff(1), far, waypoint(3, north_m=-200.0), go_home(4)))
+    world.run_until(lambda: mavlink.MAV_CMD_MISSION_START in vehicle.commands)
+    vehicle.silent = True
+    vehicle.set_mode(ARDUPILOT.mission_mode)
+    vehicle.armed = False
+    world.run(away_s)
+    vehicle.silent = False
+    world.run(40.0)
+    assert Status.FINISHED not in world.edge.statuses(1201)
