@@ -93,7 +93,7 @@ class EdgeHttp:
         """Called when the edge server has taken the broker's acceptance of some work."""
         self.on_answered: Callable[[Post, Answer], None] = lambda _post, _answer: None
         """As `on_taken`, for the counters."""
-        self.on_change: Callable[[Post, Answer], None] = lambda _post, _answer: None
+        self.on_change: list[Callable[[Post, Answer], None]] = []
         """As `on_taken`, for the faults."""
 
     @property
@@ -156,7 +156,8 @@ class EdgeHttp:
             self.owed.take(post, answer)
             self.on_taken(post, answer)
             self.on_answered(post, answer)
-            self.on_change(post, answer)
+            for note in self.on_change:
+                note(post, answer)
             if post.is_acceptance and answer.status_code < HTTPStatus.BAD_REQUEST:
                 self.on_accepted()
         if self._is_cut(post, answer):

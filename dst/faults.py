@@ -10,7 +10,7 @@ from functools import partial
 from random import Random
 from typing import Final
 
-from dst.change_kills import ChangeKills
+from dst.change_faults import Blow, ChangeFaults
 from dst.http_wire import FOREIGN_ANSWERS
 from dst.machine import Machine, Process
 from dst.network import PERFECT, Conditions
@@ -48,6 +48,7 @@ class Fault(StrEnum):
     CORRUPTION = "corruption"
     LINK_DOWN = "link-down"
     LINK_SLOW = "link-slow"
+    LINK_CUT_AT_CHANGES = "link-cut-at-changes"
     EDGE_REQUESTS_LOST = "edge-requests-lost"
     EDGE_ANSWERS_LOST = "edge-answers-lost"
     EDGE_ANSWERS_STALLED = "edge-answers-stalled"
@@ -99,7 +100,7 @@ KINEMATIC_ONLY: Final = frozenset(
 PLACES: Final = (
     (
         *(Fault.LOSS, Fault.DUPLICATION, Fault.REORDERING, Fault.CORRUPTION),
-        *(Fault.LINK_DOWN, Fault.LINK_SLOW),
+        *(Fault.LINK_DOWN, Fault.LINK_SLOW, Fault.LINK_CUT_AT_CHANGES),
     ),
     (
         *(Fault.EDGE_REQUESTS_LOST, Fault.EDGE_ANSWERS_LOST, Fault.EDGE_ANSWERS_STALLED),
@@ -144,17 +145,24 @@ class Faults:
         """What the power cut keeps down, also when the other faults have ended."""
         self._kills = world.scheduler.random("kills after acceptances")
         world.http.on_accepted = self._accepted
-        self._change_kills: ChangeKills | None = None
-        if Fault.KILLED_AT_CHANGES in self._enabled:
-            self._change_kills = ChangeKills(world, self._kills_by_name())
+        lengths = world.scheduler.random("lengths of cuts at changes")
+        cut = partial(self._take_down, random=lengths, mean_s=MEAN_CUT_S)
+        self._at_changes = [
+            ChangeFaults(world, name, blows)
+            for fault, name, blows in (
+                (Fault.KILLED_AT_CHANGES, "kills at changes", self._kills_at_changes()),
+                (Fault.LINK_CUT_AT_CHANGES, "cuts at changes", (Blow("link", 1, cut),)),
+            )
+            if fault in self._enabled
+        ]
         self._degrade()
         self._schedule()
 
     def stop(self) -> None:
         """End every fault: links and processes are up, nothing is lost any more."""
         self._is_stopped = True
-        if self._change_kills is not None:
-            self._change_kills.stop()
+        for one in self._at_changes:
+            one.stop()
         world = self._world
         for path in (*world.up.values(), *world.down.values()):
             path.conditions, path.is_up = PERFECT, True
@@ -184,18 +192,22 @@ class Faults:
             Fault.RELAY_KILLED: world.relay,
         }
 
-    def _kills_by_name(self) -> dict[str, Callable[[], None]]:
-        """Give how each program is killed, and started again, near changes."""
+    def _kills_at_changes(self) -> tuple[Blow, ...]:
+        """Give how programs are killed near changes: what the broker alone holds is most."""
         random = self._world.scheduler.random("starts after changes")
-        names = {
-            Fault.BROKER_KILLED: "broker",
-            Fault.EDGE_KILLED: "edge server",
-            Fault.RELAY_KILLED: "relay",
-        }
-        return {
-            names[fault]: partial(self._kill(fault, process), random)
-            for fault, process in self._processes.items()
-        }
+        broker, edge, relay = (self._kill(*one) for one in self._processes.items())
+        return (
+            Blow("broker", 6, lambda _system: broker(random)),
+            Blow("edge server", 2, lambda _system: edge(random)),
+            Blow("relay", 1, lambda _system: relay(random)),
+            Blow("vehicle", 3, self._reboot_at_change),
+        )
+
+    def _reboot_at_change(self, system: int) -> None:
+        vehicle = self._world.vehicles[system]
+        if vehicle.is_on:
+            self._world.scheduler.note("faults", f"vehicle {system}", "reboot at a change")
+            vehicle.reboot()
 
     def _degrade(self) -> None:
         """Set the rates that hold until the end."""
@@ -280,7 +292,10 @@ class Faults:
     def _link_down(self, random: Random) -> None:
         world = self._world
         flying = [number for number, one in world.vehicles.items() if one.is_flying]
-        system = random.choice(flying or list(world.vehicles))
+        self._take_down(random.choice(flying or list(world.vehicles)), random, 25.0)
+
+    def _take_down(self, system: int, random: Random, mean_s: float) -> None:
+        world = self._world
         paths = [world.up[system], world.down[system]]
         if random.random() < 0.3:  # One direction alone
             paths = [random.choice(paths)]
@@ -294,7 +309,7 @@ class Faults:
                 path.is_up = True
             world.connected(system)
 
-        self._later(random.expovariate(1.0 / 25.0), restore)
+        self._later(random.expovariate(1.0 / mean_s), restore)
 
     def _edge_unreachable(self, random: Random) -> None:
         self._world.http.is_up = False

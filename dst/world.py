@@ -94,9 +94,9 @@ class World:
         self._aircraft: dict[int, list[Vehicle | FlightStack]] = {}
         self.twinned: set[int] = set()
         """System ids that two aircraft have had at once."""
-        self.on_frame: Callable[[int, bytes], None] = lambda _system, _frame: None
+        self.on_frame: list[Callable[[int, bytes], None]] = []
         """Called with each frame that the broker or a vehicle sends, by the vehicle's system id."""
-        self.on_event: Callable[[], None] = lambda: None
+        self.on_event: list[Callable[[], None]] = []
         """Called when the edge server has taken an event of the operator."""
         self.connected_s = dict.fromkeys(range(1, vehicles + 1), 0.0)
         """Since when broker and link of each vehicle are up, or were for the last time."""
@@ -113,7 +113,7 @@ class World:
         up = self.up[system] = NetworkPath(self.scheduler, f"up/{system}", arrive)
 
         def send(frame: bytes) -> None:
-            self.on_frame(system, frame)
+            self._note_frame(system, frame)
             up.send(frame)
 
         vehicle = (
@@ -151,10 +151,14 @@ class World:
         path = self.down.get(address.port - VEHICLE_PORT)
         twin = self.twins.get(address.port - TWIN_PORT)
         if path is not None:
-            self.on_frame(address.port - VEHICLE_PORT, frame)
+            self._note_frame(address.port - VEHICLE_PORT, frame)
             path.send(frame)
         elif twin is not None:
             self.scheduler.after(0.005, lambda: twin.receive(frame))
+
+    def _note_frame(self, system: int, frame: bytes) -> None:
+        for note in self.on_frame:
+            note(system, frame)
 
     def switch_off(self) -> None:
         """Switch every vehicle off; call it while none flies."""
@@ -189,7 +193,8 @@ class World:
             text = f"{method} {path} {response.status}"
             self.scheduler.note("operator", "edge server", text)
         if (method, path, response.status) == ("POST", "/events/", HTTPStatus.CREATED):
-            self.on_event()
+            for note in self.on_event:
+                note()
         return response
 
     def close(self) -> None:

@@ -5,14 +5,14 @@ from pathlib import Path
 
 import pytest
 
-from dst.change_kills import WITHIN_S
+from dst.change_faults import WITHIN_S
 from dst.edge_process import prepared_folder
 from dst.faults import Fault
 from dst.simulate import FAULTS_S, Outcome, simulate
 
 ALONE = frozenset({Fault.KILLED_AT_CHANGES, Fault.ABORTS, Fault.PAUSES})
 SEEDS = (2, 5)
-_LINE = re.compile(r"^ *(\d+\.\d+)  faults > (.+): (?:is )?(killed soon|killed|reboot at a change)")
+_LINE = re.compile(r"^ *(\d+\.\d+)  faults > (.+): (?:is )?(struck soon|killed|reboot at a change)")
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +37,7 @@ def test_a_kill_follows_its_change_within_a_second(outcomes: list[Outcome]) -> N
         announced_s = -WITHIN_S
         for time_s, _, what in kills(outcome):
             assert time_s <= FAULTS_S
-            if what == "killed soon":
+            if what == "struck soon":
                 announced_s = time_s
             else:
                 assert announced_s <= time_s <= announced_s + WITHIN_S
