@@ -19,6 +19,13 @@ DAYS = range(1, 4)
 DEEP = range(1, 4)
 FRESH = 17
 FAILED_BEFORE = {
+    10: frozenset(
+        {
+            *(Fault.BATTERY_UNKNOWN, Fault.GEOFENCES, Fault.LINK_CUT_AT_CHANGES),
+            *(Fault.LONG_MISSIONS, Fault.PAUSES, Fault.PICTURES, Fault.POSITION_UNKNOWN),
+            *(Fault.REBOOTED_IN_FLIGHT, Fault.REPEATED_POSTS, Fault.SWAPPED),
+        }
+    ),
     6098: frozenset(
         {
             *(Fault.EDGE_ANSWERS_STALLED, Fault.LINK_DOWN, Fault.PICTURES, Fault.POWER_LOST),
