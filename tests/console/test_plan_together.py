@@ -138,6 +138,7 @@ def test_a_plan_of_two_drones_is_edited(tmp_path: Path) -> None:
     with console_journey(tmp_path) as take, edge_server(tmp_path) as (server, needs):
         take("edit_two_drones", **needs)
         (plan,) = plans_of(server)
+    assert plan["name"] == "Kept (copy)"
     missions = plan["missions"]
     assert [one["vehicle_id"] for one in missions] == [1, 2]
     assert [one["maximum_speed"] for one in missions] == pytest.approx([3.0, 2.0])

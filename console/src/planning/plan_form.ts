@@ -36,6 +36,11 @@ export function formOf(plan: Plan | null): PlanForm {
   };
 }
 
+/** Under which the draft of a plan is kept. */
+export function draftName(id: number | "new"): string {
+  return `plan/${id}`;
+}
+
 /** Whether what a browser has kept is a form of this version of the console. */
 export function isPlanForm(kept: object): kept is PlanForm {
   if (!("missions" in kept) || !Array.isArray(kept.missions) || kept.missions.length === 0) return false;

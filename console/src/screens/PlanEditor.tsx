@@ -5,7 +5,7 @@ import { createPlan, dispatchPlan, getTaggedPlan, listFields, replacePlan } from
 import type { Command, Plan, PlanDocument } from "../api/types";
 import { useUnits } from "../app/preferences";
 import { go, linkTo, setGuard } from "../app/route";
-import { useIsOperator, useSession } from "../app/session_context";
+import { useIsOperator } from "../app/session_context";
 import { Button } from "../controls/Button";
 import { Segments, SelectField, TextField } from "../controls/fields";
 import { Icon } from "../controls/Icon";
@@ -22,10 +22,9 @@ import {
   COMMAND_TYPES, hasPlace, HOME, newCommand, placeOfFault, renumbered,
   rounded, TAKEOFF, WAYPOINT,
 } from "../planning/command_forms";
-import { Drafts } from "../planning/drafts";
 import { documentOf, newMissionId, renumberedFrom } from "../planning/plan_document";
 import {
-  changedMission, formOf, isPlanForm, isSameForm, lacksOf, newMission, withForm, withMission, type MissionForm, type PlanForm,
+  changedMission, draftName, formOf, isPlanForm, isSameForm, lacksOf, newMission, withForm, withMission, type MissionForm, type PlanForm,
 } from "../planning/plan_form";
 import { Attempts, save as saveOver } from "../planning/saving";
 import { speedRange } from "../units/limits";
@@ -34,6 +33,7 @@ import { ConflictNotice } from "./ConflictNotice";
 import { DispatchDialog } from "./DispatchDialog";
 import { RestoredNotice, StepButtons } from "./EditingState";
 import { HeightProfile } from "./HeightProfile";
+import { KeptDraft } from "./KeptDraft";
 import { LeaveWarning } from "./LeaveWarning";
 import { useEditing } from "./use_editing";
 import { fieldNames } from "./use_fleet_symbols";
@@ -87,45 +87,6 @@ export default function PlanEditor({ reference }: { reference: string | null }) 
     );
   }
   return <Editor read={plan.value} />;
-}
-
-/** What somebody has edited of a plan that can no longer be changed: it becomes a plan of its own. */
-function KeptDraft({ id }: { id: number }) {
-  const { t } = useTranslation();
-  const { session } = useSession();
-  const drafts = useMemo(() => new Drafts(window.localStorage, session.name), [session.name]);
-  const [kept, setKept] = useState(() => drafts.read<PlanForm, Plan>(draftName(id), isPlanForm));
-  const saving = useSaving<Plan>();
-  const [attempts] = useState(() => new Attempts());
-  if (kept === null) return null;
-  const forget = () => {
-    drafts.remove(draftName(id));
-    setKept(null);
-  };
-  const copy = () => {
-    const missionId = newMissionId(Date.now());
-    const base = kept.base === null ? null : documentOf(kept.base.value);
-    const document = renumberedFrom(withForm(base, { form: kept.state, vehicleId: 1, missionId }), missionId);
-    const name = t("conflict.copy_of", { name: kept.state.name || t("editor.title_new") });
-    saving.run(() => attempts.run(kept.state, { ...document, name }, createPlan), (stored) => {
-      forget();
-      go(`plans/${stored.id}/edit`);
-    });
-  };
-  return (
-    <Notice kind="info">
-      <p>{t("leave.kept")}</p>
-      {saving.error && <p className="fault">{describeError(saving.error, t)}</p>}
-      <div className="actions">
-        <Button kind="primary" icon="add" isBusy={saving.isBusy} onClick={copy}>{t("conflict.copy")}</Button>
-        <Button icon="remove" onClick={forget}>{t("leave.discard_draft")}</Button>
-      </div>
-    </Notice>
-  );
-}
-
-function draftName(id: number | "new"): string {
-  return `plan/${id}`;
 }
 
 function Editor({ read }: { read: Tagged<Plan> | null }) {

@@ -1,4 +1,5 @@
-/** An operator gives a draft a second drone, corrects what is refused, and edits both missions.
+/** An operator gives a draft a second drone, corrects what is refused, edits both missions,
+ * and keeps what was not saved when the plan is deleted.
  *
  *     node tests/browser/edit_two_drones.mjs
  *
@@ -59,6 +60,22 @@ async function removeAndUndo(page) {
   await missionOf(page, 2).waitFor();
 }
 
+/** Somebody deletes the plan meanwhile: what was not saved becomes a plan of its own. */
+async function keepDraft(page) {
+  await openEditor(page);
+  await page.getByLabel("Name", { exact: true }).fill("Kept");
+  const status = await page.evaluate(async (id) => {
+    const { csrf_token: token } = await (await fetch("/session/")).json();
+    return (await fetch(`/plans/${id}`, { method: "DELETE", headers: { "X-CSRF-Token": token } })).status;
+  }, DRAFT);
+  if (status !== 204) throw new Error(`the plan cannot be deleted: ${status}`);
+  await page.reload();
+  await page.getByText("This browser has changes of yours").waitFor();
+  await requireAccessible(page, "a draft of a plan that is gone");
+  await button(page, "Save mine as a copy").click();
+  await page.waitForFunction(() => document.querySelector(".split input")?.value === "Kept (copy)");
+}
+
 const browser = await startBrowser();
 try {
   await journey(browser, "two-drones", async (page) => {
@@ -67,6 +84,7 @@ try {
     await addDrone(page);
     await editBoth(page);
     await removeAndUndo(page);
+    await keepDraft(page);
   });
 } finally {
   await browser.close();
