@@ -9,6 +9,7 @@ from sim.config import SimulationConfig
 from sim.physics.truth import Truth
 from sim.simulation import Simulation
 from tests.support.ground_station import MemoryLink
+from tests.support.messages import said
 from uav_firmware.bus import Queue
 from uav_firmware.drivers.file_storage import FileStorage
 from uav_firmware.drivers.file_tree import image_folder, image_tree
@@ -83,7 +84,9 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Run:
 
 @pytest.mark.thorough
 def test_the_same_flight_has_the_same_pictures_and_reports(flown: Run, tmp_path: Path) -> None:
-    assert run(tmp_path, with_camera=True) == flown
+    again = run(tmp_path, with_camera=True)
+    assert said(again.truth) == said(flown.truth)
+    assert (again.reported, again.files) == (flown.reported, flown.files)
     assert len(flown.reported) == PICTURES
     assert len(flown.files) == 2 * PICTURES  # Each with its small copy
     for reported_us, image in flown.reported:
@@ -94,4 +97,4 @@ def test_the_same_flight_has_the_same_pictures_and_reports(flown: Run, tmp_path:
 
 @pytest.mark.thorough
 def test_no_flight_is_changed_by_its_camera(flown: Run, tmp_path: Path) -> None:
-    assert run(tmp_path, with_camera=False).truth == flown.truth
+    assert said(run(tmp_path, with_camera=False).truth) == said(flown.truth)

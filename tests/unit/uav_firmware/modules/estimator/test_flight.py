@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.support.messages import said
 from tests.unit.uav_firmware.modules.estimator.flight import (
     GRAVITY,
     PERFECT,
@@ -179,4 +180,4 @@ def test_the_same_readings_give_the_same_estimate_to_the_last_bit() -> None:
         for readings in Flight(9, start_s=7.0).steps(12.0):
             rig.feed(readings)
         positions.append(rig.position)
-    assert positions[0] == positions[1]
+    assert said(positions[0]) == said(positions[1])
