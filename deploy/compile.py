@@ -49,7 +49,6 @@ EXIT_NOT_EQUIPPED: Final = 2
 LEFT_OUT: Final = {
     "uav_firmware/compiled.py": "it finds the others",
     "uav_firmware/parameters.py": "an int given for a float is a float in C: INT32 or REAL32",
-    "uav_firmware/msg/native.py": "what it says is for mypyc, not of it",
     "uav_firmware/cal/": "protocols that are checked at run time have no instance check in C",
     "uav_firmware/drivers/background.py": "ParamSpec, and an exception with OSError's layout",
     "uav_firmware/modules/mavlink/wire/dialect_extensions.py": "inherits from pymavlink's classes",

@@ -3,7 +3,7 @@
 import math
 from typing import Final, TypeAlias
 
-from sim.native import mypyc_attr
+from farm_flight_bridge.native import mypyc_attr
 
 Vector3: TypeAlias = tuple[float, float, float]
 """Three components in the order of the frame that the field's name ends in."""

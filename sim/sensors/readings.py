@@ -3,7 +3,7 @@
 import math
 from typing import Final, NamedTuple
 
-from sim.native import mypyc_attr
+from farm_flight_bridge.native import mypyc_attr
 from sim.physics.truth import Motors, Vector3
 
 

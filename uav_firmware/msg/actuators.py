@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from uav_firmware.msg.native import mypyc_attr
+from farm_flight_bridge.native import mypyc_attr
 from uav_firmware.msg.vectors import Motors
 
 

@@ -3,7 +3,7 @@
 import math
 from typing import Final, NamedTuple
 
-from uav_firmware.msg.native import mypyc_attr
+from farm_flight_bridge.native import mypyc_attr
 from uav_firmware.msg.vectors import Motors, Vector3
 
 

@@ -9,8 +9,8 @@ a quadrotor that tilts the wrong way loses more height than one that sinks for a
 import math
 from typing import Final
 
+from farm_flight_bridge.native import mypyc_attr
 from uav_firmware.modules.control_allocator.geometry import Mix
-from uav_firmware.msg.native import mypyc_attr
 from uav_firmware.msg.vectors import Motors, Vector3
 
 _YAW_THRUST_MARGIN = 0.15  # [-] Thrust that may be moved to make room for yaw

@@ -10,8 +10,8 @@ flight without an accelerometer is rough, and long enough to land (P. Martin and
 
 from typing import Final
 
+from farm_flight_bridge.native import mypyc_attr
 from uav_firmware.lib.geo import STANDARD_GRAVITY_M_S2
-from uav_firmware.msg.native import mypyc_attr
 from uav_firmware.msg.sensors import SensorImu
 from uav_firmware.msg.vectors import Vector3
 

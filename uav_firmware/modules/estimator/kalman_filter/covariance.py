@@ -16,8 +16,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from farm_flight_bridge.native import mypyc_attr
 from uav_firmware.lib.rotation import Matrix3
-from uav_firmware.msg.native import mypyc_attr
 from uav_firmware.msg.vectors import Vector3
 
 Array = NDArray[np.float64]

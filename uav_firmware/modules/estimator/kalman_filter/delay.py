@@ -19,8 +19,8 @@ from collections import deque
 from operator import attrgetter
 from typing import Final, NamedTuple
 
+from farm_flight_bridge.native import mypyc_attr
 from uav_firmware.modules.estimator.kalman_filter.state import NominalState
-from uav_firmware.msg.native import mypyc_attr
 from uav_firmware.msg.vectors import Quaternion, Vector3
 
 
