@@ -28,6 +28,8 @@ test("an order names the field, is held, and has a camera or a swath", () => {
 test("there is no order while a value or a vehicle is missing", () => {
   expect(orderOf(FIRST_FORM, 7, [])).toBeNull();
   expect(orderOf({ ...FIRST_FORM, height_m: null }, 7, [1])).toBeNull();
+  expect(orderOf({ ...FIRST_FORM, speed_m_s: 13 }, 7, [1])).toBeNull();
+  expect(orderOf({ ...FIRST_FORM, speed_m_s: 12 }, 7, [1])).toMatchObject({ maximum_speed: 12 });
   expect(orderOf({ ...FIRST_FORM, side_overlap: 0 }, 7, [1])).not.toBeNull();
   const own = { ...CAMERAS.one_inch, focal_length_mm: null };
   expect(orderOf({ ...FIRST_FORM, camera: "own", own }, 7, [1])).toBeNull();

@@ -47,7 +47,23 @@ async function editBoth(page) {
   await page.getByLabel("Maximum speed (km/h)").fill("10.8");
   await requireAccessible(page, "the mission of one of two drones");
   await picture(page, "two-drones");
-  await save(page);
+  await saveSlowly(page);
+}
+
+/** What is entered while the plan is being saved would be lost: nothing can be. */
+async function saveSlowly(page) {
+  let answer;
+  const isHeld = new Promise((resolve) => { answer = resolve; });
+  await page.route(`**/plans/${DRAFT}`, async (route) => {
+    if (route.request().method() === "PUT") await isHeld;
+    await route.continue();
+  });
+  await button(page, "Save draft").click();
+  await page.locator(".split[inert]").waitFor({ state: "attached" });
+  await page.keyboard.press("Control+z");
+  answer();
+  await page.locator(".timeline").first().waitFor();
+  await page.unroute(`**/plans/${DRAFT}`);
 }
 
 /** A step back brings a drone back that was removed. */

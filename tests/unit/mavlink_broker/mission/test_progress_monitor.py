@@ -1,11 +1,14 @@
 """Progress from a vehicle's numbers: never back, never too far."""
 
+import dataclasses
+
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mavlink_broker.mavlink.mission_item import change_speed, return_to_launch, waypoint
+from mavlink_broker.mavlink.mission_item import change_speed, delay, return_to_launch, waypoint
 from mavlink_broker.mission.progress_monitor import Progress
-from mavlink_broker.planning.mission import FlightPlan
+from mavlink_broker.planning.mission import FASTEST_M_S, FlightPlan
 
 WAYPOINT = waypoint(latitude_deg=1.0, longitude_deg=2.0, relative_altitude_m=5.0)
 
@@ -104,3 +107,12 @@ def test_numbers_beyond_the_mission_are_ignored() -> None:
 def test_a_flight_is_taken_up_after_what_was_finished() -> None:
     for finished in range(3):
         assert Progress.after(LANDING, finished).finished_commands == finished
+
+
+def test_a_flight_takes_at_least_its_way_and_its_holds() -> None:
+    """0.01 degrees of latitude are some 1,110 m; what is no place adds no way."""
+    there = waypoint(latitude_deg=1.01, longitude_deg=2.0, relative_altitude_m=5.0, hold_s=7.0)
+    items = (change_speed(5.0), WAYPOINT, there, delay(20.0), return_to_launch())
+    plan = dataclasses.replace(LANDING, items=items)
+    assert plan.least_time_s == pytest.approx(1110.0 / FASTEST_M_S + 27.0, abs=0.5)
+    assert HOVERING.least_time_s == 0.0

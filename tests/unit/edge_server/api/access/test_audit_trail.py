@@ -8,7 +8,7 @@ from sqlalchemy import text
 
 from edge_server.services import audit
 from tests.unit.edge_server.conftest import Edge
-from tests.unit.edge_server.documents import mission, plan, telemetry
+from tests.unit.edge_server.documents import event, mission, plan, telemetry
 
 
 def log_of(edge: Edge) -> list[dict[str, Any]]:
@@ -35,6 +35,17 @@ def test_a_plan_from_draft_to_its_end(edge: Edge) -> None:
         ("admin", "plans.delete", "plans/1", "done"),
     ]
     assert audit.verify(edge.context.database).fault is None
+
+
+def test_an_order_to_a_vehicle_is_named_with_the_vehicle(edge: Edge) -> None:
+    edge.post("/plans/", plan(), "operator")
+    edge.post("/events/", event(), "operator")
+    assert audit_rows(edge)[-1] == (
+        "operator",
+        "events.create",
+        "events/1: ABORT_MISSION of vehicle 1",
+        "done",
+    )
 
 
 def test_a_row_has_the_caller_its_address_and_the_request_id(edge: Edge) -> None:
