@@ -1,6 +1,6 @@
 import { expect, test } from "vitest";
 import {
-  COMMAND_TYPES, newCommand, parametersOf, placeOfFault, problemOf, problemsOf,
+  COMMAND_TYPES, heightOf_m, newCommand, parametersOf, placeOfFault, problemOf, problemsOf,
 } from "../src/planning/command_forms";
 import { USUAL_SPEED_M_S } from "../src/planning/plan_form";
 
@@ -27,6 +27,12 @@ test("no new command is faster than the usual plan, as the edge server reckons i
     expect(speed_m_s).toBeGreaterThan(1);
     expect(speed_m_s).toBeLessThanOrEqual(USUAL_SPEED_M_S);
   }
+});
+
+test("a circle has a height as a waypoint has one", () => {
+  const CIRCLE = 7;
+  expect(heightOf_m(newCommand(CIRCLE, 1, PLACE))).toBe(15);
+  expect(heightOf_m({ command_id: 1, command_type_id: 11, parameters: {} })).toBeNull();
 });
 
 test("ranges are those of the edge server", () => {

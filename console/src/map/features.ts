@@ -57,7 +57,7 @@ export function placeOf(command: Command): Place | null {
     : null;
 }
 
-/** The legs of a mission, each "flown", "present" or "ahead", and its circles. */
+/** The legs of a mission, each "flown", "present" or "ahead", its circles, and a point at each place. */
 export function routeFeatures(
   commands: readonly (Command & Partial<CommandState>)[],
   home: Fix | null,
@@ -74,6 +74,11 @@ export function routeFeatures(
     if (command.command_type_id === 7 && typeof radius === "number") {
       features.push(line(circle(place, radius), { kind: "route", part }));
     }
+    features.push({
+      type: "Feature",
+      properties: { kind: "waypoint", part },
+      geometry: { type: "Point", coordinates: [...place] },
+    });
     before = place;
   }
   return features;

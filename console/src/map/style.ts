@@ -127,6 +127,20 @@ function layers(): LayerSpecification[] {
       },
     },
     {
+      id: "route-waypoint",
+      type: "circle",
+      source: "routes",
+      filter: ["==", ["get", "kind"], "waypoint"],
+      paint: {
+        "circle-radius": 4,
+        "circle-color": colour("surface"),
+        "circle-stroke-color": [
+          "match", ["get", "part"], "ahead", colour("map-route"), colour("accent"),
+        ],
+        "circle-stroke-width": 2,
+      },
+    },
+    {
       id: "measurement",
       type: "circle",
       source: "measurements",

@@ -66,6 +66,12 @@ export function newCommand(
   return { command_id: commandId, command_type_id: commandType, parameters };
 }
 
+/** Height above the take-off in metres that a command leads to; null for one without. */
+export function heightOf_m({ parameters }: Command): number | null {
+  const height = parameters["altitude"] ?? parameters["orbit_altitude"];
+  return typeof height === "number" ? height : null;
+}
+
 /** Degrees to a centimetre. */
 export function rounded(degrees: number): number {
   return Math.round(degrees * 1e7) / 1e7;

@@ -1,7 +1,7 @@
 /** The heights of a plan over the distance that it flies. Pure. */
 
 import type { Command } from "../api/types";
-import { HOME, TAKEOFF } from "./command_forms";
+import { heightOf_m, HOME, TAKEOFF } from "./command_forms";
 
 /** A place of the plan: distance flown and height above home, in metres. */
 export interface ProfilePoint {
@@ -22,9 +22,9 @@ export function heightProfile(commands: readonly Command[]): ProfilePoint[] {
   let before: { latitude: number; longitude: number } | null = null;
   let start: { latitude: number; longitude: number } | null = null;
   commands.forEach((command, index) => {
-    const { latitude, longitude, altitude, orbit_altitude } = command.parameters;
+    const { latitude, longitude } = command.parameters;
     const type = command.command_type_id;
-    const height = typeof altitude === "number" ? altitude : orbit_altitude;
+    const height_m = heightOf_m(command);
     let place: { latitude: number; longitude: number } | null = null;
     if (typeof latitude === "number" && typeof longitude === "number") place = { latitude, longitude };
     if (type === HOME) place = start;
@@ -38,8 +38,8 @@ export function heightProfile(commands: readonly Command[]): ProfilePoint[] {
     if (last === undefined) return;
     if (type === HOME || type === LAND) {
       points.push({ index, distance_m, height_m: last.height_m }, { index, distance_m, height_m: 0 });
-    } else if (typeof height === "number" && place !== null) {
-      points.push({ index, distance_m, height_m: height });
+    } else if (height_m !== null && place !== null) {
+      points.push({ index, distance_m, height_m });
     }
   });
   return points;

@@ -6,7 +6,7 @@ import type { Command, ParameterValue } from "../api/types";
 import { useUnits } from "../app/preferences";
 import { Button } from "../controls/Button";
 import { SelectField, TextField } from "../controls/fields";
-import { parametersOf, placeOfFault, problemOf, problemsOf, type Parameter } from "../planning/command_forms";
+import { heightOf_m, parametersOf, placeOfFault, problemOf, problemsOf, type Parameter } from "../planning/command_forms";
 import { fromUnit, inUnit, type EnteredUnit } from "../units/entered";
 import { unitOfField } from "../units/fields";
 import type { Units } from "../units/units";
@@ -34,7 +34,7 @@ export function CommandForm({ index, count, command, isOpen, faults, toggle, cha
   const general = faults.filter(
     (fault) => !parameters.some((one) => placeOfFault(fault.path)?.parameter === one.name),
   );
-  const height = command.parameters["altitude"] ?? command.parameters["orbit_altitude"];
+  const height_m = heightOf_m(command);
   const hasProblem = faults.length > 0 || problemsOf(command).length > 0;
   const set = (name: string, value: ParameterValue) => change({ ...command.parameters, [name]: value });
   return (
@@ -43,7 +43,7 @@ export function CommandForm({ index, count, command, isOpen, faults, toggle, cha
         <button type="button" className="step-title" aria-expanded={isOpen} onClick={toggle}>
           <b>{number}</b>
           {t(`command.${command.command_type_id}`)}
-          {typeof height === "number" && <small>{units.height(height)}</small>}
+          {height_m !== null && <small>{units.height(height_m)}</small>}
         </button>
         <Button kind="quiet" icon="up" aria-label={t("editor.up", { index: number })} disabled={index === 0} onClick={up} />
         <Button kind="quiet" icon="down" aria-label={t("editor.down", { index: number })} disabled={number === count} onClick={down} />

@@ -2,7 +2,7 @@ import { Suspense, useMemo, useState } from "react";
 import { useTranslation } from "react-i18next";
 import type { RequestError } from "../api/client";
 import { createPlan, deletePlan, dispatchPlan, getTaggedPlan, listFields } from "../api/resources";
-import type { Mission, Plan } from "../api/types";
+import type { Command, Mission, Plan } from "../api/types";
 import { useUnits } from "../app/preferences";
 import { go, linkTo } from "../app/route";
 import { useIsOperator } from "../app/session_context";
@@ -21,6 +21,7 @@ import { collection, fieldFeatures, placeOf, routeFeatures } from "../map/featur
 import { fenceFeatures, fencePlaces } from "../map/fence_features";
 import { FenceLegend } from "../map/FenceLegend";
 import { FarmMap } from "../map/map_part";
+import { heightOf_m } from "../planning/command_forms";
 import { fenceOf } from "../planning/fence";
 import { documentOf, newMissionId, renumberedFrom } from "../planning/plan_document";
 import { CommandTimes } from "./CommandTimes";
@@ -235,6 +236,10 @@ function MissionTimeline({ mission, flight }: { mission: Mission; flight: Missio
   const isOperator = useIsOperator();
   const reportText = useReportText();
   const units = useUnits();
+  const heightText = (command: Command) => {
+    const height_m = heightOf_m(command);
+    return height_m === null ? "" : units.height(height_m);
+  };
   return (
     <div className="card">
       <div className="card-body">
@@ -260,11 +265,7 @@ function MissionTimeline({ mission, flight }: { mission: Mission; flight: Missio
                 <strong>{t(`command.${command.command_type_id}`)}</strong>
                 <br />
                 <span className="muted small">
-                  {command.message
-                    ? reportText(command.message)
-                    : (typeof command.parameters["altitude"] === "number"
-                      ? units.height(command.parameters["altitude"])
-                      : "")}
+                  {command.message ? reportText(command.message) : heightText(command)}
                 </span>
                 <FlownTimes flight={flight} commandId={command.command_id} />
               </span>
