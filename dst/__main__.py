@@ -17,9 +17,9 @@ from multiprocessing import get_context
 from pathlib import Path
 
 from dst import coverage
-from dst.edge_process import prepared_folder
-from dst.faults import Fault, draw
+from dst.faults.kinds import Fault, draw
 from dst.simulate import Outcome, shrink, simulate
+from dst.world.edge_process import prepared_folder
 
 INTERRUPTED = 130
 MEMORY = Path("/dev/shm")  # noqa: S108  # a folder of its own is made in it

@@ -14,7 +14,7 @@ import tempfile
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from dst.faults import Fault
+from dst.faults.kinds import Fault
 
 ROOT: Final = Path(__file__).resolve().parents[1]
 PARTS: Final = ("afarcloud", "dst", "edge_server", "farm_flight_bridge", "mavlink_broker")

@@ -9,15 +9,16 @@ from pathlib import Path
 from random import Random
 from typing import Final
 
+from dst.actors.operator_person import Operator
+from dst.actors.technician import Technician
 from dst.coverage import Coverage
-from dst.disk import StillOpenError
-from dst.faults import BREAK_FACTOR, KINEMATIC_ONLY, Fault, Faults, draw
-from dst.laws import BREAK_CHECK_PERIOD_S, CHECK_PERIOD_S, LawError, Laws
-from dst.memory import MOST_OF_BROKER, MOST_OF_EDGE, held_bytes
-from dst.operator_person import Operator
+from dst.faults.injection import BREAK_FACTOR, Faults
+from dst.faults.kinds import KINEMATIC_ONLY, Fault, draw
+from dst.laws.system_laws import BREAK_CHECK_PERIOD_S, CHECK_PERIOD_S, LawError, Laws
 from dst.scheduler import KEPT_LINES
-from dst.technician import Technician
-from dst.world import World
+from dst.world.disk import StillOpenError
+from dst.world.memory import MOST_OF_BROKER, MOST_OF_EDGE, held_bytes
+from dst.world.world import World
 from mavlink_broker.edge.bounded_http import Answer
 from mavlink_broker.edge.outbox import Post
 

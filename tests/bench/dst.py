@@ -11,8 +11,8 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Final
 
-from dst.edge_process import prepared_folder
 from dst.simulate import Outcome, simulate
+from dst.world.edge_process import prepared_folder
 from tests.bench.results import Result, at_least, at_most
 
 SEEDS: Final = range(1, 21)

@@ -8,9 +8,9 @@ from random import SystemRandom
 
 import pytest
 
-from dst.edge_process import prepared_folder
-from dst.faults import Fault
+from dst.faults.kinds import Fault
 from dst.simulate import Outcome, simulate
+from dst.world.edge_process import prepared_folder
 
 FLYING = 2
 FIXED = (3, 7, 9)

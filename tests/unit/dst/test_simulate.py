@@ -7,9 +7,9 @@ from typing import Any
 import pytest
 
 import dst.__main__
-from dst.edge_process import prepared_folder
-from dst.faults import Fault, draw
+from dst.faults.kinds import Fault, draw
 from dst.simulate import FAULTS_S, Outcome, shrink, simulate
+from dst.world.edge_process import prepared_folder
 
 FAILED = Outcome(7, frozenset(), "broken", "", (), 600.0, 1.0, 3)
 

@@ -90,7 +90,7 @@ def test_a_process_that_is_asked_for_pure_python_runs_pure_python() -> None:
     assert done.stderr == ""
 
 
-@pytest.mark.parametrize("program", ["uav_firmware.__main__", "dst.flight_stack"])
+@pytest.mark.parametrize("program", ["uav_firmware.__main__", "dst.vehicles.flight_stack"])
 def test_a_program_chooses_its_build_before_it_loads_the_first_module_of_one(program: str) -> None:
     text = f"import sys, {program}; print(*sys.modules, sep='\\n')"
     done = run_pure(text)

@@ -1,0 +1,1 @@
+"""Simulated vehicles: kinematic ones, and the project's own flight stack."""
