@@ -1,20 +1,25 @@
 """What the console costs and how fast its STOP acts: `BENCH=console make bench`.
 
-The time from the order (the browser's POST) to the vehicle's acknowledgement of the command that
-ends its mission, on a link that is listened to; and what a hundred viewers of the live stream cost
-the edge server while ten vehicles are updated and reports come in, against the same without them.
+The time from the release of STOP's button in a browser to the vehicle's acknowledgement of the
+command that ends its mission, on a link that is listened to; and what a hundred viewers of the live
+stream cost the edge server while ten vehicles are updated and reports come in, against the same
+without them.
 The browser's side is in `tests.bench.console_browser`.
 """
 
 import multiprocessing
+import os
 import selectors
 import socket
 import statistics
 import struct
+import subprocess
+import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from multiprocessing.synchronize import Event
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -25,6 +30,7 @@ from tests.bench.process import cpu_seconds
 from tests.bench.results import Result, at_most, percentile
 from tests.bench.system import ten_commands
 from tests.bench.wiretap import Wiretap
+from tests.support.browser import CONSOLE, browser_programs, sign_in_link
 from tests.support.polling import PATIENCE_S
 from tests.support.system import FarmSystem, free_ports, wait_for
 from tests.unit.edge_server import documents
@@ -61,20 +67,57 @@ def _stops(folder: Path) -> Iterator[Result]:
             system.environment["MAVLINK_PORT"] = str(tap_port)
             system.start("vehicle-1").wait_until_connected()
             system.fly(ten_commands(STOPS + 1))  # The first one waits for the estimator.
-            times_ms = [_stop_ms(system, tap, number) for number in range(1, STOPS + 1)]
-    name = "order to stop to the vehicle's acknowledgement"
+            with _stopping(system) as (name, stop):
+                times_ms = [_stop_ms(system, tap, number, stop) for number in range(1, STOPS + 1)]
     yield at_most(f"{name}, p50", percentile(times_ms, 50), "ms", 300, times_ms)
     yield at_most(f"{name}, longest", max(times_ms), "ms", 1000, times_ms)
 
 
-def _stop_ms(system: FarmSystem, tap: Wiretap, number: int) -> float:
+@contextmanager
+def _stopping(system: FarmSystem) -> Iterator[tuple[str, Callable[[int], float]]]:
+    """Give what orders a landing, with the time of the order as a result, and what is measured."""
+    programs = browser_programs()
+    if isinstance(programs, str):
+        sys.stderr.write(f"STOP is measured without its button: {programs}\n")
+        yield "POST of a stop to the vehicle's acknowledgement", partial(_stop_by_post, system)
+        return
+    node, chromium = programs
+    link = sign_in_link(system, "operator", "stopper")
+    with subprocess.Popen(
+        [node, CONSOLE / "tests" / "browser" / "measure_stops.mjs"],
+        env={**os.environ, "CHROMIUM": chromium, "LINK": link},
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    ) as browser:
+        if browser.stdin is None or browser.stdout is None:
+            raise RuntimeError("the browser has no pipes")
+        lines = browser.stdout
+        if lines.readline() != "ready\n":
+            raise RuntimeError("the console could not be opened")
+
+        def stop(number: int) -> float:
+            print(number, file=browser.stdin, flush=True)
+            return float(lines.readline()) / 1e3
+
+        yield "release of STOP's button to the vehicle's acknowledgement", stop
+        browser.stdin.close()
+
+
+def _stop_by_post(system: FarmSystem, number: int) -> float:
+    event = {"sequence_number": number, "vehicle_id": 1, "event_type_id": 1}
+    began = time.time()
+    system.post("/events/", event).raise_for_status()
+    return began
+
+
+def _stop_ms(system: FarmSystem, tap: Wiretap, number: int, stop: Callable[[int], float]) -> float:
     """Fly, and stop on the way."""
     answer = system.post("/plans/", ten_commands(number))
     answer.raise_for_status()
     wait_for(lambda: system.get("/vehicles/1").get("altitude", 0.0) > 1.5, "the take-off")
-    noted, began = len(tap.passed), time.time()
-    event = {"sequence_number": number, "vehicle_id": 1, "event_type_id": 1}
-    system.post("/events/", event).raise_for_status()
+    noted = len(tap.passed)
+    began = stop(number)
     acknowledged: float = wait_for(
         lambda: _acknowledged(tap, noted), "the vehicle's acknowledgement"
     )

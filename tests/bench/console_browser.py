@@ -8,8 +8,8 @@ empty cache and a processor that is slowed down to a quarter, until the map zoom
 import json
 import math
 import os
-import shutil
 import subprocess
+import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -20,7 +20,7 @@ from typing import Any, Final, NamedTuple
 
 from tests.bench.edge import Client, edge_server
 from tests.bench.results import Result, at_most
-from tests.support.browser import CHROMIUMS, CONSOLE
+from tests.support.browser import CONSOLE, browser_programs
 from tests.unit.edge_server.program import Program
 
 FLEET: Final = 50
@@ -34,12 +34,12 @@ CIRCLE_DEG: Final = 5e-4
 
 
 def measure(folder: Path) -> Iterator[Result]:
-    """Give every figure; none where Chromium, Node or the built console is missing."""
-    chromium = next(filter(None, map(shutil.which, CHROMIUMS)), None)
-    node = shutil.which("node")
-    if chromium is None or node is None or not (CONSOLE / "dist" / "index.html").exists():
+    """Give every figure; none, and a notice, where the browser or the console is missing."""
+    programs = browser_programs()
+    if isinstance(programs, str):
+        sys.stderr.write(f"what the console costs its browser is not measured: {programs}\n")
         return
-    browser = Browser(folder, node, chromium)
+    browser = Browser(folder, *programs)
     loads = _watched(browser, SMALL_FARM, loads=LOADS)["loads"]
     megabytes = [one["first_load_bytes"] / 1e6 for one in loads]
     yield at_most("first load of the console", max(megabytes), "MB", 1.5, megabytes)
@@ -50,7 +50,7 @@ def measure(folder: Path) -> Iterator[Result]:
     growth = 100.0 * (seen["heap_after_bytes"] / seen["heap_before_bytes"] - 1.0)
     yield at_most(f"heap after {MINUTES:g} minutes, grown by", growth, "%", 10.0, [growth])
     frame_ms = seen["frame_p95_ms"]
-    yield at_most("time of a frame, without a graphics card, p95", frame_ms, "ms", 33.4, [frame_ms])
+    yield at_most("time of a frame, without a graphics card, p95", frame_ms, "ms", 33.0, [frame_ms])
 
 
 class Browser(NamedTuple):

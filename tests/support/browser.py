@@ -37,21 +37,30 @@ def link_at(url: str, headers: dict[str, str], role: str, name: str) -> str:
     return f"{url}{link.json()['path']}"
 
 
+def browser_programs() -> tuple[str, str] | str:
+    """Give the paths of Node and of Chromium, or what is missing to show the built console."""
+    chromium = next(filter(None, map(shutil.which, CHROMIUMS)), None)
+    search = f"{ROOT / '.venv' / 'bin'}{os.pathsep}{os.environ['PATH']}"
+    node = shutil.which("node", path=search)
+    if chromium is None:
+        return "there is no Chromium: apt-get install chromium"
+    if node is None or not (CONSOLE / "node_modules" / "playwright-core").exists():
+        return "the console's packages are not installed: make console-test"
+    if not (CONSOLE / "dist" / "index.html").exists():
+        return "the console is not built: make console"
+    return node, chromium
+
+
 @contextmanager
 def console_journey(folder: Path) -> Iterator[Callable[..., None]]:
     """Give a function that runs a journey; skips where a browser, Node or the build is missing.
 
     A failed journey keeps its picture and its trace in the folder and prints where.
     """
-    chromium = next(filter(None, map(shutil.which, CHROMIUMS)), None)
-    search = f"{ROOT / '.venv' / 'bin'}{os.pathsep}{os.environ['PATH']}"
-    node = shutil.which("node", path=search)
-    if chromium is None:
-        pytest.skip("there is no Chromium: apt-get install chromium")
-    if node is None or not (CONSOLE / "node_modules" / "playwright-core").exists():
-        pytest.skip("the console's packages are not installed: make console-test")
-    if not (CONSOLE / "dist" / "index.html").exists():
-        pytest.skip("the console is not built: make console")
+    programs = browser_programs()
+    if isinstance(programs, str):
+        pytest.skip(programs)
+    node, chromium = programs
 
     def take(name: str, *, plan: dict[str, Any] | None = None, **variables: str) -> None:
         if plan is not None:

@@ -75,6 +75,20 @@ async function showFaults(page) {
   await page.locator(".form-line .field.has-error").waitFor();
 }
 
+/** A step that is open stays open where it is moved to, and is still the same step. */
+async function moveAnOpenStep(page) {
+  await page.goto(`${origin}/console/plans/${DRAFT}/edit`);
+  const titles = page.locator(".step-title");
+  await titles.first().click();
+  const name = (await titles.first().innerText()).replace(/^\d+\s*/, "");
+  await button(page, "Move step 1 down").click();
+  const open = page.locator('.step-title[aria-expanded="true"]');
+  if ((await open.innerText()).replace(/\s+/g, " ") !== `2 ${name}`.replace(/\s+/g, " ")) {
+    throw new Error(`open is ${await open.allInnerTexts()}, not ${name}`);
+  }
+  await button(page, "Undo").click();
+}
+
 /** The keys move a step by a metre, with Shift by ten, and remove it. */
 async function moveByKeys(page) {
   await page.goto(`${origin}/console/plans/${DRAFT}/edit`);
@@ -159,6 +173,7 @@ try {
     await page.getByRole("navigation").waitFor();
     await addEachKind(page);
     await showFaults(page);
+    await moveAnOpenStep(page);
     await moveByKeys(page);
     await enterImperialUnits(page);
     await readTitlesAndTimes(page);

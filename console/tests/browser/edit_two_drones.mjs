@@ -66,12 +66,30 @@ async function saveSlowly(page) {
   await page.unroute(`**/plans/${DRAFT}`);
 }
 
+/** The server stores the plan and its answer is lost: the same content is no other person's. */
+async function saveOverALostAnswer(page) {
+  await openEditor(page);
+  await page.getByLabel("Name", { exact: true }).fill("Two drones  ");
+  await page.route(`**/plans/${DRAFT}`, async (route) => {
+    if (route.request().method() !== "PUT") return route.continue();
+    await route.fetch();
+    return route.abort();
+  });
+  await button(page, "Save draft").click();
+  await page.locator(".notice-error").waitFor();
+  await page.unroute(`**/plans/${DRAFT}`);
+  await save(page);
+}
+
 /** A step back brings a drone back that was removed. */
 async function removeAndUndo(page) {
   await openEditor(page);
   await missionOf(page, 2).check();
   await button(page, "Remove drone 2").click();
   await missionOf(page, 2).waitFor({ state: "detached" });
+  // The button is gone: the keys go on from the one beside it
+  const focused = await page.evaluate(() => document.activeElement?.textContent);
+  if (focused !== "Add a drone") throw new Error(`the focus is at ${focused}`);
   await button(page, "Undo").click();
   await missionOf(page, 2).waitFor();
 }
@@ -99,6 +117,7 @@ try {
     await page.getByRole("navigation").waitFor();
     await addDrone(page);
     await editBoth(page);
+    await saveOverALostAnswer(page);
     await removeAndUndo(page);
     await keepDraft(page);
   });
