@@ -7,6 +7,7 @@ mission of that vehicle with its reason, is counted and shown, and affects no ot
 """
 
 import logging
+import math
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -34,6 +35,7 @@ from mavlink_broker.routing.policy import BrokerControl
 from mavlink_broker.routing.router import Clock, Link, Router
 from mavlink_broker.session import Session
 from mavlink_broker.supervision import InternalErrors
+from mavlink_broker.vehicle.control_authority import is_order
 from mavlink_broker.vehicle.measurements import OBSERVED
 from mavlink_broker.vehicle.vehicle import Vehicle
 
@@ -71,6 +73,12 @@ MAX_WARNING_CHARACTERS: Final = 255
 MAX_WAITING_PICTURES: Final = 8
 """With so many unanswered none is fetched: pictures are safer on the vehicle than in memory."""
 
+STOOD_STILL_S: Final = 2.0
+"""A loop that has not run for so long was suspended, or its machine was."""
+HEARTBEAT_WITHIN_S: Final = 3.0
+"""A vehicle that is connected has sent a heartbeat by then, at 1 Hz and one may be lost."""
+MAX_READS: Final = 64
+"""Of what has waited meanwhile: the buffers of all links hold less."""
 STARTUP_S: Final = 30.0
 """A restarted broker has received its vehicles and its unfinished missions by then."""
 FLYING: Final = frozenset({ModeRole.MISSION, ModeRole.GUIDED})
@@ -122,6 +130,10 @@ class App:
         self._step_at = 0.0
         self._to_step: set[int] = set()  # Systems that are stepped with this run of the loop
         self._started_at = clock.monotonic()
+        self._ran_at: float | None = None
+        self._is_behind = False  # While messages are received that have waited
+        self._unheard: set[int] = set()  # Systems without a heartbeat since the loop stood still
+        self._unheard_until = -math.inf
 
     @property
     def sessions(self) -> dict[int, Session]:
@@ -133,8 +145,7 @@ class App:
         messages = self._router.receive(wait_s)
         now = self._clock.monotonic()
         self._replace_vehicles(now)
-        for message in messages:
-            self._receive(message, now)
+        self._receive_all(messages, now)
         for work in self._take_work(now):
             match work:
                 case EventWork():
@@ -153,6 +164,43 @@ class App:
             self._sweep_at = now + SWEEP_INTERVAL_S
             for system in self._fleet.remove_strangers(now):
                 self._router.forget(system)
+
+    def _receive_all(self, messages: list[Message], now: float) -> None:
+        """Pass the messages that were read to their sessions."""
+        ran_at, self._ran_at = self._ran_at, now
+        if ran_at is not None and now - ran_at > STOOD_STILL_S:
+            _LOG.warning(
+                "the broker stood still for %.0f s (its machine was suspended or overloaded): no "
+                "vehicle is ordered before it is received again",
+                now - ran_at,
+            )
+            self._catch_up(messages, ran_at)
+            self._unheard = {member.system for member in self._fleet}
+            self._unheard_until = now + HEARTBEAT_WITHIN_S
+            return
+        for message in messages:
+            self._receive(message, now)
+
+    def _catch_up(self, messages: list[Message], then: float) -> None:
+        """Receive what has waited since `then`, as old as that; nothing is ordered by it.
+
+        Full buffers have lost the newest: a vehicle may have been taken over meanwhile. As behind a
+        lost link, what it does now is known with its next heartbeat.
+        """
+        self._is_behind = True
+        try:
+            for _ in range(MAX_READS):
+                for message in messages:
+                    self._receive(message, then)
+                messages = self._router.receive(0.0)
+                if not messages:
+                    return
+        finally:
+            self._is_behind = False
+
+    def _is_unheard(self, system: int) -> bool:
+        """Whether nothing has shown yet what a vehicle does since the loop stood still."""
+        return system in self._unheard and self._clock.monotonic() < self._unheard_until
 
     def _take_due(self, now: float) -> list[FleetMember]:
         """Give the vehicles whose session is to be stepped now."""
@@ -276,6 +324,8 @@ class App:
         if member is None:
             return
         is_of_autopilot = source_of(message).component == member.component
+        if is_of_autopilot and not self._is_behind and message.get_type() == "HEARTBEAT":
+            self._unheard.discard(member.system)
         if is_of_autopilot or message.get_type() in PAYLOAD_MESSAGES:
             with self._call(member, now) as call:
                 if is_of_autopilot:
@@ -295,7 +345,12 @@ class App:
                 member.session.take_outcome(outcome, now, call.effects)
 
     def _take_work(self, now: float) -> Iterator[Work]:
-        """Give the new work in order; work that is not valid is refused."""
+        """Give the new work in order; work that is not valid is refused.
+
+        None is decided by what was true before the loop stood still.
+        """
+        if any(map(self._is_unheard, self._unheard)):
+            return
         for raw in sorted(self._edge.take_work(), key=_work_id_of):
             try:
                 work = self._inbox.read(raw, now, self._clock.utc())
@@ -379,6 +434,8 @@ class App:
         if not (effects.messages or effects.for_edge or effects.jobs):
             return []
         messages = member.session.permitted(effects.messages, self._clock.monotonic())
+        if self._is_behind or self._is_unheard(member.system):
+            messages = [message for message in messages if not is_order(message)]
         errors = self._router.send(member.system, messages) if messages else []
         member.unsent += member.session.missions.due_for_edge(effects.for_edge)
         with _ErrorBoundary() as errors_of_posting:

@@ -91,6 +91,10 @@ class Air:
         if self._random.random() >= self._loss:
             self._to_broker.append((Address(*address), frame))
 
+    def overflow(self, datagrams: int) -> None:
+        """Lose what a buffer of so many datagrams has no room for: the newest."""
+        del self._to_broker[datagrams:]
+
     def receive(self, timeout_s: float) -> list[tuple[Address, bytes]]:
         del timeout_s
         datagrams, self._to_broker = self._to_broker, []
@@ -236,6 +240,14 @@ class World:
             self.app.step(0.0)
         else:
             self.air.receive(0.0)  # No broker receives it
+
+    def suspend_broker(self, seconds: float, buffered: int = 1000) -> None:
+        """Let time pass while the broker stands still and the buffer of its link fills."""
+        end = self.clock.now + seconds
+        while self.clock.now < end:
+            self.clock.now += self._tick_s
+            self.air.step()
+            self.air.overflow(buffered)
 
     def run_until(self, condition: Callable[[], Any], within_s: float = 120.0) -> None:
         """Let time pass until the condition holds."""

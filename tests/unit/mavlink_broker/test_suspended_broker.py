@@ -1,0 +1,124 @@
+"""A broker that stands still for a while: its process was stopped, or its machine suspended.
+
+Vehicles fly on meanwhile. The buffer of the link keeps the oldest datagrams and loses the newest,
+so that the broker reads next what was true long ago.
+"""
+
+import logging
+from collections.abc import Callable
+from typing import Final
+
+import pytest
+
+from afarcloud.enumerations import Status
+from mavlink_broker.mission.states import State
+from tests.support.broker_world import (
+    FINISHED,
+    World,
+    go_home,
+    hotpoint,
+    mission,
+    takeoff,
+    waypoint,
+)
+from tests.support.scripted_vehicle import ScriptedVehicle
+from tests.support.vehicle_script import ARDUPILOT, COPTER_RETURN, PX4, PX4_RETURN, Script
+from tests.unit.mavlink_broker.test_events import ABORT, answer_statuses
+from tests.unit.mavlink_broker.test_takeover import in_mission, live, orders
+
+FAMILIES = pytest.mark.parametrize(
+    ("script", "home"), [(PX4, PX4_RETURN), (ARDUPILOT, COPTER_RETURN)], ids=["px4", "ardupilot"]
+)
+PHASES = pytest.mark.parametrize("phase", [in_mission, live], ids=["mission", "live"])
+STOPS = pytest.mark.parametrize(
+    ("stopped_s", "buffered"), [(40.0, 60), (4.0, 10_000)], ids=["newest-lost", "short"]
+)
+"""Longer than a link takes to count as lost, with room for a few seconds; and shorter."""
+LONG_S: Final = 40.0
+BUFFERED: Final = 60
+
+
+def commands(vehicle: ScriptedVehicle, since: int) -> list[str]:
+    """Orders behind the first so many frames; parameters are given back to whoever flies it."""
+    return [one for one in orders(vehicle, since) if one.startswith("COMMAND")]
+
+
+@FAMILIES
+@PHASES
+@STOPS
+def test_a_vehicle_that_was_taken_over_meanwhile_is_not_ordered(
+    phase: Callable[[Script], World], script: Script, home: int, stopped_s: float, buffered: int
+) -> None:
+    world = phase(script)
+    vehicle = world.only_vehicle
+    world.suspend_broker(stopped_s, buffered)
+    vehicle.set_mode(home)
+    ordered = len(vehicle.frames)
+    world.suspend_broker(1.5, buffered)
+    world.run(30.0)
+    assert commands(vehicle, ordered) == []
+    if phase is live:  # A mission that ends with a return may have come to it unseen
+        assert world.edge.status(1201) == Status.FAILED
+
+
+@FAMILIES
+@PHASES
+@STOPS
+def test_an_abort_meanwhile_does_not_end_the_return_that_somebody_ordered(
+    phase: Callable[[Script], World], script: Script, home: int, stopped_s: float, buffered: int
+) -> None:
+    world = phase(script)
+    vehicle = world.only_vehicle
+    world.suspend_broker(stopped_s, buffered)
+    vehicle.set_mode(home)
+    world.suspend_broker(2.0, buffered)
+    ordered = len(vehicle.frames)
+    event = world.edge.event(ABORT)
+    world.suspend_broker(0.5, buffered)
+    world.run(10.0)
+    assert commands(vehicle, ordered) == []
+    if phase is live:
+        assert answer_statuses(world, event)[-1] == "refused"
+
+
+def test_what_follows_a_circle_that_ended_meanwhile_is_not_ordered() -> None:
+    world = World(tick_s=0.02)
+    vehicle = world.add_vehicle(script=PX4)
+    world.run(2.0)
+    world.edge.plan(mission(takeoff(1), hotpoint(2, start_point=4), waypoint(3), go_home(4)))
+    world.run_until(lambda: world.app.sessions[1].state is State.FLYING_LIVE)
+    world.suspend_broker(LONG_S, BUFFERED)
+    vehicle.set_mode(PX4_RETURN)
+    ordered = len(vehicle.frames)
+    world.suspend_broker(1.5, BUFFERED)
+    world.run(30.0)
+    assert commands(vehicle, ordered) == []
+
+
+@FAMILIES
+def test_a_mission_goes_on_behind_it(script: Script, home: int) -> None:
+    del home
+    world = in_mission(script)
+    world.suspend_broker(LONG_S, BUFFERED)
+    world.run_until_over(1201)
+    assert world.edge.statuses(1201) == FINISHED
+
+
+@FAMILIES
+def test_an_abort_meanwhile_is_carried_out(script: Script, home: int) -> None:
+    del home
+    world = in_mission(script)
+    event = world.edge.event(ABORT)
+    world.suspend_broker(LONG_S, BUFFERED)
+    world.run_until_over(1201)
+    assert world.edge.status(1201) == Status.ABORTED
+    world.run_until(lambda: answer_statuses(world, event)[-1] == "done")
+
+
+def test_its_log_says_for_how_long(caplog: pytest.LogCaptureFixture) -> None:
+    world = in_mission(PX4)
+    world.suspend_broker(LONG_S, BUFFERED)
+    with caplog.at_level(logging.WARNING):
+        world.run(1.0)
+    (line,) = [one for one in caplog.messages if "stood still" in one]
+    assert "for 40 s" in line
