@@ -30,6 +30,7 @@ from edge_server.store.connection.database import Database, Topic
 from edge_server.store.connection.engines import open_engine
 from edge_server.store.connection.failures import is_lost
 from edge_server.store.files import integrity
+from edge_server.store.files.read_only import wait_until_writable
 from edge_server.store.files.tally import Tally
 from edge_server.uplinks.mqtt_protocol import is_mqtt
 
@@ -55,8 +56,11 @@ def run(config: Config) -> None:
     """
     make_state_folder(config)
     stopping = threading.Event()
-    lock = StateFolderLock(config)
     _at_first_signal(stopping.set)
+    wait_until_writable(config.edge_dir, stopping.wait)
+    if stopping.is_set():
+        return
+    lock = StateFolderLock(config)
     try:
         lock.keep_trying(stopping)
         while not stopping.is_set() and _wait_for_database(config.database, stopping):

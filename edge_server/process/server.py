@@ -24,6 +24,7 @@ from edge_server.config import Config, ConfigError
 from edge_server.connections.admission import KEEP_ALIVE_S, Limits
 from edge_server.process import children, tls, workers
 from edge_server.process.exit_codes import FAILED, OK, WRONG_SETUP
+from edge_server.store.files.read_only import wait_until_writable
 
 if TYPE_CHECKING:
     from edge_server.api.access.auth import KeyRing
@@ -94,7 +95,7 @@ def _prepare(config: Config) -> int:
 
 
 def _prepare_when_available(config: Config) -> None:
-    """Prepare; waits for a database server that does not answer yet, and for space on the disk."""
+    """Prepare; waits for a database server that does not answer yet, and for a disk to write to."""
     from edge_server.process.preparation import prepare  # noqa: PLC0415  # stays in the child
     from edge_server.store.migrate import (  # noqa: PLC0415  # as above
         NoSpaceError,
@@ -103,6 +104,7 @@ def _prepare_when_available(config: Config) -> None:
 
     logged = ""
     while True:
+        wait_until_writable(config.edge_dir, _is_never_stopped)
         try:
             prepare(config)
         except (UnreachableError, NoSpaceError) as error:
@@ -112,6 +114,12 @@ def _prepare_when_available(config: Config) -> None:
             time.sleep(DATABASE_LOOK_S)
         else:
             return
+
+
+def _is_never_stopped(wait_s: float) -> bool:
+    """Wait; the parent's end ends this process."""
+    time.sleep(wait_s)
+    return False
 
 
 def listen(host: str, port: int, patience_s: float) -> socket.socket:

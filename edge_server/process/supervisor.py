@@ -130,9 +130,8 @@ class Supervisor:
         self._count(part)
         if not part.kind.is_vital:
             LOG.error(
-                "%s exited with code %d (%d times so far); it restarts in %.1f s; meanwhile"
-                " records are stored, and reports, plans and aborts are served",
-                *(part.kind.name, code, part.exits.total, wait_s),
+                "%s exited with code %d (%d times so far); it restarts in %.1f s; meanwhile %s",
+                *(part.kind.name, code, part.exits.total, wait_s, self._what_is_served()),
             )
         elif not part.exits.are_too_many:
             LOG.warning("%s exited with code %d; restarting it", part.kind.name, code)
@@ -145,6 +144,11 @@ class Supervisor:
             )
             return FAILED
         return OK
+
+    def _what_is_served(self) -> str:
+        if all(one.process.poll() is None for one in self._parts if one.kind.is_vital):
+            return "records are stored, and reports, plans and aborts are served"
+        return "nothing is stored or served: the server does not run either"
 
     def _count(self, part: Part) -> None:
         if self._tally is None:  # Created late: the state folder may not exist before

@@ -124,6 +124,15 @@ def test_a_server_that_exits_five_times_within_a_minute_stops_the_program(
     assert machine.ended == ["relay"]
 
 
+@pytest.mark.parametrize("server", [RUNS, -9])
+def test_an_exit_of_the_relay_says_whether_the_server_serves(
+    run: Callable[[Machine], int], caplog: pytest.LogCaptureFixture, server: int | None
+) -> None:
+    run(Machine({"serve": [server], "relay": [FAILED]}, term_at_s=1.0))
+    (first, *_) = [one for one in caplog.messages if one.startswith("relay exited")]
+    assert ("aborts are served" in first) == (server is RUNS)
+
+
 def test_a_server_that_exits_once_is_restarted(run: Callable[[Machine], int]) -> None:
     machine = Machine({"serve": [-9, RUNS], "relay": [RUNS]})
     assert run(machine) == OK
