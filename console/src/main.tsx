@@ -1,6 +1,6 @@
 import { StrictMode } from "react";
 import { createRoot } from "react-dom/client";
-import { presentSession, signInByLink, takeLink } from "./api/session";
+import { hasLink, presentSession, signInByLink, takeLink } from "./api/session";
 import { App } from "./app/App";
 import { readPreferences } from "./app/preferences";
 import { LANGUAGES, showLanguage } from "./i18n/i18n";
@@ -17,6 +17,10 @@ const root = document.getElementById("root");
 if (root === null) throw new Error("index.html has no element #root");
 // Loaded while the session is read: the map is the largest part, and nearly every screen has one
 void import("./map/FarmMap").catch(() => undefined);
+// A link that is pasted into an open page changes the address alone: it is used as by a new page
+window.addEventListener("hashchange", () => {
+  if (hasLink()) window.location.reload();
+});
 const language = showLanguage(readPreferences(Object.keys(LANGUAGES)).language);
 const link = takeLink();
 const entering = link === null ? presentSession() : signInByLink(link);

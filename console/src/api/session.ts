@@ -26,9 +26,16 @@ export async function signOut(): Promise<void> {
   setCsrfToken(null);
 }
 
+const LINK = /^#link=(.+)$/;
+
+/** Whether the address holds a one-time link. */
+export function hasLink(): boolean {
+  return LINK.test(window.location.hash);
+}
+
 /** Takes the token of a one-time link out of the address, so that it is in no history. */
 export function takeLink(): string | null {
-  const found = /^#link=(.+)$/.exec(window.location.hash);
+  const found = LINK.exec(window.location.hash);
   if (found?.[1] === undefined) return null;
   window.history.replaceState(null, "", window.location.pathname + window.location.search);
   try {

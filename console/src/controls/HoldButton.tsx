@@ -4,7 +4,8 @@ const HOLD_MS = 1000;
 
 /** A button for what must not happen by accident: it acts after one second of holding.
  *
- * Mouse, finger, or the keys Enter and Space; letting go earlier does nothing.
+ * Mouse, finger, or the keys Enter and Space; letting go earlier does nothing. A browser that is busy
+ * learns late of both: what counts is when the button was pressed and released, not when it learns it.
  */
 export function HoldButton({ children, hint, disabled = false, act, className = "" }: {
   children: ReactNode;
@@ -15,6 +16,7 @@ export function HoldButton({ children, hint, disabled = false, act, className = 
 }) {
   const [isHeld, setHeld] = useState(false);
   const timer = useRef<number | null>(null);
+  const pressedAt_ms = useRef(0);
   const latest = useRef(act);
   latest.current = act;
 
@@ -23,13 +25,19 @@ export function HoldButton({ children, hint, disabled = false, act, className = 
     timer.current = null;
     setHeld(false);
   }, []);
-  const press = () => {
+  const finish = useCallback(() => {
+    release();
+    latest.current();
+  }, [release]);
+  const press = (at_ms: number) => {
     if (disabled || timer.current !== null) return;
     setHeld(true);
-    timer.current = window.setTimeout(() => {
-      release();
-      latest.current();
-    }, HOLD_MS);
+    pressedAt_ms.current = at_ms;
+    timer.current = window.setTimeout(finish, HOLD_MS);
+  };
+  const letGo = (at_ms: number) => {
+    if (timer.current !== null && at_ms - pressedAt_ms.current >= HOLD_MS) finish();
+    else release();
   };
   useEffect(() => release, [release]);
   useEffect(() => {
@@ -42,18 +50,18 @@ export function HoldButton({ children, hint, disabled = false, act, className = 
       className={`hold ${isHeld ? "is-held" : ""} ${className}`}
       disabled={disabled}
       onPointerDown={(event) => {
-        if (event.button === 0) press();
+        if (event.button === 0) press(event.timeStamp);
       }}
-      onPointerUp={release}
+      onPointerUp={(event) => letGo(event.timeStamp)}
       onPointerLeave={release}
       onPointerCancel={release}
       onContextMenu={(event) => event.preventDefault()}
       onKeyDown={(event) => {
         if (event.key !== "Enter" && event.key !== " ") return;
         event.preventDefault();
-        if (!event.repeat) press();
+        if (!event.repeat) press(event.timeStamp);
       }}
-      onKeyUp={release}
+      onKeyUp={(event) => letGo(event.timeStamp)}
       onBlur={release}
     >
       <span className="hold-progress" />

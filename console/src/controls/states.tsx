@@ -87,12 +87,16 @@ export function Loaded<Row>({ resource, empty, missing, children }: {
 }
 
 /** What is wrong with a file, by its place in it. */
-export function FaultList({ faults }: { faults: readonly { path: string; text: string }[] }) {
+export function FaultList({ faults, nameOf }: {
+  faults: readonly { path: string; text: string }[];
+  /** Gives a person's name of a path, or null to show the path. */
+  nameOf?: (path: string) => string | null;
+}) {
   return (
     <ul className="small">
       {faults.map((fault) => (
         <li key={fault.path + fault.text}>
-          <code>{fault.path}</code> {fault.text}
+          {nameOf?.(fault.path) ?? <code>{fault.path}</code>} {fault.text}
         </li>
       ))}
     </ul>

@@ -3,7 +3,7 @@
 import type { TFunction } from "i18next";
 import type { RequestError } from "../api/client";
 
-const KNOWN = new Set([0, 401, 403, 404, 409, 412, 413, 422, 429, 503, 507]);
+const KNOWN = new Set([0, 401, 403, 404, 409, 412, 413, 415, 422, 429, 503, 507]);
 
 /** Says what happened and what can be done; the server's own reason follows where it has one. */
 export function describeError(error: RequestError, t: TFunction): string {

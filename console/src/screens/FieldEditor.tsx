@@ -257,7 +257,7 @@ function Editor({ read, others }: { read: Tagged<StoredField> | null; others: St
         <p>{t("fields.area", { area: units.area(fieldArea_m2(outline)) })}</p>
         {error && (
           <Notice kind="error">
-            <p>{error.faults.length > 0 ? t("editor.faults") : describeError(error, t)}</p>
+            <p>{error.faults.length > 0 ? t(otherFaults.length > 0 ? "editor.faults" : "editor.faults_marked") : describeError(error, t)}</p>
             <ul>
               {otherFaults.map((fault) => (
                 <li key={fault.path + fault.text}>{fault.text}</li>

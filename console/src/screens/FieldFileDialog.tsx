@@ -32,7 +32,13 @@ export function FieldFileDialog({ close, stored }: { close: () => void; stored: 
       {error !== null && (
         <Notice kind="error">
           <p>{error.faults.length > 0 ? t("error.422") : describeError(error, t)}</p>
-          <FaultList faults={error.faults} />
+          <FaultList
+            faults={error.faults}
+            nameOf={(path) => {
+              const area = /^features\.(\d+)/.exec(path)?.[1];
+              return area === undefined ? null : t("fields.upload_area", { number: Number(area) + 1 });
+            }}
+          />
         </Notice>
       )}
       <form className="card-form" onSubmit={submit}>

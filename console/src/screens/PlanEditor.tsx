@@ -1,4 +1,5 @@
 import { Suspense, useEffect, useMemo, useRef, useState } from "react";
+import { flushSync } from "react-dom";
 import { useTranslation } from "react-i18next";
 import type { Fault, Tagged } from "../api/client";
 import { createPlan, dispatchPlan, getTaggedPlan, listFields, replacePlan } from "../api/resources";
@@ -150,11 +151,13 @@ function Editor({ read }: { read: Tagged<Plan> | null }) {
     editMission(form.missions.length);
   };
   const removeMission = () => {
-    changeForm((present) => (
-      { ...present, missions: present.missions.filter((_, index) => index !== missionIndex) }
-    ));
-    editMission(Math.max(0, missionIndex - 1));
-    // The button that was pressed is about to go
+    // The button that was pressed goes; the one beside it takes the focus once there is a drone to add
+    flushSync(() => {
+      changeForm((present) => (
+        { ...present, missions: present.missions.filter((_, index) => index !== missionIndex) }
+      ));
+      editMission(Math.max(0, missionIndex - 1));
+    });
     adding.current?.querySelector("button")?.focus();
   };
   const add = (type: number, place: { latitude: number; longitude: number }) => {
@@ -320,7 +323,7 @@ function Editor({ read }: { read: Tagged<Plan> | null }) {
         )}
         {error && (
           <Notice kind="error">
-            <p>{error.faults.length > 0 ? t("editor.faults") : describeError(error, t)}</p>
+            <p>{error.faults.length > 0 ? t(otherFaults.length > 0 ? "editor.faults" : "editor.faults_marked") : describeError(error, t)}</p>
             <ul>
               {otherFaults.map((fault) => (
                 <li key={fault.path + fault.text}>{fault.text}</li>

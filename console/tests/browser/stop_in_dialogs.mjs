@@ -108,9 +108,37 @@ async function changePicture(page) {
   await page.getByRole("dialog", { name: "Picture 1" }).waitFor();
 }
 
-async function walk(page) {
-  await page.goto(ADMIN_LINK);
+/** A link that is pasted into an open page signs in, and is not left in the address. */
+async function signInByPastedLink(page) {
+  await page.goto(BASE);
+  await page.getByLabel("Password").waitFor();
+  await page.evaluate((link) => { window.location.href = link; }, ADMIN_LINK);
   await page.locator(".shell").waitFor();
+  if (page.url().includes("link=")) throw new Error(`the link is left at ${page.url()}`);
+}
+
+/** A busy page learns of press and release at once: the order was held long enough all the same. */
+async function stopInABusyPage(page) {
+  await page.locator(".header .stop-button").click();
+  const orders = page.getByRole("dialog", { name: "Stop a flight" });
+  const held = (milliseconds) => orders.getByRole("button", { name: "Land here" }).evaluate((button, duration) => {
+    const key = (type) => button.dispatchEvent(new KeyboardEvent(type, { key: "Enter", bubbles: true }));
+    key("keydown");
+    const end = performance.now() + duration;
+    while (performance.now() < end);
+    key("keyup");
+  }, milliseconds);
+  await held(600);
+  await page.waitForTimeout(800);
+  if (await orders.locator(".stop-orders li").count()) throw new Error("an order was sent after 0.6 s");
+  await held(1100);
+  await orders.locator(".stop-orders li").first().waitFor();
+  await page.keyboard.press("Escape");
+}
+
+async function walk(page) {
+  await signInByPastedLink(page);
+  await stopInABusyPage(page);
   for (const [name, ways] of Object.entries(DIALOGS)) {
     for (const [screen, open] of ways) {
       await page.goto(BASE + screen);
