@@ -44,6 +44,7 @@ TELEMETRY_WITHIN_S: Final = 3.0
 """How long a vehicle may take to send its position and the state of its sensors."""
 RESTARTED = "the vehicle was restarted since"
 NOT_SEEN: Final = "the vehicle lands, or has landed: whether it was there before is not known"
+LANDED_UNSEEN: Final = "the vehicle has landed unseen: it may have flown its mission to the end"
 _DESCENDING: Final = Claim(control_authority.DESCENT_MODES)
 _IN_AIR: Final = Claim(control_authority.AIRBORNE_MODES)
 ANSWERED_KEPT: Final = 256
@@ -323,7 +324,8 @@ class PendingEvents:
         elif work.was_accepted and (work.work_id in self._stale or self._is_past(self._noted_s)):
             effects.for_edge.append(Acknowledgement(work.work_id, "refused", RESTARTED))
         elif comes_down or (not seen.armed and vehicle.shows_itself(now)):
-            note = None if work.event.abort is None else NOT_SEEN
+            is_seen = comes_down or not work.was_accepted
+            note = NOT_SEEN if work.event.abort else None if is_seen else LANDED_UNSEEN
             effects.for_edge.append(Acknowledgement(work.work_id, "done", note))
         else:
             if is_newer:

@@ -4,12 +4,13 @@ import dataclasses
 from collections.abc import Callable
 from datetime import timedelta
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from afarcloud.enumerations import Status
 from mavlink_broker.mavlink.dialect import mavlink
-from mavlink_broker.mission.pending_events import NOT_SEEN
+from mavlink_broker.mission.pending_events import LANDED_UNSEEN, NOT_SEEN
 from mavlink_broker.mission.phases.aborting import NOT_OBEYED, NOT_THERE, STANDS
 from mavlink_broker.mission.states import State
 from tests.support.broker_world import World, first_flight, go_home, mission, takeoff, waypoint
@@ -90,12 +91,17 @@ def test_a_place_that_cannot_be_ordered_is_a_landing_and_the_answer_says_so() ->
     assert world.edge.acknowledgements(event)[-1] == {"status": "done", "message": NOT_OBEYED}
 
 
-def test_an_abort_whose_vehicle_has_landed_meanwhile_does_not_say_that_it_was_there() -> None:
+@pytest.mark.parametrize(
+    ("place", "note"), [({"abort": POINT}, NOT_SEEN), ({}, LANDED_UNSEEN)], ids=["place", "here"]
+)
+def test_an_abort_whose_vehicle_has_landed_meanwhile_does_not_say_that_it_was_obeyed(
+    place: dict[str, Any], note: str
+) -> None:
     """The link was away from the abort on, and the broker was restarted."""
     world = world_at(1)
     vehicle = world.only_vehicle
     vehicle.silent = True
-    event = world.edge.event(ABORT, abort=POINT)
+    event = world.edge.event(ABORT, **place)
     world.run(2.0)
     assert answer_statuses(world, event) == ["accepted"]
     world.kill_broker()
@@ -103,7 +109,7 @@ def test_an_abort_whose_vehicle_has_landed_meanwhile_does_not_say_that_it_was_th
     vehicle.silent = False
     world.restart_broker()
     world.run_until(lambda: "done" in answer_statuses(world, event))
-    assert world.edge.acknowledgements(event)[-1] == {"status": "done", "message": NOT_SEEN}
+    assert world.edge.acknowledgements(event)[-1] == {"status": "done", "message": note}
 
 
 def test_an_abort_that_finds_its_vehicle_on_the_ground_says_so() -> None:
