@@ -32,7 +32,7 @@ try {
     await page.waitForTimeout(HELD_MS);
     await page.mouse.up();
     console.log(String((await page.evaluate(() => globalThis.pressed_ms)) + HOLD_MS));
-    await page.getByRole("dialog").getByRole("button", { name: "Close" }).click();
+    await page.keyboard.press("Escape");
   }
 } finally {
   await browser.close();
