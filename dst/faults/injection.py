@@ -25,6 +25,8 @@ SLOWEST_DELAY: Final = 7.5
 """From the rate of slow links to their delay in each direction, up to 1.5 s."""
 KILL_RATE: Final = 0.15
 """How often the broker is killed just after it has accepted something."""
+MEAN_SUSPENDED_S: Final = 12.0
+LONGEST_SUSPENDED_S: Final = 60.0
 MEAN_KILL_S: Final = 1.0
 """From an acceptance to the fault that follows it."""
 POWERLESS_S: Final = (60.0, 180.0)
@@ -74,6 +76,7 @@ class Faults:
             path.conditions, path.is_up = PERFECT, True
         world.cloud.is_up, world.cloud.answer_loss = True, 0.0
         world.broker.download_failure_share = 0.0
+        world.broker.resume()
         world.http.restore()
         for machine in self._machines:
             machine.restore()
@@ -170,6 +173,7 @@ class Faults:
                 self._repeat(action, self._world.scheduler.random(fault))
         in_flight = {
             Fault.PILOT: self._take_over,
+            Fault.BROKER_SUSPENDED: self._suspend_broker,
             Fault.VEHICLE_FAILS: self._fail_vehicle,
             Fault.POWER_CUT: self._cut_power,
             Fault.REBOOTED_IN_FLIGHT: self._reboot_in_flight,
@@ -314,6 +318,23 @@ class Faults:
                 vehicle.release()
 
         self._world.scheduler.after(random.uniform(5.0, 120.0), release)
+
+    def _suspend_broker(self, random: Random) -> None:
+        """Have the broker stand still, for longer than a link takes to be lost or not."""
+        world = self._world
+        if not world.broker.is_running:
+            return
+        world.scheduler.note("faults", "broker", "suspended")
+        world.broker.suspend()
+
+        def resume() -> None:
+            world.scheduler.note("faults", "broker", "resumed")
+            world.broker.resume()
+            for system in world.vehicles:
+                world.connected(system)
+
+        lasting_s = min(random.expovariate(1.0 / MEAN_SUSPENDED_S), LONGEST_SUSPENDED_S)
+        self._later(lasting_s, resume)
 
     def _cut_power(self, random: Random) -> None:
         """Have the farm's radio fail, and soon its machines."""

@@ -28,6 +28,7 @@ class Fault(StrEnum):
     CLOUD_UNREACHABLE = "cloud-unreachable"
     CLOUD_ANSWERS_LOST = "cloud-answers-lost"
     BROKER_KILLED = "broker-killed"
+    BROKER_SUSPENDED = "broker-suspended"
     EDGE_KILLED = "edge-killed"
     RELAY_KILLED = "relay-killed"
     KILLED_AT_CHANGES = "killed-at-changes"
@@ -78,13 +79,15 @@ PLACES: Final = (
     ),
     (Fault.CLOUD_UNREACHABLE, Fault.CLOUD_ANSWERS_LOST, Fault.RELAY_KILLED),
     (
-        *(Fault.BROKER_KILLED, Fault.EDGE_KILLED, Fault.KILLED_AT_CHANGES),
+        *(Fault.BROKER_KILLED, Fault.BROKER_SUSPENDED, Fault.EDGE_KILLED, Fault.KILLED_AT_CHANGES),
         *(Fault.POWER_CUT, Fault.POWER_LOST, Fault.CLOCKS),
     ),
     (Fault.DISK_FULL, Fault.DISK_READ_ONLY, Fault.DISK_SLOW, Fault.DATABASE_LOCKED),
 )
 """Where a seed may have no faults at all: one that works lets those of other places meet."""
 INTACT_SHARE: Final = 1.0 / 3.0
+ON_REQUEST: Final = frozenset({Fault.BROKER_SUSPENDED})
+"""Drawn by no seed, but enabled by name: the recorded seeds keep their worlds."""
 
 
 def draw(seed: int) -> frozenset[Fault]:
@@ -95,5 +98,5 @@ def draw(seed: int) -> frozenset[Fault]:
     return frozenset(
         fault
         for fault in Fault
-        if Random(f"{seed}/swarm/{fault}").random() < share and fault not in intact
+        if Random(f"{seed}/swarm/{fault}").random() < share and fault not in intact | ON_REQUEST
     )

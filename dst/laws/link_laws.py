@@ -25,9 +25,10 @@ class LinkLaws:
         for system in world.vehicles:
             self._note_change(system)
             is_settled = world.scheduler.now_s - self._changed_s[system] >= SHOWN_S
-            if not is_settled or system in world.twinned or world.broker.app is None:
+            app = world.broker.app if world.broker.is_running else None
+            if not is_settled or system in world.twinned or app is None:
                 continue
-            session = world.broker.app.sessions.get(system)
+            session = app.sessions.get(system)
             now_s = world.broker.clock.monotonic()
             if session is None or not session.vehicle.is_connected(now_s):
                 continue

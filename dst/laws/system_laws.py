@@ -201,7 +201,8 @@ class Laws:
     def _connected_since_s(self, system: int) -> float:
         """Give since when the broker can reach a vehicle; infinite while it cannot."""
         world = self._world
-        is_connected = world.broker.is_up and world.up[system].is_up and world.down[system].is_up
+        is_linked = world.up[system].is_up and world.down[system].is_up
+        is_connected = world.broker.is_running and is_linked
         return world.connected_s[system] if is_connected else math.inf
 
     def _nothing_flown_after_abort(self) -> None:

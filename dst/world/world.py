@@ -15,8 +15,9 @@ from dst.scheduler import KEPT_LINES, Clock, Scheduler
 from dst.vehicles.autopilot import FAMILIES, Autopilot
 from dst.vehicles.flight import Truth
 from dst.vehicles.vehicle import Vehicle
-from dst.world.broker_process import BrokerProcess, EdgeHttp
+from dst.world.broker_process import BrokerProcess
 from dst.world.disk import Disk, attached
+from dst.world.edge_http import EdgeHttp
 from dst.world.edge_process import (
     BREAK_HOUSEKEEPING_S,
     HOUSEKEEPING_S,

@@ -34,6 +34,7 @@ FAILED_BEFORE = {
     ),
 }
 """Seeds with faults that they do not draw themselves."""
+SUSPENDED = frozenset({Fault.ABORTS, Fault.BROKER_SUSPENDED, Fault.PILOT})
 LARGEST_SEED = 10**6
 IS_CI = bool(os.environ.get("CI"))
 """Whether a change decides over the result, not chance."""
@@ -70,6 +71,14 @@ def test_every_law_holds_in_a_seed_that_has_failed(
 ) -> None:
     outcome = simulate(seed, prepared, faults=faults)
     assert outcome.failure is None, outcome.describe()
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("seed", range(20, 26))
+def test_every_law_holds_while_the_broker_is_suspended(seed: int, prepared: Path) -> None:
+    outcome = simulate(seed, prepared, faults=SUSPENDED, kept_lines=None)
+    assert outcome.failure is None, outcome.describe()
+    assert any("suspended" in line for line in outcome.lines)
 
 
 def test_a_seed_posts_plans_and_flies(prepared: Path) -> None:
