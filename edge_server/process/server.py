@@ -102,9 +102,9 @@ def _prepare_when_available(config: Config) -> None:
         UnreachableError,
     )
 
-    logged = ""
+    logged, never = "", threading.Event()  # A signal ends the parent, which ends this process
     while True:
-        wait_until_writable(config.edge_dir, _is_never_stopped)
+        wait_until_writable(config.edge_dir, never.wait)
         try:
             prepare(config)
         except (UnreachableError, NoSpaceError) as error:
@@ -114,12 +114,6 @@ def _prepare_when_available(config: Config) -> None:
             time.sleep(DATABASE_LOOK_S)
         else:
             return
-
-
-def _is_never_stopped(wait_s: float) -> bool:
-    """Wait; the parent's end ends this process."""
-    time.sleep(wait_s)
-    return False
 
 
 def listen(host: str, port: int, patience_s: float) -> socket.socket:

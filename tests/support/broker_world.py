@@ -91,6 +91,11 @@ class Air:
         if self._random.random() >= self._loss:
             self._to_broker.append((Address(*address), frame))
 
+    @property
+    def waiting(self) -> int:
+        """How many datagrams the broker has not read."""
+        return len(self._to_broker)
+
     def overflow(self, datagrams: int) -> None:
         """Lose what a buffer of so many datagrams has no room for: the newest."""
         del self._to_broker[datagrams:]
@@ -241,13 +246,14 @@ class World:
         else:
             self.air.receive(0.0)  # No broker receives it
 
-    def suspend_broker(self, seconds: float, buffered: int = 1000) -> None:
-        """Let time pass while the broker stands still and the buffer of its link fills."""
-        end = self.clock.now + seconds
+    def suspend_broker(self, seconds: float, *, is_full: bool = False) -> None:
+        """Let time pass while the broker stands still; a full buffer takes nothing any more."""
+        end, waiting = self.clock.now + seconds, self.air.waiting
         while self.clock.now < end:
             self.clock.now += self._tick_s
             self.air.step()
-            self.air.overflow(buffered)
+            if is_full:
+                self.air.overflow(waiting)
 
     def run_until(self, condition: Callable[[], Any], within_s: float = 120.0) -> None:
         """Let time pass until the condition holds."""

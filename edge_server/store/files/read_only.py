@@ -25,12 +25,12 @@ def is_read_only(folder: Path) -> bool:
 
 def wait_until_writable(
     folder: Path,
-    is_stopped: Callable[[float], bool],
+    wait: Callable[[float], bool],
     is_read_only: Callable[[Path], bool] = is_read_only,
 ) -> None:
     """Wait while the folder is read-only, and say so once a minute.
 
-    `is_stopped` waits for so many seconds, and tells whether the program is to end instead.
+    `wait` is `threading.Event.wait` of the event that ends the program: it ends the waiting too.
     """
     waited_s = 0.0
     while is_read_only(folder):
@@ -41,7 +41,7 @@ def wait_until_writable(
                 "(dmesg), then mount -o remount,rw",
                 folder,
             )
-        if is_stopped(LOOK_S):
+        if wait(LOOK_S):
             return
         waited_s += LOOK_S
     if waited_s:

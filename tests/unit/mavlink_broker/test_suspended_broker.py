@@ -22,8 +22,9 @@ from tests.support.broker_world import (
     waypoint,
 )
 from tests.support.scripted_vehicle import ScriptedVehicle
-from tests.support.vehicle_script import ARDUPILOT, COPTER_RETURN, PX4, PX4_RETURN, Script
+from tests.support.vehicle_script import ARDUPILOT, COPTER_RETURN, PX4, PX4_HOLD, PX4_RETURN, Script
 from tests.unit.mavlink_broker.test_events import ABORT, answer_statuses
+from tests.unit.mavlink_broker.test_live_commands import OWN
 from tests.unit.mavlink_broker.test_takeover import in_mission, live, orders
 
 FAMILIES = pytest.mark.parametrize(
@@ -31,11 +32,29 @@ FAMILIES = pytest.mark.parametrize(
 )
 PHASES = pytest.mark.parametrize("phase", [in_mission, live], ids=["mission", "live"])
 STOPS = pytest.mark.parametrize(
-    ("stopped_s", "buffered"), [(40.0, 60), (4.0, 10_000)], ids=["newest-lost", "short"]
+    ("stopped_s", "is_full"), [(40.0, True), (4.0, False)], ids=["newest-lost", "short"]
 )
-"""Longer than a link takes to count as lost, with room for a few seconds; and shorter."""
+"""Longer than a link takes to count as lost, and the buffer is full soon; and shorter."""
 LONG_S: Final = 40.0
-BUFFERED: Final = 60
+KEPT_S: Final = 3.0
+"""What a buffer holds that is full soon."""
+
+
+def stand_still(world: World, seconds: float, *, is_full: bool = True) -> None:
+    """Suspend the broker; a full buffer has the first seconds alone."""
+    world.suspend_broker(KEPT_S)
+    world.suspend_broker(seconds - KEPT_S, is_full=is_full)
+
+
+def return_meanwhile(world: World, home: int, seconds: float, *, is_full: bool) -> int:
+    """Have somebody order a return while the broker stands still, and 2 s more pass.
+
+    Gives how many frames the vehicle had by then.
+    """
+    stand_still(world, seconds, is_full=is_full)
+    world.only_vehicle.set_mode(home)
+    world.suspend_broker(2.0, is_full=is_full)
+    return len(world.only_vehicle.frames)
 
 
 def commands(vehicle: ScriptedVehicle, since: int) -> list[str]:
@@ -47,16 +66,12 @@ def commands(vehicle: ScriptedVehicle, since: int) -> list[str]:
 @PHASES
 @STOPS
 def test_a_vehicle_that_was_taken_over_meanwhile_is_not_ordered(
-    phase: Callable[[Script], World], script: Script, home: int, stopped_s: float, buffered: int
+    phase: Callable[[Script], World], script: Script, home: int, stopped_s: float, is_full: bool
 ) -> None:
     world = phase(script)
-    vehicle = world.only_vehicle
-    world.suspend_broker(stopped_s, buffered)
-    vehicle.set_mode(home)
-    ordered = len(vehicle.frames)
-    world.suspend_broker(1.5, buffered)
+    ordered = return_meanwhile(world, home, stopped_s, is_full=is_full)
     world.run(30.0)
-    assert commands(vehicle, ordered) == []
+    assert commands(world.only_vehicle, ordered) == []
     if phase is live:  # A mission that ends with a return may have come to it unseen
         assert world.edge.status(1201) == Status.FAILED
 
@@ -65,32 +80,31 @@ def test_a_vehicle_that_was_taken_over_meanwhile_is_not_ordered(
 @PHASES
 @STOPS
 def test_an_abort_meanwhile_does_not_end_the_return_that_somebody_ordered(
-    phase: Callable[[Script], World], script: Script, home: int, stopped_s: float, buffered: int
+    phase: Callable[[Script], World], script: Script, home: int, stopped_s: float, is_full: bool
 ) -> None:
     world = phase(script)
-    vehicle = world.only_vehicle
-    world.suspend_broker(stopped_s, buffered)
-    vehicle.set_mode(home)
-    world.suspend_broker(2.0, buffered)
-    ordered = len(vehicle.frames)
+    ordered = return_meanwhile(world, home, stopped_s, is_full=is_full)
     event = world.edge.event(ABORT)
-    world.suspend_broker(0.5, buffered)
+    world.suspend_broker(0.5, is_full=is_full)
     world.run(10.0)
-    assert commands(vehicle, ordered) == []
+    assert commands(world.only_vehicle, ordered) == []
     if phase is live:
         assert answer_statuses(world, event)[-1] == "refused"
 
 
 def test_what_follows_a_circle_that_ended_meanwhile_is_not_ordered() -> None:
+    """The buffer holds the end of the circle, and not the return behind it."""
     world = World(tick_s=0.02)
-    vehicle = world.add_vehicle(script=PX4)
+    vehicle = world.add_vehicle(script=OWN)
     world.run(2.0)
     world.edge.plan(mission(takeoff(1), hotpoint(2, start_point=4), waypoint(3), go_home(4)))
     world.run_until(lambda: world.app.sessions[1].state is State.FLYING_LIVE)
-    world.suspend_broker(LONG_S, BUFFERED)
+    world.suspend_broker(30.0)
+    assert vehicle.custom_mode == PX4_HOLD
+    world.suspend_broker(10.0, is_full=True)
     vehicle.set_mode(PX4_RETURN)
     ordered = len(vehicle.frames)
-    world.suspend_broker(1.5, BUFFERED)
+    world.suspend_broker(1.5, is_full=True)
     world.run(30.0)
     assert commands(vehicle, ordered) == []
 
@@ -99,7 +113,7 @@ def test_what_follows_a_circle_that_ended_meanwhile_is_not_ordered() -> None:
 def test_a_mission_goes_on_behind_it(script: Script, home: int) -> None:
     del home
     world = in_mission(script)
-    world.suspend_broker(LONG_S, BUFFERED)
+    stand_still(world, LONG_S)
     world.run_until_over(1201)
     assert world.edge.statuses(1201) == FINISHED
 
@@ -109,7 +123,7 @@ def test_an_abort_meanwhile_is_carried_out(script: Script, home: int) -> None:
     del home
     world = in_mission(script)
     event = world.edge.event(ABORT)
-    world.suspend_broker(LONG_S, BUFFERED)
+    stand_still(world, LONG_S)
     world.run_until_over(1201)
     assert world.edge.status(1201) == Status.ABORTED
     world.run_until(lambda: answer_statuses(world, event)[-1] == "done")
@@ -117,7 +131,7 @@ def test_an_abort_meanwhile_is_carried_out(script: Script, home: int) -> None:
 
 def test_its_log_says_for_how_long(caplog: pytest.LogCaptureFixture) -> None:
     world = in_mission(PX4)
-    world.suspend_broker(LONG_S, BUFFERED)
+    stand_still(world, LONG_S)
     with caplog.at_level(logging.WARNING):
         world.run(1.0)
     (line,) = [one for one in caplog.messages if "stood still" in one]
