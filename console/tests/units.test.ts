@@ -1,10 +1,26 @@
-import { expect, test } from "vitest";
+import { afterEach, expect, test, vi } from "vitest";
 import { gridOf, stepOf } from "../src/map/grid";
 import { Units } from "../src/units/units";
 
 test("people read kilometres per hour or miles per hour", () => {
   expect(new Units("metric", "en").speed(10)).toBe("36 km/h");
   expect(new Units("imperial", "en").speed(10)).toBe("22 mph");
+});
+
+afterEach(() => vi.unstubAllGlobals());
+
+test.each([
+  ["en-GB", "en", "14:05", "14:05:09"],
+  ["en-US", "en", "02:05 PM", "02:05:09 PM"],
+  ["en-GB", "es", "14:05", "14:05:09"],
+  ["de-AT", "en", "02:05 PM", "02:05:09 PM"],
+])("a browser in %s with the console in %s writes the time as %s", (region, language, minutes, seconds) => {
+  vi.stubGlobal("navigator", { languages: ["fr-FR", region] });
+  const units = new Units("metric", language);
+  const stamp = "2026-11-28T14:05:09"; // Without a zone: that of the browser
+  const plain = (text: string) => text.replace(/\s/g, " "); // Some regions write a narrow space
+  expect(plain(units.time(stamp))).toMatch(new RegExp(`${minutes}$`));
+  expect(plain(units.clock(stamp))).toBe(seconds);
 });
 
 test("a height just below zero is no negative zero", () => {

@@ -37,8 +37,13 @@ function rounded(value: number, digits: number, language: string): string {
 /** Languages that write 1.5 as JavaScript does. */
 const PLAIN_POINT = /^en\b/;
 
-/** In each place the same; the language decides between 12 and 24 hours. */
+/** In each place the same; the region decides between 12 and 24 hours. */
 const HOUR_AND_MINUTE = { hour: "2-digit", minute: "2-digit" } as const;
+
+/** The language as the browser's own region writes its times, where the browser names one: "en-GB" for "en". */
+function withRegion(language: string): string {
+  return navigator.languages.find((one) => one.startsWith(`${language}-`)) ?? language;
+}
 
 /** Formats values in one system of units and one language. */
 export class Units {
@@ -175,7 +180,7 @@ export class Units {
   /** Date and time, in the browser's time zone. */
   time(stamp: string | null | undefined): string {
     if (!stamp) return "–";
-    return new Date(stamp).toLocaleString(this.language, {
+    return new Date(stamp).toLocaleString(withRegion(this.language), {
       day: "numeric",
       month: "short",
       ...HOUR_AND_MINUTE,
@@ -184,7 +189,7 @@ export class Units {
 
   /** Time of day to the second, in the browser's time zone. */
   clock(stamp: string): string {
-    return new Date(stamp).toLocaleTimeString(this.language, { ...HOUR_AND_MINUTE, second: "2-digit" });
+    return new Date(stamp).toLocaleTimeString(withRegion(this.language), { ...HOUR_AND_MINUTE, second: "2-digit" });
   }
 
   #write(value: number, digits: number): string {

@@ -161,14 +161,22 @@ def _is_shapefile(upload: uploads.Upload) -> bool:
     """Whether it is a Shapefile; a KMZ that is sent as a zip archive is none."""
     if upload.media_type not in shapefile.MEDIA_TYPES | {uploads.UNSPECIFIED}:
         return False
-    if upload.media_type in shapefile.MEDIA_TYPES and not zipped.is_zip(upload.raw):
-        raise InvalidError((Fault("", "is no zip archive"),))
+    if upload.media_type in shapefile.MEDIA_TYPES:
+        _require_zip(upload)
     return shapefile.is_shapefile(upload.raw)
 
 
+def _require_zip(upload: uploads.Upload) -> None:
+    if not zipped.is_zip(upload.raw):
+        raise InvalidError((Fault("", "is no zip archive"),))
+
+
 def _is_kml(upload: uploads.Upload) -> bool:
+    beginning = upload.raw.lstrip(b"\xef\xbb\xbf \t\r\n")[:2]
     if upload.media_type == uploads.UNSPECIFIED:
-        return upload.raw.lstrip(b"\xef\xbb\xbf \t\r\n")[:2] in {b"<?", b"<k", b"<!", b"PK"}
+        return beginning in {b"<?", b"<k", b"<!", b"PK"}
+    if upload.media_type == kml.ZIPPED_MEDIA_TYPE and not beginning.startswith(b"<"):
+        _require_zip(upload)
     return upload.media_type in kml.MEDIA_TYPES | {kml.ZIPPED_MEDIA_TYPE} | shapefile.MEDIA_TYPES
 
 

@@ -165,6 +165,16 @@ def test_a_file_that_cannot_be_read_is_refused(
     refusal(edge, send(edge, raw, media_type), status)
 
 
+@pytest.mark.parametrize("media_type", [KMZ, "application/zip"])
+def test_a_file_that_says_it_is_an_archive_is_no_xml(edge: Edge, media_type: str) -> None:
+    answer = send(edge, b"\x00broken", media_type)
+    assert refusal(edge, answer, 422)["json"] == {"": ["is no zip archive"]}
+
+
+def test_a_kmz_may_be_kml_that_nobody_has_packed(edge: Edge) -> None:
+    assert send(edge, DOCUMENT, KMZ).status_code == 201
+
+
 def test_a_shapefile_is_refused_with_the_file_of_the_archive(edge: Edge) -> None:
     raw = archive(shp(record([(-3.74, 40.44), (-3.74, 40.45), (-3.73, 40.45)])), None)
     answer = send(edge, raw, "application/zip")
