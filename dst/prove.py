@@ -105,6 +105,17 @@ BREAKS: Final = (
         (Fault.REPORT_ALWAYS_FAILS,),
     ),
     Break(
+        "a suspended broker orders by old telemetry",
+        (
+            Change(
+                "mavlink_broker/app.py",
+                "        if ran_at is not None and now - ran_at > STOOD_STILL_S:\n",
+                "        if ran_at is not None and now - ran_at > 1e9:\n",
+            ),
+        ),
+        (Fault.BROKER_SUSPENDED, Fault.PILOT),
+    ),
+    Break(
         "a pilot's takeover is not noticed",
         (
             Change(

@@ -347,7 +347,10 @@ class Operator:
             return
         flying = [system for system, vehicle in world.vehicles.items() if vehicle.is_flying]
         lost = [
-            system for system in flying if not (world.up[system].is_up and world.down[system].is_up)
+            system
+            for system in flying
+            if not (world.up[system].is_up and world.down[system].is_up)
+            or world.broker.is_suspended
         ]
         if not lost and self._orders.random() >= self._abort_share:
             return

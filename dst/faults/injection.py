@@ -27,6 +27,8 @@ KILL_RATE: Final = 0.15
 """How often the broker is killed just after it has accepted something."""
 MEAN_SUSPENDED_S: Final = 12.0
 LONGEST_SUSPENDED_S: Final = 60.0
+TAKEN_SHARE: Final = 0.5
+"""How often a pilot takes a vehicle while the broker is suspended: what it reads next is old."""
 MEAN_KILL_S: Final = 1.0
 """From an acceptance to the fault that follows it."""
 POWERLESS_S: Final = (60.0, 180.0)
@@ -335,6 +337,8 @@ class Faults:
 
         lasting_s = min(random.expovariate(1.0 / MEAN_SUSPENDED_S), LONGEST_SUSPENDED_S)
         self._later(lasting_s, resume)
+        if Fault.PILOT in self._enabled and random.random() < TAKEN_SHARE:
+            self._later(random.uniform(0.0, lasting_s), partial(self._take_over, random))
 
     def _cut_power(self, random: Random) -> None:
         """Have the farm's radio fail, and soon its machines."""

@@ -86,8 +86,6 @@ PLACES: Final = (
 )
 """Where a seed may have no faults at all: one that works lets those of other places meet."""
 INTACT_SHARE: Final = 1.0 / 3.0
-ON_REQUEST: Final = frozenset({Fault.BROKER_SUSPENDED})
-"""Drawn by no seed, but enabled by name: the recorded seeds keep their worlds."""
 
 
 def draw(seed: int) -> frozenset[Fault]:
@@ -98,5 +96,5 @@ def draw(seed: int) -> frozenset[Fault]:
     return frozenset(
         fault
         for fault in Fault
-        if Random(f"{seed}/swarm/{fault}").random() < share and fault not in intact | ON_REQUEST
+        if Random(f"{seed}/swarm/{fault}").random() < share and fault not in intact
     )

@@ -16,6 +16,7 @@ from dst.laws.delivery_laws import DeliveryLaws
 from dst.laws.event_laws import EventLaws
 from dst.laws.link_laws import LinkLaws
 from dst.laws.picture_laws import PictureLaws
+from dst.laws.pilot_laws import PilotLaws
 from dst.vehicles.autopilot import Mode
 from dst.vehicles.flight import SINK_M_S, Arming, Reached, Truth, is_same_place
 from dst.vehicles.vehicle import Vehicle
@@ -29,8 +30,6 @@ BREAK_CHECK_PERIOD_S: Final = 600.0
 """While every vehicle is switched off."""
 ENDED_MISSION_S: Final = 10.0
 """After its terminal status nothing of a mission is flown any more within this time."""
-TAKEOVER_S: Final = 15.0
-"""The broker has noticed a pilot within this time on a link that is up."""
 
 ALARM_S: Final = 30.0
 """After a failure, the edge server has the alarm within this time."""
@@ -68,6 +67,7 @@ class Laws:
         self._deliveries = DeliveryLaws(world, operator)
         self._pictures = PictureLaws(world, operator)
         self._links = LinkLaws(world)
+        self._pilots = PilotLaws(world)
         self._events = EventLaws(world, operator)
         self.period_s = CHECK_PERIOD_S
         world.http.on_taken = self._taken
@@ -100,7 +100,6 @@ class Laws:
         Raises:
             LawError: if one is broken.
         """
-        self._no_order_under_pilot()
         self._nothing_invalid()
         if not (self._world.edge.is_up and self._world.http.is_perfect):
             self._edge_trouble_s = self._world.scheduler.now_s
@@ -118,21 +117,9 @@ class Laws:
         self._no_database_was_damaged()
         self._nothing_flown_after_abort()
         stored_twice = self._deliveries.stored_twice()
-        for broken in (*stored_twice, *self._pictures.broken, *self._links.broken()):
+        of_vehicles = (*self._pilots.broken(), *self._links.broken())
+        for broken in (*stored_twice, *self._pictures.broken, *of_vehicles):
             raise LawError(broken)
-
-    def _no_order_under_pilot(self) -> None:
-        """Nobody commands a vehicle that a pilot has taken."""
-        for system, vehicle in self._world.vehicles.items():
-            connected_s = self._world.connected_s[system]
-            for order in vehicle.truth.orders_under_pilot:
-                known_s = order.time_s - max(order.pilot_since_s, connected_s)
-                if known_s > TAKEOVER_S:
-                    raise LawError(
-                        f"vehicle {system}: {order.name} at {order.time_s:.1f} s, under a pilot "
-                        f"since {order.pilot_since_s:.1f} s"
-                    )
-            vehicle.truth.orders_under_pilot.clear()
 
     def _nothing_invalid(self) -> None:
         """The broker reports nothing that the edge server has to refuse for its content."""

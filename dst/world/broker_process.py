@@ -31,8 +31,11 @@ QUIET_STEP_S: Final = 10.0
 """Period of the loop, and of the look for posts, while no vehicle is switched on."""
 QUIET_AFTER_S: Final = 120.0
 """Without a datagram for this time, every vehicle is taken for switched off."""
-BUFFERED: Final = 400
-"""Datagrams that a suspended broker's socket keeps, the oldest: those of some ten seconds."""
+BUFFERED: Final = 100
+"""Datagrams that a suspended broker's socket keeps, the oldest: those of some three seconds.
+
+Linux keeps 212,992 bytes, some 277 small datagrams; vehicles here send fewer than real ones do.
+"""
 WAKE_S: Final = 0.02
 """Datagrams that arrive within this time are taken together."""
 POLL_S: Final = 0.5
@@ -117,11 +120,12 @@ class BrokerProcess:
         self._journal_lag_s = journal_lag_s
         self._ulids = count(1)
         self._starts = 0
-        self._started_s = 0.0
+        self.started_s = 0.0
         self._received: list[tuple[Address, bytes]] = []
         self._is_due = False
-        self._is_suspended = False
-        self._resumed_s = 0.0
+        self.is_suspended = False
+        self.resumed_s = 0.0
+        """When it last went on after it was suspended."""
         self._postponed: list[Callable[[], None]] = []  # What its threads do when they run again
         self._idle_senders = 0
         self._received_s = 0.0
@@ -140,7 +144,7 @@ class BrokerProcess:
     @property
     def is_running(self) -> bool:
         """Whether it is up, and not suspended."""
-        return self.is_up and not self._is_suspended
+        return self.is_up and not self.is_suspended
 
     @property
     def was_restarted(self) -> bool:
@@ -150,7 +154,7 @@ class BrokerProcess:
     def start(self) -> None:
         """Start on what is on the disk."""
         self._starts += 1
-        self._started_s = self._scheduler.now_s
+        self.started_s = self._scheduler.now_s
         start, scheduler = self._starts, self._scheduler
         database = self._database = Database(self._folder)
         with suppress(OSError):  # As the program: spool and journal log it
@@ -189,7 +193,7 @@ class BrokerProcess:
 
     def kill(self) -> None:
         """Lose everything that is not on the disk."""
-        worked_since_s = max(self.disk.troubled_s, self._resumed_s)
+        worked_since_s = max(self.disk.troubled_s, self.resumed_s)
         disk_worked_s = self._scheduler.now_s - worked_since_s if self.is_running else 0.0
         self.may_lack_records |= disk_worked_s < STORED_AFTER_S
         self._http.owed.broker_ends(self._http.is_lasting, disk_worked_s=disk_worked_s)
@@ -200,18 +204,18 @@ class BrokerProcess:
         self.app = self.client = self._database = self._journal = None
         self._received.clear()
         self._postponed.clear()
-        self._is_suspended = False
+        self.is_suspended = False
         self._idle_senders = 0
 
     def suspend(self) -> None:
         """Stand still, as a process that was stopped or one of a machine that sleeps."""
-        self._is_suspended = self.is_up
+        self.is_suspended = self.is_up
 
     def resume(self) -> None:
         """Go on with what has waited meanwhile."""
-        if self._is_suspended:
-            self._is_suspended = False
-            self._resumed_s = self._scheduler.now_s
+        if self.is_suspended:
+            self.is_suspended = False
+            self.resumed_s = self._scheduler.now_s
             postponed, self._postponed = self._postponed, []
             for action in postponed:
                 action()
@@ -219,7 +223,7 @@ class BrokerProcess:
 
     def _when_running(self, action: Callable[[], None]) -> None:
         """Do something now, or when the process goes on."""
-        if self._is_suspended:
+        if self.is_suspended:
             self._postponed.append(action)
         else:
             action()
@@ -230,7 +234,7 @@ class BrokerProcess:
         """Handle a datagram of a vehicle; lost if the broker does not run."""
         if self.is_up:
             self._received_s = self._scheduler.now_s
-            if self._is_suspended and len(self._received) >= BUFFERED:
+            if self.is_suspended and len(self._received) >= BUFFERED:
                 return
             self._received.append((address, frame))
             self.wake()
@@ -288,7 +292,7 @@ class BrokerProcess:
         client = self.client
         if client is None or self._starts != start:
             return
-        if self._is_suspended:
+        if self.is_suspended:
             self._postponed.append(lambda: self._send_posts(start))
             return
         post = client.take_post()
@@ -311,7 +315,7 @@ class BrokerProcess:
         client = self.client
         if client is None or self._starts != start:
             return
-        if self._is_suspended:
+        if self.is_suspended:
             self._postponed.append(lambda: self._poll(start))
             return
         poll = client.next_poll()

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 import dst.__main__
-from dst.faults.kinds import ON_REQUEST, Fault, draw
+from dst.faults.kinds import Fault, draw
 from dst.simulate import FAULTS_S, Outcome, shrink, simulate
 from dst.world.edge_process import prepared_folder
 
@@ -17,7 +17,7 @@ FAILED = Outcome(7, frozenset(), "broken", "", (), 600.0, 1.0, 3)
 def test_a_seed_enables_a_subset_of_the_faults() -> None:
     drawn = [draw(seed) for seed in range(40)]
     assert drawn == [draw(seed) for seed in range(40)]
-    assert set().union(*drawn) == set(Fault) - ON_REQUEST
+    assert set().union(*drawn) == set(Fault)
     assert all(faults != frozenset(Fault) for faults in drawn)
 
 
