@@ -55,6 +55,9 @@ class Air:
         self.cameras: dict[tuple[str, int], ScriptedCamera] = {}
         self.sent: list[tuple[Address, bytes]] = []
         self.is_uplink_up = True
+        """To the vehicles."""
+        self.is_downlink_up = True
+        """From them to the broker."""
         self._clock = clock
         self._loss = loss
         self._random = random.Random(seed)
@@ -88,7 +91,7 @@ class Air:
             self._in_transit.append((self._clock.now + delay_s, arrive))
 
     def to_broker(self, address: tuple[str, int] | Address, frame: bytes) -> None:
-        if self._random.random() >= self._loss:
+        if self._random.random() >= self._loss and self.is_downlink_up:
             self._to_broker.append((Address(*address), frame))
 
     @property

@@ -10,7 +10,8 @@ What the vehicle flies after an event has ended a mission: land, go to a place, 
 An order that is refused, not answered or not obeyed is repeated for as long as the vehicle is
 armed; a place that it will not go to is replaced by a landing where it is, unless the link was away
 while it was ordered there.
-The orders end at once when another system takes command of the vehicle, or its own failsafe does.
+The orders end at once when another system takes command of the vehicle, or its own failsafe does. A
+vehicle that is not received shows neither: after `UNHEARD_S` it gets no order before it is again.
 An order that leads to a place becomes a landing as soon as the vehicle has lost its position.
 """
 
@@ -42,6 +43,9 @@ AGAIN_AFTER_S: Final = 1.5
 """Two heartbeats of a quick vehicle: longer than its mode takes to show."""
 WITHIN_S: Final = 600.0
 """To reach a place; then the vehicle lands where it is."""
+UNHEARD_S: Final = 30.0
+"""How long a vehicle that is not received is ordered all the same: the link to it may work, and
+what it has not received by then it will not receive. A pilot may have taken it over meanwhile."""
 LATE_ORDER_S: Final = 5.0
 """How long an order of the mission may still arrive behind one that ends it: the longest timeout
 of a command. Later only another system puts the vehicle back into its mission."""
@@ -168,6 +172,7 @@ class AbortExecutor:
         self._again_at = math.inf
         self._may_be_lost = False  # What was sent since the action began: the link was away, or
         # the vehicle might be restarted, to which none is sent
+        self._unheard_since: float | None = None  # None: the vehicle shows itself
         self._lands_instead = False
         self._is_there = event.abort is None  # At the place, if there is one
         self._lands_here: str | None = None  # Why that was ordered last, otherwise than it says
@@ -189,9 +194,14 @@ class AbortExecutor:
         if not self._vehicle.shows_itself(now):
             return False
         if self._vehicle.snapshot.armed is False:
-            return self._arms_until is None
+            return self._is_down_for_good
         is_done = self._executor.phase is LivePhase.DONE
         return is_done and not self._flies_on and not self._vehicle.is_standing_armed
+
+    @property
+    def _is_down_for_good(self) -> bool:
+        """Whether it is disarmed, and no order to arm may still arrive."""
+        return self._vehicle.snapshot.armed is False and self._arms_until is None
 
     @property
     def has_come_down_unanswered(self) -> bool:
@@ -254,16 +264,30 @@ class AbortExecutor:
         """Repeat what is overdue, and begin again what was refused or not obeyed."""
         if self._is_taken(now):
             return []
-        if not self._vehicle.shows_itself(now):
-            self._may_be_lost = True
-            if now < self._descends_until:
-                self._descends_until = now + LATE_ORDER_S
+        was_waiting = self._waits_for_vehicle(now)
+        self._note_silence(now)
         self._expire_arming(now)
+        if self._waits_for_vehicle(now) or (self._unheard_since is None and self._is_down_for_good):
+            return []
         must_drop = self._must_drop_place()
-        if must_drop or self._has_left_ground:
-            action = self._action(with_place=not must_drop)
-            self._executor = LiveCommandExecutor(action, self._vehicle)
-            return self._executor.start(now)
+        if was_waiting or must_drop or self._has_left_ground:
+            return self._order(
+                now, with_place=not must_drop and not (was_waiting and self._is_there)
+            )
+        return self._repeat(now)
+
+    def _note_silence(self, now: float) -> None:
+        """Note since when the vehicle shows nothing, and what it may do meanwhile."""
+        if self._vehicle.shows_itself(now):
+            self._unheard_since = None
+            return
+        self._may_be_lost = True
+        if now < self._descends_until:
+            self._descends_until = now + LATE_ORDER_S
+        self._unheard_since = now if self._unheard_since is None else self._unheard_since
+
+    def _repeat(self, now: float) -> list[Message]:
+        """Go on with the present order, or give it again when it is due."""
         messages = self._executor.tick(now)
         self._note_answer()
         has_failed = self._executor.phase is LivePhase.FAILED
@@ -279,8 +303,16 @@ class AbortExecutor:
             return messages
         self._again_at = math.inf
         self._may_be_lost = not self._vehicle.shows_itself(now)
-        self._executor = LiveCommandExecutor(self._action(with_place=has_failed), self._vehicle)
-        return [*messages, *self._executor.start(now)]
+        return [*messages, *self._order(now, with_place=has_failed)]
+
+    def _order(self, now: float, *, with_place: bool) -> list[Message]:
+        """Begin again with what the vehicle is to do by now."""
+        self._executor = LiveCommandExecutor(self._action(with_place=with_place), self._vehicle)
+        return self._executor.start(now)
+
+    def _waits_for_vehicle(self, now: float) -> bool:
+        """Whether a vehicle has been unheard for so long that it gets no order any more."""
+        return self._unheard_since is not None and now - self._unheard_since > UNHEARD_S
 
     def _expire_arming(self, now: float) -> None:
         """Stop expecting the arming when it is too late; lost heartbeats extend the time.
