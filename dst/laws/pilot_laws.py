@@ -3,12 +3,17 @@
 from collections.abc import Iterator
 from typing import Final
 
+from dst.actors.operator_person import Operator
 from dst.vehicles.flight import OrderUnderPilot
 from dst.world.network import PERFECT
 from dst.world.world import World
 
 TAKEOVER_S: Final = 15.0
 """The broker has noticed a pilot within this time on a link that is up."""
+ACCEPTED_S: Final = 10.0
+"""An abort that was posted is accepted within this time, or not any more."""
+UNHEARD_S: Final = 30.0
+"""A vehicle that is not received is ordered all the same for this time."""
 SHOWN_S: Final = 2.0
 """A vehicle that is received shows its pilot within this time."""
 
@@ -16,8 +21,9 @@ SHOWN_S: Final = 2.0
 class PilotLaws:
     """Watches the orders that the vehicles of a world receive under a pilot."""
 
-    def __init__(self, world: World) -> None:
+    def __init__(self, world: World, operator: Operator) -> None:
         self._world = world
+        self._operator = operator
 
     def broken(self) -> Iterator[str]:
         """Give each order, since the last call, that a vehicle should not have received."""
@@ -32,8 +38,13 @@ class PilotLaws:
 
     def _is_too_late(self, system: int, order: OrderUnderPilot) -> bool:
         """Whether the broker has been able to notice the pilot."""
-        known_s = order.time_s - max(order.pilot_since_s, self._world.connected_s[system])
-        return known_s > TAKEOVER_S
+        known_s = max(order.pilot_since_s, self._world.connected_s[system])
+        path = self._world.up[system]
+        if not path.is_up and path.changed_s < order.pilot_since_s:  # It cannot notice the pilot
+            aborts = (one for one in self._operator.aborts if one.vehicle_id == system)
+            accepted_s = max((one.posted_s + ACCEPTED_S for one in aborts), default=0.0)
+            known_s = max(known_s, accepted_s + UNHEARD_S)
+        return order.time_s - known_s > TAKEOVER_S
 
     def _is_by_what_was_old(self, system: int, order: OrderUnderPilot) -> bool:
         """Whether a broker that was suspended has ordered before it received the vehicle again.

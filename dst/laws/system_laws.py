@@ -67,7 +67,7 @@ class Laws:
         self._deliveries = DeliveryLaws(world, operator)
         self._pictures = PictureLaws(world, operator)
         self._links = LinkLaws(world)
-        self._pilots = PilotLaws(world)
+        self._pilots = PilotLaws(world, operator)
         self._events = EventLaws(world, operator)
         self.period_s = CHECK_PERIOD_S
         world.http.on_taken = self._taken
