@@ -111,12 +111,13 @@ def brake(speed: float, acceleration: float, limits: Limits) -> list[Phase]:
     An acceleration beyond the limit that already brakes is kept until it can fall.
     """
     released = speed + acceleration * abs(acceleration) / (2.0 * limits.jerk)
-    if released == 0.0:
-        return release(acceleration, limits)
     sign = math.copysign(1.0, released)
-    speed, acceleration = sign * speed, sign * acceleration
     # The ramps to a slope -p and back to 0 take (2 p^2 - a^2) / 2 j off the speed.
-    enough = math.sqrt(limits.jerk * speed + 0.5 * acceleration * acceleration)
+    squared = limits.jerk * sign * speed + 0.5 * acceleration * acceleration
+    if released == 0.0 or squared <= 0.0:  # Both are 0 in the last ramp, but for their rounding
+        return release(acceleration, limits)
+    speed, acceleration = sign * speed, sign * acceleration
+    enough = math.sqrt(squared)
     slope = min(enough, max(limits.acceleration, -acceleration))
     ramps = (2.0 * slope * slope - acceleration * acceleration) / (2.0 * limits.jerk)
     phases = [

@@ -1,5 +1,7 @@
 """Speed along a line: arrives exactly, within its limits, and no slower than it must be."""
 
+import math
+
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
@@ -7,6 +9,7 @@ from hypothesis import strategies as st
 from uav_firmware.lib.speed_profile import (
     Limits,
     Phase,
+    brake,
     change_distance,
     change_duration,
     highest_start,
@@ -79,3 +82,15 @@ def test_more_room_allows_more_speed() -> None:
 def test_a_release_ends_without_acceleration(acceleration: float) -> None:
     _, _, left = run(release(acceleration, LIMITS), 2.0, acceleration)
     assert left == pytest.approx(0.0, abs=1e-4)
+
+
+@given(st.floats(-4.0, 4.0), st.floats(0.1, 20.0), st.integers(-3, 3))
+def test_a_stop_ends_from_its_last_ramp_however_its_numbers_are_rounded(
+    acceleration: float, jerk: float, steps: int
+) -> None:
+    """In the last ramp the acceleration falls to zero just as the speed does."""
+    speed = -acceleration * abs(acceleration) / (2.0 * jerk)
+    for _ in range(abs(steps)):
+        speed = math.nextafter(speed, math.copysign(math.inf, steps))
+    _, *left = run(brake(speed, acceleration, Limits(math.inf, 3.0, jerk)), speed, acceleration)
+    assert left == pytest.approx([0.0, 0.0], abs=1e-4)
