@@ -21,6 +21,10 @@ test("an order says what was ordered of which drone", () => {
   expect(said("flight_maps.make", "flights/2/map?band=ndvi")).toBe("Map made of flight 2 (ndvi)");
 });
 
+test("an alarm is named by its number", () => {
+  expect(said("alarm_history.acknowledge", "alarms/history/2")).toBe("Alarm 2 acknowledged");
+});
+
 test("a row without a number, or of the program, reads as well", () => {
   expect(said("session.end", "session")).toBe("Signed out");
   expect(said("session.create", "session")).toBe("Sign-in");

@@ -11,6 +11,7 @@ from edge_server.config import Config
 from edge_server.process.exit_codes import OK
 from edge_server.services import accounts
 from edge_server.services.accounts import AccountChange, AccountRequest
+from edge_server.services.audit import shell_trail, use_trail
 from edge_server.services.context import show_time
 from edge_server.services.errors import ConflictError, NotFoundError
 from edge_server.store.connection.database import Database
@@ -65,7 +66,8 @@ def _link(config: Config, database: Database, options: argparse.Namespace) -> in
     if options.role is not None:
         role = _role_of(database, options.name)
         if role is None:
-            accounts.create(database, AccountRequest(name=options.name, role=options.role), now)
+            with use_trail(shell_trail("users.create", f"users/{options.name}", time.time)):
+                accounts.create(database, AccountRequest(name=options.name, role=options.role), now)
         elif role != options.role:
             raise ConflictError(
                 f"{options.name} has the role {role}: leave --role out, or change it in the console"

@@ -51,6 +51,9 @@ class Result(NamedTuple):
     retry_after_s: float | None = None
 
 
+LONGEST_REASON: Final = 200
+"""Characters of a reason in the cloud's words."""
+_REASONS: Final = ("detail", "message", "error", "title")
 _RETRIED_4XX: Final = frozenset({408, 425, 429})
 _CONFIRMING: Final = frozenset({200, 201, 203, 204, 205})
 _REFUSALS: Final = {
@@ -88,7 +91,24 @@ def _outcome(answer: Answer) -> tuple[Outcome, str]:
 def _refusal(answer: Answer) -> tuple[Outcome, str]:
     if answer.status == HTTPStatus.CONFLICT and _is_duplicate(answer):
         return Outcome.CONFIRMED, f"{answer.status} and the cloud has it already"
-    return _REFUSALS.get(answer.status, (Outcome.REJECTED, f"{answer.status} rejects the record"))
+    refusal = _REFUSALS.get(answer.status)
+    if refusal is not None:
+        return refusal
+    stated = _stated_reason(answer)
+    rejects = f"{answer.status} rejects the record"
+    return Outcome.REJECTED, f"{rejects}: {stated}" if stated else rejects
+
+
+def _stated_reason(answer: Answer) -> str:
+    """The reason in the cloud's own words, as one line that can be shown; empty without one.
+
+    By RFC 9457 it is `detail`; others name it otherwise.
+    """
+    document = _document(answer)
+    fields = document if isinstance(document, dict) else {}
+    stated = next((fields[name] for name in _REASONS if isinstance(fields.get(name), str)), "")
+    shown = "".join(one if one.isprintable() else " " for one in stated[:LONGEST_REASON])
+    return " ".join(shown.split())
 
 
 def _comes_from_a_cloud(answer: Answer) -> bool:

@@ -174,8 +174,10 @@ def sign_in(
             name = accounts.use_link(connection, request.link or "", now)
         person = None if name is None else accounts.find(connection, name)
         if name is None or person is None or person.is_disabled:
+            audit.changes_nothing()  # Its refusal is recorded
             return None
         if request.name is not None and person.password != expected:
+            audit.changes_nothing()
             return None  # It was changed while the old one was compared
         digest = accounts.digest(secret)
         started = Session(prefix, digest, name, now, now + valid_s, address[:64])

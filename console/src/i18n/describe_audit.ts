@@ -16,7 +16,7 @@ export function describeAction(row: AuditRow, t: TFunction, texts: Pick<i18n, "e
   const [, kind, verb] = RECORD.exec(action) ?? [];
   const key = `audit.${kind === undefined ? action : `record.${verb}`}`;
   if (action === "" || !texts.exists(key)) return [action, object].filter(Boolean).join(" ");
-  const [, rest] = /^\w+\/(.*)$/s.exec(object) ?? [];
+  const [, rest] = /^(?:alarms\/history|\w+)\/(.*)$/s.exec(object) ?? [];
   const [, id, order, vehicle] = ORDER.exec(rest ?? "") ?? [];
   if (vehicle !== undefined && texts.exists(`audit.event.${order}`)) {
     return t("audit.ordered", { id, order: t(`audit.event.${order}`), vehicle });

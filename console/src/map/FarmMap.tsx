@@ -78,6 +78,7 @@ export default function FarmMap({ layers, symbols, extent, click, pick, pictures
         zoom: 16,
         maxZoom: 21,
         attributionControl: false,
+        locale: { "Map.Title": label },
         dragRotate: false,
         pitchWithRotate: false,
         touchPitch: false,

@@ -1,11 +1,18 @@
 /** Areas in which a plan may fly. Pure. */
 
+import type { StoredField } from "../api/types";
+
 /** Rings of [latitude, longitude]: inside one inclusion if there are any, outside every exclusion. */
 export interface Fence {
   inclusion: readonly (readonly (readonly number[])[])[];
   exclusion: readonly (readonly (readonly number[])[])[];
   /** Above home; none: no limit of its own. */
   highest_m?: number | null;
+}
+
+/** Where a plan for a field may fly that has no fence of its own. */
+export function fenceOfField({ boundary, holes, exclusions }: Pick<StoredField, "boundary" | "holes" | "exclusions">): Fence {
+  return { inclusion: [boundary], exclusion: [...holes, ...exclusions] };
 }
 
 /** The fence of a plan document; null without one. */

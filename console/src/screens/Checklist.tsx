@@ -1,22 +1,28 @@
 import { useTranslation } from "react-i18next";
+import { getField } from "../api/resources";
 import { serverAheadMs } from "../api/server_clock";
 import type { Mission, Plan } from "../api/types";
 import { useUnits } from "../app/preferences";
 import { Pill } from "../controls/StatusPill";
 import { useLive } from "../live/use_live";
+import { useResource } from "../live/use_resource";
 import { useWind } from "../live/use_wind";
 import { checklist, type Circumstances } from "../planning/checklist";
-import { fenceOf } from "../planning/fence";
+import { fenceOf, fenceOfField } from "../planning/fence";
 
 /** What to look at before a plan is dispatched, for each of its vehicles. */
 export function Checklist({ plan }: { plan: Plan }) {
   const { t } = useTranslation();
+  const ownFence = fenceOf(plan.geofence);
+  const id = ownFence === null ? plan.field_id : null;
+  const field = useResource(() => (id ? getField(id) : Promise.resolve(null)), id ?? 0).value?.value;
+  const fence = ownFence ?? (field ? fenceOfField(field) : null);
   return (
     <>
       {plan.missions.map((mission) => (
         <section key={mission.mission_id} className="checklist">
           <h3>{t("vehicle.name", { id: mission.vehicle_id })}</h3>
-          <Checks mission={mission} fence={fenceOf(plan.geofence)} />
+          <Checks mission={mission} fence={fence} />
         </section>
       ))}
     </>

@@ -13,6 +13,7 @@ import { ErrorNotice, Notice } from "../controls/states";
 import { describeError } from "../i18n/describe_error";
 import { asRequestError } from "../live/use_resource";
 import { departing, withDepartures, type Departure } from "../planning/survey";
+import { fenceOfField } from "../planning/fence";
 import { Checks } from "./Checklist";
 
 /** The checklist of each vehicle of a survey, and whether it flies now or waits. */
@@ -32,10 +33,7 @@ export function SurveyDeparture({ field, survey, order, keyFor, close }: {
   const first = survey.plans[0]?.missions ?? [];
   const later = survey.flights - first.length;
   const departureOf = (id: number): Departure => (held.has(id) ? "hold" : "now");
-  const fence = {
-    inclusion: [field.boundary],
-    exclusion: [...(field.holes ?? []), ...(field.exclusions ?? [])],
-  };
+  const fence = fenceOfField(field);
   const fly = async () => {
     const wanted = withDepartures(order, first.map((one) => departureOf(one.vehicle_id)));
     const { plans } = await createSurvey(wanted, keyFor(wanted));

@@ -177,6 +177,14 @@ export class Units {
     return `${Math.floor(hours / 24)} d`;
   }
 
+  /** A duration that is over, to the second below an hour: "1 min 54 s". */
+  took(milliseconds: number): string {
+    const seconds = Math.max(0, Math.round(milliseconds / 1000));
+    const isLong = seconds >= 60 && seconds < 3600 && seconds % 60 > 0;
+    const minutes = this.duration((isLong ? seconds - (seconds % 60) : seconds) * 1000);
+    return isLong ? `${minutes} ${seconds % 60} s` : minutes;
+  }
+
   /** Date and time, in the browser's time zone. */
   time(stamp: string | null | undefined): string {
     if (!stamp) return "–";

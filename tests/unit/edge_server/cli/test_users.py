@@ -60,6 +60,10 @@ def test_a_link_signs_in_once_and_creates_the_account(run: Run, tmp_path: Path) 
     assert code == OK
     address, _, token = printed.strip().partition("#link=")
     assert address == "http://127.0.0.1:8000/console/"
+    assert audited(tmp_path) == [
+        ("shell", "users.create", "users/maria"),
+        ("shell", "users.link", "users/maria"),
+    ]
     assert status_of_sign_in(tmp_path, link=token) == 201
     assert status_of_sign_in(tmp_path, link=token) == 401
     assert run("users", "link", "maria", "--role", "operator")[0] == OK

@@ -87,3 +87,24 @@ def test_a_conflict_with_itself_confirms() -> None:
 )
 def test_any_other_conflict_rejects(content_type: str, body: bytes) -> None:
     assert classify(Answer(409, content_type, body)).outcome is Outcome.REJECTED
+
+
+@pytest.mark.parametrize(
+    ("body", "reason"),
+    [
+        (b'{"message": "altitude is not plausible"}', ": altitude is not plausible"),
+        (b'{"title": "Unprocessable", "detail": "too high"}', ": too high"),
+        (b'{"error": "a\\nb\\u0000c \\ud800\\u202e"}', ": a b c"),
+        (b'{"detail": {"no": "text"}, "message": 7}', ""),
+        (b'{"message": "  "}', ""),
+        (b"[1]", ""),
+        (b"<p>no</p>", ""),
+    ],
+)
+def test_a_rejection_has_the_clouds_reason_as_one_line(body: bytes, reason: str) -> None:
+    assert classify(Answer(422, JSON, body)).reason == f"422 rejects the record{reason}"
+
+
+def test_a_long_reason_is_cut_off() -> None:
+    body = b'{"message": "' + b"x" * 100_000 + b'"}'
+    assert len(classify(Answer(422, JSON, body)).reason) < 300

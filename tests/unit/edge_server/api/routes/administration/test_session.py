@@ -9,6 +9,7 @@ from werkzeug.test import TestResponse
 
 from edge_server.app import context_of, create_app
 from edge_server.config import Config
+from tests.unit.edge_server.api.access.test_audit_trail import audit_rows
 from tests.unit.edge_server.conftest import Clock, Edge
 from tests.unit.edge_server.documents import plan
 
@@ -220,6 +221,13 @@ class TestALink:
         again = sign_in(edge, link=token)
         assert again.status_code == 401
         assert "used already" in (again.json or {})["message"]
+
+    def test_is_in_the_audit_log_as_refused_when_it_is_used_again(self, edge: Edge) -> None:
+        token = self.make(edge)
+        sign_in(edge, link=token)
+        sign_in(edge, link=token)
+        results = [row[3] for row in audit_rows(edge) if row[1] == "session.create"]
+        assert results == ["done", "401"]
 
     def test_expires(self, edge: Edge) -> None:
         token = self.make(edge)
