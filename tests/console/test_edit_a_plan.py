@@ -4,12 +4,14 @@ from pathlib import Path
 
 import pytest
 
-from tests.console.test_plan_together import edge_server
+from edge_server.api.routes.planning.fields import EXAMPLE
+from tests.console.test_plan_together import edge_server, post
 from tests.support.browser import TEST_TIMEOUT_S, console_journey
 
 
 @pytest.mark.thorough
 @pytest.mark.timeout(TEST_TIMEOUT_S)
 def test_a_draft_is_edited_and_flown_from_the_editor(tmp_path: Path) -> None:
-    with console_journey(tmp_path) as take, edge_server(tmp_path) as (_server, needs):
-        take("edit_a_plan", **needs)
+    with console_journey(tmp_path) as take, edge_server(tmp_path) as (server, needs):
+        field = post(server, "/fields/", {"boundary": EXAMPLE["boundary"]})
+        take("edit_a_plan", **needs, FIELD=str(field["id"]))

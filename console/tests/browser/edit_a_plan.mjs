@@ -2,11 +2,11 @@
  *
  *     node tests/browser/edit_a_plan.mjs
  *
- * ANA_LINK signs the operator in; DRAFT is the plan. OUT takes what a failure leaves.
+ * ANA_LINK signs the operator in; DRAFT is the plan, FIELD a field without no-fly areas. OUT takes what a failure leaves.
  */
 import { COARSE, hold, journey, requireAccessible, startBrowser } from "./chromium.mjs";
 
-const { ANA_LINK, DRAFT } = process.env;
+const { ANA_LINK, DRAFT, FIELD } = process.env;
 const origin = new URL(ANA_LINK).origin;
 const button = (page, text) => page.getByRole("button", { name: text, exact: true });
 const stateOf = (page) =>
@@ -34,6 +34,16 @@ async function saveAndFly(page) {
   await button(page, "Save and fly").click();
   await hold(page, dialog.getByRole("button", { name: "Fly now" }), page.locator(".timeline"));
   if ((await stateOf(page)) !== "queued") throw new Error("the plan was not dispatched");
+}
+
+/** A stored survey without a fence has its field for one. */
+async function checkAgainstTheField(page) {
+  await page.goto(`${origin}/console/fields/${FIELD}/survey`);
+  await button(page, "Make the plan").click();
+  await button(page, "Fly now").click();
+  const dialog = page.getByRole("dialog", { name: "Fly now" });
+  await dialog.getByRole("listitem").filter({ hasText: "inside the fence or the field" }).getByText("Good").waitFor();
+  await page.keyboard.press("Escape");
 }
 
 /** A step of each kind as it is added is accepted; a landing ends the flight, so it is left out. */
@@ -161,7 +171,7 @@ async function readTitlesAndTimes(page) {
   if (await page.getByText("GPX").count()) throw new Error("a flight that does not exist has files");
   if ((await page.title()) !== "Flights - Farm console") throw new Error(`the title is ${await page.title()}`);
   await page.goto(`${origin}/console/plans/${DRAFT}`);
-  await page.getByText(/^Can be flown until .*[AP]M\. After that it expires/).waitFor();
+  await page.getByText(/^Can be flown until .*\d\d:\d\d\. After that it expires/).waitFor();
   const brand = await page.locator(".brand").evaluate((one) => one.getBoundingClientRect().width);
   if (brand < 44) throw new Error(`the link with the name is ${brand} px wide`);
 }
@@ -178,6 +188,7 @@ try {
     await enterImperialUnits(page);
     await readTitlesAndTimes(page);
     await fitsOnSmallScreens(page);
+    await checkAgainstTheField(page);
     await saveAndFly(page);
   }, COARSE);
 } finally {
