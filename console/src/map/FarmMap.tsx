@@ -78,7 +78,7 @@ export default function FarmMap({ layers, symbols, extent, click, pick, pictures
         zoom: 16,
         maxZoom: 21,
         attributionControl: false,
-        locale: { "Map.Title": label },
+        locale: { "Map.Title": t("map.canvas") },
         dragRotate: false,
         pitchWithRotate: false,
         touchPitch: false,
