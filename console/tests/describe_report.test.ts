@@ -71,3 +71,8 @@ test("a fault that has an English phrase has a Spanish one", () => {
 test("a language without phrases gives reports as they are", () => {
   expect(reportTexts("xx").describe("aborted by an event")).toBe("aborted by an event");
 });
+
+test("what a library says of a broken file is left out of a language that is not the library's", () => {
+  expect(spanish.describe("not JSON: Expecting ',' delimiter at line 1 column 58")).toBe("no es JSON: en la línea 1, columna 58");
+  expect(spanish.describe("is no whole KMZ: File is not a zip file")).toBe("no es un KMZ entero");
+});

@@ -26,8 +26,8 @@ test.each([
 test.each([
   [0, "0 s"], [59_400, "59 s"], [60_000, "1 min"], [114_000, "1 min 54 s"], [298_000, "4 min 58 s"],
   [3_599_600, "1 h 0 min"], [7_500_000, "2 h 5 min"],
-])("what took %i ms is shown as %s", (milliseconds, text) => {
-  expect(new Units("metric", "en").took(milliseconds)).toBe(text);
+])("a duration of %i ms, to the second, is %s", (milliseconds, text) => {
+  expect(new Units("metric", "en").elapsed(milliseconds)).toBe(text);
 });
 
 test("a height just below zero is no negative zero", () => {

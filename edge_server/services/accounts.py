@@ -173,12 +173,11 @@ def sign_in(
         if name is None:
             name = accounts.use_link(connection, request.link or "", now)
         person = None if name is None else accounts.find(connection, name)
-        if name is None or person is None or person.is_disabled:
-            audit.changes_nothing()  # Its refusal is recorded
+        # It may have been changed while the old one was compared
+        has_old_password = request.name is not None and person and person.password != expected
+        if name is None or person is None or person.is_disabled or has_old_password:
+            audit.changes_nothing()  # The refusal is recorded in its place
             return None
-        if request.name is not None and person.password != expected:
-            audit.changes_nothing()
-            return None  # It was changed while the old one was compared
         digest = accounts.digest(secret)
         started = Session(prefix, digest, name, now, now + valid_s, address[:64])
         accounts.end_sessions(connection, name, keep=MOST_SESSIONS - 1)

@@ -6,6 +6,6 @@ export function CommandTimes({ command: { started_at, ended_at } }: { command: F
   const units = useUnits();
   if (started_at === null) return null;
   if (ended_at === null) return <>{units.clock(started_at)} –</>;
-  const took = units.took(Date.parse(ended_at) - Date.parse(started_at));
+  const took = units.elapsed(Date.parse(ended_at) - Date.parse(started_at));
   return <>{`${units.clock(started_at)} – ${units.clock(ended_at)} · ${took}`}</>;
 }

@@ -55,7 +55,7 @@ export function FlightFigures({ flight }: { flight: Flight }) {
   const ended = flight.ended_at === null ? Date.now() : Date.parse(flight.ended_at);
   const figures: [string, string][] = [
     [t("flights.started"), units.time(flight.started_at)],
-    [t("flights.duration"), units.took(ended - Date.parse(flight.started_at))],
+    [t("flights.duration"), units.elapsed(ended - Date.parse(flight.started_at))],
     [t("flights.distance"), units.distance(flight.distance_m)],
     [t("flights.pictures"), String(flight.pictures)],
   ];

@@ -177,8 +177,8 @@ export class Units {
     return `${Math.floor(hours / 24)} d`;
   }
 
-  /** A duration that is over, to the second below an hour: "1 min 54 s". */
-  took(milliseconds: number): string {
+  /** A duration to the second below an hour: "1 min 54 s". */
+  elapsed(milliseconds: number): string {
     const seconds = Math.max(0, Math.round(milliseconds / 1000));
     const isLong = seconds >= 60 && seconds < 3600 && seconds % 60 > 0;
     const minutes = this.duration((isLong ? seconds - (seconds % 60) : seconds) * 1000);

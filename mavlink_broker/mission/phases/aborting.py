@@ -264,16 +264,13 @@ class AbortExecutor:
         """Repeat what is overdue, and begin again what was refused or not obeyed."""
         if self._is_taken(now):
             return []
-        was_waiting = self._waits_for_vehicle(now)
         self._note_silence(now)
         self._expire_arming(now)
         if self._waits_for_vehicle(now) or (self._unheard_since is None and self._is_down_for_good):
             return []
         must_drop = self._must_drop_place()
-        if was_waiting or must_drop or self._has_left_ground:
-            return self._order(
-                now, with_place=not must_drop and not (was_waiting and self._is_there)
-            )
+        if must_drop or self._has_left_ground:
+            return self._order(now, with_place=not must_drop)
         return self._repeat(now)
 
     def _note_silence(self, now: float) -> None:
