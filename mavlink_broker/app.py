@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from datetime import timedelta
 from typing import Any, Final
 
 from mavlink_broker.autopilots.families import ModeRole
@@ -25,7 +26,7 @@ from mavlink_broker.edge.wire import (
     WorkError,
     post_for,
 )
-from mavlink_broker.effects import Acknowledgement, EdgeMessage, Effects, JobOutcome
+from mavlink_broker.effects import Acknowledgement, EdgeMessage, Effects, JobOutcome, Result
 from mavlink_broker.fleet import Edge, Fleet, FleetMember, Jobs, Journal, NoJobs, VehicleRecords
 from mavlink_broker.live.tracking import TRACKING_MESSAGES as TRACKED
 from mavlink_broker.mavlink.dialect import Message, source_of
@@ -454,10 +455,13 @@ class App:
             self._post(member.unsent.pop(0), member.session.vehicle.vehicle_id)
 
     def _post(self, message: EdgeMessage, vehicle_id: int) -> None:
+        recorded_at = self._clock.utc()
+        if isinstance(message, Result) and message.recorded_at is not None:
+            recorded_at -= timedelta(seconds=self._clock.monotonic() - message.recorded_at)
         post = post_for(
             message,
             vehicle_id=vehicle_id,
-            recorded_at=self._clock.utc(),
+            recorded_at=recorded_at,
             key=self._new_ulid(),
         )
         self._edge.post(post)

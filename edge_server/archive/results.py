@@ -8,7 +8,7 @@ import base64
 import json
 import math
 import sqlite3
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, TypeAlias
 
 from afarcloud.state import Alarm, Image, Report, StateVector
 from afarcloud.wire import Kind, write
@@ -17,14 +17,22 @@ from edge_server.archive import flights
 EARTH_RADIUS_M: Final = 6_371_008.8
 
 
+Place: TypeAlias = tuple[float, float, float]
+"""Latitude and longitude [deg], height above home [m]."""
+
+
 class Stored(NamedTuple):
-    """A report, when it was recorded and received [s since 1970], and its message id."""
+    """A report, when it was recorded and received [s since 1970], and its message id.
+
+    `place` is where a picture says that it was taken.
+    """
 
     report: Report
     kind: Kind
     message_id: str
     at: float
     received_at: float
+    place: Place | None
 
 
 def take(connection: sqlite3.Connection, stored: Stored) -> None:
@@ -112,12 +120,16 @@ def distance_between_m(
 def _take_picture(
     connection: sqlite3.Connection, image: Image, stored: Stored, flight: int
 ) -> None:
-    """Store a picture, with the vehicle's last position before it."""
-    place = connection.execute(
-        "SELECT latitude, longitude, altitude FROM point WHERE flight = ? AND at_ms <= ?"
-        " ORDER BY at_ms DESC LIMIT 1",
-        (flight, round(stored.at * 1000)),
-    ).fetchone() or (None, None, None)
+    """Store a picture, with its own place, else the vehicle's last position before it."""
+    place = (
+        stored.place
+        or connection.execute(
+            "SELECT latitude, longitude, altitude FROM point WHERE flight = ? AND at_ms <= ?"
+            " ORDER BY at_ms DESC LIMIT 1",
+            (flight, round(stored.at * 1000)),
+        ).fetchone()
+        or (None, None, None)
+    )
     (number,) = connection.execute(
         "SELECT coalesce(max(number), 0) + 1 FROM picture WHERE flight = ?", (flight,)
     ).fetchone()

@@ -19,7 +19,7 @@ from afarcloud.state import MissionReport, Report
 from afarcloud.wire import Kind
 from edge_server.archive import flights, logs, results, tables, upkeep
 from edge_server.archive.flights import MissionName
-from edge_server.archive.results import Stored
+from edge_server.archive.results import Place, Stored
 
 LOG = logging.getLogger(__name__)
 PAUSE_S: Final = 10.0
@@ -34,13 +34,17 @@ _Result = TypeVar("_Result")
 
 
 class Received(NamedTuple):
-    """A report that is stored in the outbox; `mission` is what it is about, if that is known."""
+    """A report that is stored in the outbox.
+
+    `mission` is what it is about, and `place` where a picture says that it was taken, if known.
+    """
 
     kind: Kind
     report: Report
     message_id: str | None
     received_at: float
     mission: MissionName | None = None
+    place: Place | None = None
 
 
 class Figures(NamedTuple):
@@ -366,5 +370,7 @@ def _take(connection: sqlite3.Connection, received: Received) -> None:
     elif received.message_id is not None:
         results.take(
             connection,
-            Stored(report, received.kind, received.message_id, at, received.received_at),
+            Stored(
+                report, received.kind, received.message_id, at, received.received_at, received.place
+            ),
         )

@@ -6,7 +6,7 @@ Place, height above home and attitude are those of DJI's names, the lens those o
 
 import math
 import re
-from typing import Final
+from typing import Final, NamedTuple
 
 from afarcloud.geometry import METRES_PER_DEGREE
 from afarcloud.plan import Vertex
@@ -24,12 +24,20 @@ _STEEP_ENOUGH: Final = 0.2
 _NUMBER: Final = rb"([-+]?\d+(?:\.\d*)?)"
 
 
+class Place(NamedTuple):
+    """A place, and its height above home."""
+
+    latitude_deg: float
+    longitude_deg: float
+    relative_altitude_m: float
+
+
 def footprint(head: bytes) -> tuple[Vertex, ...] | None:
     """Give the ground at the picture's corners, from the top left on clockwise.
 
     None for a picture without these data, or one that does not look down.
     """
-    found = [_number(head, b"drone-dji:" + name) for name in _NAMES]
+    found = [_number(head, b"drone-dji:" + name) for name in (*_PLACE, *_ATTITUDE)]
     focal_mm = _number(head, b"Camera:PerspectiveFocalLength")
     middle = re.search(rb'Camera:PrincipalPoint(?:="|>)' + _NUMBER + b"," + _NUMBER, head)
     if None in found or not focal_mm or middle is None:
@@ -53,6 +61,19 @@ def footprint(head: bytes) -> tuple[Vertex, ...] | None:
     return tuple(corners)
 
 
+def place(head: bytes) -> Place | None:
+    """Give where the picture was taken; None for a picture that does not say it.
+
+    Cameras write 0, 0 while they do not know it.
+    """
+    latitude, longitude, height_m = (_number(head, b"drone-dji:" + name) for name in _PLACE)
+    if latitude is None or longitude is None or height_m is None:
+        return None
+    is_possible = abs(latitude) <= 90.0 and abs(longitude) <= 180.0 and abs(height_m) < 1e5
+    is_known = is_possible and (latitude, longitude) != (0.0, 0.0)
+    return Place(latitude, longitude, height_m) if is_known else None
+
+
 def band(head: bytes) -> str:
     """Give what a picture shows by Pix4D's `Camera:BandName`: one of `BANDS`, or `OTHER_BAND`.
 
@@ -73,14 +94,8 @@ _BAND_NAME: Final = re.compile(
     re.DOTALL,
 )
 _TAG: Final = re.compile(rb"<[^>]*>")
-_NAMES: Final = (
-    b"GpsLatitude",
-    b"GpsLongitude",
-    b"RelativeAltitude",
-    b"GimbalYawDegree",
-    b"GimbalPitchDegree",
-    b"GimbalRollDegree",
-)
+_PLACE: Final = (b"GpsLatitude", b"GpsLongitude", b"RelativeAltitude")
+_ATTITUDE: Final = (b"GimbalYawDegree", b"GimbalPitchDegree", b"GimbalRollDegree")
 
 
 def _number(head: bytes, name: bytes) -> float | None:

@@ -33,6 +33,7 @@ class PictureDownload:
     capture: Capture
     command: PictureCommand | None
     location: Location
+    taken_at: float  # By the broker's clock
     rounds: int = 0
     component: int = 0  # Index of the component that this round asks
     unanswered: set[int] = field(default_factory=set)  # Components that have not answered
@@ -50,6 +51,7 @@ class PictureDownload:
             capture,
             self.command,
             self.location,
+            self.taken_at,
             is_second_chance=True,
             partial=self.partial,
         )

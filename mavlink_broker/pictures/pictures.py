@@ -80,6 +80,7 @@ class _AnnouncedPicture(NamedTuple):
 
     capture: Capture
     time_s: float  # When it was taken, by the vehicle's clock
+    taken_at: float  # The same, by the broker's
     announced_at: float
     is_of_earlier_run: bool
 
@@ -251,7 +252,7 @@ class PictureCollector:
             )
             is_of_earlier = self._earlier.was_flying and one.time_s <= self._flight_known_s
             if command is not None or one.is_of_earlier_run or is_of_earlier:
-                self._fetch(one.capture, command)
+                self._fetch(one, command)
 
     def _must_wait(self, one: _AnnouncedPicture, now: float) -> bool:
         """Whether an earlier picture, or the progress of the mission, is still to be received."""
@@ -329,7 +330,8 @@ class PictureCollector:
                 self._carry_out(self._fetching.web_completed(number, data), effects)
             case ConvertedPicture(number) if number in self._developing:
                 picture = self._developing.pop(number)
-                effects.for_edge.append(self._reporter.image(outcome, *self._named(picture)))
+                report = self._reporter.image(outcome, *self._named(picture), picture.taken_at)
+                effects.for_edge.append(report)
             case JobFailed(number, reason) if number in self._developing:
                 self._fault(self._developing.pop(number), reason)
             case JobFailed(number, reason):
@@ -360,7 +362,8 @@ class PictureCollector:
         self._seen[capture.identity] = None
         if len(self._seen) > MAX_IDENTITIES:
             self._seen.popitem(last=False)
-        self._taken.append(_AnnouncedPicture(capture, taken_s, now, is_of_earlier_run))
+        taken_at = now - self._time.age_s(taken_s, capture.taken_utc_s, now)
+        self._taken.append(_AnnouncedPicture(capture, taken_s, taken_at, now, is_of_earlier_run))
 
     def _take_feedback(self, feedback: Feedback, now: float) -> None:
         booted_s = self._vehicle.snapshot.booted_at_utc_s
@@ -387,8 +390,9 @@ class PictureCollector:
         is_same = is_known and not has_own
         return self._time.of(taken_s, capture.taken_utc_s, now, is_same_clock=is_same)
 
-    def _fetch(self, capture: Capture, command: PictureCommand | None) -> None:
+    def _fetch(self, announced: _AnnouncedPicture, command: PictureCommand | None) -> None:
         self._number += 1
+        capture = announced.capture
         location = capture.location
         if not capture.has_succeeded:
             self._report(command, f"the camera could not take picture {capture.index}")
@@ -400,7 +404,9 @@ class PictureCollector:
         elif self.unfinished >= MAX_UNFINISHED:
             self._report(command, f"picture {capture.index} is not fetched: too many wait")
         else:
-            self._fetching.add(PictureDownload(self._number, capture, command, location))
+            self._fetching.add(
+                PictureDownload(self._number, capture, command, location, announced.taken_at)
+            )
 
     def _request_missing(self, now: float) -> None:
         for interval in self._attribution.incomplete():

@@ -60,6 +60,18 @@ class VehicleTime:
         """Whether something is recent enough; everything is until the vehicle's clock is known."""
         return not self._is_known or self.at(now) - time_s <= RECENT_S
 
+    def age_s(self, time_s: float, utc_s: float | None, now: float) -> float:
+        """Give how long ago something recent was; 0 if the vehicle's clocks do not give that.
+
+        How long a restart took is known by the time of day alone.
+        """
+        if not self._is_known:
+            return 0.0
+        age_s, booted_s = self.at(now) - time_s, self._vehicle.snapshot.booted_at_utc_s
+        if age_s > RECENT_S and utc_s is not None and booted_s is not None:
+            age_s = booted_s + self.since_boot_s(now) - utc_s
+        return age_s if 0.0 <= age_s <= RECENT_S else 0.0
+
     @property
     def is_doubtful(self) -> bool:
         """Whether it is not known yet whether the vehicle has restarted."""

@@ -70,8 +70,13 @@ class Reporter:
         lists = self._vehicle.observations.lists(snapshot, now, **self._next("observation"))
         return [self._signed(measured, "observation") for measured in lists]
 
-    def image(self, picture: ConvertedPicture, name: str, of: str) -> effects.EdgeReport:
-        """Give a picture; `of` identifies it among all pictures, its name is for people."""
+    def image(
+        self, picture: ConvertedPicture, name: str, of: str, taken_at: float
+    ) -> effects.EdgeReport:
+        """Give a picture that was taken at a time of the broker's monotonic clock.
+
+        `of` identifies it among all pictures, its name is for people.
+        """
         image = Image.model_construct(  # The encoder guarantees format and frame
             vehicle_id=self._vehicle.vehicle_id,
             sequence_number=self._numbers["image"],
@@ -80,7 +85,7 @@ class Reporter:
             name=f"{name}.{picture.format.value}",
             frame=picture.frame,
         )
-        return effects.Result(self._signed(image, "image"), of)
+        return effects.Result(self._signed(image, "image"), of, taken_at)
 
     def state_vector(self) -> StateVector | None:
         """State of the vehicle now; None while it is unknown."""

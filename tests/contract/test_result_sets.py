@@ -77,7 +77,7 @@ def a_picture() -> ConvertedPicture:
 def test_a_result_set_is_accepted_whole(edge: Edge) -> None:  # noqa: F811  # the fixture
     reporter = Reporter(flying_vehicle(), SESSION)
     posts = reporter.results("1/01PLAN/7/3", 100.0)
-    posts.append(reporter.image(a_picture(), "m7_c3_0000", "1/100/0"))
+    posts.append(reporter.image(a_picture(), "m7_c3_0000", "1/100/0", 99.0))
     assert statuses(edge, posts) == [201] * 4
     for kind in [*SET, "image"]:
         (row,) = edge.get(f"/{kind}/")

@@ -1,5 +1,6 @@
 """Reports of vehicles: stored until the cloud has them; one transaction, then 201."""
 
+import base64
 import json
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -11,6 +12,7 @@ from afarcloud.state import Image, Report
 from afarcloud.wire import Kind, write
 from edge_server.archive.flights import MissionName
 from edge_server.archive.writer import Received
+from edge_server.pictures import footprint
 from edge_server.services import idempotency as post_idempotency
 from edge_server.services import records
 from edge_server.services.context import (
@@ -286,7 +288,13 @@ def _received(kind: Kind, report: Report, answered: Answered, mission: Work | No
     name = None
     if mission is not None and mission.mission_id is not None:
         name = MissionName(mission.mission_id, mission.plan_id)
-    return Received(kind, report, answered.message_id, answered.created_at, name)
+    place = footprint.place(_head(report)) if isinstance(report, Image) else None
+    return Received(kind, report, answered.message_id, answered.created_at, name, place)
+
+
+def _head(image: Image) -> bytes:
+    """Decode as much of a picture as its camera's notes may be in."""
+    return base64.b64decode(image.frame[: footprint.HEAD_BYTES // 3 * 4])
 
 
 def _receipt(answered: Answered) -> dict[str, Any]:

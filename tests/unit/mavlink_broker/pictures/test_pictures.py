@@ -3,6 +3,7 @@
 import base64
 import dataclasses
 import math
+from datetime import datetime, timedelta
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -190,6 +191,37 @@ def test_a_picture_refused_in_flight_is_requested_after_the_landing() -> None:
     flight.camera.files.unknown = frozenset()
     flight.world.run_until(lambda: flight.images)
     assert flight.names == ["m1201_c3_0000.jpeg"]
+
+
+def test_a_picture_has_the_time_at_which_it_was_taken_however_late_its_file_comes() -> None:
+    flight = Flight(files=ScriptedFiles(unknown=frozenset({4})))
+    flight.until_pictures()
+    taken_at = flight.world.clock.utc()
+    flight.camera.shoot()
+    flight.land()
+    flight.camera.files.unknown = frozenset()
+    flight.world.run_until(lambda: flight.images, within_s=300.0)
+    assert flight.world.clock.utc() - taken_at > timedelta(seconds=20)
+    assert _late_s(flight.images[0], taken_at) < 1.0
+
+
+def test_a_picture_that_was_announced_late_has_the_time_at_which_it_was_taken() -> None:
+    flight = Flight()
+    flight.until_pictures()
+    flight.vehicle.script = dataclasses.replace(SLOW, item_time_s=90.0)
+    taken_at = flight.world.clock.utc()
+    flight.camera.shoot(announced=False)
+    flight.world.run(40.0)
+    flight.camera.shoot()
+    flight.world.run_until(lambda: len(flight.images) == 2)
+    late_s = {body["name"]: _late_s(body, taken_at) for body in flight.images}
+    expected = {"m1201_c3_0000.jpeg": 0.0, "m1201_c3_0001.jpeg": 40.0}
+    assert late_s == pytest.approx(expected, abs=1.0)
+
+
+def _late_s(image: dict[str, Any], at: datetime) -> float:
+    """How long after a time an image says that it was recorded."""
+    return (datetime.fromisoformat(image["recorded_at"]) - at).total_seconds()
 
 
 @pytest.mark.first_case

@@ -1,5 +1,7 @@
 """The time of pictures: the vehicle's clock, whatever the broker's own one shows."""
 
+import math
+
 import pytest
 
 from mavlink_broker.mavlink.dialect import Route, mavlink
@@ -23,6 +25,11 @@ class ClockedVehicle:
         message = mavlink.MAVLink_global_position_int_message(boot_ms, *[0] * 8)
         self.vehicle.snapshot.take(message)
         return self.time.update(now)
+
+    def send_time_of_day(self, *, utc_s: float, since_boot_s: float) -> None:
+        """Send SYSTEM_TIME."""
+        message = mavlink.MAVLink_system_time_message(round(utc_s * 1e6), round(since_boot_s * 1e3))
+        self.vehicle.snapshot.take(message)
 
 
 def test_what_was_noted_by_the_brokers_clock_is_shifted_to_that_of_the_vehicle() -> None:
@@ -92,3 +99,31 @@ def test_everything_is_recent_until_the_clock_is_known() -> None:
     one.send(RECENT_S + 60.0, UP_S)
     assert not one.time.is_recent(40.0, UP_S)
     assert one.time.is_recent(80.0, UP_S)
+
+
+def test_the_age_of_something_is_what_the_vehicles_clock_has_run_since() -> None:
+    one = ClockedVehicle()
+    one.send(52.0, UP_S)
+    assert one.time.age_s(40.0, None, UP_S + 1.0) == pytest.approx(13.0)
+
+
+@pytest.mark.parametrize("time_s", [54.0, 52.0 - RECENT_S - 2.0, -math.inf])
+def test_what_a_clock_cannot_have_measured_has_no_age(time_s: float) -> None:
+    one = ClockedVehicle()
+    one.send(52.0, UP_S)
+    assert one.time.age_s(time_s, None, UP_S + 1.0) == 0.0
+
+
+def test_nothing_has_an_age_before_the_vehicle_has_sent_its_clock() -> None:
+    assert ClockedVehicle().time.age_s(UP_S - 20.0, None, UP_S) == 0.0
+
+
+def test_the_time_of_day_gives_the_age_of_what_was_before_a_restart() -> None:
+    one = ClockedVehicle()
+    one.send(52.0, UP_S)
+    one.time.restarted()
+    one.send(3.0, UP_S + 63.0)
+    one.send_time_of_day(utc_s=1_790_000_063.0, since_boot_s=3.0)
+    before_s = one.time.of(51.0, 1_790_000_000.0, UP_S + 63.0)
+    assert one.time.age_s(before_s, 1_790_000_000.0, UP_S + 63.0) == pytest.approx(63.0)
+    assert one.time.age_s(before_s, None, UP_S + 63.0) == 0.0

@@ -1,5 +1,6 @@
 """The flight archive over HTTP: what was flown stays when the cloud has the reports."""
 
+import base64
 import csv
 import io
 from typing import Any
@@ -140,6 +141,52 @@ def test_pictures_have_the_place_where_they_were_taken(edge: Edge) -> None:
     answer = edge.ask("GET", picture["url"], "farmer")
     assert (answer.content_type, answer.data) == ("image/jpeg", JPEG)
     assert edge.ask("GET", "/flights/1/pictures/2", "farmer").status_code == 404
+
+
+def test_a_picture_that_comes_after_the_next_mission_has_begun_belongs_to_its_flight(
+    edge: Edge,
+) -> None:
+    fly(edge)
+    begin(edge, 1202)
+    edge.clock.pass_s(20.0)
+    send(edge, "image", recorded_at="2026-11-21T12:00:02Z")
+    assert edge.get("/flights/2/pictures") == []
+    late = edge.get("/flights/1/pictures")[1]
+    assert late["recorded_at"] == "2026-11-21T12:00:02Z"
+    assert late["latitude"] == pytest.approx(40.4435)
+
+
+@pytest.mark.parametrize(
+    ("latitude", "longitude", "expected"),
+    [
+        ("+40.5", "-3.5", (40.5, -3.5, 40.0)),
+        ("0.0", "0.0", None),
+        ("140.5", "-3.5", None),
+        ("40.5", "181.0", None),
+        ("", "-3.5", None),
+    ],
+)
+def test_the_place_that_a_camera_writes_is_that_of_its_picture(
+    edge: Edge, latitude: str, longitude: str, expected: tuple[float, float, float] | None
+) -> None:
+    begin(edge)
+    move(edge, 1)
+    by_track = (
+        40.4434,
+        telemetry("state_vector")["longitude"],
+        telemetry("state_vector")["altitude"],
+    )
+    data = (
+        JPEG
+        + (
+            f'drone-dji:GpsLatitude="{latitude}" drone-dji:GpsLongitude="{longitude}" '
+            'drone-dji:RelativeAltitude="+40.0"'
+        ).encode()
+    )
+    send(edge, "image", image_size=len(data), frame=base64.b64encode(data).decode())
+    (picture,) = edge.get("/flights/1/pictures")
+    place = (picture["latitude"], picture["longitude"], picture["altitude"])
+    assert place == pytest.approx(expected or by_track)
 
 
 def test_observations_are_listed(edge: Edge) -> None:
