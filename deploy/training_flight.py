@@ -57,6 +57,7 @@ def fly(folder: Path) -> bool:
     from uav_firmware.drivers.file_storage import FileStorage  # noqa: PLC0415 - as above
     from uav_firmware.drivers.jsbsim import JsbsimVehicle  # noqa: PLC0415 - as above
     from uav_firmware.drivers.log_folder import LogFolder  # noqa: PLC0415 - as above
+    from uav_firmware.module_errors import end_flight  # noqa: PLC0415 - as above
     from uav_firmware.modules.mavlink.wire.peers import Peer, Profile  # noqa: PLC0415 - as above
     from uav_firmware.topology import Autopilot  # noqa: PLC0415 - as above
 
@@ -73,6 +74,7 @@ def fly(folder: Path) -> bool:
         boot_time_utc_us=0,
         write_line=lambda _time_us, _text: None,
         log_store=LogFolder(folder / "log"),
+        on_error=end_flight,
     )
     _run(autopilot, _READY_S)
     home = autopilot.topics.home_position.value

@@ -36,8 +36,19 @@ class RateGroup(NamedTuple):
 class Scheduler:
     """Runs the rate groups due in each step, in their order."""
 
-    def __init__(self, step_us: int, groups: Sequence[RateGroup]) -> None:
+    def __init__(
+        self,
+        step_us: int,
+        groups: Sequence[RateGroup],
+        on_error: Callable[[str, Exception], None],
+    ) -> None:
         """Lay out one period of the whole pattern.
+
+        Args:
+            step_us: Period of the loop [us].
+            groups: In the order in which they run within a step.
+            on_error: Receives the name of a group that has raised, and its error; the groups
+                behind it run. An error that it raises ends the loop.
 
         Raises:
             ScheduleError: if a period does not fit the step.
@@ -50,18 +61,22 @@ class Scheduler:
             raise ScheduleError(f"the rates repeat only after {slots} steps")
         self._slots = tuple(
             tuple(
-                group.run
+                (group.name, group.run)
                 for group, divider in zip(groups, dividers, strict=True)
                 if slot % divider == group.phase % divider
             )
             for slot in range(slots)
         )
         self._next = 0
+        self.on_error = on_error
 
     def step(self) -> None:
         """Run what is due in this step."""
-        for run in self._slots[self._next]:
-            run()
+        for name, run in self._slots[self._next]:
+            try:
+                run()
+            except Exception as error:  # noqa: BLE001  # whatever it is, the others fly on
+                self.on_error(name, error)
         self._next += 1
         if self._next == len(self._slots):
             self._next = 0

@@ -66,6 +66,7 @@ from uav_firmware.msg.setpoints import (
 )
 from uav_firmware.msg.status import (
     HomePosition,
+    InternalErrors,
     LandDetected,
     ParameterSaveRequest,
     ParameterSaveResult,
@@ -128,6 +129,7 @@ class Topics:
     land_detected: Topic[LandDetected] = field(default_factory=Topic, metadata=_rate(1))
     terrain_estimate: Topic[TerrainEstimate] = field(default_factory=Topic)
     storage_status: Topic[StorageStatus] = field(default_factory=Topic)
+    internal_errors: Topic[InternalErrors] = field(default_factory=Topic)
     home_position: Topic[HomePosition] = field(default_factory=Topic)
     mission: Topic[Mission] = field(default_factory=Topic)
     mission_progress: Topic[MissionProgress] = field(default_factory=Topic)

@@ -10,6 +10,7 @@ from uav_firmware.cal.link import Link
 from uav_firmware.cal.log_store import LogStore
 from uav_firmware.cal.storage import Storage
 from uav_firmware.cal.vehicle import Vehicle
+from uav_firmware.module_errors import ModuleErrors
 from uav_firmware.modules.attitude_control.module import AttitudeControlModule
 from uav_firmware.modules.attitude_control.params import AttitudeControlParams
 from uav_firmware.modules.battery.module import BatteryModule
@@ -62,6 +63,9 @@ _BATTERY_PERIOD_US: Final = 100_000  # 10 Hz, as often as the power monitor meas
 _CONSOLE_PERIOD_US: Final = 100_000  # 10 Hz
 _STORAGE_PERIOD_US: Final = 1_000_000  # 1 Hz
 
+_HARDWARE: Final = "vehicle_io"
+_LINK: Final = "mavlink"
+
 _PILOTED_BATCH_US: Final = 20_000  # Under sticks or streamed set-points
 _TELEMETRY_BATCH_US: Final = 40_000  # However fast the requested telemetry
 
@@ -97,7 +101,9 @@ class Autopilot:
         request_power: Callable[[PowerAction], None] | None = None,
         world_us: Callable[[], int] | None = None,
         setup_signing: SetupTrust = SetupTrust.NEVER,
+        on_error: Callable[[str, Exception], None] | None = None,
     ) -> None:
+        """Connect the modules; `on_error` receives their errors, which are reported without it."""
         self.vehicle = vehicle
         self.topics = topics = Topics()
         self.registry = registry = Registry()
@@ -319,10 +325,26 @@ class Autopilot:
             step_us=vehicle.step_us,
             time_us=self._time_us,
         )
-        self.scheduler = Scheduler(vehicle.step_us, self._rate_groups(vehicle.step_us))
+        errors = ModuleErrors(topics, write_line=write_line, time_us=self._time_us)
+        self._on_error = errors.take if on_error is None else on_error
+        self.scheduler = Scheduler(
+            vehicle.step_us, self._rate_groups(vehicle.step_us), self._take_error
+        )
 
     def serve_link(self) -> None:
         """Answer what has arrived on the link, between two steps."""
+        try:
+            self._serve_link()
+        except Exception as error:  # noqa: BLE001  # as the scheduler's
+            self._take_error(_LINK, error)
+
+    def _take_error(self, module: str, error: Exception) -> None:
+        """Let the others go on without a module; without sensors and motors nothing can."""
+        if module == _HARDWARE:
+            raise error
+        self._on_error(module, error)
+
+    def _serve_link(self) -> None:
         self.mavlink.serve(self.vehicle.time_us)
         self.navigator.check_plans()
         self.parameter_storage.serve_requests()
@@ -358,14 +380,14 @@ class Autopilot:
 
     def _run_mavlink(self) -> None:
         """Acknowledge a short plan in the step in which its last item has arrived."""
-        self.serve_link()
+        self._serve_link()
         self.mavlink.update(self.vehicle.time_us)
 
     def _rate_groups(self, step_us: int) -> tuple[RateGroup, ...]:
         """Modules and their rates; within a step they run in this order, sensors to motors."""
         vehicle = self.vehicle
         return (
-            RateGroup("vehicle_io", step_us, self.vehicle_io.update),
+            RateGroup(_HARDWARE, step_us, self.vehicle_io.update),
             RateGroup("truth", _SLOW_PERIOD_US, self.vehicle_io.update_truth),
             RateGroup("sensors", step_us, self.sensors.update),
             RateGroup("estimator", step_us, self.estimator.update),
@@ -391,7 +413,7 @@ class Autopilot:
                 step_us,
                 lambda: self.control_allocator.update(vehicle.time_us),
             ),
-            RateGroup("mavlink", _LINK_PERIOD_US, self._run_mavlink, 1),
+            RateGroup(_LINK, _LINK_PERIOD_US, self._run_mavlink, 1),
             RateGroup(
                 "payload",
                 PAYLOAD_PERIOD_US,

@@ -21,6 +21,7 @@ from sim.faults.injection import Failure, Unit
 from sim.simulation import Simulation
 from uav_firmware.drivers.file_storage import FileStorage
 from uav_firmware.drivers.jsbsim import JsbsimVehicle
+from uav_firmware.module_errors import end_flight
 from uav_firmware.modules.mavlink.wire.peers import Peer, Profile
 from uav_firmware.msg.status import NavigationState
 from uav_firmware.topology import Autopilot
@@ -208,6 +209,7 @@ class FlightStack:
             boot_time_utc_us=round(start_s * 1e6),
             world_us=lambda: round((EPOCH.timestamp() + self._scheduler.now_s) * 1e6),
             write_line=lambda _time_us, _text: None,
+            on_error=end_flight,
         )
         self._stack.registry.set("RTL_RETURN_ALT", RETURN_M)
         self._link.inbox.clear()

@@ -51,7 +51,8 @@ class Stopwatch:
         timed = [
             group._replace(run=self._timed(group, self.times_ns[group.name])) for group in groups
         ]
-        autopilot.scheduler = Scheduler(autopilot.scheduler.step_us, timed)
+        former = autopilot.scheduler
+        autopilot.scheduler = Scheduler(former.step_us, timed, former.on_error)
         self._tester = tester
 
     def run(self, steps: int) -> None:

@@ -45,6 +45,7 @@ def vehicle_process(
         process.send_signal(signal.SIGTERM)
         code = process.wait(30)
     assert code == 0, log_path.read_text()
+    assert "internal error" not in log_path.read_text()
 
 
 class GroundStation:

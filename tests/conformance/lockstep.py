@@ -14,6 +14,7 @@ from sim.simulation import Simulation
 from uav_firmware.cal.link import Address
 from uav_firmware.drivers.file_storage import FileStorage
 from uav_firmware.drivers.jsbsim import JsbsimVehicle
+from uav_firmware.module_errors import end_flight
 from uav_firmware.modules.mavlink.wire.peers import Peer, Profile
 from uav_firmware.topology import Autopilot
 
@@ -58,6 +59,7 @@ class Lockstep:
             peers=(Peer(address=ADDRESS, profile=Profile.GROUND_STATION),),
             boot_time_utc_us=0,
             write_line=lambda _time_us, _text: None,
+            on_error=end_flight,
         )
         self._codec = mavlink.MAVLink(None, SYSTEM, COMPONENT)
         self._codec.robust_parsing = True

@@ -18,6 +18,7 @@ from tests.support.ground_station import GroundStation, MemoryLink
 from uav_firmware.cal.log_store import LogStore
 from uav_firmware.drivers.file_storage import FileStorage
 from uav_firmware.drivers.jsbsim import JsbsimVehicle
+from uav_firmware.module_errors import end_flight
 from uav_firmware.modules.mavlink.wire.peers import Peer
 from uav_firmware.msg.estimate import VehicleLocalPosition
 from uav_firmware.msg.status import LandDetected, NavigationState, VehicleStatus
@@ -44,6 +45,7 @@ class AutopilotTester:
         link: MemoryLink | None = None,
         peers: Sequence[Peer] = (),
         log_store: LogStore | None = None,
+        on_error: Callable[[str, Exception], None] | None = end_flight,
     ) -> None:
         self.simulation = Simulation(config)
         self._link = MemoryLink() if link is None else link
@@ -57,6 +59,7 @@ class AutopilotTester:
             boot_time_utc_us=0,
             write_line=lambda time_us, text: self.lines.append(f"{time_us * 1e-6:.2f} {text}"),
             log_store=log_store,
+            on_error=on_error,
         )
         self.ground_station = GroundStation(self._link, SYSTEM_ID)
         self.start = start = self.simulation.truth

@@ -31,6 +31,7 @@ from uav_firmware.drivers.file_tree import image_folder, image_tree, storage_car
 from uav_firmware.drivers.jsbsim import JsbsimVehicle
 from uav_firmware.drivers.jsbsim_camera import JsbsimCamera
 from uav_firmware.drivers.log_folder import LogFolder
+from uav_firmware.module_errors import end_flight
 from uav_firmware.modules.mavlink.wire.peers import Peer, Profile
 from uav_firmware.topology import Autopilot
 
@@ -126,6 +127,7 @@ class FlyingWorld:
             boot_time_utc_us=0,
             write_line=lambda _time_us, _text: None,
             card=storage_card(folder, LogFolder(folder / "log"), images) if with_camera else None,
+            on_error=end_flight,
         )
         start = self.simulation.truth
         self.ground = LocalGround(start.latitude_deg, start.longitude_deg, start.altitude_amsl_m)

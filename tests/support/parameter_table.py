@@ -7,6 +7,7 @@ from sim.simulation import Simulation
 from tests.support.ground_station import MemoryLink
 from uav_firmware.drivers.file_storage import FileStorage
 from uav_firmware.drivers.jsbsim import JsbsimVehicle
+from uav_firmware.module_errors import end_flight
 from uav_firmware.topology import Autopilot
 
 
@@ -20,4 +21,5 @@ def autopilot(folder: Path) -> Autopilot:
         peers=(),
         boot_time_utc_us=0,
         write_line=lambda _time_us, _text: None,
+        on_error=end_flight,
     )

@@ -116,9 +116,12 @@ class FarmSystem:
         prepare_signing_keys(self.settings)
         return self
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         for name in list(self._running):
             self.kill(name)
+        if kind is None:
+            for log in self.state_dir.glob("vehicle-*.log"):
+                assert "internal error" not in log.read_text(errors="replace"), log
 
     def start(self, *names: str) -> Self:
         """Start programs in the order given; all of them when none is named."""

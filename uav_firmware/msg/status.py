@@ -150,6 +150,16 @@ class StatusText(NamedTuple):
     text: str
 
 
+class InternalErrors(NamedTuple):
+    """Modules that have raised an error since the start.
+
+    Written for each module by its error boundary; read by commander.
+    """
+
+    time_us: int  # [us]
+    modules: tuple[str, ...]  # Names of rate groups, in the order of their first errors
+
+
 class ParameterSaveRequest(NamedTuple):
     """A request to store the parameters now. Written by mavlink; read by parameter_storage."""
 

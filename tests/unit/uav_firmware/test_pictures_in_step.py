@@ -15,6 +15,7 @@ from uav_firmware.drivers.file_storage import FileStorage
 from uav_firmware.drivers.file_tree import image_folder, image_tree
 from uav_firmware.drivers.jsbsim import JsbsimVehicle
 from uav_firmware.drivers.jsbsim_camera import STORING_US, JsbsimCamera
+from uav_firmware.module_errors import end_flight
 from uav_firmware.msg.payload import CameraEvent, ImageCaptured, PayloadCommand
 from uav_firmware.msg.status import VehicleCommand
 from uav_firmware.topology import Autopilot
@@ -58,6 +59,7 @@ def run(folder: Path, *, with_camera: bool) -> Run:
         peers=(),
         boot_time_utc_us=simulation.config.start_time_utc_us,
         write_line=lambda _time_us, _text: None,
+        on_error=end_flight,
     )
     autopilot.registry.set("CAM_IMAGE_WIDTH", 1152)
     recorder = PictureRecorder(vehicle)

@@ -4,6 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from uav_firmware.module_errors import end_flight
 from uav_firmware.scheduler import LateSteps, Pacer, RateGroup, ScheduleError, Scheduler
 
 
@@ -31,6 +32,7 @@ def record(steps: int, *groups: tuple[str, int, int]) -> list[list[str]]:
     scheduler = Scheduler(
         4000,
         [RateGroup(name, period_us, runner(name), phase) for name, period_us, phase in groups],
+        end_flight,
     )
     result = []
     for _ in range(steps):
@@ -59,7 +61,7 @@ def test_a_phase_moves_a_group_to_another_step() -> None:
 @pytest.mark.parametrize("period_us", [0, 3000, 5000, -4000])
 def test_a_period_that_is_no_multiple_of_the_step_is_refused(period_us: int) -> None:
     with pytest.raises(ScheduleError, match="odd"):
-        Scheduler(4000, [RateGroup("odd", period_us, lambda: None)])
+        Scheduler(4000, [RateGroup("odd", period_us, lambda: None)], end_flight)
 
 
 def test_periods_that_never_meet_are_refused() -> None:
@@ -67,7 +69,37 @@ def test_periods_that_never_meet_are_refused() -> None:
         Scheduler(
             1000,
             [RateGroup("a", 101_000, lambda: None), RateGroup("b", 103_000, lambda: None)],
+            end_flight,
         )
+
+
+def test_an_error_costs_its_group_one_run_and_no_other_group_any() -> None:
+    ran, errors = [], []
+
+    def fail() -> None:
+        ran.append("failing")
+        raise ZeroDivisionError(len(ran))
+
+    groups = [
+        RateGroup("before", 4000, lambda: ran.append("before")),
+        RateGroup("failing", 8000, fail),
+        RateGroup("behind", 4000, lambda: ran.append("behind")),
+    ]
+    scheduler = Scheduler(4000, groups, lambda name, error: errors.append((name, str(error))))
+    for _ in range(3):
+        scheduler.step()
+    step = ["before", "failing", "behind"]
+    assert ran == [*step, "before", "behind", *step]
+    assert errors == [("failing", "2"), ("failing", "7")]
+
+
+def test_an_interrupt_is_no_error_of_a_group() -> None:
+    def interrupt() -> None:
+        raise KeyboardInterrupt
+
+    scheduler = Scheduler(4000, [RateGroup("a", 4000, interrupt)], lambda _name, _error: None)
+    with pytest.raises(KeyboardInterrupt):
+        scheduler.step()
 
 
 @pytest.mark.parametrize("speed", [0.5, 1.0, 5.0, 10.0])

@@ -217,7 +217,14 @@ def room_for_log(view: VehicleView, _params: CommanderParams) -> str | None:
     return f"Storage full: {storage.free_bytes // _BYTES_PER_MB} MB left for the flight log"
 
 
+def modules_sound(view: VehicleView, _params: CommanderParams) -> str | None:
+    """No module has raised an error since the start."""
+    errors = view.internal_errors
+    return None if errors is None else f"Internal error in {errors.modules[0]}: restart"
+
+
 ARMING_CHECKS: Final[tuple[Check, ...]] = (
+    modules_sound,
     imu_fresh,
     gyro_sound,
     accel_sound,

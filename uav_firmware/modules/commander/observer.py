@@ -88,6 +88,7 @@ class Observer:
             _has_rate(topics.sensor_imu.value),
             self._latch.texts,
             topics.sensors_status.value,
+            topics.internal_errors.value,
         )
 
     def observe_wind(self, view: VehicleView, drag: DragModel) -> None:

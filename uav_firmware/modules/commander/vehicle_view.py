@@ -16,7 +16,7 @@ from uav_firmware.msg.failure import FailureDetectorStatus
 from uav_firmware.msg.geofence import GeofenceStatus
 from uav_firmware.msg.mission import MissionProgress, NavigatorStatus
 from uav_firmware.msg.sensors import SensorGps, SensorsStatus
-from uav_firmware.msg.status import HomePosition, LandDetected, StorageStatus
+from uav_firmware.msg.status import HomePosition, InternalErrors, LandDetected, StorageStatus
 
 
 class SensorAges(NamedTuple):
@@ -60,6 +60,7 @@ class VehicleView(NamedTuple):
     imu_delivers: bool = True  # Its newest sample holds a rate
     latched_failures: tuple[str, ...] = ()  # Of former flights, not acknowledged
     sensors: SensorsStatus | None = None  # Which instances have failed
+    internal_errors: InternalErrors | None = None
 
     @property
     def aligned(self) -> bool:
