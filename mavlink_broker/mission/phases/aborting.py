@@ -3,7 +3,7 @@
 What the vehicle flies after an event has ended a mission: land, go to a place, return.
 
     on the ground        disarm, and stay there; also while an order to arm may still arrive, until
-                         it shows that it is in the air
+                         it shows that it is in the air; not received: disarm once, then land
     without a position   land here: neither a place nor home can be found
     else                 what the event orders
 
@@ -213,8 +213,7 @@ class AbortExecutor:
         """Note that an order of the present action was answered, whichever way."""
         phase = self._executor.phase
         is_refused = phase is LivePhase.FAILED and not self._executor.is_unanswered
-        is_accepted = phase in _BEGUN
-        self._was_answered |= is_accepted or is_refused
+        self._was_answered |= phase in _BEGUN or is_refused
         has_passed = phase in {LivePhase.BEGINNING, *_BEGUN}
         self._is_there |= has_passed and self._executor.has_approach
 
@@ -340,9 +339,11 @@ class AbortExecutor:
     def _action(self, *, with_place: bool) -> LiveAction:
         """Choose the action; a vehicle that has reached its place gets the last order only."""
         self._needs_position = False
-        self._disarms = self._is_down
-        if self._is_down:
+        self._disarms = self._is_down and self._unheard_since is None
+        if self._disarms:
             return disarm_action(self._vehicle)
+        if self._is_down:  # It may have taken off unheard: a hold would end its landing
+            return land_action(self._vehicle)
         if self._lands_instead or self._lacks_position:
             self._lands_here = NOT_PLACED if self._lacks_position else NOT_OBEYED
             return land_action(self._vehicle)

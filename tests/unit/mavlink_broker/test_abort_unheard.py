@@ -3,11 +3,13 @@
 The link from the vehicle has failed, and the one to it may work.
 """
 
+import dataclasses
 from typing import Any, Final
 
 import pytest
 
 from afarcloud.enumerations import EventType, Status
+from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.mission.phases.aborting import UNHEARD_S
 from mavlink_broker.mission.states import State
 from tests.support.broker_world import World, first_flight
@@ -94,3 +96,27 @@ def test_one_that_flies_on_is_ordered_again_when_it_is_received(
     world.run_until_over(1201)
     assert world.edge.status(1201) == Status.ABORTED
     world.run_until(lambda: answer_statuses(world, event)[-1] == "done")
+
+
+@FAMILIES
+def test_one_that_was_last_heard_on_the_ground_lands(script: Script, manual: int) -> None:
+    """It has taken off unheard, and refuses to be disarmed in the air."""
+    del manual
+    world = World()
+    vehicle = world.add_vehicle(script=slow(script))
+    world.run(5.0)
+    world.edge.plan(first_flight())
+    world.run_until(lambda: vehicle.airborne)
+    world.air.is_downlink_up = False
+    vehicle.script = dataclasses.replace(
+        vehicle.script,
+        item_time_s=200.0,
+        results={mavlink.MAV_CMD_COMPONENT_ARM_DISARM: mavlink.MAV_RESULT_DENIED},
+    )
+    world.run(LOST_S)
+    event = world.edge.event(ABORT)
+    world.run(UNHEARD_S + 20.0)
+    assert not vehicle.airborne
+    world.air.is_downlink_up = True
+    world.run_until(lambda: answer_statuses(world, event)[-1] == "done")
+    assert world.edge.status(1201) == Status.ABORTED
