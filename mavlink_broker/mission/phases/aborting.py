@@ -354,9 +354,9 @@ class AbortExecutor:
 
     @property
     def instead(self) -> str | None:
-        """What a vehicle that flew has done otherwise than the event says; None if nothing."""
+        """What the vehicle has done otherwise than the event says; None if nothing."""
         if not self._was_flying:
-            return None
+            return None if self._is_there else STANDS
         if not self._is_there:
             return self._lands_here or NOT_THERE
         lands_anyway = self._event.event_type_id is EventType.ABORT_MISSION

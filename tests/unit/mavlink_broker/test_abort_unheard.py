@@ -10,12 +10,12 @@ import pytest
 
 from afarcloud.enumerations import EventType, Status
 from mavlink_broker.mavlink.dialect import mavlink
-from mavlink_broker.mission.phases.aborting import UNHEARD_S
+from mavlink_broker.mission.phases.aborting import STANDS, UNHEARD_S
 from mavlink_broker.mission.states import State
 from tests.support.broker_world import World, first_flight
 from tests.support.scripted_vehicle import ScriptedVehicle
 from tests.support.vehicle_script import ARDUPILOT, PX4, PX4_POSITION, Script
-from tests.unit.mavlink_broker.test_events import ABORT, POINT, answer_statuses
+from tests.unit.mavlink_broker.test_events import ABORT, POINT, answer_statuses, answers
 from tests.unit.mavlink_broker.test_suspended_broker import commands
 from tests.unit.mavlink_broker.test_takeover import COPTER_LOITER, slow, state
 
@@ -99,7 +99,10 @@ def test_one_that_flies_on_is_ordered_again_when_it_is_received(
 
 
 @FAMILIES
-def test_one_that_was_last_heard_on_the_ground_lands(script: Script, manual: int) -> None:
+@pytest.mark.parametrize(("place", "note"), [({}, None), ({"abort": POINT}, STANDS)])
+def test_one_that_was_last_heard_on_the_ground_lands(
+    script: Script, manual: int, place: dict[str, Any], note: str | None
+) -> None:
     """It has taken off unheard, and refuses to be disarmed in the air."""
     del manual
     world = World()
@@ -114,9 +117,9 @@ def test_one_that_was_last_heard_on_the_ground_lands(script: Script, manual: int
         results={mavlink.MAV_CMD_COMPONENT_ARM_DISARM: mavlink.MAV_RESULT_DENIED},
     )
     world.run(LOST_S)
-    event = world.edge.event(ABORT)
+    event = world.edge.event(ABORT, **place)
     world.run(UNHEARD_S + 20.0)
     assert not vehicle.airborne
     world.air.is_downlink_up = True
-    world.run_until(lambda: answer_statuses(world, event)[-1] == "done")
+    world.run_until(lambda: answers(world, event)[-1] == ("done", note))
     assert world.edge.status(1201) == Status.ABORTED
