@@ -362,7 +362,7 @@ class PictureCollector:
         self._seen[capture.identity] = None
         if len(self._seen) > MAX_IDENTITIES:
             self._seen.popitem(last=False)
-        taken_at = now - self._time.age_s(taken_s, capture.taken_utc_s, now)
+        taken_at = self._time.broker_time(taken_s, now)
         self._taken.append(_AnnouncedPicture(capture, taken_s, taken_at, now, is_of_earlier_run))
 
     def _take_feedback(self, feedback: Feedback, now: float) -> None:

@@ -4,6 +4,7 @@ Until the vehicle has sent its clock the broker's own one stands in for it. The 
 common, so `update` gives by how much all times of before have to be shifted then.
 """
 
+from collections import deque
 from typing import Final
 
 from mavlink_broker.vehicle.vehicle import Vehicle
@@ -12,6 +13,7 @@ RECENT_S: Final = 900.0
 """Older pictures, taken before this run of the broker, are not downloaded."""
 OWN_CLOCK_S: Final = 3.0
 """A camera whose clock differs more from the autopilot's has a clock of its own."""
+_EVERY_S: Final = 1.0
 PROVED_WITHIN_S: Final = 10.0
 """A clock that has gone back for so long is believed, whether or not it proves a restart."""
 
@@ -28,6 +30,8 @@ class VehicleTime:
         self._epoch_s = 0.0  # Added to the vehicle's time, which a restart sets back
         self._epoch_before_s: float | None = None  # The same, before the vehicle's last restart
         self._latest_s = 0.0
+        # This time and the broker's, of the last minutes
+        self._received = deque[tuple[float, float]](maxlen=round(RECENT_S / _EVERY_S))
 
     def update(self, now: float) -> float:
         """Follow the vehicle's clock; gives how far the times of before have to be shifted."""
@@ -35,6 +39,8 @@ class VehicleTime:
         if time_s is None or time_s == self._newest_s or self._may_be_restarted(time_s, now):
             return 0.0
         self._newest_s = time_s
+        if not self._received or now - self._received[-1][1] >= _EVERY_S:
+            self._received.append((time_s + self._epoch_s, now))
         was_known, self._is_known = self._is_known, True
         self._ahead_s = now - time_s
         if was_known:
@@ -60,17 +66,21 @@ class VehicleTime:
         """Whether something is recent enough; everything is until the vehicle's clock is known."""
         return not self._is_known or self.at(now) - time_s <= RECENT_S
 
-    def age_s(self, time_s: float, utc_s: float | None, now: float) -> float:
-        """Give how long ago something recent was; 0 if the vehicle's clocks do not give that.
+    def broker_time(self, time_s: float, now: float) -> float:
+        """Give the broker's time of something recent; now if the vehicle's clock does not give it.
 
-        How long a restart took is known by the time of day alone.
+        The two clocks may run at different rates: a simulated vehicle's runs at its speed.
         """
-        if not self._is_known:
-            return 0.0
-        age_s, booted_s = self.at(now) - time_s, self._vehicle.snapshot.booted_at_utc_s
-        if age_s > RECENT_S and utc_s is not None and booted_s is not None:
-            age_s = booted_s + self.since_boot_s(now) - utc_s
-        return age_s if 0.0 <= age_s <= RECENT_S else 0.0
+        later_s, later = self.at(now), now
+        if not self._is_known or time_s >= later_s:
+            return now
+        for earlier_s, earlier in reversed(self._received):
+            if earlier_s <= time_s:
+                share = (time_s - earlier_s) / (later_s - earlier_s)
+                return earlier + share * (later - earlier)
+            later_s, later = earlier_s, earlier
+        age_s = later_s - time_s  # Before the first time that was received
+        return later - age_s if age_s <= RECENT_S else now
 
     @property
     def is_doubtful(self) -> bool:

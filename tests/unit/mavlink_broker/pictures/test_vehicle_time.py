@@ -1,8 +1,11 @@
 """The time of pictures: the vehicle's clock, whatever the broker's own one shows."""
 
+import itertools
 import math
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from mavlink_broker.mavlink.dialect import Route, mavlink
 from mavlink_broker.pictures.vehicle_time import PROVED_WITHIN_S, RECENT_S, VehicleTime
@@ -25,11 +28,6 @@ class ClockedVehicle:
         message = mavlink.MAVLink_global_position_int_message(boot_ms, *[0] * 8)
         self.vehicle.snapshot.take(message)
         return self.time.update(now)
-
-    def send_time_of_day(self, *, utc_s: float, since_boot_s: float) -> None:
-        """Send SYSTEM_TIME."""
-        message = mavlink.MAVLink_system_time_message(round(utc_s * 1e6), round(since_boot_s * 1e3))
-        self.vehicle.snapshot.take(message)
 
 
 def test_what_was_noted_by_the_brokers_clock_is_shifted_to_that_of_the_vehicle() -> None:
@@ -101,29 +99,48 @@ def test_everything_is_recent_until_the_clock_is_known() -> None:
     assert one.time.is_recent(80.0, UP_S)
 
 
-def test_the_age_of_something_is_what_the_vehicles_clock_has_run_since() -> None:
+def test_what_the_vehicles_clock_dates_has_a_time_of_the_brokers() -> None:
     one = ClockedVehicle()
     one.send(52.0, UP_S)
-    assert one.time.age_s(40.0, None, UP_S + 1.0) == pytest.approx(13.0)
+    one.send(62.0, UP_S + 10.0)
+    expected = {40.0: UP_S - 12.0, 55.0: UP_S + 3.0, 62.5: UP_S + 10.5}
+    found = {time_s: one.time.broker_time(time_s, UP_S + 11.0) for time_s in expected}
+    assert found == pytest.approx(expected)
+
+
+@given(
+    speed=st.floats(0.2, 20.0),
+    seconds=st.lists(st.floats(1.0, 60.0), min_size=2, max_size=20),
+    share=st.floats(0.0, 1.0),
+)
+def test_a_simulated_vehicles_clock_runs_at_its_speed(
+    speed: float, seconds: list[float], share: float
+) -> None:
+    one = ClockedVehicle()
+    nows = [UP_S + after for after in itertools.accumulate(seconds)]
+    for now in nows:
+        one.send(10.0 + speed * (now - UP_S), now)
+    at = nows[0] + share * (nows[-1] - nows[0])
+    taken_s = 10.0 + speed * (at - UP_S)
+    assert one.time.broker_time(taken_s, nows[-1]) == pytest.approx(at, abs=0.02)
 
 
 @pytest.mark.parametrize("time_s", [54.0, 52.0 - RECENT_S - 2.0, -math.inf])
-def test_what_a_clock_cannot_have_measured_has_no_age(time_s: float) -> None:
+def test_what_a_clock_cannot_have_measured_is_of_now(time_s: float) -> None:
     one = ClockedVehicle()
     one.send(52.0, UP_S)
-    assert one.time.age_s(time_s, None, UP_S + 1.0) == 0.0
+    assert one.time.broker_time(time_s, UP_S + 1.0) == UP_S + 1.0
 
 
-def test_nothing_has_an_age_before_the_vehicle_has_sent_its_clock() -> None:
-    assert ClockedVehicle().time.age_s(UP_S - 20.0, None, UP_S) == 0.0
+def test_nothing_is_dated_before_the_vehicle_has_sent_its_clock() -> None:
+    assert ClockedVehicle().time.broker_time(UP_S - 20.0, UP_S) == UP_S
 
 
-def test_the_time_of_day_gives_the_age_of_what_was_before_a_restart() -> None:
+def test_what_was_before_a_restart_is_dated_by_the_clock_before_it() -> None:
     one = ClockedVehicle()
+    one.send(42.0, UP_S - 10.0)
     one.send(52.0, UP_S)
     one.time.restarted()
     one.send(3.0, UP_S + 63.0)
-    one.send_time_of_day(utc_s=1_790_000_063.0, since_boot_s=3.0)
-    before_s = one.time.of(51.0, 1_790_000_000.0, UP_S + 63.0)
-    assert one.time.age_s(before_s, 1_790_000_000.0, UP_S + 63.0) == pytest.approx(63.0)
-    assert one.time.age_s(before_s, None, UP_S + 63.0) == 0.0
+    before_s = one.time.of(51.0, None, UP_S + 63.0)
+    assert one.time.broker_time(before_s, UP_S + 63.0) == pytest.approx(UP_S - 1.0)
