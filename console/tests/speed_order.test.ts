@@ -4,8 +4,8 @@ import { Fault, RequestError } from "../src/api/client";
 import type { StoredEvent } from "../src/api/types";
 import { changeSpeed } from "../src/api/resources";
 import { FASTEST_M_S, orderedSpeed, SLOWEST_M_S } from "../src/planning/speed_limits";
-import { lastSpeedOf, outcomeOf } from "../src/screens/use_speed_order";
-import { followEvent } from "../src/screens/use_stop_orders";
+import { lastSpeedOf } from "../src/screens/use_speed_order";
+import { followEvent, outcomeOf, stopOutcomeOf } from "../src/screens/use_stop_orders";
 
 const stored = (state: StoredEvent["state"], message?: string) =>
   ({ id: 4, state, ...(message === undefined ? {} : { message }) }) as StoredEvent;
@@ -67,6 +67,15 @@ test("an order that was not stored says why", () => {
   expect(outcomeOf(new RequestError(409, "no mission to interrupt"))).toEqual({ state: "refused", reason: "no mission to interrupt" });
   expect(outcomeOf(new RequestError(0, "unreachable"))).toEqual({ state: "failed", reason: "" });
   expect(outcomeOf(new RequestError(503, "busy"))).toEqual({ state: "failed", reason: "busy" });
+});
+
+test("nothing to stop is what the edge server says, not any refusal", () => {
+  const idle = new RequestError(409, "vehicle 2 has no active mission", [new Fault("vehicle_id", "has no active mission")]);
+  expect(stopOutcomeOf(idle)).toEqual({ state: "idle", reason: "" });
+  const stale = "the edge server stood still, and this may have waited for 13 s: it is not carried out";
+  expect(stopOutcomeOf(new RequestError(409, stale))).toEqual({ state: "refused", reason: stale });
+  expect(stopOutcomeOf(new RequestError(0, "unreachable"))).toEqual({ state: "failed", reason: "" });
+  expect(stopOutcomeOf(new RequestError(500, "broken"))).toEqual({ state: "failed", reason: "broken" });
 });
 
 test("the speed that is flown is that of the last order that was carried out", () => {

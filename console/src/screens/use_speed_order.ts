@@ -1,12 +1,11 @@
 /** An order to fly at another speed, and what becomes of it. */
 
 import { useCallback, useEffect, useRef, useState } from "react";
-import { RequestError, UNREACHABLE } from "../api/client";
 import { changeSpeed, listEvents, listFlightsSince, NEW_SPEED } from "../api/resources";
 import { serverAheadMs } from "../api/server_clock";
 import type { StoredEvent } from "../api/types";
 import { asRequestError, useResource } from "../live/use_resource";
-import { followEvent, type OrderState } from "./use_stop_orders";
+import { followEvent, outcomeOf, type OrderState } from "./use_stop_orders";
 
 export interface SpeedOrder {
   speed_m_s: number;
@@ -62,11 +61,4 @@ async function readLastSpeed(vehicleId: number): Promise<{ speed_m_s: number | n
 export function lastSpeedOf(events: readonly StoredEvent[]): number | null {
   const done = events.filter((one) => one.event_type_id === NEW_SPEED && one.state === "done");
   return done.at(-1)?.maximum_speed ?? null;
-}
-
-/** What became of an order that the edge server has not stored, or whose answer was lost. */
-export function outcomeOf(error: RequestError): Pick<SpeedOrder, "state" | "reason"> {
-  if (error.status === UNREACHABLE) return { state: "failed", reason: "" };
-  const faults = error.faults.map(({ text }) => text).join("; ");
-  return { state: error.status >= 500 ? "failed" : "refused", reason: faults || error.message };
 }

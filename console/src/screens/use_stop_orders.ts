@@ -1,6 +1,7 @@
 /** Stop orders that were given in this dialog, and what became of each. */
 
 import { useCallback, useEffect, useRef, useState } from "react";
+import { UNREACHABLE, type RequestError } from "../api/client";
 import { getEvent, stopVehicle, type StopKind } from "../api/resources";
 import type { StoredEvent } from "../api/types";
 import { asRequestError } from "../live/use_resource";
@@ -55,12 +56,26 @@ async function follow(
   try {
     event = await stopVehicle(vehicleId, kind);
   } catch (reason) {
-    const error = asRequestError(reason);
-    const isIdle = error.status === 409;
-    update({ state: isIdle ? "idle" : "failed", reason: error.status === 0 ? "" : error.message });
+    update(stopOutcomeOf(asRequestError(reason)));
     return;
   }
   await followEvent(event, update, isOpen);
+}
+
+/** Of the edge server, for a vehicle that neither flies nor has a mission. */
+const NOTHING_TO_STOP = "has no active mission";
+
+/** What became of a stop order that the edge server has not stored, or whose answer was lost. */
+export function stopOutcomeOf(error: RequestError): Pick<StopOrder, "state" | "reason"> {
+  const isIdle = error.status === 409 && error.faults.some((one) => one.reported === NOTHING_TO_STOP);
+  return isIdle ? { state: "idle", reason: "" } : outcomeOf(error);
+}
+
+/** What became of an order that the edge server has not stored, or whose answer was lost. */
+export function outcomeOf(error: RequestError): Pick<StopOrder, "state" | "reason"> {
+  if (error.status === UNREACHABLE) return { state: "failed", reason: "" };
+  const faults = error.faults.map(({ text }) => text).join("; ");
+  return { state: error.status >= 500 ? "failed" : "refused", reason: faults || error.message };
 }
 
 /** Follows a stored event to its end. */
