@@ -4,6 +4,7 @@ import type { RequestError } from "../api/client";
 import { acknowledgeAlarm, listAlarms } from "../api/resources";
 import type { Alarm } from "../api/types";
 import { usePreferences, useUnits } from "../app/preferences";
+import { useIsOperator } from "../app/session_context";
 import { Button } from "../controls/Button";
 import { MoreRows } from "../controls/MoreRows";
 import { Empty, ErrorNotice, Loaded } from "../controls/states";
@@ -56,6 +57,7 @@ function AlarmRow({ alarm }: { alarm: Alarm }) {
   const { t } = useTranslation();
   const units = useUnits();
   const feed = useFeed();
+  const isOperator = useIsOperator();
   const [error, setError] = useState<RequestError | null>(null);
   const [isBusy, setBusy] = useState(false);
   const reportText = useReportText();
@@ -86,9 +88,11 @@ function AlarmRow({ alarm }: { alarm: Alarm }) {
       {alarm.acknowledged_at === null ? (
         <>
           <Pill tone="bad">{t("alarms.open")}</Pill>
-          <Button icon="check" isBusy={isBusy} onClick={acknowledge}>
-            {t("alarms.acknowledge")}
-          </Button>
+          {isOperator && (
+            <Button icon="check" isBusy={isBusy} onClick={acknowledge}>
+              {t("alarms.acknowledge")}
+            </Button>
+          )}
         </>
       ) : (
         <span className="muted small">
