@@ -132,16 +132,25 @@ function PlanMap({ plan }: { plan: Plan }) {
   );
 }
 
+/** What a person is asked, about the plan as it was then: it may change behind the dialog. */
+interface Question {
+  kind: "dispatch" | "cancel" | "download";
+  plan: Plan;
+  /** Of that version: no other one is dispatched or cancelled. */
+  tag: string;
+}
+
 function PlanActions({ plan, tag, reload }: {
   plan: Plan;
-  /** Of the version that is shown: no other one is dispatched. */
   tag: string;
   reload: () => void;
 }) {
   const { t } = useTranslation();
   const isOperator = useIsOperator();
-  const [question, setQuestion] = useState<"dispatch" | "cancel" | "download" | null>(null);
+  const [question, setQuestion] = useState<Question | null>(null);
   const [error, setError] = useState<RequestError | null>(null);
+  const [isCopying, setCopying] = useState(false);
+  const ask = (kind: Question["kind"]) => setQuestion({ kind, plan, tag });
   const isHeld = plan.missions.some((mission) => mission.dispatch_state === "held");
   const isWaiting = plan.missions.some((mission) =>
     ["held", "queued"].includes(mission.dispatch_state),
@@ -162,8 +171,13 @@ function PlanActions({ plan, tag, reload }: {
   const copy = async () => {
     const document = renumberedFrom(documentOf(plan), newMissionId(Date.now()));
     const name = t("conflict.copy_of", { name: plan.name ?? t("plans.unnamed", { id: plan.id }) });
-    const { id } = await createPlan({ ...document, name });
-    go(`plans/${id}/edit`);
+    setCopying(true);
+    try {
+      const { id } = await createPlan({ ...document, name });
+      go(`plans/${id}/edit`);
+    } finally {
+      setCopying(false);
+    }
   };
   return (
     <>
@@ -171,7 +185,7 @@ function PlanActions({ plan, tag, reload }: {
       {!isOperator && isWaiting && <Notice kind="info">{t("plans.operator_only")}</Notice>}
       <div className="actions">
         {isHeld && isOperator && (
-          <Button kind="primary" icon="flight" onClick={() => setQuestion("dispatch")}>
+          <Button kind="primary" icon="flight" onClick={() => ask("dispatch")}>
             {t("plans.dispatch")}
           </Button>
         )}
@@ -180,27 +194,27 @@ function PlanActions({ plan, tag, reload }: {
             {t("action.edit")}
           </Button>
         )}
-        <Button icon="copy" onClick={() => act(copy, () => undefined)}>
+        <Button icon="copy" isBusy={isCopying} onClick={() => act(copy, () => undefined)}>
           {t("plans.duplicate")}
         </Button>
-        <Button icon="download" onClick={() => setQuestion("download")}>
+        <Button icon="download" onClick={() => ask("download")}>
           {t("plans.download")}
         </Button>
         {isOperator && isWaiting && (
-          <Button kind="danger" icon="remove" onClick={() => setQuestion("cancel")}>
+          <Button kind="danger" icon="remove" onClick={() => ask("cancel")}>
             {t("plans.cancel")}
           </Button>
         )}
       </div>
-      {question === "download" && <DownloadDialog plan={plan} close={() => setQuestion(null)} />}
-      {question === "dispatch" && (
+      {question?.kind === "download" && <DownloadDialog plan={question.plan} close={() => setQuestion(null)} />}
+      {question?.kind === "dispatch" && (
         <DispatchDialog
-          plan={plan}
-          dispatch={() => act(() => dispatchPlan(plan.id, tag), reload)}
+          plan={question.plan}
+          dispatch={() => act(() => dispatchPlan(plan.id, question.tag), reload)}
           close={() => setQuestion(null)}
         />
       )}
-      {question === "cancel" && (
+      {question?.kind === "cancel" && (
         <Dialog title={t("plans.cancel")} close={() => setQuestion(null)}>
           <p>{t("plans.cancel_text")}</p>
           <footer className="dialog-actions">
@@ -208,7 +222,7 @@ function PlanActions({ plan, tag, reload }: {
             <Button
               kind="danger"
               icon="remove"
-              onClick={() => act(() => deletePlan(plan.id, tag), () => go("plans"))}
+              onClick={() => act(() => deletePlan(plan.id, question.tag), () => go("plans"))}
             >
               {t("plans.cancel")}
             </Button>

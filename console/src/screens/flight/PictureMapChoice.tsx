@@ -54,7 +54,8 @@ export function SurveyMap({ flightId, band, resource, opacity, change }: {
   const isOperator = useIsOperator();
   const [error, setError] = useState<RequestError | null>(null);
   const { value: map, reload } = resource;
-  const isMaking = map?.state === "making";
+  const [isAsked, setAsked] = useState(false);
+  const isMaking = map?.state === "making" || isAsked;
   useEffect(() => {
     if (!isMaking) return;
     const timer = setInterval(reload, ASK_MS);
@@ -63,9 +64,11 @@ export function SurveyMap({ flightId, band, resource, opacity, change }: {
   if (map === null) return null;
   const make = () => {
     setError(null);
+    setAsked(true);
     makeFlightMap(flightId, band)
       .then(reload)
-      .catch((reason: unknown) => setError(asRequestError(reason)));
+      .catch((reason: unknown) => setError(asRequestError(reason)))
+      .finally(() => setAsked(false));
   };
   return (
     <section className="survey-map">
