@@ -47,19 +47,19 @@ def upload(media_types: Collection[str]) -> Upload:
     return Upload(raw, media_type)
 
 
-def parsed(upload: Upload, kinds: str) -> Any:
+def parsed(upload: Upload, fault: str) -> Any:
     """Parse a file that must be JSON.
 
     Raises:
         SyntaxFaultError: if its media type is JSON and it is not.
-        InvalidError: if its media type does not identify one of several `kinds`, and it is none.
+        InvalidError: with the fault, if its media type does not say what it is, and it is not JSON.
     """
     if upload.media_type.endswith("json"):
         return parse_json(upload.raw)
     try:
         return parse_json(upload.raw)
     except SyntaxFaultError:
-        raise InvalidError((Fault("", f"is not {kinds}"),)) from None
+        raise InvalidError((Fault("", fault),)) from None
 
 
 def _only_file() -> FileStorage:

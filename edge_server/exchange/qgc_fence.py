@@ -27,7 +27,7 @@ def read(fence: Any) -> tuple[dict[str, Any] | None, list[Fault]]:
         message = "is of an old version, which QGroundControl ignores: the plan has no geofence"
         return None, [Fault("geoFence", message)]
     if not isinstance(fence, dict) or version != VERSION:
-        raise InvalidError((Fault("geoFence.version", f"must be {VERSION}"),))
+        raise InvalidError((Fault("geoFence.version", f"must be version {VERSION}"),))
     found: dict[str, Any] = {"inclusion": [], "exclusion": []}
     warnings: list[Fault] = []
     for index, polygon in enumerate(_list(fence, "polygons")):

@@ -36,10 +36,10 @@ def read(document: Any) -> MissionFile:
     if not isinstance(document, dict) or document.get("fileType") != FILE_TYPE:
         raise InvalidError((Fault("fileType", f"must be {FILE_TYPE}"),))
     if document.get("version") != 1:
-        raise InvalidError((Fault("version", "must be 1"),))
+        raise InvalidError((Fault("version", "must be version 1"),))
     mission = document.get("mission")
     if not isinstance(mission, dict) or mission.get("version") != MISSION_VERSION:
-        raise InvalidError((Fault("mission.version", f"must be {MISSION_VERSION}"),))
+        raise InvalidError((Fault("mission.version", f"must be version {MISSION_VERSION}"),))
     geofence, warnings = qgc_fence.read(document.get("geoFence"))
     missing: list[Fault] = []
     return MissionFile(

@@ -37,6 +37,14 @@ REPORTING = (
     *(ROOT / "mavlink_broker" / "vehicle" / f"{name}.py" for name in ("alarms", "flight_logs")),
 )
 """Modules of the broker whose sentences reach the console in missions, commands and events."""
+REFUSING = (
+    ROOT / "edge_server" / "api" / "freshness.py",
+    *(
+        ROOT / "edge_server" / "services" / f"{name}.py"
+        for name in ("backups", "flight_archive", "flight_maps", "passwords")
+    ),
+)
+"""What refuses requests of the console by a sentence."""
 UNREPORTED = {"this program sends no logs"}
 """Of a mistake in the program."""
 LOGGED = {"debug", "info", "warning", "error", "exception"}
@@ -123,6 +131,12 @@ def test_each_report_of_the_broker_has_a_phrase(module: Path) -> None:
     """English and Spanish are complete."""
     reports = json.loads(PHRASES.read_text()) | json.loads(FAULTS.read_text())
     assert not without_phrase(module, reports) - UNREPORTED
+
+
+@pytest.mark.parametrize("module", REFUSING, ids=lambda path: path.name)
+def test_each_refusal_has_a_phrase(module: Path) -> None:
+    reports = json.loads(PHRASES.read_text()) | json.loads(FAULTS.read_text())
+    assert not without_phrase(module, reports)
 
 
 def without_phrase(module: Path, phrases: dict[str, str]) -> set[str]:

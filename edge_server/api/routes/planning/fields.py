@@ -147,7 +147,7 @@ def _fields() -> list[Field]:
         return [boundary.field for boundary in shapefile.read(upload.raw)]
     if _is_kml(upload):
         return [boundary.field for boundary in kml.read(upload.raw)]
-    document = uploads.parsed(upload, "JSON, GeoJSON, KML, KMZ or a zipped Shapefile")
+    document = uploads.parsed(upload, "is not JSON, GeoJSON, KML, KMZ or a zipped Shapefile")
     if upload.media_type == geojson.MEDIA_TYPE or geojson.is_geojson(document):
         return [boundary.field for boundary in geojson.read(document)]
     if isinstance(document, dict) and set(document) == {"field"}:

@@ -97,7 +97,7 @@ def _file(upload: uploads.Upload) -> MissionFile:
     """Read a file of either kind; raises DocumentError."""
     if waypoint_list.is_waypoint_list(upload.raw):
         return waypoint_list.read(upload.raw)
-    return qgc_plan.read(uploads.parsed(upload, "a .plan or QGC WPL 110 file"))
+    return qgc_plan.read(uploads.parsed(upload, "is not a .plan or QGC WPL 110 file"))
 
 
 def wanted_file() -> str | None:
