@@ -81,7 +81,8 @@ def test_two_editors_overwrite_nothing_and_lose_nothing(tmp_path: Path) -> None:
         )
         plans = plans_of(server)
     seen = [(plan["name"], plan["missions"][0]["maximum_speed"]) for plan in plans]
-    assert seen == [("Draft", 7.0), ("Juan's plan (copy)", 5.0)]
+    assert seen == [("Draft", 10.0), ("Juan's plan (copy)", 5.0)]
+    assert [plan["missions"][0]["dispatch_state"] for plan in plans] == ["held", "held"]
 
 
 @pytest.mark.thorough

@@ -5,7 +5,7 @@
  * ANA_LINK and JUAN_LINK sign an operator each in; FIELD and DRAFT are what they edit. OUT takes
  * what a failure leaves.
  */
-import { journey, picture, requireAccessible, startBrowser } from "./chromium.mjs";
+import { hold, journey, picture, requireAccessible, startBrowser } from "./chromium.mjs";
 
 const { ANA_LINK, JUAN_LINK, FIELD, DRAFT } = process.env;
 const origin = new URL(ANA_LINK).origin;
@@ -58,6 +58,21 @@ async function editPlan(ana, juan) {
   await picture(juan, "conflict-plan");
   await button(juan, "Save mine as a copy").click();
   await juan.getByRole("heading", { name: "Juan's plan (copy)" }).waitFor();
+}
+
+/** Ana flies the plan that her dialog shows, not what Juan makes of it meanwhile. */
+async function dispatchOld(ana, juan) {
+  await ana.goto(`${origin}/console/plans/${DRAFT}`);
+  await button(ana, "Fly now").click();
+  const dialog = ana.getByRole("dialog", { name: "Fly now" });
+  await dialog.waitFor();
+  await open(juan, `plans/${DRAFT}/edit`);
+  await juan.getByLabel("Maximum speed (km/h)").fill("36");
+  const loaded = ana.waitForResponse((answer) => answer.url().endsWith(`/plans/${DRAFT}`));
+  await button(juan, "Save draft").click();
+  await loaded; // What has changed is read behind the dialog
+  const refusal = ana.getByText("Somebody else changed this in the meantime.");
+  await hold(ana, dialog.getByRole("button", { name: "Fly now" }), refusal);
 }
 
 /** Nobody leaves unsaved changes by mistake, and nobody is kept from the STOP button by them. */
@@ -119,6 +134,7 @@ try {
       await juan.getByRole("navigation").waitFor();
       await editField(ana, juan);
       await editPlan(ana, juan);
+      await dispatchOld(ana, juan);
     });
     await leave(ana);
     await comeBack(ana);
