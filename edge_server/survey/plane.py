@@ -3,17 +3,21 @@
 An area is an outer ring less its holes. Rings are lists of corners without the first repeated.
 """
 
+import itertools
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TypeAlias
+from typing import Final, TypeAlias
 
 from afarcloud.geometry import METRES_PER_DEGREE
 
 Point: TypeAlias = tuple[float, float]
 Ring: TypeAlias = Sequence[Point]
 Interval: TypeAlias = tuple[float, float]
+
+SMALLEST_M2: Final = 1.0
+"""Less is not worth a line."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,8 +91,23 @@ class Area:
 
     @cached_property
     def square_metres(self) -> float:
-        """Its size."""
-        return abs(_signed(self.outer)) - sum(abs(_signed(hole)) for hole in self.holes)
+        """Its size: of holes that overlap or reach beyond the outer ring only what they take."""
+        if not self.holes:
+            return abs(_signed(self.outer))
+        # Between two of these the width changes evenly
+        ys = sorted({point[1] for edge in self.edges for point in edge} | {*self._crossed()})
+        return sum(
+            (high - low) * sum(end - start for start, end in self.row((low + high) / 2.0))
+            for low, high in itertools.pairwise(ys)
+        )
+
+    def _crossed(self) -> Iterator[float]:
+        """Where along y a side of a hole crosses another side."""
+        first_of_hole = len(self.outer)
+        for index, (start, end) in enumerate(self.edges[first_of_hole:], start=first_of_hole):
+            for edge in self.edges[:index]:
+                if (part := crossing(start, end, *edge)) is not None:
+                    yield start[1] + part * (end[1] - start[1])
 
     def corners(self, clearance_m: float) -> Iterator[Point]:
         """Where a path round an obstacle may bend: its corners, moved into the area."""
@@ -100,6 +119,14 @@ class Area:
                 point = _moved_inside(before, corner, after, turn, clearance_m)
                 if point is not None and self.holds(point):
                     yield point
+
+
+def crossing(a: Point, b: Point, c: Point, d: Point) -> float | None:
+    """Which part of the way from a to b lies before its crossing with cd; None without one."""
+    if not _cross(a, b, c, d):
+        return None
+    before, after = _side(c, d, a), _side(c, d, b)
+    return before / (before - after)
 
 
 def _crossings(ring: Ring, y: float) -> list[Interval]:

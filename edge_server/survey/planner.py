@@ -10,7 +10,7 @@ from typing import Any, Final, NamedTuple
 
 from afarcloud.plan import Polygon
 from edge_server.survey import lines, route, sorties
-from edge_server.survey.plane import Area, Frame, Point
+from edge_server.survey.plane import SMALLEST_M2, Area, Frame, Point
 from edge_server.survey.request import Place, SurveyRequest
 from edge_server.survey.route import Stop
 
@@ -73,8 +73,10 @@ def _check_size(request: SurveyRequest) -> None:
 
 
 def _check_work(request: SurveyRequest) -> None:
-    """Refuse a request that would take too long to compute, before it is planned."""
+    """Refuse a request that covers nothing or would take too long, before it is planned."""
     _, area = _laid_out(request, 0.0)
+    if area.square_metres < SMALLEST_M2:
+        raise NoSurveyError("boundary", "has less than one square metre to cover")
     footprint = request.footprint
     xs, ys = zip(*area.outer, strict=True)
     lines_at_most = math.hypot(max(xs) - min(xs), max(ys) - min(ys)) / footprint.line_spacing_m
@@ -91,10 +93,7 @@ def _laid_out(request: SurveyRequest, bearing_deg: float) -> tuple[Frame, Area]:
     if len(outer) < 3:
         raise NoSurveyError("boundary", "has no area")
     holes = [ring for one in (*request.holes, *request.exclusions) if (ring := _ring(frame, one))]
-    area = Area(outer, holes)
-    if area.square_metres < 1.0:
-        raise NoSurveyError("boundary", "has less than one square metre to cover")
-    return frame, area
+    return frame, Area(outer, holes)
 
 
 def _ring(frame: Frame, polygon: Polygon) -> list[Point]:

@@ -209,3 +209,13 @@ def test_each_flight_can_be_a_plan_of_its_own() -> None:
     assert [plan["missions"] for plan in apart] == [
         [mission] for plan in together for mission in plan["missions"]
     ]
+
+
+def test_the_size_of_an_area_counts_what_a_hole_takes_of_it() -> None:
+    outer = [(0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)]
+    half_outside = [(5.0, 2.0), (15.0, 2.0), (15.0, 8.0), (5.0, 8.0)]
+    inside = [(1.0, 1.0), (3.0, 1.0), (3.0, 3.0), (1.0, 3.0)]
+    over_it = [(2.0, 1.0), (4.0, 1.0), (4.0, 3.0), (2.0, 3.0)]
+    beside = [(20.0, 0.0), (40.0, 0.0), (40.0, 20.0)]
+    assert Area(outer, [half_outside]).square_metres == pytest.approx(70.0)
+    assert Area(outer, [inside, over_it, beside]).square_metres == pytest.approx(94.0)
