@@ -129,6 +129,17 @@ def crossing(a: Point, b: Point, c: Point, d: Point) -> float | None:
     return before / (before - after)
 
 
+def distance_to_side(point: Point, start: Point, end: Point) -> float:
+    """Distance of a point from the nearest point between two others [m]."""
+    length = math.dist(start, end)
+    if length == 0.0:
+        return math.dist(point, start)
+    x, y = (end[0] - start[0]) / length, (end[1] - start[1]) / length
+    along = (point[0] - start[0]) * x + (point[1] - start[1]) * y
+    along = min(max(along, 0.0), length)
+    return math.dist(point, (start[0] + along * x, start[1] + along * y))
+
+
 def _crossings(ring: Ring, y: float) -> list[Interval]:
     """Intervals of the line at `y` inside a ring (even-odd rule)."""
     crossings = sorted(

@@ -111,10 +111,12 @@ class SurveyOrder(SurveyTerms):
     """What is asked for: a field by its number, or by a boundary of its own.
 
     Holes and exclusions are those of this survey; a field that is named has its own besides. Its
-    entry holds unless this survey has another.
+    entry holds unless this survey has another. An area is the part of a named field that alone is
+    covered; the plans are still those of the field.
     """
 
     field_id: Int32 | None = None
+    area: Polygon | None = None
     boundary: Polygon | None = None
     holes: Rings = ()
     exclusions: Rings = ()
@@ -123,4 +125,6 @@ class SurveyOrder(SurveyTerms):
     def _one_field(self) -> Self:
         if (self.field_id is None) == (self.boundary is None):
             raise field_error("boundary", "goes in place of field_id: give exactly one of them")
+        if self.area is not None and self.field_id is None:
+            raise field_error("area", "is a part of a stored field: name it in field_id")
         return self

@@ -10,6 +10,7 @@ from edge_server.geodata.field import Field
 from edge_server.services.context import Caller, Context
 from edge_server.services.planning import fields, plans
 from edge_server.store.rows import vehicles
+from edge_server.survey import part
 from edge_server.survey.planner import NoSurveyError, Survey, survey
 from edge_server.survey.request import Place, SurveyOrder, SurveyRequest, SurveyTerms
 
@@ -56,9 +57,7 @@ def _planned(context: Context, order: SurveyOrder, field: Field | None) -> Surve
     try:
         planned = survey(request, _home(context, request), first)
     except NoSurveyError as error:
-        is_outline = field is not None and error.field in {"boundary", "holes"}
-        path = "field_id" if is_outline else error.field
-        raise InvalidError((Fault(path, str(error)),)) from None
+        raise InvalidError((Fault(_path_of(error, order), str(error)),)) from None
     number = sum(len(plan["missions"]) for plan in planned.plans)
     if first + number - 1 > INT32_MAX:
         text = f"is at most {INT32_MAX - number + 1}: the survey has {number} missions"
@@ -69,8 +68,18 @@ def _planned(context: Context, order: SurveyOrder, field: Field | None) -> Surve
     return planned
 
 
+def _path_of(error: NoSurveyError, order: SurveyOrder) -> str:
+    """Return what of the order gave the outline, where that is what cannot be flown."""
+    if order.field_id is None or error.field not in {"boundary", "holes"}:
+        return error.field
+    return "field_id" if order.area is None else "area"
+
+
 def _request(order: SurveyOrder, field: Field | None) -> SurveyRequest:
-    """Return an order with the outline of its field."""
+    """Return an order with the outline of its field, or of the part that is covered.
+
+    Raises InvalidError if that is no part of the field.
+    """
     terms = {name: getattr(order, name) for name in SurveyTerms.model_fields}
     outline: dict[str, Any] = {
         "boundary": order.boundary,
@@ -85,6 +94,14 @@ def _request(order: SurveyOrder, field: Field | None) -> SurveyRequest:
             "holes": (*field.holes, *order.holes),
             "exclusions": (*field.exclusions, *order.exclusions),
         }
+        if order.area is not None:
+            if found := tuple(part.faults(order.area, field.boundary)):
+                raise InvalidError(found)
+            outline = {
+                "boundary": order.area,
+                "holes": part.touching(order.area, outline["holes"]),
+                "exclusions": part.touching(order.area, outline["exclusions"]),
+            }
     return read_as(SurveyRequest, {**terms, **outline})
 
 

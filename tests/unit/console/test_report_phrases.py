@@ -15,7 +15,10 @@ FAULTS = TEXTS / "faults.es.json"
 RULES = (
     *(ROOT / "afarcloud" / f"{name}.py" for name in ("area", "fence_check", "flyable", "rules")),
     ROOT / "afarcloud" / "geometry.py",
-    *(ROOT / "edge_server" / "survey" / f"{name}.py" for name in ("planner", "request", "sorties")),
+    *(
+        ROOT / "edge_server" / "survey" / f"{name}.py"
+        for name in ("part", "planner", "request", "sorties")
+    ),
     *sorted((ROOT / "edge_server" / "exchange").glob("*.py")),
     *(
         ROOT / "edge_server" / "geodata" / f"{name}.py"

@@ -120,6 +120,63 @@ def test_a_survey_has_one_field(edge: Edge, order: dict[str, Any], path: str) ->
     assert path in (answer.json or {})["detail"]["json"]
 
 
+WEST_HALF = [[40.4430, -3.7392], [40.4440, -3.7392], [40.4440, -3.7386], [40.4430, -3.7386]]
+
+
+def test_a_part_of_a_field_is_covered_and_the_field_stays(edge: Edge) -> None:
+    pond = [[40.4434, -3.7383], [40.4436, -3.7383], [40.4436, -3.7381]]
+    field = {"name": "Hill", "boundary": EXAMPLE["boundary"], "holes": [pond]}
+    edge.post("/fields/", field, "farmer")
+    before = edge.get("/fields/1")
+    whole = edge.post("/surveys/?preview=true", without_boundary(field_id=1), "operator")
+    half = edge.post("/surveys/", without_boundary(field_id=1, area=WEST_HALF), "operator")
+    assert half.status_code == 201
+    shown: Any = half.json
+    alone = ask(edge, "?preview=true", boundary=WEST_HALF)
+    assert shown["area_m2"] == alone.json["area_m2"]
+    assert shown["pictures"] == alone.json["pictures"] < (whole.json or {})["pictures"]
+    assert {plan["field_id"] for plan in shown["plans"]} == {1}
+    commands = [
+        command
+        for stored in shown["plans"]
+        for flown in stored["missions"]
+        for command in flown["command_array"]
+    ]
+    assert max(one["parameters"].get("longitude", -4) for one in commands) < -3.7386
+    assert edge.get("/fields/1") == before
+
+
+@pytest.mark.parametrize(
+    ("area", "path", "text"),
+    [
+        (
+            [[40.4432, -3.7390], [40.4438, -3.7384], [40.4438, -3.7390], [40.4432, -3.7384]],
+            "area",
+            "crosses itself",
+        ),
+        ([[40.4432, -3.7390], [40.4438, -3.7390], [40.4438, -3.7376]], "area.2", "is 34 m outside"),
+        ([[40.4432, -3.7390]] * 3, "area", "has no area"),
+        ([[40.4432, -3.7390], [40.4438, -3.7390]], "area", "at least 3"),
+    ],
+)
+def test_an_area_that_is_no_part_of_the_field_is_refused(
+    edge: Edge, area: list[list[float]], path: str, text: str
+) -> None:
+    edge.post("/fields/", {"boundary": EXAMPLE["boundary"]}, "operator")
+    answer = edge.post("/surveys/", without_boundary(field_id=1, area=area), "operator")
+    assert answer.status_code == 422
+    assert text in str((answer.json or {})["detail"]["json"][path])
+    assert edge.get("/plans/") == []
+
+
+def test_an_area_that_cannot_be_flown_is_named_and_not_its_field(edge: Edge) -> None:
+    edge.post("/fields/", {"boundary": EXAMPLE["boundary"], "holes": [WEST_HALF]}, "operator")
+    inner = [[40.4431, -3.7391], [40.4439, -3.7391], [40.4439, -3.7387]]
+    answer = edge.post("/surveys/", without_boundary(field_id=1, area=inner), "operator")
+    assert list((answer.json or {})["detail"]["json"]) == ["area"]
+    assert ask(edge, area=WEST_HALF).status_code == 422
+
+
 @pytest.mark.thorough
 def test_a_repeated_survey_of_a_field_that_has_changed_is_another_one(edge: Edge) -> None:
     edge.post("/fields/", {"boundary": EXAMPLE["boundary"]}, "operator")
