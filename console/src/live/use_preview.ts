@@ -2,9 +2,8 @@
 
 import { useEffect, useRef, useState } from "react";
 import type { RequestError } from "../api/client";
+import { Asking } from "./asking";
 import { asRequestError } from "./use_resource";
-
-const PAUSE_MS = 350;
 
 export interface Preview<Answer> {
   /** The last answer, also while the next one is awaited. */
@@ -14,10 +13,14 @@ export interface Preview<Answer> {
   retry: () => void;
 }
 
-/** Asks when a question has not changed for a moment; an answer to an older one is dropped. */
+/** Asks when a question has not changed for a moment, or again and again while it is followed.
+ *
+ * An answer to an older question never takes the place of one to a newer.
+ */
 export function usePreview<Question, Answer>(
   question: Question | null,
   ask: (question: Question) => Promise<Answer>,
+  isFollowed = false,
 ): Preview<Answer> {
   const [value, setValue] = useState<Answer | null>(null);
   const [error, setError] = useState<RequestError | null>(null);
@@ -25,33 +28,25 @@ export function usePreview<Question, Answer>(
   const [round, setRound] = useState(0);
   const text = question === null ? null : JSON.stringify(question);
   const version = `${round} ${text}`;
-  const latest = useRef(ask);
-  latest.current = ask;
-  useEffect(() => {
-    if (text === null) return;
-    let isCurrent = true;
-    const timer = setTimeout(() => {
-      latest
-        .current(JSON.parse(text) as Question)
-        .then((answer) => {
-          if (!isCurrent) return;
-          setValue(answer);
-          setError(null);
-        })
-        .catch((reason: unknown) => {
-          if (!isCurrent) return;
-          setValue(null);
-          setError(asRequestError(reason));
-        })
-        .finally(() => {
-          if (isCurrent) setAnswered(version);
-        });
-    }, PAUSE_MS);
-    return () => {
-      isCurrent = false;
-      clearTimeout(timer);
+  const latest = useRef({ ask, isFollowed });
+  latest.current = { ask, isFollowed };
+  const [asking] = useState(() => {
+    const show = (version: string, answer: Answer | null, fault: RequestError | null) => {
+      setValue(answer);
+      setError(fault);
+      setAnswered(version);
     };
-  }, [text, version]);
+    return new Asking<{ text: string; version: string }, Answer>(
+      (one) => latest.current.ask(JSON.parse(one.text) as Question),
+      (answer, one) => show(one.version, answer, null),
+      (reason, one) => show(one.version, null, asRequestError(reason)),
+    );
+  });
+  useEffect(() => {
+    if (text === null) asking.forget();
+    else asking.put({ text, version }, latest.current.isFollowed);
+  }, [asking, text, version]);
+  useEffect(() => () => asking.forget(), [asking]);
   return {
     value: text === null ? null : value,
     error: text === null ? null : error,
