@@ -3,6 +3,7 @@ import { useUnits } from "../app/preferences";
 import { Button } from "../controls/Button";
 import { Notice } from "../controls/states";
 import type { Editing } from "./use_editing";
+import type { Steps } from "./use_steps";
 
 /** Says that a draft of this browser is shown, and gives the stored version instead. */
 export function RestoredNotice<State, Value>({ editing }: { editing: Editing<State, Value> }) {
@@ -20,7 +21,7 @@ export function RestoredNotice<State, Value>({ editing }: { editing: Editing<Sta
 }
 
 /** Steps back and forward. */
-export function StepButtons<State, Value>({ editing }: { editing: Editing<State, Value> }) {
+export function StepButtons<State>({ editing }: { editing: Steps<State> }) {
   const { t } = useTranslation();
   return (
     <>

@@ -1,4 +1,4 @@
-import { Suspense, useMemo, useRef, useState } from "react";
+import { Suspense, useMemo, useState } from "react";
 import { useTranslation } from "react-i18next";
 import { RequestError, type Tagged } from "../api/client";
 import { createField, deleteField, getField, listFields, replaceField } from "../api/resources";
@@ -20,7 +20,7 @@ import { FarmMap } from "../map/map_part";
 import { fieldChanges, isSame, isSameField } from "../planning/changes";
 import {
   draftOf, EMPTY, fieldArea_m2, isComplete, nextCorner, outlineOf, presentRing, ringOf, ringOfFault,
-  withCorner, withEntry, withMovedCorner, withoutCorner, withRing, type Corner, type Outline, type Ring, type RingName,
+  withEntry, withRing, type Corner, type Outline, type RingName,
 } from "../planning/outline";
 import { Attempts, save as saveOver } from "../planning/saving";
 import { ConflictNotice } from "./ConflictNotice";
@@ -29,7 +29,8 @@ import { EntryForm } from "./EntryForm";
 import { RestoredNotice, StepButtons } from "./EditingState";
 import { LeaveWarning } from "./LeaveWarning";
 import { RingList } from "./RingList";
-import { useCornerSymbols, useEntrySymbol } from "./use_corner_symbols";
+import { useEntrySymbol } from "./use_corner_symbols";
+import { useCorners } from "./use_corners";
 import { useEditing } from "./use_editing";
 import { useFleetSymbols } from "./use_fleet_symbols";
 import { useSaving } from "./use_saving";
@@ -71,7 +72,6 @@ function Editor({ read, others }: { read: Tagged<StoredField> | null; others: St
   const units = useUnits();
   const vehicles = useLive((state) => state.vehicles);
   const [chosenRing, setChosenRing] = useState<RingName>("boundary");
-  const [selected, setSelected] = useState<number | null>(null);
   const saving = useSaving<StoredField>();
   const { error, conflict, isBusy } = saving;
   const [attempts] = useState(() => new Attempts());
@@ -82,13 +82,11 @@ function Editor({ read, others }: { read: Tagged<StoredField> | null; others: St
     isState: isFieldForm,
     isLocked: isBusy,
     stepped: () => {
-      setSelected(null);
+      corners.select(null);
       saving.forget();
     },
   });
   const field = read?.value ?? null;
-  const dragged = useRef<number | null>(null);
-  const drags = useRef(0);
   const { name, outline } = editing.present;
   const ringName = presentRing(outline, chosenRing);
   const ring = ringOf(outline, ringName);
@@ -97,24 +95,16 @@ function Editor({ read, others }: { read: Tagged<StoredField> | null; others: St
     editing.change((present) => ({ ...present, outline: update(present.outline) }), continued);
     if (error !== null) saving.forget();
   };
-  const changeRing = (update: (present: Ring) => Ring, continued?: string) =>
-    change((present) => withRing(present, ringName, update(ringOf(present, ringName))), continued);
+  const corners = useCorners({
+    name: ringName,
+    ring,
+    change: (update, movement) =>
+      change((present) => withRing(present, ringName, update(ringOf(present, ringName))), movement),
+  });
+  const { selected, add } = corners;
   const choose = (chosen: RingName) => {
     setChosenRing(chosen);
-    setSelected(null);
-  };
-  const add = (corner: Corner, after?: number) => {
-    changeRing((present) => withCorner(present, corner, after));
-    setSelected(after === undefined ? ring.length : after + 1);
-  };
-  const remove = (index: number) => {
-    changeRing((present) => withoutCorner(present, index));
-    setSelected(null);
-  };
-  const move = (index: number, corner: Corner, isDropped = true) => {
-    drags.current += dragged.current === index ? 0 : 1;
-    dragged.current = isDropped ? null : index;
-    changeRing((present) => withMovedCorner(present, index, corner), `drag ${drags.current}`);
+    corners.select(null);
   };
   const stored = () => {
     editing.forget();
@@ -145,11 +135,10 @@ function Editor({ read, others }: { read: Tagged<StoredField> | null; others: St
   };
 
   const fleet = useFleetSymbols(others, null, nothing);
-  const corners = useCornerSymbols(ringName, ring, selected, { select: setSelected, add, remove, move });
   const entry = useEntrySymbol(outline.entry, (place, continued) =>
     change((present) => withEntry(present, place), continued),
   );
-  const symbols = useMemo(() => [...fleet, ...corners, ...entry], [fleet, corners, entry]);
+  const symbols = useMemo(() => [...fleet, ...corners.symbols, ...entry], [fleet, corners.symbols, entry]);
   const layers = useMemo(
     () => ({
       fields: collection([
@@ -244,8 +233,8 @@ function Editor({ read, others }: { read: Tagged<StoredField> | null; others: St
           <CornerForm
             title={t("fields.corner", { number: selected + 1 })}
             corner={ring[selected]}
-            move={(corner) => move(selected, corner)}
-            remove={() => remove(selected)}
+            move={(corner) => corners.move(selected, corner)}
+            remove={() => corners.remove(selected)}
             removeText={t("fields.remove_corner")}
           />
         )}

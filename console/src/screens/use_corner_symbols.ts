@@ -18,12 +18,15 @@ export function useCornerSymbols(
   ring: Ring,
   selected: number | null,
   actions: CornerActions,
+  faulty: readonly number[] = [],
 ): Symbol[] {
   const { t } = useTranslation();
   // An element is made once and acts on the ring as it is when somebody uses it
   const latest = useRef({ ring, actions });
   latest.current = { ring, actions };
+  const faults = faulty.join();
   return useMemo(() => {
+    const marked = new Set(faults === "" ? [] : faults.split(",").map(Number));
     const corners = ring.map(([latitude, longitude], index): Symbol => ({
       key: `corner-${name}-${index}`,
       latitude,
@@ -40,6 +43,7 @@ export function useCornerSymbols(
         }),
       update: (element) => {
         element.classList.toggle("is-selected", index === selected);
+        element.classList.toggle("has-error", marked.has(index));
         element.classList.toggle("is-exclusion", name.startsWith("exclusions"));
       },
       drag: (toLongitude, toLatitude, isDropped) =>
@@ -60,7 +64,7 @@ export function useCornerSymbols(
       };
     });
     return [...edges, ...corners];
-  }, [name, ring, selected, t]);
+  }, [name, ring, selected, faults, t]);
 }
 
 /** The entry of a field, which can be dragged and moved by the keys. */

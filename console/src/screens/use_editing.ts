@@ -3,24 +3,17 @@
 import { useEffect, useMemo, useRef, useState } from "react";
 import type { Tagged } from "../api/client";
 import { useSession } from "../app/session_context";
-import { useUndoKeys } from "../controls/use_undo_keys";
 import { isSame } from "../planning/changes";
 import { Drafts } from "../planning/drafts";
-import { begin, change as record, redo, undo, type History } from "../planning/history";
+import { begin, change as record } from "../planning/history";
+import { useSteps, type Steps } from "./use_steps";
 
-export interface Editing<State, Value> {
-  present: State;
+export interface Editing<State, Value> extends Steps<State> {
   /** The version that is edited; null for something new. */
   base: Tagged<Value> | null;
   isChanged: boolean;
   /** When the draft was written that this browser had kept; null without one. */
   restoredAtMs: number | null;
-  canUndo: boolean;
-  canRedo: boolean;
-  /** Makes a new state; those with the same name after each other are one step back. */
-  change: (update: (present: State) => State, continued?: string) => void;
-  undo: () => void;
-  redo: () => void;
   /** Takes another version as the base; what was edited is one step back. */
   rebase: (base: Tagged<Value>) => void;
   /** Goes back to the version as it was read; what was edited is one step back. */
@@ -47,13 +40,15 @@ export function useEditing<State, Value>({ name, read, stateOf, isState, isLocke
   const [kept] = useState(() => drafts.read<State, Value>(name, isState));
   const [base, setBase] = useState(kept === null ? read : kept.base);
   const [restoredAtMs, setRestoredAtMs] = useState(kept?.at_ms ?? null);
-  const [history, setHistory] = useState<History<State>>(() => {
-    const first = begin(stateOf(base?.value ?? null));
-    return kept === null ? first : record(first, kept.state);
-  });
-  const last = useRef<string | undefined>(undefined);
+  const steps = useSteps(
+    () => {
+      const first = begin(stateOf(base?.value ?? null));
+      return kept === null ? first : record(first, kept.state);
+    },
+    { isLocked, stepped },
+  );
   const isForgotten = useRef(false);
-  const present = history.present;
+  const { present, change } = steps;
   const stored = useMemo(() => stateOf(base?.value ?? null), [base]);
   const isChanged = !isSame(stored, present);
 
@@ -63,29 +58,11 @@ export function useEditing<State, Value>({ name, read, stateOf, isState, isLocke
     else drafts.remove(name);
   }, [drafts, name, base, present, isChanged]);
 
-  const change = (update: (present: State) => State, continued?: string) => {
-    if (isLocked) return;
-    const isContinued = continued !== undefined && continued === last.current;
-    last.current = continued;
-    setHistory((all) => record(all, update(all.present), isContinued));
-  };
-  const step = (to: typeof undo) => {
-    if (isLocked) return;
-    last.current = undefined;
-    setHistory((all) => to(all));
-    stepped(history.present, to(history).present);
-  };
-  const steps = { undo: () => step(undo), redo: () => step(redo) };
-  useUndoKeys(steps.undo, steps.redo);
   return {
-    present,
+    ...steps,
     base,
     isChanged,
     restoredAtMs,
-    canUndo: history.past.length > 0,
-    canRedo: history.future.length > 0,
-    change,
-    ...steps,
     rebase: (version) => {
       setBase(version);
       setRestoredAtMs(null);

@@ -1,0 +1,46 @@
+/** States of what a person edits, with steps back and forward by button and key. */
+
+import { useRef, useState } from "react";
+import { useUndoKeys } from "../controls/use_undo_keys";
+import { change as record, redo, undo, type History } from "../planning/history";
+
+export interface Steps<State> {
+  present: State;
+  canUndo: boolean;
+  canRedo: boolean;
+  /** Makes a new state; those with the same name after each other are one step back. */
+  change: (update: (present: State) => State, continued?: string) => void;
+  undo: () => void;
+  redo: () => void;
+}
+
+export function useSteps<State>(first: () => History<State>, { isLocked = false, stepped }: {
+  /** While it is saved: what came later would be lost. */
+  isLocked?: boolean;
+  /** Called after a step back or forward, with the states before and after it. */
+  stepped: (before: State, after: State) => void;
+}): Steps<State> {
+  const [history, setHistory] = useState(first);
+  const last = useRef<string | undefined>(undefined);
+  const change = (update: (present: State) => State, continued?: string) => {
+    if (isLocked) return;
+    const isContinued = continued !== undefined && continued === last.current;
+    last.current = continued;
+    setHistory((all) => record(all, update(all.present), isContinued));
+  };
+  const step = (to: typeof undo) => {
+    if (isLocked) return;
+    last.current = undefined;
+    setHistory((all) => to(all));
+    stepped(history.present, to(history).present);
+  };
+  const steps = { undo: () => step(undo), redo: () => step(redo) };
+  useUndoKeys(steps.undo, steps.redo);
+  return {
+    present: history.present,
+    canUndo: history.past.length > 0,
+    canRedo: history.future.length > 0,
+    change,
+    ...steps,
+  };
+}
