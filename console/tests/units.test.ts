@@ -57,7 +57,9 @@ test("long distances use the long unit", () => {
 test("an area that is small is no 0.0 of the large unit", () => {
   expect(new Units("metric", "en").area(340.2)).toBe("340 m²");
   expect(new Units("imperial", "en").area(340.2)).toBe("3,662 ft²");
-  expect(new Units("metric", "es").area(6400)).toBe("0,6 ha");
+  expect(new Units("metric", "es").area(6400)).toBe("0,64 ha");
+  expect(new Units("metric", "en").area(99_400)).toBe("9.94 ha");
+  expect(new Units("metric", "en").area(123_400)).toBe("12.3 ha");
 });
 
 test("the grid has round steps and keeps its lines while the map moves", () => {

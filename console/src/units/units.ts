@@ -13,6 +13,8 @@ const M2_PER_HA = 10_000;
 const M2_PER_ACRE = 4046.856;
 /** A smaller area is shown in m² or ft². */
 const SMALL_M2 = 1_000;
+/** Of hectares and acres. */
+const TENTHS_FROM = 10;
 
 /** By language and digits: to make one takes longer than to draw the number. */
 const formats = new Map<string, Intl.NumberFormat>();
@@ -110,9 +112,8 @@ export class Units {
       const value = isImperial ? squareMetres * FEET_PER_M ** 2 : squareMetres;
       return `${this.#write(value, 0)} ${isImperial ? "ft²" : "m²"}`;
     }
-    return isImperial
-      ? `${this.#write(squareMetres / M2_PER_ACRE, 1)} ac`
-      : `${this.#write(squareMetres / M2_PER_HA, 1)} ha`;
+    const large = squareMetres / (isImperial ? M2_PER_ACRE : M2_PER_HA);
+    return `${this.#write(large, large < TENTHS_FROM ? 2 : 1)} ${isImperial ? "ac" : "ha"}`;
   }
 
   /** Units in which a person enters a height, a length of some metres, a speed [m/s] and a resolution [m]. */
