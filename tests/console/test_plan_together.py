@@ -120,6 +120,23 @@ def test_a_field_has_an_entry_and_a_survey_begins_there(tmp_path: Path) -> None:
 
 @pytest.mark.thorough
 @pytest.mark.timeout(TEST_TIMEOUT_S)
+def test_a_part_of_a_field_is_surveyed_and_the_field_stays(tmp_path: Path) -> None:
+    with console_journey(tmp_path) as take, edge_server(tmp_path) as (server, needs):
+        field = post(server, "/fields/", EXAMPLE)
+        take("survey_a_part", **needs, FIELD=str(field["id"]))
+        path = f"{server.url}/fields/{field['id']}"
+        assert requests.get(path, headers=headers(server), timeout=10).json() == field
+        plan = plans_of(server)[1]
+    assert plan["field_id"] == field["id"]
+    (mission,) = plan["missions"]
+    places = [one["parameters"] for one in mission["command_array"][:-1]]
+    longitudes = [place["longitude"] for place in places if "longitude" in place]
+    west = min(longitude for _, longitude in field["boundary"])
+    assert min(longitudes) > west + 1e-5
+
+
+@pytest.mark.thorough
+@pytest.mark.timeout(TEST_TIMEOUT_S)
 def test_one_vehicle_of_a_survey_flies_and_the_other_waits(tmp_path: Path) -> None:
     with console_journey(tmp_path) as take, edge_server(tmp_path) as (server, needs):
         field = post(server, "/fields/", EXAMPLE)

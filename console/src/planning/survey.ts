@@ -2,6 +2,7 @@
 
 import type { SurveyOrder } from "../api/types";
 import { orderedSpeed } from "./speed_limits";
+import type { SurveyArea } from "./survey_area";
 
 /** A camera that looks straight down; its width lies across the line of flight. */
 export interface Camera {
@@ -75,7 +76,9 @@ export function heightOf_m(camera: Camera, resolution_m: number): number {
 }
 
 /** The order of a form for a field, held until somebody dispatches it; null while a value is missing. */
-export function orderOf(form: SurveyForm, fieldId: number, vehicles: readonly number[]): SurveyOrder | null {
+export function orderOf(
+  form: SurveyForm, fieldId: number, vehicles: readonly number[], area: SurveyArea = null,
+): SurveyOrder | null {
   const { height_m, side_overlap, front_overlap, speed_m_s, endurance_s, swath_width_m } = form;
   // The survey's own limit is higher than that of the plans which are made of it
   const flown_m_s = orderedSpeed(speed_m_s);
@@ -91,6 +94,7 @@ export function orderOf(form: SurveyForm, fieldId: number, vehicles: readonly nu
     vehicles: [...vehicles],
     most_commands: MOST_COMMANDS,
     dispatch: false,
+    ...(area === null ? {} : { area: area.map(([latitude, longitude]): [number, number] => [latitude, longitude]) }),
     ...(form.direction_deg === "automatic" ? {} : { angle: form.direction_deg }),
   };
   if (form.camera === "none") return swath_width_m === null ? null : { ...shared, swath_width: swath_width_m };
@@ -155,6 +159,7 @@ const TEXTS = {
   endurance: "survey.endurance_s",
   vehicles: "survey.vehicles",
   field_id: "survey.field",
+  area: "survey.part",
   boundary: "survey.field",
   holes: "survey.field",
   exclusions: "survey.field_exclusions",

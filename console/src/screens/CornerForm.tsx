@@ -4,12 +4,13 @@ import { TextField } from "../controls/fields";
 import type { Corner } from "../planning/outline";
 
 /** Place of the corner or the entry that is selected, in degrees. */
-export function CornerForm({ title, corner, move, remove, removeText }: {
+export function CornerForm({ title, corner, move, remove, removeText, canRemove = true }: {
   title: string;
   corner: Corner;
   move: (corner: Corner) => void;
   remove: () => void;
   removeText: string;
+  canRemove?: boolean;
 }) {
   const { t } = useTranslation();
   const [latitude, longitude] = corner;
@@ -34,7 +35,7 @@ export function CornerForm({ title, corner, move, remove, removeText }: {
       <div className="form-line">
         {field(t("parameter.latitude"), latitude, 90, (degrees) => move([degrees, longitude]))}
         {field(t("parameter.longitude"), longitude, 180, (degrees) => move([latitude, degrees]))}
-        <Button icon="remove" onClick={remove}>{removeText}</Button>
+        <Button icon="remove" disabled={!canRemove} onClick={remove}>{removeText}</Button>
       </div>
     </fieldset>
   );

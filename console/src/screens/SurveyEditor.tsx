@@ -1,4 +1,4 @@
-import { Suspense, useCallback, useEffect, useMemo, useRef, useState } from "react";
+import { Suspense, useEffect, useMemo, useRef, useState } from "react";
 import { useTranslation } from "react-i18next";
 import { RequestError } from "../api/client";
 import { createSurvey, listFields, previewSurvey } from "../api/resources";
@@ -20,16 +20,24 @@ import {
 } from "../map/survey_features";
 import { Drafts } from "../planning/drafts";
 import { newKey } from "../planning/saving";
+import { begin } from "../planning/history";
+import { FEWEST_CORNERS, outlineOf } from "../planning/outline";
 import { cameraOf, FIRST_FORM, inputOfFault, orderOf, textOfFault, type SurveyForm } from "../planning/survey";
+import {
+  areaOfKept, areaOfRing, cornerOfFault, keptOf, ringOfArea, type KeptArea, type SurveyArea as Area,
+} from "../planning/survey_area";
+import { SurveyArea } from "./SurveyArea";
 import { SurveyDeparture } from "./SurveyDeparture";
 import { SurveyFigures } from "./SurveyFigures";
 import { SurveyInputs } from "./SurveyInputs";
+import { useCorners } from "./use_corners";
 import { useFleetSymbols } from "./use_fleet_symbols";
+import { useSteps, type Steps } from "./use_steps";
 
 const NO_FIELDS: StoredField[] = [];
 const nothing = () => undefined;
 
-/** A survey of a field: what a person chooses, its preview on the map, and the plans it becomes. */
+/** A survey of a field or a part of it: what a person chooses, its preview on the map, and the plans it becomes. */
 export default function SurveyEditor({ fieldId }: { fieldId: number }) {
   const fields = useResource(listFields);
   const field = fields.value?.find((one) => one.id === fieldId) ?? null;
@@ -45,22 +53,36 @@ export default function SurveyEditor({ fieldId }: { fieldId: number }) {
 function Editor({ field }: { field: StoredField }) {
   const { t } = useTranslation();
   const known = useLive((state) => state.vehicles);
-  const choices = useChoices(field.id);
-  const [opened] = useState<SurveyForm>({ ...FIRST_FORM, ...choices.first?.form });
-  const [form, setForm] = useState(opened);
-  const [picked, setPicked] = useState<number[] | null>(choices.first?.picked ?? null);
-  const { keep } = choices;
-  useEffect(() => {
-    if (form !== opened || picked !== null) keep({ form, picked });
-  }, [keep, form, opened, picked]);
-  const vehicles = picked ?? [[...known.keys()][0] ?? 1];
-  const order = orderOf(form, field.id, vehicles);
-  const preview = usePreview(order, previewSurvey);
   const storing = useStoring();
+  const steps = useChoices(field, () => {
+    corners.select(null);
+    storing.forget();
+  });
+  const { form, picked, area } = steps.present;
+  const vehicles = picked ?? [[...known.keys()][0] ?? 1];
+  const order = orderOf(form, field.id, vehicles, area);
+  const [isFollowed, setFollowed] = useState(false);
+  const preview = usePreview(order, previewSurvey, isFollowed);
   const isOperator = useIsOperator();
   const [isDeparting, setDeparting] = useState(false);
   const error = storing.error ?? preview.error;
   const survey = preview.value;
+  const ring = useMemo(() => ringOfArea(area, field), [area, field]);
+  const choose = (update: (present: Choices) => Choices, movement?: string) => {
+    setFollowed(movement !== undefined);
+    steps.change(update, movement);
+    storing.forget();
+  };
+  const corners = useCorners({
+    name: "boundary",
+    ring,
+    faulty: (error?.faults ?? []).map(({ path }) => cornerOfFault(path)).filter((one) => one !== null),
+    change: (update, movement) =>
+      choose((present) => {
+        const changed = update(ringOfArea(present.area, field));
+        return changed.length < FEWEST_CORNERS ? present : { ...present, area: areaOfRing(changed, field) };
+      }, movement),
+  });
 
   const flights = useMemo(() => (survey === null ? [] : surveyFlights(survey)), [survey]);
   const chosen = vehicles.join();
@@ -68,8 +90,9 @@ function Editor({ field }: { field: StoredField }) {
   const layers = useMemo(() => {
     const ids = chosen.split(",").map(Number);
     const lines = flights.length === 0 ? [] : surveyFeatures(flights, ids).features;
-    return { fields: fieldFeatures([field]), routes: collection([...pictures, ...lines]) };
-  }, [field, flights, pictures, chosen]);
+    const drawn = fieldFeatures([{ boundary: ring }], "drawn").features;
+    return { fields: collection([...fieldFeatures([field]).features, ...drawn]), routes: collection([...pictures, ...lines]) };
+  }, [field, ring, flights, pictures, chosen]);
   const fleet = useFleetSymbols(NO_FIELDS, null, nothing);
   const symbols = useMemo(() => {
     const ids = chosen.split(",").map(Number);
@@ -91,14 +114,15 @@ function Editor({ field }: { field: StoredField }) {
     const entry = latitude === undefined || longitude === undefined
       ? []
       : [{ key: "entry", latitude, longitude, level: 5, make: () => entryElement(t("fields.entry"), null) }];
-    return [...fleet, ...starts, ...entry];
-  }, [fleet, flights, field, chosen, t]);
+    return [...fleet, ...starts, ...entry, ...corners.symbols];
+  }, [fleet, flights, field, corners.symbols, chosen, t]);
   const extent = useMemo(() => farmExtent([field], []), [field]);
 
-  const change = (part: Partial<SurveyForm>) => {
-    setForm((present) => ({ ...present, ...part }));
-    storing.forget();
-  };
+  const change = (part: Partial<SurveyForm>) =>
+    choose(
+      (present) => ({ ...present, form: { ...present.form, ...part } }),
+      typeof part.direction_deg === "number" && typeof form.direction_deg === "number" ? "direction" : undefined,
+    );
   return (
     <div className="split">
       <div className="split-map is-drawn-on">
@@ -113,6 +137,17 @@ function Editor({ field }: { field: StoredField }) {
         <h1>{t("survey.title", { field: field.name ?? t("fields.unnamed", { id: field.id }) })}</h1>
         <SurveyFigures survey={survey} isLoading={preview.isLoading} />
         {preview.error && <Refusal error={preview.error} form={form} retry={preview.retry} />}
+        <SurveyArea
+          ring={ring}
+          field={outlineOf(field)}
+          isWhole={area === null}
+          corners={corners}
+          steps={steps}
+          takeWhole={() => {
+            corners.select(null);
+            choose((present) => ({ ...present, area: null }));
+          }}
+        />
         <SurveyInputs
           form={form}
           vehicles={vehicles}
@@ -120,10 +155,7 @@ function Editor({ field }: { field: StoredField }) {
           direction_deg={survey?.angle_deg ?? null}
           faults={error?.faults ?? []}
           change={change}
-          pick={(ids) => {
-            setPicked(ids);
-            storing.forget();
-          }}
+          pick={(ids) => choose((present) => ({ ...present, picked: ids }))}
         />
         {order === null && <Notice kind="info">{t("survey.incomplete")}</Notice>}
         {storing.error && <Refusal error={storing.error} form={form} />}
@@ -169,19 +201,33 @@ function Editor({ field }: { field: StoredField }) {
 interface Choices {
   form: SurveyForm;
   picked: number[] | null;
+  area: Area;
 }
 
-/** What the person has chosen for this field before: after a reload nobody enters it again. */
-function useChoices(fieldId: number) {
+/** As this browser keeps them; those of an older version of the console have no area. */
+type KeptChoices = Omit<Choices, "area"> & { area?: KeptArea | null };
+
+/** What the person chooses, beginning with what was chosen before: after a reload nobody enters it again. */
+function useChoices(field: StoredField, stepped: () => void): Steps<Choices> {
   const { session } = useSession();
   const drafts = useMemo(() => new Drafts(window.localStorage, session.name), [session.name]);
-  const name = `surveys/${fieldId}`;
-  const [first] = useState(() => drafts.read<Choices, never>(name, (state) => "form" in state)?.state ?? null);
-  const keep = useCallback(
-    (state: Choices) => drafts.write(name, { at_ms: Date.now(), base: null, state }),
-    [drafts, name],
-  );
-  return { first, keep };
+  const name = `surveys/${field.id}`;
+  const [opened] = useState((): Choices => {
+    const kept = drafts.read<KeptChoices, never>(name, (state) => "form" in state)?.state;
+    return {
+      form: { ...FIRST_FORM, ...kept?.form },
+      picked: kept?.picked ?? null,
+      area: areaOfKept(kept?.area, field),
+    };
+  });
+  const steps = useSteps(() => begin(opened), { stepped });
+  const { present } = steps;
+  useEffect(() => {
+    if (present === opened) return;
+    const state: KeptChoices = { ...present, area: keptOf(present.area, field) };
+    drafts.write(name, { at_ms: Date.now(), base: null, state });
+  }, [drafts, name, field, opened, present]);
+  return steps;
 }
 
 /** The ground of every picture, as the camera and height of the shown survey give it. */
@@ -223,6 +269,8 @@ function Refusal({ error, form, retry }: { error: RequestError; form: SurveyForm
 /** What a fault concerns, by the text beside its input where the screen has one. */
 function FaultName({ path }: { path: string }) {
   const { t } = useTranslation();
+  const corner = cornerOfFault(path);
+  if (corner !== null) return <strong>{t("fields.corner", { number: corner + 1 })}:</strong>;
   const text = textOfFault(path);
   if (text !== null) return <strong>{t(text)}:</strong>;
   return path === "" ? null : <code>{path}</code>;

@@ -26,7 +26,10 @@ export function useSteps<State>(first: () => History<State>, { isLocked = false,
     if (isLocked) return;
     const isContinued = continued !== undefined && continued === last.current;
     last.current = continued;
-    setHistory((all) => record(all, update(all.present), isContinued));
+    setHistory((all) => {
+      const changed = update(all.present);
+      return changed === all.present ? all : record(all, changed, isContinued);
+    });
   };
   const step = (to: typeof undo) => {
     if (isLocked) return;
