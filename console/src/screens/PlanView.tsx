@@ -13,6 +13,7 @@ import { ErrorNotice, Notice, Skeleton } from "../controls/states";
 import { Pill, StatusPill } from "../controls/StatusPill";
 import { useReportText } from "../i18n/use_report_text";
 import { useLive } from "../live/use_live";
+import { useOrderedSpeed, type OrderedSpeed } from "../live/use_ordered_speed";
 import { usePlanFlights, type MissionFlight } from "../live/use_plan_flights";
 import { isInFlight, startOf, withLive } from "../live/use_plans";
 import { asRequestError, useResource } from "../live/use_resource";
@@ -250,6 +251,7 @@ function MissionTimeline({ mission, flight }: { mission: Mission; flight: Missio
   const isOperator = useIsOperator();
   const reportText = useReportText();
   const units = useUnits();
+  const [ordered, lookAgain] = useOrderedSpeed(flight);
   const heightText = (command: Command) => {
     const height_m = heightOf_m(command);
     return height_m === null ? "" : units.height(height_m);
@@ -259,17 +261,13 @@ function MissionTimeline({ mission, flight }: { mission: Mission; flight: Missio
       <div className="card-body">
         <header className="screen-head">
           <h2>{t("vehicle.name", { id: mission.vehicle_id })}</h2>
-          {typeof mission.maximum_speed === "number" && (
-            <span className="muted small">
-              {t("plans.maximum_speed")}: {units.exactSpeed(mission.maximum_speed)}
-            </span>
-          )}
+          <MissionSpeed planned_m_s={mission.maximum_speed ?? null} ordered={ordered} />
           <Pill tone="neutral">{t(`dispatch.${mission.dispatch_state}`)}</Pill>
         </header>
         {mission.waiting && <Notice kind="info">{t("plans.waiting", { reason: reportText(mission.waiting) })}</Notice>}
         {mission.message && <Notice kind="info">{reportText(mission.message)}</Notice>}
         <MissionFlightNotes mission={mission} flight={flight} />
-        {isInFlight(mission) && isOperator && <SpeedForm mission={mission} />}
+        {isInFlight(mission) && isOperator && <SpeedForm mission={mission} done={lookAgain} />}
         {isInFlight(mission) && <LivePicture vehicleId={mission.vehicle_id} />}
         <ol className="timeline">
           {mission.command_array.map((command, index) => (
@@ -290,6 +288,23 @@ function MissionTimeline({ mission, flight }: { mission: Mission; flight: Missio
       </div>
     </div>
   );
+}
+
+/** The planned speed, and the one that was ordered in flight in its place. */
+function MissionSpeed({ planned_m_s, ordered }: { planned_m_s: number | null; ordered: OrderedSpeed | null }) {
+  const { t } = useTranslation();
+  const units = useUnits();
+  const planned = planned_m_s === null ? null : units.exactSpeed(planned_m_s);
+  if (ordered !== null) {
+    const order = { speed: units.exactSpeed(ordered.speed_m_s), time: units.clock(ordered.at) };
+    return (
+      <span className="ordered-speed small">
+        <strong>{t("plans.ordered_speed", order)}</strong>
+        {planned !== null && <span className="muted"> {t("plans.planned_speed", { speed: planned })}</span>}
+      </span>
+    );
+  }
+  return planned === null ? null : <span className="muted small">{`${t("plans.maximum_speed")}: ${planned}`}</span>;
 }
 
 function FlownTimes({ flight, commandId }: { flight: MissionFlight | undefined; commandId: number }) {

@@ -1,4 +1,4 @@
-import { useState, type FormEvent } from "react";
+import { useEffect, useState, type FormEvent } from "react";
 import { useTranslation } from "react-i18next";
 import type { Mission } from "../api/types";
 import { useUnits } from "../app/preferences";
@@ -17,11 +17,11 @@ const TONES: Record<OrderState, Tone> = {
   refused: "bad", expired: "bad", idle: "neutral", failed: "bad",
 };
 
-/** Changes the speed of a mission in flight; `open` is called when a person begins to. */
-export function SpeedForm({ mission, open }: { mission: Mission; open?: () => void }) {
+/** Changes the speed of a mission in flight; `open` is called when a person begins to, `done` when it is obeyed. */
+export function SpeedForm({ mission, open, done }: { mission: Mission; open?: () => void; done?: () => void }) {
   const { t } = useTranslation();
   const [isOpen, setOpen] = useState(false);
-  if (isOpen) return <OpenForm mission={mission} />;
+  if (isOpen) return <OpenForm mission={mission} done={done} />;
   return (
     <Button
       icon="speed"
@@ -36,13 +36,17 @@ export function SpeedForm({ mission, open }: { mission: Mission; open?: () => vo
 }
 
 /** The speed that is flown now, to be changed, and what became of the order. */
-function OpenForm({ mission }: { mission: Mission }) {
+function OpenForm({ mission, done }: { mission: Mission; done: (() => void) | undefined }) {
   const { t } = useTranslation();
   const units = useUnits();
   const isConnected = useIsConnected();
   const flown_m_s = useLastSpeed(mission.vehicle_id);
   const [chosen_m_s, choose] = useState<number | null | undefined>(undefined);
   const [order, send] = useSpeedOrder(mission.vehicle_id);
+  const isDone = order?.state === "done";
+  useEffect(() => {
+    if (isDone) done?.();
+  }, [isDone, done]);
   const speed_m_s = chosen_m_s !== undefined
     ? chosen_m_s
     : flown_m_s === null ? (mission.maximum_speed ?? null) : (flown_m_s ?? null);

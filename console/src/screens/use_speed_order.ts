@@ -1,9 +1,10 @@
 /** An order to fly at another speed, and what becomes of it. */
 
 import { useCallback, useEffect, useRef, useState } from "react";
-import { changeSpeed, listEvents, listFlightsSince, NEW_SPEED } from "../api/resources";
+import { changeSpeed, listEvents, listFlightsSince } from "../api/resources";
 import { serverAheadMs } from "../api/server_clock";
 import type { StoredEvent } from "../api/types";
+import { speedsDone } from "../live/use_ordered_speed";
 import { asRequestError, useResource } from "../live/use_resource";
 import { followEvent, outcomeOf, type OrderState } from "./use_stop_orders";
 
@@ -59,6 +60,5 @@ async function readLastSpeed(vehicleId: number): Promise<{ speed_m_s: number | n
 
 /** The speed of the last order that was carried out; null without one. */
 export function lastSpeedOf(events: readonly StoredEvent[]): number | null {
-  const done = events.filter((one) => one.event_type_id === NEW_SPEED && one.state === "done");
-  return done.at(-1)?.maximum_speed ?? null;
+  return speedsDone(events).at(-1)?.maximum_speed ?? null;
 }

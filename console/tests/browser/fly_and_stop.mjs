@@ -89,6 +89,8 @@ async function changeSpeed(page) {
   await speed.fill("7.2");
   await page.getByRole("button", { name: "Change", exact: true }).click();
   await page.locator(".speed-outcome").getByText("Done", { exact: true }).waitFor();
+  await page.getByText(/^Ordered maximum speed: 7.2 km\/h, since \d+:\d\d:\d\d/).waitFor();
+  await page.getByText("(planned: ").waitFor();
   await page.getByRole("link", { name: /^Flight / }).waitFor();
   await page.locator(".timeline li:nth-child(3) .flown-times").waitFor();
 }
