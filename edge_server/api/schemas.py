@@ -212,6 +212,7 @@ class DeadLetter(Answer):
     vehicle_id: Id
     attempts: Annotated[int, Member(ge=0)]
     reason: str
+    rejected_at: datetime | None
     report: Record
 
 

@@ -130,7 +130,7 @@ def requeue(connection: Connection, record_id: int) -> None:
     connection.execute(
         update(outbox)
         .where(outbox.c.record_id == record_id)
-        .values(state="queued", attempts=0, last_error=None)
+        .values(state="queued", attempts=0, last_error=None, rejected_at=None)
     )
 
 
@@ -257,25 +257,29 @@ def note_failure(connection: Connection, record: OutboxRecord, attempts: int, re
     )
 
 
-def mark_dead(connection: Connection, record: OutboxRecord, attempts: int, reason: str) -> bool:
+def mark_dead(
+    connection: Connection, record: OutboxRecord, attempts: int, reason: str, now: float
+) -> bool:
     """Make a record a dead letter, unless it was changed while it was sent; returns whether."""
     current = select(telemetry.c.id).where(telemetry.c.message_id == record.message_id)
     if connection.execute(current.with_for_update()).first() is None:
         return False
-    _mark_dead(connection, record, attempts, reason)
+    _mark_dead(connection, record, attempts, reason, now)
     return True
 
 
-def _mark_dead(connection: Connection, record: OutboxRecord, attempts: int, reason: str) -> None:
+def _mark_dead(
+    connection: Connection, record: OutboxRecord, attempts: int, reason: str, now: float
+) -> None:
     connection.execute(
         update(outbox)
         .where(outbox.c.id == record.outbox_id)
-        .values(state="dead", attempts=attempts, last_error=reason)
+        .values(state="dead", attempts=attempts, last_error=reason, rejected_at=now)
     )
 
 
 def hold_back_correction(
-    connection: Connection, record: OutboxRecord, sent: Sequence[OutboxRecord]
+    connection: Connection, record: OutboxRecord, sent: Sequence[OutboxRecord], now: float
 ) -> bool:
     """Make a dead letter of a mission report that was corrected too late; returns whether.
 
@@ -299,7 +303,7 @@ def hold_back_correction(
     mission_id = json.loads(record.payload)["mission_id"]
     if all(json.loads(payload)["mission_id"] != mission_id for payload in payloads):
         return False
-    _mark_dead(connection, record, record.attempts + 1, OVERTAKEN)
+    _mark_dead(connection, record, record.attempts + 1, OVERTAKEN, now)
     return True
 
 

@@ -141,13 +141,13 @@ class ResultWriter:
             for record, trigger, result in results:
                 attempts = record.attempts + 1
                 if trigger is Trigger.REJECTED:
-                    if not queue.mark_dead(connection, record, attempts, result.reason):
+                    if not queue.mark_dead(connection, record, attempts, result.reason, wall_clock):
                         changed.append(record)
                 elif trigger is not Trigger.CONFIRMED and result.outcome is not Outcome.HELD_BACK:
                     queue.note_failure(connection, record, attempts, result.reason)
             sent = [one.record for one in results]
             for record in filter(self._is_overtaken, changed):
-                if queue.hold_back_correction(connection, record, sent):
+                if queue.hold_back_correction(connection, record, sent, wall_clock):
                     LOG.error(
                         "dead letter: mission_report %d of vehicle %d: %s",
                         *(record.record_id, record.stream.vehicle_id, queue.OVERTAKEN),

@@ -23,7 +23,7 @@ from edge_server.store.connection.failures import is_lost
 from edge_server.store.files import high_water, integrity, recovery
 
 LOG = logging.getLogger(__name__)
-HEAD: Final = "0015"
+HEAD: Final = "0016"
 _SCRIPTS: Final = Path(__file__).parent / "migrations"
 _REPLACEMENT: Final = ".new"
 _TEMPORARY: Final = (

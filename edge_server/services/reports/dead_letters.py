@@ -7,7 +7,7 @@ from sqlalchemy import Connection
 
 from afarcloud.state import Report
 from edge_server.outbox import queue
-from edge_server.services.context import Context
+from edge_server.services.context import Context, show_time
 from edge_server.services.errors import NotFoundError
 from edge_server.services.reports import corrections, listing, telemetry
 from edge_server.services.reports.listing import Listing
@@ -139,6 +139,7 @@ def show(letter: DeadLetter) -> dict[str, Any]:
         "vehicle_id": letter.record.vehicle_id,
         "attempts": letter.attempts,
         "reason": letter.reason,
+        "rejected_at": None if letter.rejected_at is None else show_time(letter.rejected_at),
         "report": telemetry.show(letter.record),
     }
 

@@ -332,6 +332,7 @@ def _due(known: dict[int, dict[str, Any]], target: sqlite3.Connection) -> Iterat
             "state": "dead" if is_dead else "queued",
             "attempts": row.get("attempts", 0) if is_dead else 0,
             "last_error": row.get("last_error") if is_dead else None,
+            "rejected_at": row.get("rejected_at") if is_dead else None,
             "sent": bool(row.get("sent", True)),  # Of a lost row nobody knows: it may have been
         }
 

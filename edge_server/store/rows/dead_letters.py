@@ -11,16 +11,17 @@ from edge_server.store.rows.telemetry import Record
 
 
 class DeadLetter(NamedTuple):
-    """A rejected record, the number of attempts and the reason."""
+    """A rejected record, the number of attempts, the reason, and when it was rejected."""
 
     record: Record
     attempts: int
     reason: str
+    rejected_at: float | None
 
 
 def _query() -> Select[Any]:
     return (
-        select(telemetry, outbox.c.attempts, outbox.c.last_error)
+        select(telemetry, outbox.c.attempts, outbox.c.last_error, outbox.c.rejected_at)
         .join(outbox, outbox.c.record_id == telemetry.c.id)
         .where(outbox.c.state == "dead")
     )
@@ -82,4 +83,4 @@ def count(connection: Connection) -> int:
 
 def _letter(row: Any) -> DeadLetter:
     record = Record(row.id, row.message_id, row.kind, row.vehicle_id, row.payload, row.received_at)
-    return DeadLetter(record, row.attempts, row.last_error)
+    return DeadLetter(record, row.attempts, row.last_error, row.rejected_at)

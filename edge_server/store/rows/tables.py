@@ -69,6 +69,7 @@ outbox = Table(
     Column("attempts", Integer, nullable=False, server_default="0"),
     Column("last_error", Text),
     Column("sent", Boolean, nullable=False, server_default=false()),  # Of mission reports
+    Column("rejected_at", Float),  # Of a dead letter; none before this column
     CheckConstraint("state IN ('queued', 'dead')", name="state"),
     CheckConstraint("state <> 'dead' OR last_error IS NOT NULL", name="dead_has_reason"),
     Index(None, "vehicle_id", "kind", "state", "id"),

@@ -331,7 +331,7 @@ def test_dead_letters_have_a_budget_of_their_own(either: Farm) -> None:
     keys = [farm.keep("image", **picture) for _ in range(4)]
     with farm.database.write() as connection:
         for record in queue.read_queued(connection, Stream(1, "image"), 0, 3):
-            queue.mark_dead(connection, record, 1, "422")
+            queue.mark_dead(connection, record, 1, "422", 0.0)
     farm.space.drop_aged(0.0)
     (gap,) = farm.here("gap")
     assert (gap["reason"], gap["count"]) == (Reason.DEAD_LETTERS, 1)

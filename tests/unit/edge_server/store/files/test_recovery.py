@@ -59,7 +59,7 @@ def filled(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Payloads]:
             )
             queue.enqueue(connection, record_id, stream)
         (dead,) = queue.read_queued(connection, POSES, 0, 1)
-        queue.mark_dead(connection, dead, 3, "422")
+        queue.mark_dead(connection, dead, 3, "422", 12.5)
     database.close()
     return path, payloads
 
@@ -159,12 +159,13 @@ def test_a_dead_letter_stays_one_and_no_id_is_used_again(path: Path, originals: 
     spoil(path, overwrite(pages_of(path, "telemetry")[-1], b"\0" * PAGE))
     check(path, originals, at_least=1)
     with closing(sqlite3.connect(path)) as connection:
-        dead = connection.execute("SELECT last_error FROM outbox WHERE state = 'dead'").fetchall()
+        query = "SELECT last_error, rejected_at FROM outbox WHERE state = 'dead'"
+        dead = connection.execute(query).fetchall()
         count = connection.execute(
             "SELECT seq FROM sqlite_sequence WHERE name = 'telemetry'"
         ).fetchone()
         vehicle = connection.execute("SELECT vehicle_id FROM vehicle").fetchall()
-    assert (dead, count, vehicle) == ([("422",)], (RECORDS,), [(1,)])
+    assert (dead, count, vehicle) == ([("422", 12.5)], (RECORDS,), [(1,)])
 
 
 def test_a_lost_row_of_the_outbox_loses_no_record(path: Path, originals: Payloads) -> None:

@@ -1,6 +1,7 @@
 """Dead letters: shown with the reason, retried, corrected or discarded."""
 
 import json
+from datetime import datetime
 from typing import Any
 
 import pytest
@@ -25,14 +26,14 @@ def rejected(edge: Edge, kind: str = "pose", vehicle_id: int = 1) -> dict[str, A
     with edge.context.database.write() as connection:
         queued = queue.read_queued(connection, Stream(vehicle_id, kind), 0, 10)
         (record,) = [one for one in queued if one.record_id == stored["id"]]
-        queue.mark_dead(connection, record, 3, REASON)
+        queue.mark_dead(connection, record, 3, REASON, edge.clock.now)
     return stored
 
 
 def bury_all(edge: Edge, kind: str) -> None:
     with edge.context.database.write() as connection:
         for record in queue.read_queued(connection, Stream(1, kind), 0, 10):
-            queue.mark_dead(connection, record, 3, REASON)
+            queue.mark_dead(connection, record, 3, REASON, edge.clock.now)
 
 
 def due(edge: Edge, kind: str = "pose", vehicle_id: int = 1) -> list[int]:
@@ -48,12 +49,15 @@ def ask(edge: Edge, method: str, record_id: int, action: str = "") -> Any:
 @pytest.mark.first_case
 def test_a_dead_letter_is_shown_with_its_reason(edge: Edge) -> None:
     stored = rejected(edge)
+    rejected_at = edge.clock.now
+    edge.clock.pass_s(60.0)
     edge.report("pose", telemetry("pose", 1))
     (letter,) = edge.get("/dead_letters/")
     assert letter == ask(edge, "GET", stored["id"]).json
     assert (letter["id"], letter["kind"], letter["vehicle_id"]) == (stored["id"], "pose", 1)
     assert (letter["attempts"], letter["reason"]) == (3, REASON)
     assert letter["report"] == stored
+    assert datetime.fromisoformat(letter["rejected_at"]).timestamp() == rejected_at
 
 
 @pytest.mark.first_case
