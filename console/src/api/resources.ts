@@ -191,7 +191,7 @@ export const createKey = (name: string, role: string, expires_at: string | null)
 export const revokeKey = (prefix: string): Promise<void> =>
   request(`/keys/${prefix}`, { method: "DELETE" });
 
-export const listDeadLetters = (): Promise<DeadLetter[]> => request("/dead_letters/?limit=100");
+export const listDeadLetters = (): Promise<DeadLetter[]> => allOf("/dead_letters/");
 export const getDeadLetter = (id: number): Promise<DeadLetter> => request(`/dead_letters/${id}`);
 /** Sends a corrected record; the server names the members that it cannot use. */
 export const correctDeadLetter = (id: number, report: object): Promise<unknown> =>

@@ -15,7 +15,8 @@ const SOURCES = new URL("../../src/", import.meta.url).pathname;
 const SIZES = [["desktop", 1280, 800], ["tablet", 820, 1180], ["phone", 390, 844], ["phone on its side", 740, 360]];
 const button = (page, name) => page.getByRole("button", { name, exact: true });
 const LETTER = {
-  id: 1, kind: "alarm", vehicle_id: 1, reason: "no such vehicle", report: { vehicle_id: 1, description: "a\n".repeat(60) },
+  id: 1, kind: "alarm", vehicle_id: 1, reason: "no such vehicle", rejected_at: "2026-05-01T10:01:00Z",
+  report: { vehicle_id: 1, received_at: "2026-05-01T10:00:00Z", description: "a\n".repeat(60) },
 };
 
 /** How to open the dialogs that each source file has. */

@@ -3,10 +3,13 @@ import { useTranslation } from "react-i18next";
 import type { RequestError } from "../../api/client";
 import { listDeadLetters, retryDeadLetter } from "../../api/resources";
 import type { DeadLetter } from "../../api/types";
+import { useUnits } from "../../app/preferences";
 import { Button } from "../../controls/Button";
+import { MoreRows } from "../../controls/MoreRows";
 import { Empty, ErrorNotice, Loaded } from "../../controls/states";
 import { asRequestError, useResource } from "../../live/use_resource";
 import { CorrectDialog } from "./CorrectDialog";
+import { newestFirst } from "./rejections";
 
 /** Kind of what declares that records were dropped: it has nothing to correct. */
 const GAP = "gap";
@@ -14,6 +17,7 @@ const GAP = "gap";
 /** Records that the cloud has rejected, with the reason; each can be corrected and sent again. */
 export function DeadLetters() {
   const { t } = useTranslation();
+  const units = useUnits();
   const letters = useResource(listDeadLetters);
   const [corrected, setCorrected] = useState<DeadLetter | null>(null);
   const [error, setError] = useState<RequestError | null>(null);
@@ -36,13 +40,19 @@ export function DeadLetters() {
         }
       >
         {(rows) => (
-          <ul className="rows">
-            {rows.map((letter) => (
+          <MoreRows rows={newestFirst(rows)}>
+            {(letter) => (
               <li key={letter.id}>
                 <div className="row-main">
                   <strong>{letter.reason}</strong>
                   <span>
                     {letter.kind} · {t("vehicle.name", { id: letter.vehicle_id })}
+                  </span>
+                  <span>
+                    {t("system.received_at", { time: units.time(letter.report.received_at) })}
+                    {letter.rejected_at !== null && (
+                      <> · {t("system.rejected_at", { time: units.time(letter.rejected_at) })}</>
+                    )}
                   </span>
                 </div>
                 {letter.kind !== GAP && (
@@ -52,8 +62,8 @@ export function DeadLetters() {
                 )}
                 <Button onClick={() => retry(letter.id)}>{t("system.retry")}</Button>
               </li>
-            ))}
-          </ul>
+            )}
+          </MoreRows>
         )}
       </Loaded>
       {corrected && (
