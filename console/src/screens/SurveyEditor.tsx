@@ -73,6 +73,8 @@ function Editor({ field }: { field: StoredField }) {
     steps.change(update, movement);
     storing.forget();
   };
+  // The list of all is beside the map, perhaps scrolled away while a corner is dragged
+  const areaFault = error?.faults.find(({ path }) => path === "area" || cornerOfFault(path) !== null);
   const corners = useCorners({
     name: "boundary",
     ring,
@@ -129,6 +131,11 @@ function Editor({ field }: { field: StoredField }) {
         <Suspense fallback={<div className="farm-map" />}>
           <FarmMap layers={layers} symbols={symbols} extent={extent} label={t("map.label")} />
         </Suspense>
+        {areaFault && (
+          <p className="map-hint" aria-hidden="true">
+            <FaultName path={areaFault.path} /> {areaFault.text}
+          </p>
+        )}
       </div>
       <section className="split-side">
         <a className="back-link" {...linkTo("fields")}>

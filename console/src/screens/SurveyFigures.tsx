@@ -15,7 +15,7 @@ export function SurveyFigures({ survey, isLoading }: { survey: PlannedSurvey | n
     ["distance", units.distance(survey?.length_m)],
   ];
   return (
-    <section aria-label={t("survey.preview")} aria-busy={isLoading}>
+    <section className="survey-preview" aria-label={t("survey.preview")} aria-busy={isLoading}>
       <dl className="survey-figures">
         {figures.map(([name, text]) => (
           <div key={name}>

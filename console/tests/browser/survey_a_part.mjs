@@ -33,6 +33,7 @@ async function dragCorner(page) {
   const { x, y, width, height } = await corner(page, 1).boundingBox();
   const opposite = await corner(page, 3).boundingBox();
   const steps = 25;
+  await button(page, "Make the plan").scrollIntoViewIfNeeded();
   await page.mouse.move(x + width / 2, y + height / 2);
   await page.mouse.down();
   const begun = Date.now();
@@ -46,6 +47,9 @@ async function dragCorner(page) {
   const midway = await changed(page, "Area", before);
   const asked = requests;
   if (asked < 2 || asked > 2 + took_ms / 200) throw new Error(`${asked} previews in ${took_ms} ms`);
+  const shown = await figure(page, "Area").boundingBox();
+  const side = await page.locator(".split-side").boundingBox();
+  if (shown.y < side.y) throw new Error("the figures are scrolled away while a corner is dragged");
   await page.mouse.up();
   await isIdle(page);
   const last = await page.locator(".flight-marker").first().boundingBox();
@@ -76,7 +80,8 @@ async function moveByKeysAndNumbers(page) {
   await page.waitForFunction(([input, old]) => input.value < old, [await latitude.elementHandle(), before]);
   await isIdle(page);
   await latitude.fill(String(Number(before) + 0.001));
-  await page.getByText(/^Corner 3: is \d+ m outside of the field/).waitFor();
+  await page.locator("li", { hasText: /^Corner 3: is \d+ m outside of the field/ }).waitFor();
+  await page.locator(".map-hint", { hasText: /^Corner 3: is \d+ m outside of the field/ }).waitFor();
   await page.locator(".corner-marker.has-error").waitFor();
   if (await button(page, "Make the plan").isEnabled()) throw new Error("an area outside of the field becomes a plan");
   await requireAccessible(page, "an area that leaves its field");
