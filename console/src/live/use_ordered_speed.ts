@@ -5,7 +5,7 @@ import type { Flight, StoredEvent } from "../api/types";
 import { useNow } from "./use_live";
 import { useResource } from "./use_resource";
 
-/** Somebody else may order another speed: the live feed tells of no orders. */
+/** Somebody else may order another speed: the live feed carries no orders. */
 const LOOK_AGAIN_MS = 5_000;
 
 export interface OrderedSpeed {
@@ -14,7 +14,7 @@ export interface OrderedSpeed {
   at: string;
 }
 
-/** Gives the speed that was ordered last in a flight, null without one; and looks again when told to. */
+/** Gives the speed that was ordered last in a flight, null without one; and a function that reads it again. */
 export function useOrderedSpeed(flight: Flight | undefined): [OrderedSpeed | null, () => void] {
   const now_ms = useNow();
   const round = flight?.ended_at === null ? Math.floor(now_ms / LOOK_AGAIN_MS) : "";

@@ -2,7 +2,7 @@
 
 import { useEffect, useRef, useState } from "react";
 import type { RequestError } from "../api/client";
-import { Asking } from "./asking";
+import { DebouncedRequest } from "./debounced_request";
 import { asRequestError } from "./use_resource";
 
 export interface Preview<Answer> {
@@ -30,23 +30,23 @@ export function usePreview<Question, Answer>(
   const version = `${round} ${text}`;
   const latest = useRef({ ask, isFollowed });
   latest.current = { ask, isFollowed };
-  const [asking] = useState(() => {
+  const [requests] = useState(() => {
     const show = (version: string, answer: Answer | null, fault: RequestError | null) => {
       setValue(answer);
       setError(fault);
       setAnswered(version);
     };
-    return new Asking<{ text: string; version: string }, Answer>(
+    return new DebouncedRequest<{ text: string; version: string }, Answer>(
       (one) => latest.current.ask(JSON.parse(one.text) as Question),
       (answer, one) => show(one.version, answer, null),
       (reason, one) => show(one.version, null, asRequestError(reason)),
     );
   });
   useEffect(() => {
-    if (text === null) asking.forget();
-    else asking.put({ text, version }, latest.current.isFollowed);
-  }, [asking, text, version]);
-  useEffect(() => () => asking.forget(), [asking]);
+    if (text === null) requests.cancel();
+    else requests.change({ text, version }, latest.current.isFollowed);
+  }, [requests, text, version]);
+  useEffect(() => () => requests.cancel(), [requests]);
   return {
     value: text === null ? null : value,
     error: text === null ? null : error,

@@ -5,7 +5,7 @@ export const PAUSE_MS = 350;
 /** How often a question is asked that changes all the time, as while something is dragged. */
 export const FOLLOWING_MS = 200;
 
-export class Asking<Question, Answer> {
+export class DebouncedRequest<Question, Answer> {
   private waiting: { question: Question; number: number } | null = null;
   private pause: ReturnType<typeof setTimeout> | undefined;
   private following: ReturnType<typeof setTimeout> | undefined;
@@ -19,12 +19,12 @@ export class Asking<Question, Answer> {
   constructor(
     private readonly ask: (question: Question) => Promise<Answer>,
     /** Called with each answer to a newer question than that of the answer before. */
-    private readonly tell: (answer: Answer, question: Question) => void,
+    private readonly deliver: (answer: Answer, question: Question) => void,
     private readonly fail: (reason: unknown, question: Question) => void,
   ) {}
 
   /** Asks after a pause; a question that is followed also before, while no other one is on its way. */
-  put(question: Question, isFollowed: boolean): void {
+  change(question: Question, isFollowed: boolean): void {
     this.last += 1;
     this.waiting = { question, number: this.last };
     this.isFollowed = isFollowed;
@@ -33,8 +33,8 @@ export class Asking<Question, Answer> {
     this.follow();
   }
 
-  /** Asks nothing more, and tells of nothing that was asked before. */
-  forget(): void {
+  /** Asks nothing more, and delivers no answer to what was asked before. */
+  cancel(): void {
     this.last += 1;
     this.answered = this.last;
     this.waiting = null;
@@ -66,7 +66,7 @@ export class Asking<Question, Answer> {
     };
     this.ask(question)
       .then(
-        (answer) => isNews() && this.tell(answer, question),
+        (answer) => isNews() && this.deliver(answer, question),
         (reason: unknown) => isNews() && this.fail(reason, question),
       )
       .finally(() => this.follow());
