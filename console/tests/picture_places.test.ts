@@ -7,14 +7,24 @@ const picture = (id: number, latitude: number | null): Picture => ({
   url: `/flights/1/pictures/${id}`, thumbnail_url: null,
 });
 
-test("pictures of one place are one symbol, those of another place another", () => {
-  const places = picturePlaces([picture(1, 40.4434), picture(2, 40.443401), picture(3, 40.4436)]);
-  expect(places.map((one) => one.pictures.map(({ id }) => id))).toEqual([[1, 2], [3]]);
-  expect(places[1]?.latitude).toBe(40.4436);
+test("pictures near each other are one symbol, those farther away another", () => {
+  const taken = [picture(1, 40.4434), picture(2, 40.443401), picture(3, 40.4436), picture(4, 40.44359)];
+  const groups = (apart_m: number) => picturePlaces(taken, apart_m).map((one) => one.pictures.map(({ id }) => id));
+  expect(groups(0)).toEqual([[1], [2], [3], [4]]);
+  expect(groups(2)).toEqual([[1, 2], [3, 4]]);
+  expect(groups(30)).toEqual([[1, 2, 3, 4]]);
+  expect(picturePlaces(taken, 2)[1]?.latitude).toBe(40.4436);
+});
+
+test("symbols of pictures are never nearer to each other than asked", () => {
+  const taken = Array.from({ length: 200 }, (_, index) => picture(index, 40 + 2e-5 * ((index * 37) % 200)));
+  const places = picturePlaces(taken, 10).map(({ latitude }) => latitude).sort((one, other) => one - other);
+  const gaps_m = places.slice(1).map((latitude, index) => (latitude - (places[index] ?? 0)) * 111_320);
+  expect(Math.min(...gaps_m)).toBeGreaterThanOrEqual(10);
 });
 
 test("a picture without a place is not on the map", () => {
-  expect(picturePlaces([picture(1, null)])).toEqual([]);
+  expect(picturePlaces([picture(1, null)], 1)).toEqual([]);
 });
 
 const small = (id: number): Picture => ({ ...picture(id, 40), thumbnail_url: `/flights/1/pictures/${id}/thumbnail` });

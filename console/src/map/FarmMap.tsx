@@ -10,6 +10,7 @@ import { gridOf } from "./grid";
 import maplibregl from "./maplibre";
 import { drawPictures } from "./picture_map";
 import type { PictureLayer } from "./picture_places";
+import { offsetsOf } from "./spread";
 import { mapStyle, type MapData } from "./style";
 
 /** A symbol on the map; `element` is made once for each key. */
@@ -21,6 +22,8 @@ export interface Symbol {
   level?: number;
   make: () => HTMLElement;
   update?: (element: HTMLElement) => void;
+  /** Moves it aside on the screen where it would lie on another one that does the same. */
+  isMovedAside?: boolean;
   /** Called while the symbol is dragged; without it the symbol cannot be. */
   drag?: (longitude: number, latitude: number, isDropped: boolean) => void;
 }
@@ -33,6 +36,8 @@ export interface FarmMapProperties {
   click?: (longitude: number, latitude: number) => void;
   /** Called with the key of a measurement that is pressed. */
   pick?: (key: string) => void;
+  /** Called with each new zoom. */
+  zoomed?: (zoom: number) => void;
   /** Pictures on the ground that they show, from below to above. */
   pictures?: readonly PictureLayer[];
   /** What the colours on the map mean. */
@@ -48,7 +53,7 @@ const AWAITS_EXTENT_MS = 500;
 const PADDING = { top: 56, right: 56, bottom: 56, left: 84 };
 
 /** The farm from above: a grid with a scale, and what is drawn on it. */
-export default function FarmMap({ layers, symbols, extent, click, pick, pictures, legend, label }: FarmMapProperties) {
+export default function FarmMap({ layers, symbols, extent, click, pick, zoomed, pictures, legend, label }: FarmMapProperties) {
   const { t } = useTranslation();
   const { preferences } = usePreferences();
   const container = useRef<HTMLDivElement>(null);
@@ -67,6 +72,8 @@ export default function FarmMap({ layers, symbols, extent, click, pick, pictures
   latestClick.current = click;
   const latestPick = useRef(pick);
   latestPick.current = pick;
+  const latestZoomed = useRef(zoomed);
+  latestZoomed.current = zoomed;
 
   useEffect(() => {
     if (container.current === null) return;
@@ -88,6 +95,7 @@ export default function FarmMap({ layers, symbols, extent, click, pick, pictures
       return;
     }
     made.touchZoomRotate.disableRotation();
+    made.on("zoomend", () => latestZoomed.current?.(made.getZoom()));
     made.on("style.load", () => setStyles((count) => count + 1));
     made.once("style.load", () => {
       setMap(made);
@@ -239,10 +247,31 @@ function gridOfView(map: MapLibreMap): GeoJSON.FeatureCollection {
   });
 }
 
+/** Wider than the symbol of a step [px]. */
+const APART_PX = 34;
+
+function moveSymbolsAside(map: MapLibreMap, entries: readonly { marker: Marker; symbol: Symbol }[]): void {
+  const markers = entries.filter(({ symbol }) => symbol.isMovedAside).map(({ marker }) => marker);
+  const offsets = offsetsOf(markers.map((marker) => map.project(marker.getLngLat())), APART_PX);
+  markers.forEach((marker, index) => {
+    const { x, y } = offsets[index] ?? { x: 0, y: 0 };
+    const before = marker.getOffset();
+    if (before.x !== x || before.y !== y) marker.setOffset([x, y]);
+  });
+}
 
 /** Keeps one marker for each symbol, moved and not made again. */
 function useSymbols(map: MapLibreMap | null, symbols: Symbol[]): void {
   const markers = useRef(new Map<string, { marker: Marker; symbol: Symbol }>());
+  const isDragging = useRef(false);
+  useEffect(() => {
+    if (map === null) return;
+    const moveAside = () => moveSymbolsAside(map, [...markers.current.values()]);
+    map.on("zoomend", moveAside);
+    return () => {
+      map.off("zoomend", moveAside);
+    };
+  }, [map]);
   useEffect(() => {
     const present = markers.current;
     if (map === null) return;
@@ -275,11 +304,14 @@ function useSymbols(map: MapLibreMap | null, symbols: Symbol[]): void {
       present.set(symbol.key, entry);
       for (const kind of ["drag", "dragend"] as const) {
         marker.on(kind, () => {
+          isDragging.current = kind === "drag";
           const place = marker.getLngLat();
           entry.symbol.drag?.(place.lng, place.lat, kind === "dragend");
         });
       }
     }
+    // What is dragged stays below the pointer
+    if (!isDragging.current) moveSymbolsAside(map, [...present.values()]);
   }, [map, symbols]);
   useEffect(() => {
     const present = markers.current;

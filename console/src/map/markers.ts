@@ -2,10 +2,11 @@
 
 const SVG = "http://www.w3.org/2000/svg";
 
-/** Makes the symbol of a vehicle: an arrow in its heading, with its name below. */
-export function vehicleElement(label: string, select: () => void): HTMLElement {
-  const element = document.createElement("button");
-  element.type = "button";
+/** Makes the symbol of a vehicle: an arrow in its heading, with its name below; a button where it can be selected. */
+export function vehicleElement(label: string, select: (() => void) | null): HTMLElement {
+  const element = document.createElement(select === null ? "span" : "button");
+  if (element instanceof HTMLButtonElement) element.type = "button";
+  else element.setAttribute("role", "img");
   element.className = "vehicle-marker";
   element.setAttribute("aria-label", label);
   const svg = document.createElementNS(SVG, "svg");
@@ -21,9 +22,10 @@ export function vehicleElement(label: string, select: () => void): HTMLElement {
   const text = document.createElement("span");
   text.textContent = label;
   element.append(svg, text);
+  element.classList.toggle("is-shown-only", select === null);
   element.addEventListener("click", (event) => {
     event.stopPropagation();
-    select();
+    select?.();
   });
   return element;
 }

@@ -2,27 +2,42 @@
 
 import type { Band, FlightMap, Footprint, Picture } from "../api/types";
 
-/** A place with the pictures that were taken there, the oldest first. */
+/** A place with the pictures that were taken there or near it, the oldest first. */
 export interface PicturePlace {
   latitude: number;
   longitude: number;
   pictures: Picture[];
 }
 
-const DIGITS = 5;
-
-/** Groups pictures by their place, to a metre; those without a place are left out. */
-export function picturePlaces(pictures: readonly Picture[]): PicturePlace[] {
-  const places = new Map<string, PicturePlace>();
+/** Groups pictures so that their places are so far from each other at least [m]; those without a place are left out. */
+export function picturePlaces(pictures: readonly Picture[], apart_m: number): PicturePlace[] {
+  const places: PicturePlace[] = [];
   for (const picture of pictures) {
     const { latitude, longitude } = picture;
     if (typeof latitude !== "number" || typeof longitude !== "number") continue;
-    const key = `${latitude.toFixed(DIGITS)},${longitude.toFixed(DIGITS)}`;
-    const known = places.get(key);
-    if (known) known.pictures.push(picture);
-    else places.set(key, { latitude, longitude, pictures: [picture] });
+    const near = places.find((place) => distance_m(place, { latitude, longitude }) < apart_m);
+    if (near) near.pictures.push(picture);
+    else places.push({ latitude, longitude, pictures: [picture] });
   }
-  return [...places.values()];
+  return places;
+}
+
+/** Symbols of pictures are so far from each other at least: a finger presses one alone [px]. */
+const APART_PX = 44;
+const EQUATOR_M = 40_075_017;
+const TILE_PX = 512;
+
+/** How far from each other the places of pictures have to be at a zoom of the map [m]. */
+export function picturesApart_m(latitude_deg: number, zoom: number): number {
+  return (APART_PX * EQUATOR_M * Math.cos((latitude_deg * Math.PI) / 180)) / (TILE_PX * 2 ** zoom);
+}
+
+const METRES_PER_DEGREE = 111_320;
+
+/** On a plane: pictures of one flight. */
+function distance_m(one: { latitude: number; longitude: number }, other: { latitude: number; longitude: number }): number {
+  const narrowing = Math.cos((one.latitude * Math.PI) / 180);
+  return METRES_PER_DEGREE * Math.hypot(one.latitude - other.latitude, (one.longitude - other.longitude) * narrowing);
 }
 
 /** Pictures that are drawn with one opacity; null draws none. */

@@ -19,7 +19,7 @@ import { extentOf } from "../map/extent";
 import { collection, fieldFeatures } from "../map/features";
 import { FarmMap } from "../map/map_part";
 import { pictureElement, updateVehicleElement, valueElement, vehicleElement } from "../map/markers";
-import { picturePlaces, placedMap, placedPictures } from "../map/picture_places";
+import { picturePlaces, picturesApart_m, placedMap, placedPictures } from "../map/picture_places";
 import { FlightLogs } from "./flight/FlightLogs";
 import { FlightPlots, type Mark } from "./flight/FlightPlots";
 import { Gallery } from "./flight/Gallery";
@@ -32,6 +32,8 @@ import { fieldNames } from "./use_fleet_symbols";
 const FORMATS = { gpx: "GPX", csv: "CSV", geojson: "GeoJSON" } as const;
 /** How often a flight that goes on is loaded again. */
 const REFRESH_MS = 4_000;
+/** Of the map before it is drawn. */
+const FIRST_ZOOM = 18;
 
 /** A recorded flight: its track with a replay, its curves, figures, measurements and pictures. */
 export default function FlightView({ id }: { id: number }) {
@@ -117,17 +119,24 @@ export default function FlightView({ id }: { id: number }) {
     }),
     [fields.value, points, kind, chosen],
   );
+  const [zoom, setZoom] = useState(FIRST_ZOOM);
+  const places = useMemo(() => {
+    const apart_m = picturesApart_m(pictures.value?.find((one) => one.latitude !== null)?.latitude ?? 0, zoom);
+    return picturePlaces(pictures.value ?? [], apart_m);
+  }, [pictures.value, zoom]);
   const symbols = useMemo(() => {
     const names: Symbol[] = [
       ...fieldNames(fields.value ?? []),
-      ...picturePlaces(pictures.value ?? []).map(({ latitude, longitude, pictures: taken }) => ({
-        key: `picture-${taken[0]?.id}`,
+      ...places.map(({ latitude, longitude, pictures: taken }) => ({
+        key: `picture-${taken.map(({ id: number }) => number).join()}`,
         longitude,
         latitude,
         level: 2,
         make: () =>
           pictureElement(
-            taken.map(({ id: number }) => t("flights.picture", { id: number })).join(", "),
+            taken.length === 1
+              ? t("flights.picture", { id: taken[0]?.id })
+              : t("flights.pictures_near", { id: taken[0]?.id, count: taken.length - 1 }),
             taken[0]?.thumbnail_url ?? null,
             () => setOpen(taken[0]?.id ?? null),
           ),
@@ -152,11 +161,11 @@ export default function FlightView({ id }: { id: number }) {
         longitude: present.longitude_deg,
         latitude: present.latitude_deg,
         level: 3,
-        make: () => vehicleElement(name, () => undefined),
+        make: () => vehicleElement(name, null),
         update: (element: HTMLElement) => updateVehicleElement(element, heading_deg, "flying", false),
       },
     ];
-  }, [fields.value, pictures.value, flight.value, present?.longitude_deg, present?.latitude_deg, measured, measuredText, t]);
+  }, [fields.value, places, flight.value, present?.longitude_deg, present?.latitude_deg, measured, measuredText, t]);
   const extent = useMemo(
     () => extentOf(points.map((one) => [one.longitude_deg, one.latitude_deg] as const)),
     [points],
@@ -181,6 +190,7 @@ export default function FlightView({ id }: { id: number }) {
             extent={extent}
             label={t("flights.track")}
             pick={setChosen}
+            zoomed={setZoom}
             pictures={picturesOnMap}
             legend={kind && <MapLegend kind={kind} />}
           />

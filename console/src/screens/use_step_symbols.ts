@@ -43,6 +43,7 @@ export function useStepSymbols(
             longitude: place[0],
             latitude: place[1],
             level: 3,
+            isMovedAside: true,
             make: () =>
               waypointElement(String(index + 1), name, {
                 select: () => latest.current.actions.select(index),
