@@ -1,4 +1,4 @@
-import { useState } from "react";
+import { useEffect, useState } from "react";
 import { useTranslation } from "react-i18next";
 import type { RequestError } from "../../api/client";
 import { listDeadLetters, retryDeadLetter } from "../../api/resources";
@@ -21,10 +21,18 @@ export function DeadLetters() {
   const letters = useResource(listDeadLetters);
   const [corrected, setCorrected] = useState<DeadLetter | null>(null);
   const [error, setError] = useState<RequestError | null>(null);
+  /** Those that are sent again, and still listed. */
+  const [retried, setRetried] = useState<readonly number[]>([]);
+  useEffect(() => setRetried([]), [letters.value]);
   const retry = (id: number) => {
+    setError(null);
+    setRetried((all) => [...all, id]);
     retryDeadLetter(id)
       .then(letters.reload)
-      .catch((reason: unknown) => setError(asRequestError(reason)));
+      .catch((reason: unknown) => {
+        setError(asRequestError(reason));
+        setRetried((all) => all.filter((one) => one !== id));
+      });
   };
   return (
     <div className="card">
@@ -46,7 +54,7 @@ export function DeadLetters() {
                 <div className="row-main">
                   <strong>{letter.reason}</strong>
                   <span>
-                    {letter.kind} · {t("vehicle.name", { id: letter.vehicle_id })}
+                    {t(`system.kind_${letter.kind}`)} · {t("vehicle.name", { id: letter.vehicle_id })}
                   </span>
                   <span>
                     {t("system.received_at", { time: units.time(letter.report.received_at) })}
@@ -60,7 +68,9 @@ export function DeadLetters() {
                     {t("system.correct")}
                   </Button>
                 )}
-                <Button onClick={() => retry(letter.id)}>{t("system.retry")}</Button>
+                <Button isBusy={retried.includes(letter.id)} onClick={() => retry(letter.id)}>
+                  {t("system.retry")}
+                </Button>
               </li>
             )}
           </MoreRows>
