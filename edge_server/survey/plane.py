@@ -82,12 +82,24 @@ class Area:
 
         It is not free either if it passes a corner within the clearance.
         """
-        if any(_cross(start, end, *edge) for edge in self.edges):
-            return False
-        corners = (edge[0] for edge in self.edges)
-        if clearance_m and any(_passes(start, end, corner, clearance_m) for corner in corners):
-            return False
+        left, right = min(start[0], end[0]) - clearance_m, max(start[0], end[0]) + clearance_m
+        low, high = min(start[1], end[1]) - clearance_m, max(start[1], end[1]) + clearance_m
+        for first_x, last_x, first_y, last_y, corner, other in self._boxes:
+            if first_x > right or last_x < left or first_y > high or last_y < low:
+                continue
+            if _cross(start, end, corner, other):
+                return False
+            if clearance_m and _passes(start, end, corner, clearance_m):
+                return False
         return self.holds(((start[0] + end[0]) / 2.0, (start[1] + end[1]) / 2.0))
+
+    @cached_property
+    def _boxes(self) -> list[tuple[float, float, float, float, Point, Point]]:
+        """Each side with its least and greatest x and y: most sides are far from a line."""
+        return [
+            (min(a[0], b[0]), max(a[0], b[0]), min(a[1], b[1]), max(a[1], b[1]), a, b)
+            for a, b in self.edges
+        ]
 
     @cached_property
     def square_metres(self) -> float:
