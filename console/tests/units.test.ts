@@ -32,6 +32,7 @@ test.each([
 
 test("a height just below zero is no negative zero", () => {
   expect(new Units("metric", "en").height(-0.2)).toBe("0 m");
+  expect(new Units("imperial", "en").height(-0.3)).toBe("0 ft");
 });
 
 test("a whole number is written as the language does, whatever its size", () => {

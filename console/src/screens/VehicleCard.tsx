@@ -14,7 +14,7 @@ import type { Vehicle } from "../api/types";
 import type { Tracked } from "../live/state";
 import type { Units } from "../units/units";
 import type { Waiting } from "../live/queue";
-import { useNow } from "../live/use_live";
+import { useIsConnected, useNow } from "../live/use_live";
 import type { Running } from "../live/use_plans";
 import { isBatteryLow, statusOf, type VehicleStatus } from "../live/vehicle_status";
 import { LivePicture } from "./LivePicture";
@@ -51,6 +51,7 @@ export const VehicleCard = memo(function VehicleCard({ tracked, running, waiting
   const [changesSpeed, setChangesSpeed] = useState(false);
   const { vehicle } = tracked;
   const status = statusOf(vehicle);
+  const isConnected = useIsConnected();
   const name = t("vehicle.name", { id: vehicle.vehicle_id });
   return (
     <article ref={card} className={`vehicle-card ${isSelected ? "is-selected" : ""}`} aria-label={name}>
@@ -58,7 +59,7 @@ export const VehicleCard = memo(function VehicleCard({ tracked, running, waiting
         <button type="button" className="vehicle-name" onClick={() => select(vehicle.vehicle_id)} aria-pressed={isSelected}>
           <h2>{name}</h2>
         </button>
-        <Pill tone={TONES[status]}>{t(`vehicle.${status}`)}</Pill>
+        <Pill tone={isConnected ? TONES[status] : "neutral"}>{t(`vehicle.${status}`)}</Pill>
       </header>
       {isNear ? <Figures tracked={tracked} /> : <div className="figures-left-out" />}
       {isSelected && <LivePicture vehicleId={vehicle.vehicle_id} />}

@@ -57,7 +57,9 @@ export class Units {
   height(metres: number | null | undefined): string {
     if (metres === null || metres === undefined) return "–";
     const isImperial = this.system === "imperial";
-    return `${this.#write(isImperial ? metres * FEET_PER_M : metres, 0)} ${isImperial ? "ft" : "m"}`;
+    // A drone on the ground is 0 high: in feet the noise of its height would show
+    const shown_m = Math.abs(metres) < 0.5 ? 0 : metres;
+    return `${this.#write(isImperial ? shown_m * FEET_PER_M : shown_m, 0)} ${isImperial ? "ft" : "m"}`;
   }
 
   distance(metres: number | null | undefined): string {
