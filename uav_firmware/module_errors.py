@@ -1,4 +1,4 @@
-"""The error boundary of each module: an error costs its module one run, not the flight.
+"""The error boundary of each rate group: an error costs its module one run, not the flight.
 
 A module that raises has published what it published before; the others go on with that, and it
 runs again when it is due. A navigator that raises every time publishes no setpoint, so position
@@ -14,6 +14,8 @@ from typing import Final
 from uav_firmware.msg.status import InternalErrors, StatusText
 from uav_firmware.topics import Topics
 
+INTERNAL_ERROR: Final = "internal error"
+"""In each line that names one."""
 REPEAT_US: Final = 10_000_000  # [us] Between two reports of a module that goes on raising
 _CRITICAL: Final = 2  # MAV_SEVERITY
 
@@ -53,7 +55,7 @@ class ModuleErrors:
         if now_us < reported.due_us:
             return
         reported.due_us = now_us + REPEAT_US
-        self._write_line(now_us, f"{module}: internal error {reported.count}: {error!r}")
+        self._write_line(now_us, f"{module}: {INTERNAL_ERROR} {reported.count}: {error!r}")
         text = f"Internal error in {module}"
         self._topics.status_text.publish(StatusText(now_us, _CRITICAL, text))
 

@@ -65,6 +65,8 @@ _STORAGE_PERIOD_US: Final = 1_000_000  # 1 Hz
 
 _HARDWARE: Final = "vehicle_io"
 _LINK: Final = "mavlink"
+_NAVIGATOR: Final = "navigator"
+_PARAMETERS: Final = "parameter_storage"
 
 _PILOTED_BATCH_US: Final = 20_000  # Under sticks or streamed set-points
 _TELEMETRY_BATCH_US: Final = 40_000  # However fast the requested telemetry
@@ -327,28 +329,29 @@ class Autopilot:
         )
         errors = ModuleErrors(topics, write_line=write_line, time_us=self._time_us)
         self._on_error = errors.take if on_error is None else on_error
+        self._serving: tuple[tuple[str, Callable[[], None]], ...] = (
+            (_LINK, lambda: self.mavlink.serve(self.vehicle.time_us)),
+            (_NAVIGATOR, self.navigator.check_plans),
+            (_PARAMETERS, self.parameter_storage.serve_requests),
+            (_LINK, lambda: self.mavlink.resume(self.vehicle.time_us)),
+        )
         self.scheduler = Scheduler(
             vehicle.step_us, self._rate_groups(vehicle.step_us), self._take_error
         )
 
     def serve_link(self) -> None:
         """Answer what has arrived on the link, between two steps."""
-        try:
-            self._serve_link()
-        except Exception as error:  # noqa: BLE001  # as the scheduler's
-            self._take_error(_LINK, error)
+        for module, serve in self._serving:
+            try:
+                serve()
+            except Exception as error:  # noqa: BLE001  # as the scheduler's
+                self._take_error(module, error)
 
     def _take_error(self, module: str, error: Exception) -> None:
         """Let the others go on without a module; without sensors and motors nothing can."""
         if module == _HARDWARE:
             raise error
         self._on_error(module, error)
-
-    def _serve_link(self) -> None:
-        self.mavlink.serve(self.vehicle.time_us)
-        self.navigator.check_plans()
-        self.parameter_storage.serve_requests()
-        self.mavlink.resume(self.vehicle.time_us)
 
     def is_command_pending(self) -> bool:
         """Whether a command of a peer waits for the next steps."""
@@ -374,13 +377,17 @@ class Autopilot:
         """Answer commands, with the geofence's check of their targets, within one step."""
         self.commander.update(self.vehicle.time_us)
         while self.topics.target_check_request:
-            self.navigator.check_targets()
+            try:
+                self.navigator.check_targets()
+            except Exception as error:  # noqa: BLE001  # as the scheduler's
+                self._take_error(_NAVIGATOR, error)
+                break
             self.commander.resume()
         self.commander.finish()
 
     def _run_mavlink(self) -> None:
         """Acknowledge a short plan in the step in which its last item has arrived."""
-        self._serve_link()
+        self.serve_link()
         self.mavlink.update(self.vehicle.time_us)
 
     def _rate_groups(self, step_us: int) -> tuple[RateGroup, ...]:
@@ -395,7 +402,7 @@ class Autopilot:
             RateGroup("land_detector", _SLOW_PERIOD_US, self.land_detector.update, 1),
             RateGroup("commander", _SLOW_PERIOD_US, self._run_commander),
             RateGroup(
-                "navigator", _POSITION_PERIOD_US, lambda: self.navigator.update(vehicle.time_us)
+                _NAVIGATOR, _POSITION_PERIOD_US, lambda: self.navigator.update(vehicle.time_us)
             ),
             RateGroup("manual_control", _POSITION_PERIOD_US, self.manual_control.update),
             RateGroup("offboard", _POSITION_PERIOD_US, self.offboard.update),
@@ -421,7 +428,7 @@ class Autopilot:
                 2,
             ),
             RateGroup("console", _CONSOLE_PERIOD_US, self.console.update, 3),
-            RateGroup("parameter_storage", _STORAGE_PERIOD_US, self.parameter_storage.update, 4),
+            RateGroup(_PARAMETERS, _STORAGE_PERIOD_US, self.parameter_storage.update, 4),
             RateGroup("logger", step_us, self.logger.update),
         )
 

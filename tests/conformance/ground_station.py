@@ -14,6 +14,7 @@ from typing import Any
 from pymavlink.dialects.v20 import development as mavlink
 
 from tests.support.system import ROOT
+from uav_firmware.module_errors import INTERNAL_ERROR
 
 PATIENCE_S = 60.0
 SYSTEM, COMPONENT = 255, 190
@@ -45,7 +46,7 @@ def vehicle_process(
         process.send_signal(signal.SIGTERM)
         code = process.wait(30)
     assert code == 0, log_path.read_text()
-    assert "internal error" not in log_path.read_text()
+    assert INTERNAL_ERROR not in log_path.read_text()
 
 
 class GroundStation:

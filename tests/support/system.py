@@ -21,6 +21,7 @@ from sim.launch.processes import live_pictures, programs, uplink
 from sim.launch.settings import Settings, from_environment
 from tests.support.polling import PATIENCE_S
 from tests.support.process_tree import descendants, gone
+from uav_firmware.module_errors import INTERNAL_ERROR
 
 ROOT = Path(__file__).parent.parent.parent
 
@@ -121,7 +122,7 @@ class FarmSystem:
             self.kill(name)
         if kind is None:
             for log in self.state_dir.glob("vehicle-*.log"):
-                assert "internal error" not in log.read_text(errors="replace"), log
+                assert INTERNAL_ERROR not in log.read_text(errors="replace"), log
 
     def start(self, *names: str) -> Self:
         """Start programs in the order given; all of them when none is named."""

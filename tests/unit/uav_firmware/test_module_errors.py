@@ -10,6 +10,7 @@ from sim.config import SimulationConfig
 from tests.support.autopilot_tester import AutopilotTester
 from tests.support.ground_station import ADDRESS
 from uav_firmware.modules.mavlink.wire.peers import Peer, Profile
+from uav_firmware.msg.mission import PlanReview
 from uav_firmware.msg.status import NavigationState
 from uav_firmware.scheduler import Scheduler
 
@@ -140,6 +141,46 @@ def test_an_error_in_the_answer_to_a_datagram_is_one_of_the_link(
     errors = vehicle.tester.autopilot.topics.internal_errors.value
     assert errors is not None
     assert errors.modules == ("mavlink",)
+
+
+def test_motors_stop_when_nobody_commands_them(vehicle: BrokenVehicle) -> None:
+    vehicle.tester.arm()
+    vehicle.tester.run_for(1.0)
+    assert max(vehicle.tester.simulation.truth.rotor_rpm) > 100.0
+    vehicle.fail("control_allocator", 3.0)
+    assert max(vehicle.tester.simulation.truth.rotor_rpm) < 100.0
+
+
+def test_a_plan_whose_check_fails_is_refused(
+    vehicle: BrokenVehicle, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(_items: object) -> PlanReview:
+        yield 1
+        raise ValueError("a check")
+
+    monkeypatch.setattr(vehicle.tester.autopilot.navigator, "_review_mission", fail)
+    station = vehicle.tester.ground_station
+    station.upload(
+        [station.mission_item(0, common.MAV_CMD_NAV_TAKEOFF, vehicle.tester.place(0.0, 0.0, 5.0))]
+    )
+    vehicle.tester.wait_until(lambda: station.mission_ack is not None, 5.0, "answered")
+    assert station.mission_ack == common.MAV_MISSION_ERROR
+
+
+def test_telemetry_goes_on_while_parameters_cannot_be_stored(
+    vehicle: BrokenVehicle, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail() -> None:
+        raise ValueError("a parameter")
+
+    storage = vehicle.tester.autopilot.parameter_storage
+    serving = [
+        (name, fail if serve == storage.serve_requests else serve)
+        for name, serve in vehicle.tester.autopilot._serving
+    ]
+    monkeypatch.setattr(vehicle.tester.autopilot, "_serving", tuple(serving))
+    vehicle.tester.run_for(2.0)
+    assert "Internal error in parameter_storage" in vehicle.tester.ground_station.texts
 
 
 def test_without_sensors_and_motors_the_program_ends(vehicle: BrokenVehicle) -> None:

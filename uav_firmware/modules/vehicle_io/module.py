@@ -1,5 +1,7 @@
 """Writes the motors, lets a control step pass and publishes what the instruments say."""
 
+from typing import Final
+
 from uav_firmware.bus import Topic
 from uav_firmware.cal.vehicle import Vehicle
 from uav_firmware.msg.actuators import ActuatorMotors
@@ -15,6 +17,10 @@ from uav_firmware.msg.sensors import (
     SensorRange,
     SensorTruth,
 )
+from uav_firmware.msg.vectors import Motors
+
+MOTORS_STALE_US: Final = 200_000  # [us] Safety: an older command stops the motors
+_STOPPED: Final[Motors] = (0.0, 0.0, 0.0, 0.0)
 
 
 class VehicleIoModule:
@@ -56,7 +62,8 @@ class VehicleIoModule:
         vehicle = self._vehicle
         motors = self._motors.value
         if motors is not None:
-            vehicle.write_motors(motors.control)
+            is_stale = vehicle.time_us - motors.time_us > MOTORS_STALE_US
+            vehicle.write_motors(_STOPPED if is_stale else motors.control)
         vehicle.advance()
         self._imus.publish(tuple([vehicle.read_imu(i) for i in self._imu_instances]))
         if (esc := vehicle.read_esc()) is not None:

@@ -17,6 +17,9 @@ from uav_firmware.msg.mission import (
 BUDGET: Final = 200
 """Work of one step, in the unit of PlanReview: some 1 ms."""
 
+_MISSION_ERROR: Final = 1  # MAV_MISSION_RESULT
+NOT_CHECKED: Final = MissionRejection(0, _MISSION_ERROR, "internal error: it was not checked")
+
 Items: TypeAlias = Sequence[MissionItem]
 
 
@@ -48,7 +51,13 @@ class PlanChecks:
         is_fence_first = PlanType.FENCE in self._work
         for plan_type in (PlanType.FENCE,) if is_fence_first else tuple(self._work):
             request_id, work = self._work[plan_type]
-            if work.advance(BUDGET):
+            try:
+                is_complete = work.advance(BUDGET)
+            except Exception:  # What could not be checked is refused
+                del self._work[plan_type]
+                self._results.publish(PlanCheckResult(request_id, plan_type, NOT_CHECKED))
+                raise
+            if is_complete:
                 del self._work[plan_type]
                 self._results.publish(PlanCheckResult(request_id, plan_type, work.result))
 
@@ -81,7 +90,14 @@ class MissionReview:
             accepted, under = self._accepted
             is_checked = items is accepted and conditions == under
             self._work = None if is_checked else Stepwise(review(items))
-        if self._work is None or not self._work.advance(BUDGET):
+        if self._work is None:
+            return ""
+        try:
+            is_complete = self._work.advance(BUDGET)
+        except Exception:  # As in PlanChecks
+            self._work, self.rejection = None, NOT_CHECKED
+            raise
+        if not is_complete:
             return ""
         before, self.rejection = self.rejection, self._work.result
         self._work = None
