@@ -456,8 +456,8 @@ class App:
 
     def _post(self, message: EdgeMessage, vehicle_id: int) -> None:
         recorded_at = self._clock.utc()
-        if isinstance(message, Result) and message.recorded_at is not None:
-            recorded_at -= timedelta(seconds=self._clock.monotonic() - message.recorded_at)
+        if isinstance(message, Result) and message.recorded_monotonic_s is not None:
+            recorded_at -= timedelta(seconds=self._clock.monotonic() - message.recorded_monotonic_s)
         post = post_for(
             message,
             vehicle_id=vehicle_id,

@@ -205,13 +205,13 @@ Report: TypeAlias = Pose | Battery | StateVector | MissionReport | Alarm | Obser
 class Result:
     """A report that is the same record whenever it is posted, also by a restarted broker.
 
-    `of` names its cause; the idempotency key is derived from it. `recorded_at` is when that was, by
-    the broker's monotonic clock; None: when the report is posted.
+    `of` names its cause; the idempotency key is derived from it. `recorded_monotonic_s`
+    is when that was, by the broker's monotonic clock; None: when the report is posted.
     """
 
     report: Report
     of: str
-    recorded_at: float | None = None
+    recorded_monotonic_s: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

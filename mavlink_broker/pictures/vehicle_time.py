@@ -30,8 +30,8 @@ class VehicleTime:
         self._epoch_s = 0.0  # Added to the vehicle's time, which a restart sets back
         self._epoch_before_s: float | None = None  # The same, before the vehicle's last restart
         self._latest_s = 0.0
-        # This time and the broker's, of the last minutes
-        self._received = deque[tuple[float, float]](maxlen=round(RECENT_S / _EVERY_S))
+        # This time, the broker's, and what a restart has added to this one, of the last minutes
+        self._received = deque[tuple[float, float, float]](maxlen=round(RECENT_S / _EVERY_S))
 
     def update(self, now: float) -> float:
         """Follow the vehicle's clock; gives how far the times of before have to be shifted."""
@@ -40,7 +40,7 @@ class VehicleTime:
             return 0.0
         self._newest_s = time_s
         if not self._received or now - self._received[-1][1] >= _EVERY_S:
-            self._received.append((time_s + self._epoch_s, now))
+            self._received.append((time_s + self._epoch_s, now, self._epoch_s))
         was_known, self._is_known = self._is_known, True
         self._ahead_s = now - time_s
         if was_known:
@@ -71,14 +71,19 @@ class VehicleTime:
 
         The two clocks may run at different rates: a simulated vehicle's runs at its speed.
         """
-        later_s, later = self.at(now), now
+        later_s, later, later_epoch_s = self.at(now), now, self._epoch_s
         if not self._is_known or time_s >= later_s:
             return now
-        for earlier_s, earlier in reversed(self._received):
+        for earlier_s, earlier, epoch_s in reversed(self._received):
             if earlier_s <= time_s:
+                if epoch_s != later_epoch_s:  # A restart lies between them: by the nearer one
+                    since_s, until_s = time_s - earlier_s, later_s - time_s
+                    if since_s < until_s:
+                        return min(earlier + since_s, later)
+                    return max(later - until_s, earlier)
                 share = (time_s - earlier_s) / (later_s - earlier_s)
                 return earlier + share * (later - earlier)
-            later_s, later = earlier_s, earlier
+            later_s, later, later_epoch_s = earlier_s, earlier, epoch_s
         age_s = later_s - time_s  # Before the first time that was received
         return later - age_s if age_s <= RECENT_S else now
 

@@ -144,3 +144,12 @@ def test_what_was_before_a_restart_is_dated_by_the_clock_before_it() -> None:
     one.send(3.0, UP_S + 63.0)
     before_s = one.time.of(51.0, None, UP_S + 63.0)
     assert one.time.broker_time(before_s, UP_S + 63.0) == pytest.approx(UP_S - 1.0)
+
+
+def test_what_was_after_a_restart_that_nobody_has_seen_is_dated_by_the_clock_behind_it() -> None:
+    one = ClockedVehicle()
+    one.send(600.0, UP_S)
+    one.time.restarted()
+    one.send(300.0, UP_S + 400.0)
+    taken_s = one.time.of(200.0, None, UP_S + 400.0)
+    assert one.time.broker_time(taken_s, UP_S + 400.0) == pytest.approx(UP_S + 300.0)
