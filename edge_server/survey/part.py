@@ -27,6 +27,11 @@ def faults(area: Polygon, boundary: Polygon) -> Iterator[Fault]:
 
     The path names the corner, from which the next side begins.
     """
+    found = list(_faults_of_sides(area, boundary))
+    yield from found or _surrounded(area, boundary)
+
+
+def _faults_of_sides(area: Polygon, boundary: Polygon) -> Iterator[Fault]:
     if (text := geometry.ring_fault(area, SMALLEST_M2)) is not None:
         yield Fault("area", text)
         return
@@ -44,6 +49,16 @@ def faults(area: Polygon, boundary: Polygon) -> Iterator[Fault]:
             if outside_m > TOLERANCE_M:
                 text = f"is followed by a side that is {_shown(outside_m)} m outside of the field"
                 yield Fault(f"area.{index}", text)
+
+
+def _surrounded(ring: Polygon, boundary: Polygon) -> Iterator[Fault]:
+    """A bay of the field's boundary in the area, whose mouth may lie on a side of the area."""
+    frame = Frame(*boundary[0], 0.0)
+    area = Area([frame.to_plane(corner) for corner in ring])
+    for corner in map(frame.to_plane, boundary):
+        if area.holds(corner) and _to_edge_m(area, corner) > TOLERANCE_M:
+            yield Fault("area", "surrounds ground that is outside of the field")
+            return
 
 
 def touching(area: Polygon, rings: Sequence[Polygon]) -> tuple[Polygon, ...]:
@@ -74,9 +89,11 @@ def _between(field: Area, start: Point, end: Point) -> Iterator[Point]:
 
 def _outside_m(field: Area, point: Point) -> float:
     """How far a point lies outside of the field; 0 in it."""
-    if field.holds(point):
-        return 0.0
-    return min(distance_to_side(point, *edge) for edge in field.edges)
+    return 0.0 if field.holds(point) else _to_edge_m(field, point)
+
+
+def _to_edge_m(area: Area, point: Point) -> float:
+    return min(distance_to_side(point, *edge) for edge in area.edges)
 
 
 def _shown(distance_m: float) -> str:

@@ -61,3 +61,14 @@ def test_a_side_across_a_bay_is_found_without_a_corner_outside() -> None:
 def test_rings_far_from_the_area_do_not_count() -> None:
     near, far = area((20, 5), (30, 5), (30, 15)), area((70, 45), (80, 45), (80, 55))
     assert part.touching(area((0, 0), (40, 0), (40, 20), (0, 20)), [near, far]) == (near,)
+
+
+def test_a_bay_whose_mouth_lies_on_a_side_of_the_area_is_not_covered() -> None:
+    """The neighbour's land behind a gap of 3 m in an edge that is straight otherwise."""
+    field = area(
+        (0, 0), (40, 0), (40, 5), (25, 5), (25, 55), (75, 55), (75, 5), (43, 5), (43, 0),
+        (100, 0), (100, 100), (0, 100),
+    )  # fmt: skip
+    around = area((0, 0), (100, 0), (100, 80), (0, 80))
+    texts = [fault.message for fault in part.faults(around, field)]
+    assert texts == ["surrounds ground that is outside of the field"]
