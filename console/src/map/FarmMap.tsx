@@ -99,6 +99,7 @@ export default function FarmMap({ layers, symbols, extent, click, pick, zoomed, 
     made.on("style.load", () => setStyles((count) => count + 1));
     made.once("style.load", () => {
       setMap(made);
+      latestZoomed.current?.(made.getZoom());
       made.on("moveend", () => drawGrid(made));
     });
     made.on("click", (event) => {
@@ -263,7 +264,8 @@ function moveSymbolsAside(map: MapLibreMap, entries: readonly { marker: Marker; 
 /** Keeps one marker for each symbol, moved and not made again. */
 function useSymbols(map: MapLibreMap | null, symbols: Symbol[]): void {
   const markers = useRef(new Map<string, { marker: Marker; symbol: Symbol }>());
-  const isDragging = useRef(false);
+  /** Key of the symbol that is dragged. */
+  const dragged = useRef<string | null>(null);
   useEffect(() => {
     if (map === null) return;
     const moveAside = () => moveSymbolsAside(map, [...markers.current.values()]);
@@ -280,6 +282,7 @@ function useSymbols(map: MapLibreMap | null, symbols: Symbol[]): void {
       if (wanted.has(key)) continue;
       marker.remove();
       present.delete(key);
+      if (dragged.current === key) dragged.current = null;
     }
     for (const symbol of symbols) {
       const known = present.get(symbol.key);
@@ -302,16 +305,17 @@ function useSymbols(map: MapLibreMap | null, symbols: Symbol[]): void {
         .addTo(map);
       const entry = { marker, symbol };
       present.set(symbol.key, entry);
+      marker.on("dragstart", () => marker.setOffset([0, 0])); // It is dropped where it is seen
       for (const kind of ["drag", "dragend"] as const) {
         marker.on(kind, () => {
-          isDragging.current = kind === "drag";
+          dragged.current = kind === "drag" ? symbol.key : null;
           const place = marker.getLngLat();
           entry.symbol.drag?.(place.lng, place.lat, kind === "dragend");
         });
       }
     }
     // What is dragged stays below the pointer
-    if (!isDragging.current) moveSymbolsAside(map, [...present.values()]);
+    if (dragged.current === null) moveSymbolsAside(map, [...present.values()]);
   }, [map, symbols]);
   useEffect(() => {
     const present = markers.current;
