@@ -43,9 +43,10 @@ export function updateVehicleElement(
   element.classList.toggle("is-selected", isSelected);
 }
 
-/** Makes the symbol of a place where pictures were taken: a pointer or the focus shows a small one. */
-export function pictureElement(label: string, thumbnail: string | null, show: () => void): HTMLElement {
+/** Makes the symbol of a place where pictures were taken, with their number: a pointer or the focus shows a small one. */
+export function pictureElement(label: string, count: number, thumbnail: string | null, show: () => void): HTMLElement {
   const element = pointElement("picture-marker", label, show);
+  if (count > 1) element.dataset["count"] = String(count);
   if (thumbnail === null) return element;
   const preview = document.createElement("img");
   preview.alt = "";

@@ -137,6 +137,7 @@ export default function FlightView({ id }: { id: number }) {
             taken.length === 1
               ? t("flights.picture", { id: taken[0]?.id })
               : t("flights.pictures_near", { id: taken[0]?.id, count: taken.length - 1 }),
+            taken.length,
             taken[0]?.thumbnail_url ?? null,
             () => setOpen(taken[0]?.id ?? null),
           ),
