@@ -240,7 +240,7 @@ export default function FlightView({ id }: { id: number }) {
             </a>
           ))}
         </div>
-        {flight.value && <FlightSteps flight={flight.value} />}
+        {flight.value && <FlightSteps flight={flight.value} at_ms={replay.part < 1 ? (present?.at_ms ?? null) : null} />}
         <Measurements
           flightId={id}
           resource={observations}

@@ -152,6 +152,7 @@ async function lookBack(page) {
   const slider = page.getByRole("slider");
   await waitUntilAbove(page, slider, 0.05);
   await page.getByRole("button", { name: "Pause" }).click();
+  await page.locator(".timeline [aria-current='step']").waitFor();
   await requireAccessible(page, "a flight");
   await lookAtPicture(page);
 }
