@@ -51,11 +51,12 @@ function OpenForm({ mission, done }: { mission: Mission; done: (() => void) | un
     ? chosen_m_s
     : flown_m_s === null ? (mission.maximum_speed ?? null) : (flown_m_s ?? null);
   const ordered = orderedSpeed(speed_m_s);
+  const isSending = order?.state === "sending";
   const unit = units.speedInput;
   const range = speedRange(units, t);
   const submit = (event: FormEvent) => {
     event.preventDefault();
-    if (ordered !== null) send(ordered);
+    if (ordered !== null && !isSending) send(ordered);
   };
   return (
     <div className="speed-form">
@@ -69,7 +70,7 @@ function OpenForm({ mission, done }: { mission: Mission; done: (() => void) | un
           error={ordered === null && (chosen_m_s !== undefined || speed_m_s !== null) ? t("editor.out_of_range", { range }) : undefined}
           max={FASTEST_M_S}
         />
-        <Button kind="primary" icon="speed" type="submit" disabled={ordered === null || !isConnected}>
+        <Button kind="primary" icon="speed" type="submit" isBusy={isSending} disabled={ordered === null || !isConnected}>
           {t("speed.change")}
         </Button>
       </form>
