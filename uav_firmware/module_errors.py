@@ -41,7 +41,7 @@ class ModuleErrors:
         self._time_us = time_us
         self._modules: dict[str, _Reported] = {}
 
-    def take(self, module: str, error: Exception) -> None:
+    def report(self, module: str, error: Exception) -> None:
         """Report an error, the first one of a module with its traceback."""
         now_us = self._time_us()
         reported = self._modules.get(module)

@@ -328,7 +328,7 @@ class Autopilot:
             time_us=self._time_us,
         )
         errors = ModuleErrors(topics, write_line=write_line, time_us=self._time_us)
-        self._on_error = errors.take if on_error is None else on_error
+        self._on_error = errors.report if on_error is None else on_error
         self._serving: tuple[tuple[str, Callable[[], None]], ...] = (
             (_LINK, lambda: self.mavlink.serve(self.vehicle.time_us)),
             (_NAVIGATOR, self.navigator.check_plans),

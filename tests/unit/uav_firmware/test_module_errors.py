@@ -10,6 +10,7 @@ from sim.config import SimulationConfig
 from tests.support.autopilot_tester import AutopilotTester
 from tests.support.ground_station import ADDRESS
 from uav_firmware.modules.mavlink.wire.peers import Peer, Profile
+from uav_firmware.modules.navigator.mission.review import NOT_CHECKED, MissionReview
 from uav_firmware.msg.mission import PlanReview
 from uav_firmware.msg.status import NavigationState
 from uav_firmware.scheduler import Scheduler
@@ -187,3 +188,16 @@ def test_without_sensors_and_motors_the_program_ends(vehicle: BrokenVehicle) -> 
     vehicle.broken.add("vehicle_io")
     with pytest.raises(ZeroDivisionError):
         vehicle.tester.run_for(0.1)
+
+
+def test_a_stored_mission_whose_check_fails_cannot_be_flown() -> None:
+    def fail(_items: object) -> PlanReview:
+        yield 1
+        raise ValueError("a check")
+
+    review = MissionReview()
+    with pytest.raises(ValueError, match="a check"):
+        review.update((), "home has moved", fail)
+    assert review.rejection is NOT_CHECKED
+    assert review.update((), "home has moved", fail) == ""
+    assert review.rejection is NOT_CHECKED
