@@ -208,8 +208,9 @@ class MavsdkVehicle:
                 self._autopilot.send(telemetry.attitude(pose, time_ms))
                 self._autopilot.send(telemetry.position(pose, vehicle.home, time_ms))
             case Observe():
-                self.publish(vehicle, now)
+                # The broker reports a command when the mission is beyond it; the rest comes before.
                 self._autopilot.send(observation(vehicle))
+                self.publish(vehicle, now)
             case MeasureHumidity(percent):
                 self._autopilot.send(telemetry.humidity(percent, vehicle.time_ms(now)))
             case Warn(text, parameters):
