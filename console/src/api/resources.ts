@@ -102,19 +102,19 @@ export const RETURN_HOME = 103;
 export type StopKind = typeof LAND_HERE | typeof PAUSE | typeof RESUME | typeof RETURN_HOME;
 
 /** Gives a vehicle an order at once; it is tried once and never queued in the browser. */
-export const stopVehicle = (vehicleId: number, kind: StopKind): Promise<StoredEvent> =>
+export const stopVehicle = (vehicleId: number, kind: StopKind, number: number): Promise<StoredEvent> =>
   request("/events/", {
     method: "POST",
-    body: { vehicle_id: vehicleId, event_type_id: kind },
+    body: { sequence_number: number, vehicle_id: vehicleId, event_type_id: kind },
     timeoutMs: 5_000,
   });
 /** Number of the event that changes a speed. */
 export const NEW_SPEED = 3;
 /** Lets a vehicle fly its mission at another speed; it is tried once and never queued in the browser. */
-export const changeSpeed = (vehicleId: number, speed_m_s: number): Promise<StoredEvent> =>
+export const changeSpeed = (vehicleId: number, speed_m_s: number, number: number): Promise<StoredEvent> =>
   request("/events/", {
     method: "POST",
-    body: { vehicle_id: vehicleId, event_type_id: NEW_SPEED, maximum_speed: speed_m_s },
+    body: { sequence_number: number, vehicle_id: vehicleId, event_type_id: NEW_SPEED, maximum_speed: speed_m_s },
     timeoutMs: 5_000,
   });
 /** Lists the events of a vehicle since a time, the oldest first. */

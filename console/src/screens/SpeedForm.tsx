@@ -4,18 +4,13 @@ import type { Mission } from "../api/types";
 import { useUnits } from "../app/preferences";
 import { Button } from "../controls/Button";
 import { QuantityField } from "../controls/QuantityField";
-import { Pill, type Tone } from "../controls/StatusPill";
+import { Pill } from "../controls/StatusPill";
 import { useReportText } from "../i18n/use_report_text";
+import { isFinal, TONES } from "../live/order";
 import { useIsConnected } from "../live/use_live";
 import { FASTEST_M_S, orderedSpeed } from "../planning/speed_limits";
 import { speedRange } from "../units/limits";
 import { useLastSpeed, useSpeedOrder, type SpeedOrder } from "./use_speed_order";
-import type { OrderState } from "./use_stop_orders";
-
-const TONES: Record<OrderState, Tone> = {
-  sending: "neutral", queued: "active", accepted: "active", done: "good",
-  refused: "bad", expired: "bad", idle: "neutral", failed: "bad",
-};
 
 /** Changes the speed of a mission in flight; `open` is called when a person begins to, `done` when it is obeyed. */
 export function SpeedForm({ mission, open, done }: { mission: Mission; open?: () => void; done?: () => void }) {
@@ -51,12 +46,13 @@ function OpenForm({ mission, done }: { mission: Mission; done: (() => void) | un
     ? chosen_m_s
     : flown_m_s === null ? (mission.maximum_speed ?? null) : (flown_m_s ?? null);
   const ordered = orderedSpeed(speed_m_s);
-  const isSending = order?.state === "sending";
+  /** The same speed is not ordered again while the order is on its way. */
+  const isOrdered = order !== null && !isFinal(order.state) && order.speed_m_s === ordered;
   const unit = units.speedInput;
   const range = speedRange(units, t);
   const submit = (event: FormEvent) => {
     event.preventDefault();
-    if (ordered !== null && !isSending) send(ordered);
+    if (ordered !== null && !isOrdered) send(ordered);
   };
   return (
     <div className="speed-form">
@@ -70,7 +66,7 @@ function OpenForm({ mission, done }: { mission: Mission; done: (() => void) | un
           error={ordered === null && (chosen_m_s !== undefined || speed_m_s !== null) ? t("editor.out_of_range", { range }) : undefined}
           max={FASTEST_M_S}
         />
-        <Button kind="primary" icon="speed" type="submit" isBusy={isSending} disabled={ordered === null || !isConnected}>
+        <Button kind="primary" icon="speed" type="submit" isBusy={isOrdered} disabled={ordered === null || !isConnected}>
           {t("speed.change")}
         </Button>
       </form>

@@ -1,6 +1,7 @@
 import { useState } from "react";
 import { useTranslation } from "react-i18next";
 import { useReportText } from "../i18n/use_report_text";
+import type { Vehicle } from "../api/types";
 import { LAND_HERE, PAUSE, RESUME, RETURN_HOME, type StopKind } from "../api/resources";
 import { useIsOperator } from "../app/session_context";
 import { Button } from "../controls/Button";
@@ -9,16 +10,13 @@ import { HoldButton } from "../controls/HoldButton";
 import { Icon, type IconName } from "../controls/Icon";
 import { Notice } from "../controls/states";
 import { SelectField } from "../controls/fields";
-import { Pill, type Tone } from "../controls/StatusPill";
+import { Pill } from "../controls/StatusPill";
+import { TONES } from "../live/order";
 import { isAirborne, statusOf } from "../live/vehicle_status";
 import { useIsConnected, useLive } from "../live/use_live";
-import { useStopOrders, type OrderState, type StopOrder } from "./use_stop_orders";
+import { useStopOrders, type StopOrder } from "./use_stop_orders";
 
 const ALL = "all";
-const TONES: Record<OrderState, Tone> = {
-  sending: "neutral", queued: "active", accepted: "active", done: "good",
-  refused: "bad", expired: "bad", idle: "neutral", failed: "bad",
-};
 
 type ChoiceName = "land" | "home" | "pause" | "resume";
 
@@ -92,7 +90,7 @@ export function StopDialog({ vehicleId, close }: { vehicleId: number | null; clo
       <p className="muted small">{t("stop.expiry")}</p>
       <ul className="stop-orders" aria-live="assertive">
         {orders.map((one) => (
-          <OrderRow key={one.key} order={one} />
+          <OrderRow key={one.key} order={one} isLost={isLost(vehicles.get(one.vehicleId)?.vehicle)} />
         ))}
       </ul>
       <footer className="dialog-actions">
@@ -102,8 +100,15 @@ export function StopDialog({ vehicleId, close }: { vehicleId: number | null; clo
   );
 }
 
-function OrderRow({ order }: { order: StopOrder }) {
+/** Whether nothing is received from a vehicle: nobody can see whether it obeys. */
+function isLost(vehicle: Vehicle | undefined): boolean {
+  return vehicle?.link_state === "lost" || vehicle?.link_state === "stale";
+}
+
+function OrderRow({ order, isLost }: { order: StopOrder; isLost: boolean }) {
   const { t } = useTranslation();
+  const waits = order.state === "accepted" && isLost && ENDINGS.some(({ kind }) => kind === order.kind);
+  const text = waits ? "accepted_lost" : order.state;
   const reportText = useReportText();
   return (
     <li>
@@ -113,7 +118,7 @@ function OrderRow({ order }: { order: StopOrder }) {
         <Pill tone={TONES[order.state]}>{t(`order.${order.state}`)}</Pill>
       </div>
       <p className="small">
-        {t(`order.${order.state}_text`)}
+        {t(`order.${text}_text`)}
         {order.reason && <> {t("error.reason", { reason: reportText(order.reason) })}</>}
       </p>
     </li>

@@ -5,13 +5,11 @@ import { changeSpeed, listEvents, listFlightsSince } from "../api/resources";
 import { serverAheadMs } from "../api/server_clock";
 import type { StoredEvent } from "../api/types";
 import { speedsDone } from "../live/use_ordered_speed";
-import { asRequestError, useResource } from "../live/use_resource";
-import { followEvent, outcomeOf, type OrderState } from "./use_stop_orders";
+import { giveOrder, type Outcome } from "../live/order";
+import { useResource } from "../live/use_resource";
 
-export interface SpeedOrder {
+export interface SpeedOrder extends Outcome {
   speed_m_s: number;
-  state: OrderState;
-  reason: string;
 }
 
 /** Gives the last order and a function that sends one; it is sent once and never repeated. */
@@ -27,11 +25,9 @@ export function useSpeedOrder(vehicleId: number): [SpeedOrder | null, (speed_m_s
     const number = last.current;
     const isLast = () => last.current === number;
     setOrder({ speed_m_s, state: "sending", reason: "" });
-    const update = (change: Partial<SpeedOrder>) =>
+    const update = (change: Outcome) =>
       setOrder((present) => (present !== null && isLast() ? { ...present, ...change } : present));
-    changeSpeed(vehicleId, speed_m_s)
-      .then((event) => followEvent(event, update, isLast))
-      .catch((reason: unknown) => update(outcomeOf(asRequestError(reason))));
+    void giveOrder(vehicleId, (marked) => changeSpeed(vehicleId, speed_m_s, marked), update, isLast);
   }, [vehicleId]);
   return [order, send];
 }

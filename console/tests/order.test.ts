@@ -1,11 +1,11 @@
 import { readFileSync } from "node:fs";
-import { afterEach, beforeEach, expect, test, vi } from "vitest";
+import { afterEach, beforeEach, describe, expect, test, vi } from "vitest";
 import { Fault, RequestError } from "../src/api/client";
 import type { StoredEvent } from "../src/api/types";
 import { changeSpeed } from "../src/api/resources";
 import { FASTEST_M_S, orderedSpeed, SLOWEST_M_S } from "../src/planning/speed_limits";
 import { lastSpeedOf } from "../src/screens/use_speed_order";
-import { followEvent, outcomeOf, stopOutcomeOf } from "../src/screens/use_stop_orders";
+import { eventOutcome, followEvent, giveOrder, outcomeOf, stopOutcomeOf, type Outcome } from "../src/live/order";
 
 const stored = (state: StoredEvent["state"], message?: string) =>
   ({ id: 4, state, ...(message === undefined ? {} : { message }) }) as StoredEvent;
@@ -34,10 +34,10 @@ test("a speed within the limits is ordered as it was entered", () => {
 test("an order names the vehicle and the speed", async () => {
   const fetched = vi.fn(async (_path: string, _options: RequestInit) => answer(stored("queued")));
   vi.stubGlobal("fetch", fetched);
-  await changeSpeed(2, 3.5);
+  await changeSpeed(2, 3.5, 7);
   const [path, options] = fetched.mock.calls[0] ?? [];
   expect([path, options?.method]).toEqual(["/events/", "POST"]);
-  expect(JSON.parse(String(options?.body))).toEqual({ vehicle_id: 2, event_type_id: 3, maximum_speed: 3.5 });
+  expect(JSON.parse(String(options?.body))).toEqual({ sequence_number: 7, vehicle_id: 2, event_type_id: 3, maximum_speed: 3.5 });
 });
 
 test.each([
@@ -58,6 +58,70 @@ test("an order that nobody looks at any more is not asked for again", async () =
   const fetched = vi.fn();
   vi.stubGlobal("fetch", fetched);
   await followEvent(stored("queued"), () => undefined, () => false);
+  expect(fetched).not.toHaveBeenCalled();
+});
+
+test.each([
+  [undefined, { state: "done", reason: "" }],
+  ["a later event replaced it", { state: "replaced", reason: "" }],
+  ["the vehicle has landed unseen", { state: "ended", reason: "the vehicle has landed unseen" }],
+] as const)("an order that is done with a note was not obeyed as given: %s", (message, outcome) => {
+  expect(eventOutcome(stored("done", message))).toEqual(outcome);
+  expect(eventOutcome(stored("refused", message)).state).toBe("refused");
+});
+
+test("the words for an order that was replaced are the broker's", () => {
+  const source = readFileSync("../mavlink_broker/mission/flight_orders.py", "utf8");
+  expect(source).toContain('REPLACED: Final = "a later event replaced it"\n');
+});
+
+describe("an order whose answer was lost", () => {
+  const unreachable = () => Promise.reject(new RequestError(0, "unreachable"));
+  const give = async (find: (number: number) => Promise<Response>, isOpen = () => true) => {
+    let number = -1;
+    const sent = vi.fn((marked: number) => {
+      number = marked;
+      return unreachable();
+    });
+    const fetched = vi.fn((_path: string, _options: RequestInit) => find(number));
+    vi.stubGlobal("fetch", fetched);
+    const news: Outcome[] = [];
+    const given = giveOrder(2, sent, (one) => news.push(one), isOpen);
+    await vi.runAllTimersAsync();
+    await given;
+    expect(sent).toHaveBeenCalledTimes(1);
+    expect(fetched.mock.calls.every(([, options]) => options.method === "GET")).toBe(true);
+    return { states: news.map(({ state }) => state), looks: fetched.mock.calls.length };
+  };
+
+  test("is found among the vehicle's events, and followed", async () => {
+    let answers = 0;
+    const found = await give(async (number) => {
+      answers += 1;
+      if (answers < 3) throw new TypeError("no network");
+      return answer([{ ...stored("done"), id: 3, sequence_number: number - 1 }, { ...stored("done"), sequence_number: number }]);
+    });
+    expect(found).toEqual({ states: ["failed", "done"], looks: 3 });
+  });
+
+  test("stays unconfirmed where the edge server does not know it", async () => {
+    const { states, looks } = await give(async () => answer([]));
+    expect(states).toEqual(["failed"]);
+    expect(looks).toBe(10);
+  });
+
+  test("is not looked for when nobody reads the answer", async () => {
+    expect(await give(async () => answer([]), () => false)).toEqual({ states: ["failed"], looks: 0 });
+  });
+});
+
+test("an order that was refused is not looked for", async () => {
+  const fetched = vi.fn();
+  vi.stubGlobal("fetch", fetched);
+  const news: Outcome[] = [];
+  const refused = () => Promise.reject(new RequestError(409, "no mission to interrupt"));
+  await giveOrder(2, refused, (one) => news.push(one), () => true);
+  expect(news).toEqual([{ state: "refused", reason: "no mission to interrupt" }]);
   expect(fetched).not.toHaveBeenCalled();
 });
 
