@@ -77,6 +77,7 @@ def test_two_editors_overwrite_nothing_and_lose_nothing(tmp_path: Path) -> None:
             **needs,
             JUAN_LINK=link(server, "juan"),
             ANA_LINK_AGAIN=link(server, "ana"),
+            JUAN_LINK_AGAIN=link(server, "juan"),
             FIELD=str(field["id"]),
         )
         plans = plans_of(server)

@@ -54,9 +54,20 @@ export class RequestError extends Error {
   }
 }
 
+/** A write of a page whose person is no longer the one who is signed in; nothing was done. */
+export class OtherPersonError extends RequestError {
+  constructor() {
+    super(FORBIDDEN, "another person has signed in");
+  }
+}
+
+const FORBIDDEN = 403;
+/** Of the edge server, about a write with the token of another session than that of the cookie. */
+const FOREIGN_TOKEN = "must be the csrf_token of this session";
 const TIMEOUT_MS = 15_000;
 let csrfToken: string | null = null;
 let reportSignedOut: () => void = () => undefined;
+let renewSession: () => Promise<boolean> = () => Promise.resolve(false);
 
 /** Sets the token that every write needs; null after the session has ended. */
 export function setCsrfToken(token: string | null): void {
@@ -66,6 +77,11 @@ export function setCsrfToken(token: string | null): void {
 /** Sets what to call when the server no longer knows the session. */
 export function onSignedOut(callback: () => void): void {
   reportSignedOut = callback;
+}
+
+/** Sets what to call when the cookie is of another session: it reads that and gives whether the person is the same. */
+export function onOtherSession(callback: () => Promise<boolean>): void {
+  renewSession = callback;
 }
 
 /** Reports that the server no longer knows the session. */
@@ -80,6 +96,8 @@ export interface Request {
   timeoutMs?: number;
   /** Makes a repetition of a write harmless. */
   idempotencyKey?: string;
+  /** Also if another person has signed in in this browser since: stopping a vehicle waits for nobody. */
+  asWhoever?: boolean;
   /** Writes only what still has this tag; otherwise the answer is 412. */
   ifMatch?: string | undefined;
 }
@@ -111,6 +129,24 @@ export async function requestText(path: string): Promise<string> {
 }
 
 async function send(path: string, options: Request): Promise<Response> {
+  let response = await sendOnce(path, options);
+  if (response.status === FORBIDDEN && (await hadForeignToken(response))) {
+    // Refused before anything was done: another tab has signed in, and the cookie is that of all tabs
+    const isSame = await renewSession();
+    if (!isSame && !options.asWhoever) throw new OtherPersonError();
+    response = await sendOnce(path, options);
+  }
+  if (response.ok) return response;
+  if (response.status === 401 && !path.startsWith("/session/")) noteSignedOut();
+  throw await refusalOf(response);
+}
+
+async function hadForeignToken(response: Response): Promise<boolean> {
+  return (await response.clone().text()).includes(FOREIGN_TOKEN);
+}
+
+/** Sends a request; raises RequestError if it gets no answer. */
+async function sendOnce(path: string, options: Request): Promise<Response> {
   const method = options.method ?? "GET";
   const headers: Record<string, string> = { Accept: "application/json" };
   if (method !== "GET" && csrfToken !== null) headers["X-CSRF-Token"] = csrfToken;
@@ -138,9 +174,7 @@ async function send(path: string, options: Request): Promise<Response> {
     throw new RequestError(UNREACHABLE, "unreachable");
   }
   noteServerTime(response, sentMs);
-  if (response.ok) return response;
-  if (response.status === 401 && !path.startsWith("/session/")) noteSignedOut();
-  throw await refusalOf(response);
+  return response;
 }
 
 function contentType(fileName: string): string {

@@ -107,6 +107,7 @@ export const stopVehicle = (vehicleId: number, kind: StopKind, number: number): 
     method: "POST",
     body: { sequence_number: number, vehicle_id: vehicleId, event_type_id: kind },
     timeoutMs: 5_000,
+    asWhoever: true,
   });
 /** Number of the event that changes a speed. */
 export const NEW_SPEED = 3;

@@ -10,20 +10,27 @@ export async function presentSession(): Promise<Session> {
 
 /** Signs in with name and password; raises RequestError. */
 export async function signIn(name: string, password: string): Promise<Session> {
-  return remember(
-    await request<Session>("/session/", { method: "POST", body: { name, password } }),
-  );
+  return announce(await request<Session>("/session/", { method: "POST", body: { name, password } }));
 }
 
 /** Signs in with a one-time link; raises RequestError. */
 export async function signInByLink(link: string): Promise<Session> {
-  return remember(await request<Session>("/session/", { method: "POST", body: { link } }));
+  return announce(await request<Session>("/session/", { method: "POST", body: { link } }));
 }
 
 /** Ends the session on the server. */
 export async function signOut(): Promise<void> {
   await request("/session/", { method: "DELETE" });
   setCsrfToken(null);
+  tabs?.postMessage("signed out");
+}
+
+/** The tabs of this browser have one cookie: each is told when another has signed in or out. */
+const tabs = typeof BroadcastChannel === "undefined" ? null : new BroadcastChannel("farm-console-session");
+
+/** Sets what to call when another tab has signed in or out. */
+export function onOtherTab(callback: () => void): void {
+  if (tabs !== null) tabs.onmessage = callback;
 }
 
 const LINK = /^#link=(.+)$/;
@@ -43,6 +50,11 @@ export function takeLink(): string | null {
   } catch {
     return found[1]; // No link of ours: the server refuses it, and the sign-in says so
   }
+}
+
+function announce(session: Session): Session {
+  tabs?.postMessage("signed in");
+  return remember(session);
 }
 
 function remember(session: Session): Session {

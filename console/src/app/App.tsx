@@ -1,6 +1,6 @@
-import { useCallback, useEffect, useLayoutEffect, useMemo, useState } from "react";
-import { onSignedOut } from "../api/client";
-import { signOut } from "../api/session";
+import { useCallback, useEffect, useLayoutEffect, useMemo, useRef, useState } from "react";
+import { onOtherSession, onSignedOut } from "../api/client";
+import { onOtherTab, presentSession, signOut } from "../api/session";
 import type { Session } from "../api/types";
 import { Splash } from "../controls/Splash";
 import { LANGUAGES, showLanguage } from "../i18n/i18n";
@@ -38,6 +38,25 @@ export function App({ entering, hasLink }: AppProperties) {
   useEffect(() => {
     void showLanguage(preferences.language);
   }, [preferences.language]);
+
+  const latest = useRef(entry);
+  latest.current = entry;
+  /** Reads who is signed in by now, as another tab may have changed; gives whether it is the same person. */
+  const renew = useCallback(async () => {
+    const before = latest.current;
+    try {
+      const session = await presentSession();
+      setEntry(before.kind === "signed in" ? { ...before, session } : signedIn(session));
+      return before.kind === "signed in" && before.session.name === session.name;
+    } catch (reason) {
+      if (asRequestError(reason).status === 401) setEntry({ kind: "signed out", error: null, hasEnded: true });
+      return false;
+    }
+  }, []);
+  useEffect(() => {
+    onOtherSession(renew);
+    onOtherTab(() => void renew());
+  }, [renew]);
 
   useEffect(() => {
     let isCurrent = true;

@@ -1,12 +1,13 @@
 /** Errors in plain words. */
 
 import type { TFunction } from "i18next";
-import type { RequestError } from "../api/client";
+import { OtherPersonError, type RequestError } from "../api/client";
 
 const KNOWN = new Set([0, 401, 403, 404, 409, 412, 413, 415, 422, 429, 503, 507]);
 
 /** Says what happened and what can be done; the server's own reason follows where it has one. */
 export function describeError(error: RequestError, t: TFunction): string {
+  if (error instanceof OtherPersonError) return t("error.other_person");
   if (error.status === 429) {
     return error.retryAfterS === null
       ? t("error.429")

@@ -2,7 +2,7 @@
  *
  *     node tests/browser/edit_together.mjs
  *
- * ANA_LINK and JUAN_LINK sign an operator each in; FIELD and DRAFT are what they edit. OUT takes
+ * ANA_LINK and JUAN_LINK sign an operator each in, and so do those AGAIN; FIELD and DRAFT are what they edit. OUT takes
  * what a failure leaves.
  */
 import { hold, journey, picture, requireAccessible, startBrowser } from "./chromium.mjs";
@@ -124,6 +124,29 @@ async function comeBack(page) {
   if ((await name(page).inputValue()) === "Not saved") throw new Error("the draft is still there");
 }
 
+/** The tabs of a browser have one cookie: who signs in in one of them is signed in in all, and can stop. */
+async function signInInAnotherTab(page) {
+  const context = page.context();
+  const deaf = await context.newPage();
+  await deaf.addInitScript(() => delete window.BroadcastChannel);
+  for (const tab of [page, deaf]) {
+    await tab.goto(`${origin}/console/fleet`);
+    await tab.getByRole("button", { name: "Settings: ana" }).waitFor();
+  }
+  const other = await context.newPage();
+  await other.goto(process.env.JUAN_LINK_AGAIN);
+  await page.getByRole("button", { name: "Settings: juan" }).waitFor();
+  await deaf.getByRole("button", { name: "Settings: ana" }).waitFor();
+  for (const tab of [page, deaf]) {
+    await tab.bringToFront();
+    await tab.locator(".header .stop-button").click();
+    const dialog = tab.getByRole("dialog", { name: "Stop a flight" });
+    await hold(tab, dialog.getByRole("button", { name: "Land here" }), dialog.getByText("Nothing to stop").first());
+    await tab.keyboard.press("Escape");
+    await tab.getByRole("button", { name: "Settings: juan" }).waitFor();
+  }
+}
+
 const browser = await startBrowser();
 try {
   await journey(browser, "ana", async (ana) => {
@@ -138,6 +161,7 @@ try {
     });
     await leave(ana);
     await comeBack(ana);
+    await signInInAnotherTab(ana);
   });
 } finally {
   await browser.close();
