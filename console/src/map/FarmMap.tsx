@@ -118,6 +118,12 @@ export default function FarmMap({ layers, symbols, extent, click, pick, zoomed, 
   }, []);
 
   useEffect(() => {
+    const place = container.current;
+    place?.addEventListener("pointerdown", leaveField, true);
+    return () => place?.removeEventListener("pointerdown", leaveField, true);
+  }, []);
+
+  useEffect(() => {
     const made = map ?? bare.current;
     if (made === null) return;
     if (extent !== null && !hasFitted.current) {
@@ -202,6 +208,11 @@ export default function FarmMap({ layers, symbols, extent, click, pick, zoomed, 
       )}
     </div>
   );
+}
+
+/** Leaves a field in which a person has typed: the keys of undo are then those of the editor. */
+function leaveField(): void {
+  if (document.activeElement instanceof HTMLInputElement) document.activeElement.blur();
 }
 
 function fit(map: MapLibreMap, [west, south, east, north]: [number, number, number, number], duration: number) {

@@ -118,6 +118,32 @@ async function moveByKeys(page) {
   if (Number(await latitude.inputValue()) !== before) throw new Error("the step is not where it was");
 }
 
+/** The keys of undo take back a drag on the map, also where a field was being typed in before. */
+async function undoADragBehindTyping(page) {
+  await page.goto(`${origin}/console/plans/${DRAFT}/edit`);
+  const first = page.locator(".step-title").first();
+  await first.click();
+  await page.getByLabel("Height (m)").fill("17");
+  const marker = page.locator(".waypoint-marker", { hasText: "2" });
+  const placeOf = async () => {
+    const { x, y, width, height } = await marker.boundingBox();
+    return [x + width / 2, y + height / 2];
+  };
+  const isNear = ([x, y], [toX, toY]) => Math.hypot(x - toX, y - toY) < 3;
+  const before = await placeOf();
+  const wanted = [before[0] + 60, before[1] - 60];
+  await page.mouse.move(...before);
+  await page.mouse.down();
+  await page.mouse.move(...wanted, { steps: 4 });
+  await page.mouse.up();
+  if (!isNear(await placeOf(), wanted)) throw new Error("the step was not dragged");
+  await page.keyboard.press("Control+z");
+  await first.getByText("17 m").waitFor();
+  if (!isNear(await placeOf(), before)) throw new Error("the drag was not undone");
+  await button(page, "Undo").click();
+  await first.getByText("17 m").waitFor({ state: "detached" });
+}
+
 /** Heights and speeds are entered in the chosen units, and stored in metres and seconds. */
 async function enterImperialUnits(page) {
   const choose = async (name) => {
@@ -185,6 +211,7 @@ try {
     await showFaults(page);
     await moveAnOpenStep(page);
     await moveByKeys(page);
+    await undoADragBehindTyping(page);
     await enterImperialUnits(page);
     await readTitlesAndTimes(page);
     await fitsOnSmallScreens(page);
