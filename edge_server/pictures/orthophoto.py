@@ -119,6 +119,9 @@ def main() -> int:
     path, side_px, megapixels = sys.argv[1], int(sys.argv[2]), int(sys.argv[3])
     try:
         made = shown(path, side_px, megapixels * 1_000_000, json.loads(sys.argv[4]))
+    except OSError:  # The library's text, a number of its decoder, helps nobody
+        sys.stderr.write("its pixels are damaged or cut off: copy it again\n")
+        return 1
     except FAILURES as error:
         sys.stderr.write(f"{error or type(error).__name__}\n")
         return 1

@@ -4,6 +4,7 @@ A file that cannot be shown is listed with the reason, so that whoever put it th
 """
 
 import hashlib
+import os
 import struct
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -20,8 +21,11 @@ MOST_MAPS: Final = 50
 PMTILES: Final = ".pmtiles"
 GEOTIFF: Final = (".tif", ".tiff")
 _MOST_BANDS: Final = 4
-_HEADER: Final = struct.Struct("<7sB88xBBBBBBiiii")
-"""Of a PMTiles archive: magic, version, compressions, kind of tiles, zooms, bounds [1e-7 deg]."""
+_HEADER: Final = struct.Struct("<7sB8Q24xBBBBBBiiii")
+"""Of a PMTiles archive: magic, version, where each part begins and its length (root directory,
+metadata, leaf directories, tiles), compressions, kind of tiles, zooms, bounds [1e-7 deg].
+"""
+_PARTS: Final = 8
 _VECTOR_TILES: Final = 1
 _RASTER_TILES: Final = frozenset({2, 3, 4, 5})
 """PNG, JPEG, WebP, AVIF."""
@@ -127,13 +131,21 @@ def _tiles(path: Path) -> dict[str, Any]:
     """Read the header of a PMTiles archive."""
     with path.open("rb") as file:
         head = file.read(_HEADER.size)
+        size_bytes = os.fstat(file.fileno()).st_size
     if len(head) < _HEADER.size or not head.startswith(b"PMTiles"):
         raise _UnusableError("it is not a PMTiles archive")
-    _, version, _, _, _, kind, lowest, highest, west, south, east, north = _HEADER.unpack(head)
+    _, version, *parts = _HEADER.unpack(head)
+    _, _, _, kind, lowest, highest, west, south, east, north = parts[_PARTS:]
     if version != 3:
         raise _UnusableError(f"PMTiles version {version} is not supported, only version 3")
     if kind != _VECTOR_TILES and kind not in _RASTER_TILES:
         raise _UnusableError(f"tiles of kind {kind} are not supported: only MVT, PNG, JPEG, WebP")
+    begins_and_lengths = zip(parts[:_PARTS:2], parts[1:_PARTS:2], strict=True)
+    whole_bytes = max(begins + length for begins, length in begins_and_lengths)
+    if size_bytes < whole_bytes:
+        raise _UnusableError(
+            f"it is cut off: it has {size_bytes} of {whole_bytes} bytes; copy it again"
+        )
     return {
         "kind": "vector_tiles" if kind == _VECTOR_TILES else "raster_tiles",
         "url": f"/maps/{path.name}",

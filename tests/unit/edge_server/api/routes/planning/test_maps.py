@@ -14,7 +14,7 @@ RASTER, VECTOR = 2, 1
 def pmtiles(kind: int = RASTER, version: int = 3, magic: bytes = b"PMTiles") -> bytes:
     """The header of an archive, and some bytes after it."""
     degrees = [round(each * 1e7) for each in BOUNDS]
-    offsets = struct.pack("<11Q", *range(11))
+    offsets = struct.pack("<11Q", 127, 6, 133, 50, 183, 0, 183, 200, 1, 1, 1)
     head = magic + bytes([version]) + offsets + bytes([1, 2, 2, kind, 12, 18])
     return head + struct.pack("<4i", *degrees) + bytes(9) + bytes(range(256))
 
@@ -84,6 +84,8 @@ def test_a_caller_that_has_an_archive_receives_304(edge: Edge) -> None:
         (b"", "it is not a PMTiles archive"),
         (pmtiles(magic=b"SQLite "), "it is not a PMTiles archive"),
         (pmtiles(version=2), "PMTiles version 2 is not supported, only version 3"),
+        (pmtiles()[:-10], "it is cut off: it has 373 of 383 bytes; copy it again"),
+        (pmtiles()[:120], "it is cut off: it has 120 of 383 bytes; copy it again"),
         (pmtiles(kind=9), "tiles of kind 9 are not supported: only MVT, PNG, JPEG, WebP"),
     ],
 )

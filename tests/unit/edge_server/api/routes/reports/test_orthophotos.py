@@ -184,6 +184,7 @@ def test_a_damaged_picture_is_refused_alone(edge: Edge) -> None:
     damaged = data[:8] + bytes(200) + data[208:] if offset > 300 else data[:-200]
     answer = edge.ask("GET", listed(edge, damaged)["url"] or "/maps/x.tif/picture", "farmer")
     assert answer.status_code == 404
+    assert "its pixels are damaged or cut off: copy it again" in answer.text
     put(edge, aerial(), "south.tif")
     assert edge.ask("GET", "/maps/south.tif/picture", "farmer").status_code == 200
 
