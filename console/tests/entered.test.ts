@@ -1,6 +1,6 @@
 import { expect, test } from "vitest";
 import { parametersOf, problemOf } from "../src/planning/command_forms";
-import { fromUnit, inUnit } from "../src/units/entered";
+import { fromUnit, inUnit, readNumber } from "../src/units/entered";
 import { Units } from "../src/units/units";
 
 const FEET = new Units("imperial", "en").lengthInput;
@@ -17,6 +17,13 @@ test("a limit that is shown in feet is allowed", () => {
     const shown = [inUnit(one.minimum ?? 0, FEET, Math.ceil), inUnit(one.maximum ?? 0, FEET, Math.floor)];
     for (const feet of shown) expect(problemOf(one, fromUnit(Number(feet), FEET))).toBeNull();
   }
+});
+
+test.each([
+  ["1,5", 1.5], ["98.5", 98.5], [" -3 ", -3], ["+.5", 0.5], ["12,", 12], ["", null], ["  ", null],
+  ["-", NaN], ["1.234,5", NaN], ["1,2,3", NaN], ["1e3", NaN], ["0x10", NaN], ["abc", NaN], ["Infinity", NaN],
+])("a number is read with a point or a comma: %s", (text, number) => {
+  expect(readNumber(text)).toBe(number);
 });
 
 test("a value without a system is shown as it is", () => {

@@ -1,5 +1,4 @@
-import { useState } from "react";
-import { TextField } from "./fields";
+import { NumberField } from "./NumberField";
 
 /** The unit in which a person enters a value: so many of it make one of the value's own unit. */
 export interface InputUnit {
@@ -9,36 +8,27 @@ export interface InputUnit {
 }
 
 /** A number with its unit; gives null while what is entered is no number. */
-export function QuantityField({ label, unit, value, change, error, hint, max }: {
+export function QuantityField({ label, unit, value, change, error, hint }: {
   label: string;
   unit: InputUnit;
   value: number | null;
   change: (value: number | null) => void;
   error?: string | undefined;
   hint?: string;
-  max?: number;
 }) {
-  // What a person types stays as it is, until the value changes from elsewhere or the unit does
-  const [typed, setTyped] = useState<{ text: string; value: number | null; factor: number } | null>(null);
-  const isTyped = typed !== null && typed.value === value && typed.factor === unit.factor;
-  const shown = value === null ? "" : String(Number((value * unit.factor).toFixed(unit.digits)));
   return (
-    <TextField
+    <NumberField
+      key={unit.symbol}
       label={unit.symbol === "" ? label : `${label} (${unit.symbol})`}
-      type="number"
-      inputMode="decimal"
-      step="any"
-      min={0}
-      max={max === undefined ? undefined : max * unit.factor}
-      value={isTyped ? typed.text : shown}
-      onChange={(event) => {
-        const number = event.target.valueAsNumber;
-        const entered = Number.isFinite(number) ? number / unit.factor : null;
-        setTyped({ text: event.target.value, value: entered, factor: unit.factor });
+      value={value}
+      shown={value === null ? "" : String(Number((value * unit.factor).toFixed(unit.digits)))}
+      enter={(number) => {
+        const entered = number === null || Number.isNaN(number) ? null : number / unit.factor;
         change(entered);
+        return entered;
       }}
       error={error}
-      {...(hint === undefined ? {} : { hint })}
+      hint={hint}
     />
   );
 }

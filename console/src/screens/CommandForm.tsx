@@ -6,8 +6,9 @@ import type { Command, ParameterValue } from "../api/types";
 import { useUnits } from "../app/preferences";
 import { Button } from "../controls/Button";
 import { SelectField, TextField } from "../controls/fields";
+import { NumberField } from "../controls/NumberField";
 import { heightOf_m, parametersOf, placeOfFault, problemOf, problemsOf, type Parameter } from "../planning/command_forms";
-import { fromUnit, inUnit, type EnteredUnit } from "../units/entered";
+import { fromUnit, inUnit, readNumber, type EnteredUnit } from "../units/entered";
 import { unitOfField } from "../units/fields";
 import type { Units } from "../units/units";
 
@@ -113,16 +114,21 @@ function ParameterField({ parameter, value, fault, set }: ParameterProperties) {
   const problem = problemOf(parameter, value);
   const range = rangeOf(parameter, unit, units, t);
   const ownFault = problem === null ? undefined : t(`editor.${problem}`, { range });
+  const number = typeof value === "number" ? value : null;
   return (
     <NumberField
       label={label}
       key={unit.symbol}
-      unit={unit}
-      value={typeof value === "number" ? value : null}
+      value={number}
+      shown={number === null || Number.isNaN(number) ? "" : inUnit(number, unit)}
       hint={parameter.required ? range : `${range}, ${t("editor.optional")}`}
       error={fault ?? ownFault}
-      placeholder={parameter.default === null ? t("editor.automatic") : inUnit(Number(parameter.default), unit)}
-      set={set}
+      placeholder={parameter.default === null ? t("editor.automatic") : units.written(inUnit(Number(parameter.default), unit))}
+      enter={(entered) => {
+        const made = entered === null ? null : fromUnit(entered, unit);
+        set(made);
+        return made;
+      }}
     />
   );
 }
@@ -132,37 +138,6 @@ function rangeOf(one: Parameter, unit: EnteredUnit, units: Units, t: TFunction):
   const high = one.maximum === null ? "…" : units.written(inUnit(one.maximum, unit, Math.floor));
   if (one.below_maximum) return t("editor.below", { low, high });
   return t(one.above_minimum ? "editor.above" : "editor.range", { low, high });
-}
-
-/** A number that may be typed step by step: "-" and "1." are no numbers yet. */
-function NumberField({ label, unit, value, hint, error, placeholder, set }: {
-  label: string;
-  unit: EnteredUnit;
-  value: number | null;
-  hint: string;
-  error: string | undefined;
-  placeholder: string;
-  set: (value: number | null) => void;
-}) {
-  const [typed, setTyped] = useState<string | null>(null);
-  return (
-    <TextField
-      label={label}
-      hint={hint}
-      error={error}
-      inputMode="decimal"
-      placeholder={placeholder}
-      value={typed ?? (value === null || Number.isNaN(value) ? "" : inUnit(value, unit))}
-      onChange={(event) => {
-        setTyped(event.target.value);
-        const text = event.target.value.trim().replace(",", ".");
-        set(text === "" ? null : fromUnit(Number(text), unit));
-      }}
-      onBlur={() => {
-        if (value === null || Number.isFinite(value)) setTyped(null);
-      }}
-    />
-  );
 }
 
 /** A rectangle of the picture as four fractions. */
@@ -184,7 +159,7 @@ function CornersField({ label, value, fault, set }: {
         const [left = NaN, top = NaN, right = NaN, bottom = NaN] = event.target.value
           .trim()
           .split(/[\s;]+/)
-          .map((part) => Number(part.replace(",", ".")));
+          .map((part) => readNumber(part) ?? NaN);
         set([[left, top], [right, bottom]]);
       }}
     />

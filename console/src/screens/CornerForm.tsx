@@ -1,6 +1,6 @@
 import { useTranslation } from "react-i18next";
 import { Button } from "../controls/Button";
-import { TextField } from "../controls/fields";
+import { NumberField } from "../controls/NumberField";
 import type { Corner } from "../planning/outline";
 
 /** Place of the corner or the entry that is selected, in degrees. */
@@ -15,17 +15,14 @@ export function CornerForm({ title, corner, move, remove, removeText, canRemove 
   const { t } = useTranslation();
   const [latitude, longitude] = corner;
   const field = (label: string, value: number, limit: number, set: (degrees: number) => void) => (
-    <TextField
+    <NumberField
       label={label}
-      type="number"
-      inputMode="decimal"
-      step="any"
-      min={-limit}
-      max={limit}
       value={value}
-      onChange={(event) => {
-        const degrees = event.target.valueAsNumber;
-        if (Math.abs(degrees) <= limit) set(degrees);
+      shown={String(value)}
+      enter={(degrees) => {
+        if (degrees === null || !(Math.abs(degrees) <= limit)) return value;
+        set(degrees);
+        return degrees;
       }}
     />
   );

@@ -8,7 +8,7 @@ import { Pill } from "../controls/StatusPill";
 import { useReportText } from "../i18n/use_report_text";
 import { isFinal, TONES } from "../live/order";
 import { useIsConnected } from "../live/use_live";
-import { FASTEST_M_S, orderedSpeed } from "../planning/speed_limits";
+import { orderedSpeed } from "../planning/speed_limits";
 import { speedRange } from "../units/limits";
 import { useLastSpeed, useSpeedOrder, type SpeedOrder } from "./use_speed_order";
 
@@ -64,7 +64,6 @@ function OpenForm({ mission, done }: { mission: Mission; done: (() => void) | un
           change={choose}
           hint={t("editor.out_of_range", { range })}
           error={ordered === null && (chosen_m_s !== undefined || speed_m_s !== null) ? t("editor.out_of_range", { range }) : undefined}
-          max={FASTEST_M_S}
         />
         <Button kind="primary" icon="speed" type="submit" isBusy={isOrdered} disabled={ordered === null || !isConnected}>
           {t("speed.change")}

@@ -19,6 +19,15 @@ export function inUnit(value: number, unit: EnteredUnit, round: (value: number) 
   return String(round(Number((value * factor * power).toFixed(3))) / power);
 }
 
+const NUMBER = /^[-+]?(\d+[.,]?\d*|[.,]\d+)$/;
+
+/** Reads a number with a point or a comma before its decimals; null: nothing was typed, NaN: no number. */
+export function readNumber(text: string): number | null {
+  const typed = text.trim();
+  if (typed === "") return null;
+  return NUMBER.test(typed) ? Number(typed.replace(",", ".")) : NaN;
+}
+
 /** A value that was entered, for the edge server. */
 export function fromUnit(entered: number, { factor }: EnteredUnit): number {
   return factor === 1 ? entered : Number((entered / factor).toFixed(STORED_DIGITS));

@@ -165,6 +165,34 @@ async function enterImperialUnits(page) {
   await choose("Metric");
 }
 
+/** In Spanish a value has a comma, whatever the language of the browser; a point is read as well. */
+async function enterWithAComma(page) {
+  await page.evaluate(() => localStorage.setItem("farm-console", JSON.stringify({ language: "es" })));
+  const requireStored = async (field, text, read, wanted) => {
+    await field.fill("");
+    await field.pressSequentially(text);
+    if ((await field.inputValue()) !== text) throw new Error(`${text} became ${await field.inputValue()}`);
+    await field.blur();
+    const shown = await read();
+    if (shown !== wanted) throw new Error(`${text} is ${shown}, not ${wanted}`);
+  };
+  await page.goto(`${origin}/console/fields/${FIELD}/survey`);
+  const height = page.getByLabel("Altura (m)");
+  const resolution = page.getByLabel("Resolución (cm/px)");
+  await requireStored(height, "18,5", () => height.inputValue(), "18,5");
+  await requireStored(height, "17.5", () => height.inputValue(), "17,5");
+  await requireStored(resolution, "1,25", () => resolution.inputValue(), "1,25");
+  await page.goto(`${origin}/console/plans/${DRAFT}/edit`);
+  const speed = page.getByLabel("Velocidad máxima (km/h)");
+  await requireStored(speed, "12,5", () => speed.inputValue(), "12,5");
+  await page.locator(".step-title").first().click();
+  const step = page.getByLabel("Altura (m)");
+  await requireStored(step, "4,25", () => step.inputValue(), "4,25");
+  const latitude = page.getByLabel("Latitud (°)");
+  await requireStored(latitude, "40,4435", () => latitude.inputValue(), "40,4435");
+  await page.evaluate(() => localStorage.removeItem("farm-console"));
+}
+
 /** Nothing runs off the right edge where texts are long and the screen is small, nor STOP's orders below it. */
 async function fitsOnSmallScreens(page) {
   await page.setViewportSize({ width: 1024, height: 768 });
@@ -213,6 +241,7 @@ try {
     await moveByKeys(page);
     await undoADragBehindTyping(page);
     await enterImperialUnits(page);
+    await enterWithAComma(page);
     await readTitlesAndTimes(page);
     await fitsOnSmallScreens(page);
     await checkAgainstTheField(page);
