@@ -65,6 +65,22 @@ test("a plan without a fence is to be looked at, one that leaves it is not ready
   expect(states(mission(10), vehicle(), { fence: closed })["fence"]).toBe("bad");
 });
 
+test("a path through a no-fly area is not ready, from home and back too", () => {
+  const at = (north_deg: number, east_deg: number) => ({ latitude: PLACE.latitude + north_deg, longitude: PLACE.longitude + east_deg });
+  const flown = (home: object, ...places: object[]) => {
+    const commands = places.map((place, index) => ({
+      command_id: index + 1, command_type_id: index === 0 ? 1 : 3, command_status_id: 1 as const, parameters: { ...place, altitude: 10 },
+    }));
+    const back = { command_id: 9, command_type_id: 11, command_status_id: 1 as const, parameters: { landing: true } };
+    const of = { ...mission(0), command_array: [...commands, back] };
+    return states(of, vehicle(home), { fence: { ...around(0.01), exclusion: around(0.001).inclusion } })["fence"];
+  };
+  expect(flown(at(0, -0.003), at(0.002, -0.003), at(0.002, 0.003), at(0.002, -0.002))).toBe("good");
+  expect(flown(at(0, -0.003), at(0.002, -0.003), at(0, 0.003), at(0.002, 0.003))).toBe("bad"); // On the way
+  expect(flown(at(0, -0.003), at(0, 0.003), at(0.002, 0.003), at(0.002, -0.002))).toBe("bad"); // From home
+  expect(flown(at(0, -0.003), at(0.002, -0.003), at(0.002, 0.003), at(0, 0.003))).toBe("bad"); // Back
+});
+
 test("a vehicle far away would return far away", () => {
   expect(states(mission(10), vehicle({ latitude: 40.4444 }))["home"]).toBe("good");
   expect(states(mission(10), vehicle({ latitude: 40.4634 }))["home"]).toBe("warning");

@@ -1,9 +1,9 @@
 /** What a person should look at before a mission is dispatched. Pure. */
 
 import type { Mission, Vehicle } from "../api/types";
-import { allows, type Fence } from "./fence";
+import { allows, crosses, type Fence } from "./fence";
 import { heightProfile, lengthOf, metresBetween } from "./height_profile";
-import { TAKEOFF } from "./command_forms";
+import { HOME, TAKEOFF } from "./command_forms";
 import { windState, type Wind } from "./wind";
 
 /** "look": nothing measures it, a person has to look. */
@@ -47,18 +47,24 @@ export function checklist(
     { name: "gps", state: fix(vehicle) },
     { name: "place", state: place(mission, vehicle, NEAR_M) },
     { name: "home", state: place(mission, vehicle, FAR_M) },
-    { name: "fence", state: inside(mission, fence) },
+    { name: "fence", state: inside(mission, vehicle, fence) },
     { name: "wind", state: windState(wind ?? null, now_ms ?? 0) },
   ];
 }
 
-/** Whether every place of the mission is where it may fly. */
-function inside(mission: Mission, fence: Fence | null): CheckState {
+/** Whether every place of the mission is where it may fly, and no path to, between or back from them leads through a no-fly area. */
+function inside(mission: Mission, vehicle: Vehicle | undefined, fence: Fence | null): CheckState {
   if (fence === null) return "warning";
-  const isInside = mission.command_array.every(({ parameters: { latitude, longitude } }) =>
-    typeof latitude !== "number" || typeof longitude !== "number" || allows(fence, [latitude, longitude]),
-  );
-  return isInside ? "good" : "bad";
+  const places = mission.command_array.flatMap(({ parameters }) => placesOf(parameters));
+  const home = placesOf(vehicle ?? {});
+  const returns = mission.command_array.some((one) => one.command_type_id === HOME);
+  const flown = [...home, ...places, ...(returns ? home : [])];
+  const isAround = flown.every((place, index) => index === 0 || !crosses(fence, flown[index - 1] ?? place, place));
+  return isAround && places.every((place) => allows(fence, place)) ? "good" : "bad";
+}
+
+function placesOf({ latitude, longitude }: { latitude?: unknown; longitude?: unknown }): [number, number][] {
+  return typeof latitude === "number" && typeof longitude === "number" ? [[latitude, longitude]] : [];
 }
 
 function readiness(vehicle: Vehicle | undefined): CheckState {
