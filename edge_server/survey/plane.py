@@ -84,17 +84,17 @@ class Area:
         """
         left, right = min(start[0], end[0]) - clearance_m, max(start[0], end[0]) + clearance_m
         low, high = min(start[1], end[1]) - clearance_m, max(start[1], end[1]) + clearance_m
-        for first_x, last_x, first_y, last_y, corner, other in self._boxes:
+        for first_x, last_x, first_y, last_y, corner, other in self.boxes:
             if first_x > right or last_x < left or first_y > high or last_y < low:
                 continue
-            if _cross(start, end, corner, other):
+            if crosses(start, end, corner, other):
                 return False
-            if clearance_m and _passes(start, end, corner, clearance_m):
+            if clearance_m and passes(start, end, corner, clearance_m):
                 return False
         return self.holds(((start[0] + end[0]) / 2.0, (start[1] + end[1]) / 2.0))
 
     @cached_property
-    def _boxes(self) -> list[tuple[float, float, float, float, Point, Point]]:
+    def boxes(self) -> list[tuple[float, float, float, float, Point, Point]]:
         """Each side with its least and greatest x and y: most sides are far from a line."""
         return [
             (min(a[0], b[0]), max(a[0], b[0]), min(a[1], b[1]), max(a[1], b[1]), a, b)
@@ -105,7 +105,7 @@ class Area:
     def square_metres(self) -> float:
         """Its size: of holes that overlap or reach beyond the outer ring only what they take."""
         if not self.holes:
-            return abs(_signed(self.outer))
+            return abs(signed(self.outer))
         # Between two of these the width changes evenly
         ys = sorted({point[1] for edge in self.edges for point in edge} | {*self._crossed()})
         return sum(
@@ -124,7 +124,7 @@ class Area:
     def corners(self, clearance_m: float) -> Iterator[Point]:
         """Where a path round an obstacle may bend: its corners, moved into the area."""
         for ring, is_hole in [(self.outer, False), *((hole, True) for hole in self.holes)]:
-            turn = 1.0 if (_signed(ring) > 0) != is_hole else -1.0
+            turn = 1.0 if (signed(ring) > 0) != is_hole else -1.0
             for before, corner, after in zip(
                 [ring[-1], *ring], ring, [*ring[1:], ring[0]], strict=False
             ):
@@ -135,7 +135,7 @@ class Area:
 
 def crossing(a: Point, b: Point, c: Point, d: Point) -> float | None:
     """Which part of the way from a to b lies before its crossing with cd; None without one."""
-    if not _cross(a, b, c, d):
+    if not crosses(a, b, c, d):
         return None
     before, after = _side(c, d, a), _side(c, d, b)
     return before / (before - after)
@@ -173,12 +173,12 @@ def _without(intervals: Sequence[Interval], removed: Sequence[Interval]) -> list
     return left
 
 
-def _cross(a: Point, b: Point, c: Point, d: Point) -> bool:
+def crosses(a: Point, b: Point, c: Point, d: Point) -> bool:
     """Whether the segments ab and cd cross in their insides."""
     return _side(a, b, c) * _side(a, b, d) < 0.0 and _side(c, d, a) * _side(c, d, b) < 0.0
 
 
-def _passes(start: Point, end: Point, corner: Point, clearance_m: float) -> bool:
+def passes(start: Point, end: Point, corner: Point, clearance_m: float) -> bool:
     """Whether a corner lies beside a path, between its ends, within a distance."""
     length = math.dist(start, end)
     if length == 0.0:
@@ -194,7 +194,7 @@ def _side(a: Point, b: Point, c: Point) -> float:
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 
-def _signed(ring: Ring) -> float:
+def signed(ring: Ring) -> float:
     """Area of a ring, positive when its corners run anticlockwise (shoelace formula)."""
     pairs = zip(ring, [*ring[1:], ring[0]], strict=True)
     return sum(a[0] * b[1] - b[0] * a[1] for a, b in pairs) / 2.0

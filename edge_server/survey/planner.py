@@ -8,14 +8,19 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import Any, Final, NamedTuple
 
+from afarcloud.faults import Fault
 from afarcloud.plan import Polygon
 from edge_server.survey import lines, route, sorties
+from edge_server.survey.home_paths import HomePaths
 from edge_server.survey.plane import SMALLEST_M2, Area, Frame, Point
 from edge_server.survey.request import Place, SurveyRequest
 from edge_server.survey.route import Stop
 
 MARGIN_M: Final = 0.3
 """Places keep this far from the edge: a fence is exact, a vehicle is not."""
+HOME_CLEARANCES_M: Final = (2.0, MARGIN_M, 0.05)
+"""How far the paths from home and back keep from a no-fly area, the first that a path has: a
+vehicle may start some metres beside home, and any path is better than one across the area."""
 MOST_CORNERS: Final = 500
 MOST_PLACES: Final = 20_000
 MOST_ANGLES: Final = 36
@@ -31,10 +36,11 @@ class NoSurveyError(Exception):
 
 
 class Survey(NamedTuple):
-    """Plans as documents, in the order in which they are to be flown, and the figures."""
+    """Plans as documents, in the order in which they are to be flown, figures and warnings."""
 
     plans: list[dict[str, Any]]
     figures: dict[str, Any]
+    warnings: tuple[Fault, ...] = ()
 
 
 def survey(request: SurveyRequest, home: Place, first_mission_id: int) -> Survey:
@@ -51,7 +57,7 @@ def survey(request: SurveyRequest, home: Place, first_mission_id: int) -> Survey
     if sum(len(line.places) for row in rows for line in row) > MOST_PLACES:
         raise NoSurveyError("boundary", f"gives more than {MOST_PLACES} places; split the field")
     flight = sorties.Flight(
-        home=frame.to_plane((home.latitude, home.longitude)),
+        home_paths=_home_paths(request, home, frame, area),
         height_m=request.altitude,
         speed_m_s=request.maximum_speed,
         endurance_s=request.endurance,
@@ -61,9 +67,11 @@ def survey(request: SurveyRequest, home: Place, first_mission_id: int) -> Survey
     entry = None if request.entry is None else frame.to_plane(request.entry)
     stops = _stops(area, rows, entry)
     parts = _parts(stops, request, flight)
-    plans = list(_plans(request, frame, parts, first_mission_id))
+    whole = [[sorties.flown(stops, flight) for stops in flights] for flights in parts]
+    plans = list(_plans(request, frame, whole, first_mission_id))
     flown = [stops for flights in parts for stops in flights]
-    return Survey(plans, _figures(request, area, rows, flown, flight, bearing_deg))
+    figures = _figures(request, area, rows, flown, flight, bearing_deg)
+    return Survey(plans, figures, tuple(_warnings(flown, flight)))
 
 
 def _check_size(request: SurveyRequest) -> None:
@@ -94,6 +102,22 @@ def _laid_out(request: SurveyRequest, bearing_deg: float) -> tuple[Frame, Area]:
         raise NoSurveyError("boundary", "has no area")
     holes = [ring for one in (*request.holes, *request.exclusions) if (ring := _ring(frame, one))]
     return frame, Area(outer, holes)
+
+
+def _home_paths(request: SurveyRequest, home: Place, frame: Frame, area: Area) -> HomePaths:
+    beyond = [ring for one in request.beyond if (ring := _ring(frame, one))]
+    return HomePaths(
+        frame.to_plane((home.latitude, home.longitude)),
+        [*area.holes, *beyond],
+        HOME_CLEARANCES_M,
+        sorties.STOP_S * request.maximum_speed,
+    )
+
+
+def _warnings(flown: Sequence[Sequence[Stop]], flight: sorties.Flight) -> Iterator[Fault]:
+    ends = (stop.point for stops in flown for stop in (stops[0], stops[-1]))
+    if not all(flight.home_paths.leads_to(end) for end in ends):
+        yield Fault("home", "is enclosed by no-fly areas: a flight crosses them there or back")
 
 
 def _ring(frame: Frame, polygon: Polygon) -> list[Point]:
@@ -144,6 +168,8 @@ def _parts(
         ]
     except sorties.TooFarError as error:
         raise NoSurveyError("endurance", str(error)) from None
+    except sorties.TooManyCommandsError as error:
+        raise NoSurveyError("most_commands", str(error)) from None
 
 
 def _plans(

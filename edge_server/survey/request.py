@@ -100,11 +100,15 @@ class SurveyTerms(Model):
 
 
 class SurveyRequest(SurveyTerms):
-    """A field and how it is to be covered: what is planned."""
+    """A field and how it is to be covered: what is planned.
+
+    No-fly areas beyond what is covered are met by the paths from home and back alone.
+    """
 
     boundary: Polygon
     holes: Rings = ()
     exclusions: Rings = ()
+    beyond: tuple[Polygon, ...] = ()
 
 
 class SurveyOrder(SurveyTerms):

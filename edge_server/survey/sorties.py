@@ -3,8 +3,9 @@
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+from edge_server.survey.home_paths import HomePaths
 from edge_server.survey.plane import Point
 from edge_server.survey.route import Stop
 
@@ -20,7 +21,7 @@ RESERVE = 1.3
 class Flight:
     """What bounds one flight of one vehicle."""
 
-    home: Point
+    home_paths: HomePaths
     height_m: float
     speed_m_s: float
     endurance_s: float
@@ -34,10 +35,12 @@ def seconds_between(start: Point, end: Point, flight: Flight) -> float:
 
 
 def seconds_of(stops: Sequence[Stop], flight: Flight) -> float:
-    """Time of a flight from home over these stops and home again."""
+    """Time of a flight from home over these stops and home again, round no-fly areas."""
     if not stops:
         return 0.0
-    points = [flight.home, *(stop.point for stop in stops), flight.home]
+    home = flight.home_paths.home
+    out, back = _bends(stops, flight)
+    points = [home, *out, *(stop.point for stop in stops), *back, home]
     legs = itertools.pairwise(points)
     pictures = sum(stop.is_work for stop in stops) * PICTURE_S if flight.takes_pictures else 0.0
     climb = 2.0 * flight.height_m / CLIMB_M_S
@@ -45,13 +48,34 @@ def seconds_of(stops: Sequence[Stop], flight: Flight) -> float:
 
 
 def commands_of(stops: Sequence[Stop], flight: Flight) -> int:
-    """How many commands these stops become, take-off and return included."""
+    """How many commands these stops become, take-off, bends and return included."""
     pictures = sum(stop.is_work for stop in stops) if flight.takes_pictures else 0
-    return len(stops) + pictures + 2
+    bends = sum(map(len, _bends(stops, flight))) if stops else 0
+    return len(stops) + pictures + bends + 2
+
+
+def flown(stops: Sequence[Stop], flight: Flight) -> list[Stop]:
+    """A flight with the bends on its paths from home to the first stop and from the last home."""
+    out, back = _bends(stops, flight)
+    return [
+        *(Stop(point, is_work=False) for point in out),
+        *stops,
+        *(Stop(point, is_work=False) for point in back),
+    ]
+
+
+def _bends(stops: Sequence[Stop], flight: Flight) -> tuple[Sequence[Point], Sequence[Point]]:
+    """On the path from home to the first of these stops, and from the last one home."""
+    paths = flight.home_paths
+    return paths.bends(stops[0].point), paths.bends(stops[-1].point)[::-1]
 
 
 class TooFarError(Exception):
     """A single place cannot be reached and left again on one battery."""
+
+
+class TooManyCommandsError(Exception):
+    """A single place, and the bends on the paths there and back, are too much for a mission."""
 
 
 def split(stops: Sequence[Stop], parts: int, flight: Flight) -> list[list[Stop]]:
@@ -74,20 +98,42 @@ def flights(stops: Sequence[Stop], flight: Flight) -> list[list[Stop]]:
 
     Raises:
         TooFarError: if even one place is too much for a battery.
+        TooManyCommandsError: if it is too much for a mission.
     """
-    found: list[list[Stop]] = [[]]
-    for stop in stops:
-        longer = [*found[-1], stop]
-        if _fits(longer, flight):
-            found[-1] = longer
-            continue
-        if not _fits([stop], flight):
-            distance = math.dist(flight.home, stop.point)
-            raise TooFarError(
-                f"a place {distance:.0f} m from home cannot be reached and left on one battery"
-            )
-        found.append([stop])
-    return [trimmed for part in found if (trimmed := _trimmed(part))]
+    straight = replace(flight, home_paths=flight.home_paths.straight())
+    found = []
+    begin = 0
+    while begin < len(stops):
+        end = _end(stops, begin, flight, straight)
+        if end == begin:
+            raise _refusal(stops[begin], flight)
+        if trimmed := _trimmed(stops[begin:end]):
+            found.append(trimmed)
+        begin = end
+    return found
+
+
+def _end(stops: Sequence[Stop], begin: int, flight: Flight, straight: Flight) -> int:
+    """Where a flight that begins at a stop ends; there already if even one place is too much."""
+    end = begin
+    while end < len(stops) and _fits(stops[begin : end + 1], straight):
+        end += 1
+    # No path is shorter than the straight line: only from here on is one looked for
+    while end > begin and not _fits(_trimmed(stops[begin:end]), flight):
+        end -= 1
+    return end
+
+
+def _refusal(stop: Stop, flight: Flight) -> TooFarError | TooManyCommandsError:
+    distance = math.dist(flight.home_paths.home, stop.point)
+    if commands_of([stop], flight) > flight.most_commands:
+        return TooManyCommandsError(
+            f"is too small for a place {distance:.0f} m from home: the path round no-fly areas "
+            f"takes {commands_of([stop], flight)} commands"
+        )
+    return TooFarError(
+        f"a place {distance:.0f} m from home cannot be reached and left on one battery"
+    )
 
 
 def _fits(stops: Sequence[Stop], flight: Flight) -> bool:

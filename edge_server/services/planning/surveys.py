@@ -1,10 +1,11 @@
 """Surveys: planned over a field, and stored as plans; all of them or none."""
 
+from collections.abc import Sequence
 from typing import Any
 
 from afarcloud.faults import Fault, InvalidError
 from afarcloud.numbers import INT32_MAX
-from afarcloud.plan import Plan
+from afarcloud.plan import Plan, Polygon
 from afarcloud.wire import read_as, write
 from edge_server.geodata.field import Field
 from edge_server.services.context import Caller, Context
@@ -34,7 +35,12 @@ def create(context: Context, order: SurveyOrder, caller: Caller) -> dict[str, An
     documents = [Plan.model_validate(plan) for plan in planned.plans]
     source = {**write(order), "field": None if field is None else write(field)}
     kept = plans.create_all(
-        context, documents, caller, source, numbered_here=order.first_mission_id is None
+        context,
+        documents,
+        caller,
+        source,
+        planned.warnings,
+        numbered_here=order.first_mission_id is None,
     )
     return {**planned.figures, "plans": kept}
 
@@ -97,12 +103,21 @@ def _request(order: SurveyOrder, field: Field | None) -> SurveyRequest:
         if order.area is not None:
             if found := tuple(part.faults(order.area, field.boundary)):
                 raise InvalidError(found)
-            outline = {
-                "boundary": order.area,
-                "holes": part.touching(order.area, outline["holes"]),
-                "exclusions": part.touching(order.area, outline["exclusions"]),
-            }
+            outline = _part_of(order.area, outline["holes"], outline["exclusions"])
     return read_as(SurveyRequest, {**terms, **outline})
+
+
+def _part_of(
+    area: Polygon, holes: Sequence[Polygon], exclusions: Sequence[Polygon]
+) -> dict[str, Any]:
+    """Return the outline of a part of a field; rings elsewhere are on the way from home to it."""
+    near = {
+        "holes": part.touching(area, holes),
+        "exclusions": part.touching(area, exclusions),
+    }
+    known = {*near["holes"], *near["exclusions"]}
+    beyond = tuple(ring for ring in (*holes, *exclusions) if ring not in known)
+    return {"boundary": area, **near, "beyond": beyond}
 
 
 def _home(context: Context, request: SurveyRequest) -> Place:

@@ -146,6 +146,28 @@ def test_a_part_of_a_field_is_covered_and_the_field_stays(edge: Edge) -> None:
     assert edge.get("/fields/1") == before
 
 
+def test_a_flight_to_a_part_goes_round_what_lies_in_the_rest_of_the_field(edge: Edge) -> None:
+    wall = [[40.4432, -3.7383], [40.4438, -3.7383], [40.4438, -3.7382], [40.4432, -3.7382]]
+    home = {"latitude": 40.4435, "longitude": -3.7380}
+    order = without_boundary(area=WEST_HALF, home=home)
+    easternmost = []
+    for exclusions in ([], [wall]):
+        field = {"boundary": EXAMPLE["boundary"], "exclusions": exclusions}
+        order["field_id"] = (edge.post("/fields/", field, "operator").json or {})["id"]
+        planned = edge.post("/surveys/?preview=true", order, "operator")
+        commands = (planned.json or {})["plans"][0]["missions"][0]["command_array"]
+        easternmost.append(max(one["parameters"].get("longitude", -4) for one in commands))
+    assert easternmost[0] < -3.7386 < -3.7383 < easternmost[1]
+
+
+def test_a_plan_whose_home_lies_in_a_no_fly_area_has_a_warning(edge: Edge) -> None:
+    around = [[40.4446, -3.7392], [40.4446, -3.7388], [40.4449, -3.7388], [40.4449, -3.7392]]
+    home = {"latitude": 40.4447, "longitude": -3.7390}
+    assert ask(edge, exclusions=[around], home=home).status_code == 201
+    for stored in edge.get("/plans/"):
+        assert "is enclosed by no-fly areas" in str(stored["warnings"])
+
+
 @pytest.mark.parametrize(
     ("area", "path", "text"),
     [

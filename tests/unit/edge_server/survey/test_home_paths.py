@@ -1,0 +1,238 @@
+"""Every flight goes round the no-fly areas from home and back, within its battery and commands."""
+
+import itertools
+import math
+import random
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from edge_server.survey import sorties
+from edge_server.survey.home_paths import HomePaths
+from edge_server.survey.plane import Area, Point, distance_to_side
+from edge_server.survey.planner import (
+    HOME_CLEARANCES_M,
+    NoSurveyError,
+    Survey,
+    _laid_out,
+    survey,
+)
+from edge_server.survey.request import Place, SurveyRequest
+from tests.unit.edge_server.survey.fields import CAMERA, fly, place, star
+
+SQUARE = [place(-60, -40), place(60, -40), place(60, 40), place(-60, 40)]
+TRIANGLE = [place(-90, -30), place(-70, -30), place(-80, 30)]
+"""Between a home to the west and the field."""
+WEST = (-110.0, 0.0)
+EVERYWHERE = [(-1e5, -1e5), (1e5, -1e5), (1e5, 1e5), (-1e5, 1e5)]
+ROUNDING_M = 0.01
+Leg = tuple[Point, Point]
+
+
+def home_at(place_m: Point) -> Place:
+    latitude, longitude = place(*place_m)
+    return Place(latitude=latitude, longitude=longitude)
+
+
+def asked(**changes: Any) -> SurveyRequest:
+    body: dict[str, Any] = {
+        "boundary": SQUARE,
+        "swath_width": 10.0,
+        "altitude": 10.0,
+        "vehicles": [1],
+        "side_overlap": 0.0,
+        **changes,
+    }
+    return SurveyRequest.model_validate(body)
+
+
+def legs_of(request: SurveyRequest, planned: Survey, home: Place) -> list[list[Leg]]:
+    """The legs of each flight on the plane, from home and back."""
+    frame, _ = _laid_out(request, planned.figures["angle_deg"])
+    at = frame.to_plane((home.latitude, home.longitude))
+    flights = fly(request, planned).flights
+    return [list(itertools.pairwise([at, *points, at])) for points in flights]
+
+
+def rings_of(request: SurveyRequest, planned: Survey) -> list[Area]:
+    return [Area(hole) for hole in fly(request, planned).area.holes]
+
+
+def is_free(leg: Leg, rings: list[Area]) -> bool:
+    around = Area(EVERYWHERE, [ring.outer for ring in rings])
+    return leg[0] == leg[1] or around.is_free(*leg)
+
+
+def room_m(point: Point, rings: list[Area]) -> float:
+    return min(distance_to_side(point, *side) for ring in rings for side in ring.edges)
+
+
+def along(leg: Leg) -> Iterator[Point]:
+    for part in range(101):
+        share = part / 100.0
+        yield (
+            leg[0][0] + share * (leg[1][0] - leg[0][0]),
+            leg[0][1] + share * (leg[1][1] - leg[0][1]),
+        )
+
+
+@st.composite
+def surveys(draw: st.DrawFn) -> tuple[SurveyRequest, Place]:
+    """A field with a few no-fly areas, also outside of it, and a home outside of all of them."""
+    random_ = random.Random(draw(st.integers(0, 2**32)))
+    boundary = star((0, 0), random_.uniform(50, 100), random_.randint(3, 9), 0.4, random_)
+    rings = []
+    for _ in range(draw(st.integers(1, 4))):
+        centre = random_.uniform(-110, 110), random_.uniform(-110, 110)
+        shape = random_.randint(3, 14), random_.uniform(0, 0.7)
+        rings.append(star(centre, random_.uniform(3, 30), *shape, random_))
+    split = random_.randint(0, len(rings))
+    body: dict[str, Any] = {
+        "boundary": boundary,
+        "holes": rings[:split],
+        "exclusions": rings[split:],
+        "altitude": random_.uniform(8, 20),
+        "vehicles": [1, 2][: random_.randint(1, 2)],
+        "endurance": random_.uniform(300, 900),
+        "most_commands": random_.randint(20, 100),
+        "angle": random_.uniform(0, 180),
+    }
+    body |= {"camera": CAMERA} if draw(st.booleans()) else {"swath_width": random_.uniform(6, 20)}
+    at = random_.uniform(-130, 130), random_.uniform(-130, 130)
+    return SurveyRequest.model_validate(body), home_at(at)
+
+
+def try_survey(request: SurveyRequest, home: Place) -> Survey:
+    try:
+        return survey(request, home, 1)
+    except NoSurveyError:
+        assume(False)
+        raise
+
+
+@settings(max_examples=100)
+@given(surveys())
+def test_no_leg_of_a_flight_crosses_a_no_fly_area(case: tuple[SurveyRequest, Place]) -> None:
+    request, home = case
+    planned = try_survey(request, home)
+    rings = rings_of(request, planned)
+    flights = legs_of(request, planned, home)
+    is_inside = any(ring.holds(flights[0][0][0]) for ring in rings)
+    if planned.warnings:
+        assert is_inside or len(rings) > 1  # Several that overlap may enclose home
+        return
+    assert not is_inside
+    for leg in itertools.chain.from_iterable(flights):
+        assert is_free(leg, rings)
+
+
+@settings(max_examples=60)
+@given(surveys())
+def test_a_flight_stays_within_its_battery_and_commands(case: tuple[SurveyRequest, Place]) -> None:
+    request, home = case
+    planned = try_survey(request, home)
+    duration_s = 0.0
+    missions = [mission for plan in planned.plans for mission in plan["missions"]]
+    for mission, legs in zip(missions, legs_of(request, planned, home), strict=True):
+        commands = mission["command_array"]
+        assert len(commands) <= request.most_commands
+        pictures = sum(command["command_type_id"] == 4 for command in commands)
+        seconds = sum(math.dist(*leg) / request.maximum_speed + sorties.STOP_S for leg in legs)
+        seconds += pictures * sorties.PICTURE_S + 2.0 * request.altitude / sorties.CLIMB_M_S
+        assert seconds * sorties.RESERVE <= request.endurance + 0.1
+        duration_s += seconds
+    assert planned.figures["duration_s"] == pytest.approx(duration_s, abs=0.5)
+
+
+@settings(max_examples=30)
+@given(surveys())
+def test_no_fly_areas_that_are_not_in_the_way_change_nothing(
+    case: tuple[SurveyRequest, Place],
+) -> None:
+    request, home = case
+    bare = request.model_copy(update={"holes": (), "exclusions": ()})
+    far = [place(900, 900), place(950, 900), place(950, 950)]
+    beside = request.model_copy(update={"holes": (), "exclusions": (tuple(far),)})
+    assert try_survey(bare, home).plans == try_survey(beside, home).plans
+
+
+@settings(max_examples=200)
+@given(st.integers(0, 2**32), st.floats(3, 14), st.floats(0, 0.9))
+def test_paths_keep_two_metres_where_there_is_room(
+    seed: int, corners: float, roughness: float
+) -> None:
+    random_ = random.Random(seed)
+    rings = [ring_m((0, 0), 20.0, int(corners), roughness, random_)]
+    rings.append(ring_m((60, 10), 15.0, 5, roughness, random_))
+    home, stop = (-30.0, random_.uniform(-20, 20)), (90.0, random_.uniform(-20, 30))
+    paths = HomePaths(home, rings, HOME_CLEARANCES_M, 10.0)
+    areas = [Area(ring) for ring in rings]
+    for leg in itertools.pairwise([home, *paths.bends(stop), stop]):
+        assert min(room_m(point, areas) for point in along(leg)) >= 2.0 - ROUNDING_M
+
+
+def ring_m(
+    centre: Point, radius_m: float, corners: int, roughness: float, random_: random.Random
+) -> list[Point]:
+    turn = 2.0 * math.pi / corners
+    ring = []
+    for index in range(corners):
+        distance_m = radius_m * random_.uniform(1.0 - roughness, 1.0)
+        angle = (index + random_.uniform(-0.3, 0.3)) * turn
+        x, y = distance_m * math.cos(angle), distance_m * math.sin(angle)
+        ring.append((centre[0] + x, centre[1] + y))
+    return ring
+
+
+def test_a_triangle_between_home_and_field_is_passed_at_two_metres() -> None:
+    request = asked(exclusions=[TRIANGLE])
+    home = home_at(WEST)
+    planned = survey(request, home, 1)
+    rings = rings_of(request, planned)
+    (legs,) = legs_of(request, planned, home)
+    for leg in legs:
+        assert min(room_m(point, rings) for point in along(leg)) >= 2.0 - ROUNDING_M
+
+
+def test_a_path_through_a_gap_keeps_what_the_gap_leaves() -> None:
+    walls = [
+        [(10.0, 1.0), (12.0, 1.0), (12.0, 500.0), (10.0, 500.0)],
+        [(10.0, -500.0), (12.0, -500.0), (12.0, -1.0), (10.0, -1.0)],
+        [(10.0, 499.0), (12.0, 499.0), (12.0, 502.0), (-500.0, 502.0), (-500.0, 499.0)],
+        [(-500.0, -502.0), (12.0, -502.0), (12.0, -499.0), (-500.0, -499.0)],
+        [(-502.0, -502.0), (-499.0, -502.0), (-499.0, 502.0), (-502.0, 502.0)],
+    ]
+    paths = HomePaths((-40.0, 30.0), walls, HOME_CLEARANCES_M, 10.0)
+    legs = itertools.pairwise([(-40.0, 30.0), *paths.bends((60.0, 30.0)), (60.0, 30.0)])
+    areas = [Area(wall) for wall in walls]
+    assert paths.leads_to((60.0, 30.0))
+    assert min(room_m(point, areas) for leg in legs for point in along(leg)) >= 0.3 - ROUNDING_M
+    assert not HomePaths((-40.0, 30.0), walls, (2.0,), 10.0).leads_to((60.0, 30.0))
+
+
+def test_a_round_pond_takes_few_bends() -> None:
+    pond = [(20.0 * math.cos(angle / 10.0), 20.0 * math.sin(angle / 10.0)) for angle in range(63)]
+    paths = HomePaths((-22.5, 0.0), [pond], HOME_CLEARANCES_M, 10.0)
+    assert 1 <= len(paths.bends((22.5, 0.0))) <= 4
+
+
+def test_a_home_inside_an_exclusion_still_gives_a_plan_with_a_warning() -> None:
+    around = [place(-120, -10), place(-100, -10), place(-100, 10), place(-120, 10)]
+    planned = survey(asked(exclusions=[around]), home_at(WEST), 1)
+    assert planned.plans == survey(asked(), home_at(WEST), 1).plans
+    assert [fault.path for fault in planned.warnings] == ["home"]
+
+
+def test_rings_beyond_what_is_covered_are_avoided_from_home() -> None:
+    beyond = survey(asked(beyond=[TRIANGLE]), home_at(WEST), 1)
+    assert beyond.plans == survey(asked(exclusions=[TRIANGLE]), home_at(WEST), 1).plans
+    assert beyond.plans != survey(asked(), home_at(WEST), 1).plans
+
+
+def test_a_mission_without_room_for_the_bends_is_refused_by_its_size() -> None:
+    with pytest.raises(NoSurveyError) as caught:
+        survey(asked(exclusions=[TRIANGLE], most_commands=4), home_at((-80.0, -31.0)), 1)
+    assert caught.value.field == "most_commands"
