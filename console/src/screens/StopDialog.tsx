@@ -48,6 +48,7 @@ export function StopDialog({ vehicleId, close }: { vehicleId: number | null; clo
   const isOperator = useIsOperator();
   const choices = [HOLD_HERE, ...(isPaused && isOperator ? [FLY_ON] : []), ...ENDINGS];
   const warned = chosen.flatMap((one) => (one?.warning ? [one] : []));
+  const lost = chosen.flatMap((one) => (one && isLost(one) ? [one.vehicle_id] : []));
   const flying = [...vehicles.values()].filter(({ vehicle }) => isAirborne(vehicle)).length;
 
   const order = (kind: StopKind) => send(ids, kind);
@@ -67,6 +68,9 @@ export function StopDialog({ vehicleId, close }: { vehicleId: number | null; clo
       </SelectField>
       {!isConnected && <Notice kind="error">{t("stop.offline")}</Notice>}
       {isConnected && ids.length === 0 && <Notice kind="info">{t("fleet.empty_title")}</Notice>}
+      {lost.map((id) => (
+        <Notice key={id} kind="info">{t("stop.lost", { id })}</Notice>
+      ))}
       {warned.map((one) => (
         <Notice key={one.vehicle_id} kind="info">
           {t("vehicle.name", { id: one.vehicle_id })}: {reportText(one.warning ?? "")}
