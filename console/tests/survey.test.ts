@@ -119,5 +119,11 @@ test("a vehicle has one colour in all its flights, by the order of the vehicles"
   const lines = surveyFeatures(surveyFlights(survey), [2, 1]).features
     .filter((one) => one.geometry.type === "LineString");
   expect(lines.map((one) => one.properties?.["drone"])).toEqual([1, 2, 1]);
+  const paths = surveyFeatures(surveyFlights(survey), [2, 1], new Map([[2, [-3.74, 40.4] as const]])).features
+    .filter((one) => one.properties?.["part"] === "transit")
+    .map(({ geometry }) => (geometry.type === "MultiLineString" ? geometry.coordinates : null));
+  const [first] = surveyFlights(survey);
+  expect(paths[0]).toEqual([[[-3.74, 40.4], first?.places[0]], [first?.places.at(-1), [-3.74, 40.4]]]);
+  expect(paths[1]).toEqual([]);
   expect(colourOf(9, [3, 4, 5, 6, 7, 8, 9])).toBe(1);
 });

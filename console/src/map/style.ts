@@ -106,6 +106,7 @@ function layers(): LayerSpecification[] {
       "line-dasharray": [1.5, 2],
     }),
     route("flown", { "line-color": colour("accent"), "line-width": 4 }),
+    route("transit", { "line-color": drone, "line-width": 1.5, "line-dasharray": [1.5, 2] }),
     route("survey", { "line-color": drone, "line-width": 2.5 }),
     {
       id: "survey-footprint",

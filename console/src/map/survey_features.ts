@@ -39,10 +39,18 @@ export function colourOf(vehicleId: number, vehicles: readonly number[]): number
   return (Math.max(0, vehicles.indexOf(vehicleId)) % DRONE_COLOURS) + 1;
 }
 
-export function surveyFeatures(flights: readonly SurveyFlight[], vehicles: readonly number[]): GeoJSON.FeatureCollection {
+/** Where vehicles stand, as [longitude, latitude] by number: they begin there and return. */
+export type Homes = ReadonlyMap<number, readonly [number, number]>;
+
+export function surveyFeatures(
+  flights: readonly SurveyFlight[], vehicles: readonly number[], homes: Homes = new Map(),
+): GeoJSON.FeatureCollection {
   const features = flights.flatMap(({ vehicleId, places, pictures }): GeoJSON.Feature[] => {
     const properties = { part: "survey", drone: colourOf(vehicleId, vehicles) };
+    const [home, first, last] = [homes.get(vehicleId), places[0], places.at(-1)];
+    const transit = home === undefined || first === undefined || last === undefined ? [] : [[[...home], first], [last, [...home]]];
     return [
+      { type: "Feature", properties: { ...properties, part: "transit" }, geometry: { type: "MultiLineString", coordinates: transit } },
       { type: "Feature", properties, geometry: { type: "LineString", coordinates: places } },
       { type: "Feature", properties: { ...properties, part: "picture" }, geometry: { type: "MultiPoint", coordinates: pictures } },
     ];

@@ -2,7 +2,7 @@ import { Suspense, useEffect, useMemo, useRef, useState } from "react";
 import { useTranslation } from "react-i18next";
 import { RequestError } from "../api/client";
 import { createSurvey, listFields, previewSurvey } from "../api/resources";
-import type { PlannedSurvey, StoredField, SurveyOrder } from "../api/types";
+import type { PlannedSurvey, StoredField, SurveyOrder, Vehicle } from "../api/types";
 import { go, linkTo } from "../app/route";
 import { useIsOperator, useSession } from "../app/session_context";
 import { Button } from "../controls/Button";
@@ -16,7 +16,7 @@ import { collection, fieldFeatures } from "../map/features";
 import { FarmMap } from "../map/map_part";
 import { entryElement, flightElement } from "../map/markers";
 import {
-  colourOf, footprintFeatures, footprintOf, surveyFeatures, surveyFlights, type SurveyFlight,
+  colourOf, footprintFeatures, footprintOf, surveyFeatures, surveyFlights, type Homes, type SurveyFlight,
 } from "../map/survey_features";
 import { Drafts } from "../planning/drafts";
 import { newKey } from "../planning/saving";
@@ -35,6 +35,8 @@ import { useFleetSymbols } from "./use_fleet_symbols";
 import { useSteps, type Steps } from "./use_steps";
 
 const NO_FIELDS: StoredField[] = [];
+/** About a metre: the map is not drawn anew for the noise of a receiver. */
+const PLACE_DIGITS = 5;
 const nothing = () => undefined;
 
 /** A survey of a field or a part of it: what a person chooses, its preview on the map, and the plans it becomes. */
@@ -48,6 +50,19 @@ export default function SurveyEditor({ fieldId }: { fieldId: number }) {
       {error ? <ErrorNotice error={error} retry={fields.reload} /> : <Skeleton />}
     </div>
   );
+}
+
+/** Number and place of a vehicle as text, which is compared: a vehicle that stands is drawn once. */
+function placeText(vehicle: Vehicle | undefined): string {
+  const { vehicle_id, longitude, latitude } = vehicle ?? {};
+  if (typeof longitude !== "number" || typeof latitude !== "number") return "";
+  return [vehicle_id, longitude.toFixed(PLACE_DIGITS), latitude.toFixed(PLACE_DIGITS)].join(" ");
+}
+
+function homesIn(texts: string): Homes {
+  const numbers = texts.split(";").map((text) => text.split(" ").map(Number));
+  return new Map(numbers.flatMap(([id, longitude, latitude]) =>
+    id === undefined || longitude === undefined || latitude === undefined ? [] : [[id, [longitude, latitude]]]));
 }
 
 function Editor({ field }: { field: StoredField }) {
@@ -88,13 +103,14 @@ function Editor({ field }: { field: StoredField }) {
 
   const flights = useMemo(() => (survey === null ? [] : surveyFlights(survey)), [survey]);
   const chosen = vehicles.join();
+  const standing = useLive((state) => vehicles.map((id) => placeText(state.vehicles.get(id)?.vehicle)).join(";"));
   const pictures = useFootprints(form, survey, flights, chosen);
   const layers = useMemo(() => {
     const ids = chosen.split(",").map(Number);
-    const lines = flights.length === 0 ? [] : surveyFeatures(flights, ids).features;
+    const lines = flights.length === 0 ? [] : surveyFeatures(flights, ids, homesIn(standing)).features;
     const drawn = fieldFeatures([{ boundary: ring }], "drawn").features;
     return { fields: collection([...fieldFeatures([field]).features, ...drawn]), routes: collection([...pictures, ...lines]) };
-  }, [field, ring, flights, pictures, chosen]);
+  }, [field, ring, flights, pictures, chosen, standing]);
   const fleet = useFleetSymbols(NO_FIELDS, null, nothing);
   const symbols = useMemo(() => {
     const ids = chosen.split(",").map(Number);
