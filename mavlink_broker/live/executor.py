@@ -53,7 +53,7 @@ from mavlink_broker.vehicle.control_authority import (
     Claim,
     TakeoverDebounce,
 )
-from mavlink_broker.vehicle.recovery_state import LiveCommandProgress, Pose
+from mavlink_broker.vehicle.recovery_record import LiveCommandProgress, Pose
 from mavlink_broker.vehicle.vehicle import Vehicle
 
 LISTEN_S: Final = 6.0

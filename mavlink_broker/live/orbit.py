@@ -22,7 +22,7 @@ from mavlink_broker.mavlink.dialect import Message
 from mavlink_broker.microservices.command import Accepted, Command, CommandSequence, Refused
 from mavlink_broker.planning.live_actions import Circled, Turned, speed_command
 from mavlink_broker.planning.situation import Spot
-from mavlink_broker.vehicle.recovery_state import LiveCommandProgress, Pose
+from mavlink_broker.vehicle.recovery_record import LiveCommandProgress, Pose
 from mavlink_broker.vehicle.vehicle import Vehicle
 
 COMPLETE_AT: Final = 0.99

@@ -28,7 +28,7 @@ from mavlink_broker.planning.live_actions import (
     speed_command,
 )
 from mavlink_broker.planning.situation import Spot
-from mavlink_broker.vehicle.recovery_state import LiveCommandProgress, Pose
+from mavlink_broker.vehicle.recovery_record import LiveCommandProgress, Pose
 from mavlink_broker.vehicle.vehicle import Vehicle
 
 FACING_WITHIN_DEG: Final = 5.0

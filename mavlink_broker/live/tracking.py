@@ -34,7 +34,7 @@ from mavlink_broker.planning.live_actions import Move, Tracked
 from mavlink_broker.planning.situation import Spot
 from mavlink_broker.planning.target_commands import camera_of, stop_tracking
 from mavlink_broker.planning.target_track import target_message
-from mavlink_broker.vehicle.recovery_state import LiveCommandProgress, Pose
+from mavlink_broker.vehicle.recovery_record import LiveCommandProgress, Pose
 from mavlink_broker.vehicle.vehicle import Vehicle
 
 REQUEST_AGAIN_S: Final = 2.0

@@ -30,7 +30,7 @@ from mavlink_broker.planning.geofence import check_flyable
 from mavlink_broker.planning.mission import Home, RefusedError, translate
 from mavlink_broker.vehicle.alarms import mission_error
 from mavlink_broker.vehicle.mission_ledger import MissionLedger
-from mavlink_broker.vehicle.recovery_state import PendingReturn, RecoveryRecord
+from mavlink_broker.vehicle.recovery_record import PendingReturn, RecoveryRecord
 from mavlink_broker.vehicle.reporter import Reporter
 from mavlink_broker.vehicle.vehicle import Vehicle
 

@@ -31,7 +31,7 @@ from mavlink_broker.mission.phases.aborting import (
 )
 from mavlink_broker.vehicle import control_authority
 from mavlink_broker.vehicle.control_authority import Authority, Claim
-from mavlink_broker.vehicle.recovery_state import PendingAbort, PendingReturn
+from mavlink_broker.vehicle.recovery_record import PendingAbort, PendingReturn
 from mavlink_broker.vehicle.vehicle import Vehicle
 
 EXPIRED = "expired"

@@ -1,4 +1,4 @@
-"""What a restarted broker has to know of one vehicle, and whether it is on the disk.
+"""What a restarted broker has to know of one vehicle, and whether the disk has it.
 
 Whoever learns something of it calls a method here. The journal (`mavlink_broker.recovery`) stores
 the whole as one record.
@@ -7,11 +7,6 @@ the whole as one record.
 place is noted, so that a restarted broker knows it again: a vehicle that is armed at that place,
 and that no other system flies, has not been anywhere since.
 
-`RecoveryRecord` is that whole, as plain values. It holds the vehicle's overridden configuration,
-the position where it hovers, a command that it has not obeyed yet, and the progress of a live
-command. The broker gets all other state again: the missions from the edge server, the rest from the
-vehicle.
-
 `RecordTracker` knows whether the newest record is on the disk. A command that changes a vehicle
 waits until its record is stored; so do the messages to the edge server that follow from it. After a
 refusal of the disk nothing waits, after two seconds without an answer neither: a bad disk ends no
@@ -19,16 +14,14 @@ flight.
 """
 
 import logging
-from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
-from typing import Final, NamedTuple
+from collections.abc import Collection
+from dataclasses import dataclass
+from typing import Final
 
 from afarcloud.geodesy import distance_m
 from mavlink_broker.autopilots.families import ModeRole
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.microservices.config_overrides import (
-    OverriddenParameter,
-    OverriddenPlan,
     ParameterOverrider,
     VehicleOverrides,
 )
@@ -39,123 +32,20 @@ from mavlink_broker.vehicle.control_authority import (
     ObservedMode,
     authority_of,
 )
+from mavlink_broker.vehicle.recovery_record import (
+    EMPTY_RECORD,
+    LiveCommandProgress,
+    PendingAbort,
+    PendingReturn,
+    Pose,
+    RecoveryRecord,
+    VehicleIdentity,
+    merge_records,
+)
 from mavlink_broker.vehicle.telemetry import MissionNow, Position, Snapshot
 
 WRITE_TIMEOUT_S: Final = 2.0
 _LOG = logging.getLogger(__name__)
-
-
-class VehicleIdentity(NamedTuple):
-    """Identifies the record of a vehicle; other hardware has another one."""
-
-    system: int
-    uid: str  # Hexadecimal, of AUTOPILOT_VERSION; empty if the vehicle sends none
-
-    def __str__(self) -> str:
-        """Give it as text for the log."""
-        return f"system {self.system}" + (f" ({self.uid})" if self.uid else "")
-
-
-class Pose(NamedTuple):
-    """A vehicle's position and heading."""
-
-    latitude_deg: float
-    longitude_deg: float
-    altitude_m: float  # Above home
-    heading_deg: float = 0.0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PendingReturn:
-    """A return home after an alarm has failed a mission; the vehicle has not begun it yet."""
-
-    mission: str  # Name of the work
-    reason: str
-    noted_s: float | None = None  # [s] By the vehicle's clock since boot
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PendingAbort:
-    """An abort that was accepted, and that the vehicle has not obeyed yet."""
-
-    work_id: int  # Of the event
-    event_type: int  # The `event_type_id` of one that ends missions
-    point: Pose | None = None  # Where the vehicle is to go first
-    noted_s: float | None = None  # [s] By the vehicle's clock since boot
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LiveCommandProgress:
-    """The progress of a live command. Times are by the vehicle's clock since boot [s]."""
-
-    name: str  # Of the command, unique
-    is_accepted: bool = False  # Else the command is about to be sent, and may have been
-    began_s: float | None = None  # When it began; None: the vehicle sends no time
-    accepted_s: float | None = None  # When the vehicle accepted it
-    start: Pose | None = None  # Where its first step begins
-    start_s: float | None = None  # When it was there; None: not recorded
-    steps: int = 0  # Completed: turns, pictures, points of a circle
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RecoveryRecord:
-    """The record of one vehicle; the keys of `plans` are MAV_MISSION_TYPEs."""
-
-    plans: Mapping[int, OverriddenPlan] = field(default_factory=dict)
-    values: Mapping[str, OverriddenParameter] = field(default_factory=dict)  # Guarding a fence
-    borrowed: Mapping[str, OverriddenParameter] = field(default_factory=dict)  # For a command
-    hover: Pose | None = None  # Where it waits for its next mission
-    hover_mode: str | None = None  # In which it waits there
-    pending_return: PendingReturn | None = None
-    abort: PendingAbort | None = None
-    live: LiveCommandProgress | None = None
-    started: str | None = None  # First command of the mission items that it was last ordered to fly
-    started_s: float | None = None  # When that was, by the vehicle's clock since boot
-    has_flown: bool = False  # It was seen to fly them
-    paused: str | None = None  # Name of the work that an event has paused
-    is_tracking: bool = False  # Its camera may have been ordered to track a subject
-
-
-EMPTY_RECORD: Final = RecoveryRecord()
-
-
-def merge_records(earlier: RecoveryRecord, later: RecoveryRecord) -> RecoveryRecord:
-    """Merge two records of one vehicle.
-
-    The original values are those of the earlier record; the placed values are those of both.
-    """
-    plans = {
-        kind: OverriddenPlan(earlier.plans[kind].before, plan.placed)
-        for kind, plan in later.plans.items()
-        if kind in earlier.plans
-    }
-    return RecoveryRecord(
-        plans={**earlier.plans, **later.plans, **plans},
-        values=_merged_values(earlier.values, later.values),
-        borrowed=_merged_values(earlier.borrowed, later.borrowed),
-        hover=later.hover or earlier.hover,
-        hover_mode=later.hover_mode if later.hover else earlier.hover_mode,
-        pending_return=later.pending_return or earlier.pending_return,
-        abort=later.abort or earlier.abort,
-        live=later.live or earlier.live,
-        started=later.started or earlier.started,
-        started_s=later.started_s if later.started else earlier.started_s,
-        has_flown=later.has_flown if later.started else earlier.has_flown,
-        paused=later.paused or earlier.paused,
-        is_tracking=later.is_tracking or earlier.is_tracking,
-    )
-
-
-def _merged_values(
-    earlier: Mapping[str, OverriddenParameter], later: Mapping[str, OverriddenParameter]
-) -> dict[str, OverriddenParameter]:
-    both = dict(earlier)
-    for name, borrowed in later.items():
-        both[name] = borrowed
-        if name in earlier:
-            placed = (*earlier[name].placed, *borrowed.placed)
-            both[name] = OverriddenParameter(earlier[name].before, tuple(dict.fromkeys(placed)))
-    return both
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,14 +4,13 @@ import logging
 
 import pytest
 
-from mavlink_broker.vehicle.recovery_state import (
+from mavlink_broker.vehicle.recovery_record import (
     EMPTY_RECORD,
-    WRITE_TIMEOUT_S,
     PendingReturn,
-    RecordTracker,
     RecoveryRecord,
     VehicleIdentity,
 )
+from mavlink_broker.vehicle.recovery_state import WRITE_TIMEOUT_S, RecordTracker
 
 IDENTITY = VehicleIdentity(1, "")
 ONE = RecoveryRecord(pending_return=PendingReturn(mission="1/plan", reason="GPS"))

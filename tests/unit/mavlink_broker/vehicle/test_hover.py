@@ -5,7 +5,8 @@ import pytest
 from mavlink_broker.autopilots.families import ModeRole
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.vehicle.control_authority import ObservedMode
-from mavlink_broker.vehicle.recovery_state import AS_HIGH_WITHIN_M, WITHIN_M, Hover, Pose
+from mavlink_broker.vehicle.recovery_record import Pose
+from mavlink_broker.vehicle.recovery_state import AS_HIGH_WITHIN_M, WITHIN_M, Hover
 from mavlink_broker.vehicle.telemetry import MissionNow, Position, Snapshot
 
 PLACE = Position(latitude_deg=58.0, longitude_deg=15.0, altitude_m=30.0, speed_m_s=0.0)

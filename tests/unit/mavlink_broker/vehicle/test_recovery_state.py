@@ -2,14 +2,14 @@
 
 from mavlink_broker.autopilots.families import ModeRole
 from mavlink_broker.vehicle.control_authority import ObservedMode
-from mavlink_broker.vehicle.recovery_state import (
+from mavlink_broker.vehicle.recovery_record import (
     EMPTY_RECORD,
     LiveCommandProgress,
     PendingAbort,
     PendingReturn,
     RecoveryRecord,
-    RecoveryState,
 )
+from mavlink_broker.vehicle.recovery_state import RecoveryState
 from mavlink_broker.vehicle.telemetry import Position, Snapshot
 
 ABORT = PendingAbort(work_id=7, event_type=1)
