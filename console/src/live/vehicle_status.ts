@@ -4,7 +4,7 @@ import type { Vehicle } from "../api/types";
 
 export type VehicleStatus =
   | "lost" | "stale" | "held" | "ready" | "armed" | "flying"
-  | "on_mission" | "paused" | "return_or_land" | "failsafe" | "manual";
+  | "on_mission" | "paused" | "holding" | "return_or_land" | "failsafe" | "manual";
 
 const AIRBORNE_M = 1.0;
 const LOW_BATTERY = 0.25;
@@ -17,6 +17,8 @@ export function statusOf(vehicle: Vehicle): VehicleStatus {
     const activity = vehicle.activity;
     if (activity === "paused" || activity === "failsafe" || activity === "manual") return activity;
     if (activity === "return_or_land" && isAirborne(vehicle)) return activity;
+    // Also where a ground station holds it in the middle of a mission
+    if (activity === "hold" && isAirborne(vehicle)) return "holding";
     if (vehicle.mission_id !== null && vehicle.mission_id !== undefined) return "on_mission";
     return isAirborne(vehicle) ? "flying" : "armed";
   }

@@ -24,7 +24,7 @@ import { WaitingPlans } from "./WaitingPlans";
 
 const TONES: Record<VehicleStatus, Tone> = {
   lost: "bad", stale: "warning", held: "warning", on_mission: "active", flying: "active",
-  paused: "warning", return_or_land: "active", failsafe: "bad", manual: "warning",
+  paused: "warning", holding: "warning", return_or_land: "active", failsafe: "bad", manual: "warning",
   armed: "warning", ready: "good",
 };
 
