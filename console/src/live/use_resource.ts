@@ -10,6 +10,9 @@ export interface Resource<Value> {
   reload: () => void;
 }
 
+/** A screen that could not be loaded loads by itself once the edge server answers again. */
+const AGAIN_MS = 5_000;
+
 /** Loads now and whenever `version` changes; keeps the last value while it loads again. */
 export function useResource<Value>(
   load: () => Promise<Value>,
@@ -42,6 +45,11 @@ export function useResource<Value>(
     };
   }, [version, round]);
   const reload = useCallback(() => setRound((count) => count + 1), []);
+  useEffect(() => {
+    if (error?.status !== UNREACHABLE) return;
+    const timer = setTimeout(reload, AGAIN_MS);
+    return () => clearTimeout(timer);
+  }, [error, reload]);
   return { value, error, isLoading, reload };
 }
 

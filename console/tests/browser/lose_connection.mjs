@@ -39,6 +39,10 @@ async function opensAScreenThatWasLoadedBefore(page) {
     await page.getByRole("heading", { level: 1, name }).waitFor();
   }
   await requireStop(page);
+  await open(page, "Flights");
+  await button(page, "Try again").waitFor();
+  await page.context().setOffline(false);
+  await button(page, "Try again").waitFor({ state: "detached" });
 }
 
 async function waitsForTheConnection(page) {
