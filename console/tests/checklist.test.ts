@@ -81,6 +81,15 @@ test("a path through a no-fly area is not ready, from home and back too", () => 
   expect(flown(at(0, -0.003), at(0.002, -0.003), at(0.002, 0.003), at(0, 0.003))).toBe("bad"); // Back
 });
 
+test("a vehicle in the air begins and returns where it stood", () => {
+  const fence = { ...around(0.01), exclusion: around(0.001).inclusion };
+  const beside = { ...PLACE, latitude: PLACE.latitude + 0.002 };
+  const of = { ...mission(0), command_array: mission(0).command_array.map((one) => ({ ...one, parameters: { ...beside, altitude: 10 } })) };
+  const behind = { latitude: PLACE.latitude - 0.002, longitude: PLACE.longitude };
+  expect(states(of, vehicle(beside), { fence })["fence"]).toBe("good");
+  expect(states(of, vehicle({ ...beside, armed: true }), { fence, home: behind })["fence"]).toBe("bad");
+});
+
 test("a vehicle far away would return far away", () => {
   expect(states(mission(10), vehicle({ latitude: 40.4444 }))["home"]).toBe("good");
   expect(states(mission(10), vehicle({ latitude: 40.4634 }))["home"]).toBe("warning");

@@ -127,3 +127,9 @@ test("a vehicle has one colour in all its flights, by the order of the vehicles"
   expect(paths[1]).toEqual([]);
   expect(colourOf(9, [3, 4, 5, 6, 7, 8, 9])).toBe(1);
 });
+
+test("a survey begins where its first vehicle stood", () => {
+  const home = { latitude: 40.4, longitude: -3.7 };
+  expect(orderOf(FIRST_FORM, 7, [2, 1], null, home)).toMatchObject({ home });
+  expect(orderOf(FIRST_FORM, 7, [2, 1])).not.toHaveProperty("home");
+});

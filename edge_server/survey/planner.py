@@ -21,6 +21,12 @@ MARGIN_M: Final = 0.3
 HOME_CLEARANCES_M: Final = (2.0, MARGIN_M, 0.05)
 """How far the paths from home and back keep from a no-fly area, the first that a path has: a
 vehicle may start some metres beside home, and any path is better than one across the area."""
+LANE_M: Final = 4.0
+LEVEL_M: Final = 3.0
+"""Vehicles that go round the same corner at the same time each have a lane farther from it than
+the one before, and a level above it."""
+HIGHEST_M: Final = 120.0
+"""Where the law of most countries ends; levels that would be above it are below the survey."""
 MOST_CORNERS: Final = 500
 MOST_PLACES: Final = 20_000
 MOST_ANGLES: Final = 36
@@ -33,6 +39,13 @@ class NoSurveyError(Exception):
     def __init__(self, field: str, message: str) -> None:
         super().__init__(message)
         self.field = field
+
+
+class _Part(NamedTuple):
+    """What one vehicle flies: each flight without the bends on its paths from home and back."""
+
+    flight: sorties.Flight
+    flights: list[list[Stop]]
 
 
 class Survey(NamedTuple):
@@ -56,22 +69,12 @@ def survey(request: SurveyRequest, home: Place, first_mission_id: int) -> Survey
     rows = lines.lines_of(area, request.footprint, MARGIN_M)
     if sum(len(line.places) for row in rows for line in row) > MOST_PLACES:
         raise NoSurveyError("boundary", f"gives more than {MOST_PLACES} places; split the field")
-    flight = sorties.Flight(
-        home_paths=_home_paths(request, home, frame, area),
-        height_m=request.altitude,
-        speed_m_s=request.maximum_speed,
-        endurance_s=request.endurance,
-        takes_pictures=request.camera is not None,
-        most_commands=request.most_commands,
-    )
     entry = None if request.entry is None else frame.to_plane(request.entry)
     stops = _stops(area, rows, entry)
-    parts = _parts(stops, request, flight)
-    whole = [[sorties.flown(stops, flight) for stops in flights] for flights in parts]
-    plans = list(_plans(request, frame, whole, first_mission_id))
-    flown = [stops for flights in parts for stops in flights]
-    figures = _figures(request, area, rows, flown, flight, bearing_deg)
-    return Survey(plans, figures, tuple(_warnings(flown, flight)))
+    parts = _parts(stops, request, _flights(request, home, frame, area))
+    plans = list(_plans(request, frame, parts, first_mission_id))
+    figures = _figures(request, area, rows, parts, bearing_deg)
+    return Survey(plans, figures, tuple(_warnings(parts)))
 
 
 def _check_size(request: SurveyRequest) -> None:
@@ -104,19 +107,46 @@ def _laid_out(request: SurveyRequest, bearing_deg: float) -> tuple[Frame, Area]:
     return frame, Area(outer, holes)
 
 
-def _home_paths(request: SurveyRequest, home: Place, frame: Frame, area: Area) -> HomePaths:
+def _flights(
+    request: SurveyRequest, home: Place, frame: Frame, area: Area
+) -> Iterator[sorties.Flight]:
+    """Give what bounds the flights of each vehicle."""
+    at = frame.to_plane((home.latitude, home.longitude))
     beyond = [ring for one in request.beyond if (ring := _ring(frame, one))]
-    return HomePaths(
-        frame.to_plane((home.latitude, home.longitude)),
-        [*area.holes, *beyond],
-        HOME_CLEARANCES_M,
-        sorties.STOP_S * request.maximum_speed,
+    widest_m = HOME_CLEARANCES_M[0]
+    for number in range(len(request.vehicles)):
+        lane_m = widest_m + number * LANE_M
+        clearances_m = (lane_m, *HOME_CLEARANCES_M) if number else HOME_CLEARANCES_M
+        bend_m = sorties.STOP_S * request.maximum_speed
+        yield sorties.Flight(
+            home_paths=HomePaths(at, [*area.holes, *beyond], clearances_m, bend_m),
+            height_m=request.altitude,
+            bend_height_m=_bend_height_m(request, number),
+            speed_m_s=request.maximum_speed,
+            endurance_s=request.endurance,
+            takes_pictures=request.camera is not None,
+            most_commands=request.most_commands,
+        )
+
+
+def _bend_height_m(request: SurveyRequest, number: int) -> float:
+    """Height of a vehicle's bends between home and the field; the same for all without room."""
+    fence_m = request.geofence.max_altitude if request.geofence is not None else None
+    above_m = request.altitude + number * LEVEL_M
+    below_m = request.altitude - number * LEVEL_M
+    if above_m <= min(HIGHEST_M, fence_m or HIGHEST_M):
+        return above_m
+    return below_m if below_m >= LEVEL_M else request.altitude
+
+
+def _warnings(parts: Sequence[_Part]) -> Iterator[Fault]:
+    ends = (
+        (part.flight.home_paths, stop.point)
+        for part in parts
+        for stops in part.flights
+        for stop in (stops[0], stops[-1])
     )
-
-
-def _warnings(flown: Sequence[Sequence[Stop]], flight: sorties.Flight) -> Iterator[Fault]:
-    ends = (stop.point for stops in flown for stop in (stops[0], stops[-1]))
-    if not all(flight.home_paths.leads_to(end) for end in ends):
+    if not all(paths.leads_to(end) for paths, end in ends):
         yield Fault("home", "is enclosed by no-fly areas: a flight crosses them there or back")
 
 
@@ -158,13 +188,16 @@ def _stops(area: Area, rows: Sequence[Sequence[lines.Line]], entry: Point | None
 
 
 def _parts(
-    stops: Sequence[Stop], request: SurveyRequest, flight: sorties.Flight
-) -> list[list[list[Stop]]]:
-    """The flights of each vehicle."""
+    stops: Sequence[Stop], request: SurveyRequest, flights: Iterator[sorties.Flight]
+) -> list[_Part]:
+    """Share the route among the vehicles; those behind the last place have no part."""
+    each = [*flights]
     try:
         return [
-            sorties.flights(part, flight)
-            for part in sorties.split(stops, len(request.vehicles), flight)
+            _Part(flight, sorties.flights(part, flight))
+            for flight, part in zip(
+                each, sorties.split(stops, len(request.vehicles), each[0]), strict=False
+            )
         ]
     except sorties.TooFarError as error:
         raise NoSurveyError("endurance", str(error)) from None
@@ -173,18 +206,19 @@ def _parts(
 
 
 def _plans(
-    request: SurveyRequest, frame: Frame, parts: Sequence[Sequence[Sequence[Stop]]], first: int
+    request: SurveyRequest, frame: Frame, parts: Sequence[_Part], first: int
 ) -> Iterator[dict[str, Any]]:
     """One plan for each round of batteries: the n-th flight of every vehicle.
 
     With `plan_per_vehicle` each of these flights is a plan, so that each is dispatched by itself.
     """
     mission_id = first
-    for number in range(max(len(flights) for flights in parts)):
+    for number in range(max(len(part.flights) for part in parts)):
         missions = []
-        for vehicle_id, flights in zip(request.vehicles, parts, strict=False):
-            if number < len(flights):
-                missions.append(_mission(request, frame, flights[number], mission_id, vehicle_id))
+        for vehicle_id, part in zip(request.vehicles, parts, strict=False):
+            if number < len(part.flights):
+                stops, bounds = part.flights[number], part.flight
+                missions.append(_mission(request, frame, stops, bounds, mission_id, vehicle_id))
                 mission_id += 1
         if not request.plan_per_vehicle:
             yield _plan(request, missions, f"{number + 1}")
@@ -207,15 +241,20 @@ def _plan(
 
 
 def _mission(
-    request: SurveyRequest, frame: Frame, stops: Sequence[Stop], mission_id: int, vehicle_id: int
+    request: SurveyRequest,
+    frame: Frame,
+    stops: Sequence[Stop],
+    flight: sorties.Flight,
+    mission_id: int,
+    vehicle_id: int,
 ) -> dict[str, Any]:
     commands: list[tuple[int, dict[str, Any]]] = []
-    for stop in stops:
+    for stop, height_m in sorties.flown(stops, flight):
         latitude, longitude = frame.to_globe(stop.point)
         place = {
             "latitude": round(latitude, 8),
             "longitude": round(longitude, 8),
-            "altitude": request.altitude,
+            "altitude": height_m,
         }
         if not commands:
             commands.append((1, place))
@@ -238,11 +277,12 @@ def _figures(
     request: SurveyRequest,
     area: Area,
     rows: Sequence[Sequence[lines.Line]],
-    flown: Sequence[Sequence[Stop]],
-    flight: sorties.Flight,
+    parts: Sequence[_Part],
     bearing_deg: float,
 ) -> dict[str, Any]:
     footprint = request.footprint
+    flown = [stops for part in parts for stops in part.flights]
+    seconds = (sorties.seconds_of(stops, part.flight) for part in parts for stops in part.flights)
     points = [[stop.point for stop in stops] for stops in flown]
     length = sum(math.dist(a, b) for one in points for a, b in itertools.pairwise(one))
     pictures = sum(stop.is_work for stops in flown for stop in stops)
@@ -255,5 +295,5 @@ def _figures(
         "pictures": pictures if request.camera else 0,
         "flights": len(flown),
         "length_m": round(length, 1),
-        "duration_s": round(sum(sorties.seconds_of(stops, flight) for stops in flown), 1),
+        "duration_s": round(sum(seconds), 1),
     }

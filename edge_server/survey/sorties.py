@@ -23,6 +23,8 @@ class Flight:
 
     home_paths: HomePaths
     height_m: float
+    bend_height_m: float
+    """Between home and the field, where other vehicles fly too."""
     speed_m_s: float
     endurance_s: float
     takes_pictures: bool
@@ -43,7 +45,8 @@ def seconds_of(stops: Sequence[Stop], flight: Flight) -> float:
     points = [home, *out, *(stop.point for stop in stops), *back, home]
     legs = itertools.pairwise(points)
     pictures = sum(stop.is_work for stop in stops) * PICTURE_S if flight.takes_pictures else 0.0
-    climb = 2.0 * flight.height_m / CLIMB_M_S
+    height_m = max(flight.height_m, flight.bend_height_m) if out or back else flight.height_m
+    climb = 2.0 * height_m / CLIMB_M_S
     return sum(seconds_between(a, b, flight) for a, b in legs) + pictures + climb
 
 
@@ -54,14 +57,13 @@ def commands_of(stops: Sequence[Stop], flight: Flight) -> int:
     return len(stops) + pictures + bends + 2
 
 
-def flown(stops: Sequence[Stop], flight: Flight) -> list[Stop]:
-    """A flight with the bends on its paths from home to the first stop and from the last home."""
-    out, back = _bends(stops, flight)
-    return [
-        *(Stop(point, is_work=False) for point in out),
-        *stops,
-        *(Stop(point, is_work=False) for point in back),
-    ]
+def flown(stops: Sequence[Stop], flight: Flight) -> list[tuple[Stop, float]]:
+    """A flight with the bends on its paths from home and back, and the height of each stop [m]."""
+    out, back = (
+        [(Stop(point, is_work=False), flight.bend_height_m) for point in points]
+        for points in _bends(stops, flight)
+    )
+    return [*out, *((stop, flight.height_m) for stop in stops), *back]
 
 
 def _bends(stops: Sequence[Stop], flight: Flight) -> tuple[Sequence[Point], Sequence[Point]]:

@@ -30,6 +30,8 @@ const FAR_M = 1000;
 export interface Circumstances {
   /** Where the mission may fly; null: nobody has drawn it. */
   fence: Fence | null;
+  /** Where the vehicle was last seen standing: it may be in the air by now. */
+  home?: { latitude: number; longitude: number } | null;
   /** How long a battery lasts. */
   endurance_s?: number;
   /** The wind that was measured last, and the time now by the same clock. */
@@ -39,7 +41,7 @@ export interface Circumstances {
 
 /** The checks of a mission for the vehicle as it is now; undefined: it is not known. */
 export function checklist(
-  mission: Mission, vehicle: Vehicle | undefined, { fence, endurance_s, wind, now_ms }: Circumstances,
+  mission: Mission, vehicle: Vehicle | undefined, { fence, home, endurance_s, wind, now_ms }: Circumstances,
 ): Check[] {
   return [
     { name: "ready", state: readiness(vehicle) },
@@ -47,16 +49,16 @@ export function checklist(
     { name: "gps", state: fix(vehicle) },
     { name: "place", state: place(mission, vehicle, NEAR_M) },
     { name: "home", state: place(mission, vehicle, FAR_M) },
-    { name: "fence", state: inside(mission, vehicle, fence) },
+    { name: "fence", state: inside(mission, home ?? vehicle, fence) },
     { name: "wind", state: windState(wind ?? null, now_ms ?? 0) },
   ];
 }
 
 /** Whether every place of the mission is where it may fly, and no path to, between or back from them leads through a no-fly area. */
-function inside(mission: Mission, vehicle: Vehicle | undefined, fence: Fence | null): CheckState {
+function inside(mission: Mission, start: { latitude?: unknown; longitude?: unknown } | undefined, fence: Fence | null): CheckState {
   if (fence === null) return "warning";
   const places = mission.command_array.flatMap(({ parameters }) => placesOf(parameters));
-  const home = placesOf(vehicle ?? {});
+  const home = placesOf(start ?? {});
   const returns = mission.command_array.some((one) => one.command_type_id === HOME);
   const flown = [...home, ...places, ...(returns ? home : [])];
   const isAround = flown.every((place, index) => index === 0 || !crosses(fence, flown[index - 1] ?? place, place));

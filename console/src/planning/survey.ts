@@ -77,7 +77,7 @@ export function heightOf_m(camera: Camera, resolution_m: number): number {
 
 /** The order of a form for a field, held until somebody dispatches it; null while a value is missing. */
 export function orderOf(
-  form: SurveyForm, fieldId: number, vehicles: readonly number[], area: SurveyArea = null,
+  form: SurveyForm, fieldId: number, vehicles: readonly number[], area: SurveyArea = null, home: SurveyOrder["home"] = null,
 ): SurveyOrder | null {
   const { height_m, side_overlap, front_overlap, speed_m_s, endurance_s, swath_width_m } = form;
   // The survey's own limit is higher than that of the plans which are made of it
@@ -94,6 +94,7 @@ export function orderOf(
     vehicles: [...vehicles],
     most_commands: MOST_COMMANDS,
     dispatch: false,
+    ...(home ? { home } : {}),
     ...(area === null ? {} : { area: area.map(([latitude, longitude]): [number, number] => [latitude, longitude]) }),
     ...(form.direction_deg === "automatic" ? {} : { angle: form.direction_deg }),
   };

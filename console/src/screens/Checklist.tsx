@@ -34,10 +34,12 @@ export function Checks({ mission, ...circumstances }: { mission: Mission } & Pic
   const { t } = useTranslation();
   const units = useUnits();
   const vehicles = useLive((state) => state.vehicles);
+  const stood = useLive((state) => state.homes.get(mission.vehicle_id));
+  const home = stood === undefined ? null : { latitude: stood.latitude_deg, longitude: stood.longitude_deg };
   const wind = useWind();
   const now_ms = Date.now() + serverAheadMs();
   const checks = checklist(
-    mission, vehicles.get(mission.vehicle_id)?.vehicle, { ...circumstances, wind, now_ms },
+    mission, vehicles.get(mission.vehicle_id)?.vehicle, { ...circumstances, home, wind, now_ms },
   );
   return (
     <ul>

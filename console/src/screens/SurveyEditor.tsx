@@ -2,12 +2,13 @@ import { Suspense, useEffect, useMemo, useRef, useState } from "react";
 import { useTranslation } from "react-i18next";
 import { RequestError } from "../api/client";
 import { createSurvey, listFields, previewSurvey } from "../api/resources";
-import type { PlannedSurvey, StoredField, SurveyOrder, Vehicle } from "../api/types";
+import type { PlannedSurvey, StoredField, SurveyOrder } from "../api/types";
 import { go, linkTo } from "../app/route";
 import { useIsOperator, useSession } from "../app/session_context";
 import { Button } from "../controls/Button";
 import { Icon } from "../controls/Icon";
 import { ErrorNotice, Notice, Skeleton } from "../controls/states";
+import type { Fix } from "../live/motion";
 import { useLive } from "../live/use_live";
 import { usePreview } from "../live/use_preview";
 import { asRequestError, useResource } from "../live/use_resource";
@@ -52,11 +53,10 @@ export default function SurveyEditor({ fieldId }: { fieldId: number }) {
   );
 }
 
-/** Number and place of a vehicle as text, which is compared: a vehicle that stands is drawn once. */
-function placeText(vehicle: Vehicle | undefined): string {
-  const { vehicle_id, longitude, latitude } = vehicle ?? {};
-  if (typeof longitude !== "number" || typeof latitude !== "number") return "";
-  return [vehicle_id, longitude.toFixed(PLACE_DIGITS), latitude.toFixed(PLACE_DIGITS)].join(" ");
+/** Number of a vehicle and where it was last seen standing, as text, which is compared: it is drawn once. */
+function homeText(id: number, home: Fix | undefined): string {
+  if (home === undefined) return "";
+  return [id, home.longitude_deg.toFixed(PLACE_DIGITS), home.latitude_deg.toFixed(PLACE_DIGITS)].join(" ");
 }
 
 function homesIn(texts: string): Homes {
@@ -75,7 +75,11 @@ function Editor({ field }: { field: StoredField }) {
   });
   const { form, picked, area } = steps.present;
   const vehicles = picked ?? [[...known.keys()][0] ?? 1];
-  const order = orderOf(form, field.id, vehicles, area);
+  const standing = useLive(({ homes }) => vehicles.map((id) => homeText(id, homes.get(id))).join(";"));
+  // The edge server knows where a vehicle is, which may fly by now, and not from where it will take off
+  const [longitude, latitude] = homesIn(standing).get(vehicles[0] ?? 0) ?? [];
+  const home = latitude === undefined || longitude === undefined ? null : { latitude, longitude };
+  const order = orderOf(form, field.id, vehicles, area, home);
   const [isFollowed, setFollowed] = useState(false);
   const preview = usePreview(order, previewSurvey, isFollowed);
   const isOperator = useIsOperator();
@@ -103,7 +107,6 @@ function Editor({ field }: { field: StoredField }) {
 
   const flights = useMemo(() => (survey === null ? [] : surveyFlights(survey)), [survey]);
   const chosen = vehicles.join();
-  const standing = useLive((state) => vehicles.map((id) => placeText(state.vehicles.get(id)?.vehicle)).join(";"));
   const pictures = useFootprints(form, survey, flights, chosen);
   const layers = useMemo(() => {
     const ids = chosen.split(",").map(Number);

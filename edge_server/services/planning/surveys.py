@@ -9,6 +9,7 @@ from afarcloud.plan import Plan, Polygon
 from afarcloud.wire import read_as, write
 from edge_server.geodata.field import Field
 from edge_server.services.context import Caller, Context
+from edge_server.services.fleet.vehicle_holds import AIRBORNE_M
 from edge_server.services.planning import fields, plans
 from edge_server.store.rows import vehicles
 from edge_server.survey import part
@@ -61,7 +62,8 @@ def _planned(context: Context, order: SurveyOrder, field: Field | None) -> Surve
         first = int(context.clock()) % INT32_MAX
     request = _request(order, field)
     try:
-        planned = survey(request, _home(context, request), first)
+        home, warnings = _home(context, request)
+        planned = survey(request, home, first)
     except NoSurveyError as error:
         raise InvalidError((Fault(_path_of(error, order), str(error)),)) from None
     number = sum(len(plan["missions"]) for plan in planned.plans)
@@ -71,7 +73,7 @@ def _planned(context: Context, order: SurveyOrder, field: Field | None) -> Surve
     if field is not None:
         for plan in planned.plans:
             plan["field_id"] = order.field_id
-    return planned
+    return planned._replace(warnings=(*planned.warnings, *warnings))
 
 
 def _path_of(error: NoSurveyError, order: SurveyOrder) -> str:
@@ -120,15 +122,22 @@ def _part_of(
     return {"boundary": area, **near, "beyond": beyond}
 
 
-def _home(context: Context, request: SurveyRequest) -> Place:
-    """Where the vehicles start: as given, where the first one is, or where the field begins."""
+def _home(context: Context, request: SurveyRequest) -> tuple[Place, tuple[Fault, ...]]:
+    """Where the vehicles start: as given, where the first one is, or where the field begins.
+
+    With a warning if the first one flies: it will not start from there.
+    """
     if request.home is not None:
-        return request.home
+        return request.home, ()
+    vehicle_id = request.vehicles[0]
     with context.database.read() as connection:
-        known = vehicles.get(connection, request.vehicles[0])
-    if known is not None and None not in (
-        at := (known.state.get("latitude"), known.state.get("longitude"))
-    ):
-        return Place(latitude=at[0], longitude=at[1])
+        known = vehicles.get(connection, vehicle_id)
+    state = {} if known is None else known.state
+    at = state.get("latitude"), state.get("longitude")
+    if None not in at:
+        flies = bool(state.get("armed")) and (state.get("altitude") or 0.0) >= AIRBORNE_M
+        text = f"is where vehicle {vehicle_id} flies now: give the place where it will take off"
+        warnings = (Fault("home", text),) if flies else ()
+        return Place(latitude=at[0], longitude=at[1]), warnings
     latitude, longitude = request.entry or request.boundary[0]
-    return Place(latitude=latitude, longitude=longitude)
+    return Place(latitude=latitude, longitude=longitude), ()

@@ -15,6 +15,7 @@ from edge_server.survey.home_paths import HomePaths
 from edge_server.survey.plane import Area, Point, distance_to_side
 from edge_server.survey.planner import (
     HOME_CLEARANCES_M,
+    LANE_M,
     NoSurveyError,
     Survey,
     _laid_out,
@@ -141,7 +142,8 @@ def test_a_flight_stays_within_its_battery_and_commands(case: tuple[SurveyReques
         assert len(commands) <= request.most_commands
         pictures = sum(command["command_type_id"] == 4 for command in commands)
         seconds = sum(math.dist(*leg) / request.maximum_speed + sorties.STOP_S for leg in legs)
-        seconds += pictures * sorties.PICTURE_S + 2.0 * request.altitude / sorties.CLIMB_M_S
+        heights_m = [one["parameters"].get("altitude", 0.0) for one in commands]
+        seconds += pictures * sorties.PICTURE_S + 2.0 * max(heights_m) / sorties.CLIMB_M_S
         assert seconds * sorties.RESERVE <= request.endurance + 0.1
         duration_s += seconds
     assert planned.figures["duration_s"] == pytest.approx(duration_s, abs=0.5)
@@ -195,6 +197,34 @@ def test_a_triangle_between_home_and_field_is_passed_at_two_metres() -> None:
     (legs,) = legs_of(request, planned, home)
     for leg in legs:
         assert min(room_m(point, rings) for point in along(leg)) >= 2.0 - ROUNDING_M
+
+
+@pytest.mark.parametrize(
+    ("altitude", "limit", "heights"),
+    [
+        (10.0, None, [10.0, 13.0, 16.0]),
+        (118.0, None, [118.0, 115.0, 112.0]),
+        (10.0, 14.0, [10.0, 13.0, 4.0]),
+        (4.0, 5.0, [4.0, 4.0, 4.0]),
+    ],
+)
+def test_vehicles_that_go_round_the_same_corner_have_lanes_and_levels(
+    altitude: float, limit: float | None, heights: list[float]
+) -> None:
+    fence = {"max_altitude": limit, "inclusion": []} if limit else None
+    request = asked(exclusions=[TRIANGLE], vehicles=[1, 2, 3], altitude=altitude, geofence=fence)
+    planned = survey(request, home_at((-80.0, -31.0)), 1)
+    missions = planned.plans[0]["missions"]
+    bends = [mission["command_array"][1]["parameters"] for mission in missions]
+    assert [bend["altitude"] for bend in bends] == heights
+    frame, _ = _laid_out(request, 0.0)
+    places = [frame.to_plane((bend["latitude"], bend["longitude"])) for bend in bends]
+    for one, other in itertools.combinations(places, 2):
+        assert math.dist(one, other) >= LANE_M
+    for mission in missions:  # At the work all fly as high as was asked for
+        (_, *flown, _) = mission["command_array"]
+        assert flown[len(flown) // 2]["parameters"]["altitude"] == altitude
+        assert flown[-1]["parameters"]["altitude"] in {altitude, *heights}
 
 
 def test_a_path_through_a_gap_keeps_what_the_gap_leaves() -> None:

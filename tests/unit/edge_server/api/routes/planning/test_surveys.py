@@ -168,6 +168,22 @@ def test_a_plan_whose_home_lies_in_a_no_fly_area_has_a_warning(edge: Edge) -> No
         assert "is enclosed by no-fly areas" in str(stored["warnings"])
 
 
+@pytest.mark.parametrize(("altitude", "is_warned"), [(30.0, True), (0.4, False)])
+def test_a_survey_from_where_a_vehicle_flies_has_a_warning(
+    edge: Edge, altitude: float, *, is_warned: bool
+) -> None:
+    """It will take off from another place: the paths from there may cross a no-fly area."""
+    at = {"latitude": 40.4447, "longitude": -3.7390, "altitude": altitude}
+    state = at | {"link_state": "connected", "armed": True}
+    assert edge.ask("PUT", "/vehicles/1", "broker", json=state).status_code == 200
+    assert ask(edge).status_code == 201
+    given = {"latitude": 40.4447, "longitude": -3.7390}
+    assert ask(edge, home=given, name="given").status_code == 201
+    for stored in edge.get("/plans/"):
+        expected = is_warned and not stored["name"].startswith("given")
+        assert ("flies now" in str(stored["warnings"])) is expected, stored["warnings"]
+
+
 @pytest.mark.parametrize(
     ("area", "path", "text"),
     [
