@@ -125,7 +125,8 @@ def _part_of(
 def _home(context: Context, request: SurveyRequest) -> tuple[Place, tuple[Fault, ...]]:
     """Where the vehicles start: as given, where the first one is, or where the field begins.
 
-    With a warning if the first one flies: it will not start from there.
+    With a warning if the first one flies: it will not start from there; and if its place is not
+    known while there are areas to go round.
     """
     if request.home is not None:
         return request.home, ()
@@ -140,4 +141,7 @@ def _home(context: Context, request: SurveyRequest) -> tuple[Place, tuple[Fault,
         warnings = (Fault("home", text),) if flies else ()
         return Place(latitude=at[0], longitude=at[1]), warnings
     latitude, longitude = request.entry or request.boundary[0]
-    return Place(latitude=latitude, longitude=longitude), ()
+    text = f"is taken to be at the field: where vehicle {vehicle_id} stands is not known"
+    has_rings = bool(request.holes or request.exclusions or request.beyond)
+    warnings = (Fault("home", text),) if has_rings else ()
+    return Place(latitude=latitude, longitude=longitude), warnings

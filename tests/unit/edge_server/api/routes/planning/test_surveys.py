@@ -168,6 +168,15 @@ def test_a_plan_whose_home_lies_in_a_no_fly_area_has_a_warning(edge: Edge) -> No
         assert "is enclosed by no-fly areas" in str(stored["warnings"])
 
 
+def test_a_survey_round_a_hole_for_a_vehicle_of_unknown_place_has_a_warning(edge: Edge) -> None:
+    hole = [[40.4434, -3.7388], [40.4434, -3.7384], [40.4437, -3.7384]]
+    assert ask(edge, holes=[hole], name="with").status_code == 201
+    assert ask(edge, name="without").status_code == 201
+    for stored in edge.get("/plans/"):
+        is_warned = "is not known" in str(stored["warnings"])
+        assert is_warned is stored["name"].startswith("with "), stored
+
+
 @pytest.mark.parametrize(("altitude", "is_warned"), [(30.0, True), (0.4, False)])
 def test_a_survey_from_where_a_vehicle_flies_has_a_warning(
     edge: Edge, altitude: float, *, is_warned: bool
