@@ -75,3 +75,28 @@ def test_a_peer_that_has_timed_out_does_not_count(tester: AutopilotTester) -> No
     tester.heartbeats = False
     tester.run_for(6.0)
     assert autopilot.batch_us() > watched_us
+
+
+def test_every_parameter_survives_a_restart(tmp_path: Path) -> None:
+    """Whichever module declares it: the camera's were dropped, and the file was emptied."""
+    first = AutopilotTester(SimulationConfig(), tmp_path)
+    registry = first.autopilot.registry
+    for name in registry.names():
+        declaration = registry.declaration(name)
+        for value in (declaration.maximum, declaration.minimum):
+            if value != registry.get(name) and abs(value) < 1e9:
+                registry.set(name, value)
+                break
+    changed = registry.changed()
+    assert "CAM_IMAGE_SECOND" in changed
+    assert first.autopilot.parameter_storage.finish() == ""
+    first.simulation.close()
+    second = AutopilotTester(SimulationConfig(), tmp_path)
+    lost = {
+        name: (value, second.autopilot.registry.get(name))
+        for name, value in changed.items()
+        if second.autopilot.registry.get(name) != value
+    }
+    second.simulation.close()
+    assert len(changed) > 100
+    assert not lost
