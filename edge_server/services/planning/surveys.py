@@ -1,9 +1,10 @@
 """Surveys: planned over a field, and stored as plans; all of them or none."""
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Iterator, Sequence
+from typing import Any, Final
 
 from afarcloud.faults import Fault, InvalidError
+from afarcloud.geometry import contains, distance_m
 from afarcloud.numbers import INT32_MAX
 from afarcloud.plan import Plan, Polygon
 from afarcloud.wire import read_as, write
@@ -15,6 +16,10 @@ from edge_server.store.rows import vehicles
 from edge_server.survey import part
 from edge_server.survey.planner import NoSurveyError, Survey, survey
 from edge_server.survey.request import Place, SurveyOrder, SurveyRequest, SurveyTerms
+
+NEAR_M: Final = 2000.0
+"""From home: what is farther away is on no path of a survey."""
+MOST_CORNERS_ELSEWHERE: Final = 500
 
 
 def preview(context: Context, order: SurveyOrder) -> dict[str, Any]:
@@ -63,6 +68,8 @@ def _planned(context: Context, order: SurveyOrder, field: Field | None) -> Surve
     request = _request(order, field)
     try:
         home, warnings = _home(context, request)
+        elsewhere = _elsewhere(context, order, home)
+        request = request.model_copy(update={"beyond": (*request.beyond, *elsewhere)})
         planned = survey(request, home, first)
     except NoSurveyError as error:
         raise InvalidError((Fault(_path_of(error, order), str(error)),)) from None
@@ -120,6 +127,25 @@ def _part_of(
     known = {*near["holes"], *near["exclusions"]}
     beyond = tuple(ring for ring in (*holes, *exclusions) if ring not in known)
     return {"boundary": area, **near, "beyond": beyond}
+
+
+def _elsewhere(context: Context, order: SurveyOrder, home: Place) -> Iterator[Polygon]:
+    """Give the no-fly areas of other fields near home, the nearest first.
+
+    They are on the paths from home and back. One in which home lies is none for these flights: it
+    may be the farmyard from which every drone of the farm takes off.
+    """
+    at = home.latitude, home.longitude
+    rings = fields.exclusions(context, but=order.field_id)
+    distances_m = ((min(distance_m(at, corner) for corner in ring), ring) for ring in rings)
+    near = sorted(pair for pair in distances_m if pair[0] <= NEAR_M)
+    corners = 0
+    for _, ring in near:
+        corners += len(ring)
+        if corners > MOST_CORNERS_ELSEWHERE:
+            return
+        if not contains(ring, at):
+            yield ring
 
 
 def _home(context: Context, request: SurveyRequest) -> tuple[Place, tuple[Fault, ...]]:

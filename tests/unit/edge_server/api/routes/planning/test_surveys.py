@@ -177,6 +177,27 @@ def test_a_survey_round_a_hole_for_a_vehicle_of_unknown_place_has_a_warning(edge
         assert is_warned is stored["name"].startswith("with "), stored
 
 
+def test_the_flights_go_round_a_no_fly_area_of_another_field(edge: Edge) -> None:
+    home = {"latitude": 40.4435, "longitude": -3.7410}
+    between = [[40.4425, -3.7402], [40.4425, -3.7400], [40.4445, -3.7400], [40.4445, -3.7402]]
+    around_home = [[40.4434, -3.7412], [40.4434, -3.7409], [40.4436, -3.7409]]
+    far = [[40.50, -3.80], [40.50, -3.79], [40.51, -3.79]]
+
+    def flown() -> list[tuple[float, float]]:
+        (first, *_) = ask(edge, "?preview=true", home=home).json["plans"]
+        commands = first["missions"][0]["command_array"]
+        places = [one["parameters"] for one in commands if "latitude" in one["parameters"]]
+        return [(one["latitude"], one["longitude"]) for one in places]
+
+    straight = flown()
+    yard = {"boundary": [[40.44, -3.75], [40.44, -3.74], [40.45, -3.74]]}
+    edge.post("/fields/", yard | {"exclusions": [around_home, far]}, "operator")
+    assert flown() == straight
+    edge.post("/fields/", yard | {"exclusions": [between]}, "operator")
+    assert flown() != straight
+    assert all(not 40.4425 < at[0] < 40.4445 or not -3.7402 < at[1] < -3.7400 for at in flown())
+
+
 @pytest.mark.parametrize(("altitude", "is_warned"), [(30.0, True), (0.4, False)])
 def test_a_survey_from_where_a_vehicle_flies_has_a_warning(
     edge: Edge, altitude: float, *, is_warned: bool
