@@ -26,6 +26,11 @@ test.each([
   expect(readNumber(text)).toBe(number);
 });
 
+test("a comma that may divide thousands is no decimal mark where the language has a point", () => {
+  expect([readNumber("1,000", "."), readNumber("1,000", ","), readNumber("1,5", "."), readNumber("40,4434", ".")])
+    .toEqual([NaN, 1, 1.5, 40.4434]);
+});
+
 test("a value without a system is shown as it is", () => {
   expect(inUnit(40.4434123, { symbol: "°", factor: 1, digits: null })).toBe("40.4434123");
 });

@@ -6,7 +6,8 @@ import { TextField } from "./fields";
 /** A number as a person writes it, with a point or a comma, typed step by step: "-" is no number yet.
  *
  * A field of the type "number" drops a comma where the browser's language is not that of the console.
- * What is typed stays until the field is left or the value changes from elsewhere.
+ * What is typed stays, with all its decimals, until the value changes from elsewhere; what is no number
+ * stays until the field is left.
  */
 export function NumberField({ value, shown, enter, ...rest }: {
   label: string;
@@ -29,9 +30,10 @@ export function NumberField({ value, shown, enter, ...rest }: {
       {...(hint === undefined ? {} : { hint })}
       inputMode="decimal"
       value={isTyped ? typed.text : units.written(shown)}
-      onChange={({ target: { value: text } }) => setTyped({ text, value: enter(readNumber(text)) })}
+      onChange={({ target: { value: text } }) => setTyped({ text, value: enter(readNumber(text, units.decimalMark)) })}
       onBlur={() => {
-        if (!Number.isNaN(value)) setTyped(null);
+        const isNumber = typed !== null && Number.isFinite(readNumber(typed.text, units.decimalMark));
+        if (!isNumber && !Number.isNaN(value)) setTyped(null);
       }}
     />
   );

@@ -20,7 +20,8 @@ export function CornerForm({ title, corner, move, remove, removeText, canRemove 
       value={value}
       shown={String(value)}
       enter={(degrees) => {
-        if (degrees === null || !(Math.abs(degrees) <= limit)) return value;
+        if (degrees === null || Number.isNaN(degrees)) return value;
+        if (Math.abs(degrees) > limit) return NaN; // Not taken: the field shows the present place again
         set(degrees);
         return degrees;
       }}

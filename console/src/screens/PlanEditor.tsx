@@ -28,6 +28,7 @@ import {
   changedMission, draftName, formOf, isPlanForm, isSameForm, lacksOf, newMission, withForm, withMission, type MissionForm, type PlanForm,
 } from "../planning/plan_form";
 import { Attempts, save as saveOver } from "../planning/saving";
+import { orderedSpeed } from "../planning/speed_limits";
 import { speedRange } from "../units/limits";
 import { CommandForm } from "./CommandForm";
 import { ConflictNotice } from "./ConflictNotice";
@@ -360,7 +361,7 @@ function Editor({ read }: { read: Tagged<Plan> | null }) {
             value={mission.speed === "" ? null : Number(mission.speed)}
             change={(speed_m_s) => changeMission({ speed: speed_m_s === null ? "" : String(speed_m_s) }, "speed")}
             hint={t("editor.out_of_range", { range: speedRange(units, t) })}
-            error={faultAt("maximum_speed") ?? (Number(mission.speed) > 0 ? undefined : t("editor.number"))}
+            error={faultAt("maximum_speed") ?? (orderedSpeed(Number(mission.speed)) === null ? t("editor.out_of_range", { range: speedRange(units, t) }) : undefined)}
           />
         </div>
         <div className="actions">

@@ -49,6 +49,7 @@ export function StopDialog({ vehicleId, close }: { vehicleId: number | null; clo
   const choices = [HOLD_HERE, ...(isPaused && isOperator ? [FLY_ON] : []), ...ENDINGS];
   const warned = chosen.flatMap((one) => (one?.warning ? [one] : []));
   const lost = chosen.flatMap((one) => (one && isLost(one) ? [one.vehicle_id] : []));
+  const piloted = chosen.flatMap((one) => (one && one.armed && one.activity === "manual" ? [one.vehicle_id] : []));
   const flying = [...vehicles.values()].filter(({ vehicle }) => isAirborne(vehicle)).length;
 
   const order = (kind: StopKind) => send(ids, kind);
@@ -70,6 +71,9 @@ export function StopDialog({ vehicleId, close }: { vehicleId: number | null; clo
       {isConnected && ids.length === 0 && <Notice kind="info">{t("fleet.empty_title")}</Notice>}
       {lost.map((id) => (
         <Notice key={id} kind="info">{t("stop.lost", { id })}</Notice>
+      ))}
+      {piloted.map((id) => (
+        <Notice key={id} kind="info">{t("stop.piloted", { id })}</Notice>
       ))}
       {warned.map((one) => (
         <Notice key={one.vehicle_id} kind="info">

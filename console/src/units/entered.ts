@@ -21,10 +21,16 @@ export function inUnit(value: number, unit: EnteredUnit, round: (value: number) 
 
 const NUMBER = /^[-+]?(\d+[.,]?\d*|[.,]\d+)$/;
 
-/** Reads a number with a point or a comma before its decimals; null: nothing was typed, NaN: no number. */
-export function readNumber(text: string): number | null {
+const THOUSANDS = /^[-+]?\d{1,3},\d{3}$/;
+
+/** Reads a number with a point or a comma before its decimals; null: nothing was typed, NaN: no number.
+ *
+ * In a language with the mark "." a comma before three digits is none: it may divide thousands.
+ */
+export function readNumber(text: string, decimalMark = ","): number | null {
   const typed = text.trim();
   if (typed === "") return null;
+  if (decimalMark === "." && THOUSANDS.test(typed)) return NaN;
   return NUMBER.test(typed) ? Number(typed.replace(",", ".")) : NaN;
 }
 

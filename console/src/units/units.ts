@@ -148,10 +148,14 @@ export class Units {
       : { symbol: "cm/px", factor: 100, digits: 2 };
   }
 
+  /** What the language writes before decimals. */
+  get decimalMark(): string {
+    return PLAIN_POINT.test(this.language) ? "." : this.#write(1.1, 1).slice(1, 2);
+  }
+
   /** A number as text, such as "1.5", as the language writes it. */
   written(text: string): string {
-    const decimal = PLAIN_POINT.test(this.language) ? "." : this.#write(1.1, 1).slice(1, 2);
-    return text.replace(".", decimal);
+    return text.replace(".", this.decimalMark);
   }
 
   /** A speed in the unit and with the digits in which it is entered. */

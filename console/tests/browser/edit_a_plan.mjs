@@ -180,7 +180,9 @@ async function enterWithAComma(page) {
   const height = page.getByLabel("Altura (m)");
   const resolution = page.getByLabel("Resolución (cm/px)");
   await requireStored(height, "18,5", () => height.inputValue(), "18,5");
-  await requireStored(height, "17.5", () => height.inputValue(), "17,5");
+  await requireStored(height, "17.5", () => height.inputValue(), "17.5");
+  await requireStored(height, "17,255", () => height.inputValue(), "17,255");
+  await requireStored(height, "-", () => height.inputValue(), "");
   await requireStored(resolution, "1,25", () => resolution.inputValue(), "1,25");
   await page.goto(`${origin}/console/plans/${DRAFT}/edit`);
   const speed = page.getByLabel("Velocidad máxima (km/h)");
