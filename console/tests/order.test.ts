@@ -5,7 +5,7 @@ import type { StoredEvent } from "../src/api/types";
 import { changeSpeed } from "../src/api/resources";
 import { FASTEST_M_S, orderedSpeed, SLOWEST_M_S } from "../src/planning/speed_limits";
 import { lastSpeedOf } from "../src/screens/use_speed_order";
-import { eventOutcome, followEvent, giveOrder, outcomeOf, stopOutcomeOf, type Outcome } from "../src/live/order";
+import { eventOutcome, followEvent, giveOrder, outcomeOf, stopOutcomeOf, textKeyOf, type Outcome } from "../src/live/order";
 
 const stored = (state: StoredEvent["state"], message?: string) =>
   ({ id: 4, state, ...(message === undefined ? {} : { message }) }) as StoredEvent;
@@ -68,6 +68,12 @@ test.each([
 ] as const)("an order that is done with a note was not obeyed as given: %s", (message, outcome) => {
   expect(eventOutcome(stored("done", message))).toEqual(outcome);
   expect(eventOutcome(stored("refused", message)).state).toBe("refused");
+});
+
+test("an accepted landing of a drone that is not received is not about to be obeyed", () => {
+  expect(textKeyOf({ state: "accepted" }, true, false)).toBe("accepted_lost");
+  expect([textKeyOf({ state: "accepted" }, true, true), textKeyOf({ state: "accepted" }, false, false), textKeyOf({ state: "done" }, true, false)])
+    .toEqual(["accepted", "accepted", "done"]);
 });
 
 test("the words for an order that was replaced are the broker's", () => {

@@ -100,6 +100,11 @@ export function outcomeOf(error: RequestError): Outcome {
   return { state: error.status >= 500 ? "failed" : "refused", reason: faults || error.message };
 }
 
+/** Which text says what has become of an order; an accepted one that ends a mission waits for a drone that is not received. */
+export function textKeyOf({ state }: Pick<Outcome, "state">, endsMission: boolean, isReceived: boolean): OrderState | "accepted_lost" {
+  return state === "accepted" && endsMission && !isReceived ? "accepted_lost" : state;
+}
+
 /** What has become of a stored event: one that is done with a note has not ended as ordered. */
 export function eventOutcome({ state, message }: Pick<StoredEvent, "state" | "message">): Outcome {
   if (state !== "done" || !message) return { state, reason: message ?? "" };

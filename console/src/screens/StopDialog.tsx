@@ -11,7 +11,7 @@ import { Icon, type IconName } from "../controls/Icon";
 import { Notice } from "../controls/states";
 import { SelectField } from "../controls/fields";
 import { Pill } from "../controls/StatusPill";
-import { TONES } from "../live/order";
+import { textKeyOf, TONES } from "../live/order";
 import { isAirborne, statusOf } from "../live/vehicle_status";
 import { useIsConnected, useLive } from "../live/use_live";
 import { useStopOrders, type StopOrder } from "./use_stop_orders";
@@ -115,8 +115,7 @@ function isLost(vehicle: Vehicle | undefined): boolean {
 
 function OrderRow({ order, isLost }: { order: StopOrder; isLost: boolean }) {
   const { t } = useTranslation();
-  const waits = order.state === "accepted" && isLost && ENDINGS.some(({ kind }) => kind === order.kind);
-  const text = waits ? "accepted_lost" : order.state;
+  const text = textKeyOf(order, ENDINGS.some(({ kind }) => kind === order.kind), !isLost);
   const reportText = useReportText();
   return (
     <li>

@@ -24,6 +24,22 @@ def place(east_m: float, north_m: float) -> tuple[float, float]:
     return LATITUDE_DEG + north_m / METRES_PER_DEGREE, LONGITUDE_DEG + east_m / narrowing
 
 
+SQUARE = [place(-60, -40), place(60, -40), place(60, 40), place(-60, 40)]
+
+
+def asked(**changes: Any) -> SurveyRequest:
+    """A survey of the square in lines 10 m apart, with other terms where they are given."""
+    body: dict[str, Any] = {
+        "boundary": SQUARE,
+        "swath_width": 10.0,
+        "altitude": 10.0,
+        "vehicles": [1],
+        "side_overlap": 0.0,
+        **changes,
+    }
+    return SurveyRequest.model_validate(body)
+
+
 def star(
     centre_m: Point, radius_m: float, corners: int, roughness: float, random_: random.Random
 ) -> list[tuple[float, float]]:

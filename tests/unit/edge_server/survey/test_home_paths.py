@@ -15,16 +15,14 @@ from edge_server.survey.home_paths import HomePaths
 from edge_server.survey.plane import Area, Point, distance_to_side
 from edge_server.survey.planner import (
     HOME_CLEARANCES_M,
-    LANE_M,
     NoSurveyError,
     Survey,
     _laid_out,
     survey,
 )
 from edge_server.survey.request import Place, SurveyRequest
-from tests.unit.edge_server.survey.fields import CAMERA, fly, place, star
+from tests.unit.edge_server.survey.fields import CAMERA, asked, fly, place, star
 
-SQUARE = [place(-60, -40), place(60, -40), place(60, 40), place(-60, 40)]
 TRIANGLE = [place(-90, -30), place(-70, -30), place(-80, 30)]
 """Between a home to the west and the field."""
 WEST = (-110.0, 0.0)
@@ -36,18 +34,6 @@ Leg = tuple[Point, Point]
 def home_at(place_m: Point) -> Place:
     latitude, longitude = place(*place_m)
     return Place(latitude=latitude, longitude=longitude)
-
-
-def asked(**changes: Any) -> SurveyRequest:
-    body: dict[str, Any] = {
-        "boundary": SQUARE,
-        "swath_width": 10.0,
-        "altitude": 10.0,
-        "vehicles": [1],
-        "side_overlap": 0.0,
-        **changes,
-    }
-    return SurveyRequest.model_validate(body)
 
 
 def legs_of(request: SurveyRequest, planned: Survey, home: Place) -> list[list[Leg]]:
@@ -220,7 +206,7 @@ def test_vehicles_that_go_round_the_same_corner_have_lanes_and_levels(
     frame, _ = _laid_out(request, 0.0)
     places = [frame.to_plane((bend["latitude"], bend["longitude"])) for bend in bends]
     for one, other in itertools.combinations(places, 2):
-        assert math.dist(one, other) >= LANE_M
+        assert math.dist(one, other) >= 4.0
     for mission in missions:  # At the work all fly as high as was asked for
         (_, *flown, _) = mission["command_array"]
         assert flown[len(flown) // 2]["parameters"]["altitude"] == altitude

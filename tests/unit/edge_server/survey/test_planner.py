@@ -13,21 +13,20 @@ from edge_server.survey import lines
 from edge_server.survey.plane import Area
 from edge_server.survey.planner import MARGIN_M, NoSurveyError, Survey, survey
 from edge_server.survey.request import SurveyRequest
-from tests.unit.edge_server.survey.fields import CAMERA, HOME, coverage, fly, place, requests
-
-SQUARE = [place(-60, -40), place(60, -40), place(60, 40), place(-60, 40)]
+from tests.unit.edge_server.survey.fields import (
+    CAMERA,
+    HOME,
+    SQUARE,
+    asked,
+    coverage,
+    fly,
+    place,
+    requests,
+)
 
 
 def planned(**changes: Any) -> Survey:
-    body: dict[str, Any] = {
-        "boundary": SQUARE,
-        "swath_width": 10.0,
-        "altitude": 10.0,
-        "vehicles": [1],
-        "side_overlap": 0.0,
-        **changes,
-    }
-    return survey(SurveyRequest.model_validate(body), HOME, 1)
+    return survey(asked(**changes), HOME, 1)
 
 
 def try_survey(request: SurveyRequest) -> Survey:
