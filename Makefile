@@ -108,7 +108,7 @@ $(CONSOLE_INSTALLED): console/package.json console/package-lock.json console/.np
 	$(NPM) ci
 
 # Types and forms come from the edge server's own description.
-console/generated/openapi.json: docs/tools/openapi_document.py $(shell find edge_server/api afarcloud -name '*.py') | $(RUNTIME)
+console/generated/openapi.json: docs/tools/openapi_document.py $(shell find edge_server afarcloud -name '*.py') | $(RUNTIME)
 	@$(RUN) -m docs.tools.openapi_document $@
 
 console/generated/schema.ts: console/generated/openapi.json console/scripts/command_schemas.mjs | $(CONSOLE_INSTALLED)

@@ -90,6 +90,44 @@ test("a vehicle in the air begins and returns where it stood", () => {
   expect(states(of, vehicle({ ...beside, armed: true }), { fence, home: behind })["fence"]).toBe("bad");
 });
 
+/** A mission that takes off at the place, with these commands behind. */
+const flying = (...commands: [type: number, parameters: Mission["command_array"][number]["parameters"]][]): Mission => ({
+  ...mission(0),
+  command_array: [...mission(0).command_array.slice(0, 1), ...commands.map(([command_type_id, parameters], index) => (
+    { command_id: index + 2, command_type_id, command_status_id: 1 as const, parameters }))],
+});
+const north = (metres: number) => ({ latitude: PLACE.latitude + metres / 111_195, longitude: PLACE.longitude, altitude: 10 });
+
+test("a vehicle may take off beside its field, and not in a no-fly area", () => {
+  const beyond: Fence = { inclusion: around(0.001).inclusion.map((ring) => ring.map(([latitude = 0, longitude = 0]) => [latitude + 0.003, longitude])), exclusion: [] };
+  const of = flying([3, north(333)], [11, { landing: true }]);
+  expect(states(of, vehicle(), { fence: beyond })["fence"]).toBe("good");
+  expect(states(flying([3, north(100)]), vehicle(), { fence: beyond })["fence"]).toBe("bad");
+  expect(states(of, vehicle(), { fence: { ...beyond, exclusion: around(0.0001).inclusion } })["fence"]).toBe("bad");
+});
+
+test("a circle is looked at as far as it reaches", () => {
+  const fence = { inclusion: around(0.002).inclusion, exclusion: [] }; // 222 m to the north
+  const circle = (radius: number, metres = 150) => flying([7, { ...north(metres), orbit_altitude: 10, radius }]);
+  expect(states(circle(50), vehicle(), { fence })["fence"]).toBe("good");
+  expect(states(circle(100), vehicle(), { fence })["fence"]).toBe("bad");
+  const rock = { ...fence, exclusion: around(0.0001).inclusion.map((ring) => ring.map(([latitude = 0, longitude = 0]) => [latitude + 0.001, longitude])) };
+  expect(states(circle(20, 60), vehicle(), { fence: rock })["fence"]).toBe("good");
+  expect(states(circle(50, 60), vehicle(), { fence: rock })["fence"]).toBe("bad"); // Its line meets the rock 111 m north
+  const inTheMiddle = flying([7, { ...north(111), orbit_altitude: 10, radius: 60, start_point: 1 }]);
+  expect(states(inTheMiddle, vehicle(), { fence: rock })["fence"]).toBe("good"); // The circle goes round it
+  const behind = flying([7, { ...north(111), orbit_altitude: 10, radius: 60, start_point: 0 }]);
+  expect(states(behind, vehicle(), { fence: rock })["fence"]).toBe("bad"); // It is entered behind the rock
+});
+
+test("a no-fly area of another field is to be looked at, unless the vehicle stands in it", () => {
+  const of = flying([3, north(200)]);
+  const area = (metres: number) => [around(0.0003).inclusion[0]?.map(([latitude = 0, longitude = 0]) => [latitude + metres / 111_195, longitude]) ?? []];
+  expect(states(of, vehicle(), { elsewhere: area(100) })["fence"]).toBe("warning");
+  expect(states(of, vehicle(), { elsewhere: area(0) })["fence"]).toBe("good");
+  expect(states(of, vehicle(), { elsewhere: area(-100) })["fence"]).toBe("good");
+});
+
 test("a vehicle far away would return far away", () => {
   expect(states(mission(10), vehicle({ latitude: 40.4444 }))["home"]).toBe("good");
   expect(states(mission(10), vehicle({ latitude: 40.4634 }))["home"]).toBe("warning");

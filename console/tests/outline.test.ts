@@ -1,7 +1,8 @@
+import { shifted } from "../src/planning/ground";
 import { expect, test } from "vitest";
 import {
   areaOf_m2, draftOf, EMPTY, fieldArea_m2, isComplete, middleOf, nextCorner, presentRing, ringOf, ringOfFault,
-  ringsOf, shifted, withCorner, withEntry, withMovedCorner, withoutCorner, withRing, type Corner, type Outline,
+  ringsOf, withCorner, withEntry, withMovedCorner, withoutCorner, withRing, type Corner, type Outline,
   type Ring,
 } from "../src/planning/outline";
 

@@ -1,6 +1,7 @@
 import { expect, test } from "vitest";
 import { routeFeatures } from "../src/map/features";
-import { newCommand, TAKEOFF } from "../src/planning/command_forms";
+import { newCommand } from "../src/planning/command_forms";
+import { TAKEOFF } from "../src/planning/command_types";
 
 const PLACE = { latitude: 40.4434, longitude: -3.7382 };
 const points = (features: GeoJSON.Feature[]) => features.filter(({ geometry }) => geometry.type === "Point");

@@ -96,16 +96,16 @@ test("a footprint is as large as the camera shows it, along the lines", () => {
 });
 
 const place = (longitude: number) => ({ latitude: 40, longitude, altitude: 30 });
-const mission = (vehicleId: number, start: number) => ({
+const mission = (vehicleId: number, start: number, takeoff = place(start)) => ({
   mission_id: vehicleId, vehicle_id: vehicleId, dispatch_state: "held", mission_status_id: 1,
   command_array: [
-    [1, place(start)], [3, place(start)], [4, { pitch_angle: -90 }], [3, place(start + 1)], [11, { landing: true }],
+    [1, takeoff], [3, place(start)], [4, { pitch_angle: -90 }], [3, place(start + 1)], [11, { landing: true }],
   ].map(([type, parameters], index) => ({
     command_id: index + 1, command_type_id: type, command_status_id: 1, parameters,
   })),
 });
 const survey = {
-  plans: [{ missions: [mission(2, 0), mission(1, 5)] }, { missions: [mission(2, 10)] }],
+  plans: [{ missions: [mission(2, 0), mission(1, 5)] }, { missions: [mission(2, 10, { latitude: 40.4, longitude: -3.74, altitude: 30 })] }],
 } as unknown as PlannedSurvey;
 
 test("each mission of each plan is a flight with its pictures", () => {
@@ -119,17 +119,18 @@ test("a vehicle has one colour in all its flights, by the order of the vehicles"
   const lines = surveyFeatures(surveyFlights(survey), [2, 1]).features
     .filter((one) => one.geometry.type === "LineString");
   expect(lines.map((one) => one.properties?.["drone"])).toEqual([1, 2, 1]);
-  const paths = surveyFeatures(surveyFlights(survey), [2, 1], new Map([[2, [-3.74, 40.4] as const]])).features
-    .filter((one) => one.properties?.["part"] === "transit")
-    .map(({ geometry }) => (geometry.type === "MultiLineString" ? geometry.coordinates : null));
-  const [first] = surveyFlights(survey);
-  expect(paths[0]).toEqual([[[-3.74, 40.4], first?.places[0]], [first?.places.at(-1), [-3.74, 40.4]]]);
-  expect(paths[1]).toEqual([]);
   expect(colourOf(9, [3, 4, 5, 6, 7, 8, 9])).toBe(1);
 });
 
-test("a survey begins where its first vehicle stood", () => {
-  const home = { latitude: 40.4, longitude: -3.7 };
-  expect(orderOf(FIRST_FORM, 7, [2, 1], null, home)).toMatchObject({ home });
-  expect(orderOf(FIRST_FORM, 7, [2, 1])).not.toHaveProperty("home");
+test("a flight is drawn from where it takes off and back, if that is not its first place", () => {
+  const paths = surveyFeatures(surveyFlights(survey), [2, 1]).features
+    .filter((one) => one.properties?.["part"] === "transit")
+    .map(({ geometry }) => (geometry.type === "MultiLineString" ? geometry.coordinates : null));
+  expect(paths).toEqual([[], [], [[[-3.74, 40.4], [10, 40]], [[11, 40], [-3.74, 40.4]]]]);
+});
+
+test("each vehicle of a survey takes off where it stood", () => {
+  const homes = new Map<number, [number, number]>([[2, [-3.7, 40.4]], [3, [-3.8, 40.5]]]);
+  expect(orderOf(FIRST_FORM, 7, [2, 1], null, homes)?.homes).toEqual([{ vehicle_id: 2, longitude: -3.7, latitude: 40.4 }]);
+  expect(orderOf(FIRST_FORM, 7, [1])?.homes).toEqual([]);
 });

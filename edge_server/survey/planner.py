@@ -9,11 +9,13 @@ from collections.abc import Iterator, Sequence
 from typing import Any, Final, NamedTuple
 
 from afarcloud.faults import Fault
+from afarcloud.fence_check import FenceCheck
 from afarcloud.plan import Polygon
+from afarcloud.route import Spot
 from edge_server.survey import lines, route, sorties
 from edge_server.survey.home_paths import HomePaths
 from edge_server.survey.plane import SMALLEST_M2, Area, Frame, Point
-from edge_server.survey.request import Place, SurveyRequest
+from edge_server.survey.request import Home, SurveyRequest
 from edge_server.survey.route import Stop
 
 MARGIN_M: Final = 0.3
@@ -27,6 +29,7 @@ LEVEL_M: Final = 3.0
 the one before, and a level above it."""
 HIGHEST_M: Final = 120.0
 """Where the law of most countries ends; levels that would be above it are below the survey."""
+PLACE_NAMES: Final = ("latitude", "longitude", "altitude")
 MOST_CORNERS: Final = 500
 MOST_PLACES: Final = 20_000
 MOST_ANGLES: Final = 36
@@ -44,6 +47,7 @@ class NoSurveyError(Exception):
 class _Part(NamedTuple):
     """What one vehicle flies: each flight without the bends on its paths from home and back."""
 
+    home: Home
     flight: sorties.Flight
     flights: list[list[Stop]]
 
@@ -56,8 +60,8 @@ class Survey(NamedTuple):
     warnings: tuple[Fault, ...] = ()
 
 
-def survey(request: SurveyRequest, home: Place, first_mission_id: int) -> Survey:
-    """Plan a survey.
+def survey(request: SurveyRequest, homes: Sequence[Home], first_mission_id: int) -> Survey:
+    """Plan a survey whose vehicles start from these places, in their order.
 
     Raises:
         NoSurveyError: if the field cannot be covered so.
@@ -71,7 +75,7 @@ def survey(request: SurveyRequest, home: Place, first_mission_id: int) -> Survey
         raise NoSurveyError("boundary", f"gives more than {MOST_PLACES} places; split the field")
     entry = None if request.entry is None else frame.to_plane(request.entry)
     stops = _stops(area, rows, entry)
-    parts = _parts(stops, request, _flights(request, home, frame, area))
+    parts = _parts(stops, homes, [*_flights(request, homes, frame, area)])
     plans = list(_plans(request, frame, parts, first_mission_id))
     figures = _figures(request, area, rows, parts, bearing_deg)
     return Survey(plans, figures, tuple(_warnings(parts)))
@@ -108,13 +112,14 @@ def _laid_out(request: SurveyRequest, bearing_deg: float) -> tuple[Frame, Area]:
 
 
 def _flights(
-    request: SurveyRequest, home: Place, frame: Frame, area: Area
+    request: SurveyRequest, homes: Sequence[Home], frame: Frame, area: Area
 ) -> Iterator[sorties.Flight]:
     """Give what bounds the flights of each vehicle."""
-    at = frame.to_plane((home.latitude, home.longitude))
-    beyond = [ring for one in request.beyond if (ring := _ring(frame, one))]
     widest_m = HOME_CLEARANCES_M[0]
-    for number in range(len(request.vehicles)):
+    for number, home in enumerate(homes):
+        at = frame.to_plane((home.place.latitude, home.place.longitude))
+        outlines = (*request.beyond, *home.beyond)
+        beyond = [ring for one in outlines if (ring := _ring(frame, one))]
         lane_m = widest_m + number * LANE_M
         clearances_m = (lane_m, *HOME_CLEARANCES_M) if number else HOME_CLEARANCES_M
         bend_m = sorties.STOP_S * request.maximum_speed
@@ -188,16 +193,14 @@ def _stops(area: Area, rows: Sequence[Sequence[lines.Line]], entry: Point | None
 
 
 def _parts(
-    stops: Sequence[Stop], request: SurveyRequest, flights: Iterator[sorties.Flight]
+    stops: Sequence[Stop], homes: Sequence[Home], flights: Sequence[sorties.Flight]
 ) -> list[_Part]:
     """Share the route among the vehicles; those behind the last place have no part."""
-    each = [*flights]
+    shares = sorties.split(stops, len(homes), flights[0])
     try:
         return [
-            _Part(flight, sorties.flights(part, flight))
-            for flight, part in zip(
-                each, sorties.split(stops, len(request.vehicles), each[0]), strict=False
-            )
+            _Part(home, flight, sorties.flights(share, flight))
+            for home, flight, share in zip(homes, flights, shares, strict=False)
         ]
     except sorties.TooFarError as error:
         raise NoSurveyError("endurance", str(error)) from None
@@ -213,12 +216,14 @@ def _plans(
     With `plan_per_vehicle` each of these flights is a plan, so that each is dispatched by itself.
     """
     mission_id = first
+    fence = None if request.geofence is None else FenceCheck(request.geofence)
     for number in range(max(len(part.flights) for part in parts)):
         missions = []
         for vehicle_id, part in zip(request.vehicles, parts, strict=False):
             if number < len(part.flights):
-                stops, bounds = part.flights[number], part.flight
-                missions.append(_mission(request, frame, stops, bounds, mission_id, vehicle_id))
+                places = _places(frame, sorties.flown(part.flights[number], part.flight))
+                start = _takeoff_place(part.home, places[0][0], fence)
+                missions.append(_mission(request, start, places, mission_id, vehicle_id))
                 mission_id += 1
         if not request.plan_per_vehicle:
             yield _plan(request, missions, f"{number + 1}")
@@ -240,26 +245,47 @@ def _plan(
     return plan
 
 
-def _mission(
-    request: SurveyRequest,
-    frame: Frame,
-    stops: Sequence[Stop],
-    flight: sorties.Flight,
-    mission_id: int,
-    vehicle_id: int,
-) -> dict[str, Any]:
-    commands: list[tuple[int, dict[str, Any]]] = []
-    for stop, height_m in sorties.flown(stops, flight):
+def _places(
+    frame: Frame, flown: Sequence[tuple[Stop, float]]
+) -> list[tuple[dict[str, float], bool]]:
+    """The places of a flight as parameters, and whether there is a picture to take at each."""
+    places = []
+    for stop, height_m in flown:
         latitude, longitude = frame.to_globe(stop.point)
         place = {
             "latitude": round(latitude, 8),
             "longitude": round(longitude, 8),
             "altitude": height_m,
         }
-        if not commands:
-            commands.append((1, place))
+        places.append((place, stop.is_work))
+    return places
+
+
+def _takeoff_place(
+    home: Home, first: dict[str, float], fence: FenceCheck | None
+) -> dict[str, float]:
+    """Home, at the height of the first place; the latter if the fence forbids the leg to it."""
+    if not home.is_takeoff:
+        return first
+    place = first | {"latitude": home.place.latitude, "longitude": home.place.longitude}
+    if fence is None:
+        return place
+    start, end = (Spot(*(one[name] for name in PLACE_NAMES)) for one in (place, first))
+    is_outside = any(fence.faults_of_place(start))
+    return first if is_outside or fence.fault_of_order(start[:2], end) is not None else place
+
+
+def _mission(
+    request: SurveyRequest,
+    start: dict[str, float],
+    places: Sequence[tuple[dict[str, float], bool]],
+    mission_id: int,
+    vehicle_id: int,
+) -> dict[str, Any]:
+    commands: list[tuple[int, dict[str, Any]]] = [(1, start)]
+    for place, is_work in places:
         commands.append((3, place))
-        if stop.is_work and request.camera is not None:
+        if is_work and request.camera is not None:
             commands.append((4, {"pitch_angle": -90}))
     commands.append((11, {"landing": True}))
     return {

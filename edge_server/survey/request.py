@@ -1,6 +1,6 @@
 """The request for a survey: field, and pictures or swath. Angles in degrees, lengths in m."""
 
-from typing import Annotated, Self
+from typing import Annotated, NamedTuple, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 
@@ -44,8 +44,28 @@ class Place(Model):
     longitude: Longitude
 
 
+class VehicleHome(Place):
+    """Where one vehicle takes off."""
+
+    vehicle_id: VehicleId
+
+
+class Home(NamedTuple):
+    """Where a vehicle of a survey starts, and returns to."""
+
+    place: Place
+    is_takeoff: bool = False
+    """Its missions take off there; otherwise, as where several start from one place or this one is
+    not known, they take off towards their first place."""
+    beyond: tuple[Polygon, ...] = ()
+    """No-fly areas that lie on its paths from home and back alone."""
+
+
 class SurveyTerms(Model):
-    """How a field is to be covered, and by whom."""
+    """How a field is to be covered, and by whom.
+
+    `homes` names where vehicles take off; `home` holds for those that it does not name.
+    """
 
     name: ShortText | None = None
     geofence: Geofence | None = None
@@ -58,6 +78,7 @@ class SurveyTerms(Model):
     maximum_speed: Speed = DEFAULT_SPEED_M_S
     vehicles: Annotated[tuple[VehicleId, ...], Field(min_length=1, max_length=16)]
     home: Place | None = None
+    homes: Annotated[tuple[VehicleHome, ...], Field(max_length=16)] = ()
     entry: Vertex | None = None
     endurance: Annotated[float, Field(ge=60, le=86_400), BeforeValidator(json_number)] = 900.0
     most_commands: Annotated[int, Field(ge=4, le=700), BeforeValidator(json_integer)] = 100
@@ -72,6 +93,9 @@ class SurveyTerms(Model):
             raise field_error("camera", "goes in place of swath_width: give exactly one of them")
         if len(set(self.vehicles)) != len(self.vehicles):
             raise field_error("vehicles", "names a vehicle twice")
+        known = [home.vehicle_id for home in self.homes]
+        if len(set(known)) != len(known) or not set(known) <= set(self.vehicles):
+            raise field_error("homes", "names a vehicle twice, or one that is not in vehicles")
         footprint = self.footprint
         spacings = [footprint.line_spacing_m]
         spacings += [footprint.place_spacing_m] if footprint.along_m else []

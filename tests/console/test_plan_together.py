@@ -31,15 +31,20 @@ def link(server: Program, name: str) -> str:
     return f"{server.url}{post(server, f'/users/{name}/link', {})['path']}"
 
 
+def report(server: Program, vehicle_id: int, **state: float) -> None:
+    """Report that a vehicle is connected, and where it stands."""
+    path = f"{server.url}/vehicles/{vehicle_id}"
+    vehicle = {"link_state": "connected", **state}
+    requests.put(path, json=vehicle, headers=headers(server), timeout=10).raise_for_status()
+
+
 @contextmanager
 def edge_server(folder: Path) -> Iterator[tuple[Program, dict[str, str]]]:
     """Run an edge server with two vehicles, two operators and a draft; gives what journeys need."""
     with program_in(folder / "edge") as server:
         server.start()
         for vehicle_id in (1, 2):
-            path = f"{server.url}/vehicles/{vehicle_id}"
-            vehicle = {"link_state": "connected"}
-            requests.put(path, json=vehicle, headers=headers(server), timeout=10)
+            report(server, vehicle_id)
         for name in ("ana", "juan"):
             post(server, "/users/", {"name": name, "role": "operator"})
         draft = post(server, "/plans/", short_plan() | {"dispatch": False, "name": "Draft"})
@@ -141,6 +146,9 @@ def test_a_part_of_a_field_is_surveyed_and_the_field_stays(tmp_path: Path) -> No
 def test_one_vehicle_of_a_survey_flies_and_the_other_waits(tmp_path: Path) -> None:
     with console_journey(tmp_path) as take, edge_server(tmp_path) as (server, needs):
         field = post(server, "/fields/", EXAMPLE)
+        places = {1: (40.4429, -3.7393), 2: (40.4429, -3.7379)}
+        for vehicle_id, (latitude, longitude) in places.items():
+            report(server, vehicle_id, latitude=latitude, longitude=longitude)
         take("fly_a_survey", **needs, FIELD=str(field["id"]))
         plans = plans_of(server)[1:]
     states = {
@@ -149,6 +157,10 @@ def test_one_vehicle_of_a_survey_flies_and_the_other_waits(tmp_path: Path) -> No
         for mission in plan["missions"]
     }
     assert states == {1: "queued", 2: "held"}
+    for mission in (mission for plan in plans for mission in plan["missions"]):
+        takeoff = mission["command_array"][0]["parameters"]
+        at = takeoff["latitude"], takeoff["longitude"]
+        assert at == pytest.approx(places[mission["vehicle_id"]])
 
 
 @pytest.mark.thorough

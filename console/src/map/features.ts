@@ -2,14 +2,13 @@
 
 import type { Command, CommandState } from "../api/types";
 import type { Fix } from "../live/motion";
+import { CIRCLE, HOME } from "../planning/command_types";
+import { circleAround } from "../planning/ground";
 import { placeOfFix, trailPlaces, type Place, type Trail } from "../live/trail";
 
 type Lines = GeoJSON.FeatureCollection;
 
 const NOTHING: Lines = { type: "FeatureCollection", features: [] };
-const CIRCLE_POINTS = 48;
-const M_PER_DEG = 111_195;
-const RAD = Math.PI / 180;
 
 export function collection(features: GeoJSON.Feature[]): Lines {
   return features.length === 0 ? NOTHING : { type: "FeatureCollection", features };
@@ -67,11 +66,11 @@ export function routeFeatures(
   const start = before;
   for (const command of commands) {
     const part = partOf(command.command_status_id ?? 1);
-    const place = command.command_type_id === 11 ? start : placeOf(command);
+    const place = command.command_type_id === HOME ? start : placeOf(command);
     if (place === null) continue;
     if (before !== null) features.push(line([before, place], { kind: "route", part }));
     const radius = command.parameters["radius"];
-    if (command.command_type_id === 7 && typeof radius === "number") {
+    if (command.command_type_id === CIRCLE && typeof radius === "number") {
       features.push(line(circle(place, radius), { kind: "route", part }));
     }
     features.push({
@@ -89,12 +88,8 @@ function partOf(status: number): "flown" | "present" | "ahead" {
   return status === 2 ? "present" : "flown";
 }
 
-function circle([longitude, latitude]: Place, radiusM: number): Place[] {
-  return Array.from({ length: CIRCLE_POINTS + 1 }, (_, index): Place => {
-    const angle = (index / CIRCLE_POINTS) * 2 * Math.PI;
-    const east = (Math.sin(angle) * radiusM) / (M_PER_DEG * Math.cos(latitude * RAD));
-    return [longitude + east, latitude + (Math.cos(angle) * radiusM) / M_PER_DEG];
-  });
+function circle([longitude, latitude]: Place, radius_m: number): Place[] {
+  return circleAround([latitude, longitude], radius_m).map(([north, east]): Place => [east, north]);
 }
 
 function line(coordinates: Place[], properties: Record<string, string>): GeoJSON.Feature {

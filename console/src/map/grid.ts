@@ -1,6 +1,7 @@
 /** The grid of the map: lines at round distances, because there are no tiles without internet. Pure. */
 
-const M_PER_DEG = 111_195;
+import { M_PER_DEG } from "../planning/ground";
+
 const MOST_LINES = 60;
 const RAD = Math.PI / 180;
 

@@ -1,13 +1,13 @@
 /** GeoJSON of a survey: a line for each flight and its pictures, by vehicle. Pure. */
 
 import type { PlannedSurvey } from "../api/types";
+import { PICTURE, TAKEOFF } from "../planning/command_types";
+import { shifted } from "../planning/ground";
 import type { Camera } from "../planning/survey";
 import { placeOf } from "./features";
 
 /** So many colours; further vehicles begin again with the first. */
 export const DRONE_COLOURS = 6;
-const PICTURE = 4;
-const M_PER_DEG = 111_195;
 const RAD = Math.PI / 180;
 
 /** One flight of a survey: its places and where it takes pictures, as [longitude, latitude]. */
@@ -15,6 +15,8 @@ export interface SurveyFlight {
   vehicleId: number;
   /** Which battery of this vehicle, from 1. */
   round: number;
+  /** Where it begins and ends; null where it takes off towards its first place. */
+  home: [number, number] | null;
   places: [number, number][];
   pictures: [number, number][];
 }
@@ -22,13 +24,16 @@ export interface SurveyFlight {
 export function surveyFlights(survey: PlannedSurvey): SurveyFlight[] {
   return survey.plans.flatMap((plan, index) =>
     plan.missions.map((mission): SurveyFlight => {
-      const flight: SurveyFlight = { vehicleId: mission.vehicle_id, round: index + 1, places: [], pictures: [] };
+      const flight: SurveyFlight = { vehicleId: mission.vehicle_id, round: index + 1, home: null, places: [], pictures: [] };
       for (const command of mission.command_array) {
         const place = placeOf(command);
         const last = flight.places.at(-1);
-        if (place !== null) flight.places.push(place);
+        if (command.command_type_id === TAKEOFF) flight.home = place;
+        else if (place !== null) flight.places.push(place);
         else if (command.command_type_id === PICTURE && last) flight.pictures.push(last);
       }
+      const [first] = flight.places;
+      if (first?.every((degrees, axis) => degrees === flight.home?.[axis])) flight.home = null;
       return flight;
     }),
   );
@@ -39,16 +44,11 @@ export function colourOf(vehicleId: number, vehicles: readonly number[]): number
   return (Math.max(0, vehicles.indexOf(vehicleId)) % DRONE_COLOURS) + 1;
 }
 
-/** Where vehicles stand, as [longitude, latitude] by number: they begin there and return. */
-export type Homes = ReadonlyMap<number, readonly [number, number]>;
-
-export function surveyFeatures(
-  flights: readonly SurveyFlight[], vehicles: readonly number[], homes: Homes = new Map(),
-): GeoJSON.FeatureCollection {
-  const features = flights.flatMap(({ vehicleId, places, pictures }): GeoJSON.Feature[] => {
+export function surveyFeatures(flights: readonly SurveyFlight[], vehicles: readonly number[]): GeoJSON.FeatureCollection {
+  const features = flights.flatMap(({ vehicleId, home, places, pictures }): GeoJSON.Feature[] => {
     const properties = { part: "survey", drone: colourOf(vehicleId, vehicles) };
-    const [home, first, last] = [homes.get(vehicleId), places[0], places.at(-1)];
-    const transit = home === undefined || first === undefined || last === undefined ? [] : [[[...home], first], [last, [...home]]];
+    const [first, last] = [places[0], places.at(-1)];
+    const transit = home === null || first === undefined || last === undefined ? [] : [[home, first], [last, home]];
     return [
       { type: "Feature", properties: { ...properties, part: "transit" }, geometry: { type: "MultiLineString", coordinates: transit } },
       { type: "Feature", properties, geometry: { type: "LineString", coordinates: places } },
@@ -90,11 +90,9 @@ export function footprintFeatures(
 
 function cornersOf([longitude, latitude]: [number, number], one: Footprint): [number, number][] {
   const [cosine, sine] = [Math.cos(one.bearing_deg * RAD), Math.sin(one.bearing_deg * RAD)];
-  const narrowing = M_PER_DEG * Math.cos(latitude * RAD);
   return [[1, 1], [1, -1], [-1, -1], [-1, 1], [1, 1]].map(([forward = 0, right = 0]) => {
     const [along_m, across_m] = [(forward * one.along_m) / 2, (right * one.across_m) / 2];
-    const north_m = along_m * cosine - across_m * sine;
-    const east_m = along_m * sine + across_m * cosine;
-    return [longitude + east_m / narrowing, latitude + north_m / M_PER_DEG];
+    const [north, east] = shifted([latitude, longitude], along_m * cosine - across_m * sine, along_m * sine + across_m * cosine);
+    return [east, north];
   });
 }

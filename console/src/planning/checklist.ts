@@ -1,9 +1,10 @@
 /** What a person should look at before a mission is dispatched. Pure. */
 
-import type { Mission, Vehicle } from "../api/types";
-import { allows, crosses, type Fence } from "./fence";
-import { heightProfile, lengthOf, metresBetween } from "./height_profile";
-import { HOME, TAKEOFF } from "./command_forms";
+import type { Command, Mission, Vehicle } from "../api/types";
+import { CIRCLE, HOME, PICTURE, TAKEOFF } from "./command_types";
+import { allows, crosses, type Fence, type Rings } from "./fence";
+import { bearing_deg, circleAround, metresBetween, type GroundPlace } from "./ground";
+import { heightProfile, lengthOf } from "./height_profile";
 import { windState, type Wind } from "./wind";
 
 /** "look": nothing measures it, a person has to look. */
@@ -21,15 +22,19 @@ const USUAL_ENDURANCE_S = 900;
 /** Time that a picture takes, and slowing down and speeding up at a place. */
 const PICTURE_S = 1.5;
 const STOP_S = 2;
-const PICTURE = 4;
 const USUAL_SPEED_M_S = 5;
 const NEAR_M = 50;
 const FAR_M = 1000;
+
+/** Bearings of a circle's first place from its middle, by its start point; at any other number the nearest place. */
+const CIRCLE_STARTS_DEG: Record<number, number> = { 0: 0, 1: 180, 2: 270, 3: 90 };
 
 /** What is known beside the mission and the vehicle. */
 export interface Circumstances {
   /** Where the mission may fly; null: nobody has drawn it. */
   fence: Fence | null;
+  /** No-fly areas of other fields; one around the place from which the vehicle starts is none for it. */
+  elsewhere?: Rings;
   /** Where the vehicle was last seen standing: it may be in the air by now. */
   home?: { latitude: number; longitude: number } | null;
   /** How long a battery lasts. */
@@ -41,7 +46,7 @@ export interface Circumstances {
 
 /** The checks of a mission for the vehicle as it is now; undefined: it is not known. */
 export function checklist(
-  mission: Mission, vehicle: Vehicle | undefined, { fence, home, endurance_s, wind, now_ms }: Circumstances,
+  mission: Mission, vehicle: Vehicle | undefined, { fence, elsewhere, home, endurance_s, wind, now_ms }: Circumstances,
 ): Check[] {
   return [
     { name: "ready", state: readiness(vehicle) },
@@ -49,24 +54,54 @@ export function checklist(
     { name: "gps", state: fix(vehicle) },
     { name: "place", state: place(mission, vehicle, NEAR_M) },
     { name: "home", state: place(mission, vehicle, FAR_M) },
-    { name: "fence", state: inside(mission, home ?? vehicle, fence) },
+    { name: "fence", state: inside(mission, home ?? vehicle, fence, elsewhere ?? []) },
     { name: "wind", state: windState(wind ?? null, now_ms ?? 0) },
   ];
 }
 
-/** Whether every place of the mission is where it may fly, and no path to, between or back from them leads through a no-fly area. */
-function inside(mission: Mission, start: { latitude?: unknown; longitude?: unknown } | undefined, fence: Fence | null): CheckState {
+/** Whether every place and circle of the mission is where it may fly, and no path to, between or back from them leads through a no-fly area. */
+function inside(mission: Mission, start: Partial<Vehicle> | { latitude: number; longitude: number } | undefined, fence: Fence | null, elsewhere: Rings): CheckState {
   if (fence === null) return "warning";
-  const places = mission.command_array.flatMap(({ parameters }) => placesOf(parameters));
-  const home = placesOf(start ?? {});
-  const returns = mission.command_array.some((one) => one.command_type_id === HOME);
-  const flown = [...home, ...places, ...(returns ? home : [])];
-  const isAround = flown.every((place, index) => index === 0 || !crosses(fence, flown[index - 1] ?? place, place));
-  return isAround && places.every((place) => allows(fence, place)) ? "good" : "bad";
+  const home = placeOf(start ?? {});
+  const path = pathOf(mission.command_array, home);
+  const places = path.filter(({ isTakeoff }) => !isTakeoff).map(({ place }) => place);
+  const meets = (one: Fence) => path.some(({ place }, index) => {
+    const before = path[index - 1]?.place;
+    return !allows({ ...one, inclusion: [] }, place) || (before !== undefined && crosses(one, before, place));
+  });
+  if (meets(fence) || !places.every((place) => allows(fence, place))) return "bad";
+  const others = elsewhere.filter((ring) => home === null || allows({ inclusion: [], exclusion: [ring] }, home));
+  return meets({ inclusion: [], exclusion: others }) ? "warning" : "good";
 }
 
-function placesOf({ latitude, longitude }: { latitude?: unknown; longitude?: unknown }): [number, number][] {
-  return typeof latitude === "number" && typeof longitude === "number" ? [[latitude, longitude]] : [];
+/** A place that is flown to; a vehicle takes off where it stands, which may lie beside its field. */
+interface PathPlace {
+  place: GroundPlace;
+  isTakeoff: boolean;
+}
+
+/** The places of a mission in the order of flight, from home and, where it returns, back. */
+function pathOf(commands: readonly Command[], home: GroundPlace | null): PathPlace[] {
+  const path: PathPlace[] = home === null ? [] : [{ place: home, isTakeoff: true }];
+  for (const { command_type_id: type, parameters } of commands) {
+    const place = type === HOME ? home : placeOf(parameters);
+    if (place === null) continue;
+    const isTakeoff = type === TAKEOFF || type === HOME;
+    const flown = type === CIRCLE ? circleFrom(place, parameters, path.at(-1)?.place ?? place) : [place];
+    path.push(...flown.map((one) => ({ place: one, isTakeoff })));
+  }
+  return path;
+}
+
+/** The line of a circle from where it is entered. */
+function circleFrom(centre: GroundPlace, parameters: Command["parameters"], from: GroundPlace): GroundPlace[] {
+  const { radius, start_point } = parameters;
+  const start_deg = CIRCLE_STARTS_DEG[Number(start_point ?? NaN)] ?? bearing_deg(centre, from);
+  return circleAround(centre, Number(radius ?? 0), start_deg);
+}
+
+function placeOf({ latitude, longitude }: { latitude?: unknown; longitude?: unknown }): GroundPlace | null {
+  return typeof latitude === "number" && typeof longitude === "number" ? [latitude, longitude] : null;
 }
 
 function readiness(vehicle: Vehicle | undefined): CheckState {
@@ -96,10 +131,8 @@ function fix(vehicle: Vehicle | undefined): CheckState {
 
 /** Whether the vehicle stands so near to where the plan takes off: it returns to where it stands. */
 function place(mission: Mission, vehicle: Vehicle | undefined, farthest_m: number): CheckState {
-  const start = mission.command_array.find((one) => one.command_type_id === TAKEOFF)?.parameters;
-  const { latitude, longitude } = vehicle ?? {};
-  if (typeof latitude !== "number" || typeof longitude !== "number") return "warning";
-  if (typeof start?.["latitude"] !== "number" || typeof start["longitude"] !== "number") return "warning";
-  const there = { latitude: start["latitude"], longitude: start["longitude"] };
-  return metresBetween({ latitude, longitude }, there) <= farthest_m ? "good" : "warning";
+  const takeoff = mission.command_array.find((one) => one.command_type_id === TAKEOFF);
+  const [here, there] = [placeOf(vehicle ?? {}), placeOf(takeoff?.parameters ?? {})];
+  if (here === null || there === null) return "warning";
+  return metresBetween(here, there) <= farthest_m ? "good" : "warning";
 }

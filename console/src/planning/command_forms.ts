@@ -26,9 +26,6 @@ const PARAMETERS = new Map<number, Parameter[]>(
 );
 
 export const COMMAND_TYPES = [...PARAMETERS.keys()];
-export const TAKEOFF = 1;
-export const WAYPOINT = 3;
-export const HOME = 11;
 
 const USUAL: Record<string, ParameterValue> = {
   altitude: 15,

@@ -1,20 +1,27 @@
 /** Areas in which a plan may fly. Pure. */
 
 import type { StoredField } from "../api/types";
+import type { GroundPlace } from "./ground";
+
+/** Each a list of corners as [latitude, longitude]. */
+export type Rings = readonly (readonly (readonly number[])[])[];
 
 /** Rings of [latitude, longitude]: inside one inclusion if there are any, outside every exclusion. */
 export interface Fence {
-  inclusion: readonly (readonly (readonly number[])[])[];
-  exclusion: readonly (readonly (readonly number[])[])[];
+  inclusion: Rings;
+  exclusion: Rings;
   /** Above home; none: no limit of its own. */
   highest_m?: number | null;
 }
 
-type Place = readonly [latitude: number, longitude: number];
-
 /** Where a plan for a field may fly that has no fence of its own. */
 export function fenceOfField({ boundary, holes, exclusions }: Pick<StoredField, "boundary" | "holes" | "exclusions">): Fence {
   return { inclusion: [boundary], exclusion: [...holes, ...exclusions] };
+}
+
+/** The no-fly areas of all fields but one. */
+export function exclusionsElsewhere(fields: readonly StoredField[], but: number | null): Rings {
+  return fields.flatMap(({ id, exclusions }) => (id === but ? [] : exclusions));
 }
 
 /** The fence of a plan document; null without one. */
@@ -24,13 +31,13 @@ export function fenceOf(geofence: object | null | undefined): Fence | null {
   return { inclusion, exclusion, highest_m: max_altitude ?? null };
 }
 
-export function allows(fence: Fence, place: Place): boolean {
+export function allows(fence: Fence, place: GroundPlace): boolean {
   const isIncluded = fence.inclusion.length === 0 || fence.inclusion.some((ring) => contains(ring, place));
   return isIncluded && !fence.exclusion.some((ring) => contains(ring, place));
 }
 
 /** Whether the straight path between two places crosses an exclusion. */
-export function crosses({ exclusion }: Fence, from: Place, to: Place): boolean {
+export function crosses({ exclusion }: Fence, from: GroundPlace, to: GroundPlace): boolean {
   return exclusion.some((ring) =>
     ring.some((corner, index) => {
       const next = ring[(index + 1) % ring.length] ?? corner;
@@ -40,17 +47,17 @@ export function crosses({ exclusion }: Fence, from: Place, to: Place): boolean {
   );
 }
 
-function placeOf([latitude = 0, longitude = 0]: readonly number[]): Place {
+function placeOf([latitude = 0, longitude = 0]: readonly number[]): GroundPlace {
   return [latitude, longitude];
 }
 
 /** On which side of a line through two places a third one lies: 1 or -1, 0 on it. */
-function sideOf(from: Place, to: Place, place: Place): number {
+function sideOf(from: GroundPlace, to: GroundPlace, place: GroundPlace): number {
   return Math.sign((to[1] - from[1]) * (place[0] - from[0]) - (to[0] - from[0]) * (place[1] - from[1]));
 }
 
 /** Counts the edges that are crossed to the east. */
-function contains(ring: readonly (readonly number[])[], [latitude, longitude]: Place): boolean {
+function contains(ring: readonly (readonly number[])[], [latitude, longitude]: GroundPlace): boolean {
   let isInside = false;
   ring.forEach(([fromLatitude = 0, fromLongitude = 0], index) => {
     const [toLatitude = 0, toLongitude = 0] = ring[(index + 1) % ring.length] ?? [];

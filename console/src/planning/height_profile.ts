@@ -1,7 +1,9 @@
 /** The heights of a plan over the distance that it flies. Pure. */
 
 import type { Command } from "../api/types";
-import { heightOf_m, HOME, TAKEOFF } from "./command_forms";
+import { heightOf_m } from "./command_forms";
+import { HOME, LAND, TAKEOFF } from "./command_types";
+import { metresBetween, type GroundPlace } from "./ground";
 
 /** A place of the plan: distance flown and height above home, in metres. */
 export interface ProfilePoint {
@@ -11,22 +13,19 @@ export interface ProfilePoint {
   height_m: number;
 }
 
-const M_PER_DEG = 111_195;
-const RAD = Math.PI / 180;
-const LAND = 2;
 
 /** The points between which a plan climbs and descends; none for a plan without a takeoff. */
 export function heightProfile(commands: readonly Command[]): ProfilePoint[] {
   const points: ProfilePoint[] = [];
   let distance_m = 0;
-  let before: { latitude: number; longitude: number } | null = null;
-  let start: { latitude: number; longitude: number } | null = null;
+  let before: GroundPlace | null = null;
+  let start: GroundPlace | null = null;
   commands.forEach((command, index) => {
     const { latitude, longitude } = command.parameters;
     const type = command.command_type_id;
     const height_m = heightOf_m(command);
-    let place: { latitude: number; longitude: number } | null = null;
-    if (typeof latitude === "number" && typeof longitude === "number") place = { latitude, longitude };
+    let place: GroundPlace | null = null;
+    if (typeof latitude === "number" && typeof longitude === "number") place = [latitude, longitude];
     if (type === HOME) place = start;
     if (type === TAKEOFF) {
       start = place;
@@ -48,14 +47,4 @@ export function heightProfile(commands: readonly Command[]): ProfilePoint[] {
 /** The length of the path over ground, in metres. */
 export function lengthOf(profile: readonly ProfilePoint[]): number {
   return profile.at(-1)?.distance_m ?? 0;
-}
-
-/** On a flat earth: plans are a few kilometres long at most. */
-export function metresBetween(
-  one: { latitude: number; longitude: number },
-  other: { latitude: number; longitude: number },
-): number {
-  const north = (other.latitude - one.latitude) * M_PER_DEG;
-  const east = (other.longitude - one.longitude) * M_PER_DEG * Math.cos(one.latitude * RAD);
-  return Math.hypot(north, east);
 }

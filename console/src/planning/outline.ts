@@ -3,6 +3,7 @@
 import type { FieldDraft } from "../api/resources";
 import type { StoredField } from "../api/types";
 import { rounded } from "./command_forms";
+import { eastMPerDeg, M_PER_DEG, shifted } from "./ground";
 
 /** Degrees, in the order of the edge server. */
 export type Corner = readonly [latitude: number, longitude: number];
@@ -21,8 +22,6 @@ export type RingName = "boundary" | `holes.${number}` | `exclusions.${number}`;
 
 export const EMPTY: Outline = { boundary: [], holes: [], exclusions: [], entry: null };
 export const FEWEST_CORNERS = 3;
-const M_PER_DEG = 111_195;
-const RAD = Math.PI / 180;
 /** A corner that is added without a map to click lies this far from the last one. */
 const STEP_M = 30;
 
@@ -86,12 +85,6 @@ export function middleOf(ring: Ring, index: number): Corner {
   return [(from[0] + to[0]) / 2, (from[1] + to[1]) / 2];
 }
 
-/** A corner some metres north and east of another one. */
-export function shifted([latitude, longitude]: Corner, north_m: number, east_m: number): Corner {
-  const east_deg = east_m / (M_PER_DEG * Math.cos(latitude * RAD));
-  return [latitude + north_m / M_PER_DEG, longitude + east_deg];
-}
-
 /** An outline with its entry elsewhere; null removes it. */
 export function withEntry(outline: Outline, entry: Corner | null): Outline {
   return { ...outline, entry: entry && precise(entry) };
@@ -109,7 +102,7 @@ export function nextCorner(ring: Ring, start: Corner): Corner {
 export function areaOf_m2(ring: Ring): number {
   const first = ring[0];
   if (first === undefined) return 0;
-  const east = Math.cos(first[0] * RAD) * M_PER_DEG;
+  const east = eastMPerDeg(first[0]);
   const places = ring.map(([latitude, longitude]): Corner => [
     (latitude - first[0]) * M_PER_DEG,
     (longitude - first[1]) * east,

@@ -4,6 +4,9 @@ import type { SurveyOrder } from "../api/types";
 import { orderedSpeed } from "./speed_limits";
 import type { SurveyArea } from "./survey_area";
 
+/** Where vehicles stand, as [longitude, latitude] by number: they take off there and return. */
+export type Homes = ReadonlyMap<number, readonly [number, number]>;
+
 /** A camera that looks straight down; its width lies across the line of flight. */
 export interface Camera {
   sensor_width_mm: number;
@@ -77,7 +80,7 @@ export function heightOf_m(camera: Camera, resolution_m: number): number {
 
 /** The order of a form for a field, held until somebody dispatches it; null while a value is missing. */
 export function orderOf(
-  form: SurveyForm, fieldId: number, vehicles: readonly number[], area: SurveyArea = null, home: SurveyOrder["home"] = null,
+  form: SurveyForm, fieldId: number, vehicles: readonly number[], area: SurveyArea = null, homes: Homes = new Map(),
 ): SurveyOrder | null {
   const { height_m, side_overlap, front_overlap, speed_m_s, endurance_s, swath_width_m } = form;
   // The survey's own limit is higher than that of the plans which are made of it
@@ -94,7 +97,10 @@ export function orderOf(
     vehicles: [...vehicles],
     most_commands: MOST_COMMANDS,
     dispatch: false,
-    ...(home ? { home } : {}),
+    homes: vehicles.flatMap((vehicle_id) => {
+      const [longitude, latitude] = homes.get(vehicle_id) ?? [];
+      return longitude === undefined || latitude === undefined ? [] : [{ vehicle_id, latitude, longitude }];
+    }),
     ...(area === null ? {} : { area: area.map(([latitude, longitude]): [number, number] => [latitude, longitude]) }),
     ...(form.direction_deg === "automatic" ? {} : { angle: form.direction_deg }),
   };
@@ -165,6 +171,7 @@ const TEXTS = {
   holes: "survey.field",
   exclusions: "survey.field_exclusions",
   entry: "fields.entry",
+  homes: "survey.home",
   home: "survey.home",
   missions: "survey.plan",
 } as const;

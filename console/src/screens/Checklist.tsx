@@ -1,28 +1,30 @@
 import { useTranslation } from "react-i18next";
-import { getField } from "../api/resources";
+import { listFields } from "../api/resources";
 import { serverAheadMs } from "../api/server_clock";
-import type { Mission, Plan } from "../api/types";
+import type { Mission, Plan, StoredField } from "../api/types";
 import { useUnits } from "../app/preferences";
 import { Pill } from "../controls/StatusPill";
 import { useLive } from "../live/use_live";
 import { useResource } from "../live/use_resource";
 import { useWind } from "../live/use_wind";
 import { checklist, type Circumstances } from "../planning/checklist";
-import { fenceOf, fenceOfField } from "../planning/fence";
+import { exclusionsElsewhere, fenceOf, fenceOfField } from "../planning/fence";
+
+const NO_FIELDS: StoredField[] = [];
 
 /** What to look at before a plan is dispatched, for each of its vehicles. */
 export function Checklist({ plan }: { plan: Plan }) {
   const { t } = useTranslation();
-  const ownFence = fenceOf(plan.geofence);
-  const id = ownFence === null ? plan.field_id : null;
-  const field = useResource(() => (id ? getField(id) : Promise.resolve(null)), id ?? 0).value?.value;
-  const fence = ownFence ?? (field ? fenceOfField(field) : null);
+  const fields = useResource(listFields).value ?? NO_FIELDS;
+  const field = fields.find((one) => one.id === plan.field_id);
+  const fence = fenceOf(plan.geofence) ?? (field ? fenceOfField(field) : null);
+  const elsewhere = exclusionsElsewhere(fields, field?.id ?? null);
   return (
     <>
       {plan.missions.map((mission) => (
         <section key={mission.mission_id} className="checklist">
           <h3>{t("vehicle.name", { id: mission.vehicle_id })}</h3>
-          <Checks mission={mission} fence={fence} />
+          <Checks mission={mission} fence={fence} elsewhere={elsewhere} />
         </section>
       ))}
     </>
@@ -30,7 +32,7 @@ export function Checklist({ plan }: { plan: Plan }) {
 }
 
 /** The checks of one vehicle. */
-export function Checks({ mission, ...circumstances }: { mission: Mission } & Pick<Circumstances, "fence" | "endurance_s">) {
+export function Checks({ mission, ...circumstances }: { mission: Mission } & Pick<Circumstances, "fence" | "elsewhere" | "endurance_s">) {
   const { t } = useTranslation();
   const units = useUnits();
   const vehicles = useLive((state) => state.vehicles);

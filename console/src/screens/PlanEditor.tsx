@@ -20,9 +20,9 @@ import { collection, fieldFeatures, placeOf, routeFeatures } from "../map/featur
 import { FarmMap } from "../map/map_part";
 import { isSamePlan, planChanges } from "../planning/changes";
 import {
-  COMMAND_TYPES, hasPlace, HOME, newCommand, placeOfFault, renumbered,
-  rounded, TAKEOFF, WAYPOINT,
+  COMMAND_TYPES, hasPlace, newCommand, placeOfFault, renumbered, rounded,
 } from "../planning/command_forms";
+import { HOME, TAKEOFF, WAYPOINT } from "../planning/command_types";
 import { documentOf, newMissionId, renumberedFrom } from "../planning/plan_document";
 import {
   changedMission, draftName, formOf, isPlanForm, isSameForm, lacksOf, newMission, withForm, withMission, type MissionForm, type PlanForm,

@@ -13,12 +13,14 @@ import { ErrorNotice, Notice } from "../controls/states";
 import { describeError } from "../i18n/describe_error";
 import { asRequestError } from "../live/use_resource";
 import { departing, withDepartures, type Departure } from "../planning/survey";
-import { fenceOfField } from "../planning/fence";
+import { exclusionsElsewhere, fenceOfField } from "../planning/fence";
 import { Checks } from "./Checklist";
 
 /** The checklist of each vehicle of a survey, and whether it flies now or waits. */
-export function SurveyDeparture({ field, survey, order, keyFor, close }: {
+export function SurveyDeparture({ field, fields, survey, order, keyFor, close }: {
   field: StoredField;
+  /** All of the farm: their no-fly areas are looked at too. */
+  fields: readonly StoredField[];
   survey: PlannedSurvey;
   order: SurveyOrder;
   /** The idempotency key of an order: the same order again makes no second survey. */
@@ -34,6 +36,7 @@ export function SurveyDeparture({ field, survey, order, keyFor, close }: {
   const later = survey.flights - first.length;
   const departureOf = (id: number): Departure => (held.has(id) ? "hold" : "now");
   const fence = fenceOfField(field);
+  const elsewhere = exclusionsElsewhere(fields, field.id);
   const fly = async () => {
     const wanted = withDepartures(order, first.map((one) => departureOf(one.vehicle_id)));
     const { plans } = await createSurvey(wanted, keyFor(wanted));
@@ -75,6 +78,7 @@ export function SurveyDeparture({ field, survey, order, keyFor, close }: {
             <Checks
               mission={mission}
               fence={fence}
+              elsewhere={elsewhere}
               {...(order.endurance === undefined ? {} : { endurance_s: order.endurance })}
             />
           )}

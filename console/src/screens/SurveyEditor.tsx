@@ -17,13 +17,13 @@ import { collection, fieldFeatures } from "../map/features";
 import { FarmMap } from "../map/map_part";
 import { entryElement, flightElement } from "../map/markers";
 import {
-  colourOf, footprintFeatures, footprintOf, surveyFeatures, surveyFlights, type Homes, type SurveyFlight,
+  colourOf, footprintFeatures, footprintOf, surveyFeatures, surveyFlights, type SurveyFlight,
 } from "../map/survey_features";
 import { Drafts } from "../planning/drafts";
 import { newKey } from "../planning/saving";
 import { begin } from "../planning/history";
 import { FEWEST_CORNERS, outlineOf } from "../planning/outline";
-import { cameraOf, FIRST_FORM, inputOfFault, orderOf, textOfFault, type SurveyForm } from "../planning/survey";
+import { cameraOf, FIRST_FORM, inputOfFault, orderOf, textOfFault, type Homes, type SurveyForm } from "../planning/survey";
 import {
   areaOfKept, areaOfRing, cornerOfFault, keptOf, ringOfArea, type KeptArea, type SurveyArea as Area,
 } from "../planning/survey_area";
@@ -44,7 +44,7 @@ const nothing = () => undefined;
 export default function SurveyEditor({ fieldId }: { fieldId: number }) {
   const fields = useResource(listFields);
   const field = fields.value?.find((one) => one.id === fieldId) ?? null;
-  if (field !== null) return <Editor field={field} />;
+  if (field !== null) return <Editor field={field} fields={fields.value ?? NO_FIELDS} />;
   const error = fields.value === null ? fields.error : new RequestError(404, "");
   return (
     <div className="screen">
@@ -65,7 +65,7 @@ function homesIn(texts: string): Homes {
     id === undefined || longitude === undefined || latitude === undefined ? [] : [[id, [longitude, latitude]]]));
 }
 
-function Editor({ field }: { field: StoredField }) {
+function Editor({ field, fields }: { field: StoredField; fields: readonly StoredField[] }) {
   const { t } = useTranslation();
   const known = useLive((state) => state.vehicles);
   const storing = useStoring();
@@ -77,9 +77,7 @@ function Editor({ field }: { field: StoredField }) {
   const vehicles = picked ?? [[...known.keys()][0] ?? 1];
   const standing = useLive(({ homes }) => vehicles.map((id) => homeText(id, homes.get(id))).join(";"));
   // The edge server knows where a vehicle is, which may fly by now, and not from where it will take off
-  const [longitude, latitude] = homesIn(standing).get(vehicles[0] ?? 0) ?? [];
-  const home = latitude === undefined || longitude === undefined ? null : { latitude, longitude };
-  const order = orderOf(form, field.id, vehicles, area, home);
+  const order = orderOf(form, field.id, vehicles, area, homesIn(standing));
   const [isFollowed, setFollowed] = useState(false);
   const preview = usePreview(order, previewSurvey, isFollowed);
   const isOperator = useIsOperator();
@@ -110,10 +108,10 @@ function Editor({ field }: { field: StoredField }) {
   const pictures = useFootprints(form, survey, flights, chosen);
   const layers = useMemo(() => {
     const ids = chosen.split(",").map(Number);
-    const lines = flights.length === 0 ? [] : surveyFeatures(flights, ids, homesIn(standing)).features;
+    const lines = flights.length === 0 ? [] : surveyFeatures(flights, ids).features;
     const drawn = fieldFeatures([{ boundary: ring }], "drawn").features;
     return { fields: collection([...fieldFeatures([field]).features, ...drawn]), routes: collection([...pictures, ...lines]) };
-  }, [field, ring, flights, pictures, chosen, standing]);
+  }, [field, ring, flights, pictures, chosen]);
   const fleet = useFleetSymbols(NO_FIELDS, null, nothing);
   const symbols = useMemo(() => {
     const ids = chosen.split(",").map(Number);
@@ -213,6 +211,7 @@ function Editor({ field }: { field: StoredField }) {
         {isDeparting && order !== null && survey !== null && (
           <SurveyDeparture
             field={field}
+            fields={fields}
             survey={survey}
             order={order}
             keyFor={storing.keyFor}

@@ -4,7 +4,8 @@ import { useMemo, useRef } from "react";
 import { useTranslation } from "react-i18next";
 import type { Symbol } from "../map/FarmMap";
 import { cornerElement, edgeElement, entryElement } from "../map/markers";
-import { FEWEST_CORNERS, middleOf, shifted, type Corner, type Ring, type RingName } from "../planning/outline";
+import { shifted } from "../planning/ground";
+import { FEWEST_CORNERS, middleOf, type Corner, type Ring, type RingName } from "../planning/outline";
 
 interface CornerActions {
   select: (index: number) => void;

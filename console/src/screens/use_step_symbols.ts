@@ -8,7 +8,7 @@ import { placeOf } from "../map/features";
 import type { Symbol } from "../map/FarmMap";
 import { updateWaypointElement, waypointElement } from "../map/markers";
 import { placeOfFault, problemsOf } from "../planning/command_forms";
-import { shifted } from "../planning/outline";
+import { shifted } from "../planning/ground";
 
 interface StepActions {
   select: (index: number) => void;

@@ -1,14 +1,17 @@
 /** States of what a person edits, with steps back and forward by button and key. */
 
-import { useRef, useState } from "react";
+import { useEffect, useRef, useState } from "react";
 import { useUndoKeys } from "../controls/use_undo_keys";
 import { change as record, redo, undo, type History } from "../planning/history";
+
+/** Inputs into which a person types; in others each change is one decision. */
+const TYPED: ReadonlySet<string> = new Set(["text", "number", "search"]);
 
 export interface Steps<State> {
   present: State;
   canUndo: boolean;
   canRedo: boolean;
-  /** Makes a new state; those with the same name after each other are one step back. */
+  /** Makes a new state; those with the same name after each other are one step back, and what is typed into a field until it is left. */
   change: (update: (present: State) => State, continued?: string) => void;
   undo: () => void;
   redo: () => void;
@@ -21,9 +24,17 @@ export function useSteps<State>(first: () => History<State>, { isLocked = false,
   stepped: (before: State, after: State) => void;
 }): Steps<State> {
   const [history, setHistory] = useState(first);
-  const last = useRef<string | undefined>(undefined);
-  const change = (update: (present: State) => State, continued?: string) => {
+  const last = useRef<string | Element | undefined>(undefined);
+  useEffect(() => {
+    const leave = () => {
+      if (last.current instanceof Element) last.current = undefined;
+    };
+    window.addEventListener("focusout", leave);
+    return () => window.removeEventListener("focusout", leave);
+  }, []);
+  const change = (update: (present: State) => State, name?: string) => {
     if (isLocked) return;
+    const continued = name ?? typedField();
     const isContinued = continued !== undefined && continued === last.current;
     last.current = continued;
     setHistory((all) => {
@@ -46,4 +57,10 @@ export function useSteps<State>(first: () => History<State>, { isLocked = false,
     change,
     ...steps,
   };
+}
+
+/** The field in which somebody types now. */
+function typedField(): Element | undefined {
+  const field = document.activeElement;
+  return field instanceof HTMLInputElement && TYPED.has(field.type) ? field : undefined;
 }

@@ -118,6 +118,29 @@ async function moveByKeys(page) {
   if (Number(await latitude.inputValue()) !== before) throw new Error("the step is not where it was");
 }
 
+/** What is typed into a field until it is left is one step back, and what is typed there later another. */
+async function undoTyping(page) {
+  await page.goto(`${origin}/console/plans/${DRAFT}/edit`);
+  await page.locator(".step-title").first().click();
+  const height = page.getByLabel("Height (m)");
+  const before = await height.inputValue();
+  const type = async (text) => {
+    await height.selectText();
+    await height.pressSequentially(text);
+    await page.locator("h1").click();
+  };
+  const undoTo = async (text) => {
+    await button(page, "Undo").click();
+    await page.locator(".step-title").first().click();
+    const shown = await height.inputValue();
+    if (shown !== text) throw new Error(`one step back from what was typed is ${shown}, not ${text}`);
+  };
+  await type("17.25");
+  await type("123");
+  await undoTo("17.25");
+  await undoTo(before);
+}
+
 /** The keys of undo take back a drag on the map, also where a field was being typed in before. */
 async function undoADragBehindTyping(page) {
   await page.goto(`${origin}/console/plans/${DRAFT}/edit`);
@@ -241,6 +264,7 @@ try {
     await showFaults(page);
     await moveAnOpenStep(page);
     await moveByKeys(page);
+    await undoTyping(page);
     await undoADragBehindTyping(page);
     await enterImperialUnits(page);
     await enterWithAComma(page);

@@ -12,12 +12,15 @@ const origin = new URL(ANA_LINK).origin;
 async function flySurvey(page) {
   await page.goto(`${origin}/console/fields/${FIELD}/survey`);
   await page.locator(".flight-marker").first().waitFor();
-  await page.getByLabel("Drone 2").check();
+  await page.getByRole("checkbox", { name: "Drone 2" }).check();
   await page.locator(".flight-marker", { hasText: "Drone 2" }).first().waitFor();
   const fly = page.getByRole("button", { name: "Fly now" });
   await fly.click();
   const dialog = page.getByRole("dialog", { name: "Fly the survey" });
   await dialog.getByText("Every point lies inside the fence or the field").first().waitFor();
+  const near = dialog.getByRole("listitem").filter({ hasText: "Stands where the plan takes off" });
+  const found = await near.allInnerTexts();
+  if (found.length !== 2 || !found.every((text) => /Good$/.test(text))) throw new Error(`the checks of both drones: ${found}`);
   const second = dialog.getByRole("group", { name: "Drone 2: when" });
   await second.getByRole("radio", { name: "Hold" }).check();
   await requireAccessible(page, "the departure of a survey");

@@ -15,7 +15,7 @@ from edge_server.services.planning import fields, plans
 from edge_server.store.rows import vehicles
 from edge_server.survey import part
 from edge_server.survey.planner import NoSurveyError, Survey, survey
-from edge_server.survey.request import Place, SurveyOrder, SurveyRequest, SurveyTerms
+from edge_server.survey.request import Home, Place, SurveyOrder, SurveyRequest, SurveyTerms
 
 NEAR_M: Final = 2000.0
 """From home: what is farther away is on no path of a survey."""
@@ -67,10 +67,10 @@ def _planned(context: Context, order: SurveyOrder, field: Field | None) -> Surve
         first = int(context.clock()) % INT32_MAX
     request = _request(order, field)
     try:
-        home, warnings = _home(context, request)
-        elsewhere = _elsewhere(context, order, home)
-        request = request.model_copy(update={"beyond": (*request.beyond, *elsewhere)})
-        planned = survey(request, home, first)
+        homes, warnings = _homes(context, request)
+        rings = fields.exclusions(context, but=order.field_id)
+        homes = [home._replace(beyond=tuple(_elsewhere(rings, home.place))) for home in homes]
+        planned = survey(request, homes, first)
     except NoSurveyError as error:
         raise InvalidError((Fault(_path_of(error, order), str(error)),)) from None
     number = sum(len(plan["missions"]) for plan in planned.plans)
@@ -129,14 +129,13 @@ def _part_of(
     return {"boundary": area, **near, "beyond": beyond}
 
 
-def _elsewhere(context: Context, order: SurveyOrder, home: Place) -> Iterator[Polygon]:
+def _elsewhere(rings: Sequence[Polygon], home: Place) -> Iterator[Polygon]:
     """Give the no-fly areas of other fields near home, the nearest first.
 
     They are on the paths from home and back. One in which home lies is none for these flights: it
     may be the farmyard from which every drone of the farm takes off.
     """
     at = home.latitude, home.longitude
-    rings = fields.exclusions(context, but=order.field_id)
     distances_m = ((min(distance_m(at, corner) for corner in ring), ring) for ring in rings)
     near = sorted(pair for pair in distances_m if pair[0] <= NEAR_M)
     corners = 0
@@ -148,26 +147,55 @@ def _elsewhere(context: Context, order: SurveyOrder, home: Place) -> Iterator[Po
             yield ring
 
 
-def _home(context: Context, request: SurveyRequest) -> tuple[Place, tuple[Fault, ...]]:
-    """Where the vehicles start: as given, where the first one is, or where the field begins.
+def _homes(context: Context, request: SurveyRequest) -> tuple[list[Home], tuple[Fault, ...]]:
+    """Where each vehicle starts: as given, where it is, where another one is, or at the field.
 
-    With a warning if the first one flies: it will not start from there; and if its place is not
-    known while there are areas to go round.
+    With a warning for one that flies, because it will not start from there, and for one whose place
+    is not known while there are areas to go round.
     """
-    if request.home is not None:
-        return request.home, ()
-    vehicle_id = request.vehicles[0]
-    with context.database.read() as connection:
-        known = vehicles.get(connection, vehicle_id)
-    state = {} if known is None else known.state
-    at = state.get("latitude"), state.get("longitude")
-    if None not in at:
-        flies = bool(state.get("armed")) and (state.get("altitude") or 0.0) >= AIRBORNE_M
-        text = f"is where vehicle {vehicle_id} flies now: give the place where it will take off"
-        warnings = (Fault("home", text),) if flies else ()
-        return Place(latitude=at[0], longitude=at[1]), warnings
-    latitude, longitude = request.entry or request.boundary[0]
-    text = f"is taken to be at the field: where vehicle {vehicle_id} stands is not known"
+    homes = _given_homes(request)
+    asked = [vehicle_id for vehicle_id in request.vehicles if vehicle_id not in homes]
+    warnings = []
+    for vehicle_id, place, flies in _present_places(context, asked):
+        homes[vehicle_id] = Home(place, is_takeoff=not flies)
+        if flies:
+            text = f"is where vehicle {vehicle_id} flies now: give the place where it will take off"
+            warnings.append(Fault("home", text))
     has_rings = bool(request.holes or request.exclusions or request.beyond)
-    warnings = (Fault("home", text),) if has_rings else ()
-    return Place(latitude=latitude, longitude=longitude), warnings
+    unknown = [vehicle_id for vehicle_id in request.vehicles if vehicle_id not in homes]
+    supposed = next((Home(home.place) for home in homes.values()), None)
+    for vehicle_id in unknown if has_rings else ():
+        text = f"is taken to be that of the others: where vehicle {vehicle_id} stands is not known"
+        if supposed is None:
+            text = f"is taken to be at the field: where vehicle {vehicle_id} stands is not known"
+        warnings.append(Fault("home", text))
+    if supposed is None:
+        latitude, longitude = request.entry or request.boundary[0]
+        supposed = Home(Place(latitude=latitude, longitude=longitude))
+    return [homes.get(vehicle_id, supposed) for vehicle_id in request.vehicles], tuple(warnings)
+
+
+def _given_homes(request: SurveyRequest) -> dict[int, Home]:
+    """By vehicle; a place that several share is where none of them takes off exactly."""
+    homes = {}
+    if request.home is not None:
+        is_takeoff = len(request.vehicles) == 1
+        homes = {one: Home(request.home, is_takeoff=is_takeoff) for one in request.vehicles}
+    for own in request.homes:
+        place = Place(latitude=own.latitude, longitude=own.longitude)
+        homes[own.vehicle_id] = Home(place, is_takeoff=True)
+    return homes
+
+
+def _present_places(
+    context: Context, vehicle_ids: Sequence[int]
+) -> Iterator[tuple[int, Place, bool]]:
+    """Give each vehicle whose place is known, with it and whether the vehicle flies."""
+    with context.database.read() as connection:
+        known = [(one, vehicles.get(connection, one)) for one in vehicle_ids]
+    for vehicle_id, row in known:
+        state = {} if row is None else row.state
+        latitude, longitude = state.get("latitude"), state.get("longitude")
+        if latitude is not None and longitude is not None:
+            flies = bool(state.get("armed")) and (state.get("altitude") or 0.0) >= AIRBORNE_M
+            yield vehicle_id, Place(latitude=latitude, longitude=longitude), flies

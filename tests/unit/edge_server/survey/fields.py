@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from afarcloud.geometry import METRES_PER_DEGREE
 from edge_server.survey.plane import Area, Point
-from edge_server.survey.planner import Survey, _laid_out
-from edge_server.survey.request import Place, SurveyRequest
+from edge_server.survey.planner import Survey, _laid_out, survey
+from edge_server.survey.request import Home, Place, SurveyRequest
 
 LATITUDE_DEG, LONGITUDE_DEG = 40.4434, -3.7382
 HOME = Place(latitude=LATITUDE_DEG, longitude=LONGITUDE_DEG)
@@ -38,6 +38,11 @@ def asked(**changes: Any) -> SurveyRequest:
         **changes,
     }
     return SurveyRequest.model_validate(body)
+
+
+def planned_from(home: Place, request: SurveyRequest) -> Survey:
+    """The survey of vehicles that all start from one place."""
+    return survey(request, [Home(home)] * len(request.vehicles), 1)
 
 
 def star(

@@ -20,8 +20,8 @@ from edge_server.survey.planner import (
     _laid_out,
     survey,
 )
-from edge_server.survey.request import Place, SurveyRequest
-from tests.unit.edge_server.survey.fields import CAMERA, asked, fly, place, star
+from edge_server.survey.request import Home, Place, SurveyRequest
+from tests.unit.edge_server.survey.fields import CAMERA, asked, fly, place, planned_from, star
 
 TRIANGLE = [place(-90, -30), place(-70, -30), place(-80, 30)]
 """Between a home to the west and the field."""
@@ -94,7 +94,7 @@ def surveys(draw: st.DrawFn) -> tuple[SurveyRequest, Place]:
 
 def try_survey(request: SurveyRequest, home: Place) -> Survey:
     try:
-        return survey(request, home, 1)
+        return planned_from(home, request)
     except NoSurveyError:
         assume(False)
         raise
@@ -178,7 +178,7 @@ def ring_m(
 def test_a_triangle_between_home_and_field_is_passed_at_two_metres() -> None:
     request = asked(exclusions=[TRIANGLE])
     home = home_at(WEST)
-    planned = survey(request, home, 1)
+    planned = planned_from(home, request)
     rings = rings_of(request, planned)
     (legs,) = legs_of(request, planned, home)
     for leg in legs:
@@ -199,7 +199,7 @@ def test_vehicles_that_go_round_the_same_corner_have_lanes_and_levels(
 ) -> None:
     fence = {"max_altitude": limit, "inclusion": []} if limit else None
     request = asked(exclusions=[TRIANGLE], vehicles=[1, 2, 3], altitude=altitude, geofence=fence)
-    planned = survey(request, home_at((-80.0, -31.0)), 1)
+    planned = planned_from(home_at((-80.0, -31.0)), request)
     missions = planned.plans[0]["missions"]
     bends = [mission["command_array"][1]["parameters"] for mission in missions]
     assert [bend["altitude"] for bend in bends] == heights
@@ -237,18 +237,83 @@ def test_a_round_pond_takes_few_bends() -> None:
 
 def test_a_home_inside_an_exclusion_still_gives_a_plan_with_a_warning() -> None:
     around = [place(-120, -10), place(-100, -10), place(-100, 10), place(-120, 10)]
-    planned = survey(asked(exclusions=[around]), home_at(WEST), 1)
-    assert planned.plans == survey(asked(), home_at(WEST), 1).plans
+    planned = planned_from(home_at(WEST), asked(exclusions=[around]))
+    assert planned.plans == planned_from(home_at(WEST), asked()).plans
     assert [fault.path for fault in planned.warnings] == ["home"]
 
 
 def test_rings_beyond_what_is_covered_are_avoided_from_home() -> None:
-    beyond = survey(asked(beyond=[TRIANGLE]), home_at(WEST), 1)
-    assert beyond.plans == survey(asked(exclusions=[TRIANGLE]), home_at(WEST), 1).plans
-    assert beyond.plans != survey(asked(), home_at(WEST), 1).plans
+    beyond = planned_from(home_at(WEST), asked(beyond=[TRIANGLE]))
+    assert beyond.plans == planned_from(home_at(WEST), asked(exclusions=[TRIANGLE])).plans
+    assert beyond.plans != planned_from(home_at(WEST), asked()).plans
 
 
 def test_a_mission_without_room_for_the_bends_is_refused_by_its_size() -> None:
     with pytest.raises(NoSurveyError) as caught:
-        survey(asked(exclusions=[TRIANGLE], most_commands=4), home_at((-80.0, -31.0)), 1)
+        planned_from(home_at((-80.0, -31.0)), asked(exclusions=[TRIANGLE], most_commands=4))
     assert caught.value.field == "most_commands"
+
+
+def command_places(planned: Survey) -> list[list[tuple[float, float]]]:
+    """Latitude and longitude of each command with a place, by flight."""
+    return [
+        [
+            (one["parameters"]["latitude"], one["parameters"]["longitude"])
+            for one in mission["command_array"]
+            if "latitude" in one["parameters"]
+        ]
+        for plan in planned.plans
+        for mission in plan["missions"]
+    ]
+
+
+def test_each_vehicle_takes_off_at_its_own_home_and_works_as_from_there() -> None:
+    """A shared home would lead vehicles to one point at the same time: there none takes off."""
+    west, east = home_at(WEST), home_at((110.0, 0.0))
+    request = asked(exclusions=[TRIANGLE], vehicles=[1, 2], altitude=20.0)
+    own = survey(request, [Home(west, is_takeoff=True), Home(east, is_takeoff=True)], 1)
+    (first, second), (alone, _) = command_places(own), command_places(planned_from(west, request))
+    assert first[0] == pytest.approx((west.latitude, west.longitude))
+    assert second[0] == pytest.approx((east.latitude, east.longitude))
+    assert alone[0] == alone[1] == first[1]
+    assert first[1:] == alone[1:]
+    eastern = planned_from(east, request)
+    assert second[1:] == command_places(eastern)[1][1:]
+    takeoff = own.plans[0]["missions"][0]["command_array"][0]["parameters"]
+    assert takeoff["altitude"] == 20.0
+
+
+def test_a_no_fly_area_beside_one_home_is_on_the_paths_of_that_vehicle_alone() -> None:
+    west = home_at(WEST)
+    request = asked(vehicles=[1, 2], endurance=86_400)
+    free = survey(request, [Home(west), Home(west)], 1)
+    first, second = command_places(
+        survey(request, [Home(west, beyond=(tuple(TRIANGLE),)), Home(west)], 1)
+    )
+    assert first != command_places(free)[0]
+    assert second == command_places(free)[1]
+
+
+@pytest.mark.parametrize(
+    ("fence", "takes_off_at_home"),
+    [
+        ({"inclusion": [[place(-120, -50), place(70, -50), place(70, 50), place(-120, 50)]]}, True),
+        ({"inclusion": [[place(-70, -50), place(70, -50), place(70, 50), place(-70, 50)]]}, False),
+        ({"exclusion": [[place(-120, -40), place(-105, -40), place(-105, -20)]]}, True),
+        ({"exclusion": [[place(-120, -10), place(-105, -10), place(-105, 10)]]}, False),
+        (
+            {"exclusion": [[place(-90, -60), place(-85, -60), place(-85, 60), place(-90, 60)]]},
+            False,
+        ),
+    ],
+    ids=["inside", "home outside", "exclusion elsewhere", "home in exclusion", "leg crosses"],
+)
+def test_a_takeoff_that_the_fence_forbids_leads_to_the_first_place(
+    fence: dict[str, Any], *, takes_off_at_home: bool
+) -> None:
+    """Then home is where no plan may begin, and the plan is still one that the rules accept."""
+    home = home_at(WEST)
+    (places,) = command_places(survey(asked(geofence=fence), [Home(home, is_takeoff=True)], 1))
+    at_home = places[0] == pytest.approx((home.latitude, home.longitude))
+    assert at_home is takes_off_at_home
+    assert at_home or places[0] == places[1]

@@ -11,7 +11,7 @@ from afarcloud.enumerations import CommandType
 from afarcloud.geometry import distance_m
 from edge_server.survey import lines
 from edge_server.survey.plane import Area
-from edge_server.survey.planner import MARGIN_M, NoSurveyError, Survey, survey
+from edge_server.survey.planner import MARGIN_M, NoSurveyError, Survey
 from edge_server.survey.request import SurveyRequest
 from tests.unit.edge_server.survey.fields import (
     CAMERA,
@@ -21,18 +21,19 @@ from tests.unit.edge_server.survey.fields import (
     coverage,
     fly,
     place,
+    planned_from,
     requests,
 )
 
 
 def planned(**changes: Any) -> Survey:
-    return survey(asked(**changes), HOME, 1)
+    return planned_from(HOME, asked(**changes))
 
 
 def try_survey(request: SurveyRequest) -> Survey:
     """Plan it, unless a pond cuts the field in two."""
     try:
-        return survey(request, HOME, 1)
+        return planned_from(HOME, request)
     except NoSurveyError as error:
         assume(error.field != "exclusions")
         raise
@@ -155,7 +156,7 @@ def test_nothing_is_flown_over_a_hole_or_an_exclusion() -> None:
             name: [pond],
         }
         request = SurveyRequest.model_validate(body)
-        flown = fly(request, survey(request, HOME, 1))
+        flown = fly(request, planned_from(HOME, request))
         for start, end in itertools.pairwise(flown.flights[0]):
             assert math.dist(start, end) == 0.0 or flown.area.is_free(start, end)
 

@@ -155,8 +155,8 @@ def test_a_flight_to_a_part_goes_round_what_lies_in_the_rest_of_the_field(edge: 
         field = {"boundary": EXAMPLE["boundary"], "exclusions": exclusions}
         order["field_id"] = (edge.post("/fields/", field, "operator").json or {})["id"]
         planned = edge.post("/surveys/?preview=true", order, "operator")
-        commands = (planned.json or {})["plans"][0]["missions"][0]["command_array"]
-        easternmost.append(max(one["parameters"].get("longitude", -4) for one in commands))
+        _, *flown = (planned.json or {})["plans"][0]["missions"][0]["command_array"]
+        easternmost.append(max(one["parameters"].get("longitude", -4) for one in flown))
     assert easternmost[0] < -3.7386 < -3.7383 < easternmost[1]
 
 
@@ -212,6 +212,72 @@ def test_a_survey_from_where_a_vehicle_flies_has_a_warning(
     for stored in edge.get("/plans/"):
         expected = is_warned and not stored["name"].startswith("given")
         assert ("flies now" in str(stored["warnings"])) is expected, stored["warnings"]
+
+
+NORTH = {"latitude": 40.4447, "longitude": -3.7390}
+SOUTH = {"latitude": 40.4425, "longitude": -3.7386}
+
+
+def takeoffs(answer: Any) -> dict[int, dict[str, float] | None]:
+    """Where the first mission of each vehicle takes off; None: at its first place."""
+    found: dict[int, dict[str, float] | None] = {}
+    for one in answer.json["plans"][0]["missions"]:
+        start, first = (
+            {name: round(command["parameters"][name], 6) for name in ("latitude", "longitude")}
+            for command in one["command_array"][:2]
+        )
+        found[one["vehicle_id"]] = None if start == first else start
+    return found
+
+
+def stands(edge: Edge, vehicle_id: int, state: dict[str, Any]) -> None:
+    document = {"link_state": "connected", "armed": False, "altitude": 0.0, **state}
+    assert edge.ask("PUT", f"/vehicles/{vehicle_id}", "broker", json=document).status_code == 200
+
+
+def test_each_vehicle_of_a_survey_takes_off_where_it_stands(edge: Edge) -> None:
+    stands(edge, 1, NORTH)
+    stands(edge, 2, SOUTH)
+    assert takeoffs(ask(edge, vehicles=[1, 2])) == {1: NORTH, 2: SOUTH}
+    assert takeoffs(ask(edge, vehicles=[2, 1])) == {1: NORTH, 2: SOUTH}
+    elsewhere = [{"vehicle_id": 2, "latitude": 40.4426, "longitude": -3.7391}]
+    given = {"latitude": 40.4426, "longitude": -3.7391}
+    assert takeoffs(ask(edge, vehicles=[1, 2], homes=elsewhere)) == {1: NORTH, 2: given}
+
+
+def test_vehicles_that_share_a_home_do_not_meet_above_it(edge: Edge) -> None:
+    stands(edge, 1, NORTH)
+    assert takeoffs(ask(edge, vehicles=[1, 2])) == {1: NORTH, 2: None}
+    assert takeoffs(ask(edge, vehicles=[1, 2], home=SOUTH)) == {1: None, 2: None}
+    assert takeoffs(ask(edge, vehicles=[1], home=SOUTH)) == {1: SOUTH}
+
+
+def test_a_vehicle_in_the_air_takes_off_nowhere_yet(edge: Edge) -> None:
+    stands(edge, 1, {**NORTH, "altitude": 30.0, "armed": True})
+    stands(edge, 2, SOUTH)
+    assert takeoffs(ask(edge, vehicles=[1, 2])) == {1: None, 2: SOUTH}
+
+
+def test_a_vehicle_of_unknown_place_is_warned_of_where_there_is_something_to_go_round(
+    edge: Edge,
+) -> None:
+    stands(edge, 1, NORTH)
+    hole = [[40.4434, -3.7388], [40.4434, -3.7384], [40.4437, -3.7384]]
+    for holes, is_warned in (([hole], True), ([], False)):
+        stored = ask(edge, vehicles=[1, 2], holes=holes).json["plans"][0]
+        text = "that of the others: where vehicle 2 stands is not known"
+        assert (text in str(stored["warnings"])) is is_warned
+        assert "vehicle 1" not in str(stored["warnings"])
+
+
+@pytest.mark.parametrize("vehicle_ids", [[1, 1], [3]])
+def test_homes_are_those_of_the_vehicles_that_fly(edge: Edge, vehicle_ids: list[int]) -> None:
+    homes = [{**NORTH, "vehicle_id": one} for one in vehicle_ids]
+    answer = ask(edge, vehicles=[1, 2], homes=homes)
+    assert answer.status_code == 422
+    (faults,) = answer.json["detail"]["json"].values()
+    assert "names a vehicle twice, or one that is not in vehicles" in str(faults)
+    assert list(answer.json["detail"]["json"]) == ["homes"]
 
 
 @pytest.mark.parametrize(
