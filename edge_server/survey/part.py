@@ -19,6 +19,8 @@ from edge_server.survey.plane import (
 TOLERANCE_M: Final = 0.1
 """A corner on an edge of the field is rounded; places keep a wider margin from the edge."""
 LEAST_SHOWN_M: Final = 1.0
+MOST_LOOKS: Final = 2_000_000
+"""Places on sides times edges of the field: a part of any real field takes a hundredth."""
 _LOOKED_AT: Final = tuple(number / 8 for number in range(1, 8))
 
 
@@ -38,6 +40,7 @@ def _faults_of_sides(area: Polygon, boundary: Polygon) -> Iterator[Fault]:
     known = set(_sides(boundary))
     frame = Frame(*boundary[0], 0.0)
     field = Area([frame.to_plane(corner) for corner in boundary])
+    looks = 0
     for index, (here, after) in enumerate(_sides(area)):
         if (here, after) in known or (after, here) in known:
             continue
@@ -45,7 +48,14 @@ def _faults_of_sides(area: Polygon, boundary: Polygon) -> Iterator[Fault]:
         if (outside_m := _outside_m(field, start)) > TOLERANCE_M:
             yield Fault(f"area.{index}", f"is {_shown(outside_m)} m outside of the field")
         elif _outside_m(field, end) <= TOLERANCE_M:
-            outside_m = max(_outside_m(field, point) for point in _between(field, start, end))
+            points = [*_between(field, start, end)]
+            looks += len(points) * len(boundary)
+            if looks > MOST_LOOKS:
+                yield Fault(
+                    "area", "crosses the boundary of the field too often; draw a simpler one"
+                )
+                return
+            outside_m = max(_outside_m(field, point) for point in points)
             if outside_m > TOLERANCE_M:
                 text = f"is followed by a side that is {_shown(outside_m)} m outside of the field"
                 yield Fault(f"area.{index}", text)

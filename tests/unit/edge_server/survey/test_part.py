@@ -72,3 +72,27 @@ def test_a_bay_whose_mouth_lies_on_a_side_of_the_area_is_not_covered() -> None:
     around = area((0, 0), (100, 0), (100, 80), (0, 80))
     texts = [fault.message for fault in part.faults(around, field)]
     assert texts == ["surrounds ground that is outside of the field"]
+
+
+def comb(teeth: int, *, is_lying: bool = False) -> Polygon:
+    """A field of long teeth side by side, or a part of it whose teeth lie across them."""
+    corners = [(0.0, 0.0)]
+    for number in range(teeth):
+        at = 1000.0 * number / teeth
+        width = 400.0 / teeth
+        corners += [(at, 1000.0), (at + width, 1000.0), (at + width, 50.0), (at + 2 * width, 50.0)]
+    corners.append((1000.0, 0.0))
+    if is_lying:
+        last = 1000.0 * (teeth - 1) / teeth
+        corners = [(x / 1e3 * last + 0.1, 100.0 + 0.8 * y) for y, x in corners]
+    return area(*corners)
+
+
+def test_an_area_across_every_tooth_of_a_field_is_refused_before_it_is_looked_at_whole() -> None:
+    """Its sides cross the boundary a hundred thousand times: to look at each takes minutes."""
+    (fault,) = part.faults(comb(240, is_lying=True), comb(240))
+    assert fault.path == "area"
+    assert fault.message == "crosses the boundary of the field too often; draw a simpler one"
+    few = list(part.faults(comb(8, is_lying=True), comb(8)))
+    assert len(few) > 8
+    assert all("outside of the field" in fault.message for fault in few)
