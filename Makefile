@@ -217,8 +217,8 @@ soak: $(DEV) ## kill the edge server CYCLES (200) times under load, and what els
 	@exec $(RUN) -m tests.soak
 
 .PHONY: dst
-dst: $(DEV) ## simulate the whole system under faults: SEEDS=20 JOBS=2 HOURS=24 DEPTH=1, or replay SEED=7 FAULTS=loss,pilot SHRINK=1
-	@exec $(RUN) -m dst --seeds $(SEEDS) --jobs $(JOBS) --first $(FIRST) $(if $(filter command line environment,$(origin SEED)),--seed $(SEED)) $(if $(HOURS),--hours $(HOURS)) $(if $(DEPTH),--depth) $(if $(FAULTS),--faults $(FAULTS)) $(if $(SHRINK),--shrink)
+dst: $(DEV) ## simulate the whole system under faults: SEEDS=20 JOBS=2 HOURS=24 SHIFT_S=120 DEPTH=1, or replay SEED=7 FAULTS=loss,pilot SHRINK=1
+	@exec $(RUN) -m dst --seeds $(SEEDS) --jobs $(JOBS) --first $(FIRST) $(if $(filter command line environment,$(origin SEED)),--seed $(SEED)) $(if $(HOURS),--hours $(HOURS)) $(if $(SHIFT_S),--shift-s $(SHIFT_S)) $(if $(DEPTH),--depth) $(if $(FAULTS),--faults $(FAULTS)) $(if $(SHRINK),--shrink)
 
 .PHONY: dst-prove
 dst-prove: $(DEV) ## break the product in 21 ways, one at a time: after how many of SEEDS=1000 it is found

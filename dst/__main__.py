@@ -18,7 +18,7 @@ from pathlib import Path
 
 from dst import coverage
 from dst.faults.kinds import Fault, draw
-from dst.simulate import Outcome, shrink, simulate
+from dst.simulate import FAULTS_S, Outcome, shrink, simulate
 from dst.world.edge_process import prepared_folder
 
 INTERRUPTED = 130
@@ -36,6 +36,9 @@ def main(arguments: Sequence[str]) -> int:
         "--hours", type=float, default=0.0, help="hours of farm, in shifts with breaks (one shift)"
     )
     parser.add_argument(
+        "--shift-s", type=float, default=FAULTS_S, help=f"seconds with faults ({FAULTS_S:g})"
+    )
+    parser.add_argument(
         "--depth", action="store_true", help="one vehicle, with the whole flight stack on JSBSim"
     )
     parser.add_argument("--seed", type=int, help="replay this seed with its trace")
@@ -46,7 +49,13 @@ def main(arguments: Sequence[str]) -> int:
     options = parser.parse_args(arguments)
     logging.disable(logging.CRITICAL)
     with _folder() as prepared:
-        run = partial(simulate, prepared=prepared, hours=options.hours, is_deep=options.depth)
+        run = partial(
+            simulate,
+            prepared=prepared,
+            hours=options.hours,
+            shift_s=options.shift_s,
+            is_deep=options.depth,
+        )
         if options.seed is not None:
             replay = partial(run, options.seed, kept_lines=None)
             return _replay(replay, _faults(options.faults), must_shrink=options.shrink)

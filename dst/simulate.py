@@ -51,12 +51,14 @@ class Outcome:
     reached: Mapping[str, int] = field(default_factory=dict)
     """As `Coverage.counts`."""
     hours: float = 0.0
+    shift_s: float = FAULTS_S
     is_deep: bool = False
 
     def describe(self) -> str:
         """Give the failure, and the command that replays the seed."""
         faults = ",".join(sorted(self.faults)) or "none"
         options = f" HOURS={self.hours:g}" if self.hours else ""
+        options += f" SHIFT_S={self.shift_s:g}" if self.shift_s != FAULTS_S else ""
         options += " DEPTH=1" if self.is_deep else ""
         return (
             f"seed {self.seed}: {self.failure or 'every law holds'}\n"
@@ -73,9 +75,10 @@ def simulate(
     kept_lines: int | None = KEPT_LINES,
     vehicles: int | None = None,
     hours: float = 0.0,
+    shift_s: float = FAULTS_S,
     is_deep: bool = False,
 ) -> Outcome:
-    """Run one seed, by default with the faults that it draws.
+    """Run one seed, by default with the faults that it draws, for the virtual time of a shift.
 
     With `hours`, the farm works in shifts, between which every vehicle is switched off. In depth,
     one vehicle flies with the whole flight stack on JSBSim.
@@ -108,7 +111,7 @@ def simulate(
     world.http.on_answered = answered
     try:
         with coverage.counting():
-            _run(world, operator, enabled, hours)
+            _run(world, operator, enabled, hours, shift_s)
     except LawError as error:
         failure = str(error)
     except Exception as error:  # noqa: BLE001  # an exception of the product is a failure too
@@ -132,17 +135,20 @@ def simulate(
         flight_s=sum(vehicle.truth.flight_s for vehicle in world.vehicles.values()),
         reached=dict(coverage.counts),
         hours=hours,
+        shift_s=shift_s,
         is_deep=is_deep,
     )
 
 
-def _run(world: World, operator: Operator, enabled: frozenset[Fault], hours: float) -> None:
+def _run(
+    world: World, operator: Operator, enabled: frozenset[Fault], hours: float, shift_s: float
+) -> None:
     laws = Laws(world, operator)
     faults = Faults(world, enabled)
-    world.run(FAULTS_S)
+    world.run(shift_s)
     for start_s in _shift_starts(world, hours):
         _take_break(world, operator, laws, faults, start_s)
-        world.run(FAULTS_S)
+        world.run(shift_s)
     operator.stop()
     faults.stop()
     end_s = world.scheduler.now_s + QUIET_S

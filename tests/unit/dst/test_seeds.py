@@ -9,7 +9,7 @@ from random import SystemRandom
 import pytest
 
 from dst.faults.kinds import Fault
-from dst.simulate import Outcome, simulate
+from dst.simulate import FAULTS_S, Outcome, simulate
 from dst.world.edge_process import prepared_folder
 
 FLYING = 2
@@ -18,6 +18,10 @@ MORE = tuple(seed for seed in (1, *range(4, 201)) if seed not in FIXED)
 DAYS = range(1, 4)
 DEEP = range(1, 4)
 FRESH = 17
+SHORT_S = 20.0
+SHORT = [range(first, first + 20) for first in range(1, 201, 20)]
+FRESH_SHORT, AT_ONCE = 5, 10
+"""Fifty short seeds, ten in each case."""
 FAILED_BEFORE = {
     10: frozenset(
         {
@@ -53,8 +57,15 @@ def _quiet() -> Iterator[None]:
     logging.disable(logging.NOTSET)
 
 
-def check(seed: int, prepared: Path, hours: float = 0.0, *, is_deep: bool = False) -> Outcome:
-    outcome = simulate(seed, prepared, hours=hours, is_deep=is_deep)
+def check(
+    seed: int,
+    prepared: Path,
+    hours: float = 0.0,
+    *,
+    shift_s: float = FAULTS_S,
+    is_deep: bool = False,
+) -> Outcome:
+    outcome = simulate(seed, prepared, hours=hours, shift_s=shift_s, is_deep=is_deep)
     assert outcome.failure is None, outcome.describe()
     return outcome
 
@@ -62,6 +73,19 @@ def check(seed: int, prepared: Path, hours: float = 0.0, *, is_deep: bool = Fals
 @pytest.mark.parametrize("seed", FIXED)
 def test_every_law_holds(seed: int, prepared: Path) -> None:
     check(seed, prepared)
+
+
+@pytest.mark.parametrize("seeds", SHORT)
+def test_every_law_holds_in_short_seeds(seeds: range, prepared: Path) -> None:
+    flown_s = sum(check(seed, prepared, shift_s=SHORT_S).flight_s for seed in seeds)
+    assert flown_s > 0.0
+
+
+@pytest.mark.skipif(IS_CI, reason="the same seeds at every run of CI")
+@pytest.mark.parametrize("_number", range(FRESH_SHORT))
+def test_every_law_holds_in_short_seeds_that_nobody_has_seen(_number: int, prepared: Path) -> None:
+    for _ in range(AT_ONCE):
+        check(SystemRandom().randrange(LARGEST_SEED), prepared, shift_s=SHORT_S)
 
 
 @pytest.mark.thorough

@@ -38,6 +38,7 @@ def test_faults_that_are_not_needed_are_dropped(cause: Collection[Fault]) -> Non
         (FAILED, "make dst SEED=7 FAULTS=none"),
         (replace(FAILED, faults=frozenset({Fault.PILOT, Fault.LOSS})), "FAULTS=loss,pilot"),
         (replace(FAILED, hours=12.0), "FAULTS=none HOURS=12"),
+        (replace(FAILED, shift_s=20.0), "FAULTS=none SHIFT_S=20"),
         (replace(FAILED, hours=0.5, is_deep=True), "FAULTS=none HOURS=0.5 DEPTH=1"),
     ],
 )
