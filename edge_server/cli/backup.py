@@ -16,6 +16,7 @@ from edge_server.config import Config
 from edge_server.process.exit_codes import FAILED, OK, WRONG_SETUP
 from edge_server.store import migrate
 from edge_server.store.files.backup import BackupError, back_up, delete_older, file_in, sync
+from edge_server.store.files.restored_work import hold_missions
 
 _REPLACED: Final = "replaced"
 """Folder of the databases that a restoration has replaced."""
@@ -64,17 +65,24 @@ def run_restore(config: Config, source: Path) -> int:
         )
         return WRONG_SETUP
     try:
-        kept = restore(config.database_path, source)
+        kept, held = restore(config.database_path, source)
     except RestoreError as error:
         print(f"edge server: {error}", file=sys.stderr)
         return FAILED
     kept_as = "" if kept is None else f"; the former one is {kept}"
     print(f"{config.database_path} is the copy {source}{kept_as}")
+    if held:
+        print(
+            f"{held} missions that had not begun are held: since the backup they may have been "
+            "flown, cancelled or aborted. Dispatch those that are still to be flown"
+        )
     return OK
 
 
-def restore(database: Path, source: Path) -> Path | None:
-    """Put a copy in the place of the database; returns where the former one is, if there was one.
+def restore(database: Path, source: Path) -> tuple[Path | None, int]:
+    """Put a copy in the place of the database.
+
+    Returns where the former one is, if there was one, and how many missions are held.
 
     Raises:
         RestoreError: if the copy is broken or no database of an edge server, a program uses the
@@ -87,6 +95,7 @@ def restore(database: Path, source: Path) -> Path | None:
         part.unlink(missing_ok=True)
         os.close(os.open(part, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o600))
         shutil.copyfile(source, part)
+        held = hold_missions(part)
         sync(part)
         kept = None
         if database.exists():
@@ -95,9 +104,9 @@ def restore(database: Path, source: Path) -> Path | None:
             kept = migrate.set_aside(database, stamp, _REPLACED)
         part.rename(database)
         sync(database.parent)
-    except OSError as error:
+    except (OSError, sqlite3.Error) as error:
         raise RestoreError(f"cannot replace {database}: {error}") from None
-    return kept
+    return kept, held
 
 
 def _check_copy(source: Path) -> None:

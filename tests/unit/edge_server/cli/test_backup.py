@@ -19,9 +19,10 @@ from edge_server.cli import backup
 from edge_server.cli.backup import RestoreError, restore
 from edge_server.process.exit_codes import FAILED, OK, WRONG_SETUP
 from edge_server.store.files.backup import BackupError, back_up
+from edge_server.store.files.restored_work import hold_missions
 from tests.support.polling import PATIENCE_S
 from tests.unit.edge_server.conftest import Edge
-from tests.unit.edge_server.documents import telemetry
+from tests.unit.edge_server.documents import mission, mission_report, plan, telemetry
 from tests.unit.edge_server.program import Program
 
 NEW_YEAR_2026 = 1_767_225_600.0
@@ -233,3 +234,70 @@ def test_what_is_no_backup_is_not_restored(
     with pytest.raises(RestoreError, match=r"source\.sqlite3"):
         restore(edge.config.database_path, source)
     assert poses_in(edge.config.database_path) == 1
+
+
+def test_after_a_restoration_nothing_flies_that_nobody_dispatches(
+    edge: Edge, tmp_path: Path
+) -> None:
+    """Since the backup the first was cancelled, the second flown; the third had begun before."""
+    edge.register(1, 2, 3)
+    for number in (1, 2, 3):
+        edge.post_plan(plan(mission(number, vehicle_id=number)))
+    queued, accepted, begun = (item["id"] for item in edge.work())
+    edge.acknowledge(accepted, "accepted")
+    edge.acknowledge(begun, "accepted")
+    edge.post("/mission_report/", mission_report(2, 2, 1, 1, mission_id=3, vehicle_id=3), "broker")
+    copy = tmp_path / "copy.sqlite3"
+    back_up(edge.config.database_path, copy)
+    assert hold_missions(copy) == 2
+    with closing(sqlite3.connect(copy)) as database:
+        states = database.execute(
+            "SELECT mission_id, state, held, id FROM work ORDER BY 1"
+        ).fetchall()
+        assert [state[:3] for state in states] == [
+            (1, "queued", 1),
+            (2, "queued", 1),
+            (3, "accepted", 0),
+        ]
+        assert states[0][3] == queued
+        assert states[1][3] > begun
+        assert states[2][3] == begun
+        commands = database.execute("SELECT work, count(*) FROM command GROUP BY 1").fetchall()
+        assert len({count for _, count in commands}) == 1
+        assert {number for number, _ in commands} == {state[3] for state in states}
+        assert database.execute("SELECT work_id, mission_id FROM withdrawn").fetchall() == [
+            (accepted, 2)
+        ]
+        assert database.execute("PRAGMA foreign_key_check").fetchall() == []
+    assert hold_missions(copy) == 0
+
+
+def test_a_restored_mission_flies_when_it_is_dispatched(program: Program, tmp_path: Path) -> None:
+    def ask(
+        method: str, path: str, role: str = "operator", body: object = None
+    ) -> "requests.Response":
+        return requests.request(
+            method,
+            f"{program.url}{path}",
+            json=body,
+            headers={"X-API-Key": program.key(role)},
+            timeout=PATIENCE_S,
+        )
+
+    def offered() -> list[int]:
+        found = ask("GET", "/broker/commands?after=0", "broker").json()["commands"]
+        return [item["mission"]["mission_id"] for item in found]
+
+    program.start()
+    ask("PUT", "/vehicles/1", "broker", {"link_state": "connected"}).raise_for_status()
+    stored = ask("POST", "/plans/", body=plan(mission(7))).json()
+    copy = tmp_path / "copy.sqlite3"
+    assert command(program, "backup", str(copy)).returncode == OK
+    assert ask("DELETE", f"/plans/{stored['id']}").status_code == 204
+    program.end()
+    restored = command(program, "restore", str(copy))
+    assert "1 missions that had not begun are held" in restored.stdout
+    program.start()
+    assert offered() == []
+    assert ask("POST", f"/plans/{stored['id']}/dispatch").status_code == 200
+    assert offered() == [7]
