@@ -106,6 +106,13 @@ test("a vehicle may take off beside its field, and not in a no-fly area", () => 
   expect(states(of, vehicle(), { fence: { ...beyond, exclusion: around(0.0001).inclusion } })["fence"]).toBe("bad");
 });
 
+test("a place on the edge of the field is in it", () => {
+  const [, east = 0] = around(0.001).inclusion[0]?.[1] ?? [];
+  const edge = (metres: number) => flying([3, { latitude: PLACE.latitude, longitude: east + metres / (111_195 * Math.cos(PLACE.latitude * Math.PI / 180)), altitude: 10 }]);
+  const fence = around(0.001);
+  expect([-1, 0, 0.05, 1].map((metres) => states(edge(metres), vehicle(), { fence })["fence"])).toEqual(["good", "good", "good", "bad"]);
+});
+
 test("a circle is looked at as far as it reaches", () => {
   const fence = { inclusion: around(0.002).inclusion, exclusion: [] }; // 222 m to the north
   const circle = (radius: number, metres = 150) => flying([7, { ...north(metres), orbit_altitude: 10, radius }]);

@@ -1,6 +1,6 @@
 import { expect, test } from "vitest";
 import type { Vehicle } from "../src/api/types";
-import { apply, EMPTY } from "../src/live/state";
+import { apply, EMPTY, markSilent } from "../src/live/state";
 import { trailFeatures } from "../src/map/features";
 
 const vehicle = (time: string, latitude: number, altitude = 20, more: object = {}): Vehicle =>
@@ -20,6 +20,19 @@ test("a vehicle that flies north gets a heading, a speed and a trail", () => {
     type: "LineString",
     coordinates: [[-3.7382, 40.4434], [-3.7382, 40.4435]],
   });
+});
+
+test("a vehicle of which no broker reports any more is not shown as connected", () => {
+  const at = (time: string) => Date.parse(`2026-05-01T10:00:${time}Z`);
+  const linkAt = (time: string, state = known) => markSilent(state, at(time)).vehicles.get(1)?.vehicle.link_state;
+  const known = apply(EMPTY, "vehicle", vehicle("2026-05-01T10:00:00Z", 40.4434), 0);
+  expect(markSilent(known, at("05"))).toBe(known);
+  expect(["05", "07", "21"].map((time) => linkAt(time))).toEqual(["connected", "stale", "lost"]);
+  expect(linkAt("30", markSilent(known, at("07")))).toBe("lost");
+  const again = apply(markSilent(known, at("21")), "vehicle", vehicle("2026-05-01T10:00:40Z", 40.4434), 40_000);
+  expect(linkAt("41", again)).toBe("connected");
+  const lost = apply(EMPTY, "vehicle", vehicle("2026-05-01T10:00:00Z", 40.4434, 20, { link_state: "lost" }), 0);
+  expect(linkAt("01", lost)).toBe("lost");
 });
 
 test("home is where a vehicle was seen on the ground, and stays there", () => {

@@ -3,7 +3,6 @@
 NoSurveyError  the request is well-formed and cannot be flown; names the field
 """
 
-import itertools
 import math
 from collections.abc import Iterator, Sequence
 from typing import Any, Final, NamedTuple
@@ -309,8 +308,7 @@ def _figures(
     footprint = request.footprint
     flown = [stops for part in parts for stops in part.flights]
     seconds = (sorties.seconds_of(stops, part.flight) for part in parts for stops in part.flights)
-    points = [[stop.point for stop in stops] for stops in flown]
-    length = sum(math.dist(a, b) for one in points for a, b in itertools.pairwise(one))
+    length = sum(sorties.length_m(stops, part.flight) for part in parts for stops in part.flights)
     pictures = sum(stop.is_work for stops in flown for stop in stops)
     return {
         "area_m2": round(area.square_metres, 1),

@@ -40,14 +40,23 @@ def seconds_of(stops: Sequence[Stop], flight: Flight) -> float:
     """Time of a flight from home over these stops and home again, round no-fly areas."""
     if not stops:
         return 0.0
-    home = flight.home_paths.home
+    legs = itertools.pairwise(_path(stops, flight))
     out, back = _bends(stops, flight)
-    points = [home, *out, *(stop.point for stop in stops), *back, home]
-    legs = itertools.pairwise(points)
     pictures = sum(stop.is_work for stop in stops) * PICTURE_S if flight.takes_pictures else 0.0
     height_m = max(flight.height_m, flight.bend_height_m) if out or back else flight.height_m
     climb = 2.0 * height_m / CLIMB_M_S
     return sum(seconds_between(a, b, flight) for a, b in legs) + pictures + climb
+
+
+def length_m(stops: Sequence[Stop], flight: Flight) -> float:
+    """Length over ground of a flight from home over these stops and home again."""
+    return sum(math.dist(a, b) for a, b in itertools.pairwise(_path(stops, flight)))
+
+
+def _path(stops: Sequence[Stop], flight: Flight) -> list[Point]:
+    home = flight.home_paths.home
+    out, back = _bends(stops, flight)
+    return [home, *out, *(stop.point for stop in stops), *back, home]
 
 
 def commands_of(stops: Sequence[Stop], flight: Flight) -> int:

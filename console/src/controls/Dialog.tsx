@@ -19,6 +19,8 @@ export function Dialog({ title, close, children, kind = "plain", tools, onKeyDow
 }) {
   const { t } = useTranslation();
   const dialog = useRef<HTMLDialogElement>(null);
+  /** Text that is selected beyond the edge, or a button that is left, is no press beside the dialog. */
+  const isPressedBeside = useRef(false);
   // Closed before it leaves the page: the browser then gives the focus back to where it was
   useLayoutEffect(() => {
     const element = dialog.current;
@@ -34,8 +36,11 @@ export function Dialog({ title, close, children, kind = "plain", tools, onKeyDow
         event.preventDefault();
         close();
       }}
+      onPointerDown={(event) => {
+        isPressedBeside.current = event.target === dialog.current;
+      }}
       onClick={(event) => {
-        if (event.target === dialog.current) close();
+        if (event.target === dialog.current && isPressedBeside.current) close();
       }}
       onKeyDown={onKeyDown}
     >

@@ -2,13 +2,15 @@
 
 import { listVehicles, readUplink } from "../api/resources";
 import { noteSignedOut, RequestError } from "../api/client";
+import { serverAheadMs } from "../api/server_clock";
 import { readStream, StreamRefusedError } from "./event_stream";
-import { apply, EMPTY, type Connection, type LiveState } from "./state";
+import { apply, EMPTY, markSilent, type Connection, type LiveState } from "./state";
 
 const RETRY_MS = [500, 1000, 2000, 4000, 5000];
 /** Two heartbeats of the server, 4 s each (`HEARTBEAT_S`), and 2 s. */
 const SILENCE_MS = 10_000;
 const POLL_MS = 1000;
+const SILENCE_CHECK_MS = 1000;
 
 /** Changes that arrive together are shown together: fifty vehicles come as fifty events. */
 const SHOWN_EVERY_MS = 100;
@@ -20,6 +22,7 @@ export class Feed {
   #stop: AbortController | null = null;
   #lastId: string | null = null;
   #timer: ReturnType<typeof setTimeout> | null = null;
+  #silence: ReturnType<typeof setInterval> | undefined;
 
   readonly subscribe = (listener: () => void): (() => void) => {
     this.#listeners.add(listener);
@@ -32,12 +35,14 @@ export class Feed {
   start(): void {
     if (this.#stop !== null) return;
     this.#stop = new AbortController();
+    this.#silence = setInterval(() => this.#markSilent(), SILENCE_CHECK_MS);
     void this.#run(this.#stop.signal);
   }
 
   stop(): void {
     this.#stop?.abort();
     this.#stop = null;
+    clearInterval(this.#silence);
   }
 
   /** Takes an event that this browser has caused, so that it shows before the feed sends it. */
@@ -107,6 +112,13 @@ export class Feed {
       this.#change({ ...this.#state, missionChanges, contactAtMs: Date.now(), connection: "polling" });
       await pause(POLL_MS, stop);
     }
+  }
+
+  /** While the page itself is offline it shows so, and how old all of it is. */
+  #markSilent(): void {
+    if (this.#state.connection === "offline" || this.#state.connection === "connecting") return;
+    const marked = markSilent(this.#state, Date.now() + serverAheadMs());
+    if (marked !== this.#state) this.#change(marked);
   }
 
   #connection(connection: Connection): void {

@@ -60,6 +60,9 @@ interface Snapshot {
 
 /** A report that seems to have taken longer was recorded by a clock that is behind. */
 const LONGEST_REPORT_MS = 15_000;
+/** A broker reports a vehicle every 2 s at least while it receives it. */
+const STALE_AFTER_MS = 6_000;
+const LOST_AFTER_MS = 20_000;
 const ON_GROUND_M = 0.5;
 /** Further than a position wanders that stands still. */
 const CARRIED_M = 5;
@@ -103,6 +106,24 @@ export function apply(state: LiveState, type: string, data: unknown, nowMs: numb
     default:
       return contacted;
   }
+}
+
+/** Marks the vehicles of which nothing has been reported for some time: their broker may have stopped.
+ *
+ * `serverMs` is the time by the edge server's clock. The same state where nothing has changed.
+ */
+export function markSilent(state: LiveState, serverMs: number): LiveState {
+  const marked = [...state.vehicles].flatMap(([id, tracked]): [number, Tracked][] => {
+    const link_state = linkAfter(serverMs - tracked.heardAtMs, tracked.vehicle.link_state);
+    if (link_state === tracked.vehicle.link_state) return [];
+    return [[id, { ...tracked, vehicle: { ...tracked.vehicle, link_state } }]];
+  });
+  return marked.length === 0 ? state : { ...state, vehicles: new Map([...state.vehicles, ...marked]) };
+}
+
+function linkAfter(silentMs: number, present: Vehicle["link_state"]): Vehicle["link_state"] {
+  if (present === "lost" || silentMs > LOST_AFTER_MS) return "lost";
+  return silentMs > STALE_AFTER_MS ? "stale" : present;
 }
 
 function uplinkOf(row: UplinkRow | null): Uplink | null {

@@ -1,7 +1,9 @@
 /** Areas in which a plan may fly. Pure. */
 
 import type { StoredField } from "../api/types";
-import type { GroundPlace } from "./ground";
+import { distanceToSide_m, type GroundPlace } from "./ground";
+
+const EDGE_M = 0.1;
 
 /** Each a list of corners as [latitude, longitude]. */
 export type Rings = readonly (readonly (readonly number[])[])[];
@@ -32,7 +34,7 @@ export function fenceOf(geofence: object | null | undefined): Fence | null {
 }
 
 export function allows(fence: Fence, place: GroundPlace): boolean {
-  const isIncluded = fence.inclusion.length === 0 || fence.inclusion.some((ring) => contains(ring, place));
+  const isIncluded = fence.inclusion.length === 0 || fence.inclusion.some((ring) => contains(ring, place) || isOnEdge(ring, place));
   return isIncluded && !fence.exclusion.some((ring) => contains(ring, place));
 }
 
@@ -54,6 +56,11 @@ function placeOf([latitude = 0, longitude = 0]: readonly number[]): GroundPlace 
 /** On which side of a line through two places a third one lies: 1 or -1, 0 on it. */
 function sideOf(from: GroundPlace, to: GroundPlace, place: GroundPlace): number {
   return Math.sign((to[1] - from[1]) * (place[0] - from[0]) - (to[0] - from[0]) * (place[1] - from[1]));
+}
+
+/** A place on the edge of a field is rounded to either side of it. */
+function isOnEdge(ring: readonly (readonly number[])[], place: GroundPlace): boolean {
+  return ring.some((corner, index) => distanceToSide_m(place, placeOf(corner), placeOf(ring[(index + 1) % ring.length] ?? corner)) <= EDGE_M);
 }
 
 /** Counts the edges that are crossed to the east. */

@@ -22,6 +22,15 @@ export function metresBetween(one: GroundPlace, other: GroundPlace): number {
   return Math.hypot((other[0] - one[0]) * M_PER_DEG, (other[1] - one[1]) * eastMPerDeg(one[0]));
 }
 
+/** Distance of a place from the straight line between two others. */
+export function distanceToSide_m(place: GroundPlace, from: GroundPlace, to: GroundPlace): number {
+  const [x, y] = [(place[1] - from[1]) * eastMPerDeg(from[0]), (place[0] - from[0]) * M_PER_DEG];
+  const [east, north] = [(to[1] - from[1]) * eastMPerDeg(from[0]), (to[0] - from[0]) * M_PER_DEG];
+  const squared = east * east + north * north;
+  const share = squared === 0 ? 0 : Math.min(1, Math.max(0, (x * east + y * north) / squared));
+  return Math.hypot(x - share * east, y - share * north);
+}
+
 /** A closed line around a place, clockwise from a bearing. */
 export function circleAround(centre: GroundPlace, radius_m: number, from_deg = 0): [number, number][] {
   return Array.from({ length: CIRCLE_SIDES + 1 }, (_, index) => {

@@ -4,10 +4,13 @@ import { listVideos } from "../api/resources";
 import type { Video } from "../api/types";
 import { Button } from "../controls/Button";
 import { Notice } from "../controls/states";
+import { useIsConnected } from "../live/use_live";
 import { useResource } from "../live/use_resource";
 
-/** How often a camera is asked about while its picture does not come. */
+/** How often a camera is asked about, and a picture that has ended is asked for again. */
 const ASK_MS = 3_000;
+/** What is known of a camera is so old at most, and a camera may begin again by itself. */
+const STOPPED_MS = 2 * ASK_MS + 1_000;
 
 /** What a vehicle's camera sees now, once somebody asks for it; nothing for one without a camera. */
 export function LivePicture({ vehicleId }: { vehicleId: number }) {
@@ -36,11 +39,28 @@ function Picture({ video, reload }: { video: Video; reload: () => void }) {
     // Without this the browser receives pictures that nobody sees
     return () => element?.removeAttribute("src");
   }, [attempt]);
+  const again = () => {
+    setAttempt((count) => count + 1);
+    setState("waiting");
+  };
   useEffect(() => {
-    if (state === "shown") return;
     const timer = setInterval(reload, ASK_MS);
     return () => clearInterval(timer);
-  }, [state, reload]);
+  }, [reload]);
+  // An image does not show that its last picture stays: the edge server says so, or was away itself
+  const isConnected = useIsConnected();
+  const hasStopped = video.state !== "showing" && video.state !== "connecting";
+  useEffect(() => {
+    if (state === "shown" && !isConnected) setState("ended");
+    if (state !== "shown" || !hasStopped) return;
+    const timer = setTimeout(() => setState("ended"), STOPPED_MS);
+    return () => clearTimeout(timer);
+  }, [hasStopped, isConnected, state]);
+  useEffect(() => {
+    if (state !== "ended" || !isConnected) return;
+    const timer = setTimeout(again, ASK_MS);
+    return () => clearTimeout(timer);
+  }, [state, isConnected, attempt]);
   const name = t("video.name", { id: video.vehicle_id });
   return (
     <figure>
@@ -64,14 +84,7 @@ function Picture({ video, reload }: { video: Video; reload: () => void }) {
       {state === "ended" && (
         <Notice kind="error">
           <p>{video.reason === null ? t("video.ended") : t("video.failed", { reason: video.reason })}</p>
-          <Button
-            onClick={() => {
-              setAttempt(attempt + 1);
-              setState("waiting");
-            }}
-          >
-            {t("action.try_again")}
-          </Button>
+          <Button onClick={again}>{t("action.try_again")}</Button>
         </Notice>
       )}
       {state === "shown" && <figcaption className="muted small">{t("video.delay")}</figcaption>}

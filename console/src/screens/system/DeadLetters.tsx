@@ -13,6 +13,8 @@ import { newestFirst } from "./rejections";
 
 /** Kind of what declares that records were dropped: it has nothing to correct. */
 const GAP = "gap";
+/** When a record that was sent again may be listed again: the cloud has rejected it once more. */
+const REJECTED_WITHIN_MS = [2_000, 6_000, 20_000];
 
 /** Records that the cloud has rejected, with the reason; each can be corrected and sent again. */
 export function DeadLetters() {
@@ -28,7 +30,7 @@ export function DeadLetters() {
     setError(null);
     setRetried((all) => [...all, id]);
     retryDeadLetter(id)
-      .then(letters.reload)
+      .then(() => [0, ...REJECTED_WITHIN_MS].forEach((wait_ms) => setTimeout(letters.reload, wait_ms)))
       .catch((reason: unknown) => {
         setError(asRequestError(reason));
         setRetried((all) => all.filter((one) => one !== id));

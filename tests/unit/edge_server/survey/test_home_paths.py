@@ -317,3 +317,14 @@ def test_a_takeoff_that_the_fence_forbids_leads_to_the_first_place(
     at_home = places[0] == pytest.approx((home.latitude, home.longitude))
     assert at_home is takes_off_at_home
     assert at_home or places[0] == places[1]
+
+
+def test_the_length_is_flown_from_home_and_back() -> None:
+    """As the recorded flights are long, and as the time is counted."""
+    for at in (WEST, (-60.0, -40.0)):
+        home, request = home_at(at), asked(exclusions=[TRIANGLE], endurance=300.0)
+        planned = planned_from(home, request)
+        flights = legs_of(request, planned, home)
+        flown_m = sum(math.dist(*leg) for legs in flights for leg in legs)
+        assert len(flights) > 1
+        assert planned.figures["length_m"] == pytest.approx(flown_m, abs=1.0)
