@@ -87,7 +87,9 @@ export class Feed {
         if (event.id !== null) this.#lastId = event.id;
         const data: unknown = event.data === "" ? null : JSON.parse(event.data);
         const isFirst = this.#state.connection !== "live";
-        this.#state = { ...apply(this.#state, event.type, data, Date.now()), connection: "live" };
+        const applied = apply(this.#state, event.type, data, Date.now());
+        const state = event.type === "snapshot" ? markSilent(applied, Date.now() + serverAheadMs()) : applied;
+        this.#state = { ...state, connection: "live" };
         if (isFirst) this.#notify();
         else this.#timer ??= setTimeout(() => this.#notify(), SHOWN_EVERY_MS);
       });

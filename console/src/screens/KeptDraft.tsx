@@ -17,7 +17,7 @@ import { useSaving } from "./use_saving";
 export function KeptDraft({ id }: { id: number }) {
   const { t } = useTranslation();
   const { session } = useSession();
-  const drafts = useMemo(() => new Drafts(window.localStorage, session.name), [session.name]);
+  const drafts = useMemo(() => new Drafts(window.sessionStorage, window.localStorage, session.name), [session.name]);
   const [kept, setKept] = useState(() => drafts.read<PlanForm, Plan>(draftName(id), isPlanForm));
   const saving = useSaving<Plan>();
   const [attempts] = useState(() => new Attempts());

@@ -1,4 +1,4 @@
-import { useState } from "react";
+import { useRef, useState, type ReactNode } from "react";
 import { useTranslation } from "react-i18next";
 import { useReportText } from "../i18n/use_report_text";
 import type { Vehicle } from "../api/types";
@@ -52,6 +52,27 @@ export function StopDialog({ vehicleId, close }: { vehicleId: number | null; clo
   const piloted = chosen.flatMap((one) => (one && one.armed && one.activity === "manual" ? [one.vehicle_id] : []));
   const flying = [...vehicles.values()].filter(({ vehicle }) => isAirborne(vehicle)).length;
 
+  // One that comes while a button is held would move it away below the finger, and end the hold
+  const [isPressed, setPressed] = useState(false);
+  const notices = useRef<ReactNode>(null);
+  if (!isPressed) {
+    notices.current = (
+      <>
+        {lost.map((id) => (
+          <Notice key={id} kind="info">{t("stop.lost", { id })}</Notice>
+        ))}
+        {piloted.map((id) => (
+          <Notice key={id} kind="info">{t("stop.piloted", { id })}</Notice>
+        ))}
+        {warned.map((one) => (
+          <Notice key={one.vehicle_id} kind="info">
+            {t("vehicle.name", { id: one.vehicle_id })}: {reportText(one.warning ?? "")}
+          </Notice>
+        ))}
+      </>
+    );
+  }
+
   const order = (kind: StopKind) => send(ids, kind);
   return (
     <Dialog title={t("stop.title")} close={close} kind="stop">
@@ -69,18 +90,14 @@ export function StopDialog({ vehicleId, close }: { vehicleId: number | null; clo
       </SelectField>
       {!isConnected && <Notice kind="error">{t("stop.offline")}</Notice>}
       {isConnected && ids.length === 0 && <Notice kind="info">{t("fleet.empty_title")}</Notice>}
-      {lost.map((id) => (
-        <Notice key={id} kind="info">{t("stop.lost", { id })}</Notice>
-      ))}
-      {piloted.map((id) => (
-        <Notice key={id} kind="info">{t("stop.piloted", { id })}</Notice>
-      ))}
-      {warned.map((one) => (
-        <Notice key={one.vehicle_id} kind="info">
-          {t("vehicle.name", { id: one.vehicle_id })}: {reportText(one.warning ?? "")}
-        </Notice>
-      ))}
-      <div className="stop-choices">
+      {notices.current}
+      <div
+        className="stop-choices"
+        onPointerDown={() => setPressed(true)}
+        onPointerUp={() => setPressed(false)}
+        onPointerCancel={() => setPressed(false)}
+        onPointerLeave={() => setPressed(false)}
+      >
         {choices.map(({ kind, name, icon, className }) => (
           <section key={name}>
             <HoldButton

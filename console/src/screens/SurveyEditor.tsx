@@ -235,7 +235,7 @@ type KeptChoices = Omit<Choices, "area"> & { area?: KeptArea | null };
 /** What the person chooses, beginning with what was chosen before: after a reload nobody enters it again. */
 function useChoices(field: StoredField, stepped: () => void): Steps<Choices> {
   const { session } = useSession();
-  const drafts = useMemo(() => new Drafts(window.localStorage, session.name), [session.name]);
+  const drafts = useMemo(() => new Drafts(window.sessionStorage, window.localStorage, session.name), [session.name]);
   const name = `surveys/${field.id}`;
   const [opened] = useState((): Choices => {
     const kept = drafts.read<KeptChoices, never>(name, (state) => "form" in state)?.state;

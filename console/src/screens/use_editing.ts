@@ -36,7 +36,7 @@ export function useEditing<State, Value>({ name, read, stateOf, isState, isLocke
   stepped: (before: State, after: State) => void;
 }): Editing<State, Value> {
   const { session } = useSession();
-  const drafts = useMemo(() => new Drafts(window.localStorage, session.name), [session.name]);
+  const drafts = useMemo(() => new Drafts(window.sessionStorage, window.localStorage, session.name), [session.name]);
   const [kept] = useState(() => drafts.read<State, Value>(name, isState));
   const [base, setBase] = useState(kept === null ? read : kept.base);
   const [restoredAtMs, setRestoredAtMs] = useState(kept?.at_ms ?? null);
