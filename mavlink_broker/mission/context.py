@@ -126,6 +126,8 @@ class MissionContext:
         self.is_confirmed = work.was_accepted  # The edge server knows that this broker flies it
         self.is_hovering = False  # The vehicle holds in the air, for this mission or before it
         self.is_start_ordered = False
+        self.foreign_uploader: int | None = None
+        """System that has put a mission onto the vehicle since the items were verified."""
         self.was_running = False  # The present segment flew before this broker began to follow it
 
     def is_expired(self, now: float) -> bool:

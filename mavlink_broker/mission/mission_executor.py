@@ -41,6 +41,7 @@ from mavlink_broker.mission.phases.transferring import (
     Verifying,
 )
 from mavlink_broker.mission.phases.waiting import Waiting
+from mavlink_broker.mission.progress_monitor import foreign_uploader
 from mavlink_broker.mission.states import (
     ARMED_BY_BROKER,
     ASKING,
@@ -213,6 +214,9 @@ class MissionExecutor:
 
     def receive(self, message: Message, now: float, effects: Effects) -> None:
         """Handle a message of the vehicle's autopilot or camera."""
+        if self.state not in IN_FLIGHT and self.state is not State.IDLE:
+            uploader = foreign_uploader(message, self._vehicle)
+            self._context.foreign_uploader = uploader or self._context.foreign_uploader
         if self._yields(now, effects) and self.state not in READING:
             return
         phase = self._phase

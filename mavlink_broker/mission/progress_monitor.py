@@ -24,6 +24,7 @@ was near its waypoints, and then passes one that it was nowhere near, was ordere
 follows where positions are missing, or before the vehicle was near a waypoint.
 """
 
+import math
 from dataclasses import dataclass, replace
 from typing import Final, Self
 
@@ -65,11 +66,27 @@ GAP_S: Final = 2.5
 """Without positions for so long the vehicle may have been anywhere."""
 
 
+def foreign_uploader(message: Message, vehicle: Vehicle) -> int | None:
+    """Give the system whose mission a vehicle takes, by its requests and answers; else None."""
+    if message.get_type() not in _TRANSFER or vehicle.route.is_for_us(message):
+        return None
+    is_mission = getattr(message, "mission_type", 0) == mavlink.MAV_MISSION_TYPE_MISSION
+    is_end = message.get_type() == "MISSION_ACK"
+    if not is_mission or (is_end and message.type != mavlink.MAV_MISSION_ACCEPTED):
+        return None
+    return int(message.target_system)
+
+
 class MissionChangeMonitor:
     """Monitors one segment in flight."""
 
-    def __init__(self, plan: FlightPlan, vehicle: Vehicle, reached: int = -1) -> None:
-        """Begin behind the last item that is known to be `reached`; -1: none."""
+    def __init__(
+        self, plan: FlightPlan, vehicle: Vehicle, reached: int = -1, uploader: int | None = None
+    ) -> None:
+        """Begin behind the last item that is known to be `reached`; -1: none.
+
+        `uploader` has put a mission onto the vehicle since the items were verified.
+        """
         self._plan = plan
         self._vehicle = vehicle
         self._total: int | None = None
@@ -78,8 +95,8 @@ class MissionChangeMonitor:
         self._back_at = -1
         self._was_left = reached >= 0  # The mission mode, since its farthest item was current
         self._is_back_reported = False
-        self._suspected_at: float | None = None
-        self._uploader: int | None = None
+        self._suspected_at: float | None = None if uploader is None else -math.inf
+        self._uploader = uploader
         self._reads = 0
         self._reading: MissionVerify | None = None
         self.loss_reason: str | None = None
@@ -90,8 +107,9 @@ class MissionChangeMonitor:
         """Handle a message of the vehicle, to the broker or to other systems."""
         kind = message.get_type()
         self._was_left |= self._vehicle.mode_role is not ModeRole.MISSION
-        if kind in _TRANSFER and not self._vehicle.route.is_for_us(message):
-            self._see_transfer(message, now)
+        uploader = foreign_uploader(message, self._vehicle)
+        if uploader is not None:
+            self._uploader, self._suspected_at = uploader, now
         elif kind == "MISSION_CURRENT":
             self._see_current(message, now)
         elif kind == "STATUSTEXT" and means(message.text, TextMeaning.MISSION_UPLOADED):
@@ -111,14 +129,6 @@ class MissionChangeMonitor:
         self._reads += 1
         self._reading = exchanges.recognition(self._plan, self._vehicle)
         return self._reading.start(now)
-
-    def _see_transfer(self, message: Message, now: float) -> None:
-        is_mission = getattr(message, "mission_type", 0) == mavlink.MAV_MISSION_TYPE_MISSION
-        is_end = message.get_type() == "MISSION_ACK"
-        if not is_mission or (is_end and message.type != mavlink.MAV_MISSION_ACCEPTED):
-            return
-        self._uploader = message.target_system
-        self._suspected_at = now
 
     def _see_current(self, message: Message, now: float) -> None:
         if self._total is not None or message.total not in NO_TOTALS:  # Else it sends none

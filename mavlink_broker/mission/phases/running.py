@@ -63,7 +63,10 @@ class Running(Phase):
         progress = ProgressMonitor(
             mission.plan, mission.ledger, vehicle, mission.reporter, resumed=mission.was_running
         )
-        changes = MissionChangeMonitor(mission.plan, vehicle, progress.reached_before)
+        changes = MissionChangeMonitor(
+            mission.plan, vehicle, progress.reached_before, mission.foreign_uploader
+        )
+        mission.foreign_uploader = None
         self._monitors = _Monitors(progress, changes, SkippedWaypointMonitor(mission.plan, vehicle))
         effects.for_edge += progress.begin(now)
         vehicle.recovery.note_flying(mission.ledger.name_of(mission.plan.first_command))

@@ -8,6 +8,7 @@ import pytest
 from afarcloud.enumerations import Status
 from mavlink_broker.mavlink.codec import Decoder, Encoder
 from mavlink_broker.mavlink.dialect import Message, mavlink
+from mavlink_broker.mission.states import State
 from tests.support.broker_world import FINISHED, World, go_home, mission, takeoff, waypoint
 from tests.support.real_autopilots import COPTER_4_6, PX4_1_14, PX4_1_17
 from tests.support.scripted_vehicle import ScriptedVehicle
@@ -18,12 +19,18 @@ AUTOPILOTS = pytest.mark.parametrize(
 )
 
 
-def flying(script: Script) -> tuple[World, ScriptedVehicle]:
-    """A vehicle that has flown a part of a long mission."""
+def planned(script: Script) -> tuple[World, ScriptedVehicle]:
+    """A vehicle that is to fly a long mission."""
     world = World()
     vehicle = world.add_vehicle(script=dataclasses.replace(script, item_time_s=6.0))
     waypoints = [waypoint(number, 8.0 * number) for number in range(2, 8)]
     world.edge.plan(mission(takeoff(), *waypoints, go_home(8)))
+    return world, vehicle
+
+
+def flying(script: Script) -> tuple[World, ScriptedVehicle]:
+    """A vehicle that has flown a part of it."""
+    world, vehicle = planned(script)
     world.run_until(lambda: vehicle.airborne and vehicle.current >= 5)
     return world, vehicle
 
@@ -60,6 +67,20 @@ class TestAnotherMission:
         assert world.edge.status(1201) == Status.FAILED
         assert reason(world) == (
             "system 255 put another mission onto the vehicle: "
+            "item 7 on the vehicle differs in latitude"
+        )
+
+    @pytest.mark.parametrize("state", [State.SELECTING, State.ARMING, State.STARTING])
+    def test_that_comes_between_the_proof_and_the_flight_fails_the_mission(
+        self, state: State
+    ) -> None:
+        world, vehicle = planned(PX4_1_14)
+        world.run_until(lambda: 1 in world.app.sessions and world.app.sessions[1].state is state)
+        vehicle.store_foreign_mission(moved(vehicle.items, 7), acknowledged_to=250)
+        world.run_until_over(1201, within_s=20.0)
+        assert world.edge.status(1201) == Status.FAILED
+        assert reason(world) == (
+            "system 250 put another mission onto the vehicle: "
             "item 7 on the vehicle differs in latitude"
         )
 
