@@ -128,6 +128,8 @@ class MissionContext:
         self.is_start_ordered = False
         self.foreign_uploader: int | None = None
         """System that has put a mission onto the vehicle since the items were verified."""
+        self.verified_total: int | None = None
+        """First number of items that the vehicle has sent since then."""
         self.was_running = False  # The present segment flew before this broker began to follow it
 
     def is_expired(self, now: float) -> bool:

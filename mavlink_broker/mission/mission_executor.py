@@ -41,7 +41,7 @@ from mavlink_broker.mission.phases.transferring import (
     Verifying,
 )
 from mavlink_broker.mission.phases.waiting import Waiting
-from mavlink_broker.mission.progress_monitor import foreign_uploader
+from mavlink_broker.mission.progress_monitor import foreign_uploader, total_of
 from mavlink_broker.mission.states import (
     ARMED_BY_BROKER,
     ASKING,
@@ -50,6 +50,7 @@ from mavlink_broker.mission.states import (
     IN_FLIGHT,
     READING,
     TRANSFERRING,
+    UPLOADED,
     Event,
     State,
     follow,
@@ -214,9 +215,8 @@ class MissionExecutor:
 
     def receive(self, message: Message, now: float, effects: Effects) -> None:
         """Handle a message of the vehicle's autopilot or camera."""
-        if self.state not in IN_FLIGHT and self.state is not State.IDLE:
-            uploader = foreign_uploader(message, self._vehicle)
-            self._context.foreign_uploader = uploader or self._context.foreign_uploader
+        if self.state in UPLOADED:
+            self._note_changes(message)
         if self._yields(now, effects) and self.state not in READING:
             return
         phase = self._phase
@@ -230,6 +230,15 @@ class MissionExecutor:
         if phase.exchange is not None:
             effects.messages += phase.exchange.receive(message, now)
             self._apply(phase.settle(now, effects), now, effects)
+
+    def _note_changes(self, message: Message) -> None:
+        """Note what shows in flight that the vehicle holds another mission than was verified."""
+        context = self._context
+        context.foreign_uploader = (
+            foreign_uploader(message, self._vehicle) or context.foreign_uploader
+        )
+        if context.verified_total is None:
+            context.verified_total = total_of(message)
 
     def tick(self, now: float, effects: Effects) -> None:
         """Do what is due at a time; while another system is in command nothing is ordered."""

@@ -77,19 +77,32 @@ def foreign_uploader(message: Message, vehicle: Vehicle) -> int | None:
     return int(message.target_system)
 
 
+def total_of(message: Message) -> int | None:
+    """Give the number of items that a vehicle says it holds; None if it says none."""
+    is_known = message.get_type() == "MISSION_CURRENT" and message.total not in NO_TOTALS
+    return int(message.total) if is_known else None
+
+
 class MissionChangeMonitor:
     """Monitors one segment in flight."""
 
     def __init__(
-        self, plan: FlightPlan, vehicle: Vehicle, reached: int = -1, uploader: int | None = None
+        self,
+        plan: FlightPlan,
+        vehicle: Vehicle,
+        reached: int = -1,
+        *,
+        uploader: int | None = None,
+        total: int | None = None,
     ) -> None:
         """Begin behind the last item that is known to be `reached`; -1: none.
 
-        `uploader` has put a mission onto the vehicle since the items were verified.
+        `uploader` has put a mission onto the vehicle since the items were verified; `total` is
+        the first that the vehicle has sent since then. None: none.
         """
         self._plan = plan
         self._vehicle = vehicle
-        self._total: int | None = None
+        self._total = total
         self._highest = reached
         self._back_since: float | None = None
         self._back_at = -1

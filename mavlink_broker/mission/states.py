@@ -60,6 +60,8 @@ ASKING: Final = BEFORE_TAKEOFF | {State.FLYING_LIVE}
 ARMED_BY_BROKER: Final = frozenset({State.ARMING, State.STARTING})
 TRANSFERRING: Final = BEFORE_TAKEOFF - ARMED_BY_BROKER
 """States in which a mission that expires is not flown any more: nothing was ordered to move."""
+UPLOADED: Final = frozenset({State.VERIFYING, State.SELECTING, State.ARMING, State.STARTING})
+"""The items are on the vehicle, which does not fly them yet."""
 IN_FLIGHT: Final = frozenset({State.RUNNING, State.FLYING_LIVE})
 READING: Final = frozenset({State.ATTACHING, State.RUNNING})
 """States that order nothing, so that they go on while another system is in command."""

@@ -64,9 +64,13 @@ class Running(Phase):
             mission.plan, mission.ledger, vehicle, mission.reporter, resumed=mission.was_running
         )
         changes = MissionChangeMonitor(
-            mission.plan, vehicle, progress.reached_before, mission.foreign_uploader
+            mission.plan,
+            vehicle,
+            progress.reached_before,
+            uploader=mission.foreign_uploader,
+            total=mission.verified_total,
         )
-        mission.foreign_uploader = None
+        mission.foreign_uploader = mission.verified_total = None
         self._monitors = _Monitors(progress, changes, SkippedWaypointMonitor(mission.plan, vehicle))
         effects.for_edge += progress.begin(now)
         vehicle.recovery.note_flying(mission.ledger.name_of(mission.plan.first_command))

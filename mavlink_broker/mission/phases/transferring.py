@@ -161,7 +161,7 @@ class Verifying(_Transfer):
     def enter(self, now: float, effects: Effects) -> Result:
         """Ask for the opaque id of the upload, or read the items back."""
         mission = self._mission
-        mission.foreign_uploader = None
+        mission.foreign_uploader = mission.verified_total = None
         opaque_id = self._uploading.opaque_id
         self.exchange = exchanges.verification(mission.plan, mission.vehicle, opaque_id)
         effects.messages += self.exchange.start(now)

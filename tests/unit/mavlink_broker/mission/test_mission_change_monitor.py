@@ -84,6 +84,19 @@ class TestAnotherMission:
             "item 7 on the vehicle differs in latitude"
         )
 
+    @AUTOPILOTS
+    @pytest.mark.parametrize("state", [State.ARMING, State.STARTING])
+    def test_of_another_length_that_nobody_heard_before_the_flight_fails_it(
+        self, script: Script, state: State
+    ) -> None:
+        """On another link of the vehicle: its number of items alone shows the change."""
+        world, vehicle = planned(script)
+        world.run_until(lambda: 1 in world.app.sessions and world.app.sessions[1].state is state)
+        vehicle.store_foreign_mission(vehicle.items[:-3])
+        world.run_until_over(1201, within_s=20.0)
+        assert world.edge.status(1201) == Status.FAILED
+        assert "another mission" in reason(world)
+
     def test_that_ardupilot_announces_is_read_back(self) -> None:
         world, vehicle = flying(COPTER_4_6)
         vehicle.store_foreign_mission(moved(vehicle.items, 7))
