@@ -221,7 +221,7 @@ dst: $(DEV) ## simulate the whole system under faults: SEEDS=20 JOBS=2 HOURS=24 
 	@exec $(RUN) -m dst --seeds $(SEEDS) --jobs $(JOBS) --first $(FIRST) $(if $(filter command line environment,$(origin SEED)),--seed $(SEED)) $(if $(HOURS),--hours $(HOURS)) $(if $(SHIFT_S),--shift-s $(SHIFT_S)) $(if $(DEPTH),--depth) $(if $(FAULTS),--faults $(FAULTS)) $(if $(SHRINK),--shrink)
 
 .PHONY: dst-prove
-dst-prove: $(DEV) ## break the product in 21 ways, one at a time: after how many of SEEDS=1000 it is found
+dst-prove: $(DEV) ## break the product, one mistake at a time: after how many of SEEDS=1000 it is found
 	@exec $(RUN) -m dst.prove
 
 .PHONY: fuzz

@@ -33,6 +33,8 @@ test("a vehicle of which no broker reports any more is not shown as connected", 
   expect(linkAt("41", again)).toBe("connected");
   const lost = apply(EMPTY, "vehicle", vehicle("2026-05-01T10:00:00Z", 40.4434, 20, { link_state: "lost" }), 0);
   expect(linkAt("01", lost)).toBe("lost");
+  const slowClock = vehicle("2026-05-01T10:00:00Z", 40.4434, 20, { updated_at: "2026-05-01T10:00:10Z" });
+  expect(linkAt("12", apply(EMPTY, "vehicle", slowClock, 0))).toBe("connected");
 });
 
 test("home is where a vehicle was seen on the ground, and stays there", () => {

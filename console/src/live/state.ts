@@ -110,11 +110,12 @@ export function apply(state: LiveState, type: string, data: unknown, nowMs: numb
 
 /** Marks the vehicles of which nothing has been reported for some time: their broker may have stopped.
  *
- * `serverMs` is the time by the edge server's clock. The same state where nothing has changed.
+ * `serverMs` is the time by the edge server's clock, which has noted when each report came: the
+ * broker's own clock may be behind. The same state where nothing has changed.
  */
 export function markSilent(state: LiveState, serverMs: number): LiveState {
   const marked = [...state.vehicles].flatMap(([id, tracked]): [number, Tracked][] => {
-    const link_state = linkAfter(serverMs - tracked.heardAtMs, tracked.vehicle.link_state);
+    const link_state = linkAfter(serverMs - Date.parse(tracked.vehicle.updated_at), tracked.vehicle.link_state);
     if (link_state === tracked.vehicle.link_state) return [];
     return [[id, { ...tracked, vehicle: { ...tracked.vehicle, link_state } }]];
   });

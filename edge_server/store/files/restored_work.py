@@ -11,8 +11,11 @@ from contextlib import closing
 from pathlib import Path
 from typing import Final
 
-_HAS_NOT_BEGUN: Final = """
-    kind = 'mission' AND status_id = 1 AND (state = 'accepted' OR (state = 'queued' AND held = 0))
+_NOT_BEGUN: Final = """
+    SELECT id, state FROM work
+    WHERE kind = 'mission' AND status_id = 1
+        AND (state = 'accepted' OR (state = 'queued' AND held = 0))
+    ORDER BY id
 """
 
 
@@ -27,8 +30,7 @@ def hold_missions(database: Path) -> int:
     with closing(sqlite3.connect(database)) as connection, connection:
         if "held" not in _columns(connection, "work"):
             return 0
-        query = f"SELECT id, state FROM work WHERE {_HAS_NOT_BEGUN} ORDER BY id"  # noqa: S608  # constant
-        found = connection.execute(query).fetchall()
+        found = connection.execute(_NOT_BEGUN).fetchall()
         for number, state in found:
             connection.execute("UPDATE work SET held = 1 WHERE id = ?", (number,))
             if state == "accepted":
