@@ -191,7 +191,7 @@ def test_every_page_is_two_clicks_from_the_readme() -> None:
 def test_the_code_that_decides_an_abort_is_within_four_clicks() -> None:
     page = ROOT / "docs/explanation/abort.md"
     assert page in links_of(ROOT / "README.md")
-    assert ROOT / "mavlink_broker/mission/phases/aborting.py" in links_of(page)
+    assert ROOT / "mavlink_broker/mission/abort_executor.py" in links_of(page)
     steps = re.findall(
         r"^\| \d \| \[`(.+?)`\].+? \| (?:`(\w+)`)? *\|", page.read_text(), re.MULTILINE
     )
@@ -212,4 +212,4 @@ def test_the_site_builds_without_a_warning(tmp_path: Path) -> None:
     )
     assert run.returncode == 0, run.stdout + run.stderr
     assert (tmp_path / "explanation/abort.html").is_file()
-    assert (tmp_path / "source/mavlink_broker/mission/phases/aborting.py.html").is_file()
+    assert (tmp_path / "source/mavlink_broker/mission/abort_executor.py.html").is_file()

@@ -390,6 +390,27 @@ class Laws:
                         f"was not flown"
                     )
 
+            for command_id in self._cut_though_flown(plan, mission):
+                raise LawError(
+                    f"plan {plan.number}: command {command_id} is ABORTED and was flown before that"
+                )
+
+    def _cut_though_flown(self, plan: PostedPlan, mission: Mapping[str, Any]) -> Iterator[int]:
+        """Give the waypoints of an aborted flight that were flown and are reported as cut off.
+
+        Without its first command it did not begin: what was flown belongs to another plan with
+        the same places.
+        """
+        has_begun = mission["command_array"][0].get("command_status_id") == Status.FINISHED
+        is_aborted = str(mission.get("message")).startswith("aborted by an event")
+        if not has_begun or not is_aborted or "may have been flown" in str(mission):
+            return
+        for command in mission["command_array"]:
+            place = plan.commands.waypoints.get(command["command_id"])
+            is_cut = command.get("command_status_id") == Status.ABORTED
+            if is_cut and any(_is_at(one, place) for one in self._flown(plan) if place is not None):
+                yield command["command_id"]
+
     def _was_done(self, plan: PostedPlan, command_id: int) -> bool:
         """Whether a command was carried out, by truth; one without a place counts as done."""
         planned = plan.commands

@@ -96,6 +96,8 @@ class AuthorityMonitor:
 
 VEHICLE_WITHIN_S: Final = 60.0
 """How long a mission waits for its vehicle before it fails."""
+PROGRESS_WITHIN_S: Final = 3.0
+"""How long an abort waits for what the vehicle has flown while it was not followed."""
 TELEMETRY_WITHIN_S: Final = 5.0
 """How long a connected vehicle may take to send battery and attitude; some never do."""
 

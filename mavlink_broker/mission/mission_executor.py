@@ -17,6 +17,7 @@ from mavlink_broker.mavlink.dialect import Message, mavlink
 from mavlink_broker.microservices.heartbeat import LinkState
 from mavlink_broker.microservices.mission_protocol import FENCE, RALLY
 from mavlink_broker.mission import exchanges
+from mavlink_broker.mission.abort_executor import REASONS, note_on_ground, return_event
 from mavlink_broker.mission.context import MissionContext
 from mavlink_broker.mission.flight_orders import (
     FLIES_NO_COMMAND,
@@ -26,7 +27,7 @@ from mavlink_broker.mission.flight_orders import (
     REPLACED,
     RESUMED,
 )
-from mavlink_broker.mission.phases.aborting import REASONS, Aborting, note_on_ground, return_event
+from mavlink_broker.mission.phases.aborting import MAY_BE_FLOWN, Aborting
 from mavlink_broker.mission.phases.attaching import Attaching
 from mavlink_broker.mission.phases.failing import Failing
 from mavlink_broker.mission.phases.live_command import FlyingLive
@@ -123,6 +124,12 @@ class MissionExecutor:
     def is_flight_unknown(self) -> bool:
         """Whether it was reported as running, and its state on the vehicle is not known yet."""
         return self.is_attaching and self._context.was_reported_running
+
+    def is_progress_unknown(self, now: float) -> bool:
+        """Whether it flies by an order of before, and may show soon how far it has come."""
+        if self.is_attaching:
+            return self._attaching.is_progress_unknown(now)
+        return self._running.is_progress_unknown(now)
 
     @property
     def leaves_hovering(self) -> bool:
@@ -418,23 +425,48 @@ class MissionExecutor:
         authority = self._context.authority
         self._context.soft_abort.answer("done", REPLACED, effects)
         self._cancel_upload(effects)
-        if not self.ledger.status.is_terminal:
-            self.abort(REASONS[work.event.event_type_id], effects)
         who = self._aborting.who(now) if self.state is State.ABORTING else None
         who = who or self._who
+        may_fly_on = who is Authority.BROKER and self._may_be_armed(now)
+        why = REASONS[work.event.event_type_id]
+        self._end_for_abort(why, now, effects, may_fly_on=may_fly_on)
         self._aborting.acknowledge(effects, instead=REPLACED)
         if who is not Authority.BROKER:
             self._vehicle.take_away()
             reason = authority.reason(who)
             effects.for_edge.append(Acknowledgement(work.work_id, "refused", reason))
             self._move(Event.ENDED, now, effects)
-        elif not self._may_be_armed(now):
+        elif not may_fly_on:
             done = Acknowledgement(work.work_id, "done", note_on_ground(work.event))
             effects.for_edge.append(done)
             self._move(Event.ENDED, now, effects)
         else:
             self._aborting.order(work.event, work.work_id, now)
             self._move(Event.ABORTED, now, effects)
+
+    def end_for_abort(self, work: EventWork, now: float, effects: Effects) -> None:
+        """End the mission for an abort that an earlier run of the broker has ordered."""
+        self._context.soft_abort.answer("done", REPLACED, effects)
+        self._cancel_upload(effects)
+        why = REASONS[work.event.event_type_id]
+        self._end_for_abort(why, now, effects, may_fly_on=False)
+        self._move(Event.ENDED, now, effects)
+
+    def _end_for_abort(
+        self, reason: str, now: float, effects: Effects, *, may_fly_on: bool
+    ) -> None:
+        """End the mission, or follow the items that the vehicle flies until it obeys."""
+        progress = self._running.progress
+        if may_fly_on and progress is not None:
+            self._aborting.follow(progress, reason)
+        elif not may_fly_on or not self._aborting.is_following:
+            if progress is not None:
+                effects.for_edge += progress.step(now)
+            self._aborting.end_mission(effects)
+            if not self.ledger.status.is_terminal:
+                if self.is_flight_unknown or (progress is not None and progress.lacks_progress):
+                    self.ledger.add_note(self.ledger.finished, MAY_BE_FLOWN)
+                self.abort(reason, effects)
 
     def _may_be_armed(self, now: float) -> bool:
         """Whether the vehicle is armed, is about to be, or does not show whether it still flies."""

@@ -10,10 +10,11 @@ from collections.abc import Sequence
 from typing import Final
 
 from afarcloud.enumerations import EventType, Status
-from mavlink_broker.autopilots.families import MOST_CAPABLE
+from mavlink_broker.autopilots.families import MOST_CAPABLE, ModeRole
 from mavlink_broker.edge.wire import AcceptanceResult, EventWork, MissionWork
 from mavlink_broker.effects import Acknowledgement, EdgeMessage, Effects
 from mavlink_broker.mavlink.dialect import Message
+from mavlink_broker.mission.abort_executor import REASONS
 from mavlink_broker.mission.flight_orders import MISSION_ENDED
 from mavlink_broker.mission.mission_executor import MissionExecutor
 from mavlink_broker.mission.pending_events import (
@@ -24,7 +25,7 @@ from mavlink_broker.mission.pending_events import (
     aborts_now,
     is_abort,
 )
-from mavlink_broker.mission.phases.aborting import REASONS, RETURN_ENDED
+from mavlink_broker.mission.phases.aborting import RETURN_ENDED
 from mavlink_broker.mission.states import State
 from mavlink_broker.planning.geofence import check_flyable
 from mavlink_broker.planning.mission import Home, RefusedError, translate
@@ -291,10 +292,8 @@ class MissionQueue:
         self._events.refuse_expired(now, effects)
 
     def _carry_out_events(self, now: float, effects: Effects) -> None:
-        for work in self._events.take_due(self._is_too_early, now, effects):
-            first = self._waiting[0] if self._waiting else None
-            if first is not None and self._is_resumed(first) and _concerns(work, first):
-                self._begin_next(now, effects)
+        self._resume_for_events(now, effects)
+        for work in self._events.take_due(lambda one: self._is_too_early(one, now), now, effects):
             if is_abort(work):
                 with self._events.replacing(work, effects) as is_sent:
                     self._abort(work, now, effects, replaces=is_sent)
@@ -306,7 +305,14 @@ class MissionQueue:
                 effects.for_edge.append(Acknowledgement(work.work_id, "refused", NO_MISSION))
             self._events.remove(work.work_id)
 
-    def _is_too_early(self, work: EventWork) -> bool:
+    def _resume_for_events(self, now: float, effects: Effects) -> None:
+        """Begin a mission of an earlier run before the events upon it are carried out."""
+        if not self._waiting or not self._is_resumed(self._waiting[0]):
+            return
+        if any(_concerns(work, self._waiting[0]) for work in self._events.waiting):
+            self._begin_next(now, effects)
+
+    def _is_too_early(self, work: EventWork, now: float) -> bool:
         """Whether it is not known yet what an earlier run of the broker has begun."""
         if self._current is not None:
             resumed = self._current.is_flight_unknown
@@ -322,7 +328,20 @@ class MissionQueue:
             return True  # The journal may say that an event has paused it, else somebody has it
         if is_unknown:
             return resumed or (is_abort(work) and self._events.is_before(work.work_id))
-        return resumed and not aborts_now(work)
+        return self._waits_for_progress(work, now) if aborts_now(work) else resumed
+
+    def _waits_for_progress(self, work: EventWork, now: float) -> bool:
+        """Whether an abort waits a moment for what the vehicle has flown while nobody followed."""
+        if self._current is None or not self._current.is_progress_unknown(now):
+            return False
+        may_be_obeyed = self.vehicle.snapshot.armed and self._was_ordered_before(work)
+        return not may_be_obeyed and not self._events.is_past(work)
+
+    def _was_ordered_before(self, work: EventWork) -> bool:
+        """Whether the vehicle may have obeyed an abort, as an earlier run of the broker ordered."""
+        vehicle = self.vehicle
+        flies_on = vehicle.snapshot.armed and vehicle.mode_role is ModeRole.MISSION
+        return work.was_accepted and (self._events.is_past(work) or not flies_on)
 
     def _waits_for_vehicle(self, work: EventWork) -> bool:
         """Whether a new event may still be for a vehicle that hovers, and that no mission flies.
@@ -357,6 +376,10 @@ class MissionQueue:
             _accept(work, effects)
             if work.event.event_type_id is EventType.SOFT_ABORT_MISSION:
                 current.abort_softly(work, now, effects)
+            elif self._was_ordered_before(work):
+                current.end_for_abort(work, now, effects)
+                self.close_ended(effects)
+                self._events.resume_abort(work, now, effects)
             else:
                 current.abort_now(work, now, effects)
             self.close_ended(effects)

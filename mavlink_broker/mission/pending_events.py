@@ -20,15 +20,15 @@ from mavlink_broker.autopilots.families import ModeRole
 from mavlink_broker.edge.wire import AcceptanceResult, EventWork
 from mavlink_broker.effects import Acknowledgement, EdgeMessage, Effects
 from mavlink_broker.mavlink.dialect import Message, mavlink
-from mavlink_broker.mission.flight_orders import REPLACED
-from mavlink_broker.mission.mission_executor import MissionExecutor
-from mavlink_broker.mission.phases.aborting import (
+from mavlink_broker.mission.abort_executor import (
     REASONS,
     AbortExecutor,
     abort_note,
     noted_event,
     return_event,
 )
+from mavlink_broker.mission.flight_orders import REPLACED
+from mavlink_broker.mission.mission_executor import MissionExecutor
 from mavlink_broker.vehicle import control_authority
 from mavlink_broker.vehicle.control_authority import Authority, Claim
 from mavlink_broker.vehicle.recovery_record import PendingAbort, PendingReturn
@@ -161,6 +161,11 @@ class PendingEvents:
     def is_waiting(self) -> bool:
         """Whether there is something that the vehicle is still to be ordered."""
         return bool(self._waiting) or self._running is not None or self._return is not None
+
+    @property
+    def waiting(self) -> tuple[EventWork, ...]:
+        """What is still to be carried out."""
+        return tuple(self._waiting)
 
     def add(self, work: EventWork) -> None:
         """Queue an event, unless it is known from the journal already."""
@@ -321,7 +326,7 @@ class PendingEvents:
             vehicle.take_away()
             refusal = Acknowledgement(work.work_id, "refused", control_authority.reason(who, seen))
             effects.for_edge.append(refusal)
-        elif work.was_accepted and (work.work_id in self._stale or self._is_past(self._noted_s)):
+        elif self.is_past(work):
             effects.for_edge.append(Acknowledgement(work.work_id, "refused", RESTARTED))
         elif comes_down or (not seen.armed and vehicle.shows_itself(now)):
             is_seen = comes_down or not work.was_accepted
@@ -339,6 +344,11 @@ class PendingEvents:
             vehicle.recovery.note_abort(abort_note(work.event, work.work_id, vehicle))
             self._running = work, executor
             effects.messages += executor.start(now)
+
+    def is_past(self, work: EventWork) -> bool:
+        """Whether the vehicle was switched off since an earlier run accepted an event."""
+        was_restarted = work.work_id in self._stale or self._is_past(self._noted_s)
+        return work.was_accepted and was_restarted
 
     def _is_past(self, noted_s: float | None) -> bool:
         """Whether the vehicle was switched off since that was noted, so that it is over."""

@@ -376,6 +376,8 @@ class ProgressMonitor:
         """The last item that an earlier run of the broker has reported, -1 if there is none."""
         self._mission_id: int | None = None  # The vehicle's own, once received
         self._under_way = self._resumed = resumed
+        self.lacks_progress = resumed
+        """Whether it flew before it was followed, and has not sent its progress since."""
         self._reported_at = 0.0
         self._debounce = TakeoverDebounce()
         self._given_up: str | None = None
@@ -463,6 +465,7 @@ class ProgressMonitor:
             self._mission_id = message.mission_id
         if message.mission_id != self._mission_id:
             return
+        self.lacks_progress = False
         if message.mission_state in _UNDER_WAY:
             self._under_way, self._given_up = True, None
         self._progress = self._progress.with_current(message.seq)

@@ -137,14 +137,14 @@ BREAKS: Final = (
     ),
     Break(
         "an abort on the ground keeps the vehicle there",
-        "mavlink_broker/mission/phases/aborting.py",
+        "mavlink_broker/mission/abort_executor.py",
         "return is_about_to_arm or self._vehicle.is_standing_armed",
         "return is_about_to_arm",
         f"{_BROKER}/test_takeover.py {_BROKER}/mission",
     ),
     Break(
         "an abort without a position lands at once",
-        "mavlink_broker/mission/phases/aborting.py",
+        "mavlink_broker/mission/abort_executor.py",
         "if self._lands_instead or self._lacks_position:",
         "if self._lands_instead:",
         f"{_BROKER}/test_takeover.py",

@@ -9,7 +9,7 @@ from pathlib import Path
 from types import FrameType
 
 import mavlink_broker
-from mavlink_broker.mission.phases.aborting import AbortExecutor
+from mavlink_broker.mission.abort_executor import AbortExecutor
 from tests.support.broker_world import World, flying_world
 
 ROOT = Path(mavlink_broker.__file__).parent

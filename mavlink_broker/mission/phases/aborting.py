@@ -1,401 +1,35 @@
 """ABORTING: an event or an alarm has ended the mission, and the vehicle is sent where that says.
 
-What the vehicle flies after an event has ended a mission: land, go to a place, return.
-
-    on the ground        disarm, and stay there; also while an order to arm may still arrive, until
-                         it shows that it is in the air; not received: disarm once, then land
-    without a position   land here: neither a place nor home can be found
-    else                 what the event orders
-
-An order that is refused, not answered or not obeyed is repeated for as long as the vehicle is
-armed; a place that it will not go to is replaced by a landing where it is, unless the link was away
-while it was ordered there.
-The orders end at once when another system takes command of the vehicle, or its own failsafe does. A
-vehicle that is not received shows neither: after `UNHEARD_S` it gets no order before it is again.
-An order that leads to a place becomes a landing as soon as the vehicle has lost its position.
+A vehicle that flies items goes on with them until an order has reached it: its progress counts
+until then, and the mission ends with its first obedience. If none reaches it, it flies the mission
+to its end, and the mission is finished.
 """
 
-import math
 from typing import Final
 
-from afarcloud.enumerations import EventType
-from afarcloud.plan import AbortPoint
 from afarcloud.plan import Event as AbortEvent
-from mavlink_broker.autopilots.families import Family, ModeRole
+from mavlink_broker.autopilots.families import ModeRole
 from mavlink_broker.effects import Acknowledgement, Effects
-from mavlink_broker.live.executor import LiveCommandExecutor, LivePhase
-from mavlink_broker.mavlink.dialect import Message, mavlink
-from mavlink_broker.microservices.command import CommandAlternatives, long_command
-from mavlink_broker.microservices.heartbeat import LinkState
-from mavlink_broker.mission.context import MissionContext
+from mavlink_broker.mavlink.dialect import Message
+from mavlink_broker.mission.abort_executor import (
+    LATE_ORDER_S,
+    AbortExecutor,
+    abort_note,
+    within_fence,
+)
+from mavlink_broker.mission.context import PROGRESS_WITHIN_S, MissionContext
 from mavlink_broker.mission.phases.phase import Phase, Result
+from mavlink_broker.mission.progress_monitor import ProgressMonitor
 from mavlink_broker.mission.states import Event
-from mavlink_broker.planning.geofence import AreaCheck
-from mavlink_broker.planning.live_actions import Lasted, LiveAction
-from mavlink_broker.planning.situation import Spot
-from mavlink_broker.vehicle import control_authority
 from mavlink_broker.vehicle.alarms import mission_error
-from mavlink_broker.vehicle.control_authority import AIRBORNE_MODES, DESCENT_MODES, Authority, Claim
-from mavlink_broker.vehicle.recovery_record import PendingAbort, PendingReturn, Pose
-from mavlink_broker.vehicle.vehicle import Vehicle
-
-AGAIN_AFTER_S: Final = 1.5
-"""Two heartbeats of a quick vehicle: longer than its mode takes to show."""
-WITHIN_S: Final = 600.0
-"""To reach a place; then the vehicle lands where it is."""
-UNHEARD_S: Final = 30.0
-"""How long a vehicle that is not received is ordered all the same: the link to it may work, and
-what it has not received by then it will not receive. A pilot may have taken it over meanwhile."""
-LATE_ORDER_S: Final = 5.0
-"""How long an order of the mission may still arrive behind one that ends it: the longest timeout
-of a command. Later only another system puts the vehicle back into its mission."""
-NOT_PLACED: Final = "the position of the vehicle is not known: it lands where it is"
-NOT_THERE: Final = "the vehicle has landed before it was there"
-STANDS: Final = "the vehicle is on the ground: it does not go there"
-NOT_OBEYED: Final = "the vehicle cannot be ordered there: it lands where it is"
-_BEGUN: Final = frozenset({LivePhase.RUNNING, LivePhase.ENDING, LivePhase.DONE})
-_DISARM: Final = long_command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0.0)
-REASONS: Final = {
-    EventType.ABORT_MISSION: "aborted by an event",
-    EventType.SOFT_ABORT_MISSION: "aborted softly by an event",
-    EventType.RETURN_HOME: "aborted by an event: the vehicle returns home",
-}
-
-
-def return_event(vehicle_id: int) -> AbortEvent:
-    """The event that ends a mission after an alarm."""
-    return AbortEvent(vehicle_id=vehicle_id, event_type_id=EventType.RETURN_HOME)
-
-
-def abort_note(event: AbortEvent, work_id: int, vehicle: Vehicle) -> PendingAbort:
-    """Describe an abort for the journal; a restarted broker carries it out."""
-    there = event.abort
-    point = None if there is None else Pose(there.latitude, there.longitude, there.altitude)
-    return PendingAbort(
-        work_id=work_id,
-        event_type=int(event.event_type_id),
-        point=point,
-        noted_s=vehicle.snapshot.time_s,
-    )
-
-
-def noted_event(note: PendingAbort, vehicle_id: int) -> AbortEvent:
-    """Read an abort that an earlier run of the broker has noted."""
-    place = note.point
-    point = place and AbortPoint(latitude=place[0], longitude=place[1], altitude=place[2])
-    return AbortEvent(vehicle_id=vehicle_id, event_type_id=EventType(note.event_type), abort=point)
-
-
-def note_on_ground(event: AbortEvent) -> str | None:
-    """What becomes of an event whose vehicle stands already; None if it is as ordered."""
-    return None if event.abort is None else STANDS
-
-
-def within_fence(
-    event: AbortEvent, area: AreaCheck | None, vehicle: Vehicle
-) -> tuple[AbortEvent, str | None]:
-    """Leave out a place that the plan's geofence forbids, and name what comes instead.
-
-    An emergency is not refused for it: the vehicle lands where it is, or returns.
-    """
-    point, here = event.abort, vehicle.snapshot.position
-    if area is None or point is None:
-        return event, None
-    start = None if here is None else (here.latitude_deg, here.longitude_deg)
-    fault = area.fault_of_order(start, Spot(point.latitude, point.longitude, point.altitude))
-    if fault is None:
-        return event, None
-    is_soft = event.event_type_id is EventType.SOFT_ABORT_MISSION
-    instead = "it returns and lands" if is_soft else "it lands where it is"
-    return event.model_copy(update={"abort": None}), f"abort: {fault}: {instead}"
-
-
-def _airborne_action(event: AbortEvent, vehicle: Vehicle, *, with_place: bool = True) -> LiveAction:
-    """What an abort asks of a vehicle in the air; without its place its last order only."""
-    point = event.abort if with_place else None
-    spot = None if point is None else Spot(point.latitude, point.longitude, point.altitude)
-    begin = _last_order(event, vehicle.family)
-    return LiveAction(begin=begin, end=Lasted(), within_s=WITHIN_S, approach=spot, moves=False)
-
-
-def land_action(vehicle: Vehicle) -> LiveAction:
-    """Land where the vehicle is."""
-    begin = vehicle.family.landing
-    return LiveAction(begin=begin, end=Lasted(), within_s=WITHIN_S, moves=False)
-
-
-def disarm_action(vehicle: Vehicle) -> LiveAction:
-    """Stop the propellers of a vehicle on the ground; one that refuses may be off it: it lands.
-
-    It leaves its mission mode first: whoever arms it next would fly off on what was aborted.
-    """
-    family = vehicle.family
-    begin = ((*family.holding[0], _DISARM), (_DISARM,), *family.landing)
-    return LiveAction(begin=begin, end=Lasted(), within_s=WITHIN_S, moves=False)
-
-
-def _last_order(event: AbortEvent, family: Family) -> CommandAlternatives:
-    if event.event_type_id is EventType.ABORT_MISSION:
-        return family.landing
-    return family.returning if event.abort is None else family.holding
-
-
-_BEFORE_HOLD: Final = frozenset({ModeRole.MISSION})
-_BEFORE_HOLD_INSTEAD: Final = frozenset({ModeRole.MISSION, ModeRole.ENDING})
-"""Of one that was sent home or down before."""
-
-
-class AbortExecutor:
-    """Orders what an abort asks for until the vehicle has obeyed."""
-
-    def __init__(
-        self,
-        event: AbortEvent,
-        vehicle: Vehicle,
-        *,
-        was_ours: bool = False,
-        replaces: bool = False,
-        arms_until: float | None = None,
-    ) -> None:
-        """Begin with nothing sent; `was_ours` if the broker has ordered the mode that it is in.
-
-        `replaces` if it was sent home or down before, which it may show only after the first order.
-        `arms_until` is the time until which an order to arm that was sent may still take effect
-        on a vehicle that reports itself disarmed; None if there is no such order.
-        """
-        self._event = event
-        self._vehicle = vehicle
-        self._arms_until = arms_until
-        self._first_mode = vehicle.mode if was_ours else None  # Ours until it is left
-        self._replaces = replaces
-        self._descends_until = math.inf if replaces else -math.inf  # By the order before
-        self._again_at = math.inf
-        self._may_be_lost = False  # What was sent since the action began: the link was away, or
-        # the vehicle might be restarted, to which none is sent
-        self._unheard_since: float | None = None  # None: the vehicle shows itself
-        self._lands_instead = False
-        self._is_there = event.abort is None  # At the place, if there is one
-        self._lands_here: str | None = None  # Why that was ordered last, otherwise than it says
-        self._obeyed_at: float | None = None  # It has left its mission
-        self.taken: str | None = None  # Who has taken the vehicle meanwhile
-        self._needs_position = False  # For what is ordered
-        self._disarms = False  # What is ordered is for the ground
-        self._was_flying = bool(vehicle.snapshot.armed) and not vehicle.is_standing_armed
-        self._was_answered = event.abort is not None  # Not followed on the way to a place
-        self._executor = LiveCommandExecutor(self._action(with_place=True), vehicle)
-
-    def is_over(self, now: float) -> bool:
-        """Whether the vehicle has obeyed the last order, is disarmed, or is another system's.
-
-        While its link is away, or it may have been restarted, nothing shows what it does.
-        """
-        if self.taken is not None:
-            return True
-        if not self._vehicle.shows_itself(now):
-            return False
-        if self._vehicle.snapshot.armed is False:
-            return self._is_down_for_good
-        is_done = self._executor.phase is LivePhase.DONE
-        return is_done and not self._flies_on and not self._vehicle.is_standing_armed
-
-    @property
-    def _is_down_for_good(self) -> bool:
-        """Whether it is disarmed, and no order to arm may still arrive."""
-        return self._vehicle.snapshot.armed is False and self._arms_until is None
-
-    @property
-    def has_come_down_unanswered(self) -> bool:
-        """Whether a vehicle that flew has landed without having answered any order."""
-        is_down = self._vehicle.snapshot.armed is False and self.taken is None
-        return is_down and self._was_flying and not self._was_answered
-
-    def _note_answer(self) -> None:
-        """Note that an order of the present action was answered, whichever way."""
-        phase = self._executor.phase
-        is_refused = phase is LivePhase.FAILED and not self._executor.is_unanswered
-        self._was_answered |= phase in _BEGUN or is_refused
-        has_passed = phase in {LivePhase.BEGINNING, *_BEGUN}
-        self._is_there |= has_passed and self._executor.has_approach
-
-    @property
-    def _flies_on(self) -> bool:
-        """Whether its mode flies something else; without known modes the answers count."""
-        before_hold = _BEFORE_HOLD_INSTEAD if self._replaces else _BEFORE_HOLD
-        others = before_hold if self.leaves_hovering else AIRBORNE_MODES
-        return self._vehicle.family.knows_modes and self._vehicle.mode_role in others
-
-    @property
-    def leaves_hovering(self) -> bool:
-        """Whether the vehicle waits in the air for what comes next."""
-        soft = self._event.event_type_id is EventType.SOFT_ABORT_MISSION
-        may_hover = self.taken is None and not self._lands_instead and not self._descends
-        return soft and self._event.abort is not None and may_hover
-
-    @property
-    def sends_down(self) -> bool:
-        """Whether the vehicle was ordered to return or to land, and nobody else has it."""
-        return self.taken is None and not self.leaves_hovering
-
-    @property
-    def _descends(self) -> bool:
-        return self._is_down or self._vehicle.snapshot.lacks_position
-
-    @property
-    def _is_down(self) -> bool:
-        """Whether it is on the ground, armed or about to be."""
-        is_about_to_arm = self._arms_until is not None and self._vehicle.snapshot.armed is False
-        return is_about_to_arm or self._vehicle.is_standing_armed
-
-    def start(self, now: float) -> list[Message]:
-        """Give the first order."""
-        self._descends_until = min(self._descends_until, now + LATE_ORDER_S)
-        return [] if self._is_taken(now) else self._executor.start(now)
-
-    def receive(self, message: Message, now: float) -> list[Message]:
-        """Handle a message of the vehicle."""
-        if self._is_taken(now) or self._must_drop_place() or self._has_left_ground:
-            return []
-        messages = self._executor.receive(message, now)
-        self._note_answer()
-        return messages
-
-    def tick(self, now: float) -> list[Message]:
-        """Repeat what is overdue, and begin again what was refused or not obeyed."""
-        if self._is_taken(now):
-            return []
-        self._note_silence(now)
-        self._expire_arming(now)
-        if self._waits_for_vehicle(now) or (self._unheard_since is None and self._is_down_for_good):
-            return []
-        must_drop = self._must_drop_place()
-        if must_drop or self._has_left_ground:
-            return self._order(now, with_place=not must_drop)
-        return self._repeat(now)
-
-    def _note_silence(self, now: float) -> None:
-        """Note since when the vehicle shows nothing, and what it may do meanwhile."""
-        if self._vehicle.shows_itself(now):
-            self._unheard_since = None
-            return
-        self._may_be_lost = True
-        if now < self._descends_until:
-            self._descends_until = now + LATE_ORDER_S
-        self._unheard_since = now if self._unheard_since is None else self._unheard_since
-
-    def _repeat(self, now: float) -> list[Message]:
-        """Go on with the present order, or give it again when it is due."""
-        messages = self._executor.tick(now)
-        self._note_answer()
-        has_failed = self._executor.phase is LivePhase.FAILED
-        is_obeyed = not self._flies_on and not self._vehicle.is_standing_armed
-        if not has_failed and (is_obeyed or self._executor.phase is not LivePhase.DONE):
-            self._again_at = math.inf
-            return messages
-        if self._again_at == math.inf:
-            self._again_at = now + AGAIN_AFTER_S
-            is_refused = has_failed and not self._executor.is_unanswered
-            self._lands_instead |= is_refused and not self._may_be_lost
-        if now < self._again_at:
-            return messages
-        self._again_at = math.inf
-        self._may_be_lost = not self._vehicle.shows_itself(now)
-        return [*messages, *self._order(now, with_place=has_failed)]
-
-    def _order(self, now: float, *, with_place: bool) -> list[Message]:
-        """Begin again with what the vehicle is to do by now."""
-        self._executor = LiveCommandExecutor(self._action(with_place=with_place), self._vehicle)
-        return self._executor.start(now)
-
-    def _waits_for_vehicle(self, now: float) -> bool:
-        """Whether a vehicle has been unheard for so long that it gets no order any more."""
-        return self._unheard_since is not None and now - self._unheard_since > UNHEARD_S
-
-    def _expire_arming(self, now: float) -> None:
-        """Stop expecting the arming when it is too late; lost heartbeats extend the time.
-
-        A vehicle that has armed counts by its own reports from then on.
-        """
-        if self._arms_until is None:
-            return
-        if self._vehicle.link.state(now) is not LinkState.CONNECTED:
-            self._arms_until = max(self._arms_until, now + AGAIN_AFTER_S)
-        if self._vehicle.snapshot.armed or now >= self._arms_until:
-            self._arms_until = None
-
-    def _must_drop_place(self) -> bool:
-        """Whether it is on its approach to a place, and has landed or lost its position."""
-        is_going = self._executor.phase is LivePhase.APPROACHING and self._executor.has_approach
-        return (is_going and self._descends) or (self._needs_position and self._lacks_position)
-
-    @property
-    def _has_left_ground(self) -> bool:
-        """Whether it was to be disarmed, and turns out to be in the air."""
-        return self._disarms and bool(self._vehicle.snapshot.armed) and not self._is_down
-
-    @property
-    def _lacks_position(self) -> bool:
-        return self._vehicle.snapshot.lacks_position
-
-    def _action(self, *, with_place: bool) -> LiveAction:
-        """Choose the action; a vehicle that has reached its place gets the last order only."""
-        self._needs_position = False
-        self._disarms = self._is_down and self._unheard_since is None
-        if self._disarms:
-            return disarm_action(self._vehicle)
-        if self._is_down:  # It may have taken off unheard: a hold would end its landing
-            return land_action(self._vehicle)
-        if self._lands_instead or self._lacks_position:
-            self._lands_here = NOT_PLACED if self._lacks_position else NOT_OBEYED
-            return land_action(self._vehicle)
-        self._lands_here = None
-        lands_here = self._event.event_type_id is EventType.ABORT_MISSION
-        self._needs_position = not lands_here or (with_place and self._event.abort is not None)
-        return _airborne_action(self._event, self._vehicle, with_place=with_place)
-
-    @property
-    def instead(self) -> str | None:
-        """What the vehicle has done otherwise than the event says; None if nothing."""
-        if not self._was_flying:
-            return None if self._is_there else STANDS
-        if not self._is_there:
-            return self._lands_here or NOT_THERE
-        lands_anyway = self._event.event_type_id is EventType.ABORT_MISSION
-        return None if lands_anyway else self._lands_here
-
-    def _is_taken(self, now: float) -> bool:
-        """Whether another system has taken the vehicle, once and for all."""
-        if self.taken is None:
-            who = self.who(now)
-            if who is not Authority.BROKER:
-                self.taken = control_authority.reason(who, self._vehicle.observed_mode)
-                self._vehicle.take_away()
-        return self.taken is not None
-
-    def who(self, now: float) -> Authority:
-        """Decide who is in command of the vehicle."""
-        return control_authority.authority_of(self._vehicle.observed_mode, self._claim(now))
-
-    def _claim(self, now: float) -> Claim:
-        """Modes in which the vehicle obeys, or has not obeyed yet."""
-        vehicle = self._vehicle
-        if vehicle.mode_role not in {ModeRole.MISSION, ModeRole.PAUSED, ModeRole.OTHER}:
-            self._obeyed_at = self._obeyed_at or now
-        is_approaching = self._executor.phase is LivePhase.APPROACHING
-        is_going = is_approaching and self._executor.has_approach
-        descends = not is_going and not self.leaves_hovering
-        roles = DESCENT_MODES if descends else AIRBORNE_MODES
-        if self._obeyed_at is not None and now - self._obeyed_at > LATE_ORDER_S:
-            roles = roles - {ModeRole.MISSION}
-        if now < self._descends_until and not vehicle.observed_mode.in_failsafe:
-            roles = roles | {ModeRole.ENDING}
-        if vehicle.mode != self._first_mode:
-            self._first_mode = None
-        return Claim(roles, mode=self._first_mode, is_exclusive=True)
-
+from mavlink_broker.vehicle.control_authority import Authority
+from mavlink_broker.vehicle.recovery_record import PendingReturn
 
 CAME_DOWN_UNANSWERED: Final = (
     "the vehicle has landed and answered no order: it may have flown its mission to the end"
 )
+FLOWN_TO_ITS_END: Final = "the vehicle flew its mission to the end: no order has reached it"
+MAY_BE_FLOWN: Final = "it may have been flown: the progress of the vehicle was not received"
 RESTARTED: Final = "the vehicle was restarted"
 REPLACED_VEHICLE: Final = "another vehicle with its system id is received in its place"
 RETURN_ENDED: Final = f"{RESTARTED} on its way home"
@@ -410,6 +44,31 @@ class Aborting(Phase):
         self._executor: AbortExecutor | None = None
         self._note: str | None = None  # What is done otherwise than the event says
         self._work_id: int | None = None  # Of the event; None: an alarm has ended the mission
+        self._flown: tuple[ProgressMonitor, str] | None = None  # What it flies until it obeys, and
+        # why the mission ends then; None: the mission has ended
+        self._shown_at: float | None = None  # Since when it is received
+        self._is_flown_to_end = False  # All the same
+
+    def follow(self, progress: ProgressMonitor, reason: str) -> None:
+        """Follow the items that the vehicle flies until it obeys; the mission ends then."""
+        self._flown, self._shown_at = (progress, reason), None
+
+    def end_mission(self, effects: Effects) -> None:
+        """Report the end of a mission that was followed, with what has been flown until now."""
+        flown, self._flown = self._flown, None
+        ledger = self._mission.ledger
+        if flown is None or ledger.status.is_terminal:
+            return
+        progress, reason = flown
+        if progress.lacks_progress:
+            ledger.add_note(ledger.finished, MAY_BE_FLOWN)
+        ledger.abort(reason)
+        self._mission.report(effects)
+
+    @property
+    def is_following(self) -> bool:
+        """Whether the mission has not ended yet."""
+        return self._flown is not None
 
     def order(self, event: AbortEvent, work_id: int | None, now: float) -> None:
         """Set what the vehicle is to do; the transition to this phase begins it.
@@ -447,15 +106,47 @@ class Aborting(Phase):
         """Handle a message of the vehicle."""
         if self._executor is not None:
             effects.messages += self._executor.receive(message, now)
+        if self._flown is not None:
+            self._flown[0].receive(message, now)
+
+    def _follow(self, executor: AbortExecutor, now: float, effects: Effects) -> None:
+        """Note what the vehicle has flown, and end the mission when it flies no more of it."""
+        if self._flown is None:
+            return
+        progress, ledger = self._flown[0], self._mission.ledger
+        effects.for_edge += progress.step(now)
+        if ledger.status.is_terminal:
+            self._flown = None
+            self._is_flown_to_end = True
+            return
+        lands_itself = ModeRole.ENDING in progress.claim.roles
+        is_landing = lands_itself and executor.has_come_down_unanswered
+        is_open = is_landing and progress.loss_reason is None  # Whether it stands shows later
+        if self._awaits_progress(progress, now) or is_open:
+            return
+        if not executor.may_fly_on(now, lands_itself=lands_itself):
+            self.end_mission(effects)
+
+    def _awaits_progress(self, progress: ProgressMonitor, now: float) -> bool:
+        """Whether a vehicle that is received again may show soon what it has flown meanwhile."""
+        if not self._vehicle.shows_itself(now):
+            progress.lacks_progress = True
+            self._shown_at = None
+            return False
+        self._shown_at = now if self._shown_at is None else self._shown_at
+        return progress.lacks_progress and now - self._shown_at < PROGRESS_WITHIN_S
 
     def tick(self, now: float, effects: Effects) -> Result:
         """Repeat what is overdue until the vehicle has obeyed."""
         if self._executor is None:
             return None
         effects.messages += self._executor.tick(now)
-        if not self._executor.is_over(now):
+        self._follow(self._executor, now, effects)
+        if self._flown is not None or not self._executor.is_over(now):
             return None
         is_unanswered = self._executor.has_come_down_unanswered
+        if is_unanswered and self._is_flown_to_end:
+            self.refuse(FLOWN_TO_ITS_END, effects)
         self.acknowledge(effects, CAME_DOWN_UNANSWERED if is_unanswered else None)
         return Event.ENDED
 
@@ -493,9 +184,11 @@ class Aborting(Phase):
     def drop(self) -> None:
         """Give no further order."""
         self._executor = None
+        self._flown = None
 
     def vehicle_restarted(self, effects: Effects) -> None:
         """End an abort, or a return that an alarm has ordered: the vehicle was restarted."""
+        self.end_mission(effects)
         if self._work_id is None:
             failure = mission_error(RETURN_ENDED)
             mission_id = self._mission.work.mission.mission_id

@@ -19,6 +19,7 @@ from mavlink_broker.mission import exchanges
 from mavlink_broker.mission.context import (
     DESCENDING,
     HOVERING,
+    PROGRESS_WITHIN_S,
     TELEMETRY_WITHIN_S,
     VEHICLE_WITHIN_S,
     MissionContext,
@@ -88,6 +89,13 @@ class Attaching(Phase):
     def flies_another(self) -> bool:
         """Whether the vehicle flies the mission of another system."""
         return self._holds_another and self._vehicle.mode_role is ModeRole.MISSION
+
+    def is_progress_unknown(self, now: float) -> bool:
+        """Whether a vehicle that was just received may show soon how far it has flown."""
+        since = now if self._connected_at is None else self._connected_at
+        is_reachable = self._vehicle.is_reachable(now)
+        is_new = is_reachable and now - since < PROGRESS_WITHIN_S
+        return is_new and self._mission.was_reported_running
 
     def enter(self, now: float, effects: Effects) -> Result:
         """Begin to look at the vehicle."""

@@ -6,7 +6,7 @@ from afarcloud.enumerations import Status
 from mavlink_broker.autopilots.families import ModeRole
 from mavlink_broker.effects import Effects
 from mavlink_broker.mavlink.dialect import Message
-from mavlink_broker.mission.context import MissionContext
+from mavlink_broker.mission.context import PROGRESS_WITHIN_S, MissionContext
 from mavlink_broker.mission.phases.phase import Fault, Phase, Request, Result
 from mavlink_broker.mission.progress_monitor import (
     MissionChangeMonitor,
@@ -33,6 +33,7 @@ class Running(Phase):
         self._monitors: _Monitors | None = None
         self._paused_at: float | None = None
         self._is_pause_reported = False
+        self._entered_at = 0.0
 
     @property
     def claim(self) -> Claim | None:
@@ -56,10 +57,23 @@ class Running(Phase):
             return False
         return self._monitors.progress.holds_another or self._monitors.changes.holds_another
 
+    @property
+    def progress(self) -> ProgressMonitor | None:
+        """What follows the items; None in another phase."""
+        return None if self._monitors is None else self._monitors.progress
+
+    def is_progress_unknown(self, now: float) -> bool:
+        """Whether a vehicle that flew before it was followed has not sent its progress since."""
+        return (
+            self._monitors is not None
+            and self._monitors.progress.lacks_progress
+            and now - self._entered_at < PROGRESS_WITHIN_S
+        )
+
     def enter(self, now: float, effects: Effects) -> Result:
         """Begin to follow the segment."""
         mission, vehicle = self._mission, self._vehicle
-        self._paused_at, self._is_pause_reported = None, False
+        self._paused_at, self._is_pause_reported, self._entered_at = None, False, now
         progress = ProgressMonitor(
             mission.plan, mission.ledger, vehicle, mission.reporter, resumed=mission.was_running
         )

@@ -10,7 +10,7 @@ import pytest
 
 from afarcloud.enumerations import EventType, Status
 from mavlink_broker.mavlink.dialect import mavlink
-from mavlink_broker.mission.phases.aborting import STANDS, UNHEARD_S
+from mavlink_broker.mission.abort_executor import STANDS, UNHEARD_S
 from mavlink_broker.mission.states import State
 from tests.support.broker_world import World, first_flight
 from tests.support.scripted_vehicle import ScriptedVehicle

@@ -9,8 +9,8 @@ import pytest
 
 from afarcloud.enumerations import Status
 from mavlink_broker.mavlink.dialect import mavlink
+from mavlink_broker.mission.abort_executor import NOT_OBEYED
 from mavlink_broker.mission.mission_executor import MissionExecutor
-from mavlink_broker.mission.phases.aborting import NOT_OBEYED
 from mavlink_broker.mission.states import State
 from tests.support.broker_world import World, follow, go_home, hotpoint, mission, takeoff, waypoint
 from tests.support.vehicle_script import (

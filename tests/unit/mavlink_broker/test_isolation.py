@@ -10,8 +10,8 @@ import pytest
 
 from afarcloud.enumerations import Status
 from mavlink_broker.mavlink.dialect import mavlink
+from mavlink_broker.mission.abort_executor import AbortExecutor
 from mavlink_broker.mission.mission_queue import MissionQueue
-from mavlink_broker.mission.phases.aborting import AbortExecutor
 from mavlink_broker.mission.states import State
 from mavlink_broker.routing.router import Router
 from mavlink_broker.session import Session

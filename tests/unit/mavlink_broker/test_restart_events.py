@@ -10,8 +10,8 @@ import pytest
 
 from afarcloud.enumerations import Status
 from mavlink_broker.mavlink.dialect import mavlink
+from mavlink_broker.mission.abort_executor import NOT_OBEYED, NOT_THERE, STANDS
 from mavlink_broker.mission.pending_events import LANDED_UNSEEN, NOT_SEEN
-from mavlink_broker.mission.phases.aborting import NOT_OBEYED, NOT_THERE, STANDS
 from mavlink_broker.mission.states import State
 from tests.support.broker_world import World, first_flight, go_home, mission, takeoff, waypoint
 from tests.support.vehicle_script import PX4, PX4_HOLD, PX4_LAND, PX4_POSITION, PX4_RETURN

@@ -4,6 +4,7 @@ Vehicles fly on meanwhile. The buffer of the link keeps the oldest datagrams and
 so that the broker reads next what was true long ago.
 """
 
+import dataclasses
 import logging
 from collections.abc import Callable
 from typing import Final
@@ -122,10 +123,27 @@ def test_a_mission_goes_on_behind_it(script: Script, home: int) -> None:
 def test_an_abort_meanwhile_is_carried_out(script: Script, home: int) -> None:
     del home
     world = in_mission(script)
+    vehicle = world.only_vehicle
+    vehicle.script = dataclasses.replace(vehicle.script, item_time_s=2 * LONG_S)
     event = world.edge.event(ABORT)
     stand_still(world, LONG_S)
     world.run_until_over(1201)
     assert world.edge.status(1201) == Status.ABORTED
+    world.run_until(lambda: answer_statuses(world, event)[-1] == "done")
+    world.run_until(lambda: not vehicle.armed)
+
+
+@FAMILIES
+def test_a_mission_that_was_flown_to_its_end_meanwhile_is_not_aborted(
+    script: Script, home: int
+) -> None:
+    del home
+    world = in_mission(script)
+    event = world.edge.event(ABORT)
+    stand_still(world, LONG_S)
+    assert not world.only_vehicle.armed
+    world.run_until_over(1201)
+    assert world.edge.statuses(1201) == FINISHED
     world.run_until(lambda: answer_statuses(world, event)[-1] == "done")
 
 
