@@ -86,7 +86,14 @@ class LiveCommandRecord:
         self._vehicle = vehicle
         stored = vehicle.recovery.live
         is_known = stored is not None and name is not None and stored.name == name
-        self.earlier = stored if is_known else None
+        self.was_left = is_known and stored is not None and stored.was_left
+        """Whether the vehicle has left it for a pause, and was not ordered it again."""
+        self.earlier = stored if is_known and not self.was_left else None
+
+    @property
+    def is_lost(self) -> bool:
+        """Whether there is no record of it."""
+        return self.earlier is None and not self.was_left
 
     @property
     def was_accepted(self) -> bool:
@@ -124,7 +131,7 @@ class LiveCommandRecord:
         if self._name is None:
             return True
         live = self._vehicle.recovery.live
-        if live is None or live.name != self._name:
+        if live is None or live.name != self._name or live.was_left:
             began_s = self._vehicle.snapshot.time_s
             self._vehicle.recovery.note_live(LiveCommandProgress(name=self._name, began_s=began_s))
         if isinstance(self._action.end, Tracked):
@@ -230,15 +237,21 @@ class LiveCommandExecutor:
         begun = self.phase is LivePhase.BEGINNING and is_in_progress
         return begun or self.phase in {LivePhase.RUNNING, LivePhase.ENDING, LivePhase.DONE}
 
-    def start(self, now: float, *, resumed: bool = False) -> list[Message]:
-        """Begin; `resumed` if the vehicle accepted it in an earlier run of the broker.
+    def start(
+        self, now: float, *, is_under_way: bool = False, was_reported: bool = False
+    ) -> list[Message]:
+        """Begin, or continue what an earlier run of the broker has begun.
+
+        `is_under_way` if the vehicle flies it, as its mode shows. `was_reported` if a report says
+        that it has begun: that counts without a record alone, because a command that the vehicle
+        has left for a pause begins anew.
 
         If that run has recorded no progress, a duration or an endless orbit counts anew; an orbit
         that the vehicle counts may be over.
         """
         self._began_at = self._phase_at = self._time_s(now)
         self._vehicle.override(self._action.overrides)
-        if resumed or self._record.was_accepted:
+        if is_under_way or self._record.was_accepted or (was_reported and self._record.is_lost):
             self._resume(now)
             return []
         if self._record.may_have_been_sent:

@@ -117,6 +117,7 @@ class PictureCollector:
         self._faults: list[tuple[PictureCommand, str]] = []
         self._time = VehicleTime(vehicle)
         self._followed_since = -math.inf  # From then on its progress is that of this run
+        self._updated_at = math.inf
         self._shown_since = -math.inf  # From then on the vehicle has shown it without a gap
         self._earlier = EarlierFlight()
         self._followed_from_s = math.inf  # When the first command of a mission was followed
@@ -160,8 +161,10 @@ class PictureCollector:
             is_known = self._vehicle.is_identified or self._followed_from_s < math.inf
             if ledger.status is Status.RUNNING and is_known:  # Else the journal is not read yet
                 command = current_command(ledger, work.mission.command_array, work.name)
-        if not is_followed:
+        stood_still = now - self._updated_at > PROGRESS_GAP_S  # What has waited is read first
+        if stood_still or not is_followed:
             self._followed_since = now
+        self._updated_at = now
         is_change = self._follow_command(command, now)
         self._attribute_taken(now)
         if is_change:

@@ -117,6 +117,7 @@ class _Live(_Row):
     start: _Pose | None
     start_s: _Number | None = None
     steps: _Count
+    was_left: bool = False
 
 
 class _Document(_Row):
@@ -321,6 +322,7 @@ def _live(live: LiveCommandProgress) -> _Live:
         start=_if_any(_pose, live.start),
         start_s=live.start_s,
         steps=live.steps,
+        was_left=live.was_left,
     )
 
 
@@ -333,6 +335,7 @@ def _read_live(row: _Live) -> LiveCommandProgress:
         start=_if_any(_read_pose, row.start),
         start_s=row.start_s,
         steps=row.steps,
+        was_left=row.was_left,
     )
 
 

@@ -62,6 +62,7 @@ class LiveCommandProgress:
     start: Pose | None = None  # Where its first step begins
     start_s: float | None = None  # When it was there; None: not recorded
     steps: int = 0  # Completed: turns, pictures, points of a circle
+    was_left: bool = False  # For a pause: it begins anew, and was not sent since
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

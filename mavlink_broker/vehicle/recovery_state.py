@@ -334,9 +334,9 @@ class RecoveryState:
         """Forget it: the camera was ordered to stop."""
         self._is_tracking = False
 
-    def clear_live(self) -> None:
-        """Forget the live command: the vehicle has left it, and it begins anew."""
-        self._live = None
+    def note_left(self, name: str) -> None:
+        """Note that the vehicle has left a live command for a pause: it begins anew."""
+        self._live = LiveCommandProgress(name=name, was_left=True)
 
     def clear_commands(self) -> None:
         """Forget live command and segment: none is flown, or those of another mission."""

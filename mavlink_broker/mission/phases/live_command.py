@@ -56,7 +56,9 @@ class FlyingLive(Phase):
         self._executor = LiveCommandExecutor(
             live.action, vehicle, mission.ledger.name_of(live.command)
         )
-        effects.messages += self._executor.start(now, resumed=is_running or is_under_way)
+        effects.messages += self._executor.start(
+            now, is_under_way=is_under_way, was_reported=is_running
+        )
         return None
 
     def leave(self) -> None:
@@ -108,7 +110,8 @@ class FlyingLive(Phase):
         if not mission.pauses.has_obeyed:
             return None
         self._executor = None
-        mission.vehicle.recovery.clear_live()
+        name = mission.ledger.name_of(mission.segments.live.command)
+        mission.vehicle.recovery.note_left(name)
         if mission.vehicle.snapshot.armed is False:
             return Fault("the vehicle disarmed before the end of the mission")
         return None

@@ -14,7 +14,16 @@ from mavlink_broker.mission.flight_orders import (
     PAUSED_INSTEAD,
 )
 from mavlink_broker.mission.states import State
-from tests.support.broker_world import GENERIC, World, follow, go_home, mission, takeoff, waypoint
+from tests.support.broker_world import (
+    GENERIC,
+    World,
+    follow,
+    go_home,
+    hotpoint,
+    mission,
+    takeoff,
+    waypoint,
+)
 from tests.support.vehicle_script import (
     ARDUPILOT,
     COPTER_AUTO,
@@ -481,6 +490,27 @@ class TestRestarts:
         world.run_until_over(1201)
         assert answer_statuses(world, resume)[-1] == "done"
         assert world.edge.statuses(1201) == [Status.FINISHED] * 3
+
+    @pytest.mark.parametrize("after_s", [0.1, 0.3, 0.6, 1.0, 2.0, 4.0])
+    @pytest.mark.parametrize("script", [OWN, PX4], ids=["own", "px4"])
+    def test_a_circle_that_was_paused_is_flown_though_the_broker_is_killed_behind_the_resume(
+        self, script: Script, after_s: float, tmp_path: Path
+    ) -> None:
+        world = World(journal=tmp_path / "journal")
+        vehicle = world.add_vehicle(script=script)
+        world.edge.plan(mission(takeoff(1), hotpoint(2), go_home(3)))
+        world.run_until(lambda: state(world) is State.FLYING_LIVE)
+        world.run_until(lambda: world.edge.statuses(1201)[1] == Status.RUNNING)
+        world.run(3.0)
+        world.edge.event(PAUSE)
+        world.run(3.0)
+        ordered = vehicle.commands.count(mavlink.MAV_CMD_DO_ORBIT)
+        world.edge.event(RESUME)
+        world.run(after_s)
+        world.restart_broker()
+        world.run_until_over(1201)
+        assert world.edge.statuses(1201) == [Status.FINISHED] * 3
+        assert vehicle.commands.count(mavlink.MAV_CMD_DO_ORBIT) > ordered
 
     @KNOWN
     def test_it_is_resumed_though_its_pause_is_in_no_journal(self, family: str) -> None:
