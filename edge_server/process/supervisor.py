@@ -20,6 +20,7 @@ from typing import Final, NamedTuple
 
 from edge_server.config import Config
 from edge_server.process.exit_codes import FAILED, OK, WRONG_SETUP
+from edge_server.store.files.read_only import is_read_only
 from edge_server.store.files.tally import PART_DEATHS, Tally
 
 LOG = logging.getLogger(__name__)
@@ -27,6 +28,8 @@ PARENT_VARIABLE: Final = "EDGE_SERVER_PARENT"
 MAXIMUM_EXITS: Final = 5
 WITHIN_S: Final = 60.0
 STOP_WAIT_S: Final = 10.0
+SETTLED_S: Final = 5.0
+"""So long after its start a server that cannot serve may still run."""
 FIRST_WAIT_S: Final = 0.2
 LONGEST_WAIT_S: Final = 30.0
 _LOOK_S: Final = 0.2
@@ -146,9 +149,14 @@ class Supervisor:
         return OK
 
     def _what_is_served(self) -> str:
-        if all(one.process.poll() is None for one in self._parts if one.kind.is_vital):
-            return "records are stored, and reports, plans and aborts are served"
-        return "nothing is stored or served: the server does not run either"
+        vital = [one for one in self._parts if one.kind.is_vital]
+        if any(one.process.poll() is not None for one in vital):
+            return "nothing is stored or served: the server does not run either"
+        if any(time.monotonic() - one.started_at < SETTLED_S for one in vital):
+            return "the server starts too: /readyz shows when it is ready"
+        if is_read_only(self._config.edge_dir):
+            return "nothing is stored: the file system of the state folder is read-only"
+        return "records are stored, and reports, plans and aborts are served"
 
     def _count(self, part: Part) -> None:
         if self._tally is None:  # Created late: the state folder may not exist before

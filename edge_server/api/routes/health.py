@@ -1,6 +1,7 @@
 """`/healthz`: liveness; `/readyz`: readiness. No key needed."""
 
-from typing import Any
+from contextlib import suppress
+from typing import Any, Final
 
 from flask import Blueprint
 from flask.typing import ResponseReturnValue
@@ -11,6 +12,7 @@ from edge_server import relay_health
 from edge_server.api import bodies, schemas, urls
 from edge_server.api.access.auth import PUBLIC, allow
 from edge_server.api.contract import Contract, describe
+from edge_server.store.files.read_only import is_read_only
 
 
 def blueprint() -> Blueprint:
@@ -25,7 +27,7 @@ def blueprint() -> Blueprint:
 @describe(Contract({200: schemas.Health}))
 def healthz() -> dict[str, Any]:
     """Report that the process is alive, and the state of the database."""
-    return {"status": "ok", "database": "ok" if _database_answers() else "unavailable"}
+    return {"status": "ok", "database": _database_state()}
 
 
 @allow(PUBLIC)
@@ -33,21 +35,37 @@ def healthz() -> dict[str, Any]:
 def readyz() -> ResponseReturnValue:
     """Report whether requests can be served, and the state of the relay; 503 while shutting down.
 
-    Without a relay nothing reaches the cloud, but reports, plans and aborts are served: 200.
+    Without a relay nothing reaches the cloud, but reports, plans and aborts are served: 200. So it
+    is where the database cannot be written: reading goes on, and an abort may find room.
     """
     relay = relay_health.read(bodies.context().config)
     uplink = {"uplink": relay.uplink.name.lower(), "relay_deaths": relay.deaths}
     if bodies.context().work_signal.closed:
         return {"status": "stopping", "database": "ok", **uplink}, 503
-    if _database_answers():
-        return {"status": "ready", "database": "ok", **uplink}, 200
-    return {"status": "not ready", "database": "unavailable", **uplink}, 503
+    database = _database_state()
+    status, code = _READINESS[database]
+    return {"status": status, "database": database, **uplink}, code
 
 
-def _database_answers() -> bool:
+_READINESS: Final = {
+    "ok": ("ready", 200),
+    "not writable": ("degraded", 200),
+    "unavailable": ("not ready", 503),
+}
+
+
+def _database_state() -> str:
+    """Read something; also write where the last transaction was not stored."""
+    context = bodies.context()
+    database, file = context.database, context.config.database_path
     try:
-        with bodies.context().database.read() as connection:
+        with database.read() as connection:
             connection.execute(text("SELECT count(*) FROM alembic_version")).scalar_one()
     except SQLAlchemyError:
-        return False
-    return True
+        return "unavailable"
+    if not database.is_shared and is_read_only(file.parent):
+        return "not writable"
+    if not database.is_writable:
+        with suppress(SQLAlchemyError), database.write() as connection:
+            connection.execute(text("UPDATE alembic_version SET version_num = version_num"))
+    return "ok" if database.is_writable else "not writable"

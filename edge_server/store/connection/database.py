@@ -17,6 +17,7 @@ from sqlalchemy.exc import DBAPIError
 
 from edge_server.store.connection import locks
 from edge_server.store.connection.engines import BUSY_TIMEOUT_MS, READING, WRITING
+from edge_server.store.connection.failures import is_unwritable
 from edge_server.store.connection.locks import Lock
 
 TransactionHook = Callable[[Connection], AbstractContextManager[None]]
@@ -93,6 +94,17 @@ class Database:
         self._sender_lock = threading.Lock()
         self._sender: Any = None
         self._listener: Any = None
+        self.is_writable = True
+        """Whether the last transaction that writes was stored, as far as the disk decides that."""
+
+    @contextmanager
+    def _note_outcome(self) -> Iterator[None]:
+        try:
+            yield
+        except DBAPIError as error:
+            self.is_writable &= not is_unwritable(error)
+            raise
+        self.is_writable = True
 
     @contextmanager
     def write(self, *wanted: Lock) -> Iterator[Connection]:
@@ -102,6 +114,7 @@ class Database:
         """
         hook = TRANSACTION_HOOK.get()
         with ExitStack() as stack:
+            stack.enter_context(self._note_outcome())
             if self._writer_lock is not None:
                 stack.enter_context(self._writer_lock)
             connection = stack.enter_context(self._writer.begin())
@@ -139,7 +152,7 @@ class Database:
             with self._writer.begin() as connection:
                 for job in group:
                     job.result = job.work(connection)
-            kept = True
+            kept = self.is_writable = True
         finally:
             for job in group:
                 job.alone, job.done = not kept, True

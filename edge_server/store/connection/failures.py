@@ -35,6 +35,11 @@ def is_full(error: DBAPIError) -> bool:
     return name in _SQLITE_FULL or _state(error) in _FULL
 
 
+def is_unwritable(error: DBAPIError) -> bool:
+    """Whether nothing can be written: the disk is full, read-only or gone."""
+    return is_full(error) or _sqlite_name(error).startswith(("SQLITE_READONLY", "SQLITE_CANTOPEN"))
+
+
 def is_full_disk(error: Exception) -> bool:
     """Whether an error of a database or of the system means that the disk is full."""
     if isinstance(error, DBAPIError):

@@ -11,6 +11,7 @@ from random import Random
 import pytest
 from sqlalchemy import delete
 
+from edge_server.api.routes import health as routes_health
 from edge_server.app import context_of, create_app
 from edge_server.config import Config
 from edge_server.outbox import wakeup
@@ -254,3 +255,28 @@ def test_the_ballast_is_released_for_what_frees_room(edge: Edge) -> None:
     for kind in ("pose", "image", "battery"):
         assert report(edge, kind, number) == 201
         number += 1
+
+
+def health(edge: Edge) -> tuple[int, str, str, str]:
+    """The status of /readyz, what it says, and the database of /healthz."""
+    ready, alive = edge.ask("GET", "/readyz", None), edge.ask("GET", "/healthz", None)
+    assert alive.status_code == 200
+    return ready.status_code, ready.json["status"], ready.json["database"], alive.json["database"]
+
+
+@pytest.mark.first_case
+def test_a_full_disk_shows_in_the_health(edge: Edge) -> None:
+    assert health(edge) == (200, "ready", "ok", "ok")
+    fill_up(edge.config.state_dir / "another program")
+    fill(edge, 0, ["pose"])
+    assert health(edge) == (200, "degraded", "not writable", "not writable")
+    (edge.config.state_dir / "another program").unlink()
+    assert health(edge) == (200, "ready", "ok", "ok")
+
+
+def test_a_read_only_disk_shows_in_the_health_before_anything_is_refused(
+    edge: Edge, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A kernel makes it read-only under open files; who may mount may not do that."""
+    monkeypatch.setattr(routes_health, "is_read_only", lambda _folder: True)
+    assert health(edge) == (200, "degraded", "not writable", "not writable")
