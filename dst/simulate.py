@@ -29,6 +29,8 @@ SHIFT_END_S: Final = 1200.0
 """Within this time after a shift every vehicle has landed."""
 QUIET_S: Final = 1200.0
 """Virtual time after which everything has come to its end without faults."""
+STUCK_QUIET_S: Final = 3600.0
+"""The same with reports that always fail: each of them is tried for a minute, of every plan."""
 LOOK_S: Final = 5.0
 VEHICLES: Final = (1, 2)
 """Of which a seed draws how many there are."""
@@ -151,7 +153,8 @@ def _run(
         world.run(shift_s)
     operator.stop()
     faults.stop()
-    end_s = world.scheduler.now_s + QUIET_S
+    quiet_s = STUCK_QUIET_S if Fault.REPORT_ALWAYS_FAILS in enabled else QUIET_S
+    end_s = world.scheduler.now_s + quiet_s
     while world.scheduler.now_s < end_s:
         world.run(LOOK_S)
         if not laws.open_matters():
