@@ -280,11 +280,14 @@ def not_flown(
 _LIVE_EVENTS: Final = _QUERY.where(
     work.c.kind == EVENT,
     or_(
-        and_(work.c.state == QUEUED, work.c.expires_at > bindparam("now")),
+        and_(
+            work.c.state == QUEUED,
+            work.c.expires_at > bindparam("now"),
+            work.c.created_at <= bindparam("newest"),
+        ),
         and_(work.c.state == ACCEPTED, work.c.expires_at > bindparam("oldest")),
     ),
     work.c.id > bindparam("after_id"),
-    work.c.created_at <= bindparam("newest"),
 ).order_by(work.c.id)
 
 
@@ -292,7 +295,8 @@ def live_events(connection: Connection, now: float, *, after_id: int = 0) -> lis
     """List the events that may still be carried out, in order; an expired one is not begun.
 
     An accepted event is listed for some time after its expiry: a restarted broker reads it again
-    and completes it.
+    and completes it. It is listed whatever the clock says of its receipt: a broker that has read
+    later work does not read it any more.
     """
     times = {"now": now, "oldest": now - UNDER_WAY_S, "newest": now + CLOCK_SLACK_S}
     rows = connection.execute(_LIVE_EVENTS, times | {"after_id": after_id})

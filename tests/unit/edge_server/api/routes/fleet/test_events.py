@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from edge_server.app import context_of, create_app
 from edge_server.services.fleet import broker_work, events
 from edge_server.services.fleet.event_states import State
+from edge_server.store.rows import work
 from edge_server.store.rows.work import UNDER_WAY_S
 from tests.unit.edge_server.conftest import NOON, Clock, Edge
 from tests.unit.edge_server.documents import event, mission, mission_report, plan, speed_event
@@ -194,6 +195,21 @@ def test_a_restart_behind_a_clock_that_was_set_back(edge: Edge, *, is_accepted: 
         assert again.get("/events/1")["message"] == broker_work.AGE_UNKNOWN
         assert again.acknowledge(number, "accepted").status_code == 409
     again.context.close()
+
+
+def test_an_accepted_event_is_handed_out_with_later_work_behind_a_clock_that_was_set_back(
+    edge: Edge,
+) -> None:
+    """A restarted broker reads on behind the last that it got: what is left out is never read."""
+    fly(edge)
+    send(edge)
+    number = edge.work()[0]["id"]
+    edge.acknowledge(number, "accepted")
+    fly(edge, 1202)
+    edge.clock.now -= 3600.0
+    with edge.context.database.read() as connection:
+        live = work.live_events(connection, edge.clock.now)
+    assert [item.id for item in live] == [number]
 
 
 def test_a_speed_that_is_done_stays_with_its_mission(edge: Edge) -> None:
