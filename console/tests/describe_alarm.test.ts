@@ -4,7 +4,7 @@ import { expect, test } from "vitest";
 import type { Alarm } from "../src/api/types";
 import en from "../src/i18n/en.json";
 import es from "../src/i18n/es.json";
-import { describeAlarm, nameOfAlarm, typeOfAlarm, whatToDo } from "../src/i18n/describe_alarm";
+import { describeAlarm, describeHold, nameOfAlarm, typeOfAlarm, whatToDo } from "../src/i18n/describe_alarm";
 
 const texts: Record<string, string> = en.alarms;
 const t = ((key: string) => texts[key.replace("alarms.", "")]) as unknown as TFunction;
@@ -16,6 +16,14 @@ test("an alarm of AFarCloud has a name in the person's language", () => {
     expect(nameOfAlarm(alarm({ alarm_code_id: code }), t)).toBe(texts[`code_${code}`]);
   }
   expect(nameOfAlarm(alarm({ alarm_code_id: 5, description: "no fix" }), t)).toBe("GPS failed");
+});
+
+test("a hold after an alarm has its name in place of its numbers", () => {
+  const told = (reason: string) => describeHold(reason, t, (text) => `<${text}>`);
+  expect(told("alarm 2/52: it has left its fence")).toBe("Navigation failed: <it has left its fence>");
+  expect(told("alarm 1/5")).toBe("GPS failed");
+  expect(told("alarm 1/77: the tank is empty")).toBe("<alarm 1/77: the tank is empty>");
+  expect(told("the vehicle was restarted")).toBe("<the vehicle was restarted>");
 });
 
 test("the drone's own words name an alarm whose code is not known", () => {

@@ -41,11 +41,17 @@ test("a vehicle is stopped whoever has signed in", async () => {
   expect(sent.map(([what]) => what)).toEqual(["POST /events/", "GET /session/", "POST /events/"]);
 });
 
-test("any other refusal is not repeated", async () => {
+test("any other refusal is not repeated, and the session is read again: the role may have changed", async () => {
+  let read = 0;
+  onOtherSession(async () => {
+    read += 1;
+    return true;
+  });
   vi.stubGlobal("fetch", async (path: string) => {
     sent.push([path, undefined]);
     return new Response(JSON.stringify({ message: "the role farmer may not do this" }), { status: 403 });
   });
   await expect(stopVehicle(1, 103, 5)).rejects.toMatchObject({ status: 403, message: "the role farmer may not do this" });
   expect(sent).toHaveLength(1);
+  expect(read).toBe(1);
 });

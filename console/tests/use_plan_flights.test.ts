@@ -5,7 +5,7 @@ import { storedPlan, waypoint } from "./plans";
 
 const plan = storedPlan([waypoint(-3)]);
 const flight = (id: number, part: Partial<Flight> = {}): Flight => ({
-  id, vehicle_id: 1, mission_id: 3, plan_id: plan.plan_id, started_at: "2026-05-01T08:10:00Z", ended_at: null,
+  id, vehicle_id: 1, mission_id: 3, plan_id: plan.plan_id, plan_name: null, started_at: "2026-05-01T08:10:00Z", ended_at: null,
   mission_status_id: 2, distance_m: 0, pictures: 0, alarms: 0, ...part,
 });
 

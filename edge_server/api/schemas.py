@@ -302,12 +302,16 @@ class StateVectorRequest(Answer):
 
 
 class Flight(Answer):
-    """A flight in the archive; one without a mission began when its vehicle was armed."""
+    """A flight in the archive; one without a mission began when its vehicle was armed.
+
+    `plan_name` is null for a plan without a name, or that is not kept any more.
+    """
 
     id: Id
     vehicle_id: int
     mission_id: int | None
     plan_id: str | None
+    plan_name: str | None
     started_at: datetime
     ended_at: datetime | None
     mission_status_id: Status | None
@@ -328,9 +332,13 @@ class FlownCommand(Answer):
 
 
 class FlightWithResults(Flight):
-    """A flight with its commands, and the poses and batteries at their ends."""
+    """A flight with its commands, and the poses and batteries at their ends.
+
+    `lost_reports` of its vehicle could not be archived while it was flown.
+    """
 
     message: str | None
+    lost_reports: Annotated[int, Member(ge=0)]
     command_array: list[FlownCommand]
     results: list[dict[str, Any]]
 
@@ -477,11 +485,15 @@ class StoreUse(Answer):
 
 
 class ArchiveUse(StoreUse):
-    """The flight archive; `days` is how long a flight is kept."""
+    """The flight archive; `days` is how long a flight is kept.
+
+    `lost_reports` were stored and sent, and could not be archived.
+    """
 
     days: float
     flights: Annotated[int, Member(ge=0)]
     is_working: bool
+    lost_reports: Annotated[int, Member(ge=0)]
 
 
 class DiskUse(Answer):

@@ -130,6 +130,13 @@ CREATE TABLE IF NOT EXISTS log (
     dropped INTEGER NOT NULL DEFAULT 0,
     UNIQUE (vehicle_id, name)
 );
+CREATE TABLE IF NOT EXISTS lost (
+    id INTEGER PRIMARY KEY AUTOINCREMENT,
+    vehicle_id INTEGER NOT NULL,
+    since REAL NOT NULL,
+    until REAL NOT NULL,
+    reports INTEGER NOT NULL
+);
 CREATE INDEX IF NOT EXISTS log_of_vehicle ON log (vehicle_id, started_at);
 CREATE TABLE IF NOT EXISTS log_part (
     id INTEGER PRIMARY KEY,

@@ -11,14 +11,15 @@ import sqlite3
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from typing import Final, NamedTuple, TypeVar
 
 from afarcloud.state import MissionReport, Report
 from afarcloud.wire import Kind
-from edge_server.archive import flights, logs, results, tables, upkeep
+from edge_server.archive import flights, logs, losses, results, tables, upkeep
 from edge_server.archive.flights import MissionName
+from edge_server.archive.losses import Losses
 from edge_server.archive.results import Place, Stored
 
 LOG = logging.getLogger(__name__)
@@ -52,9 +53,12 @@ class Figures(NamedTuple):
 
     is_working: bool
     size_bytes: int
+    """With the log of changes, which is written into the file now and then."""
+    file_bytes: int
+    """What the budget limits."""
     flights: int
     lost: int
-    """Reports and changes that could not be archived since the start."""
+    """Reports that could not be archived."""
 
 
 class FlightArchive:
@@ -85,7 +89,7 @@ class FlightArchive:
         self._resume_at = float("-inf")
         self._disk_is_short = False
         self._has_failed = False
-        self._lost = 0
+        self._losses = Losses()
 
     @property
     def is_on(self) -> bool:
@@ -100,14 +104,14 @@ class FlightArchive:
                 _take(connection, one)
 
         if received:
-            self._attempt(write, len(received))
+            self._attempt(write, [(one.report.vehicle_id, one.received_at) for one in received])
 
     def take_armed(self, vehicle_id: int, *, armed: bool, at: float) -> None:
         """Archive that a vehicle is armed or disarmed; call after the commit. Never raises."""
         if self._armed.get(vehicle_id) == armed:
             return
         if self._attempt(
-            lambda connection: flights.take_armed(connection, vehicle_id, at, armed=armed), 1
+            lambda connection: flights.take_armed(connection, vehicle_id, at, armed=armed), []
         ):
             self._armed[vehicle_id] = armed
 
@@ -173,18 +177,22 @@ class FlightArchive:
 
     def figures(self) -> Figures:
         """Return the state of the archive."""
-        size = sum(file.stat().st_size for file in tables.files_of(self._path) if file.exists())
-        count = 0
+        sizes = [file.stat().st_size for file in tables.files_of(self._path) if file.exists()]
+        size, file_bytes = sum(sizes), self._path.stat().st_size if self._path.exists() else 0
+        count, lost = 0, self._losses.count
         try:
             with self.reading() as connection:
                 if connection is not None:
                     (count,) = connection.execute(
                         "SELECT count(*) FROM flight WHERE dropped = 0"
                     ).fetchone()
+                    lost += losses.total(connection)
         except sqlite3.Error:
-            return Figures(is_working=False, size_bytes=size, flights=0, lost=self._lost)
+            return Figures(
+                is_working=False, size_bytes=size, file_bytes=file_bytes, flights=0, lost=lost
+            )
         is_working = self.is_on and not (self._has_failed or self._disk_is_short)
-        return Figures(is_working, size, count, self._lost)
+        return Figures(is_working, size, file_bytes, count, lost)
 
     def close(self) -> None:
         """Close the file."""
@@ -211,20 +219,24 @@ class FlightArchive:
                 self._fail(error)
             self._discard_if_needed()
 
-    def _attempt(self, write: Callable[[sqlite3.Connection], object], count: int) -> bool:
-        """Write, or count what is lost."""
+    def _attempt(
+        self,
+        write: Callable[[sqlite3.Connection], object],
+        reports: Sequence[tuple[int, float]],
+    ) -> bool:
+        """Write, or note the reports (vehicle, time of receipt) that are lost."""
         if not self.is_on:
             return False
         if self._disk_is_short or self._monotonic() < self._resume_at:
-            self._lost += count
+            self._losses.note(reports)
             return False
         if not self._lock.acquire(timeout=LOCK_PATIENCE_S):
-            self._lost += count
+            self._losses.note(reports)
             return False
         try:
             self._write(write)
         except Exception as error:  # noqa: BLE001  # whatever it is, the report is stored
-            self._lost += count
+            self._losses.note(reports)
             self._fail(error)
             return False
         finally:
@@ -232,7 +244,19 @@ class FlightArchive:
         if self._has_failed:
             LOG.info("the flight archive is written again")
             self._has_failed = False
+        with suppress(sqlite3.Error), self._lock:  # They are stored with a later report else
+            self._store_losses()
         return True
+
+    def _store_losses(self) -> None:
+        lost = self._losses.take()
+        if not lost:
+            return
+        try:
+            self._transact(lambda connection: losses.store(connection, lost))
+        except BaseException:
+            self._losses.put_back(lost)
+            raise
 
     def _write(self, write: Callable[[sqlite3.Connection], _Result]) -> _Result:
         """Write; beyond the budget the oldest flight makes room."""

@@ -8,7 +8,7 @@ from typing import Any, Final, NamedTuple
 
 from afarcloud.enumerations import AlarmType, Status
 from afarcloud.wire import Kind
-from edge_server.archive import observation_files, reader, track_files
+from edge_server.archive import losses, observation_files, reader, track_files
 from edge_server.archive.reader import Row
 from edge_server.archive.track_files import Track
 from edge_server.pictures import footprint
@@ -17,6 +17,7 @@ from edge_server.services import audit
 from edge_server.services.context import Context, show_time
 from edge_server.services.errors import NotFoundError, TooMuchError, UnavailableError
 from edge_server.services.reports.listing import Listing, fill
+from edge_server.store.rows import plans
 
 MOST_RESULTS: Final = 1000
 """Poses and batteries that are shown with a flight; a mission has at most 700 commands."""
@@ -57,13 +58,17 @@ def flights(context: Context, page: Page) -> Listing:
     with reading(context) as connection:
         if connection is None:
             return Listing()
-        return fill(reader.flights(connection, **page._asdict()), _show_flight)
+        listing = fill(reader.flights(connection, **page._asdict()), _show_flight)
+    _name_plans(context, listing)
+    return listing
 
 
 def flight(context: Context, flight_id: int) -> dict[str, Any]:
     """Return a flight without its commands; raises NotFoundError."""
     with reading(context) as connection:
-        return _show_flight(_find(connection, flight_id))
+        shown = _show_flight(_find(connection, flight_id))
+    _name_plans(context, [shown])
+    return shown
 
 
 def flight_with_results(context: Context, flight_id: int) -> dict[str, Any]:
@@ -74,12 +79,26 @@ def flight_with_results(context: Context, flight_id: int) -> dict[str, Any]:
             raise _missing(flight_id)
         kinds = (Kind.POSE.value, Kind.BATTERY.value)
         results = reader.results(connection, flight_id, kinds, limit=MOST_RESULTS)
-        return {
+        shown = {
             **_show_flight(found),
             "message": found["message"],
+            "lost_reports": losses.of_flight(connection, found),
             "command_array": [_show_command(row) for row in reader.commands(connection, flight_id)],
             "results": [_show_result(row) for row in results],
         }
+    _name_plans(context, [shown])
+    return shown
+
+
+def _name_plans(context: Context, flights: list[dict[str, Any]]) -> None:
+    """Add the names of the plans that were flown."""
+    wanted = {flight["plan_id"] for flight in flights} - {None}
+    names = {}
+    if wanted:
+        with context.database.read() as connection:
+            names = plans.names(connection, wanted)
+    for flight in flights:
+        flight["plan_name"] = names.get(flight["plan_id"])
 
 
 def _find(connection: sqlite3.Connection | None, flight_id: int) -> Row:

@@ -27,11 +27,12 @@ def overview(context: Context) -> dict[str, Any]:
         "records": {"used_bytes": used.data_bytes, "budget_bytes": records_budget},
         "pictures": {"used_bytes": used.picture_bytes, "budget_bytes": pictures_budget},
         "archive": {
-            "used_bytes": archive.size_bytes,
+            "used_bytes": archive.file_bytes,
             "budget_bytes": config.archive_mib * _MIB,
             "days": config.archive_days,
             "flights": archive.flights,
             "is_working": archive.is_working,
+            "lost_reports": archive.lost,
         },
         "disk": {"free_bytes": disk.free, "total_bytes": disk.total},
     }

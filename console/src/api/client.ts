@@ -135,6 +135,8 @@ async function send(path: string, options: Request): Promise<Response> {
     const isSame = await renewSession();
     if (!isSame && !options.asWhoever) throw new OtherPersonError();
     response = await sendOnce(path, options);
+  } else if (response.status === FORBIDDEN && !path.startsWith("/session/")) {
+    void renewSession().catch(() => undefined); // What a role may not do is not offered: it was changed meanwhile
   }
   if (response.ok) return response;
   if (response.status === 401 && !path.startsWith("/session/")) noteSignedOut();

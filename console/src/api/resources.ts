@@ -130,7 +130,7 @@ export const listFlights = async (): Promise<Flight[]> =>
 /** Lists the flights since a time, the oldest first. */
 export const listFlightsSince = (since: Date): Promise<Flight[]> =>
   allOf(`/flights/?since=${encodeURIComponent(since.toISOString())}`);
-export const getFlight = (id: number): Promise<Flight & { command_array: FlownCommand[] }> =>
+export const getFlight = (id: number): Promise<Flight & { command_array: FlownCommand[]; lost_reports: number }> =>
   request(`/flights/${id}`);
 export const flightTrack = (id: number): Promise<GeoJSON.FeatureCollection | GeoJSON.Feature> =>
   request(`/flights/${id}/track?format=geojson`);

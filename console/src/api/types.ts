@@ -159,6 +159,7 @@ export interface Flight {
   vehicle_id: number;
   mission_id: number | null;
   plan_id: string | null;
+  plan_name: string | null;
   started_at: string;
   ended_at: string | null;
   mission_status_id: StatusId | null;

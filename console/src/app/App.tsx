@@ -56,6 +56,12 @@ export function App({ entering, hasLink }: AppProperties) {
   useEffect(() => {
     onOtherSession(renew);
     onOtherTab(() => void renew());
+    // An administrator may have changed the role meanwhile
+    const look = () => {
+      if (!document.hidden && latest.current.kind === "signed in") void renew();
+    };
+    document.addEventListener("visibilitychange", look);
+    return () => document.removeEventListener("visibilitychange", look);
   }, [renew]);
 
   useEffect(() => {

@@ -25,6 +25,17 @@ export function whatToDo(alarm: Alarm, t: TFunction): string {
   return t(KNOWN.has(code) ? `alarms.do_${code}` : "alarms.do_other");
 }
 
+const CODED = /^alarm \d+\/(\d+)(?:: (.*))?$/s;
+
+/** Says why a vehicle waits; the edge server writes an alarm with the numbers of AFarCloud. */
+export function describeHold(reason: string, t: TFunction, reportText: (text: string) => string): string {
+  const coded = CODED.exec(reason);
+  const code = Number(coded?.[1]);
+  if (coded === null || !KNOWN.has(code)) return reportText(reason);
+  const name = t(`alarms.code_${code}`);
+  return coded[2] === undefined ? name : `${name}: ${reportText(coded[2])}`;
+}
+
 /** Gives the name with the words of the report. */
 export function describeAlarm(alarm: Alarm, t: TFunction, reportText: (text: string) => string): string {
   const name = nameOfAlarm(alarm, t);

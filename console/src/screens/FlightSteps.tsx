@@ -9,7 +9,7 @@ import { CommandTimes } from "./CommandTimes";
 
 /** What a flight has done, step by step: when each command began and how long it took, as it was at a moment. */
 export function FlightSteps({ flight, at_ms }: {
-  flight: Flight & { command_array: FlownCommand[] };
+  flight: Flight & { command_array: FlownCommand[]; lost_reports: number };
   /** What the replay shows; null at its end. */
   at_ms: number | null;
 }) {

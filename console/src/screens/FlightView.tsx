@@ -7,7 +7,7 @@ import { useUnits } from "../app/preferences";
 import { linkTo } from "../app/route";
 import { Button } from "../controls/Button";
 import { Icon } from "../controls/Icon";
-import { Empty, ErrorNotice, Skeleton } from "../controls/states";
+import { Empty, ErrorNotice, Notice, Skeleton } from "../controls/states";
 import { kindsOf, measurementFeatures } from "../flights/measurements";
 import { momentAt, pointsOf } from "../flights/track";
 import { useReplay } from "../flights/use_replay";
@@ -32,6 +32,8 @@ import { fieldNames } from "./use_fleet_symbols";
 const FORMATS = { gpx: "GPX", csv: "CSV", geojson: "GeoJSON" } as const;
 /** How often a flight that goes on is loaded again. */
 const REFRESH_MS = 4_000;
+/** How often it is asked whether a flight that has ended is still in the archive. */
+const RECHECK_MS = 30_000;
 /** Of the map before it is drawn. */
 const FIRST_ZOOM = 18;
 
@@ -70,7 +72,8 @@ export default function FlightView({ id }: { id: number }) {
     async () => (flight.value === null ? [] : listFlightAlarms(flight.value)),
     `${id} ${flight.value?.alarms ?? 0}`,
   );
-  useRefresh(flight.value?.ended_at === null, flight.reload, track.reload, observations.reload);
+  useRefresh(flight.value?.ended_at === null, REFRESH_MS, flight.reload, track.reload, observations.reload);
+  useRefresh(flight.value !== null && flight.value.ended_at !== null, RECHECK_MS, flight.reload);
   const points = useMemo(() => pointsOf(track.value), [track.value]);
   const replay = useReplay();
   const kinds = useMemo(() => kindsOf(observations.value ?? []), [observations.value]);
@@ -172,9 +175,9 @@ export default function FlightView({ id }: { id: number }) {
     [points],
   );
 
-  if (flight.value === null && flight.error?.status === 404) {
+  if (flight.error?.status === 404) {
     return (
-      <Empty icon="flight" title={t("shell.not_found")}>
+      <Empty icon="flight" title={t("flights.deleted_title", { id })} text={t("flights.deleted_text")}>
         <a className="button button-plain" {...linkTo("flights")}>
           <Icon name="back" /> {t("flights.title")}
         </a>
@@ -202,6 +205,14 @@ export default function FlightView({ id }: { id: number }) {
           <Icon name="back" /> {t("flights.title")}
         </a>
         <h1>{t("flights.flight", { id })}</h1>
+        {flight.value && (
+          <p className="muted">
+            {[t("vehicle.name", { id: flight.value.vehicle_id }), flight.value.plan_name].filter(Boolean).join(" · ")}
+          </p>
+        )}
+        {(flight.value?.lost_reports ?? 0) > 0 && (
+          <Notice kind="info">{t("flights.lost", { count: flight.value?.lost_reports })}</Notice>
+        )}
         {flight.error && <ErrorNotice error={flight.error} retry={flight.reload} />}
         {flight.isLoading && flight.value === null && <Skeleton rows={2} />}
         {flight.value && <FlightFigures flight={flight.value} />}
@@ -275,14 +286,14 @@ export default function FlightView({ id }: { id: number }) {
 }
 
 /** Loads again while the flight goes on and somebody looks. */
-function useRefresh(isFlying: boolean, ...reloads: (() => void)[]): void {
+function useRefresh(isNeeded: boolean, every_ms: number, ...reloads: (() => void)[]): void {
   useEffect(() => {
-    if (!isFlying) return;
+    if (!isNeeded) return;
     const timer = setInterval(() => {
       if (!document.hidden) reloads.forEach((reload) => reload());
-    }, REFRESH_MS);
+    }, every_ms);
     return () => clearInterval(timer);
     // Each reload stays the same function
     // eslint-disable-next-line react-hooks/exhaustive-deps
-  }, [isFlying]);
+  }, [isNeeded, every_ms]);
 }

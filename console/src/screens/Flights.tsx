@@ -39,7 +39,9 @@ function FlightRow({ flight }: { flight: Flight }) {
     <li>
       <a className="row-main" {...linkTo(`flights/${flight.id}`)}>
         <strong>{t("flights.flight", { id: flight.id })}</strong>
-        <span>{t("vehicle.name", { id: flight.vehicle_id })}</span>
+        <span>
+          {[t("vehicle.name", { id: flight.vehicle_id }), flight.plan_name].filter(Boolean).join(" · ")}
+        </span>
       </a>
       <FlightFigures flight={flight} />
       {flight.alarms > 0 && <Pill tone="warning">{`${t("flights.alarms")}: ${flight.alarms}`}</Pill>}

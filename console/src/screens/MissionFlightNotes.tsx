@@ -17,9 +17,15 @@ export function MissionFlightNotes({ mission, flight }: { mission: Mission; flig
   const units = useUnits();
   const vehicle = useLive((state) => state.vehicles.get(mission.vehicle_id)?.vehicle);
   const warning = isInFlight(mission) ? vehicle?.warning : null;
+  const isSilent = isInFlight(mission) && vehicle !== undefined && vehicle.link_state !== "connected";
   const alarms = flight?.alarms_raised ?? [];
   return (
     <>
+      {isSilent && (
+        <Notice kind="error">
+          {t(`vehicle.${vehicle.link_state}_plan`, { id: mission.vehicle_id })}
+        </Notice>
+      )}
       {warning && <Notice kind="info">{reportText(warning)}</Notice>}
       {alarms.length > 0 && (
         <ul className="flight-alarms small" aria-label={t("flights.alarms")}>

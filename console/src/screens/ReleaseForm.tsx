@@ -1,5 +1,6 @@
 import { useState, type FormEvent } from "react";
 import { useTranslation } from "react-i18next";
+import { describeHold } from "../i18n/describe_alarm";
 import { useReportText } from "../i18n/use_report_text";
 import type { RequestError } from "../api/client";
 import { releaseVehicle } from "../api/resources";
@@ -31,7 +32,7 @@ export function ReleaseForm({ vehicleId, reason }: { vehicleId: number; reason: 
   };
   return (
     <div className="release">
-      <Notice kind="info">{t("release.held", { reason: reportText(reason) })}</Notice>
+      <Notice kind="info">{t("release.held", { reason: describeHold(reason, t, reportText) })}</Notice>
       {error && <ErrorNotice error={error} />}
       {isOperator && !isOpen && <Button onClick={() => setOpen(true)}>{t("release.open")}</Button>}
       {isOpen && (

@@ -246,7 +246,7 @@ async function readTitlesAndTimes(page) {
   await page.goto(`${origin}/console/flights/NaN`);
   await page.getByText("There is nothing at this address").waitFor();
   await page.goto(`${origin}/console/flights/999`);
-  await page.getByText("There is nothing at this address").waitFor();
+  await page.getByText("Flight 999 is not in the archive").waitFor();
   if (await page.getByText("GPX").count()) throw new Error("a flight that does not exist has files");
   if ((await page.title()) !== "Flights - Farm console") throw new Error(`the title is ${await page.title()}`);
   await page.goto(`${origin}/console/plans/${DRAFT}`);

@@ -74,9 +74,10 @@ async function moveByKeysAndNumbers(page) {
   await corner(page, 3).click();
   const latitude = page.getByLabel("Latitude");
   const before = await latitude.inputValue();
-  const [answer] = await Promise.all([page.waitForResponse("**/surveys/?preview=true"), corner(page, 3).press("Shift+ArrowDown")]);
-  const { area } = answer.request().postDataJSON();
-  if (String(area[2][0]) >= before) throw new Error(`the survey is still that of ${JSON.stringify(area)}`);
+  // A preview of the step before may still be on its way
+  const moved = (one) =>
+    one.url().endsWith("/surveys/?preview=true") && String(one.postDataJSON().area?.[2][0]) < before;
+  await Promise.all([page.waitForRequest(moved), corner(page, 3).press("Shift+ArrowDown")]);
   await page.waitForFunction(([input, old]) => input.value < old, [await latitude.elementHandle(), before]);
   await isIdle(page);
   await latitude.fill(String(Number(before) + 0.001));

@@ -1,6 +1,7 @@
 """Plans as rows; their missions are rows of `store/rows/work.py`."""
 
 import json
+from collections.abc import Collection
 from typing import Any, Final, NamedTuple
 
 from sqlalchemy import Connection, bindparam, delete, exists, insert, select, update
@@ -53,6 +54,13 @@ def page(
         of_vehicle = select(work.c.plan).where(work.c.vehicle_id == vehicle_id)
         query = query.where(plan.c.id.in_(of_vehicle))
     return [_stored(row) for row in connection.execute(query.order_by(plan.c.id).limit(limit))]
+
+
+def names(connection: Connection, plan_ids: Collection[str]) -> dict[str, str]:
+    """Give the names of plans that have one, by their ULIDs."""
+    query = select(plan.c.plan_id, plan.c.body).where(plan.c.plan_id.in_(plan_ids))
+    bodies = {row.plan_id: json.loads(row.body) for row in connection.execute(query)}
+    return {plan_id: body["name"] for plan_id, body in bodies.items() if body.get("name")}
 
 
 def remove(connection: Connection, identifier: int) -> None:

@@ -26,6 +26,9 @@ function Uses({ records, pictures, archive, disk, version, database }: Storage) 
   const usedOfDisk = disk.total_bytes - disk.free_bytes;
   return (
     <>
+      {archive.lost_reports > 0 && (
+        <Notice kind="info">{t("system.storage_lost", { count: archive.lost_reports })}</Notice>
+      )}
       {!archive.is_working && <Notice kind="error">{t("system.storage_stopped")}</Notice>}
       <ul className="rows">
         <Use name={t("system.storage_records")} used={records.used_bytes} of={records.budget_bytes} />

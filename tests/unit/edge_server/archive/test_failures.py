@@ -10,7 +10,15 @@ import pytest
 from edge_server.archive import tables, writer
 from edge_server.archive.writer import FlightArchive, Received
 from edge_server.config import Config
-from tests.unit.edge_server.archive.flown import begin, figure, points, send, serve
+from tests.unit.edge_server.archive.flown import (
+    FINISHED,
+    begin,
+    figure,
+    points,
+    report,
+    send,
+    serve,
+)
 from tests.unit.edge_server.conftest import Edge
 
 
@@ -25,6 +33,37 @@ def test_a_locked_archive_delays_no_report(edge: Edge, monkeypatch: pytest.Monke
     assert (points(edge), edge.count("telemetry")) == (1, 3)
     assert figure(edge, "fm_archive_working") == 1
     assert figure(edge, "fm_archive_lost_total") == 1
+
+
+def test_a_flight_says_how_many_of_its_reports_it_lacks_also_after_a_restart(
+    edge: Edge, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(writer, "PAUSE_S", 0.0)
+    begin(edge)
+    with closing(sqlite3.connect(edge.config.archive_path, isolation_level=None)) as other:
+        other.execute("BEGIN IMMEDIATE")
+        for number in (1, 2):
+            send(edge, "state_vector", sequence_number=number)
+    assert edge.get("/storage", "admin")["archive"]["lost_reports"] == 2
+    send(edge, "state_vector", sequence_number=3)
+    edge.clock.pass_s(1.0)
+    assert edge.get("/flights/1")["lost_reports"] == 2
+    report(edge, FINISHED)
+    edge.clock.pass_s(100.0)
+    begin(edge, 1202)
+    assert edge.get("/flights/2")["lost_reports"] == 0
+    again = writer.FlightArchive(
+        edge.config.archive_path, budget_bytes=2**24, days=30.0, clock=edge.clock
+    )
+    assert again.figures().lost == 2
+
+
+def test_an_archive_of_before_that_has_no_losses_is_read(edge: Edge) -> None:
+    begin(edge)
+    with closing(sqlite3.connect(edge.config.archive_path, isolation_level=None)) as other:
+        other.execute("DROP TABLE lost")
+    assert edge.get("/flights/1")["lost_reports"] == 0
+    assert edge.get("/storage", "admin")["archive"]["lost_reports"] == 0
 
 
 def test_an_archive_that_cannot_be_opened_costs_no_report(

@@ -57,6 +57,7 @@ def test_a_flown_mission_is_one_flight(edge: Edge) -> None:
     assert flight.pop("plan_id") == edge.get("/plans/1")["plan_id"]
     assert flight == {
         "id": 1,
+        "plan_name": "North field",
         "vehicle_id": 1,
         "mission_id": 1201,
         "started_at": "2026-11-21T12:00:00Z",
