@@ -390,7 +390,8 @@ class Laws:
                         f"was not flown"
                     )
 
-            for command_id in self._cut_though_flown(plan, mission):
+            # The first one may have ended in the moment of the order
+            for command_id in list(self._cut_though_flown(plan, mission))[1:]:
                 raise LawError(
                     f"plan {plan.number}: command {command_id} is ABORTED and was flown before that"
                 )
