@@ -18,6 +18,7 @@ const SETTLED_MS = 120_000;
 /** One collection leaves what waits for a callback or a task to be let go. */
 const COLLECTIONS = 3;
 const FRAMES_MS = 20_000;
+const HEAP_EVERY_MS = 60_000;
 
 const browser = await startBrowser();
 try {
@@ -45,18 +46,21 @@ async function inNewPage(context, act) {
   return found;
 }
 
-/** Gives how much memory [bytes] is used before and after a while, and the times of its frames [ms]. */
+/** Gives the memory that is used, by time: [[min, bytes], ...], and the times of the frames [ms]. */
 async function watch(page, devtools) {
   await devtools.send("Emulation.setCPUThrottlingRate", { rate: 1 });
   await page.waitForTimeout(SETTLED_MS);
-  const before = await heapBytes(devtools);
   const frames = [];
-  const end = Date.now() + MINUTES * 60_000;
-  while (Date.now() < end) frames.push(...(await frameTimes(page)));
+  const began = Date.now();
+  const sample = async () => [(Date.now() - began) / 60_000, await heapBytes(devtools)];
+  const heap = [await sample()];
+  while (Date.now() - began < MINUTES * 60_000) {
+    frames.push(...(await frameTimes(page)));
+    if (Date.now() - began >= heap.length * HEAP_EVERY_MS) heap.push(await sample());
+  }
   frames.sort((a, b) => a - b);
   return {
-    heap_before_bytes: before,
-    heap_after_bytes: await heapBytes(devtools),
+    heap,
     frame_p50_ms: frames[Math.floor(frames.length * 0.5)],
     frame_p95_ms: frames[Math.floor(frames.length * 0.95)],
     frames: frames.length,
