@@ -1,6 +1,6 @@
 import { expect, test } from "vitest";
 import { documentOf, renumberedFrom } from "../src/planning/plan_document";
-import { changedMission, formOf, isPlanForm, isSameForm, lacksOf, newMission, withForm, withMission } from "../src/planning/plan_form";
+import { changedMission, formOf, isPlanForm, isSameForm, lacksOf, newMission, openAfter, withForm, withMission } from "../src/planning/plan_form";
 import { storedPlan, waypoint } from "./plans";
 
 const GEOFENCE = { inclusion: [[[0, 0], [0, 1], [1, 1]]] };
@@ -71,4 +71,20 @@ test("a step back names the mission that it has changed", () => {
   expect(changedMission(form, withMission(form, 1, (one) => ({ ...one, speed: "2" })))).toBe(1);
   expect(changedMission(form, { ...form, missions: [...form.missions, newMission(3)] })).toBe(2);
   expect(changedMission(form, { ...form, name: "All" })).toBeNull();
+});
+
+test("a step back keeps the open step, shows the one that has changed, and closes it where steps come or go", () => {
+  const steps = formOf(storedPlan([waypoint(-1), waypoint(-2), waypoint(-3)])).missions[0]!.commands;
+  const form = { name: "North", missions: [{ ...newMission(1), commands: steps }, newMission(2)] };
+  const changed = (index: number) => withMission(form, 0, (one) => ({
+    ...one,
+    commands: one.commands.map((step, at) => (at === index ? { ...step, parameters: { ...step.parameters, altitude: 99 } } : step)),
+  }));
+  expect(openAfter(form, { ...form, name: "South" }, 0, 1)).toBe(1);
+  expect(openAfter(form, withMission(form, 0, (one) => ({ ...one, speed: "9" })), 0, 1)).toBe(1);
+  expect(openAfter(form, changed(2), 0, 2)).toBe(2);
+  expect(openAfter(form, changed(0), 0, 2)).toBe(0);
+  expect(openAfter(form, changed(0), 0, null)).toBeNull();
+  expect(openAfter(form, withMission(form, 0, (one) => ({ ...one, commands: steps.slice(1) })), 0, 1)).toBeNull();
+  expect(openAfter(form, withMission(form, 1, (one) => ({ ...one, speed: "9" })), 0, 1)).toBeNull();
 });

@@ -53,6 +53,19 @@ export function changedMission(before: PlanForm, after: PlanForm): number | null
   return index === -1 ? null : index;
 }
 
+/** Which step is open after a step back or forward, if one was: the one that has changed, else that one.
+ *
+ * None where steps have come or gone: the one at its place is another.
+ */
+export function openAfter(before: PlanForm, after: PlanForm, mission: number, open: number | null): number | null {
+  const changed = changedMission(before, after);
+  if (open === null || changed === null) return open;
+  const [old, present] = [before, after].map(({ missions }) => missions[changed]?.commands ?? []);
+  if (changed !== mission || old?.length !== present?.length) return null;
+  const steps = (present ?? []).flatMap((one, at) => (isSame(one, old?.[at] ?? null) ? [] : [at]));
+  return steps.length === 0 ? open : steps.length === 1 ? (steps[0] ?? null) : null;
+}
+
 /** An empty mission for a vehicle. */
 export function newMission(vehicleId: number | null): MissionForm {
   return { missionId: null, vehicleId, speed: String(USUAL_SPEED_M_S), commands: [] };

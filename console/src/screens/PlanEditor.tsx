@@ -25,7 +25,7 @@ import {
 import { HOME, TAKEOFF, WAYPOINT } from "../planning/command_types";
 import { documentOf, newMissionId, renumberedFrom } from "../planning/plan_document";
 import {
-  changedMission, draftName, formOf, isPlanForm, isSameForm, lacksOf, newMission, withForm, withMission, type MissionForm, type PlanForm,
+  changedMission, draftName, formOf, isPlanForm, isSameForm, lacksOf, newMission, openAfter, withForm, withMission, type MissionForm, type PlanForm,
 } from "../planning/plan_form";
 import { Attempts, save as saveOver } from "../planning/saving";
 import { orderedSpeed } from "../planning/speed_limits";
@@ -115,7 +115,7 @@ function Editor({ read }: { read: Tagged<Plan> | null }) {
     stepped: (before, after) => {
       // A step back is seen where it is
       setMission((present) => changedMission(before, after) ?? present);
-      setOpen(null);
+      setOpen((present) => openAfter(before, after, chosenMission, present));
       saving.forget();
     },
   });
