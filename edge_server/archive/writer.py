@@ -11,7 +11,7 @@ import sqlite3
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import closing, contextmanager, suppress
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Final, NamedTuple, TypeVar
 
@@ -90,6 +90,7 @@ class FlightArchive:
         self._disk_is_short = False
         self._has_failed = False
         self._losses = Losses()
+        self._most_lost = 0
 
     @property
     def is_on(self) -> bool:
@@ -179,23 +180,24 @@ class FlightArchive:
         """Return the state of the archive."""
         sizes = [file.stat().st_size for file in tables.files_of(self._path) if file.exists()]
         size, file_bytes = sum(sizes), self._path.stat().st_size if self._path.exists() else 0
-        count, lost = 0, self._losses.count
+        count = lost = 0
         try:
             with self.reading() as connection:
                 if connection is not None:
                     (count,) = connection.execute(
                         "SELECT count(*) FROM flight WHERE dropped = 0"
                     ).fetchone()
-                    lost += losses.total(connection)
+                    lost = losses.total(connection)
+            is_working = self.is_on and not (self._has_failed or self._disk_is_short)
         except sqlite3.Error:
-            return Figures(
-                is_working=False, size_bytes=size, file_bytes=file_bytes, flights=0, lost=lost
-            )
-        is_working = self.is_on and not (self._has_failed or self._disk_is_short)
-        return Figures(is_working, size, file_bytes, count, lost)
+            count, is_working = 0, False
+        # Never less than before: they may be stored just now, or their file is set aside
+        self._most_lost = max(self._most_lost, lost + self._losses.count)
+        return Figures(is_working, size, file_bytes, count, self._most_lost)
 
     def close(self) -> None:
         """Close the file."""
+        self._store_losses()
         with self._lock:
             self._close()
 
@@ -244,19 +246,20 @@ class FlightArchive:
         if self._has_failed:
             LOG.info("the flight archive is written again")
             self._has_failed = False
-        with suppress(sqlite3.Error), self._lock:  # They are stored with a later report else
-            self._store_losses()
+        self._store_losses()
         return True
 
     def _store_losses(self) -> None:
-        lost = self._losses.take()
-        if not lost:
+        """Store them, if there are any, or do so behind a later report."""
+        if not self._losses.count or not self._lock.acquire(timeout=LOCK_PATIENCE_S):
             return
+        lost = self._losses.take()
         try:
             self._transact(lambda connection: losses.store(connection, lost))
-        except BaseException:
+        except (sqlite3.Error, OSError):
             self._losses.put_back(lost)
-            raise
+        finally:
+            self._lock.release()
 
     def _write(self, write: Callable[[sqlite3.Connection], _Result]) -> _Result:
         """Write; beyond the budget the oldest flight makes room."""

@@ -47,6 +47,7 @@ def readyz() -> ResponseReturnValue:
     return {"status": status, "database": database, **uplink}, code
 
 
+REFUSAL_SHOWS_S: Final = 30.0
 _READINESS: Final = {
     "ok": ("ready", 200),
     "not writable": ("degraded", 200),
@@ -65,7 +66,7 @@ def _database_state() -> str:
         return "unavailable"
     if not database.is_shared and is_read_only(file.parent):
         return "not writable"
-    if not database.is_writable:
+    if database.was_refused(within_s=0.0):
         with suppress(SQLAlchemyError), database.write() as connection:
             connection.execute(text("UPDATE alembic_version SET version_num = version_num"))
-    return "ok" if database.is_writable else "not writable"
+    return "not writable" if database.was_refused(within_s=REFUSAL_SHOWS_S) else "ok"

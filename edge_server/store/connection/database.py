@@ -3,6 +3,7 @@
 import json
 import sqlite3
 import threading
+import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, suppress
@@ -94,17 +95,26 @@ class Database:
         self._sender_lock = threading.Lock()
         self._sender: Any = None
         self._listener: Any = None
-        self.is_writable = True
-        """Whether the last transaction that writes was stored, as far as the disk decides that."""
+        self._refused_at: float | None = None  # By the disk, the last time; None: not since
+        self._was_stored = True  # The last transaction, as far as the disk decides that
+
+    def was_refused(self, within_s: float) -> bool:
+        """Whether the disk has refused the last transaction, or any within some time.
+
+        On a full disk a small change may be stored where a record is not.
+        """
+        at = self._refused_at
+        return not self._was_stored or (at is not None and time.monotonic() - at < within_s)
 
     @contextmanager
     def _note_outcome(self) -> Iterator[None]:
         try:
             yield
         except DBAPIError as error:
-            self.is_writable &= not is_unwritable(error)
+            if is_unwritable(error):
+                self._refused_at, self._was_stored = time.monotonic(), False
             raise
-        self.is_writable = True
+        self._was_stored = True
 
     @contextmanager
     def write(self, *wanted: Lock) -> Iterator[Connection]:
@@ -152,7 +162,7 @@ class Database:
             with self._writer.begin() as connection:
                 for job in group:
                     job.result = job.work(connection)
-            kept = self.is_writable = True
+            kept = self._was_stored = True
         finally:
             for job in group:
                 job.alone, job.done = not kept, True

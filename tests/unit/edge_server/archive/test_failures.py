@@ -3,11 +3,11 @@
 import os
 import sqlite3
 from collections.abc import Sequence
-from contextlib import closing
+from contextlib import AbstractContextManager, closing
 
 import pytest
 
-from edge_server.archive import tables, writer
+from edge_server.archive import losses, tables, writer
 from edge_server.archive.writer import FlightArchive, Received
 from edge_server.config import Config
 from tests.unit.edge_server.archive.flown import (
@@ -56,6 +56,77 @@ def test_a_flight_says_how_many_of_its_reports_it_lacks_also_after_a_restart(
         edge.config.archive_path, budget_bytes=2**24, days=30.0, clock=edge.clock
     )
     assert again.figures().lost == 2
+
+
+def lose(edge: Edge, *numbers: int) -> None:
+    """Report while another program has locked the archive."""
+    with closing(sqlite3.connect(edge.config.archive_path, isolation_level=None)) as other:
+        other.execute("BEGIN IMMEDIATE")
+        for number in numbers:
+            send(edge, "state_vector", sequence_number=number)
+
+
+def test_losses_that_were_not_stored_yet_survive_a_regular_end(
+    edge: Edge, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(writer, "PAUSE_S", 0.0)
+    begin(edge)
+    lose(edge, 1, 2)
+    edge.context.archive.close()
+    again = writer.FlightArchive(
+        edge.config.archive_path, budget_bytes=2**24, days=30.0, clock=edge.clock
+    )
+    assert again.figures().lost == 2
+
+
+def test_the_count_of_losses_never_falls_while_the_server_runs(
+    edge: Edge, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(writer, "PAUSE_S", 0.0)
+    begin(edge)
+    lose(edge, 1, 2)
+    send(edge, "state_vector", sequence_number=3)
+    assert figure(edge, "fm_archive_lost_total") == 2
+    edge.context.archive.close()
+    for file in tables.files_of(edge.config.archive_path):
+        file.unlink(missing_ok=True)
+    send(edge, "state_vector", sequence_number=4)
+    assert figure(edge, "fm_archive_lost_total") == 2
+
+
+def test_losses_that_are_stored_while_they_are_counted_count_once(
+    edge: Edge, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(writer, "PAUSE_S", 0.0)
+    begin(edge)
+    lose(edge, 1, 2)
+    archive, reading = edge.context.archive, edge.context.archive.reading
+
+    def reading_later() -> AbstractContextManager[sqlite3.Connection | None]:
+        monkeypatch.undo()
+        send(edge, "state_vector", sequence_number=3)  # Another thread stores them just now
+        return reading()
+
+    monkeypatch.setattr(archive, "reading", reading_later)
+    assert archive.figures().lost == 2
+
+
+def test_losses_that_cannot_be_stored_cost_no_report(
+    edge: Edge, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(writer, "PAUSE_S", 0.0)
+    begin(edge)
+    lose(edge, 1)
+
+    def fail(*_: object) -> None:
+        raise FileNotFoundError("the archive is gone")
+
+    monkeypatch.setattr(losses, "store", fail)
+    send(edge, "state_vector", sequence_number=2)
+    assert figure(edge, "fm_archive_lost_total") == 1
+    monkeypatch.undo()
+    send(edge, "state_vector", sequence_number=3)
+    assert (points(edge), figure(edge, "fm_archive_lost_total")) == (2, 1)
 
 
 def test_an_archive_of_before_that_has_no_losses_is_read(edge: Edge) -> None:
