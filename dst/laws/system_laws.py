@@ -24,6 +24,8 @@ from dst.world.edge_process import EdgeDownError
 from dst.world.world import World
 from mavlink_broker.edge.bounded_http import Answer
 from mavlink_broker.edge.outbox import MAX_STATE_VECTORS, Post
+from mavlink_broker.mission.abort_executor import REASONS
+from mavlink_broker.mission.phases.aborting import MAY_BE_FLOWN
 
 CHECK_PERIOD_S: Final = 10.0
 BREAK_CHECK_PERIOD_S: Final = 600.0
@@ -390,10 +392,10 @@ class Laws:
                         f"was not flown"
                     )
 
-            # The first one may have ended in the moment of the order
-            for command_id in list(self._cut_though_flown(plan, mission))[1:]:
+            cut = list(self._cut_though_flown(plan, mission))
+            if len(cut) > 1:  # The first one may have ended in the moment of the order
                 raise LawError(
-                    f"plan {plan.number}: command {command_id} is ABORTED and was flown before that"
+                    f"plan {plan.number}: commands {cut} are ABORTED and were flown before that"
                 )
 
     def _cut_though_flown(self, plan: PostedPlan, mission: Mapping[str, Any]) -> Iterator[int]:
@@ -403,8 +405,8 @@ class Laws:
         the same places.
         """
         has_begun = mission["command_array"][0].get("command_status_id") == Status.FINISHED
-        is_aborted = str(mission.get("message")).startswith("aborted by an event")
-        if not has_begun or not is_aborted or "may have been flown" in str(mission):
+        is_aborted = mission.get("message") in REASONS.values()
+        if not has_begun or not is_aborted or MAY_BE_FLOWN in str(mission):
             return
         for command in mission["command_array"]:
             place = plan.commands.waypoints.get(command["command_id"])

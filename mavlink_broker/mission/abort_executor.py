@@ -170,6 +170,8 @@ class AbortExecutor:
         self._is_there = event.abort is None  # At the place, if there is one
         self._lands_here: str | None = None  # Why that was ordered last, otherwise than it says
         self._obeyed_at: float | None = None  # It has left its mission
+        self._ordered_at: float | None = None
+        self._mode_before: str | None = vehicle.mode  # Until it is in its mission
         self.taken: str | None = None  # Who has taken the vehicle meanwhile
         self._needs_position = False  # For what is ordered
         self._disarms = False  # What is ordered is for the ground
@@ -201,8 +203,10 @@ class AbortExecutor:
 
         `lands_itself` if the mission may have put it into a mode of landing or return.
         """
-        if self.is_over(now) or self._waits_for_vehicle(now):
+        if self.is_over(now) or self.is_unheard(now):
             return False
+        if self._vehicle.family.knows_modes and self._vehicle.mode_role is ModeRole.MISSION:
+            return True
         if self._obeyed_at is not None:
             is_ending = self._vehicle.mode_role is ModeRole.ENDING
             return lands_itself and is_ending and not self._was_answered
@@ -254,6 +258,7 @@ class AbortExecutor:
     def start(self, now: float) -> list[Message]:
         """Give the first order."""
         self._descends_until = min(self._descends_until, now + LATE_ORDER_S)
+        self._ordered_at = now
         return [] if self._is_taken(now) else self._executor.start(now)
 
     def receive(self, message: Message, now: float) -> list[Message]:
@@ -270,7 +275,7 @@ class AbortExecutor:
             return []
         self._note_silence(now)
         self._expire_arming(now)
-        if self._waits_for_vehicle(now) or (self._unheard_since is None and self._is_down_for_good):
+        if self.is_unheard(now) or (self._unheard_since is None and self._is_down_for_good):
             return []
         must_drop = self._must_drop_place()
         if must_drop or self._has_left_ground:
@@ -311,7 +316,7 @@ class AbortExecutor:
         self._executor = LiveCommandExecutor(self._action(with_place=with_place), self._vehicle)
         return self._executor.start(now)
 
-    def _waits_for_vehicle(self, now: float) -> bool:
+    def is_unheard(self, now: float) -> bool:
         """Whether a vehicle has been unheard for so long that it gets no order any more."""
         return self._unheard_since is not None and now - self._unheard_since > UNHEARD_S
 
@@ -380,11 +385,25 @@ class AbortExecutor:
         """Decide who is in command of the vehicle."""
         return control_authority.authority_of(self._vehicle.observed_mode, self._claim(now))
 
+    def _note_obedience(self, now: float) -> None:
+        """Note when the vehicle has left its mission.
+
+        A mode that it had before shows that after a while only: an order of before to start or to
+        resume the mission may still arrive.
+        """
+        if self._obeyed_at is not None or self._ordered_at is None:
+            return
+        if self._vehicle.mode_role in {ModeRole.MISSION, ModeRole.PAUSED, ModeRole.OTHER}:
+            self._mode_before = None
+        elif self._vehicle.mode != self._mode_before:
+            self._obeyed_at = now
+        elif now - self._ordered_at > LATE_ORDER_S:
+            self._obeyed_at = self._ordered_at
+
     def _claim(self, now: float) -> Claim:
         """Modes in which the vehicle obeys, or has not obeyed yet."""
         vehicle = self._vehicle
-        if vehicle.mode_role not in {ModeRole.MISSION, ModeRole.PAUSED, ModeRole.OTHER}:
-            self._obeyed_at = self._obeyed_at or now
+        self._note_obedience(now)
         is_approaching = self._executor.phase is LivePhase.APPROACHING
         is_going = is_approaching and self._executor.has_approach
         descends = not is_going and not self.leaves_hovering

@@ -8,7 +8,7 @@ depend on from one phase to the next.
 """
 
 import math
-from typing import Final
+from typing import Final, NamedTuple
 
 from afarcloud.enumerations import Status
 from mavlink_broker.edge.wire import MissionWork
@@ -16,6 +16,11 @@ from mavlink_broker.effects import Effects
 from mavlink_broker.live.camera_state import SeriesMonitor
 from mavlink_broker.mavlink.dialect import Message
 from mavlink_broker.mission.flight_orders import PauseOrders, SoftAbort, SpeedChanges
+from mavlink_broker.mission.progress_monitor import (
+    MissionChangeMonitor,
+    ProgressMonitor,
+    SkippedWaypointMonitor,
+)
 from mavlink_broker.mission.segments import Segments
 from mavlink_broker.mission.states import Event
 from mavlink_broker.planning.geofence import AreaCheck
@@ -220,6 +225,43 @@ class MissionContext:
         if self.is_live:
             return Event.LIVE_NEXT
         return Event.ITEMS_NEXT if self.is_hovering else Event.GROUND_NEXT
+
+
+class SegmentMonitors(NamedTuple):
+    """What follows one segment."""
+
+    progress: ProgressMonitor
+    changes: MissionChangeMonitor
+    skips: SkippedWaypointMonitor
+
+    @classmethod
+    def of(cls, mission: MissionContext) -> "SegmentMonitors":
+        """Begin to follow the present segment of a mission."""
+        vehicle = mission.vehicle
+        progress = ProgressMonitor(
+            mission.plan, mission.ledger, vehicle, mission.reporter, resumed=mission.was_running
+        )
+        changes = MissionChangeMonitor(
+            mission.plan,
+            vehicle,
+            progress.reached_before,
+            uploader=mission.foreign_uploader,
+            total=mission.verified_total,
+        )
+        mission.foreign_uploader = mission.verified_total = None
+        return cls(progress, changes, SkippedWaypointMonitor(mission.plan, vehicle))
+
+    def receive(self, message: Message, now: float, effects: Effects) -> None:
+        """Handle a message about the mission."""
+        self.progress.receive(message, now)
+        effects.messages += self.changes.receive(message, now)
+        self.skips.receive(message, now)
+
+    def abort_skipped(self, ledger: MissionLedger) -> None:
+        """Note the commands that another system has left out."""
+        for index, reason in self.skips.take_skipped():
+            if not ledger.commands[index].is_terminal:
+                ledger.set_command(index, Status.ABORTED, reason)
 
 
 class PendingCaptures:

@@ -17,8 +17,12 @@ from mavlink_broker.mavlink.dialect import Message, mavlink
 from mavlink_broker.microservices.heartbeat import LinkState
 from mavlink_broker.microservices.mission_protocol import FENCE, RALLY
 from mavlink_broker.mission import exchanges
-from mavlink_broker.mission.abort_executor import REASONS, note_on_ground, return_event
-from mavlink_broker.mission.context import MissionContext
+from mavlink_broker.mission.abort_executor import (
+    REASONS,
+    note_on_ground,
+    return_event,
+)
+from mavlink_broker.mission.context import MissionContext, SegmentMonitors
 from mavlink_broker.mission.flight_orders import (
     FLIES_NO_COMMAND,
     MISSION_ENDED,
@@ -283,7 +287,7 @@ class MissionExecutor:
             return
         if is_paused:
             self._context.soft_abort.answer("refused", PAUSED_INSTEAD, effects)
-        self.ledger.add_pause_note(PAUSED if is_paused else RESUMED)
+        self.ledger.note_open(PAUSED if is_paused else RESUMED)
         self._context.report(effects)
 
     def _yields(self, now: float, effects: Effects) -> bool:
@@ -429,7 +433,7 @@ class MissionExecutor:
         who = who or self._who
         may_fly_on = who is Authority.BROKER and self._may_be_armed(now)
         why = REASONS[work.event.event_type_id]
-        self._end_for_abort(why, now, effects, may_fly_on=may_fly_on)
+        self._follow_or_end(why, now, effects, may_fly_on=may_fly_on)
         self._aborting.acknowledge(effects, instead=REPLACED)
         if who is not Authority.BROKER:
             self._vehicle.take_away()
@@ -448,25 +452,36 @@ class MissionExecutor:
         """End the mission for an abort that an earlier run of the broker has ordered."""
         self._context.soft_abort.answer("done", REPLACED, effects)
         self._cancel_upload(effects)
-        why = REASONS[work.event.event_type_id]
-        self._end_for_abort(why, now, effects, may_fly_on=False)
+        self._end_now(REASONS[work.event.event_type_id], now, effects)
         self._move(Event.ENDED, now, effects)
 
-    def _end_for_abort(
+    def _follow_or_end(
         self, reason: str, now: float, effects: Effects, *, may_fly_on: bool
     ) -> None:
-        """End the mission, or follow the items that the vehicle flies until it obeys."""
-        progress = self._running.progress
-        if may_fly_on and progress is not None:
-            self._aborting.follow(progress, reason)
-        elif not may_fly_on or not self._aborting.is_following:
-            if progress is not None:
-                effects.for_edge += progress.step(now)
-            self._aborting.end_mission(effects)
-            if not self.ledger.status.is_terminal:
-                if self.is_flight_unknown or (progress is not None and progress.lacks_progress):
-                    self.ledger.add_note(self.ledger.finished, MAY_BE_FLOWN)
-                self.abort(reason, effects)
+        """Follow the items that the vehicle flies until it obeys an abort, or end the mission.
+
+        An order to start them may be on its way; only a known mode shows whether it has arrived.
+        """
+        monitors = self._running.monitors
+        if self.state is State.STARTING and self._vehicle.family.knows_modes:
+            monitors = SegmentMonitors.of(self._context)
+        if may_fly_on and monitors is not None:
+            self._aborting.follow(monitors, reason)
+        elif not (may_fly_on and self._aborting.is_following):
+            self._end_now(reason, now, effects)
+
+    def _end_now(self, reason: str, now: float, effects: Effects) -> None:
+        """End the mission for an abort, with what is known to have been flown."""
+        monitors = self._running.monitors
+        is_unknown = self.is_flight_unknown
+        if monitors is not None:
+            effects.for_edge += monitors.progress.step(now)
+            is_unknown |= monitors.progress.lacks_progress
+        self._aborting.end_mission(effects)
+        if not self.ledger.status.is_terminal:
+            if is_unknown:
+                self.ledger.note_open(MAY_BE_FLOWN)
+            self.abort(reason, effects)
 
     def _may_be_armed(self, now: float) -> bool:
         """Whether the vehicle is armed, is about to be, or does not show whether it still flies."""
@@ -518,6 +533,7 @@ class MissionExecutor:
         self._context.soft_abort.answer("done", f"the mission has failed: {reason}", effects)
         self._aborting.refuse(reason, effects)
         self._cancel_upload(effects)
+        followed = self._aborting.is_following  # It flies items, and has not obeyed yet
         is_ours = self._who is Authority.BROKER
         if not is_ours:
             self._vehicle.take_away()
@@ -526,7 +542,11 @@ class MissionExecutor:
             return
         starts = self.state in ARMED_BY_BROKER and not context.is_hovering
         flies = bool(snapshot.armed) and snapshot.landed_state != _STANDS
-        flew = self.state in IN_FLIGHT or (context.is_hovering and context.is_start_ordered)
+        flew = (
+            self.state in IN_FLIGHT
+            or followed
+            or (context.is_hovering and context.is_start_ordered)
+        )
         if (starts or (flies and flew)) and is_ours and not context.authority.is_lost:
             self._return_home(now, effects)
         else:

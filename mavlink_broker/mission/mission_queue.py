@@ -5,6 +5,7 @@ hovers where a finished mission of this broker has left it.
 """
 
 import logging
+import math
 from collections import deque
 from collections.abc import Sequence
 from typing import Final
@@ -35,6 +36,8 @@ from mavlink_broker.vehicle.recovery_record import PendingReturn, RecoveryRecord
 from mavlink_broker.vehicle.reporter import Reporter
 from mavlink_broker.vehicle.vehicle import Vehicle
 
+LEFT_S: Final = 2.0
+"""Of the validity of an abort, in which it waits for nothing but its vehicle."""
 VEHICLE_WITHIN_S: Final = 8.0
 """How long an event without a mission waits for its vehicle and the place where that hovers.
 
@@ -334,13 +337,16 @@ class MissionQueue:
         """Whether an abort waits a moment for what the vehicle has flown while nobody followed."""
         if self._current is None or not self._current.is_progress_unknown(now):
             return False
-        may_be_obeyed = self.vehicle.snapshot.armed and self._was_ordered_before(work)
-        return not may_be_obeyed and not self._events.is_past(work)
+        expires_at = math.inf if work.was_accepted else work.expires_at or math.inf
+        return now < expires_at - LEFT_S and not self._events.is_past(work)
 
     def _was_ordered_before(self, work: EventWork) -> bool:
         """Whether the vehicle may have obeyed an abort, as an earlier run of the broker ordered."""
         vehicle = self.vehicle
-        flies_on = vehicle.snapshot.armed and vehicle.mode_role is ModeRole.MISSION
+        is_paused = (
+            vehicle.recovery.paused is not None and vehicle.mode == vehicle.family.paused_mode
+        )
+        flies_on = vehicle.snapshot.armed and (vehicle.mode_role is ModeRole.MISSION or is_paused)
         return work.was_accepted and (self._events.is_past(work) or not flies_on)
 
     def _waits_for_vehicle(self, work: EventWork) -> bool:

@@ -116,6 +116,11 @@ class MissionChangeMonitor:
         self.holds_another = False  # It holds the mission of another system, rather than none
         self.note: str | None = None  # What somebody has changed of a mission that still flies
 
+    @property
+    def is_suspicious(self) -> bool:
+        """Whether the mission may have changed, and was not read back yet."""
+        return self._suspected_at is not None or self._reading is not None
+
     def receive(self, message: Message, now: float) -> list[Message]:
         """Handle a message of the vehicle, to the broker or to other systems."""
         kind = message.get_type()

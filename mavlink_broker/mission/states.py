@@ -39,7 +39,7 @@ class State(Enum):
     STARTING = auto()  # The start is ordered, no heartbeat has shown the flight
     RUNNING = auto()  # The vehicle flies items; progress is reported
     FLYING_LIVE = auto()  # The broker flies a command live, between segments of items
-    ABORTING = auto()  # An event or alarm has ended the mission; the vehicle is sent away
+    ABORTING = auto()  # The vehicle is sent away; an aborted mission ends when it obeys
     FAILING = auto()  # A fault has ended the mission; the vehicle may send its reasons
 
 
@@ -68,7 +68,7 @@ READING: Final = frozenset({State.ATTACHING, State.RUNNING})
 WITH_ITEMS: Final = BEFORE_TAKEOFF - {State.PLACING_GEOFENCE, State.HOLDING}
 """States in which the items of a segment are transferred to the vehicle or stored on it."""
 ENDING: Final = frozenset({State.ABORTING, State.FAILING, State.IDLE})
-"""States behind which nothing of the mission is flown any more."""
+"""States in which no order of the mission is given any more."""
 
 
 class Event(Enum):

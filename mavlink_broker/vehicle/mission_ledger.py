@@ -92,8 +92,8 @@ class MissionLedger:
         """Add to the message of a command; its status stays."""
         self._added[index].append(text)
 
-    def add_pause_note(self, text: str) -> None:
-        """Add a note of a pause, or of its end, to the first unfinished command, or the last."""
+    def note_open(self, text: str) -> None:
+        """Add a note to the first unfinished command, or to the last one."""
         self.add_note(min(self.finished, len(self._ids) - 1), text)
 
     @property

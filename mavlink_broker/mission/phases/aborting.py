@@ -17,7 +17,7 @@ from mavlink_broker.mission.abort_executor import (
     abort_note,
     within_fence,
 )
-from mavlink_broker.mission.context import PROGRESS_WITHIN_S, MissionContext
+from mavlink_broker.mission.context import PROGRESS_WITHIN_S, MissionContext, SegmentMonitors
 from mavlink_broker.mission.phases.phase import Phase, Result
 from mavlink_broker.mission.progress_monitor import ProgressMonitor
 from mavlink_broker.mission.states import Event
@@ -44,14 +44,14 @@ class Aborting(Phase):
         self._executor: AbortExecutor | None = None
         self._note: str | None = None  # What is done otherwise than the event says
         self._work_id: int | None = None  # Of the event; None: an alarm has ended the mission
-        self._flown: tuple[ProgressMonitor, str] | None = None  # What it flies until it obeys, and
+        self._flown: tuple[SegmentMonitors, str] | None = None  # What it flies until it obeys, and
         # why the mission ends then; None: the mission has ended
         self._shown_at: float | None = None  # Since when it is received
-        self._is_flown_to_end = False  # All the same
+        self._is_flown_to_end = False  # The mission was finished before an order arrived
 
-    def follow(self, progress: ProgressMonitor, reason: str) -> None:
+    def follow(self, monitors: SegmentMonitors, reason: str) -> None:
         """Follow the items that the vehicle flies until it obeys; the mission ends then."""
-        self._flown, self._shown_at = (progress, reason), None
+        self._flown, self._shown_at = (monitors, reason), None
 
     def end_mission(self, effects: Effects) -> None:
         """Report the end of a mission that was followed, with what has been flown until now."""
@@ -59,9 +59,9 @@ class Aborting(Phase):
         ledger = self._mission.ledger
         if flown is None or ledger.status.is_terminal:
             return
-        progress, reason = flown
-        if progress.lacks_progress:
-            ledger.add_note(ledger.finished, MAY_BE_FLOWN)
+        monitors, reason = flown
+        if monitors.progress.lacks_progress or monitors.changes.is_suspicious:
+            ledger.note_open(MAY_BE_FLOWN)
         ledger.abort(reason)
         self._mission.report(effects)
 
@@ -107,24 +107,34 @@ class Aborting(Phase):
         if self._executor is not None:
             effects.messages += self._executor.receive(message, now)
         if self._flown is not None:
-            self._flown[0].receive(message, now)
+            self._flown[0].receive(message, now, effects)
 
     def _follow(self, executor: AbortExecutor, now: float, effects: Effects) -> None:
         """Note what the vehicle has flown, and end the mission when it flies no more of it."""
         if self._flown is None:
             return
-        progress, ledger = self._flown[0], self._mission.ledger
+        monitors, ledger = self._flown[0], self._mission.ledger
+        if self._mission.ledger.status.is_terminal:
+            self._flown = None
+            return
+        progress, changes = monitors.progress, monitors.changes
+        monitors.abort_skipped(ledger)
         effects.for_edge += progress.step(now)
+        effects.messages += changes.tick(now)
         if ledger.status.is_terminal:
             self._flown = None
             self._is_flown_to_end = True
             return
         lands_itself = ModeRole.ENDING in progress.claim.roles
         is_landing = lands_itself and executor.has_come_down_unanswered
-        is_open = is_landing and progress.loss_reason is None  # Whether it stands shows later
-        if self._awaits_progress(progress, now) or is_open:
+        is_other = changes.loss_reason is not None or progress.holds_another
+        is_other |= changes.is_suspicious  # It cannot be read while no order reaches the vehicle
+        is_open = is_landing and not is_other and progress.loss_reason is None
+        if self._awaits_progress(progress, now):
             return
-        if not executor.may_fly_on(now, lands_itself=lands_itself):
+        if is_open and not executor.is_unheard(now):  # Whether it stands shows later
+            return
+        if is_other or not executor.may_fly_on(now, lands_itself=lands_itself):
             self.end_mission(effects)
 
     def _awaits_progress(self, progress: ProgressMonitor, now: float) -> bool:

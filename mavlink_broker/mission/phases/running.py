@@ -1,27 +1,14 @@
 """RUNNING: the vehicle flies mission items, and the broker follows and reports the progress."""
 
-from typing import NamedTuple
-
-from afarcloud.enumerations import Status
 from mavlink_broker.autopilots.families import ModeRole
 from mavlink_broker.effects import Effects
 from mavlink_broker.mavlink.dialect import Message
-from mavlink_broker.mission.context import PROGRESS_WITHIN_S, MissionContext
+from mavlink_broker.mission.context import PROGRESS_WITHIN_S, MissionContext, SegmentMonitors
 from mavlink_broker.mission.phases.phase import Fault, Phase, Request, Result
 from mavlink_broker.mission.progress_monitor import (
     MissionChangeMonitor,
-    ProgressMonitor,
-    SkippedWaypointMonitor,
 )
 from mavlink_broker.vehicle.control_authority import TAKEOVER_AFTER_S, Authority, Claim
-
-
-class _Monitors(NamedTuple):
-    """What follows one segment."""
-
-    progress: ProgressMonitor
-    changes: MissionChangeMonitor
-    skips: SkippedWaypointMonitor
 
 
 class Running(Phase):
@@ -30,7 +17,7 @@ class Running(Phase):
     def __init__(self, context: MissionContext) -> None:
         self._mission = context
         self._vehicle = context.vehicle
-        self._monitors: _Monitors | None = None
+        self._monitors: SegmentMonitors | None = None
         self._paused_at: float | None = None
         self._is_pause_reported = False
         self._entered_at = 0.0
@@ -58,9 +45,9 @@ class Running(Phase):
         return self._monitors.progress.holds_another or self._monitors.changes.holds_another
 
     @property
-    def progress(self) -> ProgressMonitor | None:
+    def monitors(self) -> SegmentMonitors | None:
         """What follows the items; None in another phase."""
-        return None if self._monitors is None else self._monitors.progress
+        return self._monitors
 
     def is_progress_unknown(self, now: float) -> bool:
         """Whether a vehicle that flew before it was followed has not sent its progress since."""
@@ -74,19 +61,8 @@ class Running(Phase):
         """Begin to follow the segment."""
         mission, vehicle = self._mission, self._vehicle
         self._paused_at, self._is_pause_reported, self._entered_at = None, False, now
-        progress = ProgressMonitor(
-            mission.plan, mission.ledger, vehicle, mission.reporter, resumed=mission.was_running
-        )
-        changes = MissionChangeMonitor(
-            mission.plan,
-            vehicle,
-            progress.reached_before,
-            uploader=mission.foreign_uploader,
-            total=mission.verified_total,
-        )
-        mission.foreign_uploader = mission.verified_total = None
-        self._monitors = _Monitors(progress, changes, SkippedWaypointMonitor(mission.plan, vehicle))
-        effects.for_edge += progress.begin(now)
+        self._monitors = SegmentMonitors.of(mission)
+        effects.for_edge += self._monitors.progress.begin(now)
         vehicle.recovery.note_flying(mission.ledger.name_of(mission.plan.first_command))
         return None
 
@@ -97,17 +73,15 @@ class Running(Phase):
     def receive(self, message: Message, now: float, effects: Effects) -> None:
         """Handle a message about the mission."""
         if self._monitors is not None:
-            self._monitors.progress.receive(message, now)
-            effects.messages += self._monitors.changes.receive(message, now)
-            self._monitors.skips.receive(message, now)
+            self._monitors.receive(message, now, effects)
 
     def tick(self, now: float, effects: Effects) -> Result:
         """Report progress; the segment ends, or another system has ended it."""
         mission = self._mission
         if self._monitors is None:
             return None
-        progress, changes, skips = self._monitors
-        self._abort_skipped(skips)
+        progress, changes, _ = self._monitors
+        self._monitors.abort_skipped(mission.ledger)
         last = mission.plan.commands[-1]
         if progress.is_finished and mission.captures.are_pending(last, now, effects):
             return Fault(mission.authority.loss_reason, last) if mission.authority.is_lost else None
@@ -120,12 +94,6 @@ class Running(Phase):
         self._observe_changes(changes, now, effects)
         reason = progress.loss_reason or changes.loss_reason
         return None if reason is None else Fault(reason)
-
-    def _abort_skipped(self, skips: SkippedWaypointMonitor) -> None:
-        ledger = self._mission.ledger
-        for index, reason in skips.take_skipped():
-            if not ledger.commands[index].is_terminal:
-                ledger.set_command(index, Status.ABORTED, reason)
 
     def _observe_pause(self, now: float, effects: Effects) -> None:
         """Report that another system has paused the vehicle.

@@ -40,7 +40,7 @@ def test_an_aborted_command_that_was_paused_says_why_it_ended() -> None:
     """Its last note would otherwise be the pause."""
     book = ledger()
     book.set_command(0, Status.RUNNING)
-    book.add_pause_note("paused by an event")
+    book.note_open("paused by an event")
     book.abort("aborted by an event")
     report = book.report(vehicle_id=1, sequence_number=4)
     texts = [command.message for command in report.command_report_array]
