@@ -13,6 +13,8 @@ from edge_server.archive import tables
 
 KEPT: Final = 1000
 """Rows; older ones are deleted, with the flights that they are about."""
+MERGED_S: Final = 60.0
+"""Losses of a vehicle within the same minute are one row."""
 
 
 class Loss(NamedTuple):
@@ -29,13 +31,13 @@ class Losses:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._of_vehicle: dict[int, Loss] = {}
+        self._losses: dict[tuple[int, float], Loss] = {}
 
     @property
     def count(self) -> int:
         """How many reports these are."""
         with self._lock:
-            return sum(loss.reports for loss in self._of_vehicle.values())
+            return sum(loss.reports for loss in self._losses.values())
 
     def note(self, received: Iterable[tuple[int, float]]) -> None:
         """Note reports by vehicle and time of receipt."""
@@ -45,19 +47,28 @@ class Losses:
         """Note what could not be stored."""
         with self._lock:
             for loss in losses:
-                before = self._of_vehicle.get(loss.vehicle_id, loss._replace(reports=0))
-                self._of_vehicle[loss.vehicle_id] = Loss(
+                key = self._key_of(loss)
+                before = self._losses.get(key, loss._replace(reports=0))
+                self._losses[key] = Loss(
                     loss.vehicle_id,
                     min(before.since, loss.since),
                     max(before.until, loss.until),
                     before.reports + loss.reports,
                 )
 
+    def _key_of(self, loss: Loss) -> tuple[int, float]:
+        """Vehicle and minute, so that no loss counts for two flights; of too many the last one."""
+        key = loss.vehicle_id, loss.since // MERGED_S
+        if key in self._losses or len(self._losses) < KEPT:
+            return key
+        of_vehicle = (one for one in reversed(self._losses) if one[0] == loss.vehicle_id)
+        return next(of_vehicle, key)
+
     def take(self) -> list[Loss]:
         """Give them to be stored."""
         with self._lock:
-            taken = list(self._of_vehicle.values())
-            self._of_vehicle.clear()
+            taken = list(self._losses.values())
+            self._losses.clear()
             return taken
 
 

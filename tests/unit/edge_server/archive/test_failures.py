@@ -35,15 +35,10 @@ def test_a_locked_archive_delays_no_report(edge: Edge, monkeypatch: pytest.Monke
     assert figure(edge, "fm_archive_lost_total") == 1
 
 
-def test_a_flight_says_how_many_of_its_reports_it_lacks_also_after_a_restart(
-    edge: Edge, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(writer, "PAUSE_S", 0.0)
+@pytest.mark.usefixtures("no_pause")
+def test_a_flight_says_how_many_of_its_reports_it_lacks_also_after_a_restart(edge: Edge) -> None:
     begin(edge)
-    with closing(sqlite3.connect(edge.config.archive_path, isolation_level=None)) as other:
-        other.execute("BEGIN IMMEDIATE")
-        for number in (1, 2):
-            send(edge, "state_vector", sequence_number=number)
+    lose(edge, 1, 2)
     assert edge.get("/storage", "admin")["archive"]["lost_reports"] == 2
     send(edge, "state_vector", sequence_number=3)
     edge.clock.pass_s(1.0)
@@ -58,6 +53,12 @@ def test_a_flight_says_how_many_of_its_reports_it_lacks_also_after_a_restart(
     assert again.figures().lost == 2
 
 
+@pytest.fixture
+def no_pause(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The archive is written again at once behind a failure."""
+    monkeypatch.setattr(writer, "PAUSE_S", 0.0)
+
+
 def lose(edge: Edge, *numbers: int) -> None:
     """Report while another program has locked the archive."""
     with closing(sqlite3.connect(edge.config.archive_path, isolation_level=None)) as other:
@@ -66,10 +67,22 @@ def lose(edge: Edge, *numbers: int) -> None:
             send(edge, "state_vector", sequence_number=number)
 
 
-def test_losses_that_were_not_stored_yet_survive_a_regular_end(
-    edge: Edge, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(writer, "PAUSE_S", 0.0)
+def test_losses_of_a_long_outage_are_told_apart_by_the_minute() -> None:
+    """One row for all of it would count in full for each flight that it overlaps."""
+    kept = losses.Losses()
+    kept.note([(1, 0.0), (2, 1.0), (1, 20.0), (1, 600.0)])
+    assert kept.take() == [(1, 0.0, 20.0, 2), (2, 1.0, 1.0, 1), (1, 600.0, 600.0, 1)]
+
+
+def test_losses_without_an_end_take_no_memory_without_an_end() -> None:
+    kept = losses.Losses()
+    kept.note((1, 60.0 * minute) for minute in range(3 * losses.KEPT))
+    assert kept.count == 3 * losses.KEPT
+    assert len(kept.take()) <= losses.KEPT
+
+
+@pytest.mark.usefixtures("no_pause")
+def test_losses_that_were_not_stored_yet_survive_a_regular_end(edge: Edge) -> None:
     begin(edge)
     lose(edge, 1, 2)
     edge.context.archive.close()
@@ -79,10 +92,8 @@ def test_losses_that_were_not_stored_yet_survive_a_regular_end(
     assert again.figures().lost == 2
 
 
-def test_the_count_of_losses_never_falls_while_the_server_runs(
-    edge: Edge, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(writer, "PAUSE_S", 0.0)
+@pytest.mark.usefixtures("no_pause")
+def test_the_count_of_losses_never_falls_while_the_server_runs(edge: Edge) -> None:
     begin(edge)
     lose(edge, 1, 2)
     send(edge, "state_vector", sequence_number=3)
@@ -94,10 +105,10 @@ def test_the_count_of_losses_never_falls_while_the_server_runs(
     assert figure(edge, "fm_archive_lost_total") == 2
 
 
+@pytest.mark.usefixtures("no_pause")
 def test_losses_that_are_stored_while_they_are_counted_count_once(
     edge: Edge, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(writer, "PAUSE_S", 0.0)
     begin(edge)
     lose(edge, 1, 2)
     archive, reading = edge.context.archive, edge.context.archive.reading
@@ -111,10 +122,10 @@ def test_losses_that_are_stored_while_they_are_counted_count_once(
     assert archive.figures().lost == 2
 
 
+@pytest.mark.usefixtures("no_pause")
 def test_losses_that_cannot_be_stored_cost_no_report(
     edge: Edge, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(writer, "PAUSE_S", 0.0)
     begin(edge)
     lose(edge, 1)
 
