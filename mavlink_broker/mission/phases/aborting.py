@@ -111,12 +111,10 @@ class Aborting(Phase):
 
     def _follow(self, executor: AbortExecutor, now: float, effects: Effects) -> None:
         """Note what the vehicle has flown, and end the mission when it flies no more of it."""
-        if self._flown is None:
-            return
-        monitors, ledger = self._flown[0], self._mission.ledger
-        if self._mission.ledger.status.is_terminal:
+        if self._flown is None or self._mission.ledger.status.is_terminal:
             self._flown = None
             return
+        monitors, ledger = self._flown[0], self._mission.ledger
         progress, changes = monitors.progress, monitors.changes
         monitors.abort_skipped(ledger)
         effects.for_edge += progress.step(now)

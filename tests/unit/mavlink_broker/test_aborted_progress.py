@@ -16,7 +16,7 @@ from mavlink_broker.mission.progress_monitor import ProgressMonitor
 from mavlink_broker.mission.states import State
 from tests.support.broker_world import World, go_home, mission, takeoff, waypoint
 from tests.support.scripted_vehicle import ScriptedVehicle
-from tests.support.vehicle_script import ARDUPILOT, PX4, Script
+from tests.support.vehicle_script import ARDUPILOT, HOME, PX4, Script
 from tests.unit.mavlink_broker.test_events import ABORT, answer_statuses
 from tests.unit.mavlink_broker.test_takeover import slow, state
 
@@ -26,6 +26,7 @@ FLOWN, CUT = Status.FINISHED, Status.ABORTED
 ITEM_S: Final = 6.0
 """How long the vehicle flies each item."""
 LEGS: Final = 6
+DEGREES_PER_M: Final = 9e-6
 RETURN_TO_LAUNCH: Final[int] = mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH
 
 
@@ -252,3 +253,35 @@ def test_an_abort_of_a_paused_vehicle_that_was_not_reached_survives_a_restart() 
     world.restart_broker()
     world.run_until(lambda: answer_statuses(world, event)[-1] == "done")
     world.run_until(lambda: not vehicle.armed)
+
+
+@FAMILIES
+def test_what_another_system_skips_meanwhile_is_not_flown(script: Script) -> None:
+    """Waypoints 300 m apart, of which the vehicle is near none that is skipped."""
+    world = World()
+    vehicle = world.add_vehicle(script=slow(script))
+    legs = (waypoint(number, 300.0 * (number - 1)) for number in range(2, 2 + LEGS))
+    world.edge.plan(mission(takeoff(1), *legs, go_home(2 + LEGS)))
+    world.run_until(lambda: vehicle.airborne and state(world) is State.RUNNING)
+    world.run_until(lambda: world.edge.statuses(1201)[1] == Status.RUNNING)
+    vehicle.place = HOME[0] + 300.0 * DEGREES_PER_M, HOME[1]
+    world.run(3.0)
+    world.air.is_uplink_up = False
+    world.edge.event(ABORT)
+    world.run(1.0)
+    vehicle.begin_at(len(vehicle.items) - 1)
+    world.run_until(lambda: not vehicle.armed)
+    world.run_until_over(1201)
+    assert CUT in world.edge.statuses(1201)
+
+
+def test_a_mission_that_another_system_may_have_put_there_ends_in_doubt() -> None:
+    """ArduPilot names no mission: its number of items changes, and it cannot be read back."""
+    world, vehicle = flying(ARDUPILOT)
+    world.air.is_uplink_up = False
+    world.edge.event(ABORT)
+    world.run(1.0)
+    vehicle.store_foreign_mission([*vehicle.items, *vehicle.items[-3:]], acknowledged_to=255)
+    world.run_until_over(1201)
+    assert world.edge.status(1201) == CUT
+    assert MAY_BE_FLOWN in str(world.edge.reports(1201)[-1])
