@@ -46,6 +46,7 @@ class NoSurveyError(Exception):
 class _Part(NamedTuple):
     """What one vehicle flies: each flight without the bends on its paths from home and back."""
 
+    vehicle_id: int
     home: Home
     flight: sorties.Flight
     flights: list[list[Stop]]
@@ -60,7 +61,7 @@ class Survey(NamedTuple):
 
 
 def survey(request: SurveyRequest, homes: Sequence[Home], first_mission_id: int) -> Survey:
-    """Plan a survey whose vehicles start from these places, in their order.
+    """Plan a survey whose vehicles start from these places, in the order of the vehicles.
 
     Raises:
         NoSurveyError: if the field cannot be covered so.
@@ -74,7 +75,7 @@ def survey(request: SurveyRequest, homes: Sequence[Home], first_mission_id: int)
         raise NoSurveyError("boundary", f"gives more than {MOST_PLACES} places; split the field")
     entry = None if request.entry is None else frame.to_plane(request.entry)
     stops = _stops(area, rows, entry)
-    parts = _parts(stops, homes, [*_flights(request, homes, frame, area)])
+    parts = _parts(request.vehicles, homes, [*_flights(request, homes, frame, area)], stops)
     plans = list(_plans(request, frame, parts, first_mission_id))
     figures = _figures(request, area, rows, parts, bearing_deg)
     return Survey(plans, figures, tuple(_warnings(parts)))
@@ -192,14 +193,26 @@ def _stops(area: Area, rows: Sequence[Sequence[lines.Line]], entry: Point | None
 
 
 def _parts(
-    stops: Sequence[Stop], homes: Sequence[Home], flights: Sequence[sorties.Flight]
+    vehicles: Sequence[int],
+    homes: Sequence[Home],
+    flights: Sequence[sorties.Flight],
+    stops: Sequence[Stop],
 ) -> list[_Part]:
-    """Share the route among the vehicles; those behind the last place have no part."""
+    """Share the route among the vehicles, near shares to each; some may get none of a short one.
+
+    The parts are in the order of the vehicles.
+    """
     shares = sorties.split(stops, len(homes), flights[0])
+    chosen = sorties.assign(shares, [flight.home_paths.home for flight in flights])
     try:
         return [
-            _Part(home, flight, sorties.flights(share, flight))
-            for home, flight, share in zip(homes, flights, shares, strict=False)
+            _Part(
+                vehicles[index],
+                homes[index],
+                flights[index],
+                sorties.flights(share, flights[index]),
+            )
+            for index, share in sorted(zip(chosen, shares, strict=True), key=lambda pair: pair[0])
         ]
     except sorties.TooFarError as error:
         raise NoSurveyError("endurance", str(error)) from None
@@ -218,11 +231,11 @@ def _plans(
     fence = None if request.geofence is None else FenceCheck(request.geofence)
     for number in range(max(len(part.flights) for part in parts)):
         missions = []
-        for vehicle_id, part in zip(request.vehicles, parts, strict=False):
+        for part in parts:
             if number < len(part.flights):
                 places = _places(frame, sorties.flown(part.flights[number], part.flight))
                 start = _takeoff_place(part.home, places[0][0], fence)
-                missions.append(_mission(request, start, places, mission_id, vehicle_id))
+                missions.append(_mission(request, start, places, mission_id, part.vehicle_id))
                 mission_id += 1
         if not request.plan_per_vehicle:
             yield _plan(request, missions, f"{number + 1}")

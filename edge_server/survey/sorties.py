@@ -13,6 +13,8 @@ CLIMB_M_S = 1.5
 STOP_S = 2.0
 """Time that slowing down and speeding up again costs at a place."""
 PICTURE_S = 1.5
+LEAST_GAIN_M = 5.0
+"""Vehicles exchange their shares for it: less is within the error of their positions."""
 RESERVE = 1.3
 """A flight is planned to need the battery's time divided by this."""
 
@@ -102,6 +104,34 @@ def split(stops: Sequence[Stop], parts: int, flight: Flight) -> list[list[Stop]]
         found[min(int(passed / share), parts - 1)].append(stop)
         passed += cost
     return [trimmed for part in found if (trimmed := _trimmed(part))]
+
+
+def assign(shares: Sequence[Sequence[Stop]], homes: Sequence[Point]) -> list[int]:
+    """Choose for each share the home from which it is flown, as an index; each home once at most.
+
+    The shares go to the homes in their order, and then two homes exchange theirs as long as that
+    shortens the straight lines there and back. From one common home the order stays.
+    """
+    chosen = list(range(len(homes)))  # Behind the shares: homes without any
+
+    def cost_m(number: int, home: int) -> float:
+        if number >= len(shares):
+            return 0.0
+        share = shares[number]
+        return math.dist(homes[home], share[0].point) + math.dist(homes[home], share[-1].point)
+
+    def exchange_gains() -> bool:
+        for one, other in itertools.combinations(range(len(homes)), 2):
+            a, b = chosen[one], chosen[other]
+            gain_m = cost_m(one, a) + cost_m(other, b) - cost_m(one, b) - cost_m(other, a)
+            if gain_m > LEAST_GAIN_M:
+                chosen[one], chosen[other] = b, a
+                return True
+        return False
+
+    while exchange_gains():
+        pass
+    return chosen[: len(shares)]
 
 
 def flights(stops: Sequence[Stop], flight: Flight) -> list[list[Stop]]:

@@ -2,6 +2,7 @@
 
 import itertools
 import math
+import statistics
 from typing import Any
 
 import pytest
@@ -11,11 +12,12 @@ from afarcloud.enumerations import CommandType
 from afarcloud.geometry import distance_m
 from edge_server.survey import lines
 from edge_server.survey.plane import Area
-from edge_server.survey.planner import MARGIN_M, NoSurveyError, Survey
-from edge_server.survey.request import SurveyRequest
+from edge_server.survey.planner import MARGIN_M, NoSurveyError, Survey, survey
+from edge_server.survey.request import Home, Place, SurveyRequest
 from tests.unit.edge_server.survey.fields import (
     CAMERA,
     HOME,
+    LONGITUDE_DEG,
     SQUARE,
     asked,
     coverage,
@@ -119,6 +121,32 @@ def test_vehicles_share_the_field_evenly() -> None:
     assert [mission["vehicle_id"] for mission in plan["missions"]] == [4, 7]
     sizes = [len(mission["command_array"]) for mission in plan["missions"]]
     assert abs(sizes[0] - sizes[1]) <= 2
+
+
+@pytest.mark.parametrize("homes_m", [[-100.0, 100.0], [100.0, -100.0]])
+def test_each_vehicle_covers_the_part_of_the_field_near_its_home(homes_m: list[float]) -> None:
+    homes = [place(east_m, 0.0) for east_m in homes_m]
+    starts = [Home(Place(latitude=at[0], longitude=at[1]), is_takeoff=True) for at in homes]
+    outcome = survey(asked(vehicles=[4, 7], swath_width=4.0, angle=0.0), starts, 1)
+    (plan,) = outcome.plans
+    first, second = plan["missions"]
+    assert [(one["mission_id"], one["vehicle_id"]) for one in (first, second)] == [(1, 4), (2, 7)]
+    for one, home in zip((first, second), homes, strict=True):
+        places = [command["parameters"] for command in one["command_array"][:-1]]
+        assert places[0]["longitude"] == pytest.approx(home[1], abs=1e-7)
+        middle_deg = statistics.fmean(at["longitude"] for at in places)
+        assert (middle_deg > LONGITUDE_DEG) == (home[1] > LONGITUDE_DEG)
+
+
+def test_a_short_route_goes_to_the_vehicle_that_is_near() -> None:
+    strip = [place(-60, -3), place(60, -3), place(60, 3), place(-60, 3)]
+    far, near = place(-900.0, 0.0), place(-61.0, 0.0)
+    starts = [Home(Place(latitude=at[0], longitude=at[1])) for at in (far, near)]
+    outcome = survey(
+        asked(boundary=strip, vehicles=[4, 7], swath_width=200.0, endurance=3600), starts, 1
+    )
+    flown = [mission["vehicle_id"] for plan in outcome.plans for mission in plan["missions"]]
+    assert flown == [7]
 
 
 @pytest.mark.parametrize("bound", [{"endurance": 300.0}, {"most_commands": 12}])
