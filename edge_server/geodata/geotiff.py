@@ -3,6 +3,7 @@
 Supported: classic TIFF, north up, degrees of WGS-84 or ETRS89, or metres of their UTM zones.
 """
 
+import os
 import struct
 from typing import BinaryIO, Final, NamedTuple
 
@@ -13,8 +14,11 @@ _BYTE_ORDERS: Final = {b"II": "<", b"MM": ">"}
 _CLASSIC, _BIG = 42, 43
 _TYPES: Final = {3: "H", 4: "I", 12: "d"}
 """Of the values that are read, by their number in TIFF."""
+_WHOLE: Final = frozenset({3, 4})
 _WIDTH, _HEIGHT, _BITS, _BANDS, _SAMPLE_FORMAT = 256, 257, 258, 277, 339
 _PIXEL_SCALE, _TIEPOINT, _TRANSFORMATION, _KEYS = 33550, 33922, 34264, 34735
+_PIXELS: Final = ((273, 279), (324, 325))
+"""Where strips or tiles of pixels begin, and their lengths in bytes."""
 _WANTED: Final = frozenset(
     {_WIDTH, _HEIGHT, _BITS, _BANDS, _SAMPLE_FORMAT}
     | {_PIXEL_SCALE, _TIEPOINT, _TRANSFORMATION, _KEYS}
@@ -82,11 +86,42 @@ def _tags(file: BinaryIO) -> dict[int, tuple[float, ...]]:
     file.seek(offset)
     (count,) = struct.unpack(f"{order}H", file.read(2))
     entries = file.read(12 * min(count, _MOST_TAGS))
-    return {
-        tag: _values(file, order, kind, values, place)
-        for tag, kind, values, place in list(struct.iter_unpack(f"{order}HHI4s", entries))
-        if tag in _WANTED and kind in _TYPES and values <= _MOST_VALUES
+    found = {
+        tag: (kind, values, place)
+        for tag, kind, values, place in struct.iter_unpack(f"{order}HHI4s", entries)
+        if kind in _TYPES
     }
+    for pair in _PIXELS:
+        if all(tag in found and found[tag][0] in _WHOLE and found[tag][1] > 0 for tag in pair):
+            _check_end(file, order, *(found[tag] for tag in pair))
+    return {
+        tag: _values(file, order, *entry)
+        for tag, entry in found.items()
+        if tag in _WANTED and entry[1] <= _MOST_VALUES
+    }
+
+
+def _check_end(
+    file: BinaryIO, order: str, begins: tuple[int, int, bytes], lengths: tuple[int, int, bytes]
+) -> None:
+    """Refuse a file that ends before its last strip or tile does; writers put that one last."""
+    whole_bytes = int(_last(file, order, *begins) + _last(file, order, *lengths))
+    size_bytes = file.seek(0, os.SEEK_END)
+    if size_bytes < whole_bytes:
+        raise ValueError(
+            f"it is cut off: it has {size_bytes} of {whole_bytes} bytes; copy it again"
+        )
+
+
+def _last(file: BinaryIO, order: str, kind: int, count: int, place: bytes) -> float:
+    """Read the last value of a tag, of which there may be very many."""
+    layout = struct.Struct(f"{order}{_TYPES[kind]}")
+    before_bytes = layout.size * (count - 1)
+    if layout.size * count > len(place):
+        file.seek(struct.unpack(f"{order}I", place)[0] + before_bytes)
+        place, before_bytes = file.read(layout.size), 0
+    (value,) = layout.unpack_from(place, before_bytes)
+    return float(value)
 
 
 def _values(file: BinaryIO, order: str, kind: int, count: int, place: bytes) -> tuple[float, ...]:

@@ -136,6 +136,11 @@ def test_other_numbers_than_a_vegetation_index_are_refused(edge: Edge) -> None:
         pytest.param(b"", "it is not a TIFF", id="empty"),
         pytest.param(b"\x89PNG\r\n\x1a\n", "it is not a TIFF", id="png"),
         pytest.param(aerial()[:40], "it is not a TIFF", id="cut off"),
+        pytest.param(
+            aerial(picture=field(size=(600, 400)))[:-1],
+            "it is cut off: it has 720263 of 720264 bytes; copy it again",
+            id="cut off at the end",
+        ),
         pytest.param(b"II+\x00" + bytes(60), "BigTIFF is not supported", id="bigtiff"),
         pytest.param(aerial(without=[SCALE]), "it has no place", id="no scale"),
         pytest.param(aerial(without=[TIEPOINT]), "it has no place", id="no place"),
