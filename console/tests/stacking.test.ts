@@ -6,7 +6,7 @@ import { asBaseMap, isSurvey, listSurveyMaps, surveyName } from "../src/map/surv
 const file = (name: string, kind: BaseMap["kind"]): BaseMap =>
   ({ name, kind, url: `/maps/${name}`, bounds: null, corners: null, fault: null });
 const made = (flight_id: number, band: MadeFlightMap["band"]): MadeFlightMap => ({
-  id: flight_id, flight_id, vehicle_id: 1, band, url: `/flights/${flight_id}/map/picture?band=${band}`,
+  id: flight_id, flight_id, vehicle_id: 2, plan_name: "North field 1", band, url: `/flights/${flight_id}/map/picture?band=${band}`,
   made_at: "2026-05-01T10:00:00Z",
   corners: [[41, -3], [41, -2], [40, -2], [40, -3]], pictures: 9, metres_per_px: 0.05,
 });
@@ -36,7 +36,7 @@ test("a map that is chosen later is drawn below those that lie above it", () => 
 test("a finished map of a survey is a base map between its corners", () => {
   expect(survey(7)).toMatchObject({
     name: "survey/7/rgb", kind: "picture", corners: [[41, -3], [41, -2], [40, -2], [40, -3]],
-    survey: { flightId: 7, madeAt: "2026-05-01T10:00:00Z" },
+    survey: { flightId: 7, vehicleId: 2, planName: "North field 1", madeAt: "2026-05-01T10:00:00Z" },
   });
   expect(survey(7, "ndvi").kind).toBe("vegetation_index");
 });

@@ -408,11 +408,15 @@ class FlightMap(Answer):
 
 
 class MadeFlightMap(Answer):
-    """A map of a flight that is made; `corners` are from the north-west on clockwise."""
+    """A map of a flight that is made; `corners` are from the north-west on clockwise.
+
+    `plan_name` is that of the flight.
+    """
 
     id: Id
     flight_id: Id
     vehicle_id: Id
+    plan_name: str | None
     band: Literal["rgb", "nir", "ndvi"]
     url: str
     made_at: datetime

@@ -128,7 +128,7 @@ def flight_maps(
     """List the maps of flights without their data, in the order in which they were made."""
     try:
         return connection.execute(
-            "SELECT flight_map.rowid AS id, flight, vehicle_id, band, made_at, about"
+            "SELECT flight_map.rowid AS id, flight, vehicle_id, plan_id, band, made_at, about"
             " FROM flight_map JOIN flight ON flight.id = flight WHERE dropped = 0"
             " AND flight_map.rowid > ? AND (? IS NULL OR vehicle_id = ?)"
             " ORDER BY flight_map.rowid LIMIT ?",

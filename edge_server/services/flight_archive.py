@@ -92,13 +92,18 @@ def flight_with_results(context: Context, flight_id: int) -> dict[str, Any]:
 
 def _name_plans(context: Context, flights: list[dict[str, Any]]) -> None:
     """Add the names of the plans that were flown."""
-    wanted = {flight["plan_id"] for flight in flights} - {None}
-    names = {}
-    if wanted:
-        with context.database.read() as connection:
-            names = plans.names(connection, wanted)
+    names = plan_names(context, {flight["plan_id"] for flight in flights})
     for flight in flights:
         flight["plan_name"] = names.get(flight["plan_id"])
+
+
+def plan_names(context: Context, plan_ids: set[str | None]) -> dict[str, str]:
+    """Return the names of those of these plans that have one and are still kept."""
+    wanted = {plan_id for plan_id in plan_ids if plan_id is not None}
+    if not wanted:
+        return {}
+    with context.database.read() as connection:
+        return plans.names(connection, wanted)
 
 
 def _find(connection: sqlite3.Connection | None, flight_id: int) -> Row:

@@ -51,14 +51,14 @@ def listing(
     with flight_archive.reading(context) as connection:
         if connection is None:
             return []
-        return [
-            {"id": row["id"], "flight_id": row["flight"], "vehicle_id": row["vehicle_id"]}
-            | {"band": row["band"]}
-            | _show_map(MapKey(row["flight"], row["band"]), row)
-            for row in reader.flight_maps(
-                connection, after_id=after_id, limit=limit, vehicle_id=vehicle_id
-            )
-        ]
+        rows = reader.flight_maps(connection, after_id=after_id, limit=limit, vehicle_id=vehicle_id)
+    names = flight_archive.plan_names(context, {row["plan_id"] for row in rows})
+    return [
+        {"id": row["id"], "flight_id": row["flight"], "vehicle_id": row["vehicle_id"]}
+        | {"plan_name": names.get(row["plan_id"]), "band": row["band"]}
+        | _show_map(MapKey(row["flight"], row["band"]), row)
+        for row in rows
+    ]
 
 
 def _show_map(key: MapKey, stored: reader.Row) -> dict[str, Any]:

@@ -187,8 +187,8 @@ export interface BaseMap {
   /** Latitude and longitude from the north-west on clockwise, of a picture. */
   corners: [number, number][] | null;
   fault: string | null;
-  /** Of which flight it was made, and when; not of a file. */
-  survey?: { flightId: number; madeAt: string };
+  /** Of which flight it was made, of which plan, and when; not of a file. */
+  survey?: { flightId: number; vehicleId: number; planName: string | null; madeAt: string };
 }
 
 /** What ground a picture shows; null for one that is no map. */

@@ -93,7 +93,11 @@ function BaseMapChoice({ map: { name, kind, survey, fault: unreadable }, opacity
   const isIndex = kind === "vegetation_index";
   const label = survey === undefined
     ? name.replace(/\.[^.]+$/, "")
-    : t(isIndex ? "map.survey_index" : "map.survey", { id: survey.flightId, time: units.time(survey.madeAt) });
+    : t(isIndex ? "map.survey_index" : "map.survey", {
+        id: survey.flightId,
+        what: [t("vehicle.name", { id: survey.vehicleId }), survey.planName].filter(Boolean).join(" · "),
+        time: units.time(survey.madeAt),
+      });
   return (
     <div>
       <label>

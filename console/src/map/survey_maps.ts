@@ -24,7 +24,9 @@ export function asBaseMap(map: MadeFlightMap): BaseMap {
     bounds: null,
     corners: map.corners.map(([latitude = 0, longitude = 0]): [number, number] => [latitude, longitude]),
     fault: null,
-    survey: { flightId: map.flight_id, madeAt: map.made_at },
+    survey: {
+      flightId: map.flight_id, vehicleId: map.vehicle_id, planName: map.plan_name, madeAt: map.made_at,
+    },
   };
 }
 

@@ -155,7 +155,7 @@ async function showBaseMap(page) {
   await isDrawn("without the vegetation");
   // Chosen later than what lies below and above them
   const surveyed = [0, 120, 60];
-  await map.getByLabel(/^Survey of flight 1,/).check();
+  await map.getByLabel(/^Survey of flight 1 \(Drone 1/).check();
   for (let attempt = 0; await countPixels(page, map, surveyed) < 3_000; attempt += 1) {
     if (attempt > 60) throw new Error("the survey is not drawn above the tiles");
     await page.waitForTimeout(500);
@@ -165,7 +165,7 @@ async function showBaseMap(page) {
   await isDrawn("below the survey");
   if (await countPixels(page, map, surveyed) < 3_000) throw new Error("tiles cover the survey");
   await requireAccessible(page, "a survey as a base map");
-  await map.getByLabel(/^Survey of flight 1,/).uncheck();
+  await map.getByLabel(/^Survey of flight 1 \(Drone 1/).uncheck();
   await page.evaluate(() => localStorage.setItem("farm-console", JSON.stringify({ theme: "dark", language: "en" })));
   await page.reload();
   await isDrawn("after a reload");

@@ -96,6 +96,7 @@ def test_the_maps_that_are_made_are_listed_the_newest_last(survey: Edge) -> None
     made(survey)
     (first,) = survey.get("/flight_maps/", "farmer")
     assert (first["flight_id"], first["vehicle_id"], first["band"]) == (1, 1, "rgb")
+    assert first["plan_name"] == "North field"
     about = survey.get("/flights/1/map")
     assert all(first[name] == about[name] for name in ("url", "corners", "pictures", "made_at"))
     assert survey.get(f"/flight_maps/?after={first['id']}") == []
