@@ -1,5 +1,5 @@
 import { expect, test } from "vitest";
-import { begin, change, redo, undo } from "../src/planning/history";
+import { begin, canUndo, change, redo, undo } from "../src/planning/history";
 
 test("undo gives the state before, redo the one that was undone", () => {
   const edited = change(change(begin("a"), "b"), "c");
@@ -24,4 +24,13 @@ test("a drag is one step, however many places it passes", () => {
   const dragged = change(change(begun, 2, true), 3, true);
   expect(dragged.present).toBe(3);
   expect(undo(dragged).present).toBe(0);
+});
+
+test("a step that has led back to where it began is passed over", () => {
+  const typed = change(change(begin({ altitude: 20 }), { altitude: 205 }), { altitude: 20 }, true);
+  expect(canUndo(typed)).toBe(false);
+  const before = change(change(change(begin({ altitude: 10 }), { altitude: 20 }), { altitude: 205 }), { altitude: 20 }, true);
+  expect(canUndo(before)).toBe(true);
+  expect(undo(before).present).toEqual({ altitude: 10 });
+  expect(redo(undo(before)).present).toEqual({ altitude: 20 });
 });

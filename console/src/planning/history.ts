@@ -25,11 +25,20 @@ export function change<State>(
   return { past, present, future: [] };
 }
 
-/** The state before; the same history where there is none. */
+/** The last state before that differs from the present one; the same history where there is none.
+ *
+ * A step may have led back to where it began, as when the browser itself undoes what is typed.
+ */
 export function undo<State>({ past, present, future }: History<State>): History<State> {
-  const before = past.at(-1);
+  const index = past.findLastIndex((state) => !isSame(state, present));
+  const before = past[index];
   if (before === undefined) return { past, present, future };
-  return { past: past.slice(0, -1), present: before, future: [present, ...future] };
+  return { past: past.slice(0, index), present: before, future: [present, ...future] };
+}
+
+/** Whether there is a state to which `undo` leads. */
+export function canUndo<State>({ past, present }: History<State>): boolean {
+  return past.some((state) => !isSame(state, present));
 }
 
 /** The state that was undone last; the same history where there is none. */
@@ -37,4 +46,9 @@ export function redo<State>({ past, present, future }: History<State>): History<
   const [next, ...rest] = future;
   if (next === undefined) return { past, present, future };
   return { past: [...past, present], present: next, future: rest };
+}
+
+/** Whether two states hold the same values. */
+function isSame(one: unknown, other: unknown): boolean {
+  return one === other || JSON.stringify(one) === JSON.stringify(other);
 }

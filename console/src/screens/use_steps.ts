@@ -2,7 +2,7 @@
 
 import { useEffect, useRef, useState } from "react";
 import { useUndoKeys } from "../controls/use_undo_keys";
-import { change as record, redo, undo, type History } from "../planning/history";
+import { canUndo, change as record, redo, undo, type History } from "../planning/history";
 
 /** Inputs into which a person types; in others each change is one decision. */
 const TYPED: ReadonlySet<string> = new Set(["text", "number", "search"]);
@@ -52,7 +52,7 @@ export function useSteps<State>(first: () => History<State>, { isLocked = false,
   useUndoKeys(steps.undo, steps.redo);
   return {
     present: history.present,
-    canUndo: history.past.length > 0,
+    canUndo: canUndo(history),
     canRedo: history.future.length > 0,
     change,
     ...steps,
