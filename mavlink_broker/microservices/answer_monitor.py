@@ -7,6 +7,7 @@ connected. TIMESYNC(111) is the request that changes nothing: PX4 and ArduPilot 
 (https://mavlink.io/en/services/timesync.html).
 
 A vehicle that answers other requests and never a TIMESYNC does not have it, and is asked no more.
+Only what it answers when it could have answered a TIMESYNC too shows that.
 """
 
 from collections import deque
@@ -20,6 +21,8 @@ REPEAT_S: Final = 0.5
 UNANSWERED_AFTER_S: Final = 10.0
 """Time without an answer after which orders do not reach it: at 30 % loss in both directions, all
 of the twenty requests are lost once in a million times."""
+LONGEST_TRIP_S: Final = 3.0
+"""Time that a request and its answer may be on their way on a slow link."""
 LONGEST_PAUSE_S: Final = 3.0
 """A monitor that was not stepped for longer has not listened: the time begins anew."""
 REQUESTS_KEPT: Final = 32
@@ -32,6 +35,7 @@ class AnswerMonitor:
         self._own_system = route.own_system
         self._sent: deque[int] = deque(maxlen=REQUESTS_KEPT)  # ts1 of the requests
         self._send_at: float | None = None
+        self._first_sent_at: float | None = None
         self._ticked_at: float | None = None
         self._unanswered_since: float | None = None
         self._has_timesync = False
@@ -50,10 +54,17 @@ class AnswerMonitor:
             target = getattr(message, "target_system", None)
             is_ours = target == self._own_system
             is_to_all = target == 0 and message.get_type() == "COMMAND_ACK"
-            self._has_answered_others |= is_ours or is_to_all
+            if is_ours or is_to_all:
+                self._has_answered_others |= self._has_had_time()
             if not is_ours:
                 return
         self._unanswered_since, self.is_unanswered = None, False
+
+    def _has_had_time(self) -> bool:
+        """Whether the first request would have been answered by now."""
+        if self._first_sent_at is None or self._ticked_at is None:
+            return False
+        return self._ticked_at - self._first_sent_at >= LONGEST_TRIP_S
 
     def tick(self, now: float) -> list[Message]:
         """Send a request if one is due; to be called only while the vehicle is received."""
@@ -68,5 +79,6 @@ class AnswerMonitor:
             return []
         self._send_at = now + (INTERVAL_S if since is None else REPEAT_S)
         self._unanswered_since = now if since is None else since
+        self._first_sent_at = now if self._first_sent_at is None else self._first_sent_at
         self._sent.append(sent_ns := int(now * 1e9))
         return [mavlink.MAVLink_timesync_message(0, sent_ns)]

@@ -121,6 +121,16 @@ def test_one_that_answers_commands_alone_has_no_timesync_and_is_asked_no_more() 
     assert run(monitor, 20.0, 60.0) == []
 
 
+def test_an_answer_that_overtakes_the_first_one_to_timesync_does_not_show_that_it_lacks_it() -> (
+    None
+):
+    """A slow link that dies after two seconds."""
+    monitor = AnswerMonitor(ROUTE)
+    run(monitor, 0.0, 2.0, by_acknowledgement)
+    run(monitor, 2.0, UNANSWERED_AFTER_S + 1.0)
+    assert monitor.is_unanswered
+
+
 def test_a_broker_that_stood_still_does_not_count_that_time() -> None:
     monitor = AnswerMonitor(ROUTE)
     run(monitor, 0.0, 9.0)
