@@ -47,6 +47,17 @@ def refuse_encoded() -> None:
         raise RequestError(415, "the body must not be compressed: no Content-Encoding is accepted")
 
 
+def refuse_repeated_parameters() -> None:
+    """Refuse a query that gives a parameter twice, of which one would be ignored; raises 422."""
+    faults = tuple(
+        Fault(name, "must be given once")
+        for name, values in request.args.lists()
+        if len(values) > 1
+    )
+    if faults:
+        raise RequestError(422, "the query cannot be used", faults)
+
+
 def json_body(limit: int = MAXIMUM_BODY_BYTES) -> Any:
     """Read and parse the body; raises 413 or 415, or SyntaxFaultError."""
     if not request.is_json:

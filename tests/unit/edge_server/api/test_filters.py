@@ -43,6 +43,14 @@ def test_a_filtered_list(listed: Edge, path: str, query: str, vehicles: list[int
     assert vehicles_of(listed.get(path + query)) == vehicles
 
 
+@pytest.mark.parametrize("path", ["/pose/", "/plans/", "/health"])
+def test_a_parameter_that_is_given_twice_is_refused(listed: Edge, path: str) -> None:
+    answer = listed.ask("GET", f"{path}?limit=1&since=0&limit=2", "operator")
+    assert answer.status_code == 422
+    assert answer.json is not None
+    assert answer.json["detail"]["query"] == {"limit": ["must be given once"]}
+
+
 @pytest.mark.first_case
 @pytest.mark.parametrize("path", ["/pose/", "/plans/"])
 def test_a_list_goes_on_after_a_cursor(listed: Edge, path: str) -> None:
