@@ -25,6 +25,7 @@ from mavlink_broker.mission.pending_events import (
     UnconfirmedMissions,
     aborts_now,
     is_abort,
+    is_too_old,
 )
 from mavlink_broker.mission.phases.aborting import RETURN_ENDED
 from mavlink_broker.mission.states import State
@@ -253,7 +254,7 @@ class MissionQueue:
             Exception: an unexpected error; the caller refuses the event then.
         """
         self._unconfirmed.reopen(work.work_id)
-        self._events.add(work)
+        self._events.add(work, is_too_old=is_too_old(work, now))
         if self._current is None:
             self._events.limit_wait(work.work_id, now + VEHICLE_WITHIN_S)
         self._events.limit_number(effects)

@@ -42,6 +42,10 @@ MAX_WAITING: Final = 32
 """Events of one vehicle that wait; those that an earlier run has accepted are not counted."""
 TELEMETRY_WITHIN_S: Final = 3.0
 """How long a vehicle may take to send its position and the state of its sensors."""
+RESUMED_WITHIN_S: Final = 600.0
+"""An event that an earlier run has accepted, and that is given out so long after its expiry, is not
+carried out any more, unless the journal knows it."""
+TOO_OLD: Final = "accepted too long ago by an earlier run of the broker: not carried on"
 RESTARTED = "the vehicle was restarted since"
 NOT_SEEN: Final = "the vehicle lands, or has landed: whether it was there before is not known"
 LANDED_UNSEEN: Final = "the vehicle has landed unseen: it may have flown its mission to the end"
@@ -141,6 +145,7 @@ class PendingEvents:
         self._stale: set[int] = set()  # Accepted for a flight before the vehicle was restarted
         self._is_return_interrupted = False  # By a restart of the vehicle
         self._limited: set[int] = set()  # Events that came without a mission
+        self._too_old: set[int] = set()  # Accepted so long ago that they are about another flight
         self._has_ended: set[int] = set()  # Aborts that have ended missions, and wait
         self._newest: tuple[int, str | None] = (0, None)  # Abort: work id, and why it was refused
         self.leaves_hovering = False  # The last abort has ended in a hover
@@ -167,12 +172,14 @@ class PendingEvents:
         """What is still to be carried out."""
         return tuple(self._waiting)
 
-    def add(self, work: EventWork) -> None:
+    def add(self, work: EventWork, *, is_too_old: bool = False) -> None:
         """Queue an event, unless it is known from the journal already."""
         running = None if self._running is None else self._running[0]
         known = (*self._waiting, *self._due, running)
         if work.work_id not in {each.work_id for each in known if each}:
             self._waiting.append(work)
+            if is_too_old:
+                self._too_old.add(work.work_id)
 
     def limit_wait(self, work_id: int, latest: float) -> None:
         """Let a new event, which came without a mission, expire at a time [s] or before."""
@@ -219,6 +226,7 @@ class PendingEvents:
         """Restore an abort that an earlier run accepted; the edge server may have forgotten it."""
         event = noted_event(note, self._vehicle.vehicle_id)
         self._noted_s = note.noted_s
+        self._too_old.discard(note.work_id)
         self.add(EventWork(work_id=note.work_id, event=event, was_accepted=True))
 
     def take_due(
@@ -228,6 +236,7 @@ class PendingEvents:
 
         They stay known until `remove`, so that an error does not lose them.
         """
+        self._refuse_too_old(effects)
         newest_id, refusal = self._newest
         for work in self._take_older(newest_id):
             _acknowledge(work, effects, refusal, done=REPLACED)
@@ -243,8 +252,17 @@ class PendingEvents:
         self._due += due
         return due
 
+    def _refuse_too_old(self, effects: Effects) -> None:
+        """Refuse what is too old, once the journal is read, which may know it."""
+        if not self._vehicle.recovery.tracker.is_loaded:
+            return
+        for work_id in sorted(self._too_old):
+            self.remove(work_id)
+            effects.for_edge.append(Acknowledgement(work_id, "refused", TOO_OLD))
+
     def refuse_expired(self, now: float, effects: Effects) -> None:
         """Refuse the waiting events that have expired, with what they have waited for."""
+        self._refuse_too_old(effects)
         for work in list(self._waiting):
             late = work.expires_at is not None and now >= work.expires_at
             if late and not work.was_accepted:
@@ -290,6 +308,7 @@ class PendingEvents:
         self._due = [work for work in self._due if work.work_id != work_id]
         self._limited.discard(work_id)
         self._has_ended.discard(work_id)
+        self._too_old.discard(work_id)
 
     def refuse_all(self, reason: str, effects: Effects) -> None:
         """Refuse every event without an answer, and end the abort that is carried out."""
@@ -304,6 +323,7 @@ class PendingEvents:
         self._due, self._waiting = [], []
         self._limited.clear()
         self._has_ended.clear()
+        self._too_old.clear()
         self._running = self._return = None
 
     def resume_abort(
@@ -471,6 +491,12 @@ def _refusal_of(work: EventWork, messages: Sequence[EdgeMessage]) -> str | None:
     answers = (one for one in messages if isinstance(one, Acknowledgement))
     refusals = (one for one in answers if one.work_id == work.work_id and one.status == REFUSED)
     return next((one.message for one in refusals), None)
+
+
+def is_too_old(work: EventWork, now: float) -> bool:
+    """Whether an earlier run has accepted an event so long ago that it is about another flight."""
+    is_late = work.expires_at is not None and now >= work.expires_at + RESUMED_WITHIN_S
+    return work.was_accepted and is_late
 
 
 def is_abort(work: EventWork) -> bool:

@@ -39,7 +39,8 @@ LIFETIME_S: Final = 10.0
 LATE_S: Final = 1.0
 """A request that was read this much later has waited, as no request does on a running server."""
 RESULT_TIMEOUT_S: Final = 600.0
-"""After its expiry, for the broker to report how an accepted event has ended."""
+"""After its expiry, for the broker to report how an accepted event has ended: a flight to a place,
+and back. Then it shows no flight any more, and can be deleted."""
 EVENT_LIMIT: Final = 64
 """Queued events of all vehicles, at most."""
 
@@ -179,7 +180,9 @@ def _queue(
     late_s = waited_s if waited_s >= LATE_S else 0.0
     expires_at = min(_expiry(event, now), now + LIFETIME_S - late_s)
     _check_speed(context, event)
-    live = work.live_events(connection, now)
+    live = [
+        one for one in work.live_events(connection, now) if now < one.expires_at + RESULT_TIMEOUT_S
+    ]
     _check_vehicle(connection, event, live)
     if len(live) >= EVENT_LIMIT:
         raise TooMuchError(f"{EVENT_LIMIT} events wait, the maximum; try again later")

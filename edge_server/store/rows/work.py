@@ -33,8 +33,6 @@ EVENT = "event"
 QUEUED = "queued"
 ACCEPTED = "accepted"
 CLOSED = "closed"
-UNDER_WAY_S = 600.0
-"""How long after its expiry an accepted event may take: a flight to a place, and back."""
 CLOCK_SLACK_S = 2.0
 """How far the clocks of edge servers that share a database may differ."""
 
@@ -285,7 +283,7 @@ _LIVE_EVENTS: Final = _QUERY.where(
             work.c.expires_at > bindparam("now"),
             work.c.created_at <= bindparam("newest"),
         ),
-        and_(work.c.state == ACCEPTED, work.c.expires_at > bindparam("oldest")),
+        work.c.state == ACCEPTED,
     ),
     work.c.id > bindparam("after_id"),
 ).order_by(work.c.id)
@@ -294,11 +292,10 @@ _LIVE_EVENTS: Final = _QUERY.where(
 def live_events(connection: Connection, now: float, *, after_id: int = 0) -> list[Work]:
     """List the events that may still be carried out, in order; an expired one is not begun.
 
-    An accepted event is listed for some time after its expiry: a restarted broker reads it again
-    and completes it. It is listed whatever the clock says of its receipt: a broker that has read
-    later work does not read it any more.
+    An accepted event is listed whatever the clock says of its receipt and of its expiry: only a
+    broker can report how it has ended, and one that has read later work does not read it any more.
     """
-    times = {"now": now, "oldest": now - UNDER_WAY_S, "newest": now + CLOCK_SLACK_S}
+    times = {"now": now, "newest": now + CLOCK_SLACK_S}
     rows = connection.execute(_LIVE_EVENTS, times | {"after_id": after_id})
     return [_work(row) for row in rows]
 

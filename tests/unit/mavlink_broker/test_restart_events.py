@@ -11,7 +11,7 @@ import pytest
 from afarcloud.enumerations import Status
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.mission.abort_executor import NOT_OBEYED, NOT_THERE, STANDS
-from mavlink_broker.mission.pending_events import LANDED_UNSEEN, NOT_SEEN
+from mavlink_broker.mission.pending_events import LANDED_UNSEEN, NOT_SEEN, TOO_OLD
 from mavlink_broker.mission.states import State
 from tests.support.broker_world import World, first_flight, go_home, mission, takeoff, waypoint
 from tests.support.vehicle_script import PX4, PX4_HOLD, PX4_LAND, PX4_POSITION, PX4_RETURN
@@ -110,6 +110,62 @@ def test_an_abort_whose_vehicle_has_landed_meanwhile_does_not_say_that_it_was_ob
     world.restart_broker()
     world.run_until(lambda: "done" in answer_statuses(world, event))
     assert world.edge.acknowledgements(event)[-1] == {"status": "done", "message": note}
+
+
+def killed_in_an_abort(journal: Path | None = None) -> tuple[World, int]:
+    """A vehicle flies on, out of reach, while the broker that has accepted an abort is killed."""
+    world = World(journal=journal)
+    vehicle = world.add_vehicle(script=dataclasses.replace(PX4, item_time_s=3000.0))
+    world.edge.plan(mission(takeoff(1), waypoint(2), go_home(3)))
+    world.run_until(lambda: vehicle.airborne)
+    world.run(2.0)
+    vehicle.silent = True
+    event = world.edge.event(ABORT)
+    world.edge.work[event]["expires_at"] = (world.clock.utc() + timedelta(seconds=10)).isoformat()
+    world.run(3.0)
+    assert answer_statuses(world, event) == ["accepted"]
+    world.kill_broker()
+    return world, event
+
+
+@pytest.mark.parametrize(("away_s", "is_obeyed"), [(600.0, True), (620.0, False)])
+def test_an_abort_of_long_ago_is_reported_as_not_carried_on(
+    away_s: float, *, is_obeyed: bool
+) -> None:
+    """The vehicle may be on another flight by then."""
+    world, event = killed_in_an_abort()
+    vehicle = world.only_vehicle
+    world.run(away_s)
+    vehicle.silent = False
+    world.restart_broker()
+    world.run_until(lambda: answer_statuses(world, event)[-1] != "accepted")
+    world.run(5.0)
+    answer = world.edge.acknowledgements(event)[-1]
+    assert answer == (
+        {"status": "done"} if is_obeyed else {"status": "refused", "message": TOO_OLD}
+    )
+    assert (vehicle.custom_mode == PX4_LAND) == is_obeyed
+    assert (world.edge.status(1201) == Status.ABORTED) == is_obeyed
+
+
+def test_an_abort_that_the_journal_knows_is_carried_on_however_old_it_is(tmp_path: Path) -> None:
+    world, event = killed_in_an_abort(tmp_path)
+    world.run(3600.0)
+    world.only_vehicle.silent = False
+    world.restart_broker()
+    world.run_until(lambda: answer_statuses(world, event)[-1] != "accepted")
+    assert answer_statuses(world, event)[-1] == "done"
+    assert world.only_vehicle.custom_mode == PX4_LAND
+
+
+def test_an_abort_that_was_given_out_in_time_waits_for_its_vehicle() -> None:
+    world, event = killed_in_an_abort()
+    world.restart_broker()
+    world.run(700.0)
+    world.only_vehicle.silent = False
+    world.run_until(lambda: answer_statuses(world, event)[-1] != "accepted")
+    assert answer_statuses(world, event)[-1] == "done"
+    assert world.only_vehicle.custom_mode == PX4_LAND
 
 
 def test_an_abort_that_finds_its_vehicle_on_the_ground_says_so() -> None:
