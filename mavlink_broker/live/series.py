@@ -93,10 +93,14 @@ class StepSeries:
         """Continue after the steps that an earlier run of the broker has completed."""
         if note.start is None:
             return
-        *place, self._first_heading_deg = note.start
-        self._first = Spot(*place)
+        self.begin_at(note.start)
         del self._steps[: note.steps]
         self.steps = note.steps
+
+    def begin_at(self, start: Pose) -> None:
+        """Fly the steps from this pose, wherever the vehicle is."""
+        *place, self._first_heading_deg = start
+        self._first = Spot(*place)
 
     @property
     def start(self) -> Pose | None:

@@ -78,6 +78,7 @@ class SubjectTracker:
         self._searches_since: float | None = None
         self._is_resumed = False
         self._here: Spot | None = None  # Position of the vehicle at the beginning
+        self._heading_deg = 0.0  # At the beginning
         self._requests = 0
         self._request_at = -math.inf
         self._subject: Subject | None = None
@@ -97,12 +98,13 @@ class SubjectTracker:
         self._is_resumed = True
         self._began_at = note.accepted_s if self._vehicle.snapshot.time_s is not None else None
         if note.start is not None:
-            self._here = Spot(*note.start[:3])
+            *place, self._heading_deg = note.start
+            self._here = Spot(*place)
 
     @property
     def start(self) -> Pose | None:
-        """The position of the vehicle at the beginning."""
-        return None if self._here is None else Pose(*self._here)
+        """The pose of the vehicle at the beginning."""
+        return None if self._here is None else Pose(*self._here, self._heading_deg)
 
     @property
     def steps(self) -> int:
@@ -129,9 +131,10 @@ class SubjectTracker:
             self._began_at = time_s
         if self._searches_since is None:
             self._searches_since = time_s
-        position = self._vehicle.snapshot.position
-        if self._here is None and position is not None:
+        position, attitude = self._vehicle.snapshot.position, self._vehicle.snapshot.attitude
+        if self._here is None and position is not None and attitude is not None:
             self._here = Spot(position.latitude_deg, position.longitude_deg, position.altitude_m)
+            self._heading_deg = attitude.yaw_deg
         messages = [*self._request(time_s), *self._continue(now)]
         if self._is_following:
             messages += self._follow(time_s - self._searches_since, now)
@@ -204,11 +207,16 @@ class SubjectTracker:
         self.note = f"track_mode {self._end.mode.name}: {reason}; the gimbal alone keeps to it"
 
     def _retreat(self) -> None:
-        """Fly the quick shot that needs no position of the subject."""
+        """Fly the quick shot that needs no position of the subject.
+
+        From where the command began: a restarted broker flies no further.
+        """
         self._is_following = False
         self.note = "track_mode QUICK_SHOT: backwards and up instead of a circle"
         speed_m_s = self._end.maximum_speed_m_s
         self._series = StepSeries((QUICK_RETREAT,), self._vehicle, speed_m_s=speed_m_s)
+        if self.start is not None:
+            self._series.begin_at(self.start)
 
     def _send_target(self, subject: Subject, now: float) -> list[Message]:
         """Have the vehicle follow, and send it the position of the subject."""

@@ -36,6 +36,12 @@ FAILED_BEFORE = {
             *(Fault.REBOOTED_IN_FLIGHT, Fault.REORDERING, Fault.REPEATED_POSTS),
         }
     ),
+    30087: frozenset(
+        {
+            *(Fault.BROKER_KILLED, Fault.BROKER_SUSPENDED, Fault.CLOCKS, Fault.DISK_FULL),
+            *(Fault.DISK_READ_ONLY, Fault.PICTURES),
+        }
+    ),
     40134: frozenset({Fault.BROKER_SUSPENDED, Fault.PICTURES}),
     **{seed: draw(seed) for seed in (20272, 30030, 40272, 50606, 50830)},
 }

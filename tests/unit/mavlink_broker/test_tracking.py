@@ -257,6 +257,24 @@ class TestAQuickShot:
         assert scene.vehicle.height_m == pytest.approx(before + 10.0)
         assert "backwards and up instead of a circle" in scene.message
 
+    def test_flies_backwards_and_up_once_however_often_the_broker_is_killed(
+        self, tmp_path: Path
+    ) -> None:
+        """Each retreat began where the one before had ended, 10 m above it."""
+        denied = {mavlink.MAV_CMD_DO_ORBIT: mavlink.MAV_RESULT_UNSUPPORTED}
+        script = dataclasses.replace(PX4, results=denied)
+        scene = Scene(TrackMode.QUICK_SHOT, script, journal=tmp_path)
+        scene.sends_position = False
+        begin, height_m = scene.vehicle.place, scene.vehicle.height_m
+        for _ in range(3):
+            scene.see(10.0)
+            scene.world.kill_broker()
+            scene.world.run(1.0)
+            scene.world.restart_broker()
+        scene.see_until(lambda: scene.status(1) == Status.FINISHED)
+        assert scene.vehicle.height_m == pytest.approx(height_m + 10.0)
+        assert math.hypot(*offset(*begin, *scene.vehicle.place)) == pytest.approx(15.0, abs=0.5)
+
 
 class TestACommandThatIsCutShort:
     """The camera is ordered to stop, once; else the next pictures would show its subject."""
