@@ -317,7 +317,9 @@ class Session:
         is_reachable = self.vehicle.is_reachable(now)
         if is_reachable and self._was_lost:
             self._streams.renew()
-            self._answers = AnswerMonitor(self.vehicle.route)
+            silent_since = (self._lost_since or now) - LOST_AFTER_S
+            unanswered_s = self._answers.unanswered_s(silent_since)
+            self._answers = AnswerMonitor(self.vehicle.route, unanswered_s)
             if self._lost_since is not None and self._was_received:
                 away_s = now - self._lost_since
                 _LOG.info(

@@ -31,8 +31,10 @@ REQUESTS_KEPT: Final = 32
 class AnswerMonitor:
     """Whether one vehicle answers, from when its link came up until it is lost."""
 
-    def __init__(self, route: Route) -> None:
+    def __init__(self, route: Route, unanswered_s: float = 0.0) -> None:
+        """Begin with the time for which it was received before, without an answer until now."""
         self._own_system = route.own_system
+        self._before_s = unanswered_s
         self._sent: deque[int] = deque(maxlen=REQUESTS_KEPT)  # ts1 of the requests
         self._send_at: float | None = None
         self._first_sent_at: float | None = None
@@ -43,6 +45,11 @@ class AnswerMonitor:
         self._has_answered_others = False
         self.is_unanswered = False
         """Whether it is received, but has not answered for `UNANSWERED_AFTER_S`."""
+
+    def unanswered_s(self, until: float) -> float:
+        """Give for how long it has not answered at a time; 0 if it answers."""
+        since = self._unanswered_since
+        return self._before_s if since is None else max(0.0, until - since)
 
     def receive(self, message: Message) -> None:
         """Handle a message of the vehicle, which may be an answer to the broker."""
@@ -78,7 +85,8 @@ class AnswerMonitor:
         if self._lacks_timesync or (self._send_at is not None and now < self._send_at):
             return []
         self._send_at = now + (INTERVAL_S if since is None else REPEAT_S)
-        self._unanswered_since = now if since is None else since
+        self._unanswered_since = now - self._before_s if since is None else since
+        self._before_s = 0.0
         self._first_sent_at = now if self._first_sent_at is None else self._first_sent_at
         self._sent.append(sent_ns := int(now * 1e9))
         return [mavlink.MAVLink_timesync_message(0, sent_ns)]

@@ -131,6 +131,19 @@ def test_an_answer_that_overtakes_the_first_one_to_timesync_does_not_show_that_i
     assert monitor.is_unanswered
 
 
+def test_the_time_without_an_answer_goes_on_behind_an_outage() -> None:
+    """A link of one direction that loses heartbeats for a while, again and again."""
+    before = AnswerMonitor(ROUTE)
+    run(before, 0.0, 6.0)
+    monitor = AnswerMonitor(ROUTE, before.unanswered_s(6.0))
+    run(monitor, 20.0, UNANSWERED_AFTER_S - 6.5)
+    assert not monitor.is_unanswered
+    run(monitor, 20.0 + UNANSWERED_AFTER_S - 6.5, 1.0)
+    assert monitor.unanswered_s(30.0) >= UNANSWERED_AFTER_S
+    run(monitor, 30.0, 1.0, by_timesync)
+    assert monitor.unanswered_s(40.0) == 0.0
+
+
 def test_a_broker_that_stood_still_does_not_count_that_time() -> None:
     monitor = AnswerMonitor(ROUTE)
     run(monitor, 0.0, 9.0)
