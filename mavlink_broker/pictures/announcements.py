@@ -128,12 +128,12 @@ class AnnouncementTracker:
         return self._status is not None or bool(self._images)
 
     def lacks_before(self, number: int) -> bool:
-        """Whether an earlier picture than this one, and a later one than the first, is requested.
+        """Whether an earlier picture than this one is requested.
 
-        Those of before the first one are not waited for.
+        Those of before the first one that matters are not waited for.
         """
-        first = min(self._announced, default=number)
-        return any(first < one < number for one in self._images)
+        first = number if self._first is None else self._first
+        return any(first <= one < number for one in self._images)
 
     @property
     def goes_back(self) -> bool:

@@ -118,6 +118,7 @@ class PictureCollector:
         self._time = VehicleTime(vehicle)
         self._followed_since = -math.inf  # From then on its progress is that of this run
         self._updated_at = math.inf
+        self._updated_s = 0.0  # The same, by the vehicle's clock
         self._shown_since = -math.inf  # From then on the vehicle has shown it without a gap
         self._earlier = EarlierFlight()
         self._followed_from_s = math.inf  # When the first command of a mission was followed
@@ -162,18 +163,21 @@ class PictureCollector:
             if ledger.status is Status.RUNNING and is_known:  # Else the journal is not read yet
                 command = current_command(ledger, work.mission.command_array, work.name)
         stood_still = now - self._updated_at > PROGRESS_GAP_S  # What has waited is read first
+        time_s = self._time.at(now)
+        if stood_still:  # What has waited has an old time, and what the vehicle has begun may not
+            time_s = max(time_s, self._updated_s + now - self._updated_at)
         if stood_still or not is_followed:
             self._followed_since = now
-        self._updated_at = now
-        is_change = self._follow_command(command, now)
+        self._updated_at, self._updated_s = now, self._time.at(now)
+        is_change = self._follow_command(command, now, time_s)
         self._attribute_taken(now)
         if is_change:
             for camera in self._cameras.values():  # A mission begins or ends
                 camera.request_count()
 
-    def _follow_command(self, command: PictureCommand | None, now: float) -> bool:
+    def _follow_command(self, command: PictureCommand | None, now: float, time_s: float) -> bool:
         """Follow the command that runs; returns whether a mission begins or ends."""
-        before, time_s = self._attribution.current, self._time.at(now)
+        before = self._attribution.current
         for passed in self._behind(before, 0 if self._flight is None else self._flight[1].finished):
             self._attribution.update(passed, time_s)
         since_s = self._earlier_since_s(command, now)
@@ -225,7 +229,9 @@ class PictureCollector:
         return min(received_s, self._time.at(now) - age_s)
 
     def _follow_clock(self, now: float) -> None:
-        self._attribution.shift(self._time.update(now))
+        shift_s = self._time.update(now)
+        self._attribution.shift(shift_s)
+        self._updated_s += shift_s
 
     def _behind(
         self, before: PictureCommand | None, end: int | None = None
@@ -269,13 +275,10 @@ class PictureCollector:
             is_open = self._earlier.was_flying or not self._vehicle.is_identified
             return is_open and now - one.announced_at < MISSION_WITHIN_S
         picture = one.time_s, capture.component, capture.position
-        if now - one.announced_at < STORED_WITHIN_S and self._attribution.may_be_overtaken(
-            *picture
-        ):
+        waited_s = now - max(one.announced_at, self._followed_since)  # It may have stood still
+        if waited_s < STORED_WITHIN_S and self._attribution.may_be_overtaken(*picture):
             return True
-        may_be_of_later = self._attribution.may_be_of_later(*picture)
-        since = max(one.announced_at, self._followed_since)
-        return may_be_of_later and now - since < PROGRESS_WITHIN_S
+        return waited_s < PROGRESS_WITHIN_S and self._attribution.may_be_of_later(*picture)
 
     def restarted(self) -> None:
         """Note that the vehicle has restarted: its clock begins anew, and perhaps its camera's.

@@ -195,3 +195,23 @@ def test_the_memory_for_picture_numbers_is_limited() -> None:
     assert camera.take(capture(3 * MAX_NUMBERS + 2), goes_back=False)
     messages, _ = camera.tick(time.monotonic())
     assert [int(message.param2) for message in messages] == [3 * MAX_NUMBERS, 3 * MAX_NUMBERS + 1]
+
+
+def test_the_first_picture_of_a_camera_that_was_empty_is_waited_for() -> None:
+    """The camera had none when its count was asked for, and the first announcement is lost."""
+    camera = AnnouncementTracker(100, ROUTE, RoundTrip())
+    camera.request_count(go_back=True)
+    camera.take_count(0)
+    assert camera.take(capture(1), goes_back=True)
+    assert camera.lacks_before(1)
+    assert camera.take(capture(0), goes_back=True)
+    assert not camera.lacks_before(1)
+
+
+def test_pictures_of_before_the_first_one_that_matters_are_not_waited_for() -> None:
+    camera = AnnouncementTracker(100, ROUTE, RoundTrip())
+    camera.request_count(go_back=True)
+    camera.take_count(5)
+    assert camera.take(capture(5), goes_back=True)
+    assert camera.goes_back
+    assert not camera.lacks_before(5)
