@@ -42,14 +42,22 @@ class StoredField(Field, Answer):
     updated_at: datetime
 
 
-class SeveralFields(Answer):
-    """The fields of a file."""
+class LeftOut(Answer):
+    """A part of a file that is no area: its path, and what it is."""
 
-    fields: Annotated[list[StoredField], Member(min_length=2)]
+    path: str
+    message: str
+
+
+class SeveralFields(Answer):
+    """The fields of a file, and what of it is no area and was left out."""
+
+    fields: Annotated[list[StoredField], Member(min_length=1)]
+    left_out: list[LeftOut] | None = None
 
 
 class StoredFields(RootModel[StoredField | SeveralFields]):
-    """The field that was posted, or all fields of a file."""
+    """The field that was posted, or all fields of a file with several parts."""
 
 
 _POSITION: Final = {

@@ -1,5 +1,6 @@
 """Uploaded files: as the body of a request, or as the one file of a form."""
 
+import codecs
 from collections.abc import Collection
 from typing import Any, Final, NamedTuple
 
@@ -54,10 +55,11 @@ def parsed(upload: Upload, fault: str) -> Any:
         SyntaxFaultError: if its media type is JSON and it is not.
         InvalidError: with the fault, if its media type does not say what it is, and it is not JSON.
     """
+    text = upload.raw.removeprefix(codecs.BOM_UTF8)  # RFC 8259 section 8.1 lets a reader ignore it
     if upload.media_type.endswith("json"):
-        return parse_json(upload.raw)
+        return parse_json(text)
     try:
-        return parse_json(upload.raw)
+        return parse_json(text)
     except SyntaxFaultError:
         raise InvalidError((Fault("", fault),)) from None
 

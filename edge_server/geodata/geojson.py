@@ -1,8 +1,9 @@
 """Field boundaries as GeoJSON (RFC 7946): longitude first, rings closed, WGS-84. Pure.
 
-Every polygon is a field. A feature's own name becomes the field's; a MultiPolygon of several
-becomes several fields, numbered. Exclusions, for which GeoJSON has no type, are in the
-property `exclusions` as rings like those of a polygon; the property `entry` is a position.
+Every polygon is a field; points, lines and features without a place are left out. A feature's own
+name becomes the field's; a MultiPolygon of several becomes several fields, numbered. Exclusions,
+for which GeoJSON has no type, are in the property `exclusions` as rings like those of a polygon;
+the property `entry` is a position.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -10,7 +11,14 @@ from typing import Any, Final
 
 from afarcloud.faults import Fault, InvalidError
 from afarcloud.plan import Vertex
-from edge_server.geodata.rings import MOST_FIELDS, Boundary, fields_of
+from edge_server.geodata.rings import (
+    MOST_FIELDS,
+    Boundary,
+    FieldFile,
+    NoAreaError,
+    field_file,
+    fields_of,
+)
 
 MEDIA_TYPE: Final = "application/geo+json"
 TYPES: Final = frozenset(
@@ -26,6 +34,7 @@ TYPES: Final = frozenset(
         "Polygon",
     }
 )
+_NO_AREAS: Final = frozenset({"Point", "MultiPoint", "LineString", "MultiLineString"})
 _MOST_RINGS: Final = 101
 _WGS84: Final = frozenset(
     {"urn:ogc:def:crs:OGC:1.3:CRS84", "urn:ogc:def:crs:OGC::CRS84", "EPSG:4326"}
@@ -40,27 +49,28 @@ def is_geojson(document: Any) -> bool:
     return isinstance(kind, str) and kind in TYPES
 
 
-def read(document: Any) -> list[Boundary]:
+def read(document: Any) -> FieldFile:
     """Read the boundaries of fields out of a parsed document.
 
     Raises:
-        InvalidError: naming each part that is no boundary, and why.
+        InvalidError: naming each area that is no boundary, and why; or if there is none.
     """
     if not isinstance(document, dict):
         raise InvalidError((Fault("", "must be a GeoJSON object"),))
     _check_reference_system(document)
     found: list[Boundary] = []
+    left_out: list[Fault] = []
     faults: list[Fault] = []
     for path, feature, place in _features(document):
         try:
             found += _boundaries(feature, path, place)
+        except NoAreaError as error:
+            left_out += error.faults
         except InvalidError as error:
             faults += error.faults
         if len(found) > MOST_FIELDS:
             raise InvalidError((Fault("features", f"make more than {MOST_FIELDS} fields"),))
-    if faults:
-        raise InvalidError(tuple(faults))
-    return found
+    return field_file(found, left_out, faults)
 
 
 def _check_reference_system(document: Mapping[str, Any]) -> None:
@@ -93,6 +103,8 @@ def _boundaries(feature: Any, path: str, place: str) -> list[Boundary]:
     if not isinstance(feature, dict) or feature.get("type") != "Feature":
         raise InvalidError((Fault(f"{path}type", "must be Feature"),))
     geometry = feature.get("geometry")
+    if geometry is None:
+        raise NoAreaError((Fault(f"{path}geometry", "must be a Polygon or MultiPolygon"),))
     if not isinstance(geometry, dict):
         raise InvalidError((Fault(f"{path}geometry", "must be a Polygon or MultiPolygon"),))
     polygons = list(_polygons(geometry, place))
@@ -123,7 +135,9 @@ def _polygons(
         yield f"{path}coordinates", _rings(coordinates, f"{path}coordinates")
         return
     if kind != "MultiPolygon":
-        raise InvalidError((Fault(f"{path}type", "must be Polygon or MultiPolygon"),))
+        is_no_area = isinstance(kind, str) and kind in _NO_AREAS
+        refusal = NoAreaError if is_no_area else InvalidError
+        raise refusal((Fault(f"{path}type", "must be Polygon or MultiPolygon"),))
     if not isinstance(coordinates, list) or not coordinates:
         raise InvalidError((Fault(f"{path}coordinates", "must be a list of polygons"),))
     for index, polygon in enumerate(coordinates):

@@ -1,6 +1,7 @@
 """Field boundaries as KML 2.2, and as KMZ, which is KML in a zip archive. Pure.
 
-Every polygon of a placemark is a field with the placemark's name. A document type, an entity,
+Every polygon of a placemark is a field with the placemark's name; points and lines are left out. A
+document type, an entity,
 a link to elsewhere, or a tree too deep or too large is refused before anything is made of it.
 """
 
@@ -10,7 +11,15 @@ from typing import TYPE_CHECKING, Final
 
 from afarcloud.faults import Fault, InvalidError
 from afarcloud.plan import Vertex
-from edge_server.geodata.rings import MOST_FIELDS, Boundary, Ring, fields_of
+from edge_server.geodata.rings import (
+    MOST_FIELDS,
+    Boundary,
+    FieldFile,
+    NoAreaError,
+    Ring,
+    field_file,
+    fields_of,
+)
 from edge_server.geodata.zipped import Archive, is_zip
 
 if TYPE_CHECKING:
@@ -28,11 +37,11 @@ _GEOMETRIES: Final = frozenset(
 )
 
 
-def read(raw: bytes) -> list[Boundary]:
+def read(raw: bytes) -> FieldFile:
     """Read the boundaries of fields out of a KML or KMZ file.
 
     Raises:
-        InvalidError: naming each part that is no boundary, and why.
+        InvalidError: naming each area that is no boundary, and why; or if there is none.
     """
     root = _parsed(_unzipped(raw) if is_zip(raw) else raw)
     if _tag(root) != "kml":
@@ -40,19 +49,20 @@ def read(raw: bytes) -> list[Boundary]:
     if any(_tag(element) == "NetworkLink" for element in root.iter()):
         raise _refusal("NetworkLink", "leads elsewhere; what is there is not read")
     found: list[Boundary] = []
+    left_out: list[Fault] = []
     faults: list[Fault] = []
     for number, placemark in enumerate(_all(root, "Placemark")):
         try:
-            found += _boundaries(placemark, f"Placemark.{number}")
+            found += _boundaries(placemark, f"Placemark.{number}", left_out)
+        except NoAreaError as error:
+            left_out += error.faults
         except InvalidError as error:
             faults += error.faults
         if len(found) > MOST_FIELDS:
             raise _refusal("Placemark", f"make more than {MOST_FIELDS} fields")
-    if faults:
-        raise InvalidError(tuple(faults))
-    if not found:
+    if not (found or left_out or faults):
         raise _refusal("Placemark", "must be there at least once, with a polygon")
-    return found
+    return field_file(found, left_out, faults)
 
 
 def _refusal(path: str, message: str) -> InvalidError:
@@ -95,18 +105,23 @@ def _parsed(raw: bytes) -> "Element":
     return root
 
 
-def _boundaries(placemark: "Element", path: str) -> list[Boundary]:
+def _boundaries(placemark: "Element", path: str, left_out: list[Fault]) -> list[Boundary]:
+    """Make fields of the polygons; what is beside them is added to `left_out`."""
     name = (_text(placemark, "name") or "").strip() or None
     geometries = [one for one in placemark.iter() if _tag(one) in _GEOMETRIES]
     inside = {ring for one in _all(placemark, "Polygon") for ring in _all(one, "LinearRing")}
     alone = [one for one in geometries if one not in inside]
-    strange = [_tag(one) for one in alone if _tag(one) != "Polygon"]
-    if strange:
-        raise _refusal(path, _called(name, f"has a {strange[0]}; only polygons are fields"))
-    if not alone:
-        raise _refusal(path, _called(name, "has no polygon"))
+    areas = [one for one in alone if _tag(one) == "Polygon"]
+    others = [one for one in alone if _tag(one) != "Polygon"]
+    strange = [
+        Fault(path, _called(name, f"has a {_tag(one)}; only polygons are fields"))
+        for one in others[:1]
+    ]
+    if not areas:
+        raise NoAreaError(tuple(strange) or (Fault(path, _called(name, "has no polygon")),))
+    left_out += strange
     polygons = []
-    for number, polygon in enumerate(alone):
+    for number, polygon in enumerate(areas):
         place = f"{path}.Polygon.{number}"
         polygons.append((place, list(_rings(polygon, place))))
     return fields_of(name, polygons, [])

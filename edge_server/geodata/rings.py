@@ -22,6 +22,30 @@ class Boundary(NamedTuple):
     field: Field
 
 
+class FieldFile(NamedTuple):
+    """The fields of a file, and what of it is no area: a point, a line, something without place."""
+
+    boundaries: list[Boundary]
+    left_out: tuple[Fault, ...] = ()
+
+
+class NoAreaError(InvalidError):
+    """A part of a file that is no area. It is left out where the file has one."""
+
+
+def field_file(
+    boundaries: list[Boundary], left_out: Sequence[Fault], faults: Sequence[Fault]
+) -> FieldFile:
+    """Give what was read of a file.
+
+    Raises:
+        InvalidError: if an area of it is wrong, or if it has none.
+    """
+    if faults or not boundaries:
+        raise InvalidError(tuple(faults) or tuple(left_out))
+    return FieldFile(boundaries, tuple(left_out))
+
+
 def fields_of(
     name: str | None,
     polygons: Sequence[tuple[str, Sequence[Ring]]],

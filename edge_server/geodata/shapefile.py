@@ -14,7 +14,14 @@ from afarcloud import geometry
 from afarcloud.faults import Fault, InvalidError
 from edge_server.geodata import projection
 from edge_server.geodata.projection import ToGlobe
-from edge_server.geodata.rings import MOST_FIELDS, Boundary, Ring, fields_of
+from edge_server.geodata.rings import (
+    MOST_FIELDS,
+    Boundary,
+    FieldFile,
+    Ring,
+    field_file,
+    fields_of,
+)
 from edge_server.geodata.zipped import Archive, is_zip
 
 MEDIA_TYPES: Final = frozenset({"application/zip", "application/x-zip-compressed"})
@@ -60,7 +67,7 @@ class _Parts(NamedTuple):
     titles: list[str | None]
 
 
-def read(raw: bytes) -> list[Boundary]:
+def read(raw: bytes) -> FieldFile:
     """Read the boundaries of fields out of a zip archive with one Shapefile.
 
     Raises:
@@ -79,11 +86,9 @@ def read(raw: bytes) -> list[Boundary]:
             faults += error.faults
         if len(found) > MOST_FIELDS:
             raise _refusal(parts.name, f"makes more than {MOST_FIELDS} fields")
-    if faults:
-        raise InvalidError(tuple(faults))
-    if not found:
+    if not (found or faults):
         raise _refusal(parts.name, "holds no polygon")
-    return found
+    return field_file(found, (), faults)
 
 
 def _refusal(path: str, message: str) -> InvalidError:

@@ -9,6 +9,8 @@ from typing import Final
 from afarcloud.faults import Fault, InvalidError
 
 MOST_MEMBERS: Final = 200
+_OF_MACOS: Final = "__MACOSX/"
+"""Folder with attributes of the other files, which bear their names."""
 _SIGNATURE: Final = b"PK\x03\x04"
 _BROKEN: Final = (
     zipfile.BadZipFile,
@@ -45,7 +47,11 @@ class Archive:
             raise self._refusal(f"is no whole {kind}: {error}") from None
         if len(members) > MOST_MEMBERS:
             raise self._refusal(f"holds more than {MOST_MEMBERS} files")
-        self._members = {one.filename: one for one in members if not one.is_dir()}
+        self._members = {
+            one.filename: one
+            for one in members
+            if not (one.is_dir() or one.filename.startswith(_OF_MACOS))
+        }
 
     def names(self, suffix: str) -> list[str]:
         """List the files whose names end so, whatever their case."""

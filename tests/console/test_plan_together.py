@@ -120,7 +120,7 @@ def test_a_field_has_an_entry_and_a_survey_begins_there(tmp_path: Path) -> None:
                 f"{server.url}/fields/", headers=headers(server), timeout=10
             ).json()
         ]
-    assert names[1:] == ["East meadow", "West meadow"]
+    assert names[1:] == ["East meadow", "West meadow", "South meadow"]
     assert stored["entry"] == pytest.approx([40.4435, -3.7392], abs=2e-4)
 
 

@@ -52,12 +52,20 @@ export const replaceField = (id: number, draft: FieldDraft, tag: string): Promis
 export const deleteField = (id: number, tag: string): Promise<void> =>
   request(`/fields/${id}`, { method: "DELETE", ifMatch: tag });
 /** Stores every field of a GeoJSON, KML, KMZ or zipped Shapefile, or none of them. */
-export const importFields = async (file: File): Promise<StoredField[]> => {
-  const stored = await request<StoredField | { fields: StoredField[] }>("/fields/", {
+/** The fields of a file, and what of it is no area. */
+export interface ImportedFields {
+  fields: StoredField[];
+  leftOut: { path: string; message: string }[];
+}
+
+export const importFields = async (file: File): Promise<ImportedFields> => {
+  const stored = await request<StoredField | { fields: StoredField[]; left_out?: ImportedFields["leftOut"] }>("/fields/", {
     method: "POST",
     file,
   });
-  return "fields" in stored ? stored.fields : [stored];
+  return "fields" in stored
+    ? { fields: stored.fields, leftOut: stored.left_out ?? [] }
+    : { fields: [stored], leftOut: [] };
 };
 
 const SURVEY_TIMEOUT_MS = 60_000;

@@ -50,6 +50,39 @@ async function lookAtSurvey(page) {
   await picture(page, "survey");
 }
 
+/** A folder as of Google Earth: its area becomes a field, and its pin is named as left out. */
+async function uploadFolder(page) {
+  await page.goto(`${origin}/console/fields`);
+  await button(page, "Upload a file").click();
+  const dialog = page.getByRole("dialog");
+  const buffer = Buffer.from(`<kml xmlns="http://www.opengis.net/kml/2.2"><Folder>
+    <Placemark><name>Gate</name><Point><coordinates>-3.75,40.45</coordinates></Point></Placemark>
+    <Placemark><name>South meadow</name><Polygon><outerBoundaryIs><LinearRing><coordinates>
+      -3.75,40.45 -3.749,40.45 -3.749,40.451 -3.75,40.451 -3.75,40.45
+    </coordinates></LinearRing></outerBoundaryIs></Polygon></Placemark></Folder></kml>`);
+  await dialog.locator("input[type=file]").setInputFiles({ name: "farm.kml", mimeType: "application/vnd.google-earth.kml+xml", buffer });
+  await dialog.getByRole("button", { name: "Upload a file" }).click();
+  await dialog.getByText("One area is stored.").waitFor();
+  await dialog.getByText("Gate").waitFor();
+  await requireAccessible(page, "what of a file is no area");
+  await dialog.locator(".dialog-actions").getByRole("button", { name: "Close" }).click();
+  await page.waitForURL(/fields\/\d+$/);
+  if ((await page.getByLabel("Name", { exact: true }).inputValue()) !== "South meadow") throw new Error("another field is shown");
+}
+
+/** What is no number is said at its input. */
+async function enterNoNumber(page) {
+  for (const label of ["Resolution", "Height", "Speed"]) {
+    const input = page.getByLabel(label).first();
+    const before = await input.inputValue();
+    await input.fill("12abc");
+    const fault = page.locator(".has-error", { hasText: "Enter a number." });
+    await fault.first().waitFor();
+    await input.fill(before);
+    await fault.first().waitFor({ state: "detached" });
+  }
+}
+
 /** A fault that no input shows is a sentence with the name that the person sees. */
 async function namedFault(page) {
   await page.route("**/surveys/?preview=true", (route) => route.fulfill({
@@ -82,7 +115,9 @@ try {
     await page.getByRole("navigation").waitFor();
     await addEntry(page);
     await importShapefile(page);
+    await uploadFolder(page);
     await lookAtSurvey(page);
+    await enterNoNumber(page);
     await namedFault(page);
     await keptChoices(page);
   });

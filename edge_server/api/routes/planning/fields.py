@@ -14,6 +14,7 @@ from edge_server.api.contract import Contract, describe
 from edge_server.api.errors import RequestError
 from edge_server.geodata import field, geojson, kml, shapefile, zipped
 from edge_server.geodata.field import Field
+from edge_server.geodata.rings import FieldFile
 from edge_server.services.planning import fields
 from edge_server.store.rows.keys import Role
 
@@ -36,6 +37,7 @@ EXAMPLE: Final = {
     ],
     "exclusions": [[[40.4434, -3.7387], [40.4436, -3.7387], [40.4436, -3.7385]]],
 }
+MOST_LEFT_OUT: Final = 50
 _FORMATS: Final = ("json", "geojson")
 
 
@@ -62,10 +64,15 @@ def blueprint() -> Blueprint:
 )
 def create() -> ResponseReturnValue:
     """Store the boundary of a field, or of every field of a file: all of them or none."""
-    kept = fields.create_all(bodies.context(), _fields(), caller())
+    found, left_out = _fields()
+    kept = fields.create_all(bodies.context(), found, caller())
     audit(f"posted fields {[one['id'] for one in kept]}")
     location = urls.path_of("fields.get", identifier=kept[0]["id"])
-    return kept[0] if len(kept) == 1 else {"fields": kept}, 201, {"Location": location}
+    shown: dict[str, Any] = kept[0] if len(kept) == 1 else {"fields": kept}
+    if left_out:
+        named = [{"path": one.path, "message": one.message} for one in left_out[:MOST_LEFT_OUT]]
+        shown = {"fields": kept, "left_out": named}
+    return shown, 201, {"Location": location}
 
 
 @allow(READERS)
@@ -123,7 +130,7 @@ def get(identifier: int) -> ResponseReturnValue:
 )
 def put(identifier: int) -> ResponseReturnValue:
     """Replace a field."""
-    found = _fields()
+    found, _ = _fields()
     if len(found) != 1:
         raise InvalidError((Fault("", f"must be one field, not {len(found)}"),))
     stored = fields.replace(bodies.context(), identifier, found[0], etags.check_match)
@@ -140,21 +147,28 @@ def delete(identifier: int) -> ResponseReturnValue:
     return "", 204
 
 
-def _fields() -> list[Field]:
-    """Read fields in any supported format; raises DocumentError or RequestError."""
+def _fields() -> tuple[list[Field], tuple[Fault, ...]]:
+    """Read fields in any supported format, and what of it is no area.
+
+    Raises DocumentError or RequestError.
+    """
     upload = uploads.upload((uploads.JSON, *FILES))
     if _is_shapefile(upload):
-        return [boundary.field for boundary in shapefile.read(upload.raw)]
+        return _of_file(shapefile.read(upload.raw))
     if _is_kml(upload):
-        return [boundary.field for boundary in kml.read(upload.raw)]
+        return _of_file(kml.read(upload.raw))
     document = uploads.parsed(upload, "is not JSON, GeoJSON, KML, KMZ or a zipped Shapefile")
     if upload.media_type == geojson.MEDIA_TYPE or geojson.is_geojson(document):
-        return [boundary.field for boundary in geojson.read(document)]
+        return _of_file(geojson.read(document))
     if isinstance(document, dict) and set(document) == {"field"}:
         document = document["field"]
     read = read_as(Field, document)
     field.check(read)
-    return [read]
+    return [read], ()
+
+
+def _of_file(file: FieldFile) -> tuple[list[Field], tuple[Fault, ...]]:
+    return [boundary.field for boundary in file.boundaries], file.left_out
 
 
 def _is_shapefile(upload: uploads.Upload) -> bool:

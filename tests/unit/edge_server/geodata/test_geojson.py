@@ -25,7 +25,7 @@ def feature(geometry: Any = None, **properties: Any) -> dict[str, Any]:
 
 
 def fields(document: Any) -> list[Field]:
-    return [boundary.field for boundary in geojson.read(document)]
+    return [boundary.field for boundary in geojson.read(document).boundaries]
 
 
 def faults(document: Any) -> dict[str, str]:
@@ -80,6 +80,23 @@ def test_heights_and_what_others_add_are_passed_over() -> None:
     assert fields(document)[0].boundary[0] == (40.44, -3.74)
 
 
+@pytest.mark.parametrize(
+    ("geometry", "path"),
+    [
+        ({"type": "Point", "coordinates": [0, 0]}, "features.0.geometry.type"),
+        ({"type": "MultiLineString", "coordinates": [OUTER]}, "features.0.geometry.type"),
+        (None, "features.0.geometry"),
+    ],
+)
+def test_what_is_no_area_is_left_out_beside_one(geometry: Any, path: str) -> None:
+    pin: dict[str, Any] = {"type": "Feature", "geometry": geometry, "properties": {"name": "Gate"}}
+    document = {"type": "FeatureCollection", "features": [pin, feature()]}
+    found = geojson.read(document)
+    assert [one.path for one in found.boundaries] == ["features.1.geometry.coordinates"]
+    assert [one.path for one in found.left_out] == [path]
+    assert set(faults({**document, "features": [pin]})) == {path}  # Alone it is refused
+
+
 INVALID: list[tuple[Any, str]] = [
     ([], ""),
     ({"type": "Point", "coordinates": [1, 2]}, "type"),
@@ -93,7 +110,7 @@ INVALID: list[tuple[Any, str]] = [
     (
         {
             "type": "FeatureCollection",
-            "features": [feature(), feature({"type": "Point", "coordinates": [0, 0]})],
+            "features": [feature(), feature({"type": "GeometryCollection", "geometries": []})],
         },
         "features.1.geometry.type",
     ),

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from afarcloud.faults import InvalidError
+from afarcloud.faults import Fault, InvalidError
 from edge_server.geodata import kml
 from edge_server.geodata.field import Field
 from tests.support.cases import failures
@@ -43,8 +43,36 @@ def zipped(*members: tuple[str, bytes], packing: int = zipfile.ZIP_DEFLATED) -> 
     return target.getvalue()
 
 
+PIN = "<Point><coordinates>1,2</coordinates></Point>"
+COORDINATES = "<coordinates>1,2 1,3</coordinates>"
+
+
 def fields(raw: bytes) -> list[Field]:
-    return [boundary.field for boundary in kml.read(raw)]
+    return [boundary.field for boundary in kml.read(raw).boundaries]
+
+
+@pytest.mark.parametrize(
+    ("other", "message"),
+    [
+        (PIN, "(Gate) has a Point; only polygons are fields"),
+        (
+            f"<LineString>{COORDINATES}</LineString>",
+            "(Gate) has a LineString; only polygons are fields",
+        ),
+        ("", "(Gate) has no polygon"),
+    ],
+)
+def test_pins_and_paths_of_a_folder_are_left_out(other: str, message: str) -> None:
+    found = kml.read(file(placemark(other, "Gate") + placemark(polygon())))
+    assert [one.path for one in found.boundaries] == ["Placemark.1.Polygon.0"]
+    assert found.left_out == (Fault("Placemark.0", message),)
+    assert faults(file(placemark(other, "Gate"))) == {"Placemark.0": message}  # Alone it is refused
+
+
+def test_the_pin_of_a_label_beside_a_polygon_is_left_out() -> None:
+    found = kml.read(file(placemark(f"<MultiGeometry>{PIN}{polygon()}</MultiGeometry>")))
+    assert len(found.boundaries) == 1
+    assert [one.path for one in found.left_out] == ["Placemark.0"]
 
 
 def faults(raw: bytes) -> dict[str, str]:
@@ -94,9 +122,7 @@ INVALID: list[tuple[bytes, str]] = [
     (file("<a>" * 60 + "</a>" * 60), ""),
     (file(""), "Placemark"),
     (file(placemark(polygon()) + "<NetworkLink/>"), "NetworkLink"),
-    (file(placemark(polygon()) + placemark("")), "Placemark.1"),
     (file(placemark("<Point><coordinates>1,2</coordinates></Point>")), "Placemark.0"),
-    (file(placemark(polygon() + ring(OUTER))), "Placemark.0"),
     (file(placemark("<Polygon/>")), "Placemark.0.Polygon.0.outerBoundaryIs"),
     (
         file(placemark(polygon("-3.74,40.44 -3.73,40.44 -3.74,40.44"))),

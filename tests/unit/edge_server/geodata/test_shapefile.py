@@ -1,7 +1,9 @@
 """Zipped Shapefiles in, hostile ones too."""
 
 import contextlib
+import io
 import struct
+import zipfile
 
 import pytest
 from hypothesis import given
@@ -23,7 +25,7 @@ FILE = "farm/north.shp"
 
 def fields(raw: bytes) -> list[Field]:
     assert shapefile.is_shapefile(raw)
-    return [boundary.field for boundary in shapefile.read(raw)]
+    return [boundary.field for boundary in shapefile.read(raw).boundaries]
 
 
 def faults(raw: bytes) -> dict[str, str]:
@@ -141,6 +143,14 @@ def test_what_is_cut_off_is_named() -> None:
     table = dbf([b"North"])[:-3]
     assert "is cut off" in faults(archive(whole, WGS84, table))["farm/NORTH.DBF"]
     assert "is no Shapefile" in faults(archive(bytes(200)))[FILE]
+
+
+def test_what_macos_adds_to_an_archive_is_passed_over() -> None:
+    whole = archive(shp(record(OUTER)))
+    with zipfile.ZipFile(io.BytesIO(whole)) as opened:
+        members = [(name, opened.read(name)) for name in opened.namelist()]
+    added = [(f"__MACOSX/farm/._{name.split('/')[1]}", b"\0\5\x16\7") for name, _ in members]
+    assert fields(zipped(*added, *members)) == fields(whole)
 
 
 def test_an_archive_has_one_shapefile() -> None:

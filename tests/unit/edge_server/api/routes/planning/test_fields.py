@@ -135,10 +135,30 @@ def test_a_bad_field_is_refused_by_place(edge: Edge, changes: Any, path: str) ->
 
 
 def test_one_bad_part_of_a_file_refuses_all_of_it(edge: Edge) -> None:
+    crossed = {"type": "Polygon", "coordinates": [[[0, 0], [1, 1], [1, 0], [0, 1], [0, 0]]]}
+    point = {"type": "Point", "coordinates": [0, 0]}
+    features = [feature(), feature(crossed), feature(point)]
+    answer = edge.post("/fields/", {"type": "FeatureCollection", "features": features}, "operator")
+    assert list(refusal(edge, answer, 422)["json"]) == ["features.1.geometry.coordinates.0"]
+
+
+def test_what_is_no_area_of_a_file_is_named_beside_its_fields(edge: Edge) -> None:
     point = {"type": "Point", "coordinates": [0, 0]}
     collection = {"type": "FeatureCollection", "features": [feature(), feature(point)]}
     answer = edge.post("/fields/", collection, "operator")
-    assert "features.1.geometry.type" in refusal(edge, answer, 422)["json"]
+    assert answer.status_code == 201
+    assert answer.json is not None
+    assert [one["id"] for one in answer.json["fields"]] == [1]
+    (left_out,) = answer.json["left_out"]
+    assert left_out["path"] == "features.1.geometry.type"
+    assert left_out["message"] == "must be Polygon or MultiPolygon"
+
+
+def test_a_file_may_begin_with_a_byte_order_mark(edge: Edge) -> None:
+    raw = b"\xef\xbb\xbf" + json.dumps(feature()).encode()
+    assert (
+        edge.ask("POST", "/fields/", "operator", data=raw, content_type=GEOJSON).status_code == 201
+    )
 
 
 @pytest.mark.first_case
