@@ -15,6 +15,7 @@ export function Failure({ error, again }: { error: unknown; again: () => void })
   const kind = isMissing ? server : "failed";
   return (
     <div className="screen">
+      <h1 className="visually-hidden">{t("shell.name")}</h1>
       <Notice kind="error">
         <p>{t(`failure.${kind}`)}</p>
         <div className="actions">

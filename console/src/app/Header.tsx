@@ -112,14 +112,14 @@ function Settings({ close }: { close: () => void }) {
           </option>
         ))}
       </SelectField>
-      <footer className="dialog-actions">
+      <div className="dialog-actions">
         <Button icon="signOut" onClick={leave}>
           {t("settings.sign_out")}
         </Button>
         <Button kind="primary" onClick={close}>
           {t("action.done")}
         </Button>
-      </footer>
+      </div>
     </Dialog>
   );
 }

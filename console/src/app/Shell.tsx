@@ -116,5 +116,5 @@ function Screen({ route: [first, second, third] }: { route: string[] }) {
 
 function Nothing() {
   const { t } = useTranslation();
-  return <Empty icon="map" title={t("shell.not_found")} />;
+  return <Empty isScreen icon="map" title={t("shell.not_found")} />;
 }

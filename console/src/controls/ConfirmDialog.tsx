@@ -15,12 +15,12 @@ export function ConfirmDialog({ title, text, action, act, close }: {
   return (
     <Dialog title={title} close={close}>
       <p>{text}</p>
-      <footer className="dialog-actions">
+      <div className="dialog-actions">
         <Button onClick={close}>{t("action.cancel")}</Button>
         <Button kind="danger" onClick={act}>
           {action}
         </Button>
-      </footer>
+      </div>
     </Dialog>
   );
 }

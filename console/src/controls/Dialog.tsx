@@ -44,12 +44,12 @@ export function Dialog({ title, close, children, kind = "plain", tools, onKeyDow
       }}
       onKeyDown={onKeyDown}
     >
-      <header className="dialog-head">
+      <div className="dialog-head">
         <h2>{title}</h2>
         {tools}
         <Button kind="quiet" icon="close" aria-label={t("action.close")} onClick={close} />
         {kind !== "stop" && <StopButton />}
-      </header>
+      </div>
       <div className="dialog-body">{children}</div>
     </dialog>
   );

@@ -32,19 +32,40 @@ export function ErrorNotice({ error, retry }: { error: RequestError; retry?: () 
   );
 }
 
-/** What a list shows when it is empty: what would be there, and how it gets there. */
-export function Empty({ icon, title, text, children }: {
+/** A screen whose content is loaded, or cannot be. */
+export function Unloaded({ title, error, retry, children }: {
+  title: string;
+  error: RequestError | null;
+  retry: () => void;
+  children?: ReactNode;
+}) {
+  return (
+    <div className="screen">
+      <h1 className="visually-hidden">{title}</h1>
+      {error ? <ErrorNotice error={error} retry={retry} /> : <Skeleton />}
+      {children}
+    </div>
+  );
+}
+
+/** What a list shows when it is empty: what would be there, and how it gets there.
+ *
+ * With `isScreen` there is nothing else on the screen: its title is that of the screen.
+ */
+export function Empty({ icon, title, text, isScreen = false, children }: {
   icon: IconName;
   title: string;
   text?: string;
+  isScreen?: boolean;
   children?: ReactNode;
 }) {
+  const Title = isScreen ? "h1" : "h2";
   return (
     <div className="empty">
       <span className="empty-icon">
         <Icon name={icon} size={28} />
       </span>
-      <h2>{title}</h2>
+      <Title>{title}</Title>
       {text !== undefined && <p>{text}</p>}
       {children}
     </div>

@@ -66,7 +66,7 @@ export function newCommand(
 /** Height above the take-off in metres that a command leads to; null for one without. */
 export function heightOf_m({ parameters }: Command): number | null {
   const height = parameters["altitude"] ?? parameters["orbit_altitude"];
-  return typeof height === "number" ? height : null;
+  return typeof height === "number" && Number.isFinite(height) ? height : null;
 }
 
 /** Degrees to a centimetre. */

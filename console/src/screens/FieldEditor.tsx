@@ -10,7 +10,7 @@ import { Button } from "../controls/Button";
 import { Dialog } from "../controls/Dialog";
 import { TextField } from "../controls/fields";
 import { Icon } from "../controls/Icon";
-import { ErrorNotice, Notice, Skeleton } from "../controls/states";
+import { ErrorNotice, Notice, Unloaded } from "../controls/states";
 import { describeError } from "../i18n/describe_error";
 import { useLive } from "../live/use_live";
 import { asRequestError, useResource } from "../live/use_resource";
@@ -53,16 +53,13 @@ function isFieldForm(kept: object): boolean {
 
 /** A new field, or one that is stored. */
 export default function FieldEditor({ id }: { id: number | null }) {
+  const { t } = useTranslation();
   const fields = useResource(listFields);
   const read = useResource(() => (id === null ? Promise.resolve(null) : getField(id)));
   const error = fields.error ?? read.error;
   if (fields.value === null || (id !== null && read.value === null)) {
     const reload = () => [fields, read].forEach((one) => one.reload());
-    return (
-      <div className="screen">
-        {error ? <ErrorNotice error={error} retry={reload} /> : <Skeleton />}
-      </div>
-    );
+    return <Unloaded title={t("fields.title")} error={error} retry={reload} />;
   }
   return <Editor read={read.value} others={fields.value.filter((one) => one.id !== id)} />;
 }
@@ -290,12 +287,12 @@ function DeleteButton({ field: { value: field, tag }, deleted }: {
         <Dialog title={t("fields.delete_title")} close={() => setAsking(false)} kind="danger">
           <p>{t("fields.delete_text", { name: field.name ?? t("fields.unnamed", { id: field.id }) })}</p>
           {error && <ErrorNotice error={error} />}
-          <footer className="dialog-actions">
+          <div className="dialog-actions">
             <Button onClick={() => setAsking(false)}>{t("action.cancel")}</Button>
             <Button kind="danger" icon="remove" onClick={remove}>
               {t("action.delete")}
             </Button>
-          </footer>
+          </div>
         </Dialog>
       )}
     </>

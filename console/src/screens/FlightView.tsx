@@ -177,7 +177,7 @@ export default function FlightView({ id }: { id: number }) {
 
   if (flight.error?.status === 404) {
     return (
-      <Empty icon="flight" title={t("flights.deleted_title", { id })} text={t("flights.deleted_text")}>
+      <Empty isScreen icon="flight" title={t("flights.deleted_title", { id })} text={t("flights.deleted_text")}>
         <a className="button button-plain" {...linkTo("flights")}>
           <Icon name="back" /> {t("flights.title")}
         </a>
@@ -232,6 +232,7 @@ export default function FlightView({ id }: { id: number }) {
               step={0.001}
               value={replay.part}
               aria-label={t("flights.position")}
+              aria-valuetext={present === null ? undefined : units.clock(new Date(present.at_ms).toISOString())}
               onChange={(event) => replay.show(Number(event.target.value))}
             />
           </div>

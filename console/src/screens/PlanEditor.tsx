@@ -3,7 +3,7 @@ import { flushSync } from "react-dom";
 import { useTranslation } from "react-i18next";
 import type { Fault, Tagged } from "../api/client";
 import { createPlan, dispatchPlan, getTaggedPlan, listFields, replacePlan } from "../api/resources";
-import type { Command, Plan, PlanDocument } from "../api/types";
+import type { Command, Plan, PlanDocument, StoredField } from "../api/types";
 import { useUnits } from "../app/preferences";
 import { go, linkTo, setGuard } from "../app/route";
 import { useIsOperator } from "../app/session_context";
@@ -11,7 +11,7 @@ import { Button } from "../controls/Button";
 import { Segments, SelectField, TextField } from "../controls/fields";
 import { Icon } from "../controls/Icon";
 import { QuantityField } from "../controls/QuantityField";
-import { ErrorNotice, Notice, Skeleton } from "../controls/states";
+import { Notice, Unloaded } from "../controls/states";
 import { describeError } from "../i18n/describe_error";
 import { useLive } from "../live/use_live";
 import { useResource } from "../live/use_resource";
@@ -38,11 +38,12 @@ import { HeightProfile } from "./HeightProfile";
 import { KeptDraft } from "./KeptDraft";
 import { LeaveWarning } from "./LeaveWarning";
 import { useEditing } from "./use_editing";
-import { fieldNames } from "./use_fleet_symbols";
+import { useFleetSymbols } from "./use_fleet_symbols";
 import { useSaving } from "./use_saving";
 import { useStepSymbols } from "./use_step_symbols";
 
 const GONE = 404;
+const NO_FIELDS: StoredField[] = [];
 const NO_FAULTS: Fault[] = [];
 /** Fields of the editor beside those of the steps, as the edge server's faults name them. */
 const FIELDS = ["name", "vehicle_id", "maximum_speed"] as const;
@@ -69,10 +70,9 @@ export default function PlanEditor({ reference }: { reference: string | null }) 
   if (reference === null) return <Editor read={null} />;
   if (plan.value === null) {
     return (
-      <div className="screen">
-        {plan.error ? <ErrorNotice error={plan.error} retry={plan.reload} /> : <Skeleton />}
+      <Unloaded title={t("editor.title_edit")} error={plan.error} retry={plan.reload}>
         {plan.error?.status === GONE && <KeptDraft id={Number(reference)} />}
-      </div>
+      </Unloaded>
     );
   }
   const { id, missions } = plan.value.value;
@@ -80,6 +80,7 @@ export default function PlanEditor({ reference }: { reference: string | null }) 
   if (!isOpen) {
     return (
       <div className="screen">
+        <h1 className="visually-hidden">{t("editor.title_edit")}</h1>
         <Notice kind="info">{t("editor.not_editable")}</Notice>
         <KeptDraft id={id} />
         <a className="back-link" {...linkTo(`plans/${id}`)}>
@@ -272,13 +273,8 @@ function Editor({ read }: { read: Tagged<Plan> | null }) {
     }),
     [fields.value, form.missions],
   );
-  const symbols = useMemo(
-    () => [
-      ...fieldNames(fields.value ?? []),
-      ...steps,
-    ],
-    [fields.value, steps],
-  );
+  const fleet = useFleetSymbols(fields.value ?? NO_FIELDS, null, null);
+  const symbols = useMemo(() => [...fleet, ...steps], [fleet, steps]);
   const extent = useMemo(() => {
     const corners = (fields.value ?? []).flatMap((one) =>
       one.boundary.map(([latitude = 0, longitude = 0]) => [longitude, latitude] as const),

@@ -9,7 +9,7 @@ import { useIsOperator } from "../app/session_context";
 import { Button } from "../controls/Button";
 import { Dialog } from "../controls/Dialog";
 import { Icon } from "../controls/Icon";
-import { ErrorNotice, Notice, Skeleton } from "../controls/states";
+import { ErrorNotice, Notice, Unloaded } from "../controls/states";
 import { Pill, StatusPill } from "../controls/StatusPill";
 import { useReportText } from "../i18n/use_report_text";
 import { useLive } from "../live/use_live";
@@ -51,9 +51,7 @@ export default function PlanView({ reference }: { reference: string }) {
   const highest_m = fenceOf(plan?.geofence)?.highest_m;
   if (plan === null) {
     return (
-      <div className="screen">
-        {resource.error ? <ErrorNotice error={resource.error} retry={resource.reload} /> : <Skeleton />}
-      </div>
+      <Unloaded title={t("plans.title")} error={resource.error} retry={resource.reload} />
     );
   }
   return (
@@ -218,7 +216,7 @@ function PlanActions({ plan, tag, reload }: {
       {question?.kind === "cancel" && (
         <Dialog title={t("plans.cancel")} close={() => setQuestion(null)}>
           <p>{t("plans.cancel_text")}</p>
-          <footer className="dialog-actions">
+          <div className="dialog-actions">
             <Button onClick={() => setQuestion(null)}>{t("action.back")}</Button>
             <Button
               kind="danger"
@@ -227,7 +225,7 @@ function PlanActions({ plan, tag, reload }: {
             >
               {t("plans.cancel")}
             </Button>
-          </footer>
+          </div>
         </Dialog>
       )}
     </>

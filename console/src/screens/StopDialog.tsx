@@ -118,9 +118,9 @@ export function StopDialog({ vehicleId, close }: { vehicleId: number | null; clo
           <OrderRow key={one.key} order={one} isLost={isLost(vehicles.get(one.vehicleId)?.vehicle)} />
         ))}
       </ul>
-      <footer className="dialog-actions">
+      <div className="dialog-actions">
         <Button onClick={close}>{t("action.close")}</Button>
-      </footer>
+      </div>
     </Dialog>
   );
 }

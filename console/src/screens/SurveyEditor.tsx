@@ -7,7 +7,7 @@ import { go, linkTo } from "../app/route";
 import { useIsOperator, useSession } from "../app/session_context";
 import { Button } from "../controls/Button";
 import { Icon } from "../controls/Icon";
-import { ErrorNotice, Notice, Skeleton } from "../controls/states";
+import { ErrorNotice, Notice, Unloaded } from "../controls/states";
 import type { Fix } from "../live/motion";
 import { useLive } from "../live/use_live";
 import { usePreview } from "../live/use_preview";
@@ -42,15 +42,12 @@ const nothing = () => undefined;
 
 /** A survey of a field or a part of it: what a person chooses, its preview on the map, and the plans it becomes. */
 export default function SurveyEditor({ fieldId }: { fieldId: number }) {
+  const { t } = useTranslation();
   const fields = useResource(listFields);
   const field = fields.value?.find((one) => one.id === fieldId) ?? null;
   if (field !== null) return <Editor field={field} fields={fields.value ?? NO_FIELDS} />;
   const error = fields.value === null ? fields.error : new RequestError(404, "");
-  return (
-    <div className="screen">
-      {error ? <ErrorNotice error={error} retry={fields.reload} /> : <Skeleton />}
-    </div>
-  );
+  return <Unloaded title={t("fields.survey")} error={error} retry={fields.reload} />;
 }
 
 /** Number of a vehicle and where it was last seen standing, as text, which is compared: it is drawn once. */

@@ -39,6 +39,8 @@ export function SurveyInputs({ form, vehicles, flights, direction_deg, faults, c
     path === "maximum_speed" && form.speed_m_s !== null && orderedSpeed(form.speed_m_s) === null
       ? t("editor.out_of_range", { range: speedRange(units, t) })
       : faults.find((fault) => inputOfFault(fault.path, form) === path)?.text;
+  /** What is wrong with a value that is null: nothing usable was entered. */
+  const lack = (value: number | null) => (value === null ? t("editor.number") : undefined);
   const quantity = (
     name: "height_m" | "swath_width_m" | "side_overlap" | "front_overlap" | "speed_m_s" | "endurance_s",
     unit: typeof PERCENT,
@@ -49,7 +51,7 @@ export function SurveyInputs({ form, vehicles, flights, direction_deg, faults, c
       unit={unit}
       value={form[name]}
       change={(value) => change({ [name]: value })}
-      error={errorOf(path)}
+      error={errorOf(path) ?? lack(form[name])}
     />
   );
   return (
@@ -72,7 +74,7 @@ export function SurveyInputs({ form, vehicles, flights, direction_deg, faults, c
               unit={unit}
               value={form.own[name]}
               change={(value) => change({ own: { ...form.own, [name]: value } })}
-              error={name === "pixels_across" ? undefined : errorOf(`camera.${name}`)}
+              error={name === "pixels_across" ? lack(form.own[name]) : errorOf(`camera.${name}`) ?? lack(form.own[name])}
             />
           ))}
         </div>
@@ -88,6 +90,7 @@ export function SurveyInputs({ form, vehicles, flights, direction_deg, faults, c
             change={(value) =>
               camera && change({ height_m: value === null ? null : heightOf_m(camera, value) })
             }
+            error={camera === null ? undefined : lack(form.height_m)}
           />
         )}
         {quantity("height_m", units.heightInput, "altitude")}

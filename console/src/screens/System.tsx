@@ -24,7 +24,7 @@ const SECTIONS = {
 export default function System({ section }: { section: string }) {
   const { t } = useTranslation();
   const { session } = useSession();
-  if (session.role !== "admin") return <Empty icon="system" title={t("system.admin_only")} />;
+  if (session.role !== "admin") return <Empty isScreen icon="system" title={t("system.admin_only")} />;
   const Section = SECTIONS[section as keyof typeof SECTIONS] ?? Users;
   return (
     <div className="screen">

@@ -71,12 +71,12 @@ export function UploadDialog({ close }: { close: () => void }) {
             </option>
           ))}
         </SelectField>
-        <footer className="dialog-actions">
+        <div className="dialog-actions">
           <Button onClick={close}>{t("action.cancel")}</Button>
           <Button kind="primary" icon="upload" type="submit" isBusy={isBusy} disabled={file === null}>
             {t("plans.upload")}
           </Button>
-        </footer>
+        </div>
       </form>
     </Dialog>
   );

@@ -11,7 +11,8 @@ import { homeElement, nameElement, updateVehicleElement, vehicleElement } from "
 export function useFleetSymbols(
   fields: readonly StoredField[],
   selected: number | null,
-  select: (vehicleId: number) => void,
+  /** What a press on a vehicle does; null: nothing, as where the map itself is pressed. */
+  select: ((vehicleId: number) => void) | null,
 ): Symbol[] {
   const { t } = useTranslation();
   const vehicles = useLive((state) => state.vehicles);
@@ -36,7 +37,7 @@ export function useFleetSymbols(
         longitude: vehicle.longitude,
         latitude: vehicle.latitude,
         level: vehicleLevel(vehicle),
-        make: () => vehicleElement(t("vehicle.name", { id }), () => select(id)),
+        make: () => vehicleElement(t("vehicle.name", { id }), select === null ? null : () => select(id)),
         update: (element) =>
           updateVehicleElement(element, motion.heading_deg, statusOf(vehicle), id === selected),
       });

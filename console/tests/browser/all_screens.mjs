@@ -12,7 +12,7 @@ const SCREENS = [
   "", "fields", "fields/new", `fields/${FIELD}`, `fields/${FIELD}/survey`, "plans",
   `plans/${DRAFT}`, "plans/new", `plans/${DRAFT}/edit`, "flights", "alarms",
   "system/users", "system/sessions", "system/keys", "system/audit", "system/dead_letters", "system/storage", "system/backups",
-  "nowhere",
+  "nowhere", "flights/999999",
 ];
 const APPEARANCES = [["light", "desktop"], ["dark", "phone"], ["outdoor", "phone"]];
 const SIZES = { desktop: { width: 1280, height: 800 }, phone: { width: 390, height: 844 } };

@@ -120,7 +120,7 @@ function FullPicture({ picture, place, before, next, close }: {
       ) : (
         <img key={picture.url} src={picture.url} alt={title} onError={() => setFailedUrl(picture.url)} />
       )}
-      <footer>
+      <div className="gallery-foot">
         <Button icon="back" disabled={before === null} onClick={() => before?.()}>
           {t("flights.picture_before")}
         </Button>
@@ -131,7 +131,7 @@ function FullPicture({ picture, place, before, next, close }: {
         <Button disabled={next === null} onClick={() => next?.()}>
           {t("flights.picture_next")}
         </Button>
-      </footer>
+      </div>
     </Dialog>
   );
 }

@@ -69,12 +69,12 @@ function Correction({ letter, close, done }: {
         spellCheck={false}
         autoComplete="off"
       />
-      <footer className="dialog-actions">
+      <div className="dialog-actions">
         <Button onClick={close}>{t("action.cancel")}</Button>
         <Button kind="primary" type="submit" isBusy={isBusy} disabled={correction === null || text === first}>
           {t("system.correct_send")}
         </Button>
-      </footer>
+      </div>
     </form>
   );
 }

@@ -58,9 +58,9 @@ export function NewKey({ made }: { made: () => void }) {
         <Dialog title={t("system.key_made", { name: key.name })} close={() => setKey(null)}>
           <Notice kind="info">{t("system.key_once")}</Notice>
           <CopyField label={t("system.key")} text={key.key} />
-          <footer className="dialog-actions">
+          <div className="dialog-actions">
             <Button onClick={() => setKey(null)}>{t("action.done")}</Button>
-          </footer>
+          </div>
         </Dialog>
       )}
     </section>

@@ -92,14 +92,14 @@ export function UserDialog({ user, isSelf, changed, close }: {
         </>
       )}
       {isDeleting && <Notice kind="error">{t("system.delete_text", { name: user.name })}</Notice>}
-      <footer className="dialog-actions">
+      <div className="dialog-actions">
         {!isSelf && (
           <Button kind="danger" icon="remove" disabled={isBusy} onClick={() => (isDeleting ? remove() : setDeleting(true))}>
             {t(isDeleting ? "system.delete_now" : "system.delete_user")}
           </Button>
         )}
         <Button onClick={close}>{t("action.close")}</Button>
-      </footer>
+      </div>
     </Dialog>
   );
 }
