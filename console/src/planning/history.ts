@@ -30,10 +30,10 @@ export function change<State>(
  * A step may have led back to where it began, as when the browser itself undoes what is typed.
  */
 export function undo<State>({ past, present, future }: History<State>): History<State> {
-  const index = past.findLastIndex((state) => !isSame(state, present));
-  const before = past[index];
+  const kept = past.slice(0, past.length - sameAtEnd(past, present));
+  const before = kept.pop();
   if (before === undefined) return { past, present, future };
-  return { past: past.slice(0, index), present: before, future: [present, ...future] };
+  return { past: kept, present: before, future: [present, ...future] };
 }
 
 /** Whether there is a state to which `undo` leads. */
@@ -46,6 +46,12 @@ export function redo<State>({ past, present, future }: History<State>): History<
   const [next, ...rest] = future;
   if (next === undefined) return { past, present, future };
   return { past: [...past, present], present: next, future: rest };
+}
+
+/** How many states in a row at the end hold the values of the present one. */
+function sameAtEnd<State>(past: readonly State[], present: State): number {
+  const differs = [...past].reverse().findIndex((state) => !isSame(state, present));
+  return differs === -1 ? past.length : differs;
 }
 
 /** Whether two states hold the same values. */
