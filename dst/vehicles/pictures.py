@@ -26,6 +26,7 @@ from mavlink_broker.effects import (
     Job,
     JobFailed,
     JobOutcome,
+    failed,
 )
 
 COMPONENT: Final[int] = mavlink.MAV_COMP_ID_CAMERA
@@ -234,7 +235,7 @@ class PictureJobs:
                 frame = base64.b64encode(picture).decode()
                 return ConvertedPicture(number, ImageFormat.JPEG, frame, len(picture))
             case _:
-                return JobFailed(job.number, "this simulation fetches no logs")
+                return failed(job, "this simulation fetches no logs")
 
 
 def is_of_tracking(message: Any) -> bool:
