@@ -7,7 +7,7 @@ from typing import Any, Final, NamedTuple
 
 from dst.faults.kinds import Fault
 from dst.scheduler import Scheduler
-from dst.vehicles.flight import place
+from dst.vehicles.flight import is_same_place, place
 from dst.vehicles.pictures import SINGLE, Series
 from dst.vehicles.tracking import Rectangle
 
@@ -119,6 +119,7 @@ class Planner:
         self._subjects = scheduler.random("subjects")
         self._lifetimes = scheduler.random("lifetimes")
         self._count = 0
+        self._places_e7: list[tuple[int, int]] = []  # That plans lead to; the laws tell them apart
 
     def draw(self) -> DrawnPlan:
         """Draw the next plan."""
@@ -160,7 +161,7 @@ class Planner:
 
     def _at_a_place(self, command_id: int, planned: PlannedCommands) -> Iterator[dict[str, Any]]:
         """Give a command that flies somewhere, and those of the camera there; note them."""
-        latitude, longitude = place(*place_in_field(self._random))
+        latitude, longitude = self._new_place()
         where = {"latitude": latitude, "longitude": longitude}
         kind = self._kinds.choices((WAYPOINT, HOTPOINT, FOLLOW), (7, 3, 1))[0]
         yield _command(command_id, kind, where | FIELDS[kind])
@@ -171,6 +172,15 @@ class Planner:
         targets[command_id] = place_e7
         if Fault.PICTURES in self._enabled:
             yield from self._camera_work(command_id, place_e7, planned)
+
+    def _new_place(self) -> tuple[float, float]:
+        """Draw a place that no other command of any plan leads to."""
+        while True:
+            found = place(*place_in_field(self._random))
+            found_e7 = round(found[0] * 1e7), round(found[1] * 1e7)
+            if not any(is_same_place(found_e7, one) for one in self._places_e7):
+                self._places_e7.append(found_e7)
+                return found
 
     def _camera_work(
         self, before: int, place_e7: tuple[int, int], planned: PlannedCommands
