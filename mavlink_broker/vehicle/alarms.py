@@ -145,6 +145,10 @@ _READERS: Final[Mapping[str, Callable[[Message], Iterator[_Signal]]]] = {
 }
 
 
+LASTING: Final = frozenset({BATTERY.code})
+"""An empty battery recovers for moments on the ground: it is raised once a flight."""
+
+
 @dataclass(slots=True)
 class _Health:
     failure: Failure
@@ -172,6 +176,7 @@ class AlarmMonitor:
     _signals: dict[tuple[str, AlarmCode], _Health] = field(default_factory=dict)
     _periodic_sources: dict[tuple[str, AlarmCode], PeriodicSource] = field(default_factory=dict)
     _raised: set[AlarmCode] = field(default_factory=set)
+    _was_armed: bool = False
     _parameters: tuple[float, tuple[float, float]] | None = None  # And when they were received
     _loss: FrameLoss = field(default_factory=FrameLoss)
     _check_at: float = 0.0
@@ -182,10 +187,18 @@ class AlarmMonitor:
         kind = message.get_type()
         if kind == "TUNNEL" and (parameters := alarm_parameters(message)) is not None:
             self._parameters = now, parameters
+        if kind == "HEARTBEAT":
+            self._follow_arming(bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED))
         reader = _READERS.get(kind)
         for source, failure, is_unhealthy in reader(message) if reader is not None else ():
             self._take(source, failure, now, is_unhealthy=is_unhealthy)
         self.observe(message, now)
+
+    def _follow_arming(self, is_armed: bool) -> None:  # noqa: FBT001  # what it follows
+        """Raise lasting failures anew in the next flight."""
+        if is_armed and not self._was_armed:
+            self._raised -= LASTING
+        self._was_armed = is_armed
 
     def observe(self, message: Message, now: float) -> None:
         """Handle a message of any component: a humidity sensor sends periodically."""
@@ -254,7 +267,7 @@ class AlarmMonitor:
         unhealthy = {
             health.failure.code for health in self._signals.values() if health.is_unhealthy
         }
-        self._raised &= unhealthy
+        self._raised &= unhealthy | LASTING
         return [
             failure
             for code, failure in sorted(failed.items())

@@ -242,6 +242,34 @@ def test_a_low_battery_is_no_alarm() -> None:
     assert alarms(world) == []
 
 
+def send_charge_state(world: World, charge_state: int, seconds: float = 4.0) -> None:
+    battery = mavlink.MAVLink_battery_status_message(
+        1, 1, 1, 32767, [11000] + [65535] * 9, 100, 0, -1, 15, 0, charge_state
+    )
+    for _ in range(round(seconds)):
+        world.send_from(world.only_vehicle, battery)
+        world.run(1.0)
+
+
+def test_an_empty_battery_that_recovers_for_moments_is_one_alarm_of_its_flight() -> None:
+    world = flying_world(SLOW)
+    vehicle = world.only_vehicle
+    send_charge_state(world, 1)
+    send_charge_state(world, mavlink.MAV_BATTERY_CHARGE_STATE_EMERGENCY)
+    assert len(alarms(world)) == 1
+    vehicle.armed = vehicle.airborne = False
+    for _ in range(3):
+        send_charge_state(world, mavlink.MAV_BATTERY_CHARGE_STATE_CRITICAL)
+        send_charge_state(world, mavlink.MAV_BATTERY_CHARGE_STATE_EMERGENCY)
+    assert len(alarms(world)) == 1
+    send_charge_state(world, 1)
+    vehicle.set_mode(PX4_POSITION)  # A pilot flies with another battery
+    vehicle.armed = vehicle.airborne = True
+    send_charge_state(world, 1)
+    send_charge_state(world, mavlink.MAV_BATTERY_CHARGE_STATE_EMERGENCY)
+    assert len(alarms(world)) == 2
+
+
 def hygrometer(humidity: int = 4800) -> Message:
     return mavlink.MAVLink_hygrometer_sensor_message(0, 2150, humidity)
 
