@@ -1,4 +1,4 @@
-import { useRef, useState, type ReactNode } from "react";
+import { useEffect, useRef, useState, type ReactNode } from "react";
 import { useTranslation } from "react-i18next";
 import { useReportText } from "../i18n/use_report_text";
 import type { Vehicle } from "../api/types";
@@ -73,6 +73,17 @@ export function StopDialog({ vehicleId, close }: { vehicleId: number | null; clo
     );
   }
 
+  // What becomes of the newest order, the first one, may lie below the edge of a phone: also when the
+  // buttons above it change with it
+  const list = useRef<HTMLUListElement>(null);
+  const newest = orders[0] === undefined ? "" : `${orders[0].key} ${orders[0].state} ${choices.length}`;
+  const shown = useRef("");
+  useEffect(() => {
+    if (isPressed || newest === shown.current) return;
+    shown.current = newest;
+    list.current?.firstElementChild?.scrollIntoView({ block: "nearest" });
+  }, [isPressed, newest]);
+
   const order = (kind: StopKind) => send(ids, kind);
   return (
     <Dialog title={t("stop.title")} close={close} kind="stop">
@@ -113,7 +124,7 @@ export function StopDialog({ vehicleId, close }: { vehicleId: number | null; clo
         ))}
       </div>
       <p className="muted small">{t("stop.expiry")}</p>
-      <ul className="stop-orders" aria-live="assertive">
+      <ul className="stop-orders" aria-live="assertive" ref={list}>
         {orders.map((one) => (
           <OrderRow key={one.key} order={one} isLost={isLost(vehicles.get(one.vehicleId)?.vehicle)} />
         ))}

@@ -121,6 +121,8 @@ async function flyAndStop(page) {
   await drone.getByText("On mission", { exact: true }).waitFor();
   await requireAccessible(page, "the fleet in flight");
   await requireRestingMap(page);
+  const size = page.viewportSize();
+  await page.setViewportSize({ width: 390, height: 664 });
   await page.getByRole("button", { name: "STOP", exact: true }).click();
   await requireAccessible(page, "the stop");
   const orders = page.locator(".stop-orders li");
@@ -128,9 +130,14 @@ async function flyAndStop(page) {
     const order = orders.nth(index);  // The newest one comes first, so that many exist
     await hold(page, dialog.getByRole("button", { name }), order);
     await orders.first().getByText("Done", { exact: true }).waitFor();
+    await page.waitForFunction(() => {
+      const { top, bottom } = document.querySelector(".stop-orders li").getBoundingClientRect();
+      return top >= 0 && bottom <= innerHeight;
+    });
   }
   await requireAccessible(page, "the stop that was done");
   await dialog.getByRole("button", { name: "Close" }).last().click();
+  await page.setViewportSize(size);
   await drone.getByText("Ready", { exact: true }).waitFor();
 }
 
