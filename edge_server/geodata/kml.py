@@ -1,8 +1,8 @@
 """Field boundaries as KML 2.2, and as KMZ, which is KML in a zip archive. Pure.
 
-Every polygon of a placemark is a field with the placemark's name; points and lines are left out. A
-document type, an entity,
-a link to elsewhere, or a tree too deep or too large is refused before anything is made of it.
+Every polygon of a placemark is a field with the placemark's name; points and lines are left out.
+A document type, an entity, a link to elsewhere, or a tree too deep or too large is refused before
+anything is made of it.
 """
 
 import io

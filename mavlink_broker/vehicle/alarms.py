@@ -188,13 +188,14 @@ class AlarmMonitor:
         if kind == "TUNNEL" and (parameters := alarm_parameters(message)) is not None:
             self._parameters = now, parameters
         if kind == "HEARTBEAT":
-            self._follow_arming(bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED))
+            is_armed = bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
+            self._follow_arming(is_armed=is_armed)
         reader = _READERS.get(kind)
         for source, failure, is_unhealthy in reader(message) if reader is not None else ():
             self._take(source, failure, now, is_unhealthy=is_unhealthy)
         self.observe(message, now)
 
-    def _follow_arming(self, is_armed: bool) -> None:  # noqa: FBT001  # what it follows
+    def _follow_arming(self, *, is_armed: bool) -> None:
         """Raise lasting failures anew in the next flight."""
         if is_armed and not self._was_armed:
             self._raised -= LASTING

@@ -40,7 +40,7 @@ export function SurveyInputs({ form, vehicles, flights, direction_deg, faults, c
       ? t("editor.out_of_range", { range: speedRange(units, t) })
       : faults.find((fault) => inputOfFault(fault.path, form) === path)?.text;
   /** What is wrong with a value that is null: nothing usable was entered. */
-  const lack = (value: number | null) => (value === null ? t("editor.number") : undefined);
+  const faultOfEmpty = (value: number | null) => (value === null ? t("editor.number") : undefined);
   const quantity = (
     name: "height_m" | "swath_width_m" | "side_overlap" | "front_overlap" | "speed_m_s" | "endurance_s",
     unit: typeof PERCENT,
@@ -51,7 +51,7 @@ export function SurveyInputs({ form, vehicles, flights, direction_deg, faults, c
       unit={unit}
       value={form[name]}
       change={(value) => change({ [name]: value })}
-      error={errorOf(path) ?? lack(form[name])}
+      error={errorOf(path) ?? faultOfEmpty(form[name])}
     />
   );
   return (
@@ -74,7 +74,7 @@ export function SurveyInputs({ form, vehicles, flights, direction_deg, faults, c
               unit={unit}
               value={form.own[name]}
               change={(value) => change({ own: { ...form.own, [name]: value } })}
-              error={name === "pixels_across" ? lack(form.own[name]) : errorOf(`camera.${name}`) ?? lack(form.own[name])}
+              error={name === "pixels_across" ? faultOfEmpty(form.own[name]) : errorOf(`camera.${name}`) ?? faultOfEmpty(form.own[name])}
             />
           ))}
         </div>
@@ -90,7 +90,7 @@ export function SurveyInputs({ form, vehicles, flights, direction_deg, faults, c
             change={(value) =>
               camera && change({ height_m: value === null ? null : heightOf_m(camera, value) })
             }
-            error={camera === null ? undefined : lack(form.height_m)}
+            error={camera === null ? undefined : faultOfEmpty(form.height_m)}
           />
         )}
         {quantity("height_m", units.heightInput, "altitude")}
