@@ -253,8 +253,9 @@ class Laws:
                         )
 
     def _alarms_in_time(self) -> None:
-        """The edge server knows of a motor failure soon, if link and edge server are there."""
+        """The edge server knows of a motor failure soon, if link and edge server can take it."""
         world, now_s = self._world, self._world.scheduler.now_s
+        troubled_s = max(self._edge_trouble_s, world.edge.disk.troubled_s)
         for system, vehicle in world.vehicles.items():
             truth, known_s = vehicle.truth, self._alarms_s[system]
             connected_s = max(self._connected_since_s(system), vehicle.booted_at_s)
@@ -262,7 +263,7 @@ class Laws:
                 if now_s < failed_s + ALARM_S:
                     continue
                 truth.motor_failures_s.remove(failed_s)
-                is_judged = self._edge_trouble_s < failed_s > connected_s + SETTLED_S
+                is_judged = troubled_s < failed_s > connected_s + SETTLED_S
                 is_known = any(failed_s <= one <= failed_s + ALARM_S for one in known_s)
                 if is_judged and not is_known:
                     raise LawError(f"vehicle {system}: no alarm of the motor at {failed_s:.1f} s")
