@@ -39,6 +39,7 @@ class FenceVerdict(NamedTuple):
     outlines: tuple[Fault, ...]  # Of the geofence itself; with any of them nothing else is checked
     rally_points: tuple[Fault, ...]
     missions: tuple[tuple[Fault, ...], ...]  # In the plan's order
+    warnings: tuple[Fault, ...] = ()  # Of areas beside the plan's own
 
 
 def check_fence(plan: Plan) -> FenceVerdict:
@@ -77,7 +78,7 @@ def check(
     """
     fence = check_fence(plan) if fence is None else fence
     faults = [*_plan_faults(plan, now), *fence.outlines, *fence.rally_points]
-    warnings: list[Fault] = []
+    warnings: list[Fault] = [*fence.warnings]
     missing: list[Fault] = []
     for index, mission in enumerate(plan.missions):
         path = f"missions.{index}"

@@ -5,7 +5,6 @@ from typing import Any, Final
 
 from sqlalchemy import Connection
 
-from afarcloud.plan import Polygon
 from afarcloud.wire import write
 from edge_server.geodata.field import Field, area_m2
 from edge_server.services import audit
@@ -26,7 +25,6 @@ from edge_server.store.rows.idempotency import Answered
 
 _ROUTE: Final = "field"
 _MOST_SEARCHED: Final = 1000
-"""Fields whose no-fly areas are looked at together."""
 
 
 @retry_on_conflict
@@ -75,12 +73,11 @@ def outline(context: Context, identifier: int) -> Field | None:
     return None if stored is None else Field.model_validate(stored.body)
 
 
-def exclusions(context: Context, *, but: int | None) -> list[Polygon]:
-    """List the no-fly areas of the oldest fields, without those of one of them."""
+def oldest(context: Context) -> list[tuple[int, Field]]:
+    """List the oldest fields with their ids: those whose no-fly areas are looked at together."""
     with context.database.read() as connection:
         found = fields.page(connection, after_id=0, limit=_MOST_SEARCHED, since_s=0.0)
-    others = (Field.model_validate(one.body) for one in found if one.id != but)
-    return [ring for field in others for ring in field.exclusions]
+    return [(one.id, Field.model_validate(one.body)) for one in found]
 
 
 def page(

@@ -1,8 +1,4 @@
-"""Plans: validated, stored, their missions queued for the broker; one transaction each.
-
-A geofence is checked before the transaction: that takes up to seconds, and an abort must not wait.
-One is checked at a time, so that an abort gets half of the interpreter however many are posted.
-"""
+"""Plans: validated, stored, their missions queued for the broker; one transaction each."""
 
 from collections.abc import Sequence
 from typing import Any, Final
@@ -23,6 +19,7 @@ from edge_server.services import idempotency as post_idempotency
 from edge_server.services.context import Caller, Context, Precondition, moment, unconditionally
 from edge_server.services.errors import ConflictError, NotFoundError
 from edge_server.services.fleet import broker_work
+from edge_server.services.planning import fences
 from edge_server.services.planning.plan_view import show
 from edge_server.services.retries import retry_on_conflict
 from edge_server.store.connection.database import to_json
@@ -50,7 +47,7 @@ def create(context: Context, plan: Plan, caller: Caller) -> dict[str, Any]:
     """
     body_sha256 = post_idempotency.hash_body(write(plan))
     route = Kind.PLAN.value
-    fence = _check_fence(context, plan)
+    fence = fences.check(context, plan)
     with context.database.write(WORK) as connection:
         answered = post_idempotency.find_answer(connection, caller, route, body_sha256)
         if answered is None:
@@ -90,7 +87,7 @@ def create_all(
         as `create`; then none of them is stored.
     """
     body_sha256 = post_idempotency.hash_body(source)
-    fences = [_check_fence(context, plan) for plan in documents]  # Independent of mission_ids
+    verdicts = [fences.check(context, plan) for plan in documents]  # Independent of mission_ids
     with context.database.write(WORK) as connection:
         answered = post_idempotency.find_answer(connection, caller, _SEVERAL, body_sha256)
         if answered is None:
@@ -99,7 +96,7 @@ def create_all(
                 documents = _with_free_ids(connection, documents)
             rows = [
                 _create(connection, context, plan, fence, now, warnings, missing)
-                for plan, fence in zip(documents, fences, strict=True)
+                for plan, fence in zip(documents, verdicts, strict=True)
             ]
             shown = [_show(connection, _find(connection, row)) for row in rows]
             answered = Answered(_SEVERAL, body_sha256, rows[0], None, now, to_json(shown))
@@ -112,14 +109,6 @@ def create_all(
             )
     context.work_signal.notify()
     return shown
-
-
-def _check_fence(context: Context, plan: Plan) -> FenceVerdict:
-    """Check a plan against its own geofence, while no other plan is checked."""
-    if plan.geofence is None:
-        return rules.check_fence(plan)
-    with context.fence_check:
-        return rules.check_fence(plan)
 
 
 def _with_free_ids(connection: Connection, documents: Sequence[Plan]) -> list[Plan]:
@@ -181,7 +170,7 @@ def replace(
         InvalidError: if the new one breaks a rule.
         ConflictError: if the broker has a mission of it, or as for `create`.
     """
-    fence = _check_fence(context, plan)
+    fence = fences.check(context, plan)
     with context.database.write(WORK) as connection:
         now = context.clock()
         broker_work.expire(context, connection, now)
@@ -225,7 +214,7 @@ def dispatch(
         missions = work.of_plan(connection, stored.id)
     waits = any(item.held for item in missions)
     checked = _dispatched(stored, missions) if waits else None
-    fence = None if checked is None else _check_fence(context, checked)
+    fence = None if checked is None else fences.check(context, checked)
     with context.database.write(WORK) as connection:
         now = context.clock()
         broker_work.expire(context, connection, now)

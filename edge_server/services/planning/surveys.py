@@ -68,7 +68,8 @@ def _planned(context: Context, order: SurveyOrder, field: Field | None) -> Surve
     request = _request(order, field)
     try:
         homes, warnings = _homes(context, request)
-        rings = fields.exclusions(context, but=order.field_id)
+        others = (one for number, one in fields.oldest(context) if number != order.field_id)
+        rings = [ring for other in others for ring in other.exclusions]
         homes = [home._replace(beyond=tuple(_elsewhere(rings, home.place))) for home in homes]
         planned = survey(request, homes, first)
     except NoSurveyError as error:
