@@ -18,9 +18,8 @@ from collections.abc import Callable, Sequence
 from typing import Final
 
 from mavlink_broker.links.link import Arrival, Link
+from mavlink_broker.links.network import TcpClient, TcpListener, UdpLink
 from mavlink_broker.links.serial import SerialLink
-from mavlink_broker.links.tcp import TcpClient, TcpListener
-from mavlink_broker.links.udp import UdpLink
 from mavlink_broker.links.url import Address, LinkKind, LinkUrl
 
 REPORT_INTERVAL_S: Final = 30.0
@@ -44,9 +43,7 @@ class Hub:
     @property
     def urls(self) -> list[LinkUrl]:
         """The configured links; port 0 is replaced by the port that the system chose."""
-        return [
-            link.url._replace(port=getattr(link, "port", link.url.port)) for link in self._links
-        ]
+        return [link.url._replace(port=link.port) for link in self._links]
 
     @property
     def dropped(self) -> int:

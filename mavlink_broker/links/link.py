@@ -1,34 +1,52 @@
-"""What links share: interface, errors, retry timer, resolver of host names, rate limit of a radio.
-
-A name server may take long, so host names are resolved on a thread.
+"""What links share: interface, errors, retry timer, byte streams, the rate limit of a radio.
 
 LinkError
 └── PortBusyError   another program uses the port
 
-`RateLimit` limits what is written to a radio by the free buffer in its RADIO_STATUS. A telemetry
+`Stream` is one open byte stream, which never blocks. Frames that the other side does not take are
+queued; a full queue drops its oldest whole frames, because only the newest are up to date.
+`FrameScanner` finds whole frames in bytes that may start, end and break anywhere. `SinglePeerLink`
+is what a serial line and an outgoing TCP connection share: one stream, one peer.
+
+`RateLimiter` limits what is written to a radio by the free buffer in its RADIO_STATUS. A telemetry
 radio reads the line faster than it transmits and discards what does not fit. As PX4 does with its
 streams, the rate decreases in steps while the buffer fills and increases slowly while it is empty.
 These reports are not signed, so a forged one may slow a line down to a tenth but never stops it.
 """
 
 import logging
-import socket
-import threading
-from collections.abc import Callable
-from ipaddress import ip_address
-from typing import Final, Protocol, TypeAlias
+import os
+from abc import ABC, abstractmethod
+from collections import deque
+from typing import Final, TypeAlias
 
 from mavlink_broker.links.url import Address, LinkUrl
+from mavlink_broker.mavlink.codec import checksum_holds, frame_size, next_marker
 
 FIRST_RETRY_S: Final = 0.5
 MAX_RETRY_S: Final = 5.0
+FRAME_TIMEOUT_S: Final = 1.0
+"""Bytes that are not a whole frame by then are noise that looked like a frame's first byte.
+
+The longest frame takes 0.3 s at 9600 baud. Without this limit a stray start byte would swallow the
+next 280 bytes of a quiet line.
+"""
+MAX_READ_BYTES: Final = 16_384
+"""Limit of one read, so that a flood cannot block the loop."""
+QUEUE_BYTES: Final = 8192
+"""Queue size: 1.4 s of a radio at 57,600 baud."""
+LOW_FREE_PERCENT: Final = 25
+HIGH_FREE_PERCENT: Final = 90
+DECREASE: Final = 0.8
+INCREASE: Final = 1.05
+MIN_FACTOR: Final = 0.1
+BITS_PER_BYTE: Final = 10
+"""On a serial line: a start bit, eight bits, a stop bit."""
+BURST_S: Final = 0.25
+
 Arrival: TypeAlias = tuple[Address, bytes]
 """Sender, and a whole frame or a datagram with any content."""
 _LOG = logging.getLogger(__name__)
-LOOKUP_INTERVAL_S: Final = 30.0
-"""Interval at which a known name is resolved again: a vehicle may return with another address."""
-UNKNOWN_LOOKUP_INTERVAL_S: Final = 2.0
-"""The same while the name is unknown."""
 
 
 class LinkError(Exception):
@@ -39,38 +57,53 @@ class PortBusyError(LinkError):
     """Another program uses the port."""
 
 
-class Link(Protocol):
+class Link(ABC):
     """One link; its methods never block."""
 
+    def __init__(self, url: LinkUrl, number: int) -> None:
+        """Make the link of a configured URL; `number` is part of its addresses."""
+        self.url = url
+        self._number = number
+
     @property
-    def url(self) -> LinkUrl:
-        """The URL that was configured."""
+    def port(self) -> int:
+        """Port that it listens on, or the configured one."""
+        return self.url.port
 
     @property
     def dropped(self) -> int:
-        """Number of frames that could not be sent in time."""
+        """Number of frames that could not be sent in time; 0 for a link without a queue."""
+        return 0
 
+    @abstractmethod
     def readers(self) -> list[int]:
         """File descriptors to read from."""
 
     def writers(self) -> list[int]:
         """File descriptors for which data waits to be sent."""
+        return []
 
     def due_at(self) -> float | None:
         """Time of its next timer; None if it has none."""
+        return None
 
+    @abstractmethod
     def step(self, ready: frozenset[int], now: float) -> list[Arrival]:
         """Do what is due and return what was received."""
 
+    @abstractmethod
     def send(self, address: Address, frame: bytes) -> None:
         """Send a frame; a frame that cannot be sent is lost, as on any radio."""
 
     def radio_status(self, free_percent: int) -> None:
-        """Follow RADIO_STATUS.txbuf of the link's radio: the free part of its buffer."""
+        """Follow RADIO_STATUS.txbuf, the free part of a radio's buffer; on a serial line only."""
+        del free_percent
 
+    @abstractmethod
     def contact_addresses(self) -> list[Address]:
         """Addresses to which this side must send before it can receive."""
 
+    @abstractmethod
     def close(self) -> None:
         """Close its sockets and devices."""
 
@@ -103,59 +136,67 @@ class RetryTimer:
         self._pause_s = FIRST_RETRY_S
 
 
-class HostName:
-    """A host, given as an address or a name."""
+class FrameScanner:
+    """Keeps the incomplete end of a read, never more than one frame's length.
 
-    def __init__(
-        self, host: str, on_found: Callable[[], None], family: int = socket.AF_UNSPEC
-    ) -> None:
-        """Look up a host; `on_found` is called from a thread after each successful lookup."""
-        self._host = host
-        self._family = family
-        self._on_found = on_found
-        self._thread: threading.Thread | None = None
-        self._next_at = 0.0
-        self._numeric = host if _is_numeric(host) else None
+    Returns only frames with a correct checksum, so that noise costs no frame after it. The checksum
+    of a message that the dialect does not know cannot be checked; such a frame is returned if
+    another frame, or nothing, follows it.
+    """
 
-    def numeric(self, now: float) -> str | None:
-        """Latest numeric address; None while none is known."""
-        if not _is_numeric(self._host) and now >= self._next_at and not self._is_resolving:
-            self._next_at = now + (
-                UNKNOWN_LOOKUP_INTERVAL_S if self._numeric is None else LOOKUP_INTERVAL_S
-            )
-            self._thread = threading.Thread(target=self._resolve, name="host-name", daemon=True)
-            self._thread.start()
-        return self._numeric
+    def __init__(self) -> None:
+        self._rest = b""
+        self._began_at = 0.0
+        self.skipped = 0  # Bytes outside of any frame
 
     @property
-    def _is_resolving(self) -> bool:
-        return self._thread is not None and self._thread.is_alive()
+    def is_waiting(self) -> bool:
+        """Whether part of a frame has been received."""
+        return bool(self._rest)
 
-    def _resolve(self) -> None:
-        try:
-            found = socket.getaddrinfo(self._host, None, self._family, socket.SOCK_DGRAM)
-        except (OSError, UnicodeError):  # UnicodeError: the name is not a valid host name
-            return
-        self._numeric = str(found[0][4][0])
-        self._on_found()
+    def feed(self, data: bytes, now: float) -> list[bytes]:
+        """Add what was read, possibly nothing, and return the frames that are now whole."""
+        frames: list[bytes] = []
+        if self._rest and now - self._began_at > FRAME_TIMEOUT_S:
+            frames += self._scan(self._rest, is_expired=True)
+        if not self._rest:
+            self._began_at = now
+        if data:
+            before = len(self._rest)
+            frames += self._scan(self._rest + data, is_expired=False)
+            if len(self._rest) <= len(data) or not before:
+                self._began_at = now
+        return frames
+
+    def _scan(self, data: bytes, *, is_expired: bool) -> list[bytes]:
+        frames: list[bytes] = []
+        position = 0
+        while True:
+            start = next_marker(data, position)
+            self.skipped += start - position
+            if start == len(data):
+                self._rest = b""
+                return frames
+            size = frame_size(data, start)
+            if size is None or start + size > len(data):
+                if not is_expired:
+                    self._rest = data[start:]
+                    return frames
+                size = 0
+            if size and _is_frame(data, start, size):
+                position = start + size
+                frames.append(data[start:position])
+            else:
+                position = start + 1
+                self.skipped += 1
 
 
-def _is_numeric(host: str) -> bool:
-    try:
-        ip_address(host)
-    except ValueError:
-        return False
-    return True
-
-
-LOW_FREE_PERCENT: Final = 25
-HIGH_FREE_PERCENT: Final = 90
-DECREASE: Final = 0.8
-INCREASE: Final = 1.05
-MIN_FACTOR: Final = 0.1
-BITS_PER_BYTE: Final = 10
-"""On a serial line: a start bit, eight bits, a stop bit."""
-BURST_S: Final = 0.25
+def _is_frame(data: bytes, start: int, size: int) -> bool:
+    end = start + size
+    holds = checksum_holds(data[start:end])
+    if holds is None:
+        return end == len(data) or next_marker(data, end) == end
+    return holds
 
 
 class RateLimiter:
@@ -195,3 +236,171 @@ class RateLimiter:
         """Count bytes that were written."""
         if self.factor < 1.0:
             self._allowance_bytes -= count
+
+
+class StreamEndedError(Exception):
+    """The other side has closed the stream; the text gives the error."""
+
+
+class Stream:
+    """A non-blocking descriptor."""
+
+    def __init__(
+        self,
+        descriptor: int,
+        queue_bytes: int = QUEUE_BYTES,
+        rate_limiter: RateLimiter | None = None,
+    ) -> None:
+        """Use an open descriptor and write no faster than `rate_limiter` allows."""
+        self._rate_limiter = rate_limiter
+        self._is_rate_limited = False
+        self._now = 0.0
+        self.descriptor = descriptor
+        self._scanner = FrameScanner()
+        self._queue: deque[bytes] = deque()
+        self._queued = 0
+        self._queue_bytes = queue_bytes
+        self._is_partly_sent = False  # The first of the queue has left in part
+        self.dropped = 0  # Frames
+
+    @property
+    def has_backlog(self) -> bool:
+        """Whether frames wait until the descriptor takes more."""
+        return bool(self._queue) and not self._is_rate_limited
+
+    def read(self, now: float, *, is_readable: bool = True) -> list[bytes]:
+        """Return the frames that are now whole.
+
+        Raises:
+            StreamEndedError: if the other side has closed it.
+        """
+        self._now = now
+        data = self._bytes() if is_readable else b""
+        return self._scanner.feed(data, now)
+
+    def send(self, frame: bytes) -> None:
+        """Send a frame, now or when the descriptor takes more.
+
+        Raises:
+            StreamEndedError: if the other side has closed it.
+        """
+        self._queue.append(frame)
+        self._queued += len(frame)
+        self.flush()
+        while self._queued > self._queue_bytes:
+            self._drop_oldest()
+
+    def flush(self) -> None:
+        """Send queued frames as far as the descriptor takes them.
+
+        Raises:
+            StreamEndedError: if the other side has closed it.
+        """
+        while self._queue:
+            self._is_rate_limited = (
+                self._rate_limiter is not None and not self._rate_limiter.allows(self._now)
+            )
+            if self._is_rate_limited:
+                return
+            frame = self._queue[0]
+            try:
+                sent = os.write(self.descriptor, frame)
+            except BlockingIOError:
+                return
+            except OSError as error:
+                raise StreamEndedError(error.strerror or str(error)) from error
+            if self._rate_limiter is not None:
+                self._rate_limiter.written(sent)
+            self._queued -= sent
+            self._is_partly_sent = sent < len(frame)
+            if self._is_partly_sent:
+                self._queue[0] = frame[sent:]
+                return
+            self._queue.popleft()
+
+    def _drop_oldest(self) -> None:
+        """Drop a frame, but not one that is partly sent: half a frame would damage the next one."""
+        partly_sent = [self._queue.popleft()] if self._is_partly_sent else []
+        self._queued -= len(self._queue.popleft())
+        self._queue.extendleft(partly_sent)
+        self.dropped += 1
+
+    def _bytes(self) -> bytes:
+        try:
+            data = os.read(self.descriptor, MAX_READ_BYTES)
+        except BlockingIOError:
+            return b""
+        except OSError as error:
+            raise StreamEndedError(error.strerror or str(error)) from error
+        if not data:
+            raise StreamEndedError("the other side has closed it")
+        return data
+
+
+class SinglePeerLink(Link):
+    """A stream that may open and close again; the subclass opens it."""
+
+    def __init__(self, url: LinkUrl, number: int, retry: RetryTimer) -> None:
+        super().__init__(url, number)
+        self._address = Address(url.host, url.port, number)
+        self._retry = retry
+        self._stream: Stream | None = None
+        self._dropped = 0
+
+    @property
+    def dropped(self) -> int:
+        """Number of frames that could not be sent in time."""
+        return self._dropped + (self._stream.dropped if self._stream else 0)
+
+    def readers(self) -> list[int]:
+        """The open stream."""
+        return [self._stream.descriptor] if self._stream else []
+
+    def writers(self) -> list[int]:
+        """The open stream while data is queued for it."""
+        return [self._stream.descriptor] if self._stream and self._stream.has_backlog else []
+
+    def due_at(self) -> float | None:
+        """When the stream is opened again."""
+        return None if self._stream else self._retry.at
+
+    def contact_addresses(self) -> list[Address]:
+        """The other end, while the stream is open."""
+        return [self._address] if self._stream else []
+
+    def send(self, address: Address, frame: bytes) -> None:
+        """Send a frame, now or when the stream takes more."""
+        del address
+        if self._stream is None:
+            return
+        try:
+            self._stream.send(frame)
+        except StreamEndedError:
+            return  # The next step gets the same error and closes the stream
+
+    def close(self) -> None:
+        """Close the stream and its descriptor."""
+        if self._stream is not None:
+            self._dropped += self._stream.dropped
+        self._release()
+        self._stream = None
+
+    @abstractmethod
+    def _release(self) -> None:
+        """Close the descriptor."""
+
+    def _transfer(self, stream: Stream, ready: frozenset[int], now: float) -> list[Arrival]:
+        """Write what is queued and read what was received."""
+        try:
+            stream.flush()
+            frames = stream.read(now, is_readable=stream.descriptor in ready)
+        except StreamEndedError as error:
+            self._disconnect(str(error), now)
+            return []
+        if frames:
+            self._retry.reset()
+        return [(self._address, frame) for frame in frames]
+
+    def _disconnect(self, reason: str, now: float) -> None:
+        self.close()
+        self._retry.failed(now, reason)

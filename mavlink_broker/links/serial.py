@@ -10,8 +10,14 @@ import os
 import termios
 from typing import Final
 
-from mavlink_broker.links.link import Arrival, LinkError, RateLimiter, RetryTimer
-from mavlink_broker.links.stream import QUEUE_BYTES, SinglePeerLink, Stream
+from mavlink_broker.links.link import (
+    Arrival,
+    LinkError,
+    RateLimiter,
+    RetryTimer,
+    SinglePeerLink,
+    Stream,
+)
 from mavlink_broker.links.url import LinkUrl
 
 LOOKUP_INTERVAL_S: Final = 1.0
@@ -20,7 +26,7 @@ _CHARACTERS: Final = 6
 
 
 class SerialLink(SinglePeerLink):
-    """Implements `mavlink_broker.links.link.Link` on a serial device."""
+    """A serial device."""
 
     def __init__(self, url: LinkUrl, number: int) -> None:
         """Prepare a line; `step` opens it.
@@ -32,14 +38,6 @@ class SerialLink(SinglePeerLink):
             raise LinkError(f"{url}: {url.port} is not a supported baud rate")
         super().__init__(url, number, RetryTimer(url, LOOKUP_INTERVAL_S))
         self._rate_limiter = RateLimiter(url.port)
-
-    def writers(self) -> list[int]:
-        """The open device while data is queued for it."""
-        return [self._stream.descriptor] if self._stream and self._stream.has_backlog else []
-
-    def due_at(self) -> float | None:
-        """When the device is opened again."""
-        return None if self._stream else self._retry.at
 
     def radio_status(self, free_percent: int) -> None:
         """Write more slowly while the radio's buffer is full."""
@@ -63,7 +61,7 @@ class SerialLink(SinglePeerLink):
         except (OSError, termios.error) as error:
             self._retry.failed(now, str(error.args[-1] if error.args else error))
             return
-        self._stream = Stream(descriptor, QUEUE_BYTES, self._rate_limiter)
+        self._stream = Stream(descriptor, rate_limiter=self._rate_limiter)
         self._retry.opened()
 
 

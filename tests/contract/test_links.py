@@ -18,7 +18,7 @@ import pytest
 from mavlink_broker.app import App
 from mavlink_broker.config import Config
 from mavlink_broker.links.hub import open_links
-from mavlink_broker.links.stream import FrameScanner
+from mavlink_broker.links.link import FrameScanner
 from mavlink_broker.links.url import LinkSettings, LinkUrl
 from mavlink_broker.mavlink.codec import Encoder
 from mavlink_broker.mavlink.dialect import mavlink

@@ -12,7 +12,7 @@ import mavlink_broker
 from mavlink_broker.supervision import SupervisedThread, ThreadFailureHook
 
 WITHIN_S = 30.0
-MAKERS = {"supervision.py", "links/link.py"}
+MAKERS = {"supervision.py", "links/network.py"}
 """Who may make a thread: the supervisor, and look-ups that end by themselves and are made anew."""
 
 

@@ -9,8 +9,7 @@ from pathlib import Path
 import pytest
 
 from mavlink_broker.links.hub import Hub, open_links
-from mavlink_broker.links.link import LinkError
-from mavlink_broker.links.stream import QUEUE_BYTES
+from mavlink_broker.links.link import QUEUE_BYTES, LinkError
 from mavlink_broker.links.url import Address, LinkUrl
 from mavlink_broker.mavlink.codec import Encoder
 from mavlink_broker.mavlink.dialect import mavlink
