@@ -270,7 +270,7 @@ def read_rows(folder: Path, query: str) -> list[tuple[Any, ...]]:
 
 
 def add_requests(folder: Path, action: str, numbers: Sequence[int]) -> None:
-    """Add requests for dead letters to an existing database.
+    """Add requests to `retry` or `drop` dead letters to an existing database.
 
     Raises:
         OSError: if the disk refuses.

@@ -12,9 +12,10 @@ from afarcloud.enumerations import Status
 from dst.faults.kinds import Fault
 from dst.world.edge_process import EdgeDownError
 from dst.world.world import World
+from mavlink_broker.database import add_requests
 from mavlink_broker.edge.bounded_http import Answer
-from mavlink_broker.edge.dead_letters import read_dead_letters, request_action
 from mavlink_broker.edge.outbox import Post
+from mavlink_broker.edge.spool import read_dead_letters
 
 LOOK_S: Final = 30.0
 LATEST_REPETITION_S: Final = 40.0
@@ -54,7 +55,7 @@ class Technician:
         try:
             numbers = [letter.number for letter in read_dead_letters(machine.disk.folder)]
             if numbers:
-                request_action(machine.disk.folder, "retry", numbers)
+                add_requests(machine.disk.folder, "retry", numbers)
         except OSError:
             return
         if numbers:

@@ -12,7 +12,8 @@ from typing import Any, Final
 
 from farm_flight_bridge import program_name
 from mavlink_broker.cli.program import FAILED, SUCCEEDED, UsageError, print_output
-from mavlink_broker.edge.dead_letters import StoredLetter, read_dead_letters, request_action
+from mavlink_broker.database import add_requests
+from mavlink_broker.edge.spool import StoredLetter, read_dead_letters
 
 _LIST, _RETRY, _DROP = "list", "retry", "drop"
 _SHOWN: Final = 160
@@ -38,7 +39,7 @@ def run(arguments: Sequence[str], environment: Mapping[str, str]) -> int:
         if not chosen and not options.all:
             parser.error(f"{options.action}: name numbers, or --all")
         if chosen & known:
-            request_action(folder, options.action, sorted(chosen & known))
+            add_requests(folder, options.action, sorted(chosen & known))
     except OSError as error:
         raise UsageError(f"{folder}: {error.strerror}") from error
     result = "sent again" if options.action == _RETRY else "removed"

@@ -11,9 +11,8 @@ from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from typing import Final
 
-from mavlink_broker.edge.dead_letters import Actions
 from mavlink_broker.edge.outbox import MAX_DEAD_LETTERS, DeadLetter, Outbox, Post, Urgency
-from mavlink_broker.edge.spool import Spool
+from mavlink_broker.edge.spool import Actions, Spool
 from mavlink_broker.supervision import SupervisedThread
 
 POLL_INTERVAL_S: Final = 1.0
@@ -125,17 +124,14 @@ class SpoolWriter:
 
     def _carry_out_actions(self, now: float) -> None:
         """Send dead letters again, or remove them, as a person has requested."""
-        actions = Actions()
-
-        def take() -> None:
-            nonlocal actions
-            actions = self._spool.dead_letters.take_actions()
-
-        if not self._try("actions", take):
+        letters = self._spool.dead_letters
+        taken: list[Actions] = []
+        if not self._try("actions", lambda: taken.append(letters.take_actions())):
             return
+        (actions,) = taken
         if actions != Actions() and not self._carry_out(actions, now):
             return  # They are tried again in the next round
-        self._try("completed actions", self._spool.dead_letters.complete_actions)
+        self._try("completed actions", letters.complete_actions)
 
     def _carry_out(self, actions: Actions, now: float) -> bool:
         """Carry actions out; whether the disk has taken all changes.

@@ -10,7 +10,7 @@ from dst.actors.technician import LATEST_REPETITION_S, LOOK_S, Technician
 from dst.faults.kinds import Fault
 from dst.world.edge_process import prepared_folder
 from dst.world.world import World
-from mavlink_broker.edge.dead_letters import read_dead_letters
+from mavlink_broker.edge.spool import read_dead_letters
 from tests.unit.dst.world.test_world import post, status
 
 

@@ -16,12 +16,11 @@ import pytest
 import requests
 
 from mavlink_broker import database, supervision
-from mavlink_broker.database import DATABASE_FILE
+from mavlink_broker.database import DATABASE_FILE, add_requests
 from mavlink_broker.edge.bounded_http import Answer, EdgeConnection, is_final
 from mavlink_broker.edge.client import EdgeClient, Pause
-from mavlink_broker.edge.dead_letters import read_dead_letters, request_action
 from mavlink_broker.edge.outbox import Post, Urgency
-from mavlink_broker.edge.spool import Spool
+from mavlink_broker.edge.spool import Spool, read_dead_letters
 from mavlink_broker.edge.wire import AcceptanceResult, post_for
 from mavlink_broker.effects import Acknowledgement, VehicleUpdate
 from tests.support import spooled_posts
@@ -426,7 +425,7 @@ def test_a_post_that_is_refused_for_good_is_a_dead_letter_and_can_be_sent_again(
     assert letter.post.body["sequence_number"] == 0
     wait_until(lambda: client.dead_letters_of(1) == 1)
     wait_until(lambda: not posts_on_disk(tmp_path / "broker"))
-    request_action(tmp_path / "broker", "retry", [number])
+    add_requests(tmp_path / "broker", "retry", [number])
     assert numbers(server.wait_for("/pose/", 2)) == [1, 0]
     wait_until(lambda: client.dead_letters_of(1) == 0)
     client.stop(1.0)

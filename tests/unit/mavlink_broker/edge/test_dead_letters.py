@@ -11,14 +11,10 @@ from typing import Any
 import pytest
 
 from mavlink_broker.cli import dead_letters
-from mavlink_broker.database import read_rows
+from mavlink_broker.database import add_requests, read_rows
 from mavlink_broker.edge import outbox
 from mavlink_broker.edge.bounded_http import EdgeConnection
 from mavlink_broker.edge.client import EdgeClient
-from mavlink_broker.edge.dead_letters import (
-    read_dead_letters,
-    request_action,
-)
 from mavlink_broker.edge.outbox import (
     LONGEST_PAUSE_S,
     MAX_ATTEMPTS,
@@ -27,6 +23,7 @@ from mavlink_broker.edge.outbox import (
     Post,
     Urgency,
 )
+from mavlink_broker.edge.spool import read_dead_letters
 from mavlink_broker.edge.spool_writer import SpoolWriter
 from mavlink_broker.edge.wire import AcceptanceResult
 from tests.support.broker_world import World
@@ -155,7 +152,7 @@ def test_a_retry_is_sent_once_under_its_key_and_removes_the_dead_letter(tmp_path
     run.queue.put(post(number=7))
     telemetry(run, MAX_ATTEMPTS + 2)
     ((number, letter),) = read_dead_letters(tmp_path)
-    request_action(tmp_path, "retry", [number, 999])
+    add_requests(tmp_path, "retry", [number, 999])
     run.go(2, poison=-1)
     again = [one for one in run.sent if one.body["sequence_number"] == 7]
     assert [one.idempotency_key for one in again] == [letter.post.idempotency_key]
@@ -173,7 +170,7 @@ def test_a_report_that_a_person_has_sent_again_holds_back_no_work(tmp_path: Path
     run.queue.put(post(number=7))
     telemetry(run, MAX_ATTEMPTS + 2)
     ((number, _),) = read_dead_letters(tmp_path)
-    request_action(tmp_path, "retry", [number])
+    add_requests(tmp_path, "retry", [number])
     run.writer.run_once(0.0)
     assert len(run.queue) == 1
     assert run.queue.vehicles_with_unsent_reports == frozenset()
@@ -188,7 +185,7 @@ def test_a_retry_requested_while_no_broker_runs_is_done_by_the_next(tmp_path: Pa
     run.queue.put(post(number=7))
     telemetry(run, MAX_ATTEMPTS + 2)
     run.kill()
-    request_action(tmp_path, "retry", [kept.number for kept in read_dead_letters(tmp_path)])
+    add_requests(tmp_path, "retry", [kept.number for kept in read_dead_letters(tmp_path)])
     after = Run(tmp_path)
     after.writer.run_once(0.0)
     after.kill()  # Killed again before it was sent
@@ -218,7 +215,7 @@ def keys(posts: list[Post]) -> set[str | None]:
 
 def test_actions_that_a_killed_broker_has_taken_are_carried_out_by_the_next(tmp_path: Path) -> None:
     run, dead = with_dead_letters(tmp_path)
-    request_action(tmp_path, "retry", dead)
+    add_requests(tmp_path, "retry", dead)
     assert run.spool.dead_letters.take_actions().retry == set(dead)
     run.kill()
     after = Run(tmp_path)
@@ -232,12 +229,12 @@ def test_an_action_requested_while_others_are_carried_out_comes_next(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     run, dead = with_dead_letters(tmp_path, 2)
-    request_action(tmp_path, "retry", dead[:1])
+    add_requests(tmp_path, "retry", dead[:1])
     genuine = run.spool.dead_letters.remove
 
     def remove(numbers: Any) -> None:
         monkeypatch.undo()
-        request_action(tmp_path, "retry", dead[1:])
+        add_requests(tmp_path, "retry", dead[1:])
         genuine(numbers)
 
     monkeypatch.setattr(run.spool.dead_letters, "remove", remove)
@@ -249,7 +246,7 @@ def test_a_dropped_dead_letter_is_removed(tmp_path: Path) -> None:
     run = Run(tmp_path)
     run.queue.put(post(number=7))
     telemetry(run, MAX_ATTEMPTS + 2)
-    request_action(tmp_path, "drop", [kept.number for kept in read_dead_letters(tmp_path)])
+    add_requests(tmp_path, "drop", [kept.number for kept in read_dead_letters(tmp_path)])
     run.go(1)
     assert read_dead_letters(tmp_path) == []
     assert run.writer.dead_letters == {}
@@ -395,7 +392,7 @@ def test_an_acceptance_that_an_earlier_version_has_stored_is_removed_by_a_retry(
 ) -> None:
     run = Run(tmp_path)
     run.spool.dead_letters.add(1, DeadLetter(acceptance(), "HTTP 500"))
-    request_action(tmp_path, "retry", [1])
+    add_requests(tmp_path, "retry", [1])
     run.go(2)
     assert run.sent == []
     assert read_dead_letters(tmp_path) == []
