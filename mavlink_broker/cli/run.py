@@ -19,11 +19,10 @@ from mavlink_broker.cli.program import (
 )
 from mavlink_broker.config import Config
 from mavlink_broker.database import Database
-from mavlink_broker.edge.bounded_http import EdgeConnection
 from mavlink_broker.edge.client import EdgeClient
-from mavlink_broker.edge.frame_upload import FrameUploader
-from mavlink_broker.edge.log_upload import LogUploader
+from mavlink_broker.edge.connection import EdgeConnection
 from mavlink_broker.edge.spool import MIB, Spool
+from mavlink_broker.edge.uploads import FrameUploader, LogUploader
 from mavlink_broker.effects import Job, LogJob, SendFrames
 from mavlink_broker.pictures.worker_pool import Handler, WorkerPool
 from mavlink_broker.recovery.journal import JournalTable, JournalWriter

@@ -15,12 +15,6 @@ connections that stay open: it limits the wait for an answer, in the reader of t
 cost per request. The broker sends few requests, also to unknown web servers, and sends whole
 pictures: connecting, the TLS handshake and sending are part of the timeout, and they block outside
 any reader. The price is one timer thread per exchange, some 50 us.
-
-`EdgeConnection` is the connection to the edge server, and knows which status codes are final. The
-access key is read from its file when it is needed: the edge server may write the file after the
-broker has started, or replace it.
-
-NoKeyError  the key file does not exist or cannot be read
 """
 
 import json
@@ -29,9 +23,6 @@ import threading
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
-from http import HTTPStatus
-from pathlib import Path
-from types import TracebackType
 from typing import Any, Final, Self
 from urllib.parse import urlsplit
 
@@ -96,13 +87,7 @@ class _Exchange:
         self._timer.start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        del kind, error, trace
+    def __exit__(self, *_: object) -> None:
         self._timer.cancel()
         _current.exchange = None
         with self._lock:
@@ -231,14 +216,8 @@ class BoundedHttp:
         """Keep connections open between exchanges until the end of the block."""
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Close all connections."""
-        del kind, error, trace
         self._http.close()
 
     def exchange(
@@ -261,22 +240,23 @@ class BoundedHttp:
         Raises:
             requests.RequestException: if no complete answer arrives within the limits.
         """
-        all_headers = {"Accept-Encoding": "identity", **(headers or {})}
         with _Exchange(within_s) as exchange:
             try:
                 with self._http.request(
                     method,
                     url,
-                    headers=all_headers,
+                    headers={"Accept-Encoding": "identity", **(headers or {})},
                     json=body,
                     data=data,
                     timeout=timeouts_s,
                     allow_redirects=False,
                     stream=True,
                 ) as response:
-                    body_bytes = _body(response, max_bytes)
-                    interval = response.headers.get(UPDATE_INTERVAL)
-                    answer = Answer(response.status_code, body_bytes, interval)
+                    answer = Answer(
+                        response.status_code,
+                        _body(response, max_bytes),
+                        response.headers.get(UPDATE_INTERVAL),
+                    )
             except TooLargeError:
                 raise
             except (OSError, ValueError) as error:
@@ -310,132 +290,3 @@ def _body(response: requests.Response, max_bytes: int) -> bytes:
         if len(body) > max_bytes:
             raise TooLargeError(f"the answer is longer than {max_bytes} bytes")
     return bytes(body)
-
-
-TIMEOUT_S: Final = 10.0
-"""To connect, and for each read."""
-EXCHANGE_TIMEOUT_S: Final = 120.0
-"""For a whole exchange, without the long poll: a picture on a slow link."""
-MAX_ANSWER_BYTES: Final = 64 << 20
-INSTANCE_HEADER: Final = "Broker-Instance"
-
-_RETRIED: Final = frozenset(
-    {
-        HTTPStatus.UNAUTHORIZED,
-        HTTPStatus.FORBIDDEN,
-        HTTPStatus.REQUEST_TIMEOUT,
-        HTTPStatus.TOO_EARLY,
-        HTTPStatus.TOO_MANY_REQUESTS,
-    }
-)
-_TEMPORARY: Final = _RETRIED | {HTTPStatus.SERVICE_UNAVAILABLE, HTTPStatus.INSUFFICIENT_STORAGE}
-
-
-class NoKeyError(Exception):
-    """The broker's key file does not exist or cannot be read."""
-
-
-class EdgeConnection:
-    """One thread's connection to the edge server, open until the end of its `with` block."""
-
-    def __init__(
-        self, url: str, key_file: Path, ca_file: Path | None, instance_id: str = ""
-    ) -> None:
-        """Connect to the edge server's URL; `instance_id` distinguishes brokers with one key."""
-        self._headers = {INSTANCE_HEADER: instance_id} if instance_id else {}
-        self._url = url.rstrip("/")
-        self._key_file = key_file
-        self._http = BoundedHttp(True if ca_file is None else str(ca_file))
-        self._key: str | None = None
-
-    def __enter__(self) -> Self:
-        """Keep the connection open between requests until the end of the block."""
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Close the connection."""
-        self._http.__exit__(kind, error, trace)
-
-    def request(
-        self,
-        method: str,
-        path: str,
-        wait_s: float = 0.0,
-        *,
-        body: Any = None,
-        data: bytes | None = None,
-        media_type: str | None = None,
-        headers: Mapping[str, str] | None = None,
-    ) -> Answer:
-        """Send one request; the timeouts are `wait_s` longer than usual, for a long poll.
-
-        `body` is sent as JSON, or else `data` as it is, with its media type.
-
-        Raises:
-            requests.RequestException: if no complete answer arrives, for any reason.
-            NoKeyError: if there is no access key.
-        """
-        response = self._http.exchange(
-            method,
-            self._url + path,
-            within_s=wait_s + EXCHANGE_TIMEOUT_S,
-            timeouts_s=(TIMEOUT_S, wait_s + TIMEOUT_S),
-            max_bytes=MAX_ANSWER_BYTES,
-            headers={
-                "Authorization": f"Bearer {self._read_key()}",
-                **self._headers,
-                **({} if media_type is None else {"Content-Type": media_type}),
-                **(headers or {}),
-            },
-            body=body,
-            data=data,
-        )
-        if response.status_code == HTTPStatus.UNAUTHORIZED:
-            self._key = None
-        return response
-
-    def _read_key(self) -> str:
-        if self._key is None:
-            try:
-                self._key = self._key_file.read_text(encoding="ascii").strip()
-            except OSError as error:
-                raise NoKeyError(f"no key in {self._key_file}: {error.strerror}") from error
-            except UnicodeDecodeError as error:
-                raise NoKeyError(f"no key in {self._key_file}: {error}") from error
-        return self._key
-
-
-def explain(answer: Answer) -> str:
-    """Say in words why an answer refuses: the edge server's sentence, then each fault of a field.
-
-    What is not the edge server's, such as the page of a proxy, is given as one line.
-    """
-    try:
-        document = answer.json()
-        faults = [
-            f"{path} {text}" if text[:1].islower() else f"{path}: {text}"
-            for fields in document.get("detail", {}).values()
-            for path, texts in fields.items()
-            for text in texts
-        ]
-        sentence = str(document["message"])
-    except (requests.RequestException, AttributeError, KeyError, TypeError):
-        return " ".join(answer.text.split())
-    return f"{sentence}: {'; '.join(faults)}" if faults else sentence
-
-
-def is_final(status_code: int) -> bool:
-    """Whether a repeated request would get the same answer."""
-    if status_code in _RETRIED:
-        return False
-    return 200 <= status_code < 300 or 400 <= status_code < 500
-
-
-def is_temporary_refusal(status_code: int) -> bool:
-    """Whether the edge server refuses until a condition outside the request changes."""
-    return status_code in _TEMPORARY

@@ -26,16 +26,16 @@ from typing import Any, Final, NamedTuple, TypeVar
 import requests
 
 from afarcloud import wire
-from mavlink_broker.edge.bounded_http import (
-    Answer,
+from mavlink_broker.edge.bounded_http import Answer, cause_of
+from mavlink_broker.edge.connection import (
+    MAX_LOGGED_CHARACTERS,
+    EdgeClock,
     EdgeConnection,
-    NoKeyError,
-    cause_of,
+    PostOutcome,
+    examined,
     explain,
 )
-from mavlink_broker.edge.edge_clock import EdgeClock
 from mavlink_broker.edge.outbox import Outbox, Post
-from mavlink_broker.edge.post_outcome import MAX_LOGGED_CHARACTERS, PostOutcome, examined
 from mavlink_broker.edge.spool import Spool
 from mavlink_broker.edge.spool_writer import SpoolWriter
 from mavlink_broker.edge.wire import VEHICLE_LANE, AcceptanceResult
@@ -199,7 +199,7 @@ class EdgeClient:
                 answer: Answer | Exception
                 try:
                     answer = connection.request("GET", poll.path, poll.wait_s)
-                except (requests.RequestException, NoKeyError) as error:
+                except requests.RequestException as error:
                     answer = error
                 match self.take_answer(poll, answer):
                     case Pause.RETRY:
@@ -215,7 +215,9 @@ class EdgeClient:
         """
         wait_s = LONG_POLL_S if self._reachable else 0.0
         path = f"/broker/commands?after={self._cursor}&wait={wait_s:.0f}"
-        return Poll(path, wait_s, self._vehicles_with_unsent_reports(), self._clock())
+        with self._changed:
+            held_back = self._outbox.vehicles_with_unsent_reports
+        return Poll(path, wait_s, held_back, self._clock())
 
     def take_answer(self, poll: Poll, answer: Answer | Exception) -> Pause:
         """Pass on the work in an answer, or note the error; gives what the next poll waits for."""
@@ -225,14 +227,14 @@ class EdgeClient:
                 raise answer
             if answer.status_code == HTTPStatus.OK:
                 found = answer.json()
-            self._set_reachable(is_reachable=True)
+            self._set_reachable(None)
             if found is None:
                 reason = explain(answer)[:MAX_LOGGED_CHARACTERS]
                 _LOG.warning(
                     "the edge server refuses work: HTTP %d: %s", answer.status_code, reason
                 )
-        except (requests.RequestException, NoKeyError) as error:
-            self._set_reachable(is_reachable=False, error=error)
+        except requests.RequestException as error:
+            self._set_reachable(error)
         if found is None:
             self._cursor = 0  # Another edge server may answer next; known work is recognised
             return Pause.RETRY
@@ -274,11 +276,6 @@ class EdgeClient:
                 reports = "reports or answers to events of an earlier run are sent"
                 _LOG.warning("work of vehicle %d waits until %d %s", vehicle_id, count, reports)
         self._held_back = vehicles
-
-    def _vehicles_with_unsent_reports(self) -> frozenset[int]:
-        """Vehicles whose work is held back."""
-        with self._changed:
-            return self._outbox.vehicles_with_unsent_reports
 
     def _wait_for_reports_of(self, vehicles: frozenset[int]) -> None:
         """Wait until all reports of one of the vehicles are sent, or for a while."""
@@ -326,11 +323,12 @@ class EdgeClient:
         return None if due is None else max(0.0, due - self._clock())
 
     def _send(self, connection: EdgeConnection, post: Post) -> None:
-        headers = headers_of(post)
         answer: Answer | Exception
         try:
-            answer = connection.request(post.method, post.path, body=post.body, headers=headers)
-        except (requests.RequestException, NoKeyError) as error:
+            answer = connection.request(
+                post.method, post.path, body=post.body, headers=headers_of(post)
+            )
+        except requests.RequestException as error:
             answer = error
         self.settle(post, answer)
 
@@ -347,8 +345,8 @@ class EdgeClient:
         """
         answer, is_own = examined(answer)
         outcome = PostOutcome.of(post, answer, is_own=is_own)
-        status, error = outcome.status, answer if isinstance(answer, Exception) else None
-        self._set_reachable(is_reachable=error is None, error=error)
+        status = outcome.status
+        self._set_reachable(answer if isinstance(answer, Exception) else None)
         if post.lane == VEHICLE_LANE:
             self._note_update_interval(post.vehicle_id, answer)
         is_dead = False
@@ -404,18 +402,18 @@ class EdgeClient:
         if self._spool_writer is not None:
             self._spool_writer.notify()
 
-    def _set_reachable(self, *, is_reachable: bool, error: Exception | None = None) -> None:
-        self.failures += not is_reachable
-        if is_reachable == self._reachable:
+    def _set_reachable(self, error: Exception | None) -> None:
+        """Note why a request has no answer; None: it has one."""
+        self.failures += error is not None
+        before, self._reachable = self._reachable, error is None
+        if before == self._reachable:
             return
-        at_start, self._reachable = self._reachable is None, is_reachable
-        reason = None if error is None else cause_of(error)
-        if is_reachable:
+        if error is None:
             _LOG.info("the edge server answers")
-        elif at_start:  # Programs start in any order: waiting at the start is normal
-            _LOG.info("waiting for the edge server: %s", reason)
+        elif before is None:  # Programs start in any order: waiting at the start is normal
+            _LOG.info("waiting for the edge server: %s", cause_of(error))
         else:
-            _LOG.warning("the edge server does not answer: %s", reason)
+            _LOG.warning("the edge server does not answer: %s", cause_of(error))
 
 
 def headers_of(post: Post) -> dict[str, str]:

@@ -10,9 +10,9 @@ from typing import Any, Final, cast
 import pytest
 import requests
 
-from mavlink_broker.edge.bounded_http import Answer, EdgeConnection, NoKeyError
-from mavlink_broker.edge.frame_upload import PART_BYTES, FrameUploader
-from mavlink_broker.edge.log_upload import LogUploader
+from mavlink_broker.edge.bounded_http import Answer
+from mavlink_broker.edge.connection import EdgeConnection, NoKeyError
+from mavlink_broker.edge.uploads import PART_BYTES, FrameUploader, LogUploader
 from mavlink_broker.effects import (
     BeginLog,
     DropLog,
@@ -60,7 +60,6 @@ class Wire:
         *,
         body: Any = None,
         data: bytes | None = None,
-        media_type: str | None = None,
     ) -> Answer:
         if isinstance(self.fault, Exception):
             raise self.fault
@@ -71,7 +70,7 @@ class Wire:
             if body is None and data is None
             else {"json": body}
             if data is None
-            else {"data": data, "content_type": media_type}
+            else {"data": data, "content_type": "application/octet-stream"}
         )
         answer = self._edge.ask(method, path, "broker", **options)
         if self.is_cut():
