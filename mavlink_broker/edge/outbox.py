@@ -270,13 +270,8 @@ class Outbox:
 
         A post that the next run can send anew does not, nor does an acceptance.
         """
-        if not post.must_survive or post.is_acceptance:
-            self.dropped += not post.must_survive
-            self.answered(post)
-            return False
         self._close(post)
-        self._dead_letters.append(DeadLetter(post, reason))
-        return True
+        return self._discard(post, reason)
 
     def _close(self, post: Post) -> None:
         lane = self._lanes[post.vehicle_id, post.lane]
@@ -285,9 +280,7 @@ class Outbox:
         lane.close()
         lane.attempts = 0
         self._answers += 1
-        self._inherited_reports[post.vehicle_id] -= post.is_inherited_report
-        if post.urgency is Urgency.REGISTRATION:
-            self._registered.add(post.vehicle_id)
+        self._note_removed(post)
         for other in self._all:
             if other is lane or other.is_unreachable:
                 other.failures = 0
@@ -348,15 +341,27 @@ class Outbox:
         lane.result_not_before = None
         lane.is_unreachable = False
         lane.not_before = 0.0
+        self._note_removed(post)
+        self._discard(post, reason)
+
+    def _note_removed(self, post: Post) -> None:
+        """End the wait for a post: of reports for a registration, of work for a report.
+
+        A vehicle's reports are also tried without a registration that was given up.
+        """
         self._inherited_reports[post.vehicle_id] -= post.is_inherited_report
         if post.urgency is Urgency.REGISTRATION:
-            self._registered.add(post.vehicle_id)  # Its reports are tried without it
-        if not post.must_survive:
-            self.dropped += 1
-        elif not post.is_acceptance:
+            self._registered.add(post.vehicle_id)
+
+    def _discard(self, post: Post, reason: str) -> bool:
+        """Keep a post that is not sent again as a dead letter, or drop it; whether it is kept."""
+        if post.must_survive and not post.is_acceptance:
             self._dead_letters.append(DeadLetter(post, reason))
-        elif post.spool_number is not None:
+            return True
+        self.dropped += not post.must_survive
+        if post.spool_number is not None:
             self._released.add(post.spool_number)
+        return False
 
     def take_dead_letters(self) -> list[DeadLetter]:
         """Give the dead letters since the last call."""
