@@ -5,14 +5,14 @@ clock and as far as the broker knows it. The broker learns of a command up to a 
 after a lost link or a pause of its own, and a camera may need some time. So a command that lacks
 pictures also gets those from shortly before its predecessor was seen last, and from shortly after
 its interval; of several such commands the one at whose place a picture was taken, by the positions
-of both. What an autopilot reports of pictures (`feedback`) is counted as of other cameras.
+of both. What an autopilot reports of pictures (`Feedback`) is counted as of other cameras.
 """
 
 import math
 from collections import deque
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
-from typing import Final, NamedTuple, TypeAlias
+from typing import Final, NamedTuple
 
 from afarcloud.commands import (
     CameraImage,
@@ -26,7 +26,7 @@ from afarcloud.commands import (
 )
 from afarcloud.enumerations import PanoramaMode
 from afarcloud.geodesy import distance_m
-from mavlink_broker.pictures.feedback import Place
+from mavlink_broker.pictures.announcements import Place, Position
 from mavlink_broker.vehicle.mission_ledger import MissionLedger
 from mavlink_broker.vehicle.recovery_state import RecoveryState
 
@@ -40,10 +40,6 @@ SAME_PLACE_M: Final = 3.0
 FEEDBACK: Final = 256
 """Number of the autopilot's first camera, behind those of all components."""
 _PANORAMA_SHOTS: Final = {PanoramaMode.FULL_CIRCLE: 8, PanoramaMode.HALF_CIRCLE: 5}
-
-
-Position: TypeAlias = tuple[float, float]
-"""Latitude and longitude [deg]."""
 
 
 class Area(NamedTuple):

@@ -45,10 +45,9 @@ class PictureDownload:
 
     def restarted(self) -> "PictureDownload":
         """Give the same download from its first round, for the last time."""
-        number, capture = self.number, self.capture
         return PictureDownload(
-            number,
-            capture,
+            self.number,
+            self.capture,
             self.command,
             self.location,
             self.taken_at,
@@ -61,15 +60,10 @@ class PictureDownload:
 class Progress:
     """The result of a step: messages, jobs, and downloads that have ended."""
 
-    messages: list[Message]
-    jobs: list[Job]
-    completed: list[tuple[PictureDownload, bytes]]
-    failed: list[PictureDownload]
-
-    @classmethod
-    def none(cls) -> "Progress":
-        """Give an empty result."""
-        return cls([], [], [], [])
+    messages: list[Message] = field(default_factory=list)
+    jobs: list[Job] = field(default_factory=list)
+    completed: list[tuple[PictureDownload, bytes]] = field(default_factory=list)
+    failed: list[PictureDownload] = field(default_factory=list)
 
 
 class PictureFetcher:
@@ -92,7 +86,7 @@ class PictureFetcher:
 
     def receive(self, message: Message, now: float) -> Progress:
         """Process an answer of a file server."""
-        progress = Progress.none()
+        progress = Progress()
         if self._download is not None:
             progress.messages += self._download.receive(message, now)
             self._settle(progress, now)
@@ -100,7 +94,7 @@ class PictureFetcher:
 
     def step(self, now: float, *, is_paused: bool) -> Progress:
         """Do what is due, while the vehicle is connected. `is_paused`: request nothing."""
-        progress = Progress.none()
+        progress = Progress()
         if self._download is not None:
             self._download.is_paused = is_paused
             progress.messages += self._download.tick(now)
@@ -111,7 +105,7 @@ class PictureFetcher:
 
     def web_completed(self, number: int, data: bytes) -> Progress:
         """Process a file of a web server."""
-        progress = Progress.none()
+        progress = Progress()
         if self._running is not None and self._running.number == number:
             progress.completed.append((self._running, data))
             self._running = None
@@ -119,7 +113,7 @@ class PictureFetcher:
 
     def web_failed(self, number: int, reason: str, now: float) -> Progress:
         """Process the failure of a web server."""
-        progress = Progress.none()
+        progress = Progress()
         if self._running is not None and self._running.number == number:
             self._retry(self._running, reason, progress, now)
         return progress

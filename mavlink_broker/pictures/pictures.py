@@ -29,7 +29,11 @@ from mavlink_broker.mavlink.dialect import Message, mavlink, source_of
 from mavlink_broker.pictures.announcements import (
     AnnouncementTracker,
     Capture,
+    Feedback,
+    FeedbackCounter,
+    Place,
     read_capture,
+    read_feedback,
 )
 from mavlink_broker.pictures.attribution import (
     Attribution,
@@ -40,19 +44,13 @@ from mavlink_broker.pictures.attribution import (
     picture_command,
 )
 from mavlink_broker.pictures.downloads import PictureDownload, PictureFetcher, Progress
-from mavlink_broker.pictures.feedback import Feedback, FeedbackCounter, Place, read_feedback
 from mavlink_broker.pictures.vehicle_time import OWN_CLOCK_S, VehicleTime
 from mavlink_broker.vehicle.mission_ledger import MissionLedger
 from mavlink_broker.vehicle.reporter import Reporter
 from mavlink_broker.vehicle.vehicle import Vehicle
 
 PICTURE_MESSAGES: Final = frozenset(
-    {
-        "CAMERA_CAPTURE_STATUS",
-        "CAMERA_FEEDBACK",
-        "CAMERA_IMAGE_CAPTURED",
-        "FILE_TRANSFER_PROTOCOL",
-    }
+    {"CAMERA_CAPTURE_STATUS", "CAMERA_FEEDBACK", "CAMERA_IMAGE_CAPTURED", "FILE_TRANSFER_PROTOCOL"}
 )
 """Messages of a vehicle's components about pictures."""
 PROGRESS_WITHIN_S: Final = 10.0
@@ -101,9 +99,8 @@ class PictureCollector:
         self._vehicle = vehicle
         self._reporter = reporter
         self._attribution = Attribution()
-        self._taken: list[
-            _AnnouncedPicture | _ReportedPicture
-        ] = []  # Since the last step, in their order
+        # Since the last step, in their order
+        self._taken: list[_AnnouncedPicture | _ReportedPicture] = []
         self._cameras: dict[int, AnnouncementTracker] = {}
         self._feedback = FeedbackCounter()
         self._clock_s: dict[int, float] = {}  # Of each camera: its lag behind the autopilot's clock
@@ -143,7 +140,7 @@ class PictureCollector:
         ledger: MissionLedger | None,
         now: float,
         *,
-        is_followed: bool = True,
+        is_followed: bool,
     ) -> None:
         """Follow the mission that is flown, if any, and its progress.
 
@@ -398,8 +395,7 @@ class PictureCollector:
 
     def _fetch(self, announced: _AnnouncedPicture, command: PictureCommand | None) -> None:
         self._number += 1
-        capture = announced.capture
-        location = capture.location
+        capture, location = announced.capture, announced.capture.location
         if not capture.has_succeeded:
             self._report(command, f"the camera could not take picture {capture.index}")
         elif location is None:
@@ -416,14 +412,12 @@ class PictureCollector:
 
     def _request_missing(self, now: float) -> None:
         for interval in self._attribution.incomplete():
-            if self._time.at(now) >= interval.ended_s + CHECK_AFTER_S:
+            has_ended = self._time.at(now) >= interval.ended_s + CHECK_AFTER_S
+            is_due = has_ended and now >= interval.check_at_s
+            if is_due and not any(camera.is_requesting for camera in self._cameras.values()):
                 self._request_missing_of(interval, now)
 
     def _request_missing_of(self, interval: CommandInterval, now: float) -> None:
-        if now < interval.check_at_s or any(
-            camera.is_requesting for camera in self._cameras.values()
-        ):
-            return
         interval.checks += 1
         interval.check_at_s = now + CHECK_AFTER_S * 2 ** (interval.checks - 1)
         awaits_feedback = self._feedback.is_used and interval.unproved > 0
@@ -494,13 +488,11 @@ class PictureCollector:
     def _report_faults(self, effects: Effects) -> None:
         """Add missing pictures to the reports of their commands, while the mission runs."""
         faults, self._faults = self._faults, []
-        has_changed = False
-        for command, text in faults:
-            work, ledger = self._flight or (None, None)
-            if work is None or ledger is None or work.name != command.mission:
-                continue
-            if not ledger.status.is_terminal:
+        if self._flight is None:
+            return
+        work, ledger = self._flight
+        of_mission = [(command, text) for command, text in faults if command.mission == work.name]
+        if of_mission and not ledger.status.is_terminal:
+            for command, text in of_mission:
                 ledger.add_note(command.command, text)
-                has_changed = True
-        if has_changed and self._flight is not None:
-            effects.for_edge.append(self._reporter.mission(self._flight[1]))
+            effects.for_edge.append(self._reporter.mission(ledger))
