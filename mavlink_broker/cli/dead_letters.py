@@ -11,7 +11,13 @@ from pathlib import Path
 from typing import Any, Final
 
 from farm_flight_bridge import program_name
-from mavlink_broker.cli.program import FAILED, SUCCEEDED, UsageError, print_output
+from mavlink_broker.cli.program import (
+    FAILED,
+    SUCCEEDED,
+    UsageError,
+    add_state_dir,
+    print_output,
+)
 from mavlink_broker.database import add_requests
 from mavlink_broker.edge.spool import StoredLetter, read_dead_letters
 
@@ -90,10 +96,5 @@ def _parser(environment: Mapping[str, str]) -> argparse.ArgumentParser:
     parser.add_argument("numbers", nargs="*", type=int, help="of the dead letters")
     parser.add_argument("--all", action="store_true", help="all of them")
     parser.add_argument("--json", action="store_true", help="as JSON, with bodies")
-    parser.add_argument(
-        "--state-dir",
-        type=Path,
-        default=Path(environment.get("STATE_DIR") or "var"),
-        help="folder of the broker's state: %(default)s (environment: STATE_DIR)",
-    )
+    add_state_dir(parser, environment)
     return parser

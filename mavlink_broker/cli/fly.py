@@ -4,7 +4,6 @@ The same sessions fly it as with an edge server, which `LocalEdge` replaces. Liv
 broker to their end, so an interruption prints what the vehicles go on doing.
 
 The progress is printed as a line for every change, or as every report in JSON.
-
 """
 
 import argparse
@@ -22,8 +21,7 @@ from afarcloud.enumerations import AlarmCode, CommandType, EventType, Status
 from afarcloud.plan import Mission, Plan
 from mavlink_broker import config
 from mavlink_broker.app import App
-from mavlink_broker.cli.local_edge import LocalEdge
-from mavlink_broker.cli.plan_file import read_plan, select_missions
+from mavlink_broker.cli.local_edge import LocalEdge, read_plan, select_missions
 from mavlink_broker.cli.program import (
     FAILED,
     SUCCEEDED,

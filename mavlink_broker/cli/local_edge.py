@@ -1,24 +1,86 @@
-"""Replaces the edge server for one plan: assigns its missions and receives the reports."""
+"""Replaces the edge server for one plan: reads it, assigns its missions, receives the reports.
+
+The plan is what the user names: a file, or `-` for the standard input. Every form that the edge
+server accepts is accepted: envelopes, bare missions, imported spellings. The rules of a whole plan
+are checked too, with the limits of an unregistered vehicle.
+"""
 
 import base64
 import logging
+import sys
 from collections.abc import Callable, Sequence
 from datetime import datetime
 from pathlib import Path
 from typing import Any, Final
 
-from afarcloud import wire
-from afarcloud.enumerations import EventType, Status
+from afarcloud import rules, wire
+from afarcloud.annex import in_seconds
+from afarcloud.enumerations import EventType, Profile, Status
+from afarcloud.faults import DocumentError, Fault
+from afarcloud.flyable import VehicleLimits
 from afarcloud.numbers import format_time
-from afarcloud.plan import Geofence, Mission, RallyPoint
+from afarcloud.plan import Geofence, Mission, Plan, RallyPoint
+from mavlink_broker.cli.program import FAILED, UsageError
 from mavlink_broker.edge.outbox import Post
 from mavlink_broker.edge.wire import AcceptanceResult
 
+STANDARD_INPUT: Final = "-"
 _IMAGE: Final = wire.Kind.IMAGE.value
 _REPORT: Final = wire.Kind.MISSION_REPORT.value
 _VEHICLES: Final = "vehicles"
 _LOG = logging.getLogger(__name__)
 _INVALID_NAMES: Final = frozenset({"", ".", ".."})
+
+
+def read_plan(path: str, now: datetime) -> tuple[Plan, tuple[str, ...]]:
+    """Give the plan and the warnings of the rules.
+
+    Raises:
+        UsageError: if it cannot be read, or may not be flown.
+    """
+    try:
+        plan = wire.read_plan(_bytes(path))
+    except DocumentError as error:
+        raise UsageError(_sentences(path, error.faults), FAILED) from error
+    limits = {mission.vehicle_id: VehicleLimits() for mission in plan.missions}
+    result = rules.check(plan, limits, now)
+    if result.faults:
+        raise UsageError(_sentences(path, result.faults), FAILED)
+    return plan, tuple(f"{warning.path}: {warning.message}" for warning in result.warnings)
+
+
+def select_missions(
+    plan: Plan, mission_id: int | None, vehicle_id: int | None
+) -> tuple[Mission, ...]:
+    """Give the selected missions, or all; times in seconds.
+
+    Raises:
+        UsageError: if the plan has no such mission.
+    """
+    missions = tuple(
+        mission
+        for mission in plan.missions
+        if mission_id in {None, mission.mission_id} and vehicle_id in {None, mission.vehicle_id}
+    )
+    if not missions:
+        there = ", ".join(f"{m.mission_id} (vehicle {m.vehicle_id})" for m in plan.missions)
+        raise UsageError(f"the plan has no such mission, only {there}")
+    is_annex = plan.profile is Profile.ANNEX
+    return tuple(in_seconds(mission) for mission in missions) if is_annex else missions
+
+
+def _bytes(path: str) -> bytes:
+    if path == STANDARD_INPUT:
+        return sys.stdin.buffer.read()
+    try:
+        return Path(path).read_bytes()
+    except OSError as error:
+        raise UsageError(f"{path}: {error.strerror}") from error
+
+
+def _sentences(path: str, faults: Sequence[Fault]) -> str:
+    lines = (f"{fault.path or 'document'}: {fault.message}" for fault in faults)
+    return "\n".join((f"{path} cannot be flown:", *(f"  {line}" for line in lines)))
 
 
 class LocalEdge:
@@ -80,8 +142,7 @@ class LocalEdge:
         for mission in self._missions.values():
             if not self.statuses[mission.mission_id].is_terminal:
                 event = {"vehicle_id": mission.vehicle_id, "event_type_id": int(kind)}
-                work = {"id": self._next_id, "kind": "event", "event": event}
-                self._new.append(work)
+                self._new.append({"id": self._next_id, "kind": "event", "event": event})
                 self._next_id += 1
 
     def take_work(self) -> list[dict[str, Any]]:

@@ -14,7 +14,8 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 from datetime import UTC, datetime
 from logging.handlers import RotatingFileHandler
@@ -173,19 +174,30 @@ class LogFile(RotatingFileHandler):
         self.lines_lost += 1
 
 
-def open_link(settings: Config) -> Hub:
-    """Open the links of vehicles and ground stations.
+@contextmanager
+def link_errors() -> Iterator[None]:
+    """Give the errors of links as reasons why the command cannot start.
 
     Raises:
-        LinkBusyError: if another program uses one.
-        UsageError: if one cannot be opened, now or later.
+        LinkBusyError: if another program uses a link.
+        UsageError: if a link cannot be opened, now or later.
     """
     try:
-        return open_links([*settings.vehicle_links, *settings.traffic.forward])
+        yield
     except PortBusyError as error:
         raise LinkBusyError(str(error)) from error
     except LinkError as error:
         raise UsageError(str(error)) from error
+
+
+def open_link(settings: Config) -> Hub:
+    """Open the links of vehicles and ground stations.
+
+    Raises:
+        LinkBusyError, UsageError: as of `link_errors`.
+    """
+    with link_errors():
+        return open_links([*settings.vehicle_links, *settings.traffic.forward])
 
 
 def open_database(settings: Config) -> Database:
@@ -220,6 +232,16 @@ def offline_parser(
     return parser
 
 
+def add_state_dir(parser: argparse.ArgumentParser, environment: Mapping[str, str]) -> None:
+    """Add the setting of the folder that a broker keeps its state in."""
+    parser.add_argument(
+        "--state-dir",
+        type=Path,
+        default=Path(environment.get("STATE_DIR") or "var"),
+        help="folder of the broker's state: %(default)s (environment: STATE_DIR)",
+    )
+
+
 def with_link(settings: Config, url: str | None) -> Config:
     """Give the settings with another link, if one is named.
 
@@ -228,8 +250,16 @@ def with_link(settings: Config, url: str | None) -> Config:
     """
     if url is None:
         return settings
+    return replace(settings, traffic=replace(settings.traffic, links=(parse_link(url),)))
+
+
+def parse_link(text: str) -> LinkUrl:
+    """Read the URL of a link.
+
+    Raises:
+        UsageError: if it is invalid.
+    """
     try:
-        link = LinkUrl.parse(url)
+        return LinkUrl.parse(text)
     except LinkUrlError as error:
         raise UsageError(str(error)) from error
-    return replace(settings, traffic=replace(settings.traffic, links=(link,)))

@@ -10,6 +10,7 @@ import os
 import secrets
 import sys
 from collections.abc import Mapping, Sequence
+from contextlib import closing
 from pathlib import Path
 from typing import Final
 
@@ -17,16 +18,17 @@ from farm_flight_bridge import program_name
 from mavlink_broker.cli.program import (
     FAILED,
     SUCCEEDED,
-    LinkBusyError,
     Signals,
     SystemClock,
     UsageError,
+    add_state_dir,
+    link_errors,
+    parse_link,
     print_output,
 )
 from mavlink_broker.config import DEFAULT_SYSTEM_ID, ONBOARD_COMPUTER
 from mavlink_broker.links.hub import Hub
-from mavlink_broker.links.link import LinkError, PortBusyError
-from mavlink_broker.links.url import Address, LinkKind, LinkUrl, LinkUrlError
+from mavlink_broker.links.url import Address, LinkKind, LinkUrl
 from mavlink_broker.mavlink.codec import Decoder
 from mavlink_broker.mavlink.signing import KeyRing
 from mavlink_broker.microservices.signing_setup import KEY_LENGTH, Outcome, SigningSetup
@@ -105,8 +107,7 @@ def _set_up(
         own_component=ONBOARD_COMPUTER,
         utc=clock.utc,
     )
-    hub = Hub()
-    try:
+    with link_errors(), closing(Hub()) as hub:
         hub.add(url)
         address: Address | None = None
         while setup.outcome is None:
@@ -121,12 +122,6 @@ def _set_up(
             for frame in setup.step(clock.monotonic()):
                 for target in hub.contact_addresses() if address is None else [address]:
                     hub.send(target, frame)
-    except PortBusyError as error:
-        raise LinkBusyError(str(error)) from error
-    except LinkError as error:
-        raise UsageError(str(error)) from error
-    finally:
-        hub.close()
     return setup.outcome, setup.texts()
 
 
@@ -160,10 +155,7 @@ def _link(text: str, *, any_link: bool) -> LinkUrl:
     Raises:
         UsageError: if it is not valid, or would carry the key over a network.
     """
-    try:
-        url = LinkUrl.parse(text)
-    except LinkUrlError as error:
-        raise UsageError(str(error)) from error
+    url = parse_link(text)
     if url.kind is not LinkKind.SERIAL and not url.is_loopback and not any_link:
         raise UsageError(
             f"{url} would carry the key in the clear over a network; use the cable "
@@ -197,11 +189,5 @@ def _parser(environment: Mapping[str, str]) -> argparse.ArgumentParser:
         default=Path(environment["SIGNING_KEYS"]) if environment.get("SIGNING_KEYS") else None,
         help="folder of signing-N.key; default: keys in STATE_DIR (environment: SIGNING_KEYS)",
     )
-    parser.add_argument(
-        "--state-dir",
-        type=Path,
-        metavar="STATE_DIR",
-        default=Path(environment.get("STATE_DIR") or "var"),
-        help="folder of the broker's state: %(default)s (environment: STATE_DIR)",
-    )
+    add_state_dir(parser, environment)
     return parser

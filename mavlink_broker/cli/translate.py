@@ -2,7 +2,6 @@
 
 As text: a table per stretch, a paragraph per live command. With `--json` as plain data: the fields
 of the messages to the vehicle; NaN, which JSON does not support, is null.
-
 """
 
 import argparse
@@ -24,7 +23,7 @@ from mavlink_broker.autopilots.families import (
     PX4,
     Family,
 )
-from mavlink_broker.cli.plan_file import read_plan, select_missions
+from mavlink_broker.cli.local_edge import read_plan, select_missions
 from mavlink_broker.cli.program import FAILED, SUCCEEDED, print_output
 from mavlink_broker.mavlink.dialect import Message, Route, mavlink
 from mavlink_broker.microservices.command import CommandAlternatives

@@ -8,7 +8,6 @@ broker uses the configured port, the list comes from that broker's edge server.
 import argparse
 import json
 import sys
-import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from http import HTTPStatus
@@ -81,7 +80,7 @@ def _connected(settings: Config, seconds: float) -> list[dict[str, Any]]:
     end = clock.monotonic() + seconds
     while clock.monotonic() < end and not signals.stop:
         app.step()
-    now = time.monotonic()
+    now = clock.monotonic()
     app.close()
     link.close()
     vehicles = (session.vehicle for _, session in sorted(app.sessions.items()))
