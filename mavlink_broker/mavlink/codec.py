@@ -22,8 +22,6 @@ from mavlink_broker.mavlink.dialect import Message, Source, mavlink, source_of
 _SEQUENCES: Final = 256
 _MAX_FAULTS_PER_DATAGRAM: Final = 16
 """Limit for a datagram full of start bytes, which would be slow to search."""
-
-
 SOURCES_KEPT: Final = 256
 """Senders per peer whose losses are counted."""
 
@@ -183,7 +181,7 @@ def checksum_holds(frame: bytes) -> bool | None:
     extra = _extra_of(message_id(frame))
     if extra is None:
         return None
-    body, checksum, _ = _parts(frame)
+    body, checksum = _parts(frame)
     return _checksum(body, extra) == checksum
 
 
@@ -191,8 +189,7 @@ def with_sequence(frame: bytes, number: int) -> bytes:
     """An unsigned frame with another sequence number."""
     if sequence(frame) == number:
         return frame
-    body, checksum, _ = _parts(frame)
-    extra = _true_extra(frame, body, checksum)
+    body, extra = _body_and_extra(frame)
     changed = bytearray(body)
     changed[_SEQUENCE_AT[frame[0]] - 1] = number
     return _sealed(frame[0], bytes(changed), extra)
@@ -202,15 +199,13 @@ def unsigned(frame: bytes) -> bytes:
     """A frame without its signature; an unsigned frame unchanged."""
     if not is_signed(frame):
         return frame
-    body, checksum, _ = _parts(frame)
-    extra = _true_extra(frame, body, checksum)
+    body, extra = _body_and_extra(frame)
     return _sealed(VERSION_2, _with_flags(body, body[1] & ~SIGNED_FLAG), extra)
 
 
 def signed(frame: bytes, key: bytes, link_id: int, ticks: int) -> bytes:
     """A frame of version 2 with a new signature; `ticks` are 10 us since 2015."""
-    body, checksum, _ = _parts(frame)
-    extra = _true_extra(frame, body, checksum)
+    body, extra = _body_and_extra(frame)
     if frame[0] == VERSION_1:
         body = _in_version_2(body)
     whole = _sealed(VERSION_2, _with_flags(body, body[1] | SIGNED_FLAG), extra)
@@ -218,11 +213,23 @@ def signed(frame: bytes, key: bytes, link_id: int, ticks: int) -> bytes:
     return whole + hashlib.sha256(key + whole).digest()[:DIGEST_LENGTH]
 
 
-def _parts(frame: bytes) -> tuple[bytes, int, bytes]:
-    """The bytes that the checksum covers, the checksum, and the signature."""
+def _parts(frame: bytes) -> tuple[bytes, int]:
+    """The bytes that the checksum covers, and the checksum."""
     end = len(frame) - (SIGNATURE_LENGTH if is_signed(frame) else 0)
     checksum: int = _CHECKSUM.unpack_from(frame, end - 2)[0]
-    return bytes(frame[1 : end - 2]), checksum, bytes(frame[end:])
+    return bytes(frame[1 : end - 2]), checksum
+
+
+def _body_and_extra(frame: bytes) -> tuple[bytes, int]:
+    """The bytes that the checksum covers, and CRC_EXTRA.
+
+    It is derived from the checksum if the dialect lacks the message.
+    """
+    body, checksum = _parts(frame)
+    extra = _extra_of(message_id(frame))
+    if extra is None:
+        extra = next((one for one in range(256) if _checksum(body, one) == checksum), 0)
+    return body, extra
 
 
 def _sealed(marker: int, body: bytes, extra: int) -> bytes:
@@ -246,11 +253,3 @@ def _checksum(body: bytes, extra: int) -> int:
 def _extra_of(number: int) -> int | None:
     kind = mavlink.mavlink_map.get(number)
     return None if kind is None else int(kind.crc_extra)
-
-
-def _true_extra(frame: bytes, body: bytes, checksum: int) -> int:
-    """CRC_EXTRA of a whole frame; derived from the checksum if the dialect lacks the message."""
-    known = _extra_of(message_id(frame))
-    if known is not None:
-        return known
-    return next((extra for extra in range(256) if _checksum(body, extra) == checksum), 0)

@@ -2,14 +2,13 @@
 
 The shipped `all` dialect is the codec: it encodes version 2 and decodes both versions. Messages are
 pymavlink's generated classes `mavlink.MAVLink_<name>_message`; `get_type()` returns their name.
-Three of them are replaced here, because the shipped dialect lacks
-the opaque plan ids of the current message definitions (extension fields: the checksum seed and
-the older fields stay as they are, and a sender without them is read as id 0, "not supported").
-
+Three of them are replaced here, because the shipped dialect lacks the opaque plan ids of the
+current message definitions (extension fields: the checksum seed and the older fields stay as they
+are, and a sender without them is read as id 0, "not supported").
 """
 
 import struct
-from typing import Any, Final, NamedTuple, TypeAlias
+from typing import Any, ClassVar, Final, NamedTuple, TypeAlias
 
 from pymavlink.dialects.v20 import all as mavlink
 
@@ -40,129 +39,51 @@ MISSION_RESULT_NAMES: Final[dict[int, str]] = {
 """Answers to mission transfers."""
 
 
-class MissionAck(mavlink.MAVLink_mission_ack_message):  # type: ignore[misc]  # codec is untyped
-    """MISSION_ACK(47) with the id that the vehicle gave to the stored plan; 0 for none."""
+class _WithPlanIds(mavlink.MAVLink_message):  # type: ignore[misc]  # codec is untyped
+    """A message of the shipped dialect, and the ids of plans behind its fields; 0 for none."""
 
-    fieldnames: Final = ["target_system", "target_component", "type", "mission_type", "opaque_id"]
-    ordered_fieldnames: Final = fieldnames
-    orders: Final = [0, 1, 2, 3, 4]
-    lengths: Final = [1] * 5
-    array_lengths: Final = [0] * 5
-    unpacker: Final = struct.Struct("<BBBBI")
+    plan_ids: ClassVar[tuple[str, ...]]
 
-    def __init__(  # the codec fixes names and order
-        self,
-        target_system: int,
-        target_component: int,
-        type: int,  # noqa: A002  # MAVLink's name of the field
-        mission_type: int = 0,
-        opaque_id: int = 0,
-    ) -> None:
-        super().__init__(target_system, target_component, type, mission_type)
+    def __init_subclass__(cls) -> None:
+        cls.fieldnames = [*cls.fieldnames, *cls.plan_ids]
+        cls.ordered_fieldnames = [*cls.ordered_fieldnames, *cls.plan_ids]
+        cls.orders = [*cls.orders, *range(len(cls.orders), len(cls.fieldnames))]
+        cls.lengths = [1] * len(cls.fieldnames)
+        cls.array_lengths = [0] * len(cls.fieldnames)
+        cls.unpacker = struct.Struct(cls.unpacker.format + "I" * len(cls.plan_ids))
+
+    def __init__(self, *values: int, **ids: int) -> None:
+        """Take the fields in their order; those of `plan_ids` also by name."""
+        shipped = len(self.fieldnames) - len(self.plan_ids)
+        super().__init__(*values[:shipped])
         self._fieldnames = self.fieldnames
-        self.opaque_id = opaque_id
+        ids.update(zip(self.plan_ids, values[shipped:], strict=False))
+        for name in self.plan_ids:
+            setattr(self, name, ids.get(name, 0))
 
     def pack(self, mav: Any, force_mavlink1: bool = False) -> bytes:  # noqa: FBT001, FBT002  # codec
         """Return the frame, with the signature that the codec requires."""
-        payload = self.unpacker.pack(
-            self.target_system,
-            self.target_component,
-            self.type,
-            self.mission_type,
-            self.opaque_id,
-        )
+        payload = self.unpacker.pack(*(getattr(self, name) for name in self.ordered_fieldnames))
         frame: bytes = self._pack(mav, self.crc_extra, payload, force_mavlink1=force_mavlink1)
         return frame
 
 
-class MissionCount(mavlink.MAVLink_mission_count_message):  # type: ignore[misc]  # codec is untyped
-    """MISSION_COUNT(44) with the id of the plan that is about to be read; 0 for none."""
+class MissionAck(_WithPlanIds, mavlink.MAVLink_mission_ack_message):  # type: ignore[misc]  # as above
+    """MISSION_ACK(47) with the id that the vehicle gave to the stored plan."""
 
-    fieldnames: Final = ["target_system", "target_component", "count", "mission_type", "opaque_id"]
-    ordered_fieldnames: Final = [
-        "count",
-        "target_system",
-        "target_component",
-        "mission_type",
-        "opaque_id",
-    ]
-    orders: Final = [1, 2, 0, 3, 4]
-    lengths: Final = [1] * 5
-    array_lengths: Final = [0] * 5
-    unpacker: Final = struct.Struct("<HBBBI")
-
-    def __init__(
-        self,
-        target_system: int,
-        target_component: int,
-        count: int,
-        mission_type: int = 0,
-        opaque_id: int = 0,
-    ) -> None:
-        super().__init__(target_system, target_component, count, mission_type)
-        self._fieldnames = self.fieldnames
-        self.opaque_id = opaque_id
-
-    def pack(self, mav: Any, force_mavlink1: bool = False) -> bytes:  # noqa: FBT001, FBT002  # codec
-        """Return the frame, with the signature that the codec requires."""
-        payload = self.unpacker.pack(
-            self.count,
-            self.target_system,
-            self.target_component,
-            self.mission_type,
-            self.opaque_id,
-        )
-        frame: bytes = self._pack(mav, self.crc_extra, payload, force_mavlink1=force_mavlink1)
-        return frame
+    plan_ids = ("opaque_id",)
 
 
-class MissionCurrent(mavlink.MAVLink_mission_current_message):  # type: ignore[misc]  # as above
+class MissionCount(_WithPlanIds, mavlink.MAVLink_mission_count_message):  # type: ignore[misc]
+    """MISSION_COUNT(44) with the id of the plan that is about to be read."""
+
+    plan_ids = ("opaque_id",)
+
+
+class MissionCurrent(_WithPlanIds, mavlink.MAVLink_mission_current_message):  # type: ignore[misc]
     """MISSION_CURRENT(42) with the ids of the stored mission, fence and rally points."""
 
-    fieldnames: Final = [
-        "seq",
-        "total",
-        "mission_state",
-        "mission_mode",
-        "mission_id",
-        "fence_id",
-        "rally_points_id",
-    ]
-    ordered_fieldnames: Final = fieldnames
-    orders: Final = list(range(7))
-    lengths: Final = [1] * 7
-    array_lengths: Final = [0] * 7
-    unpacker: Final = struct.Struct("<HHBBIII")
-
-    def __init__(
-        self,
-        seq: int,
-        total: int = 0,
-        mission_state: int = 0,
-        mission_mode: int = 0,
-        mission_id: int = 0,
-        fence_id: int = 0,
-        rally_points_id: int = 0,
-    ) -> None:
-        super().__init__(seq, total, mission_state, mission_mode)
-        self._fieldnames = self.fieldnames
-        self.mission_id = mission_id
-        self.fence_id = fence_id
-        self.rally_points_id = rally_points_id
-
-    def pack(self, mav: Any, force_mavlink1: bool = False) -> bytes:  # noqa: FBT001, FBT002  # codec
-        """Return the frame, with the signature that the codec requires."""
-        payload = self.unpacker.pack(
-            self.seq,
-            self.total,
-            self.mission_state,
-            self.mission_mode,
-            self.mission_id,
-            self.fence_id,
-            self.rally_points_id,
-        )
-        frame: bytes = self._pack(mav, self.crc_extra, payload, force_mavlink1=force_mavlink1)
-        return frame
+    plan_ids = ("mission_id", "fence_id", "rally_points_id")
 
 
 for _message_class in (MissionAck, MissionCount, MissionCurrent):

@@ -10,7 +10,6 @@ locks the genuine sender out. Here pymavlink checks the timestamp of genuine fra
 No timestamp is stored over a restart. A vehicle signs with a timestamp above all that it has
 accepted, so its first frame raises the broker's timestamp above all that the broker ever sent to
 it; and the broker sends nothing to a vehicle that it has not received.
-
 """
 
 import hashlib
@@ -26,7 +25,13 @@ from enum import Enum
 from pathlib import Path
 from typing import Any, Final
 
-from mavlink_broker.mavlink.codec import signed
+from mavlink_broker.mavlink.codec import (
+    DIGEST_LENGTH,
+    SIGNATURE_LENGTH,
+    VERSION_1,
+    is_signed,
+    signed,
+)
 from mavlink_broker.mavlink.dialect import Message, Source, mavlink, source_of
 
 KEY_LENGTH: Final = 32
@@ -40,9 +45,6 @@ LOG_INTERVAL_S: Final = 30.0
 """Interval of log lines."""
 STREAMS_KEPT: Final = 256
 """Per key; the one that was received last longest ago is forgotten."""
-_DIGEST_LENGTH: Final = 6
-_SIGNED_FLAG: Final = 0x01
-_VERSION_1: Final = 0xFE
 
 
 class KeyRing:
@@ -145,8 +147,8 @@ class LinkSigning:
         clock = self._verifier.signing
         clock.timestamp = max(self._ticks(), self._newest)
         is_new: bool = self._verifier.check_signature(frame, *source)
-        stream = address, source, frame[-_DIGEST_LENGTH - 7]
-        timestamp = int.from_bytes(frame[-_DIGEST_LENGTH - 6 : -_DIGEST_LENGTH], "little")
+        stream = address, source, frame[-SIGNATURE_LENGTH]
+        timestamp = int.from_bytes(frame[1 - SIGNATURE_LENGTH : -DIGEST_LENGTH], "little")
         if not is_new and timestamp <= self._streams.get(stream, timestamp):
             return Refusal.REPLAYED
         self._streams[stream] = timestamp
@@ -158,8 +160,8 @@ class LinkSigning:
 
     def is_of_this_key(self, frame: bytearray) -> bool:
         """Whether a signed frame was signed with this key, at whatever time."""
-        digest = hashlib.sha256(self._key + frame[:-_DIGEST_LENGTH]).digest()[:_DIGEST_LENGTH]
-        return hmac.compare_digest(digest, frame[-_DIGEST_LENGTH:])
+        digest = hashlib.sha256(self._key + frame[:-DIGEST_LENGTH]).digest()[:DIGEST_LENGTH]
+        return hmac.compare_digest(digest, frame[-DIGEST_LENGTH:])
 
     def _ticks(self) -> int:
         return int((self._utc() - EPOCH).total_seconds() * TICKS_PER_S)
@@ -235,12 +237,12 @@ class SignatureCheck:
         if self._ring is None or source.system in self._unsigned:
             return None
         frame = message.get_msgbuf()
-        if message.get_header().incompat_flags & _SIGNED_FLAG:
+        if is_signed(frame):
             signing = self.signing_for(source.system, now)
             return Refusal.NO_KEY if signing is None else signing.check(frame, source, address)
         if message.get_type() == "RADIO_STATUS":
             return None  # Radios have no keys, and their reports only limit a rate
-        return Refusal.VERSION_1 if frame[0] == _VERSION_1 else Refusal.UNSIGNED
+        return Refusal.VERSION_1 if frame[0] == VERSION_1 else Refusal.UNSIGNED
 
     def _log(self, last: Source) -> None:
         new = self.refused - self._logged
