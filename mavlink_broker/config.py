@@ -4,20 +4,20 @@ SettingError  a value that is not valid
 """
 
 import argparse
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final
+from typing import Any, Final, TypeAlias
 from urllib.parse import urlsplit
 
 from farm_flight_bridge import VERSION, program_name
-from mavlink_broker.links import url as link_urls
 from mavlink_broker.links.url import (
     ANY_ADDRESS,
     DEFAULT_MAVLINK_PORT,
     LinkKind,
-    LinkSettings,
     LinkUrl,
+    LinkUrlError,
+    parse_links,
 )
 
 DEFAULT_EDGE_PORT: Final = 8000
@@ -33,7 +33,25 @@ MAX_SPOOL_MIB: Final = 1024
 DEFAULT_VEHICLE_LOG_MIB: Final = 64
 MAX_VEHICLE_LOG_MIB: Final = 1024
 DEFAULT_VEHICLE_LOG_TIME_S: Final = 600.0
+DEFAULT_TLOG_MIB: Final = 32
+DEFAULT_TLOG_FILES: Final = 8
+LOOPBACK: Final = "127.0.0.1"
 LOG_LEVELS: Final = ("DEBUG", "INFO", "WARNING", "ERROR")
+_YES: Final = frozenset({"1", "yes", "true", "on"})
+_NO: Final = frozenset({"", "0", "no", "false", "off"})
+_SYSTEMS: Final = frozenset(range(1, 256))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinkSettings:
+    """Links of vehicles and ground stations, and the frame log."""
+
+    links: tuple[LinkUrl, ...] = ()  # Empty: listen at MAVLINK_HOST and MAVLINK_PORT
+    forward: tuple[LinkUrl, ...] = ()  # To ground stations
+    forward_commands: bool = False  # They may command while a mission of the broker runs
+    tlog_dir: Path | None = None  # None: no frame log
+    tlog_mib: int = DEFAULT_TLOG_MIB  # [MiB] Size at which the next file starts
+    tlog_files: int = DEFAULT_TLOG_FILES  # Number of files kept
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,9 +101,6 @@ class Config:
             return reverse[vehicle_id]
         is_free = vehicle_id in _SYSTEMS and vehicle_id not in self.vehicle_of_system
         return vehicle_id if is_free else None
-
-
-_SYSTEMS: Final = frozenset(range(1, 256))
 
 
 class SettingError(argparse.ArgumentTypeError, ValueError):
@@ -206,15 +221,42 @@ def settings(parser: argparse.ArgumentParser, options: argparse.Namespace) -> Co
         follow_targets=options.follow_targets,
         log_level=options.log_level.upper(),
         log_file=options.log_file,
-        traffic=link_urls.read_options(parser, options),
+        traffic=_link_settings(parser, options),
     )
+
+
+def _link_settings(parser: argparse.ArgumentParser, options: argparse.Namespace) -> LinkSettings:
+    """Check the options of the links; an invalid one ends the program as in `settings`."""
+    try:
+        links, forward = parse_links(options.links), parse_links(options.forward, LOOPBACK)
+    except LinkUrlError as error:
+        parser.error(str(error))
+    both = next((url for url in forward if url[:3] in [link[:3] for link in links]), None)
+    if both is not None:
+        parser.error(f"{both} cannot be a link to vehicles and to a ground station")
+    if options.forward_commands.lower() not in _YES | _NO:
+        parser.error(f"--forward-commands is yes or no, not {options.forward_commands!r}")
+    if not 1 <= options.tlog_mib <= 4096 or not 1 <= options.tlog_files <= 10_000:
+        parser.error("--tlog-mib must be 1 to 4096, --tlog-files 1 to 10000")
+    return LinkSettings(
+        links=links,
+        forward=forward,
+        forward_commands=options.forward_commands.lower() in _YES,
+        tlog_dir=options.tlog_dir,
+        tlog_mib=options.tlog_mib,
+        tlog_files=options.tlog_files,
+    )
+
+
+_Setting: TypeAlias = tuple[str, Any, object, str]
+"""Name in the environment, function that reads the text, default, help."""
 
 
 def settings_parser(environment: Mapping[str, str], **about: str) -> argparse.ArgumentParser:
     """Return a parser of every setting; `about` are the texts of the command's help."""
     parser = argparse.ArgumentParser(**about)  # type: ignore[arg-type]  # only its texts
     edge_port = environment.get("EDGE_PORT") or DEFAULT_EDGE_PORT
-    options: tuple[tuple[str, object, object, str], ...] = (
+    options: tuple[_Setting, ...] = (
         ("EDGE_URL", str, f"http://127.0.0.1:{edge_port}", "URL of the edge server"),
         ("EDGE_CA_FILE", Path, None, "certificate authority of the edge server, PEM"),
         ("STATE_DIR", Path, "var", "folder of the system's state and keys"),
@@ -260,13 +302,68 @@ def settings_parser(environment: Mapping[str, str], **about: str) -> argparse.Ar
         ("LOG_LEVEL", str, "INFO", "DEBUG, INFO, WARNING or ERROR"),
         ("LOG_FILE", Path, None, "log file besides the standard error; at most five of 10 MiB"),
     )
-    for name, kind, default, text in options:
+    _add_settings(parser, environment, options)
+    _add_link_settings(parser, environment)
+    return parser
+
+
+def _add_link_settings(parser: argparse.ArgumentParser, environment: Mapping[str, str]) -> None:
+    for flag, name, peers in (
+        ("--link", "LINKS", "vehicles"),
+        ("--forward", "FORWARD", "ground stations"),
+    ):
+        parser.add_argument(
+            flag,
+            dest=name.lower(),
+            metavar="URL",
+            action=_AddLinks,
+            default=environment.get(name) or "",
+            help=f"URL of a link to {peers}, several by commas or again {flag} "
+            f"(environment: {name})",
+        )
+    parser.add_argument(
+        "--forward-commands",
+        nargs="?",
+        const="yes",
+        default=environment.get("FORWARD_COMMANDS") or "",
+        help="ground stations may command during missions (environment: FORWARD_COMMANDS)",
+    )
+    options: tuple[_Setting, ...] = (
+        ("TLOG_DIR", Path, None, "folder of the frame log; without it there is none"),
+        ("TLOG_MIB", int, DEFAULT_TLOG_MIB, "size at which its next file starts, MiB"),
+        ("TLOG_FILES", int, DEFAULT_TLOG_FILES, "number of its files that are kept"),
+    )
+    _add_settings(parser, environment, options)
+
+
+def _add_settings(
+    parser: argparse.ArgumentParser, environment: Mapping[str, str], settings: Iterable[_Setting]
+) -> None:
+    for name, kind, default, text in settings:
         parser.add_argument(
             "--" + name.lower().replace("_", "-"),
             dest="system_id" if name == "MAVLINK_SYSTEM_ID" else name.lower(),
-            type=kind,  # type: ignore[arg-type]  # str, int, float, Path or a parser of ours
+            type=kind,
             default=environment.get(name) or default,
             help=f"{text} (environment: {name})",
         )
-    link_urls.add_options(parser, environment)
-    return parser
+
+
+class _AddLinks(argparse.Action):
+    """Collects URLs; the first one given as a flag replaces those of the environment."""
+
+    def __init__(self, option_strings: Sequence[str], dest: str, **more: Any) -> None:
+        super().__init__(option_strings, dest, **more)
+        self._is_begun = False
+
+    def __call__(
+        self,
+        parser: argparse.ArgumentParser,
+        namespace: argparse.Namespace,
+        values: object,
+        option_string: str | None = None,
+    ) -> None:
+        del parser, option_string
+        before = f"{getattr(namespace, self.dest)}," if self._is_begun else ""
+        self._is_begun = True
+        setattr(namespace, self.dest, f"{before}{values}")

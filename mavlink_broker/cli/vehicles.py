@@ -31,9 +31,8 @@ from mavlink_broker.cli.program import (
     print_output,
     with_link,
 )
-from mavlink_broker.config import Config
+from mavlink_broker.config import Config, LinkSettings
 from mavlink_broker.edge.bounded_http import BoundedHttp
-from mavlink_broker.links.url import LinkSettings
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.vehicle.vehicle import Vehicle
 

@@ -16,10 +16,10 @@ from typing import Final, Protocol, Self
 import pytest
 
 from mavlink_broker.app import App
-from mavlink_broker.config import Config
+from mavlink_broker.config import Config, LinkSettings
 from mavlink_broker.links.hub import open_links
 from mavlink_broker.links.link import FrameScanner
-from mavlink_broker.links.url import LinkSettings, LinkUrl
+from mavlink_broker.links.url import LinkUrl
 from mavlink_broker.mavlink.codec import Encoder
 from mavlink_broker.mavlink.dialect import mavlink
 from tests.support.broker_world import FINISHED, Clock, first_flight

@@ -4,8 +4,8 @@ from typing import Any
 
 from afarcloud.enumerations import Status
 from mavlink_broker.app import STARTUP_S
-from mavlink_broker.config import Config
-from mavlink_broker.links.url import Address, LinkSettings, LinkUrl
+from mavlink_broker.config import Config, LinkSettings
+from mavlink_broker.links.url import Address, LinkUrl
 from mavlink_broker.mavlink.codec import Decoder, Encoder
 from mavlink_broker.mavlink.dialect import mavlink
 from tests.support.broker_world import FINISHED, World, first_flight

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from mavlink_broker.config import Config
-from mavlink_broker.links.url import Address, LinkSettings, LinkUrl
+from mavlink_broker.config import Config, LinkSettings
+from mavlink_broker.links.url import Address, LinkUrl
 from mavlink_broker.mavlink.codec import Decoder, Encoder, is_signed
 from mavlink_broker.mavlink.dialect import Message, mavlink, source_of
 from mavlink_broker.mavlink.signing import LinkSigning
