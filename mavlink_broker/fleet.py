@@ -187,9 +187,9 @@ class Fleet:
     def __iter__(self) -> Iterator[FleetMember]:
         return iter(tuple(self._members.values()))
 
-    def find(self, system: int | None) -> FleetMember | None:
+    def find(self, system: int) -> FleetMember | None:
         """Return the member with a system id; None if there is none."""
-        return None if system is None else self._members.get(system)
+        return self._members.get(system)
 
     def session(self, system: int) -> Session | None:
         """Return the session of a system id; None if there is none."""

@@ -19,11 +19,23 @@ from typing import Any, Final
 
 from mavlink_broker.mavlink.dialect import Message, Source, mavlink, source_of
 
+SOURCES_KEPT: Final = 256
+"""Senders per peer whose losses are counted."""
+VERSION_1: Final = 0xFE
+VERSION_2: Final = 0xFD
+SIGNED_FLAG: Final = 0x01
+SIGNATURE_LENGTH: Final = 13
+DIGEST_LENGTH: Final = 6
+
 _SEQUENCES: Final = 256
 _MAX_FAULTS_PER_DATAGRAM: Final = 16
 """Limit for a datagram full of start bytes, which would be slow to search."""
-SOURCES_KEPT: Final = 256
-"""Senders per peer whose losses are counted."""
+_OVERHEAD: Final = {VERSION_1: 8, VERSION_2: 12}
+_MARKER: Final = re.compile(b"[\xfd\xfe]")
+_SEQUENCE_AT: Final = {VERSION_1: 2, VERSION_2: 4}
+_CHECKSUM: Final = struct.Struct("<H")
+_LINK_AND_TIME: Final = struct.Struct("<BQ")
+_LINK_AND_TIME_LENGTH: Final = 7
 
 
 class Encoder:
@@ -112,20 +124,6 @@ def _frame_end(datagram: bytes, position: int) -> int:
     """End of the frame that begins at `position`; `position` itself where none does."""
     size = frame_size(datagram, position) or 0
     return position + size if size <= len(datagram) - position else position
-
-
-VERSION_1: Final = 0xFE
-VERSION_2: Final = 0xFD
-SIGNED_FLAG: Final = 0x01
-SIGNATURE_LENGTH: Final = 13
-DIGEST_LENGTH: Final = 6
-
-_OVERHEAD: Final = {VERSION_1: 8, VERSION_2: 12}
-_MARKER: Final = re.compile(b"[\xfd\xfe]")
-_SEQUENCE_AT: Final = {VERSION_1: 2, VERSION_2: 4}
-_CHECKSUM: Final = struct.Struct("<H")
-_LINK_AND_TIME: Final = struct.Struct("<BQ")
-_LINK_AND_TIME_LENGTH: Final = 7
 
 
 def next_marker(data: bytes, position: int) -> int:

@@ -18,7 +18,7 @@ use. Frames to them are signed with it. Without that key nothing is forwarded.
 
 import logging
 from collections import Counter, deque
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Final, Protocol
@@ -53,6 +53,24 @@ STATIONS_KEPT: Final = 16
 """Per program; further ones are ignored until one has timed out."""
 REQUIRED_INTERVALS_US: Final = {stream.message_id: 1e6 / stream.rate_hz for stream in STREAMS}
 """Intervals [us] of the messages that the broker requires, by message id."""
+GCS_TIMEOUT_S: Final = 10.0
+"""A ground station is connected until so long after its last message."""
+REQUESTS_KEPT: Final = 500
+"""Message ids per vehicle; no vehicle sends more."""
+TIME_REQUESTS_KEPT: Final = 64
+"""Requests of TIMESYNC, whose answers come within seconds."""
+LOG_INTERVAL_S: Final = 10.0
+"""Interval of log lines and of STATUSTEXTs: MANUAL_CONTROL may be refused at 25 Hz."""
+TEXT_LENGTH: Final = 50
+"""Longest text of a STATUSTEXT."""
+KINDS_LOGGED: Final = 8
+KINDS_KEPT: Final = 500
+"""Further kinds are counted as one: endless unknown messages must not fill the memory."""
+OTHERS: Final = "other messages"
+UNKNOWN: Final = "unknown message"
+_SEQUENCES: Final = 256
+
+_LOG = logging.getLogger(__name__)
 
 
 class Link(Protocol):
@@ -65,13 +83,6 @@ class Link(Protocol):
         """Addresses to which this side must send before it can receive."""
 
 
-class Clock(Protocol):
-    """The time of day."""
-
-    def utc(self) -> datetime:
-        """Time of day."""
-
-
 class GroundStations:
     """All ground stations."""
 
@@ -80,7 +91,7 @@ class GroundStations:
         config: Config,
         link: Link,
         ring: KeyRing | None,
-        clock: Clock,
+        utc: Callable[[], datetime],
         control: Callable[[int], BrokerControl],
     ) -> None:
         """Use the links after the vehicles' ones; `ring` holds the ground stations' key."""
@@ -88,14 +99,9 @@ class GroundStations:
         self._first = len(config.vehicle_links)
         self._urls = config.traffic.forward
         self._gateway = Gateway(
-            config.system_id,
-            control,
-            REQUIRED_INTERVALS_US,
-            may_command=config.traffic.forward_commands,
+            config.system_id, control, may_command=config.traffic.forward_commands
         )
-        self._signature_check = SignatureCheck(
-            None if ring is None else _GcsKeyRing(ring), (), clock.utc
-        )
+        self._signature_check = SignatureCheck(None if ring is None else _GcsKeyRing(ring), (), utc)
         self._is_logged = False
         self._stations: dict[Address, tuple[Decoder, float]] = {}
 
@@ -189,21 +195,6 @@ class _GcsKeyRing(KeyRing):
         return super().key_of(GCS_SYSTEM_ID, now)
 
 
-_SEQUENCES = 256
-LOG_INTERVAL_S: Final = 10.0
-"""Interval of log lines and of STATUSTEXTs: MANUAL_CONTROL may be refused at 25 Hz."""
-
-TEXT_LENGTH: Final = 50
-"""Longest text of a STATUSTEXT."""
-KINDS_LOGGED: Final = 8
-KINDS_KEPT: Final = 500
-"""Further kinds are counted as one: endless unknown messages must not fill the memory."""
-OTHERS: Final = "other messages"
-UNKNOWN: Final = "unknown message"
-
-_LOG = logging.getLogger(__name__)
-
-
 class SequenceNumbers:
     """Shifts sequence numbers by inserted and withheld frames, per sender."""
 
@@ -228,14 +219,6 @@ class SequenceNumbers:
         self._offset[source] = (self._offset.get(source, 0) + 1) % _SEQUENCES
         self._newest[source] = (self._newest.get(source, -1) + 1) % _SEQUENCES
         return self._newest[source]
-
-
-GCS_TIMEOUT_S: Final = 10.0
-"""A ground station is connected until so long after its last message."""
-REQUESTS_KEPT: Final = 500
-"""Message ids per vehicle; no vehicle sends more."""
-TIME_REQUESTS_KEPT: Final = 64
-"""Requests of TIMESYNC, whose answers come within seconds."""
 
 
 class Refusals:
@@ -298,14 +281,15 @@ class Gateway:
         self,
         own_system: int,
         control: Callable[[int], BrokerControl],
-        required_intervals_us: Mapping[int, float],
         *,
         may_command: bool,
     ) -> None:
-        """Start with the broker's system id, its use of each vehicle, its streams [us]."""
+        """Start with the broker's system id and its use of each vehicle.
+
+        `may_command`: ground stations may command at all times.
+        """
         self._own_system = own_system
         self._control_of = control
-        self._required_intervals_us = required_intervals_us
         self._may_command = may_command
         self._sequence_numbers = SequenceNumbers()
         self._received_at: float | None = None
@@ -362,7 +346,7 @@ class Gateway:
         control = BrokerControl.FREE if self._may_command else self._control_of(system)
         answerer = Source(system, answering_source(message).component)
         destination = Source(system, getattr(message, "target_component", 0))
-        match decide(message, control, self._required_intervals_us):
+        match decide(message, control, REQUIRED_INTERVALS_US):
             case Forward():
                 self._note_request(message, system)
                 forwarded_frames.to_vehicles.append((destination, bytes(message.get_msgbuf())))

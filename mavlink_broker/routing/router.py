@@ -100,7 +100,7 @@ class Router:
                 ring.folder,
             )
         self._signature_check = SignatureCheck(ring, config.unsigned_systems, clock.utc)
-        self._ground_stations = GroundStations(config, link, ring, clock, control)
+        self._ground_stations = GroundStations(config, link, ring, clock.utc, control)
         self._frame_log = _new_frame_log(config)
         self._links_of: dict[int, dict[int, LinkSelection]] = {}
         self._autopilots: dict[int, int] = {}

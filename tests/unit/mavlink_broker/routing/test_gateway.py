@@ -28,7 +28,7 @@ class GatewayWorld:
 
     def __init__(self, *, may_command: bool = False, vehicles: tuple[int, ...] = (1, 2)) -> None:
         self.controls = dict.fromkeys(vehicles, BrokerControl.FREE)
-        self.gateway = Gateway(OWN, self.controls.__getitem__, {}, may_command=may_command)
+        self.gateway = Gateway(OWN, self.controls.__getitem__, may_command=may_command)
         self.ground = Encoder(*GROUND)
         self.autopilot = Encoder(1, 1)
 
