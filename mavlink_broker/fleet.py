@@ -2,7 +2,6 @@
 
 Records are stored after each change and recalled after a restart. The interfaces of the loop to
 edge server, jobs and journal are here too.
-
 """
 
 import logging

@@ -9,7 +9,6 @@ called again after a pause that doubles with each failure, 0.5 to 30 s.
 
 A failure of a thread that is not supervised ends the program (`ThreadFailureHook`), because a
 process without one of its threads looks alive and does not work.
-
 """
 
 import logging

@@ -25,7 +25,7 @@ from mavlink_broker.autopilots.families import (
 )
 from mavlink_broker.cli.local_edge import read_plan, select_missions
 from mavlink_broker.cli.program import FAILED, SUCCEEDED, print_output
-from mavlink_broker.mavlink.dialect import Message, Route, mavlink
+from mavlink_broker.mavlink.dialect import Message, Route, name_in
 from mavlink_broker.microservices.command import CommandAlternatives
 from mavlink_broker.planning.geofence import AreaCheck
 from mavlink_broker.planning.live_actions import Circled, End, Lasted, Series, Tracked, Turned
@@ -57,8 +57,7 @@ FAMILIES: Final[Mapping[str, Family]] = {
 
 def command_name(number: int) -> str:
     """Give the name of a MAV_CMD without its prefix."""
-    entry = mavlink.enums["MAV_CMD"].get(number)
-    return str(number) if entry is None else entry.name.removeprefix("MAV_CMD_")
+    return name_in("MAV_CMD", number) or str(number)
 
 
 def mission_record(mission: Mission, itinerary: Itinerary) -> dict[str, Any]:

@@ -33,7 +33,7 @@ from mavlink_broker.cli.program import (
 )
 from mavlink_broker.config import Config, LinkSettings
 from mavlink_broker.edge.bounded_http import BoundedHttp
-from mavlink_broker.mavlink.dialect import mavlink
+from mavlink_broker.mavlink.dialect import name_in
 from mavlink_broker.vehicle.vehicle import Vehicle
 
 COLUMNS: Final = (
@@ -164,10 +164,7 @@ def table(rows: Iterable[dict[str, Any]]) -> Iterator[str]:
 
 
 def _name(enumeration: str, number: int | None) -> str | None:
-    if number is None:
-        return None
-    entry = mavlink.enums[enumeration].get(number)
-    return str(number) if entry is None else str(entry.name).removeprefix(f"{enumeration}_").lower()
+    return None if number is None else (name_in(enumeration, number) or str(number)).lower()
 
 
 def _cell(value: Any) -> str:

@@ -22,6 +22,7 @@ __all__ = [
     "MissionCurrent",
     "Source",
     "mavlink",
+    "name_in",
     "source_of",
 ]
 Message: TypeAlias = Any
@@ -37,6 +38,12 @@ MISSION_RESULT_NAMES: Final[dict[int, str]] = {
     number: entry.name for number, entry in mavlink.enums["MAV_MISSION_RESULT"].items()
 }
 """Answers to mission transfers."""
+
+
+def name_in(enumeration: str, number: int) -> str | None:
+    """Name of an entry of an enumeration, without the enumeration's own; None if it has none."""
+    entry = mavlink.enums[enumeration].get(number)
+    return None if entry is None else str(entry.name).removeprefix(f"{enumeration}_")
 
 
 class _WithPlanIds(mavlink.MAVLink_message):  # type: ignore[misc]  # codec is untyped

@@ -33,7 +33,7 @@ from mavlink_broker.mavlink.codec import (
     unsigned,
     with_sequence,
 )
-from mavlink_broker.mavlink.dialect import Message, Source, mavlink, source_of
+from mavlink_broker.mavlink.dialect import Message, Source, mavlink, name_in, source_of
 from mavlink_broker.mavlink.signing import KeyRing, SignatureCheck
 from mavlink_broker.microservices.message_rates import STREAMS
 from mavlink_broker.routing.policy import (
@@ -260,10 +260,7 @@ def name_of(message: Message) -> str:
         return UNKNOWN
     if kind not in {"COMMAND_LONG", "COMMAND_INT"}:
         return kind
-    entry = mavlink.enums["MAV_CMD"].get(message.command)
-    if entry is None:
-        return f"command {message.command}"
-    return str(entry.name).removeprefix("MAV_CMD_")
+    return name_in("MAV_CMD", message.command) or f"command {message.command}"
 
 
 @dataclass(slots=True)
