@@ -1,15 +1,21 @@
-"""MAVLink over UDP and TCP.
+"""The kinds of links: MAVLink over UDP, TCP and serial lines.
 
 UDP: one socket that listens, or one that sends first. TCP: a client that reconnects without end,
 and a listener for several clients. A TCP connection whose other side has vanished without closing
 it ends when sent data has not been acknowledged for 10 s (TCP_USER_TIMEOUT); heartbeats make sure
 that data is sent. A name server may take long, so host names are resolved on a thread.
+
+A serial line is a telemetry radio, a cable, or a pseudo-terminal: 8 data bits, no parity, one stop
+bit, no flow control, by the standard library's termios. A missing or unplugged device is opened
+again every second.
 """
 
 import errno
+import fcntl
 import logging
 import os
 import socket
+import termios
 import threading
 from collections.abc import Callable
 from ipaddress import ip_address
@@ -20,6 +26,7 @@ from mavlink_broker.links.link import (
     Link,
     LinkError,
     PortBusyError,
+    RateLimiter,
     RetryTimer,
     SinglePeerLink,
     Stream,
@@ -38,10 +45,13 @@ MAX_DATAGRAMS_PER_READ: Final = 256
 """Limit of one step, so that a flood cannot block the loop."""
 CONNECT_TIMEOUT_S: Final = 5.0
 USER_TIMEOUT_MS: Final = 10_000
-QUEUE_BYTES: Final = 65_536
-"""Queue size of a TCP connection."""
+TCP_QUEUE_BYTES: Final = 65_536
 MAX_CLIENTS: Final = 16
 """More connections are closed at once."""
+DEVICE_RETRY_S: Final = 1.0
+"""Longest pause before a serial device is opened again."""
+_CHARACTERS: Final = 6
+"""Index in the result of tcgetattr, after the four modes, input speed and output speed."""
 _UNDER_WAY: Final = frozenset({0, errno.EINPROGRESS, errno.EWOULDBLOCK, errno.EINTR})
 
 _LOG = logging.getLogger(__name__)
@@ -219,7 +229,7 @@ class TcpClient(SinglePeerLink):
             if result:
                 self._disconnect(os.strerror(result), now)
                 return
-            self._stream = Stream(connection.fileno(), QUEUE_BYTES)
+            self._stream = Stream(connection.fileno(), TCP_QUEUE_BYTES)
             self._retry.opened()
         elif now >= self._connect_deadline:
             self._disconnect("no answer", now)
@@ -310,7 +320,7 @@ class TcpListener(Link):
             return
         _configure_socket(client)
         address = Address(place[0], place[1], self._number)
-        self._clients[address] = client, Stream(client.fileno(), QUEUE_BYTES)
+        self._clients[address] = client, Stream(client.fileno(), TCP_QUEUE_BYTES)
         _LOG.info("%s: %s connected", self.url, address)
 
     def _disconnect(self, address: Address, reason: str) -> None:
@@ -318,6 +328,46 @@ class TcpListener(Link):
         self._dropped += stream.dropped
         client.close()
         _LOG.info("%s: %s disconnected: %s", self.url, address, reason)
+
+
+class SerialLink(SinglePeerLink):
+    """A serial device."""
+
+    def __init__(self, url: LinkUrl, number: int) -> None:
+        """Prepare a line; `step` opens it.
+
+        Raises:
+            LinkError: if the system does not support that speed.
+        """
+        if not hasattr(termios, f"B{url.port}"):
+            raise LinkError(f"{url}: {url.port} is not a supported baud rate")
+        super().__init__(url, number, RetryTimer(url, DEVICE_RETRY_S))
+        self._rate_limiter = RateLimiter(url.port)
+
+    def radio_status(self, free_percent: int) -> None:
+        """Write more slowly while the radio's buffer is full."""
+        self._rate_limiter.report(free_percent)
+
+    def step(self, ready: frozenset[int], now: float) -> list[Arrival]:
+        """Open the device when it is due, else read and write."""
+        if self._stream is None:
+            if now >= self._retry.at:
+                self._open(now)
+            return []
+        return self._transfer(self._stream, ready, now)
+
+    def _release(self) -> None:
+        if self._stream is not None:
+            os.close(self._stream.descriptor)
+
+    def _open(self, now: float) -> None:
+        try:
+            descriptor = _open_line(self.url.host, self.url.port)
+        except (OSError, termios.error) as error:
+            self._retry.failed(now, str(error.args[-1] if error.args else error))
+            return
+        self._stream = Stream(descriptor, rate_limiter=self._rate_limiter)
+        self._retry.opened()
 
 
 def _family_of(host: str) -> socket.AddressFamily:
@@ -350,3 +400,39 @@ def _configure_socket(connection: socket.socket) -> None:
     connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     if hasattr(socket, "TCP_USER_TIMEOUT"):
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, USER_TIMEOUT_MS)
+
+
+def _lock(descriptor: int) -> None:
+    """Lock a device: two readers would each get a part of its bytes.
+
+    Raises:
+        OSError: if another program has locked it.
+    """
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        raise OSError(errno.EBUSY, "another program uses it") from error
+
+
+def _open_line(path: str, baud: int) -> int:
+    """Open a device in raw mode, locked for this program.
+
+    Raises:
+        OSError: if it cannot be opened.
+        termios.error: if it is not a terminal.
+    """
+    descriptor = os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+    try:
+        _lock(descriptor)
+        characters = termios.tcgetattr(descriptor)[_CHARACTERS]
+        characters[termios.VMIN] = 1  # An empty read then means that the device is gone
+        characters[termios.VTIME] = 0
+        speed = getattr(termios, f"B{baud}")
+        control = termios.CS8 | termios.CREAD | termios.CLOCAL
+        raw = [0, 0, control, 0, speed, speed, characters]
+        termios.tcsetattr(descriptor, termios.TCSANOW, raw)
+        termios.tcflush(descriptor, termios.TCIFLUSH)
+    except BaseException:
+        os.close(descriptor)
+        raise
+    return descriptor
