@@ -167,7 +167,6 @@ class App:
                 self._router.forget(system)
 
     def _receive_all(self, messages: list[Message], now: float) -> None:
-        """Pass the messages that were read to their sessions."""
         ran_at, self._ran_at = self._ran_at, now
         if ran_at is not None and now - ran_at > STOOD_STILL_S:
             _LOG.warning(
@@ -204,7 +203,6 @@ class App:
         return system in self._unheard and self._clock.monotonic() < self._unheard_until
 
     def _take_due(self, now: float) -> list[FleetMember]:
-        """Give the vehicles whose session is to be stepped now."""
         is_due, systems = now >= self._step_at, sorted(self._to_step)
         self._to_step.clear()
         if not is_due:
@@ -213,7 +211,6 @@ class App:
         return list(self._fleet)
 
     def _step(self, members: Iterable[FleetMember], now: float) -> None:
-        """Step some vehicles."""
         has_room = self._edge.waiting_pictures < MAX_WAITING_PICTURES
         utc = self._clock.utc()
         for member in members:
@@ -290,11 +287,8 @@ class App:
             return BrokerControl.FREE
         state = session.state
         if state is State.IDLE:
-            return (
-                BrokerControl.MISSION
-                if self._may_fly_our_mission(session.vehicle)
-                else BrokerControl.FREE
-            )
+            may_fly = self._may_fly_our_mission(session.vehicle)
+            return BrokerControl.MISSION if may_fly else BrokerControl.FREE
         return BrokerControl.TRANSFER if state in TRANSFERS else BrokerControl.MISSION
 
     def _may_fly_our_mission(self, vehicle: Vehicle) -> bool:
@@ -310,17 +304,14 @@ class App:
     def _replace_vehicles(self, now: float) -> None:
         """Note where another vehicle with a system id is received, or may be, instead of before."""
         for system in self._router.take_unproven():
-            member = self._fleet.find(system)
-            if member is not None:
+            if member := self._fleet.find(system):
                 member.session.vehicle.doubt(now)
         for system in self._router.take_replaced():
-            member = self._fleet.find(system)
-            if member is not None:
+            if member := self._fleet.find(system):
                 with self._call(member, now) as call:
                     member.session.vehicle_replaced(now, call.effects)
 
     def _receive(self, message: Message, now: float) -> None:
-        """Pass a message of a vehicle's autopilot or payload to its session."""
         member = self._fleet.sender_of(message)
         if member is None:
             return
@@ -340,8 +331,7 @@ class App:
 
     def _take_job_outcome(self, system: int, outcome: JobOutcome, now: float) -> None:
         self._to_step.add(system)
-        member = self._fleet.find(system)
-        if member is not None:
+        if member := self._fleet.find(system):
             with self._call(member, now) as call:
                 member.session.take_outcome(outcome, now, call.effects)
 
@@ -367,7 +357,6 @@ class App:
                     yield work
 
     def _refuse(self, work_id: int | None, reason: str) -> None:
-        """Refuse work that is not valid, if it has an id."""
         if work_id is not None:
             self._post(Acknowledgement(work_id, "refused", reason), 0)
 
@@ -387,7 +376,6 @@ class App:
                 call.effects.for_edge.append(Acknowledgement(work.work_id, "refused", reason))
 
     def _apply_acceptance_result(self, acceptance_result: AcceptanceResult, now: float) -> None:
-        """Pass the edge server's answer to an acceptance to the sessions."""
         for member in self._fleet:
             with self._call(member, now) as call:
                 member.session.missions.take_acceptance_result(acceptance_result, now, call.effects)
@@ -458,13 +446,8 @@ class App:
         recorded_at = self._clock.utc()
         if isinstance(message, Result) and message.recorded_monotonic_s is not None:
             recorded_at -= timedelta(seconds=self._clock.monotonic() - message.recorded_monotonic_s)
-        post = post_for(
-            message,
-            vehicle_id=vehicle_id,
-            recorded_at=recorded_at,
-            key=self._new_ulid(),
-        )
-        self._edge.post(post)
+        key = self._new_ulid()
+        self._edge.post(post_for(message, vehicle_id=vehicle_id, recorded_at=recorded_at, key=key))
 
 
 def _owner(member: FleetMember) -> str:

@@ -173,7 +173,6 @@ def load(arguments: Sequence[str], environment: Mapping[str, str]) -> Config:
 
 
 def _is_http(url: str) -> bool:
-    """Whether it is an address of a web server."""
     try:
         parts = urlsplit(url)
         return parts.scheme in {"http", "https"} and bool(parts.hostname) and parts.port != 0

@@ -382,7 +382,6 @@ def _beside(path: Path, ending: str) -> Path:
 
 
 def _remove(path: Path) -> None:
-    """Remove a database with its log."""
     for ending in ("", "-wal", "-shm"):
         _beside(path, ending).unlink(missing_ok=True)
 

@@ -321,9 +321,9 @@ class Session:
             unanswered_s = self._answers.unanswered_s(silent_since)
             self._answers = AnswerMonitor(self.vehicle.route, unanswered_s)
             if self._lost_since is not None and self._was_received:
-                away_s = now - self._lost_since
                 _LOG.info(
-                    "vehicle %d: its link is back after %.0f s", self.vehicle.vehicle_id, away_s
+                    "vehicle %d: its link is back after %.0f s",
+                    *(self.vehicle.vehicle_id, now - self._lost_since),
                 )
         elif not is_reachable and not self._was_lost:
             _LOG.warning(

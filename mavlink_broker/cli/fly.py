@@ -290,7 +290,6 @@ def _fly(
 
 
 def _print_unfinished(edge: LocalEdge, missions: Sequence[Mission]) -> None:
-    """Print the missions that go on without the broker."""
     for mission in missions:
         status = edge.statuses[mission.mission_id]
         if not status.is_terminal:

@@ -87,7 +87,6 @@ def _connected(settings: Config, seconds: float) -> list[dict[str, Any]]:
 
 
 def _rows_of_edge_server(settings: Config) -> list[dict[str, Any]]:
-    """Ask the edge server of the broker that uses the link."""
     url = f"{settings.edge_url.rstrip('/')}/vehicles/"
     authorities = True if settings.edge_ca_file is None else str(settings.edge_ca_file)
     try:

@@ -7,7 +7,7 @@ While the edge server answers, nothing is written.
 import logging
 import threading
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Final
 
@@ -193,9 +193,6 @@ class SpoolWriter:
             self._reports_after = now + RETRY_AFTER_S
         if pictures and not self._try("pictures", partial(self._spool.store_pictures, pictures)):
             self._pictures_after = now + RETRY_AFTER_S
-        return self._missing(posts)
-
-    def _missing(self, posts: Iterable[Post]) -> frozenset[int]:
         numbers = (post.spool_number for post in posts)
         return frozenset(n for n in numbers if n is not None and n not in self._spool)
 

@@ -228,7 +228,7 @@ class Attribution:
             self._end(self._present, time_s)
         is_first = all(interval.command is None for interval in self._intervals)
         is_partial = is_first and resumed_since_s is not None
-        if is_first and resumed_since_s is not None:
+        if is_partial:
             self._seen_s = resumed_since_s
         earliest_s = time_s if self._seen_s is None else min(self._seen_s, time_s)
         self._present = CommandInterval(command, time_s, earliest_s, is_partial=is_partial)

@@ -360,7 +360,6 @@ class Gateway:
                 self._send_explanation(message, answerer, forwarded_frames, now)
 
     def _is_log_read(self, message: Message, now: float) -> bool:
-        """Whether a ground station reads a log of the sender."""
         if not self.has_ground_station(now):
             self._log_read_of.clear()
         return source_of(message).system in self._log_read_of

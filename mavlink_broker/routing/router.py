@@ -129,7 +129,6 @@ class Router:
         return messages
 
     def _receive_datagram(self, address: Address, data: bytes, now: float) -> list[Message]:
-        """Handle one datagram of a ground station or of vehicles."""
         if not self._ground_stations.is_at(address):
             return self._receive_vehicles(address, data, now)
         for target, frame in self._ground_stations.receive(
@@ -263,7 +262,6 @@ class Router:
             _LOG.warning("%s", self._duplicates.warning(source_of(message).system, now))
 
     def _choose_autopilot(self, message: Message, source: Source) -> None:
-        """Choose the component that is the system's autopilot."""
         before = self._autopilots.get(source.system)
         is_one = message.get_type() == "HEARTBEAT" and is_vehicle(message)
         if is_one and replaces_autopilot(source.component, before):
@@ -328,7 +326,6 @@ class Router:
         return not components[self._autopilots[system]].is_silent(now, CONTACT_AFTER_S)
 
     def _has_vehicle(self, address: Address, now: float) -> bool:
-        """Whether a vehicle at that address is being received."""
         return any(
             self._is_received(system, now) and self._address_of(system, 0, now) == address
             for system in self._links_of
