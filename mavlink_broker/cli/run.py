@@ -2,6 +2,7 @@
 
 import logging
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Final
 
 from ulid import ULID
@@ -74,12 +75,9 @@ def run(arguments: Sequence[str], environment: Mapping[str, str]) -> int:
 
 def new_uploaders(settings: Config, instance_id: str) -> dict[type[Job], Handler]:
     """Make what sends vehicles' logs, and frames if there is a frame log, to the edge server."""
-
-    def connect() -> EdgeConnection:
-        return EdgeConnection(
-            settings.edge_url, settings.key_file, settings.edge_ca_file, instance_id
-        )
-
+    connect = partial(
+        EdgeConnection, settings.edge_url, settings.key_file, settings.edge_ca_file, instance_id
+    )
     uploaders: dict[type[Job], Handler] = {LogJob: LogUploader(connect)}
     if settings.traffic.tlog_dir is not None:
         uploaders[SendFrames] = FrameUploader(connect, settings.traffic.tlog_dir)

@@ -19,6 +19,7 @@ import threading
 import time
 from collections.abc import Callable
 from enum import Enum, auto
+from functools import partial
 from http import HTTPStatus
 from pathlib import Path
 from typing import Any, Final, NamedTuple, TypeVar
@@ -93,10 +94,7 @@ class EdgeClient:
         `clock` gives monotonic seconds; `jitter` draws the pauses between attempts. The edge server
         distinguishes brokers with one access key by `instance_id`.
         """
-        self._instance_id = instance_id
-        self._url = url
-        self._key_file = key_file
-        self._ca_file = ca_file
+        self._connect = partial(EdgeConnection, url, key_file, ca_file, instance_id)
         self._wake = wake
         self._clock = clock
         self._cursor = 0  # Of the work that was received
@@ -132,10 +130,8 @@ class EdgeClient:
 
     def stop(self, within_s: float) -> None:
         """Send for a while, store the other posts, end; daemon threads do not delay the exit."""
-        deadline = time.monotonic() + within_s
         with self._changed:
-            while len(self._outbox) and time.monotonic() < deadline:
-                self._answered.wait(timeout=0.05)
+            self._answered.wait_for(lambda: not len(self._outbox), within_s)
         self._stopping.set()
         with self._changed:
             self._changed.notify_all()
@@ -188,12 +184,9 @@ class EdgeClient:
         with self._changed:
             return self._outbox.dropped
 
-    def _connection(self) -> EdgeConnection:
-        return EdgeConnection(self._url, self._key_file, self._ca_file, self._instance_id)
-
     def _poll_work(self) -> None:
         self._cursor = 0
-        with self._connection() as connection:
+        with self._connect() as connection:
             while not self._stopping.is_set():
                 poll = self.next_poll()
                 answer: Answer | Exception
@@ -288,7 +281,7 @@ class EdgeClient:
             )
 
     def _send_posts(self) -> None:
-        with self._connection() as connection:
+        with self._connect() as connection:
             while not self._stopping.is_set():
                 with self._changed:
                     post = self._outbox.take(self._clock())
