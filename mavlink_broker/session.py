@@ -34,7 +34,7 @@ from mavlink_broker.microservices.message_rates import RATE_MESSAGES, StreamRequ
 from mavlink_broker.microservices.parameter import PARAMETER_MESSAGES
 from mavlink_broker.mission.geofence_transfer import VehicleConfigRestorer
 from mavlink_broker.mission.mission_queue import MissionQueue
-from mavlink_broker.mission.phases.aborting import REPLACED_VEHICLE, RESTARTED
+from mavlink_broker.mission.phases.ending import REPLACED_VEHICLE, RESTARTED
 from mavlink_broker.mission.states import BEFORE_TAKEOFF, State
 from mavlink_broker.pictures.pictures import PICTURE_MESSAGES, PictureCollector
 from mavlink_broker.vehicle.alarms import AlarmMonitor, Failure

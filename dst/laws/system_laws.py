@@ -25,7 +25,7 @@ from dst.world.world import World
 from mavlink_broker.edge.bounded_http import Answer
 from mavlink_broker.edge.outbox import MAX_STATE_VECTORS, Post
 from mavlink_broker.mission.abort_executor import REASONS
-from mavlink_broker.mission.phases.aborting import MAY_BE_FLOWN
+from mavlink_broker.mission.phases.ending import MAY_BE_FLOWN
 
 CHECK_PERIOD_S: Final = 10.0
 BREAK_CHECK_PERIOD_S: Final = 600.0

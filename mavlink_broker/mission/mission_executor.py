@@ -31,20 +31,19 @@ from mavlink_broker.mission.flight_orders import (
     REPLACED,
     RESUMED,
 )
-from mavlink_broker.mission.phases.aborting import MAY_BE_FLOWN, Aborting
 from mavlink_broker.mission.phases.attaching import Attaching
-from mavlink_broker.mission.phases.failing import Failing
-from mavlink_broker.mission.phases.live_command import FlyingLive
-from mavlink_broker.mission.phases.phase import Fault, Idle, Phase, Request, Result
-from mavlink_broker.mission.phases.running import Running
-from mavlink_broker.mission.phases.starting import Arming, Starting
-from mavlink_broker.mission.phases.transferring import (
+from mavlink_broker.mission.phases.before_takeoff import (
+    Arming,
     Holding,
     PlacingGeofence,
     Selecting,
+    Starting,
     Uploading,
     Verifying,
 )
+from mavlink_broker.mission.phases.ending import MAY_BE_FLOWN, Aborting, Failing
+from mavlink_broker.mission.phases.in_flight import FlyingLive, Running
+from mavlink_broker.mission.phases.phase import Fault, Idle, Phase, Request, Result
 from mavlink_broker.mission.phases.waiting import Waiting
 from mavlink_broker.mission.progress_monitor import foreign_uploader, total_of
 from mavlink_broker.mission.states import (

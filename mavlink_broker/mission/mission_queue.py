@@ -27,7 +27,7 @@ from mavlink_broker.mission.pending_events import (
     is_abort,
     is_too_old,
 )
-from mavlink_broker.mission.phases.aborting import RETURN_ENDED
+from mavlink_broker.mission.phases.ending import RETURN_ENDED
 from mavlink_broker.mission.states import State
 from mavlink_broker.planning.geofence import check_flyable
 from mavlink_broker.planning.mission import Home, RefusedError, translate

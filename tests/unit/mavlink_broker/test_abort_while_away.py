@@ -12,7 +12,7 @@ import pytest
 
 from afarcloud.enumerations import EventType, Status
 from mavlink_broker.mavlink.dialect import mavlink
-from mavlink_broker.mission.phases.aborting import FLOWN_TO_ITS_END
+from mavlink_broker.mission.phases.ending import FLOWN_TO_ITS_END
 from mavlink_broker.mission.states import State
 from tests.support.broker_world import World, first_flight
 from tests.support.scripted_vehicle import ScriptedVehicle

@@ -11,7 +11,7 @@ import pytest
 from afarcloud.enumerations import EventType, Status
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.mission.abort_executor import UNHEARD_S
-from mavlink_broker.mission.phases.aborting import FLOWN_TO_ITS_END, MAY_BE_FLOWN
+from mavlink_broker.mission.phases.ending import FLOWN_TO_ITS_END, MAY_BE_FLOWN
 from mavlink_broker.mission.progress_monitor import ProgressMonitor
 from mavlink_broker.mission.states import State
 from tests.support.broker_world import World, go_home, mission, takeoff, waypoint
