@@ -1,6 +1,16 @@
-"""What the phases of one mission share.
+"""What the phases of one mission share: the hooks of a phase, and the state of the mission.
 
-Each attribute has one owner: what only one phase needs belongs to that phase.
+    enter    the state begins
+    receive  a message of the vehicle has arrived
+    settle   the exchange of the phase has run: it may have an outcome
+    tick     time has passed
+    leave    the state ends
+
+`enter`, `settle` and `tick` return what follows: an event of the table of states, a fault, a
+request to the mission, or None while the phase goes on.
+
+Each attribute of the `MissionContext` has one owner: what only one phase needs belongs to that
+phase.
 
 `AuthorityMonitor` follows who is in command of the vehicle. Each phase claims the modes in which
 the broker is (`mavlink_broker.vehicle.control_authority`); the monitor keeps what those claims
@@ -8,13 +18,16 @@ depend on from one phase to the next.
 """
 
 import math
-from typing import Final, NamedTuple
+from dataclasses import dataclass
+from enum import Enum, auto
+from typing import Final, NamedTuple, Protocol, TypeAlias
 
 from afarcloud.enumerations import Status
 from mavlink_broker.edge.wire import MissionWork
 from mavlink_broker.effects import Effects
 from mavlink_broker.live.camera_state import SeriesMonitor
 from mavlink_broker.mavlink.dialect import Message
+from mavlink_broker.mission.exchanges import Exchange
 from mavlink_broker.mission.flight_orders import PauseOrders, SoftAbort, SpeedChanges
 from mavlink_broker.mission.progress_monitor import (
     MissionChangeMonitor,
@@ -31,6 +44,79 @@ from mavlink_broker.vehicle.control_authority import AIRBORNE_MODES, DESCENT_MOD
 from mavlink_broker.vehicle.mission_ledger import MissionLedger
 from mavlink_broker.vehicle.reporter import Reporter
 from mavlink_broker.vehicle.vehicle import Vehicle
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """Something was refused or went wrong, perhaps in one command (its index)."""
+
+    reason: str
+    command: int | None = None
+
+
+class Request(Enum):
+    """What a phase leaves to the mission, which knows the events that wait."""
+
+    NEXT_SEGMENT = auto()  # The present segment has ended
+    RETURN_HOME = auto()  # The mission has failed, and the vehicle waits in the air
+
+
+Result: TypeAlias = Event | Fault | Request | None
+
+
+class Phase(Protocol):
+    """One state of a mission; a hook that a phase does not need does nothing."""
+
+    exchange: Exchange | None = None
+    """The protocol that runs with the vehicle; the mission passes messages and time to it."""
+
+    @property
+    def claim(self) -> Claim | None:
+        """Modes in which the broker is in command; None: it orders nothing in this phase."""
+        return None
+
+    @property
+    def was_taken(self) -> bool:
+        """Whether another system has ended what the vehicle did in this phase."""
+        return False
+
+    @property
+    def was_given_up(self) -> bool:
+        """Whether the vehicle waits in the air and does not continue its mission."""
+        return False
+
+    @property
+    def flies_another(self) -> bool:
+        """Whether the vehicle flies the mission of another system."""
+        return False
+
+    def enter(self, now: float, effects: Effects) -> Result:
+        """Begin."""
+        del now, effects
+        return None
+
+    def receive(self, message: Message, now: float, effects: Effects) -> None:
+        """Handle a message of the vehicle."""
+        del message, now, effects
+
+    def settle(self, now: float, effects: Effects) -> Result:
+        """Judge the outcome of the exchange, if it has one."""
+        del now, effects
+        return None
+
+    def tick(self, now: float, effects: Effects) -> Result:
+        """Do what is due at a time."""
+        del now, effects
+        return None
+
+    def leave(self) -> None:
+        """End: drop the exchange."""
+        self.exchange = None
+
+
+class Idle(Phase):
+    """The state IDLE: no mission, or one that has ended."""
+
 
 DESCENDING: Final = Claim(DESCENT_MODES)
 ON_GROUND: Final = Claim(frozenset(), may_be_armed=False)

@@ -22,7 +22,15 @@ from mavlink_broker.mission.abort_executor import (
     note_on_ground,
     return_event,
 )
-from mavlink_broker.mission.context import MissionContext, SegmentMonitors
+from mavlink_broker.mission.context import (
+    Fault,
+    Idle,
+    MissionContext,
+    Phase,
+    Request,
+    Result,
+    SegmentMonitors,
+)
 from mavlink_broker.mission.flight_orders import (
     FLIES_NO_COMMAND,
     MISSION_ENDED,
@@ -43,7 +51,6 @@ from mavlink_broker.mission.phases.before_takeoff import (
 )
 from mavlink_broker.mission.phases.ending import MAY_BE_FLOWN, Aborting, Failing
 from mavlink_broker.mission.phases.in_flight import FlyingLive, Running
-from mavlink_broker.mission.phases.phase import Fault, Idle, Phase, Request, Result
 from mavlink_broker.mission.phases.waiting import Waiting
 from mavlink_broker.mission.progress_monitor import foreign_uploader, total_of
 from mavlink_broker.mission.states import (

@@ -25,10 +25,13 @@ from mavlink_broker.mission.context import (
     HOVERING,
     PROGRESS_WITHIN_S,
     TAKEN,
+    Fault,
     MissionContext,
+    Phase,
+    Request,
+    Result,
     SegmentMonitors,
 )
-from mavlink_broker.mission.phases.phase import Fault, Phase, Request, Result
 from mavlink_broker.mission.progress_monitor import ProgressMonitor
 from mavlink_broker.mission.states import ARMED_BY_BROKER, ASKING, IN_FLIGHT, Event, State
 from mavlink_broker.vehicle.alarms import is_navigation_failure, mission_error

@@ -25,9 +25,11 @@ from mavlink_broker.mission.context import (
     ON_GROUND,
     TELEMETRY_WITHIN_S,
     VEHICLE_WITHIN_S,
+    Fault,
     MissionContext,
+    Phase,
+    Result,
 )
-from mavlink_broker.mission.phases.phase import Fault, Phase, Result
 from mavlink_broker.mission.states import Event
 from mavlink_broker.planning.mission import RefusedError
 from mavlink_broker.vehicle.control_authority import (
