@@ -90,6 +90,14 @@ class Phase(Protocol):
         """Whether the vehicle flies the mission of another system."""
         return False
 
+    def is_progress_unknown(self, now: float) -> bool:
+        """Whether it flies by an order of before, and may show soon how far it has come.
+
+        An abort waits for that a moment, so that what was flown is reported.
+        """
+        del now
+        return False
+
     def enter(self, now: float, effects: Effects) -> Result:
         """Begin."""
         del now, effects
@@ -188,7 +196,11 @@ class AuthorityMonitor:
 VEHICLE_WITHIN_S: Final = 60.0
 """How long a mission waits for its vehicle before it fails."""
 PROGRESS_WITHIN_S: Final = 3.0
-"""How long an abort waits for what the vehicle has flown while it was not followed."""
+"""How long an abort waits for what the vehicle has flown while it was not followed.
+
+`Phase.is_progress_unknown` says so before the abort is ordered, `Aborting` behind a link that was
+away during it.
+"""
 TELEMETRY_WITHIN_S: Final = 5.0
 """How long a connected vehicle may take to send battery and attitude; some never do."""
 

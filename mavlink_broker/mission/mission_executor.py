@@ -137,9 +137,7 @@ class MissionExecutor:
 
     def is_progress_unknown(self, now: float) -> bool:
         """Whether it flies by an order of before, and may show soon how far it has come."""
-        if self.is_attaching:
-            return self._attaching.is_progress_unknown(now)
-        return self._running.is_progress_unknown(now)
+        return self._phase.is_progress_unknown(now)
 
     @property
     def leaves_hovering(self) -> bool:

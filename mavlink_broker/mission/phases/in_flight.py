@@ -73,11 +73,8 @@ class Running(Phase):
 
     def is_progress_unknown(self, now: float) -> bool:
         """Whether a vehicle that flew before it was followed has not sent its progress since."""
-        return (
-            self._monitors is not None
-            and self._monitors.progress.lacks_progress
-            and now - self._entered_at < PROGRESS_WITHIN_S
-        )
+        lacks_progress = self._monitors is not None and self._monitors.progress.lacks_progress
+        return lacks_progress and now - self._entered_at < PROGRESS_WITHIN_S
 
     def enter(self, now: float, effects: Effects) -> Result:
         """Begin to follow the segment."""
