@@ -179,31 +179,31 @@ class Aborting(Phase):
         self._executor: AbortExecutor | None = None
         self._note: str | None = None  # What is done otherwise than the event says
         self._work_id: int | None = None  # Of the event; None: an alarm has ended the mission
-        self._flown: tuple[SegmentMonitors, str] | None = None  # What it flies until it obeys, and
-        # why the mission ends then; None: the mission has ended
+        self._monitors: SegmentMonitors | None = None  # Of what it flies until it obeys; None: the
+        # mission has ended
+        self._reason = ""  # Why the mission ends then
         self._shown_at: float | None = None  # Since when it is received
         self._is_flown_to_end = False  # The mission was finished before an order arrived
 
     def follow(self, monitors: SegmentMonitors, reason: str) -> None:
         """Follow the items that the vehicle flies until it obeys; the mission ends then."""
-        self._flown, self._shown_at = (monitors, reason), None
+        self._monitors, self._reason, self._shown_at = monitors, reason, None
 
     def end_mission(self, effects: Effects) -> None:
         """Report the end of a mission that was followed, with what has been flown until now."""
-        flown, self._flown = self._flown, None
+        monitors, self._monitors = self._monitors, None
         ledger = self._mission.ledger
-        if flown is None or ledger.status.is_terminal:
+        if monitors is None or ledger.status.is_terminal:
             return
-        monitors, reason = flown
         if monitors.progress.lacks_progress or monitors.changes.is_suspicious:
             ledger.note_open(MAY_BE_FLOWN)
-        ledger.abort(reason)
+        ledger.abort(self._reason)
         self._mission.report(effects)
 
     @property
     def is_following(self) -> bool:
         """Whether the mission has not ended yet."""
-        return self._flown is not None
+        return self._monitors is not None
 
     def order(self, event: AbortEvent, work_id: int | None, now: float) -> None:
         """Set what the vehicle is to do; the transition to this phase begins it.
@@ -241,21 +241,21 @@ class Aborting(Phase):
         """Handle a message of the vehicle."""
         if self._executor is not None:
             effects.messages += self._executor.receive(message, now)
-        if self._flown is not None:
-            self._flown[0].receive(message, now, effects)
+        if self._monitors is not None:
+            self._monitors.receive(message, now, effects)
 
     def _follow(self, executor: AbortExecutor, now: float, effects: Effects) -> None:
         """Note what the vehicle has flown, and end the mission when it flies no more of it."""
-        if self._flown is None or self._mission.ledger.status.is_terminal:
-            self._flown = None
+        if self._monitors is None or self._mission.ledger.status.is_terminal:
+            self._monitors = None
             return
-        monitors, ledger = self._flown[0], self._mission.ledger
+        monitors, ledger = self._monitors, self._mission.ledger
         progress, changes = monitors.progress, monitors.changes
         monitors.abort_skipped(ledger)
         effects.for_edge += progress.step(now)
         effects.messages += changes.tick(now)
         if ledger.status.is_terminal:
-            self._flown = None
+            self._monitors = None
             self._is_flown_to_end = True
             return
         lands_itself = ModeRole.ENDING in progress.claim.roles
@@ -285,7 +285,7 @@ class Aborting(Phase):
             return None
         effects.messages += self._executor.tick(now)
         self._follow(self._executor, now, effects)
-        if self._flown is not None or not self._executor.is_over(now):
+        if self._monitors is not None or not self._executor.is_over(now):
             return None
         is_unanswered = self._executor.has_come_down_unanswered
         if is_unanswered and self._is_flown_to_end:
@@ -326,8 +326,7 @@ class Aborting(Phase):
 
     def drop(self) -> None:
         """Give no further order."""
-        self._executor = None
-        self._flown = None
+        self._executor = self._monitors = None
 
     def vehicle_restarted(self, effects: Effects) -> None:
         """End an abort, or a return that an alarm has ordered: the vehicle was restarted."""
