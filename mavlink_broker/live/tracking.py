@@ -27,6 +27,7 @@ from typing import Final, NamedTuple
 from afarcloud.enumerations import TrackMode
 from afarcloud.geodesy import distance_m, offset, shifted
 from mavlink_broker.autopilots.families import LIVE_MODES
+from mavlink_broker.live.follow_target import target_message
 from mavlink_broker.live.orbit import TurnAngle
 from mavlink_broker.live.series import StepSeries, heading_command, reposition_command
 from mavlink_broker.mavlink.dialect import Message, mavlink
@@ -42,7 +43,6 @@ from mavlink_broker.microservices.command import (
 from mavlink_broker.planning.live_actions import Move, Tracked, Turned
 from mavlink_broker.planning.situation import Spot
 from mavlink_broker.planning.target_commands import camera_of, stop_tracking
-from mavlink_broker.planning.target_track import target_message
 from mavlink_broker.vehicle.recovery_record import LiveCommandProgress, Pose
 from mavlink_broker.vehicle.vehicle import Vehicle
 

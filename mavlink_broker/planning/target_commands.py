@@ -1,6 +1,7 @@
 """Following a target and tracking a subject: both are live and have a fixed duration."""
 
-from typing import Final
+from collections.abc import Callable
+from typing import Final, NamedTuple, TypeAlias
 
 from afarcloud.commands import NavFollowTarget, NavTrackSubject
 from afarcloud.enumerations import FollowHeading, TrackMode
@@ -17,6 +18,23 @@ TRACKED_FOR_S: Final = 60.0
 SLACK_S: Final = 120.0
 _ANGLES_DEG: Final = {TrackMode.TRACE: BEHIND_DEG, TrackMode.PROFILE: BESIDE_DEG}
 _FIXED_HEIGHT: Final = 2.0  # Altitude mode of DO_FOLLOW
+Vector: TypeAlias = tuple[float, float, float]
+STANDING: Final[Vector] = (0.0, 0.0, 0.0)
+
+
+class TargetState(NamedTuple):
+    """Position and velocity of a target."""
+
+    latitude_deg: float
+    longitude_deg: float
+    velocity_ned_m_s: Vector = STANDING
+
+
+TargetSource: TypeAlias = Callable[[float, float], TargetState | None]
+"""A target that moves: its state by the time since the follow began and the broker's clock [s].
+
+None while it is not known.
+"""
 
 
 def follow(command: NavFollowTarget, situation: Situation) -> LiveAction:

@@ -21,7 +21,7 @@ from mavlink_broker.microservices.heartbeat import LinkMonitor, LinkState, Reboo
 from mavlink_broker.microservices.parameter import ParameterEncoding, encoding_of
 from mavlink_broker.microservices.status_text import StatusTexts
 from mavlink_broker.planning.situation import Home, ItemLimits
-from mavlink_broker.planning.target_track import TargetSource
+from mavlink_broker.planning.target_commands import TargetSource
 from mavlink_broker.vehicle import control_authority
 from mavlink_broker.vehicle.control_authority import (
     ArmedPeriod,

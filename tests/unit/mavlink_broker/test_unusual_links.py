@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 
 from mavlink_broker.cli.program import configure_logging
 from mavlink_broker.config import Config
+from mavlink_broker.live.follow_target import VehicleTrack
 from mavlink_broker.mavlink.codec import SOURCES_KEPT, Decoder, Encoder
 from mavlink_broker.mavlink.dialect import Message, mavlink
 from mavlink_broker.mavlink.signing import KeyRing, LinkSigning, SignatureCheck
-from mavlink_broker.planning.target_track import VehicleTrack
 from mavlink_broker.vehicle.telemetry import Snapshot
 from tests.support.broker_world import FINISHED, World, first_flight
 from tests.support.vehicle_script import PX4
