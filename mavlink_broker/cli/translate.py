@@ -28,7 +28,6 @@ from mavlink_broker.cli.program import FAILED, SUCCEEDED, print_output
 from mavlink_broker.mavlink.dialect import Message, Route, name_in
 from mavlink_broker.microservices.command import CommandAlternatives
 from mavlink_broker.planning.geofence import AreaCheck
-from mavlink_broker.planning.live_actions import Circled, End, Lasted, Series, Tracked, Turned
 from mavlink_broker.planning.mission import (
     FlightPlan,
     Home,
@@ -37,7 +36,7 @@ from mavlink_broker.planning.mission import (
     RefusedError,
     translate,
 )
-from mavlink_broker.planning.situation import Spot
+from mavlink_broker.planning.situation import Circled, End, Lasted, Series, Spot, Tracked, Turned
 
 _ITEM_FIELDS = (
     *("seq", "frame", "command", "current", "autocontinue"),

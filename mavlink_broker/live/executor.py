@@ -37,7 +37,7 @@ from mavlink_broker.microservices.command import (
     CommandSequence,
     Refused,
 )
-from mavlink_broker.planning.live_actions import (
+from mavlink_broker.planning.situation import (
     Circled,
     Lasted,
     LiveAction,

@@ -18,16 +18,16 @@ from mavlink_broker.microservices.command import (
     Refused,
     long_command,
 )
-from mavlink_broker.planning.live_actions import (
+from mavlink_broker.planning.situation import (
     KEEP_SPEED,
     Move,
     SendCommand,
+    Spot,
     Step,
     TurnInPlace,
     reposition,
     speed_command,
 )
-from mavlink_broker.planning.situation import Spot
 from mavlink_broker.vehicle.recovery_record import LiveCommandProgress, Pose
 from mavlink_broker.vehicle.vehicle import Vehicle
 

@@ -40,8 +40,7 @@ from mavlink_broker.microservices.command import (
     Refused,
     long_command,
 )
-from mavlink_broker.planning.live_actions import Move, Tracked, Turned
-from mavlink_broker.planning.situation import Spot
+from mavlink_broker.planning.situation import Move, Spot, Tracked, Turned
 from mavlink_broker.planning.target_commands import camera_of, stop_tracking
 from mavlink_broker.vehicle.recovery_record import LiveCommandProgress, Pose
 from mavlink_broker.vehicle.vehicle import Vehicle

@@ -25,8 +25,7 @@ from mavlink_broker.mavlink.dialect import Message, mavlink
 from mavlink_broker.microservices.command import CommandAlternatives, long_command
 from mavlink_broker.microservices.heartbeat import LinkState
 from mavlink_broker.planning.geofence import AreaCheck
-from mavlink_broker.planning.live_actions import Lasted, LiveAction
-from mavlink_broker.planning.situation import Spot
+from mavlink_broker.planning.situation import Lasted, LiveAction, Spot
 from mavlink_broker.vehicle import control_authority
 from mavlink_broker.vehicle.control_authority import AIRBORNE_MODES, DESCENT_MODES, Authority, Claim
 from mavlink_broker.vehicle.recovery_record import PendingAbort, Pose

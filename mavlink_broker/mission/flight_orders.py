@@ -35,8 +35,8 @@ from mavlink_broker.microservices.command import (
 )
 from mavlink_broker.mission.segments import Segments
 from mavlink_broker.mission.states import ENDING, IN_FLIGHT, WITH_ITEMS, State
-from mavlink_broker.planning.live_actions import speed_command
 from mavlink_broker.planning.mission import FlightPlan
+from mavlink_broker.planning.situation import speed_command
 from mavlink_broker.vehicle import control_authority
 from mavlink_broker.vehicle.control_authority import Authority
 from mavlink_broker.vehicle.mission_ledger import MissionLedger

@@ -17,15 +17,17 @@ from mavlink_broker.mavlink import mission_item
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.mavlink.mission_item import MissionItem
 from mavlink_broker.microservices.command import CommandLong, long_command
-from mavlink_broker.planning.live_actions import (
+from mavlink_broker.planning.situation import (
+    Items,
     Lasted,
     LiveAction,
+    Refusal,
     SendCommand,
     Series,
+    Situation,
     Step,
     TurnInPlace,
 )
-from mavlink_broker.planning.situation import Items, Refusal, Situation
 
 CAMERA: Final[int] = mavlink.MAV_COMP_ID_CAMERA
 PANORAMA_WITHIN_S: Final = 180.0

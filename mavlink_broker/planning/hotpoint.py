@@ -15,8 +15,15 @@ from mavlink_broker.mavlink import mission_item
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.microservices.command import CommandInt
 from mavlink_broker.planning.flight_commands import speed_items
-from mavlink_broker.planning.live_actions import Circled, LiveAction, Turned
-from mavlink_broker.planning.situation import Items, Refusal, Situation, Spot
+from mavlink_broker.planning.situation import (
+    Circled,
+    Items,
+    LiveAction,
+    Refusal,
+    Situation,
+    Spot,
+    Turned,
+)
 
 FULL_TURN_RAD: Final = 2.0 * math.pi
 SPEED_MAX_M_S: Final = 10.0

@@ -27,10 +27,10 @@ from mavlink_broker.planning.flight_commands import (
     with_speed,
 )
 from mavlink_broker.planning.hotpoint import hotpoint
-from mavlink_broker.planning.live_actions import LiveAction
 from mavlink_broker.planning.situation import (
     Home,
     Items,
+    LiveAction,
     Refusal,
     RefusedError,
     Situation,

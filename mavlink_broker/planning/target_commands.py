@@ -9,8 +9,14 @@ from mavlink_broker.autopilots.families import Family, FollowMethod
 from mavlink_broker.autopilots.parameter_settings import BEHIND_DEG, BESIDE_DEG, ParameterOverrides
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.microservices.command import CommandAlternatives, CommandLong, long_command
-from mavlink_broker.planning.live_actions import Lasted, LiveAction, Tracked, reposition
-from mavlink_broker.planning.situation import Situation, Spot
+from mavlink_broker.planning.situation import (
+    Lasted,
+    LiveAction,
+    Situation,
+    Spot,
+    Tracked,
+    reposition,
+)
 
 FOLLOWED_FOR_S: Final = 60.0
 """AFarCloud defines no end; an event may end it earlier."""

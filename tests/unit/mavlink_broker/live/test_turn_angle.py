@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from afarcloud.geodesy import shifted
 from mavlink_broker.live.orbit import TurnAngle
-from mavlink_broker.planning.live_actions import Turned
+from mavlink_broker.planning.situation import Turned
 from mavlink_broker.vehicle.recovery_record import Pose
 
 CENTRE = (40.44340, -3.73820)
