@@ -14,6 +14,7 @@ from typing import Any, Final
 
 from afarcloud.commands import NavTakeoff
 from afarcloud.plan import Mission
+from afarcloud.route import Spot
 from farm_flight_bridge import program_name
 from mavlink_broker.autopilots.families import (
     ARDUPILOT,
@@ -28,15 +29,17 @@ from mavlink_broker.cli.program import FAILED, SUCCEEDED, print_output
 from mavlink_broker.mavlink.dialect import Message, Route, name_in
 from mavlink_broker.microservices.command import CommandAlternatives
 from mavlink_broker.planning.geofence import AreaCheck
-from mavlink_broker.planning.mission import (
-    FlightPlan,
+from mavlink_broker.planning.mission import FlightPlan, Itinerary, LiveCommand, translate
+from mavlink_broker.planning.situation import (
+    Circled,
+    End,
     Home,
-    Itinerary,
-    LiveCommand,
+    Lasted,
     RefusedError,
-    translate,
+    Series,
+    Tracked,
+    Turned,
 )
-from mavlink_broker.planning.situation import Circled, End, Lasted, Series, Spot, Tracked, Turned
 
 _ITEM_FIELDS = (
     *("seq", "frame", "command", "current", "autocontinue"),

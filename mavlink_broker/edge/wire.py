@@ -20,6 +20,7 @@ from pydantic import AwareDatetime, BaseModel, StrictInt, ValidationError
 from afarcloud import wire
 from afarcloud.numbers import format_time
 from afarcloud.plan import Event, Geofence, Mission, RallyPoint
+from afarcloud.route import Spot
 from afarcloud.state import (
     Alarm,
     Battery,
@@ -31,7 +32,6 @@ from afarcloud.state import (
 )
 from mavlink_broker.edge.outbox import Post, Urgency
 from mavlink_broker.effects import Acknowledgement, EdgeMessage, Report, Result, VehicleUpdate
-from mavlink_broker.planning.situation import Spot
 
 _ULID: Final = re.compile(r"[0-7][0-9A-HJKMNP-TV-Z]{25}")
 MAX_KNOWN_WORK: Final = 10_000

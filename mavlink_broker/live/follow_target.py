@@ -13,8 +13,9 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from afarcloud.geodesy import offset
+from afarcloud.route import Spot
 from mavlink_broker.mavlink.dialect import Message, mavlink
-from mavlink_broker.planning.situation import Home, Spot
+from mavlink_broker.planning.situation import Home
 from mavlink_broker.planning.target_commands import STANDING, TargetSource, TargetState, Vector
 from mavlink_broker.vehicle.vehicle import Vehicle
 

@@ -16,11 +16,12 @@ from typing import Final
 
 from afarcloud.enumerations import OrbitType
 from afarcloud.geodesy import distance_m, offset, shifted
+from afarcloud.route import Spot
 from mavlink_broker.autopilots.families import ModeRole, OrbitMethod
 from mavlink_broker.live.series import heading_command, reposition_command
 from mavlink_broker.mavlink.dialect import Message
 from mavlink_broker.microservices.command import Accepted, Command, CommandSequence, Refused
-from mavlink_broker.planning.situation import Circled, Spot, Turned, speed_command
+from mavlink_broker.planning.situation import Circled, Turned, speed_command
 from mavlink_broker.vehicle.recovery_record import LiveCommandProgress, Pose
 from mavlink_broker.vehicle.vehicle import Vehicle
 

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from afarcloud.geodesy import distance_m, shifted
+from afarcloud.route import Spot
 from mavlink_broker.mavlink.dialect import Message, mavlink
 from mavlink_broker.microservices.command import (
     Accepted,
@@ -22,7 +23,6 @@ from mavlink_broker.planning.situation import (
     KEEP_SPEED,
     Move,
     SendCommand,
-    Spot,
     Step,
     TurnInPlace,
     reposition,

@@ -26,6 +26,7 @@ from typing import Final, NamedTuple
 
 from afarcloud.enumerations import TrackMode
 from afarcloud.geodesy import distance_m, offset, shifted
+from afarcloud.route import Spot
 from mavlink_broker.autopilots.families import LIVE_MODES
 from mavlink_broker.live.follow_target import target_message
 from mavlink_broker.live.orbit import TurnAngle
@@ -40,7 +41,7 @@ from mavlink_broker.microservices.command import (
     Refused,
     long_command,
 )
-from mavlink_broker.planning.situation import Move, Spot, Tracked, Turned
+from mavlink_broker.planning.situation import Move, Tracked, Turned
 from mavlink_broker.planning.target_commands import camera_of, stop_tracking
 from mavlink_broker.vehicle.recovery_record import LiveCommandProgress, Pose
 from mavlink_broker.vehicle.vehicle import Vehicle

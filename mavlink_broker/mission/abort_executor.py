@@ -19,13 +19,14 @@ from typing import Final
 from afarcloud.enumerations import EventType
 from afarcloud.plan import AbortPoint
 from afarcloud.plan import Event as AbortEvent
+from afarcloud.route import Spot
 from mavlink_broker.autopilots.families import Family, ModeRole
 from mavlink_broker.live.executor import LiveCommandExecutor, LivePhase
 from mavlink_broker.mavlink.dialect import Message, mavlink
 from mavlink_broker.microservices.command import CommandAlternatives, long_command
 from mavlink_broker.microservices.heartbeat import LinkState
 from mavlink_broker.planning.geofence import AreaCheck
-from mavlink_broker.planning.situation import Lasted, LiveAction, Spot
+from mavlink_broker.planning.situation import Lasted, LiveAction
 from mavlink_broker.vehicle import control_authority
 from mavlink_broker.vehicle.control_authority import AIRBORNE_MODES, DESCENT_MODES, Authority, Claim
 from mavlink_broker.vehicle.recovery_record import PendingAbort, Pose

@@ -23,6 +23,7 @@ from enum import Enum, auto
 from typing import Final, NamedTuple, Protocol, TypeAlias
 
 from afarcloud.enumerations import Status
+from afarcloud.route import Spot
 from mavlink_broker.edge.wire import MissionWork
 from mavlink_broker.effects import Effects
 from mavlink_broker.live.camera_state import SeriesMonitor
@@ -38,7 +39,6 @@ from mavlink_broker.mission.segments import Segments
 from mavlink_broker.mission.states import Event
 from mavlink_broker.planning.geofence import AreaCheck
 from mavlink_broker.planning.mission import FlightPlan, LiveCommand
-from mavlink_broker.planning.situation import Spot
 from mavlink_broker.vehicle import control_authority
 from mavlink_broker.vehicle.control_authority import AIRBORNE_MODES, DESCENT_MODES, Authority, Claim
 from mavlink_broker.vehicle.mission_ledger import MissionLedger

@@ -67,7 +67,7 @@ from mavlink_broker.mission.states import (
     follow,
 )
 from mavlink_broker.planning.geofence import fence_items, rally_items
-from mavlink_broker.planning.mission import RefusedError
+from mavlink_broker.planning.situation import RefusedError
 from mavlink_broker.vehicle.control_authority import Authority
 from mavlink_broker.vehicle.reporter import Reporter
 from mavlink_broker.vehicle.vehicle import Vehicle

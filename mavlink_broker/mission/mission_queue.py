@@ -30,7 +30,8 @@ from mavlink_broker.mission.pending_events import (
 from mavlink_broker.mission.phases.ending import RETURN_ENDED
 from mavlink_broker.mission.states import State
 from mavlink_broker.planning.geofence import check_flyable
-from mavlink_broker.planning.mission import Home, RefusedError, translate
+from mavlink_broker.planning.mission import translate
+from mavlink_broker.planning.situation import Home, RefusedError
 from mavlink_broker.vehicle.alarms import mission_error
 from mavlink_broker.vehicle.mission_ledger import MissionLedger
 from mavlink_broker.vehicle.recovery_record import PendingReturn, RecoveryRecord

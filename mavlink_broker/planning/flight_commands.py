@@ -24,6 +24,7 @@ from typing import Final
 from afarcloud.commands import NavHome, NavLand, NavTakeoff, NavWaypoint
 from afarcloud.enumerations import PrecisionLandMode
 from afarcloud.geodesy import distance_m
+from afarcloud.route import Spot
 from mavlink_broker.autopilots.families import Family
 from mavlink_broker.autopilots.parameter_settings import (
     COPTER_RADIUS_M,
@@ -33,7 +34,7 @@ from mavlink_broker.autopilots.parameter_settings import (
 from mavlink_broker.mavlink import mission_item
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.mavlink.mission_item import MissionItem
-from mavlink_broker.planning.situation import Items, Situation, Spot
+from mavlink_broker.planning.situation import Items, Situation
 
 _LEVEL: Final = 0.97
 """Cosine of the steepest leg, 14 degrees, that is flown at the level speed: 3 % faster at most."""

@@ -18,12 +18,13 @@ from afarcloud.area import TooManyComparisonsError
 from afarcloud.commands import Command, NavFollowTarget, NavHotpoint
 from afarcloud.fence_check import FenceCheck, OutlineFault
 from afarcloud.plan import Geofence, Mission, RallyPoint
+from afarcloud.route import Spot
 from mavlink_broker.autopilots.families import Family
 from mavlink_broker.mavlink.dialect import Message, mavlink
 from mavlink_broker.mavlink.mission_item import MissionItem, from_message
 from mavlink_broker.microservices.mission_protocol import FENCE, RALLY
 from mavlink_broker.planning.hotpoint import kept_radius_m
-from mavlink_broker.planning.situation import Home, Refusal, RefusedError, Spot
+from mavlink_broker.planning.situation import Home, Refusal, RefusedError
 
 CAPABILITIES: Final = {
     FENCE: mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_FENCE,

@@ -8,22 +8,14 @@ from afarcloud.commands import NavHotpoint, NavHotpointParameters
 from afarcloud.enumerations import OrbitType
 from afarcloud.flyable import SLOWEST_TURN_DEG_S
 from afarcloud.geodesy import offset, shifted
-from afarcloud.route import start_point
+from afarcloud.route import Spot, start_point
 from mavlink_broker.autopilots.families import Family, OrbitMethod
 from mavlink_broker.autopilots.parameter_settings import copter_circle
 from mavlink_broker.mavlink import mission_item
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.microservices.command import CommandInt
 from mavlink_broker.planning.flight_commands import speed_items
-from mavlink_broker.planning.situation import (
-    Circled,
-    Items,
-    LiveAction,
-    Refusal,
-    Situation,
-    Spot,
-    Turned,
-)
+from mavlink_broker.planning.situation import Circled, Items, LiveAction, Refusal, Situation, Turned
 
 FULL_TURN_RAD: Final = 2.0 * math.pi
 SPEED_MAX_M_S: Final = 10.0

@@ -14,6 +14,7 @@ from afarcloud.commands import FLYING, CameraImage, Command, NavWaypoint
 from afarcloud.enumerations import CommandType
 from afarcloud.geodesy import distance_m
 from afarcloud.plan import Mission
+from afarcloud.route import Spot
 from mavlink_broker.autopilots.families import Family
 from mavlink_broker.mavlink import mission_item
 from mavlink_broker.mavlink.dialect import Message, mavlink
@@ -34,10 +35,7 @@ from mavlink_broker.planning.situation import (
     Refusal,
     RefusedError,
     Situation,
-    Spot,
 )
-
-__all__ = ["FlightPlan", "Home", "Itinerary", "LiveCommand", "RefusedError", "translate"]
 
 FASTEST_M_S: Final = 20.0
 """Over ground: no vehicle that is flown here is faster, with the wind behind it."""

@@ -22,8 +22,6 @@ from mavlink_broker.microservices.command import (
 )
 from mavlink_broker.microservices.config_overrides import ParameterOverride
 
-__all__ = ["Home", "ItemLimits", "Items", "Refusal", "RefusedError", "Situation", "Spot"]
-
 
 class Refusal(NamedTuple):
     """Why a command cannot be flown, and which of its fields is the cause."""

@@ -5,18 +5,12 @@ from typing import Final, NamedTuple, TypeAlias
 
 from afarcloud.commands import NavFollowTarget, NavTrackSubject
 from afarcloud.enumerations import FollowHeading, TrackMode
+from afarcloud.route import Spot
 from mavlink_broker.autopilots.families import Family, FollowMethod
 from mavlink_broker.autopilots.parameter_settings import BEHIND_DEG, BESIDE_DEG, ParameterOverrides
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.microservices.command import CommandAlternatives, CommandLong, long_command
-from mavlink_broker.planning.situation import (
-    Lasted,
-    LiveAction,
-    Situation,
-    Spot,
-    Tracked,
-    reposition,
-)
+from mavlink_broker.planning.situation import Lasted, LiveAction, Situation, Tracked, reposition
 
 FOLLOWED_FOR_S: Final = 60.0
 """AFarCloud defines no end; an event may end it earlier."""

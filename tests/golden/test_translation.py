@@ -19,7 +19,8 @@ from mavlink_broker.autopilots.families import ARDUPILOT, GENERIC, OWN, PX4, Fam
 from mavlink_broker.mavlink.dialect import Message, Route
 from mavlink_broker.microservices.command import Command
 from mavlink_broker.microservices.config_overrides import ParameterOverride
-from mavlink_broker.planning.mission import FlightPlan, Home, LiveCommand, translate
+from mavlink_broker.planning.mission import FlightPlan, LiveCommand, translate
+from mavlink_broker.planning.situation import Home
 
 FOLDER = Path(__file__).parent / "translation"
 HOME = Home(40.44340, -3.73820, 650.0)

@@ -30,7 +30,8 @@ from mavlink_broker.mission.context import (
 from mavlink_broker.mission.progress_monitor import CLEARED
 from mavlink_broker.mission.segments import SHORTEST_ITEMS
 from mavlink_broker.mission.states import Event
-from mavlink_broker.planning.mission import SPARE_ITEMS, RefusedError
+from mavlink_broker.planning.mission import SPARE_ITEMS
+from mavlink_broker.planning.situation import RefusedError
 from mavlink_broker.vehicle.control_authority import Authority, Claim
 from mavlink_broker.vehicle.vehicle import Vehicle
 

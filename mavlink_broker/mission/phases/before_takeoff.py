@@ -18,7 +18,7 @@ from mavlink_broker.mission.context import HOVERING, ON_GROUND, Fault, MissionCo
 from mavlink_broker.mission.geofence_transfer import GeofenceTransfer, WantedGeofence
 from mavlink_broker.mission.states import Event
 from mavlink_broker.planning.geofence import as_flown, rally_items
-from mavlink_broker.planning.mission import RefusedError
+from mavlink_broker.planning.situation import RefusedError
 from mavlink_broker.vehicle.control_authority import AIRBORNE_MODES, DESCENT_MODES, Claim
 
 

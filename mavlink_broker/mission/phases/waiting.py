@@ -31,7 +31,7 @@ from mavlink_broker.mission.context import (
     Result,
 )
 from mavlink_broker.mission.states import Event
-from mavlink_broker.planning.mission import RefusedError
+from mavlink_broker.planning.situation import RefusedError
 from mavlink_broker.vehicle.control_authority import (
     ARMED_BY_OTHERS,
     LEFT_BY_OTHERS,

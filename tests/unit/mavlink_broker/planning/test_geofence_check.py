@@ -8,11 +8,11 @@ from hypothesis import strategies as st
 
 from afarcloud.geodesy import distance_m, shifted
 from afarcloud.plan import Geofence, Mission
-from afarcloud.route import Circle, highest_m, route_of
+from afarcloud.route import Circle, Spot, highest_m, route_of
 from mavlink_broker.autopilots import families
 from mavlink_broker.autopilots.families import Family
 from mavlink_broker.planning.geofence import AreaCheck, as_flown, check_flyable
-from mavlink_broker.planning.situation import Home, RefusedError, Spot
+from mavlink_broker.planning.situation import Home, RefusedError
 from tests.support.cases import failures
 
 LATITUDE, LONGITUDE = 40.4434, -3.7382

@@ -15,13 +15,8 @@ from mavlink_broker.mavlink.codec import Decoder, Encoder
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.mavlink.mission_item import from_message
 from mavlink_broker.mission.exchanges import difference
-from mavlink_broker.planning.mission import (
-    FlightPlan,
-    Home,
-    LiveCommand,
-    RefusedError,
-    translate,
-)
+from mavlink_broker.planning.mission import FlightPlan, LiveCommand, translate
+from mavlink_broker.planning.situation import Home, RefusedError
 from tests.support.stored_items import Keeping, as_ardupilot_keeps, as_px4_keeps
 
 HOME = Home(40.4434, -3.7382, 650.0)

@@ -19,16 +19,15 @@ from mavlink_broker.autopilots.families import ARDUPILOT, GENERIC, OWN, PX4, Fam
 from mavlink_broker.mavlink.codec import Decoder, Encoder
 from mavlink_broker.mavlink.dialect import Message, Route, mavlink
 from mavlink_broker.mission.exchanges import difference
-from mavlink_broker.planning.mission import (
-    FlightPlan,
+from mavlink_broker.planning.mission import FlightPlan, Itinerary, LiveCommand, Segment, translate
+from mavlink_broker.planning.situation import (
+    Circled,
     Home,
-    Itinerary,
-    LiveCommand,
     RefusedError,
-    Segment,
-    translate,
+    SendCommand,
+    Series,
+    TurnInPlace,
 )
-from mavlink_broker.planning.situation import Circled, SendCommand, Series, TurnInPlace
 from tests.support.mission_reader import LIVE_KINDS, MissionReader, ReadCommand
 from tests.support.plan_strategies import missions, plans
 from tests.support.stored_items import as_ardupilot_keeps, as_px4_keeps
