@@ -313,7 +313,7 @@ BREAKS: Final = (
         "a vehicle that answers nothing is not warned of",
         (
             Change(
-                "mavlink_broker/microservices/answer_monitor.py",
+                "mavlink_broker/microservices/link_state.py",
                 "            self.is_unanswered = not self._lacks_timesync\n",
                 "",
             ),

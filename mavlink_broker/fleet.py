@@ -15,7 +15,7 @@ from mavlink_broker.edge.wire import AcceptanceResult
 from mavlink_broker.effects import EdgeMessage, Effects, Job, JobOutcome, failed
 from mavlink_broker.live.follow_target import read_target_sources
 from mavlink_broker.mavlink.dialect import Message, Route, Source, source_of
-from mavlink_broker.microservices.heartbeat import is_vehicle, replaces_autopilot
+from mavlink_broker.microservices.link_state import is_vehicle, replaces_autopilot
 from mavlink_broker.session import Session
 from mavlink_broker.vehicle.recovery_record import (
     EMPTY_RECORD,

@@ -27,8 +27,7 @@ from mavlink_broker.effects import (
 )
 from mavlink_broker.live.tracking import TrackingStop
 from mavlink_broker.mavlink.dialect import Message, mavlink, source_of
-from mavlink_broker.microservices.answer_monitor import AnswerMonitor
-from mavlink_broker.microservices.heartbeat import LOST_AFTER_S, StateOrder
+from mavlink_broker.microservices.link_state import LOST_AFTER_S, AnswerMonitor, StateOrder
 from mavlink_broker.microservices.log_download import LOG_MESSAGES
 from mavlink_broker.microservices.message_rates import RATE_MESSAGES, StreamRequests
 from mavlink_broker.microservices.parameter import PARAMETER_MESSAGES

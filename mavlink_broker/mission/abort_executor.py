@@ -24,7 +24,7 @@ from mavlink_broker.autopilots.families import Family, ModeRole
 from mavlink_broker.live.executor import LiveCommandExecutor, LivePhase
 from mavlink_broker.mavlink.dialect import Message, mavlink
 from mavlink_broker.microservices.command import CommandAlternatives, long_command
-from mavlink_broker.microservices.heartbeat import LinkState
+from mavlink_broker.microservices.link_state import LinkState
 from mavlink_broker.planning.geofence import AreaCheck
 from mavlink_broker.planning.situation import Lasted, LiveAction
 from mavlink_broker.vehicle import control_authority

@@ -14,7 +14,7 @@ from mavlink_broker.autopilots.families import Family
 from mavlink_broker.edge.wire import EventWork, MissionWork
 from mavlink_broker.effects import Acknowledgement, Effects
 from mavlink_broker.mavlink.dialect import Message, mavlink
-from mavlink_broker.microservices.heartbeat import LinkState
+from mavlink_broker.microservices.link_state import LinkState
 from mavlink_broker.microservices.mission_protocol import FENCE, RALLY
 from mavlink_broker.mission import exchanges
 from mavlink_broker.mission.abort_executor import (

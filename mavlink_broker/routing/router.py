@@ -17,7 +17,7 @@ from mavlink_broker.links.url import Address
 from mavlink_broker.mavlink.codec import Decoder, Encoder, unsigned
 from mavlink_broker.mavlink.dialect import Message, Source, mavlink, source_of
 from mavlink_broker.mavlink.signing import KeyRing, SignatureCheck
-from mavlink_broker.microservices.heartbeat import (
+from mavlink_broker.microservices.link_state import (
     INTERVAL_S,
     is_vehicle,
     own_heartbeat,

@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 from afarcloud.enumerations import AlarmCode, AlarmType
 from mavlink_broker.autopilots.status_texts import TextMeaning, alarm_parameters, means
 from mavlink_broker.mavlink.dialect import Message, mavlink, source_of
-from mavlink_broker.microservices.heartbeat import FrameLoss, PeriodicSource
+from mavlink_broker.microservices.link_state import FrameLoss, PeriodicSource
 from mavlink_broker.vehicle.measurements import HUMIDITY, OBSERVED, readings
 
 DEBOUNCE_S: Final = 2.0

@@ -16,7 +16,7 @@ from typing import Final
 from mavlink_broker.autopilots.status_texts import TextMeaning, means
 from mavlink_broker.mavlink.dialect import Message, mavlink
 from mavlink_broker.microservices.config_overrides import ParameterOverride
-from mavlink_broker.microservices.heartbeat import OwnHeartbeat
+from mavlink_broker.microservices.link_state import OwnHeartbeat
 from mavlink_broker.microservices.parameter import ParameterRead, Setting
 from mavlink_broker.vehicle.vehicle import Vehicle
 

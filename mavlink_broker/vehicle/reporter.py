@@ -22,7 +22,7 @@ from mavlink_broker import effects
 from mavlink_broker.autopilots.families import ModeRole
 from mavlink_broker.effects import ConvertedPicture, Effects, VehicleUpdate
 from mavlink_broker.mavlink.dialect import Message
-from mavlink_broker.microservices.heartbeat import LinkState
+from mavlink_broker.microservices.link_state import LinkState
 from mavlink_broker.microservices.parameter import ParameterRead
 from mavlink_broker.vehicle import telemetry
 from mavlink_broker.vehicle.alarms import Failure

@@ -17,7 +17,12 @@ from mavlink_broker.microservices.config_overrides import (
     ParameterOverrider,
     VehicleOverrides,
 )
-from mavlink_broker.microservices.heartbeat import LinkMonitor, LinkState, RebootMonitor, is_vehicle
+from mavlink_broker.microservices.link_state import (
+    LinkMonitor,
+    LinkState,
+    RebootMonitor,
+    is_vehicle,
+)
 from mavlink_broker.microservices.parameter import ParameterEncoding, encoding_of
 from mavlink_broker.microservices.status_text import StatusTexts
 from mavlink_broker.planning.situation import Home, ItemLimits

@@ -7,10 +7,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mavlink_broker.mavlink.dialect import Message, Route, mavlink
-from mavlink_broker.microservices.answer_monitor import (
-    INTERVAL_S,
+from mavlink_broker.microservices.link_state import (
+    ASKED_AGAIN_AFTER_S,
+    ASKED_EVERY_S,
     LONGEST_PAUSE_S,
-    REPEAT_S,
     UNANSWERED_AFTER_S,
     AnswerMonitor,
 )
@@ -57,7 +57,7 @@ def test_a_vehicle_that_answers_is_asked_from_time_to_time() -> None:
     monitor = AnswerMonitor(ROUTE)
     sent_at = run(monitor, 0.0, 60.0, by_timesync)
     assert not monitor.is_unanswered
-    assert len(sent_at) == pytest.approx(60.0 / INTERVAL_S, abs=2)
+    assert len(sent_at) == pytest.approx(60.0 / ASKED_EVERY_S, abs=2)
 
 
 def test_one_that_never_answered_is_found_and_asked_on() -> None:
@@ -66,14 +66,14 @@ def test_one_that_never_answered_is_found_and_asked_on() -> None:
     assert not monitor.is_unanswered
     run(monitor, UNANSWERED_AFTER_S - 0.5, 1.0)
     later = run(monitor, UNANSWERED_AFTER_S + 0.5, 20.0)
-    assert len(later) == pytest.approx(20.0 / REPEAT_S, abs=1)
+    assert len(later) == pytest.approx(20.0 / ASKED_AGAIN_AFTER_S, abs=1)
     assert monitor.is_unanswered
 
 
 def test_one_that_ceases_to_answer_is_found_and_its_next_answer_counts() -> None:
     monitor = AnswerMonitor(ROUTE)
     run(monitor, 0.0, 30.0, by_timesync)
-    run(monitor, 30.0, INTERVAL_S + UNANSWERED_AFTER_S + 0.5)
+    run(monitor, 30.0, ASKED_EVERY_S + UNANSWERED_AFTER_S + 0.5)
     assert monitor.is_unanswered
     run(monitor, 42.5, 2.0, by_timesync)
     assert not monitor.is_unanswered

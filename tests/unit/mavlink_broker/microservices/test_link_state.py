@@ -11,7 +11,7 @@ from mavlink_broker.microservices.command import (
     SHORTEST_TIMEOUT_S,
     RoundTrip,
 )
-from mavlink_broker.microservices.heartbeat import (
+from mavlink_broker.microservices.link_state import (
     NOT_VEHICLES,
     LinkMonitor,
     LinkState,

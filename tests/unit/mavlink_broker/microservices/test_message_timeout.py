@@ -6,7 +6,7 @@ import pytest
 
 from mavlink_broker.mavlink.codec import Decoder, Encoder
 from mavlink_broker.mavlink.dialect import mavlink
-from mavlink_broker.microservices.heartbeat import (
+from mavlink_broker.microservices.link_state import (
     MAX_TIMEOUT_S,
     MIN_TIMEOUT_S,
     FrameLoss,

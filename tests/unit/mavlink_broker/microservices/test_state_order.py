@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mavlink_broker.mavlink.dialect import Message, mavlink
-from mavlink_broker.microservices.heartbeat import BEHIND_IN_A_ROW, SEQUENCE_GAP_S, StateOrder
+from mavlink_broker.microservices.link_state import BEHIND_IN_A_ROW, SEQUENCE_GAP_S, StateOrder
 
 
 def numbered(message: Message, number: int) -> Message:
