@@ -3,22 +3,99 @@
 The project's own vehicle identifies as PX4. An unknown autopilot gets the standard protocol: arm,
 start the mission; its modes are not interpreted.
 
-The role of each flight mode in a mission is here too, by its name of `mode_names`.
+Names (PX4's `px4_custom_mode.h`, ArduCopter's `mode.h`) and roles of flight modes are here too.
 """
 
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from enum import Enum, auto
+from functools import lru_cache
 from typing import Final
 
 from afarcloud.enumerations import OrbitType
 from mavlink_broker.autopilots import parameter_settings
-from mavlink_broker.autopilots.mode_names import copter_name, generic_name, px4_name
 from mavlink_broker.autopilots.parameter_settings import ParameterOverrides
 from mavlink_broker.mavlink.dialect import Message, mavlink
 from mavlink_broker.microservices.command import CommandAlternatives, CommandLong, long_command
 from mavlink_broker.microservices.parameter import ParameterEncoding
+
+_PX4_MAIN: Final = {
+    1: "MANUAL",
+    2: "ALTCTL",
+    3: "POSCTL",
+    4: "AUTO",
+    5: "ACRO",
+    6: "OFFBOARD",
+    7: "STABILIZED",
+    8: "RATTITUDE",
+    9: "SIMPLE",
+    10: "TERMINATION",
+    11: "ALTITUDE_CRUISE",
+}
+_PX4_SUBS: Final[Mapping[int, Mapping[int, str]]] = {  # By the main mode
+    3: {1: "ORBIT", 2: "SLOW"},
+    4: {
+        1: "READY",
+        2: "TAKEOFF",
+        3: "LOITER",
+        4: "MISSION",
+        5: "RTL",
+        6: "LAND",
+        7: "RTGS",
+        8: "FOLLOW_TARGET",
+        9: "PRECLAND",
+        10: "VTOL_TAKEOFF",
+        21: "GOTO",
+    },
+}
+_COPTER: Final = {
+    0: "STABILIZE",
+    1: "ACRO",
+    2: "ALT_HOLD",
+    3: "AUTO",
+    4: "GUIDED",
+    5: "LOITER",
+    6: "RTL",
+    7: "CIRCLE",
+    9: "LAND",
+    11: "DRIFT",
+    13: "SPORT",
+    14: "FLIP",
+    15: "AUTOTUNE",
+    16: "POSHOLD",
+    17: "BRAKE",
+    18: "THROW",
+    19: "AVOID_ADSB",
+    20: "GUIDED_NOGPS",
+    21: "SMART_RTL",
+    22: "FLOWHOLD",
+    23: "FOLLOW",
+    24: "ZIGZAG",
+    25: "SYSTEMID",
+    26: "AUTOROTATE",
+    27: "AUTO_RTL",
+    28: "TURTLE",
+}
+
+
+@lru_cache(maxsize=256)  # Every step of a session asks for it several times
+def px4_name(_base_mode: int, custom_mode: int) -> str:
+    """Name of a PX4 mode, main and sub mode joined by a dot."""
+    main, sub = custom_mode >> 16 & 0xFF, custom_mode >> 24 & 0xFF
+    name = _PX4_MAIN.get(main, f"MODE_{main}")
+    return f"{name}.{_PX4_SUBS.get(main, {}).get(sub, sub)}" if sub else name
+
+
+def copter_name(_base_mode: int, custom_mode: int) -> str:
+    """Name of an ArduCopter mode."""
+    return _COPTER.get(custom_mode, f"MODE_{custom_mode}")
+
+
+def generic_name(base_mode: int, custom_mode: int) -> str:
+    """Name of an unknown autopilot's mode by the standard base_mode bits."""
+    is_automatic = base_mode & mavlink.MAV_MODE_FLAG_AUTO_ENABLED
+    return "AUTO" if is_automatic else f"MODE_{custom_mode}"
 
 
 class ModeRole(Enum):
@@ -60,22 +137,6 @@ _COPTER_ROLES: Final[Mapping[str, ModeRole]] = {
     "AUTO_RTL": ModeRole.ENDING,
     "LAND": ModeRole.ENDING,
 }
-
-
-def px4_role(name: str) -> ModeRole:
-    """Role of a PX4 mode."""
-    return _PX4_ROLES.get(name, ModeRole.OTHER)
-
-
-def copter_role(name: str) -> ModeRole:
-    """Role of an ArduCopter mode."""
-    return _COPTER_ROLES.get(name, ModeRole.OTHER)
-
-
-def generic_role(name: str) -> ModeRole:
-    """Role of an unknown autopilot's modes: all count as flying the mission."""
-    del name
-    return ModeRole.MISSION
 
 
 def _mode(main: int, sub: int = 0) -> CommandLong:
@@ -143,13 +204,6 @@ FARM_FLIGHT_HEADINGS: Final = {
 }
 
 
-class FollowMethod(Enum):
-    """How following is started."""
-
-    BY_COMMAND = auto()  # DO_FOLLOW
-    BY_MODE = auto()
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Family:
     """The properties of one autopilot family."""
@@ -194,7 +248,7 @@ class Family:
     limits_horizontal_speed: bool = True  # DO_CHANGE_SPEED leaves out the climb of a leg
     resets_speed_each_leg: bool = False  # To its default, whatever was set before
     speed_by_command: bool = False  # DO_CHANGE_SPEED after a reposition, which has no speed
-    following: FollowMethod = FollowMethod.BY_COMMAND
+    follows_by_command: bool = True  # DO_FOLLOW starts it, or else one of these modes
     follow_modes: CommandAlternatives = ()
     mission_overrides: ParameterOverrides = ()  # Parameters that every mission needs
     follow_overrides: Callable[[float, float, int], ParameterOverrides] = (
@@ -222,7 +276,7 @@ class Family:
     rally_altitude_step_m: float = 0.0  # Resolution of a rally point's altitude in storage
     parameter_encoding: ParameterEncoding = ParameterEncoding.C_CAST  # If it reports none
     mode_name: Callable[[int, int], str] = generic_name
-    mode_role: Callable[[str], ModeRole] = generic_role
+    mode_roles: Mapping[str, ModeRole] | None = None  # None: its modes are not known
 
     def needs_position(self, message: Message) -> bool:
         """Whether an order takes the vehicle to a place or round one, so that it needs a position.
@@ -245,7 +299,12 @@ class Family:
     @property
     def knows_modes(self) -> bool:
         """Whether its modes are known."""
-        return self.mode_role is not generic_role
+        return self.mode_roles is not None
+
+    def mode_role(self, name: str) -> ModeRole:
+        """Role of a mode; all count as flying the mission if they are not known."""
+        roles = self.mode_roles
+        return ModeRole.MISSION if roles is None else roles.get(name, ModeRole.OTHER)
 
 
 PX4: Final = Family(
@@ -274,7 +333,7 @@ PX4: Final = Family(
     resuming=((_PX4_MISSION_MODE,), (_CONTINUE,)),
     landing=((_PX4_LAND,), (_LAND,)),
     returning=((_PX4_RETURN,), (_RETURN,)),
-    following=FollowMethod.BY_MODE,
+    follows_by_command=False,
     follow_modes=((_PX4_FOLLOW,),),
     follow_overrides=parameter_settings.px4_follow,
     lowest_follow_m=parameter_settings.PX4_LOWEST_FOLLOW_M,
@@ -288,7 +347,7 @@ PX4: Final = Family(
     fence_parameter_names=parameter_settings.PX4_NAMES,
     parameter_encoding=ParameterEncoding.BYTEWISE,
     mode_name=px4_name,
-    mode_role=px4_role,
+    mode_roles=_PX4_ROLES,
 )
 
 OWN: Final = replace(
@@ -298,7 +357,7 @@ OWN: Final = replace(
     orbiting=OrbitMethod.COUNTED,
     limits_horizontal_speed=False,
     orbit_headings=FARM_FLIGHT_HEADINGS,
-    following=FollowMethod.BY_COMMAND,
+    follows_by_command=True,
     follow_overrides=parameter_settings.farm_flight_follow,
     lowest_follow_m=0.0,
     lists_log_ends=False,
@@ -353,7 +412,7 @@ ARDUPILOT: Final = Family(
     resets_speed_each_leg=True,
     speed_by_command=True,
     mission_overrides=parameter_settings.ARDUPILOT_MISSION,
-    following=FollowMethod.BY_MODE,
+    follows_by_command=False,
     follow_modes=((_COPTER_FOLLOW,),),
     follow_overrides=parameter_settings.copter_follow,
     camera_is_autopilot=True,
@@ -376,7 +435,7 @@ ARDUPILOT: Final = Family(
     parameters_since=parameter_settings.COPTER_SINCE,
     rally_altitude_step_m=1.0,
     mode_name=copter_name,
-    mode_role=copter_role,
+    mode_roles=_COPTER_ROLES,
 )
 
 GENERIC: Final = Family(name="generic", battery_capacity_parameter="BAT1_CAPACITY")
@@ -396,7 +455,7 @@ ARDUPILOT_OTHER: Final = replace(
     returning=GENERIC.returning,
     follow_modes=(),
     mode_name=generic_name,
-    mode_role=generic_role,
+    mode_roles=None,
 )
 """ArduPilot other than copter: its missions, and nothing that depends on a mode number."""
 

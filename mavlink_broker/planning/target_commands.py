@@ -6,7 +6,7 @@ from typing import Final, NamedTuple, TypeAlias
 from afarcloud.commands import NavFollowTarget, NavTrackSubject
 from afarcloud.enumerations import FollowHeading, TrackMode
 from afarcloud.route import Spot
-from mavlink_broker.autopilots.families import Family, FollowMethod
+from mavlink_broker.autopilots.families import Family
 from mavlink_broker.autopilots.parameter_settings import BEHIND_DEG, BESIDE_DEG, ParameterOverrides
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.microservices.command import CommandAlternatives, CommandLong, long_command
@@ -63,14 +63,13 @@ def follow(command: NavFollowTarget, situation: Situation) -> LiveAction:
 
 def _following(situation: Situation, height_m: float) -> CommandAlternatives:
     """Give the commands that make a vehicle follow the broker's target at a height above home."""
+    family = situation.family
+    if not family.follows_by_command:
+        return family.follow_modes
     order = long_command(
         mavlink.MAV_CMD_DO_FOLLOW, situation.own_system, 0.0, 0.0, _FIXED_HEIGHT, height_m
     )
-    family = situation.family
-    by_command: CommandAlternatives = (
-        ((order,),) if family.following is FollowMethod.BY_COMMAND else ()
-    )
-    return (*by_command, *family.follow_modes)
+    return ((order,), *family.follow_modes)
 
 
 def track(command: NavTrackSubject, situation: Situation) -> LiveAction:
