@@ -3,6 +3,9 @@
 MAVLink gives some events no message but STATUSTEXT. A text is compared with the rows of every
 family: it may arrive before the autopilot is identified, and no text has two meanings.
 
+`StatusTexts` collects the texts of a vehicle. One of more than 50 bytes is sent in numbered chunks
+with a common id; three dots stand for lost chunks.
+
 TUNNEL(385) messages with contents of AFarCloud's model for which MAVLink has no message.
 
 The payload types are in the range for private use; the payload is a JSON array in UTF-8:
@@ -14,10 +17,12 @@ The payload types are in the range for private use; the payload is a JSON array 
 import json
 import math
 import re
+from collections import deque
+from dataclasses import dataclass, field
 from enum import Enum, auto
 from typing import Any, Final, NamedTuple
 
-from mavlink_broker.mavlink.dialect import Message
+from mavlink_broker.mavlink.dialect import Message, mavlink
 
 
 class TextMeaning(Enum):
@@ -80,6 +85,65 @@ def means(text: str, meaning: TextMeaning) -> bool:
     `text` is the text of one STATUSTEXT(253), or several joined by "; ".
     """
     return any(row.meaning is meaning and row.pattern.search(text) for row in _ALL)
+
+
+TEXTS_KEPT: Final = 16
+MAX_REPORTED: Final = 3
+"""Texts in one report: the first is often the cause of the last."""
+CHUNK_TIMEOUT_S: Final = 10.0
+"""After this time the same id means another text."""
+_GAP: Final = "..."
+
+
+@dataclass(slots=True)
+class _Text:
+    time: float
+    identifier: int  # 0: sent in one chunk
+    chunks: dict[int, str] = field(default_factory=dict)
+
+    @property
+    def text(self) -> str:
+        parts = [self.chunks.get(number, _GAP) for number in range(max(self.chunks) + 1)]
+        return " ".join("".join(parts).split())
+
+
+class StatusTexts:
+    """The latest STATUSTEXTs of one vehicle with severity WARNING or worse."""
+
+    def __init__(self) -> None:
+        self._texts: deque[_Text] = deque(maxlen=TEXTS_KEPT)
+
+    def receive(self, message: Message, now: float) -> None:
+        """Handle a STATUSTEXT; other messages are ignored."""
+        if message.get_type() != "STATUSTEXT" or message.severity > mavlink.MAV_SEVERITY_WARNING:
+            return
+        entry = self._open(message.id, now)
+        if entry is None:
+            entry = _Text(now, message.id)
+            self._texts.append(entry)
+        entry.chunks[message.chunk_seq] = message.text
+
+    def since(self, time: float) -> list[str]:
+        """Return the latest different texts since a time, in their order."""
+        texts = [entry.text for entry in self._texts if entry.time >= time]
+        different = dict.fromkeys(text for text in texts if text)
+        return list(different)[-MAX_REPORTED:]
+
+    def clear(self) -> None:
+        """Forget everything."""
+        self._texts.clear()
+
+    def _open(self, identifier: int, now: float) -> _Text | None:
+        if identifier == 0:
+            return None
+        return next(
+            (
+                entry
+                for entry in self._texts
+                if entry.identifier == identifier and now - entry.time < CHUNK_TIMEOUT_S
+            ),
+            None,
+        )
 
 
 OBSERVATION: Final = 0xAFC1

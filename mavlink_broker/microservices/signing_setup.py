@@ -11,10 +11,10 @@ from datetime import datetime
 from enum import Enum
 from typing import Any, Final
 
+from mavlink_broker.autopilots.status_texts import StatusTexts
 from mavlink_broker.mavlink.codec import Encoder
 from mavlink_broker.mavlink.dialect import Message, mavlink, source_of
 from mavlink_broker.mavlink.signing import EPOCH, TICKS_PER_S, LinkSigning
-from mavlink_broker.microservices.status_text import StatusTexts
 
 KEY_LENGTH: Final = 32
 HEARTBEAT_TIMEOUT_S: Final = 10.0

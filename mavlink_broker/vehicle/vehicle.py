@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from mavlink_broker.autopilots.families import GENERIC, Family, ModeRole, family_of
+from mavlink_broker.autopilots.status_texts import StatusTexts
 from mavlink_broker.mavlink.dialect import Message, Route, mavlink
 from mavlink_broker.microservices.command import (
     CommandAlternatives,
@@ -24,7 +25,6 @@ from mavlink_broker.microservices.link_state import (
     is_vehicle,
 )
 from mavlink_broker.microservices.parameter import ParameterEncoding, encoding_of
-from mavlink_broker.microservices.status_text import StatusTexts
 from mavlink_broker.planning.situation import Home, ItemLimits
 from mavlink_broker.planning.target_commands import TargetSource
 from mavlink_broker.vehicle import control_authority

@@ -68,5 +68,5 @@ def test_a_status_text_passes_those_that_read_it() -> None:
         world.air.step()
 
     modules, _ = after(complain)
-    assert any(module.endswith("status_text.py") for module in modules)
+    assert any(module.endswith("status_texts.py") for module in modules)
     assert len(modules) <= 26, sorted(modules)

@@ -3,6 +3,7 @@
 from collections.abc import Collection
 from itertools import cycle, pairwise
 
+from mavlink_broker.autopilots.status_texts import StatusTexts
 from mavlink_broker.mavlink.dialect import Message, MissionCurrent, Route, mavlink
 from mavlink_broker.microservices.command import RoundTrip
 from mavlink_broker.microservices.message_rates import (
@@ -14,7 +15,6 @@ from mavlink_broker.microservices.message_rates import (
     StreamRequests,
 )
 from mavlink_broker.microservices.parameter import READ_ATTEMPTS, ParameterRead
-from mavlink_broker.microservices.status_text import StatusTexts
 from tests.unit.mavlink_broker.microservices.harness import (
     ROUTE,
     acknowledgement,
