@@ -41,6 +41,7 @@ from mavlink_broker.planning.situation import (
     Circled,
     Lasted,
     LiveAction,
+    Pose,
     Series,
     Tracked,
     Turned,
@@ -53,7 +54,7 @@ from mavlink_broker.vehicle.control_authority import (
     Claim,
     TakeoverDebounce,
 )
-from mavlink_broker.vehicle.recovery_record import LiveCommandProgress, Pose
+from mavlink_broker.vehicle.recovery_record import LiveCommandProgress
 from mavlink_broker.vehicle.vehicle import Vehicle
 
 LISTEN_S: Final = 6.0

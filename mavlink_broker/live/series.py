@@ -22,13 +22,14 @@ from mavlink_broker.microservices.command import (
 from mavlink_broker.planning.situation import (
     KEEP_SPEED,
     Move,
+    Pose,
     SendCommand,
     Step,
     TurnInPlace,
     reposition,
     speed_command,
 )
-from mavlink_broker.vehicle.recovery_record import LiveCommandProgress, Pose
+from mavlink_broker.vehicle.recovery_record import LiveCommandProgress
 from mavlink_broker.vehicle.vehicle import Vehicle
 
 FACING_WITHIN_DEG: Final = 5.0

@@ -41,9 +41,9 @@ from mavlink_broker.microservices.command import (
     Refused,
     long_command,
 )
-from mavlink_broker.planning.situation import Move, Tracked, Turned
+from mavlink_broker.planning.situation import Move, Pose, Tracked, Turned
 from mavlink_broker.planning.target_commands import camera_of, stop_tracking
-from mavlink_broker.vehicle.recovery_record import LiveCommandProgress, Pose
+from mavlink_broker.vehicle.recovery_record import LiveCommandProgress
 from mavlink_broker.vehicle.vehicle import Vehicle
 
 CIRCLE_RADIUS_M: Final = (5.0, 40.0)

@@ -26,10 +26,10 @@ from mavlink_broker.mavlink.dialect import Message, mavlink
 from mavlink_broker.microservices.command import CommandAlternatives, long_command
 from mavlink_broker.microservices.link_state import LinkState
 from mavlink_broker.planning.geofence import AreaCheck
-from mavlink_broker.planning.situation import Lasted, LiveAction
+from mavlink_broker.planning.situation import Lasted, LiveAction, Pose
 from mavlink_broker.vehicle import control_authority
 from mavlink_broker.vehicle.control_authority import AIRBORNE_MODES, DESCENT_MODES, Authority, Claim
-from mavlink_broker.vehicle.recovery_record import PendingAbort, Pose
+from mavlink_broker.vehicle.recovery_record import PendingAbort
 from mavlink_broker.vehicle.vehicle import Vehicle
 
 AGAIN_AFTER_S: Final = 1.5

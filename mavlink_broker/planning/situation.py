@@ -49,6 +49,15 @@ class Home(NamedTuple):
     altitude_amsl_m: float
 
 
+class Pose(NamedTuple):
+    """A vehicle's position and heading."""
+
+    latitude_deg: float
+    longitude_deg: float
+    altitude_m: float  # Above home
+    heading_deg: float = 0.0
+
+
 class Situation(NamedTuple):
     """The state before a command, as far as its translation depends on it."""
 

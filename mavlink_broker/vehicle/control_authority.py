@@ -7,14 +7,22 @@ vehicle's own failsafe (HEARTBEAT.system_status is MAV_STATE_CRITICAL, which PX4
 while a failsafe acts; ArduPilot not for its fence, which FENCE_STATUS shows), or by another system:
 a pilot with a remote control, or another ground station. Whoever it is, the broker sends no order
 from then on (`is_order`).
+
+A vehicle that no mission flies may still be the broker's: in a descent that it has ordered
+(`OwnDescent`), or in the air where a mission has left it (`Hover`). That place is noted, so that a
+restarted broker knows it again: a vehicle that is armed at that place, and that no other system
+flies, has not been anywhere since.
 """
 
 import math
 from enum import Enum, auto
 from typing import Final, NamedTuple
 
+from afarcloud.geodesy import distance_m
 from mavlink_broker.autopilots.families import ModeRole
 from mavlink_broker.mavlink.dialect import Message, mavlink
+from mavlink_broker.planning.situation import Pose
+from mavlink_broker.vehicle.telemetry import MissionNow, Position, Snapshot
 
 _AUTOMATIC: Final[int] = mavlink.MAV_MODE_FLAG_AUTO_ENABLED | mavlink.MAV_MODE_FLAG_GUIDED_ENABLED
 _MANUAL: Final[int] = mavlink.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED
@@ -153,6 +161,112 @@ class OwnDescent:
             self._mode = seen.mode  # The first heartbeats may still show that of an older order
         elif not is_new:
             self._is_ordered = seen.mode == self._mode
+
+
+HOVERS_WITHIN_M: Final = 30.0
+"""Horizontally, with wind and another satellite fix."""
+AS_HIGH_WITHIN_M: Final = 15.0
+_OURS: Final = Claim(AIRBORNE_MODES, is_exclusive=True)
+
+
+class Hover:
+    """The hover of one vehicle."""
+
+    def __init__(self) -> None:
+        self.is_held = False
+        """Whether the vehicle hovers there, and no other system has taken it."""
+        self.place: Pose | None = None
+        """Where a mission has left it; of an earlier run, until the vehicle was found there."""
+        self.mode: str | None = None
+        """The mode in which it waits for the broker; of an earlier run, in which it was left."""
+        self._mission: MissionNow | None = None  # When it began, or was found
+
+    def own_mode(self, seen: ObservedMode) -> str | None:
+        """Give the present mode if it waits in it, and no order to wait leads to it; else None."""
+        is_own = seen.mode == self.mode and seen.role not in AIRBORNE_MODES
+        return seen.mode if is_own else None
+
+    @property
+    def is_sought(self) -> bool:
+        """Whether an earlier run has noted a place, and the vehicle may still be found there."""
+        return self.place is not None and not self.is_held
+
+    def begin(self, snapshot: Snapshot, seen: ObservedMode, *, in_this_mode: bool = False) -> None:
+        """Note that a mission has left the vehicle in the air.
+
+        `in_this_mode` if it waits in the mode that it shows, whichever that is, for the broker.
+        """
+        position = snapshot.position
+        self.place = position and Pose(
+            position.latitude_deg, position.longitude_deg, position.altitude_m
+        )
+        self.mode = seen.mode if in_this_mode or seen.role in AIRBORNE_MODES else None
+        self._hold(snapshot)
+
+    def _hold(self, snapshot: Snapshot) -> None:
+        self.is_held = True
+        self._mission = snapshot.mission
+
+    def end(self) -> None:
+        """Note that the vehicle hovers no more, or for another system."""
+        self.is_held, self.place, self.mode = False, None, None
+
+    def recall(self, place: Pose | None, mode: str | None = None) -> None:
+        """Restore the place and the mode that an earlier run of the broker has noted."""
+        self.place, self.mode = place, mode
+        self._mission = None
+
+    def update(
+        self,
+        snapshot: Snapshot,
+        mode: ObservedMode,
+        *,
+        is_identified: bool,
+        is_ordered: bool = False,
+    ) -> None:
+        """End with a landing or a takeover; find the vehicle at the place of an earlier run.
+
+        `is_ordered` while the broker itself orders something: a change of mode may be its own.
+        """
+        claim = _OURS._replace(mode=self.own_mode(mode))
+        is_ours = authority_of(mode, claim) is Authority.BROKER
+        if not is_ordered and self._flies_another(snapshot, mode):
+            is_ours = False
+        if snapshot.armed is False or (self.is_held and not is_ours):
+            self.end()
+        elif self.is_held:
+            self.mode = mode.mode
+        elif self.place is not None and snapshot.armed is not None:
+            if snapshot.position is None or not is_identified:
+                return
+            on_ground = snapshot.landed_state == mavlink.MAV_LANDED_STATE_ON_GROUND
+            if is_ours and not on_ground and _is_at(self.place, snapshot.position):
+                self.mode = mode.mode
+                self._hold(snapshot)
+            else:
+                self.end()
+
+    def _flies_another(self, snapshot: Snapshot, seen: ObservedMode) -> bool:
+        """Whether the vehicle flies mission items, which another system has started.
+
+        Its mission mode was entered again, or another mission is active than when it was found.
+        """
+        before, now = self._mission, snapshot.mission
+        if seen.role is not ModeRole.MISSION or (
+            now is not None and now.state == mavlink.MISSION_STATE_NO_MISSION
+        ):
+            return False
+        if self.mode not in {None, seen.mode}:
+            return True
+        is_active = now is not None and now.state == mavlink.MISSION_STATE_ACTIVE
+        was_active = before is not None and before.state == mavlink.MISSION_STATE_ACTIVE
+        is_same = before is not None and now is not None and before.mission_id == now.mission_id
+        return self.is_held and is_active and not (was_active and is_same)
+
+
+def _is_at(place: Pose, position: Position) -> bool:
+    is_near = distance_m(*position[:2], *place[:2]) <= HOVERS_WITHIN_M
+    return is_near and abs(position.altitude_m - place.altitude_m) <= AS_HIGH_WITHIN_M
 
 
 def foreign_order(message: Message, ours: frozenset[int], now: float) -> ForeignOrder | None:

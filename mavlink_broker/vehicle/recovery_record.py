@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
 from mavlink_broker.microservices.config_overrides import OverriddenParameter, OverriddenPlan
+from mavlink_broker.planning.situation import Pose
 
 
 class VehicleIdentity(NamedTuple):
@@ -21,15 +22,6 @@ class VehicleIdentity(NamedTuple):
     def __str__(self) -> str:
         """Give it as text for the log."""
         return f"system {self.system}" + (f" ({self.uid})" if self.uid else "")
-
-
-class Pose(NamedTuple):
-    """A vehicle's position and heading."""
-
-    latitude_deg: float
-    longitude_deg: float
-    altitude_m: float  # Above home
-    heading_deg: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -3,10 +3,6 @@
 Whoever learns something of it calls a method here. The journal (`mavlink_broker.recovery`) stores
 the whole as one record.
 
-`Hover`: where a vehicle waits in the air because a mission of this broker has left it there. The
-place is noted, so that a restarted broker knows it again: a vehicle that is armed at that place,
-and that no other system flies, has not been anywhere since.
-
 `RecordTracker` knows whether the newest record is on the disk. A command that changes a vehicle
 waits until its record is stored; so do the messages to the edge server that follow from it. After a
 refusal of the disk nothing waits, after two seconds without an answer neither: a bad disk ends no
@@ -18,31 +14,22 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Final
 
-from afarcloud.geodesy import distance_m
-from mavlink_broker.autopilots.families import ModeRole
-from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.microservices.config_overrides import (
     ParameterOverrider,
     VehicleOverrides,
 )
 from mavlink_broker.vehicle.control_authority import (
-    AIRBORNE_MODES,
-    Authority,
-    Claim,
-    ObservedMode,
-    authority_of,
+    Hover,
 )
 from mavlink_broker.vehicle.recovery_record import (
     EMPTY_RECORD,
     LiveCommandProgress,
     PendingAbort,
     PendingReturn,
-    Pose,
     RecoveryRecord,
     VehicleIdentity,
     merge_records,
 )
-from mavlink_broker.vehicle.telemetry import MissionNow, Position, Snapshot
 
 WRITE_TIMEOUT_S: Final = 2.0
 _LOG = logging.getLogger(__name__)
@@ -128,124 +115,6 @@ class RecordTracker:
                 self.identity,
                 WRITE_TIMEOUT_S,
             )
-
-
-WITHIN_M: Final = 30.0
-"""Horizontally, with wind and another satellite fix."""
-AS_HIGH_WITHIN_M: Final = 15.0
-_OURS: Final = Claim(AIRBORNE_MODES, is_exclusive=True)
-
-
-class Hover:
-    """The hover of one vehicle."""
-
-    def __init__(self) -> None:
-        self._is_held = False
-        self._place: Pose | None = None
-        self._mode: str | None = None
-        self._mission: MissionNow | None = None  # When it began, or was found
-
-    @property
-    def is_held(self) -> bool:
-        """Whether the vehicle hovers there, and no other system has taken it."""
-        return self._is_held
-
-    @property
-    def place(self) -> Pose | None:
-        """Where a mission has left it; of an earlier run, until the vehicle was found there."""
-        return self._place
-
-    @property
-    def mode(self) -> str | None:
-        """The mode in which it waits for the broker; of an earlier run, in which it was left."""
-        return self._mode
-
-    def own_mode(self, seen: ObservedMode) -> str | None:
-        """Give the present mode if it waits in it, and no order to wait leads to it; else None."""
-        is_own = seen.mode == self._mode and seen.role not in AIRBORNE_MODES
-        return seen.mode if is_own else None
-
-    @property
-    def is_sought(self) -> bool:
-        """Whether an earlier run has noted a place, and the vehicle may still be found there."""
-        return self._place is not None and not self._is_held
-
-    def begin(self, snapshot: Snapshot, seen: ObservedMode, *, in_this_mode: bool = False) -> None:
-        """Note that a mission has left the vehicle in the air.
-
-        `in_this_mode` if it waits in the mode that it shows, whichever that is, for the broker.
-        """
-        position = snapshot.position
-        self._place = position and Pose(
-            position.latitude_deg, position.longitude_deg, position.altitude_m
-        )
-        self._mode = seen.mode if in_this_mode or seen.role in AIRBORNE_MODES else None
-        self._hold(snapshot)
-
-    def _hold(self, snapshot: Snapshot) -> None:
-        self._is_held = True
-        self._mission = snapshot.mission
-
-    def end(self) -> None:
-        """Note that the vehicle hovers no more, or for another system."""
-        self._is_held, self._place, self._mode = False, None, None
-
-    def recall(self, place: Pose | None, mode: str | None = None) -> None:
-        """Restore the place and the mode that an earlier run of the broker has noted."""
-        self._place, self._mode = place, mode
-        self._mission = None
-
-    def update(
-        self,
-        snapshot: Snapshot,
-        mode: ObservedMode,
-        *,
-        is_identified: bool,
-        is_ordered: bool = False,
-    ) -> None:
-        """End with a landing or a takeover; find the vehicle at the place of an earlier run.
-
-        `is_ordered` while the broker itself orders something: a change of mode may be its own.
-        """
-        claim = _OURS._replace(mode=self.own_mode(mode))
-        is_ours = authority_of(mode, claim) is Authority.BROKER
-        if not is_ordered and self._flies_another(snapshot, mode):
-            is_ours = False
-        if snapshot.armed is False or (self._is_held and not is_ours):
-            self.end()
-        elif self._is_held:
-            self._mode = mode.mode
-        elif self._place is not None and snapshot.armed is not None:
-            if snapshot.position is None or not is_identified:
-                return
-            on_ground = snapshot.landed_state == mavlink.MAV_LANDED_STATE_ON_GROUND
-            if is_ours and not on_ground and _is_at(self._place, snapshot.position):
-                self._mode = mode.mode
-                self._hold(snapshot)
-            else:
-                self.end()
-
-    def _flies_another(self, snapshot: Snapshot, seen: ObservedMode) -> bool:
-        """Whether the vehicle flies mission items, which another system has started.
-
-        Its mission mode was entered again, or another mission is active than when it was found.
-        """
-        before, now = self._mission, snapshot.mission
-        if seen.role is not ModeRole.MISSION or (
-            now is not None and now.state == mavlink.MISSION_STATE_NO_MISSION
-        ):
-            return False
-        if self._mode not in {None, seen.mode}:
-            return True
-        is_active = now is not None and now.state == mavlink.MISSION_STATE_ACTIVE
-        was_active = before is not None and before.state == mavlink.MISSION_STATE_ACTIVE
-        is_same = before is not None and now is not None and before.mission_id == now.mission_id
-        return self._is_held and is_active and not (was_active and is_same)
-
-
-def _is_at(place: Pose, position: Position) -> bool:
-    is_near = distance_m(*position[:2], *place[:2]) <= WITHIN_M
-    return is_near and abs(position.altitude_m - place.altitude_m) <= AS_HIGH_WITHIN_M
 
 
 class RecoveryState:

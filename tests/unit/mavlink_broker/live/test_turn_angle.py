@@ -8,8 +8,7 @@ from hypothesis import strategies as st
 
 from afarcloud.geodesy import shifted
 from mavlink_broker.live.orbit import TurnAngle
-from mavlink_broker.planning.situation import Turned
-from mavlink_broker.vehicle.recovery_record import Pose
+from mavlink_broker.planning.situation import Pose, Turned
 
 CENTRE = (40.44340, -3.73820)
 RADIUS_M, SPEED_M_S = 20.0, 4.0

@@ -12,13 +12,13 @@ from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.mavlink.mission_item import MissionItem
 from mavlink_broker.microservices.config_overrides import OverriddenParameter, OverriddenPlan
 from mavlink_broker.microservices.mission_protocol import FENCE, RALLY
+from mavlink_broker.planning.situation import Pose
 from mavlink_broker.recovery.encoding import MAX_BYTES, JournalError, decode, encode
 from mavlink_broker.vehicle.recovery_record import (
     EMPTY_RECORD,
     LiveCommandProgress,
     PendingAbort,
     PendingReturn,
-    Pose,
     RecoveryRecord,
     VehicleIdentity,
 )

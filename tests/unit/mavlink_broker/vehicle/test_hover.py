@@ -4,9 +4,13 @@ import pytest
 
 from mavlink_broker.autopilots.families import ModeRole
 from mavlink_broker.mavlink.dialect import mavlink
-from mavlink_broker.vehicle.control_authority import ObservedMode
-from mavlink_broker.vehicle.recovery_record import Pose
-from mavlink_broker.vehicle.recovery_state import AS_HIGH_WITHIN_M, WITHIN_M, Hover
+from mavlink_broker.planning.situation import Pose
+from mavlink_broker.vehicle.control_authority import (
+    AS_HIGH_WITHIN_M,
+    HOVERS_WITHIN_M,
+    Hover,
+    ObservedMode,
+)
 from mavlink_broker.vehicle.telemetry import MissionNow, Position, Snapshot
 
 PLACE = Position(latitude_deg=58.0, longitude_deg=15.0, altitude_m=30.0, speed_m_s=0.0)
@@ -53,8 +57,8 @@ def test_it_ends_with_a_landing_or_a_takeover(*, armed: bool, mode: ObservedMode
     ("snapshot", "mode", "is_found"),
     [
         (airborne(), HOLD, True),
-        (airborne(north_m=WITHIN_M - 1.0), HOLD, True),
-        (airborne(north_m=WITHIN_M + 1.0), HOLD, False),
+        (airborne(north_m=HOVERS_WITHIN_M - 1.0), HOLD, True),
+        (airborne(north_m=HOVERS_WITHIN_M + 1.0), HOLD, False),
         (airborne(up_m=AS_HIGH_WITHIN_M + 1.0), HOLD, False),
         (airborne(), PILOT, False),
     ],
