@@ -17,13 +17,15 @@ from mavlink_broker.live.follow_target import read_target_sources
 from mavlink_broker.mavlink.dialect import Message, Route, Source, source_of
 from mavlink_broker.microservices.link_state import is_vehicle, replaces_autopilot
 from mavlink_broker.session import Session
-from mavlink_broker.vehicle.recovery_record import (
+from mavlink_broker.vehicle.recovery_state import (
     EMPTY_RECORD,
+    RecordTracker,
+    RecordUpdate,
     RecoveryRecord,
+    RecoveryState,
     VehicleIdentity,
     merge_records,
 )
-from mavlink_broker.vehicle.recovery_state import RecordTracker, RecordUpdate, RecoveryState
 from mavlink_broker.vehicle.vehicle import Vehicle
 
 NO_NUMBER: Final = ""

@@ -23,8 +23,7 @@ from mavlink_broker.edge.outbox import Post
 from mavlink_broker.edge.spool import MIB, Spool
 from mavlink_broker.links.url import Address
 from mavlink_broker.recovery.journal import RETRY_AFTER_S, JournalTable, JournalWriter
-from mavlink_broker.vehicle.recovery_record import RecoveryRecord, VehicleIdentity
-from mavlink_broker.vehicle.recovery_state import RecordUpdate
+from mavlink_broker.vehicle.recovery_state import RecordUpdate, RecoveryRecord, VehicleIdentity
 
 IDLE_STEP_S: Final = 0.5
 """Period of the loop without datagrams."""

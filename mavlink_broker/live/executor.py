@@ -54,7 +54,7 @@ from mavlink_broker.vehicle.control_authority import (
     Claim,
     TakeoverDebounce,
 )
-from mavlink_broker.vehicle.recovery_record import LiveCommandProgress
+from mavlink_broker.vehicle.recovery_state import LiveCommandProgress
 from mavlink_broker.vehicle.vehicle import Vehicle
 
 LISTEN_S: Final = 6.0
@@ -134,7 +134,7 @@ class LiveCommandRecord:
         live = self._vehicle.recovery.live
         if live is None or live.name != self._name or live.was_left:
             began_s = self._vehicle.snapshot.time_s
-            self._vehicle.recovery.note_live(LiveCommandProgress(name=self._name, began_s=began_s))
+            self._vehicle.recovery.live = LiveCommandProgress(name=self._name, began_s=began_s)
         if isinstance(self._action.end, Tracked):
             self._vehicle.recovery.note_tracking()
         return self._vehicle.recovery.is_stored
@@ -147,7 +147,7 @@ class LiveCommandRecord:
         if live is None or live.name != self._name:
             live = LiveCommandProgress(name=self._name, began_s=now_s)
         if not live.is_accepted:
-            self._vehicle.recovery.note_live(replace(live, is_accepted=True, accepted_s=now_s))
+            self._vehicle.recovery.live = replace(live, is_accepted=True, accepted_s=now_s)
 
     def store_progress(self, steps: Steps) -> None:
         """Record its progress."""
@@ -158,7 +158,7 @@ class LiveCommandRecord:
             return
         if live.start is None:
             live = replace(live, start_s=self._vehicle.snapshot.time_s)
-        self._vehicle.recovery.note_live(replace(live, start=steps.start, steps=steps.steps))
+        self._vehicle.recovery.live = replace(live, start=steps.start, steps=steps.steps)
 
     @property
     def elapsed_s(self) -> float:

@@ -22,7 +22,7 @@ from mavlink_broker.live.series import heading_command, reposition_command
 from mavlink_broker.mavlink.dialect import Message
 from mavlink_broker.microservices.command import Accepted, Command, CommandSequence, Refused
 from mavlink_broker.planning.situation import Circled, Pose, Turned, speed_command
-from mavlink_broker.vehicle.recovery_record import LiveCommandProgress
+from mavlink_broker.vehicle.recovery_state import LiveCommandProgress
 from mavlink_broker.vehicle.vehicle import Vehicle
 
 COMPLETE_AT: Final = 0.99

@@ -29,7 +29,7 @@ from mavlink_broker.planning.situation import (
     reposition,
     speed_command,
 )
-from mavlink_broker.vehicle.recovery_record import LiveCommandProgress
+from mavlink_broker.vehicle.recovery_state import LiveCommandProgress
 from mavlink_broker.vehicle.vehicle import Vehicle
 
 FACING_WITHIN_DEG: Final = 5.0

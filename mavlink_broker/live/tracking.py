@@ -43,7 +43,7 @@ from mavlink_broker.microservices.command import (
 )
 from mavlink_broker.planning.situation import Move, Pose, Tracked, Turned
 from mavlink_broker.planning.target_commands import camera_of, stop_tracking
-from mavlink_broker.vehicle.recovery_record import LiveCommandProgress
+from mavlink_broker.vehicle.recovery_state import LiveCommandProgress
 from mavlink_broker.vehicle.vehicle import Vehicle
 
 CIRCLE_RADIUS_M: Final = (5.0, 40.0)
@@ -453,7 +453,7 @@ class TrackingStop:
             return []
         is_stop = message.command == mavlink.MAV_CMD_CAMERA_STOP_TRACKING
         if is_stop and message.result in _STOPPED:
-            self._vehicle.recovery.clear_tracking()
+            self._vehicle.recovery.is_tracking = False
         return [] if self._sequence is None else self._sequence.receive(message, now)
 
     def tick(self, now: float, *, is_wanted: bool) -> list[Message]:
@@ -480,4 +480,4 @@ class TrackingStop:
                 "vehicle %d: its camera may still track a subject: it does not stop",
                 self._vehicle.vehicle_id,
             )
-            self._vehicle.recovery.clear_tracking()
+            self._vehicle.recovery.is_tracking = False

@@ -29,7 +29,7 @@ from mavlink_broker.planning.geofence import AreaCheck
 from mavlink_broker.planning.situation import Lasted, LiveAction, Pose
 from mavlink_broker.vehicle import control_authority
 from mavlink_broker.vehicle.control_authority import AIRBORNE_MODES, DESCENT_MODES, Authority, Claim
-from mavlink_broker.vehicle.recovery_record import PendingAbort
+from mavlink_broker.vehicle.recovery_state import PendingAbort
 from mavlink_broker.vehicle.vehicle import Vehicle
 
 AGAIN_AFTER_S: Final = 1.5

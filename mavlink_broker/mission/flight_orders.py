@@ -97,7 +97,7 @@ class PauseOrders:
         The journal says the same, but could perhaps not be written.
         """
         if last_note == PAUSED:
-            self._vehicle.recovery.note_pause(self._mission)
+            self._vehicle.recovery.paused = self._mission
 
     def pause(
         self, work: EventWork, state: State, who: Authority, now: float, effects: Effects
@@ -182,7 +182,7 @@ class PauseOrders:
         self._answer("refused", reason, effects)
         self._late_until = self._resumes_until = 0.0
         if self.is_paused:
-            self._vehicle.recovery.clear_pause()
+            self._vehicle.recovery.paused = None
 
     def _refuses(self, work: EventWork, state: State, who: Authority, effects: Effects) -> bool:
         reason = None
@@ -203,7 +203,7 @@ class PauseOrders:
 
     def _order(self, alternatives: CommandAlternatives, now: float, effects: Effects) -> None:
         vehicle = self._vehicle
-        vehicle.recovery.note_pause(self._mission)  # Before the vehicle can hold
+        vehicle.recovery.paused = self._mission  # Before the vehicle can hold
         vehicle.forget_foreign_order()
         self._sequence = vehicle.sequence(alternatives)
         effects.messages += self._sequence.start(now)
@@ -230,7 +230,7 @@ class PauseOrders:
         """Refuse the event; a vehicle that has not answered may still obey an order to hold."""
         if self._pauses:
             self._late_until = now + LATE_WITHIN_S
-            self._vehicle.recovery.clear_pause()
+            self._vehicle.recovery.paused = None
         self._answer("refused", reason, effects)
 
     def _settle_as(self, *, is_paused: bool, effects: Effects) -> None:
@@ -241,9 +241,9 @@ class PauseOrders:
         self._change = is_paused
         if is_paused:
             self._late_until = 0.0
-            self._vehicle.recovery.note_pause(self._mission)
+            self._vehicle.recovery.paused = self._mission
         else:
-            self._vehicle.recovery.clear_pause()
+            self._vehicle.recovery.paused = None
 
     @property
     def _holds(self) -> bool:

@@ -34,7 +34,7 @@ from mavlink_broker.planning.mission import translate
 from mavlink_broker.planning.situation import Home, RefusedError
 from mavlink_broker.vehicle.alarms import mission_error
 from mavlink_broker.vehicle.mission_ledger import MissionLedger
-from mavlink_broker.vehicle.recovery_record import PendingReturn, RecoveryRecord
+from mavlink_broker.vehicle.recovery_state import PendingReturn, RecoveryRecord
 from mavlink_broker.vehicle.reporter import Reporter
 from mavlink_broker.vehicle.vehicle import Vehicle
 
@@ -210,7 +210,7 @@ class MissionQueue:
             hovers=mission.leaves_hovering, in_this_mode=mission.has_failed_in_flight
         )
         self._note_descent(is_ordered=mission.sends_down)
-        self.vehicle.recovery.clear_return()
+        self.vehicle.recovery.pending_return = None
         self.vehicle.recovery.clear_commands()
         if mission.has_failed_in_flight:
             self._landing_of = mission.work.name
@@ -280,7 +280,7 @@ class MissionQueue:
         was_aborting = self._events.is_aborting
         self._events.tick(now, effects)
         if was_aborting and not self._events.is_aborting:
-            self.vehicle.recovery.clear_return()
+            self.vehicle.recovery.pending_return = None
             self.vehicle.set_hovering(hovers=self._events.leaves_hovering)
             self._note_descent(is_ordered=self._events.sends_down)
 

@@ -31,7 +31,7 @@ from mavlink_broker.mission.flight_orders import REPLACED
 from mavlink_broker.mission.mission_executor import MissionExecutor
 from mavlink_broker.vehicle import control_authority
 from mavlink_broker.vehicle.control_authority import Authority, Claim
-from mavlink_broker.vehicle.recovery_record import PendingAbort, PendingReturn
+from mavlink_broker.vehicle.recovery_state import PendingAbort, PendingReturn
 from mavlink_broker.vehicle.vehicle import Vehicle
 
 EXPIRED = "expired"
@@ -89,7 +89,7 @@ class UnconfirmedMissions:
         if self._dropped:
             self._missions_of[work.work_id] = set(self._dropped)
             note = abort_note(work.event, work.work_id, self._vehicle)
-            self._vehicle.recovery.hold_abort(note)
+            self._vehicle.recovery.held_abort = note
 
     def take_acceptance_result(self, result: AcceptanceResult, effects: Effects) -> bool:
         """Handle the answer to an acceptance; whether it was that of one of them."""
@@ -104,7 +104,7 @@ class UnconfirmedMissions:
             abort: missions for abort, missions in self._missions_of.items() if missions
         }
         if not self._dropped:
-            self._vehicle.recovery.release_abort()
+            self._vehicle.recovery.held_abort = None
         return True
 
     def reopen(self, work_id: int) -> None:
@@ -317,9 +317,9 @@ class PendingEvents:
         for work in (*self._due, *self._waiting, running):
             if work is not None:
                 effects.for_edge.append(Acknowledgement(work.work_id, "refused", reason))
-                vehicle.recovery.clear_abort()
+                vehicle.recovery.abort = None
         if self._running is not None or self._return is not None:
-            vehicle.recovery.clear_return()
+            vehicle.recovery.pending_return = None
         self._due, self._waiting = [], []
         self._limited.clear()
         self._has_ended.clear()
@@ -335,7 +335,7 @@ class PendingEvents:
         """
         vehicle = self._vehicle
         seen = vehicle.observed_mode
-        vehicle.recovery.clear_abort()
+        vehicle.recovery.abort = None
         hover_mode = vehicle.recovery.hover.own_mode(seen)
         own_mode = hover_mode or vehicle.own_descent.own_mode(seen)
         who = control_authority.authority_of(seen, _DESCENDING._replace(mode=own_mode))
@@ -361,7 +361,7 @@ class PendingEvents:
                 was_ours=is_newer or hover_mode is not None,
                 replaces=is_newer and hover_mode is None,
             )
-            vehicle.recovery.note_abort(abort_note(work.event, work.work_id, vehicle))
+            vehicle.recovery.abort = abort_note(work.event, work.work_id, vehicle)
             self._running = work, executor
             effects.messages += executor.start(now)
 
@@ -380,8 +380,8 @@ class PendingEvents:
         self._stale |= {work.work_id for work in self._waiting if work.was_accepted}
         self._is_return_interrupted |= self._return is not None
         if self._return is not None or self._running is not None:
-            self._vehicle.recovery.clear_return()
-            self._vehicle.recovery.clear_abort()
+            self._vehicle.recovery.pending_return = None
+            self._vehicle.recovery.abort = None
         running, self._running, self._return = self._running, None, None
         if running is not None:
             self._is_return_interrupted |= running[0] is None
@@ -406,8 +406,8 @@ class PendingEvents:
         if self._running is not None and self._running[0] is not None:
             older.append(self._running[0])
         self._running = self._return = None
-        self._vehicle.recovery.clear_return()
-        self._vehicle.recovery.clear_abort()
+        self._vehicle.recovery.pending_return = None
+        self._vehicle.recovery.abort = None
         before = len(effects.for_edge)
         refusal: str | None = "an internal error in a later event"
         try:
@@ -439,7 +439,7 @@ class PendingEvents:
         effects.messages += executor.tick(now)
         if executor.is_over(now):
             self._running = None
-            vehicle.recovery.clear_abort()
+            vehicle.recovery.abort = None
             self.leaves_hovering = executor.leaves_hovering
             self.sends_down = executor.sends_down
             _acknowledge(work, effects, executor.taken, done=executor.instead)
@@ -466,7 +466,7 @@ class PendingEvents:
             control_authority.authority_of(vehicle.observed_mode, _IN_AIR) is not Authority.BROKER
         )
         if not vehicle.snapshot.armed or is_over:
-            vehicle.recovery.clear_return()
+            vehicle.recovery.pending_return = None
         else:
             executor = AbortExecutor(return_event(vehicle.vehicle_id), vehicle)
             self._running = None, executor

@@ -27,7 +27,7 @@ from mavlink_broker.mavlink.mission_item import Four, MissionItem
 from mavlink_broker.microservices.config_overrides import Items, OverriddenParameter, OverriddenPlan
 from mavlink_broker.microservices.mission_protocol import FENCE, RALLY
 from mavlink_broker.planning.situation import Pose
-from mavlink_broker.vehicle.recovery_record import (
+from mavlink_broker.vehicle.recovery_state import (
     LiveCommandProgress,
     PendingAbort,
     PendingReturn,

@@ -17,8 +17,12 @@ from typing import Final
 from mavlink_broker.database import Database
 from mavlink_broker.recovery.encoding import JournalError, decode, encode
 from mavlink_broker.supervision import SupervisedThread, reason_of
-from mavlink_broker.vehicle.recovery_record import EMPTY_RECORD, RecoveryRecord, VehicleIdentity
-from mavlink_broker.vehicle.recovery_state import RecordUpdate
+from mavlink_broker.vehicle.recovery_state import (
+    EMPTY_RECORD,
+    RecordUpdate,
+    RecoveryRecord,
+    VehicleIdentity,
+)
 
 _ALL: Final = "SELECT rowid, system, uid, CAST(data AS BLOB) FROM records"
 _LOG = logging.getLogger(__name__)

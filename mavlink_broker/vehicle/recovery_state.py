@@ -1,7 +1,10 @@
 """What a restarted broker has to know of one vehicle, and whether the disk has it.
 
-Whoever learns something of it calls a method here. The journal (`mavlink_broker.recovery`) stores
-the whole as one record.
+Whoever learns something of it writes it into the `RecoveryState`. The journal
+(`mavlink_broker.recovery`) stores the whole as one `RecoveryRecord` of plain values: the vehicle's
+overridden configuration, the position where it hovers, a command that it has not obeyed yet, and
+the progress of a live command. The broker gets all other state again: the missions from the edge
+server, the rest from the vehicle.
 
 `RecordTracker` knows whether the newest record is on the disk. A command that changes a vehicle
 waits until its record is stored; so do the messages to the edge server that follow from it. After a
@@ -10,26 +13,126 @@ flight.
 """
 
 import logging
-from collections.abc import Collection
-from dataclasses import dataclass
-from typing import Final
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+from typing import Final, NamedTuple
 
 from mavlink_broker.microservices.config_overrides import (
+    OverriddenParameter,
+    OverriddenPlan,
     ParameterOverrider,
     VehicleOverrides,
 )
+from mavlink_broker.planning.situation import Pose
 from mavlink_broker.vehicle.control_authority import (
     Hover,
 )
-from mavlink_broker.vehicle.recovery_record import (
-    EMPTY_RECORD,
-    LiveCommandProgress,
-    PendingAbort,
-    PendingReturn,
-    RecoveryRecord,
-    VehicleIdentity,
-    merge_records,
-)
+
+
+class VehicleIdentity(NamedTuple):
+    """Identifies the record of a vehicle; other hardware has another one."""
+
+    system: int
+    uid: str  # Hexadecimal, of AUTOPILOT_VERSION; empty if the vehicle sends none
+
+    def __str__(self) -> str:
+        """Give it as text for the log."""
+        return f"system {self.system}" + (f" ({self.uid})" if self.uid else "")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PendingReturn:
+    """A return home after an alarm has failed a mission; the vehicle has not begun it yet."""
+
+    mission: str  # Name of the work
+    reason: str
+    noted_s: float | None = None  # [s] By the vehicle's clock since boot
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PendingAbort:
+    """An abort that was accepted, and that the vehicle has not obeyed yet."""
+
+    work_id: int  # Of the event
+    event_type: int  # The `event_type_id` of one that ends missions
+    point: Pose | None = None  # Where the vehicle is to go first
+    noted_s: float | None = None  # [s] By the vehicle's clock since boot
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LiveCommandProgress:
+    """The progress of a live command. Times are by the vehicle's clock since boot [s]."""
+
+    name: str  # Of the command, unique
+    is_accepted: bool = False  # Else the command is about to be sent, and may have been
+    began_s: float | None = None  # When it began; None: the vehicle sends no time
+    accepted_s: float | None = None  # When the vehicle accepted it
+    start: Pose | None = None  # Where its first step begins
+    start_s: float | None = None  # When it was there; None: not recorded
+    steps: int = 0  # Completed: turns, pictures, points of a circle
+    was_left: bool = False  # For a pause: it begins anew, and was not sent since
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecoveryRecord:
+    """The record of one vehicle; the keys of `plans` are MAV_MISSION_TYPEs."""
+
+    plans: Mapping[int, OverriddenPlan] = field(default_factory=dict)
+    values: Mapping[str, OverriddenParameter] = field(default_factory=dict)  # Guarding a fence
+    borrowed: Mapping[str, OverriddenParameter] = field(default_factory=dict)  # For a command
+    hover: Pose | None = None  # Where it waits for its next mission
+    hover_mode: str | None = None  # In which it waits there
+    pending_return: PendingReturn | None = None
+    abort: PendingAbort | None = None
+    live: LiveCommandProgress | None = None
+    started: str | None = None  # First command of the mission items that it was last ordered to fly
+    started_s: float | None = None  # When that was, by the vehicle's clock since boot
+    has_flown: bool = False  # It was seen to fly them
+    paused: str | None = None  # Name of the work that an event has paused
+    is_tracking: bool = False  # Its camera may have been ordered to track a subject
+
+
+EMPTY_RECORD: Final = RecoveryRecord()
+
+
+def merge_records(earlier: RecoveryRecord, later: RecoveryRecord) -> RecoveryRecord:
+    """Merge two records of one vehicle.
+
+    The original values are those of the earlier record; the placed values are those of both.
+    """
+    plans = {
+        kind: OverriddenPlan(earlier.plans[kind].before, plan.placed)
+        for kind, plan in later.plans.items()
+        if kind in earlier.plans
+    }
+    return RecoveryRecord(
+        plans={**earlier.plans, **later.plans, **plans},
+        values=_merged_values(earlier.values, later.values),
+        borrowed=_merged_values(earlier.borrowed, later.borrowed),
+        hover=later.hover or earlier.hover,
+        hover_mode=later.hover_mode if later.hover else earlier.hover_mode,
+        pending_return=later.pending_return or earlier.pending_return,
+        abort=later.abort or earlier.abort,
+        live=later.live or earlier.live,
+        started=later.started or earlier.started,
+        started_s=later.started_s if later.started else earlier.started_s,
+        has_flown=later.has_flown if later.started else earlier.has_flown,
+        paused=later.paused or earlier.paused,
+        is_tracking=later.is_tracking or earlier.is_tracking,
+    )
+
+
+def _merged_values(
+    earlier: Mapping[str, OverriddenParameter], later: Mapping[str, OverriddenParameter]
+) -> dict[str, OverriddenParameter]:
+    both = dict(earlier)
+    for name, borrowed in later.items():
+        both[name] = borrowed
+        if name in earlier:
+            placed = (*earlier[name].placed, *borrowed.placed)
+            both[name] = OverriddenParameter(earlier[name].before, tuple(dict.fromkeys(placed)))
+    return both
+
 
 WRITE_TIMEOUT_S: Final = 2.0
 _LOG = logging.getLogger(__name__)
@@ -118,7 +221,7 @@ class RecordTracker:
 
 
 class RecoveryState:
-    """Of one vehicle."""
+    """Of one vehicle: whoever learns something of it writes it here."""
 
     def __init__(self, tracker: RecordTracker | None = None) -> None:
         """Begin with nothing; without a tracker nothing is stored, and nothing waited for."""
@@ -126,115 +229,62 @@ class RecoveryState:
         self.overrides = VehicleOverrides()  # By the geofence of a plan
         self.parameters = ParameterOverrider()
         self.hover = Hover()
-        self._return: PendingReturn | None = None
-        self._abort: PendingAbort | None = None
-        self._held_abort: PendingAbort | None = None
-        self._live: LiveCommandProgress | None = None
-        self._segment: str | None = None
+        self.pending_return: PendingReturn | None = None
+        """A return that an alarm has ordered, until the vehicle has obeyed."""
+        self.abort: PendingAbort | None = None
+        """An abort that was accepted, until the vehicle has obeyed."""
+        self.held_abort: PendingAbort | None = None
+        """An abort that is done, but for missions that may be handed out again."""
+        self.live: LiveCommandProgress | None = None
+        """The live command that was ordered last."""
+        self.segment: str | None = None
+        """Name of the first command of the items that the vehicle was ordered to fly last."""
         self._segment_s: float | None = None
         self._has_flown = False
-        self._paused: str | None = None
-        self._is_tracking = False
+        self.paused: str | None = None
+        """Name of the work that an event has paused, until it flies again or has ended."""
+        self.is_tracking = False
+        """Whether the camera may have been ordered to track a subject, and not to stop."""
         self._is_of_earlier_run = False  # That tracking
-
-    @property
-    def live(self) -> LiveCommandProgress | None:
-        """The live command that was ordered last."""
-        return self._live
-
-    @property
-    def segment(self) -> str | None:
-        """Name of the first command of the items that the vehicle was ordered to fly last."""
-        return self._segment
-
-    def note_live(self, progress: LiveCommandProgress) -> None:
-        """Note how far a live command is."""
-        self._live = progress
 
     def note_segment(self, first_command: str, time_s: float | None) -> None:
         """Note that the vehicle is about to be ordered to fly items, at a time of its clock."""
-        self._segment, self._segment_s, self._has_flown = first_command, time_s, False
+        self.segment, self._segment_s, self._has_flown = first_command, time_s, False
 
     def note_flying(self, first_command: str) -> None:
         """Note that the vehicle was seen to fly these items."""
-        self._has_flown |= first_command == self._segment
+        self._has_flown |= first_command == self.segment
 
     def has_flown(self, first_command: str) -> bool:
         """Whether the vehicle was seen to fly these items since it was ordered to."""
-        return self._has_flown and first_command == self._segment
+        return self._has_flown and first_command == self.segment
 
     def began_s(self, names: Collection[str]) -> float | None:
         """Give when the newest of these commands was ordered, by the vehicle's clock since boot."""
-        live, times = self._live, []
-        if self._segment in names and self._segment_s is not None:
+        live, times = self.live, []
+        if self.segment in names and self._segment_s is not None:
             times.append(self._segment_s)
         if live is not None and live.name in names and live.began_s is not None:
             times.append(live.began_s)
         return max(times, default=None)
 
     @property
-    def paused(self) -> str | None:
-        """Name of the work that an event has paused."""
-        return self._paused
-
-    def note_pause(self, mission: str) -> None:
-        """Note that an event has paused a mission."""
-        self._paused = mission
-
-    def clear_pause(self) -> None:
-        """Forget the pause: the mission flies, or has ended."""
-        self._paused = None
-
-    @property
-    def is_tracking(self) -> bool:
-        """Whether the camera may have been ordered to track a subject, and not to stop."""
-        return self._is_tracking
-
-    @property
     def may_resume_tracking(self) -> bool:
         """Whether an earlier run has ordered it, whose command may be continued."""
-        return self._is_tracking and self._is_of_earlier_run
+        return self.is_tracking and self._is_of_earlier_run
 
     def note_tracking(self) -> None:
         """Note that the camera is about to be ordered to track a subject."""
-        self._is_tracking, self._is_of_earlier_run = True, False
-
-    def clear_tracking(self) -> None:
-        """Forget it: the camera was ordered to stop."""
-        self._is_tracking = False
+        self.is_tracking, self._is_of_earlier_run = True, False
 
     def note_left(self, name: str) -> None:
         """Note that the vehicle has left a live command for a pause: it begins anew."""
-        self._live = LiveCommandProgress(name=name, was_left=True)
+        self.live = LiveCommandProgress(name=name, was_left=True)
 
     def clear_commands(self) -> None:
         """Forget live command and segment: none is flown, or those of another mission."""
-        self._live = self._segment = self._segment_s = None
+        self.live = self.segment = self._segment_s = None
         self._has_flown = False
-
-    def note_abort(self, abort: PendingAbort) -> None:
-        """Note an abort that was accepted, until the vehicle has obeyed."""
-        self._abort = abort
-
-    def clear_abort(self) -> None:
-        """Forget the abort."""
-        self._abort = None
-
-    def hold_abort(self, abort: PendingAbort) -> None:
-        """Note an abort that is done, but for missions that may be handed out again."""
-        self._held_abort = abort
-
-    def release_abort(self) -> None:
-        """Forget that abort: none of its missions may be handed out again."""
-        self._held_abort = None
-
-    def note_return(self, pending: PendingReturn) -> None:
-        """Note that an alarm has sent the vehicle home, until it has obeyed."""
-        self._return = pending
-
-    def clear_return(self) -> None:
-        """Forget the return."""
-        self._return = None
 
     @property
     def record(self) -> RecoveryRecord:
@@ -245,14 +295,14 @@ class RecoveryState:
             borrowed=self.parameters.overridden,
             hover=self.hover.place,
             hover_mode=self.hover.mode,
-            pending_return=self._return,
-            abort=self._abort or self._held_abort,
-            live=self._live,
-            started=self._segment,
+            pending_return=self.pending_return,
+            abort=self.abort or self.held_abort,
+            live=self.live,
+            started=self.segment,
             started_s=self._segment_s,
             has_flown=self._has_flown,
-            paused=self._paused,
-            is_tracking=self._is_tracking,
+            paused=self.paused,
+            is_tracking=self.is_tracking,
         )
 
     @property
@@ -266,17 +316,17 @@ class RecoveryState:
         self.overrides.plans, self.overrides.values = dict(both.plans), dict(both.values)
         self.parameters.load(both.borrowed)
         self.hover.recall(both.hover, both.hover_mode)
-        self._return, self._live = both.pending_return, both.live
-        self._abort = both.abort
-        self._segment, self._segment_s = both.started, both.started_s
+        self.pending_return, self.live = both.pending_return, both.live
+        self.abort = both.abort
+        self.segment, self._segment_s = both.started, both.started_s
         self._has_flown = both.has_flown
-        self._paused = both.paused
-        self._is_tracking, self._is_of_earlier_run = both.is_tracking, record.is_tracking
+        self.paused = both.paused
+        self.is_tracking, self._is_of_earlier_run = both.is_tracking, record.is_tracking
 
     def forget(self) -> None:
         """Begin anew with another vehicle in place of this one; aborts are for it too."""
         self.overrides, self.parameters = VehicleOverrides(), ParameterOverrider()
         self.hover.end()
-        self._return = self._paused = None
-        self.clear_tracking()
+        self.pending_return = self.paused = None
+        self.is_tracking = False
         self.clear_commands()

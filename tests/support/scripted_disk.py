@@ -5,8 +5,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 from mavlink_broker.recovery.encoding import decode, encode
-from mavlink_broker.vehicle.recovery_record import EMPTY_RECORD, RecoveryRecord, VehicleIdentity
-from mavlink_broker.vehicle.recovery_state import RecordUpdate
+from mavlink_broker.vehicle.recovery_state import (
+    EMPTY_RECORD,
+    RecordUpdate,
+    RecoveryRecord,
+    VehicleIdentity,
+)
 
 
 class ScriptedDisk:

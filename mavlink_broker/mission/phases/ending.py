@@ -42,7 +42,7 @@ from mavlink_broker.vehicle.control_authority import (
     Authority,
     Claim,
 )
-from mavlink_broker.vehicle.recovery_record import PendingReturn
+from mavlink_broker.vehicle.recovery_state import PendingReturn
 
 REASONS_WITHIN_S: Final = 0.5
 """How long a vehicle that refused something may take to send its reason."""
@@ -220,15 +220,13 @@ class Aborting(Phase):
         )
         self._work_id = work_id
         if work_id is not None:
-            vehicle.recovery.note_abort(abort_note(event, work_id, vehicle))
+            vehicle.recovery.abort = abort_note(event, work_id, vehicle)
             return
-        vehicle.recovery.clear_abort()
-        vehicle.recovery.note_return(
-            PendingReturn(
-                mission=mission.work.name,
-                reason=mission.ledger.message or "",
-                noted_s=vehicle.snapshot.time_s,
-            )
+        vehicle.recovery.abort = None
+        vehicle.recovery.pending_return = PendingReturn(
+            mission=mission.work.name,
+            reason=mission.ledger.message or "",
+            noted_s=vehicle.snapshot.time_s,
         )
 
     def enter(self, now: float, effects: Effects) -> Result:
@@ -314,14 +312,14 @@ class Aborting(Phase):
             status = "done" if taken is None else "refused"
             note = taken or instead or self._executor.instead or self._note
             effects.for_edge.append(Acknowledgement(self._work_id, status, note))
-            self._vehicle.recovery.clear_abort()
+            self._vehicle.recovery.abort = None
             self._work_id = None
 
     def refuse(self, reason: str, effects: Effects) -> None:
         """Refuse an event that cannot be carried out to its end, if there is one."""
         if self._work_id is not None:
             effects.for_edge.append(Acknowledgement(self._work_id, "refused", reason))
-            self._vehicle.recovery.clear_abort()
+            self._vehicle.recovery.abort = None
             self._work_id = None
 
     def drop(self) -> None:

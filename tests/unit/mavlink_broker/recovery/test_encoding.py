@@ -14,7 +14,7 @@ from mavlink_broker.microservices.config_overrides import OverriddenParameter, O
 from mavlink_broker.microservices.mission_protocol import FENCE, RALLY
 from mavlink_broker.planning.situation import Pose
 from mavlink_broker.recovery.encoding import MAX_BYTES, JournalError, decode, encode
-from mavlink_broker.vehicle.recovery_record import (
+from mavlink_broker.vehicle.recovery_state import (
     EMPTY_RECORD,
     LiveCommandProgress,
     PendingAbort,

@@ -11,7 +11,7 @@ from mavlink_broker.database import DATABASE_FILE, Database, read_rows
 from mavlink_broker.microservices.config_overrides import OverriddenParameter
 from mavlink_broker.recovery.encoding import encode
 from mavlink_broker.recovery.journal import JournalTable
-from mavlink_broker.vehicle.recovery_record import (
+from mavlink_broker.vehicle.recovery_state import (
     EMPTY_RECORD,
     PendingReturn,
     RecoveryRecord,

@@ -10,13 +10,13 @@ import pytest
 from mavlink_broker.database import Database
 from mavlink_broker.recovery import journal as journal_module
 from mavlink_broker.recovery.journal import JournalTable, JournalWriter
-from mavlink_broker.vehicle.recovery_record import (
+from mavlink_broker.vehicle.recovery_state import (
     EMPTY_RECORD,
     PendingReturn,
+    RecordUpdate,
     RecoveryRecord,
     VehicleIdentity,
 )
-from mavlink_broker.vehicle.recovery_state import RecordUpdate
 
 IDENTITY = VehicleIdentity(1, "")
 TIMEOUT_S = 20.0

@@ -4,13 +4,14 @@ import logging
 
 import pytest
 
-from mavlink_broker.vehicle.recovery_record import (
+from mavlink_broker.vehicle.recovery_state import (
     EMPTY_RECORD,
+    WRITE_TIMEOUT_S,
     PendingReturn,
+    RecordTracker,
     RecoveryRecord,
     VehicleIdentity,
 )
-from mavlink_broker.vehicle.recovery_state import WRITE_TIMEOUT_S, RecordTracker
 
 IDENTITY = VehicleIdentity(1, "")
 ONE = RecoveryRecord(pending_return=PendingReturn(mission="1/plan", reason="GPS"))
