@@ -21,8 +21,8 @@ from mavlink_broker.edge.bounded_http import Answer
 from mavlink_broker.edge.client import RETRY_WORK_S, EdgeClient, Pause
 from mavlink_broker.edge.outbox import Post
 from mavlink_broker.edge.spool import MIB, Spool
+from mavlink_broker.journal import RETRY_AFTER_S, JournalTable, JournalWriter
 from mavlink_broker.links.url import Address
-from mavlink_broker.recovery.journal import RETRY_AFTER_S, JournalTable, JournalWriter
 from mavlink_broker.vehicle.recovery_state import RecordUpdate, RecoveryRecord, VehicleIdentity
 
 IDLE_STEP_S: Final = 0.5

@@ -36,10 +36,10 @@ from mavlink_broker.cli.program import (
     with_link,
 )
 from mavlink_broker.config import Config
+from mavlink_broker.journal import JournalTable, JournalWriter
 from mavlink_broker.microservices.link_state import LinkState
 from mavlink_broker.mission.states import State
 from mavlink_broker.pictures.worker_pool import WorkerPool
-from mavlink_broker.recovery.journal import JournalTable, JournalWriter
 from mavlink_broker.routing.router import Clock
 
 _REPORT: Final = wire.Kind.MISSION_REPORT.value

@@ -25,8 +25,8 @@ from mavlink_broker.edge.connection import EdgeConnection
 from mavlink_broker.edge.spool import MIB, Spool
 from mavlink_broker.edge.uploads import FrameUploader, LogUploader
 from mavlink_broker.effects import Job, LogJob, SendFrames
+from mavlink_broker.journal import JournalTable, JournalWriter
 from mavlink_broker.pictures.worker_pool import Handler, WorkerPool
-from mavlink_broker.recovery.journal import JournalTable, JournalWriter
 from mavlink_broker.supervision import ThreadFailureHook
 
 LAST_POSTS_WITHIN_S: Final = 1.0

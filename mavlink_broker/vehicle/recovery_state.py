@@ -1,7 +1,7 @@
 """What a restarted broker has to know of one vehicle, and whether the disk has it.
 
 Whoever learns something of it writes it into the `RecoveryState`. The journal
-(`mavlink_broker.recovery`) stores the whole as one `RecoveryRecord` of plain values: the vehicle's
+(`mavlink_broker.journal`) stores the whole as one `RecoveryRecord` of plain values: the vehicle's
 overridden configuration, the position where it hovers, a command that it has not obeyed yet, and
 the progress of a live command. The broker gets all other state again: the missions from the edge
 server, the rest from the vehicle.

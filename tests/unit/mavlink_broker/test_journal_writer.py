@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from mavlink_broker import journal as journal_module
 from mavlink_broker.database import Database
-from mavlink_broker.recovery import journal as journal_module
-from mavlink_broker.recovery.journal import JournalTable, JournalWriter
+from mavlink_broker.journal import JournalTable, JournalWriter
 from mavlink_broker.vehicle.recovery_state import (
     EMPTY_RECORD,
     PendingReturn,

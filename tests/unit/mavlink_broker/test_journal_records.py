@@ -1,4 +1,4 @@
-"""Pages of the journal: what is written is read again, and nothing else is believed."""
+"""Records of the journal: what is written is read again, and nothing else is believed."""
 
 import hashlib
 import json
@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mavlink_broker.journal import MAX_BYTES, JournalError, decode, encode
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.mavlink.mission_item import MissionItem
 from mavlink_broker.microservices.config_overrides import OverriddenParameter, OverriddenPlan
 from mavlink_broker.microservices.mission_protocol import FENCE, RALLY
 from mavlink_broker.planning.situation import Pose
-from mavlink_broker.recovery.encoding import MAX_BYTES, JournalError, decode, encode
 from mavlink_broker.vehicle.recovery_state import (
     EMPTY_RECORD,
     LiveCommandProgress,
