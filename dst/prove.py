@@ -303,8 +303,8 @@ BREAKS: Final = (
         (
             Change(
                 "mavlink_broker/mission/mission_executor.py",
-                "        return self.state in TRANSFERRING and self._context.is_expired(now)\n",
-                "        return False\n",
+                "        if self.state in TRANSFERRING and self._context.is_expired(now):\n",
+                "        if now < 0.0:\n",
             ),
         ),
         (Fault.EXPIRIES,),

@@ -28,16 +28,26 @@ from mavlink_broker.edge.wire import MissionWork
 from mavlink_broker.effects import Effects
 from mavlink_broker.live.camera_state import SeriesMonitor
 from mavlink_broker.mavlink.dialect import Message
+from mavlink_broker.microservices.mission_protocol import FENCE, RALLY
 from mavlink_broker.mission.exchanges import Exchange
-from mavlink_broker.mission.flight_orders import PauseOrders, SoftAbort, SpeedChanges
+from mavlink_broker.mission.flight_orders import (
+    PAUSED,
+    PAUSED_INSTEAD,
+    RESUMED,
+    PauseOrders,
+    SoftAbort,
+    SpeedChanges,
+)
 from mavlink_broker.mission.progress_monitor import (
     MissionChangeMonitor,
     ProgressMonitor,
     SkippedWaypointMonitor,
+    foreign_uploader,
+    total_of,
 )
 from mavlink_broker.mission.segments import Segments
 from mavlink_broker.mission.states import Event
-from mavlink_broker.planning.geofence import AreaCheck
+from mavlink_broker.planning.geofence import AreaCheck, fence_items, rally_items
 from mavlink_broker.planning.mission import FlightPlan, LiveCommand
 from mavlink_broker.vehicle import control_authority
 from mavlink_broker.vehicle.control_authority import AIRBORNE_MODES, DESCENT_MODES, Authority, Claim
@@ -237,6 +247,20 @@ class MissionContext:
         """First number of items that the vehicle has sent since then."""
         self.was_running = False  # The present segment flew before this broker began to follow it
 
+    def begin(self, now: float, *, hovering: bool, resumed: bool) -> None:
+        """Begin, with what an earlier run has reported; if `resumed`, where it has left off."""
+        work = self.work
+        self.is_hovering, self.began_at = hovering, now
+        if work.report is not None:
+            self.ledger.restore(work.report)
+        self.was_running = self.ledger.status == Status.RUNNING
+        if self.was_running:
+            self.speeds.resume()
+            self.pauses.assume(self.ledger.pause_note)
+        if resumed:
+            self.vehicle.overrides.assume(FENCE, fence_items(work.geofence))
+            self.vehicle.overrides.assume(RALLY, rally_items(work.rally_points))
+
     def is_expired(self, now: float) -> bool:
         """Whether it may not begin any more; what has begun is flown to its end."""
         return now >= self.expires_at
@@ -250,8 +274,42 @@ class MissionContext:
 
     def expire(self, effects: Effects) -> None:
         """Report that it is not flown, because it has expired."""
-        self.ledger.abort("expired before take-off")
+        self.abort("expired before take-off", effects)
+
+    def abort(self, reason: str, effects: Effects) -> None:
+        """Report that it is aborted."""
+        self.ledger.abort(reason)
         self.report(effects)
+
+    def fail(self, reason: str, effects: Effects) -> None:
+        """Report that it has failed, unless it has ended; no soft abort waits for it any more."""
+        if not self.ledger.status.is_terminal:
+            self.ledger.fail(reason)
+            self.report(effects)
+        self.answer_failed(reason, effects)
+
+    def answer_failed(self, reason: str, effects: Effects) -> None:
+        """Answer a soft abort that waits, because the mission has failed."""
+        self.soft_abort.answer("done", f"the mission has failed: {reason}", effects)
+
+    def report_pause(self, effects: Effects) -> None:
+        """Write into the report that the mission is paused, or not any more.
+
+        A restarted broker reads it there. No soft abort waits during a pause.
+        """
+        is_paused = self.pauses.take_change()
+        if is_paused is None:
+            return
+        if is_paused:
+            self.soft_abort.answer("refused", PAUSED_INSTEAD, effects)
+        self.ledger.note_open(PAUSED if is_paused else RESUMED)
+        self.report(effects)
+
+    def observe_items(self, message: Message) -> None:
+        """Note what shows in flight that the vehicle holds another mission than was verified."""
+        self.foreign_uploader = foreign_uploader(message, self.vehicle) or self.foreign_uploader
+        if self.verified_total is None:
+            self.verified_total = total_of(message)
 
     @property
     def plan(self) -> FlightPlan:

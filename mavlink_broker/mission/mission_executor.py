@@ -15,13 +15,8 @@ from mavlink_broker.edge.wire import EventWork, MissionWork
 from mavlink_broker.effects import Acknowledgement, Effects
 from mavlink_broker.mavlink.dialect import Message, mavlink
 from mavlink_broker.microservices.link_state import LinkState
-from mavlink_broker.microservices.mission_protocol import FENCE, RALLY
 from mavlink_broker.mission import exchanges
-from mavlink_broker.mission.abort_executor import (
-    REASONS,
-    note_on_ground,
-    return_event,
-)
+from mavlink_broker.mission.abort_executor import REASONS, note_on_ground, return_event
 from mavlink_broker.mission.context import (
     Fault,
     Idle,
@@ -31,14 +26,7 @@ from mavlink_broker.mission.context import (
     Result,
     SegmentMonitors,
 )
-from mavlink_broker.mission.flight_orders import (
-    FLIES_NO_COMMAND,
-    MISSION_ENDED,
-    PAUSED,
-    PAUSED_INSTEAD,
-    REPLACED,
-    RESUMED,
-)
+from mavlink_broker.mission.flight_orders import FLIES_NO_COMMAND, MISSION_ENDED, REPLACED
 from mavlink_broker.mission.phases.attaching import Attaching
 from mavlink_broker.mission.phases.before_takeoff import (
     Arming,
@@ -49,10 +37,9 @@ from mavlink_broker.mission.phases.before_takeoff import (
     Uploading,
     Verifying,
 )
-from mavlink_broker.mission.phases.ending import MAY_BE_FLOWN, Aborting, Failing
+from mavlink_broker.mission.phases.ending import Aborting, Failing
 from mavlink_broker.mission.phases.in_flight import FlyingLive, Running
 from mavlink_broker.mission.phases.waiting import Waiting
-from mavlink_broker.mission.progress_monitor import foreign_uploader, total_of
 from mavlink_broker.mission.states import (
     ARMED_BY_BROKER,
     ASKING,
@@ -66,7 +53,6 @@ from mavlink_broker.mission.states import (
     State,
     follow,
 )
-from mavlink_broker.planning.geofence import fence_items, rally_items
 from mavlink_broker.planning.situation import RefusedError
 from mavlink_broker.vehicle.control_authority import Authority
 from mavlink_broker.vehicle.reporter import Reporter
@@ -74,7 +60,6 @@ from mavlink_broker.vehicle.vehicle import Vehicle
 
 MOST_LINK_LOSSES: Final = 5
 """How often a mission attaches again after its link was away in a state that needs answers."""
-_STANDS: Final[int] = mavlink.MAV_LANDED_STATE_ON_GROUND
 
 _LOG = logging.getLogger(__name__)
 
@@ -191,8 +176,7 @@ class MissionExecutor:
 
     def abort(self, reason: str, effects: Effects) -> None:
         """Note and report that it is aborted; one that has begun is ended by `abort_now`."""
-        self.ledger.abort(reason)
-        self._context.report(effects)
+        self._context.abort(reason, effects)
 
     def fail_again(self, reason: str, now: float, effects: Effects) -> None:
         """Report a failure that an earlier run has noted, and may not have reported."""
@@ -212,18 +196,7 @@ class MissionExecutor:
 
         `hovering` if the vehicle holds in the air where a mission of this broker left it.
         """
-        context, work = self._context, self.work
-        context.is_hovering = hovering
-        context.began_at = now
-        if work.report is not None:
-            self.ledger.restore(work.report)
-        context.was_running = self.ledger.status == Status.RUNNING
-        if context.was_running:
-            context.speeds.resume()
-            context.pauses.assume(self.ledger.pause_note)
-        if resumed:
-            self._vehicle.overrides.assume(FENCE, fence_items(work.geofence))
-            self._vehicle.overrides.assume(RALLY, rally_items(work.rally_points))
+        self._context.begin(now, hovering=hovering, resumed=resumed)
         self._move(Event.MISSION_RESUMED if resumed else Event.MISSION_TAKEN, now, effects)
 
     # Messages and time
@@ -231,7 +204,7 @@ class MissionExecutor:
     def receive(self, message: Message, now: float, effects: Effects) -> None:
         """Handle a message of the vehicle's autopilot or camera."""
         if self.state in UPLOADED:
-            self._note_changes(message)
+            self._context.observe_items(message)
         if self._yields(now, effects) and self.state not in READING:
             return
         phase = self._phase
@@ -246,18 +219,9 @@ class MissionExecutor:
             effects.messages += phase.exchange.receive(message, now)
             self._apply(phase.settle(now, effects), now, effects)
 
-    def _note_changes(self, message: Message) -> None:
-        """Note what shows in flight that the vehicle holds another mission than was verified."""
-        context = self._context
-        context.foreign_uploader = (
-            foreign_uploader(message, self._vehicle) or context.foreign_uploader
-        )
-        if context.verified_total is None:
-            context.verified_total = total_of(message)
-
     def tick(self, now: float, effects: Effects) -> None:
         """Do what is due at a time; while another system is in command nothing is ordered."""
-        if self._has_expired(now):
+        if self.state in TRANSFERRING and self._context.is_expired(now):
             self._context.expire(effects)
             self._cancel_upload(effects)
             self._move(Event.ENDED, now, effects)
@@ -270,29 +234,12 @@ class MissionExecutor:
         if not yields:
             self._context.speeds.tick(now, effects)
         self._context.pauses.tick(self.state, self._who, now, effects)
-        self._report_pause(effects)
+        self._context.report_pause(effects)
         self._apply(self._phase.tick(now, effects), now, effects)
         if not yields:
             self._context.speeds.order_late(self.state, now, effects)
         if self._context.soft_abort.work is not None and not self._context.pauses.is_paused:
             self._abort_when_due(now, effects)
-
-    def _has_expired(self, now: float) -> bool:
-        """Whether it has expired while it goes onto the vehicle, which was not ordered to start."""
-        return self.state in TRANSFERRING and self._context.is_expired(now)
-
-    def _report_pause(self, effects: Effects) -> None:
-        """Write into the report that the mission is paused, or not any more.
-
-        A restarted broker reads it there. No soft abort waits during a pause.
-        """
-        is_paused = self._context.pauses.take_change()
-        if is_paused is None:
-            return
-        if is_paused:
-            self._context.soft_abort.answer("refused", PAUSED_INSTEAD, effects)
-        self.ledger.note_open(PAUSED if is_paused else RESUMED)
-        self._context.report(effects)
 
     def _yields(self, now: float, effects: Effects) -> bool:
         """Fail at once when another system takes the vehicle; whether no order may be given.
@@ -416,34 +363,26 @@ class MissionExecutor:
             return
         work = soft_abort.take_due(now)
         if work is not None and self._running.was_paused_after(soft_abort.since):
-            self._end_paused(work, now, effects)
+            self.abort(REASONS[work.event.event_type_id], effects)
+            self._leave_vehicle(work, f"{self._running.pause}: it stays there", now, effects)
         elif work is not None:
             self.abort_now(work, now, effects)
-
-    def _end_paused(self, work: EventWork, now: float, effects: Effects) -> None:
-        """End a mission at the time of a soft abort after which the vehicle was paused."""
-        self.abort(REASONS[work.event.event_type_id], effects)
-        reason = f"{self._running.pause}: it stays there"
-        effects.for_edge.append(Acknowledgement(work.work_id, "refused", reason))
-        self._vehicle.take_away()
-        self._move(Event.ENDED, now, effects)
 
     def abort_now(self, work: EventWork, now: float, effects: Effects) -> None:
         """End the mission; a vehicle that is armed is sent where the event says."""
         authority = self._context.authority
         self._context.soft_abort.answer("done", REPLACED, effects)
         self._cancel_upload(effects)
-        who = self._aborting.who(now) if self.state is State.ABORTING else None
-        who = who or self._who
+        who = (self._aborting.who(now) if self.state is State.ABORTING else None) or self._who
         may_fly_on = who is Authority.BROKER and self._may_be_armed(now)
         why = REASONS[work.event.event_type_id]
-        self._follow_or_end(why, now, effects, may_fly_on=may_fly_on)
+        if may_fly_on and (monitors := self._monitors_of_flight()) is not None:
+            self._aborting.follow(monitors, why)
+        elif not (may_fly_on and self._aborting.is_following):
+            self._end_now(why, now, effects)
         self._aborting.acknowledge(effects, instead=REPLACED)
         if who is not Authority.BROKER:
-            self._vehicle.take_away()
-            reason = authority.reason(who)
-            effects.for_edge.append(Acknowledgement(work.work_id, "refused", reason))
-            self._move(Event.ENDED, now, effects)
+            self._leave_vehicle(work, authority.reason(who), now, effects)
         elif not may_fly_on:
             done = Acknowledgement(work.work_id, "done", note_on_ground(work.event))
             effects.for_edge.append(done)
@@ -452,6 +391,12 @@ class MissionExecutor:
             self._aborting.order(work.event, work.work_id, now)
             self._move(Event.ABORTED, now, effects)
 
+    def _leave_vehicle(self, work: EventWork, reason: str, now: float, effects: Effects) -> None:
+        """Refuse to order a vehicle that another system has; the mission is over."""
+        self._vehicle.take_away()
+        effects.for_edge.append(Acknowledgement(work.work_id, "refused", reason))
+        self._move(Event.ENDED, now, effects)
+
     def end_for_abort(self, work: EventWork, now: float, effects: Effects) -> None:
         """End the mission for an abort that an earlier run of the broker has ordered."""
         self._context.soft_abort.answer("done", REPLACED, effects)
@@ -459,39 +404,24 @@ class MissionExecutor:
         self._end_now(REASONS[work.event.event_type_id], now, effects)
         self._move(Event.ENDED, now, effects)
 
-    def _follow_or_end(
-        self, reason: str, now: float, effects: Effects, *, may_fly_on: bool
-    ) -> None:
-        """Follow the items that the vehicle flies until it obeys an abort, or end the mission.
+    def _monitors_of_flight(self) -> SegmentMonitors | None:
+        """Give what follows the items that the vehicle flies, until it obeys an abort.
 
         An order to start them may be on its way; only a known mode shows whether it has arrived.
         """
-        monitors = self._running.monitors
         if self.state is State.STARTING and self._vehicle.family.knows_modes:
-            monitors = SegmentMonitors.of(self._context)
-        if may_fly_on and monitors is not None:
-            self._aborting.follow(monitors, reason)
-        elif not (may_fly_on and self._aborting.is_following):
-            self._end_now(reason, now, effects)
+            return SegmentMonitors.of(self._context)
+        return self._running.monitors
 
     def _end_now(self, reason: str, now: float, effects: Effects) -> None:
-        """End the mission for an abort, with what is known to have been flown."""
-        monitors = self._running.monitors
-        is_unknown = self.is_flight_unknown
-        if monitors is not None:
-            effects.for_edge += monitors.progress.step(now)
-            is_unknown |= monitors.progress.lacks_progress
-        self._aborting.end_mission(effects)
-        if not self.ledger.status.is_terminal:
-            if is_unknown:
-                self.ledger.note_open(MAY_BE_FLOWN)
-            self.abort(reason, effects)
+        self._aborting.end_now(
+            reason, self._running.monitors, now, effects, is_unknown=self.is_flight_unknown
+        )
 
     def _may_be_armed(self, now: float) -> bool:
         """Whether the vehicle is armed, is about to be, or does not show whether it still flies."""
-        is_hidden = self.state in IN_FLIGHT and not self._vehicle.shows_itself(now)
-        is_arming_ordered = self._context.authority.is_arming_ordered
-        return bool(self._vehicle.snapshot.armed) or is_arming_ordered or is_hidden
+        is_armed = bool(self._vehicle.snapshot.armed) or self._context.authority.is_arming_ordered
+        return is_armed or (self.state in IN_FLIGHT and not self._vehicle.shows_itself(now))
 
     def _return_home(self, now: float, effects: Effects) -> None:
         self._aborting.order(return_event(self._vehicle.vehicle_id), None, now)
@@ -514,9 +444,7 @@ class MissionExecutor:
         """Fail a mission that flies; the vehicle returns, or lands if it cannot."""
         if self.state not in IN_FLIGHT or not self._vehicle.snapshot.armed:
             return
-        self.ledger.fail(reason)
-        self._context.report(effects)
-        self._context.soft_abort.answer("done", f"the mission has failed: {reason}", effects)
+        self._context.fail(reason, effects)
         if self._context.authority.is_lost:
             if self._who is not Authority.BROKER:
                 self._vehicle.take_away()
@@ -531,10 +459,7 @@ class MissionExecutor:
         may take off before that order arrives, refuse it then, and lands.
         """
         context, snapshot = self._context, self._vehicle.snapshot
-        if not self.ledger.status.is_terminal:
-            self.ledger.fail(reason)
-            context.report(effects)
-        self._context.soft_abort.answer("done", f"the mission has failed: {reason}", effects)
+        context.fail(reason, effects)
         self._aborting.refuse(reason, effects)
         self._cancel_upload(effects)
         followed = self._aborting.is_following  # It flies items, and has not obeyed yet
@@ -545,12 +470,9 @@ class MissionExecutor:
         if self.state is State.IDLE:
             return
         starts = self.state in ARMED_BY_BROKER and not context.is_hovering
-        flies = bool(snapshot.armed) and snapshot.landed_state != _STANDS
-        flew = (
-            self.state in IN_FLIGHT
-            or followed
-            or (context.is_hovering and context.is_start_ordered)
-        )
+        flies = bool(snapshot.armed) and snapshot.landed_state != mavlink.MAV_LANDED_STATE_ON_GROUND
+        flew = self.state in IN_FLIGHT or followed
+        flew |= context.is_hovering and context.is_start_ordered
         if (starts or (flies and flew)) and is_ours and not context.authority.is_lost:
             self._return_home(now, effects)
         else:
@@ -569,7 +491,7 @@ class MissionExecutor:
         preparing = self.state in BEFORE_TAKEOFF
         flew_unseen = self.is_flight_unknown and self._link_losses > 0
         if self.state in IN_FLIGHT or flew_unseen or (preparing and context.is_hovering):
-            self._context.soft_abort.answer("done", f"the mission has failed: {reason}", effects)
+            context.answer_failed(reason, effects)
             self._fail(Fault(reason), now, effects)
         elif preparing:
             self._move(Event.VEHICLE_RESTARTED, now, effects)

@@ -24,9 +24,7 @@ from mavlink_broker.microservices.config_overrides import (
     VehicleOverrides,
 )
 from mavlink_broker.planning.situation import Pose
-from mavlink_broker.vehicle.control_authority import (
-    Hover,
-)
+from mavlink_broker.vehicle.control_authority import Hover
 
 
 class VehicleIdentity(NamedTuple):

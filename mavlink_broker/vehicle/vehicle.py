@@ -8,11 +8,7 @@ from typing import Final
 from mavlink_broker.autopilots.families import GENERIC, Family, ModeRole, family_of
 from mavlink_broker.autopilots.status_texts import StatusTexts
 from mavlink_broker.mavlink.dialect import Message, Route, mavlink
-from mavlink_broker.microservices.command import (
-    CommandAlternatives,
-    CommandSequence,
-    RoundTrip,
-)
+from mavlink_broker.microservices.command import CommandAlternatives, CommandSequence, RoundTrip
 from mavlink_broker.microservices.config_overrides import (
     ParameterOverride,
     ParameterOverrider,

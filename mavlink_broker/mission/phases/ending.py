@@ -197,8 +197,30 @@ class Aborting(Phase):
             return
         if monitors.progress.lacks_progress or monitors.changes.is_suspicious:
             ledger.note_open(MAY_BE_FLOWN)
-        ledger.abort(self._reason)
-        self._mission.report(effects)
+        self._mission.abort(self._reason, effects)
+
+    def end_now(
+        self,
+        reason: str,
+        monitors: SegmentMonitors | None,
+        now: float,
+        effects: Effects,
+        *,
+        is_unknown: bool,
+    ) -> None:
+        """End the mission for an abort, with what is known to have been flown.
+
+        `monitors` follow what was in flight, if anything was; `is_unknown` if nobody has looked.
+        """
+        if monitors is not None:
+            effects.for_edge += monitors.progress.step(now)
+            is_unknown |= monitors.progress.lacks_progress
+        self.end_mission(effects)
+        ledger = self._mission.ledger
+        if not ledger.status.is_terminal:
+            if is_unknown:
+                ledger.note_open(MAY_BE_FLOWN)
+            self._mission.abort(reason, effects)
 
     @property
     def is_following(self) -> bool:

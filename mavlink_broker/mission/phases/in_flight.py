@@ -22,9 +22,7 @@ from mavlink_broker.mission.context import (
     Result,
     SegmentMonitors,
 )
-from mavlink_broker.mission.progress_monitor import (
-    MissionChangeMonitor,
-)
+from mavlink_broker.mission.progress_monitor import MissionChangeMonitor
 from mavlink_broker.vehicle.control_authority import (
     AIRBORNE_MODES,
     TAKEOVER_AFTER_S,

@@ -32,12 +32,7 @@ from mavlink_broker.mission.context import (
 )
 from mavlink_broker.mission.states import Event
 from mavlink_broker.planning.situation import RefusedError
-from mavlink_broker.vehicle.control_authority import (
-    ARMED_BY_OTHERS,
-    LEFT_BY_OTHERS,
-    STAND_S,
-    Claim,
-)
+from mavlink_broker.vehicle.control_authority import ARMED_BY_OTHERS, LEFT_BY_OTHERS, STAND_S, Claim
 from mavlink_broker.vehicle.vehicle import Vehicle
 
 LOGGED_AFTER_S: Final = 3.0

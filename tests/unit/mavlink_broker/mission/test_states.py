@@ -5,13 +5,7 @@ import re
 import pytest
 
 from mavlink_broker.mission import states
-from mavlink_broker.mission.states import (
-    TRANSITIONS,
-    Event,
-    IllegalTransitionError,
-    State,
-    follow,
-)
+from mavlink_broker.mission.states import TRANSITIONS, Event, IllegalTransitionError, State, follow
 from tests.support import pages
 from tests.support.cases import failures
 

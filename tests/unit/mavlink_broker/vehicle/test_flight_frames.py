@@ -6,13 +6,7 @@ from itertools import count
 
 import pytest
 
-from mavlink_broker.effects import (
-    Effects,
-    FramesNotSent,
-    FramesOutcome,
-    FramesSent,
-    SendFrames,
-)
+from mavlink_broker.effects import Effects, FramesNotSent, FramesOutcome, FramesSent, SendFrames
 from mavlink_broker.vehicle.flight_frames import FlightFrames
 from mavlink_broker.vehicle.logged_flight import LONGEST_PAUSE_S, MAX_FAILURES, MAX_FLIGHTS
 from mavlink_broker.vehicle.vehicle import Vehicle
