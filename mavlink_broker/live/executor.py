@@ -19,7 +19,7 @@ first, and restored after it.
 
 from dataclasses import replace
 from enum import Enum, auto
-from typing import Final, Protocol
+from typing import Final, TypeAlias
 
 from afarcloud.geodesy import distance_m
 from mavlink_broker.autopilots.families import LIVE_MODES, ModeRole
@@ -41,7 +41,6 @@ from mavlink_broker.planning.situation import (
     Circled,
     Lasted,
     LiveAction,
-    Pose,
     Series,
     Tracked,
     Turned,
@@ -65,16 +64,8 @@ SLOW_M_S: Final = 1.0
 APPROACH_WITHIN_S: Final = 300.0
 
 
-class Steps(Protocol):
-    """A command that consists of steps."""
-
-    @property
-    def start(self) -> Pose | None:
-        """The pose at its beginning, once it is known."""
-
-    @property
-    def steps(self) -> int:
-        """The number of completed steps."""
+Task: TypeAlias = StepSeries | SubjectTracker | CircleExecutor | OrbitMonitor
+"""What is done until the end of a command: from a pose, `start`, so many completed `steps`."""
 
 
 class LiveCommandRecord:
@@ -86,15 +77,17 @@ class LiveCommandRecord:
         self._action = action
         self._vehicle = vehicle
         stored = vehicle.recovery.live
-        is_known = stored is not None and name is not None and stored.name == name
-        self.was_left = is_known and stored is not None and stored.was_left
-        """Whether the vehicle has left it for a pause, and was not ordered it again."""
-        self.earlier = stored if is_known and not self.was_left else None
+        self._stored = stored if stored is not None and stored.name == name else None
 
     @property
     def is_lost(self) -> bool:
         """Whether there is no record of it."""
-        return self.earlier is None and not self.was_left
+        return self._stored is None
+
+    @property
+    def earlier(self) -> LiveCommandProgress | None:
+        """The progress of an earlier run; of a command that was left for a pause, none."""
+        return None if self._stored is None or self._stored.was_left else self._stored
 
     @property
     def was_accepted(self) -> bool:
@@ -149,16 +142,16 @@ class LiveCommandRecord:
         if not live.is_accepted:
             self._vehicle.recovery.live = replace(live, is_accepted=True, accepted_s=now_s)
 
-    def store_progress(self, steps: Steps) -> None:
+    def store_progress(self, task: Task) -> None:
         """Record its progress."""
         live = self._vehicle.recovery.live
-        if self._name is None or live is None or live.name != self._name or steps.start is None:
+        if self._name is None or live is None or live.name != self._name or task.start is None:
             return
-        if (steps.start, steps.steps) == (live.start, live.steps):
+        if (task.start, task.steps) == (live.start, live.steps):
             return
         if live.start is None:
             live = replace(live, start_s=self._vehicle.snapshot.time_s)
-        self._vehicle.recovery.live = replace(live, start=steps.start, steps=steps.steps)
+        self._vehicle.recovery.live = replace(live, start=task.start, steps=task.steps)
 
     @property
     def elapsed_s(self) -> float:
@@ -191,7 +184,7 @@ class LiveCommandExecutor:
         self._vehicle = vehicle
         self._record = LiveCommandRecord(name, action, vehicle)
         self._sequence: CommandSequence | None = None
-        self._task: StepSeries | SubjectTracker | CircleExecutor | OrbitMonitor | None = None
+        self._task: Task | None = None
         self._phase_at = 0.0
         self._began_at = 0.0
         self._target = None if action.follow is None else FollowTargetSender(action.follow, vehicle)
@@ -250,7 +243,7 @@ class LiveCommandExecutor:
         If that run has recorded no progress, a duration or an endless orbit counts anew; an orbit
         that the vehicle counts may be over.
         """
-        self._began_at = self._phase_at = self._time_s(now)
+        self._began_at = self._phase_at = self._vehicle.time_s(now)
         self._vehicle.override(self._action.overrides)
         if is_under_way or self._record.was_accepted or (was_reported and self._record.is_lost):
             self._resume(now)
@@ -276,7 +269,9 @@ class LiveCommandExecutor:
         """
         if self._action.overrides and not self._vehicle.parameters.is_settled:
             return []
-        self._began_at = self._time_s(now)  # Its time limit excludes the setting of parameters
+        self._began_at = self._vehicle.time_s(
+            now
+        )  # Its time limit excludes the setting of parameters
         self._enter(LivePhase.APPROACHING, now)
         if self._action.approach is None:
             return self._begin(now)
@@ -349,17 +344,12 @@ class LiveCommandExecutor:
         if self._task is not None:
             self._record.store_progress(self._task)
 
-    def _time_s(self, now: float) -> float:
-        """The vehicle's time; the broker's if the vehicle sends none."""
-        time_s = self._vehicle.snapshot.time_s
-        return now if time_s is None else time_s
-
     def _advance(self, now: float) -> list[Message]:
         outcome = self._sequence.outcome if self._sequence else None
         if isinstance(outcome, Refused) and self.phase is not LivePhase.ENDING:
             return self._refused(outcome, now)
         match self.phase:
-            case LivePhase.LISTENING if self._time_s(now) - self._phase_at >= LISTEN_S:
+            case LivePhase.LISTENING if self._vehicle.time_s(now) - self._phase_at >= LISTEN_S:
                 self._enter(LivePhase.SETTING_PARAMETERS, now)
             case LivePhase.SETTING_PARAMETERS:
                 return self._approach(now)
@@ -430,7 +420,7 @@ class LiveCommandExecutor:
         return self._sequence.start(now)
 
     def _enter(self, phase: LivePhase, now: float) -> None:
-        self.phase, self._phase_at = phase, self._time_s(now)
+        self.phase, self._phase_at = phase, self._vehicle.time_s(now)
 
     def _fail(self, reason: str) -> list[Message]:
         self.phase, self.reason = LivePhase.FAILED, reason
@@ -454,13 +444,13 @@ class LiveCommandExecutor:
     def _is_over(self, now: float) -> bool:
         if isinstance(self._action.end, Lasted):
             lasts_s = self._action.end.duration_s + self._extra_s
-            return self._time_s(now) - self._phase_at >= lasts_s
+            return self._vehicle.time_s(now) - self._phase_at >= lasts_s
         return self._task is not None and self._task.is_over
 
     def _send_target(self, now: float) -> list[Message]:
         if self._target is None or self.phase not in {LivePhase.BEGINNING, LivePhase.RUNNING}:
             return []
-        time_s = self._time_s(now)
+        time_s = self._vehicle.time_s(now)
         followed_s = time_s - self._phase_at if self.phase is LivePhase.RUNNING else 0.0
         return self._target.send(time_s, followed_s, now)
 
@@ -478,7 +468,7 @@ class LiveCommandExecutor:
             self._fail(fault)
             return
         approach_s = 0.0 if self._action.approach is None else APPROACH_WITHIN_S
-        if self._time_s(now) - self._began_at > self._action.within_s + approach_s:
+        if self._vehicle.time_s(now) - self._began_at > self._action.within_s + approach_s:
             self._fail(f"it has not ended within {self._action.within_s:.0f} s")
             return
         sign = self._sign_of_takeover() if self._action.moves else None

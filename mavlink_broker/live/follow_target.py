@@ -167,8 +167,7 @@ class VehicleTarget:
         position = None if vehicle is None else vehicle.snapshot.position
         if vehicle is None or position is None or not vehicle.is_connected(now):
             return None
-        vehicle_time_s = vehicle.snapshot.time_s
-        time_s = now if vehicle_time_s is None else vehicle_time_s
+        time_s = vehicle.time_s(now)
         self._track.take(time_s, position.latitude_deg, position.longitude_deg)
         return self._track.at(time_s)
 

@@ -229,8 +229,10 @@ class CircleExecutor:
         """Send the next point when this one is near."""
         if self.is_over or self.reason is not None:
             return []
-        if self._first is None and not self._find_start():
-            return []
+        if self._first is None:
+            if self._vehicle.pose is None:
+                return []
+            self._begin_at(self._vehicle.pose)
         if self._sequence is None:
             return self._begin(now)
         messages = self._sequence.tick(now)
@@ -241,13 +243,6 @@ class CircleExecutor:
                 self._number += 1
                 self._sequence = None
         return messages
-
-    def _find_start(self) -> bool:
-        position, attitude = self._vehicle.snapshot.position, self._vehicle.snapshot.attitude
-        if position is None or attitude is None:
-            return False
-        self._begin_at(Pose(*position[:3], attitude.yaw_deg))
-        return True
 
     def _begin_at(self, start: Pose) -> None:
         turn, self.start = self._end.turn, start

@@ -81,9 +81,9 @@ class StepSeries:
         self._steps = list(steps)
         self._speed_m_s = speed_m_s
         self.steps = 0  # Completed
+        self.start: Pose | None = None
+        """The pose at its beginning, once it is known."""
         self._vehicle = vehicle
-        self._first: Spot | None = None
-        self._first_heading_deg = 0.0
         self._sequence: CommandSequence | None = None
         self._accepted_at: float | None = None
         self._resting_since: float | None = None
@@ -92,21 +92,9 @@ class StepSeries:
 
     def resume(self, note: LiveCommandProgress) -> None:
         """Continue after the steps that an earlier run of the broker has completed."""
-        if note.start is None:
-            return
-        self.begin_at(note.start)
-        del self._steps[: note.steps]
-        self.steps = note.steps
-
-    def begin_at(self, start: Pose) -> None:
-        """Fly the steps from this pose, wherever the vehicle is."""
-        *place, self._first_heading_deg = start
-        self._first = Spot(*place)
-
-    @property
-    def start(self) -> Pose | None:
-        """The pose at its beginning, once it is known."""
-        return None if self._first is None else Pose(*self._first, self._first_heading_deg)
+        if note.start is not None:
+            self.start, self.steps = note.start, note.steps
+            del self._steps[: note.steps]
 
     @property
     def is_over(self) -> bool:
@@ -123,15 +111,16 @@ class StepSeries:
         """Continue the current step, or begin the next one."""
         if self.is_over or self.reason is not None:
             return []
-        if self._first is None and not self._find_start():
+        self.start = self.start or self._vehicle.pose
+        if self.start is None:
             return []
         if self._sequence is None:
-            return self._begin(now)
+            return self._begin(self.start, now)
         messages = self._sequence.tick(now)
         outcome = self._sequence.outcome
         if isinstance(outcome, Refused):
             self._refused(outcome)
-        elif isinstance(outcome, Accepted) and self._is_done(now):
+        elif isinstance(outcome, Accepted) and self._is_done(self.start, now):
             self._steps.pop(0)
             self.steps += 1
             self._sequence = self._accepted_at = self._resting_since = None
@@ -147,50 +136,34 @@ class StepSeries:
         self._steps = [step for step in self._steps if not isinstance(step, SendCommand)]
         self._sequence = self._accepted_at = self._resting_since = None
 
-    def _find_start(self) -> bool:
-        """Store the pose at the beginning, once it is known."""
-        position, attitude = self._vehicle.snapshot.position, self._vehicle.snapshot.attitude
-        if position is None or attitude is None:
-            return False
-        self._first = Spot(position.latitude_deg, position.longitude_deg, position.altitude_m)
-        self._first_heading_deg = attitude.yaw_deg
-        return True
-
-    def _begin(self, now: float) -> list[Message]:
-        alternatives = self._alternatives(self._steps[0])
+    def _begin(self, start: Pose, now: float) -> list[Message]:
+        alternatives = self._alternatives(self._steps[0], start)
         if not alternatives:
             self.reason = "the vehicle's home is not known"
             return []
         self._sequence = self._vehicle.sequence(alternatives)
         return self._sequence.start(now)
 
-    def _alternatives(self, step: Step) -> CommandAlternatives:
+    def _alternatives(self, step: Step, start: Pose) -> CommandAlternatives:
         match step:
             case SendCommand(alternatives):
                 return alternatives
             case TurnInPlace(turn_deg):
-                heading_deg = self._first_heading_deg + turn_deg
-                command = heading_command(self._vehicle, self._first, heading_deg)
+                here, heading_deg = Spot(*start[:3]), start.heading_deg + turn_deg
+                command = heading_command(self._vehicle, here, heading_deg)
                 return () if command is None else ((command,),)
             case Move():
-                speed_m_s, heading_deg = self._speed_m_s, self._first_heading_deg
-                spot, vehicle = self._spot(step), self._vehicle
+                speed_m_s, vehicle = self._speed_m_s, self._vehicle
+                spot, heading_deg = _spot_of(step, start), start.heading_deg
                 command = reposition_command(vehicle, spot, heading_deg, speed_m_s=speed_m_s)
                 if command is None:
                     return ()
                 sets_speed = vehicle.family.speed_by_command and speed_m_s > 0.0
                 return ((command, speed_command(speed_m_s)) if sets_speed else (command,),)
 
-    def _spot(self, step: Move) -> Spot | None:
-        if self._first is None:
-            return None
-        latitude, longitude, altitude_m = self._first
-        place = shifted(latitude, longitude, self._first_heading_deg, step.forward_m)
-        return Spot(*place, altitude_m + step.up_m)
-
-    def _is_done(self, now: float) -> bool:
+    def _is_done(self, start: Pose, now: float) -> bool:
         """Whether the step is done: its pose is reached, and it has rested there."""
-        time_s = self._time_s(now)
+        time_s = self._vehicle.time_s(now)
         if self._accepted_at is None:
             self._accepted_at = time_s
         late = time_s - self._accepted_at >= STEP_TIMEOUT_S
@@ -198,10 +171,10 @@ class StepSeries:
             case SendCommand():
                 return True
             case TurnInPlace(turn_deg, rest_s):
-                is_there = self._faces(turn_deg) or late
+                is_there = self._faces(start.heading_deg + turn_deg) or late
                 return self._has_rested(rest_s, time_s, is_there=is_there)
             case Move() as step:
-                return late or self._is_at(step)
+                return late or self._is_at(_spot_of(step, start))
 
     def _has_rested(self, rest_s: float, time_s: float, *, is_there: bool) -> bool:
         if not is_there:
@@ -211,20 +184,21 @@ class StepSeries:
             self._resting_since = time_s
         return time_s - self._resting_since >= rest_s
 
-    def _faces(self, turn_deg: float) -> bool:
+    def _faces(self, heading_deg: float) -> bool:
         attitude = self._vehicle.snapshot.attitude
         if attitude is None:
             return False
-        off_deg = math.remainder(attitude.yaw_deg - self._first_heading_deg - turn_deg, 360.0)
+        off_deg = math.remainder(attitude.yaw_deg - heading_deg, 360.0)
         return abs(off_deg) <= FACING_WITHIN_DEG
 
-    def _is_at(self, step: Move) -> bool:
-        spot, position = self._spot(step), self._vehicle.snapshot.position
-        if spot is None or position is None:
+    def _is_at(self, spot: Spot) -> bool:
+        position = self._vehicle.snapshot.position
+        if position is None:
             return False
         vertical_m = abs(position.altitude_m - spot.relative_altitude_m)
         return max(distance_m(*position[:2], *spot[:2]), vertical_m) <= THERE_WITHIN_M
 
-    def _time_s(self, now: float) -> float:
-        time_s = self._vehicle.snapshot.time_s
-        return now if time_s is None else time_s
+
+def _spot_of(step: Move, start: Pose) -> Spot:
+    place = shifted(start.latitude_deg, start.longitude_deg, start.heading_deg, step.forward_m)
+    return Spot(*place, start.altitude_m + step.up_m)

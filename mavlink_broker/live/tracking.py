@@ -228,8 +228,9 @@ class SubjectTracker:
         self._began_at: float | None = None
         self._searches_since: float | None = None
         self._is_resumed = False
-        self._here: Spot | None = None  # Position of the vehicle at the beginning
-        self._heading_deg = 0.0  # At the beginning
+        self.start: Pose | None = None
+        """The pose of the vehicle at the beginning."""
+        self.steps = 0  # It has none
         self._requests = 0
         self._request_at = -math.inf
         self._subject: Subject | None = None
@@ -248,19 +249,7 @@ class SubjectTracker:
         """Continue the command of an earlier run; its duration includes the time before."""
         self._is_resumed = True
         self._began_at = note.accepted_s if self._vehicle.snapshot.time_s is not None else None
-        if note.start is not None:
-            *place, self._heading_deg = note.start
-            self._here = Spot(*place)
-
-    @property
-    def start(self) -> Pose | None:
-        """The pose of the vehicle at the beginning."""
-        return None if self._here is None else Pose(*self._here, self._heading_deg)
-
-    @property
-    def steps(self) -> int:
-        """Always 0: it has no steps."""
-        return 0
+        self.start = note.start
 
     def receive(self, message: Message, now: float) -> list[Message]:
         """Process a message of the vehicle or its camera."""
@@ -270,22 +259,19 @@ class SubjectTracker:
                 messages += running.receive(message, now)
         match message.get_type():
             case "CAMERA_TRACKING_IMAGE_STATUS" if message.tracking_status == _ACTIVE:
-                self._seen_at = self._time_s(now)
+                self._seen_at = self._vehicle.time_s(now)
             case "CAMERA_TRACKING_GEO_STATUS" if message.tracking_status == _ACTIVE:
                 self._see(message, now)
         return messages
 
     def tick(self, now: float) -> list[Message]:
         """Do what is due at a time."""
-        time_s = self._time_s(now)
+        time_s = self._vehicle.time_s(now)
         if self._began_at is None:
             self._began_at = time_s
         if self._searches_since is None:
             self._searches_since = time_s
-        position, attitude = self._vehicle.snapshot.position, self._vehicle.snapshot.attitude
-        if self._here is None and position is not None and attitude is not None:
-            self._here = Spot(position.latitude_deg, position.longitude_deg, position.altitude_m)
-            self._heading_deg = attitude.yaw_deg
+        self.start = self.start or self._vehicle.pose
         messages = [*self._request(time_s), *self._continue(now)]
         if self._is_following:
             messages += self._follow(time_s - self._searches_since, now)
@@ -293,7 +279,7 @@ class SubjectTracker:
         return messages
 
     def _see(self, message: Message, now: float) -> None:
-        self._seen_at = self._time_s(now)
+        self._seen_at = self._vehicle.time_s(now)
         if _NO_POSITION in {message.lat, message.lon}:
             return
         velocity = (message.vel_n, message.vel_e, message.vel_d)
@@ -366,12 +352,11 @@ class SubjectTracker:
         self.note = "track_mode QUICK_SHOT: backwards and up instead of a circle"
         speed_m_s = self._end.maximum_speed_m_s
         self._series = StepSeries((QUICK_RETREAT,), self._vehicle, speed_m_s=speed_m_s)
-        if self.start is not None:
-            self._series.begin_at(self.start)
+        self._series.start = self.start
 
     def _send_target(self, subject: Subject, now: float) -> list[Message]:
         """Have the vehicle follow, and send it the position of the subject."""
-        home, time_s = self._vehicle.snapshot.home, self._time_s(now)
+        home, time_s = self._vehicle.snapshot.home, self._vehicle.time_s(now)
         if home is None or time_s < self._due_at:
             return []
         self._due_at = time_s + TARGET_EVERY_S
@@ -385,13 +370,13 @@ class SubjectTracker:
     def _circle(self, subject: Subject, now: float) -> list[Message]:
         position = self._vehicle.snapshot.position
         if self._quick_shot is None:
-            if self._here is None or position is None:
+            if self.start is None or position is None:
                 return []
-            here = Spot(*position[:2], self._here.relative_altitude_m)
+            here = Spot(*position[:2], self.start.altitude_m)
             self._quick_shot = QuickShot(
                 subject, here, self._vehicle, maximum_speed_m_s=self._end.maximum_speed_m_s
             )
-        messages = self._quick_shot.tick(subject, now, self._time_s(now))
+        messages = self._quick_shot.tick(subject, now, self._vehicle.time_s(now))
         self.is_over |= self._quick_shot.is_over
         if self._quick_shot.reason is not None:
             self._quick_shot = None
@@ -400,12 +385,12 @@ class SubjectTracker:
 
     def _turn_to(self, subject: Subject, now: float) -> list[Message]:
         """Turn the vehicle to the subject, when it points elsewhere."""
-        position, time_s = self._here, self._time_s(now)
+        start, time_s = self.start, self._vehicle.time_s(now)
         busy = self._sequence is not None and self._sequence.outcome is None
-        if position is None or busy or time_s < self._due_at:
+        if start is None or busy or time_s < self._due_at:
             return []
         self._due_at = time_s + TURN_EVERY_S
-        north_m, east_m = offset(*position[:2], subject.latitude_deg, subject.longitude_deg)
+        north_m, east_m = offset(*start[:2], subject.latitude_deg, subject.longitude_deg)
         bearing_deg = math.degrees(math.atan2(east_m, north_m))
         before = self._faced_deg
         if (
@@ -413,7 +398,7 @@ class SubjectTracker:
             and abs(math.remainder(bearing_deg - before, 360.0)) < TURNED_AWAY_DEG
         ):
             return []
-        command = heading_command(self._vehicle, position, bearing_deg)
+        command = heading_command(self._vehicle, Spot(*start[:3]), bearing_deg)
         if command is None:
             return []
         self._faced_deg = bearing_deg
@@ -432,10 +417,6 @@ class SubjectTracker:
             )
             self.is_over = True
         self.is_over |= elapsed_s >= self._end.duration_s
-
-    def _time_s(self, now: float) -> float:
-        time_s = self._vehicle.snapshot.time_s
-        return now if time_s is None else time_s
 
 
 class TrackingStop:

@@ -448,7 +448,7 @@ class SoftAbort:
         """
         if self.work is None:
             self._command = self._ledger.finished if waits else None
-            self._deadline_s = self._time_s(now) + COMMAND_WITHIN_S
+            self._deadline_s = self._vehicle.time_s(now) + COMMAND_WITHIN_S
             if work.was_accepted and work.expires_at is not None:
                 # It waits since before its expiry
                 self._deadline_s -= max(0.0, now - work.expires_at)
@@ -458,7 +458,7 @@ class SoftAbort:
     def take_due(self, now: float) -> EventWork | None:
         """Give the event if the mission ends by it now; it waits no more."""
         has_ended = self._command is None or self._ledger.commands[self._command].is_terminal
-        return self.take() if has_ended or self._time_s(now) >= self._deadline_s else None
+        return self.take() if has_ended or self._vehicle.time_s(now) >= self._deadline_s else None
 
     def take(self) -> EventWork | None:
         """Give the event that waits; it waits no more."""
@@ -470,8 +470,3 @@ class SoftAbort:
         work = self.take()
         if work is not None:
             effects.for_edge.append(Acknowledgement(work.work_id, status, message))
-
-    def _time_s(self, now: float) -> float:
-        """Give the vehicle's time since boot [s], or the broker's clock without one."""
-        time_s = self._vehicle.snapshot.time_s
-        return now if time_s is None else time_s

@@ -21,7 +21,7 @@ from mavlink_broker.microservices.link_state import (
     is_vehicle,
 )
 from mavlink_broker.microservices.parameter import ParameterEncoding, encoding_of
-from mavlink_broker.planning.situation import Home, ItemLimits
+from mavlink_broker.planning.situation import Home, ItemLimits, Pose
 from mavlink_broker.planning.target_commands import TargetSource
 from mavlink_broker.vehicle import control_authority
 from mavlink_broker.vehicle.control_authority import (
@@ -36,31 +36,21 @@ from mavlink_broker.vehicle.telemetry import Snapshot
 
 AGED: Final = frozenset({"GLOBAL_POSITION_INT", "ATTITUDE", "BATTERY_STATUS", "MISSION_CURRENT"})
 """Messages whose age is kept, so that old telemetry is not published as new."""
-
 GROUND_TYPES: Final = frozenset({mavlink.MAV_TYPE_GROUND_ROVER, mavlink.MAV_TYPE_SURFACE_BOAT})
 """MAV_TYPE of what drives or swims."""
-
 HOME_TIMEOUT_S: Final = 20.0
 """How long a vehicle on the ground may take to send its home; some never do."""
-
 SHOWN_WITHIN_S: Final = 1.5
 """After its acknowledgement a mode shows in a heartbeat: a period of those, and half of one."""
-
 CLOCK_WITHIN_S: Final = 3.0
 """How long a vehicle whose link was lost may take to show whether it was restarted meanwhile."""
-
-EVENT_MESSAGES: Final = frozenset({"CAMERA_IMAGE_CAPTURED"})
-"""Their times are those of an event, which may be long ago."""
-
-_MODES: Final = frozenset({mavlink.MAV_CMD_DO_SET_MODE})
 
 
 @dataclass(slots=True)
 class Vehicle:
     """Everything known of one vehicle.
 
-    Its fields are written here alone; `recovery`, `item_limits`, `link` and the overrides own
-    theirs.
+    Its fields are written here alone; `recovery`, `item_limits` and `link` own theirs.
     """
 
     vehicle_id: int
@@ -108,8 +98,8 @@ class Vehicle:
         if kind == "HEARTBEAT" and not is_vehicle(message):
             return False  # Another program sends under the system id of the vehicle
         boot_ms = _boot_ms_of(message)
-        if kind == "HEARTBEAT" or boot_ms is not None:
-            self._note_return(now)
+        if (kind == "HEARTBEAT" or boot_ms is not None) and not self.is_connected(now):
+            self.doubt(now)  # It is received again
         if kind == "HEARTBEAT":
             self.link.heartbeat_received(now)
             self.autopilot, self.vehicle_type = message.autopilot, message.type
@@ -141,11 +131,6 @@ class Vehicle:
         self.is_taken = self.is_taken and self.snapshot.armed is not False
         self._observe_foreign_order(message, now)
         return rebooted
-
-    def _note_return(self, now: float) -> None:
-        """Note that it is received again, and has to show by its clock that it is the same."""
-        if self.link.state(now) is not LinkState.CONNECTED:
-            self.doubt(now)
 
     def doubt(self, now: float) -> None:
         """Note that it has to show that it is the same: by its clock, or by its number."""
@@ -335,6 +320,19 @@ class Vehicle:
         """
         return self.is_connected(now) and not self.may_be_restarted(now)
 
+    def time_s(self, now: float) -> float:
+        """Its own time since boot [s]; the broker's clock if it sends none."""
+        time_s = self.snapshot.time_s
+        return now if time_s is None else time_s
+
+    @property
+    def pose(self) -> Pose | None:
+        """Its position and heading, once both are known."""
+        position, attitude = self.snapshot.position, self.snapshot.attitude
+        if position is None or attitude is None:
+            return None
+        return Pose(*position[:3], attitude.yaw_deg)
+
     @property
     def version(self) -> str | None:
         """Version of its firmware, once received."""
@@ -353,13 +351,11 @@ class Vehicle:
     @property
     def observed_mode(self) -> ObservedMode:
         """What its heartbeat shows about who is in command."""
-        snapshot = self.snapshot
-        is_manual = self._shows_manual and control_authority.is_manual(snapshot.base_mode)
-        mode = self.mode
+        is_manual = self._shows_manual and control_authority.is_manual(self.snapshot.base_mode)
         return ObservedMode(
-            mode,
-            self.family.mode_role(mode),
-            snapshot.armed,
+            self.mode,
+            self.mode_role,
+            self.snapshot.armed,
             in_failsafe=self.in_failsafe,
             is_manual=is_manual and not self.family.knows_modes,
             ordered=self.foreign_order,
@@ -398,7 +394,7 @@ class Vehicle:
             self.route,
             self.round_trip,
             is_repetition=is_repetition,
-            accepted_early=_MODES if is_early else frozenset(),
+            accepted_early=frozenset({mavlink.MAV_CMD_DO_SET_MODE} if is_early else ()),
             sends_until=sends_until,
         )
 
@@ -478,8 +474,8 @@ class Vehicle:
 
 
 def _boot_ms_of(message: Message) -> int | None:
-    if message.get_type() in EVENT_MESSAGES:
-        return None
+    if message.get_type() == "CAMERA_IMAGE_CAPTURED":
+        return None  # It is that of the picture, which may be long ago
     boot_ms: int | None = getattr(message, "time_boot_ms", None)
     return boot_ms
 
