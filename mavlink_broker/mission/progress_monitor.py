@@ -1,10 +1,5 @@
 """Follows a mission that flies: what has been done, and whether the vehicle still flies it.
 
-Progress never goes back. Three sources show it and each may be lost: MISSION_ITEM_REACHED shows
-that item k was reached, MISSION_CURRENT beyond k proves it, and a complete mission proves all. A
-repeated MISSION_ITEM_REACHED of the mission before differs by MISSION_CURRENT: nothing can be
-reached that was not current first.
-
 A paused mission (a hold mode) stays RUNNING: whoever paused it may resume it. A mission has failed
 when another system flies its vehicle, a failsafe returns it, it was disarmed early or holds another
 mission, and that has lasted longer than a lost message would explain. A lost link is no failure:
@@ -25,8 +20,7 @@ follows where positions are missing, or before the vehicle was near a waypoint.
 """
 
 import math
-from dataclasses import dataclass, replace
-from typing import Final, Self
+from typing import Final
 
 from afarcloud.enumerations import Status
 from afarcloud.geodesy import distance_m
@@ -37,6 +31,7 @@ from mavlink_broker.mavlink.dialect import Message, mavlink
 from mavlink_broker.mavlink.mission_item import MissionItem
 from mavlink_broker.microservices.mission_download import Different, MissionVerify, Verified
 from mavlink_broker.mission import exchanges
+from mavlink_broker.mission.segments import Progress
 from mavlink_broker.planning.mission import FlightPlan
 from mavlink_broker.vehicle import control_authority
 from mavlink_broker.vehicle.control_authority import (
@@ -283,81 +278,11 @@ class SkippedWaypointMonitor:
         return self._plan.done_item[command - self._plan.first_command] < seq
 
 
-NOTHING = -1
 REPORT_EVERY_S: Final = 30.0
 END_WITHIN_M: Final = 30.0
 """How far from its place a vehicle may land: home is moved when it arms, a return is not exact."""
 
 _UNDER_WAY: Final = frozenset({mavlink.MISSION_STATE_ACTIVE, mavlink.MISSION_STATE_PAUSED})
-
-
-@dataclass(frozen=True, slots=True)
-class Progress:
-    """The farthest that is known of one segment; its commands are counted from its own first."""
-
-    plan: FlightPlan
-    current: int = NOTHING  # Highest item that was current
-    reached: int = NOTHING  # Highest item that was reached
-    on_ground: bool = False  # Landed and disarmed after the last command had begun
-
-    @classmethod
-    def after(cls, plan: FlightPlan, finished_commands: int) -> Self:
-        """Resume a flight of which so many commands were finished before."""
-        if finished_commands == 0:
-            return cls(plan)
-        done = plan.done_item[finished_commands - 1]
-        return cls(plan, current=done, reached=done)
-
-    def with_current(self, seq: int) -> Self:
-        """Handle MISSION_CURRENT: everything before it has been reached."""
-        if not self.current < seq < len(self.plan.items):
-            return self
-        return replace(self, current=seq, reached=max(self.reached, seq - 1))
-
-    def with_reached(self, seq: int) -> Self:
-        """Handle MISSION_ITEM_REACHED."""
-        if not self.reached < seq <= self.current:
-            return self
-        return replace(self, reached=seq)
-
-    def with_complete(self) -> Self:
-        """Note that the vehicle reports the mission as complete."""
-        last = len(self.plan.items) - 1
-        return replace(self, current=last, reached=last)
-
-    def with_landing(self) -> Self:
-        """Note that the vehicle is on the ground and disarmed; early, it proves nothing."""
-        return replace(self, on_ground=True) if self.last_command_has_begun else self
-
-    @property
-    def last_command_has_begun(self) -> bool:
-        """Whether the last command's items are being flown, or have been."""
-        owners = self.plan.command_of_item
-        return self.current >= owners.index(owners[-1])
-
-    @property
-    def finished_commands(self) -> int:
-        """How many commands, counted from the first, are finished.
-
-        A last command that lands is finished on the ground and disarmed, not before.
-        """
-        count = sum(done <= self.reached for done in self.plan.done_item)
-        if not self.plan.ends_on_ground:
-            return count
-        total = len(self.plan.done_item)
-        return total if self.on_ground else min(count, total - 1)
-
-    @property
-    def is_finished(self) -> bool:
-        """Whether every command is."""
-        return self.finished_commands == len(self.plan.done_item)
-
-
-def last_leg(plan: FlightPlan) -> int:
-    """Give the last item that a vehicle navigates by; the first of the mission if there is none."""
-    own = range(plan.first_item, len(plan.items))
-    legs = [seq for seq in own if plan.items[seq].command <= mavlink.MAV_CMD_NAV_LAST]
-    return legs[-1] if legs else plan.first_item
 
 
 class ProgressMonitor:
@@ -401,7 +326,7 @@ class ProgressMonitor:
     @property
     def claim(self) -> Claim:
         """Modes in which the vehicle flies the mission; its last command may land it."""
-        lands = self._progress.plan.ends_on_ground and self._progress.last_command_has_begun
+        lands = self._plan.ends_on_ground and self._progress.last_command_has_begun
         return Claim(MISSION_MODES | {ModeRole.ENDING} if lands else MISSION_MODES)
 
     def begin(self, now: float) -> list[EdgeReport]:
@@ -480,7 +405,7 @@ class ProgressMonitor:
     def _ended(self, seq: int) -> None:
         """Accept a mission as complete at its end only: PX4 reports the same when it gives up."""
         begins_anew = seq == 0 < self._progress.current
-        if begins_anew or self._progress.current >= last_leg(self._plan):
+        if begins_anew or self._progress.current >= self._plan.last_leg:
             self._progress = self._progress.with_complete()
             if self._vehicle.stays_on_ground:
                 self._progress = self._progress.with_landing()

@@ -88,37 +88,34 @@ class FlightPlan:
         )
 
     @property
+    def _legs(self) -> list[int]:
+        """The navigation items that are flown."""
+        own = range(self.first_item, len(self.items))
+        return [seq for seq in own if self.items[seq].command <= mavlink.MAV_CMD_NAV_LAST]
+
+    @property
     def first_leg(self) -> int:
-        """The first navigation item that is flown."""
-        legs = (
-            seq
-            for seq, item in enumerate(self.items)
-            if seq >= self.first_item and item.command <= mavlink.MAV_CMD_NAV_LAST
-        )
-        return next(legs, self.first_item)
+        """The first navigation item that is flown; the first item if there is none."""
+        return next(iter(self._legs), self.first_item)
+
+    @property
+    def last_leg(self) -> int:
+        """The last navigation item that is flown; the first item if there is none."""
+        return max(self._legs, default=self.first_item)
 
     @property
     def least_time_s(self) -> float:
         """What flying its items takes at least: the way between their places, and the holds [s]."""
-        flown = self.items[self.first_item :]
-        places = [
-            (item.latitude_deg, item.longitude_deg)
-            for item in flown
-            if item.is_positional and item.command <= mavlink.MAV_CMD_NAV_LAST
-        ]
+        legs = [self.items[seq] for seq in self._legs]
+        places = [(item.latitude_deg, item.longitude_deg) for item in legs if item.is_positional]
         way_m = sum(distance_m(*before, *after) for before, after in pairwise(places))
-        holds_s = sum(max(0.0, item.parameters[0]) for item in flown if item.command in _HOLDING)
+        holds_s = sum(max(0.0, item.parameters[0]) for item in legs if item.command in _HOLDING)
         return way_m / FASTEST_M_S + holds_s
 
     @property
     def comes_down_at_once(self) -> bool:
         """Whether its only leg is a landing or a return, so that it may end in that mode."""
-        legs = [
-            item
-            for item in self.items[self.first_leg :]
-            if item.command <= mavlink.MAV_CMD_NAV_LAST
-        ]
-        return self.ends_on_ground and len(legs) == 1
+        return self.ends_on_ground and len(self._legs) == 1
 
     @property
     def commands(self) -> range:
