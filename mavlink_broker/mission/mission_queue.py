@@ -20,7 +20,6 @@ from mavlink_broker.mission.flight_orders import MISSION_ENDED
 from mavlink_broker.mission.mission_executor import MissionExecutor
 from mavlink_broker.mission.pending_events import (
     NO_MISSION,
-    REFUSED,
     PendingEvents,
     UnconfirmedMissions,
     aborts_now,
@@ -399,11 +398,11 @@ class MissionQueue:
                 _accept(work, effects)
             if self._events.is_in_the_air:
                 note = f"{self._events.reason_nothing_ends}; the missions that waited were ended"
-                effects.for_edge.append(Acknowledgement(work.work_id, REFUSED, note))
+                effects.for_edge.append(Acknowledgement(work.work_id, "refused", note))
             else:
                 effects.for_edge.append(Acknowledgement(work.work_id, "done"))
         else:
-            refusal = Acknowledgement(work.work_id, REFUSED, self._events.reason_nothing_ends)
+            refusal = Acknowledgement(work.work_id, "refused", self._events.reason_nothing_ends)
             effects.for_edge.append(refusal)
 
     def _end_waiting(self, work: EventWork, effects: Effects) -> bool:

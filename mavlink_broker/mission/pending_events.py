@@ -27,6 +27,7 @@ from mavlink_broker.mission.abort_executor import (
     noted_event,
     return_event,
 )
+from mavlink_broker.mission.context import DESCENDING
 from mavlink_broker.mission.flight_orders import REPLACED
 from mavlink_broker.mission.mission_executor import MissionExecutor
 from mavlink_broker.vehicle import control_authority
@@ -34,8 +35,6 @@ from mavlink_broker.vehicle.control_authority import Authority, Claim
 from mavlink_broker.vehicle.recovery_state import PendingAbort, PendingReturn
 from mavlink_broker.vehicle.vehicle import Vehicle
 
-EXPIRED = "expired"
-REFUSED: Final = "refused"
 NO_MISSION = "no active mission"
 TOO_MANY = "too many events wait for the vehicle"
 MAX_WAITING: Final = 32
@@ -49,7 +48,6 @@ TOO_OLD: Final = "accepted too long ago by an earlier run of the broker: not car
 RESTARTED = "the vehicle was restarted since"
 NOT_SEEN: Final = "the vehicle lands, or has landed: whether it was there before is not known"
 LANDED_UNSEEN: Final = "the vehicle has landed unseen: it may have flown its mission to the end"
-_DESCENDING: Final = Claim(control_authority.DESCENT_MODES)
 _IN_AIR: Final = Claim(control_authority.AIRBORNE_MODES)
 ANSWERED_KEPT: Final = 256
 """Work ids of which a second final answer is recognised."""
@@ -281,7 +279,7 @@ class PendingEvents:
             return f"vehicle {vehicle.vehicle_id} is not known"
         if vehicle.recovery.hover.is_sought and vehicle.snapshot.position is None:
             return f"the position of vehicle {vehicle.vehicle_id} is not known"
-        return EXPIRED
+        return "expired"
 
     def _needs_telemetry(self, work: EventWork, now: float) -> bool:
         """Whether an abort needs telemetry that has not arrived yet at a broker that just started.
@@ -338,7 +336,7 @@ class PendingEvents:
         vehicle.recovery.abort = None
         hover_mode = vehicle.recovery.hover.own_mode(seen)
         own_mode = hover_mode or vehicle.own_descent.own_mode(seen)
-        who = control_authority.authority_of(seen, _DESCENDING._replace(mode=own_mode))
+        who = control_authority.authority_of(seen, DESCENDING._replace(mode=own_mode))
         comes_down = vehicle.family.knows_modes and seen.role is ModeRole.ENDING and not is_newer
         if not work.was_accepted:
             effects.for_edge.append(Acknowledgement(work.work_id, "accepted"))
@@ -434,12 +432,11 @@ class PendingEvents:
             self._resume_return(now, effects)
         if self._running is None:
             return
-        vehicle = self._vehicle
         work, executor = self._running
         effects.messages += executor.tick(now)
         if executor.is_over(now):
             self._running = None
-            vehicle.recovery.abort = None
+            self._vehicle.recovery.abort = None
             self.leaves_hovering = executor.leaves_hovering
             self.sends_down = executor.sends_down
             _acknowledge(work, effects, executor.taken, done=executor.instead)
@@ -461,10 +458,8 @@ class PendingEvents:
             return  # One without a position is ordered to land, not to return
         pending, self._return = self._return, None
         self._is_return_interrupted |= pending is not None and self._is_past(pending.noted_s)
-        is_over = self._is_return_interrupted
-        is_over |= (
-            control_authority.authority_of(vehicle.observed_mode, _IN_AIR) is not Authority.BROKER
-        )
+        who = control_authority.authority_of(vehicle.observed_mode, _IN_AIR)
+        is_over = self._is_return_interrupted or who is not Authority.BROKER
         if not vehicle.snapshot.armed or is_over:
             vehicle.recovery.pending_return = None
         else:
@@ -489,7 +484,7 @@ def aborts_now(work: EventWork) -> bool:
 def _refusal_of(work: EventWork, messages: Sequence[EdgeMessage]) -> str | None:
     """Give why an event was refused; None if it was not."""
     answers = (one for one in messages if isinstance(one, Acknowledgement))
-    refusals = (one for one in answers if one.work_id == work.work_id and one.status == REFUSED)
+    refusals = (one for one in answers if one.work_id == work.work_id and one.status == "refused")
     return next((one.message for one in refusals), None)
 
 
