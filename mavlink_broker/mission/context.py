@@ -2,7 +2,7 @@
 
     enter    the state begins
     receive  a message of the vehicle has arrived
-    settle   the exchange of the phase has run: it may have an outcome
+    settle   the exchange of the phase has an outcome
     tick     time has passed
     leave    the state ends
 
@@ -29,7 +29,7 @@ from mavlink_broker.effects import Effects
 from mavlink_broker.live.camera_state import SeriesMonitor
 from mavlink_broker.mavlink.dialect import Message
 from mavlink_broker.microservices.mission_protocol import FENCE, RALLY
-from mavlink_broker.mission.exchanges import Exchange
+from mavlink_broker.mission.exchanges import Exchange, Outcome
 from mavlink_broker.mission.flight_orders import (
     PAUSED,
     PAUSED_INSTEAD,
@@ -117,15 +117,25 @@ class Phase(Protocol):
         """Handle a message of the vehicle."""
         del message, now, effects
 
-    def settle(self, now: float, effects: Effects) -> Result:
-        """Judge the outcome of the exchange, if it has one."""
-        del now, effects
+    def settle(self, outcome: Outcome, now: float) -> Result:
+        """Judge the outcome of the exchange."""
+        del outcome, now
         return None
 
     def tick(self, now: float, effects: Effects) -> Result:
         """Do what is due at a time."""
         del now, effects
         return None
+
+    def start(self, exchange: Exchange, now: float, effects: Effects) -> None:
+        """Run a protocol with the vehicle from now on."""
+        self.exchange = exchange
+        effects.messages += exchange.start(now)
+
+    def conclude(self, now: float) -> Result:
+        """Settle the exchange, once it has an outcome."""
+        outcome = None if self.exchange is None else self.exchange.outcome
+        return None if outcome is None else self.settle(outcome, now)
 
     def leave(self) -> None:
         """End: drop the exchange."""

@@ -5,6 +5,7 @@ An upload is verified: `difference` compares what was downloaded with what was u
 
 import math
 from collections.abc import Sequence
+from functools import partial
 from typing import Final, Protocol, TypeAlias
 
 from mavlink_broker.autopilots.families import Family, ModeRole
@@ -13,7 +14,6 @@ from mavlink_broker.mavlink.mission_item import MissionItem, from_message
 from mavlink_broker.microservices.command import (
     CommandAlternatives,
     CommandOutcome,
-    CommandSequence,
     long_command,
 )
 from mavlink_broker.microservices.mission_download import MissionVerify, VerifyOutcome
@@ -176,22 +176,21 @@ def cancellation(vehicle: Vehicle) -> Message:
 
 def verification(plan: FlightPlan, vehicle: Vehicle, opaque_id: int) -> MissionVerify:
     """Prove that the vehicle holds the plan; without an id, by reading it back."""
-
-    def compare(messages: Sequence[Message]) -> str | None:
-        return difference(plan, messages, vehicle.family)
-
-    floats = supports_only_float_items(vehicle.capabilities)
-    return MissionVerify(opaque_id, compare, vehicle.route, vehicle.round_trip, as_floats=floats)
+    return _comparison(plan, vehicle, opaque_id, home_may_have_moved=False)
 
 
 def recognition(plan: FlightPlan, vehicle: Vehicle) -> MissionVerify:
     """Find out whether the vehicle holds the plan since an earlier run of the broker."""
+    return _comparison(plan, vehicle, 0, home_may_have_moved=True)
 
-    def compare(messages: Sequence[Message]) -> str | None:
-        return difference(plan, messages, vehicle.family, home_may_have_moved=True)
 
+def _comparison(
+    plan: FlightPlan, vehicle: Vehicle, opaque_id: int, *, home_may_have_moved: bool
+) -> MissionVerify:
+    family = vehicle.family
+    compare = partial(difference, plan, family=family, home_may_have_moved=home_may_have_moved)
     floats = supports_only_float_items(vehicle.capabilities)
-    return MissionVerify(0, compare, vehicle.route, vehicle.round_trip, as_floats=floats)
+    return MissionVerify(opaque_id, compare, vehicle.route, vehicle.round_trip, as_floats=floats)
 
 
 def selection(plan: FlightPlan, vehicle: Vehicle) -> MissionSetCurrent:
@@ -242,10 +241,3 @@ def parking(vehicle: Vehicle) -> list[Message]:
 def repetition(alternatives: CommandAlternatives, vehicle: Vehicle) -> Message:
     """Repeat the first command of the first alternative, marked as a repetition."""
     return alternatives[0][0].message(vehicle.route, 1)
-
-
-def commands(
-    alternatives: CommandAlternatives, vehicle: Vehicle, *, sends_until: float = math.inf
-) -> CommandSequence:
-    """Order by the family's alternatives, one after the other, until `sends_until` [s]."""
-    return vehicle.sequence(alternatives, sends_until=sends_until)

@@ -217,7 +217,7 @@ class MissionExecutor:
                 self._context.pauses.receive(message, now, effects)
         if phase.exchange is not None:
             effects.messages += phase.exchange.receive(message, now)
-            self._apply(phase.settle(now, effects), now, effects)
+            self._apply(phase.conclude(now), now, effects)
 
     def tick(self, now: float, effects: Effects) -> None:
         """Do what is due at a time; while another system is in command nothing is ordered."""
@@ -230,7 +230,7 @@ class MissionExecutor:
         phase = self._phase
         if phase.exchange is not None and (not yields or self.is_attaching):
             effects.messages += phase.exchange.tick(now)
-            self._apply(phase.settle(now, effects), now, effects)
+            self._apply(phase.conclude(now), now, effects)
         if not yields:
             self._context.speeds.tick(now, effects)
         self._context.pauses.tick(self.state, self._who, now, effects)

@@ -27,6 +27,7 @@ from mavlink_broker.mission.context import (
     Phase,
     Result,
 )
+from mavlink_broker.mission.exchanges import Outcome
 from mavlink_broker.mission.progress_monitor import CLEARED
 from mavlink_broker.mission.segments import SHORTEST_ITEMS
 from mavlink_broker.mission.states import Event
@@ -168,8 +169,7 @@ class Attaching(Phase):
             return Fault("the vehicle was restarted")
         mission.segments.go_to(mission.ledger.finished)
         if not mission.is_live:
-            self.exchange = exchanges.recognition(mission.plan, self._vehicle)
-            effects.messages += self.exchange.start(now)
+            self.start(exchanges.recognition(mission.plan, self._vehicle), now, effects)
             return None
         mission.is_hovering = True
         if mission.authority.is_lost:
@@ -195,10 +195,9 @@ class Attaching(Phase):
             return True
         return snapshot.is_on_ground and reported_at is not None and now - up_s > reported_at
 
-    def settle(self, now: float, effects: Effects) -> Result:
+    def settle(self, outcome: Outcome, now: float) -> Result:
         """Judge the items that the vehicle holds."""
-        del now, effects
-        outcome = self.exchange.outcome if self.exchange else None
+        del now
         if isinstance(outcome, ReadBackFailed):
             self.exchange = None  # The link is away: read again when it is back
         elif isinstance(outcome, Verified | Different):

@@ -15,6 +15,7 @@ from mavlink_broker.microservices.mission_download import Different, Verified
 from mavlink_broker.microservices.mission_upload import NotStored, Stored, Uncertain
 from mavlink_broker.mission import exchanges
 from mavlink_broker.mission.context import HOVERING, ON_GROUND, Fault, MissionContext, Phase, Result
+from mavlink_broker.mission.exchanges import Outcome
 from mavlink_broker.mission.geofence_transfer import GeofenceTransfer, WantedGeofence
 from mavlink_broker.mission.states import Event
 from mavlink_broker.planning.geofence import as_flown, rally_items
@@ -51,14 +52,13 @@ class PlacingGeofence(_Transfer):
         self._transfer = GeofenceTransfer(self._wanted(), self._mission.vehicle)
         if self._is_placed or self._transfer.is_needless:
             return self._next()
-        self.exchange = self._transfer
-        effects.messages += self._transfer.start(now)
-        return self.settle(now, effects)
+        self.start(self._transfer, now, effects)
+        return self.conclude(now)
 
-    def settle(self, now: float, effects: Effects) -> Result:
+    def settle(self, outcome: Outcome, now: float) -> Result:
         """Go on within the geofence."""
-        del now, effects
-        match self.exchange.outcome if self.exchange else None:
+        del now
+        match outcome:
             case Accepted():
                 return self._placed()
             case Refused(reason):
@@ -94,14 +94,13 @@ class Holding(_Transfer):
     def enter(self, now: float, effects: Effects) -> Result:
         """Order the hold mode."""
         vehicle = self._mission.vehicle
-        self.exchange = exchanges.commands(vehicle.family.holding, vehicle)
-        effects.messages += self.exchange.start(now)
+        self.start(vehicle.sequence(vehicle.family.holding), now, effects)
         return None
 
-    def settle(self, now: float, effects: Effects) -> Result:
+    def settle(self, outcome: Outcome, now: float) -> Result:
         """Go on when the vehicle has accepted."""
-        del now, effects
-        match self.exchange.outcome if self.exchange else None:
+        del now
+        match outcome:
             case Accepted():
                 return Event.HELD
             case Refused(reason):
@@ -120,14 +119,13 @@ class Uploading(_Transfer):
         """Request the parameters of the segment, and begin the upload."""
         mission = self._mission
         mission.vehicle.override(tuple(override for _, override in mission.plan.overrides))
-        self.exchange = exchanges.upload(mission.plan, mission.vehicle)
-        effects.messages += self.exchange.start(now)
+        self.start(exchanges.upload(mission.plan, mission.vehicle), now, effects)
         return None
 
-    def settle(self, now: float, effects: Effects) -> Result:
+    def settle(self, outcome: Outcome, now: float) -> Result:
         """Have the vehicle prove what it stored, or translate again without what it refused."""
-        del now, effects
-        match self.exchange.outcome if self.exchange else None:
+        del now
+        match outcome:
             case Stored(opaque_id):
                 self.opaque_id = opaque_id
                 return Event.STORED
@@ -166,14 +164,14 @@ class Verifying(_Transfer):
         mission = self._mission
         mission.foreign_uploader = mission.verified_total = None
         opaque_id = self._uploading.opaque_id
-        self.exchange = exchanges.verification(mission.plan, mission.vehicle, opaque_id)
-        effects.messages += self.exchange.start(now)
+        verification = exchanges.verification(mission.plan, mission.vehicle, opaque_id)
+        self.start(verification, now, effects)
         return None
 
-    def settle(self, now: float, effects: Effects) -> Result:
+    def settle(self, outcome: Outcome, now: float) -> Result:
         """Fly only what is proved."""
-        del now, effects
-        match self.exchange.outcome if self.exchange else None:
+        del now
+        match outcome:
             case Verified():
                 return Event.VERIFIED
             case Different(reason):
@@ -187,14 +185,13 @@ class Selecting(_Transfer):
     def enter(self, now: float, effects: Effects) -> Result:
         """Set the current item."""
         mission = self._mission
-        self.exchange = exchanges.selection(mission.plan, mission.vehicle)
-        effects.messages += self.exchange.start(now)
+        self.start(exchanges.selection(mission.plan, mission.vehicle), now, effects)
         return None
 
-    def settle(self, now: float, effects: Effects) -> Result:
+    def settle(self, outcome: Outcome, now: float) -> Result:
         """Go on when the parameters of the segment are set too."""
-        del now, effects
-        match self.exchange.outcome if self.exchange else None:
+        del now
+        match outcome:
             case Accepted():
                 return Event.SELECTED if self._has_parameters() else None
             case Refused(reason):
@@ -247,18 +244,14 @@ class Arming(Phase):
     def _order(self, now: float, effects: Effects) -> None:
         vehicle = self._mission.vehicle
         self._mission.authority.order_arming(now)
-        self.exchange = exchanges.commands(
-            vehicle.family.arming, vehicle, sends_until=self._mission.expires_at
-        )
-        effects.messages += self.exchange.start(now)
+        arming = vehicle.sequence(vehicle.family.arming, sends_until=self._mission.expires_at)
+        self.start(arming, now, effects)
 
-    def settle(self, now: float, effects: Effects) -> Result:
+    def settle(self, outcome: Outcome, now: float) -> Result:
         """After a refusal that may pass order it again, unless it has expired; both after a pause.
 
         In the pause a heartbeat may show that the vehicle is armed, though its answer is lost.
         """
-        del effects
-        outcome = self.exchange.outcome if self.exchange else None
         if isinstance(outcome, Refused) and outcome.result is not None:
             self._mission.vehicle.armed_period.refuse_arming()
         match outcome:
@@ -338,13 +331,11 @@ class Starting(Phase):
         if not self._vehicle.recovery.is_stored:
             return
         self._again_at = now + START_AGAIN_AFTER_S
-        self.exchange = exchanges.commands(self._vehicle.family.starting, self._vehicle)
-        effects.messages += self.exchange.start(now)
+        self.start(self._vehicle.sequence(self._vehicle.family.starting), now, effects)
 
-    def settle(self, now: float, effects: Effects) -> Result:
+    def settle(self, outcome: Outcome, now: float) -> Result:
         """Handle the answer; the vehicle then has `FLYING_WITHIN_S` to show that it flies."""
-        del effects
-        match self.exchange.outcome if self.exchange else None:
+        match outcome:
             case Accepted() if self._accepted_at is None:
                 self._accepted_at = now
             case Refused(reason):
