@@ -1,10 +1,13 @@
-"""Heartbeats, reboots and round trips."""
+"""The link to a vehicle: heartbeats, reboots, round trips, late states and silent sources."""
+
+import random
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mavlink_broker.mavlink.dialect import mavlink
+from mavlink_broker.mavlink.codec import Decoder, Encoder
+from mavlink_broker.mavlink.dialect import Message, mavlink
 from mavlink_broker.microservices.command import (
     FIRST_TIMEOUT_S,
     LONGEST_TIMEOUT_S,
@@ -12,11 +15,18 @@ from mavlink_broker.microservices.command import (
     RoundTrip,
 )
 from mavlink_broker.microservices.link_state import (
+    BEHIND_IN_A_ROW,
+    MAX_TIMEOUT_S,
+    MIN_TIMEOUT_S,
     NOT_VEHICLES,
+    SEQUENCE_GAP_S,
+    FrameLoss,
     LinkMonitor,
     LinkState,
     OwnHeartbeat,
+    PeriodicSource,
     RebootMonitor,
+    StateOrder,
     is_vehicle,
 )
 from tests.unit.mavlink_broker.microservices.harness import tick_until
@@ -157,3 +167,165 @@ def test_a_lost_answer_now_and_then_does_not_slow_a_fast_link_down() -> None:
         else:
             round_trip.sample_repeated(0.4)
     assert round_trip.timeout_s == SHORTEST_TIMEOUT_S
+
+
+def received_over(loss: float, frames: int = 4000, seed: int = 1) -> FrameLoss:
+    encoder, decoder, chance = Encoder(1, 1), Decoder(), random.Random(seed)
+    link = FrameLoss()
+    for _ in range(frames):
+        frame = encoder.encode(mavlink.MAVLink_heartbeat_message(2, 12, 0, 0, 4, 3))
+        if chance.random() >= loss:
+            for message in decoder.decode(frame):
+                link.take(message)
+    return link
+
+
+@pytest.mark.parametrize("loss", [0.0, 0.05, 0.2, 0.5])
+def test_the_share_of_lost_frames_is_found(loss: float) -> None:
+    assert received_over(loss).ratio == pytest.approx(loss, abs=0.06)
+
+
+def test_repeated_and_late_frames_are_not_lost() -> None:
+    encoder, link = Encoder(1, 1), FrameLoss()
+    frames = [encoder.encode(mavlink.MAVLink_heartbeat_message(2, 12, 0, 0, 4, 3)) for _ in "12345"]
+    for number in (0, 1, 1, 2, 3, 2, 4):
+        (message,) = Decoder().decode(frames[number])
+        link.take(message)
+    assert link.ratio == 0.0
+
+
+def regular_source(times: int, every_s: float) -> PeriodicSource:
+    periodic = PeriodicSource(0.0)
+    for number in range(1, times):
+        periodic.received(number * every_s)
+    return periodic
+
+
+def silent_after(periodic: PeriodicSource, loss: float = 0.0) -> float:
+    """How long it must have been silent."""
+    return next(
+        tenth / 10
+        for tenth in range(2000)
+        if periodic.is_silent(periodic.received_at + tenth / 10, loss)
+    )
+
+
+def test_five_seconds_are_silence_where_nothing_is_lost() -> None:
+    assert silent_after(regular_source(10, 1.0)) == MIN_TIMEOUT_S
+
+
+def test_the_more_is_lost_the_longer_it_takes_but_not_for_ever() -> None:
+    patience = [silent_after(regular_source(10, 1.0), loss) for loss in (0.05, 0.2, 0.4, 0.8)]
+    assert patience == sorted(patience)
+    assert 8.0 < patience[1] < 10.0
+    assert patience[-1] == MAX_TIMEOUT_S
+
+
+def test_a_longer_interval_has_a_longer_timeout() -> None:
+    assert silent_after(regular_source(5, 10.0)) == pytest.approx(30.0)
+
+
+def test_two_messages_do_not_make_a_periodic_source() -> None:
+    assert not regular_source(2, 1.0).is_silent(1000.0, 0.0)
+
+
+def test_a_timeout_lasts_until_the_next_message_also_if_the_loss_grows() -> None:
+    periodic = regular_source(10, 1.0)
+    now = periodic.received_at + MIN_TIMEOUT_S
+    assert periodic.is_silent(now, 0.0)
+    assert periodic.is_silent(now, 0.8)
+    periodic.received(now)
+    assert not periodic.is_silent(now, 0.0)
+
+
+def numbered(message: Message, number: int) -> Message:
+    codec = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
+    codec.seq = number % 256
+    frame = message.pack(codec)
+    [decoded] = mavlink.MAVLink(None).parse_buffer(frame)
+    return decoded
+
+
+def heartbeat(number: int) -> Message:
+    return numbered(mavlink.MAVLink_heartbeat_message(2, 12, 0, 0, 4, 3), number)
+
+
+def other(number: int) -> Message:
+    return numbered(mavlink.MAVLink_attitude_message(0, *[0.0] * 6), number)
+
+
+def test_heartbeats_in_their_order_count() -> None:
+    order = StateOrder()
+    for number in range(600):
+        assert not order.is_overtaken(heartbeat(number), 0.02 * number)
+
+
+def test_a_heartbeat_behind_a_newer_one_is_overtaken() -> None:
+    order = StateOrder()
+    assert not order.is_overtaken(heartbeat(250), 1.0)
+    assert not order.is_overtaken(heartbeat(260), 1.3)
+    assert order.is_overtaken(heartbeat(255), 1.4)
+    assert order.is_overtaken(heartbeat(250), 1.5)
+    assert not order.is_overtaken(heartbeat(261), 1.6)
+
+
+def test_a_heartbeat_behind_other_frames_counts() -> None:
+    order = StateOrder()
+    assert not order.is_overtaken(heartbeat(1), 1.0)
+    assert not order.is_overtaken(other(20), 1.3)
+    assert not order.is_overtaken(heartbeat(10), 1.4)
+    assert order.is_overtaken(heartbeat(9), 1.5)
+
+
+def test_a_vehicle_that_was_restarted_counts_anew() -> None:
+    order = StateOrder()
+    assert not order.is_overtaken(heartbeat(100), 1.0)
+    assert not order.is_overtaken(heartbeat(0), 1.0 + SEQUENCE_GAP_S + 0.1)
+    assert not order.is_overtaken(heartbeat(1), 1.0 + SEQUENCE_GAP_S + 0.2)
+
+
+@given(st.integers(0, 255), st.integers(0, 255))
+def test_a_link_with_other_numbers_is_followed_after_few_frames(old: int, new: int) -> None:
+    """PX4 and ArduPilot number the frames of each link."""
+    order = StateOrder()
+    for count in range(20):
+        order.is_overtaken(heartbeat(old + count), 0.02 * count)
+    overtaken = [
+        order.is_overtaken(heartbeat(new + count), 0.4 + 0.02 * count) for count in range(200)
+    ]
+    assert sum(overtaken) < BEHIND_IN_A_ROW
+    assert not any(overtaken[BEHIND_IN_A_ROW:])
+
+
+def test_a_frame_that_arrives_twice_counts_once_more() -> None:
+    order = StateOrder()
+    assert not order.is_overtaken(heartbeat(5), 1.0)
+    assert not order.is_overtaken(heartbeat(5), 1.1)
+
+
+def test_a_complete_mission_behind_the_next_one_is_overtaken() -> None:
+    order = StateOrder()
+    complete = mavlink.MAVLink_mission_current_message(3, 4, mavlink.MISSION_STATE_COMPLETE)
+    begun = mavlink.MAVLink_mission_current_message(0, 5, mavlink.MISSION_STATE_ACTIVE)
+    assert not order.is_overtaken(numbered(begun, 11), 1.0)
+    assert order.is_overtaken(numbered(complete, 10), 1.01)
+    assert not order.is_overtaken(numbered(begun, 12), 1.02)
+
+
+def test_each_kind_of_state_has_an_order_of_its_own() -> None:
+    order = StateOrder()
+    on_ground = mavlink.MAVLink_extended_sys_state_message(0, mavlink.MAV_LANDED_STATE_ON_GROUND)
+    assert not order.is_overtaken(heartbeat(11), 1.0)
+    assert not order.is_overtaken(numbered(on_ground, 10), 1.01)
+    assert order.is_overtaken(heartbeat(9), 1.02)
+    assert order.is_overtaken(numbered(on_ground, 8), 1.03)
+
+
+def test_what_a_vehicle_reports_once_counts_however_late_it_is() -> None:
+    order = StateOrder()
+    assert not order.is_overtaken(
+        numbered(mavlink.MAVLink_mission_item_reached_message(2), 11), 1.0
+    )
+    assert not order.is_overtaken(
+        numbered(mavlink.MAVLink_mission_item_reached_message(1), 10), 1.01
+    )
