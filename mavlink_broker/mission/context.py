@@ -77,7 +77,7 @@ Result: TypeAlias = Event | Fault | Request | None
 class Phase(Protocol):
     """One state of a mission; a hook that a phase does not need does nothing."""
 
-    exchange: Exchange | None = None
+    exchange: Exchange[Outcome] | None = None
     """The protocol that runs with the vehicle; the mission passes messages and time to it."""
 
     @property
@@ -127,7 +127,7 @@ class Phase(Protocol):
         del now, effects
         return None
 
-    def start(self, exchange: Exchange, now: float, effects: Effects) -> None:
+    def start(self, exchange: Exchange[Outcome], now: float, effects: Effects) -> None:
         """Run a protocol with the vehicle from now on."""
         self.exchange = exchange
         effects.messages += exchange.start(now)

@@ -6,7 +6,7 @@ An upload is verified: `difference` compares what was downloaded with what was u
 import math
 from collections.abc import Sequence
 from functools import partial
-from typing import Final, Protocol, TypeAlias
+from typing import Final, Protocol, TypeAlias, TypeVar
 
 from mavlink_broker.autopilots.families import Family, ModeRole
 from mavlink_broker.mavlink.dialect import Message, mavlink
@@ -135,13 +135,14 @@ def _frame(item: MissionItem) -> int:
 
 
 Outcome: TypeAlias = UploadOutcome | VerifyOutcome | CommandOutcome
+Outcome_co = TypeVar("Outcome_co", covariant=True)
 
 
-class Exchange(Protocol):
+class Exchange(Protocol[Outcome_co]):
     """A protocol that runs with the vehicle and has an outcome."""
 
     @property
-    def outcome(self) -> Outcome | None:
+    def outcome(self) -> Outcome_co | None:
         """How it ended; None while it runs."""
 
     def start(self, now: float) -> list[Message]:

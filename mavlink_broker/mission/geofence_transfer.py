@@ -16,7 +16,7 @@ import logging
 import math
 from collections.abc import Callable, Generator, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Final, Protocol, TypeAlias
+from typing import Any, Final, TypeAlias
 
 from afarcloud.plan import Geofence
 from mavlink_broker.autopilots.parameter_settings import FenceParameters
@@ -57,6 +57,7 @@ from mavlink_broker.microservices.parameter import (
     Setting,
     Written,
 )
+from mavlink_broker.mission.exchanges import Exchange
 from mavlink_broker.planning import geofence
 from mavlink_broker.vehicle.vehicle import Vehicle
 
@@ -70,25 +71,8 @@ _LOG = logging.getLogger(__name__)
 _ALONE: Final = {FENCE: "the broker alone has checked the mission", RALLY: "they were left out"}
 
 
-class StepProtocol(Protocol):
-    """A protocol that has an outcome."""
-
-    @property
-    def outcome(self) -> Any:
-        """How it ended; None while it runs."""
-
-    def start(self, now: float) -> list[Message]:
-        """Begin."""
-
-    def receive(self, message: Message, now: float) -> list[Message]:
-        """Handle a message of the vehicle."""
-
-    def tick(self, now: float) -> list[Message]:
-        """Repeat what is overdue."""
-
-
-TransferSequence: TypeAlias = Generator[StepProtocol, Any, None]
-Step: TypeAlias = Generator[StepProtocol, Any, Any]
+TransferSequence: TypeAlias = Generator[Exchange[Any], Any, None]
+Step: TypeAlias = Generator[Exchange[Any], Any, Any]
 
 
 class StepRefusedError(Exception):
@@ -101,7 +85,7 @@ class SequenceRun:
 
     sequence: TransferSequence
     outcome: CommandOutcome | None = None
-    _running: StepProtocol | None = field(default=None)
+    _running: Exchange[Any] | None = field(default=None)
 
     def start(self, now: float) -> list[Message]:
         """Begin; it may be over at once."""
