@@ -37,7 +37,8 @@ class Running(Phase):
     def __init__(self, context: MissionContext) -> None:
         self._mission = context
         self._vehicle = context.vehicle
-        self._monitors: SegmentMonitors | None = None
+        self.monitors: SegmentMonitors | None = None
+        """What follows the items; None in another phase."""
         self._paused_at: float | None = None
         self._is_pause_reported = False
         self._entered_at = 0.0
@@ -45,60 +46,55 @@ class Running(Phase):
     @property
     def claim(self) -> Claim | None:
         """Modes in which the vehicle flies the mission."""
-        return None if self._monitors is None else self._monitors.progress.claim
+        return None if self.monitors is None else self.monitors.progress.claim
 
     @property
     def has_items(self) -> bool:
         """Whether items of the segment are still to be flown."""
-        return self._monitors is not None and not self._monitors.progress.is_finished
+        return self.monitors is not None and not self.monitors.progress.is_finished
 
     @property
     def was_given_up(self) -> bool:
         """Whether the vehicle has given up the mission, and waits where it is."""
-        return self._monitors is not None and self._monitors.progress.has_given_up
+        return self.monitors is not None and self.monitors.progress.has_given_up
 
     @property
     def flies_another(self) -> bool:
         """Whether the vehicle flies the mission of another system."""
-        if self._monitors is None or self._vehicle.mode_role is not ModeRole.MISSION:
+        if self.monitors is None or self._vehicle.mode_role is not ModeRole.MISSION:
             return False
-        return self._monitors.progress.holds_another or self._monitors.changes.holds_another
-
-    @property
-    def monitors(self) -> SegmentMonitors | None:
-        """What follows the items; None in another phase."""
-        return self._monitors
+        return self.monitors.progress.holds_another or self.monitors.changes.holds_another
 
     def is_progress_unknown(self, now: float) -> bool:
         """Whether a vehicle that flew before it was followed has not sent its progress since."""
-        lacks_progress = self._monitors is not None and self._monitors.progress.lacks_progress
+        lacks_progress = self.monitors is not None and self.monitors.progress.lacks_progress
         return lacks_progress and now - self._entered_at < PROGRESS_WITHIN_S
 
     def enter(self, now: float, effects: Effects) -> Result:
         """Begin to follow the segment."""
         mission, vehicle = self._mission, self._vehicle
         self._paused_at, self._is_pause_reported, self._entered_at = None, False, now
-        self._monitors = SegmentMonitors.of(mission)
-        effects.for_edge += self._monitors.progress.begin(now)
+        self.monitors = SegmentMonitors.of(mission)
+        effects.for_edge += self.monitors.progress.begin(now)
         vehicle.recovery.note_flying(mission.ledger.name_of(mission.plan.first_command))
         return None
 
     def leave(self) -> None:
         """Stop following it."""
-        self._monitors = None
+        self.monitors = None
 
     def receive(self, message: Message, now: float, effects: Effects) -> None:
         """Handle a message about the mission."""
-        if self._monitors is not None:
-            self._monitors.receive(message, now, effects)
+        if self.monitors is not None:
+            self.monitors.receive(message, now, effects)
 
     def tick(self, now: float, effects: Effects) -> Result:
         """Report progress; the segment ends, or another system has ended it."""
         mission = self._mission
-        if self._monitors is None:
+        if self.monitors is None:
             return None
-        progress, changes, _ = self._monitors
-        self._monitors.abort_skipped(mission.ledger)
+        progress, changes, _ = self.monitors
+        self.monitors.abort_skipped(mission.ledger)
         last = mission.plan.commands[-1]
         if progress.is_finished and mission.captures.are_pending(last, now, effects):
             return Fault(mission.authority.loss_reason, last) if mission.authority.is_lost else None
@@ -190,13 +186,28 @@ class FlyingLive(Phase):
         live = mission.segments.live
         is_under_way = mission.was_running and live.action.moves and vehicle.mode in LIVE_MODES
         is_running = mission.ledger.commands[live.command] is Status.RUNNING
-        self._executor = LiveCommandExecutor(
-            live.action, vehicle, mission.ledger.name_of(live.command)
-        )
-        effects.messages += self._executor.start(
-            now, is_under_way=is_under_way, was_reported=is_running
-        )
+        self._begin(now, effects, is_under_way=is_under_way, was_reported=is_running)
         return None
+
+    def _begin(
+        self,
+        now: float,
+        effects: Effects,
+        *,
+        is_under_way: bool = False,
+        was_reported: bool = False,
+    ) -> LiveCommandExecutor:
+        """Begin the command; behind a pause from its start."""
+        action, vehicle = self._mission.segments.live.action, self._mission.vehicle
+        self._executor = LiveCommandExecutor(action, vehicle, self._name)
+        effects.messages += self._executor.start(
+            now, is_under_way=is_under_way, was_reported=was_reported
+        )
+        return self._executor
+
+    @property
+    def _name(self) -> str:
+        return self._mission.ledger.name_of(self._mission.segments.live.command)
 
     def leave(self) -> None:
         """End the command."""
@@ -212,7 +223,7 @@ class FlyingLive(Phase):
         mission = self._mission
         if self._is_interrupted:
             return self._wait()
-        executor = self._executor or self._begin_anew(now, effects)
+        executor = self._executor or self._begin(now, effects)
         effects.messages += executor.tick(now)
         index = mission.segments.live.command
         if executor.has_begun:
@@ -229,7 +240,7 @@ class FlyingLive(Phase):
         if mission.is_held_back:
             return None
         mission.ledger.set_command(index, Status.FINISHED)
-        effects.for_edge += mission.reporter.results(mission.ledger.name_of(index), now)
+        effects.for_edge += mission.reporter.results(self._name, now)
         if mission.segments.is_last:
             mission.ledger.set_mission(Status.FINISHED)
         mission.report(effects)
@@ -247,16 +258,7 @@ class FlyingLive(Phase):
         if not mission.pauses.has_obeyed:
             return None
         self._executor = None
-        name = mission.ledger.name_of(mission.segments.live.command)
-        mission.vehicle.recovery.note_left(name)
+        mission.vehicle.recovery.note_left(self._name)
         if mission.vehicle.snapshot.armed is False:
             return Fault("the vehicle disarmed before the end of the mission")
         return None
-
-    def _begin_anew(self, now: float, effects: Effects) -> LiveCommandExecutor:
-        """Begin the command from its start, behind a pause."""
-        live = self._mission.segments.live
-        name = self._mission.ledger.name_of(live.command)
-        self._executor = LiveCommandExecutor(live.action, self._mission.vehicle, name)
-        effects.messages += self._executor.start(now)
-        return self._executor
