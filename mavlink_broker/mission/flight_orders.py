@@ -128,15 +128,14 @@ class PauseOrders:
         """Fly on; `has_items` if mission items are still to be flown in this segment."""
         if self._refuses(work, state, who, effects):
             return
-        foreign = self._vehicle.foreign_order
-        if self.is_paused and self._vehicle.snapshot.armed is False:
-            effects.for_edge.append(Acknowledgement(work.work_id, "refused", FLIES_NO_COMMAND))
-            return
+        reason, foreign = None, self._vehicle.foreign_order
         if not self.is_paused:
-            effects.for_edge.append(Acknowledgement(work.work_id, "refused", NOT_PAUSED))
-            return
-        if foreign is not None:
+            reason = NOT_PAUSED
+        elif self._vehicle.snapshot.armed is False:
+            reason = FLIES_NO_COMMAND
+        elif foreign is not None:
             reason = f"system {foreign.system} has paused or moved the vehicle meanwhile"
+        if reason is not None:
             effects.for_edge.append(Acknowledgement(work.work_id, "refused", reason))
             return
         if self._sequence is not None and self._pauses:
@@ -397,22 +396,18 @@ class SpeedChanges:
             self._settle(effects)
 
     def _settle(self, effects: Effects) -> None:
-        if self._running is None:
+        if self._running is None or self._running[1].outcome is None:
             return
-        work, sequence = self._running
-        match sequence.outcome:
-            case Accepted() | Refused() if work is None:
-                pass
-            case Accepted() if work is not None:
-                effects.for_edge.append(Acknowledgement(work.work_id, "done"))
-            case Refused(reason) if work is not None and self._may_refuse:
-                later = f"from the next command on: {reason}"
-                effects.for_edge.append(Acknowledgement(work.work_id, "done", later))
-            case Refused(reason) if work is not None:
-                effects.for_edge.append(Acknowledgement(work.work_id, "refused", reason))
-            case _:
-                return
-        self._running = None
+        (work, sequence), self._running = self._running, None
+        status, message = "done", None
+        if isinstance(sequence.outcome, Refused):
+            message = sequence.outcome.reason
+            if self._may_refuse:
+                message = f"from the next command on: {message}"
+            else:
+                status = "refused"
+        if work is not None:
+            effects.for_edge.append(Acknowledgement(work.work_id, status, message))
 
 
 def _mission_speeds(plan: FlightPlan) -> list[int]:
