@@ -145,7 +145,7 @@ _READERS: Final[Mapping[str, Callable[[Message], Iterator[_Signal]]]] = {
 }
 
 
-LASTING: Final = frozenset({BATTERY.code})
+LASTING: Final = frozenset({BATTERY})
 """An empty battery recovers for moments on the ground: it is raised once a flight."""
 
 
@@ -175,7 +175,7 @@ class AlarmMonitor:
 
     _signals: dict[tuple[str, AlarmCode], _Health] = field(default_factory=dict)
     _periodic_sources: dict[tuple[str, AlarmCode], PeriodicSource] = field(default_factory=dict)
-    _raised: set[AlarmCode] = field(default_factory=set)
+    _raised: set[Failure] = field(default_factory=set)
     _was_armed: bool = False
     _parameters: tuple[float, tuple[float, float]] | None = None  # And when they were received
     _loss: FrameLoss = field(default_factory=FrameLoss)
@@ -260,22 +260,17 @@ class AlarmMonitor:
 
     def _failed(self, now: float) -> list[Failure]:
         """Everything that has failed, each once."""
-        failed = {
-            health.failure.code: health.failure
-            for health in self._signals.values()
-            if health.has_failed(now)
-        }
-        unhealthy = {
-            health.failure.code for health in self._signals.values() if health.is_unhealthy
-        }
+        failed = {one.failure for one in self._signals.values() if one.has_failed(now)}
+        unhealthy = {one.failure for one in self._signals.values() if one.is_unhealthy}
         self._raised &= unhealthy | LASTING
+        codes = {failure.code for failure in unhealthy}
         return [
             failure
-            for code, failure in sorted(failed.items())
-            if not unhealthy & CAUSES.get(code, frozenset())
+            for failure in sorted(failed)
+            if not codes & CAUSES.get(failure.code, frozenset())
         ]
 
     def _is_new(self, failure: Failure) -> bool:
-        is_new = failure.code not in self._raised
-        self._raised.add(failure.code)
+        is_new = failure not in self._raised
+        self._raised.add(failure)
         return is_new

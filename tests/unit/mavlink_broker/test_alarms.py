@@ -270,6 +270,17 @@ def test_an_empty_battery_that_recovers_for_moments_is_one_alarm_of_its_flight()
     assert len(alarms(world)) == 2
 
 
+def test_propulsion_that_fails_behind_an_empty_battery_is_an_alarm_of_its_own() -> None:
+    world = flying_world(SLOW)
+    send_charge_state(world, 1)
+    send_charge_state(world, mavlink.MAV_BATTERY_CHARGE_STATE_EMERGENCY)
+    send_charge_state(world, mavlink.MAV_BATTERY_CHARGE_STATE_CRITICAL)
+    world.only_vehicle.ill = mavlink.MAV_SYS_STATUS_SENSOR_PROPULSION
+    world.run(4.0)
+    failed = (AlarmType.FUNCTION_UNAVAILABLE, AlarmCode.FUNCTION_PROPULSION)
+    assert alarms(world) == [failed, failed]
+
+
 def hygrometer(humidity: int = 4800) -> Message:
     return mavlink.MAVLink_hygrometer_sensor_message(0, 2150, humidity)
 
