@@ -17,10 +17,8 @@ import re
 import struct
 from typing import Any, Final
 
-from mavlink_broker.mavlink.dialect import Message, Source, mavlink, source_of
+from mavlink_broker.mavlink.dialect import Message, Source, mavlink
 
-SOURCES_KEPT: Final = 256
-"""Senders per peer whose losses are counted."""
 VERSION_1: Final = 0xFE
 VERSION_2: Final = 0xFD
 SIGNED_FLAG: Final = 0x01
@@ -66,15 +64,12 @@ def encoded_as(message: Message, source: Source, sequence: int) -> bytes:
 
 
 class Decoder:
-    """Decodes one peer's datagrams and counts lost frames by gaps in the sequence numbers."""
+    """Decodes one peer's datagrams; counts what is no frame."""
 
     def __init__(self, *, keeps_unknown: bool = False) -> None:
         """Decode with the dialect; `keeps_unknown` returns unknown messages, without fields."""
         self._keeps_unknown = keeps_unknown
         self._codec = mavlink.MAVLink(None)
-        self._expected: dict[Source, int] = {}
-        self.received = 0
-        self.lost = 0
         self.faults = 0
 
     def decode(self, datagram: bytes) -> list[Message]:
@@ -91,7 +86,6 @@ class Decoder:
                 continue
             position = end
             if self._keeps_unknown or not isinstance(message, mavlink.MAVLink_unknown):
-                self._count(message)
                 messages.append(message)
         return messages
 
@@ -108,16 +102,6 @@ class Decoder:
                 message_id(frame), flags, 0, frame[1], sequence(frame), *sender(frame)
             )
         return message
-
-    def _count(self, message: Message) -> None:
-        source, sequence = source_of(message), message.get_seq()
-        if source not in self._expected and len(self._expected) >= SOURCES_KEPT:
-            self._expected.clear()  # A hostile peer uses all ids
-        gap = (sequence - self._expected.get(source, sequence)) % _SEQUENCES
-        self.received += 1
-        if gap < _SEQUENCES // 2:  # A larger gap is a late or repeated frame
-            self.lost += gap
-            self._expected[source] = (sequence + 1) % _SEQUENCES
 
 
 def _frame_end(datagram: bytes, position: int) -> int:
