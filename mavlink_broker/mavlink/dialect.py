@@ -46,6 +46,12 @@ def name_in(enumeration: str, number: int) -> str | None:
     return None if entry is None else str(entry.name).removeprefix(f"{enumeration}_")
 
 
+def mav_cmd_name(number: int) -> str:
+    """Name of a MAV_CMD with its prefix; its number behind the prefix if it has none."""
+    name = name_in("MAV_CMD", number)
+    return f"MAV_CMD {number}" if name is None else f"MAV_CMD_{name}"
+
+
 class _WithPlanIds(mavlink.MAVLink_message):  # type: ignore[misc]  # codec is untyped
     """A message of the shipped dialect, and the ids of plans behind its fields; 0 for none."""
 

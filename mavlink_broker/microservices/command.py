@@ -20,7 +20,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Final, TypeAlias
 
-from mavlink_broker.mavlink.dialect import RESULT_NAMES, Message, Route, mavlink
+from mavlink_broker.mavlink.dialect import RESULT_NAMES, Message, Route, mav_cmd_name, mavlink
 
 FIRST_TIMEOUT_S: Final = 1.0
 SHORTEST_TIMEOUT_S: Final = 0.3
@@ -275,8 +275,7 @@ class CommandTransaction:
 
     @property
     def _name(self) -> str:
-        entry = mavlink.enums["MAV_CMD"].get(self._command.command)
-        return entry.name if entry else f"MAV_CMD {self._command.command}"
+        return mav_cmd_name(self._command.command)
 
 
 CommandAlternatives: TypeAlias = Sequence[Sequence[Command]]

@@ -20,7 +20,7 @@ from typing import Final, NamedTuple
 
 from afarcloud.geodesy import distance_m
 from mavlink_broker.autopilots.families import ModeRole
-from mavlink_broker.mavlink.dialect import Message, mavlink
+from mavlink_broker.mavlink.dialect import Message, mav_cmd_name, mavlink
 from mavlink_broker.planning.situation import Pose
 from mavlink_broker.vehicle.telemetry import MissionNow, Position, Snapshot
 
@@ -114,8 +114,7 @@ def reason(who: Authority, seen: ObservedMode) -> str:
         Authority.OTHERS: "somebody else flies the vehicle",
     }.get(who, "the broker flies it")
     if who is Authority.OTHERS and seen.ordered is not None and seen.role in _WAITING_MODES:
-        entry = mavlink.enums["MAV_CMD"].get(seen.ordered.command)
-        name = entry.name if entry else f"MAV_CMD {seen.ordered.command}"
+        name = mav_cmd_name(seen.ordered.command)
         whose = f"system {seen.ordered.system} has paused or moved it by {name}"
     return f"the vehicle left the mission: mode {seen.mode}: {whose}"
 
