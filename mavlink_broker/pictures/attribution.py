@@ -251,8 +251,9 @@ class Attribution:
     def add_unseen(self, commands: Iterable[PictureCommand], until_s: float) -> None:
         """Add commands behind the present one that the vehicle may have flown unseen, in order.
 
-        It has restarted since, so that its progress never shows them. What was taken behind the
-        time when the present command was seen last, until `until_s`, may be of any of them.
+        It has restarted since, or the mission has ended, so that its progress never shows them.
+        What was taken behind the time when the present command was seen last, until `until_s`, may
+        be of any of them.
         """
         seen_s = self._seen_s
         if self._present is None or seen_s is None:
@@ -333,7 +334,7 @@ class Attribution:
             if one.command is not None
             and one.command.expected
             and one.earliest_s - LATE_S <= time_s
-            and since_s <= one.ended_s + LATE_S
+            and since_s <= one.ended_s + one.late_s
         ]
 
     def may_be_of_later(self, time_s: float, camera: int, position: Position | None) -> bool:

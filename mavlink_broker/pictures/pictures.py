@@ -175,8 +175,10 @@ class PictureCollector:
     def _follow_command(self, command: PictureCommand | None, now: float, time_s: float) -> bool:
         """Follow the command that runs; returns whether a mission begins or ends."""
         before = self._attribution.current
-        for passed in self._behind(before, 0 if self._flight is None else self._flight[1].finished):
+        ledger = None if self._flight is None else self._flight[1]
+        for passed in self._behind(before, 0 if ledger is None else ledger.begun):
             self._attribution.update(passed, time_s)
+        self._add_unseen(time_s, 0 if ledger is None else ledger.finished)
         since_s = self._earlier_since_s(command, now)
         is_change = self._attribution.update(
             command,
@@ -241,6 +243,11 @@ class PictureCollector:
         for index in range(before.command + 1, len(commands[:end])):
             yield picture_command(ledger, commands, work.name, index)
 
+    def _add_unseen(self, until_s: float, end: int | None = None) -> None:
+        """Note that the vehicle may have flown commands behind the present one unseen."""
+        behind = self._behind(self._attribution.current, end)
+        self._attribution.add_unseen((one for one in behind if one.expected), until_s)
+
     def _attribute_taken(self, now: float) -> None:
         """Give pictures to commands, in their order, once it is known which of them have begun."""
         taken, self._taken = sorted(self._taken, key=lambda one: one.time_s), []
@@ -282,8 +289,7 @@ class PictureCollector:
 
         Earlier pictures stay with earlier commands, also with those that it has flown unseen.
         """
-        behind = self._behind(self._attribution.current)
-        self._attribution.add_unseen((one for one in behind if one.expected), self._time.latest_s)
+        self._add_unseen(self._time.latest_s)
         self._clock_s.clear()
         self._feedback.restarted(self._time.restarted())
         for camera in self._cameras.values():
@@ -340,8 +346,6 @@ class PictureCollector:
             case JobFailed(number, reason):
                 self._carry_out(self._fetching.web_failed(number, reason, now), effects)
         self._report_faults(effects)
-
-    # Announcements
 
     def _take_status(self, message: Message, now: float) -> None:
         component = source_of(message).component
@@ -439,8 +443,6 @@ class PictureCollector:
             where = f" at {', '.join(map(str, interval.places))}" if interval.places else ""
             text = f"{without_file} of {expected} pictures were taken{where}, and have no file"
             self._report(interval.command, text)
-
-    # Results
 
     def _carry_out(self, progress: Progress, effects: Effects) -> None:
         effects.messages += progress.messages

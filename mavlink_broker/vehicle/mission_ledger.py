@@ -60,6 +60,12 @@ class MissionLedger:
         open_ones = (i for i, status in enumerate(self._statuses) if not status.is_terminal)
         return next(open_ones, len(self._statuses))
 
+    @property
+    def begun(self) -> int:
+        """How many of these are known to have begun: the flown ones, and the one behind them."""
+        flown = (i for i, status in enumerate(self._statuses) if status is not Status.FINISHED)
+        return min(next(flown, len(self._statuses)) + 1, self.finished)
+
     def name_of(self, index: int) -> str:
         """Name of a command among all commands ever; a restarted broker gives the same."""
         return f"{self._name}/{self.mission_id}/{self._ids[index]}"

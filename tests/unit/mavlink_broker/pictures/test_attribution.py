@@ -159,6 +159,16 @@ def test_a_picture_belongs_to_the_command_at_whose_place_it_was_taken() -> None:
     assert (later.command, earlier.command) == (3, 1)
 
 
+def test_a_command_that_a_failed_mission_leaves_unflown_takes_no_later_picture() -> None:
+    """The vehicle returns over its place, while the camera ends the series of the other one."""
+    attribution = flown(at(NEAR, 0, expected=3))
+    attribution.update(at(NEAR, 0, expected=3), 105.0)
+    attribution.add_unseen([at(FAR, 1, expected=2)], 106.0)
+    attribution.update(None, 106.0)
+    found = [attribution.attribute(time_s, FIRST, FAR[:2]) for time_s in (105.5, 107.0)]
+    assert [one and one.command for one in found] == [1, 0]
+
+
 def test_a_picture_on_a_circle_belongs_to_the_command_behind_it() -> None:
     attribution = flown(taker(0))
     for one in (at(NEAR, 1, expected=1), at(CIRCLE, 2, expected=1)):

@@ -18,7 +18,7 @@ from tests.support.broker_world import World, go_home, mission, takeoff, waypoin
 from tests.support.file_server import ScriptedFiles
 from tests.support.scripted_camera import JPEG, ScriptedCamera
 from tests.support.scripted_vehicle import ScriptedVehicle
-from tests.support.vehicle_script import PX4
+from tests.support.vehicle_script import HOME, PX4
 
 SLOW = dataclasses.replace(PX4, item_time_s=6.0)
 MISSION = 1201
@@ -540,6 +540,26 @@ def test_a_picture_that_is_stored_late_belongs_to_the_command_that_has_taken_it(
         "m1201_c3_0002.jpeg",
         "m1201_c4_0003.jpeg",
     ]
+
+
+def test_a_series_that_outlasts_its_mission_stays_with_its_command() -> None:
+    """The vehicle returns by its failsafe over the place of a command that it never flew."""
+    flight = Flight(count=4)
+    world, camera = flight.world, flight.camera
+    plan = mission(takeoff(), waypoint(), image(3, 4), waypoint(4, 200.0), image(5, 2), go_home(6))
+    world.edge.plan(plan)
+    world.run_until(lambda: flight.item == mavlink.MAV_CMD_IMAGE_START_CAPTURE)
+    world.run(1.0)
+    here, there = ((round(HOME[0] * 1e7 + m * 90), round(HOME[1] * 1e7)) for m in (10, 200))
+    for place_e7 in (here, here, there, there):
+        camera.place_e7 = place_e7
+        camera.shoot()
+        world.run(1.0)
+        flight.vehicle.ill = mavlink.MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS
+        world.run(1.0)
+    world.run(40.0)
+    assert world.edge.status(MISSION) == Status.FAILED
+    assert flight.names == [f"m1201_c3_000{number}.jpeg" for number in range(4)]
 
 
 @pytest.mark.first_case

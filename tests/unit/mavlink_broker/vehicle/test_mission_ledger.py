@@ -30,6 +30,14 @@ def test_a_failure_fails_the_unfinished_command_and_aborts_the_rest() -> None:
     assert [c.message for c in report.command_report_array] == [None, "motor lost", None]
 
 
+def test_of_a_failed_mission_the_flown_commands_and_the_failed_one_have_begun() -> None:
+    book = ledger(4)
+    book.set_command(0, Status.FINISHED)
+    assert (book.begun, book.finished) == (1, 1)
+    book.fail("motor lost")
+    assert (book.begun, book.finished) == (2, 4)
+
+
 def test_a_failure_may_name_its_command() -> None:
     book = ledger()
     book.fail("refused", 2)
