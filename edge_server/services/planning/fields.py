@@ -1,10 +1,11 @@
 """Fields: their boundaries, stored under a number that plans and surveys may name."""
 
 from collections.abc import Sequence
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from sqlalchemy import Connection
 
+from afarcloud.plan import Polygon
 from afarcloud.wire import write
 from edge_server.geodata.field import Field, area_m2
 from edge_server.services import audit
@@ -24,7 +25,14 @@ from edge_server.store.rows.fields import StoredField
 from edge_server.store.rows.idempotency import Answered
 
 _ROUTE: Final = "field"
-_MOST_SEARCHED: Final = 1000
+
+
+class NoFlyArea(NamedTuple):
+    """One ring of a field; the areas of a field are numbered from 1, as the console does."""
+
+    field: int
+    number: int
+    ring: Polygon
 
 
 @retry_on_conflict
@@ -73,11 +81,15 @@ def outline(context: Context, identifier: int) -> Field | None:
     return None if stored is None else Field.model_validate(stored.body)
 
 
-def oldest(context: Context) -> list[tuple[int, Field]]:
-    """List the oldest fields with their ids: those whose no-fly areas are looked at together."""
+def no_fly_areas(context: Context) -> list[NoFlyArea]:
+    """List the no-fly areas of all fields."""
     with context.database.read() as connection:
-        found = fields.page(connection, after_id=0, limit=_MOST_SEARCHED, since_s=0.0)
-    return [(one.id, Field.model_validate(one.body)) for one in found]
+        found = fields.with_no_fly_areas(connection)
+    return [
+        NoFlyArea(one.id, number, tuple((latitude, longitude) for latitude, longitude in ring))
+        for one in found
+        for number, ring in enumerate(one.body["exclusions"], 1)
+    ]
 
 
 def page(

@@ -68,8 +68,8 @@ def _planned(context: Context, order: SurveyOrder, field: Field | None) -> Surve
     request = _request(order, field)
     try:
         homes, warnings = _homes(context, request)
-        others = (one for number, one in fields.oldest(context) if number != order.field_id)
-        rings = [ring for other in others for ring in other.exclusions]
+        areas = fields.no_fly_areas(context)
+        rings = [one.ring for one in areas if one.field != order.field_id]
         homes = [home._replace(beyond=tuple(_elsewhere(rings, home.place))) for home in homes]
         planned = survey(request, homes, first)
     except NoSurveyError as error:

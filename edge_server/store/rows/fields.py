@@ -36,6 +36,12 @@ def page(connection: Connection, *, after_id: int, limit: int, since_s: float) -
     return [_stored(row) for row in connection.execute(query.order_by(field.c.id).limit(limit))]
 
 
+def with_no_fly_areas(connection: Connection) -> list[StoredField]:
+    """List the fields whose documents have no-fly areas, oldest first."""
+    query = select(field).where(field.c.body.like('%"exclusions":[[%')).order_by(field.c.id)
+    return [_stored(row) for row in connection.execute(query)]
+
+
 def of_moment(
     connection: Connection, first_id: int, received_at: float, limit: int
 ) -> list[StoredField]:

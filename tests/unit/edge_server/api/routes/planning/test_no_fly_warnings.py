@@ -91,3 +91,51 @@ def test_each_vehicle_and_each_area_has_a_warning_of_its_own(edge: Edge) -> None
 def test_a_plan_beside_all_areas_has_no_warning(edge: Edge) -> None:
     draw(edge, ring(40.4452, 40.4455))
     assert warnings(edge.post_plan(across())) == []
+
+
+def test_an_area_is_named_however_many_others_lie_nearer_to_the_beginning(edge: Edge) -> None:
+    """Four hundred small ones west of the path."""
+    beside = [[40.4434, WEST], [40.4434, WEST - 5e-5], [40.44345, WEST]]
+    for _ in range(8):
+        draw(edge, *[beside] * 50)
+    field = draw(edge, ring())
+    (warning,) = warnings(edge.post_plan(across()))
+    assert f"no-fly area 1 of field {field} " in warning["message"]
+
+
+def test_how_many_areas_are_too_many_is_said(edge: Edge) -> None:
+    """Four hundred in a row beside a path that goes round them."""
+    for _ in range(8):
+        draw(edge, *[ring(40.4440, 40.4441)] * 50)
+    around = [
+        waypoint(number, longitude=-3.7378, latitude=40.4440 + 1e-4 * number) for number in (2, 3)
+    ]
+    found = warnings(edge.post_plan(plan(mission(command_array=[takeoff(), *around, home(4)]))))
+    assert found[-1] == {
+        "path": "missions.0",
+        "message": "vehicle 1 and 100 no-fly areas near its path are not compared",
+    }
+
+
+def test_an_area_is_named_however_many_fields_are_older(edge: Edge) -> None:
+    corners = [[-3.0, 41.0], [-2.9, 41.0], [-2.9, 41.1], [-3.0, 41.0]]
+    geometry = {"type": "Polygon", "coordinates": [corners]}
+    features = [{"type": "Feature", "properties": {}, "geometry": geometry}] * 100
+    for _ in range(11):
+        answer = edge.post(
+            "/fields/", {"type": "FeatureCollection", "features": features}, "farmer"
+        )
+        assert answer.status_code == 201, answer.text
+    draw(edge, ring())
+    assert len(warnings(edge.post_plan(across()))) == 1
+
+
+def test_a_mission_over_the_date_line_enters_an_area_there(edge: Edge) -> None:
+    square = [[40.4438, 179.9999], [40.4438, -179.9999], [40.444, -179.9999], [40.444, 179.9999]]
+    outline = [[40.443, 179.999], [40.443, -179.999], [40.446, -179.999], [40.446, 179.999]]
+    answer = edge.post("/fields/", {"boundary": outline, "exclusions": [square]}, "farmer")
+    assert answer.status_code == 201, answer.text
+    begin, far = takeoff(longitude=179.9998), waypoint(2, latitude=40.4444, longitude=-179.9998)
+    plans = [plan(mission(command_array=[begin, far, home()]))]
+    plans += [plan(mission(2, 2, command_array=[begin, waypoint(2, longitude=179.9997), home()]))]
+    assert [len(warnings(edge.post_plan(one))) for one in plans] == [1, 0]
