@@ -66,7 +66,16 @@ class _WithPlanIds(mavlink.MAVLink_message):  # type: ignore[misc]  # codec is u
         cls.unpacker = struct.Struct(cls.unpacker.format + "I" * len(cls.plan_ids))
 
     def __init__(self, *values: int, **ids: int) -> None:
-        """Take the fields in their order; those of `plan_ids` also by name."""
+        """Take the fields in their order; those of `plan_ids` also by name.
+
+        Raises:
+            TypeError: for a field that the message does not have, or has by its place alone.
+        """
+        surplus = sorted(ids.keys() - set(self.plan_ids))
+        if surplus or len(values) > len(self.fieldnames):
+            raise TypeError(
+                f"{type(self).__name__} takes {self.fieldnames}, not {surplus or values}"
+            )
         shipped = len(self.fieldnames) - len(self.plan_ids)
         super().__init__(*values[:shipped])
         self._fieldnames = self.fieldnames

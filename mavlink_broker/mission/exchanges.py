@@ -5,7 +5,6 @@ An upload is verified: `difference` compares what was downloaded with what was u
 
 import math
 from collections.abc import Sequence
-from functools import partial
 from typing import Final, Protocol, TypeAlias, TypeVar
 
 from mavlink_broker.autopilots.families import Family, ModeRole
@@ -188,8 +187,10 @@ def recognition(plan: FlightPlan, vehicle: Vehicle) -> MissionVerify:
 def _comparison(
     plan: FlightPlan, vehicle: Vehicle, opaque_id: int, *, home_may_have_moved: bool
 ) -> MissionVerify:
-    family = vehicle.family
-    compare = partial(difference, plan, family=family, home_may_have_moved=home_may_have_moved)
+    def compare(messages: Sequence[Message]) -> str | None:
+        """By the family as it is known when the items have been read back."""
+        return difference(plan, messages, vehicle.family, home_may_have_moved=home_may_have_moved)
+
     floats = supports_only_float_items(vehicle.capabilities)
     return MissionVerify(opaque_id, compare, vehicle.route, vehicle.round_trip, as_floats=floats)
 

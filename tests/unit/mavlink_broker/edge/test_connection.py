@@ -1,7 +1,9 @@
 """What the edge server's answers mean for a post, and its time of day, read from late answers."""
 
+import http.server
 import json
 import logging
+import threading
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -12,7 +14,7 @@ from hypothesis import strategies as st
 
 from mavlink_broker.edge.bounded_http import Answer
 from mavlink_broker.edge.client import EdgeClient, Pause
-from mavlink_broker.edge.connection import EdgeClock
+from mavlink_broker.edge.connection import INSTANCE_HEADER, EdgeClock, EdgeConnection
 from mavlink_broker.edge.outbox import Post
 from mavlink_broker.edge.wire import post_for
 from mavlink_broker.effects import Acknowledgement, EdgeMessage, VehicleUpdate
@@ -34,6 +36,38 @@ IN_WORDS = (
     "command_report_array.0.command_id mission 7 has no such command; "
     "altitude must be -1000 to 10000; altitude: Extra inputs are not permitted"
 )
+
+
+class _Recorder(http.server.BaseHTTPRequestHandler):
+    """Keeps the headers and the body of each request."""
+
+    def do_PATCH(self) -> None:  # http.server's name
+        body = self.rfile.read(int(self.headers["Content-Length"]))
+        self.server.requests.append((dict(self.headers), body))  # type: ignore[attr-defined]
+        self.send_response(200)
+        self.send_header("Content-Length", "0")
+        self.end_headers()
+
+    def log_message(self, format: str, *values: object) -> None:  # noqa: A002  # as above
+        """Be silent."""
+
+
+def test_data_are_sent_as_they_are_with_the_key_and_the_instance(tmp_path: Path) -> None:
+    (tmp_path / "broker.key").write_text("SECRET")
+    with http.server.HTTPServer(("127.0.0.1", 0), _Recorder) as listener:
+        listener.requests = []  # type: ignore[attr-defined]
+        thread = threading.Thread(target=listener.handle_request)
+        thread.start()
+        url = f"http://127.0.0.1:{listener.server_port}"
+        with EdgeConnection(url, tmp_path / "broker.key", None, "01BROKER") as edge:
+            edge.request("PATCH", "/logs/1", data=b"\0\xff", headers={"Upload-Offset": "7"})
+        thread.join()
+    ((headers, body),) = listener.requests  # type: ignore[attr-defined]
+    assert body == b"\0\xff"
+    assert headers["Content-Type"] == "application/octet-stream"
+    assert headers["Authorization"] == "Bearer SECRET"
+    assert headers["Upload-Offset"] == "7"
+    assert headers[INSTANCE_HEADER] == "01BROKER"
 
 
 def logged(

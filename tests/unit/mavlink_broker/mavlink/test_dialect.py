@@ -124,3 +124,11 @@ def test_a_fault_in_one_datagram_costs_nothing_of_the_next() -> None:
     for _ in range(50):
         decoder.decode(b"\xfd" * 4096)
     assert len(decoder.decode(encoder.encode(heartbeat()))) == 1
+
+
+@pytest.mark.parametrize("fields", [{"mission_type": 1}, {"nonsense": 5}])
+def test_a_field_that_has_no_name_there_is_refused(fields: dict[str, int]) -> None:
+    with pytest.raises(TypeError, match="MissionAck"):
+        MissionAck(1, 1, 0, **fields)
+    with pytest.raises(TypeError, match="MissionAck"):
+        MissionAck(1, 1, 0, 0, 7, 8)
