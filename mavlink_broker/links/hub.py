@@ -17,8 +17,8 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Final
 
-from mavlink_broker.links.kinds import SerialLink, TcpClient, TcpListener, UdpLink
 from mavlink_broker.links.link import Arrival, Link
+from mavlink_broker.links.transports import SerialLink, TcpClient, TcpListener, UdpLink
 from mavlink_broker.links.url import Address, LinkKind, LinkUrl
 
 REPORT_INTERVAL_S: Final = 30.0

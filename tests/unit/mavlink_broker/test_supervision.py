@@ -17,7 +17,7 @@ from mavlink_broker.supervision import (
 )
 
 WITHIN_S = 30.0
-MAKERS = {"supervision.py", "links/kinds.py"}
+MAKERS = {"supervision.py", "links/transports.py"}
 """Who may make a thread: the supervisor, and look-ups that end by themselves and are made anew."""
 
 

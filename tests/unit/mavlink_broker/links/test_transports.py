@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 
 from mavlink_broker.links.hub import Hub, open_links
-from mavlink_broker.links.kinds import MAX_CLIENTS
 from mavlink_broker.links.link import QUEUE_BYTES, LinkError, PortBusyError
+from mavlink_broker.links.transports import MAX_CLIENTS
 from mavlink_broker.links.url import Address, LinkUrl
 from mavlink_broker.mavlink.codec import Encoder
 from mavlink_broker.mavlink.dialect import mavlink
