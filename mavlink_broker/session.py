@@ -34,7 +34,7 @@ from mavlink_broker.microservices.parameter import PARAMETER_MESSAGES
 from mavlink_broker.mission.geofence_transfer import VehicleConfigRestorer
 from mavlink_broker.mission.mission_queue import MissionQueue
 from mavlink_broker.mission.phases.ending import REPLACED_VEHICLE, RESTARTED
-from mavlink_broker.mission.states import BEFORE_TAKEOFF, State
+from mavlink_broker.mission.states import PREPARING, State
 from mavlink_broker.pictures.pictures import PICTURE_MESSAGES, PictureCollector
 from mavlink_broker.vehicle.alarms import AlarmMonitor, Failure
 from mavlink_broker.vehicle.control_authority import is_order
@@ -59,7 +59,7 @@ UNANSWERED: Final = (
     "it is received but does not answer, so that orders may not reach it: the link may work in one "
     "direction only, or the vehicle has another signing key"
 )
-PREPARATION: Final = BEFORE_TAKEOFF | {State.ATTACHING}
+EXCHANGING: Final = PREPARING | {State.ATTACHING}
 """States in which the link is kept free of pictures."""
 
 _LOG = logging.getLogger(__name__)
@@ -390,7 +390,7 @@ class Session:
         self.pictures.update_mission(missions.work, missions.ledger, now, is_followed=is_followed)
         self.pictures.is_reachable = self.vehicle.is_reachable(now)
         if self.pictures.is_reachable and not self._observes:
-            self.pictures.step(now, effects, is_busy=self.state in PREPARATION)
+            self.pictures.step(now, effects, is_busy=self.state in EXCHANGING)
 
     def _may_fetch_logs(self, now: float) -> bool:
         """Whether nothing is to be done on the vehicle that matters more than its logs."""

@@ -20,7 +20,7 @@ depend on from one phase to the next.
 import math
 from dataclasses import dataclass
 from enum import Enum, auto
-from typing import Final, NamedTuple, Protocol, TypeAlias
+from typing import Final, NamedTuple, TypeAlias
 
 from afarcloud.enumerations import Status
 from afarcloud.route import Spot
@@ -74,8 +74,11 @@ class Request(Enum):
 Result: TypeAlias = Event | Fault | Request | None
 
 
-class Phase(Protocol):
-    """One state of a mission; a hook that a phase does not need does nothing."""
+class Phase:
+    """One state of a mission; a hook that a phase does not need does nothing.
+
+    `run` and `take_outcome` are no hooks: they run the one exchange that a phase has at a time.
+    """
 
     exchange: Exchange[Outcome] | None = None
     """The protocol that runs with the vehicle; the mission passes messages and time to it."""
@@ -127,13 +130,13 @@ class Phase(Protocol):
         del now, effects
         return None
 
-    def start(self, exchange: Exchange[Outcome], now: float, effects: Effects) -> None:
+    def run(self, exchange: Exchange[Outcome], now: float, effects: Effects) -> None:
         """Run a protocol with the vehicle from now on."""
         self.exchange = exchange
         effects.messages += exchange.start(now)
 
-    def conclude(self, now: float) -> Result:
-        """Settle the exchange, once it has an outcome."""
+    def take_outcome(self, now: float) -> Result:
+        """Judge the exchange, once it has an outcome."""
         outcome = None if self.exchange is None else self.exchange.outcome
         return None if outcome is None else self.settle(outcome, now)
 

@@ -28,7 +28,9 @@ from mavlink_broker.mission.context import (
 )
 from mavlink_broker.mission.flight_orders import FLIES_NO_COMMAND, MISSION_ENDED, REPLACED
 from mavlink_broker.mission.phases.attaching import Attaching
-from mavlink_broker.mission.phases.before_takeoff import (
+from mavlink_broker.mission.phases.ending import Aborting, Failing
+from mavlink_broker.mission.phases.in_flight import FlyingLive, Running
+from mavlink_broker.mission.phases.preparing import (
     Arming,
     Holding,
     PlacingGeofence,
@@ -37,15 +39,13 @@ from mavlink_broker.mission.phases.before_takeoff import (
     Uploading,
     Verifying,
 )
-from mavlink_broker.mission.phases.ending import Aborting, Failing
-from mavlink_broker.mission.phases.in_flight import FlyingLive, Running
 from mavlink_broker.mission.phases.waiting import Waiting
 from mavlink_broker.mission.states import (
     ARMED_BY_BROKER,
     ASKING,
-    BEFORE_TAKEOFF,
     ENDING,
     IN_FLIGHT,
+    PREPARING,
     READING,
     TRANSFERRING,
     UPLOADED,
@@ -217,7 +217,7 @@ class MissionExecutor:
                 self._context.pauses.receive(message, now, effects)
         if phase.exchange is not None:
             effects.messages += phase.exchange.receive(message, now)
-            self._apply(phase.conclude(now), now, effects)
+            self._apply(phase.take_outcome(now), now, effects)
 
     def tick(self, now: float, effects: Effects) -> None:
         """Do what is due at a time; while another system is in command nothing is ordered."""
@@ -230,7 +230,7 @@ class MissionExecutor:
         phase = self._phase
         if phase.exchange is not None and (not yields or self.is_attaching):
             effects.messages += phase.exchange.tick(now)
-            self._apply(phase.conclude(now), now, effects)
+            self._apply(phase.take_outcome(now), now, effects)
         if not yields:
             self._context.speeds.tick(now, effects)
         self._context.pauses.tick(self.state, self._who, now, effects)
@@ -488,7 +488,7 @@ class MissionExecutor:
             return
         self._geofence.forget()
         context.authority.is_arming_ordered = False
-        preparing = self.state in BEFORE_TAKEOFF
+        preparing = self.state in PREPARING
         flew_unseen = self.is_flight_unknown and self._link_losses > 0
         if self.state in IN_FLIGHT or flew_unseen or (preparing and context.is_hovering):
             context.answer_failed(reason, effects)

@@ -43,7 +43,7 @@ class State(Enum):
     FAILING = auto()  # A fault has ended the mission; the vehicle may send its reasons
 
 
-BEFORE_TAKEOFF: Final = frozenset(
+PREPARING: Final = frozenset(
     {
         State.PLACING_GEOFENCE,
         State.HOLDING,
@@ -55,17 +55,17 @@ BEFORE_TAKEOFF: Final = frozenset(
     }
 )
 """States of a mission, or of a segment of it, that is transferred to its vehicle and started."""
-ASKING: Final = BEFORE_TAKEOFF | {State.FLYING_LIVE}
+ASKING: Final = PREPARING | {State.FLYING_LIVE}
 """States that need the vehicle's answers: a link that is away shows as a refusal."""
 ARMED_BY_BROKER: Final = frozenset({State.ARMING, State.STARTING})
-TRANSFERRING: Final = BEFORE_TAKEOFF - ARMED_BY_BROKER
+TRANSFERRING: Final = PREPARING - ARMED_BY_BROKER
 """States in which a mission that expires is not flown any more: nothing was ordered to move."""
 UPLOADED: Final = frozenset({State.VERIFYING, State.SELECTING, State.ARMING, State.STARTING})
 """The items are on the vehicle, which does not fly them yet."""
 IN_FLIGHT: Final = frozenset({State.RUNNING, State.FLYING_LIVE})
 READING: Final = frozenset({State.ATTACHING, State.RUNNING})
 """States that order nothing, so that they go on while another system is in command."""
-WITH_ITEMS: Final = BEFORE_TAKEOFF - {State.PLACING_GEOFENCE, State.HOLDING}
+WITH_ITEMS: Final = PREPARING - {State.PLACING_GEOFENCE, State.HOLDING}
 """States in which the items of a segment are transferred to the vehicle or stored on it."""
 ENDING: Final = frozenset({State.ABORTING, State.FAILING, State.IDLE})
 """States in which no order of the mission is given any more."""
@@ -97,7 +97,7 @@ class Event(Enum):
     ENDED = auto()  # The mission has its terminal status
 
 
-_FROM_GROUND: Final = BEFORE_TAKEOFF - {State.HOLDING}
+_FROM_GROUND: Final = PREPARING - {State.HOLDING}
 """A vehicle that holds in the air fails when it restarts."""
 
 TRANSITIONS: Final[Mapping[tuple[State, Event], State]] = {

@@ -169,7 +169,7 @@ class Attaching(Phase):
             return Fault("the vehicle was restarted")
         mission.segments.go_to(mission.ledger.finished)
         if not mission.is_live:
-            self.start(exchanges.recognition(mission.plan, self._vehicle), now, effects)
+            self.run(exchanges.recognition(mission.plan, self._vehicle), now, effects)
             return None
         mission.is_hovering = True
         if mission.authority.is_lost:

@@ -52,8 +52,8 @@ class PlacingGeofence(_Transfer):
         self._transfer = GeofenceTransfer(self._wanted(), self._mission.vehicle)
         if self._is_placed or self._transfer.is_needless:
             return self._next()
-        self.start(self._transfer, now, effects)
-        return self.conclude(now)
+        self.run(self._transfer, now, effects)
+        return self.take_outcome(now)
 
     def settle(self, outcome: Outcome, now: float) -> Result:
         """Go on within the geofence."""
@@ -94,7 +94,7 @@ class Holding(_Transfer):
     def enter(self, now: float, effects: Effects) -> Result:
         """Order the hold mode."""
         vehicle = self._mission.vehicle
-        self.start(vehicle.sequence(vehicle.family.holding), now, effects)
+        self.run(vehicle.sequence(vehicle.family.holding), now, effects)
         return None
 
     def settle(self, outcome: Outcome, now: float) -> Result:
@@ -119,7 +119,7 @@ class Uploading(_Transfer):
         """Request the parameters of the segment, and begin the upload."""
         mission = self._mission
         mission.vehicle.override(tuple(override for _, override in mission.plan.overrides))
-        self.start(exchanges.upload(mission.plan, mission.vehicle), now, effects)
+        self.run(exchanges.upload(mission.plan, mission.vehicle), now, effects)
         return None
 
     def settle(self, outcome: Outcome, now: float) -> Result:
@@ -165,7 +165,7 @@ class Verifying(_Transfer):
         mission.foreign_uploader = mission.verified_total = None
         opaque_id = self._uploading.opaque_id
         verification = exchanges.verification(mission.plan, mission.vehicle, opaque_id)
-        self.start(verification, now, effects)
+        self.run(verification, now, effects)
         return None
 
     def settle(self, outcome: Outcome, now: float) -> Result:
@@ -185,7 +185,7 @@ class Selecting(_Transfer):
     def enter(self, now: float, effects: Effects) -> Result:
         """Set the current item."""
         mission = self._mission
-        self.start(exchanges.selection(mission.plan, mission.vehicle), now, effects)
+        self.run(exchanges.selection(mission.plan, mission.vehicle), now, effects)
         return None
 
     def settle(self, outcome: Outcome, now: float) -> Result:
@@ -245,7 +245,7 @@ class Arming(Phase):
         vehicle = self._mission.vehicle
         self._mission.authority.order_arming(now)
         arming = vehicle.sequence(vehicle.family.arming, sends_until=self._mission.expires_at)
-        self.start(arming, now, effects)
+        self.run(arming, now, effects)
 
     def settle(self, outcome: Outcome, now: float) -> Result:
         """After a refusal that may pass order it again, unless it has expired; both after a pause.
@@ -331,7 +331,7 @@ class Starting(Phase):
         if not self._vehicle.recovery.is_stored:
             return
         self._again_at = now + START_AGAIN_AFTER_S
-        self.start(self._vehicle.sequence(self._vehicle.family.starting), now, effects)
+        self.run(self._vehicle.sequence(self._vehicle.family.starting), now, effects)
 
     def settle(self, outcome: Outcome, now: float) -> Result:
         """Handle the answer; the vehicle then has `FLYING_WITHIN_S` to show that it flies."""
