@@ -35,7 +35,7 @@ class TextMeaning(Enum):
     WIND_TOO_STRONG = auto()  # A failsafe ends the mission because of wind
 
 
-class StatusText(NamedTuple):
+class KnownText(NamedTuple):
     """One row: a text, the firmware that sends it and its meaning."""
 
     firmware: str
@@ -52,28 +52,28 @@ def _contains(pattern: str) -> re.Pattern[str]:
 
 
 PX4: Final = (
-    StatusText("1.17", _begins("No valid mission available"), TextMeaning.MISSION_INVALID),
-    StatusText(
+    KnownText("1.17", _begins("No valid mission available"), TextMeaning.MISSION_INVALID),
+    KnownText(
         "1.17", _begins("Reposition is outside geofence"), TextMeaning.TARGET_OUTSIDE_GEOFENCE
     ),
     # The first chunk of: Preflight Fail: No connection to the ground control station
-    StatusText(
+    KnownText(
         "1.14", _contains("no connection to the ground contro"), TextMeaning.NO_GROUND_STATION
     ),
-    StatusText("1.17", _contains("no connection to the gcs"), TextMeaning.NO_GROUND_STATION),
+    KnownText("1.17", _contains("no connection to the gcs"), TextMeaning.NO_GROUND_STATION),
     # As in: Wind speed is above limit (12.0m/s)
-    StatusText("1.14", _contains(r"wind[^;]*\blimit"), TextMeaning.WIND_TOO_STRONG),
+    KnownText("1.14", _contains(r"wind[^;]*\blimit"), TextMeaning.WIND_TOO_STRONG),
 )
 """Firmware versions as the scripted vehicles of the tests model them."""
 
 FARM_FLIGHT: Final = (
     # As in: Wind too strong: RETURN
-    StatusText("this tree", _contains(r"wind[^;]*\btoo strong"), TextMeaning.WIND_TOO_STRONG),
+    KnownText("this tree", _contains(r"wind[^;]*\btoo strong"), TextMeaning.WIND_TOO_STRONG),
 )
 """The project's own vehicle, which also sends PX4's texts."""
 
 ARDUPILOT: Final = (
-    StatusText("Copter 4.6", _begins("Flight plan received"), TextMeaning.MISSION_UPLOADED),
+    KnownText("Copter 4.6", _begins("Flight plan received"), TextMeaning.MISSION_UPLOADED),
 )
 
 _ALL: Final = (*PX4, *FARM_FLIGHT, *ARDUPILOT)

@@ -2,7 +2,7 @@
 
 Each piece of work is parsed once. The edge server may assign the same work again: after a restart
 on either side the broker gets all unfinished work anew. A post has a path, a body, a lane and an
-idempotency key. Besides `client` and `uploads` no other module knows the edge server's endpoints.
+idempotency key.
 
 WorkError  work that cannot be parsed, with its number if it has one
 """

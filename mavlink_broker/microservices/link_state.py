@@ -38,7 +38,7 @@ from typing import Final
 
 from mavlink_broker.mavlink.dialect import Message, Route, mavlink
 
-INTERVAL_S: Final = 1.0
+HEARTBEAT_EVERY_S: Final = 1.0
 """Of the broker's own heartbeats."""
 STALE_AFTER_S: Final = 2.0
 LOST_AFTER_S: Final = 5.0
@@ -144,7 +144,7 @@ class OwnHeartbeat:
         """Send it if it is due, or if the type has changed."""
         if self._due_at is not None and now < self._due_at and kind == self._kind:
             return []
-        self._due_at, self._kind = now + INTERVAL_S, kind
+        self._due_at, self._kind = now + HEARTBEAT_EVERY_S, kind
         return [own_heartbeat(kind)]
 
 

@@ -18,7 +18,7 @@ from mavlink_broker.mavlink.codec import Decoder, Encoder, unsigned
 from mavlink_broker.mavlink.dialect import Message, Source, mavlink, source_of
 from mavlink_broker.mavlink.signing import KeyRing, SignatureCheck
 from mavlink_broker.microservices.link_state import (
-    INTERVAL_S,
+    HEARTBEAT_EVERY_S,
     is_vehicle,
     own_heartbeat,
     replaces_autopilot,
@@ -124,7 +124,7 @@ class Router:
             except Exception as error:  # noqa: BLE001  # the boundary of one datagram
                 self._internal_errors.record("a datagram", error, now)
         if now >= self._contact_at:
-            self._contact_at = now + INTERVAL_S
+            self._contact_at = now + HEARTBEAT_EVERY_S
             self._send_first_heartbeats(now)
         return messages
 

@@ -50,7 +50,8 @@ CLOCK_WITHIN_S: Final = 3.0
 class Vehicle:
     """Everything known of one vehicle.
 
-    Its fields are written here alone; `recovery`, `item_limits` and `link` own theirs.
+    Its fields are written here alone. `item_limits` and `link` own theirs; those of `recovery` are
+    written by whoever begins or ends what a restarted broker has to know.
     """
 
     vehicle_id: int
