@@ -153,7 +153,7 @@ BREAKS: Final = (
         "an answer of somebody else than the edge server settles a post",
         (
             Change(
-                "mavlink_broker/edge/connection.py",
+                "mavlink_broker/edge/answers.py",
                 "if isinstance(answer.json(), dict):",
                 "if answer is not None:",
             ),

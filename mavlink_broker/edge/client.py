@@ -27,15 +27,15 @@ from typing import Any, Final, NamedTuple, TypeVar
 import requests
 
 from afarcloud import wire
-from mavlink_broker.edge.bounded_http import Answer, cause_of
-from mavlink_broker.edge.connection import (
+from mavlink_broker.edge.answers import (
     MAX_LOGGED_CHARACTERS,
     EdgeClock,
-    EdgeConnection,
     PostOutcome,
     examined,
     explain,
 )
+from mavlink_broker.edge.bounded_http import Answer, cause_of
+from mavlink_broker.edge.connection import EdgeConnection
 from mavlink_broker.edge.outbox import Outbox, Post
 from mavlink_broker.edge.spool import Spool
 from mavlink_broker.edge.spool_writer import SpoolWriter

@@ -7,7 +7,7 @@ from datetime import UTC, datetime, timedelta
 import pytest
 from PIL import Image as Pictures
 
-from mavlink_broker.edge.connection import KNOWN
+from mavlink_broker.edge.answers import KNOWN
 from mavlink_broker.edge.wire import post_for
 from mavlink_broker.effects import ConvertedPicture, ConvertPicture, EdgeReport
 from mavlink_broker.mavlink.codec import Decoder, Encoder

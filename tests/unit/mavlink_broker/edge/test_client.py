@@ -17,9 +17,10 @@ import requests
 
 from mavlink_broker import database, supervision
 from mavlink_broker.database import DATABASE_FILE, add_requests
+from mavlink_broker.edge.answers import is_final
 from mavlink_broker.edge.bounded_http import Answer
 from mavlink_broker.edge.client import EdgeClient, Pause
-from mavlink_broker.edge.connection import EdgeConnection, is_final
+from mavlink_broker.edge.connection import EdgeConnection
 from mavlink_broker.edge.outbox import Post, Urgency
 from mavlink_broker.edge.spool import Spool, read_dead_letters
 from mavlink_broker.edge.wire import AcceptanceResult, post_for
