@@ -322,7 +322,8 @@ class Session:
             if self._lost_since is not None and self._was_received:
                 _LOG.info(
                     "vehicle %d: its link is back after %.0f s",
-                    *(self.vehicle.vehicle_id, now - self._lost_since),
+                    self.vehicle.vehicle_id,
+                    now - self._lost_since,
                 )
         elif not is_reachable and not self._was_lost:
             _LOG.warning(

@@ -1,10 +1,4 @@
-"""Records the progress of one live command, so that a restarted broker continues it.
-
-The progress is recorded before the command is sent, so that it is not sent twice; when the vehicle
-has accepted it; and after every step. If the broker was killed between the first and the second,
-messages of the vehicle and its camera show whether the command was received.
-
-Executes one live command: approaches its position, begins, monitors and ends it.
+"""Executes one live command: approaches its position, begins, monitors and ends it.
 
     LISTENING --NO SIGN--> SETTING_PARAMETERS, LISTENING --SIGN--> RUNNING
     SETTING_PARAMETERS --SET--> APPROACHING --THERE--> BEGINNING --ACCEPTED--> RUNNING
@@ -15,6 +9,10 @@ A live command needs a link: messages that repeat (the position of a target) are
 a lost link the broker waits, since the vehicle holds by itself. Durations count by the vehicle's
 own clock, which may run at any speed in a simulation. Parameters that the command overrides are set
 first, and restored after it.
+
+Its progress is recorded for a restarted broker: before the command is sent, so that it is not sent
+twice; when the vehicle has accepted it; and after every step. If the broker was killed between the
+first and the second, messages of the vehicle and its camera show whether the command was received.
 """
 
 from dataclasses import replace

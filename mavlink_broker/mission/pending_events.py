@@ -45,7 +45,7 @@ RESUMED_WITHIN_S: Final = 600.0
 """An event that an earlier run has accepted, and that is given out so long after its expiry, is not
 carried out any more, unless the journal knows it."""
 TOO_OLD: Final = "accepted too long ago by an earlier run of the broker: not carried on"
-RESTARTED = "the vehicle was restarted since"
+RESTARTED_SINCE: Final = "the vehicle was restarted since"
 NOT_SEEN: Final = "the vehicle lands, or has landed: whether it was there before is not known"
 LANDED_UNSEEN: Final = "the vehicle has landed unseen: it may have flown its mission to the end"
 _IN_AIR: Final = Claim(control_authority.AIRBORNE_MODES)
@@ -345,7 +345,7 @@ class PendingEvents:
             refusal = Acknowledgement(work.work_id, "refused", control_authority.reason(who, seen))
             effects.for_edge.append(refusal)
         elif self.is_past(work):
-            effects.for_edge.append(Acknowledgement(work.work_id, "refused", RESTARTED))
+            effects.for_edge.append(Acknowledgement(work.work_id, "refused", RESTARTED_SINCE))
         elif comes_down or (not seen.armed and vehicle.shows_itself(now)):
             is_seen = comes_down or not work.was_accepted
             note = NOT_SEEN if work.event.abort else None if is_seen else LANDED_UNSEEN
@@ -383,7 +383,7 @@ class PendingEvents:
         running, self._running, self._return = self._running, None, None
         if running is not None:
             self._is_return_interrupted |= running[0] is None
-            _acknowledge(running[0], effects, RESTARTED)
+            _acknowledge(running[0], effects, RESTARTED_SINCE)
 
     def take_interrupted_return(self) -> bool:
         """Whether a restart of the vehicle has ended the return that an alarm had ordered, once."""

@@ -179,8 +179,7 @@ class Aborting(Phase):
         self._executor: AbortExecutor | None = None
         self._note: str | None = None  # What is done otherwise than the event says
         self._work_id: int | None = None  # Of the event; None: an alarm has ended the mission
-        self._monitors: SegmentMonitors | None = None  # Of what it flies until it obeys; None: the
-        # mission has ended
+        self._monitors: SegmentMonitors | None = None  # Of what it flies until it obeys, if any
         self._reason = ""  # Why the mission ends then
         self._shown_at: float | None = None  # Since when it is received
         self._is_flown_to_end = False  # The mission was finished before an order arrived
