@@ -43,11 +43,11 @@ class _Box(NamedTuple):
 
 def check(context: Context, plan: Plan) -> FenceVerdict:
     """Check a plan against its own geofence and the fields, while no other plan is checked."""
-    areas = fields.no_fly_areas(context)
-    if plan.geofence is None and not areas:
+    if plan.geofence is None and not fields.have_no_fly_areas(context):
         return rules.check_fence(plan)
     with context.fence_check:
-        return rules.check_fence(plan)._replace(warnings=_entered(plan, areas))
+        warnings = _entered(plan, fields.no_fly_areas(context))
+        return rules.check_fence(plan)._replace(warnings=warnings)
 
 
 def _entered(plan: Plan, areas: Sequence[NoFlyArea]) -> tuple[Fault, ...]:

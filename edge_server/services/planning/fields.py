@@ -81,6 +81,12 @@ def outline(context: Context, identifier: int) -> Field | None:
     return None if stored is None else Field.model_validate(stored.body)
 
 
+def have_no_fly_areas(context: Context) -> bool:
+    """Whether any field has a no-fly area."""
+    with context.database.read() as connection:
+        return fields.has_no_fly_area(connection)
+
+
 def no_fly_areas(context: Context) -> list[NoFlyArea]:
     """List the no-fly areas of all fields."""
     with context.database.read() as connection:

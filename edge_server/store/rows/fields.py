@@ -36,9 +36,20 @@ def page(connection: Connection, *, after_id: int, limit: int, since_s: float) -
     return [_stored(row) for row in connection.execute(query.order_by(field.c.id).limit(limit))]
 
 
+_HAS_NO_FLY_AREAS = field.c.body.like('%"exclusions":[[%')
+"""Documents are written compactly, so that others need not be read."""
+
+
+def has_no_fly_area(connection: Connection) -> bool:
+    """Whether any field's document has no-fly areas."""
+    return (
+        connection.execute(select(field.c.id).where(_HAS_NO_FLY_AREAS).limit(1)).first() is not None
+    )
+
+
 def with_no_fly_areas(connection: Connection) -> list[StoredField]:
     """List the fields whose documents have no-fly areas, oldest first."""
-    query = select(field).where(field.c.body.like('%"exclusions":[[%')).order_by(field.c.id)
+    query = select(field).where(_HAS_NO_FLY_AREAS).order_by(field.c.id)
     return [_stored(row) for row in connection.execute(query)]
 
 
