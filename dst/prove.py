@@ -11,6 +11,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -360,26 +361,43 @@ def apply(copy: Path, change: Change) -> None:
 
 
 def _find(copy: Path, one: Break) -> str | None:
-    """Simulate with one mistake; after how many seeds it was found, and by what."""
+    """Simulate with one mistake; after how many seeds it was found, and by what.
+
+    A seed that fails without the mistake too has not found it.
+    """
+    first, simulated = 1, 0
+    while first <= SEEDS:
+        output = _simulate(copy, first, SEEDS - first + 1, one.needs)
+        count = re.search(r"^(\d+) seeds, (\d+) failed", output, re.MULTILINE)
+        if count is None:
+            raise RuntimeError(f"the simulation of {one.mistake!r} has ended: {output[-2000:]}")
+        simulated += int(count[1])
+        found = re.search(r"^seed (\d+): (.*)$", output, re.MULTILINE)
+        if found is None:
+            return None
+        seed = int(found[1])
+        if ", 0 failed" in _simulate(ROOT, seed, 1, ()):
+            return f"after {seed:>3} seeds, {simulated} of them simulated ({found[2][:90]})"
+        first = seed + 1
+    return None
+
+
+def _simulate(project: Path, first: int, seeds: int, needs: Sequence[Fault]) -> str:
+    """Run the simulation of a project until a seed fails; what it prints."""
     run = subprocess.run(  # noqa: S603  # this program itself
         [
-            *(sys.executable, "-m", "dst", f"--seeds={SEEDS}", f"--jobs={JOBS}", "--stop"),
-            f"--needs={','.join(one.needs) or 'none'}",
+            *(sys.executable, "-m", "dst", f"--first={first}", f"--seeds={seeds}"),
+            *(f"--jobs={JOBS}", "--stop", f"--needs={','.join(needs) or 'none'}"),
         ],
-        cwd=copy,
-        env={**os.environ, "PYTHONPATH": str(copy)},
-        capture_output=True,
+        cwd=project,
+        env={**os.environ, "PYTHONPATH": str(project)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
         text=True,
         timeout=LONGEST_S,
         check=False,
     )
-    count = re.search(r"^(\d+) seeds, (\d+) failed", run.stdout, re.MULTILINE)
-    if count is None:
-        raise RuntimeError(f"the simulation of {one.mistake!r} has ended: {run.stderr[-2000:]}")
-    found = re.search(r"^seed (\d+): (.*)$", run.stdout, re.MULTILINE)
-    if found is None:
-        return None
-    return f"after {found[1]:>3} seeds, {count[1]} of them simulated ({found[2][:90]})"
+    return run.stdout
 
 
 if __name__ == "__main__":
