@@ -62,9 +62,12 @@ class MissionLedger:
 
     @property
     def begun(self) -> int:
-        """How many of these are known to have begun: the flown ones, and the one behind them."""
-        flown = (i for i, status in enumerate(self._statuses) if status is not Status.FINISHED)
-        return min(next(flown, len(self._statuses)) + 1, self.finished)
+        """How many of these may have begun: up to the one behind the last that was flown.
+
+        Others before it may have been skipped by another system.
+        """
+        flown = [i for i, status in enumerate(self._statuses) if status is Status.FINISHED]
+        return min(max(flown, default=-1) + 2, self.finished)
 
     def name_of(self, index: int) -> str:
         """Name of a command among all commands ever; a restarted broker gives the same."""

@@ -38,6 +38,15 @@ def test_of_a_failed_mission_the_flown_commands_and_the_failed_one_have_begun() 
     assert (book.begun, book.finished) == (2, 4)
 
 
+def test_what_is_flown_behind_a_skipped_command_has_begun() -> None:
+    book = ledger(5)
+    for index, status in enumerate((Status.FINISHED, Status.ABORTED, Status.FINISHED)):
+        book.set_command(index, status)
+    assert (book.begun, book.finished) == (3, 3)
+    book.fail("motor lost")
+    assert (book.begun, book.finished) == (4, 5)
+
+
 def test_a_failure_may_name_its_command() -> None:
     book = ledger()
     book.fail("refused", 2)
