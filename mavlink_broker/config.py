@@ -165,8 +165,8 @@ def load(arguments: Sequence[str], environment: Mapping[str, str]) -> Config:
         prog=program_name("mavlink_broker"),
         description="Flies the edge server's missions over MAVLink.",
         epilog="Other commands, each with its own --help: translate, vehicles, fly, sign-setup, "
-        "dead-letters. Exit status: 0 done, or ended by a signal; 1 failed; 2 a wrong setting, a "
-        "link or folder that cannot be used; 130 a command that Ctrl-C has ended.",
+        "dead-letters. Exit status: 0 done, or ended by a signal; 1 failed; 2 a wrong setting, or "
+        "a link that cannot be used; 130 a command that Ctrl-C has ended.",
     )
     parser.add_argument("--version", action="version", version=f"%(prog)s {VERSION}")
     return settings(parser, parser.parse_args(arguments))

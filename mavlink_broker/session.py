@@ -36,7 +36,7 @@ from mavlink_broker.mission.mission_queue import MissionQueue
 from mavlink_broker.mission.phases.ending import REPLACED_VEHICLE, RESTARTED
 from mavlink_broker.mission.states import PREPARING, State
 from mavlink_broker.pictures.pictures import PICTURE_MESSAGES, PictureCollector
-from mavlink_broker.vehicle.alarms import AlarmMonitor, Failure
+from mavlink_broker.vehicle.alarms import CAMERA, AlarmMonitor, Failure
 from mavlink_broker.vehicle.control_authority import is_order
 from mavlink_broker.vehicle.flight_frames import FlightFrames
 from mavlink_broker.vehicle.flight_logs import FlightLogs
@@ -217,6 +217,7 @@ class Session:
         if message.get_type() == "HEARTBEAT":
             if message.type == mavlink.MAV_TYPE_CAMERA:
                 self._alarms.camera_received(now)
+                self.vehicle.recovery.has_camera |= self.missions.is_flying
                 self.pictures.add_camera(source_of(message).component)
             return
         self._alarms.observe(message, now)
@@ -294,6 +295,7 @@ class Session:
             self.missions.tick_events(now, effects)
             effects.messages += self._override_parameters(now)
             effects.messages += self._stop_tracking(now)
+            self._expect_camera(now)
             failures = self._alarms.tick(now, is_connected=vehicle.is_connected(now))
             self._raise_alarms(failures, now, effects)
         else:
@@ -376,6 +378,14 @@ class Session:
         may_go_on = vehicle.recovery.may_resume_tracking and not missions.is_flying and is_in_air
         return self._tracking_stop.tick(now, is_wanted=missions.tracks or may_go_on)
 
+    def _expect_camera(self, now: float) -> None:
+        """Expect the camera of this flight, also behind a restart of the broker, or a lost link."""
+        recovery = self.vehicle.recovery
+        if not self.missions.is_flying and self.vehicle.snapshot.is_on_ground:
+            recovery.has_camera = False
+        if recovery.has_camera:
+            self._alarms.expect_camera(now)
+
     def _raise_alarms(self, failures: Iterable[Failure], now: float, effects: Effects) -> None:
         """Report what has failed; a mission in flight fails with it."""
         for failure in failures:
@@ -384,6 +394,7 @@ class Session:
             mission_id = self.missions.running_mission_id
             effects.for_edge.append(self._reporter.alarm(failure, mission_id, parameters))
             self.missions.raise_alarm(failure.text, now, effects)
+            self.vehicle.recovery.has_camera &= failure != CAMERA  # It is raised once
 
     def _tick_pictures(self, now: float, effects: Effects) -> None:
         is_followed = self.state is not State.ATTACHING

@@ -153,9 +153,15 @@ def _link(text: str, *, any_link: bool) -> LinkUrl:
     """Read the URL of the cable.
 
     Raises:
-        UsageError: if it is not valid, or would carry the key over a network.
+        UsageError: if it is not valid, would carry the key over a network, or is a device that is
+            not there: who sets up a vehicle waits for none to be plugged in.
     """
     url = parse_link(text)
+    if url.kind is LinkKind.SERIAL:
+        try:
+            Path(url.host).stat()
+        except OSError as error:
+            raise UsageError(f"{url.host}: {error.strerror}; plug the cable in") from error
     if url.kind is not LinkKind.SERIAL and not url.is_loopback and not any_link:
         raise UsageError(
             f"{url} would carry the key in the clear over a network; use the cable "

@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 from afarcloud.enumerations import AlarmCode, AlarmType
 from mavlink_broker.autopilots.status_texts import TextMeaning, alarm_parameters, means
 from mavlink_broker.mavlink.dialect import Message, mavlink, source_of
-from mavlink_broker.microservices.link_state import FrameLoss, PeriodicSource
+from mavlink_broker.microservices.link_state import MIN_MESSAGES, FrameLoss, PeriodicSource
 from mavlink_broker.vehicle.measurements import HUMIDITY, OBSERVED, readings
 
 DEBOUNCE_S: Final = 2.0
@@ -214,6 +214,11 @@ class AlarmMonitor:
     def camera_received(self, now: float) -> None:
         """Handle a heartbeat of the vehicle's camera."""
         self._received("camera", CAMERA, now)
+
+    def expect_camera(self, now: float) -> None:
+        """Expect heartbeats of a camera that was received before this monitor has begun."""
+        camera = PeriodicSource(now, count=MIN_MESSAGES)
+        self._periodic_sources.setdefault(("camera", CAMERA.code), camera)
 
     def tick(self, now: float, *, is_connected: bool) -> list[Failure]:
         """Give what has failed and was not raised yet; nothing while the link is away."""

@@ -83,11 +83,12 @@ class RecoveryRecord:
     pending_return: PendingReturn | None = None
     abort: PendingAbort | None = None
     live: LiveCommandProgress | None = None
-    started: str | None = None  # First command of the mission items that it was last ordered to fly
-    started_s: float | None = None  # When that was, by the vehicle's clock since boot
+    segment: str | None = None  # First command of the mission items that it was last ordered to fly
+    segment_s: float | None = None  # When that was, by the vehicle's clock since boot
     has_flown: bool = False  # It was seen to fly them
     paused: str | None = None  # Name of the work that an event has paused
     is_tracking: bool = False  # Its camera may have been ordered to track a subject
+    has_camera: bool = False  # A camera was received in this flight
 
 
 EMPTY_RECORD: Final = RecoveryRecord()
@@ -112,11 +113,12 @@ def merge_records(earlier: RecoveryRecord, later: RecoveryRecord) -> RecoveryRec
         pending_return=later.pending_return or earlier.pending_return,
         abort=later.abort or earlier.abort,
         live=later.live or earlier.live,
-        started=later.started or earlier.started,
-        started_s=later.started_s if later.started else earlier.started_s,
-        has_flown=later.has_flown if later.started else earlier.has_flown,
+        segment=later.segment or earlier.segment,
+        segment_s=later.segment_s if later.segment else earlier.segment_s,
+        has_flown=later.has_flown if later.segment else earlier.has_flown,
         paused=later.paused or earlier.paused,
         is_tracking=later.is_tracking or earlier.is_tracking,
+        has_camera=later.has_camera or earlier.has_camera,
     )
 
 
@@ -244,6 +246,8 @@ class RecoveryState:
         self.is_tracking = False
         """Whether the camera may have been ordered to track a subject, and not to stop."""
         self._is_of_earlier_run = False  # That tracking
+        self.has_camera = False
+        """Whether a camera was received in this flight: a restarted broker expects it."""
 
     def note_segment(self, first_command: str, time_s: float | None) -> None:
         """Note that the vehicle is about to be ordered to fly items, at a time of its clock."""
@@ -296,11 +300,12 @@ class RecoveryState:
             pending_return=self.pending_return,
             abort=self.abort or self.held_abort,
             live=self.live,
-            started=self.segment,
-            started_s=self._segment_s,
+            segment=self.segment,
+            segment_s=self._segment_s,
             has_flown=self._has_flown,
             paused=self.paused,
             is_tracking=self.is_tracking,
+            has_camera=self.has_camera,
         )
 
     @property
@@ -316,15 +321,16 @@ class RecoveryState:
         self.hover.recall(both.hover, both.hover_mode)
         self.pending_return, self.live = both.pending_return, both.live
         self.abort = both.abort
-        self.segment, self._segment_s = both.started, both.started_s
+        self.segment, self._segment_s = both.segment, both.segment_s
         self._has_flown = both.has_flown
         self.paused = both.paused
         self.is_tracking, self._is_of_earlier_run = both.is_tracking, record.is_tracking
+        self.has_camera = both.has_camera
 
     def forget(self) -> None:
         """Begin anew with another vehicle in place of this one; aborts are for it too."""
         self.overrides, self.parameters = VehicleOverrides(), ParameterOverrider()
         self.hover.end()
         self.pending_return = self.paused = None
-        self.is_tracking = False
+        self.is_tracking = self.has_camera = False
         self.clear_commands()

@@ -4,7 +4,7 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
-from mavlink_broker.journal import decode, encode
+from mavlink_broker.vehicle.record_encoding import decode, encode
 from mavlink_broker.vehicle.recovery_state import (
     EMPTY_RECORD,
     RecordUpdate,

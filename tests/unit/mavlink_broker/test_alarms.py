@@ -1,6 +1,7 @@
 """Failures of a vehicle: reported once, and the end of the mission in flight."""
 
 import dataclasses
+from pathlib import Path
 
 import pytest
 
@@ -142,6 +143,56 @@ def test_a_lost_link_is_no_failure_of_a_camera() -> None:
     world.run(0.5)
     vehicle.silent = True
     world.run(30.0)
+    assert alarms(world) == []
+
+
+def flying_with_a_camera(journal: Path) -> World:
+    """A vehicle in flight, of whose camera three heartbeats were received."""
+    world = World(journal=journal)
+    vehicle = world.add_vehicle(script=SLOW)
+    world.edge.plan(first_flight())
+    world.run_until(lambda: world.edge.status(1201) == Status.RUNNING)
+    for _ in range(3):
+        world.send_camera_heartbeat(vehicle)
+        world.run(1.0)
+    return world
+
+
+@pytest.mark.parametrize("away_s", [0.5, 4.0, 12.0])
+def test_a_camera_that_fails_while_the_broker_is_away_is_one_alarm(
+    away_s: float, tmp_path: Path
+) -> None:
+    world = flying_with_a_camera(tmp_path)
+    world.kill_broker()
+    world.run(away_s)
+    world.restart_broker()
+    world.run(8.0)
+    assert alarms(world) == [(1, 4)]
+    assert world.edge.status(1201) == Status.FAILED
+    world.restart_broker()
+    world.run(8.0)
+    assert alarms(world) == [(1, 4)]
+
+
+def test_a_camera_that_is_received_behind_a_restart_is_no_alarm(tmp_path: Path) -> None:
+    world = flying_with_a_camera(tmp_path)
+    world.restart_broker()
+    for _ in range(8):
+        world.run(1.0)
+        world.send_camera_heartbeat(world.only_vehicle)
+    assert alarms(world) == []
+
+
+def test_a_camera_that_was_taken_off_after_the_flight_is_not_expected(tmp_path: Path) -> None:
+    world = flying_with_a_camera(tmp_path)
+    while world.edge.status(1201) == Status.RUNNING:
+        world.send_camera_heartbeat(world.only_vehicle)
+        world.run(1.0)
+    assert world.edge.status(1201) == Status.FINISHED
+    world.run_until(lambda: not world.only_vehicle.armed)
+    world.run(0.5)
+    world.restart_broker()
+    world.run(8.0)
     assert alarms(world) == []
 
 

@@ -8,8 +8,9 @@ import pytest
 
 from mavlink_broker import database as database_module
 from mavlink_broker.database import DATABASE_FILE, Database, read_rows
-from mavlink_broker.journal import JournalTable, encode
+from mavlink_broker.journal import JournalTable
 from mavlink_broker.microservices.config_overrides import OverriddenParameter
+from mavlink_broker.vehicle.record_encoding import encode
 from mavlink_broker.vehicle.recovery_state import (
     EMPTY_RECORD,
     PendingReturn,

@@ -15,6 +15,7 @@ from mavlink_broker.cli.program import FAILED, UsageError
 from mavlink_broker.microservices.signing_setup import Outcome
 
 ROOT = Path(__file__).parents[4]
+CABLE = ("--connect", "udpout://127.0.0.1:14550")  # Nothing is sent
 
 
 @pytest.fixture
@@ -41,7 +42,7 @@ def test_a_first_key_is_made_for_its_owner_alone(
     tmp_path: Path, outcomes: list[tuple[Outcome, bytes | None, bytes | None]]
 ) -> None:
     outcomes.append((Outcome.DONE, None, None))
-    assert sign_setup.run(["3", "--state-dir", str(tmp_path)], {}) == 0
+    assert sign_setup.run(["3", "--state-dir", str(tmp_path), *CABLE], {}) == 0
     file = tmp_path / "keys/signing-3.key"
     assert file.stat().st_mode & 0o777 == 0o600
     assert outcomes == [(Outcome.DONE, key_in(file), None)]
@@ -50,7 +51,7 @@ def test_a_first_key_is_made_for_its_owner_alone(
 def test_a_replaced_key_that_is_not_confirmed_is_tried_again(
     tmp_path: Path, outcomes: list[tuple[Outcome, bytes | None, bytes | None]]
 ) -> None:
-    arguments = ["3", "--state-dir", str(tmp_path)]
+    arguments = ["3", "--state-dir", str(tmp_path), *CABLE]
     outcomes.append((Outcome.DONE, None, None))
     sign_setup.run(arguments, {})
     file = tmp_path / "keys/signing-3.key"
@@ -70,8 +71,15 @@ def test_a_refused_replacement_leaves_nothing_behind(
     tmp_path: Path, outcomes: list[tuple[Outcome, bytes | None, bytes | None]]
 ) -> None:
     outcomes.append((Outcome.ARMED, None, None))
-    assert sign_setup.run(["3", "--replace", "--state-dir", str(tmp_path)], {}) == FAILED
+    assert sign_setup.run(["3", "--replace", "--state-dir", str(tmp_path), *CABLE], {}) == FAILED
     assert list((tmp_path / "keys").iterdir()) == []
+
+
+def test_no_key_is_made_for_a_device_that_is_not_there(tmp_path: Path) -> None:
+    device = tmp_path / "ttyACM9"
+    with pytest.raises(UsageError, match=f"{device}: No such file"):
+        sign_setup.run(["3", "--state-dir", str(tmp_path), "--connect", f"serial://{device}"], {})
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_key_does_not_travel_over_a_network_unless_it_is_asked_for(tmp_path: Path) -> None:
@@ -85,7 +93,7 @@ def test_a_key_does_not_travel_over_a_network_unless_it_is_asked_for(tmp_path: P
 def test_a_file_that_is_no_key_is_not_overwritten(tmp_path: Path) -> None:
     (tmp_path / "signing-3.key").write_text("no key")
     with pytest.raises(UsageError, match="is not a key"):
-        sign_setup.run(["3", "--signing-keys", str(tmp_path)], {})
+        sign_setup.run(["3", "--signing-keys", str(tmp_path), *CABLE], {})
     assert (tmp_path / "signing-3.key").read_text() == "no key"
 
 

@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mavlink_broker.journal import MAX_BYTES, JournalError, decode, encode
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.mavlink.mission_item import MissionItem
 from mavlink_broker.microservices.config_overrides import OverriddenParameter, OverriddenPlan
 from mavlink_broker.microservices.mission_protocol import FENCE, RALLY
 from mavlink_broker.planning.situation import Pose
+from mavlink_broker.vehicle.record_encoding import MAX_BYTES, JournalError, decode, encode
 from mavlink_broker.vehicle.recovery_state import (
     EMPTY_RECORD,
     LiveCommandProgress,
@@ -64,9 +64,12 @@ RECORDS = st.builds(
         point=st.none() | POSES,
         noted_s=st.none() | NUMBERS,
     ),
-    started=st.none() | TEXTS,
-    started_s=st.none() | NUMBERS,
+    segment=st.none() | TEXTS,
+    segment_s=st.none() | NUMBERS,
     has_flown=st.booleans(),
+    paused=st.none() | TEXTS,
+    is_tracking=st.booleans(),
+    has_camera=st.booleans(),
     live=st.none()
     | st.builds(
         LiveCommandProgress,
