@@ -120,8 +120,9 @@ class Vehicle:
         rebooted = boot_ms is not None and self._reboots.sample(kind, boot_ms, now)
         if rebooted and boot_ms is not None:
             self._booted_at = now - boot_ms / 1e3
-        if rebooted and not self.was_ordered_since_boot:
-            self._forget_telemetry()
+            self.snapshot.time_s = None  # It was that of before
+            if not self.was_ordered_since_boot:
+                self._forget_telemetry()
         if boot_ms is not None and self._reboots.has_jumped:
             self._may_be_swapped = True
             self.ask_identity()

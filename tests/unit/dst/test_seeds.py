@@ -43,7 +43,10 @@ FAILED_BEFORE = {
         }
     ),
     40134: frozenset({Fault.BROKER_SUSPENDED, Fault.PICTURES}),
-    **{seed: draw(seed) for seed in (20272, 30030, 40272, 50606, 50830, 71108, 71380, 100444)},
+    **{
+        seed: draw(seed)
+        for seed in (20272, 30030, 40272, 50606, 50830, 71108, 71380, 100444, 111023)
+    },
 }
 """Seeds that have failed; the first ones with faults that they do not draw themselves."""
 SUSPENDED = frozenset({Fault.ABORTS, Fault.BROKER_SUSPENDED, Fault.PILOT})
