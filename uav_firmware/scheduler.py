@@ -59,10 +59,11 @@ class Scheduler:
         slots = math.lcm(*dividers) if dividers else 1
         if slots > _MAX_SLOTS:
             raise ScheduleError(f"the rates repeat only after {slots} steps")
+        runs = [(group.name, group.run) for group in groups]  # Few, so that they stay in the cache
         self._slots = tuple(
             tuple(
-                (group.name, group.run)
-                for group, divider in zip(groups, dividers, strict=True)
+                run
+                for run, group, divider in zip(runs, groups, dividers, strict=True)
                 if slot % divider == group.phase % divider
             )
             for slot in range(slots)

@@ -6,12 +6,8 @@ and stays so until a restart.
 """
 
 import math
-from collections.abc import Sequence
-from itertools import chain
 from operator import attrgetter
 from typing import Final
-
-import numpy as np
 
 from uav_firmware.bus import Queue, Topic
 from uav_firmware.lib.atmosphere import altitude_from_pressure, pressure_from_altitude
@@ -21,7 +17,6 @@ from uav_firmware.modules.sensors.params import SensorsParams
 from uav_firmware.modules.sensors.slow_vote import SlowVote
 from uav_firmware.modules.sensors.triad_vote import (
     WINDOW,
-    Array,
     DisputeByBias,
     Limits,
     TriadVote,
@@ -157,7 +152,8 @@ class SensorsModule:
             self._window = []
 
     def _judge_imus(self, gyros: TriadVote, accels: TriadVote, now_us: int) -> None:
-        rates, forces = _samples(self._window)
+        rates = [[imu.rate_frd for imu in imus] for imus in self._window]
+        forces = [[imu.specific_force_frd for imu in imus] for imus in self._window]
         for failed in gyros.judge(rates, forces):
             self._report(now_us, "Gyroscope", failed.instance, failed.reason, len(gyros.good))
         for failed in accels.judge(forces, rates):
@@ -288,16 +284,6 @@ class SensorsModule:
 
     def _publish_text(self, now_us: int, severity: int, text: str) -> None:
         self._status_text.publish(StatusText(now_us, severity, text))
-
-
-def _samples(window: Sequence[Sequence[SensorImu]]) -> tuple[Array, Array]:
-    """Rates and forces of a window, each of shape (samples, instances, 3)."""
-    shape = (len(window), len(window[0]), 3)
-    # One flat run of numbers: numpy takes four times as long to look through nested tuples.
-    imus = list(chain.from_iterable(window))
-    rates = np.fromiter(chain.from_iterable(map(_rate_of, imus)), float)
-    forces = np.fromiter(chain.from_iterable(map(_force_of, imus)), float)
-    return rates.reshape(shape), forces.reshape(shape)
 
 
 def _height(baro: SensorBaro) -> tuple[float]:

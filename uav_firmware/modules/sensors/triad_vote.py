@@ -24,12 +24,10 @@ from collections import deque
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from uav_firmware.msg.vectors import Vector3
 
-Array = NDArray[np.float64]
+Window = list[list[Vector3]]
+"""Samples, of the vectors of all instances."""
 
 WINDOW: Final = 25  # [samples] 0.2 s, of every other one at 250 Hz
 _FORGIVEN: Final = 2  # [samples] Without a number in a window: a glitch of the bus
@@ -66,8 +64,8 @@ class TriadVote:
         self.good: tuple[int, ...] = tuple(range(count))
         self.failed = 0  # [-] Bit 0 is the first instance
         self.dispute: Vector3 | None = None  # First minus second of two that disagree
-        self._learnt = np.zeros((count, 3))
-        self._apart = np.zeros((count, 3))
+        self._learnt: list[Vector3] = [(0.0, 0.0, 0.0)] * count
+        self._apart: list[Vector3] = [(0.0, 0.0, 0.0)] * count
         self._windows = 0
         self._size = 0.0
 
@@ -104,27 +102,29 @@ class TriadVote:
             else cz,
         )
 
-    def judge(self, window: Array, others: Array) -> list[Failed]:
-        """Check a window of samples, shape (WINDOW, instances, 3); returns the failures in it.
+    def judge(self, window: Window, others: Window) -> list[Failed]:
+        """Check WINDOW samples, each the vectors of all instances; returns the failures in them.
 
         `others` are the samples of another kind of sensor in the same time.
         """
         failures = []
-        finite = np.isfinite(window)
-        is_whole = bool(finite.all())
+        missing = {i: _missing(window, i) for i in self.good}
+        is_whole = not any(missing.values())
         if not is_whole:
-            missing = np.count_nonzero(~finite.all(axis=2), axis=0)
             silent = [i for i in self.good if missing[i] > _FORGIVEN]
             if len(silent) == len(self.good):  # A bus that resets; nothing is left to use instead
                 silent = [i for i in silent if missing[i] == len(window)]
             failures = [Failed(i, "no data") for i in silent]
-        changed = changes(window)
-        stuck = [i for i in self.good if not changed[i]]
-        if stuck and (len(stuck) < len(self.good) or changes(others).any()):
+        stuck = [i for i in self.good if not _changes(window, i)]
+        if stuck and (
+            len(stuck) < len(self.good) or any(_changes(others, i) for i in range(len(others[0])))
+        ):
             failures += [Failed(i, "stuck") for i in stuck]
         for failure in failures:
             self.give_up(failure.instance)
-        return failures + self._compare(window, is_whole=is_whole)
+        if not is_whole:
+            window = [sample for sample in window if all(_is_finite(sample[i]) for i in self.good)]
+        return failures + self._compare(window)
 
     def give_up(self, instance: int) -> None:
         """Do without an instance from now on."""
@@ -132,60 +132,51 @@ class TriadVote:
         self.good = tuple(i for i in self.good if i != instance)
         self.dispute = None
 
-    def _compare(self, window: Array, *, is_whole: bool) -> list[Failed]:
-        """Whether an instance is off the others; `is_whole`: every number is finite."""
-        good = list(self.good)
+    def _compare(self, samples: Window) -> list[Failed]:
+        """Whether an instance is off the others, in samples of which every number is finite."""
+        good = self.good
         self.dispute = None
-        if len(good) < 2:
+        if len(good) < 2 or len(samples) < WINDOW // 2:
             return []
-        # All of them as a view: indexing by a list copies, and costs as much as what follows
-        used = slice(None) if len(good) == len(self._learnt) else good
-        samples = window[:, used] - self._learnt[used]
-        if not is_whole:
-            samples = samples[np.isfinite(samples).all(axis=(1, 2))]
-        if len(samples) < WINDOW // 2:
-            return []
-        means = _mean(samples, axis=0)
-        # The median, for which numpy takes ten times as long
-        middle = np.sort(means, axis=0)[1] if len(good) == _THREE else 0.5 * (means[0] + means[1])
-        # The length, for which numpy.linalg.norm takes five times as long to the same bits
-        size = abs(math.sqrt(middle.dot(middle)) - self.limits.usual)
+        means, noise = _mean_and_noise(samples, good)
+        means = [_minus(mean, self._learnt[i]) for mean, i in zip(means, good, strict=True)]
+        middle = self.select_of_three(*means) if len(good) == _THREE else _mean_of(means)
+        size = abs(_length(middle) - self.limits.usual)
         self._size = max(size, 0.8 * self._size)
-        off = means - middle
-        # Of what one instance and not another has measured: motion is common to them
-        own = samples - _mean(samples, axis=1)[:, None]
-        own -= _mean(own, axis=0)
-        noise = math.sqrt(float(_mean(own * own, axis=0).max())) / math.sqrt(len(samples))
-        self._apart[used] += _SMOOTHING * (off - self._apart[used])
         limit = (
             self.limits.bias
             + self.limits.scale * self._size
             + _NOISE_GATE * noise * math.sqrt(_SMOOTHING / (2.0 - _SMOOTHING))
         )
-        apart = self._apart[used]
-        apart = np.sqrt(np.add.reduce(apart * apart, axis=1))
+        off = [_minus(mean, middle) for mean in means]
+        for i, new in zip(good, off, strict=True):
+            self._apart[i] = _towards(self._apart[i], new, _SMOOTHING)
+        apart = [_length(self._apart[i]) for i in good]
         if len(good) == 2:
             if 2.0 * apart[0] > limit:
-                x, y, z = (2.0 * self._apart[good[0]]).tolist()
-                self.dispute = (x, y, z)
+                x, y, z = self._apart[good[0]]
+                self.dispute = (2.0 * x, 2.0 * y, 2.0 * z)
                 return []
         else:
-            worst = int(np.argmax(apart))
+            worst = apart.index(max(apart))
             if apart[worst] > limit:
                 self.give_up(good[worst])
                 return [Failed(good[worst], "biased")]
-        if float(apart.max()) < 0.5 * limit:
-            self._learn(used, off)
+        if max(apart) < 0.5 * limit:
+            self._learn(off)
         return []
 
-    def _learn(self, used: slice | list[int], off: Array) -> None:
+    def _learn(self, off: list[Vector3]) -> None:
         """Take the standing differences into account, as far as a calibration leaves them."""
         self._windows += 1
-        self._learnt[used] += max(1.0 / self._windows, _LEARNING) * off
-        standing = self.limits.standing
-        learnt = self._learnt  # numpy.clip takes three times as long
-        np.maximum(learnt, -standing, out=learnt)
-        np.minimum(learnt, standing, out=learnt)
+        share, standing = max(1.0 / self._windows, _LEARNING), self.limits.standing
+        for i, (x, y, z) in zip(self.good, off, strict=True):
+            learnt_x, learnt_y, learnt_z = self._learnt[i]
+            self._learnt[i] = (
+                min(max(learnt_x + share * x, -standing), standing),
+                min(max(learnt_y + share * y, -standing), standing),
+                min(max(learnt_z + share * z, -standing), standing),
+            )
 
 
 def _mean_of(vectors: Sequence[Vector3]) -> Vector3:
@@ -196,6 +187,59 @@ def _mean_of(vectors: Sequence[Vector3]) -> Vector3:
     number = 1.0 / len(usable)
     x, y, z = (number * sum(axis) for axis in zip(*usable, strict=True))
     return (x, y, z)
+
+
+def _mean_and_noise(samples: Window, good: tuple[int, ...]) -> tuple[list[Vector3], float]:
+    """Mean of each good instance; standard deviation of a mean by what one alone has measured.
+
+    Motion is common to all instances: the noise is that of the differences from their mean, of the
+    axis and the instance with the most of it.
+    """
+    common = [_mean_over(sample, good) for sample in samples]
+    number = 1.0 / len(samples)
+    means: list[Vector3] = []
+    largest = 0.0
+    for i in good:
+        total_x = total_y = total_z = 0.0
+        own_x = own_y = own_z = square_x = square_y = square_z = 0.0
+        for sample, (common_x, common_y, common_z) in zip(samples, common, strict=True):
+            x, y, z = sample[i]
+            total_x, total_y, total_z = total_x + x, total_y + y, total_z + z
+            x, y, z = x - common_x, y - common_y, z - common_z
+            own_x, own_y, own_z = own_x + x, own_y + y, own_z + z
+            square_x, square_y, square_z = square_x + x * x, square_y + y * y, square_z + z * z
+        means.append((number * total_x, number * total_y, number * total_z))
+        largest = max(
+            largest,
+            number * square_x - (number * own_x) ** 2,
+            number * square_y - (number * own_y) ** 2,
+            number * square_z - (number * own_z) ** 2,
+        )
+    return means, math.sqrt(number * largest)
+
+
+def _mean_over(sample: list[Vector3], good: tuple[int, ...]) -> Vector3:
+    total_x = total_y = total_z = 0.0
+    for i in good:
+        x, y, z = sample[i]
+        total_x, total_y, total_z = total_x + x, total_y + y, total_z + z
+    share = 1.0 / len(good)
+    return (share * total_x, share * total_y, share * total_z)
+
+
+def _minus(one: Vector3, other: Vector3) -> Vector3:
+    return (one[0] - other[0], one[1] - other[1], one[2] - other[2])
+
+
+def _towards(old: Vector3, new: Vector3, share: float) -> Vector3:
+    """Move by a share of the way."""
+    x, y, z = _minus(new, old)
+    return (old[0] + share * x, old[1] + share * y, old[2] + share * z)
+
+
+def _length(vector: Vector3) -> float:
+    x, y, z = vector
+    return math.sqrt(x * x + y * y + z * z)
 
 
 class FailedOfTwo(NamedTuple):
@@ -241,17 +285,26 @@ class DisputeByBias:
         return FailedOfTwo(0 if share > 0.0 else 1, (-x, -y, -z))
 
 
-def changes(window: Array) -> NDArray[np.bool_]:
-    """Which instances do not repeat one sample throughout a window."""
-    changed: NDArray[np.bool_] = (window[1] != window[0]).any(axis=1)
-    if changed.all():  # The usual case, for which two samples are enough
-        return changed
-    throughout: NDArray[np.bool_] = (window != window[0]).any(axis=(0, 2))
-    return throughout
+def _is_finite(vector: Vector3) -> bool:
+    x, y, z = vector
+    total = x + y + z
+    return total - total == 0.0
 
 
-def _mean(numbers: Array, axis: int) -> Array:
-    """Mean along an axis, without the checks by which numpy's own takes twice as long."""
-    mean: Array = np.add.reduce(numbers, axis=axis)
-    mean /= numbers.shape[axis]
-    return mean
+def _missing(window: Window, instance: int) -> int:
+    """In how many samples an instance has something that is no number."""
+    missing = 0
+    for sample in window:
+        if not _is_finite(sample[instance]):
+            missing += 1
+    return missing
+
+
+def _changes(window: Window, instance: int) -> bool:
+    """Whether an instance does not repeat one sample throughout a window."""
+    first_x, first_y, first_z = window[0][instance]
+    for sample in window:  # The second ends it, mostly; the first, if it is no number
+        x, y, z = sample[instance]
+        if x != first_x or y != first_y or z != first_z:
+            return True
+    return False

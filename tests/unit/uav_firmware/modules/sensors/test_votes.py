@@ -39,6 +39,11 @@ def test_no_failure_of_one_of_three_leaves_the_range_of_the_other_two(
         assert min(one, two) - 1e-9 <= value <= max(one, two) + 1e-9
 
 
+def window_of(samples: Array) -> list[list[tuple[float, float, float]]]:
+    """Samples of shape (WINDOW, instances, 3) as the vote takes them."""
+    return [[(x, y, z) for x, y, z in sample] for sample in samples.tolist()]
+
+
 class Flown:
     """Instances of an accelerometer in vibration, window by window."""
 
@@ -55,7 +60,7 @@ class Flown:
             motion = np.array([0.5, -0.2, -9.8]) + self._random.standard_normal((WINDOW, 1, 3))
             noise = self._random.standard_normal((WINDOW, self._count, 3))
             window = self.spoil(motion + self._standing + self._vibration * noise)
-            news = self.vote.judge(window, motion)
+            news = self.vote.judge(window_of(window), window_of(motion))
             self.failed += [(failure.instance, failure.reason) for failure in news]
 
 
@@ -120,7 +125,7 @@ def test_what_delivers_nothing_or_the_same_is_found_in_one_window(
 
 def test_all_that_stand_still_together_are_not_stuck() -> None:
     vote = TriadVote(3, LIMITS)
-    assert vote.judge(np.ones((WINDOW, 3, 3)), np.ones((WINDOW, 3, 3))) == []
+    assert vote.judge([[(1.0, 1.0, 1.0)] * 3] * WINDOW, [[(1.0, 1.0, 1.0)] * 3] * WINDOW) == []
 
 
 def test_a_glitch_of_the_bus_fails_nothing() -> None:
