@@ -31,9 +31,9 @@ from mavlink_broker.microservices.link_state import LOST_AFTER_S, AnswerMonitor,
 from mavlink_broker.microservices.log_download import LOG_MESSAGES
 from mavlink_broker.microservices.message_rates import RATE_MESSAGES, StreamRequests
 from mavlink_broker.microservices.parameter import PARAMETER_MESSAGES
+from mavlink_broker.mission.context import REPLACED_VEHICLE, RESTARTED
 from mavlink_broker.mission.geofence_transfer import VehicleConfigRestorer
 from mavlink_broker.mission.mission_queue import MissionQueue
-from mavlink_broker.mission.phases.ending import REPLACED_VEHICLE, RESTARTED
 from mavlink_broker.mission.states import PREPARING, State
 from mavlink_broker.pictures.pictures import PICTURE_MESSAGES, PictureCollector
 from mavlink_broker.vehicle.alarms import CAMERA, AlarmMonitor, Failure

@@ -57,7 +57,7 @@ from mavlink_broker.vehicle.vehicle import Vehicle
 LISTEN_S: Final = 6.0
 """For signs of a command; meanwhile a camera is asked for its newest pictures."""
 _RECEIVED: Final = frozenset({mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_IN_PROGRESS})
-THERE_WITHIN_M: Final = 2.0
+PLACE_WITHIN_M: Final = 2.0
 SLOW_M_S: Final = 1.0
 APPROACH_WITHIN_S: Final = 300.0
 
@@ -437,7 +437,7 @@ class LiveCommandExecutor:
             return False
         horizontal_m = distance_m(*position[:2], *spot[:2])
         vertical_m = abs(position.altitude_m - spot.relative_altitude_m)
-        return max(horizontal_m, vertical_m) <= THERE_WITHIN_M and position.speed_m_s <= SLOW_M_S
+        return max(horizontal_m, vertical_m) <= PLACE_WITHIN_M and position.speed_m_s <= SLOW_M_S
 
     def _is_over(self, now: float) -> bool:
         if isinstance(self._action.end, Lasted):

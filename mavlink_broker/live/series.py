@@ -33,7 +33,7 @@ from mavlink_broker.vehicle.recovery_state import LiveCommandProgress
 from mavlink_broker.vehicle.vehicle import Vehicle
 
 FACING_WITHIN_DEG: Final = 5.0
-THERE_WITHIN_M: Final = 1.5
+POSE_WITHIN_M: Final = 1.5
 STEP_TIMEOUT_S: Final = 40.0
 """Then the step counts as done: a picture from a nearby pose is better than none."""
 TURN_RATE_DEG_S: Final = 30.0
@@ -196,7 +196,7 @@ class StepSeries:
         if position is None:
             return False
         vertical_m = abs(position.altitude_m - spot.relative_altitude_m)
-        return max(distance_m(*position[:2], *spot[:2]), vertical_m) <= THERE_WITHIN_M
+        return max(distance_m(*position[:2], *spot[:2]), vertical_m) <= POSE_WITHIN_M
 
 
 def _spot_of(step: Move, start: Pose) -> Spot:

@@ -50,7 +50,7 @@ MAY_BE_OBEYED: Final = "the vehicle may have obeyed"
 PAUSED: Final = "paused by an event"
 RESUMED: Final = "resumed"
 PAUSED_INSTEAD: Final = "a later event has paused the mission"
-SHOWN_WITHIN_S: Final = 5.0
+ACCEPTED_MODE_WITHIN_S: Final = 5.0
 """How long a vehicle may take to show a mode that it has accepted."""
 LATE_WITHIN_S: Final = 30.0
 """How long behind an order without an answer the vehicle may still obey it."""
@@ -218,7 +218,7 @@ class PauseOrders:
             reason = outcome.reason if is_answered else f"{outcome.reason}, {MAY_BE_OBEYED}"
             self._refuse(reason, now, effects)
         elif isinstance(outcome, Accepted):
-            self._shown_until = self._shown_until or now + SHOWN_WITHIN_S
+            self._shown_until = self._shown_until or now + ACCEPTED_MODE_WITHIN_S
             if self._is_obeyed:
                 self._settle_as(is_paused=self._pauses, effects=effects)
             elif now >= self._shown_until:

@@ -17,19 +17,12 @@ from mavlink_broker.mavlink.dialect import Message, mavlink
 from mavlink_broker.microservices.link_state import LinkState
 from mavlink_broker.mission import exchanges
 from mavlink_broker.mission.abort_executor import REASONS, note_on_ground, return_event
-from mavlink_broker.mission.context import (
-    Fault,
-    Idle,
-    MissionContext,
-    Phase,
-    Request,
-    Result,
-    SegmentMonitors,
-)
+from mavlink_broker.mission.context import MissionContext, SegmentMonitors
 from mavlink_broker.mission.flight_orders import FLIES_NO_COMMAND, MISSION_ENDED, REPLACED
 from mavlink_broker.mission.phases.attaching import Attaching
 from mavlink_broker.mission.phases.ending import Aborting, Failing
 from mavlink_broker.mission.phases.in_flight import FlyingLive, Running
+from mavlink_broker.mission.phases.phase import Fault, Idle, Phase, Request, Result
 from mavlink_broker.mission.phases.preparing import (
     Arming,
     Holding,

@@ -16,6 +16,7 @@ from mavlink_broker.edge.wire import AcceptanceResult, EventWork, MissionWork
 from mavlink_broker.effects import Acknowledgement, EdgeMessage, Effects
 from mavlink_broker.mavlink.dialect import Message
 from mavlink_broker.mission.abort_executor import REASONS
+from mavlink_broker.mission.context import RETURN_ENDED
 from mavlink_broker.mission.flight_orders import MISSION_ENDED
 from mavlink_broker.mission.mission_executor import MissionExecutor
 from mavlink_broker.mission.pending_events import (
@@ -26,7 +27,6 @@ from mavlink_broker.mission.pending_events import (
     is_abort,
     is_too_old,
 )
-from mavlink_broker.mission.phases.ending import RETURN_ENDED
 from mavlink_broker.mission.states import State
 from mavlink_broker.planning.geofence import check_flyable
 from mavlink_broker.planning.mission import translate
@@ -39,7 +39,7 @@ from mavlink_broker.vehicle.vehicle import Vehicle
 
 LEFT_S: Final = 2.0
 """Of the validity of an abort, in which it waits for nothing but its vehicle."""
-VEHICLE_WITHIN_S: Final = 8.0
+EVENT_VEHICLE_WITHIN_S: Final = 8.0
 """How long an event without a mission waits for its vehicle and the place where that hovers.
 
 An event expires 10 s after it was ordered; until then the edge server takes the reason.
@@ -256,7 +256,7 @@ class MissionQueue:
         self._unconfirmed.reopen(work.work_id)
         self._events.add(work, is_too_old=is_too_old(work, now))
         if self._current is None:
-            self._events.limit_wait(work.work_id, now + VEHICLE_WITHIN_S)
+            self._events.limit_wait(work.work_id, now + EVENT_VEHICLE_WITHIN_S)
         self._events.limit_number(effects)
         try:
             if (

@@ -39,7 +39,7 @@ NO_MISSION = "no active mission"
 TOO_MANY = "too many events wait for the vehicle"
 MAX_WAITING: Final = 32
 """Events of one vehicle that wait; those that an earlier run has accepted are not counted."""
-TELEMETRY_WITHIN_S: Final = 3.0
+EVENT_TELEMETRY_WITHIN_S: Final = 3.0
 """How long a vehicle may take to send its position and the state of its sensors."""
 RESUMED_WITHIN_S: Final = 600.0
 """An event that an earlier run has accepted, and that is given out so long after its expiry, is not
@@ -298,7 +298,7 @@ class PendingEvents:
         if not (lacks_time or (leads and lacks_place)):
             return False
         self._connected_since = self._connected_since or now
-        return now - self._connected_since < TELEMETRY_WITHIN_S
+        return now - self._connected_since < EVENT_TELEMETRY_WITHIN_S
 
     def remove(self, work_id: int) -> None:
         """Drop an event that was carried out, or that the caller answers."""
@@ -453,7 +453,7 @@ class PendingEvents:
         self._connected_since = self._connected_since or now
         if (
             not vehicle.snapshot.knows_whether_placed
-            and now - self._connected_since < TELEMETRY_WITHIN_S
+            and now - self._connected_since < EVENT_TELEMETRY_WITHIN_S
         ):
             return  # One without a position is ordered to land, not to return
         pending, self._return = self._return, None

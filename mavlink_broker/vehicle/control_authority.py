@@ -50,7 +50,7 @@ _TAKEOVER_COMMANDS: Final = frozenset(
 )
 
 
-SHOWN_WITHIN_S: Final = 3.0
+ORDERED_MODE_WITHIN_S: Final = 3.0
 """A heartbeat shows the mode of an order that was accepted: at 1 Hz, and one may be lost."""
 TAKEOVER_AFTER_S: Final = 5.0
 """How long a takeover must last: several periods of every message that could explain it."""
@@ -153,7 +153,7 @@ class OwnDescent:
             return
         if self._ordered_at is None:
             self._ordered_at = now
-        is_new = now - self._ordered_at <= SHOWN_WITHIN_S
+        is_new = now - self._ordered_at <= ORDERED_MODE_WITHIN_S
         if not seen.armed or is_down:
             self.end()
         elif is_new and seen.role is ModeRole.ENDING:

@@ -40,7 +40,7 @@ GROUND_TYPES: Final = frozenset({mavlink.MAV_TYPE_GROUND_ROVER, mavlink.MAV_TYPE
 """MAV_TYPE of what drives or swims."""
 HOME_TIMEOUT_S: Final = 20.0
 """How long a vehicle on the ground may take to send its home; some never do."""
-SHOWN_WITHIN_S: Final = 1.5
+ACKNOWLEDGED_MODE_WITHIN_S: Final = 1.5
 """After its acknowledgement a mode shows in a heartbeat: a period of those, and half of one."""
 CLOCK_WITHIN_S: Final = 3.0
 """How long a vehicle whose link was lost may take to show whether it was restarted meanwhile."""
@@ -185,7 +185,7 @@ class Vehicle:
         self._waits = self.mode_role in {ModeRole.HOLD, ModeRole.GUIDED, ModeRole.PAUSED}
         if self.foreign_order is None:
             return
-        is_shown = waited or now - self.foreign_order.at > SHOWN_WITHIN_S
+        is_shown = waited or now - self.foreign_order.at > ACKNOWLEDGED_MODE_WITHIN_S
         if not self.snapshot.armed or (is_shown and not self._waits):
             self.foreign_order = None
 

@@ -22,12 +22,10 @@ from mavlink_broker.mission.context import (
     PROGRESS_WITHIN_S,
     TELEMETRY_WITHIN_S,
     VEHICLE_WITHIN_S,
-    Fault,
     MissionContext,
-    Phase,
-    Result,
 )
 from mavlink_broker.mission.exchanges import Outcome
+from mavlink_broker.mission.phases.phase import Fault, Phase, Result
 from mavlink_broker.mission.progress_monitor import CLEARED
 from mavlink_broker.mission.segments import SHORTEST_ITEMS
 from mavlink_broker.mission.states import Event

@@ -24,14 +24,13 @@ from mavlink_broker.mission.abort_executor import (
 from mavlink_broker.mission.context import (
     HOVERING,
     PROGRESS_WITHIN_S,
+    RESTARTED,
+    RETURN_ENDED,
     TAKEN,
-    Fault,
     MissionContext,
-    Phase,
-    Request,
-    Result,
     SegmentMonitors,
 )
+from mavlink_broker.mission.phases.phase import Fault, Phase, Request, Result
 from mavlink_broker.mission.progress_monitor import ProgressMonitor
 from mavlink_broker.mission.states import ARMED_BY_BROKER, ASKING, IN_FLIGHT, Event, State
 from mavlink_broker.vehicle.alarms import is_navigation_failure, mission_error
@@ -165,9 +164,6 @@ CAME_DOWN_UNANSWERED: Final = (
 )
 FLOWN_TO_ITS_END: Final = "the vehicle flew its mission to the end: no order has reached it"
 MAY_BE_FLOWN: Final = "it may have been flown: the progress of the vehicle was not received"
-RESTARTED: Final = "the vehicle was restarted"
-REPLACED_VEHICLE: Final = "another vehicle with its system id is received in its place"
-RETURN_ENDED: Final = f"{RESTARTED} on its way home"
 
 
 class Aborting(Phase):

@@ -13,15 +13,8 @@ from mavlink_broker.autopilots.families import LIVE_MODES, ModeRole
 from mavlink_broker.effects import Effects
 from mavlink_broker.live.executor import LiveCommandExecutor, LivePhase
 from mavlink_broker.mavlink.dialect import Message
-from mavlink_broker.mission.context import (
-    PROGRESS_WITHIN_S,
-    Fault,
-    MissionContext,
-    Phase,
-    Request,
-    Result,
-    SegmentMonitors,
-)
+from mavlink_broker.mission.context import PROGRESS_WITHIN_S, MissionContext, SegmentMonitors
+from mavlink_broker.mission.phases.phase import Fault, Phase, Request, Result
 from mavlink_broker.mission.progress_monitor import MissionChangeMonitor
 from mavlink_broker.vehicle.control_authority import (
     AIRBORNE_MODES,

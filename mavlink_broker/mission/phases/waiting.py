@@ -25,11 +25,9 @@ from mavlink_broker.mission.context import (
     ON_GROUND,
     TELEMETRY_WITHIN_S,
     VEHICLE_WITHIN_S,
-    Fault,
     MissionContext,
-    Phase,
-    Result,
 )
+from mavlink_broker.mission.phases.phase import Fault, Phase, Result
 from mavlink_broker.mission.states import Event
 from mavlink_broker.planning.situation import RefusedError
 from mavlink_broker.vehicle.control_authority import ARMED_BY_OTHERS, LEFT_BY_OTHERS, STAND_S, Claim

@@ -8,8 +8,8 @@ import pytest
 from afarcloud.plan import Mission
 from mavlink_broker.edge.wire import MissionWork
 from mavlink_broker.mavlink.dialect import Route
-from mavlink_broker.mission.context import Phase
 from mavlink_broker.mission.mission_executor import MissionExecutor
+from mavlink_broker.mission.phases.phase import Phase
 from mavlink_broker.mission.states import TRANSITIONS, Event, State
 from mavlink_broker.vehicle.reporter import Reporter
 from mavlink_broker.vehicle.vehicle import Vehicle
