@@ -11,7 +11,8 @@ from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
 from afarcloud.enumerations import AlarmCode, AlarmType
-from mavlink_broker.autopilots.status_texts import TextMeaning, alarm_parameters, means
+from mavlink_broker.autopilots.status_texts import TextMeaning, means
+from mavlink_broker.autopilots.tunnel_messages import alarm_parameters
 from mavlink_broker.mavlink.dialect import Message, mavlink, source_of
 from mavlink_broker.microservices.link_state import MIN_MESSAGES, FrameLoss, PeriodicSource
 from mavlink_broker.vehicle.measurements import HUMIDITY, OBSERVED, readings

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
 from afarcloud.state import Observation, ObservationList
-from mavlink_broker.autopilots.status_texts import tunnel_observation
+from mavlink_broker.autopilots.tunnel_messages import tunnel_observation
 from mavlink_broker.mavlink.dialect import Message, source_of
 from mavlink_broker.vehicle.telemetry import Position, Snapshot
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mavlink_broker.autopilots.status_texts import (
+from mavlink_broker.autopilots.tunnel_messages import (
     ALARM_PARAMETERS,
     OBSERVATION,
     TunnelObservation,
