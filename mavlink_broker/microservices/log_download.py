@@ -249,11 +249,6 @@ class LogDownload:
             return []
         return self._request(now)
 
-    def stop(self) -> list[Message]:
-        """End the transfer on the vehicle."""
-        target = self._route.target_system, self._route.target_component
-        return [mavlink.MAVLink_log_request_end_message(*target)]
-
     def _new_part(self) -> PartialFile:
         return PartialFile(min(PART_BYTES, self._size - self._offset))
 

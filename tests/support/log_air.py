@@ -75,7 +75,7 @@ class LogAir:
             if (part := download.part) is not None:
                 received += part.data
                 if part.is_last:
-                    self.send(download.stop())
+                    self.send([mavlink.MAVLink_log_request_end_message(1, 1)])
                     return received
                 self.send(download.proceed(self.now_s))
             if self.now_s >= reboot_at:
