@@ -70,15 +70,19 @@ class PictureLaws:
         )
 
     def missing(self) -> list[str]:
-        """Give what cameras still track, and what has not arrived of vehicles never away."""
+        """Give what cameras still track, and what has not arrived of each vehicle's last boot.
+
+        A camera counts anew with each boot: what it has taken before cannot be asked for any more.
+        """
         found = [
             f"the camera of vehicle {system} tracks a subject"
             for system, vehicle in self._world.vehicles.items()
             if vehicle.truth.is_tracking and system not in self._world.twinned
         ]
         for system, vehicle in self._world.vehicles.items():
-            if _was_never_away(vehicle) and system not in self._world.twinned:
-                urls = [one.url for one in vehicle.truth.pictures]
+            if isinstance(vehicle, Vehicle) and system not in self._world.twinned:
+                taken = vehicle.truth.pictures
+                urls = [one.url for one in taken if one.time_s > vehicle.booted_at_s]
                 found += [f"{url} is missing" for url in urls if url not in self._arrived]
         return found
 
@@ -111,7 +115,3 @@ def _is_near(one_e7: tuple[int, int] | None, other_e7: tuple[int, int] | None) -
         return False
     one_m, other_m = (offset_m(place[0] / 1e7, place[1] / 1e7) for place in (one_e7, other_e7))
     return math.dist(one_m, other_m) <= RADIUS_M + 1.0
-
-
-def _was_never_away(vehicle: object) -> bool:
-    return isinstance(vehicle, Vehicle) and vehicle.starts == 1

@@ -79,8 +79,6 @@ class Vehicle:
         self._mount_camera()
         self._codec = mavlink.MAVLink(None, srcSystem=system, srcComponent=1)
         self.booted_at_s = scheduler.now_s
-        self.starts = 0
-        """How often its autopilot has started."""
         self._missions = MissionStore(scheduler, self._send)
         self._mission = MissionFlight(scheduler, self._missions, self._flight, autopilot)
         self._target: tuple[float, float, float] | None = None
@@ -140,7 +138,6 @@ class Vehicle:
         self.pilot_since_s = None
         self.switch_off()
         self.booted_at_s = self._scheduler.now_s
-        self.starts += 1
         self._next_step = self._scheduler.after(BOOT_S, self._step_again)
 
     def swap(self) -> None:
