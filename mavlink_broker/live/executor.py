@@ -46,6 +46,7 @@ from mavlink_broker.planning.situation import (
 )
 from mavlink_broker.vehicle import control_authority
 from mavlink_broker.vehicle.control_authority import (
+    DISARMED,
     HELD_BY_FAILSAFE,
     Authority,
     Claim,
@@ -477,7 +478,7 @@ class LiveCommandExecutor:
 
     def _sign_of_takeover(self) -> str | None:
         if self._vehicle.snapshot.armed is False:
-            return "the vehicle disarmed before the end of the mission"
+            return DISARMED
         if self._vehicle.is_held_by_failsafe:
             return HELD_BY_FAILSAFE
         seen = self._vehicle.observed_mode

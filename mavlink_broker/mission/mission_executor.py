@@ -244,7 +244,7 @@ class MissionExecutor:
         authority.observe_mode()
         who = authority.update(self._phase.claim, is_attaching=self.is_attaching)
         if who is Authority.BROKER:
-            return False
+            return self._phase.landed_by is not None
         waits_in_air = self.state is State.WAITING and self._context.is_hovering
         if self.state in ASKING or waits_in_air:
             self._fail(Fault(authority.reason(who)), now, effects)
@@ -277,6 +277,8 @@ class MissionExecutor:
 
     def _move(self, event: Event, now: float, effects: Effects) -> None:
         before, after = self.state, follow(self.state, event)
+        if after in ENDING and self._phase.landed_by is not None:
+            self._vehicle.armed_period.end_by_others(now)
         self._phase.leave()
         self.state = after
         mission_id = self.work.mission.mission_id

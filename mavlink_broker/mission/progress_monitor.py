@@ -35,6 +35,7 @@ from mavlink_broker.mission.segments import Progress
 from mavlink_broker.planning.mission import FlightPlan
 from mavlink_broker.vehicle import control_authority
 from mavlink_broker.vehicle.control_authority import (
+    DISARMED,
     HELD_BY_FAILSAFE,
     MISSION_MODES,
     Authority,
@@ -324,6 +325,12 @@ class ProgressMonitor:
         return self._given_up is not None
 
     @property
+    def landed_by(self) -> Authority | None:
+        """Who else had the vehicle when it was disarmed before the end; None: nobody."""
+        is_down = self._vehicle.snapshot.armed is False and not self.is_finished
+        return self._flown_by if is_down and self._flown_by is not Authority.BROKER else None
+
+    @property
     def claim(self) -> Claim:
         """Modes in which the vehicle flies the mission; its last command may land it."""
         lands = self._plan.ends_on_ground and self._progress.last_command_has_begun
@@ -440,19 +447,22 @@ class ProgressMonitor:
         self.loss_reason = self._debounce.update(reason, now)
 
     def _takeover_reason(self) -> str | None:
-        vehicle, snapshot = self._vehicle, self._vehicle.snapshot
-        role = vehicle.mode_role
-        if snapshot.armed is False:
-            return "the vehicle disarmed before the end of the mission"
-        seen = vehicle.observed_mode
-        survives = self.claim._replace(roles=self.claim.roles | {ModeRole.PAUSED})
-        who = control_authority.authority_of(seen, survives)
-        if who is not Authority.BROKER:
+        seen, who = self._vehicle.flown_mode, self._flown_by
+        if seen is not None and who is not Authority.BROKER:
             return control_authority.reason(who, seen)
+        if self._vehicle.snapshot.armed is False:
+            return DISARMED
         if self._held_id != self._mission_id and self._mission_id is not None:
             replaced = "another mission was put onto the vehicle"
             return replaced if self.holds_another else f"somebody else {CLEARED}"
-        return self._given_up if role is ModeRole.MISSION else None
+        return self._given_up if self._vehicle.mode_role is ModeRole.MISSION else None
+
+    @property
+    def _flown_by(self) -> Authority:
+        """Who has the vehicle; of one that is disarmed, who had it until then."""
+        seen = self._vehicle.flown_mode
+        survives = self.claim._replace(roles=self.claim.roles | {ModeRole.PAUSED})
+        return Authority.BROKER if seen is None else control_authority.authority_of(seen, survives)
 
     @property
     def holds_another(self) -> bool:

@@ -55,6 +55,7 @@ ORDERED_MODE_WITHIN_S: Final = 3.0
 TAKEOVER_AFTER_S: Final = 5.0
 """How long a takeover must last: several periods of every message that could explain it."""
 HELD_BY_FAILSAFE: Final = "the vehicle's own failsafe holds it"
+DISARMED: Final = "the vehicle disarmed before the end of the mission"
 FAILSAFE_AFTER_S: Final = 10.0
 """How long that must last: PX4 holds for 5 s before it does what its failsafe has chosen, and
 resumes its mission when the reason has gone meanwhile."""
@@ -350,6 +351,11 @@ class ArmedPeriod:
     def lose(self) -> None:
         """Note that another system has taken a vehicle that no mission flew."""
         self._is_others |= bool(self._is_armed)
+
+    def end_by_others(self, now: float) -> None:
+        """Note that another system had the vehicle when it was disarmed, a moment ago."""
+        if not self._is_armed:
+            self._is_others, self._left_at = True, now
 
     def stood_s(self, now: float) -> float | None:
         """How long it has stood since somebody else's flight; None: long enough, or without one."""

@@ -92,6 +92,7 @@ class Vehicle:
     _arming_ordered_at: float = -math.inf
     _homeless_since: float | None = None  # On the ground, without a home position
     _status_texts: StatusTexts = field(default_factory=StatusTexts)
+    _flown_mode: ObservedMode | None = None
 
     def take(self, message: Message, now: float) -> bool:
         """Handle a message of the vehicle; true when it proves that the vehicle was restarted."""
@@ -107,13 +108,7 @@ class Vehicle:
             self.family = family_of(message.autopilot, self.product, message.type)
             self._shows_manual |= control_authority.shows_manual(message.base_mode)
         elif kind == "AUTOPILOT_VERSION":
-            self.product = message.vendor_id, message.product_id
-            self.capabilities = message.capabilities
-            self.software_version = message.flight_sw_version
-            self.uid, self._has_long_uid = uid_of(message), has_long_uid(message)
-            self.is_identified = self.are_capabilities_known = True
-            self._may_be_swapped = False
-            self.family = family_of(self.autopilot or 0, self.product, self.vehicle_type)
+            self._take_version(message)
         self._status_texts.receive(message, now)
         if kind in AGED:
             self._received_at[kind] = now
@@ -129,10 +124,24 @@ class Vehicle:
         self.snapshot.take(message)
         if kind in MEASURED:
             self.observations.take(message, self.snapshot, now)
-        self.armed_period.update(now, is_armed=self.snapshot.armed, is_taken=self.is_taken)
-        self.is_taken = self.is_taken and self.snapshot.armed is not False
+        self._follow_arming(kind, now)
         self._observe_foreign_order(message, now)
         return rebooted
+
+    def _take_version(self, message: Message) -> None:
+        self.product = message.vendor_id, message.product_id
+        self.capabilities = message.capabilities
+        self.software_version = message.flight_sw_version
+        self.uid, self._has_long_uid = uid_of(message), has_long_uid(message)
+        self.is_identified = self.are_capabilities_known = True
+        self._may_be_swapped = False
+        self.family = family_of(self.autopilot or 0, self.product, self.vehicle_type)
+
+    def _follow_arming(self, kind: str, now: float) -> None:
+        if kind == "HEARTBEAT" and self.snapshot.armed:
+            self._flown_mode = self.observed_mode
+        self.armed_period.update(now, is_armed=self.snapshot.armed, is_taken=self.is_taken)
+        self.is_taken = self.is_taken and self.snapshot.armed is not False
 
     def doubt(self, now: float) -> None:
         """Note that it has to show that it is the same: by its clock, or by its number."""
@@ -143,7 +152,7 @@ class Vehicle:
 
     def _forget_telemetry(self) -> None:
         self._received_at.clear()
-        self.foreign_order = None
+        self.foreign_order = self._flown_mode = None
         self.snapshot.forget()
         self.observations.forget()
         self._status_texts.clear()
@@ -362,6 +371,11 @@ class Vehicle:
             is_manual=is_manual and not self.family.knows_modes,
             ordered=self.foreign_order,
         )
+
+    @property
+    def flown_mode(self) -> ObservedMode | None:
+        """The mode of an armed vehicle, and the last one of a disarmed one; None: never armed."""
+        return self.observed_mode if self.snapshot.armed else self._flown_mode
 
     @property
     def is_standing_armed(self) -> bool:

@@ -94,8 +94,9 @@ class Failing(Phase):
         self._may_take_off = self._stops_propellers and mission.is_start_ordered
         held, self._was_in_flight = vehicle.is_held_by_failsafe, state in IN_FLIGHT
         # What a failsafe does is no alarm (its cause may be one), nor is what another system does
-        self._raises_alarm = self._was_in_flight and not is_taken and not held
-        self._is_left_to_failsafe = held or who is Authority.FAILSAFE
+        others = {who, phase.landed_by} - {None, Authority.BROKER}
+        self._raises_alarm = self._was_in_flight and not others and not held
+        self._is_left_to_failsafe = held or Authority.FAILSAFE in others
         is_begun = mission.is_hovering and mission.was_reported_running
         waits = state in ASKING and is_begun and not was_taken
         self._waits_in_air = (waits or phase.was_given_up) and not is_taken

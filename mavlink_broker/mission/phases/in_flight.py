@@ -18,6 +18,7 @@ from mavlink_broker.mission.phases.phase import Fault, Phase, Request, Result
 from mavlink_broker.mission.progress_monitor import MissionChangeMonitor
 from mavlink_broker.vehicle.control_authority import (
     AIRBORNE_MODES,
+    DISARMED,
     TAKEOVER_AFTER_S,
     Authority,
     Claim,
@@ -45,6 +46,11 @@ class Running(Phase):
     def has_items(self) -> bool:
         """Whether items of the segment are still to be flown."""
         return self.monitors is not None and not self.monitors.progress.is_finished
+
+    @property
+    def landed_by(self) -> Authority | None:
+        """Who else had the vehicle when it was disarmed; None: nobody."""
+        return None if self.monitors is None else self.monitors.progress.landed_by
 
     @property
     def was_given_up(self) -> bool:
@@ -93,7 +99,8 @@ class Running(Phase):
             return Fault(mission.authority.loss_reason, last) if mission.authority.is_lost else None
         self._observe_pause(now, effects)
         effects.for_edge += progress.step(now)
-        if mission.authority.who(self.claim) is Authority.BROKER:
+        is_ours = mission.authority.who(self.claim) is Authority.BROKER
+        if is_ours and mission.vehicle.snapshot.armed:
             mission.speeds.repeat(now, effects)
         if progress.is_finished:
             return None if mission.is_held_back else Request.NEXT_SEGMENT
@@ -253,5 +260,5 @@ class FlyingLive(Phase):
         self._executor = None
         mission.vehicle.recovery.note_left(self._name)
         if mission.vehicle.snapshot.armed is False:
-            return Fault("the vehicle disarmed before the end of the mission")
+            return Fault(DISARMED)
         return None

@@ -18,7 +18,7 @@ from mavlink_broker.effects import Effects
 from mavlink_broker.mavlink.dialect import Message
 from mavlink_broker.mission.exchanges import Exchange, Outcome
 from mavlink_broker.mission.states import Event
-from mavlink_broker.vehicle.control_authority import Claim
+from mavlink_broker.vehicle.control_authority import Authority, Claim
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +57,11 @@ class Phase:
     def was_taken(self) -> bool:
         """Whether another system has ended what the vehicle did in this phase."""
         return False
+
+    @property
+    def landed_by(self) -> Authority | None:
+        """Who else had the vehicle when it was disarmed in this phase; None: nobody."""
+        return None
 
     @property
     def was_given_up(self) -> bool:

@@ -5,6 +5,7 @@ arm, and what the operator reads meanwhile.
 """
 
 import dataclasses
+from pathlib import Path
 from typing import Any, Final
 
 import pytest
@@ -13,7 +14,12 @@ from afarcloud.enumerations import Status
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.mission.phases.waiting import WAITED
 from mavlink_broker.mission.states import State
-from mavlink_broker.vehicle.control_authority import ARMED_BY_OTHERS, LEFT_BY_OTHERS, STAND_S
+from mavlink_broker.vehicle.control_authority import (
+    ARMED_BY_OTHERS,
+    LEFT_BY_OTHERS,
+    STAND_S,
+    TAKEOVER_AFTER_S,
+)
 from tests.support.broker_world import (
     FAMILIES,
     FINISHED,
@@ -245,6 +251,39 @@ def test_a_pilot_who_has_taken_the_vehicle_from_a_mission_has_the_same_time(
     world.run(STAND_S - 1.0)
     assert vehicle.arm_orders == before
     world.run_until(lambda: vehicle.arm_orders > before, within_s=1.0 + LATE_S)
+
+
+@pytest.mark.parametrize("is_restarted", [False, True], ids=["same-broker", "restarted"])
+@pytest.mark.parametrize(
+    ("script", "mode"),
+    [(PX4, PX4_LAND), (PX4, PX4_POSITION), (PX4, PX4_RETURN), (ARDUPILOT, COPTER_LAND)],
+    ids=["px4-land", "px4-position", "px4-return", "copter-land"],
+)
+def test_so_has_one_who_takes_it_and_puts_it_down_within_seconds(
+    script: Script, mode: int, *, is_restarted: bool, tmp_path: Path
+) -> None:
+    world = World(journal=tmp_path)
+    vehicle = world.add_vehicle(script=dataclasses.replace(script, item_time_s=60.0))
+    world.edge.plan(mission(takeoff(1), waypoint(2, hold_time=60.0), waypoint(3)))
+    world.run_until(lambda: vehicle.airborne and world.edge.status(1201) == Status.RUNNING)
+    world.run(7.0)
+    vehicle.set_mode(mode)
+    vehicle.heartbeat()
+    world.run(0.7)
+    if is_restarted:
+        world.restart_broker()
+        world.run(1.8)
+    sent = len(vehicle.frames)
+    lands(vehicle)
+    before = vehicle.arm_orders
+    world.edge.plan(first_flight(mission_id=1202))
+    world.run(STAND_S - 1.0)
+    assert vehicle.arm_orders == before
+    assert not [one for one in orders(vehicle, sent) if not one.startswith("PARAM_SET")]
+    assert world.edge.status(1201) == Status.FAILED
+    assert "somebody else flies the vehicle" in [m for m in messages(world) if m][-1]
+    assert not world.edge.bodies("/alarm/")
+    world.run_until(lambda: vehicle.arm_orders > before, within_s=1.0 + TAKEOVER_AFTER_S + LATE_S)
 
 
 @pytest.mark.parametrize("takes", ["hover", "return"])
