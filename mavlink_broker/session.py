@@ -310,6 +310,8 @@ class Session:
         self._tick_pictures(now, effects)
         self.logs.step(now, effects, may_fetch=self._may_fetch_logs(now))
         self._frames.step(now, self.logs.utc, effects)
+        if vehicle.snapshot.armed is False:
+            vehicle.recovery.armed_s = None  # Both have noted the flight
         self.missions.close_ended(effects)
         self._telemetry.tick(now, effects)
 

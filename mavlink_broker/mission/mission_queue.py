@@ -286,7 +286,7 @@ class MissionQueue:
     def _note_descent(self, *, is_ordered: bool) -> None:
         """Note whether the vehicle returns or lands by order of what has ended."""
         if is_ordered:
-            self.vehicle.own_descent.begin(self.vehicle.mode)
+            self.vehicle.own_descent.begin(self.vehicle.mode, self.vehicle.snapshot.time_s)
             self.vehicle.armed_period.claim()
         else:
             self.vehicle.own_descent.end()
@@ -353,15 +353,16 @@ class MissionQueue:
     def _waits_for_vehicle(self, work: EventWork) -> bool:
         """Whether a new event may still be for a vehicle that hovers, and that no mission flies.
 
-        Its journal may hold that hover, or an older abort that the vehicle obeys. An abort has
-        ended the missions that wait for the vehicle by then.
+        Its journal may hold that hover, a descent, or an older abort that the vehicle obeys. An
+        abort has ended the missions that wait for the vehicle by then.
         """
         is_resumed = bool(self._waiting) and self._is_resumed(self._waiting[0])
         if self._current is not None or is_resumed or not self._events.is_limited(work):
             return False
         recovery = self.vehicle.recovery
-        may_hover = recovery.hover.is_sought or not recovery.tracker.is_loaded
-        return self.vehicle.snapshot.armed is None or (is_abort(work) and may_hover)
+        is_sought = recovery.hover.is_sought or recovery.descent.is_sought
+        may_be_ours = is_sought or not recovery.tracker.is_loaded
+        return self.vehicle.snapshot.armed is None or (is_abort(work) and may_be_ours)
 
     def _abort(self, work: EventWork, now: float, effects: Effects, *, replaces: bool) -> None:
         """End missions, and send the vehicle where the abort says; or refuse it.

@@ -9,9 +9,9 @@ a pilot with a remote control, or another ground station. Whoever it is, the bro
 from then on (`is_order`).
 
 A vehicle that no mission flies may still be the broker's: in a descent that it has ordered
-(`OwnDescent`), or in the air where a mission has left it (`Hover`). That place is noted, so that a
-restarted broker knows it again: a vehicle that is armed at that place, and that no other system
-flies, has not been anywhere since.
+(`OwnDescent`), or in the air where a mission has left it (`Hover`). Mode and place are noted, so
+that a restarted broker knows them again: a vehicle that is armed in that mode or at that place, and
+that no other system flies, has not been anywhere since.
 """
 
 import math
@@ -120,6 +120,10 @@ def reason(who: Authority, seen: ObservedMode) -> str:
     return f"the vehicle left the mission: mode {seen.mode}: {whose}"
 
 
+LONGEST_DESCENT_S: Final = 900.0
+"""A return that began longer ago is not taken for that of an earlier run of the broker."""
+
+
 class OwnDescent:
     """The return or landing that the broker ordered last, while the vehicle flies it."""
 
@@ -128,28 +132,56 @@ class OwnDescent:
         self._ordered_at: float | None = None  # None: since the last update
         self._mode: str | None = None  # None: the vehicle has not shown it yet
         self._mode_before = ""
+        self._sought: str | None = (
+            None  # The mode of an earlier run's, until its vehicle is received
+        )
+        self.began_s: float | None = None  # By the vehicle's clock since boot
 
     @property
     def is_flown(self) -> bool:
         """Whether the vehicle flies it, or is about to; else another system decides."""
         return self._is_ordered
 
+    @property
+    def is_sought(self) -> bool:
+        """Whether an earlier run has ordered one, and its vehicle was not received yet."""
+        return self._sought is not None
+
+    @property
+    def mode(self) -> str | None:
+        """The mode in which the vehicle flies it, or did for an earlier run; None: it does not."""
+        return self._mode if self._is_ordered else self._sought
+
+    def recall(self, mode: str | None, began_s: float | None) -> None:
+        """Restore the mode in which it was flown for an earlier run of the broker."""
+        self._sought, self.began_s = mode, began_s
+
     def own_mode(self, seen: ObservedMode) -> str | None:
         """The mode in which it was ordered, while the vehicle shows that one; None afterwards."""
         is_before = self._is_ordered and self._mode is None and seen.mode == self._mode_before
         return seen.mode if is_before else None
 
-    def begin(self, mode: str) -> None:
-        """Note that the vehicle has accepted the order in a mode."""
+    def begin(self, mode: str, time_s: float | None) -> None:
+        """Note that the vehicle has accepted the order in a mode, at a time of its clock."""
         self._is_ordered, self._ordered_at, self._mode = True, None, None
-        self._mode_before = mode
+        self._mode_before, self._sought, self.began_s = mode, None, time_s
 
     def end(self) -> None:
         """Note that it is over, or that something else is ordered."""
-        self._is_ordered = False
+        self._is_ordered, self._sought = False, None
 
-    def update(self, seen: ObservedMode, *, is_down: bool, now: float) -> None:
-        """End it with the landing, with any other mode, or if the vehicle does not begin it."""
+    def update(
+        self, seen: ObservedMode, *, is_down: bool, now: float, time_s: float | None = None
+    ) -> None:
+        """End it with the landing, with any other mode, or if the vehicle does not begin it.
+
+        A vehicle that shows the mode of an earlier run's, not too late by its clock, flies that.
+        """
+        if self._sought is not None and seen.armed is not None:
+            is_timed = time_s is not None and self.began_s is not None
+            flown_s = (time_s or 0.0) - (self.began_s or 0.0) if is_timed else 0.0
+            self._mode, self._sought, self._ordered_at = self._sought, None, -math.inf
+            self._is_ordered = 0.0 <= flown_s <= LONGEST_DESCENT_S
         if not self._is_ordered:
             return
         if self._ordered_at is None:
@@ -316,7 +348,8 @@ class ArmedPeriod:
     def __init__(self) -> None:
         self._is_armed: bool | None = None  # None: not received yet
         self._is_others = False
-        self._is_found = False  # It had begun before this broker received the vehicle
+        self.is_found = False
+        """Whether it had begun before this broker received the vehicle."""
         self._ordered_at = -math.inf  # Newest order to arm that is not answered yet
         self._left_at: float | None = None  # When it was over, if it was somebody else's
 
@@ -334,18 +367,23 @@ class ArmedPeriod:
             return
         if is_armed and not self._is_armed:
             self._is_others = now - self._ordered_at > ARMING_SHOWN_WITHIN_S
-            self._is_found = self._is_others and self._is_armed is None
+            self.is_found = self._is_others and self._is_armed is None
             self._ordered_at, self._left_at = -math.inf, None
         elif self._is_armed and not is_armed:
             self._is_others |= is_taken
             self._left_at = now if self._is_others else None
         self._is_armed = is_armed
 
+    @property
+    def is_armed(self) -> bool | None:
+        """Whether the vehicle was armed when it was received last; None: it was not received."""
+        return self._is_armed
+
     def claim(self) -> None:
         """Note that the vehicle flies, hovers or comes down for a mission of the broker."""
         if self._is_armed:
             self._is_others = False
-        if self._is_found:  # It may have landed before an earlier run's mission was recognised
+        if self.is_found:  # It may have landed before an earlier run's mission was recognised
             self._left_at = None
 
     def lose(self) -> None:

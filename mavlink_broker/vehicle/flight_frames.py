@@ -8,7 +8,7 @@ takes no part in it: frames of a vehicle that was restarted or replaced meanwhil
 import logging
 from collections import deque
 from collections.abc import Callable
-from datetime import datetime
+from datetime import datetime, timedelta
 from typing import Final
 
 from mavlink_broker.effects import (
@@ -19,7 +19,12 @@ from mavlink_broker.effects import (
     FramesSent,
     SendFrames,
 )
-from mavlink_broker.vehicle.logged_flight import MAX_FAILURES, MAX_FLIGHTS, pause_after_s
+from mavlink_broker.vehicle.logged_flight import (
+    MAX_FAILURES,
+    MAX_FLIGHTS,
+    flown_unseen_s,
+    pause_after_s,
+)
 from mavlink_broker.vehicle.vehicle import Vehicle
 
 SETTLE_S: Final = 5.0
@@ -77,7 +82,8 @@ class FlightFrames:
         if armed and self._armed_at is None:
             self._armed_at = utc
         elif armed is False and self._armed_at is not None:
-            started_at, self._armed_at = self._armed_at, None
+            began_at = utc - timedelta(seconds=flown_unseen_s(self._vehicle))
+            started_at, self._armed_at = min(self._armed_at, began_at), None
             self._waiting.append(FrameSpan(self._new_name(), started_at, max(utc, started_at)))
             self._not_before = max(self._not_before, now + SETTLE_S)
             if len(self._waiting) > MAX_FLIGHTS:

@@ -24,7 +24,7 @@ import logging
 import math
 from collections import deque
 from collections.abc import Callable, Iterable
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from typing import Final
 
 from mavlink_broker.effects import (
@@ -54,6 +54,7 @@ from mavlink_broker.vehicle.logged_flight import (
     IncompleteLogs,
     KnownLogs,
     LoggedFlight,
+    flown_unseen_s,
     own_logs_of,
     pause_after_s,
     with_number,
@@ -181,12 +182,15 @@ class FlightLogs:
             self._armed = *self._armed[:2], self._vehicle_utc_s()
         elif snapshot.armed is False and self._armed is not None:
             (started_at, armed_at, armed_s), self._armed = self._armed, None
+            flown_s = flown_unseen_s(self._vehicle)
+            started_at = min(started_at, self.utc - timedelta(seconds=flown_s))
             self._latest_armed_at = armed_at
             if self._unanswered >= SILENT_LISTS:
                 return
             disarmed_s, booted_s = self._vehicle_utc_s(), snapshot.booted_at_utc_s
             span = None
             if armed_s is not None and disarmed_s is not None and booted_s is not None:
+                armed_s = min(armed_s, disarmed_s - flown_s)
                 span = FlownSpan(armed_s, max(armed_s, disarmed_s), booted_s)
             self._add(
                 LoggedFlight(

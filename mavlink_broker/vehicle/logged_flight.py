@@ -16,6 +16,7 @@ from typing import Final, NamedTuple
 
 from mavlink_broker.effects import BeginLog, LogJobFailed, LogJobOutcome
 from mavlink_broker.microservices.log_download import LogEntry
+from mavlink_broker.vehicle.vehicle import Vehicle
 
 EDGE_S: Final = 5.0
 """Arming and disarming are noticed so late at most."""
@@ -39,6 +40,17 @@ MAX_LOGS: Final = 4
 def pause_after_s(failures: int) -> float:
     """How long a flight waits after so many failures [s], which the next attempt may add to."""
     return min(_FIRST_PAUSE_S * 2.0**failures, LONGEST_PAUSE_S)
+
+
+def flown_unseen_s(vehicle: Vehicle) -> float:
+    """How long a flight has lasted by the vehicle's clock [s], of which this run saw no beginning.
+
+    0 if it has seen that, or if no earlier run has noted it.
+    """
+    armed_s, now_s = vehicle.recovery.armed_s, vehicle.snapshot.time_s
+    if not vehicle.armed_period.is_found or armed_s is None or now_s is None:
+        return 0.0
+    return max(0.0, now_s - armed_s)
 
 
 class FlownSpan(NamedTuple):

@@ -129,6 +129,8 @@ class _Document(_Row):
     borrowed: dict[_Name, _Value] = {}
     hover: _Pose | None = None
     hover_mode: _Text | None = None
+    descent: _Text | None = None
+    descent_s: _Number | None = None
     homeward: _Return | None = None
     abort: _Abort | None = None
     live: _Live | None = None
@@ -138,6 +140,7 @@ class _Document(_Row):
     paused: _Text | None = None
     is_tracking: bool = False
     has_camera: bool = False
+    armed_s: _Number | None = None
 
 
 def encode(identity: VehicleIdentity, record: RecoveryRecord) -> bytes:
@@ -156,6 +159,8 @@ def encode(identity: VehicleIdentity, record: RecoveryRecord) -> bytes:
             borrowed=_values(record.borrowed),
             hover=_if_any(_pose, record.hover),
             hover_mode=record.hover_mode,
+            descent=record.descent,
+            descent_s=record.descent_s,
             homeward=_if_any(_return, record.pending_return),
             abort=_if_any(_abort, record.abort),
             live=_if_any(_live, record.live),
@@ -165,6 +170,7 @@ def encode(identity: VehicleIdentity, record: RecoveryRecord) -> bytes:
             paused=record.paused,
             is_tracking=record.is_tracking,
             has_camera=record.has_camera,
+            armed_s=record.armed_s,
         )
     except ValidationError as error:
         raise JournalError(_first(error)) from error
@@ -204,6 +210,8 @@ def _record(document: _Document) -> RecoveryRecord:
         borrowed=_read_values(document.borrowed),
         hover=_if_any(_read_pose, document.hover),
         hover_mode=document.hover_mode,
+        descent=document.descent,
+        descent_s=document.descent_s,
         pending_return=_if_any(_read_return, document.homeward),
         abort=_if_any(_read_abort, document.abort),
         live=_if_any(_read_live, document.live),
@@ -213,6 +221,7 @@ def _record(document: _Document) -> RecoveryRecord:
         paused=document.paused,
         is_tracking=document.is_tracking,
         has_camera=document.has_camera,
+        armed_s=document.armed_s,
     )
 
 

@@ -24,7 +24,7 @@ from mavlink_broker.microservices.config_overrides import (
     VehicleOverrides,
 )
 from mavlink_broker.planning.situation import Pose
-from mavlink_broker.vehicle.control_authority import Hover
+from mavlink_broker.vehicle.control_authority import Hover, OwnDescent
 
 
 class VehicleIdentity(NamedTuple):
@@ -80,6 +80,8 @@ class RecoveryRecord:
     borrowed: Mapping[str, OverriddenParameter] = field(default_factory=dict)  # For a command
     hover: Pose | None = None  # Where it waits for its next mission
     hover_mode: str | None = None  # In which it waits there
+    descent: str | None = None  # Mode in which it returns or lands by order of the broker
+    descent_s: float | None = None  # When that was ordered, by the vehicle's clock since boot
     pending_return: PendingReturn | None = None
     abort: PendingAbort | None = None
     live: LiveCommandProgress | None = None
@@ -89,6 +91,7 @@ class RecoveryRecord:
     paused: str | None = None  # Name of the work that an event has paused
     is_tracking: bool = False  # Its camera may have been ordered to track a subject
     has_camera: bool = False  # A camera was received in this flight
+    armed_s: float | None = None  # When it was armed, by its clock since boot
 
 
 EMPTY_RECORD: Final = RecoveryRecord()
@@ -110,6 +113,8 @@ def merge_records(earlier: RecoveryRecord, later: RecoveryRecord) -> RecoveryRec
         borrowed=_merged_values(earlier.borrowed, later.borrowed),
         hover=later.hover or earlier.hover,
         hover_mode=later.hover_mode if later.hover else earlier.hover_mode,
+        descent=later.descent or earlier.descent,
+        descent_s=later.descent_s if later.descent else earlier.descent_s,
         pending_return=later.pending_return or earlier.pending_return,
         abort=later.abort or earlier.abort,
         live=later.live or earlier.live,
@@ -119,6 +124,7 @@ def merge_records(earlier: RecoveryRecord, later: RecoveryRecord) -> RecoveryRec
         paused=later.paused or earlier.paused,
         is_tracking=later.is_tracking or earlier.is_tracking,
         has_camera=later.has_camera or earlier.has_camera,
+        armed_s=earlier.armed_s if later.armed_s is None else later.armed_s,
     )
 
 
@@ -229,6 +235,7 @@ class RecoveryState:
         self.overrides = VehicleOverrides()  # By the geofence of a plan
         self.parameters = ParameterOverrider()
         self.hover = Hover()
+        self.descent = OwnDescent()
         self.pending_return: PendingReturn | None = None
         """A return that an alarm has ordered, until the vehicle has obeyed."""
         self.abort: PendingAbort | None = None
@@ -248,6 +255,8 @@ class RecoveryState:
         self._is_of_earlier_run = False  # That tracking
         self.has_camera = False
         """Whether a camera was received in this flight: a restarted broker expects it."""
+        self.armed_s: float | None = None
+        """When it was armed for the flight, by its clock since boot; its log began then."""
 
     def note_segment(self, first_command: str, time_s: float | None) -> None:
         """Note that the vehicle is about to be ordered to fly items, at a time of its clock."""
@@ -297,6 +306,8 @@ class RecoveryState:
             borrowed=self.parameters.overridden,
             hover=self.hover.place,
             hover_mode=self.hover.mode,
+            descent=self.descent.mode,
+            descent_s=self.descent.began_s if self.descent.mode else None,
             pending_return=self.pending_return,
             abort=self.abort or self.held_abort,
             live=self.live,
@@ -306,6 +317,7 @@ class RecoveryState:
             paused=self.paused,
             is_tracking=self.is_tracking,
             has_camera=self.has_camera,
+            armed_s=self.armed_s,
         )
 
     @property
@@ -319,18 +331,21 @@ class RecoveryState:
         self.overrides.plans, self.overrides.values = dict(both.plans), dict(both.values)
         self.parameters.load(both.borrowed)
         self.hover.recall(both.hover, both.hover_mode)
+        if not self.descent.is_flown:
+            self.descent.recall(both.descent, both.descent_s)
         self.pending_return, self.live = both.pending_return, both.live
         self.abort = both.abort
         self.segment, self._segment_s = both.segment, both.segment_s
         self._has_flown = both.has_flown
         self.paused = both.paused
         self.is_tracking, self._is_of_earlier_run = both.is_tracking, record.is_tracking
-        self.has_camera = both.has_camera
+        self.has_camera, self.armed_s = both.has_camera, both.armed_s
 
     def forget(self) -> None:
         """Begin anew with another vehicle in place of this one; aborts are for it too."""
         self.overrides, self.parameters = VehicleOverrides(), ParameterOverrider()
         self.hover.end()
-        self.pending_return = self.paused = None
+        self.descent.end()
+        self.pending_return = self.paused = self.armed_s = None
         self.is_tracking = self.has_camera = False
         self.clear_commands()

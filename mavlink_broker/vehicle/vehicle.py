@@ -77,7 +77,6 @@ class Vehicle:
     identity_requests: int = 0  # How often it has had to show again which one it is
     duplicate: str | None = None  # Another vehicle with its system id, which is received too
     is_taken: bool = False  # By another system from a mission; until it is disarmed
-    own_descent: OwnDescent = field(default_factory=OwnDescent)
     armed_period: ArmedPeriod = field(default_factory=ArmedPeriod)
     foreign_order: ForeignOrder | None = None  # Of another system: it led to the present mode
     _mission_overrides: tuple[ParameterOverride, ...] = ()
@@ -140,6 +139,8 @@ class Vehicle:
     def _follow_arming(self, kind: str, now: float) -> None:
         if kind == "HEARTBEAT" and self.snapshot.armed:
             self._flown_mode = self.observed_mode
+        if self.snapshot.armed and self.armed_period.is_armed is False:
+            self.recovery.armed_s = self.snapshot.time_s
         self.armed_period.update(now, is_armed=self.snapshot.armed, is_taken=self.is_taken)
         self.is_taken = self.is_taken and self.snapshot.armed is not False
 
@@ -223,6 +224,11 @@ class Vehicle:
         return self._booted_at < self._arming_ordered_at
 
     @property
+    def own_descent(self) -> OwnDescent:
+        """Its return or landing by order of the broker."""
+        return self.recovery.descent
+
+    @property
     def hovers(self) -> bool:
         """Whether it waits in the air where a mission of this broker has left it."""
         return self.recovery.hover.is_held
@@ -240,9 +246,13 @@ class Vehicle:
 
     def update_descent(self, now: float) -> None:
         """Follow whether it flies the return or landing that the broker ordered last."""
-        is_down, was_flown = self.snapshot.is_on_ground, self.own_descent.is_flown
-        self.own_descent.update(self.observed_mode, is_down=is_down, now=now)
-        if was_flown and not self.own_descent.is_flown:
+        snapshot, was_flown = self.snapshot, self.own_descent.is_flown
+        self.own_descent.update(
+            self.observed_mode, is_down=snapshot.is_on_ground, now=now, time_s=snapshot.time_s
+        )
+        if self.own_descent.is_flown:
+            self.armed_period.claim()
+        elif was_flown:
             self.armed_period.lose()  # Without effect on one that has landed
 
     def update_hover(self, *, is_ordered: bool) -> None:

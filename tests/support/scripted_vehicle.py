@@ -33,7 +33,6 @@ from tests.support.vehicle_script import (
 from tests.support.vehicle_wire import Message, VehicleWire, mavlink
 
 PLACE = ("param5", "param6", "param7")
-LANDING_S = 8.0
 STATION_S = 5.0
 """Time for which a ground station counts as present after its heartbeat."""
 
@@ -485,7 +484,7 @@ class ScriptedVehicle:
         """Land, as the modes that do so end."""
         is_px4 = self.script.is_px4
         landing = {PX4_LAND, PX4_RETURN} if is_px4 else {COPTER_LAND, COPTER_RETURN}
-        ended = self._now - self._mode_began_at >= LANDING_S
+        ended = self._now - self._mode_began_at >= self.script.landing_s
         if self.armed and self.airborne and self.custom_mode in landing and ended:
             self._land()
 

@@ -42,6 +42,7 @@ class Script:
     ready_to_arm_after_s: float = 0.0
     complaint: str = ""  # STATUSTEXT that goes with a refusal
     item_time_s: float = 2.0
+    landing_s: float = 8.0  # From the order to land or to return, to the ground
     sends_item_reached: bool = True
     has_home: bool = True
     has_timesync: bool = True  # It answers TIMESYNC

@@ -233,3 +233,21 @@ def test_a_mission_that_was_sent_as_other_items_is_recognised(unknown: set[int])
     world.run_until_over(1201)
     assert world.edge.statuses(1201) == [Status.FINISHED] * 4
     assert vehicle.uploads == 1
+
+
+def test_when_a_flight_began_is_known_over_restarts_until_it_has_landed(tmp_path: Path) -> None:
+    """Its log and its frames are of the whole flight then."""
+    world = World(journal=tmp_path)
+    vehicle = world.add_vehicle(script=OWN)
+    world.edge.plan(mission(takeoff(), waypoint(2), land(3)))
+    world.run_until(lambda: vehicle.airborne)
+    began_s = world.app.sessions[1].vehicle.recovery.armed_s
+    assert began_s is not None
+    for _ in range(2):
+        world.restart_broker()
+        world.run(1.0)
+        assert world.app.sessions[1].vehicle.recovery.armed_s == began_s
+    world.run_until_over(1201)
+    world.run_until(lambda: not vehicle.armed)
+    world.run(1.0)
+    assert world.app.sessions[1].vehicle.recovery.armed_s is None

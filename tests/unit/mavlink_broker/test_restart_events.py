@@ -23,6 +23,7 @@ from tests.unit.mavlink_broker.test_events import (
     answer_statuses,
     world_at,
 )
+from tests.unit.mavlink_broker.test_stand_after_others import returning
 
 FINISHED = Status.FINISHED
 SET_MODE = mavlink.MAV_CMD_DO_SET_MODE
@@ -277,6 +278,22 @@ def test_a_speed_that_was_not_ordered_yet_is_ordered() -> None:
     world.run_until(lambda: "done" in answer_statuses(world, event))
     speeds = [v for c, v in world.only_vehicle.parameters if c == mavlink.MAV_CMD_DO_CHANGE_SPEED]
     assert [values[1] for values in speeds] == [2.5]
+
+
+@pytest.mark.parametrize("away_s", [0.0, 3.0])
+@pytest.mark.parametrize("is_at_once", [True, False], ids=["at-once", "later"])
+def test_an_abort_that_is_done_is_still_the_brokers_flight_for_a_newer_one(
+    away_s: float, *, is_at_once: bool, tmp_path: Path
+) -> None:
+    """A return home that a restarted broker finds in flight; the operator wants it down here."""
+    world, vehicle = returning(tmp_path)
+    restart(world, away_s)
+    if not is_at_once:
+        world.run(4.0)
+    event = world.edge.event(ABORT)
+    world.run_until(lambda: vehicle.custom_mode == PX4_LAND, within_s=10.0)
+    world.run(2.0)
+    assert answer_statuses(world, event)[-1] == "done"
 
 
 def test_no_order_goes_to_a_pilot_who_has_taken_over_meanwhile() -> None:

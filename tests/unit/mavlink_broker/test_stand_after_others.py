@@ -78,6 +78,20 @@ def flown_by_a_pilot(script: Script = PX4, *, flight_s: float = 20.0) -> World:
     return world
 
 
+def returning(journal: Path) -> tuple[World, ScriptedVehicle]:
+    """A vehicle on its way home by an abort that is done; it never comes there by itself."""
+    world = World(journal=journal)
+    vehicle = world.add_vehicle(script=dataclasses.replace(PX4, landing_s=600.0))
+    world.edge.plan(mission(takeoff(1), waypoint(2, hold_time=60.0), waypoint(3)))
+    world.run_until(lambda: vehicle.airborne and world.edge.status(1201) == Status.RUNNING)
+    world.run(5.0)
+    event = world.edge.event(103)
+    world.run_until(lambda: world.edge.status(1201) == Status.ABORTED)
+    world.run(1.0)
+    assert world.edge.acknowledgements(event)[-1]["status"] == "done"
+    return world, vehicle
+
+
 def warning(world: World) -> str:
     return world.edge.bodies("/vehicles/1")[-1]["warning"] or ""
 
@@ -318,6 +332,33 @@ def test_a_return_that_the_broker_ordered_is_its_own() -> None:
     before = vehicle.arm_orders
     world.edge.plan(first_flight(mission_id=1202))
     world.run_until(lambda: vehicle.arm_orders > before, within_s=LATE_S)
+
+
+def test_so_is_one_that_an_earlier_run_has_ordered(tmp_path: Path) -> None:
+    world, vehicle = returning(tmp_path)
+    world.restart_broker()
+    world.run(3.0)
+    lands(vehicle)
+    before = vehicle.arm_orders
+    world.edge.plan(first_flight(mission_id=1202))
+    world.run_until(lambda: vehicle.arm_orders > before, within_s=LATE_S)
+    assert LEFT_BY_OTHERS not in warning(world)
+
+
+def test_a_pilots_flight_behind_such_a_return_is_his(tmp_path: Path) -> None:
+    world, vehicle = returning(tmp_path)
+    world.kill_broker()
+    vehicle.steer(PX4_POSITION)
+    world.restart_broker()
+    world.run(3.0)
+    vehicle.is_manual = False
+    vehicle.set_mode(PX4_RETURN)
+    world.run(3.0)
+    lands(vehicle)
+    before = vehicle.arm_orders
+    world.edge.plan(first_flight(mission_id=1202))
+    world.run(STAND_S - 1.0)
+    assert vehicle.arm_orders == before
 
 
 def test_who_arms_after_the_vehicle_has_refused_the_broker_is_somebody_else() -> None:

@@ -1,10 +1,12 @@
 """Logs of a vehicle whose clock goes back when it is restarted; time is simulated."""
 
+from datetime import timedelta
 from pathlib import Path
 
 import pytest
 
-from tests.unit.mavlink_broker.vehicle.test_flight_logs import World
+from mavlink_broker.vehicle.recovery_state import RecoveryRecord
+from tests.unit.mavlink_broker.vehicle.test_flight_logs import BOOT, World
 
 pytestmark = pytest.mark.usefixtures("_small_parts")
 
@@ -66,3 +68,31 @@ def test_a_log_sent_for_a_flight_after_a_restart_is_not_of_one_before_it(tmp_pat
     world.may_fetch = True
     world.wait(300.0)
     assert world.archive.sent == [second]
+
+
+@pytest.mark.parametrize("is_record_known", [True, False])
+def test_a_flight_whose_broker_was_restarted_lasts_since_its_arming(
+    tmp_path: Path, *, is_record_known: bool
+) -> None:
+    """The edge server's flight may have ended with its mission, before the restart."""
+    world = World(tmp_path)
+    world.wait(10.0)
+    contents = world.air.write_log(f"{BOOT + timedelta(seconds=world.air.now_s):%H_%M_%S}", 5000)
+    armed_at = world.logs.utc
+    world.vehicle.snapshot.armed = True
+    armed_s = world.vehicle.snapshot.time_s
+    world.wait(60.0)
+    world.start_broker()
+    world.vehicle.snapshot.armed = True
+    world.vehicle.armed_period.update(world.air.now_s, is_armed=True, is_taken=False)
+    world.wait(5.0)
+    if is_record_known:
+        world.vehicle.recovery.recall(RecoveryRecord(armed_s=armed_s))
+    world.wait(15.0)
+    world.vehicle.snapshot.armed = False
+    world.run_until(lambda: bool(world.archive.sent))
+    ((log, _),) = world.archive.logs.values()
+    seen_s = 80.0 if is_record_known else 20.0
+    assert (log.ended_at - log.started_at).total_seconds() == pytest.approx(seen_s, abs=1.0)
+    assert is_record_known is (log.started_at - armed_at < timedelta(seconds=1))
+    assert world.archive.sent == [contents]

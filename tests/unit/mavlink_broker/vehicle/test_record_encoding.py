@@ -55,6 +55,8 @@ RECORDS = st.builds(
     borrowed=VALUES,
     hover=st.none() | POSES,
     hover_mode=st.none() | TEXTS,
+    descent=st.none() | TEXTS,
+    descent_s=st.none() | NUMBERS,
     pending_return=st.none() | st.builds(PendingReturn, mission=TEXTS, reason=TEXTS),
     abort=st.none()
     | st.builds(
@@ -70,6 +72,7 @@ RECORDS = st.builds(
     paused=st.none() | TEXTS,
     is_tracking=st.booleans(),
     has_camera=st.booleans(),
+    armed_s=st.none() | NUMBERS,
     live=st.none()
     | st.builds(
         LiveCommandProgress,
