@@ -378,7 +378,8 @@ class ProgressMonitor:
     def _has_landed_meanwhile(self) -> bool:
         """Whether a vehicle that has run its mission has landed where that ends.
 
-        One that has disarmed without a take-off stands there too.
+        One that has disarmed without a take-off stands there too, and a late order to start puts it
+        into its mission mode: if the order is noted, it counts once it was seen to fly.
         """
         vehicle, last = self._vehicle, self._plan.items[-1]
         place, home = vehicle.snapshot.position, vehicle.snapshot.home
@@ -386,7 +387,9 @@ class ProgressMonitor:
         if place is None or end is None or not vehicle.has_run_its_mission:
             return False
         is_there = distance_m(*place[:2], *end[:2]) <= END_WITHIN_M
-        return self._plan.ends_on_ground and is_there and self._had_time
+        name, recovery = self._ledger.name_of(self._plan.first_command), vehicle.recovery
+        may_be_flown = recovery.segment != name or recovery.has_flown(name)
+        return self._plan.ends_on_ground and is_there and self._had_time and may_be_flown
 
     @property
     def _had_time(self) -> bool:

@@ -75,7 +75,8 @@ class Running(Phase):
         self._paused_at, self._is_pause_reported, self._entered_at = None, False, now
         self.monitors = SegmentMonitors.of(mission)
         effects.for_edge += self.monitors.progress.begin(now)
-        vehicle.recovery.note_flying(mission.ledger.name_of(mission.plan.first_command))
+        if vehicle.snapshot.armed:
+            vehicle.recovery.note_flying(mission.ledger.name_of(mission.plan.first_command))
         return None
 
     def leave(self) -> None:

@@ -49,6 +49,9 @@ FAILED_BEFORE = {
     },
 }
 """Seeds that have failed; the first ones with faults that they do not draw themselves."""
+FAILED_IN_LONG_SHIFTS = (120360,)
+"""Seeds that have failed with faults for five minutes."""
+LONG_SHIFT_S = 300.0
 SUSPENDED = frozenset({Fault.ABORTS, Fault.BROKER_SUSPENDED, Fault.PILOT})
 LARGEST_SEED = 10**6
 IS_CI = bool(os.environ.get("CI"))
@@ -105,6 +108,13 @@ def test_every_law_holds_in_a_seed_that_has_failed(
     seed: int, faults: frozenset[Fault], prepared: Path
 ) -> None:
     outcome = simulate(seed, prepared, faults=faults)
+    assert outcome.failure is None, outcome.describe()
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("seed", FAILED_IN_LONG_SHIFTS)
+def test_every_law_holds_in_a_long_shift_that_has_failed(seed: int, prepared: Path) -> None:
+    outcome = simulate(seed, prepared, shift_s=LONG_SHIFT_S)
     assert outcome.failure is None, outcome.describe()
 
 
