@@ -44,7 +44,7 @@ from mavlink_broker.pictures.attribution import (
     picture_command,
 )
 from mavlink_broker.pictures.downloads import PictureDownload, PictureFetcher, Progress
-from mavlink_broker.pictures.vehicle_time import OWN_CLOCK_S, VehicleTime
+from mavlink_broker.pictures.vehicle_time import OWN_CLOCK_S, CameraClocks, VehicleTime
 from mavlink_broker.vehicle.mission_ledger import MissionLedger
 from mavlink_broker.vehicle.reporter import Reporter
 from mavlink_broker.vehicle.vehicle import Vehicle
@@ -103,7 +103,7 @@ class PictureCollector:
         self._taken: list[_AnnouncedPicture | _ReportedPicture] = []
         self._cameras: dict[int, AnnouncementTracker] = {}
         self._feedback = FeedbackCounter()
-        self._clock_s: dict[int, float] = {}  # Of each camera: its lag behind the autopilot's clock
+        self._clocks = CameraClocks()
         self._seen: OrderedDict[str, None] = OrderedDict()
         first_seq = zlib.crc32(reporter.session_id.encode())
         self._fetching = PictureFetcher(vehicle.route, first_seq)
@@ -290,7 +290,7 @@ class PictureCollector:
         Earlier pictures stay with earlier commands, also with those that it has flown unseen.
         """
         self._add_unseen(self._time.latest_s)
-        self._clock_s.clear()
+        self._clocks.clear()
         self._feedback.restarted(self._time.restarted())
         for camera in self._cameras.values():
             camera.request_count()
@@ -349,17 +349,21 @@ class PictureCollector:
 
     def _take_status(self, message: Message, now: float) -> None:
         component = source_of(message).component
-        if component in self._cameras:
-            self._cameras[component].take_count(message.image_count)
-            if message.time_boot_ms and self._vehicle.snapshot.time_s is not None:
-                camera_s = self._vehicle.snapshot.since_boot_s(message.time_boot_ms)
-                self._clock_s[component] = self._time.since_boot_s(now) - camera_s
+        camera = self._cameras.get(component)
+        if camera is None:
+            return
+        if message.time_boot_ms and self._vehicle.snapshot.time_s is not None:
+            camera_s = self._vehicle.snapshot.since_boot_s(message.time_boot_ms)
+            if not self._clocks.take(component, camera_s, self._time, now):
+                camera.request_count()
+                return
+        camera.take_count(message.image_count)
 
     def _take_capture(self, capture: Capture, now: float) -> None:
         self.add_camera(capture.component)
         camera = self._cameras.get(capture.component)
-        if camera is None:
-            return
+        if camera is None or self._clocks.is_doubtful(capture.component, now):
+            return  # It is asked for again when its time is known
         taken_s = self._taken_s(capture, now)
         is_recent = self._time.is_recent(taken_s, now)
         is_of_earlier_run = is_recent and not self._attribution.began_before(taken_s)
@@ -389,12 +393,11 @@ class PictureCollector:
         """
         if capture.taken_s is None:
             return self._time.at(now)
-        is_known = capture.component in self._clock_s
-        behind_s = self._clock_s.get(capture.component, 0.0)
+        lag_s = self._clocks.lag_s(capture.component)
         taken_s = self._vehicle.snapshot.since_boot_s(round(capture.taken_s * 1e3))
-        has_own = abs(behind_s) > OWN_CLOCK_S
-        taken_s += behind_s if has_own else 0.0
-        is_same = is_known and not has_own
+        has_own = lag_s is not None and abs(lag_s) > OWN_CLOCK_S
+        taken_s += (lag_s or 0.0) if has_own else 0.0
+        is_same = lag_s is not None and not has_own
         return self._time.of(taken_s, capture.taken_utc_s, now, is_same_clock=is_same)
 
     def _fetch(self, announced: _AnnouncedPicture, command: PictureCommand | None) -> None:

@@ -145,3 +145,40 @@ class VehicleTime:
         if utc_s is not None and booted_s is not None:
             return utc_s < booted_s - OWN_CLOCK_S
         return since_boot_s > now_s + OWN_CLOCK_S
+
+
+class CameraClocks:
+    """How far the clocks of a vehicle's cameras are behind the autopilot's.
+
+    A camera that was restarted with its vehicle may show that before the vehicle does. Its clock is
+    not believed then until either has proved what has happened.
+    """
+
+    def __init__(self) -> None:
+        self._lag_s: dict[int, float] = {}  # By component
+        self._doubted_since: dict[int, float] = {}  # Clocks that have gone back
+
+    def clear(self) -> None:
+        """Begin anew: the vehicle was restarted."""
+        self._lag_s.clear()
+        self._doubted_since.clear()
+
+    def take(self, component: int, camera_s: float, time: VehicleTime, now: float) -> bool:
+        """Note a camera's time since boot; false while it is not believed."""
+        lag_s = time.since_boot_s(now) - camera_s
+        if lag_s - self._lag_s.get(component, lag_s) > OWN_CLOCK_S:
+            since = self._doubted_since.setdefault(component, now)
+            if now - since < PROVED_WITHIN_S:
+                return False
+        self._doubted_since.pop(component, None)
+        self._lag_s[component] = lag_s
+        return True
+
+    def is_doubtful(self, component: int, now: float) -> bool:
+        """Whether it is not known yet what the time of a camera means; never for long."""
+        since = self._doubted_since.get(component)
+        return since is not None and now - since < PROVED_WITHIN_S
+
+    def lag_s(self, component: int) -> float | None:
+        """How far a camera's clock is behind; None: it has not sent its time."""
+        return self._lag_s.get(component)

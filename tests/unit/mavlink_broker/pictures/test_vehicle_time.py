@@ -8,7 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mavlink_broker.mavlink.dialect import Route, mavlink
-from mavlink_broker.pictures.vehicle_time import PROVED_WITHIN_S, RECENT_S, VehicleTime
+from mavlink_broker.pictures.vehicle_time import (
+    PROVED_WITHIN_S,
+    RECENT_S,
+    CameraClocks,
+    VehicleTime,
+)
 from mavlink_broker.vehicle.vehicle import Vehicle
 
 UP_S = 100_000.0
@@ -153,3 +158,38 @@ def test_what_was_after_a_restart_that_nobody_has_seen_is_dated_by_the_clock_beh
     one.send(300.0, UP_S + 400.0)
     taken_s = one.time.of(200.0, None, UP_S + 400.0)
     assert one.time.broker_time(taken_s, UP_S + 400.0) == pytest.approx(UP_S + 300.0)
+
+
+CAMERA = 100
+
+
+def test_a_camera_with_a_clock_of_its_own_is_believed_at_once() -> None:
+    one, clocks = ClockedVehicle(), CameraClocks()
+    one.send(52.0, UP_S)
+    assert clocks.take(CAMERA, 12.0, one.time, UP_S)
+    assert clocks.lag_s(CAMERA) == pytest.approx(40.0)
+    assert not clocks.is_doubtful(CAMERA, UP_S)
+
+
+def test_a_camera_that_shows_a_restart_before_its_vehicle_does_is_not_believed() -> None:
+    one, clocks = ClockedVehicle(), CameraClocks()
+    one.send(52.0, UP_S)
+    assert clocks.take(CAMERA, 52.0, one.time, UP_S)
+    assert not clocks.take(CAMERA, 4.0, one.time, UP_S + 6.0)
+    assert clocks.is_doubtful(CAMERA, UP_S + 6.0)
+    clocks.clear()  # The vehicle has shown its restart
+    one.time.restarted()
+    one.send(5.0, UP_S + 7.0)
+    assert clocks.take(CAMERA, 5.0, one.time, UP_S + 7.0)
+    assert clocks.lag_s(CAMERA) == pytest.approx(0.0)
+
+
+def test_a_camera_that_alone_was_restarted_is_believed_after_a_while() -> None:
+    one, clocks = ClockedVehicle(), CameraClocks()
+    one.send(52.0, UP_S)
+    assert clocks.take(CAMERA, 52.0, one.time, UP_S)
+    assert not clocks.take(CAMERA, 1.0, one.time, UP_S + 5.0)
+    later = UP_S + 5.0 + PROVED_WITHIN_S
+    assert not clocks.is_doubtful(CAMERA, later)
+    assert clocks.take(CAMERA, 1.0 + PROVED_WITHIN_S, one.time, later)
+    assert clocks.lag_s(CAMERA) == pytest.approx(56.0)
