@@ -89,12 +89,13 @@ class EdgeHttp:
         settle: Callable[[Answer | Exception], None],
     ) -> None:
         """Send a request of the broker; `settle` takes the answer, later."""
+        life = self.owed.life
 
         def serve() -> None:
             arrived, delay_s = self._obstacle(method, path, post) or self._served(
                 method, path, post
             )
-            if post is not None:
+            if post is not None and life == self.owed.life:
                 self.owed.note(post, arrived)
             self._scheduler.after(delay_s, lambda: settle(arrived))
 

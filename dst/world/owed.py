@@ -21,6 +21,8 @@ class Owed:
         self._scheduler = scheduler
         self._taken: set[str] = set()  # Idempotency keys
         self._failed: dict[str, tuple[float, str]] = {}  # By idempotency key: when first, what
+        self.life = 0
+        """How often the broker has ended: what it had sent before concerns no later one."""
         self.texts: dict[str, str] = {}
         """By idempotency key: what the edge server has to get."""
 
@@ -50,3 +52,4 @@ class Owed:
             if is_stored and not is_lasting(key):
                 self.texts[key] = f"POST {path} is lost, which failed at {failed_s:.1f} s"
         self._failed.clear()
+        self.life += 1
