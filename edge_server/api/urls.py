@@ -15,9 +15,9 @@ _LAST: Final = 2**63 - 1
 
 
 class Int64Converter(BaseConverter):
-    """Converter of ids, which the database holds in 63 bits."""
+    """Converter of ids, which the database holds in 63 bits: one spelling for each."""
 
-    regex = r"\d{1,19}"
+    regex = "(?:0|[1-9][0-9]{0,18})"
 
     def to_python(self, value: str) -> int:
         """Read an id; one beyond 63 bits becomes the largest one, which no resource has.

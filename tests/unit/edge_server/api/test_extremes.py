@@ -22,6 +22,15 @@ def test_a_number_that_nothing_has_finds_nothing(edge: Edge) -> None:
     assert edge.acknowledge(LARGEST, "accepted").status_code == 404
 
 
+@pytest.mark.parametrize("spelling", ["%D9%A1", "%EF%BC%91", "01", "+1", "1.0"])
+def test_a_number_in_a_path_has_one_spelling(edge: Edge, spelling: str) -> None:
+    """Digits of other scripts, or zeros before it, name nothing: a wrong vehicle is not deleted."""
+    assert edge.ask("GET", "/vehicles/1", "admin").status_code == 200
+    assert edge.ask("GET", f"/vehicles/{spelling}", "admin").status_code == 404
+    assert edge.ask("DELETE", f"/vehicles/{spelling}", "admin").status_code == 404
+    assert edge.ask("GET", "/vehicles/1", "admin").status_code == 200
+
+
 @pytest.mark.first_case
 @BOTH_ENGINES
 def test_a_list_after_the_largest_number_is_empty(edge: Edge) -> None:
