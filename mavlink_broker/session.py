@@ -217,7 +217,8 @@ class Session:
         if message.get_type() == "HEARTBEAT":
             if message.type == mavlink.MAV_TYPE_CAMERA:
                 self._alarms.camera_received(now)
-                self.vehicle.recovery.has_camera |= self.missions.is_flying
+                is_known = self.missions.is_flying and self._alarms.expects_camera
+                self.vehicle.recovery.has_camera |= is_known
                 self.pictures.add_camera(source_of(message).component)
             return
         self._alarms.observe(message, now)

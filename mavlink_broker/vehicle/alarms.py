@@ -218,8 +218,14 @@ class AlarmMonitor:
 
     def expect_camera(self, now: float) -> None:
         """Expect heartbeats of a camera that was received before this monitor has begun."""
-        camera = PeriodicSource(now, count=MIN_MESSAGES)
-        self._periodic_sources.setdefault(("camera", CAMERA.code), camera)
+        camera = self._periodic_sources.setdefault(("camera", CAMERA.code), PeriodicSource(now))
+        camera.count = max(camera.count, MIN_MESSAGES)
+
+    @property
+    def expects_camera(self) -> bool:
+        """Whether so many heartbeats of a camera were received that its silence is an alarm."""
+        camera = self._periodic_sources.get(("camera", CAMERA.code))
+        return camera is not None and camera.count >= MIN_MESSAGES
 
     def tick(self, now: float, *, is_connected: bool) -> list[Failure]:
         """Give what has failed and was not raised yet; nothing while the link is away."""

@@ -174,6 +174,33 @@ def test_a_camera_that_fails_while_the_broker_is_away_is_one_alarm(
     assert alarms(world) == [(1, 4)]
 
 
+@pytest.mark.parametrize("heartbeats", [1, 2])
+def test_a_camera_that_is_received_behind_a_restart_and_falls_silent_is_an_alarm(
+    heartbeats: int, tmp_path: Path
+) -> None:
+    world = flying_with_a_camera(tmp_path)
+    world.restart_broker()
+    for _ in range(heartbeats):
+        world.send_camera_heartbeat(world.only_vehicle)
+        world.run(1.0)
+    world.run(8.0)
+    assert alarms(world) == [(1, 4)]
+
+
+def test_a_camera_that_was_hardly_received_is_not_expected_behind_a_restart(
+    tmp_path: Path,
+) -> None:
+    world = World(journal=tmp_path)
+    vehicle = world.add_vehicle(script=SLOW)
+    world.edge.plan(first_flight())
+    world.run_until(lambda: world.edge.status(1201) == Status.RUNNING)
+    world.send_camera_heartbeat(vehicle)
+    world.run(1.0)
+    world.restart_broker()
+    world.run(8.0)
+    assert alarms(world) == []
+
+
 def test_a_camera_that_is_received_behind_a_restart_is_no_alarm(tmp_path: Path) -> None:
     world = flying_with_a_camera(tmp_path)
     world.restart_broker()
