@@ -113,6 +113,7 @@ class Attaching(Phase):
 
     def tick(self, now: float, effects: Effects) -> Result:
         """Compare the missions as soon as enough is known of the vehicle."""
+        self._note_flying()
         if self.exchange is not None:
             return None
         self._apply_notes(now, effects)
@@ -131,6 +132,14 @@ class Attaching(Phase):
             case _Step.COMPARE if not self._flies_another:
                 return self._attach(now, effects)
         return None
+
+    def _note_flying(self) -> None:
+        """Note that the vehicle is seen to fly its items, should its link be lost again."""
+        vehicle = self._vehicle
+        is_in_air = vehicle.snapshot.landed_state == mavlink.MAV_LANDED_STATE_IN_AIR
+        flies = bool(vehicle.snapshot.armed) and vehicle.mode_role is ModeRole.MISSION
+        if flies and is_in_air and vehicle.recovery.segment is not None:
+            vehicle.recovery.note_flying(vehicle.recovery.segment)
 
     def _apply_notes(self, now: float, effects: Effects) -> None:
         """Report what the journal holds and the edge server has not received.
