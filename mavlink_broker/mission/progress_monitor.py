@@ -365,7 +365,8 @@ class ProgressMonitor:
                 self._progress = self._progress.with_complete()
             # On the ground in another mode, no later mode proves that it has run its mission
             self._resumed &= self._vehicle.has_run_its_mission
-            self._progress = self._progress.with_landing()
+            if self._flown_by is Authority.BROKER:  # Else somebody has landed it on its last leg
+                self._progress = self._progress.with_landing()
         self._detect_takeover(now)
         before = self._ledger.commands
         reports = self._finish_commands(now)

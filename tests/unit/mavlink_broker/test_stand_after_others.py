@@ -25,6 +25,7 @@ from tests.support.broker_world import (
     FINISHED,
     World,
     first_flight,
+    land,
     mission,
     takeoff,
     waypoint,
@@ -298,6 +299,22 @@ def test_so_has_one_who_takes_it_and_puts_it_down_within_seconds(
     assert "somebody else flies the vehicle" in [m for m in messages(world) if m][-1]
     assert not world.edge.bodies("/alarm/")
     world.run_until(lambda: vehicle.arm_orders > before, within_s=1.0 + TAKEOVER_AFTER_S + LATE_S)
+
+
+def test_so_has_one_who_takes_it_on_its_last_leg() -> None:
+    world = World()
+    vehicle = world.add_vehicle(script=dataclasses.replace(PX4, landing_s=600.0))
+    world.edge.plan(mission(takeoff(1), waypoint(2), land(3)))
+    world.run_until(lambda: world.edge.status(1201) == Status.RUNNING)
+    world.run_until(lambda: world.edge.statuses(1201)[-1] == Status.RUNNING)
+    flies_manually(vehicle)
+    world.run(1.5)
+    lands(vehicle)
+    before = vehicle.arm_orders
+    world.edge.plan(first_flight(mission_id=1202))
+    world.run(STAND_S - 1.0)
+    assert vehicle.arm_orders == before
+    assert world.edge.status(1201) == Status.FAILED
 
 
 @pytest.mark.parametrize("takes", ["hover", "return"])
