@@ -132,9 +132,7 @@ class OwnDescent:
         self._ordered_at: float | None = None  # None: since the last update
         self._mode: str | None = None  # None: the vehicle has not shown it yet
         self._mode_before = ""
-        self._sought: str | None = (
-            None  # The mode of an earlier run's, until its vehicle is received
-        )
+        self._sought: str | None = None  # That of an earlier run, until the vehicle is received
         self.began_s: float | None = None  # By the vehicle's clock since boot
 
     @property

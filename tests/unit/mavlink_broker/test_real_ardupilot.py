@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -182,6 +183,25 @@ class TestABrokerThatWasAway:
         assert vehicle.uploads == 1
         assert vehicle.commands.count(mavlink.MAV_CMD_MISSION_START) == 1
         assert world.edge.statuses(1201) == FINISHED
+
+    def test_has_seen_it_fly_before_the_link_was_lost_until_the_landing(
+        self, tmp_path: Path
+    ) -> None:
+        """It had not read the mission back yet; the broker before had not seen the take-off."""
+        world = World(journal=tmp_path)
+        vehicle = world.add_vehicle(script=COPTER_4_6)
+        world.edge.plan(mission(takeoff(), waypoint(), land(3)))
+        world.run_until(lambda: vehicle.airborne)
+        world.run(0.2)
+        world.restart_broker()
+        world.run(1.5)
+        vehicle.silent = True
+        world.run_until(lambda: not vehicle.armed)
+        world.run(5.0)
+        vehicle.silent = False
+        world.run_until_over(1201)
+        assert world.edge.statuses(1201) == FINISHED
+        assert not world.edge.bodies("/alarm/")
 
     def test_finds_a_vehicle_that_came_down_elsewhere(self) -> None:
         world = World()
