@@ -22,6 +22,7 @@ from mavlink_broker.mission.mission_executor import MissionExecutor
 from mavlink_broker.mission.pending_events import (
     NO_MISSION,
     PendingEvents,
+    ReplacedOrders,
     UnconfirmedMissions,
     aborts_now,
     is_abort,
@@ -286,8 +287,7 @@ class MissionQueue:
     def _note_descent(self, *, is_ordered: bool) -> None:
         """Note whether the vehicle returns or lands by order of what has ended."""
         if is_ordered:
-            self.vehicle.own_descent.begin(self.vehicle.mode, self.vehicle.snapshot.time_s)
-            self.vehicle.armed_period.claim()
+            self.vehicle.begin_descent()
         else:
             self.vehicle.own_descent.end()
 
@@ -299,8 +299,8 @@ class MissionQueue:
         self._resume_for_events(now, effects)
         for work in self._events.take_due(lambda one: self._is_too_early(one, now), now, effects):
             if is_abort(work):
-                with self._events.replacing(work, effects) as is_sent:
-                    self._abort(work, now, effects, replaces=is_sent)
+                with self._events.replacing(work, effects) as replaced:
+                    self._abort(work, now, effects, replaced)
             elif self._current is not None and _concerns(work, self._current):
                 _accept(work, effects)
                 self._current.handle_event(work, now, effects)
@@ -341,13 +341,18 @@ class MissionQueue:
         expires_at = math.inf if work.was_accepted else work.expires_at or math.inf
         return now < expires_at - LEFT_S and not self._events.is_past(work)
 
-    def _was_ordered_before(self, work: EventWork) -> bool:
-        """Whether the vehicle may have obeyed an abort, as an earlier run of the broker ordered."""
+    def _was_ordered_before(self, work: EventWork, replaced: ReplacedOrders) -> bool:
+        """Whether the vehicle may have obeyed an abort, as an earlier run of the broker ordered.
+
+        That was this abort, or an older one which this one replaces.
+        """
         vehicle = self.vehicle
         is_paused = (
             vehicle.recovery.paused is not None and vehicle.mode == vehicle.family.paused_mode
         )
         flies_on = vehicle.snapshot.armed and (vehicle.mode_role is ModeRole.MISSION or is_paused)
+        if replaced.was_sent_before:
+            return not flies_on
         return work.was_accepted and (self._events.is_past(work) or not flies_on)
 
     def _waits_for_vehicle(self, work: EventWork) -> bool:
@@ -364,11 +369,10 @@ class MissionQueue:
         may_be_ours = is_sought or not recovery.tracker.is_loaded
         return self.vehicle.snapshot.armed is None or (is_abort(work) and may_be_ours)
 
-    def _abort(self, work: EventWork, now: float, effects: Effects, *, replaces: bool) -> None:
-        """End missions, and send the vehicle where the abort says; or refuse it.
-
-        `replaces`: the vehicle was sent somewhere before.
-        """
+    def _abort(
+        self, work: EventWork, now: float, effects: Effects, replaced: ReplacedOrders
+    ) -> None:
+        """End missions, and send the vehicle where the abort says; or refuse it."""
         has_ended = self._end_waiting(work, effects) or self._events.has_ended_missions(work)
         current = self._current
         if current is not None and self._is_droppable(current) and _concerns(work, current):
@@ -378,16 +382,18 @@ class MissionQueue:
             has_ended = True
         self._unconfirmed.hold_answer(work)
         # The vehicle waits for the broker, or flies what the broker has ordered before
-        is_newer = replaces or self.vehicle.hovers or self.vehicle.own_descent.is_flown
+        is_newer = replaced.is_sent or self.vehicle.hovers or self.vehicle.own_descent.is_flown
         current = self._current
         if current is not None and _concerns(work, current):
             _accept(work, effects)
-            if work.event.event_type_id is EventType.SOFT_ABORT_MISSION:
+            is_soft = work.event.event_type_id is EventType.SOFT_ABORT_MISSION
+            if is_soft and not replaced.was_sent_before:
                 current.abort_softly(work, now, effects)
-            elif self._was_ordered_before(work):
+            elif self._was_ordered_before(work, replaced):
                 current.end_for_abort(work, now, effects)
                 self.close_ended(effects)
-                self._events.resume_abort(work, now, effects)
+                is_newer = replaced.was_sent_before
+                self._events.resume_abort(work, now, effects, is_newer=is_newer)
             else:
                 current.abort_now(work, now, effects)
             self.close_ended(effects)

@@ -13,7 +13,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
-from typing import Final
+from typing import Final, NamedTuple
 
 from afarcloud.enumerations import EventType
 from mavlink_broker.autopilots.families import ModeRole
@@ -127,6 +127,13 @@ class UnconfirmedMissions:
         due += [answer for answer in self._held if answer.work_id not in self._missions_of]
         self._held = [answer for answer in self._held if answer.work_id in self._missions_of]
         return due
+
+
+class ReplacedOrders(NamedTuple):
+    """What the vehicle does, or is to do, by orders that a newer abort replaces."""
+
+    is_sent: bool  # An older abort or an alarm has sent it somewhere, or was about to
+    was_sent_before: bool  # An earlier run of the broker has noted that it gives such an order
 
 
 class PendingEvents:
@@ -347,6 +354,8 @@ class PendingEvents:
         elif self.is_past(work):
             effects.for_edge.append(Acknowledgement(work.work_id, "refused", RESTARTED_SINCE))
         elif comes_down or (not seen.armed and vehicle.shows_itself(now)):
+            if comes_down:
+                vehicle.begin_descent()
             is_seen = comes_down or not work.was_accepted
             note = NOT_SEEN if work.event.abort else None if is_seen else LANDED_UNSEEN
             effects.for_edge.append(Acknowledgement(work.work_id, "done", note))
@@ -391,12 +400,11 @@ class PendingEvents:
         return was_interrupted
 
     @contextmanager
-    def replacing(self, newest: EventWork, effects: Effects) -> Iterator[bool]:
-        """Leave the vehicle to this abort, and answer the older ones as it afterwards.
-
-        Gives whether the vehicle is, or was to be, sent somewhere by an older one or by an alarm.
-        """
+    def replacing(self, newest: EventWork, effects: Effects) -> Iterator[ReplacedOrders]:
+        """Leave the vehicle to this abort, and answer the older ones as it afterwards."""
         older = self._take_older(newest.work_id)
+        noted = self._vehicle.recovery.abort
+        was_sent = noted is not None and noted.work_id in {work.work_id for work in older}
         ended = self._has_ended & {work.work_id for work in older}
         self._has_ended = (self._has_ended - ended) | ({newest.work_id} if ended else set())
         is_sent = any(work.was_accepted for work in older) or self.is_aborting
@@ -409,7 +417,7 @@ class PendingEvents:
         before = len(effects.for_edge)
         refusal: str | None = "an internal error in a later event"
         try:
-            yield is_sent
+            yield ReplacedOrders(is_sent, was_sent)
             refusal = _refusal_of(newest, effects.for_edge[before:])
         finally:
             if newest.work_id >= self._newest[0]:
@@ -462,6 +470,8 @@ class PendingEvents:
         is_over = self._is_return_interrupted or who is not Authority.BROKER
         if not vehicle.snapshot.armed or is_over:
             vehicle.recovery.pending_return = None
+            if vehicle.mode_role is ModeRole.ENDING and not self._is_return_interrupted:
+                vehicle.begin_descent()  # It has obeyed
         else:
             executor = AbortExecutor(return_event(vehicle.vehicle_id), vehicle)
             self._running = None, executor

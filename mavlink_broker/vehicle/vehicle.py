@@ -244,6 +244,11 @@ class Vehicle:
         else:
             hover.end()
 
+    def begin_descent(self) -> None:
+        """Note that it returns or lands by order of the broker."""
+        self.own_descent.begin(self.mode, self.snapshot.time_s)
+        self.armed_period.claim()
+
     def update_descent(self, now: float) -> None:
         """Follow whether it flies the return or landing that the broker ordered last."""
         snapshot, was_flown = self.snapshot, self.own_descent.is_flown
