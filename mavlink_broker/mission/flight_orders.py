@@ -188,7 +188,7 @@ class PauseOrders:
         if state in ENDING:
             reason = MISSION_ENDED
         elif who is not Authority.BROKER:
-            reason = control_authority.reason(who, self._vehicle.observed_mode)
+            reason = control_authority.reason(who, self._vehicle.flown_mode)
         if reason is not None:
             effects.for_edge.append(Acknowledgement(work.work_id, "refused", reason))
         return reason is not None
@@ -327,7 +327,7 @@ class SpeedChanges:
         if state not in IN_FLIGHT:
             effects.for_edge.append(Acknowledgement(work.work_id, "done"))
         elif who is not Authority.BROKER:
-            reason = control_authority.reason(who, self._vehicle.observed_mode)
+            reason = control_authority.reason(who, self._vehicle.flown_mode)
             effects.for_edge.append(Acknowledgement(work.work_id, "refused", reason))
         else:
             self._may_refuse = state is State.FLYING_LIVE

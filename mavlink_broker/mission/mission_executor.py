@@ -325,7 +325,7 @@ class MissionExecutor:
 
     def handle_event(self, work: EventWork, now: float, effects: Effects) -> None:
         """Carry out an event after which the mission continues: pause, resume, change the speed."""
-        context, state, who = self._context, self.state, self._who
+        context, state, who = self._context, self.state, self._phase.landed_by or self._who
         speed_m_s = work.event.maximum_speed
         match work.event.event_type_id:
             case EventType.DRONE_SPEED if speed_m_s is not None:

@@ -451,9 +451,9 @@ class ProgressMonitor:
         self.loss_reason = self._debounce.update(reason, now)
 
     def _takeover_reason(self) -> str | None:
-        seen, who = self._vehicle.flown_mode, self._flown_by
-        if seen is not None and who is not Authority.BROKER:
-            return control_authority.reason(who, seen)
+        who = self._flown_by
+        if who is not Authority.BROKER:
+            return control_authority.reason(who, self._vehicle.flown_mode)
         if self._vehicle.snapshot.armed is False:
             return DISARMED
         if self._held_id != self._mission_id and self._mission_id is not None:
@@ -463,10 +463,16 @@ class ProgressMonitor:
 
     @property
     def _flown_by(self) -> Authority:
-        """Who has the vehicle; of one that is disarmed, who had it until then."""
-        seen = self._vehicle.flown_mode
-        survives = self.claim._replace(roles=self.claim.roles | {ModeRole.PAUSED})
-        return Authority.BROKER if seen is None else control_authority.authority_of(seen, survives)
+        """Who has the vehicle; of one that is disarmed, who had it until then.
+
+        A mission survives that somebody pauses it, until he lands the vehicle.
+        """
+        vehicle, claim = self._vehicle, self.claim
+        if vehicle.snapshot.armed:
+            claim = claim._replace(roles=claim.roles | {ModeRole.PAUSED})
+        elif vehicle.recovery.paused is not None:
+            claim = claim._replace(mode=vehicle.family.paused_mode)
+        return control_authority.authority_of(vehicle.flown_mode, claim)
 
     @property
     def holds_another(self) -> bool:

@@ -11,7 +11,7 @@ JournalError  a record that cannot be encoded or decoded
 import hashlib
 import math
 from collections.abc import Callable, Mapping
-from typing import Annotated, Final, TypeVar
+from typing import Annotated, Any, Final, TypeVar
 
 from pydantic import (
     AfterValidator,
@@ -141,6 +141,25 @@ class _Document(_Row):
     is_tracking: bool = False
     has_camera: bool = False
     armed_s: _Number | None = None
+    taken_mode: _Text | None = None
+
+
+_AS_NOTED: Final = (
+    "hover_mode",
+    "descent",
+    "descent_s",
+    "has_flown",
+    "paused",
+    "is_tracking",
+    "has_camera",
+    "armed_s",
+    "taken_mode",
+)
+"""Fields of a record that have the same name and value in its document."""
+
+
+def _as_noted(source: object) -> dict[str, Any]:
+    return {name: getattr(source, name) for name in _AS_NOTED}
 
 
 def encode(identity: VehicleIdentity, record: RecoveryRecord) -> bytes:
@@ -158,19 +177,12 @@ def encode(identity: VehicleIdentity, record: RecoveryRecord) -> bytes:
             values=_values(record.values),
             borrowed=_values(record.borrowed),
             hover=_if_any(_pose, record.hover),
-            hover_mode=record.hover_mode,
-            descent=record.descent,
-            descent_s=record.descent_s,
             homeward=_if_any(_return, record.pending_return),
             abort=_if_any(_abort, record.abort),
             live=_if_any(_live, record.live),
             started=record.segment,
             started_s=record.segment_s,
-            has_flown=record.has_flown,
-            paused=record.paused,
-            is_tracking=record.is_tracking,
-            has_camera=record.has_camera,
-            armed_s=record.armed_s,
+            **_as_noted(record),
         )
     except ValidationError as error:
         raise JournalError(_first(error)) from error
@@ -209,19 +221,12 @@ def _record(document: _Document) -> RecoveryRecord:
         values=_read_values(document.values),
         borrowed=_read_values(document.borrowed),
         hover=_if_any(_read_pose, document.hover),
-        hover_mode=document.hover_mode,
-        descent=document.descent,
-        descent_s=document.descent_s,
         pending_return=_if_any(_read_return, document.homeward),
         abort=_if_any(_read_abort, document.abort),
         live=_if_any(_read_live, document.live),
         segment=document.started,
         segment_s=document.started_s,
-        has_flown=document.has_flown,
-        paused=document.paused,
-        is_tracking=document.is_tracking,
-        has_camera=document.has_camera,
-        armed_s=document.armed_s,
+        **_as_noted(document),
     )
 
 

@@ -92,6 +92,7 @@ class RecoveryRecord:
     is_tracking: bool = False  # Its camera may have been ordered to track a subject
     has_camera: bool = False  # A camera was received in this flight
     armed_s: float | None = None  # When it was armed, by its clock since boot
+    taken_mode: str | None = None  # In which somebody else has it from a mission, or has landed it
 
 
 EMPTY_RECORD: Final = RecoveryRecord()
@@ -125,6 +126,7 @@ def merge_records(earlier: RecoveryRecord, later: RecoveryRecord) -> RecoveryRec
         is_tracking=later.is_tracking or earlier.is_tracking,
         has_camera=later.has_camera or earlier.has_camera,
         armed_s=earlier.armed_s if later.armed_s is None else later.armed_s,
+        taken_mode=later.taken_mode or earlier.taken_mode,
     )
 
 
@@ -257,6 +259,8 @@ class RecoveryState:
         """Whether a camera was received in this flight: a restarted broker expects it."""
         self.armed_s: float | None = None
         """When it was armed for the flight, by its clock since boot; its log began then."""
+        self.taken_mode: str | None = None
+        """Mode in which somebody else has the vehicle from a mission, or has landed it."""
 
     def note_segment(self, first_command: str, time_s: float | None) -> None:
         """Note that the vehicle is about to be ordered to fly items, at a time of its clock."""
@@ -294,7 +298,7 @@ class RecoveryState:
 
     def clear_commands(self) -> None:
         """Forget live command and segment: none is flown, or those of another mission."""
-        self.live = self.segment = self._segment_s = None
+        self.live = self.segment = self._segment_s = self.taken_mode = None
         self._has_flown = False
 
     @property
@@ -318,6 +322,7 @@ class RecoveryState:
             is_tracking=self.is_tracking,
             has_camera=self.has_camera,
             armed_s=self.armed_s,
+            taken_mode=self.taken_mode,
         )
 
     @property
@@ -340,6 +345,7 @@ class RecoveryState:
         self.paused = both.paused
         self.is_tracking, self._is_of_earlier_run = both.is_tracking, record.is_tracking
         self.has_camera, self.armed_s = both.has_camera, both.armed_s
+        self.taken_mode = both.taken_mode
 
     def forget(self) -> None:
         """Begin anew with another vehicle in place of this one; aborts are for it too."""

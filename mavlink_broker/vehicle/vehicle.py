@@ -251,14 +251,17 @@ class Vehicle:
 
     def update_descent(self, now: float) -> None:
         """Follow whether it flies the return or landing that the broker ordered last."""
-        snapshot, was_flown = self.snapshot, self.own_descent.is_flown
-        self.own_descent.update(
+        snapshot, descent = self.snapshot, self.own_descent
+        was_flown, sought_mode = descent.is_flown, descent.mode if descent.is_sought else None
+        descent.update(
             self.observed_mode, is_down=snapshot.is_on_ground, now=now, time_s=snapshot.time_s
         )
-        if self.own_descent.is_flown:
+        if descent.is_flown or (sought_mode is not None and sought_mode == self.flown_mode.mode):
             self.armed_period.claim()
         elif was_flown:
             self.armed_period.lose()  # Without effect on one that has landed
+            if self.flown_mode.role is ModeRole.OTHER:
+                self.armed_period.end_by_others(now)  # Without effect on one that is armed
 
     def update_hover(self, *, is_ordered: bool) -> None:
         """End a hover with a landing or a takeover; find that of an earlier run again.
@@ -388,9 +391,18 @@ class Vehicle:
         )
 
     @property
-    def flown_mode(self) -> ObservedMode | None:
-        """The mode of an armed vehicle, and the last one of a disarmed one; None: never armed."""
-        return self.observed_mode if self.snapshot.armed else self._flown_mode
+    def flown_mode(self) -> ObservedMode:
+        """The mode of an armed vehicle; of one that is disarmed, the last in which it was armed.
+
+        If it was not received in between, that is the mode in which an earlier run of the broker
+        has lost it to somebody else.
+        """
+        if self.snapshot.armed:
+            return self.observed_mode
+        taken_mode = self.recovery.taken_mode
+        if self._flown_mode is None and taken_mode is not None:
+            return ObservedMode(taken_mode, self.family.mode_role(taken_mode), armed=True)
+        return self._flown_mode or self.observed_mode
 
     @property
     def is_standing_armed(self) -> bool:

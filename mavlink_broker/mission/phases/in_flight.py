@@ -24,6 +24,9 @@ from mavlink_broker.vehicle.control_authority import (
     Claim,
 )
 
+_WAITING: Final = Claim(AIRBORNE_MODES)
+"""A vehicle that waits in the air for its paused mission to be resumed."""
+
 
 class Running(Phase):
     """One segment of mission items in flight."""
@@ -104,10 +107,20 @@ class Running(Phase):
         if is_ours and mission.vehicle.snapshot.armed:
             mission.speeds.repeat(now, effects)
         if progress.is_finished:
-            return None if mission.is_held_back else Request.NEXT_SEGMENT
+            return self._await_resumption() if mission.is_held_back else Request.NEXT_SEGMENT
         self._observe_changes(changes, now, effects)
         reason = progress.loss_reason or changes.loss_reason
         return None if reason is None else Fault(reason)
+
+    def _await_resumption(self) -> Result:
+        """Wait behind the last item until the mission is resumed, if the vehicle still hovers."""
+        mission = self._mission
+        if mission.segments.is_on_ground:
+            return None
+        if mission.vehicle.snapshot.armed is False:
+            return Fault(DISARMED)
+        who = mission.authority.who(_WAITING)
+        return None if who is Authority.BROKER else Fault(mission.authority.reason(who))
 
     def _observe_pause(self, now: float, effects: Effects) -> None:
         """Report that another system has paused the vehicle.

@@ -330,6 +330,32 @@ class TestWhoeverElseFlies:
         assert vehicle.custom_mode == mode
         assert answer(world, resume)[0] == "refused"
 
+    @KNOWN
+    @pytest.mark.parametrize("is_seen", [True, False], ids=["flown", "disarmed"])
+    def test_one_who_lands_it_behind_its_last_item_ends_the_mission(
+        self, family: str, tmp_path: Path, *, is_seen: bool
+    ) -> None:
+        """Paused between its items and a command that is flown live."""
+        world = World(journal=tmp_path)
+        vehicle = world.add_vehicle(script=dataclasses.replace(SCRIPTS[family], landing_s=600.0))
+        world.edge.plan(mission(takeoff(1), hotpoint(2), go_home(3)))
+        world.run_until(lambda: vehicle.airborne)
+        world.run(2.0)
+        world.kill_broker()
+        world.run(3.0)
+        world.restart_broker()
+        pause = world.edge.event(PAUSE)
+        world.run_until(lambda: answer_statuses(world, pause)[-1:] == ["done"])
+        world.run(3.0)
+        assert world.edge.status(1201) == Status.RUNNING
+        if is_seen:
+            vehicle.steer(PX4_POSITION if family != "ardupilot" else 0)
+            world.run(4.0)
+        vehicle.armed = vehicle.airborne = vehicle.is_manual = False
+        vehicle.heartbeat()
+        world.run(8.0)
+        assert world.edge.status(1201) == Status.FAILED
+
     @pytest.mark.first_case
     @KNOWN
     def test_whoever_sets_the_mission_mode_during_a_paused_live_command_has_the_vehicle(
@@ -589,7 +615,9 @@ class TestRestarts:
         since = len(vehicle.frames)
         resume = world.edge.event(RESUME)
         world.run(1.0)
-        assert answer(world, resume) == ("refused", FLIES_NO_COMMAND)
+        status, reason = answer(world, resume)
+        assert status == "refused"
+        assert "somebody else flies the vehicle" in (reason or "")
         world.run_until_over(1201)
         assert world.edge.status(1201) == Status.FAILED
         assert orders(vehicle, since) == []

@@ -41,9 +41,11 @@ from tests.support.vehicle_script import (
     PX4_RETURN,
     Script,
 )
+from tests.unit.mavlink_broker.test_events import SPEED, answer_statuses
+from tests.unit.mavlink_broker.test_pause_events import PAUSE
 from tests.unit.mavlink_broker.test_takeover import in_mission, orders
 
-COPTER_LOITER: Final = 5
+COPTER_STABILIZE, COPTER_LOITER = 0, 5
 LATE_S: Final = 10.0
 """What the broker needs at most between the end of a wait and its order to arm."""
 
@@ -249,7 +251,7 @@ def test_a_broker_that_finds_the_vehicle_disarmed_begins_at_once() -> None:
 
 
 @pytest.mark.parametrize(
-    ("script", "mode"), [(PX4, PX4_POSITION), (ARDUPILOT, COPTER_LOITER - 5)], ids=["px4", "copter"]
+    ("script", "mode"), [(PX4, PX4_POSITION), (ARDUPILOT, COPTER_STABILIZE)], ids=["px4", "copter"]
 )
 def test_a_pilot_who_has_taken_the_vehicle_from_a_mission_has_the_same_time(
     script: Script, mode: int
@@ -301,9 +303,10 @@ def test_so_has_one_who_takes_it_and_puts_it_down_within_seconds(
     world.run_until(lambda: vehicle.arm_orders > before, within_s=1.0 + TAKEOVER_AFTER_S + LATE_S)
 
 
-def test_so_has_one_who_takes_it_on_its_last_leg() -> None:
+@pytest.mark.parametrize("script", [PX4, ARDUPILOT], ids=["px4-position", "copter-loiter"])
+def test_so_has_one_who_takes_it_on_its_last_leg(script: Script) -> None:
     world = World()
-    vehicle = world.add_vehicle(script=dataclasses.replace(PX4, landing_s=600.0))
+    vehicle = world.add_vehicle(script=dataclasses.replace(script, landing_s=600.0))
     world.edge.plan(mission(takeoff(1), waypoint(2), land(3)))
     world.run_until(lambda: world.edge.status(1201) == Status.RUNNING)
     world.run_until(lambda: world.edge.statuses(1201)[-1] == Status.RUNNING)
@@ -315,6 +318,63 @@ def test_so_has_one_who_takes_it_on_its_last_leg() -> None:
     world.run(STAND_S - 1.0)
     assert vehicle.arm_orders == before
     assert world.edge.status(1201) == Status.FAILED
+
+
+@pytest.mark.parametrize("script", [PX4, ARDUPILOT], ids=["px4", "ardupilot"])
+def test_so_has_one_whom_a_killed_broker_saw_and_the_restarted_one_did_not(
+    script: Script, tmp_path: Path
+) -> None:
+    world = World(journal=tmp_path)
+    vehicle = world.add_vehicle(script=dataclasses.replace(script, item_time_s=60.0))
+    world.edge.plan(mission(takeoff(1), waypoint(2, hold_time=60.0), waypoint(3)))
+    world.run_until(lambda: vehicle.airborne and world.edge.status(1201) == Status.RUNNING)
+    world.run(7.0)
+    flies_manually(vehicle)
+    world.run(1.5)
+    world.kill_broker()
+    lands(vehicle)
+    world.edge.plan(first_flight(mission_id=1202))
+    before = vehicle.arm_orders
+    world.restart_broker()
+    world.run(STAND_S - 1.0)
+    assert vehicle.arm_orders == before
+    assert "somebody else flies the vehicle" in [m for m in messages(world) if m][-1]
+    assert not world.edge.bodies("/alarm/")
+
+
+@pytest.mark.parametrize("script", [PX4, ARDUPILOT], ids=["px4", "ardupilot"])
+def test_so_has_one_who_takes_it_in_the_first_seconds_of_a_return(script: Script) -> None:
+    world = in_mission(dataclasses.replace(script, landing_s=600.0))
+    vehicle = world.only_vehicle
+    event = world.edge.event(103)
+    world.run_until(lambda: "done" in answer_statuses(world, event))
+    world.run(0.5)
+    flies_manually(vehicle)
+    world.run(0.5)
+    vehicle.set_mode(PX4_POSITION if script is PX4 else COPTER_STABILIZE)
+    vehicle.heartbeat()
+    world.run(0.5)
+    lands(vehicle)
+    before = vehicle.arm_orders
+    world.edge.plan(first_flight(mission_id=1202))
+    world.run(STAND_S - 1.0)
+    assert vehicle.arm_orders == before
+
+
+@pytest.mark.parametrize("event", [{"maximum_speed": 2.0}, {}], ids=["speed", "pause"])
+def test_an_event_upon_his_landing_is_refused(event: dict[str, Any]) -> None:
+    world = in_mission(PX4)
+    vehicle = world.only_vehicle
+    flies_manually(vehicle)
+    world.run(1.0)
+    lands(vehicle)
+    world.run(0.5)
+    sent = len(vehicle.frames)
+    work = world.edge.event(SPEED if event else PAUSE, **event)
+    world.run(TAKEOVER_AFTER_S + 1.0)
+    assert answer_statuses(world, work)[-1] == "refused"
+    assert "somebody else" in world.edge.acknowledgements(work)[-1]["message"]
+    assert not [one for one in orders(vehicle, sent) if not one.startswith(("PARAM_SET", "LOG_"))]
 
 
 @pytest.mark.parametrize("takes", ["hover", "return"])
@@ -360,6 +420,21 @@ def test_so_is_one_that_an_earlier_run_has_ordered(tmp_path: Path) -> None:
     world.edge.plan(first_flight(mission_id=1202))
     world.run_until(lambda: vehicle.arm_orders > before, within_s=LATE_S)
     assert LEFT_BY_OTHERS not in warning(world)
+
+
+def test_so_is_one_that_lands_before_the_restarted_broker_has_read_its_journal(
+    tmp_path: Path,
+) -> None:
+    world, vehicle = returning(tmp_path)
+    world.restart_broker()
+    world.run_until(lambda: world.app.sessions)
+    found = world.app.sessions[1].vehicle
+    world.run_until(lambda: found.snapshot.armed, within_s=3.0)
+    assert not found.recovery.tracker.is_loaded
+    lands(vehicle)
+    before = vehicle.arm_orders
+    world.edge.plan(first_flight(mission_id=1202))
+    world.run_until(lambda: vehicle.arm_orders > before, within_s=LATE_S)
 
 
 def test_a_pilots_flight_behind_such_a_return_is_his(tmp_path: Path) -> None:
