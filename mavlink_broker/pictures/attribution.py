@@ -143,6 +143,7 @@ class CommandInterval:
     earliest_s: float  # It may have begun since then, when its predecessor was seen last
     ended_s: float = math.inf
     is_partial: bool = False  # Its beginning was not observed
+    is_of_boot_before: bool = False  # Its times are by a clock of which no run has seen the end
     counts: dict[int, int] = field(default_factory=dict)  # Its pictures, by camera
     places: list[Place] = field(default_factory=list)  # Where the first ones of feedback were taken
     is_given_up: bool = False  # Its missing pictures were requested often enough
@@ -253,15 +254,24 @@ class Attribution:
 
         It has restarted since, or the mission has ended, so that its progress never shows them.
         What was taken behind the time when the present command was seen last, until `until_s`, may
-        be of any of them.
+        be of any of them; if an earlier run has seen it last, behind that time.
         """
-        seen_s = self._seen_s
-        if self._present is None or seen_s is None:
+        seen_s, present = self._seen_s, self._present
+        if present is None or seen_s is None:
             return
-        since_s = max(seen_s, self._present.began_s)
+        since_s = present.earliest_s if present.is_partial else max(seen_s, present.began_s)
         for command in commands:
             interval = CommandInterval(command, since_s, since_s, until_s, is_partial=True)
+            interval.is_of_boot_before = present.is_of_boot_before
             self._intervals.append(interval)
+
+    def shift_earlier(self, shift_s: float) -> None:
+        """Shift the beginnings of what an earlier run has ordered, by the clock of before."""
+        for interval in self._intervals:
+            if interval.is_partial:
+                interval.is_of_boot_before = True
+                interval.began_s += shift_s
+                interval.earliest_s += shift_s
 
     def shift(self, shift_s: float) -> None:
         """Shift all times, for another clock is used from now on."""
@@ -312,7 +322,8 @@ class Attribution:
         The place decides among commands that lack pictures, then among those shortly before and
         after, at last among those that have all of theirs, where it is one too many of the one
         that ran: an order whose answer was lost is obeyed twice. Else it is the first one that
-        lacks pictures, or the one that ran.
+        lacks pictures, or the one that ran. One that may have run at any time takes its pictures at
+        its place only: others may be of any flight before.
         """
         lacking = self._lacking(since_s, time_s, camera)
         around = self._around(since_s, time_s)
@@ -322,9 +333,8 @@ class Attribution:
             at_place = _at(position, candidates)
             if at_place is not None:
                 return at_place
-        if lacking:
-            return lacking[0]
-        return next((one for one in self._intervals if one.ran_at(time_s)), None)
+        ran = (one for one in self._intervals if one.ran_at(time_s))
+        return next((one for one in (*lacking, *ran) if not _is_of_others(one, position)), None)
 
     def _around(self, since_s: float, time_s: float) -> list[CommandInterval]:
         """Give the commands with pictures that may have run some seconds before or after."""
@@ -380,6 +390,15 @@ class Attribution:
             if interval.missing and not interval.is_given_up
         ]
         return iter(self._incomplete)
+
+
+def _is_of_others(interval: CommandInterval, position: Position | None) -> bool:
+    """Whether a picture is not of a command of unknown time: that takes none, or elsewhere."""
+    is_known = interval.began_s > -math.inf and not interval.is_of_boot_before
+    if interval.command is None or is_known:
+        return False
+    is_elsewhere = position is not None and AT_PLACE_M < _off_m(interval, position) < math.inf
+    return is_elsewhere or not interval.command.expected
 
 
 def _at(position: Position | None, candidates: list[CommandInterval]) -> CommandInterval | None:

@@ -44,7 +44,13 @@ from mavlink_broker.pictures.attribution import (
     picture_command,
 )
 from mavlink_broker.pictures.downloads import PictureDownload, PictureFetcher, Progress
-from mavlink_broker.pictures.vehicle_time import OWN_CLOCK_S, CameraClocks, VehicleTime
+from mavlink_broker.pictures.vehicle_time import (
+    OWN_CLOCK_S,
+    PROVED_WITHIN_S,
+    UNSEEN_BOOT_S,
+    CameraClocks,
+    VehicleTime,
+)
 from mavlink_broker.vehicle.mission_ledger import MissionLedger
 from mavlink_broker.vehicle.reporter import Reporter
 from mavlink_broker.vehicle.vehicle import Vehicle
@@ -118,6 +124,8 @@ class PictureCollector:
         self._updated_s = 0.0  # The same, by the vehicle's clock
         self._shown_since = -math.inf  # From then on the vehicle has shown it without a gap
         self._earlier = EarlierFlight()
+        self._is_shifted = False  # To the clock before a restart since that flight
+        self._clock_awaited_since = math.inf
         self._followed_from_s = math.inf  # When the first command of a mission was followed
         self._flight_known_s = math.inf  # When the first mission of this run was received
         self.has_room = True  # The edge server keeps up with the pictures
@@ -156,7 +164,8 @@ class PictureCollector:
             if self._flight is None:
                 self._flight_known_s = self._time.at(now)
             self._flight = work, ledger
-            is_known = self._vehicle.is_identified or self._followed_from_s < math.inf
+            is_known = self._vehicle.is_identified and not self._awaits_clock(now)
+            is_known |= self._followed_from_s < math.inf
             if ledger.status is Status.RUNNING and is_known:  # Else the journal is not read yet
                 command = current_command(ledger, work.mission.command_array, work.name)
         stood_still = now - self._updated_at > PROGRESS_GAP_S  # What has waited is read first
@@ -172,10 +181,21 @@ class PictureCollector:
             for camera in self._cameras.values():  # A mission begins or ends
                 camera.request_count()
 
+    def _awaits_clock(self, now: float) -> bool:
+        """Whether a vehicle has still to send its clock, by which an earlier run has ordered it."""
+        if self._vehicle.snapshot.time_s is not None:
+            return False
+        self._clock_awaited_since = min(now, self._clock_awaited_since)
+        return now - self._clock_awaited_since < PROVED_WITHIN_S
+
     def _follow_command(self, command: PictureCommand | None, now: float, time_s: float) -> bool:
         """Follow the command that runs; returns whether a mission begins or ends."""
         before = self._attribution.current
         ledger = None if self._flight is None else self._flight[1]
+        is_of_boot_before = self._vehicle.recovery.was_restarted_since
+        if is_of_boot_before and not self._is_shifted and self._followed_from_s < math.inf:
+            self._is_shifted = True
+            self._attribution.shift_earlier(-UNSEEN_BOOT_S)
         for passed in self._behind(before, 0 if ledger is None else ledger.begun):
             self._attribution.update(passed, time_s)
         self._add_unseen(time_s, 0 if ledger is None else ledger.finished)
@@ -352,11 +372,11 @@ class PictureCollector:
         camera = self._cameras.get(component)
         if camera is None:
             return
-        if message.time_boot_ms and self._vehicle.snapshot.time_s is not None:
-            camera_s = self._vehicle.snapshot.since_boot_s(message.time_boot_ms)
-            if not self._clocks.take(component, camera_s, self._time, now):
-                camera.request_count()
-                return
+        snapshot, boot_ms = self._vehicle.snapshot, message.time_boot_ms
+        camera_s = None if snapshot.time_s is None else snapshot.since_boot_s(boot_ms)
+        if boot_ms and not self._clocks.take(component, camera_s, self._time, now):
+            camera.request_count()
+            return
         camera.take_count(message.image_count)
 
     def _take_capture(self, capture: Capture, now: float) -> None:

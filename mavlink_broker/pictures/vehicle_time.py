@@ -18,6 +18,11 @@ PROVED_WITHIN_S: Final = 10.0
 """A clock that has gone back for so long is believed, whether or not it proves a restart."""
 
 
+UNSEEN_BOOT_S: Final = 1e6
+"""What was by the clock before a restart that only an earlier run of the broker may have seen is so
+much earlier; no vehicle is up for so long."""
+
+
 class VehicleTime:
     """The time of one vehicle."""
 
@@ -63,14 +68,23 @@ class VehicleTime:
         return False
 
     def is_recent(self, time_s: float, now: float) -> bool:
-        """Whether something is recent enough; everything is until the vehicle's clock is known."""
-        return not self._is_known or self.at(now) - time_s <= RECENT_S
+        """Whether something is recent enough; everything is until the vehicle's clock is known.
+
+        So is what was before an unseen restart: how long before is not known.
+        """
+        is_known = self._is_known and not self._is_of_unseen_boot(time_s)
+        return not is_known or self.at(now) - time_s <= RECENT_S
+
+    def _is_of_unseen_boot(self, time_s: float) -> bool:
+        return self._epoch_s - UNSEEN_BOOT_S <= time_s < self._epoch_s - UNSEEN_BOOT_S / 2.0
 
     def broker_time(self, time_s: float, now: float) -> float:
         """Give the broker's time of something recent; now if the vehicle's clock does not give it.
 
         The two clocks may run at different rates: a simulated vehicle's runs at its speed.
         """
+        if self._is_of_unseen_boot(time_s):
+            time_s = self._epoch_s - OWN_CLOCK_S
         later_s, later, later_epoch_s = self.at(now), now, self._epoch_s
         if not self._is_known or time_s >= later_s:
             return now
@@ -133,7 +147,7 @@ class VehicleTime:
         if self._epoch_before_s is not None and is_before:
             return since_boot_s + self._epoch_before_s
         if is_same_clock and is_before:  # An earlier run of the broker has seen the restart
-            return self._epoch_s - OWN_CLOCK_S
+            return since_boot_s + self._epoch_s - UNSEEN_BOOT_S
         return (min(since_boot_s, now_s) if self._is_known else since_boot_s) + self._epoch_s
 
     def _is_before(self, since_boot_s: float, utc_s: float | None, now_s: float) -> bool:
@@ -150,8 +164,9 @@ class VehicleTime:
 class CameraClocks:
     """How far the clocks of a vehicle's cameras are behind the autopilot's.
 
-    A camera that was restarted with its vehicle may show that before the vehicle does. Its clock is
-    not believed then until either has proved what has happened.
+    A camera that was restarted with its vehicle may show that before the vehicle does, and may send
+    its time before the vehicle has sent any. Its clock is not believed then until either has proved
+    what has happened.
     """
 
     def __init__(self) -> None:
@@ -163,13 +178,18 @@ class CameraClocks:
         self._lag_s.clear()
         self._doubted_since.clear()
 
-    def take(self, component: int, camera_s: float, time: VehicleTime, now: float) -> bool:
-        """Note a camera's time since boot; false while it is not believed."""
-        lag_s = time.since_boot_s(now) - camera_s
-        if lag_s - self._lag_s.get(component, lag_s) > OWN_CLOCK_S:
+    def take(self, component: int, camera_s: float | None, time: VehicleTime, now: float) -> bool:
+        """Note a camera's time since boot; false while it is not believed.
+
+        None: the vehicle has not sent its own, so that nothing compares with it.
+        """
+        lag_s = 0.0 if camera_s is None else time.since_boot_s(now) - camera_s
+        if camera_s is None or lag_s - self._lag_s.get(component, lag_s) > OWN_CLOCK_S:
             since = self._doubted_since.setdefault(component, now)
             if now - since < PROVED_WITHIN_S:
                 return False
+        if camera_s is None:
+            return True
         self._doubted_since.pop(component, None)
         self._lag_s[component] = lag_s
         return True

@@ -250,6 +250,8 @@ class RecoveryState:
         """Name of the first command of the items that the vehicle was ordered to fly last."""
         self._segment_s: float | None = None
         self._has_flown = False
+        self.was_restarted_since = False
+        """Whether the vehicle was restarted since an earlier run has ordered these commands."""
         self.paused: str | None = None
         """Name of the work that an event has paused, until it flies again or has ended."""
         self.is_tracking = False
@@ -299,7 +301,7 @@ class RecoveryState:
     def clear_commands(self) -> None:
         """Forget live command and segment: none is flown, or those of another mission."""
         self.live = self.segment = self._segment_s = self.taken_mode = None
-        self._has_flown = False
+        self._has_flown = self.was_restarted_since = False
 
     @property
     def record(self) -> RecoveryRecord:

@@ -173,6 +173,7 @@ class Attaching(Phase):
         except RefusedError as error:
             return Fault(error.reason, error.command_index)
         if mission.was_reported_running and self._was_restarted(now):
+            self._vehicle.recovery.was_restarted_since = True
             return Fault("the vehicle was restarted")
         mission.segments.go_to(mission.ledger.finished)
         if not mission.is_live:

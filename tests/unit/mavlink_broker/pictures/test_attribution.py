@@ -65,6 +65,16 @@ def test_commands_that_were_flown_unseen_share_their_pictures_in_order() -> None
     assert all(interval.command == taker(0, expected=2) for interval in attribution.incomplete())
 
 
+def test_what_was_flown_while_no_broker_ran_may_be_of_any_later_command() -> None:
+    """An earlier run has seen the first one begin at 104 s; this one is connected at 200 s."""
+    attribution = Attribution()
+    for time_s in (200.0, 203.0):
+        attribution.update(taker(0, expected=2), time_s, resumed_since_s=104.0)
+    attribution.add_unseen([taker(1, expected=2), taker(3, expected=1)], 210.0)
+    attribution.update(None, 210.0)
+    assert commands_of(attribution, 105.0, 106.0, 110.0, 112.0, 139.0) == [0, 0, 1, 1, 3]
+
+
 def test_nothing_is_flown_unseen_before_the_first_command() -> None:
     attribution = Attribution()
     attribution.add_unseen([taker(1, expected=1)], 140.0)

@@ -341,14 +341,19 @@ def test_a_restarted_broker_whose_link_is_lost_gives_the_pictures_to_their_comma
     assert flight.names == [f"m1201_c3_000{number}.jpeg" for number in range(3)]
 
 
-def test_pictures_that_are_taken_unseen_before_a_restart_in_flight_go_to_their_commands() -> None:
+@pytest.mark.parametrize("is_killed", [False, True], ids=["link-away", "broker-killed"])
+def test_pictures_that_are_taken_unseen_before_a_restart_in_flight_go_to_their_commands(
+    tmp_path: Path, *, is_killed: bool
+) -> None:
     """The link is away during all of them, and the vehicle never shows again how far it came."""
-    flight = Flight()
+    flight = Flight(journal=tmp_path)
     commands = (takeoff(), waypoint(), image(3, 2), image(4, 2), image(5), go_home(6))
     flight.world.edge.plan(mission(*commands))
     flight.world.run_until(lambda: flight.item == mavlink.MAV_CMD_NAV_WAYPOINT)
     flight.world.run(3.0)
     flight.vehicle.silent = True
+    if is_killed:
+        flight.world.kill_broker()
     for _ in range(5):
         flight.world.run(4.0)
         flight.camera.shoot(announced=False)
@@ -356,6 +361,8 @@ def test_pictures_that_are_taken_unseen_before_a_restart_in_flight_go_to_their_c
     flight.vehicle.reboot(flight.world.clock.now)
     flight.world.run(8.0)
     flight.vehicle.silent = False
+    if is_killed:
+        flight.world.restart_broker()
     flight.land()
     flight.world.run(30.0)
     assert flight.world.edge.status(MISSION) == Status.FAILED

@@ -184,6 +184,22 @@ def test_a_camera_that_shows_a_restart_before_its_vehicle_does_is_not_believed()
     assert clocks.lag_s(CAMERA) == pytest.approx(0.0)
 
 
+def test_a_camera_that_is_received_before_its_vehicle_is_not_believed_for_a_while() -> None:
+    one, clocks = ClockedVehicle(), CameraClocks()
+    assert not clocks.take(CAMERA, None, one.time, UP_S)
+    assert clocks.is_doubtful(CAMERA, UP_S + 1.0)
+    one.send(13.0, UP_S + 2.0)
+    assert clocks.take(CAMERA, 13.0, one.time, UP_S + 2.0)
+    assert clocks.lag_s(CAMERA) == pytest.approx(0.0)
+
+
+def test_a_camera_whose_vehicle_never_sends_its_clock_is_believed_in_the_end() -> None:
+    one, clocks = ClockedVehicle(), CameraClocks()
+    assert not clocks.take(CAMERA, None, one.time, UP_S)
+    assert clocks.take(CAMERA, None, one.time, UP_S + PROVED_WITHIN_S)
+    assert not clocks.is_doubtful(CAMERA, UP_S + PROVED_WITHIN_S)
+
+
 def test_a_camera_that_alone_was_restarted_is_believed_after_a_while() -> None:
     one, clocks = ClockedVehicle(), CameraClocks()
     one.send(52.0, UP_S)
