@@ -105,6 +105,9 @@ class PauseOrders:
         """Hold where the vehicle is; `state` is that of a mission whose vehicle is in the air."""
         if self._refuses(work, state, who, effects):
             return
+        if self._vehicle.snapshot.armed is False:
+            effects.for_edge.append(Acknowledgement(work.work_id, "refused", FLIES_NO_COMMAND))
+            return
         rests = self.is_paused and self._sequence is None and self._holds
         if self._sequence is not None and not self._pauses:
             self._resumes_until = now + LATE_WITHIN_S

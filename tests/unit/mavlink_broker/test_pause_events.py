@@ -622,6 +622,22 @@ class TestRestarts:
         assert world.edge.status(1201) == Status.FAILED
         assert orders(vehicle, since) == []
 
+    @KNOWN
+    def test_one_that_has_flown_on_and_landed_while_no_broker_ran_is_not_paused_again(
+        self, family: str, tmp_path: Path
+    ) -> None:
+        """Somebody else has resumed it; the journal still says that an event has paused it."""
+        world = paused(SCRIPTS[family], tmp_path / "journal")
+        vehicle = world.only_vehicle
+        world.kill_broker()
+        vehicle.set_mode(FLYING_MODES[family])
+        world.run_until(lambda: not vehicle.armed, within_s=300.0)
+        vehicle.set_mode(PAUSED_MODES[family])
+        pause = world.edge.event(PAUSE)
+        world.restart_broker()
+        world.run_until(lambda: answer_statuses(world, pause)[-1:] in (["done"], ["refused"]))
+        assert answer(world, pause)[0] == "refused"
+
     @pytest.mark.parametrize("is_restarted", [True, False])
     def test_one_that_landed_and_is_switched_to_its_mission_mode_has_not_flown(
         self, tmp_path: Path, *, is_restarted: bool
