@@ -75,16 +75,10 @@ class AuthorityMonitor:
             claim = claim._replace(mode=self._vehicle.family.paused_mode)
         return control_authority.authority_of(self._vehicle.observed_mode, claim)
 
-    def update(self, claim: Claim | None, *, is_attaching: bool) -> Authority:
-        """Decide who is in command, and keep what later claims depend on.
-
-        The journal keeps the mode in which somebody else has the vehicle, until that ends: a
-        restarted broker may find it disarmed.
-        """
-        who, vehicle = self.who(claim), self._vehicle
-        if vehicle.snapshot.armed:
-            is_taken = who is Authority.OTHERS
-            vehicle.recovery.taken_mode = vehicle.mode if is_taken else None
+    def update(self, claim: Claim | None, now: float, *, is_attaching: bool) -> Authority:
+        """Decide who is in command, and keep what later claims depend on."""
+        who = self.who(claim)
+        self._vehicle.note_others(now, have_it=who is Authority.OTHERS)
         if who is Authority.BROKER:
             self.was_taken &= bool(self._vehicle.snapshot.armed)
         else:

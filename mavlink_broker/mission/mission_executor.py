@@ -242,7 +242,7 @@ class MissionExecutor:
         """
         authority = self._context.authority
         authority.observe_mode()
-        who = authority.update(self._phase.claim, is_attaching=self.is_attaching)
+        who = authority.update(self._phase.claim, now, is_attaching=self.is_attaching)
         if who is Authority.BROKER:
             return self._phase.landed_by is not None
         waits_in_air = self.state is State.WAITING and self._context.is_hovering

@@ -373,6 +373,11 @@ class ArmedPeriod:
         self._is_armed = is_armed
 
     @property
+    def is_others(self) -> bool:
+        """Whether it is somebody else's."""
+        return self._is_others
+
+    @property
     def is_armed(self) -> bool | None:
         """Whether the vehicle was armed when it was received last; None: it was not received."""
         return self._is_armed

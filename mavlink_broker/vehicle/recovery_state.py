@@ -92,7 +92,7 @@ class RecoveryRecord:
     is_tracking: bool = False  # Its camera may have been ordered to track a subject
     has_camera: bool = False  # A camera was received in this flight
     armed_s: float | None = None  # When it was armed, by its clock since boot
-    taken_mode: str | None = None  # In which somebody else has it from a mission, or has landed it
+    taken_mode: str | None = None  # In which somebody else has it, or had when it was disarmed
 
 
 EMPTY_RECORD: Final = RecoveryRecord()
@@ -262,7 +262,7 @@ class RecoveryState:
         self.armed_s: float | None = None
         """When it was armed for the flight, by its clock since boot; its log began then."""
         self.taken_mode: str | None = None
-        """Mode in which somebody else has the vehicle from a mission, or has landed it."""
+        """Mode in which somebody else has the vehicle, or had when it was disarmed just now."""
 
     def note_segment(self, first_command: str, time_s: float | None) -> None:
         """Note that the vehicle is about to be ordered to fly items, at a time of its clock."""
@@ -300,7 +300,7 @@ class RecoveryState:
 
     def clear_commands(self) -> None:
         """Forget live command and segment: none is flown, or those of another mission."""
-        self.live = self.segment = self._segment_s = self.taken_mode = None
+        self.live = self.segment = self._segment_s = None
         self._has_flown = self.was_restarted_since = False
 
     @property
@@ -354,6 +354,6 @@ class RecoveryState:
         self.overrides, self.parameters = VehicleOverrides(), ParameterOverrider()
         self.hover.end()
         self.descent.end()
-        self.pending_return = self.paused = self.armed_s = None
+        self.pending_return = self.paused = self.armed_s = self.taken_mode = None
         self.is_tracking = self.has_camera = False
         self.clear_commands()

@@ -92,6 +92,7 @@ class Vehicle:
     _homeless_since: float | None = None  # On the ground, without a home position
     _status_texts: StatusTexts = field(default_factory=StatusTexts)
     _flown_mode: ObservedMode | None = None
+    _others_have_it: bool = False  # By its newest mode, from a mission; that may pass
 
     def take(self, message: Message, now: float) -> bool:
         """Handle a message of the vehicle; true when it proves that the vehicle was restarted."""
@@ -143,6 +144,15 @@ class Vehicle:
             self.recovery.armed_s = self.snapshot.time_s
         self.armed_period.update(now, is_armed=self.snapshot.armed, is_taken=self.is_taken)
         self.is_taken = self.is_taken and self.snapshot.armed is not False
+        self._note_taken_mode(now)
+
+    def _note_taken_mode(self, now: float) -> None:
+        """Note for a restarted broker that somebody else has it, or that it stands for him."""
+        if self.snapshot.armed:
+            is_theirs = self._others_have_it or self.is_taken or self.armed_period.is_others
+            self.recovery.taken_mode = self.mode if is_theirs else None
+        elif self.armed_period.stood_s(now) is None and not self._others_have_it:
+            self.recovery.taken_mode = None
 
     def doubt(self, now: float) -> None:
         """Note that it has to show that it is the same: by its clock, or by its number."""
@@ -303,6 +313,24 @@ class Vehicle:
     def warn(self, warning: str | None) -> None:
         """Replace the warning; None for nothing."""
         self.warning = warning
+
+    def note_others(self, now: float, *, have_it: bool) -> None:
+        """Note whether somebody else has it from a mission, by the mode in which it is armed."""
+        if self.snapshot.armed:
+            self._others_have_it = have_it
+            self._note_taken_mode(now)
+
+    def end_mission(self) -> None:
+        """Note that no mission flies it any more: whose it is has been decided."""
+        self._others_have_it = False
+
+    def recall_takeover(self, now: float) -> None:
+        """Have it stand as behind any other flight of somebody else, if an earlier run has lost it.
+
+        It is disarmed now; in flight its mode shows whose it is.
+        """
+        if self.recovery.taken_mode is not None and self._flown_mode is None:
+            self.armed_period.end_by_others(now)
 
     def take_away(self) -> None:
         """Note that another system has taken it from a mission."""

@@ -16,6 +16,7 @@ from mavlink_broker.mavlink.dialect import Message
 from mavlink_broker.mission.context import PROGRESS_WITHIN_S, MissionContext, SegmentMonitors
 from mavlink_broker.mission.phases.phase import Fault, Phase, Request, Result
 from mavlink_broker.mission.progress_monitor import MissionChangeMonitor
+from mavlink_broker.vehicle import control_authority
 from mavlink_broker.vehicle.control_authority import (
     AIRBORNE_MODES,
     DISARMED,
@@ -183,6 +184,16 @@ class FlyingLive(Phase):
         return self._executor.claim
 
     @property
+    def landed_by(self) -> Authority | None:
+        """Who else had a vehicle in the air when it was disarmed; None: nobody."""
+        vehicle, claim = self._mission.vehicle, self.claim
+        if claim is None or vehicle.snapshot.armed is not False:
+            return None
+        claim = claim._replace(roles=claim.roles | AIRBORNE_MODES, is_exclusive=False)
+        who = control_authority.authority_of(vehicle.flown_mode, claim)
+        return None if who is Authority.BROKER else who
+
+    @property
     def tracks(self) -> bool:
         """Whether the camera tracks a subject for the command."""
         return self._executor is not None and self._executor.tracks
@@ -234,7 +245,9 @@ class FlyingLive(Phase):
 
     def tick(self, now: float, effects: Effects) -> Result:
         """Report the command; the next segment waits for its pictures."""
-        mission = self._mission
+        mission, landed_by = self._mission, self.landed_by
+        if landed_by is not None:
+            return Fault(control_authority.reason(landed_by, mission.vehicle.flown_mode))
         if self._is_interrupted:
             return self._wait()
         executor = self._executor or self._begin(now, effects)

@@ -25,6 +25,7 @@ from tests.support.broker_world import (
     FINISHED,
     World,
     first_flight,
+    follow,
     land,
     mission,
     takeoff,
@@ -320,16 +321,24 @@ def test_so_has_one_who_takes_it_on_its_last_leg(script: Script) -> None:
     assert world.edge.status(1201) == Status.FAILED
 
 
+@pytest.mark.parametrize("flies", ["items", "live", "aborted", "nothing"])
 @pytest.mark.parametrize("script", [PX4, ARDUPILOT], ids=["px4", "ardupilot"])
 def test_so_has_one_whom_a_killed_broker_saw_and_the_restarted_one_did_not(
-    script: Script, tmp_path: Path
+    script: Script, flies: str, tmp_path: Path
 ) -> None:
     world = World(journal=tmp_path)
-    vehicle = world.add_vehicle(script=dataclasses.replace(script, item_time_s=60.0))
-    world.edge.plan(mission(takeoff(1), waypoint(2, hold_time=60.0), waypoint(3)))
-    world.run_until(lambda: vehicle.airborne and world.edge.status(1201) == Status.RUNNING)
-    world.run(7.0)
+    vehicle = world.add_vehicle(script=dataclasses.replace(script, item_time_s=20.0))
+    if flies == "nothing":
+        world.run(12.0)
+    else:
+        second = follow(2) if flies == "live" else waypoint(2, hold_time=60.0)
+        world.edge.plan(mission(takeoff(1), second, waypoint(3)))
+        world.run_until(lambda: vehicle.airborne and world.edge.status(1201) == Status.RUNNING)
+        world.run(7.0 if flies != "live" else 30.0)
     flies_manually(vehicle)
+    if flies == "aborted":
+        world.run(1.0)
+        world.edge.event(1)  # Refused: the pilot has it
     world.run(1.5)
     world.kill_broker()
     lands(vehicle)
@@ -338,8 +347,11 @@ def test_so_has_one_whom_a_killed_broker_saw_and_the_restarted_one_did_not(
     world.restart_broker()
     world.run(STAND_S - 1.0)
     assert vehicle.arm_orders == before
-    assert "somebody else flies the vehicle" in [m for m in messages(world) if m][-1]
+    if flies != "nothing":
+        last = [message for message in messages(world) if message][-1]
+        assert ("aborted" if flies == "aborted" else "somebody else flies the vehicle") in last
     assert not world.edge.bodies("/alarm/")
+    world.run_until(lambda: vehicle.arm_orders > before, within_s=1.0 + TAKEOVER_AFTER_S + LATE_S)
 
 
 @pytest.mark.parametrize("script", [PX4, ARDUPILOT], ids=["px4", "ardupilot"])
