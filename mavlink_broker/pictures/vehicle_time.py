@@ -4,6 +4,7 @@ Until the vehicle has sent its clock the broker's own one stands in for it. The 
 common, so `update` gives by how much all times of before have to be shifted then.
 """
 
+import math
 from collections import deque
 from typing import Final
 
@@ -15,7 +16,9 @@ OWN_CLOCK_S: Final = 3.0
 """A camera whose clock differs more from the autopilot's has a clock of its own."""
 _EVERY_S: Final = 1.0
 PROVED_WITHIN_S: Final = 10.0
-"""A clock that has gone back for so long is believed, whether or not it proves a restart."""
+"""A clock that has gone back for so long is that of a restart, whether or not that is proved."""
+_PROVED_LATE_S: Final = 60.0
+"""A restart that is proved so soon after its clock was believed is that one, not another."""
 
 
 UNSEEN_BOOT_S: Final = 1e6
@@ -32,6 +35,7 @@ class VehicleTime:
         self._newest_s: float | None = None  # By the vehicle's clock, as it was received
         self._behind_since: float | None = None  # When that has gone back
         self._is_known = False
+        self._assumed_s = -math.inf  # When a restart was assumed that nothing has proved yet
         self._epoch_s = 0.0  # Added to the vehicle's time, which a restart sets back
         self._epoch_before_s: float | None = None  # The same, before the vehicle's last restart
         self._latest_s = 0.0
@@ -56,7 +60,8 @@ class VehicleTime:
     def _may_be_restarted(self, time_s: float, now: float) -> bool:
         """Whether the clock has gone back, and it is not known yet what that means.
 
-        `restarted` is called when more messages have proved a restart.
+        `restarted` is called when more messages have proved a restart. One that nothing proves in
+        time is assumed: a vehicle without a position sends few messages with its clock.
         """
         if self._newest_s is None or time_s > self._newest_s - OWN_CLOCK_S:
             self._behind_since = None
@@ -64,7 +69,7 @@ class VehicleTime:
         self._behind_since = now if self._behind_since is None else self._behind_since
         if now - self._behind_since < PROVED_WITHIN_S:
             return True
-        self._behind_since = None
+        self._assumed_s = self._begin_epoch() + time_s
         return False
 
     def is_recent(self, time_s: float, now: float) -> bool:
@@ -118,6 +123,11 @@ class VehicleTime:
 
     def restarted(self) -> float:
         """Begin anew with a vehicle that has restarted; gives the time of its start."""
+        is_assumed = self._latest_s - self._assumed_s < _PROVED_LATE_S and not self.is_doubtful
+        self._assumed_s = -math.inf
+        return self._epoch_s if is_assumed else self._begin_epoch()
+
+    def _begin_epoch(self) -> float:
         self._epoch_before_s = self._epoch_s
         self._epoch_s = self._latest_s + 2.0 * RECENT_S
         self._ahead_s = None if self._is_known else self._ahead_s

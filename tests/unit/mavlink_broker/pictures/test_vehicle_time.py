@@ -79,13 +79,31 @@ def test_a_clock_that_goes_back_is_not_believed_before_a_restart_is_proved() -> 
     assert not one.time.is_doubtful
 
 
-def test_a_clock_that_stays_back_is_believed_in_the_end() -> None:
+@pytest.mark.parametrize("is_proved_late", [False, True])
+def test_a_clock_that_stays_back_is_that_of_a_restart(*, is_proved_late: bool) -> None:
+    one = ClockedVehicle()
+    one.send(52.0, UP_S)
+    before_s = one.time.at(UP_S)
+    one.send(3.0, UP_S + 1.0)
+    one.send(3.0 + PROVED_WITHIN_S, UP_S + 1.0 + PROVED_WITHIN_S)
+    assert not one.time.is_doubtful
+    if is_proved_late:
+        one.time.restarted()
+        one.send(5.0 + PROVED_WITHIN_S, UP_S + 3.0 + PROVED_WITHIN_S)
+    assert one.time.at(UP_S + 3.0 + PROVED_WITHIN_S) > before_s + RECENT_S
+    assert one.time.of(51.0, None, UP_S + 3.0 + PROVED_WITHIN_S) == pytest.approx(before_s - 1.0)
+
+
+def test_a_restart_behind_one_that_was_assumed_is_another() -> None:
     one = ClockedVehicle()
     one.send(52.0, UP_S)
     one.send(3.0, UP_S + 1.0)
     one.send(3.0 + PROVED_WITHIN_S, UP_S + 1.0 + PROVED_WITHIN_S)
-    assert not one.time.is_doubtful
-    assert one.time.at(UP_S + 1.0 + PROVED_WITHIN_S) == pytest.approx(3.0 + PROVED_WITHIN_S)
+    before_s = one.time.at(UP_S + 20.0)
+    one.send(0.5, UP_S + 21.0)
+    one.time.restarted()
+    one.send(1.5, UP_S + 22.0)
+    assert one.time.at(UP_S + 22.0) > before_s + RECENT_S
 
 
 def test_a_picture_of_before_a_restart_that_only_an_earlier_run_has_seen_is_older() -> None:
