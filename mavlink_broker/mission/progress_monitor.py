@@ -380,7 +380,8 @@ class ProgressMonitor:
         """Whether a vehicle that has run its mission has landed where that ends.
 
         One that has disarmed without a take-off stands there too, and a late order to start puts it
-        into its mission mode: if the order is noted, it counts once it was seen to fly.
+        into its mission mode: if the order is noted, it counts once it was seen to fly. A journal
+        that could not be written, on a full disk, may have lacked either.
         """
         vehicle, last = self._vehicle, self._plan.items[-1]
         place, home = vehicle.snapshot.position, vehicle.snapshot.home
@@ -389,7 +390,8 @@ class ProgressMonitor:
             return False
         is_there = distance_m(*place[:2], *end[:2]) <= END_WITHIN_M
         name, recovery = self._ledger.name_of(self._plan.first_command), vehicle.recovery
-        may_be_flown = recovery.segment != name or recovery.has_flown(name)
+        is_noted = recovery.segment in {name, None} and recovery.tracker.in_use
+        may_be_flown = not is_noted or recovery.has_flown(name)
         return self._plan.ends_on_ground and is_there and self._had_time and may_be_flown
 
     @property
