@@ -256,7 +256,7 @@ class MissionQueue:
             Exception: an unexpected error; the caller refuses the event then.
         """
         self._unconfirmed.reopen(work.work_id)
-        self._events.add(work, is_too_old=is_too_old(work, now))
+        self._events.add(work, effects, is_too_old=is_too_old(work, now))
         if self._current is None:
             self._events.limit_wait(work.work_id, now + EVENT_VEHICLE_WITHIN_S)
         self._events.limit_number(effects)
@@ -456,7 +456,7 @@ class MissionQueue:
         if mission is not None and not mission.work.was_accepted:
             self.vehicle.recovery.clear_commands()
         if record.abort is not None:
-            self._events.recall_abort(record.abort)
+            self._events.recall_abort(record.abort, effects)
         if record.pending_return is None:
             return
         self._events.recall_return(record.pending_return)

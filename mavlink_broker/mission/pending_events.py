@@ -177,14 +177,17 @@ class PendingEvents:
         """What is still to be carried out."""
         return tuple(self._waiting)
 
-    def add(self, work: EventWork, *, is_too_old: bool = False) -> None:
-        """Queue an event, unless it is known from the journal already."""
+    def add(self, work: EventWork, effects: Effects, *, is_too_old: bool = False) -> None:
+        """Queue an event; one that is known from the journal already was accepted."""
         running = None if self._running is None else self._running[0]
         known = (*self._waiting, *self._due, running)
-        if work.work_id not in {each.work_id for each in known if each}:
+        same = next((each for each in known if each and each.work_id == work.work_id), None)
+        if same is None:
             self._waiting.append(work)
             if is_too_old:
                 self._too_old.add(work.work_id)
+        elif same.was_accepted and not work.was_accepted:
+            effects.for_edge.append(Acknowledgement(work.work_id, "accepted"))
 
     def limit_wait(self, work_id: int, latest: float) -> None:
         """Let a new event, which came without a mission, expire at a time [s] or before."""
@@ -227,12 +230,20 @@ class PendingEvents:
         who = "where another system or its pilot has to move it"
         return f"{NO_MISSION}: the vehicle is in {self._vehicle.mode}, {who}"
 
-    def recall_abort(self, note: PendingAbort) -> None:
-        """Restore an abort that an earlier run accepted; the edge server may have forgotten it."""
+    def recall_abort(self, note: PendingAbort, effects: Effects) -> None:
+        """Restore an abort that an earlier run was about to order, or has.
+
+        The edge server may have forgotten it, or may not know yet that it was accepted.
+        """
         event = noted_event(note, self._vehicle.vehicle_id)
         self._noted_s = note.noted_s
         self._too_old.discard(note.work_id)
-        self.add(EventWork(work_id=note.work_id, event=event, was_accepted=True))
+        self._limited.discard(note.work_id)
+        new = [work for work in self._waiting if work.work_id == note.work_id]
+        self._waiting = [work for work in self._waiting if work not in new]
+        self.add(EventWork(work_id=note.work_id, event=event, was_accepted=True), effects)
+        for work in new:
+            self.add(work, effects)
 
     def take_due(
         self, is_too_early: Callable[[EventWork], bool], now: float, effects: Effects

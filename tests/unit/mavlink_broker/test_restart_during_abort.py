@@ -10,8 +10,9 @@ from afarcloud.enumerations import EventType
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.mission.states import State
 from tests.support.broker_world import World, first_flight, mission, takeoff, waypoint
-from tests.support.vehicle_script import ARDUPILOT, COPTER_RETURN, PX4, PX4_RETURN, Script
+from tests.support.vehicle_script import ARDUPILOT, COPTER_RETURN, PX4, PX4_LAND, PX4_RETURN, Script
 from tests.unit.mavlink_broker.test_events import ABORT, POINT, answer_statuses
+from tests.unit.mavlink_broker.test_stand_after_others import returning
 
 FAMILIES = pytest.mark.parametrize("script", [PX4, ARDUPILOT], ids=["px4", "ardupilot"])
 FIRST_ORDER = pytest.mark.parametrize(
@@ -19,6 +20,7 @@ FIRST_ORDER = pytest.mark.parametrize(
     [(ABORT, {}), (EventType.RETURN_HOME, {}), (ABORT, {"abort": POINT})],
     ids=["land", "return", "land-there"],
 )
+IS_KNOWN = pytest.mark.parametrize("is_known", [True, False], ids=["accepted", "queued"])
 SECOND_AFTER = pytest.mark.parametrize("second_after_s", [0.0, 1.0, 6.0])
 
 
@@ -36,16 +38,32 @@ def is_waiting_for_others(world: World) -> bool:
     return any("failsafe had it" in (b["warning"] or "") for b in world.edge.bodies("/vehicles/1"))
 
 
+def lose_acceptance(world: World, event: int) -> None:
+    """Let the edge server not know of an acceptance: the broker was killed before it was sent."""
+    world.edge.work[event]["state"] = "queued"
+    world.edge.closed.discard(event)
+
+
 @pytest.mark.first_case
 @FAMILIES
 @FIRST_ORDER
 @SECOND_AFTER
+@IS_KNOWN
 def test_a_newer_abort_is_carried_out_and_the_vehicle_is_the_brokers(
-    script: Script, kind: int, place: dict[str, Any], second_after_s: float, tmp_path: Path
+    script: Script,
+    kind: int,
+    place: dict[str, Any],
+    second_after_s: float,
+    tmp_path: Path,
+    *,
+    is_known: bool,
 ) -> None:
     world = flying(tmp_path, script)
     first = world.edge.event(kind, **place)
     world.run(0.2)
+    world.kill_broker()
+    if not is_known:
+        lose_acceptance(world, first)
     world.restart_broker()
     world.run(second_after_s)
     second = world.edge.event(ABORT)
@@ -54,6 +72,26 @@ def test_a_newer_abort_is_carried_out_and_the_vehicle_is_the_brokers(
     assert answer_statuses(world, first)[-1] == "done"
     assert answer_statuses(world, second)[-1] == "done"
     assert not is_waiting_for_others(world)
+
+
+@IS_KNOWN
+@pytest.mark.parametrize("away_s", [0.0, 2.0, 6.0])
+def test_an_abort_that_was_ordered_during_a_return_is_carried_on(
+    away_s: float, tmp_path: Path, *, is_known: bool
+) -> None:
+    """It flies to a place, in the mode in which somebody else would have stopped the return."""
+    world, vehicle = returning(tmp_path)
+    event = world.edge.event(ABORT, abort=POINT)
+    world.run_until(lambda: vehicle.custom_mode != PX4_RETURN)
+    world.kill_broker()
+    if not is_known:
+        lose_acceptance(world, event)
+    world.run(away_s)
+    world.restart_broker()
+    world.run_until(lambda: vehicle.custom_mode == PX4_LAND)
+    world.run(2.0)
+    assert vehicle.place == pytest.approx((POINT["latitude"], POINT["longitude"]))
+    assert answer_statuses(world, event)[-2:] == ["accepted", "done"]
 
 
 @FAMILIES
