@@ -9,6 +9,7 @@ A file that is broken, or made by another version, is set aside; one such file i
 
 import logging
 import sqlite3
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
@@ -252,6 +253,18 @@ def open_for_reading(path: Path) -> sqlite3.Connection | None:
         return None
     connection.row_factory = sqlite3.Row
     return connection
+
+
+def last_ids(connection: sqlite3.Connection) -> list[tuple[str, int]]:
+    """Return the largest id that each table has given, also of rows that are deleted."""
+    return list(connection.execute("SELECT name, seq FROM sqlite_sequence"))
+
+
+def go_on_behind(connection: sqlite3.Connection, ids: Sequence[tuple[str, int]]) -> None:
+    """Let a new file give larger ids than the one before: links to that lead nowhere else."""
+    for name, last in ids:
+        connection.execute("DELETE FROM sqlite_sequence WHERE name = ?", (name,)).close()
+        connection.execute("INSERT INTO sqlite_sequence VALUES (?, ?)", (name, last)).close()
 
 
 def files_of(path: Path) -> tuple[Path, ...]:

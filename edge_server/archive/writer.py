@@ -11,7 +11,7 @@ import sqlite3
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from typing import Final, NamedTuple, TypeVar
 
@@ -86,6 +86,7 @@ class FlightArchive:
         self._connection: sqlite3.Connection | None = None
         self._inode = 0
         self._armed: dict[int, bool] = {}
+        self._ids_before: list[tuple[str, int]] = []  # Of a file that was deleted
         self._resume_at = float("-inf")
         self._disk_is_short = False
         self._has_failed = False
@@ -287,6 +288,8 @@ class FlightArchive:
     def _opened(self) -> sqlite3.Connection:
         if self._connection is None:
             self._connection = tables.open_for_writing(self._path, self._budget_bytes)
+            tables.go_on_behind(self._connection, self._ids_before)
+            self._ids_before = []
             self._inode = self._path.stat().st_ino
         return self._connection
 
@@ -376,6 +379,9 @@ class FlightArchive:
             return
         with self._lock:
             LOG.error("the disk is short: the flight archive %s is deleted", self._path)
+            with suppress(sqlite3.Error, OSError):  # A broken file has to make room too
+                if self._path.exists():
+                    self._ids_before = tables.last_ids(self._opened())
             self._close()
             for file in tables.files_of(self._path):
                 file.unlink(missing_ok=True)

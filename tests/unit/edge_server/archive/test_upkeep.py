@@ -121,3 +121,4 @@ def test_the_file_is_deleted_if_nothing_else_helps_and_begun_again_when_there_is
     assert edge.context.archive.figures().is_working
     fly(edge, 3)
     assert flown(edge) == [3]
+    assert [flight["id"] for flight in edge.get("/flights/")] == [2]  # A link to 1 shows no other
