@@ -84,7 +84,6 @@ class _AnnouncedPicture(NamedTuple):
 
     capture: Capture
     time_s: float  # When it was taken, by the vehicle's clock
-    taken_at: float  # The same, by the broker's
     announced_at: float
     is_of_earlier_run: bool
 
@@ -285,7 +284,7 @@ class PictureCollector:
             )
             is_of_earlier = self._earlier.was_flying and one.time_s <= self._flight_known_s
             if command is not None or one.is_of_earlier_run or is_of_earlier:
-                self._fetch(one, command)
+                self._fetch(one, command, now)
 
     def _must_wait(self, one: _AnnouncedPicture, now: float) -> bool:
         """Whether an earlier picture, or the progress of the mission, is still to be received."""
@@ -393,8 +392,7 @@ class PictureCollector:
         self._seen[capture.identity] = None
         if len(self._seen) > MAX_IDENTITIES:
             self._seen.popitem(last=False)
-        taken_at = self._time.broker_time(taken_s, now)
-        self._taken.append(_AnnouncedPicture(capture, taken_s, taken_at, now, is_of_earlier_run))
+        self._taken.append(_AnnouncedPicture(capture, taken_s, now, is_of_earlier_run))
 
     def _take_feedback(self, feedback: Feedback, now: float) -> None:
         booted_s = self._vehicle.snapshot.booted_at_utc_s
@@ -420,7 +418,9 @@ class PictureCollector:
         is_same = lag_s is not None and not has_own
         return self._time.of(taken_s, capture.taken_utc_s, now, is_same_clock=is_same)
 
-    def _fetch(self, announced: _AnnouncedPicture, command: PictureCommand | None) -> None:
+    def _fetch(
+        self, announced: _AnnouncedPicture, command: PictureCommand | None, now: float
+    ) -> None:
         self._number += 1
         capture, location = announced.capture, announced.capture.location
         if not capture.has_succeeded:
@@ -433,9 +433,8 @@ class PictureCollector:
         elif self.unfinished >= MAX_UNFINISHED:
             self._report(command, f"picture {capture.index} is not fetched: too many wait")
         else:
-            self._fetching.add(
-                PictureDownload(self._number, capture, command, location, announced.taken_at)
-            )
+            taken_at = self._time.broker_time(announced.time_s, now)
+            self._fetching.add(PictureDownload(self._number, capture, command, location, taken_at))
 
     def _request_missing(self, now: float) -> None:
         for interval in self._attribution.incomplete():

@@ -21,6 +21,8 @@ _PROVED_LATE_S: Final = 60.0
 """A restart that is proved so soon after its clock was believed is that one, not another."""
 
 
+REAL_RATE_WITHIN: Final = 0.1
+"""A clock whose rate differs less from the broker's is a real one: messages come unevenly."""
 UNSEEN_BOOT_S: Final = 1e6
 """What was by the clock before a restart that only an earlier run of the broker may have seen is so
 much earlier; no vehicle is up for so long."""
@@ -103,8 +105,18 @@ class VehicleTime:
                 share = (time_s - earlier_s) / (later_s - earlier_s)
                 return earlier + share * (later - earlier)
             later_s, later, later_epoch_s = earlier_s, earlier, epoch_s
-        age_s = later_s - time_s  # Before the first time that was received
+        age_s = (later_s - time_s) / self._rate  # Before the first time that was received
         return later - age_s if age_s <= RECENT_S else now
+
+    @property
+    def _rate(self) -> float:
+        """How fast the vehicle's clock runs: a simulated one's at its speed."""
+        times = [(at_s, at) for at_s, at, epoch_s in self._received if epoch_s == self._epoch_s]
+        if not times or times[-1][1] - times[0][1] < _EVERY_S:
+            return 1.0
+        (first_s, first), (last_s, last) = times[0], times[-1]
+        rate = (last_s - first_s) / (last - first)
+        return 1.0 if abs(rate - 1.0) < REAL_RATE_WITHIN else max(rate, REAL_RATE_WITHIN)
 
     @property
     def is_doubtful(self) -> bool:
