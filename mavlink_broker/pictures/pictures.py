@@ -292,6 +292,9 @@ class PictureCollector:
         camera = self._cameras[capture.component]
         if camera.lacks_before(capture.index):
             return True
+        is_undated = one.is_of_earlier_run and not self._time.knows_rate
+        if is_undated and now - one.announced_at < STORED_WITHIN_S:
+            return True
         if camera.goes_back and one.time_s < self._followed_from_s:
             return True  # They are given to commands in their order, and come the other way round
         if self._flight is None:

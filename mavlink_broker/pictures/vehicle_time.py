@@ -109,14 +109,23 @@ class VehicleTime:
         return later - age_s if age_s <= RECENT_S else now
 
     @property
+    def knows_rate(self) -> bool:
+        """Whether the vehicle's clock was received for long enough to show how fast it runs."""
+        return self._measured_rate is not None
+
+    @property
     def _rate(self) -> float:
         """How fast the vehicle's clock runs: a simulated one's at its speed."""
+        rate = 1.0 if self._measured_rate is None else self._measured_rate
+        return 1.0 if abs(rate - 1.0) < REAL_RATE_WITHIN else max(rate, REAL_RATE_WITHIN)
+
+    @property
+    def _measured_rate(self) -> float | None:
         times = [(at_s, at) for at_s, at, epoch_s in self._received if epoch_s == self._epoch_s]
         if not times or times[-1][1] - times[0][1] < _EVERY_S:
-            return 1.0
+            return None
         (first_s, first), (last_s, last) = times[0], times[-1]
-        rate = (last_s - first_s) / (last - first)
-        return 1.0 if abs(rate - 1.0) < REAL_RATE_WITHIN else max(rate, REAL_RATE_WITHIN)
+        return (last_s - first_s) / (last - first)
 
     @property
     def is_doubtful(self) -> bool:
