@@ -43,6 +43,7 @@ EPOCH: Final = datetime(2015, 1, 1, tzinfo=UTC)
 TICKS_PER_S: Final = 100_000
 LOG_INTERVAL_S: Final = 30.0
 """Interval of log lines."""
+CLOCK_ADVICE: Final = "; if a vehicle is not received, this computer's clock may be ahead of it"
 STREAMS_KEPT: Final = 256
 """Per key; the one that was received last longest ago is forgotten."""
 
@@ -248,4 +249,7 @@ class SignatureCheck:
         new = self.refused - self._logged
         self._logged = self.refused.copy()
         reasons = ", ".join(f"{count} {refusal.value}" for refusal, count in new.items())
-        _LOG.warning("MAVLink frames refused: %s; the last from system %d", reasons, last.system)
+        advice = CLOCK_ADVICE if Refusal.REPLAYED in new else ""
+        _LOG.warning(
+            "MAVLink frames refused: %s; the last from system %d%s", reasons, last.system, advice
+        )

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from mavlink_broker.mavlink.codec import Decoder, Encoder
 from mavlink_broker.mavlink.dialect import Message, mavlink, source_of
 from mavlink_broker.mavlink.signing import (
+    CLOCK_ADVICE,
     LOG_INTERVAL_S,
     RETRY_INTERVAL_S,
     KeyRing,
@@ -178,6 +179,14 @@ def test_refusals_are_logged_at_intervals(
     assert len(caplog.records) == 100 // LOG_INTERVAL_S + 1
     assert "1 unsigned; the last from system 1" in caplog.messages[0]
     assert "30 unsigned" in caplog.messages[1]
+    assert CLOCK_ADVICE not in caplog.text
+
+
+def test_the_log_says_what_refuses_a_vehicle_whose_clock_is_behind(
+    signature_check: SignatureCheck, caplog: pytest.LogCaptureFixture
+) -> None:
+    signature_check.accepts(received(HEARTBEAT, key=KEY, ahead=timedelta(seconds=-70)), 0.0)
+    assert CLOCK_ADVICE in caplog.text
 
 
 KEY = bytes(range(32))
