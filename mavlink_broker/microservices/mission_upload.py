@@ -1,7 +1,7 @@
 """Uploads a plan (mission, geofence or rally points) over a link that loses and repeats.
 
 The broker announces the count, the vehicle requests the items and acknowledges. Requests are
-answered without state, any number of times. Recovery from losses:
+answered any number of times, but for copies that a link makes of one. Recovery from losses:
 
     count or first request lost   the count is repeated
     request or item lost          the vehicle repeats its request
@@ -18,6 +18,7 @@ vehicle holds.
 
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum, auto
@@ -53,6 +54,8 @@ _UNSUPPORTED: Final = frozenset(
     }
 )
 """Answers to an item whose command or parameters the vehicle does not support."""
+COPY_WITHIN_S: Final = 0.005
+"""No vehicle repeats a request so soon, also one that is simulated faster than the time passes."""
 CLEAR_ATTEMPTS: Final = 10
 CLEAR_REFUSALS: Final = 4
 
@@ -125,6 +128,7 @@ class MissionUpload:
         self._deadline = 0.0
         self._sent_at = 0.0
         self._requested: set[int] = set()
+        self._answered_at = -math.inf  # When the item that was requested last was sent last
         self._last_requested: int | None = None
         self._repetitions = 0
         self._last_error = "no answer to MISSION_COUNT"
@@ -187,9 +191,15 @@ class MissionUpload:
         return []
 
     def _answer(self, seq: int, now: float) -> list[Message]:
-        """Return the requested item, any number of times."""
-        if seq >= len(self._items):
+        """Return the requested item, as often as the vehicle repeats its request.
+
+        One that a link has doubled is answered once: where each copy of an item leads to a request,
+        and each copy of a request to an item, their number would grow from item to item.
+        """
+        is_copy = seq == self._last_requested and now - self._answered_at < COPY_WITHIN_S
+        if seq >= len(self._items) or is_copy:
             return []
+        self._answered_at = now
         if self._phase is _Phase.PAUSING and seq in self._requested:
             return [self._items[seq]]  # No progress: the transfer restarts nevertheless
         if seq not in self._requested:

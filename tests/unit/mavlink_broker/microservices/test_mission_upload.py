@@ -13,6 +13,7 @@ from mavlink_broker.mavlink.mission_item import (
 )
 from mavlink_broker.microservices.command import RoundTrip
 from mavlink_broker.microservices.mission_upload import (
+    COPY_WITHIN_S,
     COUNT_ATTEMPTS,
     MOST_REPETITIONS,
     MissionUpload,
@@ -26,8 +27,8 @@ COUNT = 3
 ITEM = waypoint(latitude_deg=1.0, longitude_deg=2.0, relative_altitude_m=5.0)
 
 
-def upload() -> MissionUpload:
-    items = [to_message(ITEM, seq=i, first=0, system=1, component=1) for i in range(COUNT)]
+def upload(count: int = COUNT) -> MissionUpload:
+    items = [to_message(ITEM, seq=i, first=0, system=1, component=1) for i in range(count)]
     return MissionUpload(items, ROUTE, RoundTrip(), busy_pause_s=6.0)
 
 
@@ -68,9 +69,22 @@ def test_every_requested_item_is_sent_and_the_id_is_returned() -> None:
 def test_a_request_is_answered_any_number_of_times_and_in_any_order() -> None:
     one = upload()
     one.start(0.0)
-    for seq in (0, 0, 1, 0, 2, 1, 2):
-        (item,) = one.receive(request(seq), 0.1)
+    for number, seq in enumerate((0, 0, 1, 0, 2, 1, 2)):
+        (item,) = one.receive(request(seq), 0.1 + number * COPY_WITHIN_S)
         assert item.seq == seq
+
+
+def test_a_link_that_doubles_messages_does_not_multiply_them_from_item_to_item() -> None:
+    """This vehicle answers each copy of an item with the request of the next one."""
+    one = upload(40)
+    one.start(0.0)
+    requests, sent, now = [0], 0, 0.0
+    while requests and sent < 1000:
+        now += 0.02
+        items = [item.seq for seq in requests for item in one.receive(request(seq), now)]
+        sent += len(items)
+        requests = [seq + 1 for seq in items for _ in range(2) if seq + 1 < 40]
+    assert sent == 40
 
 
 def test_the_deprecated_request_is_answered_with_the_integer_item() -> None:
