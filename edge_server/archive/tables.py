@@ -260,7 +260,7 @@ def last_ids(connection: sqlite3.Connection) -> list[tuple[str, int]]:
     return list(connection.execute("SELECT name, seq FROM sqlite_sequence"))
 
 
-def go_on_behind(connection: sqlite3.Connection, ids: Sequence[tuple[str, int]]) -> None:
+def keep_ids_above(connection: sqlite3.Connection, ids: Sequence[tuple[str, int]]) -> None:
     """Let a new file give larger ids than the one before: links to that lead nowhere else."""
     for name, last in ids:
         connection.execute("DELETE FROM sqlite_sequence WHERE name = ?", (name,)).close()

@@ -287,9 +287,13 @@ class FlightArchive:
 
     def _opened(self) -> sqlite3.Connection:
         if self._connection is None:
-            self._connection = tables.open_for_writing(self._path, self._budget_bytes)
-            tables.go_on_behind(self._connection, self._ids_before)
-            self._ids_before = []
+            connection = tables.open_for_writing(self._path, self._budget_bytes)
+            try:
+                tables.keep_ids_above(connection, self._ids_before)
+            except BaseException:
+                connection.close()
+                raise
+            self._connection, self._ids_before = connection, []
             self._inode = self._path.stat().st_ino
         return self._connection
 
