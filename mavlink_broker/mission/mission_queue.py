@@ -352,7 +352,7 @@ class MissionQueue:
             vehicle.recovery.paused is not None and vehicle.mode == vehicle.family.paused_mode
         )
         flies_on = vehicle.snapshot.armed and (vehicle.mode_role is ModeRole.MISSION or is_paused)
-        if replaced.was_sent_before:
+        if replaced.is_noted:
             return not flies_on
         return work.was_accepted and (self._events.is_past(work) or not flies_on)
 
@@ -388,12 +388,12 @@ class MissionQueue:
         if current is not None and _concerns(work, current):
             _accept(work, effects)
             is_soft = work.event.event_type_id is EventType.SOFT_ABORT_MISSION
-            if is_soft and not replaced.was_sent_before:
+            if is_soft and not replaced.is_noted:
                 current.abort_softly(work, now, effects)
             elif self._was_ordered_before(work, replaced):
                 current.end_for_abort(work, now, effects)
                 self.close_ended(effects)
-                is_newer = replaced.was_sent_before
+                is_newer = replaced.is_noted
                 self._events.resume_abort(work, now, effects, is_newer=is_newer)
             else:
                 current.abort_now(work, now, effects)

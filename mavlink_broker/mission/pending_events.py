@@ -133,7 +133,7 @@ class ReplacedOrders(NamedTuple):
     """What the vehicle does, or is to do, by orders that a newer abort replaces."""
 
     is_sent: bool  # An older abort or an alarm has sent it somewhere, or was about to
-    was_sent_before: bool  # An earlier run of the broker has noted that it gives such an order
+    is_noted: bool  # In the journal: an earlier run of the broker was about to order it, or has
 
 
 class PendingEvents:

@@ -390,8 +390,8 @@ class ProgressMonitor:
             return False
         is_there = distance_m(*place[:2], *end[:2]) <= END_WITHIN_M
         name, recovery = self._ledger.name_of(self._plan.first_command), vehicle.recovery
-        is_noted = recovery.segment in {name, None} and recovery.tracker.in_use
-        may_be_flown = not is_noted or recovery.has_flown(name)
+        is_of_journal = recovery.segment in {name, None} and recovery.tracker.in_use
+        may_be_flown = not is_of_journal or recovery.has_flown(name)
         return self._plan.ends_on_ground and is_there and self._had_time and may_be_flown
 
     @property

@@ -148,10 +148,13 @@ class Vehicle:
 
     def _note_taken_mode(self, now: float) -> None:
         """Note for a restarted broker that somebody else has it, or that it stands for him."""
+        period = self.armed_period
         if self.snapshot.armed:
-            is_theirs = self._others_have_it or self.is_taken or self.armed_period.is_others
-            self.recovery.taken_mode = self.mode if is_theirs else None
-        elif self.armed_period.stood_s(now) is None and not self._others_have_it:
+            is_unknown = period.is_others and period.is_found  # Until a mission is recognised
+            is_theirs = self._others_have_it or self.is_taken
+            if is_theirs or not is_unknown:
+                self.recovery.taken_mode = self.mode if is_theirs or period.is_others else None
+        elif period.stood_s(now) is None and (period.is_others or not self._others_have_it):
             self.recovery.taken_mode = None
 
     def doubt(self, now: float) -> None:
@@ -422,14 +425,13 @@ class Vehicle:
     def flown_mode(self) -> ObservedMode:
         """The mode of an armed vehicle; of one that is disarmed, the last in which it was armed.
 
-        If it was not received in between, that is the mode in which an earlier run of the broker
-        has lost it to somebody else.
+        If this run of the broker has not seen it armed, that is its present mode if an earlier one
+        has lost it to somebody else in that: in another one he may have given it back.
         """
         if self.snapshot.armed:
             return self.observed_mode
-        taken_mode = self.recovery.taken_mode
-        if self._flown_mode is None and taken_mode is not None:
-            return ObservedMode(taken_mode, self.family.mode_role(taken_mode), armed=True)
+        if self._flown_mode is None and self.recovery.taken_mode == self.mode:
+            return self.observed_mode._replace(armed=True)
         return self._flown_mode or self.observed_mode
 
     @property

@@ -355,6 +355,51 @@ def test_so_has_one_whom_a_killed_broker_saw_and_the_restarted_one_did_not(
 
 
 @pytest.mark.parametrize("script", [PX4, ARDUPILOT], ids=["px4", "ardupilot"])
+def test_a_mission_that_a_pilot_gave_back_unseen_was_flown(script: Script, tmp_path: Path) -> None:
+    """A broker that was killed has noted him; the vehicle lands where the mission ends."""
+    world = World(journal=tmp_path)
+    vehicle = world.add_vehicle(script=script)
+    world.edge.plan(first_flight())
+    world.run_until(lambda: vehicle.airborne and world.edge.status(1201) == Status.RUNNING)
+    world.run(3.0)
+    mode = vehicle.custom_mode
+    vehicle.steer(PX4_POSITION if script is PX4 else COPTER_STABILIZE)
+    world.run(2.0)
+    world.kill_broker()
+    world.run(1.0)
+    vehicle.is_manual = False
+    vehicle.set_mode(mode)
+    world.run_until(lambda: not vehicle.armed)
+    world.run(60.0)
+    world.restart_broker()
+    world.run_until_over(1201)
+    assert world.edge.statuses(1201) == FINISHED
+    assert not world.edge.bodies("/alarm/")
+
+
+@pytest.mark.parametrize("killed_again_after_s", [0.4, 1.0, 1.6, 2.4, 5.0])
+@pytest.mark.parametrize("script", [PX4, ARDUPILOT], ids=["px4", "ardupilot"])
+def test_a_flight_of_a_broker_that_is_killed_again_and_again_is_its_own(
+    script: Script, killed_again_after_s: float, tmp_path: Path
+) -> None:
+    world = World(journal=tmp_path)
+    vehicle = world.add_vehicle(script=script)
+    world.edge.plan(first_flight())
+    world.run_until(lambda: vehicle.airborne and world.edge.status(1201) == Status.RUNNING)
+    world.run(3.0)
+    world.restart_broker()
+    world.run(killed_again_after_s)
+    world.kill_broker()
+    world.run_until(lambda: not vehicle.armed)
+    world.run(5.0)
+    world.edge.plan(first_flight(mission_id=1202))
+    before = vehicle.arm_orders
+    world.restart_broker()
+    world.run_until(lambda: vehicle.arm_orders > before, within_s=2 * LATE_S)
+    assert LEFT_BY_OTHERS not in warning(world)
+
+
+@pytest.mark.parametrize("script", [PX4, ARDUPILOT], ids=["px4", "ardupilot"])
 def test_so_has_one_who_takes_it_in_the_first_seconds_of_a_return(script: Script) -> None:
     world = in_mission(dataclasses.replace(script, landing_s=600.0))
     vehicle = world.only_vehicle
