@@ -87,7 +87,7 @@ BREAKS: Final = (
         (
             Change(
                 "mavlink_broker/mission/mission_queue.py",
-                "            self._events.recall_abort(record.abort)\n",
+                "            self._events.recall_abort(record.abort, effects)\n",
                 "            pass\n",
             ),
         ),
