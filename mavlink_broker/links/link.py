@@ -141,7 +141,7 @@ class FrameScanner:
 
     Returns only frames with a correct checksum, so that noise costs no frame after it. The checksum
     of a message that the dialect does not know cannot be checked; such a frame is returned if
-    another frame, or nothing, follows it.
+    another frame, or nothing, follows it, and if none is in it.
     """
 
     def __init__(self) -> None:
@@ -195,8 +195,19 @@ def _is_frame(data: bytes, start: int, size: int) -> bool:
     end = start + size
     holds = checksum_holds(data[start:end])
     if holds is None:
-        return end == len(data) or next_marker(data, end) == end
+        is_followed = end == len(data) or next_marker(data, end) == end
+        return is_followed and not _contains_frame(data, start + 1, end)
     return holds
+
+
+def _contains_frame(data: bytes, start: int, end: int) -> bool:
+    """Whether a frame with a correct checksum lies there: what was before it is noise."""
+    while (start := next_marker(data, start)) < end:
+        size = frame_size(data, start)
+        if size is not None and start + size <= end and checksum_holds(data[start : start + size]):
+            return True
+        start += 1
+    return False
 
 
 class RateLimiter:
