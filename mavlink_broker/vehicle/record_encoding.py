@@ -142,6 +142,7 @@ class _Document(_Row):
     has_camera: bool = False
     armed_s: _Number | None = None
     taken_mode: _Text | None = None
+    shows_manual: bool = False
 
 
 _AS_NOTED: Final = (
@@ -154,6 +155,7 @@ _AS_NOTED: Final = (
     "has_camera",
     "armed_s",
     "taken_mode",
+    "shows_manual",
 )
 """Fields of a record that have the same name and value in its document."""
 

@@ -93,6 +93,7 @@ class RecoveryRecord:
     has_camera: bool = False  # A camera was received in this flight
     armed_s: float | None = None  # When it was armed, by its clock since boot
     taken_mode: str | None = None  # In which somebody else has it, or had when it was disarmed
+    shows_manual: bool = False  # Its heartbeats show by standard bits whether a pilot steers
 
 
 EMPTY_RECORD: Final = RecoveryRecord()
@@ -127,6 +128,7 @@ def merge_records(earlier: RecoveryRecord, later: RecoveryRecord) -> RecoveryRec
         has_camera=later.has_camera or earlier.has_camera,
         armed_s=earlier.armed_s if later.armed_s is None else later.armed_s,
         taken_mode=later.taken_mode or earlier.taken_mode,
+        shows_manual=later.shows_manual or earlier.shows_manual,
     )
 
 
@@ -263,6 +265,8 @@ class RecoveryState:
         """When it was armed for the flight, by its clock since boot; its log began then."""
         self.taken_mode: str | None = None
         """Mode in which somebody else has the vehicle, or had when it was disarmed just now."""
+        self.shows_manual = False
+        """Whether one in flight, whose modes are not known, has shown that a pilot would show."""
 
     def note_segment(self, first_command: str, time_s: float | None) -> None:
         """Note that the vehicle is about to be ordered to fly items, at a time of its clock."""
@@ -325,6 +329,7 @@ class RecoveryState:
             has_camera=self.has_camera,
             armed_s=self.armed_s,
             taken_mode=self.taken_mode,
+            shows_manual=self.shows_manual,
         )
 
     @property
@@ -347,7 +352,7 @@ class RecoveryState:
         self.paused = both.paused
         self.is_tracking, self._is_of_earlier_run = both.is_tracking, record.is_tracking
         self.has_camera, self.armed_s = both.has_camera, both.armed_s
-        self.taken_mode = both.taken_mode
+        self.taken_mode, self.shows_manual = both.taken_mode, both.shows_manual
 
     def forget(self) -> None:
         """Begin anew with another vehicle in place of this one; aborts are for it too."""
@@ -355,5 +360,5 @@ class RecoveryState:
         self.hover.end()
         self.descent.end()
         self.pending_return = self.paused = self.armed_s = self.taken_mode = None
-        self.is_tracking = self.has_camera = False
+        self.is_tracking = self.has_camera = self.shows_manual = False
         self.clear_commands()

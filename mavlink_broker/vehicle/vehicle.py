@@ -145,6 +145,9 @@ class Vehicle:
         self.armed_period.update(now, is_armed=self.snapshot.armed, is_taken=self.is_taken)
         self.is_taken = self.is_taken and self.snapshot.armed is not False
         self._note_taken_mode(now)
+        shows_manual = self._shows_manual or self.recovery.shows_manual
+        is_needed = bool(self.snapshot.armed) and not self.family.knows_modes
+        self.recovery.shows_manual = shows_manual and is_needed
 
     def _note_taken_mode(self, now: float) -> None:
         """Note for a restarted broker that somebody else has it, or that it stands for him."""
@@ -411,7 +414,8 @@ class Vehicle:
     @property
     def observed_mode(self) -> ObservedMode:
         """What its heartbeat shows about who is in command."""
-        is_manual = self._shows_manual and control_authority.is_manual(self.snapshot.base_mode)
+        shows_manual = self._shows_manual or self.recovery.shows_manual
+        is_manual = shows_manual and control_authority.is_manual(self.snapshot.base_mode)
         return ObservedMode(
             self.mode,
             self.mode_role,

@@ -23,6 +23,7 @@ from mavlink_broker.vehicle.control_authority import (
 from tests.support.broker_world import (
     FAMILIES,
     FINISHED,
+    GENERIC,
     World,
     first_flight,
     follow,
@@ -560,3 +561,21 @@ def test_a_pilots_automatic_landing_is_his(landing: int) -> None:
     world.run(STAND_S - 1.0)
     assert vehicle.arm_orders == 0
     world.run_until(lambda: vehicle.armed, within_s=1.0 + LATE_S)
+
+
+def test_a_pilot_of_an_unknown_autopilot_is_known_to_a_restarted_broker(tmp_path: Path) -> None:
+    """Its heartbeats have shown by their standard bits that a pilot would show in them."""
+    world = World(journal=tmp_path)
+    vehicle = world.add_vehicle(script=dataclasses.replace(GENERIC, item_time_s=60.0))
+    world.edge.plan(mission(takeoff(1), waypoint(2, hold_time=60.0), waypoint(3)))
+    world.run_until(lambda: vehicle.airborne and world.edge.status(1201) == Status.RUNNING)
+    world.run(7.0)
+    world.kill_broker()
+    flies_manually(vehicle)
+    world.restart_broker()
+    sent = len(vehicle.frames)
+    world.run(2.0)
+    event = world.edge.event(1)
+    world.run(10.0)
+    assert answer_statuses(world, event)[-1] == "refused"
+    assert not [one for one in orders(vehicle, sent) if not one.startswith("PARAM_SET")]
