@@ -394,7 +394,7 @@ class Attribution:
 
 def _is_of_others(interval: CommandInterval, position: Position | None) -> bool:
     """Whether a picture is not of a command of unknown time: that takes none, or elsewhere."""
-    is_known = interval.began_s > -math.inf and not interval.is_of_boot_before
+    is_known = interval.earliest_s > -math.inf and not interval.is_of_boot_before
     if interval.command is None or is_known:
         return False
     is_elsewhere = position is not None and AT_PLACE_M < _off_m(interval, position) < math.inf

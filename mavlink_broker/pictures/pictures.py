@@ -46,7 +46,6 @@ from mavlink_broker.pictures.attribution import (
 from mavlink_broker.pictures.downloads import PictureDownload, PictureFetcher, Progress
 from mavlink_broker.pictures.vehicle_time import (
     OWN_CLOCK_S,
-    PROVED_WITHIN_S,
     UNSEEN_BOOT_S,
     CameraClocks,
     VehicleTime,
@@ -124,7 +123,6 @@ class PictureCollector:
         self._shown_since = -math.inf  # From then on the vehicle has shown it without a gap
         self._earlier = EarlierFlight()
         self._is_shifted = False  # To the clock before a restart since that flight
-        self._clock_awaited_since = math.inf
         self._followed_from_s = math.inf  # When the first command of a mission was followed
         self._flight_known_s = math.inf  # When the first mission of this run was received
         self.has_room = True  # The edge server keeps up with the pictures
@@ -163,8 +161,7 @@ class PictureCollector:
             if self._flight is None:
                 self._flight_known_s = self._time.at(now)
             self._flight = work, ledger
-            is_known = self._vehicle.is_identified and not self._awaits_clock(now)
-            is_known |= self._followed_from_s < math.inf
+            is_known = self._vehicle.is_identified or self._followed_from_s < math.inf
             if ledger.status is Status.RUNNING and is_known:  # Else the journal is not read yet
                 command = current_command(ledger, work.mission.command_array, work.name)
         stood_still = now - self._updated_at > PROGRESS_GAP_S  # What has waited is read first
@@ -179,13 +176,6 @@ class PictureCollector:
         if is_change:
             for camera in self._cameras.values():  # A mission begins or ends
                 camera.request_count()
-
-    def _awaits_clock(self, now: float) -> bool:
-        """Whether a vehicle has still to send its clock, by which an earlier run has ordered it."""
-        if self._vehicle.snapshot.time_s is not None:
-            return False
-        self._clock_awaited_since = min(now, self._clock_awaited_since)
-        return now - self._clock_awaited_since < PROVED_WITHIN_S
 
     def _follow_command(self, command: PictureCommand | None, now: float, time_s: float) -> bool:
         """Follow the command that runs; returns whether a mission begins or ends."""

@@ -179,6 +179,17 @@ def test_a_command_that_a_failed_mission_leaves_unflown_takes_no_later_picture()
     assert [one and one.command for one in found] == [1, 0]
 
 
+def test_a_command_that_may_have_run_at_any_time_takes_pictures_at_its_place_only() -> None:
+    """An earlier run has ordered it, nobody knows when: others are of flights before."""
+    attribution = Attribution()
+    for time_s in (200.0, 203.0):
+        attribution.update(at(NEAR, 1, expected=2), time_s, resumed_since_s=-math.inf)
+    assert attribution.attribute(50.0, FIRST, (FAR.latitude_deg, FAR.longitude_deg)) is None
+    near = attribution.attribute(60.0, FIRST, (NEAR.latitude_deg, NEAR.longitude_deg))
+    assert near is not None
+    assert near.command == 1
+
+
 def test_a_picture_on_a_circle_belongs_to_the_command_behind_it() -> None:
     attribution = flown(taker(0))
     for one in (at(NEAR, 1, expected=1), at(CIRCLE, 2, expected=1)):
