@@ -47,6 +47,7 @@ RESTARTED: Final = "the vehicle was restarted"
 REPLACED_VEHICLE: Final = "another vehicle with its system id is received in its place"
 RETURN_ENDED: Final = f"{RESTARTED} on its way home"
 
+AIRBORNE: Final = Claim(AIRBORNE_MODES)
 DESCENDING: Final = Claim(DESCENT_MODES)
 ON_GROUND: Final = Claim(frozenset(), may_be_armed=False)
 TAKEN: Final = Claim(frozenset(), may_be_armed=False)

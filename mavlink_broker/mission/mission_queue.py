@@ -393,8 +393,7 @@ class MissionQueue:
             elif self._was_ordered_before(work, replaced):
                 current.end_for_abort(work, now, effects)
                 self.close_ended(effects)
-                is_newer = replaced.is_noted
-                self._events.resume_abort(work, now, effects, is_newer=is_newer)
+                self._events.resume_abort(work, now, effects, is_newer=replaced.is_noted)
             else:
                 current.abort_now(work, now, effects)
             self.close_ended(effects)

@@ -27,11 +27,11 @@ from mavlink_broker.mission.abort_executor import (
     noted_event,
     return_event,
 )
-from mavlink_broker.mission.context import DESCENDING
+from mavlink_broker.mission.context import AIRBORNE, DESCENDING
 from mavlink_broker.mission.flight_orders import REPLACED
 from mavlink_broker.mission.mission_executor import MissionExecutor
 from mavlink_broker.vehicle import control_authority
-from mavlink_broker.vehicle.control_authority import Authority, Claim
+from mavlink_broker.vehicle.control_authority import Authority
 from mavlink_broker.vehicle.recovery_state import PendingAbort, PendingReturn
 from mavlink_broker.vehicle.vehicle import Vehicle
 
@@ -48,7 +48,6 @@ TOO_OLD: Final = "accepted too long ago by an earlier run of the broker: not car
 RESTARTED_SINCE: Final = "the vehicle was restarted since"
 NOT_SEEN: Final = "the vehicle lands, or has landed: whether it was there before is not known"
 LANDED_UNSEEN: Final = "the vehicle has landed unseen: it may have flown its mission to the end"
-_IN_AIR: Final = Claim(control_authority.AIRBORNE_MODES)
 ANSWERED_KEPT: Final = 256
 """Work ids of which a second final answer is recognised."""
 
@@ -239,11 +238,11 @@ class PendingEvents:
         self._noted_s = note.noted_s
         self._too_old.discard(note.work_id)
         self._limited.discard(note.work_id)
-        new = [work for work in self._waiting if work.work_id == note.work_id]
-        self._waiting = [work for work in self._waiting if work not in new]
+        same = [work for work in self._waiting if work.work_id == note.work_id]
+        self._waiting = [work for work in self._waiting if work not in same]
         self.add(EventWork(work_id=note.work_id, event=event, was_accepted=True), effects)
-        for work in new:
-            self.add(work, effects)
+        if any(not work.was_accepted for work in same):
+            effects.for_edge.append(Acknowledgement(note.work_id, "accepted"))
 
     def take_due(
         self, is_too_early: Callable[[EventWork], bool], now: float, effects: Effects
@@ -477,7 +476,7 @@ class PendingEvents:
             return  # One without a position is ordered to land, not to return
         pending, self._return = self._return, None
         self._is_return_interrupted |= pending is not None and self._is_past(pending.noted_s)
-        who = control_authority.authority_of(vehicle.observed_mode, _IN_AIR)
+        who = control_authority.authority_of(vehicle.observed_mode, AIRBORNE)
         is_over = self._is_return_interrupted or who is not Authority.BROKER
         if not vehicle.snapshot.armed or is_over:
             vehicle.recovery.pending_return = None

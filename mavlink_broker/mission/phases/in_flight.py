@@ -13,7 +13,12 @@ from mavlink_broker.autopilots.families import LIVE_MODES, ModeRole
 from mavlink_broker.effects import Effects
 from mavlink_broker.live.executor import LiveCommandExecutor, LivePhase
 from mavlink_broker.mavlink.dialect import Message
-from mavlink_broker.mission.context import PROGRESS_WITHIN_S, MissionContext, SegmentMonitors
+from mavlink_broker.mission.context import (
+    AIRBORNE,
+    PROGRESS_WITHIN_S,
+    MissionContext,
+    SegmentMonitors,
+)
 from mavlink_broker.mission.phases.phase import Fault, Phase, Request, Result
 from mavlink_broker.mission.progress_monitor import MissionChangeMonitor
 from mavlink_broker.vehicle import control_authority
@@ -24,9 +29,6 @@ from mavlink_broker.vehicle.control_authority import (
     Authority,
     Claim,
 )
-
-_WAITING: Final = Claim(AIRBORNE_MODES)
-"""A vehicle that waits in the air for its paused mission to be resumed."""
 
 
 class Running(Phase):
@@ -120,7 +122,7 @@ class Running(Phase):
             return None
         if mission.vehicle.snapshot.armed is False:
             return Fault(DISARMED)
-        who = mission.authority.who(_WAITING)
+        who = mission.authority.who(AIRBORNE)
         return None if who is Authority.BROKER else Fault(mission.authority.reason(who))
 
     def _observe_pause(self, now: float, effects: Effects) -> None:

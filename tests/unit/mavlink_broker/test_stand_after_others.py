@@ -105,6 +105,15 @@ def messages(world: World, mission_id: int = 1201) -> list[str]:
     return [report.get("message") or "" for report in world.edge.reports(mission_id)]
 
 
+def assert_that_the_next_mission_waits(world: World) -> int:
+    """It comes now, and does not arm the vehicle before that has stood; gives its orders to arm."""
+    before = world.only_vehicle.arm_orders
+    world.edge.plan(first_flight(mission_id=1202))
+    world.run(STAND_S - 1.0)
+    assert world.only_vehicle.arm_orders == before
+    return before
+
+
 @FAMILIES
 def test_a_mission_waits_after_a_pilots_landing(script: Script) -> None:
     world = flown_by_a_pilot(script)
@@ -242,7 +251,7 @@ def test_a_broker_that_finds_a_pilot_flying_waits_after_his_landing(script: Scri
     world.run_until(lambda: vehicle.armed, within_s=1.0 + LATE_S)
 
 
-def test_a_broker_that_finds_the_vehicle_disarmed_begins_at_once() -> None:
+def test_a_broker_without_a_journal_that_finds_the_vehicle_disarmed_begins_at_once() -> None:
     world = flown_by_a_pilot()
     world.run(6.0)
     assert LEFT_BY_OTHERS in messages(world)[-1]
@@ -294,10 +303,7 @@ def test_so_has_one_who_takes_it_and_puts_it_down_within_seconds(
         world.run(1.8)
     sent = len(vehicle.frames)
     lands(vehicle)
-    before = vehicle.arm_orders
-    world.edge.plan(first_flight(mission_id=1202))
-    world.run(STAND_S - 1.0)
-    assert vehicle.arm_orders == before
+    before = assert_that_the_next_mission_waits(world)
     assert not [one for one in orders(vehicle, sent) if not one.startswith("PARAM_SET")]
     assert world.edge.status(1201) == Status.FAILED
     assert "somebody else flies the vehicle" in [m for m in messages(world) if m][-1]
@@ -315,10 +321,7 @@ def test_so_has_one_who_takes_it_on_its_last_leg(script: Script) -> None:
     flies_manually(vehicle)
     world.run(1.5)
     lands(vehicle)
-    before = vehicle.arm_orders
-    world.edge.plan(first_flight(mission_id=1202))
-    world.run(STAND_S - 1.0)
-    assert vehicle.arm_orders == before
+    assert_that_the_next_mission_waits(world)
     assert world.edge.status(1201) == Status.FAILED
 
 
@@ -413,10 +416,7 @@ def test_so_has_one_who_takes_it_in_the_first_seconds_of_a_return(script: Script
     vehicle.heartbeat()
     world.run(0.5)
     lands(vehicle)
-    before = vehicle.arm_orders
-    world.edge.plan(first_flight(mission_id=1202))
-    world.run(STAND_S - 1.0)
-    assert vehicle.arm_orders == before
+    assert_that_the_next_mission_waits(world)
 
 
 @pytest.mark.parametrize("event", [{"maximum_speed": 2.0}, {}], ids=["speed", "pause"])
@@ -505,10 +505,7 @@ def test_a_pilots_flight_behind_such_a_return_is_his(tmp_path: Path) -> None:
     vehicle.set_mode(PX4_RETURN)
     world.run(3.0)
     lands(vehicle)
-    before = vehicle.arm_orders
-    world.edge.plan(first_flight(mission_id=1202))
-    world.run(STAND_S - 1.0)
-    assert vehicle.arm_orders == before
+    assert_that_the_next_mission_waits(world)
 
 
 def test_who_arms_after_the_vehicle_has_refused_the_broker_is_somebody_else() -> None:
