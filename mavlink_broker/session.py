@@ -170,7 +170,7 @@ class Session:
         its link was away; what leads to a place, to one in the air without a position.
         """
         vehicle = self.vehicle
-        if vehicle.is_taken or vehicle.may_be_restarted(now):
+        if vehicle.armed_period.is_taken or vehicle.may_be_restarted(now):
             return [message for message in messages if not is_order(message)]
         if vehicle.snapshot.lacks_position and vehicle.snapshot.armed:
             on_ground = vehicle.is_standing_armed
@@ -356,7 +356,7 @@ class Session:
     def _override_parameters(self, now: float) -> list[Message]:
         """Set the parameters that the segment in flight needs, restore the others."""
         vehicle = self.vehicle
-        if vehicle.is_taken or not vehicle.is_identified:
+        if vehicle.armed_period.is_taken or not vehicle.is_identified:
             return []  # They are restored when it has landed, if they are its own
         is_flying = self.missions.is_flying
         may_be_needed = vehicle.parameters.is_loaded and not vehicle.snapshot.is_on_ground
@@ -375,7 +375,7 @@ class Session:
     def _stop_tracking(self, now: float) -> list[Message]:
         """Have the camera stop tracking what no command wants; not while another system flies."""
         vehicle, missions = self.vehicle, self.missions
-        if vehicle.is_taken or not vehicle.is_identified or self._observes:
+        if vehicle.armed_period.is_taken or not vehicle.is_identified or self._observes:
             return []
         is_in_air = not vehicle.snapshot.is_on_ground
         may_go_on = vehicle.recovery.may_resume_tracking and not missions.is_flying and is_in_air

@@ -378,7 +378,7 @@ class AbortExecutor:
             who = self.who(now)
             if who is not Authority.BROKER:
                 self.taken = control_authority.reason(who, self._vehicle.observed_mode)
-                self._vehicle.take_away()
+                self._vehicle.armed_period.take_away()
         return self.taken is not None
 
     def who(self, now: float) -> Authority:

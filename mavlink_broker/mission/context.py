@@ -76,10 +76,10 @@ class AuthorityMonitor:
             claim = claim._replace(mode=self._vehicle.family.paused_mode)
         return control_authority.authority_of(self._vehicle.observed_mode, claim)
 
-    def update(self, claim: Claim | None, now: float, *, is_attaching: bool) -> Authority:
+    def update(self, claim: Claim | None, *, is_attaching: bool) -> Authority:
         """Decide who is in command, and keep what later claims depend on."""
         who = self.who(claim)
-        self._vehicle.note_others(now, have_it=who is Authority.OTHERS)
+        self._vehicle.armed_period.note_mode(is_others=who is Authority.OTHERS)
         if who is Authority.BROKER:
             self.was_taken &= bool(self._vehicle.snapshot.armed)
         else:

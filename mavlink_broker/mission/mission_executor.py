@@ -242,7 +242,7 @@ class MissionExecutor:
         """
         authority = self._context.authority
         authority.observe_mode()
-        who = authority.update(self._phase.claim, now, is_attaching=self.is_attaching)
+        who = authority.update(self._phase.claim, is_attaching=self.is_attaching)
         if who is Authority.BROKER:
             return self._phase.landed_by is not None
         waits_in_air = self.state is State.WAITING and self._context.is_hovering
@@ -388,7 +388,7 @@ class MissionExecutor:
 
     def _leave_vehicle(self, work: EventWork, reason: str, now: float, effects: Effects) -> None:
         """Refuse to order a vehicle that another system has; the mission is over."""
-        self._vehicle.take_away()
+        self._vehicle.armed_period.take_away()
         effects.for_edge.append(Acknowledgement(work.work_id, "refused", reason))
         self._move(Event.ENDED, now, effects)
 
@@ -442,7 +442,7 @@ class MissionExecutor:
         self._context.fail(reason, effects)
         if self._context.authority.is_lost:
             if self._who is not Authority.BROKER:
-                self._vehicle.take_away()
+                self._vehicle.armed_period.take_away()
             self._move(Event.ENDED, now, effects)
         else:
             self._return_home(now, effects)
@@ -460,7 +460,7 @@ class MissionExecutor:
         followed = self._aborting.is_following  # It flies items, and has not obeyed yet
         is_ours = self._who is Authority.BROKER
         if not is_ours:
-            self._vehicle.take_away()
+            self._vehicle.armed_period.take_away()
         self._aborting.drop()
         if self.state is State.IDLE:
             return

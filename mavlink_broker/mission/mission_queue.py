@@ -214,7 +214,7 @@ class MissionQueue:
         self.vehicle.recovery.clear_commands()
         if mission.has_failed_in_flight:
             self._landing_of = mission.work.name
-        self.vehicle.end_mission()
+        self.vehicle.armed_period.end_mission()
         self._current = None
 
     # Messages and time
@@ -448,8 +448,7 @@ class MissionQueue:
 
     def recall(self, record: RecoveryRecord, now: float, effects: Effects) -> None:
         """Restore what an earlier run of the broker has noted of the vehicle."""
-        self.vehicle.recovery.recall(record)
-        self.vehicle.recall_takeover(now)
+        self.vehicle.recovery.recall(record, now)
         self._failed = record.pending_return
         mission = self._current
         if mission is not None and not mission.work.was_accepted:

@@ -358,7 +358,7 @@ class PendingEvents:
         if not work.was_accepted:
             effects.for_edge.append(Acknowledgement(work.work_id, "accepted"))
         if who is not Authority.BROKER:
-            vehicle.take_away()
+            vehicle.armed_period.take_away()
             refusal = Acknowledgement(work.work_id, "refused", control_authority.reason(who, seen))
             effects.for_edge.append(refusal)
         elif self.is_past(work):

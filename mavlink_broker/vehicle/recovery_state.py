@@ -24,6 +24,7 @@ from mavlink_broker.microservices.config_overrides import (
     VehicleOverrides,
 )
 from mavlink_broker.planning.situation import Pose
+from mavlink_broker.vehicle.armed_period import ArmedPeriod
 from mavlink_broker.vehicle.control_authority import Hover, OwnDescent
 
 
@@ -263,8 +264,8 @@ class RecoveryState:
         """Whether a camera was received in this flight: a restarted broker expects it."""
         self.armed_s: float | None = None
         """When it was armed for the flight, by its clock since boot; its log began then."""
-        self.taken_mode: str | None = None
-        """Mode in which somebody else has the vehicle, or had when it was disarmed just now."""
+        self.armed_period = ArmedPeriod()
+        """Who has the vehicle, and whether it stands for somebody else."""
         self.shows_manual = False
         """Whether one in flight, whose modes are not known, has shown that a pilot would show."""
 
@@ -328,7 +329,7 @@ class RecoveryState:
             is_tracking=self.is_tracking,
             has_camera=self.has_camera,
             armed_s=self.armed_s,
-            taken_mode=self.taken_mode,
+            taken_mode=self.armed_period.noted_mode,
             shows_manual=self.shows_manual,
         )
 
@@ -337,7 +338,7 @@ class RecoveryState:
         """Whether a broker that is killed now knows all of it again."""
         return self.tracker.is_stored(self.record)
 
-    def recall(self, record: RecoveryRecord) -> None:
+    def recall(self, record: RecoveryRecord, now: float) -> None:
         """Restore what an earlier run of the broker has noted."""
         both = merge_records(record, self.record)
         self.overrides.plans, self.overrides.values = dict(both.plans), dict(both.values)
@@ -352,13 +353,15 @@ class RecoveryState:
         self.paused = both.paused
         self.is_tracking, self._is_of_earlier_run = both.is_tracking, record.is_tracking
         self.has_camera, self.armed_s = both.has_camera, both.armed_s
-        self.taken_mode, self.shows_manual = both.taken_mode, both.shows_manual
+        self.shows_manual = both.shows_manual
+        self.armed_period.recall(both.taken_mode, now)
 
     def forget(self) -> None:
         """Begin anew with another vehicle in place of this one; aborts are for it too."""
         self.overrides, self.parameters = VehicleOverrides(), ParameterOverrider()
         self.hover.end()
         self.descent.end()
-        self.pending_return = self.paused = self.armed_s = self.taken_mode = None
+        self.pending_return = self.paused = self.armed_s = None
+        self.armed_period = ArmedPeriod()
         self.is_tracking = self.has_camera = self.shows_manual = False
         self.clear_commands()

@@ -24,8 +24,8 @@ from mavlink_broker.microservices.parameter import ParameterEncoding, encoding_o
 from mavlink_broker.planning.situation import Home, ItemLimits, Pose
 from mavlink_broker.planning.target_commands import TargetSource
 from mavlink_broker.vehicle import control_authority
+from mavlink_broker.vehicle.armed_period import ArmedPeriod
 from mavlink_broker.vehicle.control_authority import (
-    ArmedPeriod,
     ForeignOrder,
     ObservedMode,
     OwnDescent,
@@ -76,8 +76,6 @@ class Vehicle:
     warning: str | None = None  # For an operator: link, dead letters, internal errors
     identity_requests: int = 0  # How often it has had to show again which one it is
     duplicate: str | None = None  # Another vehicle with its system id, which is received too
-    is_taken: bool = False  # By another system from a mission; until it is disarmed
-    armed_period: ArmedPeriod = field(default_factory=ArmedPeriod)
     foreign_order: ForeignOrder | None = None  # Of another system: it led to the present mode
     _mission_overrides: tuple[ParameterOverride, ...] = ()
     _waits: bool = False  # By its newest heartbeat, in a mode in which it waits or is guided
@@ -91,8 +89,6 @@ class Vehicle:
     _arming_ordered_at: float = -math.inf
     _homeless_since: float | None = None  # On the ground, without a home position
     _status_texts: StatusTexts = field(default_factory=StatusTexts)
-    _flown_mode: ObservedMode | None = None
-    _others_have_it: bool = False  # By its newest mode, from a mission; that may pass
 
     def take(self, message: Message, now: float) -> bool:
         """Handle a message of the vehicle; true when it proves that the vehicle was restarted."""
@@ -138,27 +134,14 @@ class Vehicle:
         self.family = family_of(self.autopilot or 0, self.product, self.vehicle_type)
 
     def _follow_arming(self, kind: str, now: float) -> None:
-        if kind == "HEARTBEAT" and self.snapshot.armed:
-            self._flown_mode = self.observed_mode
-        if self.snapshot.armed and self.armed_period.is_armed is False:
-            self.recovery.armed_s = self.snapshot.time_s
-        self.armed_period.update(now, is_armed=self.snapshot.armed, is_taken=self.is_taken)
-        self.is_taken = self.is_taken and self.snapshot.armed is not False
-        self._note_taken_mode(now)
-        shows_manual = self._shows_manual or self.recovery.shows_manual
+        if kind != "HEARTBEAT":
+            return
+        recovery, period = self.recovery, self.armed_period
+        if self.snapshot.armed and period.is_armed is False:
+            recovery.armed_s = self.snapshot.time_s
+        period.update(self.observed_mode, now)
         is_needed = bool(self.snapshot.armed) and not self.family.knows_modes
-        self.recovery.shows_manual = shows_manual and is_needed
-
-    def _note_taken_mode(self, now: float) -> None:
-        """Note for a restarted broker that somebody else has it, or that it stands for him."""
-        period = self.armed_period
-        if self.snapshot.armed:
-            is_unknown = period.is_others and period.is_found  # Until a mission is recognised
-            is_theirs = self._others_have_it or self.is_taken
-            if is_theirs or not is_unknown:
-                self.recovery.taken_mode = self.mode if is_theirs or period.is_others else None
-        elif period.stood_s(now) is None and (period.is_others or not self._others_have_it):
-            self.recovery.taken_mode = None
+        recovery.shows_manual = (self._shows_manual or recovery.shows_manual) and is_needed
 
     def doubt(self, now: float) -> None:
         """Note that it has to show that it is the same: by its clock, or by its number."""
@@ -169,7 +152,8 @@ class Vehicle:
 
     def _forget_telemetry(self) -> None:
         self._received_at.clear()
-        self.foreign_order = self._flown_mode = None
+        self.foreign_order = None
+        self.armed_period.forget_mode()
         self.snapshot.forget()
         self.observations.forget()
         self._status_texts.clear()
@@ -177,7 +161,7 @@ class Vehicle:
     def replace(self) -> None:
         """Forget what was received: another vehicle has its system id."""
         self._forget_telemetry()
-        self._reboots, self.armed_period = RebootMonitor(), ArmedPeriod()
+        self._reboots, self.recovery.armed_period = RebootMonitor(), ArmedPeriod()
         self._back_at, self._may_be_swapped = None, False
         self.ask_identity()
 
@@ -224,6 +208,11 @@ class Vehicle:
     def parameters(self) -> ParameterOverrider:
         """What commands have changed on it."""
         return self.recovery.parameters
+
+    @property
+    def armed_period(self) -> ArmedPeriod:
+        """Who has it in the newest period in which it was armed."""
+        return self.recovery.armed_period
 
     def note_arming_order(self, now: float) -> None:
         """Note that the broker has ordered it to arm."""
@@ -320,28 +309,6 @@ class Vehicle:
         """Replace the warning; None for nothing."""
         self.warning = warning
 
-    def note_others(self, now: float, *, have_it: bool) -> None:
-        """Note whether somebody else has it from a mission, by the mode in which it is armed."""
-        if self.snapshot.armed:
-            self._others_have_it = have_it
-            self._note_taken_mode(now)
-
-    def end_mission(self) -> None:
-        """Note that no mission flies it any more: whose it is has been decided."""
-        self._others_have_it = False
-
-    def recall_takeover(self, now: float) -> None:
-        """Have it stand as behind any other flight of somebody else, if an earlier run has lost it.
-
-        It is disarmed now; in flight its mode shows whose it is.
-        """
-        if self.recovery.taken_mode is not None and self._flown_mode is None:
-            self.armed_period.end_by_others(now)
-
-    def take_away(self) -> None:
-        """Note that another system has taken it from a mission."""
-        self.is_taken = True
-
     def forget_foreign_order(self) -> None:
         """Note that an order of the broker is newer."""
         self.foreign_order = None
@@ -427,16 +394,8 @@ class Vehicle:
 
     @property
     def flown_mode(self) -> ObservedMode:
-        """The mode of an armed vehicle; of one that is disarmed, the last in which it was armed.
-
-        If this run of the broker has not seen it armed, that is its present mode if an earlier one
-        has lost it to somebody else in that: in another one he may have given it back.
-        """
-        if self.snapshot.armed:
-            return self.observed_mode
-        if self._flown_mode is None and self.recovery.taken_mode == self.mode:
-            return self.observed_mode._replace(armed=True)
-        return self._flown_mode or self.observed_mode
+        """The mode of an armed vehicle; of one that is disarmed, the last in which it was armed."""
+        return self.armed_period.flown_mode(self.observed_mode)
 
     @property
     def is_standing_armed(self) -> bool:

@@ -86,7 +86,7 @@ class Failing(Phase):
         self._fault = fault
         self._is_taken = is_taken or (was_taken and bool(vehicle.snapshot.armed))
         if self._is_taken:
-            vehicle.take_away()
+            vehicle.armed_period.take_away()
         armed_by_broker = state in ARMED_BY_BROKER and not mission.is_hovering
         self._stops_propellers = armed_by_broker and not is_taken
         if self._stops_propellers:
@@ -154,7 +154,7 @@ class Failing(Phase):
             effects.for_edge.append(mission.reporter.alarm(mission_error(text), mission_id))
         mission.ledger.fail(text, self._fault.command)
         mission.report(effects)
-        is_free = not vehicle.is_taken and not mission.authority.is_lost
+        is_free = not vehicle.armed_period.is_taken and not mission.authority.is_lost
         may_fly = self._waits_in_air or self._may_take_off
         comes_home = may_fly and is_free and vehicle.snapshot.armed
         return Request.RETURN_HOME if comes_home else Event.ENDED

@@ -30,7 +30,8 @@ from mavlink_broker.mission.context import (
 from mavlink_broker.mission.phases.phase import Fault, Phase, Result
 from mavlink_broker.mission.states import Event
 from mavlink_broker.planning.situation import RefusedError
-from mavlink_broker.vehicle.control_authority import ARMED_BY_OTHERS, LEFT_BY_OTHERS, STAND_S, Claim
+from mavlink_broker.vehicle.armed_period import OBSTACLES, STAND_S
+from mavlink_broker.vehicle.control_authority import Claim
 from mavlink_broker.vehicle.vehicle import Vehicle
 
 LOGGED_AFTER_S: Final = 3.0
@@ -119,7 +120,7 @@ class Waiting(Phase):
             return False
         obstacle = period.obstacle(now)
         message = mission.ledger.message or ""  # Perhaps that of an earlier run
-        is_reported = message.startswith((ARMED_BY_OTHERS, LEFT_BY_OTHERS))
+        is_reported = message.startswith(OBSTACLES)
         if obstacle is not None:
             self._entered_at = now
             self._log_obstacle(obstacle, LOGGED_AFTER_S)

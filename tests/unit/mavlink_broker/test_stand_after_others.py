@@ -14,12 +14,8 @@ from afarcloud.enumerations import Status
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.mission.phases.waiting import WAITED
 from mavlink_broker.mission.states import State
-from mavlink_broker.vehicle.control_authority import (
-    ARMED_BY_OTHERS,
-    LEFT_BY_OTHERS,
-    STAND_S,
-    TAKEOVER_AFTER_S,
-)
+from mavlink_broker.vehicle.armed_period import ARMED_BY_OTHERS, LEFT_BY_OTHERS, STAND_S
+from mavlink_broker.vehicle.control_authority import TAKEOVER_AFTER_S
 from tests.support.broker_world import (
     FAMILIES,
     FINISHED,

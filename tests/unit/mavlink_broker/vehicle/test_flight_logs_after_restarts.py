@@ -84,10 +84,10 @@ def test_a_flight_whose_broker_was_restarted_lasts_since_its_arming(
     world.wait(60.0)
     world.start_broker()
     world.vehicle.snapshot.armed = True
-    world.vehicle.armed_period.update(world.air.now_s, is_armed=True, is_taken=False)
+    world.vehicle.armed_period.update(world.vehicle.observed_mode, world.air.now_s)
     world.wait(5.0)
     if is_record_known:
-        world.vehicle.recovery.recall(RecoveryRecord(armed_s=armed_s))
+        world.vehicle.recovery.recall(RecoveryRecord(armed_s=armed_s), world.air.now_s)
     world.wait(15.0)
     world.vehicle.snapshot.armed = False
     world.run_until(lambda: bool(world.archive.sent))

@@ -37,7 +37,7 @@ def noted() -> RecoveryState:
 def test_a_recalled_record_gives_the_same_record() -> None:
     record = noted().record
     again = RecoveryState()
-    again.recall(record)
+    again.recall(record, 0.0)
     assert again.record == record
     assert (again.live, again.segment) == (LIVE, "3/plan/1201/1")
 
