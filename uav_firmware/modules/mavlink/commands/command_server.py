@@ -355,13 +355,17 @@ def _vehicle_command(command: Command, sender: Sender, token: int, now_us: int) 
 
 
 def _acknowledge(number: int, result: int, sender: Sender) -> Outgoing:
+    """Answer a sender with COMMAND_ACK; all peers receive that of what changes the vehicle.
+
+    As from PX4 they see whose order the vehicle obeys. That of a request is its sender's alone.
+    """
     message = mavlink.MAVLink_command_ack_message(
         command=number,
         result=result,
         target_system=sender.system,
         target_component=sender.component,
     )
-    return Outgoing(message, sender.address)
+    return Outgoing(message, sender.address if number in _READING else None)
 
 
 def _in_progress(pending: _Pending, now_us: int) -> list[Outgoing]:
