@@ -169,6 +169,8 @@ class PauseOrders:
         """
         if self._work is not None and who is not Authority.BROKER:
             seen = self._vehicle.observed_mode
+            if self._pauses:  # The vehicle may obey late, and is not the mission's any more
+                self._late_until, self._vehicle.recovery.paused = 0.0, None
             self._answer("refused", control_authority.reason(who, seen), effects)
         if self._work is not None and self._sequence is None:
             if state in {State.RUNNING, State.FLYING_LIVE}:

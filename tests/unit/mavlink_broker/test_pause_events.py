@@ -382,6 +382,37 @@ class TestWhoeverElseFlies:
         assert (status, orders(vehicle, since)) == ("refused", [])
         assert "system 255" in (message or "")
 
+    @pytest.mark.parametrize(
+        ("script", "home", "hold"),
+        [(PX4, PX4_RETURN, PX4_HOLD), (ARDUPILOT, COPTER_RETURN, COPTER_BRAKE)],
+        ids=["px4", "ardupilot"],
+    )
+    def test_a_pause_that_a_pilot_has_overtaken_cannot_be_resumed(
+        self, script: Script, home: int, hold: int
+    ) -> None:
+        """The order to hold arrives behind his order to return, and ends the return."""
+        world = World()
+        vehicle = world.add_vehicle(script=slow(script))
+        world.edge.plan(mission(takeoff(1), waypoint(2, hold_time=60.0), go_home(3)))
+        world.run_until(lambda: vehicle.airborne and state(world) is State.RUNNING)
+        world.run(7.0)
+        before = vehicle.script
+        refusal = {mavlink.MAV_CMD_DO_SET_MODE: mavlink.MAV_RESULT_TEMPORARILY_REJECTED}
+        vehicle.script = dataclasses.replace(before, results=refusal)
+        since, pause = len(vehicle.frames), world.edge.event(PAUSE)
+        world.run(0.3)
+        assert orders(vehicle, since)
+        vehicle.steer(home)
+        world.run(0.3)
+        vehicle.script = before
+        vehicle.steer(hold)
+        world.run(0.3)
+        assert answer_statuses(world, pause)[-1] == "refused"
+        resume = world.edge.event(RESUME)
+        world.run(3.0)
+        assert answer_statuses(world, resume) == ["accepted", "refused"]
+        assert vehicle.custom_mode == hold
+
     def test_no_event_pauses_a_vehicle_that_its_pilot_flies(self) -> None:
         world = in_mission(PX4)
         world.only_vehicle.steer(PX4_POSITION)
