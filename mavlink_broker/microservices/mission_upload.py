@@ -8,6 +8,9 @@ answered any number of times, but for copies that a link makes of one. Recovery 
     final acknowledgement lost    the last item is repeated, and the vehicle repeats the answer
     transfer aborted or refused as busy   a new transfer starts, after a pause that doubles
 
+A busy vehicle may be taking a plan of another system: the caller may want to read what it holds
+then, before it replaces that (`NotBegun`).
+
 A transfer continues as long as the vehicle requests items. It has failed when the vehicle is
 silent, or requests the same item more often than losses explain.
 
@@ -15,7 +18,6 @@ An acknowledgement counts only after every item was requested. The caller then v
 vehicle holds.
 
 `MissionClear` clears a plan and waits for the answer.
-
 """
 
 import math
@@ -57,7 +59,6 @@ _UNSUPPORTED: Final = frozenset(
 COPY_WITHIN_S: Final = 0.005
 """No vehicle repeats a request so soon, also one that is simulated faster than the time passes."""
 CLEAR_ATTEMPTS: Final = 10
-CLEAR_REFUSALS: Final = 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +83,14 @@ class NotStored:
     is_too_long: bool = False  # It has no space for so many items
 
 
-UploadOutcome: TypeAlias = Stored | Uncertain | NotStored
+@dataclass(frozen=True, slots=True)
+class NotBegun:
+    """The vehicle has changed nothing: it is busy, perhaps with a plan of another system."""
+
+    reason: str
+
+
+UploadOutcome: TypeAlias = Stored | Uncertain | NotStored | NotBegun
 
 
 class _Phase(Enum):
@@ -101,7 +109,7 @@ class MissionUpload:
         route: Route,
         round_trip: RoundTrip,
         *,
-        busy_pause_s: float,
+        busy_pause_s: float | None,
         mission_type: int = mavlink.MAV_MISSION_TYPE_MISSION,
         as_floats: bool = False,
     ) -> None:
@@ -111,7 +119,8 @@ class MissionUpload:
             items: MISSION_ITEM_INT messages in order, of that mission type.
             route: Source and target ids.
             round_trip: Estimate of the link's round trip.
-            busy_pause_s: Pause [s] after the vehicle has answered that it is busy.
+            busy_pause_s: Pause [s] after the vehicle has answered that it is busy; None: that
+                ends it (`NotBegun`).
             mission_type: MAV_MISSION_TYPE.
             as_floats: The vehicle supports no integer items: MISSION_REQUEST(40) is answered by
                 MISSION_ITEM(39).
@@ -246,7 +255,10 @@ class MissionUpload:
         if result == mavlink.MAV_MISSION_OPERATION_CANCELLED:
             self._pause(FIRST_PAUSE_S, now)
         elif self._phase is _Phase.COUNTING and result in _BUSY:
-            self._pause(self._busy_pause_s, now)
+            if self._busy_pause_s is None:
+                self.outcome = NotBegun(f"{PLAN_NAMES[self._type]} refused: {self._last_error}")
+            else:
+                self._pause(self._busy_pause_s, now)
         elif complete and self._attempts > 1 and result in _TRANSIENT:
             self.outcome = Uncertain()
         elif result not in _TRANSIENT:
@@ -282,46 +294,38 @@ class NotCleared:
     reason: str
 
 
-ClearOutcome: TypeAlias = Cleared | NotCleared
+ClearOutcome: TypeAlias = Cleared | NotCleared | NotBegun
 
 
 class MissionClear:
     """One MISSION_CLEAR_ALL(45), repeated until it is acknowledged."""
 
-    def __init__(
-        self, route: Route, round_trip: RoundTrip, *, mission_type: int, busy_pause_s: float
-    ) -> None:
+    def __init__(self, route: Route, round_trip: RoundTrip, *, mission_type: int) -> None:
         self._route = route
         self._round_trip = round_trip
         self._type = mission_type
-        self._busy_pause_s = busy_pause_s
         self._attempts = 0
-        self._refusals = 0
         self._deadline = 0.0
-        self._pausing = False
         self.outcome: ClearOutcome | None = None
 
     def start(self, now: float) -> list[Message]:
         """Send the request."""
         self._attempts += 1
-        self._pausing = False
         self._deadline = now + self._round_trip.timeout_s
         target = self._route.target_system, self._route.target_component
         return [mavlink.MAVLink_mission_clear_all_message(*target, self._type)]
 
     def receive(self, message: Message, now: float) -> list[Message]:
-        """Handle the acknowledgement; a busy vehicle is retried."""
-        if self.outcome is not None or self._pausing or not self._is_answer(message):
+        """Handle the acknowledgement."""
+        del now
+        if self.outcome is not None or not self._is_answer(message):
             return []
         if message.type == mavlink.MAV_MISSION_ACCEPTED:
             self.outcome = Cleared()
-            return []
-        self._refusals += 1
-        if message.type in _BUSY and self._refusals < CLEAR_REFUSALS:
-            self._pausing, self._attempts = True, 0
-            self._deadline = now + self._busy_pause_s
         else:
-            self._fail(MISSION_RESULT_NAMES.get(message.type, str(message.type)))
+            reason = self._failure(MISSION_RESULT_NAMES.get(message.type, str(message.type)))
+            is_busy = message.type in _BUSY
+            self.outcome = NotBegun(reason) if is_busy else NotCleared(reason)
         return []
 
     def tick(self, now: float) -> list[Message]:
@@ -329,7 +333,7 @@ class MissionClear:
         if self.outcome is not None or now < self._deadline:
             return []
         if self._attempts >= CLEAR_ATTEMPTS:
-            self._fail("no answer")
+            self.outcome = NotCleared(self._failure("no answer"))
             return []
         return self.start(now)
 
@@ -340,5 +344,5 @@ class MissionClear:
             and self._route.is_for_us(message)
         )
 
-    def _fail(self, why: str) -> None:
-        self.outcome = NotCleared(f"{PLAN_NAMES[self._type]} could not be removed: {why}")
+    def _failure(self, why: str) -> str:
+        return f"{PLAN_NAMES[self._type]} could not be removed: {why}"

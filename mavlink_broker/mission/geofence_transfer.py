@@ -44,8 +44,10 @@ from mavlink_broker.microservices.mission_protocol import (
     supports_only_float_items,
 )
 from mavlink_broker.microservices.mission_upload import (
+    TRANSFERS,
     MissionClear,
     MissionUpload,
+    NotBegun,
     NotCleared,
     NotStored,
     Stored,
@@ -161,28 +163,34 @@ class VehicleSteps:
                 raise StepRefusedError(reason)
 
     def replace_items(self, kind: int, items: Items) -> Step:
-        """Replace a fence or rally points, and prove it; no items remove them."""
-        pause_s = self.vehicle.family.busy_pause_s
+        """Replace a fence or rally points, and prove it; no items remove them.
+
+        Gives why it was not begun, or None: a busy vehicle may be taking those of another system.
+        """
         if not items:
-            clear = MissionClear(*self._link, mission_type=kind, busy_pause_s=pause_s)
-            match (yield clear):
+            match (yield MissionClear(*self._link, mission_type=kind)):
                 case NotCleared(reason):
                     raise StepRefusedError(reason)
-            return
+                case NotBegun(reason):
+                    return reason
+            return None
         upload = MissionUpload(
             self._messages(kind, items),
             *self._link,
-            busy_pause_s=pause_s,
+            busy_pause_s=None,
             mission_type=kind,
             as_floats=self._floats,
         )
         match (yield upload):
             case NotStored(reason, item):
                 raise StepRefusedError(reason if item is None else f"{reason} at item {item}")
+            case NotBegun(reason):
+                return reason
             case Stored(opaque_id):
                 yield from self._prove(kind, items, opaque_id)
             case _:
                 yield from self._prove(kind, items, 0)
+        return None
 
     def read_parameter(self, name: str) -> Step:
         """Read a parameter; None without an answer, and where the vehicle's version lacks it.
@@ -334,10 +342,20 @@ class GeofenceTransfer:
             if wants_any:
                 self.notes.append(f"the vehicle keeps no {PLAN_NAMES[kind]}: {_ALONE[kind]}")
         elif items or kind in plans:
-            held = yield from self._steps.read_items(kind)
-            yield from self._replace(kind, held, items)
+            refusal: str | None = None
+            for _ in range(TRANSFERS):
+                held = yield from self._steps.read_items(kind)
+                refusal = yield from self._replace(kind, held, items)
+                if refusal is None:
+                    return
+                yield _Wait(lambda waited_s: waited_s >= self.vehicle.family.busy_pause_s)
+            raise StepRefusedError(f"{refusal} ({TRANSFERS} times)")
 
-    def _replace(self, kind: int, held: Items, items: Items) -> TransferSequence:
+    def _replace(self, kind: int, held: Items, items: Items) -> Step:
+        """Replace what the vehicle holds where it differs; gives why that was not begun, or None.
+
+        What it holds is not known any more then: it may be taking something of another system.
+        """
         plans = self.vehicle.overrides.plans
         override = plans.get(kind)
         if (
@@ -348,20 +366,25 @@ class GeofenceTransfer:
             del plans[kind]  # Another system has replaced it
             override = None
             if not items:
-                return
+                return None
         before = held if override is None else override.before
         wanted = items or before
         if self._steps.difference(wanted, held):
             plans[kind] = OverriddenPlan(before, None)
             yield from self._steps.journal_stored()
-            yield from self._steps.replace_items(kind, wanted)
+            refusal = yield from self._steps.replace_items(kind, wanted)
+            if refusal is not None:
+                plans.pop(kind)
+                plans.update({} if override is None else {kind: override})
+                return refusal
         if items:
             plans[kind] = OverriddenPlan(before, items)
         else:
             plans.pop(kind, None)
         if items and before and self._steps.difference(items, before):
             name = PLAN_NAMES[kind]
-            self.notes.append(f"the vehicle's own {name} come back after the mission")
+            self.notes.append(f"the vehicle gets its own {name} back after the mission")
+        return None
 
     def _transfer_parameters(self) -> TransferSequence:
         """Set what enforces the geofence; restore the other parameters."""

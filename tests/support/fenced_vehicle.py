@@ -148,6 +148,8 @@ class FencedVehicle(ScriptedVehicle):
         super()._mission_stored()
 
     def _clear(self, kind: int) -> None:
+        if self.plans[kind].is_busy():
+            return
         self.plans[kind].items = []
         self.log.append(f"cleared {kind}")
         self._send(mavlink.MAVLink_mission_ack_message(0, 0, mavlink.MAV_MISSION_ACCEPTED, kind))

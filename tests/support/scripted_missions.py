@@ -27,6 +27,7 @@ class ScriptedMissions:
         self.uploads = 0
         self.refusals = 0
         self.busy_until = 0.0
+        self.busy_answers = 0
         self.complain: Callable[[], None] = lambda: None
         self._send = send
         self._stored_call = stored
@@ -65,6 +66,14 @@ class ScriptedMissions:
         """Forget a transfer, as a restart does."""
         self._transfer_count = 0
 
+    def is_busy(self) -> bool:
+        """Whether another system's transfer runs; its sender is answered so."""
+        if self._now >= self.busy_until:
+            return False
+        self.busy_answers += 1
+        self._acknowledge(mavlink.MAV_MISSION_ERROR)
+        return True
+
     @property
     def plan_id(self) -> int:
         """The id of what is stored; 0 for none."""
@@ -74,8 +83,7 @@ class ScriptedMissions:
         return zlib.crc32(text.encode()) or 1
 
     def _count(self, message: Message) -> None:
-        if self._now < self.busy_until:
-            self._acknowledge(mavlink.MAV_MISSION_ERROR)
+        if self.is_busy():
             return
         if message.count > self.script.most_items:
             self._acknowledge(mavlink.MAV_MISSION_NO_SPACE)

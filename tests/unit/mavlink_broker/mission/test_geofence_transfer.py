@@ -1,5 +1,6 @@
 """A plan's geofence: onto the vehicle before it may fly, off it again after the mission."""
 
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -217,6 +218,16 @@ def placed(vehicle: FencedVehicle, corners: list[list[float]]) -> None:
     ]
 
 
+def put_behind_refusal(world: World, vehicle: FencedVehicle) -> list[tuple[int, float, float]]:
+    """Let an operator's fence arrive on a busy vehicle that has just refused that of the broker."""
+    store = vehicle.plans[FENCE]
+    world.run_until(lambda: store.busy_answers, within_s=900.0)
+    world.run(1.0)
+    placed(vehicle, square(half_m=70.0))
+    store.busy_until = 0.0
+    return vehicle.fence
+
+
 class TestInterruptions:
     """Before the mission, with half of the fence uploaded."""
 
@@ -277,7 +288,7 @@ class TestRestoring:
         world.edge.plan(first_flight(), geofence=fence())
         world.run_until(lambda: world.edge.status(1201) == Status.RUNNING)
         assert vehicle.fence != operators
-        assert "vehicle's own geofence come" in message_of(world)
+        assert "gets its own geofence back" in message_of(world)
         world.run_until_over(1201)
         world.run(20.0)
         assert vehicle.fence == operators
@@ -354,6 +365,36 @@ class TestRestoring:
         world.run_until(lambda: world.edge.status(1201) == Status.RUNNING)
         placed(vehicle, square(half_m=70.0))
         theirs = vehicle.fence
+        world.run_until_over(1201)
+        world.run(20.0)
+        assert vehicle.fence == theirs
+
+    @pytest.mark.parametrize("operators", [square(half_m=90.0), []], ids=["fenced", "without"])
+    def test_so_does_one_that_is_being_put_there_when_the_own_one_comes_back(
+        self, operators: list[list[float]]
+    ) -> None:
+        """The vehicle refuses the broker meanwhile: it is busy."""
+        world = World()
+        vehicle = fenced_vehicle(world)
+        placed(vehicle, operators)
+        world.edge.plan(first_flight(), geofence=fence())
+        world.run_until(lambda: world.edge.status(1201) == Status.RUNNING)
+        vehicle.plans[FENCE].busy_until = math.inf
+        theirs = put_behind_refusal(world, vehicle)
+        world.run_until_over(1201)
+        world.run(20.0)
+        assert vehicle.fence == theirs
+        assert not world.app.sessions[1].vehicle.overrides.is_open
+
+    def test_one_that_is_being_put_there_before_a_plans_comes_back_behind_it(self) -> None:
+        world = World()
+        vehicle = fenced_vehicle(world)
+        placed(vehicle, square(half_m=90.0))
+        vehicle.plans[FENCE].busy_until = math.inf
+        world.edge.plan(first_flight(), geofence=fence())
+        theirs = put_behind_refusal(world, vehicle)
+        world.run_until(lambda: world.edge.status(1201) == Status.RUNNING)
+        assert vehicle.fence != theirs
         world.run_until_over(1201)
         world.run(20.0)
         assert vehicle.fence == theirs
