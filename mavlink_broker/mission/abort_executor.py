@@ -51,7 +51,7 @@ _DISARM: Final = long_command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0.0)
 REASONS: Final = {
     EventType.ABORT_MISSION: "aborted by an event",
     EventType.SOFT_ABORT_MISSION: "aborted softly by an event",
-    EventType.RETURN_HOME: "aborted by an event: the vehicle returns home",
+    EventType.RETURN_HOME: "aborted by an event that orders a return home",
 }
 
 
