@@ -87,6 +87,8 @@ class Failing(Phase):
         self._is_taken = is_taken or (was_taken and bool(vehicle.snapshot.armed))
         if self._is_taken:
             vehicle.armed_period.take_away()
+        elif phase.flies_another:
+            vehicle.armed_period.lose()  # An event may still end it
         armed_by_broker = state in ARMED_BY_BROKER and not mission.is_hovering
         self._stops_propellers = armed_by_broker and not is_taken
         if self._stops_propellers:

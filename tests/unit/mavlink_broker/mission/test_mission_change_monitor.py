@@ -9,7 +9,16 @@ from afarcloud.enumerations import Status
 from mavlink_broker.mavlink.codec import Decoder, Encoder
 from mavlink_broker.mavlink.dialect import Message, mavlink
 from mavlink_broker.mission.states import State
-from tests.support.broker_world import FINISHED, World, go_home, mission, takeoff, waypoint
+from mavlink_broker.vehicle.armed_period import STAND_S
+from tests.support.broker_world import (
+    FINISHED,
+    World,
+    first_flight,
+    go_home,
+    mission,
+    takeoff,
+    waypoint,
+)
 from tests.support.real_autopilots import COPTER_4_6, PX4_1_14, PX4_1_17
 from tests.support.scripted_vehicle import ScriptedVehicle
 from tests.support.vehicle_script import Script
@@ -103,6 +112,20 @@ class TestAnotherMission:
         vehicle.send_status_text("Flight plan received", mavlink.MAV_SEVERITY_INFO)
         world.run_until_over(1201, within_s=20.0)
         assert "somebody else put another mission onto the vehicle" in reason(world)
+
+    @AUTOPILOTS
+    def test_has_the_vehicle_stand_behind_its_landing(self, script: Script) -> None:
+        """It was flown for somebody else, who may be walking up to the vehicle."""
+        world, vehicle = flying(script)
+        vehicle.store_foreign_mission(vehicle.items[:-2])
+        world.run_until_over(1201, within_s=20.0)
+        world.edge.plan(first_flight(mission_id=1202))
+        world.run(5.0)
+        vehicle.armed = vehicle.airborne = False
+        before = vehicle.arm_orders
+        world.run(STAND_S - 1.0)
+        assert vehicle.arm_orders == before
+        world.run_until(lambda: vehicle.arm_orders > before, within_s=15.0)
 
     @pytest.mark.first_case
     @AUTOPILOTS
