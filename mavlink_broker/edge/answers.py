@@ -28,6 +28,8 @@ ANSWERS_KEPT: Final = 16
 """A drift of 100 ppm makes 30 ms within so many long polls."""
 SET_BACK_S: Final = 1.0
 """More than the clocks drift apart within the answers that are kept."""
+FIRST_TRIP_S: Final = 1.0
+"""Of the first answer, if orders are judged by its time: an order expires in 10 s at the least."""
 
 _RETRIED: Final = frozenset(
     {
@@ -206,6 +208,8 @@ class EdgeClock:
 
     The first answer has none before it that would show how long it was on its way. It is asked for
     without a wait, so that it counts as written at once: an order in it may be older than it says.
+    If it was long on its way, as with an edge server that was just starting, the time is not
+    settled before the next one.
     """
 
     def __init__(self) -> None:
@@ -233,6 +237,12 @@ class EdgeClock:
             self._ahead_s.clear()
         self._ahead_s.append(at_least_s)
         self._first_at_most_s = at_most_s if is_first else None
+
+    @property
+    def is_settled(self) -> bool:
+        """Whether work may be judged by it: not by a first answer that was long on its way."""
+        first_s = self._first_at_most_s
+        return first_s is None or first_s - max(self._ahead_s) <= FIRST_TRIP_S
 
     def time(self, now: float) -> datetime | None:
         """Give the edge server's time of day at a monotonic time [s]; None without an answer."""

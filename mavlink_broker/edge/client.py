@@ -246,6 +246,9 @@ class EdgeClient:
         edge_time = self._edge_clock.read(answer.get("time"), poll.sent_at, self._clock())
         waiting_for = tuple(held_back)  # An invalid vehicle_id may not be hashable
         due = [command for command in commands if command.get("vehicle_id") not in waiting_for]
+        if due and not self._edge_clock.is_settled:
+            self._cursor = 0  # Get it again at once, with a time that shows whether it has expired
+            return Pause.NONE
         for command in due:
             self._work.put(command if edge_time is None else {**command, "edge_time": edge_time})
         if due:

@@ -8,7 +8,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -543,6 +543,29 @@ def test_work_comes_with_the_time_of_the_edge_server(tmp_path: Path) -> None:
     client = EdgeClient(NOWHERE, tmp_path / "key", Woken(), clock=lambda: 5.0)
     noon = datetime(2026, 11, 21, 12, 0, tzinfo=UTC)
     assert edge_times(client, "2026-11-21T12:00:00.000Z") == [noon]
+
+
+@pytest.mark.parametrize("held_s", [1.5, 5.0, 30.0])
+def test_work_in_a_first_answer_that_was_long_on_its_way_is_asked_for_again(
+    tmp_path: Path, held_s: float
+) -> None:
+    """The edge server was just starting: an abort in it is younger than the request."""
+    now = [100.0]
+    client = EdgeClient(NOWHERE, tmp_path / "key", Woken(), clock=lambda: now[0])
+    noon = datetime(2026, 11, 21, 12, 0, tzinfo=UTC)
+    poll = client.next_poll()
+    for after_s in (held_s, 0.02):
+        assert client.take_work() == []
+        now[0] += after_s
+        body = {
+            "cursor": 3,
+            "commands": [{"id": 3, "vehicle_id": 1}],
+            "time": (noon + timedelta(seconds=now[0] - 100.0)).isoformat(),
+        }
+        assert client.take_answer(poll, Answer(200, json.dumps(body).encode())) is Pause.NONE
+        poll = client.next_poll()
+    (work,) = client.take_work()
+    assert work["edge_time"] == noon + timedelta(seconds=held_s + 0.02)
 
 
 @pytest.mark.parametrize(
