@@ -10,7 +10,7 @@ of both. What an autopilot reports of pictures (`Feedback`) is counted as of oth
 
 import math
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
@@ -18,7 +18,9 @@ from afarcloud.commands import (
     CameraImage,
     CameraPanorama,
     Command,
+    NavHome,
     NavHotpoint,
+    NavLand,
     NavTakeoff,
     NavWaypoint,
     VideoStartCapture,
@@ -143,6 +145,7 @@ class CommandInterval:
     earliest_s: float  # It may have begun since then, when its predecessor was seen last
     ended_s: float = math.inf
     is_partial: bool = False  # Its beginning was not observed
+    is_undated: bool = False  # Nor was it noted when it had been ordered
     is_of_boot_before: bool = False  # Its times are by a clock of which no run has seen the end
     counts: dict[int, int] = field(default_factory=dict)  # Its pictures, by camera
     places: list[Place] = field(default_factory=list)  # Where the first ones of feedback were taken
@@ -236,15 +239,20 @@ class Attribution:
         self._intervals.append(self._present)
         return True
 
-    def add_earlier(self, command: PictureCommand, since_s: float) -> None:
+    def add_earlier(
+        self, command: PictureCommand, since_s: float, *, is_undated: bool = False
+    ) -> None:
         """Add a command that an earlier run has seen end, before the present one.
 
-        Its pictures, taken at `since_s` at the earliest, may be received in this run. Later ones
-        take its place where it is one of too many.
+        Its pictures, taken at `since_s` at the earliest, may be received in this run; `is_undated`
+        if it was not noted when it had been ordered. Later ones take its place where it is one of
+        too many.
         """
         present = self._present
         until_s = math.inf if present is None else present.began_s
-        interval = CommandInterval(command, since_s, since_s, until_s, is_partial=True)
+        interval = CommandInterval(
+            command, since_s, since_s, until_s, is_partial=True, is_undated=is_undated
+        )
         if len(self._intervals) == MAX_INTERVALS:
             self._intervals.popleft()
         self._intervals.insert(len(self._intervals) - 1, interval)
@@ -394,8 +402,8 @@ class Attribution:
 
 def _is_of_others(interval: CommandInterval, position: Position | None) -> bool:
     """Whether a picture is not of a command of unknown time: that takes none, or elsewhere."""
-    is_known = interval.earliest_s > -math.inf and not interval.is_of_boot_before
-    if interval.command is None or is_known:
+    is_unknown = interval.earliest_s == -math.inf or interval.is_undated
+    if interval.command is None or not (is_unknown or interval.is_of_boot_before):
         return False
     is_elsewhere = position is not None and AT_PLACE_M < _off_m(interval, position) < math.inf
     return is_elsewhere or not interval.command.expected
@@ -435,6 +443,7 @@ class EarlierFlight:
         """Whether the journal has had mission items, or a live command, under way."""
         self._first_command: str | None = None  # Of the items that were ordered last
         self._ordered_s = -math.inf  # When that was, by the vehicle's clock since boot
+        self._armed_s = -math.inf  # When the vehicle was armed last before that, by the same
 
     def recall(self, recovery: RecoveryState) -> None:
         """Keep what the journal has, which is cleared when the vehicle has landed."""
@@ -443,13 +452,26 @@ class EarlierFlight:
             self._first_command = recovery.segment
             ordered_s = recovery.began_s({recovery.segment})
             self._ordered_s = -math.inf if ordered_s is None else ordered_s
+            self._armed_s = -math.inf if recovery.armed_s is None else recovery.armed_s
 
-    def since_s(self, ledger: MissionLedger) -> list[float]:
+    def since_s(self, ledger: MissionLedger, commands: Sequence[Command]) -> list[float]:
         """Give when each command of the mission may have begun, at the earliest.
 
-        One before the items that were ordered last may have begun at any time before.
+        One before the items that were ordered last has begun in the same flight, so that a flight
+        before took no pictures for it; if the mission has landed in between, at any time before.
         """
+        first = self._first_of(ledger)
+        has_landed = any(isinstance(one, NavLand | NavHome) for one in commands[:first])
+        is_of_flight = first is not None and not has_landed
+        before_s = min(self._armed_s, self._ordered_s) if is_of_flight else -math.inf
+        count = len(commands) if first is None else first
+        return [before_s] * count + [self._ordered_s] * (len(commands) - count)
+
+    def is_undated(self, ledger: MissionLedger, command: int) -> bool:
+        """Whether it was not noted when a command was ordered, by its index."""
+        first = self._first_of(ledger)
+        return first is None or command < first
+
+    def _first_of(self, ledger: MissionLedger) -> int | None:
         names = map(ledger.name_of, range(len(ledger.commands)))
-        first = next((i for i, name in enumerate(names) if name == self._first_command), None)
-        count = len(ledger.commands) if first is None else first
-        return [-math.inf] * count + [self._ordered_s] * (len(ledger.commands) - count)
+        return next((i for i, name in enumerate(names) if name == self._first_command), None)

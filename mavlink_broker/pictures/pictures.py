@@ -208,7 +208,8 @@ class PictureCollector:
             return []
         self._followed_from_s = self._time.at(now)
         work, ledger = self._flight
-        return self._earlier.since_s(ledger) if work.was_accepted else []
+        commands = work.mission.command_array
+        return self._earlier.since_s(ledger, commands) if work.was_accepted else []
 
     def _add_earlier(self, since_s: Sequence[float]) -> None:
         """Add the commands that an earlier run has seen end, whose pictures may come now."""
@@ -219,7 +220,8 @@ class PictureCollector:
         for index in range(min(ledger.finished, len(commands))):
             one = picture_command(ledger, commands, work.name, index)
             if one.expected:
-                self._attribution.add_earlier(one, since_s[index])
+                is_undated = self._earlier.is_undated(ledger, index)
+                self._attribution.add_earlier(one, since_s[index], is_undated=is_undated)
 
     def _progress_shown_s(self, now: float) -> float | None:
         """When the vehicle has shown its progress last.
