@@ -11,7 +11,6 @@ import math
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from datetime import timedelta
 from typing import Any, Final
 
 from mavlink_broker.autopilots.families import ModeRole
@@ -27,7 +26,16 @@ from mavlink_broker.edge.wire import (
     post_for,
 )
 from mavlink_broker.effects import Acknowledgement, EdgeMessage, Effects, JobOutcome, Result
-from mavlink_broker.fleet import Edge, Fleet, FleetMember, Jobs, Journal, NoJobs, VehicleRecords
+from mavlink_broker.fleet import (
+    Edge,
+    Fleet,
+    FleetMember,
+    FleetTime,
+    Jobs,
+    Journal,
+    NoJobs,
+    VehicleRecords,
+)
 from mavlink_broker.live.tracking import TRACKING_MESSAGES as TRACKED
 from mavlink_broker.mavlink.dialect import Message, source_of
 from mavlink_broker.mission.states import State
@@ -127,6 +135,8 @@ class App:
         self.internal_errors = InternalErrors()
         self._router = Router(config, link, clock, self._control_of, self.internal_errors)
         self._fleet = Fleet(config, self._records, new_ulid)
+        self._time = FleetTime()
+        self._time.update(clock.utc(), clock.monotonic(), is_flying=False)
         self._sweep_at = 0.0
         self._step_at = 0.0
         self._to_step: set[int] = set()  # Systems that are stepped with this run of the loop
@@ -145,6 +155,8 @@ class App:
         """Run the loop once."""
         messages = self._router.receive(wait_s)
         now = self._clock.monotonic()
+        is_flying = any(member.session.vehicle.snapshot.armed for member in self._fleet)
+        self._time.update(self._clock.utc(), self._clock.monotonic(), is_flying=is_flying)
         self._replace_vehicles(now)
         self._receive_all(messages, now)
         for work in self._take_work(now):
@@ -212,7 +224,7 @@ class App:
 
     def _step(self, members: Iterable[FleetMember], now: float) -> None:
         has_room = self._edge.waiting_pictures < MAX_WAITING_PICTURES
-        utc = self._clock.utc()
+        utc = self._time.at(now)
         for member in members:
             session = member.session
             session.watch(self._router.requested_messages(member.system, now))
@@ -443,9 +455,8 @@ class App:
             self._post(member.unsent.pop(0), member.session.vehicle.vehicle_id)
 
     def _post(self, message: EdgeMessage, vehicle_id: int) -> None:
-        recorded_at = self._clock.utc()
-        if isinstance(message, Result) and message.recorded_monotonic_s is not None:
-            recorded_at -= timedelta(seconds=self._clock.monotonic() - message.recorded_monotonic_s)
+        recorded_s = message.recorded_monotonic_s if isinstance(message, Result) else None
+        recorded_at = self._time.at(self._clock.monotonic() if recorded_s is None else recorded_s)
         key = self._new_ulid()
         self._edge.post(post_for(message, vehicle_id=vehicle_id, recorded_at=recorded_at, key=key))
 

@@ -1,12 +1,14 @@
 """The vehicles of one broker by MAVLink system id, each with its session and its journal record.
 
 Records are stored after each change and recalled after a restart. The interfaces of the loop to
-edge server, jobs and journal are here too.
+edge server, jobs and journal are here too, and the time of day at which the fleet's results were
+recorded (`FleetTime`).
 """
 
 import logging
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from datetime import datetime, timedelta
 from typing import Any, Final, Protocol
 
 from mavlink_broker.config import Config
@@ -157,6 +159,28 @@ class VehicleRecords:
             number = session.vehicle.vehicle_id
             _LOG.info("vehicle %d: an earlier run of the broker has left a record of it", number)
             session.missions.recall(recalled, now, effects)
+
+
+class FleetTime:
+    """The time of day of results: it does not go back while a vehicle is armed.
+
+    A machine without a clock of its own starts with a wrong time, and sets it when it reaches a
+    network. Results that were recorded before an earlier one would be in no flight, or in another.
+    """
+
+    def __init__(self) -> None:
+        self._began: datetime | None = None  # When the monotonic clock showed 0
+
+    def update(self, utc: datetime, now: float, *, is_flying: bool) -> None:
+        """Follow the machine's time of day, at a time of its monotonic clock [s]."""
+        began = utc - timedelta(seconds=now)
+        self._began = max(self._began or began, began) if is_flying else began
+
+    def at(self, now: float) -> datetime:
+        """Give the time of day at a time of the monotonic clock [s]; `update` comes before."""
+        if self._began is None:
+            raise ValueError("the time of day is not known before the first update")
+        return self._began + timedelta(seconds=now)
 
 
 @dataclass(slots=True)

@@ -24,6 +24,8 @@ STALE_S: Final = 12 * 3600.0
 """A flight without any report for so long has ended with its last one."""
 _PAST_S: Final = 7 * 86_400.0
 _AHEAD_S: Final = 60.0
+_PAUSE_S: Final = 600.0
+"""Between two reports of a flight, at most, where the edge server's clock was set back."""
 _BEGUN: Final = frozenset({Status.RUNNING, Status.FINISHED})
 
 
@@ -34,14 +36,33 @@ class MissionName(NamedTuple):
     plan_id: str | None
 
 
-def time_of(recorded_at: datetime | None, received_at: float) -> float:
-    """Return when something was recorded; a time that cannot be right is that of its receipt."""
+def time_of(
+    connection: sqlite3.Connection,
+    vehicle_id: int,
+    recorded_at: datetime | None,
+    received_at: float,
+) -> float:
+    """Return when something was recorded; a time that cannot be right is that of its receipt.
+
+    One in the future is right if it continues the vehicle's last flight: then the edge server's own
+    clock was set back, and the receipt would be before that flight.
+    """
     if recorded_at is None:
         return received_at
     recorded = recorded_at.timestamp()
-    if not received_at - _PAST_S <= recorded <= received_at + _AHEAD_S:
-        return received_at
-    return recorded
+    if recorded > received_at + _AHEAD_S:
+        return recorded if _continues(connection, vehicle_id, recorded) else received_at
+    return recorded if recorded >= received_at - _PAST_S else received_at
+
+
+def _continues(connection: sqlite3.Connection, vehicle_id: int, at: float) -> bool:
+    """Whether something recorded then belongs to the last flight of a vehicle, or follows it."""
+    row = connection.execute(
+        "SELECT started_at, coalesce(ended_at + ?, last_at + ?) FROM flight"
+        " WHERE vehicle_id = ? AND dropped = 0 ORDER BY id DESC LIMIT 1",
+        (LATE_S, _PAUSE_S, vehicle_id),
+    ).fetchone()
+    return row is not None and row[0] - EARLY_S <= at <= row[1]
 
 
 def at_time(connection: sqlite3.Connection, vehicle_id: int, at: float) -> int | None:
@@ -167,8 +188,16 @@ def _begin_mission(
     return _insert(connection, vehicle_id, mission, at, received_at)
 
 
-def take_armed(connection: sqlite3.Connection, vehicle_id: int, at: float, *, armed: bool) -> None:
+def take_armed(
+    connection: sqlite3.Connection,
+    vehicle_id: int,
+    recorded_at: datetime | None,
+    received_at: float,
+    *,
+    armed: bool,
+) -> None:
     """Begin or end a flight of a vehicle that was armed or disarmed."""
+    at = time_of(connection, vehicle_id, recorded_at, received_at)
     row = connection.execute(
         "SELECT armed FROM vehicle WHERE vehicle_id = ?", (vehicle_id,)
     ).fetchone()

@@ -12,6 +12,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager, suppress
+from datetime import datetime
 from pathlib import Path
 from typing import Final, NamedTuple, TypeVar
 
@@ -108,12 +109,17 @@ class FlightArchive:
         if received:
             self._attempt(write, [(one.report.vehicle_id, one.received_at) for one in received])
 
-    def take_armed(self, vehicle_id: int, *, armed: bool, at: float) -> None:
+    def take_armed(
+        self, vehicle_id: int, recorded_at: datetime | None, received_at: float, *, armed: bool
+    ) -> None:
         """Archive that a vehicle is armed or disarmed; call after the commit. Never raises."""
         if self._armed.get(vehicle_id) == armed:
             return
         if self._attempt(
-            lambda connection: flights.take_armed(connection, vehicle_id, at, armed=armed), []
+            lambda connection: flights.take_armed(
+                connection, vehicle_id, recorded_at, received_at, armed=armed
+            ),
+            [],
         ):
             self._armed[vehicle_id] = armed
 
@@ -400,7 +406,8 @@ class FlightArchive:
 
 
 def _take(connection: sqlite3.Connection, received: Received) -> None:
-    report, at = received.report, flights.time_of(received.report.recorded_at, received.received_at)
+    report = received.report
+    at = flights.time_of(connection, report.vehicle_id, report.recorded_at, received.received_at)
     if isinstance(report, MissionReport):
         mission = received.mission or MissionName(report.mission_id, report.plan_id)
         flights.take_mission_report(connection, report, mission, at, received.received_at)

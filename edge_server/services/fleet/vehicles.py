@@ -20,7 +20,6 @@ from afarcloud.numbers import (
     Yaw,
     json_number,
 )
-from edge_server.archive import flights
 from edge_server.services.context import Context, Precondition, show_time, unconditionally
 from edge_server.services.errors import ConflictError, NotFoundError
 from edge_server.services.retries import retry_on_conflict
@@ -100,8 +99,7 @@ def put(
         stored = _show(StoredVehicle(vehicle_id, merged, since, now), hold, contact, now)
     context.unstored.forget(vehicle_id)
     if state.armed is not None:
-        at = flights.time_of(state.recorded_at, now)
-        context.archive.take_armed(vehicle_id, armed=state.armed, at=at)
+        context.archive.take_armed(vehicle_id, state.recorded_at, now, armed=state.armed)
     return stored, known is None
 
 

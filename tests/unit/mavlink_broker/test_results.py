@@ -1,7 +1,7 @@
 """What is posted for every finished command: in which order, of which moment, and how often."""
 
 import dataclasses
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from itertools import pairwise
 from typing import Any
 
@@ -136,6 +136,30 @@ def test_a_set_that_was_sent_is_not_sent_again_by_a_restarted_broker() -> None:
     world.restart_broker()
     world.run_until_over(1201)
     assert len(keys(world)) == len(set(keys(world))) == 2 * 3
+
+
+@pytest.mark.parametrize("step_s", [-3600.0, -2.0, 3600.0])
+def test_the_time_of_results_does_not_go_back_in_flight(
+    step_s: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The machine's clock is set; behind the landing what is recorded has its time."""
+    world = flying_world(SLOW)
+    world.run(2.0)
+    true_utc, begun = world.clock.utc, world.clock.now
+    monkeypatch.setattr(world.clock, "utc", lambda: true_utc() + timedelta(seconds=step_s))
+    fly(world)
+    times = [datetime.fromisoformat(body["recorded_at"]) for body in world.edge.bodies("/pose/")]
+    assert times == sorted(times)
+    ahead_s = (times[-1] - true_utc()).total_seconds()
+    assert ahead_s == pytest.approx(max(0.0, step_s), abs=world.clock.now - begun)
+    world.run_until(lambda: not world.only_vehicle.armed)
+    world.run(2.0)
+    world.edge.posts.clear()
+    world.edge.plan(first_flight(mission_id=1202))
+    world.run_until_over(1202)
+    first = datetime.fromisoformat(world.edge.bodies("/pose/")[0]["recorded_at"])
+    assert abs((first - world.clock.utc()).total_seconds()) < 200.0
+    assert first < world.clock.utc()
 
 
 def test_an_aborted_command_has_no_results() -> None:

@@ -145,6 +145,39 @@ def test_a_time_that_cannot_be_right_is_that_of_the_receipt(
     assert points(edge) == 1
 
 
+@pytest.mark.parametrize("step_s", [-3600.0, 3600.0])
+def test_a_flight_goes_on_though_the_edge_servers_clock_is_set(edge: Edge, step_s: float) -> None:
+    """What the broker records has the right time, before the step and behind it."""
+    begin(edge)
+    edge.clock.pass_s(60.0)
+    edge.clock.pass_s(step_s)
+    for second in (1, 2):
+        at = f"2026-11-21T12:01:0{second}Z"
+        for kind in ("state_vector", "alarm", "image"):
+            send(edge, kind, recorded_at=at, sequence_number=second)
+    report(edge, FINISHED, recorded_at="2026-11-21T12:01:30Z")
+    send(edge, "image", recorded_at="2026-11-21T12:01:02Z", sequence_number=3, name="late.jpeg")
+    (flight,) = edge.get("/flights/")
+    assert (flight["started_at"], flight["ended_at"]) == (
+        "2026-11-21T12:00:00Z",
+        "2026-11-21T12:01:30Z",
+    )
+    assert len(edge.get("/flights/1/pictures")) == 3
+    assert points(edge) == 2
+    assert {one["recorded_at"][-3:] for one in edge.get("/alarms/history/")} == {"01Z", "02Z"}
+
+
+@pytest.mark.parametrize("recorded_at", ["2026-11-21T11:59:30Z", "2026-11-21T12:30:00Z"])
+def test_a_time_in_the_future_that_continues_no_flight_is_that_of_the_receipt(
+    edge: Edge, recorded_at: str
+) -> None:
+    begin(edge)
+    edge.clock.pass_s(-3600.0)
+    send(edge, "alarm", recorded_at=recorded_at)
+    (alarm,) = edge.get("/alarms/history/")
+    assert alarm["recorded_at"] == "2026-11-21T11:00:00Z"
+
+
 def test_a_refused_report_is_not_archived(edge: Edge) -> None:
     begin(edge)
     for latitude in ("NaN", "Infinity", "null"):
