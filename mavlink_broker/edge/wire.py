@@ -18,6 +18,7 @@ from typing import Any, Final, Literal, TypeAlias
 from pydantic import AwareDatetime, BaseModel, StrictInt, ValidationError
 
 from afarcloud import wire
+from afarcloud.enumerations import EventType
 from afarcloud.numbers import format_time
 from afarcloud.plan import Event, Geofence, Mission, RallyPoint
 from afarcloud.route import Spot
@@ -82,6 +83,11 @@ class StateVectorWork:
     expires_at: float | None = None  # [s] On the broker's clock
 
 
+RESUMED_WITHIN_S: Final = 600.0
+"""An event that an earlier run has accepted, and that is given out so long after its expiry, is not
+carried out any more, unless the journal knows it."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EventWork:
     """An event that interrupts a flight; it is assigned again until it has been answered."""
@@ -95,6 +101,21 @@ class EventWork:
     def vehicle_id(self) -> int:
         """The vehicle that it concerns."""
         return self.event.vehicle_id
+
+    @property
+    def is_abort(self) -> bool:
+        """Whether it ends a mission."""
+        return self.event.event_type_id.ends_mission
+
+    @property
+    def aborts_now(self) -> bool:
+        """Whether it ends a mission without waiting for the running command."""
+        return self.event.event_type_id in {EventType.ABORT_MISSION, EventType.RETURN_HOME}
+
+    def is_too_old(self, now: float) -> bool:
+        """Whether an earlier run has accepted it so long ago that it is about another flight."""
+        is_late = self.expires_at is not None and now >= self.expires_at + RESUMED_WITHIN_S
+        return self.was_accepted and is_late
 
 
 @dataclass(frozen=True, slots=True)

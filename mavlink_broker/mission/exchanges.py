@@ -1,18 +1,27 @@
 """The protocol that runs with the vehicle in each state, built from the plan and the vehicle.
 
 An upload is verified: `difference` compares what was downloaded with what was uploaded.
+
+Exchanges that run one after the other until one of them is refused are a sequence: a generator that
+yields exchanges and is sent their outcomes, so that what depends on an answer is written in the
+order in which it happens.
+
+StepRefusedError  the vehicle refuses a step, or does not answer
 """
 
 import math
-from collections.abc import Sequence
-from typing import Final, Protocol, TypeAlias, TypeVar
+from collections.abc import Callable, Generator, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final, Protocol, TypeAlias, TypeVar
 
 from mavlink_broker.autopilots.families import Family, ModeRole
 from mavlink_broker.mavlink.dialect import Message, mavlink
 from mavlink_broker.mavlink.mission_item import MissionItem, from_message
 from mavlink_broker.microservices.command import (
+    Accepted,
     CommandAlternatives,
     CommandOutcome,
+    Refused,
     long_command,
 )
 from mavlink_broker.microservices.mission_download import MissionVerify, VerifyOutcome
@@ -152,6 +161,79 @@ class Exchange(Protocol[Outcome_co]):
 
     def tick(self, now: float) -> list[Message]:
         """Repeat what is overdue."""
+
+
+ExchangeSequence: TypeAlias = Generator[Exchange[Any], Any, None]
+Step: TypeAlias = Generator[Exchange[Any], Any, Any]
+
+
+class StepRefusedError(Exception):
+    """The vehicle refuses a step, or does not answer."""
+
+
+@dataclass(slots=True)
+class SequenceRun:
+    """A running sequence; accepted when it ends."""
+
+    sequence: ExchangeSequence
+    outcome: CommandOutcome | None = None
+    _running: Exchange[Any] | None = field(default=None)
+
+    def start(self, now: float) -> list[Message]:
+        """Begin; it may be over at once."""
+        return self._advance(None, now)
+
+    def receive(self, message: Message, now: float) -> list[Message]:
+        """Handle a message of the vehicle."""
+        if self.outcome is not None or self._running is None:
+            return []
+        return [*self._running.receive(message, now), *self._settle(now)]
+
+    def tick(self, now: float) -> list[Message]:
+        """Repeat what is overdue."""
+        if self.outcome is not None or self._running is None:
+            return []
+        return [*self._running.tick(now), *self._settle(now)]
+
+    def _settle(self, now: float) -> list[Message]:
+        outcome = None if self._running is None else self._running.outcome
+        return [] if outcome is None else self._advance(outcome, now)
+
+    def _advance(self, outcome: Any, now: float) -> list[Message]:
+        try:
+            self._running = self.sequence.send(outcome)
+        except StopIteration:
+            self.outcome = Accepted()
+            return []
+        except StepRefusedError as error:
+            self.outcome = Refused(str(error))
+            return []
+        return self._running.start(now)
+
+
+@dataclass(slots=True)
+class Wait:
+    """Waits until a condition holds; `is_over` is a function of the time since the start [s]."""
+
+    is_over: Callable[[float], bool]
+    outcome: Accepted | None = None
+    _since: float = 0.0
+
+    def start(self, now: float) -> list[Message]:
+        """Begin; it may be over at once."""
+        self._since = now
+        return self.tick(now)
+
+    def receive(self, message: Message, now: float) -> list[Message]:
+        """Look again: the vehicle has sent something."""
+        del message
+        return self.tick(now)
+
+    def tick(self, now: float) -> list[Message]:
+        """Look whether it is over."""
+        if self.is_over(now - self._since):
+            self.outcome = Accepted()
+        return []
 
 
 def upload(plan: FlightPlan, vehicle: Vehicle) -> MissionUpload:

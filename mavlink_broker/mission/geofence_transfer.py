@@ -3,26 +3,19 @@
 What the vehicle holds is read, replaced where it differs, and verified; then follow the parameters
 that enforce the geofence. What was there before is kept in the vehicle's overrides, and is on the
 disk before anything changes. A geofence or a value that another system has set since stays.
-
-Each is a sequence of protocols that run one after the other until one of them is refused: a
-generator that yields protocols and is sent their outcomes, so that what depends on an answer is
-written in the order in which it happens.
-
-StepRefusedError  the vehicle refuses a step, or does not answer
-
 """
 
 import logging
 import math
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Final, TypeAlias
+from typing import Final
 
 from afarcloud.plan import Geofence
 from mavlink_broker.autopilots.parameter_settings import FenceParameters
 from mavlink_broker.mavlink.dialect import Message, Route
 from mavlink_broker.mavlink.mission_item import to_message
-from mavlink_broker.microservices.command import Accepted, CommandOutcome, Refused, RoundTrip
+from mavlink_broker.microservices.command import CommandOutcome, Refused, RoundTrip
 from mavlink_broker.microservices.config_overrides import (
     Items,
     OverriddenParameter,
@@ -59,7 +52,13 @@ from mavlink_broker.microservices.parameter import (
     Setting,
     Written,
 )
-from mavlink_broker.mission.exchanges import Exchange
+from mavlink_broker.mission.exchanges import (
+    ExchangeSequence,
+    SequenceRun,
+    Step,
+    StepRefusedError,
+    Wait,
+)
 from mavlink_broker.planning import geofence
 from mavlink_broker.vehicle.vehicle import Vehicle
 
@@ -73,76 +72,6 @@ _LOG = logging.getLogger(__name__)
 _ALONE: Final = {FENCE: "the broker alone has checked the mission", RALLY: "they were left out"}
 
 
-TransferSequence: TypeAlias = Generator[Exchange[Any], Any, None]
-Step: TypeAlias = Generator[Exchange[Any], Any, Any]
-
-
-class StepRefusedError(Exception):
-    """The vehicle refuses a step, or does not answer."""
-
-
-@dataclass(slots=True)
-class SequenceRun:
-    """A running sequence; accepted when it ends."""
-
-    sequence: TransferSequence
-    outcome: CommandOutcome | None = None
-    _running: Exchange[Any] | None = field(default=None)
-
-    def start(self, now: float) -> list[Message]:
-        """Begin; it may be over at once."""
-        return self._advance(None, now)
-
-    def receive(self, message: Message, now: float) -> list[Message]:
-        """Handle a message of the vehicle."""
-        if self.outcome is not None or self._running is None:
-            return []
-        return [*self._running.receive(message, now), *self._settle(now)]
-
-    def tick(self, now: float) -> list[Message]:
-        """Repeat what is overdue."""
-        if self.outcome is not None or self._running is None:
-            return []
-        return [*self._running.tick(now), *self._settle(now)]
-
-    def _settle(self, now: float) -> list[Message]:
-        outcome = None if self._running is None else self._running.outcome
-        return [] if outcome is None else self._advance(outcome, now)
-
-    def _advance(self, outcome: Any, now: float) -> list[Message]:
-        try:
-            self._running = self.sequence.send(outcome)
-        except StopIteration:
-            self.outcome = Accepted()
-            return []
-        except StepRefusedError as error:
-            self.outcome = Refused(str(error))
-            return []
-        return self._running.start(now)
-
-
-@dataclass(slots=True)
-class _Wait:
-    """Waits until a condition holds; `is_over` is a function of the time since the start [s]."""
-
-    is_over: Callable[[float], bool]
-    outcome: Accepted | None = None
-    _since: float = 0.0
-
-    def start(self, now: float) -> list[Message]:
-        self._since = now
-        return self.tick(now)
-
-    def receive(self, message: Message, now: float) -> list[Message]:
-        del message
-        return self.tick(now)
-
-    def tick(self, now: float) -> list[Message]:
-        if self.is_over(now - self._since):
-            self.outcome = Accepted()
-        return []
-
-
 @dataclass(frozen=True, slots=True)
 class VehicleSteps:
     """The steps on one vehicle; each raises StepRefusedError where the vehicle refuses."""
@@ -151,7 +80,7 @@ class VehicleSteps:
 
     def journal_stored(self) -> Step:
         """Wait until the journal holds what the sequence is about to change."""
-        yield _Wait(lambda _: self.vehicle.recovery.is_stored)
+        yield Wait(lambda _: self.vehicle.recovery.is_stored)
 
     def read_items(self, kind: int) -> Step:
         """Read a fence or rally points."""
@@ -325,7 +254,7 @@ class GeofenceTransfer:
         """Repeat what is overdue."""
         return self._run.tick(now)
 
-    def _go(self) -> TransferSequence:
+    def _go(self) -> ExchangeSequence:
         for kind in (FENCE, RALLY):
             yield from self._transfer_plan(kind)
         yield from self._transfer_parameters()
@@ -334,7 +263,7 @@ class GeofenceTransfer:
         """Whether the vehicle's capabilities include such plans."""
         return bool(self.vehicle.capabilities & geofence.CAPABILITIES[kind])
 
-    def _transfer_plan(self, kind: int) -> TransferSequence:
+    def _transfer_plan(self, kind: int) -> ExchangeSequence:
         items, plans = self.wanted.items(kind), self.vehicle.overrides.plans
         wants_any = bool(items) or (kind == FENCE and self.wanted.fence is not None)
         if not self._keeps(kind):
@@ -348,7 +277,7 @@ class GeofenceTransfer:
                 refusal = yield from self._replace(kind, held, items)
                 if refusal is None:
                     return
-                yield _Wait(lambda waited_s: waited_s >= self.vehicle.family.busy_pause_s)
+                yield Wait(lambda waited_s: waited_s >= self.vehicle.family.busy_pause_s)
             raise StepRefusedError(f"{refusal} ({TRANSFERS} times)")
 
     def _replace(self, kind: int, held: Items, items: Items) -> Step:
@@ -386,7 +315,7 @@ class GeofenceTransfer:
             self.notes.append(f"the vehicle gets its own {name} back after the mission")
         return None
 
-    def _transfer_parameters(self) -> TransferSequence:
+    def _transfer_parameters(self) -> ExchangeSequence:
         """Set what enforces the geofence; restore the other parameters."""
         family, geofence = self.vehicle.family, self.wanted.fence
         if geofence is None or not self._keeps(FENCE):
@@ -409,7 +338,7 @@ class GeofenceTransfer:
 
     def _enforce(
         self, parameters: FenceParameters, held: Mapping[str, float], before: Mapping[str, float]
-    ) -> TransferSequence:
+    ) -> ExchangeSequence:
         self.own_limit_m = parameters.own_limit_m
         self.notes += [parameters.note] if parameters.note else []
         yield from self._restore_parameters(
@@ -430,9 +359,9 @@ class GeofenceTransfer:
         for setting in others:
             yield from self._steps.set_parameter(setting)
             if setting == (switch, 0.0):
-                yield _Wait(lambda waited_s: waited_s >= OFF_FOR_S)
+                yield Wait(lambda waited_s: waited_s >= OFF_FOR_S)
 
-    def _restore_parameters(self, kept: frozenset[str]) -> TransferSequence:
+    def _restore_parameters(self, kept: frozenset[str]) -> ExchangeSequence:
         """Restore the values that no geofence needs any more, the last one first."""
         overrides = self.vehicle.overrides.values
         for name in [name for name in reversed(overrides) if name not in kept]:

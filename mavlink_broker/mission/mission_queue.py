@@ -24,9 +24,6 @@ from mavlink_broker.mission.pending_events import (
     PendingEvents,
     ReplacedOrders,
     UnconfirmedMissions,
-    aborts_now,
-    is_abort,
-    is_too_old,
 )
 from mavlink_broker.mission.states import State
 from mavlink_broker.planning.geofence import check_flyable
@@ -256,16 +253,12 @@ class MissionQueue:
             Exception: an unexpected error; the caller refuses the event then.
         """
         self._unconfirmed.reopen(work.work_id)
-        self._events.add(work, effects, is_too_old=is_too_old(work, now))
+        self._events.add(work, effects, is_too_old=work.is_too_old(now))
         if self._current is None:
             self._events.limit_wait(work.work_id, now + EVENT_VEHICLE_WITHIN_S)
         self._events.limit_number(effects)
         try:
-            if (
-                is_abort(work)
-                and self._waits_for_vehicle(work)
-                and self._end_waiting(work, effects)
-            ):
+            if work.is_abort and self._waits_for_vehicle(work) and self._end_waiting(work, effects):
                 self._events.note_ended_missions(work)
             self._carry_out_events(now, effects)
         except Exception:
@@ -299,7 +292,7 @@ class MissionQueue:
     def _carry_out_events(self, now: float, effects: Effects) -> None:
         self._resume_for_events(now, effects)
         for work in self._events.take_due(lambda one: self._is_too_early(one, now), now, effects):
-            if is_abort(work):
+            if work.is_abort:
                 with self._events.replacing(work, effects) as replaced:
                     self._abort(work, now, effects, replaced)
             elif self._current is not None and _concerns(work, self._current):
@@ -332,8 +325,8 @@ class MissionQueue:
         if not is_journal_read and self.vehicle.mode == self.vehicle.family.paused_mode:
             return True  # The journal may say that an event has paused it, else somebody has it
         if is_unknown:
-            return resumed or (is_abort(work) and self._events.is_before(work.work_id))
-        return self._waits_for_progress(work, now) if aborts_now(work) else resumed
+            return resumed or (work.is_abort and self._events.is_before(work.work_id))
+        return self._waits_for_progress(work, now) if work.aborts_now else resumed
 
     def _waits_for_progress(self, work: EventWork, now: float) -> bool:
         """Whether an abort waits a moment for what the vehicle has flown while nobody followed."""
@@ -368,7 +361,7 @@ class MissionQueue:
         recovery = self.vehicle.recovery
         is_sought = recovery.hover.is_sought or recovery.descent.is_sought
         may_be_ours = is_sought or not recovery.tracker.is_loaded
-        return self.vehicle.snapshot.armed is None or (is_abort(work) and may_be_ours)
+        return self.vehicle.snapshot.armed is None or (work.is_abort and may_be_ours)
 
     def _abort(
         self, work: EventWork, now: float, effects: Effects, replaced: ReplacedOrders

@@ -41,9 +41,6 @@ MAX_WAITING: Final = 32
 """Events of one vehicle that wait; those that an earlier run has accepted are not counted."""
 EVENT_TELEMETRY_WITHIN_S: Final = 3.0
 """How long a vehicle may take to send its position and the state of its sensors."""
-RESUMED_WITHIN_S: Final = 600.0
-"""An event that an earlier run has accepted, and that is given out so long after its expiry, is not
-carried out any more, unless the journal knows it."""
 TOO_OLD: Final = "accepted too long ago by an earlier run of the broker: not carried on"
 RESTARTED_SINCE: Final = "the vehicle was restarted since"
 NOT_SEEN: Final = "the vehicle lands, or has landed: whether it was there before is not known"
@@ -164,7 +161,7 @@ class PendingEvents:
         """Whether something has to end before this work may begin: an abort that came first."""
         if self._running is not None or self._return is not None:
             return True
-        return any(is_abort(waiting) and waiting.work_id < work_id for waiting in self._waiting)
+        return any(waiting.is_abort and waiting.work_id < work_id for waiting in self._waiting)
 
     @property
     def is_waiting(self) -> bool:
@@ -260,8 +257,8 @@ class PendingEvents:
             for work in self._waiting
             if not is_too_early(work) and not self._needs_telemetry(work, now)
         ]
-        newest = max((work.work_id for work in due if is_abort(work)), default=0)
-        due = [work for work in due if not is_abort(work) or work.work_id == newest]
+        newest = max((work.work_id for work in due if work.is_abort), default=0)
+        due = [work for work in due if not work.is_abort or work.work_id == newest]
         self._waiting = [work for work in self._waiting if work not in due]
         self.refuse_expired(now, effects)
         self._due += due
@@ -306,7 +303,7 @@ class PendingEvents:
         """
         of_earlier_run = work.was_accepted or self.is_before(work.work_id)
         snapshot = self._vehicle.snapshot
-        if not is_abort(work) or snapshot.armed is None:
+        if not work.is_abort or snapshot.armed is None:
             return False
         lands_here = work.event.event_type_id is EventType.ABORT_MISSION
         leads = snapshot.armed and (work.event.abort is not None or not lands_here)
@@ -436,7 +433,7 @@ class PendingEvents:
                 _acknowledge(work, effects, refusal, done=REPLACED)
 
     def _take_older(self, newest: int) -> list[EventWork]:
-        older = [work for work in self._waiting if is_abort(work) and work.work_id < newest]
+        older = [work for work in self._waiting if work.is_abort and work.work_id < newest]
         self._waiting = [work for work in self._waiting if work not in older]
         return older
 
@@ -496,24 +493,8 @@ def _acknowledge(
         effects.for_edge.append(Acknowledgement(work.work_id, status, taken or done))
 
 
-def aborts_now(work: EventWork) -> bool:
-    """Whether an event ends a mission without waiting for the running command."""
-    return work.event.event_type_id in {EventType.ABORT_MISSION, EventType.RETURN_HOME}
-
-
 def _refusal_of(work: EventWork, messages: Sequence[EdgeMessage]) -> str | None:
     """Give why an event was refused; None if it was not."""
     answers = (one for one in messages if isinstance(one, Acknowledgement))
     refusals = (one for one in answers if one.work_id == work.work_id and one.status == "refused")
     return next((one.message for one in refusals), None)
-
-
-def is_too_old(work: EventWork, now: float) -> bool:
-    """Whether an earlier run has accepted an event so long ago that it is about another flight."""
-    is_late = work.expires_at is not None and now >= work.expires_at + RESUMED_WITHIN_S
-    return work.was_accepted and is_late
-
-
-def is_abort(work: EventWork) -> bool:
-    """Whether an event ends a mission."""
-    return work.event.event_type_id.ends_mission

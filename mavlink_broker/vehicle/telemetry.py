@@ -35,6 +35,9 @@ _FIXES: Final[Mapping[int, str]] = {
     mavlink.GPS_FIX_TYPE_PPP: "ppp",
 }
 
+HOME_TIMEOUT_S: Final = 20.0
+"""How long a vehicle on the ground may take to send its home; some never do."""
+
 
 class Position(NamedTuple):
     """Where the vehicle is and how fast it moves."""
@@ -109,6 +112,7 @@ class Snapshot:
     has_estimate: bool = True  # Of its place, by ESTIMATOR_STATUS or EKF_STATUS_REPORT
     has_gps: bool | None = None  # False: its receiver has failed; None: nothing received yet
     mission: MissionNow | None = None
+    homeless_since: float | None = None  # On the ground, without a home position; by the broker
 
     @property
     def is_on_ground(self) -> bool:
@@ -149,6 +153,20 @@ class Snapshot:
         reader = _READERS.get(message.get_type())
         if reader is not None:
             reader(self, message)
+
+    def assume_home(self, now: float, *, is_received: bool) -> None:
+        """Use its position for home after `HOME_TIMEOUT_S` without HOME_POSITION.
+
+        The difference of its two altitudes is home's. On the ground only, where the vehicle is
+        about to set its home.
+        """
+        may_be_set = self.home is None and self.is_on_ground and is_received
+        if self.position is None or not may_be_set:
+            self.homeless_since = None
+            return
+        self.homeless_since = now if self.homeless_since is None else self.homeless_since
+        if now - self.homeless_since >= HOME_TIMEOUT_S and self.home_amsl_m is not None:
+            self.home = Home(*self.position[:2], self.home_amsl_m)
 
     def forget(self) -> None:
         """Drop what a restarted vehicle sends again; the battery's capacity is a constant."""
@@ -335,3 +353,31 @@ def state_vector(
         battery_percentage=snapshot.battery_fraction,
         linear_speed=min(snapshot.position.speed_m_s, _MAXIMUM_SPEED_M_S),
     )
+
+
+def boot_ms_of(message: Message) -> int | None:
+    """Read its sender's time since boot [ms]; None if it has none of now."""
+    if message.get_type() == "CAMERA_IMAGE_CAPTURED":
+        return None  # It is that of the picture, which may be long ago
+    boot_ms: int | None = getattr(message, "time_boot_ms", None)
+    return boot_ms
+
+
+def has_long_uid(message: Message) -> bool:
+    """Whether an AUTOPILOT_VERSION has the number of MAVLink 2, `uid2`."""
+    return any(message.uid2)
+
+
+def uid_of(message: Message) -> str:
+    """Read AUTOPILOT_VERSION's number of the hardware: the long one, else the short one."""
+    long_one = bytes(message.uid2).rstrip(b"\0")
+    if long_one:
+        return long_one.hex()
+    return f"{message.uid:016x}" if message.uid else ""
+
+
+def version(number: int) -> str | None:
+    """Read AUTOPILOT_VERSION.flight_sw_version: major, minor and patch in its upper bytes."""
+    if number == 0:
+        return None
+    return ".".join(str(number >> shift & 0xFF) for shift in (24, 16, 8))

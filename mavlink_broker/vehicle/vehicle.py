@@ -21,7 +21,7 @@ from mavlink_broker.microservices.link_state import (
     is_vehicle,
 )
 from mavlink_broker.microservices.parameter import ParameterEncoding, encoding_of
-from mavlink_broker.planning.situation import Home, ItemLimits, Pose
+from mavlink_broker.planning.situation import ItemLimits, Pose
 from mavlink_broker.planning.target_commands import TargetSource
 from mavlink_broker.vehicle import control_authority
 from mavlink_broker.vehicle.armed_period import ArmedPeriod
@@ -32,14 +32,18 @@ from mavlink_broker.vehicle.control_authority import (
 )
 from mavlink_broker.vehicle.measurements import MEASURED, Observations
 from mavlink_broker.vehicle.recovery_state import RecoveryState
-from mavlink_broker.vehicle.telemetry import Snapshot
+from mavlink_broker.vehicle.telemetry import (
+    Snapshot,
+    boot_ms_of,
+    has_long_uid,
+    uid_of,
+    version,
+)
 
 AGED: Final = frozenset({"GLOBAL_POSITION_INT", "ATTITUDE", "BATTERY_STATUS", "MISSION_CURRENT"})
 """Messages whose age is kept, so that old telemetry is not published as new."""
 GROUND_TYPES: Final = frozenset({mavlink.MAV_TYPE_GROUND_ROVER, mavlink.MAV_TYPE_SURFACE_BOAT})
 """MAV_TYPE of what drives or swims."""
-HOME_TIMEOUT_S: Final = 20.0
-"""How long a vehicle on the ground may take to send its home; some never do."""
 ACKNOWLEDGED_MODE_WITHIN_S: Final = 1.5
 """After its acknowledgement a mode shows in a heartbeat: a period of those, and half of one."""
 CLOCK_WITHIN_S: Final = 3.0
@@ -87,7 +91,6 @@ class Vehicle:
     _may_be_swapped: bool = False  # Its clock has jumped; it has not sent its number since
     _booted_at: float = -math.inf  # Of the newest restart that its clock has proved
     _arming_ordered_at: float = -math.inf
-    _homeless_since: float | None = None  # On the ground, without a home position
     _status_texts: StatusTexts = field(default_factory=StatusTexts)
 
     def take(self, message: Message, now: float) -> bool:
@@ -95,7 +98,7 @@ class Vehicle:
         kind = message.get_type()
         if kind == "HEARTBEAT" and not is_vehicle(message):
             return False  # Another program sends under the system id of the vehicle
-        boot_ms = _boot_ms_of(message)
+        boot_ms = boot_ms_of(message)
         if (kind == "HEARTBEAT" or boot_ms is not None) and not self.is_connected(now):
             self.doubt(now)  # It is received again
         if kind == "HEARTBEAT":
@@ -483,22 +486,6 @@ class Vehicle:
         """How it puts integers into the messages of the parameter protocol."""
         return encoding_of(self.capabilities, self.family.parameter_encoding)
 
-    def assume_home(self, now: float) -> None:
-        """Use its position for home after `HOME_TIMEOUT_S` without HOME_POSITION.
-
-        The difference of its two altitudes is home's. On the ground only, where the vehicle is
-        about to set its home.
-        """
-        snapshot = self.snapshot
-        on_ground = snapshot.is_on_ground and self.is_reachable(now)
-        if snapshot.home is not None or snapshot.position is None or not on_ground:
-            self._homeless_since = None
-            return
-        self._homeless_since = now if self._homeless_since is None else self._homeless_since
-        has_waited = now - self._homeless_since >= HOME_TIMEOUT_S
-        if has_waited and snapshot.home_amsl_m is not None:
-            snapshot.home = Home(*snapshot.position[:2], snapshot.home_amsl_m)
-
     def status_texts_since(self, time: float) -> str | None:
         """Its latest warnings (STATUSTEXT) since a time, or None."""
         return "; ".join(self._status_texts.since(time)) or None
@@ -507,30 +494,3 @@ class Vehicle:
         """How old its newest message of a kind is (one of AGED); None: none received."""
         received_at = self._received_at.get(kind)
         return None if received_at is None else now - received_at
-
-
-def _boot_ms_of(message: Message) -> int | None:
-    if message.get_type() == "CAMERA_IMAGE_CAPTURED":
-        return None  # It is that of the picture, which may be long ago
-    boot_ms: int | None = getattr(message, "time_boot_ms", None)
-    return boot_ms
-
-
-def has_long_uid(message: Message) -> bool:
-    """Whether an AUTOPILOT_VERSION has the number of MAVLink 2, `uid2`."""
-    return any(message.uid2)
-
-
-def uid_of(message: Message) -> str:
-    """Read AUTOPILOT_VERSION's number of the hardware: the long one, else the short one."""
-    long_one = bytes(message.uid2).rstrip(b"\0")
-    if long_one:
-        return long_one.hex()
-    return f"{message.uid:016x}" if message.uid else ""
-
-
-def version(number: int) -> str | None:
-    """Read AUTOPILOT_VERSION.flight_sw_version: major, minor and patch in its upper bytes."""
-    if number == 0:
-        return None
-    return ".".join(str(number >> shift & 0xFF) for shift in (24, 16, 8))

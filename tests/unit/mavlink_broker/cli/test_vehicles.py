@@ -17,7 +17,8 @@ import pytest
 
 from mavlink_broker.cli.vehicles import COLUMNS, row, table
 from mavlink_broker.mavlink.dialect import Route
-from mavlink_broker.vehicle.vehicle import Vehicle, version
+from mavlink_broker.vehicle.telemetry import version
+from mavlink_broker.vehicle.vehicle import Vehicle
 from tests.support.broker_world import World
 from tests.support.scripted_vehicle import ScriptedVehicle
 from tests.support.vehicle_script import ARDUPILOT, PX4
