@@ -454,6 +454,11 @@ class EarlierFlight:
             self._ordered_s = -math.inf if ordered_s is None else ordered_s
             self._armed_s = -math.inf if recovery.armed_s is None else recovery.armed_s
 
+    @property
+    def has_times(self) -> bool:
+        """Whether the journal has times by the vehicle's clock."""
+        return max(self._ordered_s, self._armed_s) > -math.inf
+
     def since_s(self, ledger: MissionLedger, commands: Sequence[Command]) -> list[float]:
         """Give when each command of the mission may have begun, at the earliest.
 

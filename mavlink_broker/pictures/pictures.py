@@ -161,8 +161,7 @@ class PictureCollector:
             if self._flight is None:
                 self._flight_known_s = self._time.at(now)
             self._flight = work, ledger
-            is_known = self._vehicle.is_identified or self._followed_from_s < math.inf
-            if ledger.status is Status.RUNNING and is_known:  # Else the journal is not read yet
+            if ledger.status is Status.RUNNING and self._may_follow:
                 command = current_command(ledger, work.mission.command_array, work.name)
         stood_still = now - self._updated_at > PROGRESS_GAP_S  # What has waited is read first
         time_s = self._time.at(now)
@@ -176,6 +175,16 @@ class PictureCollector:
         if is_change:
             for camera in self._cameras.values():  # A mission begins or ends
                 camera.request_count()
+
+    @property
+    def _may_follow(self) -> bool:
+        """Whether the journal is read by now, and the vehicle's clock known if it has times of it.
+
+        Before that the broker's own clock stands in for it.
+        """
+        if self._followed_from_s < math.inf:
+            return True
+        return self._vehicle.is_identified and (self._time.is_known or not self._earlier.has_times)
 
     def _follow_command(self, command: PictureCommand | None, now: float, time_s: float) -> bool:
         """Follow the command that runs; returns whether a mission begins or ends."""

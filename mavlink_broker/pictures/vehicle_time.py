@@ -109,6 +109,11 @@ class VehicleTime:
         return later - age_s if age_s <= RECENT_S else now
 
     @property
+    def is_known(self) -> bool:
+        """Whether the vehicle's clock was received, since its last restart."""
+        return self._is_known
+
+    @property
     def knows_rate(self) -> bool:
         """Whether the vehicle's clock was received for long enough to show how fast it runs."""
         return self._measured_rate is not None
