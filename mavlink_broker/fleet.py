@@ -32,6 +32,8 @@ from mavlink_broker.vehicle.vehicle import Vehicle
 
 NO_NUMBER: Final = ""
 """Number of a vehicle that has sent none, or not yet."""
+LONGEST_FLIGHT_S: Final = 6 * 3600.0
+"""How long the time of day of results goes on though the machine's was set back."""
 _LOG = logging.getLogger(__name__)
 AUTOPILOT: Final = 1
 """MAV_COMP_ID_AUTOPILOT1."""
@@ -166,15 +168,23 @@ class FleetTime:
 
     A machine without a clock of its own starts with a wrong time, and sets it when it reaches a
     network. Results that were recorded before an earlier one would be in no flight, or in another.
+    A vehicle may stay armed for days, or be lost in flight: after `LONGEST_FLIGHT_S` the machine's
+    time counts again.
     """
 
     def __init__(self) -> None:
         self._began: datetime | None = None  # When the monotonic clock showed 0
+        self._ahead_since: float | None = None  # Since when the machine's time of day is behind
 
     def update(self, utc: datetime, now: float, *, is_flying: bool) -> None:
         """Follow the machine's time of day, at a time of its monotonic clock [s]."""
         began = utc - timedelta(seconds=now)
-        self._began = max(self._began or began, began) if is_flying else began
+        if self._began is None or began >= self._began or not is_flying:
+            self._began, self._ahead_since = began, None
+            return
+        self._ahead_since = now if self._ahead_since is None else self._ahead_since
+        if now - self._ahead_since >= LONGEST_FLIGHT_S:
+            self._began, self._ahead_since = began, None
 
     def at(self, now: float) -> datetime:
         """Give the time of day at a time of the monotonic clock [s]; `update` comes before."""
