@@ -155,7 +155,7 @@ class App:
         """Run the loop once."""
         messages = self._router.receive(wait_s)
         now = self._clock.monotonic()
-        is_flying = any(member.session.vehicle.snapshot.armed for member in self._fleet)
+        is_flying = any(member.session.may_fly(now) for member in self._fleet)
         self._time.update(self._clock.utc(), self._clock.monotonic(), is_flying=is_flying)
         self._replace_vehicles(now)
         self._receive_all(messages, now)

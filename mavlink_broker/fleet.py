@@ -6,6 +6,7 @@ recorded (`FleetTime`).
 """
 
 import logging
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
@@ -34,6 +35,8 @@ NO_NUMBER: Final = ""
 """Number of a vehicle that has sent none, or not yet."""
 LONGEST_FLIGHT_S: Final = 6 * 3600.0
 """How long the time of day of results goes on though the machine's was set back."""
+_READ_WITHIN: Final = timedelta(seconds=1.0)
+"""Of each other the two clocks of the machine are read, and corrected little by little."""
 _LOG = logging.getLogger(__name__)
 AUTOPILOT: Final = 1
 """MAV_COMP_ID_AUTOPILOT1."""
@@ -168,29 +171,37 @@ class FleetTime:
 
     A machine without a clock of its own starts with a wrong time, and sets it when it reaches a
     network. Results that were recorded before an earlier one would be in no flight, or in another.
-    A vehicle may stay armed for days, or be lost in flight: after `LONGEST_FLIGHT_S` the machine's
-    time counts again.
+    What was recorded in a flight has the flight's time also if it is sent after that. A vehicle may
+    stay armed for days: after `LONGEST_FLIGHT_S` the machine's time counts again. A broker that is
+    restarted begins with the machine's time.
     """
 
     def __init__(self) -> None:
         self._began: datetime | None = None  # When the monotonic clock showed 0
         self._ahead_since: float | None = None  # Since when the machine's time of day is behind
+        self._until = -math.inf  # What was recorded before then has the time of day of a flight
+        self._began_before: datetime | None = None  # The same as `_began`, in that flight
 
     def update(self, utc: datetime, now: float, *, is_flying: bool) -> None:
         """Follow the machine's time of day, at a time of its monotonic clock [s]."""
         began = utc - timedelta(seconds=now)
-        if self._began is None or began >= self._began or not is_flying:
-            self._began, self._ahead_since = began, None
+        is_behind = self._began is not None and began < self._began - _READ_WITHIN
+        if not is_behind:
+            self._began = max(self._began or began, began) if is_flying else began
+            self._ahead_since = None
             return
-        self._ahead_since = now if self._ahead_since is None else self._ahead_since
-        if now - self._ahead_since >= LONGEST_FLIGHT_S:
+        if self._ahead_since is None:
+            self._ahead_since = now
+        if not is_flying or now - self._ahead_since >= LONGEST_FLIGHT_S:
+            self._began_before, self._until = self._began, now
             self._began, self._ahead_since = began, None
 
     def at(self, now: float) -> datetime:
         """Give the time of day at a time of the monotonic clock [s]; `update` comes before."""
-        if self._began is None:
+        began = self._began_before if now < self._until else self._began
+        if began is None:
             raise ValueError("the time of day is not known before the first update")
-        return self._began + timedelta(seconds=now)
+        return began + timedelta(seconds=now)
 
 
 @dataclass(slots=True)

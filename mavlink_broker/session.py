@@ -55,6 +55,8 @@ UNREACHABLE_AFTER_S: Final = 5.0
 A vehicle that a new broker has yet to receive may be flown by a pilot: its mission waits for that.
 """
 FORGOTTEN_AFTER_S: Final = 60.0
+LONGEST_LOSS_S: Final = 1800.0
+"""In flight; longer than a multicopter flies."""
 UNANSWERED: Final = (
     "it is received but does not answer, so that orders may not reach it: the link may work in one "
     "direction only, or the vehicle has another signing key"
@@ -133,6 +135,11 @@ class Session:
         """Whether a vehicle has sent no more than a heartbeat, and sends nothing any more."""
         is_long_lost = self._lost_since is not None and now - self._lost_since > FORGOTTEN_AFTER_S
         return self.missions.is_empty and is_long_lost and self.vehicle.snapshot.position is None
+
+    def may_fly(self, now: float) -> bool:
+        """Whether its vehicle is armed as far as is known: not if it has been lost for long."""
+        lost_s = 0.0 if self._lost_since is None else now - self._lost_since
+        return bool(self.vehicle.snapshot.armed) and lost_s <= LONGEST_LOSS_S
 
     def change_vehicle(self) -> bool:
         """Forget what was noted of a vehicle, for another has taken its place.

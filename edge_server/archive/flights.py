@@ -25,7 +25,7 @@ STALE_S: Final = 12 * 3600.0
 _PAST_S: Final = 7 * 86_400.0
 _AHEAD_S: Final = 60.0
 _PAUSE_S: Final = 600.0
-"""Between two reports of a flight, at most, where the edge server's clock was set back."""
+"""Between two reports of a flight, at most, behind a step of the edge server's clock."""
 _BEGUN: Final = frozenset({Status.RUNNING, Status.FINISHED})
 
 
@@ -44,23 +44,26 @@ def time_of(
 ) -> float:
     """Return when something was recorded; a time that cannot be right is that of its receipt.
 
-    One in the future is right if it continues the vehicle's last flight: then the edge server's own
-    clock was set back, and the receipt would be before that flight.
+    One in the future is right if it continues the vehicle's last flight, of which something was
+    received later than now: the edge server's own clock was set back since.
     """
     if recorded_at is None:
         return received_at
     recorded = recorded_at.timestamp()
     if recorded > received_at + _AHEAD_S:
-        return recorded if _continues(connection, vehicle_id, recorded) else received_at
+        is_right = _continues(connection, vehicle_id, recorded, received_at)
+        return recorded if is_right else received_at
     return recorded if recorded >= received_at - _PAST_S else received_at
 
 
-def _continues(connection: sqlite3.Connection, vehicle_id: int, at: float) -> bool:
-    """Whether something recorded then belongs to the last flight of a vehicle, or follows it."""
+def _continues(
+    connection: sqlite3.Connection, vehicle_id: int, at: float, received_at: float
+) -> bool:
+    """Whether what was recorded then continues a flight during which the clock was set back."""
     row = connection.execute(
         "SELECT started_at, coalesce(ended_at + ?, last_at + ?) FROM flight"
-        " WHERE vehicle_id = ? AND dropped = 0 ORDER BY id DESC LIMIT 1",
-        (LATE_S, _PAUSE_S, vehicle_id),
+        " WHERE vehicle_id = ? AND dropped = 0 AND received_at > ? ORDER BY id DESC LIMIT 1",
+        (LATE_S, _PAUSE_S, vehicle_id, received_at + _AHEAD_S),
     ).fetchone()
     return row is not None and row[0] - EARLY_S <= at <= row[1]
 

@@ -219,8 +219,11 @@ class EdgeClock:
     def read(self, written: object, sent_at: float, now: float) -> datetime | None:
         """Give the present time of day after an answer; None while none has named one to be used.
 
-        `written` is the time as the answer has it; request and answer at monotonic times [s].
+        `written` is the time as the answer has it; request and answer at monotonic times [s]. The
+        second answer settles the time, whatever it names.
         """
+        if self._ahead_s:
+            self._first_at_most_s = None
         try:
             if isinstance(written, str):
                 self.note(_TIME.validate_python(written), sent_at, now)

@@ -138,7 +138,8 @@ class CaptureCheck:
         """Process a message of the vehicle or of its camera."""
         match message.get_type():
             case "COMMAND_ACK" if message.command == self._command:
-                if message.result == mavlink.MAV_RESULT_IN_PROGRESS:
+                is_own = self._vehicle.route.is_for_us(message)
+                if is_own and message.result == mavlink.MAV_RESULT_IN_PROGRESS:
                     self._note_work(message, now)
             case "CAMERA_IMAGE_CAPTURED" if self._is_new(message):
                 self.pictures.add(message.image_index)

@@ -103,7 +103,9 @@ class LiveCommandRecord:
         """Whether a message shows that the command of an earlier run was received."""
         match message.get_type():
             case "COMMAND_ACK":
-                return message.command == self._action.command and message.result in _RECEIVED
+                is_own = self._vehicle.route.is_for_us(message)
+                is_same = is_own and message.command == self._action.command
+                return is_same and message.result in _RECEIVED
             case "CAMERA_IMAGE_CAPTURED":
                 began_s = None if self.earlier is None else self.earlier.began_s
                 taken_s = self._vehicle.snapshot.since_boot_s(message.time_boot_ms)
@@ -116,6 +118,8 @@ class LiveCommandRecord:
     def is_answer(self, message: Message) -> bool:
         """Whether it is the final acknowledgement of the command of an earlier run."""
         if message.get_type() != "COMMAND_ACK" or message.command != self._action.command:
+            return False
+        if not self._vehicle.route.is_for_us(message):
             return False
         return bool(message.result != mavlink.MAV_RESULT_IN_PROGRESS)
 

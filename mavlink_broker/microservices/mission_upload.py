@@ -85,7 +85,7 @@ class NotStored:
 
 @dataclass(frozen=True, slots=True)
 class NotBegun:
-    """The vehicle has changed nothing: it is busy, perhaps with a plan of another system."""
+    """The vehicle is busy, perhaps with a plan of another system, and has taken no item."""
 
     reason: str
 
@@ -109,9 +109,10 @@ class MissionUpload:
         route: Route,
         round_trip: RoundTrip,
         *,
-        busy_pause_s: float | None,
+        busy_pause_s: float,
         mission_type: int = mavlink.MAV_MISSION_TYPE_MISSION,
         as_floats: bool = False,
+        yields: bool = False,
     ) -> None:
         """Prepare an upload.
 
@@ -119,11 +120,11 @@ class MissionUpload:
             items: MISSION_ITEM_INT messages in order, of that mission type.
             route: Source and target ids.
             round_trip: Estimate of the link's round trip.
-            busy_pause_s: Pause [s] after the vehicle has answered that it is busy; None: that
-                ends it (`NotBegun`).
+            busy_pause_s: Pause [s] after the vehicle has answered that it is busy.
             mission_type: MAV_MISSION_TYPE.
             as_floats: The vehicle supports no integer items: MISSION_REQUEST(40) is answered by
                 MISSION_ITEM(39).
+            yields: A vehicle that is busy ends it, unless it has taken items (`NotBegun`).
         """
         self._items = items
         self._type = mission_type
@@ -131,6 +132,7 @@ class MissionUpload:
         self._route = route
         self._round_trip = round_trip
         self._busy_pause_s = busy_pause_s
+        self._yields = yields
         self._phase = _Phase.PAUSING
         self._transfers = 0
         self._attempts = 0
@@ -209,6 +211,7 @@ class MissionUpload:
         if seq >= len(self._items) or is_copy:
             return []
         self._answered_at = now
+        self._yields = False
         if self._phase is _Phase.PAUSING and seq in self._requested:
             return [self._items[seq]]  # No progress: the transfer restarts nevertheless
         if seq not in self._requested:
@@ -255,7 +258,7 @@ class MissionUpload:
         if result == mavlink.MAV_MISSION_OPERATION_CANCELLED:
             self._pause(FIRST_PAUSE_S, now)
         elif self._phase is _Phase.COUNTING and result in _BUSY:
-            if self._busy_pause_s is None:
+            if self._yields:
                 self.outcome = NotBegun(f"{PLAN_NAMES[self._type]} refused: {self._last_error}")
             else:
                 self._pause(self._busy_pause_s, now)

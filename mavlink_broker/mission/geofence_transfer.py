@@ -106,8 +106,9 @@ class VehicleSteps:
         upload = MissionUpload(
             self._messages(kind, items),
             *self._link,
-            busy_pause_s=None,
+            busy_pause_s=self.vehicle.family.busy_pause_s,
             mission_type=kind,
+            yields=True,
             as_floats=self._floats,
         )
         match (yield upload):
@@ -272,12 +273,13 @@ class GeofenceTransfer:
                 self.notes.append(f"the vehicle keeps no {PLAN_NAMES[kind]}: {_ALONE[kind]}")
         elif items or kind in plans:
             refusal: str | None = None
-            for _ in range(TRANSFERS):
+            for attempt in range(TRANSFERS):
+                if attempt:
+                    yield Wait(lambda waited_s: waited_s >= self.vehicle.family.busy_pause_s)
                 held = yield from self._steps.read_items(kind)
                 refusal = yield from self._replace(kind, held, items)
                 if refusal is None:
                     return
-                yield Wait(lambda waited_s: waited_s >= self.vehicle.family.busy_pause_s)
             raise StepRefusedError(f"{refusal} ({TRANSFERS} times)")
 
     def _replace(self, kind: int, held: Items, items: Items) -> Step:
@@ -303,8 +305,9 @@ class GeofenceTransfer:
             yield from self._steps.journal_stored()
             refusal = yield from self._steps.replace_items(kind, wanted)
             if refusal is not None:
-                plans.pop(kind)
-                plans.update({} if override is None else {kind: override})
+                del plans[kind]
+                if override is not None:
+                    plans[kind] = override
                 return refusal
         if items:
             plans[kind] = OverriddenPlan(before, items)

@@ -2,21 +2,21 @@
 
 One holder at a time (`Holder`):
 
-| from          | on                                          | to     |
-|---------------|---------------------------------------------|--------|
-| any           | armed, by order of the broker               | OURS   |
-| any           | armed when it is received first             | FOUND  |
-| any           | armed otherwise                             | OTHERS |
-| FOUND, OTHERS | `claim`                                     | OURS   |
-| OURS, FOUND   | `lose`                                      | OTHERS |
-| any, armed    | `take_away`                                 | TAKEN  |
-| TAKEN         | disarmed                                    | OTHERS |
-| FOUND         | disarmed in a mode of somebody else         | OTHERS |
-| any, disarmed | `end_by_others`                             | OTHERS |
+| from                 | on                                    | to     |
+|----------------------|---------------------------------------|--------|
+| any                  | armed, by order of the broker         | OURS   |
+| any                  | armed when it is received first       | FOUND  |
+| any                  | armed otherwise                       | OTHERS |
+| FOUND; OTHERS, armed | `claim`                               | OURS   |
+| OURS or FOUND, armed | `lose`                                | OTHERS |
+| any, armed           | `take_away`                           | TAKEN  |
+| TAKEN                | disarmed                              | OTHERS |
+| FOUND                | disarmed in a mode of somebody else   | OTHERS |
+| any, not armed       | `end_by_others`                       | OTHERS |
 
-FOUND counts as somebody else's flight until a mission, hover or return of an earlier run is
-recognised in it. A mission may lose a vehicle for a moment, for a pilot may give it back: that is
-in the mode (`note_mode`) and changes no holder.
+It begins as OURS. FOUND counts as somebody else's flight until a mission, hover or return of an
+earlier run is recognised in it. A mission may lose a vehicle for a moment, for a pilot may give it
+back: that is in the mode (`note_mode`) and changes no holder.
 
 What a restarted broker has to know of it, it notes (`noted_mode`): by a vehicle that stands
 disarmed it cannot see any more who had it in the air.
@@ -91,8 +91,6 @@ class ArmedPeriod:
             if self._holder is Holder.TAKEN or (self.is_others and self._is_others_mode):
                 self._holder = Holder.OTHERS
             self._left_at = now if self.is_others else None
-        elif self._holder is Holder.TAKEN:
-            self._holder = Holder.OURS  # It was taken before it was received, and stands
         elif self.stood_s(now) is None:
             self._left_at = None
         self._is_armed = seen.armed
@@ -100,9 +98,8 @@ class ArmedPeriod:
     def _begin(self, now: float) -> None:
         is_ordered = now - self._ordered_at <= ARMING_SHOWN_WITHIN_S
         self.is_found = not is_ordered and self._is_armed is None
-        if self._holder is not Holder.TAKEN:
-            not_ordered = Holder.FOUND if self.is_found else Holder.OTHERS
-            self._holder = Holder.OURS if is_ordered else not_ordered
+        not_ordered = Holder.FOUND if self.is_found else Holder.OTHERS
+        self._holder = Holder.OURS if is_ordered else not_ordered
         self._ordered_at, self._left_at = -math.inf, None
         if not self.is_found:
             self._noted_before = None
@@ -118,7 +115,8 @@ class ArmedPeriod:
 
     def forget_mode(self) -> None:
         """Forget in which mode it flew: the vehicle was restarted."""
-        if self._flown is not None and self._holder is not Holder.FOUND:
+        is_unknown = self._holder is Holder.FOUND and self._is_armed
+        if self._flown is not None and not is_unknown:
             self._noted_before = self._flown.mode
         self._flown = None
 
@@ -126,14 +124,14 @@ class ArmedPeriod:
 
     def claim(self) -> None:
         """Note that the vehicle flies, hovers or comes down for a mission of the broker."""
-        if self._is_armed and self._holder is not Holder.TAKEN:
+        if self._holder is Holder.FOUND:  # It may have landed before its mission was recognised
+            self._holder, self._left_at = Holder.OURS, None
+        elif self._is_armed and self._holder is not Holder.TAKEN:
             self._holder = Holder.OURS
-        if self.is_found:  # It may have landed before an earlier run's mission was recognised
-            self._left_at = None
 
     def take_away(self) -> None:
-        """Note that another system, or its failsafe, has taken it from a mission."""
-        if self._is_armed is not False:
+        """Note that another system, or its failsafe, has taken an armed vehicle from a mission."""
+        if self._is_armed:
             self._holder = Holder.TAKEN
 
     def lose(self) -> None:
@@ -182,7 +180,7 @@ class ArmedPeriod:
         In flight its mode shows whose it is.
         """
         self._noted_before = noted_mode
-        if noted_mode is not None and self._flown is None:
+        if noted_mode is not None and self._flown is None and self._left_at is None:
             self.end_by_others(now)
 
     @property
@@ -194,7 +192,7 @@ class ArmedPeriod:
         is_undecided = self._is_others_mode and (self._is_armed or not self.is_others)
         if not is_theirs and not is_undecided:
             return None
-        is_unknown = self._holder is Holder.FOUND and not is_undecided
+        is_unknown = self._holder is Holder.FOUND and self._is_armed and not is_undecided
         return self._noted_before if is_unknown or self._flown is None else self._flown.mode
 
     # Standing

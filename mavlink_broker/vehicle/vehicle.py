@@ -266,7 +266,7 @@ class Vehicle:
         )
         if descent.is_flown or (sought_mode is not None and sought_mode == self.flown_mode.mode):
             self.armed_period.claim()
-        elif was_flown:
+        elif was_flown and (self.family.knows_modes or self.flown_mode.is_manual):
             self.armed_period.lose()  # Without effect on one that has landed
             if self.flown_mode.role is ModeRole.OTHER:
                 self.armed_period.end_by_others(now)  # Without effect on one that is armed

@@ -455,6 +455,20 @@ def test_so_has_one_who_has_taken_it_after_the_end_of_a_mission(script: Script, 
     world.run_until(lambda: vehicle.arm_orders > before, within_s=1.0 + LATE_S)
 
 
+@pytest.mark.parametrize("event", [1, 103], ids=["abort", "return-home"])
+@FAMILIES
+def test_a_landing_that_an_event_ordered_is_the_brokers(script: Script, event: int) -> None:
+    world = World()
+    vehicle = world.add_vehicle(script=dataclasses.replace(script, item_time_s=60.0))
+    world.edge.plan(first_flight())
+    world.run_until(lambda: vehicle.airborne and world.edge.status(1201) == Status.RUNNING)
+    world.run(3.0)
+    world.edge.event(event)
+    world.run_until(lambda: not vehicle.armed, within_s=300.0)
+    world.edge.plan(first_flight(mission_id=1202))
+    world.run_until(lambda: vehicle.armed, within_s=STAND_S - 10.0)
+
+
 def test_a_return_that_the_broker_ordered_is_its_own() -> None:
     world = in_mission(PX4)
     vehicle = world.only_vehicle

@@ -1,6 +1,7 @@
 """When a flight begins and ends, and which reports belong to it."""
 
 import json
+from datetime import UTC, datetime
 
 import pytest
 
@@ -165,6 +166,28 @@ def test_a_flight_goes_on_though_the_edge_servers_clock_is_set(edge: Edge, step_
     assert len(edge.get("/flights/1/pictures")) == 3
     assert points(edge) == 2
     assert {one["recorded_at"][-3:] for one in edge.get("/alarms/history/")} == {"01Z", "02Z"}
+
+
+@pytest.mark.parametrize("ahead_s", [70, 300, 500])
+def test_a_brokers_clock_that_is_ahead_all_the_time_is_replaced_all_the_time(
+    edge: Edge, ahead_s: int
+) -> None:
+    """Two flights of a minute each, with a minute and a half between them."""
+
+    def sent(kind: str, **fields: object) -> None:
+        at = edge.clock() + ahead_s
+        send(edge, kind, recorded_at=datetime.fromtimestamp(at, UTC).isoformat(), **fields)
+
+    for mission_id, armed_at in ((1201, "12:00:00Z"), (1202, "12:02:30Z")):
+        begin(edge, mission_id)
+        for second in range(60):
+            edge.clock.pass_s(1.0)
+            sent("state_vector", sequence_number=1 + second + 100 * mission_id)
+        report(edge, FINISHED, mission_id=mission_id)
+        (flight,) = [one for one in edge.get("/flights/") if one["mission_id"] == mission_id]
+        assert flight["started_at"].endswith(armed_at)
+        assert points(edge, flight["id"]) == 60
+        edge.clock.pass_s(90.0)
 
 
 @pytest.mark.parametrize("recorded_at", ["2026-11-21T11:59:30Z", "2026-11-21T12:30:00Z"])

@@ -568,6 +568,17 @@ def test_work_in_a_first_answer_that_was_long_on_its_way_is_asked_for_again(
     assert work["edge_time"] == noon + timedelta(seconds=held_s + 0.02)
 
 
+def test_work_is_taken_though_the_edge_server_names_its_time_only_once(tmp_path: Path) -> None:
+    now = [100.0]
+    client = EdgeClient(NOWHERE, tmp_path / "key", Woken(), clock=lambda: now[0])
+    for number, time in enumerate(("2026-11-21T12:00:00Z", None)):
+        poll = client.next_poll()
+        now[0] += 5.0
+        body = {"cursor": 3, "commands": [{"id": 3, "vehicle_id": 1}], "time": time}
+        client.take_answer(poll, Answer(200, json.dumps(body).encode()))
+        assert len(client.take_work()) == number
+
+
 @pytest.mark.parametrize(
     "time",
     [

@@ -17,6 +17,7 @@ from mavlink_broker.microservices.mission_upload import (
     COUNT_ATTEMPTS,
     MOST_REPETITIONS,
     MissionUpload,
+    NotBegun,
     NotStored,
     Stored,
     Uncertain,
@@ -183,6 +184,24 @@ def test_a_busy_vehicle_is_left_alone_for_a_while(result: int) -> None:
     one.receive(ack(result), 0.1)
     assert tick_until(one, 0.1, 6.0) == []
     assert kinds(tick_until(one, 6.0, 6.3)) == ["MISSION_COUNT"]
+
+
+@pytest.mark.parametrize("has_taken", [False, True])
+def test_one_that_yields_ends_on_a_busy_vehicle_that_has_taken_nothing(*, has_taken: bool) -> None:
+    """Else the vehicle may hold a part of it, and the caller must not take that for another's."""
+    items = [to_message(ITEM, seq=i, first=0, system=1, component=1) for i in range(COUNT)]
+    one = MissionUpload(items, ROUTE, RoundTrip(), busy_pause_s=6.0, yields=True)
+    one.start(0.0)
+    now = 0.1
+    if has_taken:
+        one.receive(request(0), now)
+        while not kinds(tick_until(one, now, now + 1.0)):
+            now += 1.0
+            assert now < 60.0, "the count is repeated"
+    one.receive(ack(mavlink.MAV_MISSION_ERROR), now + 1.0)
+    assert (one.outcome is None) == has_taken
+    if not has_taken:
+        assert one.outcome == NotBegun("mission refused: MAV_MISSION_ERROR")
 
 
 def test_a_transient_error_does_not_end_a_transfer() -> None:

@@ -88,6 +88,22 @@ def test_of_a_flight_of_unknown_origin_the_note_of_the_earlier_run_stays() -> No
     assert after(MANUAL, CLAIM, noted="LOITER").noted_mode is None
 
 
+def test_whoever_has_landed_a_vehicle_that_was_found_is_noted_until_its_mission_is_found() -> None:
+    assert after(MANUAL, disarmed(MANUAL)).noted_mode == "LOITER"
+    assert after(MANUAL, disarmed(MANUAL), CLAIM).noted_mode is None
+
+
+def test_no_claim_behind_the_landing_is_of_a_flight_that_was_taken() -> None:
+    period = after(MISSION, CLAIM, TAKE_AWAY, MANUAL, disarmed(MANUAL), CLAIM)
+    assert period.stood_s(5.0) is not None
+
+
+def test_a_record_that_is_read_again_does_not_begin_the_wait_anew() -> None:
+    period = after(disarmed(MANUAL), noted="LOITER")
+    period.recall("LOITER", 19.0)
+    assert period.obstacle(STAND_S - 1.0 + 0.1) is None
+
+
 def test_who_takes_a_vehicle_in_a_hover_that_was_found_is_noted() -> None:
     assert after(MISSION, CLAIM, LOSE, MANUAL).noted_mode == "LOITER"
 
@@ -98,11 +114,12 @@ HAPPENS: Final = st.lists(
 """What happens, each after so many seconds."""
 
 
-@given(HAPPENS)
+@given(st.booleans(), HAPPENS)
 def test_a_vehicle_that_stands_for_somebody_else_stands_for_a_restarted_broker_too(
-    happens: list[tuple[str, float]],
+    is_found: bool, happens: list[tuple[str, float]]
 ) -> None:
-    period, now = after(disarmed(MISSION), ordered, MISSION), 3.0
+    begins = (MISSION,) if is_found else (disarmed(MISSION), ordered, MISSION)
+    period, now = after(*begins), 3.0
     for name, passes_s in happens:
         now += passes_s
         CHANGES[name](period, now)
