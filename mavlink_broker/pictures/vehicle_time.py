@@ -110,7 +110,7 @@ class VehicleTime:
 
     @property
     def is_known(self) -> bool:
-        """Whether the vehicle's clock was received, since its last restart."""
+        """Whether the vehicle's clock was received in this run of the broker."""
         return self._is_known
 
     @property

@@ -40,6 +40,8 @@ ARMED_BY_OTHERS: Final = "somebody else has armed it"
 LEFT_BY_OTHERS: Final = (
     f"somebody else or its failsafe had it: it has to stand disarmed for {STAND_S:.0f} s first"
 )
+OBSTACLES: Final = (ARMED_BY_OTHERS, LEFT_BY_OTHERS)
+"""What a mission waits for because of somebody else."""
 
 
 class Holder(Enum):
@@ -49,10 +51,6 @@ class Holder(Enum):
     FOUND = auto()  # It had begun before this broker received the vehicle: not decided yet
     OTHERS = auto()  # Somebody else has armed it, or has taken it when no mission flew it
     TAKEN = auto()  # Another system has taken it from a mission; until it is disarmed
-
-
-OBSTACLES: Final = (ARMED_BY_OTHERS, LEFT_BY_OTHERS)
-"""What a mission waits for because of somebody else."""
 
 
 class ArmedPeriod:

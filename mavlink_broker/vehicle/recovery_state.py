@@ -356,12 +356,16 @@ class RecoveryState:
         self.shows_manual = both.shows_manual
         self.armed_period.recall(both.taken_mode, now)
 
+    def forget_armed_period(self) -> None:
+        """Begin anew: another vehicle has not been armed by anybody yet."""
+        self.armed_period = ArmedPeriod()
+
     def forget(self) -> None:
         """Begin anew with another vehicle in place of this one; aborts are for it too."""
         self.overrides, self.parameters = VehicleOverrides(), ParameterOverrider()
         self.hover.end()
         self.descent.end()
         self.pending_return = self.paused = self.armed_s = None
-        self.armed_period = ArmedPeriod()
+        self.forget_armed_period()
         self.is_tracking = self.has_camera = self.shows_manual = False
         self.clear_commands()

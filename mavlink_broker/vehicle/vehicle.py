@@ -164,7 +164,8 @@ class Vehicle:
     def replace(self) -> None:
         """Forget what was received: another vehicle has its system id."""
         self._forget_telemetry()
-        self._reboots, self.recovery.armed_period = RebootMonitor(), ArmedPeriod()
+        self._reboots = RebootMonitor()
+        self.recovery.forget_armed_period()
         self._back_at, self._may_be_swapped = None, False
         self.ask_identity()
 

@@ -80,7 +80,8 @@ _READING: Final = frozenset(
         mavlink.MAV_CMD_REQUEST_VIDEO_STREAM_STATUS,
     }
 )
-"""Requests for telemetry: a refusal, perhaps of a message that is not known yet, warns nobody."""
+"""Requests for telemetry. A refusal, perhaps of a message that is not known yet, warns nobody; the
+answer is their sender's alone."""
 _PROGRESS_UNKNOWN: Final = 255
 _OPEN_TO_ALL_SYSTEMS: Final = frozenset(
     {
