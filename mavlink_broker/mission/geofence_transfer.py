@@ -3,6 +3,8 @@
 What the vehicle holds is read, replaced where it differs, and verified; then follow the parameters
 that enforce the geofence. What was there before is kept in the vehicle's overrides, and is on the
 disk before anything changes. A geofence or a value that another system has set since stays.
+
+HeldOtherwiseError  the vehicle holds something else than was placed; a StepRefusedError
 """
 
 import logging
@@ -70,6 +72,10 @@ OFF_FOR_S: Final = 0.5
 """A vehicle looks at its switch ten times a second."""
 _LOG = logging.getLogger(__name__)
 _ALONE: Final = {FENCE: "the broker alone has checked the mission", RALLY: "they were left out"}
+
+
+class HeldOtherwiseError(StepRefusedError):
+    """The vehicle has acknowledged a plan, and holds something else."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,7 +175,7 @@ class VehicleSteps:
         )
         match (yield verify):
             case Different(reason):
-                raise StepRefusedError(f"{PLAN_NAMES[kind]}: {reason}")
+                raise HeldOtherwiseError(f"{PLAN_NAMES[kind]}: {reason}")
 
     def _messages(self, kind: int, items: Items) -> list[Message]:
         route = self.vehicle.route
@@ -303,7 +309,13 @@ class GeofenceTransfer:
         if self._steps.difference(wanted, held):
             plans[kind] = OverriddenPlan(before, None)
             yield from self._steps.journal_stored()
-            refusal = yield from self._steps.replace_items(kind, wanted)
+            try:
+                refusal = yield from self._steps.replace_items(kind, wanted)
+            except HeldOtherwiseError:
+                held = yield from self._steps.read_items(kind)
+                if held and not geofence.resembles(held, wanted):
+                    del plans[kind]  # Another system has replaced it at once
+                raise
             if refusal is not None:
                 del plans[kind]
                 if override is not None:

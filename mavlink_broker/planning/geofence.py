@@ -17,6 +17,7 @@ from afarcloud import flyable
 from afarcloud.area import TooManyComparisonsError
 from afarcloud.commands import Command, NavFollowTarget, NavHotpoint
 from afarcloud.fence_check import FenceCheck, OutlineFault
+from afarcloud.geodesy import distance_m
 from afarcloud.plan import Geofence, Mission, RallyPoint
 from afarcloud.route import Spot
 from mavlink_broker.autopilots.families import Family
@@ -33,6 +34,8 @@ CAPABILITIES: Final = {
 """Bits of AUTOPILOT_VERSION for vehicles that store such items."""
 TOLERANCE_DEG: Final = 1.5e-7
 _ALTITUDE_TOLERANCE_M: Final = 0.011
+_RESEMBLES_WITHIN_M: Final = 20.0
+"""A vehicle that stores a place coarsely, or wrongly; another party's fence is elsewhere."""
 _HAS_RADIUS: Final = frozenset(
     {mavlink.MAV_CMD_NAV_FENCE_CIRCLE_INCLUSION, mavlink.MAV_CMD_NAV_FENCE_CIRCLE_EXCLUSION}
 )
@@ -107,6 +110,17 @@ def difference(
         if name is not None:
             return f"item {number} on the vehicle differs in {name}"
     return None
+
+
+def resembles(held: Sequence[MissionItem], wanted: Sequence[MissionItem]) -> bool:
+    """Whether a vehicle may hold what it was sent, changed in its storage; else it is another's."""
+    if [item.command for item in held] != [item.command for item in wanted]:
+        return False
+    return all(
+        distance_m(one.latitude_deg, one.longitude_deg, other.latitude_deg, other.longitude_deg)
+        <= _RESEMBLES_WITHIN_M
+        for one, other in zip(held, wanted, strict=True)
+    )
 
 
 def check_flyable(mission: Mission) -> None:

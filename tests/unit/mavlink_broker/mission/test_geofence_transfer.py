@@ -399,6 +399,21 @@ class TestRestoring:
         world.run(20.0)
         assert vehicle.fence == theirs
 
+    @pytest.mark.parametrize("script", [PX4, ARDUPILOT], ids=["px4", "ardupilot"])
+    def test_one_that_is_put_there_at_once_behind_the_plans_stays(self, script: Script) -> None:
+        """Before the vehicle has shown that it holds the plan's, whose mission fails then."""
+        world = World()
+        vehicle = fenced_vehicle(world, script)
+        placed(vehicle, square(half_m=90.0))
+        world.edge.plan(first_flight(), geofence=fence())
+        world.run_until(lambda: "stored 1" in vehicle.log)
+        placed(vehicle, square(north_m=200.0, half_m=70.0))
+        theirs = vehicle.fence
+        world.run_until_over(1201)
+        world.run(60.0)
+        assert vehicle.fence == theirs
+        assert not world.app.sessions[1].vehicle.overrides.is_open
+
     def test_a_restarted_broker_removes_the_fence_of_the_mission_that_it_follows(self) -> None:
         world = World()
         vehicle = fenced_vehicle(world)
