@@ -114,6 +114,8 @@ class Attaching(Phase):
     def tick(self, now: float, effects: Effects) -> Result:
         """Compare the missions as soon as enough is known of the vehicle."""
         self._note_flying()
+        if self._was_just_armed:  # By an earlier run that was killed before the start
+            self._vehicle.armed_period.claim()
         if self.exchange is not None:
             return None
         self._apply_notes(now, effects)
@@ -278,11 +280,8 @@ class Attaching(Phase):
     def _begin_or_wait(self) -> Result:
         """Begin from the ground or from a hover of this broker; else wait for the landing.
 
-        A vehicle that stands armed disarms first. If an earlier run has just armed it, and was
-        killed before the start, that is no flight of somebody else.
+        A vehicle that stands armed disarms first.
         """
-        if self._was_just_armed:
-            self._vehicle.armed_period.claim()
         if self._is_standing or self._vehicle.hovers:
             self._mission.is_hovering = self._vehicle.hovers
             return Event.NOT_STARTED
@@ -367,7 +366,8 @@ def _next_step(
     has_position = snapshot.home is not None and snapshot.position is not None
     if not has_position or not (has_all_telemetry or connected_s >= TELEMETRY_WITHIN_S):
         return _Step.WAIT
-    return _Step.WAIT if not started and _is_about_to_disarm(vehicle) else _Step.COMPARE
+    may_disarm = _is_about_to_disarm(vehicle) and connected_s < ARMED_UNSTARTED_S
+    return _Step.WAIT if not started and may_disarm else _Step.COMPARE
 
 
 def _is_about_to_disarm(vehicle: Vehicle) -> bool:

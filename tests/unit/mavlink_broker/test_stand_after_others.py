@@ -469,6 +469,20 @@ def test_a_landing_that_an_event_ordered_is_the_brokers(script: Script, event: i
     world.run_until(lambda: vehicle.armed, within_s=STAND_S - 10.0)
 
 
+def test_a_vehicle_that_stays_armed_behind_a_restart_shows_what_its_mission_waits_for() -> None:
+    """The broker was killed while it armed the vehicle, which disarms by no timeout of its own."""
+    world = World()
+    vehicle = world.add_vehicle(script=PX4)
+    world.edge.plan(first_flight())
+    world.run_until(lambda: 1 in world.app.sessions and world.app.sessions[1].state is State.ARMING)
+    world.restart_broker()
+    world.run(30.0)
+    assert vehicle.armed
+    assert messages(world)[-1] == ARMED_BY_OTHERS
+    lands(vehicle)
+    world.run_until(lambda: vehicle.airborne, within_s=STAND_S + LATE_S)
+
+
 def test_a_return_that_the_broker_ordered_is_its_own() -> None:
     world = in_mission(PX4)
     vehicle = world.only_vehicle
