@@ -61,7 +61,8 @@ class ArmedPeriod:
         self._is_armed: bool | None = None  # By its newest heartbeat; None: not received yet
         self._flown: ObservedMode | None = None  # By the newest heartbeat that showed it armed
         self._is_others_mode = False  # Somebody else has it by that, from a mission; it may pass
-        self._noted_before: str | None = None  # What was noted before `_flown` was received
+        self._forgotten_mode: str | None = None  # That of `_flown`, before a restart
+        self._noted_before: str | None = None  # By an earlier run
         self._ordered_at = -math.inf  # Newest order to arm that is not answered yet
         self._left_at: float | None = None  # When it was over, if it was somebody else's
         self.is_found = False
@@ -98,7 +99,7 @@ class ArmedPeriod:
         self.is_found = not is_ordered and self._is_armed is None
         not_ordered = Holder.FOUND if self.is_found else Holder.OTHERS
         self._holder = Holder.OURS if is_ordered else not_ordered
-        self._ordered_at, self._left_at = -math.inf, None
+        self._ordered_at, self._left_at, self._forgotten_mode = -math.inf, None, None
         if not self.is_found:
             self._noted_before = None
 
@@ -113,9 +114,7 @@ class ArmedPeriod:
 
     def forget_mode(self) -> None:
         """Forget in which mode it flew: the vehicle was restarted."""
-        is_unknown = self._holder is Holder.FOUND and self._is_armed
-        if self._flown is not None and not is_unknown:
-            self._noted_before = self._flown.mode
+        self._forgotten_mode = self._flown.mode if self._flown else self._forgotten_mode
         self._flown = None
 
     # Whose it is
@@ -191,7 +190,10 @@ class ArmedPeriod:
         if not is_theirs and not is_undecided:
             return None
         is_unknown = self._holder is Holder.FOUND and self._is_armed and not is_undecided
-        return self._noted_before if is_unknown or self._flown is None else self._flown.mode
+        if is_unknown:
+            return self._noted_before
+        seen = self._forgotten_mode if self._flown is None else self._flown.mode
+        return seen or self._noted_before
 
     # Standing
 

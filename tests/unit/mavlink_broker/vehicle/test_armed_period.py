@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import Final
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from mavlink_broker.autopilots.families import ModeRole
@@ -114,6 +114,7 @@ HAPPENS: Final = st.lists(
 """What happens, each after so many seconds."""
 
 
+@example(is_found=True, happens=[("restarted", 1.0), ("disarmed", 1.0)])
 @given(st.booleans(), HAPPENS)
 def test_a_vehicle_that_stands_for_somebody_else_stands_for_a_restarted_broker_too(
     is_found: bool, happens: list[tuple[str, float]]
