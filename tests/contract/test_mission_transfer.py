@@ -20,7 +20,13 @@ from mavlink_broker.microservices.mission_download import (
     MissionVerify,
     Verified,
 )
-from mavlink_broker.microservices.mission_upload import MissionUpload, NotStored, Stored, Uncertain
+from mavlink_broker.microservices.mission_upload import (
+    MissionUpload,
+    NotStored,
+    Stored,
+    Uncertain,
+    UploadOutcome,
+)
 from mavlink_broker.mission.exchanges import difference
 from mavlink_broker.planning.mission import FlightPlan
 from tests.support.lossy_link import GROUND_ADDRESS, VEHICLE_ADDRESS, Conditions, LossyLink
@@ -172,7 +178,7 @@ def a_plan(count: int, shift: float = 0.0) -> FlightPlan:
 
 def uploaded(
     field: Field, plan: FlightPlan, patience_s: float = PATIENCE_S
-) -> Stored | Uncertain | NotStored | None:
+) -> UploadOutcome | None:
     upload = MissionUpload(plan.messages(1, 1), ROUTE, RoundTrip(), busy_pause_s=6.0)
     field.run(upload, patience_s)
     return upload.outcome
