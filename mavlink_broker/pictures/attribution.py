@@ -465,18 +465,17 @@ class EarlierFlight:
         One before the items that were ordered last has begun in the same flight, so that a flight
         before took no pictures for it; if the mission has landed in between, at any time before.
         """
-        first = self._first_of(ledger)
+        first, count = self.dated_from(ledger), len(commands)
         has_landed = any(isinstance(one, NavLand | NavHome) for one in commands[:first])
-        is_of_flight = first is not None and not has_landed
+        is_of_flight = first < count and not has_landed
         before_s = min(self._armed_s, self._ordered_s) if is_of_flight else -math.inf
-        count = len(commands) if first is None else first
-        return [before_s] * count + [self._ordered_s] * (len(commands) - count)
+        return [before_s] * first + [self._ordered_s] * (count - first)
 
-    def is_undated(self, ledger: MissionLedger, command: int) -> bool:
-        """Whether it was not noted when a command was ordered, by its index."""
-        first = self._first_of(ledger)
-        return first is None or command < first
+    def dated_from(self, ledger: MissionLedger) -> int:
+        """Give the index of the first command of which it was noted when it was ordered.
 
-    def _first_of(self, ledger: MissionLedger) -> int | None:
+        That is the first of the items that were ordered last; the number of commands without one.
+        """
         names = map(ledger.name_of, range(len(ledger.commands)))
-        return next((i for i, name in enumerate(names) if name == self._first_command), None)
+        found = (index for index, name in enumerate(names) if name == self._first_command)
+        return next(found, len(ledger.commands))

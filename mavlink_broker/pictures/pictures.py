@@ -226,10 +226,11 @@ class PictureCollector:
             return
         work, ledger = self._flight
         commands = work.mission.command_array
+        dated_from = self._earlier.dated_from(ledger)
         for index in range(min(ledger.finished, len(commands))):
             one = picture_command(ledger, commands, work.name, index)
             if one.expected:
-                is_undated = self._earlier.is_undated(ledger, index)
+                is_undated = index < dated_from
                 self._attribution.add_earlier(one, since_s[index], is_undated=is_undated)
 
     def _progress_shown_s(self, now: float) -> float | None:

@@ -171,6 +171,26 @@ class TestPictures:
         assert world.edge.statuses(1201)[1] == Status.FINISHED
         assert vehicle.commands.count(CREATE) == 1
 
+    @pytest.mark.parametrize(
+        "result", [mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_IN_PROGRESS]
+    )
+    def test_an_answer_to_a_ground_station_shows_no_order_of_the_broker(
+        self, tmp_path: Path, result: int
+    ) -> None:
+        """The station has ordered the same, and the vehicle answers it before all."""
+        world = begun(tmp_path, panorama(), script=OWN)
+        vehicle = world.only_vehicle
+        world.add_camera(vehicle)
+        world.run_until(lambda: has_noted(tmp_path))
+        world.kill_broker()
+        assert CREATE not in vehicle.commands
+        world.restart_broker()
+        theirs = mavlink.MAVLink_command_ack_message(CREATE, result, target_system=255)
+        for _ in range(100):
+            world.send_from(vehicle, theirs)
+            world.run(0.2)
+        assert vehicle.commands.count(CREATE) == 1
+
 
 def has_noted(folder: Path) -> bool:
     """Whether the journal holds a live command that is about to be ordered."""

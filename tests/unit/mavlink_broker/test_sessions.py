@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from afarcloud.enumerations import Status
 from mavlink_broker.mavlink.codec import Encoder
 from mavlink_broker.mavlink.dialect import Message, mavlink
+from mavlink_broker.session import LONGEST_LOSS_S
 from tests.support.broker_world import FINISHED, World, first_flight
 from tests.support.real_autopilots import COPTER_4_6, PX4_1_17
 from tests.support.scripted_telemetry import STREAMS
@@ -137,6 +138,19 @@ class TestALostLink:
         world.run(5.0)
         assert registered(world)["stale"] == []
         assert registered(world)["position_age"] < 1.0
+
+    def test_is_no_flight_any_more_after_half_an_hour(self) -> None:
+        """The clock of the others would wait for it."""
+        world = World()
+        vehicle = world.add_vehicle(script=dataclasses.replace(PX4, item_time_s=600.0))
+        world.edge.plan(first_flight())
+        world.run_until(lambda: vehicle.airborne)
+        session = world.app.sessions[1]
+        vehicle.silent = True
+        world.run(60.0)
+        assert session.may_fly(world.clock.now)
+        world.run(LONGEST_LOSS_S)
+        assert not session.may_fly(world.clock.now)
 
 
 class TestManyVehicles:

@@ -178,14 +178,19 @@ def test_a_brokers_clock_that_is_ahead_all_the_time_is_replaced_all_the_time(
         at = edge.clock() + ahead_s
         send(edge, kind, recorded_at=datetime.fromtimestamp(at, UTC).isoformat(), **fields)
 
-    for mission_id, armed_at in ((1201, "12:00:00Z"), (1202, "12:02:30Z")):
+    for mission_id, begins_at, ends_at in (
+        (1201, "12:00:00Z", "12:01:00Z"),
+        (1202, "12:02:30Z", "12:03:30Z"),
+    ):
         begin(edge, mission_id)
         for second in range(60):
             edge.clock.pass_s(1.0)
             sent("state_vector", sequence_number=1 + second + 100 * mission_id)
-        report(edge, FINISHED, mission_id=mission_id)
+        at = datetime.fromtimestamp(edge.clock() + ahead_s, UTC).isoformat()
+        report(edge, FINISHED, mission_id=mission_id, recorded_at=at)
         (flight,) = [one for one in edge.get("/flights/") if one["mission_id"] == mission_id]
-        assert flight["started_at"].endswith(armed_at)
+        assert flight["started_at"].endswith(begins_at)
+        assert flight["ended_at"].endswith(ends_at)
         assert points(edge, flight["id"]) == 60
         edge.clock.pass_s(90.0)
 

@@ -178,6 +178,20 @@ class TestPlacing:
         assert "geofence: item 0 on the vehicle differs in latitude" in message_of(world)
         assert "ordered to arm" not in vehicle.log
 
+    def test_one_that_its_vehicle_stores_otherwise_makes_room_for_the_operators(self) -> None:
+        """It is the plan's, changed by the vehicle, and nobody else's."""
+        world = World()
+        vehicle = fenced_vehicle(world, replace(ARDUPILOT, gives_ids=False))
+        placed(vehicle, square(half_m=90.0))
+        operators = vehicle.fence
+        store = vehicle.plans[FENCE]
+        store.script = replace(ARDUPILOT, home_is_item_0=False, keeps=_moved_by_a_metre)
+        flown(world, fence())
+        assert world.edge.status(1201) == Status.FAILED
+        store.script = replace(ARDUPILOT, home_is_item_0=False)
+        world.run(60.0)
+        assert vehicle.fence == operators
+
     def test_without_a_geofence_nothing_is_requested_of_the_vehicle(self) -> None:
         world = World()
         vehicle = fenced_vehicle(world)

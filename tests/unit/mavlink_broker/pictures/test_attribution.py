@@ -1,5 +1,6 @@
 """Whose picture it is: by its time, and by what a command still lacks."""
 
+import dataclasses
 import math
 from typing import Any
 
@@ -249,6 +250,19 @@ def test_a_command_that_was_resumed_takes_no_picture_behind_its_end() -> None:
     attribution.update(taker(1, expected=2), 100.0, resumed_since_s=100.0)
     attribution.update(taker(2, expected=2), 104.0)
     assert commands_of(attribution, 105.0) == [2]
+
+
+def test_a_command_of_which_nobody_knows_when_it_was_ordered_has_the_pictures_of_its_place() -> (
+    None
+):
+    """Somebody else has taken one elsewhere in the same flight."""
+    here, elsewhere = (58.4, 15.6), (58.401, 15.6)
+    command = dataclasses.replace(taker(2, expected=2), area=Area(*here))
+    attribution = Attribution()
+    attribution.update(taker(4), 570.0, resumed_since_s=560.0)
+    attribution.add_earlier(command, 500.0, is_undated=True)
+    assert attribution.attribute(530.0, FIRST, elsewhere) is None
+    assert attribution.attribute(531.0, FIRST, here) == command
 
 
 def test_times_of_another_clock_are_shifted() -> None:
