@@ -39,7 +39,7 @@ from mavlink_broker.fleet import (
 from mavlink_broker.live.tracking import TRACKING_MESSAGES as TRACKED
 from mavlink_broker.mavlink.dialect import Message, source_of
 from mavlink_broker.mission.states import State
-from mavlink_broker.pictures.pictures import PICTURE_MESSAGES
+from mavlink_broker.pictures.collector import PICTURE_MESSAGES
 from mavlink_broker.routing.policy import BrokerControl
 from mavlink_broker.routing.router import Clock, Link, Router
 from mavlink_broker.session import Session

@@ -35,7 +35,7 @@ from mavlink_broker.mission.context import REPLACED_VEHICLE, RESTARTED
 from mavlink_broker.mission.geofence_transfer import VehicleConfigRestorer
 from mavlink_broker.mission.mission_queue import MissionQueue
 from mavlink_broker.mission.states import PREPARING, State
-from mavlink_broker.pictures.pictures import PICTURE_MESSAGES, PictureCollector
+from mavlink_broker.pictures.collector import PICTURE_MESSAGES, PictureCollector
 from mavlink_broker.vehicle.alarms import CAMERA, AlarmMonitor, Failure
 from mavlink_broker.vehicle.control_authority import is_order
 from mavlink_broker.vehicle.flight_frames import FlightFrames

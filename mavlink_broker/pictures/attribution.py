@@ -10,7 +10,7 @@ of both. What an autopilot reports of pictures (`Feedback`) is counted as of oth
 
 import math
 from collections import deque
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
@@ -18,9 +18,7 @@ from afarcloud.commands import (
     CameraImage,
     CameraPanorama,
     Command,
-    NavHome,
     NavHotpoint,
-    NavLand,
     NavTakeoff,
     NavWaypoint,
     VideoStartCapture,
@@ -30,7 +28,6 @@ from afarcloud.enumerations import PanoramaMode
 from afarcloud.geodesy import distance_m
 from mavlink_broker.pictures.announcements import Place, Position
 from mavlink_broker.vehicle.mission_ledger import MissionLedger
-from mavlink_broker.vehicle.recovery_state import RecoveryState
 
 EARLY_S: Final = 3.0
 LATE_S: Final = 10.0
@@ -430,52 +427,3 @@ def _at(position: Position | None, candidates: list[CommandInterval]) -> Command
 def _off_m(interval: CommandInterval, position: Position) -> float:
     area = None if interval.command is None else interval.command.area
     return math.inf if area is None else area.off_m(*position)
-
-
-class EarlierFlight:
-    """The flight that an earlier run of the broker has ordered, as far as the journal shows it.
-
-    Until the edge server has sent its mission again nobody knows whose the pictures are.
-    """
-
-    def __init__(self) -> None:
-        self.was_flying = False
-        """Whether the journal has had mission items, or a live command, under way."""
-        self._first_command: str | None = None  # Of the items that were ordered last
-        self._ordered_s = -math.inf  # When that was, by the vehicle's clock since boot
-        self._armed_s = -math.inf  # When the vehicle was armed last before that, by the same
-
-    def recall(self, recovery: RecoveryState) -> None:
-        """Keep what the journal has, which is cleared when the vehicle has landed."""
-        self.was_flying |= recovery.segment is not None or recovery.live is not None
-        if recovery.segment is not None:
-            self._first_command = recovery.segment
-            ordered_s = recovery.began_s({recovery.segment})
-            self._ordered_s = -math.inf if ordered_s is None else ordered_s
-            self._armed_s = -math.inf if recovery.armed_s is None else recovery.armed_s
-
-    @property
-    def has_times(self) -> bool:
-        """Whether the journal has times by the vehicle's clock."""
-        return max(self._ordered_s, self._armed_s) > -math.inf
-
-    def since_s(self, ledger: MissionLedger, commands: Sequence[Command]) -> list[float]:
-        """Give when each command of the mission may have begun, at the earliest.
-
-        One before the items that were ordered last has begun in the same flight, so that a flight
-        before took no pictures for it; if the mission has landed in between, at any time before.
-        """
-        first, count = self.dated_from(ledger), len(commands)
-        has_landed = any(isinstance(one, NavLand | NavHome) for one in commands[:first])
-        is_of_flight = first < count and not has_landed
-        before_s = min(self._armed_s, self._ordered_s) if is_of_flight else -math.inf
-        return [before_s] * first + [self._ordered_s] * (count - first)
-
-    def dated_from(self, ledger: MissionLedger) -> int:
-        """Give the index of the first command of which it was noted when it was ordered.
-
-        That is the first of the items that were ordered last; the number of commands without one.
-        """
-        names = map(ledger.name_of, range(len(ledger.commands)))
-        found = (index for index, name in enumerate(names) if name == self._first_command)
-        return next(found, len(ledger.commands))

@@ -20,9 +20,9 @@ from mavlink_broker.pictures.announcements import (
 )
 from tests.support.ardupilot_camera import TriggeredCamera
 from tests.support.broker_world import World, go_home, mission, takeoff, waypoint
+from tests.support.picture_flight import image
 from tests.support.scripted_vehicle import ScriptedVehicle
 from tests.support.vehicle_script import ARDUPILOT
-from tests.unit.mavlink_broker.pictures.test_pictures import image
 
 
 @pytest.mark.parametrize(

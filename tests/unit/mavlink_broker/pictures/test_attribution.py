@@ -2,21 +2,13 @@
 
 import dataclasses
 import math
-from typing import Any
 
-import pytest
-
-from afarcloud.plan import Mission
 from mavlink_broker.pictures.attribution import (
     MAX_INTERVALS,
     Area,
     Attribution,
-    EarlierFlight,
     PictureCommand,
 )
-from mavlink_broker.vehicle.mission_ledger import MissionLedger
-from mavlink_broker.vehicle.recovery_state import RecoveryState
-from tests.support.broker_world import hotpoint, image, land, mission, takeoff, waypoint
 
 FIRST, SECOND = 100, 101
 """Components that are cameras."""
@@ -278,29 +270,3 @@ def test_earlier_commands_beyond_the_bound_leave_the_newest_of_them() -> None:
         attribution.add_earlier(taker(number, expected=1), 90.0)
     assert commands_of(attribution, 95.0) == [MAX_INTERVALS + 1]
     assert commands_of(attribution, 101.0) == [5000]
-
-
-@pytest.mark.parametrize(
-    ("end", "since_s"), [(hotpoint(4), [500.0] * 4), (land(4), [-math.inf] * 4)]
-)
-def test_no_picture_of_a_flight_before_is_of_a_command_that_an_earlier_run_saw_end(
-    end: dict[str, Any], since_s: list[float]
-) -> None:
-    """Its items were ordered at 560 s, in the flight for which it was armed at 500 s.
-
-    A mission that has landed in between was begun in a flight before.
-    """
-    steps = mission(takeoff(1), waypoint(2), image(3, -90.0), end, waypoint(5))
-    commands = Mission.model_validate(steps).command_array
-    ledger = MissionLedger(1201, commands)
-    recovery = RecoveryState()
-    recovery.armed_s = 500.0
-    recovery.note_segment(ledger.name_of(4), 560.0)
-    earlier = EarlierFlight()
-    earlier.recall(recovery)
-    assert earlier.since_s(ledger, commands) == [*since_s, 560.0]
-    attribution = Attribution()
-    attribution.update(taker(4), 570.0, resumed_since_s=560.0)
-    attribution.add_earlier(taker(2, expected=2), since_s[2], is_undated=True)
-    assert commands_of(attribution, 450.0) == [None if since_s[2] > 0.0 else 2]
-    assert commands_of(attribution, 530.0) == [2]

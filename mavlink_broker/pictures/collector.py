@@ -5,17 +5,14 @@ the size that the edge server takes, and sent once. No mission waits for its pic
 lost silently: the report of its command, or the log after the mission, names a missing picture.
 
 A restarted broker may receive pictures before it has its mission again: they wait for it
-(`EarlierFlight`).
+(`MissionFollower`).
 """
 
 import logging
-import math
 import zlib
 from collections import OrderedDict
-from collections.abc import Iterator, Sequence
 from typing import Final, NamedTuple
 
-from afarcloud.enumerations import Status
 from mavlink_broker.edge.wire import MissionWork
 from mavlink_broker.effects import (
     ConvertedPicture,
@@ -38,18 +35,11 @@ from mavlink_broker.pictures.announcements import (
 from mavlink_broker.pictures.attribution import (
     Attribution,
     CommandInterval,
-    EarlierFlight,
     PictureCommand,
-    current_command,
-    picture_command,
 )
 from mavlink_broker.pictures.downloads import PictureDownload, PictureFetcher, Progress
-from mavlink_broker.pictures.vehicle_time import (
-    OWN_CLOCK_S,
-    UNSEEN_BOOT_S,
-    CameraClocks,
-    VehicleTime,
-)
+from mavlink_broker.pictures.mission_follower import MissionFollower
+from mavlink_broker.pictures.vehicle_time import OWN_CLOCK_S, CameraClocks, VehicleTime
 from mavlink_broker.vehicle.mission_ledger import MissionLedger
 from mavlink_broker.vehicle.reporter import Reporter
 from mavlink_broker.vehicle.vehicle import Vehicle
@@ -60,9 +50,6 @@ PICTURE_MESSAGES: Final = frozenset(
 """Messages of a vehicle's components about pictures."""
 PROGRESS_WITHIN_S: Final = 10.0
 """A picture that no command known to run has taken waits so long for the mission's progress."""
-PROGRESS_GAP_S: Final = 5.0
-PROGRESS_SETTLED_S: Final = 5.0
-"""So long after a gap in its progress the vehicle may be further than the ledger."""
 STORED_WITHIN_S: Final = 3.0
 """A camera may store a picture, and number and announce it, so long behind a later one."""
 MISSION_WITHIN_S: Final = 120.0
@@ -114,17 +101,9 @@ class PictureCollector:
         self._developing: dict[int, PictureDownload] = {}
         self._postponed: list[PictureDownload] = []
         self._number = 0
-        self._flight: tuple[MissionWork, MissionLedger] | None = None
         self._faults: list[tuple[PictureCommand, str]] = []
         self._time = VehicleTime(vehicle)
-        self._followed_since = -math.inf  # From then on its progress is that of this run
-        self._updated_at = math.inf
-        self._updated_s = 0.0  # The same, by the vehicle's clock
-        self._shown_since = -math.inf  # From then on the vehicle has shown it without a gap
-        self._earlier = EarlierFlight()
-        self._is_shifted = False  # To the clock before a restart since that flight
-        self._followed_from_s = math.inf  # When the first command of a mission was followed
-        self._flight_known_s = math.inf  # When the first mission of this run was received
+        self._mission = MissionFollower(vehicle, self._time, self._attribution)
         self.has_room = True  # The edge server keeps up with the pictures
         self.is_reachable = False  # Whether the vehicle is connected
 
@@ -147,127 +126,12 @@ class PictureCollector:
         *,
         is_followed: bool,
     ) -> None:
-        """Follow the mission that is flown, if any, and its progress.
-
-        `is_followed`: the ledger has the progress that the vehicle shows, not that of an earlier
-        run.
-        """
-        self._follow_clock(now)
-        is_earlier = work is None or work.was_accepted
-        if is_earlier and self._followed_from_s == math.inf:
-            self._earlier.recall(self._vehicle.recovery)
-        command = None
-        if work is not None and ledger is not None:
-            if self._flight is None:
-                self._flight_known_s = self._time.at(now)
-            self._flight = work, ledger
-            if ledger.status is Status.RUNNING and self._may_follow:
-                command = current_command(ledger, work.mission.command_array, work.name)
-        stood_still = now - self._updated_at > PROGRESS_GAP_S  # What has waited is read first
-        time_s = self._time.at(now)
-        if stood_still:  # What has waited has an old time, and what the vehicle has begun may not
-            time_s = max(time_s, self._updated_s + now - self._updated_at)
-        if stood_still or not is_followed:
-            self._followed_since = now
-        self._updated_at, self._updated_s = now, self._time.at(now)
-        is_change = self._follow_command(command, now, time_s)
+        """Follow the mission that is flown (`MissionFollower.update`); give its pictures to it."""
+        is_change = self._mission.update(work, ledger, now, is_followed=is_followed)
         self._attribute_taken(now)
         if is_change:
             for camera in self._cameras.values():  # A mission begins or ends
                 camera.request_count()
-
-    @property
-    def _may_follow(self) -> bool:
-        """Whether the journal is read by now, and the vehicle's clock known if it has times of it.
-
-        Before that the broker's own clock stands in for it.
-        """
-        if self._followed_from_s < math.inf:
-            return True
-        return self._vehicle.is_identified and (self._time.is_known or not self._earlier.has_times)
-
-    def _follow_command(self, command: PictureCommand | None, now: float, time_s: float) -> bool:
-        """Follow the command that runs; returns whether a mission begins or ends."""
-        before = self._attribution.current
-        ledger = None if self._flight is None else self._flight[1]
-        is_of_boot_before = self._vehicle.recovery.was_restarted_since
-        if is_of_boot_before and not self._is_shifted and self._followed_from_s < math.inf:
-            self._is_shifted = True
-            self._attribution.shift_earlier(-UNSEEN_BOOT_S)
-        for passed in self._behind(before, 0 if ledger is None else ledger.begun):
-            self._attribution.update(passed, time_s)
-        self._add_unseen(time_s, 0 if ledger is None else ledger.finished)
-        since_s = self._earlier_since_s(command, now)
-        is_change = self._attribution.update(
-            command,
-            time_s,
-            seen_s=self._progress_shown_s(now),
-            resumed_since_s=None if command is None or not since_s else since_s[command.command],
-        )
-        if since_s:
-            self._add_earlier(since_s)
-        return is_change and (command is None or before is None)
-
-    def _earlier_since_s(self, command: PictureCommand | None, now: float) -> list[float]:
-        """Give when each command of an earlier run's mission may have begun, once it is known.
-
-        Empty for a mission of this run, and before and behind that.
-        """
-        if command is None or self._flight is None or self._followed_from_s < math.inf:
-            return []
-        self._followed_from_s = self._time.at(now)
-        work, ledger = self._flight
-        commands = work.mission.command_array
-        return self._earlier.since_s(ledger, commands) if work.was_accepted else []
-
-    def _add_earlier(self, since_s: Sequence[float]) -> None:
-        """Add the commands that an earlier run has seen end, whose pictures may come now."""
-        if self._flight is None:
-            return
-        work, ledger = self._flight
-        commands = work.mission.command_array
-        dated_from = self._earlier.dated_from(ledger)
-        for index in range(min(ledger.finished, len(commands))):
-            one = picture_command(ledger, commands, work.name, index)
-            if one.expected:
-                is_undated = index < dated_from
-                self._attribution.add_earlier(one, since_s[index], is_undated=is_undated)
-
-    def _progress_shown_s(self, now: float) -> float | None:
-        """When the vehicle has shown its progress last.
-
-        What it has shown just after an outage is not in the ledger yet.
-        """
-        age_s = self._vehicle.age_s("MISSION_CURRENT", now)
-        received_s = self._time.received_s
-        if not self._vehicle.is_connected(now) or (age_s or 0.0) > PROGRESS_GAP_S:
-            self._shown_since = now
-        if now - max(self._shown_since, self._followed_since) < PROGRESS_SETTLED_S:
-            return -math.inf
-        if age_s is None or received_s is None:
-            return received_s
-        return min(received_s, self._time.at(now) - age_s)
-
-    def _follow_clock(self, now: float) -> None:
-        shift_s = self._time.update(now)
-        self._attribution.shift(shift_s)
-        self._updated_s += shift_s
-
-    def _behind(
-        self, before: PictureCommand | None, end: int | None = None
-    ) -> Iterator[PictureCommand]:
-        """Give the commands of the mission in flight behind one of it, up to an index."""
-        if before is None or self._flight is None or before.mission != self._flight[0].name:
-            return
-        work, ledger = self._flight
-        commands = work.mission.command_array
-        for index in range(before.command + 1, len(commands[:end])):
-            yield picture_command(ledger, commands, work.name, index)
-
-    def _add_unseen(self, until_s: float, end: int | None = None) -> None:
-        """Note that the vehicle may have flown commands behind the present one unseen."""
-        behind = self._behind(self._attribution.current, end)
-        self._attribution.add_unseen((one for one in behind if one.expected), until_s)
 
     def _attribute_taken(self, now: float) -> None:
         """Give pictures to commands, in their order, once it is known which of them have begun."""
@@ -284,8 +148,8 @@ class PictureCollector:
             command = self._attribution.attribute(
                 one.time_s, one.capture.component, one.capture.position
             )
-            is_of_earlier = self._earlier.was_flying and one.time_s <= self._flight_known_s
-            if command is not None or one.is_of_earlier_run or is_of_earlier:
+            is_of_earlier = one.is_of_earlier_run or self._mission.is_of_earlier_flight(one.time_s)
+            if command is not None or is_of_earlier:
                 self._fetch(one, command, now)
 
     def _must_wait(self, one: _AnnouncedPicture, now: float) -> bool:
@@ -297,13 +161,13 @@ class PictureCollector:
         is_undated = one.is_of_earlier_run and not self._time.knows_rate
         if is_undated and now - one.announced_at < STORED_WITHIN_S:
             return True
-        if camera.goes_back and one.time_s < self._followed_from_s:
+        if camera.goes_back and one.time_s < self._mission.followed_from_s:
             return True  # They are given to commands in their order, and come the other way round
-        if self._flight is None:
-            is_open = self._earlier.was_flying or not self._vehicle.is_identified
-            return is_open and now - one.announced_at < MISSION_WITHIN_S
+        if self._mission.flight is None:
+            return self._mission.is_mission_open and now - one.announced_at < MISSION_WITHIN_S
         picture = one.time_s, capture.component, capture.position
-        waited_s = now - max(one.announced_at, self._followed_since)  # It may have stood still
+        # The broker may have stood still
+        waited_s = now - max(one.announced_at, self._mission.followed_since)
         if waited_s < STORED_WITHIN_S and self._attribution.may_be_overtaken(*picture):
             return True
         return waited_s < PROGRESS_WITHIN_S and self._attribution.may_be_of_later(*picture)
@@ -313,7 +177,7 @@ class PictureCollector:
 
         Earlier pictures stay with earlier commands, also with those that it has flown unseen.
         """
-        self._add_unseen(self._time.latest_s)
+        self._mission.restarted()
         self._clocks.clear()
         self._feedback.restarted(self._time.restarted())
         for camera in self._cameras.values():
@@ -329,7 +193,7 @@ class PictureCollector:
 
     def receive(self, message: Message, now: float, effects: Effects) -> None:
         """Process a component's message about pictures."""
-        self._follow_clock(now)
+        self._mission.follow_clock(now)
         match message.get_type():
             case "CAMERA_IMAGE_CAPTURED" | "CAMERA_CAPTURE_STATUS" if self._time.is_doubtful:
                 pass  # They are asked for again when the vehicle's time is known
@@ -500,8 +364,8 @@ class PictureCollector:
         """Give the name and the unique identity of a picture."""
         command, capture = picture.command, picture.capture
         prefix = "found" if command is None else f"m{command.mission_id}_c{command.command_id}"
-        if command is None and self._flight is not None:
-            prefix = f"m{self._flight[1].mission_id}_found"
+        if command is None and self._mission.flight is not None:
+            prefix = f"m{self._mission.flight[1].mission_id}_found"
         camera = "" if capture.component == mavlink.MAV_COMP_ID_CAMERA else f"_k{capture.component}"
         identity = f"{self._vehicle.vehicle_id}/{capture.identity}"
         return f"{prefix}{camera}_{capture.index:04d}", identity
@@ -517,9 +381,9 @@ class PictureCollector:
     def _report_faults(self, effects: Effects) -> None:
         """Add missing pictures to the reports of their commands, while the mission runs."""
         faults, self._faults = self._faults, []
-        if self._flight is None:
+        if self._mission.flight is None:
             return
-        work, ledger = self._flight
+        work, ledger = self._mission.flight
         of_mission = [(command, text) for command, text in faults if command.mission == work.name]
         if of_mission and not ledger.status.is_terminal:
             for command, text in of_mission:
