@@ -20,7 +20,7 @@ from enum import Enum, auto
 from typing import Final, TypeAlias
 
 from afarcloud.geodesy import distance_m
-from mavlink_broker.autopilots.families import LIVE_MODES, ModeRole
+from mavlink_broker.autopilots.flight_modes import LIVE_MODES, ModeRole
 from mavlink_broker.autopilots.status_texts import TextMeaning, means
 from mavlink_broker.live.camera_state import CaptureCheck, CaptureState
 from mavlink_broker.live.follow_target import FollowTargetSender

@@ -17,7 +17,8 @@ from typing import Final
 from afarcloud.enumerations import OrbitType
 from afarcloud.geodesy import distance_m, offset, shifted
 from afarcloud.route import Spot
-from mavlink_broker.autopilots.families import ModeRole, OrbitMethod
+from mavlink_broker.autopilots.families import OrbitMethod
+from mavlink_broker.autopilots.flight_modes import ModeRole
 from mavlink_broker.live.series import heading_command, reposition_command
 from mavlink_broker.mavlink.dialect import Message
 from mavlink_broker.microservices.command import Accepted, Command, CommandSequence, Refused

@@ -27,7 +27,7 @@ from typing import Final, NamedTuple
 from afarcloud.enumerations import TrackMode
 from afarcloud.geodesy import distance_m, offset, shifted
 from afarcloud.route import Spot
-from mavlink_broker.autopilots.families import LIVE_MODES
+from mavlink_broker.autopilots.flight_modes import LIVE_MODES
 from mavlink_broker.live.follow_target import target_message
 from mavlink_broker.live.orbit import TurnAngle
 from mavlink_broker.live.series import StepSeries, heading_command, reposition_command

@@ -20,7 +20,8 @@ from afarcloud.enumerations import EventType
 from afarcloud.plan import AbortPoint
 from afarcloud.plan import Event as AbortEvent
 from afarcloud.route import Spot
-from mavlink_broker.autopilots.families import Family, ModeRole
+from mavlink_broker.autopilots.families import Family
+from mavlink_broker.autopilots.flight_modes import ModeRole
 from mavlink_broker.live.executor import LiveCommandExecutor, LivePhase
 from mavlink_broker.mavlink.dialect import Message, mavlink
 from mavlink_broker.microservices.command import CommandAlternatives, long_command

@@ -14,7 +14,8 @@ from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final, Protocol, TypeAlias, TypeVar
 
-from mavlink_broker.autopilots.families import Family, ModeRole
+from mavlink_broker.autopilots.families import Family
+from mavlink_broker.autopilots.flight_modes import ModeRole
 from mavlink_broker.mavlink.dialect import Message, mavlink
 from mavlink_broker.mavlink.mission_item import MissionItem, from_message
 from mavlink_broker.microservices.command import (

@@ -23,7 +23,7 @@ ordered behind it, and a speed that was changed is ordered again behind each ite
 
 from typing import Final
 
-from mavlink_broker.autopilots.families import LIVE_MODES, ModeRole
+from mavlink_broker.autopilots.flight_modes import LIVE_MODES, ModeRole
 from mavlink_broker.edge.wire import EventWork
 from mavlink_broker.effects import Acknowledgement, Effects
 from mavlink_broker.mavlink.dialect import Message, mavlink

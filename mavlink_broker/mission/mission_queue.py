@@ -11,7 +11,8 @@ from collections.abc import Sequence
 from typing import Final
 
 from afarcloud.enumerations import EventType, Status
-from mavlink_broker.autopilots.families import MOST_CAPABLE, ModeRole
+from mavlink_broker.autopilots.families import MOST_CAPABLE
+from mavlink_broker.autopilots.flight_modes import ModeRole
 from mavlink_broker.edge.wire import AcceptanceResult, EventWork, MissionWork
 from mavlink_broker.effects import Acknowledgement, EdgeMessage, Effects
 from mavlink_broker.mavlink.dialect import Message

@@ -16,7 +16,7 @@ from dataclasses import replace
 from typing import Final, NamedTuple
 
 from afarcloud.enumerations import EventType
-from mavlink_broker.autopilots.families import ModeRole
+from mavlink_broker.autopilots.flight_modes import ModeRole
 from mavlink_broker.edge.wire import AcceptanceResult, EventWork
 from mavlink_broker.effects import Acknowledgement, EdgeMessage, Effects
 from mavlink_broker.mavlink.dialect import Message, mavlink

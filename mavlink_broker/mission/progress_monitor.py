@@ -24,7 +24,7 @@ from typing import Final
 
 from afarcloud.enumerations import Status
 from afarcloud.geodesy import distance_m
-from mavlink_broker.autopilots.families import ModeRole
+from mavlink_broker.autopilots.flight_modes import ModeRole
 from mavlink_broker.autopilots.status_texts import TextMeaning, means
 from mavlink_broker.effects import EdgeReport
 from mavlink_broker.mavlink.dialect import Message, mavlink

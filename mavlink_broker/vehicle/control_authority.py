@@ -19,7 +19,7 @@ from enum import Enum, auto
 from typing import Final, NamedTuple
 
 from afarcloud.geodesy import distance_m
-from mavlink_broker.autopilots.families import ModeRole
+from mavlink_broker.autopilots.flight_modes import ModeRole
 from mavlink_broker.mavlink.dialect import Message, mav_cmd_name, mavlink
 from mavlink_broker.planning.situation import Pose
 from mavlink_broker.vehicle.telemetry import MissionNow, Position, Snapshot

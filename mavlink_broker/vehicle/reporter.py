@@ -19,7 +19,7 @@ from typing import Any, Final, TypeVar
 
 from afarcloud.state import Alarm, Image, Report, StateVector
 from mavlink_broker import effects
-from mavlink_broker.autopilots.families import ModeRole
+from mavlink_broker.autopilots.flight_modes import ModeRole
 from mavlink_broker.effects import ConvertedPicture, Effects, VehicleUpdate
 from mavlink_broker.mavlink.dialect import Message
 from mavlink_broker.microservices.link_state import LinkState

@@ -5,7 +5,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
-from mavlink_broker.autopilots.families import GENERIC, Family, ModeRole, family_of
+from mavlink_broker.autopilots.families import GENERIC, Family, family_of
+from mavlink_broker.autopilots.flight_modes import ModeRole
 from mavlink_broker.autopilots.status_texts import StatusTexts
 from mavlink_broker.mavlink.dialect import Message, Route, mavlink
 from mavlink_broker.microservices.command import CommandAlternatives, CommandSequence, RoundTrip

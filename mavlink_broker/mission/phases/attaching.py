@@ -11,7 +11,7 @@ from enum import Enum, auto
 from typing import Final
 
 from afarcloud.enumerations import Status
-from mavlink_broker.autopilots.families import ModeRole
+from mavlink_broker.autopilots.flight_modes import ModeRole
 from mavlink_broker.effects import Effects
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.microservices.mission_download import Different, ReadBackFailed, Verified

@@ -11,7 +11,7 @@ end, and the mission is finished.
 from typing import Final
 
 from afarcloud.plan import Event as AbortEvent
-from mavlink_broker.autopilots.families import ModeRole
+from mavlink_broker.autopilots.flight_modes import ModeRole
 from mavlink_broker.effects import Acknowledgement, Effects
 from mavlink_broker.mavlink.dialect import Message
 from mavlink_broker.mission import exchanges

@@ -9,7 +9,7 @@ end.
 from typing import Final
 
 from afarcloud.enumerations import Status
-from mavlink_broker.autopilots.families import LIVE_MODES, ModeRole
+from mavlink_broker.autopilots.flight_modes import LIVE_MODES, ModeRole
 from mavlink_broker.effects import Effects
 from mavlink_broker.live.executor import LiveCommandExecutor, LivePhase
 from mavlink_broker.mavlink.dialect import Message

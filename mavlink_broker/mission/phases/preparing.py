@@ -8,7 +8,7 @@ from typing import Final
 
 from afarcloud.enumerations import Status
 from afarcloud.route import highest_m
-from mavlink_broker.autopilots.families import ModeRole
+from mavlink_broker.autopilots.flight_modes import ModeRole
 from mavlink_broker.effects import Effects
 from mavlink_broker.microservices.command import Accepted, Refused
 from mavlink_broker.microservices.mission_download import Different, Verified

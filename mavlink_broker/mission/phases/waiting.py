@@ -16,7 +16,7 @@ from typing import Final
 
 from afarcloud.commands import FLYING
 from afarcloud.enumerations import CommandType
-from mavlink_broker.autopilots.families import ModeRole
+from mavlink_broker.autopilots.flight_modes import ModeRole
 from mavlink_broker.effects import Effects
 from mavlink_broker.mission import exchanges
 from mavlink_broker.mission.context import (

@@ -2,7 +2,8 @@
 
 import pytest
 
-from mavlink_broker.autopilots.families import ARDUPILOT, GENERIC, PX4, Family, ModeRole
+from mavlink_broker.autopilots.families import ARDUPILOT, GENERIC, PX4, Family
+from mavlink_broker.autopilots.flight_modes import ModeRole
 
 
 @pytest.mark.parametrize(

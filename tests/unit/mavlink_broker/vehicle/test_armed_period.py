@@ -7,7 +7,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from mavlink_broker.autopilots.families import ModeRole
+from mavlink_broker.autopilots.flight_modes import ModeRole
 from mavlink_broker.vehicle.armed_period import STAND_S, ArmedPeriod
 from mavlink_broker.vehicle.control_authority import ObservedMode
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from mavlink_broker.autopilots.families import ModeRole
+from mavlink_broker.autopilots.flight_modes import ModeRole
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.planning.situation import Pose
 from mavlink_broker.vehicle.control_authority import (

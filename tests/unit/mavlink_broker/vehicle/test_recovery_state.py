@@ -1,6 +1,6 @@
 """What is noted of a vehicle is in its record, and a recalled record is noted again."""
 
-from mavlink_broker.autopilots.families import ModeRole
+from mavlink_broker.autopilots.flight_modes import ModeRole
 from mavlink_broker.mavlink.mission_item import MissionItem
 from mavlink_broker.microservices.config_overrides import OverriddenParameter, OverriddenPlan
 from mavlink_broker.microservices.mission_protocol import FENCE, RALLY
