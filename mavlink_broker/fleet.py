@@ -17,8 +17,8 @@ from mavlink_broker.edge.outbox import Post
 from mavlink_broker.edge.wire import AcceptanceResult
 from mavlink_broker.effects import EdgeMessage, Effects, Job, JobOutcome, failed
 from mavlink_broker.live.follow_target import read_target_sources
+from mavlink_broker.mavlink.components import AUTOPILOT, is_vehicle, replaces_autopilot
 from mavlink_broker.mavlink.dialect import Message, Route, Source, source_of
-from mavlink_broker.microservices.link_state import is_vehicle, replaces_autopilot
 from mavlink_broker.session import Session
 from mavlink_broker.vehicle.recovery_state import (
     EMPTY_RECORD,
@@ -38,7 +38,6 @@ LONGEST_FLIGHT_S: Final = 6 * 3600.0
 _READ_WITHIN: Final = timedelta(seconds=1.0)
 """Of each other the two clocks of the machine are read, and corrected little by little."""
 _LOG = logging.getLogger(__name__)
-AUTOPILOT: Final = 1
 """MAV_COMP_ID_AUTOPILOT1."""
 
 

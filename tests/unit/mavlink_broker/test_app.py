@@ -5,8 +5,8 @@ import dataclasses
 import pytest
 
 from mavlink_broker.config import Config
-from mavlink_broker.fleet import AUTOPILOT
 from mavlink_broker.mavlink.codec import Decoder, Encoder
+from mavlink_broker.mavlink.components import AUTOPILOT
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.mission.states import State
 from tests.support.broker_world import (

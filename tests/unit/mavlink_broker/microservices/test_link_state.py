@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mavlink_broker.mavlink.codec import Decoder, Encoder
+from mavlink_broker.mavlink.components import is_vehicle
 from mavlink_broker.mavlink.dialect import Message, mavlink
 from mavlink_broker.microservices.command import (
     FIRST_TIMEOUT_S,
@@ -18,7 +19,6 @@ from mavlink_broker.microservices.link_state import (
     BEHIND_IN_A_ROW,
     MAX_TIMEOUT_S,
     MIN_TIMEOUT_S,
-    NOT_VEHICLES,
     SEQUENCE_GAP_S,
     FrameLoss,
     LinkMonitor,
@@ -27,7 +27,6 @@ from mavlink_broker.microservices.link_state import (
     PeriodicSource,
     RebootMonitor,
     StateOrder,
-    is_vehicle,
 )
 from tests.unit.mavlink_broker.microservices.harness import tick_until
 
@@ -37,12 +36,6 @@ def test_our_heartbeat_is_sent_once_a_second_as_an_onboard_controller() -> None:
     assert len(sent) == 10
     assert {message.type for message in sent} == {mavlink.MAV_TYPE_ONBOARD_CONTROLLER}
     assert not is_vehicle(sent[0])
-
-
-@pytest.mark.parametrize("kind", sorted(NOT_VEHICLES))
-def test_what_does_not_fly_is_no_vehicle(kind: int) -> None:
-    message = mavlink.MAVLink_heartbeat_message(kind, mavlink.MAV_AUTOPILOT_PX4, 0, 0, 4, 3)
-    assert not is_vehicle(message)
 
 
 @pytest.mark.parametrize(
