@@ -14,7 +14,8 @@ from dst.actors.technician import Technician
 from dst.coverage import Coverage
 from dst.faults.injection import BREAK_FACTOR, Faults
 from dst.faults.kinds import KINEMATIC_ONLY, Fault, draw
-from dst.laws.system_laws import BREAK_CHECK_PERIOD_S, CHECK_PERIOD_S, LawError, Laws
+from dst.laws.facts import LawError
+from dst.laws.system_laws import BREAK_CHECK_PERIOD_S, CHECK_PERIOD_S, Laws
 from dst.scheduler import KEPT_LINES
 from dst.world.disk import StillOpenError
 from dst.world.memory import MOST_OF_BROKER, MOST_OF_EDGE, held_bytes

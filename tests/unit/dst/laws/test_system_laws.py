@@ -8,7 +8,9 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from dst.actors.operator_person import PAUSE, Operator, PostedAbort, PostedPause, PostedPlan
 from dst.actors.plans import PlannedCommands
-from dst.laws.system_laws import EXPIRY_S, LawError, Laws
+from dst.laws.facts import LawError
+from dst.laws.mission_laws import EXPIRY_S
+from dst.laws.system_laws import Laws
 from dst.vehicles.autopilot import Mode
 from dst.vehicles.flight import Arming, OrderUnderPilot, Reached, Truth
 from dst.vehicles.vehicle import Vehicle
@@ -179,7 +181,9 @@ def test_a_waypoint_that_is_flown_after_an_abort_is_found(
     monkeypatch.setattr(farm.operator, "aborts", [abort_in_flight(farm, 901)])
     farm.world.run(60.0)
     farm.laws.check()
-    monkeypatch.setattr(farm.laws, "_ended", {})  # Of the law about missions that have ended
+    monkeypatch.setattr(
+        farm.laws._missions, "_ended", {}
+    )  # Of the law about missions that have ended
     truth = farm.world.vehicles[1].truth
     again = [one._replace(time_s=farm.world.scheduler.now_s + 5.0) for one in truth.reached]
     monkeypatch.setattr(truth, "reached", [*truth.reached, *again])
