@@ -26,13 +26,13 @@ from mavlink_broker.mission.flight_orders import (
     SoftAbort,
     SpeedChanges,
 )
-from mavlink_broker.mission.progress_monitor import (
+from mavlink_broker.mission.integrity import (
     MissionChangeMonitor,
-    ProgressMonitor,
     SkippedWaypointMonitor,
     foreign_uploader,
     total_of,
 )
+from mavlink_broker.mission.progress_monitor import ProgressMonitor
 from mavlink_broker.mission.segments import Segments
 from mavlink_broker.mission.states import Event
 from mavlink_broker.planning.geofence import AreaCheck, fence_items, rally_items

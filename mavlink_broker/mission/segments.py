@@ -1,14 +1,7 @@
-"""The segments of one mission on one vehicle: which one is flown now, and how far it has come.
-
-`Progress` never goes back. Three sources show it and each may be lost: MISSION_ITEM_REACHED shows
-that item k was reached, MISSION_CURRENT beyond k proves it, and a complete mission proves all. A
-repeated MISSION_ITEM_REACHED of the mission before differs by MISSION_CURRENT: nothing can be
-reached that was not current first.
-"""
+"""The segments of one mission on one vehicle, and which one is flown now."""
 
 import math
-from dataclasses import dataclass, replace
-from typing import Final, Self
+from typing import Final
 
 from afarcloud.plan import Mission
 from mavlink_broker.planning.mission import (
@@ -24,7 +17,6 @@ from mavlink_broker.vehicle.vehicle import Vehicle
 
 SHORTEST_ITEMS: Final = 50
 """A vehicle that refuses so few items has another reason than their number."""
-NOTHING: Final = -1
 
 
 class Segments:
@@ -176,65 +168,3 @@ class Segments:
     @property
     def _segments(self) -> tuple[Segment, ...]:
         return () if self._itinerary is None else self._itinerary.segments
-
-
-@dataclass(frozen=True, slots=True)
-class Progress:
-    """The farthest that is known of one segment; its commands are counted from its own first."""
-
-    plan: FlightPlan
-    current: int = NOTHING  # Highest item that was current
-    reached: int = NOTHING  # Highest item that was reached
-    on_ground: bool = False  # Landed and disarmed after the last command had begun
-
-    @classmethod
-    def after(cls, plan: FlightPlan, finished_commands: int) -> Self:
-        """Resume a flight of which so many commands were finished before."""
-        if finished_commands == 0:
-            return cls(plan)
-        done = plan.done_item[finished_commands - 1]
-        return cls(plan, current=done, reached=done)
-
-    def with_current(self, seq: int) -> Self:
-        """Handle MISSION_CURRENT: everything before it has been reached."""
-        if not self.current < seq < len(self.plan.items):
-            return self
-        return replace(self, current=seq, reached=max(self.reached, seq - 1))
-
-    def with_reached(self, seq: int) -> Self:
-        """Handle MISSION_ITEM_REACHED."""
-        if not self.reached < seq <= self.current:
-            return self
-        return replace(self, reached=seq)
-
-    def with_complete(self) -> Self:
-        """Note that the vehicle reports the mission as complete."""
-        last = len(self.plan.items) - 1
-        return replace(self, current=last, reached=last)
-
-    def with_landing(self) -> Self:
-        """Note that the vehicle is on the ground and disarmed; early, it proves nothing."""
-        return replace(self, on_ground=True) if self.last_command_has_begun else self
-
-    @property
-    def last_command_has_begun(self) -> bool:
-        """Whether the last command's items are being flown, or have been."""
-        owners = self.plan.command_of_item
-        return self.current >= owners.index(owners[-1])
-
-    @property
-    def finished_commands(self) -> int:
-        """How many commands, counted from the first, are finished.
-
-        A last command that lands is finished on the ground and disarmed, not before.
-        """
-        count = sum(done <= self.reached for done in self.plan.done_item)
-        if not self.plan.ends_on_ground:
-            return count
-        total = len(self.plan.done_item)
-        return total if self.on_ground else min(count, total - 1)
-
-    @property
-    def is_finished(self) -> bool:
-        """Whether every command is."""
-        return self.finished_commands == len(self.plan.done_item)

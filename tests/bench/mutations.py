@@ -186,7 +186,7 @@ BREAKS: Final = (
     ),
     Break(
         "a waypoint that somebody skipped is reported",
-        "mavlink_broker/mission/progress_monitor.py",
+        "mavlink_broker/mission/integrity.py",
         "if self._is_proven and left:",
         "if self._is_proven and not left:",
         f"{_BROKER}/mission",

@@ -25,8 +25,8 @@ from mavlink_broker.mission.context import (
     MissionContext,
 )
 from mavlink_broker.mission.exchanges import Outcome
+from mavlink_broker.mission.integrity import CLEARED
 from mavlink_broker.mission.phases.phase import Fault, Phase, Result
-from mavlink_broker.mission.progress_monitor import CLEARED
 from mavlink_broker.mission.segments import SHORTEST_ITEMS
 from mavlink_broker.mission.states import Event
 from mavlink_broker.planning.mission import SPARE_ITEMS

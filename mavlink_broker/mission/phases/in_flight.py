@@ -19,8 +19,8 @@ from mavlink_broker.mission.context import (
     MissionContext,
     SegmentMonitors,
 )
+from mavlink_broker.mission.integrity import MissionChangeMonitor
 from mavlink_broker.mission.phases.phase import Fault, Phase, Request, Result
-from mavlink_broker.mission.progress_monitor import MissionChangeMonitor
 from mavlink_broker.vehicle import control_authority
 from mavlink_broker.vehicle.control_authority import (
     AIRBORNE_MODES,

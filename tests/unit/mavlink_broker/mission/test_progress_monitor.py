@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mavlink_broker.mavlink.mission_item import change_speed, delay, return_to_launch, waypoint
-from mavlink_broker.mission.segments import Progress
+from mavlink_broker.mission.progress_monitor import Progress
 from mavlink_broker.planning.mission import FASTEST_M_S, FlightPlan
 
 WAYPOINT = waypoint(latitude_deg=1.0, longitude_deg=2.0, relative_altitude_m=5.0)
