@@ -279,12 +279,13 @@ class App:
                 return
 
     def _warning_of(self, member: FleetMember, now: float) -> str | None:
-        """Warning about a vehicle's link, what it waits for, dead letters and internal errors."""
+        """Warning: its link, what it waits for or keeps, dead letters and internal errors."""
         dead = self._edge.dead_letters_of(member.session.vehicle.vehicle_id)
         warnings = (
             member.session.vehicle.duplicate,
             member.session.link_warning,
             member.session.vehicle.armed_period.warning(now),
+            member.session.config_warning,
             f"{dead} reports could not be delivered: see dead-letters" if dead else None,
             self.internal_errors.warning(_owner(member), now),
         )

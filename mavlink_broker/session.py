@@ -127,6 +127,14 @@ class Session:
         return self._config_restorer.is_due
 
     @property
+    def config_warning(self) -> str | None:
+        """What an operator should know about its geofence and parameters; None if they are its own.
+
+        Or if they will be soon.
+        """
+        return self._config_restorer.warning
+
+    @property
     def link_warning(self) -> str | None:
         """What an operator should know about its link; None if it works in both directions."""
         return UNANSWERED if self._answers.is_unanswered else None

@@ -417,12 +417,19 @@ class VehicleConfigRestorer:
         self.transfer: GeofenceTransfer | None = None
         self._not_before = -math.inf
         self._is_reachable = False
-        self._has_failed = False
+        self._refusal: str | None = None  # Why the last attempt has failed
 
     @property
     def is_due(self) -> bool:
         """Whether something is still to be restored, and can be now."""
-        return self._waits and not self._has_failed
+        return self._waits and self._refusal is None
+
+    @property
+    def warning(self) -> str | None:
+        """What the vehicle keeps, and why; None while nothing has failed."""
+        if self._refusal is None or not self._vehicle.overrides.is_open:
+            return None
+        return f"it keeps the geofence and limits of its last plan: {self._refusal}"
 
     @property
     def _waits(self) -> bool:
@@ -432,7 +439,8 @@ class VehicleConfigRestorer:
     def step(self, now: float, *, idle: bool) -> list[Message]:
         """Do what is due at a time; a mission that begins takes everything over."""
         self._is_reachable = self._vehicle.is_reachable(now)
-        self._has_failed &= idle and self._is_reachable
+        if not (idle and self._is_reachable):
+            self._refusal = None
         if not idle or not self._waits or now < self._not_before:
             self.transfer = None
             return []
@@ -441,11 +449,7 @@ class VehicleConfigRestorer:
             return self.transfer.start(now)
         messages = self.transfer.tick(now)
         if isinstance(self.transfer.outcome, Refused):
-            _LOG.warning(
-                "vehicle %d keeps the settings of its last plan: %s",
-                self._vehicle.vehicle_id,
-                self.transfer.outcome.reason,
-            )
-            self._has_failed = True
+            self._refusal = self.transfer.outcome.reason
             self._not_before = now + AGAIN_AFTER_S
+            _LOG.warning("vehicle %d: %s", self._vehicle.vehicle_id, self.warning)
         return messages

@@ -192,6 +192,26 @@ class TestPlacing:
         world.run(60.0)
         assert vehicle.fence == operators
 
+    def test_one_that_the_vehicle_does_not_take_back_is_a_warning_until_it_does(self) -> None:
+        world = World()
+        vehicle = fenced_vehicle(world)
+        placed(vehicle, square(half_m=90.0))
+        operators, store = vehicle.fence, vehicle.plans[FENCE]
+        world.edge.plan(first_flight(), geofence=fence())
+        world.run_until(lambda: world.edge.status(1201) == Status.RUNNING)
+        store.script = replace(PX4, refused_item=2)
+        world.run_until_over(1201)
+        world.run(20.0)
+        warning = world.edge.bodies("/vehicles/1")[-1]["warning"]
+        assert warning == (
+            "it keeps the geofence and limits of its last plan: "
+            "geofence refused: MAV_MISSION_INVALID_PARAM3 at item 2"
+        )
+        store.script = PX4
+        world.run(40.0)
+        assert vehicle.fence == operators
+        assert world.edge.bodies("/vehicles/1")[-1]["warning"] is None
+
     def test_without_a_geofence_nothing_is_requested_of_the_vehicle(self) -> None:
         world = World()
         vehicle = fenced_vehicle(world)
