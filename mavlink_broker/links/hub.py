@@ -20,6 +20,7 @@ from typing import Final
 from mavlink_broker.links.link import Arrival, Link
 from mavlink_broker.links.transports import SerialLink, TcpClient, TcpListener, UdpLink
 from mavlink_broker.links.url import Address, LinkKind, LinkUrl
+from mavlink_broker.supervision import InternalErrors
 
 REPORT_INTERVAL_S: Final = 30.0
 """Interval of log lines about dropped frames."""
@@ -33,6 +34,7 @@ class Hub:
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
         self._links: list[Link] = []
+        self._errors = InternalErrors()
         self._reported: dict[int, int] = {}
         self._report_at = 0.0
         self._wakeup_sender, self._wakeup_receiver = socket.socketpair()
@@ -80,7 +82,10 @@ class Hub:
         now = self._clock()
         arrivals: list[Arrival] = []
         for link in self._links:
-            arrivals += link.step(ready, now)
+            try:
+                arrivals += link.step(ready, now)
+            except Exception as error:  # noqa: BLE001  # the boundary of one link
+                self._errors.record(str(link.url), error, now)
         if now >= self._report_at:
             self._log_dropped(now)
         return arrivals

@@ -169,13 +169,13 @@ class FrameScanner:
         return frames
 
     def _scan(self, data: bytes, *, is_expired: bool) -> list[bytes]:
+        self._rest = b""  # An error costs these bytes, and not the link
         frames: list[bytes] = []
         position = 0
         while True:
             start = next_marker(data, position)
             self.skipped += start - position
             if start == len(data):
-                self._rest = b""
                 return frames
             size = frame_size(data, start)
             if size is None or start + size > len(data):
@@ -204,7 +204,7 @@ def _contains_frame(data: bytes, start: int, end: int) -> bool:
     """Whether a frame with a correct checksum lies there: what was before it is noise."""
     while (start := next_marker(data, start)) < end:
         size = frame_size(data, start)
-        if size is not None and start + size <= end and checksum_holds(data[start : start + size]):
+        if size and start + size <= end and checksum_holds(data[start : start + size]):
             return True
         start += 1
     return False

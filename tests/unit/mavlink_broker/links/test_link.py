@@ -9,8 +9,22 @@ from mavlink_broker.mavlink.codec import SIGNATURE_LENGTH, Encoder, signed
 from mavlink_broker.mavlink.dialect import mavlink
 
 HEARTBEAT = mavlink.MAVLink_heartbeat_message(2, 12, 0, 0, 4, 3)
+PRIVATE_MESSAGE = 55_555
 LARGEST_FRAME = 12 + 255 + SIGNATURE_LENGTH
 NOISE = st.binary(max_size=60)
+HEADS = st.sampled_from(
+    [b"\xfd", b"\xfe", b"\xfd\x09\x00", b"\xfd\x09\xff", b"\xfd\x00\x01", b"\xfe\x09"]
+)
+UNKNOWN = st.builds(
+    lambda payload: (
+        bytes((0xFD, len(payload), 0, 0, 0, 1, 1))
+        + PRIVATE_MESSAGE.to_bytes(3, "little")
+        + payload
+        + b"\x12\x34"
+    ),
+    st.lists(HEADS | st.binary(max_size=9), max_size=20).map(b"".join),
+)
+"""Frames of a private dialect, whose payload may look like the beginning of a frame."""
 
 
 def frames(count: int) -> list[bytes]:
@@ -41,6 +55,25 @@ def test_no_noise_costs_a_frame(noises: list[bytes]) -> None:
     received += scanner.feed(b"", 2 * FRAME_TIMEOUT_S)
     assert [frame for frame in received if frame in sent] == sent
     assert sum(map(len, received)) + scanner.skipped == len(stream)
+
+
+@given(st.lists(UNKNOWN | HEADS | NOISE, max_size=12), st.lists(st.integers(1, 80), max_size=30))
+def test_no_bytes_stop_a_stream(pieces: list[bytes], reads: list[int]) -> None:
+    stream, scanner, received = b"".join(pieces), FrameScanner(), []
+    for size in (*reads, len(stream)):
+        received += scanner.feed(stream[:size], 0.0)
+        stream = stream[size:]
+    received += scanner.feed(b"", 2 * FRAME_TIMEOUT_S)
+    assert sum(map(len, received)) + scanner.skipped == len(b"".join(pieces))
+
+
+@given(UNKNOWN)
+def test_a_frame_of_a_private_dialect_is_returned_whatever_its_payload_looks_like(
+    frame: bytes,
+) -> None:
+    """Unless it contains a frame whose checksum holds."""
+    scanner = FrameScanner()
+    assert scanner.feed(frame, 0.0) == [frame]
 
 
 def test_a_first_byte_out_of_nothing_does_not_swallow_a_quiet_line() -> None:

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from mavlink_broker.links.hub import Hub, open_links
-from mavlink_broker.links.link import QUEUE_BYTES, LinkError, PortBusyError
+from mavlink_broker.links.link import QUEUE_BYTES, FrameScanner, LinkError, PortBusyError
 from mavlink_broker.links.transports import MAX_CLIENTS
 from mavlink_broker.links.url import Address, LinkUrl
 from mavlink_broker.mavlink.codec import Encoder
@@ -394,6 +394,32 @@ def test_a_line_that_another_program_uses_is_retried(
     assert "another program uses it" in caplog.text
     other.close()
     open_line(hub)
+
+
+def test_an_error_in_one_link_costs_neither_the_others_nor_what_it_receives_later(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    feed = FrameScanner.feed
+
+    def fail(scanner: FrameScanner, data: bytes, now: float) -> list[bytes]:
+        if data == b"unforeseen":
+            raise IndexError("index out of range")
+        return feed(scanner, data, now)
+
+    monkeypatch.setattr(FrameScanner, "feed", fail)
+    with opened(f"tcpin://{HOST}:0") as hub:
+        hub.add(LinkUrl.parse(f"tcpin://{HOST}:0"))
+        places = [(HOST, url.port) for url in hub.urls]
+        with (
+            socket.create_connection(places[0]) as one,
+            socket.create_connection(places[1]) as other,
+        ):
+            receive_until(hub, lambda _: len(hub.contact_addresses()) == 2)
+            one.sendall(b"unforeseen")
+            receive_until(hub, lambda _: "index out of range" in caplog.text)
+            for end in (other, one):
+                end.sendall(FRAME)
+                assert receive_until(hub, bool)[0][1] == FRAME
 
 
 def test_a_file_instead_of_a_device_is_retried(tmp_path: Path) -> None:
