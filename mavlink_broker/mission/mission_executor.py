@@ -277,7 +277,8 @@ class MissionExecutor:
 
     def _move(self, event: Event, now: float, effects: Effects) -> None:
         before, after = self.state, follow(self.state, event)
-        if after in ENDING and self._phase.landed_by is not None:
+        is_theirs = self._phase.landed_by is not None or self._context.has_landed_unseen
+        if after in ENDING and is_theirs:
             self._vehicle.armed_period.end_by_others(now)
         self._phase.leave()
         self.state = after

@@ -149,10 +149,18 @@ class ProgressMonitor:
         return self._flown_by if is_down and self._flown_by is not Authority.BROKER else None
 
     @property
+    def lands_itself(self) -> bool:
+        """Whether the last command, which lands the vehicle, has begun."""
+        return self._plan.ends_on_ground and self._progress.last_command_has_begun
+
+    @property
     def claim(self) -> Claim:
-        """Modes in which the vehicle flies the mission; its last command may land it."""
-        lands = self._plan.ends_on_ground and self._progress.last_command_has_begun
-        return Claim(MISSION_MODES | {ModeRole.ENDING} if lands else MISSION_MODES)
+        """Modes in which the vehicle flies the mission; a last command that returns may have one.
+
+        A vehicle that lands otherwise than by its mission is landed by somebody else.
+        """
+        returns = self.lands_itself and self._plan.returns_home
+        return Claim(MISSION_MODES, mode=self._vehicle.family.return_item_mode if returns else None)
 
     def begin(self, now: float) -> list[EdgeReport]:
         """Report that it flies, unless that was reported with the order to start."""

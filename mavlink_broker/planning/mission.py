@@ -118,6 +118,11 @@ class FlightPlan:
         return self.ends_on_ground and len(self._legs) == 1
 
     @property
+    def returns_home(self) -> bool:
+        """Whether its last item returns the vehicle."""
+        return bool(self.items[-1].command == mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH)
+
+    @property
     def commands(self) -> range:
         """The commands that it flies."""
         return range(self.first_command, self.first_command + len(self.done_item))

@@ -156,6 +156,11 @@ class ArmedPeriod:
         """Whether the vehicle was armed when it was received last; None: it was not received."""
         return self._is_armed
 
+    @property
+    def is_unseen(self) -> bool:
+        """Whether this run of the broker has never seen the vehicle armed."""
+        return not self._is_armed and self._flown is None and self._forgotten_mode is None
+
     def flown_mode(self, seen: ObservedMode) -> ObservedMode:
         """Give the mode of an armed vehicle; of a disarmed one, the last in which it was armed.
 

@@ -37,6 +37,8 @@ MISSION_MODES: Final = frozenset({ModeRole.MISSION, ModeRole.HOLD})
 
 _WAITING_MODES: Final = frozenset({ModeRole.HOLD, ModeRole.GUIDED})
 """Modes in which it shows by its acknowledgement alone that another system has given an order."""
+ORDERED_MODES: Final = _WAITING_MODES | {ModeRole.PAUSED, ModeRole.ENDING}
+"""Modes to which such an order leads."""
 _TAKEOVER_COMMANDS: Final = frozenset(
     {
         mavlink.MAV_CMD_DO_SET_MODE,
@@ -46,6 +48,8 @@ _TAKEOVER_COMMANDS: Final = frozenset(
         mavlink.MAV_CMD_DO_ORBIT,
         mavlink.MAV_CMD_DO_FOLLOW,
         mavlink.MAV_CMD_NAV_LOITER_UNLIM,
+        mavlink.MAV_CMD_NAV_LAND,
+        mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH,
     }
 )
 
@@ -102,10 +106,19 @@ def authority_of(seen: ObservedMode, claim: Claim) -> Authority:
     if not seen.armed:
         return Authority.BROKER
     is_ours = (seen.role in claim.roles and not seen.is_manual) or seen.mode == claim.mode
-    is_ours &= not (claim.is_exclusive and seen.ordered is not None and seen.role in _WAITING_MODES)
+    is_ours &= not (_is_ordered_by_another(seen) and (claim.is_exclusive or _comes_down(seen)))
     if claim.may_be_armed and is_ours:
         return Authority.BROKER
     return Authority.FAILSAFE if seen.in_failsafe else Authority.OTHERS
+
+
+def _is_ordered_by_another(seen: ObservedMode) -> bool:
+    """Whether another system has ordered the mode that a vehicle shows."""
+    return seen.ordered is not None and (seen.role in _WAITING_MODES or _comes_down(seen))
+
+
+def _comes_down(seen: ObservedMode) -> bool:
+    return seen.role is ModeRole.ENDING
 
 
 def reason(who: Authority, seen: ObservedMode) -> str:
@@ -114,9 +127,11 @@ def reason(who: Authority, seen: ObservedMode) -> str:
         Authority.FAILSAFE: "its own failsafe flies it",
         Authority.OTHERS: "somebody else flies the vehicle",
     }.get(who, "the broker flies it")
-    if who is Authority.OTHERS and seen.ordered is not None and seen.role in _WAITING_MODES:
-        name = mav_cmd_name(seen.ordered.command)
-        whose = f"system {seen.ordered.system} has paused or moved it by {name}"
+    if who is Authority.OTHERS and seen.ordered is not None and _is_ordered_by_another(seen):
+        name, system = mav_cmd_name(seen.ordered.command), seen.ordered.system
+        whose = f"system {system} has paused or moved it by {name}"
+        if _comes_down(seen):
+            whose = f"system {system} has ordered it to come down by {name}"
     return f"the vehicle left the mission: mode {seen.mode}: {whose}"
 
 
@@ -187,6 +202,8 @@ class OwnDescent:
         is_new = now - self._ordered_at <= ORDERED_MODE_WITHIN_S
         if not seen.armed or is_down:
             self.end()
+        elif seen.ordered is not None and seen.role is ModeRole.ENDING:
+            self._is_ordered = False  # By another system, behind the broker's order
         elif is_new and seen.role is ModeRole.ENDING:
             self._mode = seen.mode  # The first heartbeats may still show that of an older order
         elif not is_new:

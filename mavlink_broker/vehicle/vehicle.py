@@ -83,7 +83,7 @@ class Vehicle:
     duplicate: str | None = None  # Another vehicle with its system id, which is received too
     foreign_order: ForeignOrder | None = None  # Of another system: it led to the present mode
     _mission_overrides: tuple[ParameterOverride, ...] = ()
-    _waits: bool = False  # By its newest heartbeat, in a mode in which it waits or is guided
+    _waits: bool = False  # By its newest heartbeat: it waits, is guided or comes down
     _shows_manual: bool = False  # Its heartbeats show by standard bits who steers it
     _received_at: dict[str, float] = field(default_factory=dict)
     _reboots: RebootMonitor = field(default_factory=RebootMonitor)
@@ -197,7 +197,7 @@ class Vehicle:
         if message.get_type() != "HEARTBEAT":
             return
         waited = self._waits
-        self._waits = self.mode_role in {ModeRole.HOLD, ModeRole.GUIDED, ModeRole.PAUSED}
+        self._waits = self.mode_role in control_authority.ORDERED_MODES
         if self.foreign_order is None:
             return
         is_shown = waited or now - self.foreign_order.at > ACKNOWLEDGED_MODE_WITHIN_S

@@ -11,7 +11,6 @@ end, and the mission is finished.
 from typing import Final
 
 from afarcloud.plan import Event as AbortEvent
-from mavlink_broker.autopilots.flight_modes import ModeRole
 from mavlink_broker.effects import Acknowledgement, Effects
 from mavlink_broker.mavlink.dialect import Message
 from mavlink_broker.mission import exchanges
@@ -276,7 +275,7 @@ class Aborting(Phase):
             self._monitors = None
             self._is_flown_to_end = True
             return
-        lands_itself = ModeRole.ENDING in progress.claim.roles
+        lands_itself = progress.lands_itself
         is_landing = lands_itself and executor.has_come_down_unanswered
         is_other = changes.loss_reason is not None or progress.holds_another
         is_other |= changes.is_suspicious  # It cannot be read while no order reaches the vehicle

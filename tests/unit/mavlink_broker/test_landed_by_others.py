@@ -1,0 +1,169 @@
+"""Somebody else lands a vehicle where its own mission would land it, or while no broker looks."""
+
+import dataclasses
+from pathlib import Path
+
+import pytest
+
+from afarcloud.enumerations import Status
+from mavlink_broker.mavlink.dialect import mavlink
+from mavlink_broker.vehicle.armed_period import LEFT_BY_OTHERS
+from tests.support.broker_world import (
+    FAMILIES,
+    FINISHED,
+    World,
+    first_flight,
+    go_home,
+    mission,
+    takeoff,
+    waypoint,
+)
+from tests.support.scripted_vehicle import ScriptedVehicle
+from tests.support.vehicle_script import (
+    ARDUPILOT,
+    COPTER_LAND,
+    COPTER_RETURN,
+    PX4,
+    PX4_LAND,
+    PX4_RETURN,
+    Script,
+)
+from tests.unit.mavlink_broker.test_stand_after_others import (
+    LATE_S,
+    assert_that_the_next_mission_waits,
+    lands,
+    messages,
+    warning,
+)
+
+STATION = 255
+
+
+def on_its_way_home(script: Script, journal: Path | None = None) -> World:
+    """A vehicle whose mission returns it by its last command, and takes long for that."""
+    world = World(journal=journal)
+    slow = dataclasses.replace(script, item_time_s=30.0, landing_s=600.0)
+    world.add_vehicle(script=slow)
+    world.edge.plan(mission(takeoff(1), waypoint(2), go_home(3)))
+    world.run_until(lambda: world.edge.status(1201) == Status.RUNNING)
+    world.run_until(lambda: world.edge.statuses(1201)[-1] == Status.RUNNING, within_s=200.0)
+    world.run(2.0)
+    return world
+
+
+def in_its_return_mode() -> World:
+    """The same with PX4, which flies an item that returns in its return mode."""
+    world = on_its_way_home(dataclasses.replace(PX4, return_changes_mode=True))
+    world.run_until(lambda: world.only_vehicle.custom_mode == PX4_RETURN)
+    world.run(2.0)
+    return world
+
+
+def is_landed_in(vehicle: ScriptedVehicle, mode: int) -> None:
+    """Somebody else orders a mode, in which the vehicle lands and disarms."""
+    vehicle.set_mode(mode)
+    lands(vehicle)
+
+
+@pytest.mark.parametrize(
+    ("script", "mode"),
+    [(PX4, PX4_LAND), (ARDUPILOT, COPTER_LAND), (ARDUPILOT, COPTER_RETURN)],
+    ids=["px4-land", "copter-land", "copter-rtl"],
+)
+def test_who_lands_it_on_its_way_home_has_it(script: Script, mode: int) -> None:
+    world = on_its_way_home(script)
+    vehicle = world.only_vehicle
+    vehicle.set_mode(mode)
+    vehicle.heartbeat()
+    world.run(1.5)
+    lands(vehicle)
+    assert_that_the_next_mission_waits(world)
+    assert world.edge.status(1201) == Status.FAILED
+    assert "somebody else flies the vehicle" in [m for m in messages(world) if m][-1]
+    assert not world.edge.bodies("/alarm/")
+
+
+def test_so_has_a_station_whose_order_leads_to_the_mode_of_the_return() -> None:
+    """Only the acknowledgement shows who."""
+    world = in_its_return_mode()
+    vehicle = world.only_vehicle
+    command = mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH
+    vehicle.send(mavlink.MAVLink_command_ack_message(command, 0, target_system=STATION))
+    world.run(8.0)
+    assert world.edge.status(1201) == Status.FAILED
+    text = "system 255 has ordered it to come down by MAV_CMD_NAV_RETURN_TO_LAUNCH"
+    assert text in [m for m in messages(world) if m][-1]
+    lands(vehicle)
+    assert_that_the_next_mission_waits(world)
+
+
+def test_and_one_whose_order_comes_behind_that_of_an_abort() -> None:
+    world = in_its_return_mode()
+    vehicle = world.only_vehicle
+    event = world.edge.event(103)
+    world.run_until(lambda: world.edge.acknowledgements(event)[-1:] != [])
+    world.run(4.0)
+    command = mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH
+    vehicle.send(mavlink.MAVLink_command_ack_message(command, 0, target_system=STATION))
+    world.run(2.0)
+    lands(vehicle)
+    assert_that_the_next_mission_waits(world)
+
+
+@pytest.mark.parametrize("is_on_last_leg", [False, True], ids=["items", "return"])
+@FAMILIES
+def test_one_that_nobody_has_seen_land_stands_before_it_is_armed(
+    script: Script, tmp_path: Path, *, is_on_last_leg: bool
+) -> None:
+    """The broker is killed in flight, and finds it disarmed; its mission was not complete."""
+    if is_on_last_leg:
+        world = on_its_way_home(script, tmp_path)
+    else:
+        world = World(journal=tmp_path)
+        vehicle = world.add_vehicle(script=dataclasses.replace(script, item_time_s=60.0))
+        world.edge.plan(mission(takeoff(1), waypoint(2, hold_time=60.0), waypoint(3)))
+        world.run_until(lambda: vehicle.airborne and world.edge.status(1201) == Status.RUNNING)
+        world.run(7.0)
+    world.kill_broker()
+    is_copter = script is ARDUPILOT
+    is_landed_in(world.only_vehicle, COPTER_LAND if is_copter else PX4_LAND)
+    world.run(5.0)
+    world.restart_broker()
+    world.run(2.0)
+    before = assert_that_the_next_mission_waits(world)
+    assert world.edge.status(1201) == Status.FAILED or is_on_last_leg
+    vehicle = world.only_vehicle
+    world.run_until(lambda: vehicle.arm_orders > before, within_s=10.0 + LATE_S)
+
+
+@FAMILIES
+def test_one_whose_mission_has_landed_it_unseen_needs_not_stand(
+    script: Script, tmp_path: Path
+) -> None:
+    world = World(journal=tmp_path)
+    vehicle = world.add_vehicle(script=script)
+    world.edge.plan(first_flight())
+    world.run_until(lambda: vehicle.airborne and world.edge.status(1201) == Status.RUNNING)
+    world.run(3.0)
+    world.kill_broker()
+    world.run_until(lambda: not vehicle.armed)
+    world.run(5.0)
+    world.edge.plan(first_flight(mission_id=1202))
+    before = vehicle.arm_orders
+    world.restart_broker()
+    world.run_until(lambda: vehicle.arm_orders > before, within_s=LATE_S)
+    assert LEFT_BY_OTHERS not in warning(world)
+    assert world.edge.statuses(1201) == FINISHED
+
+
+def test_a_mission_that_fails_before_its_flight_delays_none() -> None:
+    """A broker that was just started has never seen its vehicle armed either."""
+    world = World()
+    vehicle = world.add_vehicle(script=dataclasses.replace(PX4, refused_item=1))
+    world.edge.plan(first_flight())
+    world.run_until_over(1201)
+    assert world.edge.status(1201) == Status.FAILED
+    vehicle.script = PX4
+    vehicle.missions.script = PX4
+    world.edge.plan(first_flight(mission_id=1202))
+    world.run_until(lambda: vehicle.arm_orders > 0, within_s=LATE_S)
