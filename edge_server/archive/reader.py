@@ -172,10 +172,17 @@ def alarms(
     ).fetchall()
 
 
-def latest_alarms(connection: sqlite3.Connection, since_s: float, limit: int) -> list[Row]:
-    """List alarms received from a time [s since 1970], newest first."""
+def present_alarms(connection: sqlite3.Connection, since_s: float, limit: int) -> list[Row]:
+    """List alarms, newest first, that nobody has acknowledged, or that are newer than a time.
+
+    The time [s since 1970] is compared with their reception and with their acknowledgement. Each
+    of the three has its index: the live stream reads this several times a second.
+    """
     return connection.execute(
-        "SELECT * FROM alarm WHERE received_at >= ? ORDER BY id DESC LIMIT ?", (since_s, limit)
+        "SELECT * FROM alarm WHERE id IN (SELECT id FROM alarm WHERE acknowledged_at IS NULL"
+        " UNION SELECT id FROM alarm WHERE acknowledged_at >= ?"
+        " UNION SELECT id FROM alarm WHERE received_at >= ?) ORDER BY id DESC LIMIT ?",
+        (since_s, since_s, limit),
     ).fetchall()
 
 

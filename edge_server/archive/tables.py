@@ -139,6 +139,8 @@ CREATE TABLE IF NOT EXISTS lost (
     reports INTEGER NOT NULL
 );
 CREATE INDEX IF NOT EXISTS log_of_vehicle ON log (vehicle_id, started_at);
+CREATE INDEX IF NOT EXISTS alarm_received ON alarm (received_at);
+CREATE INDEX IF NOT EXISTS alarm_acknowledged ON alarm (acknowledged_at);
 CREATE TABLE IF NOT EXISTS log_part (
     id INTEGER PRIMARY KEY,
     log INTEGER NOT NULL,
@@ -147,7 +149,7 @@ CREATE TABLE IF NOT EXISTS log_part (
     UNIQUE (log, offset)
 );
 """
-"""Tables that an archive of this version may lack: they are made when it is opened."""
+"""What an archive of this version may lack: it is made when the archive is opened."""
 
 
 class _OtherVersionError(Exception):

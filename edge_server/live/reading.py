@@ -18,7 +18,8 @@ from edge_server.store.rows import events, work
 
 LOG = logging.getLogger(__name__)
 RECENT_S: Final = 600.0
-"""Missions, events and alarms stay in the complete state so long after their end."""
+"""Missions and events stay in the complete state so long after their end, alarms after their
+acknowledgement."""
 MOST_ROWS: Final = 200
 UPLINK_PERIOD_S: Final = 5.0
 """Counting the records that wait takes longer the more there are."""
@@ -44,8 +45,8 @@ def reader(context: Context) -> Callable[[], Farm]:
                 for item in work.recent_missions(connection, ended_since=since, limit=MOST_ROWS)
             ]
         try:
-            recent = flight_archive.recent_alarms(context, since, MOST_ROWS)
-            alarms = {row["id"]: row for row in recent}
+            present = flight_archive.present_alarms(context, since, MOST_ROWS)
+            alarms = {row["id"]: row for row in present}
         except UnavailableError as error:
             LOG.warning("the live stream shows no new alarms: %s", error)
         return Farm(

@@ -252,12 +252,12 @@ def alarms(context: Context, page: Page) -> Listing:
         return fill(reader.alarms(connection, **page._asdict()), _show_alarm)
 
 
-def recent_alarms(context: Context, since_s: float, limit: int) -> list[dict[str, Any]]:
-    """Return the latest alarms received from a time [s since 1970], in no promised order."""
+def present_alarms(context: Context, since_s: float, limit: int) -> list[dict[str, Any]]:
+    """Return open alarms and those newer than a time (`reader.present_alarms`), newest first."""
     with reading(context) as connection:
         if connection is None:
             return []
-        return [_show_alarm(row) for row in reader.latest_alarms(connection, since_s, limit)]
+        return [_show_alarm(row) for row in reader.present_alarms(connection, since_s, limit)]
 
 
 def alarm(context: Context, alarm_id: int) -> dict[str, Any]:
