@@ -30,6 +30,7 @@ from mavlink_broker.mission.flight_orders import (
 from mavlink_broker.mission.integrity import (
     MissionChangeMonitor,
     SkippedWaypointMonitor,
+    fence_change_of,
     foreign_uploader,
     total_of,
 )
@@ -125,6 +126,8 @@ PROGRESS_WITHIN_S: Final = 3.0
 `Phase.is_progress_unknown` says so before the abort is ordered, `Aborting` behind a link that was
 away during it.
 """
+MOST_FENCE_CHANGES: Final = 4
+"""That are reported: by two stations, for example, each of both kinds."""
 TELEMETRY_WITHIN_S: Final = 5.0
 """How long a connected vehicle may take to send battery and attitude; some never do."""
 
@@ -160,6 +163,7 @@ class MissionContext:
         self.verified_total: int | None = None
         """First number of items that the vehicle has sent since then."""
         self.was_running = False  # The present segment flew before this broker began to follow it
+        self._fence_changes: list[str] = []  # Of other systems, that were reported
 
     def begin(self, now: float, *, hovering: bool, resumed: bool) -> None:
         """Begin, with what an earlier run has reported; if `resumed`, where it has left off."""
@@ -224,6 +228,16 @@ class MissionContext:
         self.foreign_uploader = foreign_uploader(message, self.vehicle) or self.foreign_uploader
         if self.verified_total is None:
             self.verified_total = total_of(message)
+
+    def observe_fence(self, message: Message, effects: Effects) -> None:
+        """Report once what another system does to the vehicle's geofence in flight."""
+        change = fence_change_of(message, self.vehicle)
+        if change is None or change in self._fence_changes:
+            return
+        if len(self._fence_changes) < MOST_FENCE_CHANGES:
+            self._fence_changes.append(change)
+            self.ledger.note_open(change)
+            self.report(effects)
 
     @property
     def plan(self) -> FlightPlan:

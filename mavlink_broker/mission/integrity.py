@@ -1,5 +1,7 @@
 """Whether a mission is flown as it was uploaded: its items changed, set back or skipped by others.
 
+Or without the geofence under which it began.
+
 Vehicles that give ids to their missions show a change at once. Of the others only signs are seen:
 another count of items, the acknowledgement of somebody's upload, the vehicle's STATUSTEXT, an item
 number that goes back. None of them proves anything, so the mission is read back and compared. The
@@ -34,6 +36,7 @@ READS: Final = 3
 """How often the mission is read back; a vehicle that does not answer is taken to fly on."""
 NO_TOTALS: Final = frozenset({0, 0xFFFF})
 CLEARED: Final = "cleared the mission from the vehicle"
+_FENCES: Final = frozenset({mavlink.MAV_MISSION_TYPE_FENCE, mavlink.MAV_MISSION_TYPE_ALL})
 _TRANSFER: Final = frozenset({"MISSION_REQUEST", "MISSION_REQUEST_INT", "MISSION_ACK"})
 NEAR_M: Final = 50.0
 NEAR_S: Final = 3.0
@@ -57,6 +60,23 @@ def total_of(message: Message) -> int | None:
     """Give the number of items that a vehicle says it holds; None if it says none."""
     is_known = message.get_type() == "MISSION_CURRENT" and message.total not in NO_TOTALS
     return int(message.total) if is_known else None
+
+
+def fence_change_of(message: Message, vehicle: Vehicle) -> str | None:
+    """Say what another system has done to a vehicle's geofence, by the answer to it; None: nothing.
+
+    An answer to DO_FENCE_ENABLE does not say which it was.
+    """
+    kind, system = message.get_type(), getattr(message, "target_system", 0)
+    if system in {0, vehicle.route.own_system, vehicle.route.target_system}:
+        return None
+    is_end = kind == "MISSION_ACK" and message.type == mavlink.MAV_MISSION_ACCEPTED
+    if is_end and getattr(message, "mission_type", 0) in _FENCES:
+        return f"system {system} has changed the geofence of the vehicle"
+    is_obeyed = kind == "COMMAND_ACK" and message.result == mavlink.MAV_RESULT_ACCEPTED
+    if is_obeyed and message.command == mavlink.MAV_CMD_DO_FENCE_ENABLE:
+        return f"system {system} has switched the geofence of the vehicle on or off"
+    return None
 
 
 class MissionChangeMonitor:

@@ -198,6 +198,8 @@ class MissionExecutor:
         """Handle a message of the vehicle's autopilot or camera."""
         if self.state in UPLOADED:
             self._context.observe_items(message)
+        if self.state in IN_FLIGHT:
+            self._context.observe_fence(message, effects)
         if self._yields(now, effects) and self.state not in READING:
             return
         phase = self._phase

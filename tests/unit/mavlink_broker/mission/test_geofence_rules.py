@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from afarcloud.enumerations import Status
-from mavlink_broker.mavlink.dialect import mavlink
+from mavlink_broker.mavlink.dialect import Message, mavlink
 from tests.support.broker_world import (
     FINISHED,
     World,
@@ -32,6 +32,52 @@ from tests.unit.mavlink_broker.mission.test_geofence_transfer import (
     message_of,
     square,
 )
+
+
+class TestChangesByOthers:
+    def test_the_report_names_who_has_changed_the_fence_in_flight_once(self) -> None:
+        world = World()
+        vehicle = fenced_vehicle(world)
+        world.edge.plan(first_flight(), geofence=fence())
+        world.run_until(lambda: world.edge.status(1201) == Status.RUNNING)
+        world.run(3.0)
+        cleared = mavlink.MAVLink_mission_ack_message(255, 190, 0, mavlink.MAV_MISSION_TYPE_FENCE)
+        switched = mavlink.MAVLink_command_ack_message(
+            mavlink.MAV_CMD_DO_FENCE_ENABLE, mavlink.MAV_RESULT_ACCEPTED, target_system=255
+        )
+        for message in (cleared, switched, cleared, switched):
+            vehicle.send(message)
+            world.run(1.0)
+        texts = [
+            command.get("message") or ""
+            for command in world.edge.reports(1201)[-1]["command_report_array"]
+        ]
+        assert "; ".join(filter(None, texts)) == (
+            "system 255 has changed the geofence of the vehicle; "
+            "system 255 has switched the geofence of the vehicle on or off"
+        )
+        world.run_until_over(1201)
+        assert world.edge.statuses(1201) == FINISHED
+
+    @pytest.mark.parametrize(
+        "message",
+        [
+            mavlink.MAVLink_mission_ack_message(255, 190, 0, mavlink.MAV_MISSION_TYPE_RALLY),
+            mavlink.MAVLink_mission_ack_message(255, 190, 13, mavlink.MAV_MISSION_TYPE_FENCE),
+            mavlink.MAVLink_command_ack_message(
+                mavlink.MAV_CMD_DO_FENCE_ENABLE, mavlink.MAV_RESULT_DENIED, target_system=255
+            ),
+        ],
+    )
+    def test_what_was_refused_or_is_no_fence_is_not_reported(self, message: Message) -> None:
+        world = World()
+        vehicle = fenced_vehicle(world)
+        world.edge.plan(first_flight(), geofence=fence())
+        world.run_until(lambda: world.edge.status(1201) == Status.RUNNING)
+        vehicle.send(message)
+        world.run_until_over(1201)
+        report = world.edge.reports(1201)[-1]["command_report_array"]
+        assert not any(command.get("message") for command in report)
 
 
 class TestHeights:
