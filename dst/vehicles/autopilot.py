@@ -55,6 +55,8 @@ class Autopilot:
     first_item: int = 0
     """Item 0 of a mission is the home position where this is 1."""
     keeps_mode: bool = False
+    returns_in_mission: bool = False
+    """Whether it flies an item that returns in its mission mode; PX4 leaves that."""
     """After a landing it stays in the mode that has landed it."""
     arms_in: frozenset[Mode] = frozenset(Mode)
     starts_disarmed: bool = True
@@ -108,6 +110,7 @@ OWN: Final = Autopilot(
     number=mavlink.MAV_AUTOPILOT_PX4,
     modes=_PX4_MODES,
     product=(0x1209, 0x0001),
+    returns_in_mission=True,
     counts_turns=True,
     parameters=_PX4_PARAMETERS,
 )
@@ -125,6 +128,7 @@ ARDUPILOT: Final = Autopilot(
     },
     first_item=1,
     keeps_mode=True,
+    returns_in_mission=True,
     arms_in=frozenset({Mode.PILOT, Mode.HOLD}),
     starts_disarmed=False,
     pauses_by_command=False,

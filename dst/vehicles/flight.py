@@ -23,6 +23,8 @@ SPEED_M_S: Final = 5.0
 CLIMB_M_S: Final = 2.0
 SINK_M_S: Final = 1.0
 """While it lands."""
+LOWEST_RETURN_M: Final = 5.0
+"""Height in which a vehicle flies home at least."""
 ACCEPTANCE_M: Final = 1.0
 
 
@@ -146,6 +148,14 @@ class Flight:
         """Sink; gives whether it stands."""
         self._move(-min(self.truth.height_m, SINK_M_S * STEP_S))
         return self.truth.height_m <= 0.0
+
+    def come_home(self) -> bool:
+        """Fly home and sink there, in one mode as all autopilots do; gives whether it stands."""
+        truth = self.truth
+        if truth.north_m or truth.east_m:
+            self.approach((0.0, 0.0, max(truth.height_m, LOWEST_RETURN_M)))
+            return False
+        return self.descend()
 
     def _move(self, climb_m: float) -> None:
         """Move vertically in one step."""

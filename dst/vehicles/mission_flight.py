@@ -82,8 +82,8 @@ class MissionFlight:
                 camera.start(item.param2, int(item.param3), item.param4)
             case mavlink.MAV_CMD_NAV_LOITER_TURNS:
                 is_done = self._fly_round(item)
-            case mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH if self._autopilot.keeps_mode:
-                return ItemEnd.LANDED if self._comes_home() else None
+            case mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH if self._autopilot.returns_in_mission:
+                return ItemEnd.LANDED if self._flight.come_home() else None
             case mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH:
                 return ItemEnd.RETURNS
             case mavlink.MAV_CMD_NAV_LAND:
@@ -111,13 +111,6 @@ class MissionFlight:
             return False
         self._circle = None
         return True
-
-    def _comes_home(self) -> bool:
-        truth = self._flight.truth
-        if truth.north_m or truth.east_m:
-            self._flight.approach((0.0, 0.0, max(truth.height_m, 0.01)))
-            return False
-        return self._flight.descend()
 
     def _has_waited(self, hold_s: float) -> bool:
         if not hold_s > 0.0:

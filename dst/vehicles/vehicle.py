@@ -226,8 +226,8 @@ class Vehicle:
         if self.mode is Mode.MISSION:
             self._fly_item()
         elif self.mode is Mode.RETURN:
-            if self._flight.approach((0.0, 0.0, max(truth.height_m, 5.0))):
-                self._set_mode(Mode.LAND)
+            if self._flight.come_home():
+                self._disarm()
         elif self.mode is Mode.LAND:
             if self._flight.descend():
                 self._disarm()
