@@ -11,9 +11,11 @@ from mavlink_broker.vehicle.armed_period import LEFT_BY_OTHERS
 from tests.support.broker_world import (
     FAMILIES,
     FINISHED,
+    GENERIC,
     World,
     first_flight,
     go_home,
+    land,
     mission,
     takeoff,
     waypoint,
@@ -83,6 +85,20 @@ def test_who_lands_it_on_its_way_home_has_it(script: Script, mode: int) -> None:
     assert not world.edge.bodies("/alarm/")
 
 
+def test_so_has_who_returns_one_that_its_mission_lands_elsewhere() -> None:
+    world = World()
+    vehicle = world.add_vehicle(script=dataclasses.replace(PX4, item_time_s=30.0, landing_s=600.0))
+    world.edge.plan(mission(takeoff(1), waypoint(2), land(3)))
+    world.run_until(lambda: world.edge.status(1201) == Status.RUNNING)
+    world.run_until(lambda: world.edge.statuses(1201)[-1] == Status.RUNNING, within_s=200.0)
+    vehicle.set_mode(PX4_RETURN)
+    vehicle.heartbeat()
+    world.run(1.5)
+    lands(vehicle)
+    assert_that_the_next_mission_waits(world)
+    assert world.edge.status(1201) == Status.FAILED
+
+
 def test_so_has_a_station_whose_order_leads_to_the_mode_of_the_return() -> None:
     """Only the acknowledgement shows who."""
     world = in_its_return_mode()
@@ -136,7 +152,11 @@ def test_one_that_nobody_has_seen_land_stands_before_it_is_armed(
     world.run_until(lambda: vehicle.arm_orders > before, within_s=10.0 + LATE_S)
 
 
-@FAMILIES
+@pytest.mark.parametrize(
+    "script",
+    [PX4, ARDUPILOT, GENERIC, dataclasses.replace(ARDUPILOT, sends_mission_state=False)],
+    ids=["px4", "ardupilot", "generic", "old-ardupilot"],
+)
 def test_one_whose_mission_has_landed_it_unseen_needs_not_stand(
     script: Script, tmp_path: Path
 ) -> None:
