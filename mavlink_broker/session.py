@@ -306,7 +306,7 @@ class Session:
             if self._streams.is_version_settled:
                 vehicle.identify(has_answered=self._streams.is_answered)
             effects.messages += self._battery_capacity.tick(now)
-            vehicle.update_hover(is_ordered=self.state is not State.IDLE)
+            vehicle.update_hover(now, is_ordered=self.state is not State.IDLE)
             vehicle.update_descent(now)
             self.missions.tick_events(now, effects)
             effects.messages += self._override_parameters(now)

@@ -13,11 +13,10 @@ from typing import Final, NamedTuple
 
 from afarcloud.enumerations import Status
 from afarcloud.route import Spot
-from mavlink_broker.autopilots.flight_modes import ModeRole
 from mavlink_broker.edge.wire import MissionWork
 from mavlink_broker.effects import Effects
 from mavlink_broker.live.camera_state import SeriesMonitor
-from mavlink_broker.mavlink.dialect import Message, mavlink
+from mavlink_broker.mavlink.dialect import Message
 from mavlink_broker.microservices.mission_protocol import FENCE, RALLY
 from mavlink_broker.mission.flight_orders import (
     PAUSED,
@@ -250,20 +249,10 @@ class MissionContext:
         return isinstance(self.segments.current, LiveCommand)
 
     @property
-    def has_landed_unseen(self) -> bool:
-        """Whether nobody knows who has landed the vehicle of an earlier run's flight.
-
-        It stands disarmed since this run has received it, and does not show by its mode and its
-        progress that it has run its mission to the end.
-        """
-        vehicle, current = self.vehicle, self.vehicle.snapshot.mission
-        is_found = vehicle.snapshot.armed is False and vehicle.armed_period.is_unseen
-        is_complete = current is not None and current.state == mavlink.MISSION_STATE_COMPLETE
-        is_in_other_mode = vehicle.mode_role is ModeRole.ENDING
-        is_in_other_mode &= vehicle.mode != vehicle.family.return_item_mode
-        is_own_end = vehicle.has_run_its_mission or (is_complete and not is_in_other_mode)
+    def was_flown(self) -> bool:
+        """Whether the vehicle may have flown it, in this run of the broker or in an earlier one."""
         is_earlier = self.work.was_accepted and self.was_reported_running
-        return is_earlier and is_found and not is_own_end
+        return is_earlier or self.is_start_ordered or self.was_running
 
     @property
     def was_reported_running(self) -> bool:

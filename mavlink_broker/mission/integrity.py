@@ -79,6 +79,26 @@ def fence_change_of(message: Message, vehicle: Vehicle) -> str | None:
     return None
 
 
+def has_landed_unseen(vehicle: Vehicle, *, is_at_end: bool, was_sent_down: bool) -> bool:
+    """Whether nobody knows who has landed a vehicle that flew a mission.
+
+    It was disarmed while it was not received, or before the broker was started, and does not show
+    by its mode and its progress that it has run its mission to the end. `is_at_end` if it was seen
+    on the last leg: that counts where it sends no state of its mission. `was_sent_down` if the
+    broker has ordered it to return or land.
+    """
+    if not vehicle.armed_period.has_ended_unseen:
+        return False
+    role, current = vehicle.mode_role, vehicle.snapshot.mission
+    if was_sent_down:
+        return role is ModeRole.OTHER
+    state = mavlink.MISSION_STATE_UNKNOWN if current is None else current.state
+    is_complete = state == mavlink.MISSION_STATE_COMPLETE
+    is_complete |= state == mavlink.MISSION_STATE_UNKNOWN and is_at_end
+    is_in_other_mode = role is ModeRole.ENDING and vehicle.mode != vehicle.family.return_item_mode
+    return not (vehicle.has_run_its_mission or (is_complete and not is_in_other_mode))
+
+
 class MissionChangeMonitor:
     """Monitors one segment in flight."""
 

@@ -20,7 +20,7 @@ from mavlink_broker.autopilots.flight_modes import ModeRole
 from mavlink_broker.autopilots.status_texts import TextMeaning, means
 from mavlink_broker.effects import EdgeReport
 from mavlink_broker.mavlink.dialect import Message, mavlink
-from mavlink_broker.mission.integrity import CLEARED
+from mavlink_broker.mission.integrity import CLEARED, has_landed_unseen
 from mavlink_broker.planning.mission import FlightPlan
 from mavlink_broker.vehicle import control_authority
 from mavlink_broker.vehicle.control_authority import (
@@ -29,6 +29,7 @@ from mavlink_broker.vehicle.control_authority import (
     MISSION_MODES,
     Authority,
     Claim,
+    ObservedMode,
     TakeoverDebounce,
 )
 from mavlink_broker.vehicle.mission_ledger import MissionLedger
@@ -281,7 +282,7 @@ class ProgressMonitor:
     def _takeover_reason(self) -> str | None:
         who = self._flown_by
         if who is not Authority.BROKER:
-            return control_authority.reason(who, self._vehicle.flown_mode)
+            return control_authority.reason(who, self._flown_mode)
         if self._vehicle.snapshot.armed is False:
             return DISARMED
         if self._held_id != self._mission_id and self._mission_id is not None:
@@ -300,7 +301,17 @@ class ProgressMonitor:
             claim = claim._replace(roles=claim.roles | {ModeRole.PAUSED})
         elif vehicle.recovery.paused is not None:
             claim = claim._replace(mode=vehicle.family.paused_mode)
-        return control_authority.authority_of(vehicle.flown_mode, claim)
+        return control_authority.authority_of(self._flown_mode, claim)
+
+    @property
+    def _flown_mode(self) -> ObservedMode:
+        """The mode in which it was flown last; the present one, if it came down in that unseen."""
+        vehicle = self._vehicle
+        is_theirs = vehicle.mode_role in {ModeRole.OTHER, ModeRole.ENDING} and has_landed_unseen(
+            vehicle, is_at_end=self.lands_itself, was_sent_down=vehicle.recovery.was_sent_down
+        )
+        seen = vehicle.observed_mode
+        return seen._replace(armed=True) if is_theirs else vehicle.flown_mode
 
     @property
     def holds_another(self) -> bool:

@@ -12,6 +12,7 @@ One holder at a time (`Holder`):
 | any, armed           | `take_away`                           | TAKEN  |
 | TAKEN                | disarmed                              | OTHERS |
 | FOUND                | disarmed in a mode of somebody else   | OTHERS |
+| any                  | disarmed by another system's order    | OTHERS |
 | any, not armed       | `end_by_others`                       | OTHERS |
 
 It begins as OURS. FOUND counts as somebody else's flight until a mission, hover or return of an
@@ -36,6 +37,10 @@ some 20 m, and to arm it again for a further flight.
 """
 ARMING_SHOWN_WITHIN_S: Final = 45.0
 """How long after an order a vehicle may show that it obeys: 8 attempts of at most 5 s each."""
+UNSEEN_S: Final = 5.0
+"""A vehicle that is not received for so long may be landed by somebody else meanwhile."""
+DISARMED_WITHIN_S: Final = 3.0
+"""Between the acknowledgement of an order to disarm and the heartbeat that shows it."""
 ARMED_BY_OTHERS: Final = "somebody else has armed it"
 LEFT_BY_OTHERS: Final = (
     f"somebody else or its failsafe had it: it has to stand disarmed for {STAND_S:.0f} s first"
@@ -65,6 +70,10 @@ class ArmedPeriod:
         self._noted_before: str | None = None  # By an earlier run
         self._ordered_at = -math.inf  # Newest order to arm that is not answered yet
         self._left_at: float | None = None  # When it was over, if it was somebody else's
+        self._heard_at = math.inf  # Newest heartbeat
+        self._is_end_unseen = False  # It was over while the vehicle was not received
+        self._disarmed_at = -math.inf
+        self._disarming_at = -math.inf  # When it accepted another system's order to disarm
         self.is_found = False
         """Whether it had begun before this broker received the vehicle."""
 
@@ -82,12 +91,16 @@ class ArmedPeriod:
         """Follow a heartbeat of the vehicle."""
         if seen.armed is None:
             return
+        gap_s, self._heard_at = now - self._heard_at, now
         if seen.armed:
             self._flown = seen
             if not self._is_armed:
                 self._begin(now)
         elif self._is_armed:
-            if self._holder is Holder.TAKEN or (self.is_others and self._is_others_mode):
+            self._is_end_unseen, self._disarmed_at = gap_s > UNSEEN_S, now
+            is_disarmed_by_others = now - self._disarming_at <= DISARMED_WITHIN_S
+            is_lost = self.is_others and self._is_others_mode
+            if self._holder is Holder.TAKEN or is_lost or is_disarmed_by_others:
                 self._holder = Holder.OTHERS
             self._left_at = now if self.is_others else None
         elif self.stood_s(now) is None:
@@ -100,8 +113,15 @@ class ArmedPeriod:
         not_ordered = Holder.FOUND if self.is_found else Holder.OTHERS
         self._holder = Holder.OURS if is_ordered else not_ordered
         self._ordered_at, self._left_at, self._forgotten_mode = -math.inf, None, None
+        self._is_end_unseen = False
         if not self.is_found:
             self._noted_before = None
+
+    def note_foreign_disarming(self, now: float) -> None:
+        """Note that the vehicle has accepted another system's order to disarm it, or to arm it."""
+        self._disarming_at = now
+        if now - self._disarmed_at <= DISARMED_WITHIN_S:
+            self.end_by_others(now)
 
     def note_mode(self, *, is_others: bool) -> None:
         """Note whether somebody else has it from a mission, by the mode in which it is armed."""
@@ -157,9 +177,10 @@ class ArmedPeriod:
         return self._is_armed
 
     @property
-    def is_unseen(self) -> bool:
-        """Whether this run of the broker has never seen the vehicle armed."""
-        return not self._is_armed and self._flown is None and self._forgotten_mode is None
+    def has_ended_unseen(self) -> bool:
+        """Whether the vehicle was disarmed while it was not received, or before this run."""
+        is_unseen = self._flown is None and self._forgotten_mode is None
+        return self._is_armed is False and (is_unseen or self._is_end_unseen)
 
     def flown_mode(self, seen: ObservedMode) -> ObservedMode:
         """Give the mode of an armed vehicle; of a disarmed one, the last in which it was armed.

@@ -37,8 +37,11 @@ MISSION_MODES: Final = frozenset({ModeRole.MISSION, ModeRole.HOLD})
 
 _WAITING_MODES: Final = frozenset({ModeRole.HOLD, ModeRole.GUIDED})
 """Modes in which it shows by its acknowledgement alone that another system has given an order."""
-ORDERED_MODES: Final = _WAITING_MODES | {ModeRole.PAUSED, ModeRole.ENDING}
+_ORDERED_MODES: Final = _WAITING_MODES | {ModeRole.PAUSED, ModeRole.ENDING}
 """Modes to which such an order leads."""
+_RESUMING_COMMANDS: Final = frozenset(
+    {mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_CMD_DO_PAUSE_CONTINUE}
+)
 _TAKEOVER_COMMANDS: Final = frozenset(
     {
         mavlink.MAV_CMD_DO_SET_MODE,
@@ -54,6 +57,8 @@ _TAKEOVER_COMMANDS: Final = frozenset(
 )
 
 
+ACKNOWLEDGED_MODE_WITHIN_S: Final = 1.5
+"""After its acknowledgement a mode shows in a heartbeat: a period of those, and half of one."""
 ORDERED_MODE_WITHIN_S: Final = 3.0
 """A heartbeat shows the mode of an order that was accepted: at 1 Hz, and one may be lost."""
 TAKEOVER_AFTER_S: Final = 5.0
@@ -327,6 +332,52 @@ def foreign_order(message: Message, ours: frozenset[int], now: float) -> Foreign
     if message.command not in _TAKEOVER_COMMANDS or system in {0, *ours}:
         return None
     return ForeignOrder(system, message.command, now)
+
+
+def is_foreign_disarming(message: Message, ours: frozenset[int]) -> bool:
+    """Whether a COMMAND_ACK to another system accepts its order to disarm, or to arm."""
+    if message.get_type() != "COMMAND_ACK" or message.result != mavlink.MAV_RESULT_ACCEPTED:
+        return False
+    is_arming = message.command == mavlink.MAV_CMD_COMPONENT_ARM_DISARM
+    return bool(is_arming and getattr(message, "target_system", 0) not in {0, *ours})
+
+
+class ForeignOrderMonitor:
+    """The newest order of another system, while a vehicle is in the mode that it led to."""
+
+    def __init__(self) -> None:
+        self.order: ForeignOrder | None = None
+        self._role: ModeRole | None = None  # By the newest heartbeat
+        self._resumed_at = -math.inf  # When a heartbeat showed that it waits no more
+
+    def forget(self) -> None:
+        """Note that an order of the broker is newer, or that the vehicle was restarted."""
+        self.order = None
+
+    def accept(self, order: ForeignOrder, now: float) -> None:
+        """Note an order; one whose mode was shown before its acknowledgement is carried out."""
+        was_shown = now - self._resumed_at <= ACKNOWLEDGED_MODE_WITHIN_S
+        is_resumption = order.command in _RESUMING_COMMANDS and self._role not in _ORDERED_MODES
+        if not (is_resumption and was_shown):
+            self.order = order
+
+    def update(self, role: ModeRole, now: float, *, armed: bool) -> None:
+        """Follow a heartbeat.
+
+        A vehicle that waited and waits no more has left the order's mode at once: the order resumed
+        the mission. One that comes down later than an order shows does so for another reason.
+        """
+        before, self._role = self._role, role
+        waited, waits = before in _ORDERED_MODES, role in _ORDERED_MODES
+        if waited and not waits:
+            self._resumed_at = now
+        if self.order is None:
+            return
+        age_s = now - self.order.at
+        is_left = not waits and (waited or age_s > ACKNOWLEDGED_MODE_WITHIN_S)
+        begins_to_sink = role is ModeRole.ENDING and before is not ModeRole.ENDING
+        if not armed or is_left or (begins_to_sink and age_s > ORDERED_MODE_WITHIN_S):
+            self.order = None
 
 
 def is_manual(base_mode: int) -> bool:

@@ -266,6 +266,7 @@ class RecoveryState:
         """When it was armed for the flight, by its clock since boot; its log began then."""
         self.armed_period = ArmedPeriod()
         """Who has the vehicle, and whether it stands for somebody else."""
+        self._was_sent_down = False  # By an earlier run
         self.shows_manual = False
         """Whether one in flight, whose modes are not known, has shown that a pilot would show."""
 
@@ -309,6 +310,12 @@ class RecoveryState:
         self._has_flown = self.was_restarted_since = False
 
     @property
+    def was_sent_down(self) -> bool:
+        """Whether the broker has ordered the vehicle to return or land, also in an earlier run."""
+        ordered = (self.abort, self.held_abort, self.pending_return, self.descent.mode)
+        return self._was_sent_down or any(order is not None for order in ordered)
+
+    @property
     def record(self) -> RecoveryRecord:
         """All of it, as the journal stores it."""
         return RecoveryRecord(
@@ -341,6 +348,8 @@ class RecoveryState:
     def recall(self, record: RecoveryRecord, now: float) -> None:
         """Restore what an earlier run of the broker has noted."""
         both = merge_records(record, self.record)
+        orders = (record.abort, record.pending_return, record.descent)
+        self._was_sent_down = any(order is not None for order in orders)
         self.overrides.plans, self.overrides.values = dict(both.plans), dict(both.values)
         self.parameters.load(both.borrowed)
         self.hover.recall(both.hover, both.hover_mode)
@@ -367,5 +376,5 @@ class RecoveryState:
         self.descent.end()
         self.pending_return = self.paused = self.armed_s = None
         self.forget_armed_period()
-        self.is_tracking = self.has_camera = self.shows_manual = False
+        self.is_tracking = self.has_camera = self.shows_manual = self._was_sent_down = False
         self.clear_commands()

@@ -28,6 +28,7 @@ from mavlink_broker.vehicle import control_authority
 from mavlink_broker.vehicle.armed_period import ArmedPeriod
 from mavlink_broker.vehicle.control_authority import (
     ForeignOrder,
+    ForeignOrderMonitor,
     ObservedMode,
     OwnDescent,
 )
@@ -45,8 +46,6 @@ AGED: Final = frozenset({"GLOBAL_POSITION_INT", "ATTITUDE", "BATTERY_STATUS", "M
 """Messages whose age is kept, so that old telemetry is not published as new."""
 GROUND_TYPES: Final = frozenset({mavlink.MAV_TYPE_GROUND_ROVER, mavlink.MAV_TYPE_SURFACE_BOAT})
 """MAV_TYPE of what drives or swims."""
-ACKNOWLEDGED_MODE_WITHIN_S: Final = 1.5
-"""After its acknowledgement a mode shows in a heartbeat: a period of those, and half of one."""
 CLOCK_WITHIN_S: Final = 3.0
 """How long a vehicle whose link was lost may take to show whether it was restarted meanwhile."""
 
@@ -81,9 +80,8 @@ class Vehicle:
     warning: str | None = None  # For an operator: link, dead letters, internal errors
     identity_requests: int = 0  # How often it has had to show again which one it is
     duplicate: str | None = None  # Another vehicle with its system id, which is received too
-    foreign_order: ForeignOrder | None = None  # Of another system: it led to the present mode
     _mission_overrides: tuple[ParameterOverride, ...] = ()
-    _waits: bool = False  # By its newest heartbeat: it waits, is guided or comes down
+    _foreign_orders: ForeignOrderMonitor = field(default_factory=ForeignOrderMonitor)
     _shows_manual: bool = False  # Its heartbeats show by standard bits who steers it
     _received_at: dict[str, float] = field(default_factory=dict)
     _reboots: RebootMonitor = field(default_factory=RebootMonitor)
@@ -156,7 +154,7 @@ class Vehicle:
 
     def _forget_telemetry(self) -> None:
         self._received_at.clear()
-        self.foreign_order = None
+        self._foreign_orders.forget()
         self.armed_period.forget_mode()
         self.snapshot.forget()
         self.observations.forget()
@@ -187,22 +185,20 @@ class Vehicle:
         self.identity_requests += 1
 
     def _observe_foreign_order(self, message: Message, now: float) -> None:
-        """Keep another system's order until the vehicle leaves the mode that it led to.
-
-        A vehicle that waited and waits no more has left it at once: the order resumed the mission.
-        """
+        """Keep another system's order until the vehicle leaves the mode that it led to."""
         ours = frozenset({self.route.own_system, self.route.target_system})
         order = control_authority.foreign_order(message, ours, now)
-        self.foreign_order = order or self.foreign_order
-        if message.get_type() != "HEARTBEAT":
-            return
-        waited = self._waits
-        self._waits = self.mode_role in control_authority.ORDERED_MODES
-        if self.foreign_order is None:
-            return
-        is_shown = waited or now - self.foreign_order.at > ACKNOWLEDGED_MODE_WITHIN_S
-        if not self.snapshot.armed or (is_shown and not self._waits):
-            self.foreign_order = None
+        if order is not None:
+            self._foreign_orders.accept(order, now)
+        if control_authority.is_foreign_disarming(message, ours):
+            self.armed_period.note_foreign_disarming(now)
+        if message.get_type() == "HEARTBEAT":
+            self._foreign_orders.update(self.mode_role, now, armed=bool(self.snapshot.armed))
+
+    @property
+    def foreign_order(self) -> ForeignOrder | None:
+        """The order of another system that led to the present mode; None: there is none."""
+        return self._foreign_orders.order
 
     @property
     def overrides(self) -> VehicleOverrides:
@@ -263,6 +259,7 @@ class Vehicle:
         """Follow whether it flies the return or landing that the broker ordered last."""
         snapshot, descent = self.snapshot, self.own_descent
         was_flown, sought_mode = descent.is_flown, descent.mode if descent.is_sought else None
+        own_mode = descent.mode
         descent.update(
             self.observed_mode, is_down=snapshot.is_on_ground, now=now, time_s=snapshot.time_s
         )
@@ -272,13 +269,17 @@ class Vehicle:
             self.armed_period.lose()  # Without effect on one that has landed
             if self.flown_mode.role is ModeRole.OTHER:
                 self.armed_period.end_by_others(now)  # Without effect on one that is armed
+        is_other = self.mode_role is ModeRole.ENDING and self.mode != own_mode
+        is_other |= self.mode_role is ModeRole.OTHER
+        if own_mode is not None and is_other and self.armed_period.has_ended_unseen:
+            self.armed_period.end_by_others(now)
 
-    def update_hover(self, *, is_ordered: bool) -> None:
+    def update_hover(self, now: float, *, is_ordered: bool) -> None:
         """End a hover with a landing or a takeover; find that of an earlier run again.
 
         `is_ordered` while a mission or an event orders what the vehicle does.
         """
-        was_held = self.hovers
+        was_held, had_place = self.hovers, self.recovery.hover.place is not None
         self.recovery.hover.update(
             self.snapshot,
             self.observed_mode,
@@ -289,6 +290,8 @@ class Vehicle:
             self.armed_period.claim()
         elif was_held:
             self.armed_period.lose()
+        if had_place and not is_ordered and self.armed_period.has_ended_unseen:
+            self.armed_period.end_by_others(now)  # No order of the broker has landed it
 
     def identify(self, *, has_answered: bool) -> None:
         """Note that it sends no AUTOPILOT_VERSION; `has_answered` if it receives the requests."""
@@ -316,7 +319,7 @@ class Vehicle:
 
     def forget_foreign_order(self) -> None:
         """Note that an order of the broker is newer."""
-        self.foreign_order = None
+        self._foreign_orders.forget()
 
     def link_state(self, now: float) -> LinkState:
         """State of its link."""

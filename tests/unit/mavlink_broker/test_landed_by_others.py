@@ -26,7 +26,9 @@ from tests.support.vehicle_script import (
     COPTER_LAND,
     COPTER_RETURN,
     PX4,
+    PX4_HOLD,
     PX4_LAND,
+    PX4_POSITION,
     PX4_RETURN,
     Script,
 )
@@ -187,3 +189,127 @@ def test_a_mission_that_fails_before_its_flight_delays_none() -> None:
     vehicle.missions.script = PX4
     world.edge.plan(first_flight(mission_id=1202))
     world.run_until(lambda: vehicle.arm_orders > 0, within_s=LATE_S)
+
+
+def acknowledge(vehicle: ScriptedVehicle, command: int) -> None:
+    """The vehicle accepts an order of the ground station."""
+    vehicle.send(mavlink.MAVLink_command_ack_message(command, 0, target_system=STATION))
+
+
+def is_paused_and_resumed(world: World, *, is_resumption_seen: bool) -> None:
+    """A station pauses the mission, and resumes it before its return begins."""
+    vehicle = world.only_vehicle
+    mode = vehicle.custom_mode
+    vehicle.set_mode(PX4_HOLD)
+    vehicle.heartbeat()
+    acknowledge(vehicle, mavlink.MAV_CMD_DO_SET_MODE)
+    world.run(4.0)
+    vehicle.set_mode(mode)
+    if is_resumption_seen:
+        vehicle.heartbeat()
+        world.run(0.2)
+        acknowledge(vehicle, mavlink.MAV_CMD_DO_SET_MODE)
+        world.run(0.4)
+    vehicle.set_mode(PX4_RETURN)
+    vehicle.heartbeat()
+
+
+@pytest.mark.parametrize("is_resumption_seen", [False, True])
+def test_a_station_that_has_resumed_the_mission_has_not_ordered_its_return(
+    *, is_resumption_seen: bool
+) -> None:
+    """The acknowledgement of the resumption is lost, or comes behind the mode that it led to."""
+    world = on_its_way_home(dataclasses.replace(PX4, return_changes_mode=True))
+    is_paused_and_resumed(world, is_resumption_seen=is_resumption_seen)
+    world.run(10.0)
+    assert world.edge.status(1201) == Status.RUNNING
+    lands(world.only_vehicle)
+    world.run_until_over(1201)
+    assert world.edge.statuses(1201) == FINISHED
+    assert LEFT_BY_OTHERS not in warning(world)
+
+
+@pytest.mark.parametrize("event", [103, 1], ids=["return", "land"])
+@pytest.mark.parametrize("script", [PX4, ARDUPILOT], ids=["px4", "ardupilot"])
+def test_one_that_a_killed_broker_has_sent_down_needs_not_stand(
+    script: Script, event: int, tmp_path: Path
+) -> None:
+    world = World(journal=tmp_path)
+    vehicle = world.add_vehicle(script=dataclasses.replace(script, item_time_s=60.0))
+    world.edge.plan(mission(takeoff(1), waypoint(2, hold_time=60.0), waypoint(3)))
+    world.run_until(lambda: vehicle.airborne and world.edge.status(1201) == Status.RUNNING)
+    world.run(7.0)
+    world.edge.event(event)
+    world.run(0.4)
+    world.kill_broker()
+    world.run_until(lambda: not vehicle.armed, within_s=200.0)
+    world.run(5.0)
+    world.edge.plan(first_flight(mission_id=1202))
+    before = vehicle.arm_orders
+    world.restart_broker()
+    world.run_until(lambda: vehicle.arm_orders > before, within_s=15.0)
+    assert LEFT_BY_OTHERS not in warning(world)
+
+
+@pytest.mark.parametrize("is_on_last_leg", [False, True], ids=["items", "return"])
+@pytest.mark.parametrize("script", [PX4, ARDUPILOT], ids=["px4", "ardupilot"])
+def test_one_that_is_landed_while_its_link_is_away_stands(
+    script: Script, *, is_on_last_leg: bool
+) -> None:
+    if is_on_last_leg:
+        world = on_its_way_home(script)
+    else:
+        world = World()
+        world.add_vehicle(script=dataclasses.replace(script, item_time_s=60.0))
+        world.edge.plan(mission(takeoff(1), waypoint(2, hold_time=60.0), waypoint(3)))
+        world.run_until(lambda: world.edge.status(1201) == Status.RUNNING)
+        world.run(7.0)
+    vehicle = world.only_vehicle
+    vehicle.silent = True
+    world.run(8.0)
+    is_landed_in(vehicle, COPTER_LAND if script is ARDUPILOT else PX4_POSITION)
+    world.run(4.0)
+    vehicle.silent = False
+    world.run(1.0)
+    assert_that_the_next_mission_waits(world)
+    assert world.edge.status(1201) == Status.FAILED
+    assert "somebody else flies the vehicle" in [m for m in messages(world) if m][-1]
+
+
+@pytest.mark.parametrize("is_restarted", [False, True], ids=["link-away", "broker-killed"])
+def test_so_does_one_that_hovered_for_the_broker(tmp_path: Path, *, is_restarted: bool) -> None:
+    world = World(journal=tmp_path)
+    vehicle = world.add_vehicle(script=PX4)
+    world.edge.plan(mission(takeoff(1), waypoint(2)))
+    world.run_until_over(1201)
+    world.run(5.0)
+    assert vehicle.armed
+    if is_restarted:
+        world.kill_broker()
+    vehicle.silent = True
+    world.run(8.0)
+    lands(vehicle)
+    vehicle.silent = False
+    if is_restarted:
+        world.restart_broker()
+    world.run(2.0)
+    assert_that_the_next_mission_waits(world)
+
+
+@pytest.mark.parametrize("is_answer_late", [False, True])
+def test_a_station_that_disarms_it_has_it(*, is_answer_late: bool) -> None:
+    world = World()
+    vehicle = world.add_vehicle(script=dataclasses.replace(PX4, item_time_s=60.0))
+    world.edge.plan(mission(takeoff(1), waypoint(2, hold_time=60.0), waypoint(3)))
+    world.run_until(lambda: vehicle.airborne and world.edge.status(1201) == Status.RUNNING)
+    world.run(7.0)
+    command = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
+    if is_answer_late:
+        lands(vehicle)
+        world.run(0.6)
+        acknowledge(vehicle, command)
+    else:
+        acknowledge(vehicle, command)
+        world.run(0.4)
+        lands(vehicle)
+    assert_that_the_next_mission_waits(world)
