@@ -31,6 +31,7 @@ from mavlink_broker.mission.integrity import (
     SkippedWaypointMonitor,
     fence_change_of,
     foreign_uploader,
+    has_landed_unseen,
     total_of,
 )
 from mavlink_broker.mission.progress_monitor import ProgressMonitor
@@ -248,11 +249,19 @@ class MissionContext:
         """Whether the present segment is a live command."""
         return isinstance(self.segments.current, LiveCommand)
 
-    @property
-    def was_flown(self) -> bool:
-        """Whether the vehicle may have flown it, in this run of the broker or in an earlier one."""
+    def has_landed_unseen(self, *, was_sent_down: bool) -> bool:
+        """Whether the vehicle has flown the mission, and nobody knows who has landed it.
+
+        `was_sent_down` if the broker has ordered it to return or land, in this run.
+        """
+        vehicle = self.vehicle
         is_earlier = self.work.was_accepted and self.was_reported_running
-        return is_earlier or self.is_start_ordered or self.was_running
+        was_flown = is_earlier or self.is_start_ordered or self.was_running
+        if not was_flown or not vehicle.armed_period.has_ended_unseen:
+            return False
+        is_at_end = self.ledger.status is Status.FINISHED
+        was_sent_down |= vehicle.recovery.was_sent_down
+        return has_landed_unseen(vehicle, is_at_end=is_at_end, was_sent_down=was_sent_down)
 
     @property
     def was_reported_running(self) -> bool:

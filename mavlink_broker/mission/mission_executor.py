@@ -19,7 +19,6 @@ from mavlink_broker.mission import exchanges
 from mavlink_broker.mission.abort_executor import REASONS, note_on_ground, return_event
 from mavlink_broker.mission.context import MissionContext, SegmentMonitors
 from mavlink_broker.mission.flight_orders import FLIES_NO_COMMAND, MISSION_ENDED, REPLACED
-from mavlink_broker.mission.integrity import has_landed_unseen
 from mavlink_broker.mission.phases.attaching import Attaching
 from mavlink_broker.mission.phases.ending import Aborting, Failing
 from mavlink_broker.mission.phases.in_flight import FlyingLive, Running
@@ -280,7 +279,8 @@ class MissionExecutor:
 
     def _move(self, event: Event, now: float, effects: Effects) -> None:
         before, after = self.state, follow(self.state, event)
-        if after in ENDING and (self._phase.landed_by is not None or self._has_landed_unseen):
+        is_unseen = self._context.has_landed_unseen(was_sent_down=self.sends_down)
+        if after in ENDING and (is_unseen or self._phase.landed_by is not None):
             self._vehicle.armed_period.end_by_others(now)
         self._phase.leave()
         self.state = after
@@ -292,14 +292,6 @@ class MissionExecutor:
             self._context.speeds.cancel(MISSION_ENDED, effects)
             self._context.pauses.cancel(MISSION_ENDED, effects)
         self._apply(self._phase.enter(now, effects), now, effects)
-
-    @property
-    def _has_landed_unseen(self) -> bool:
-        is_at_end = self.ledger.status is Status.FINISHED
-        was_sent_down = self.sends_down or self._vehicle.recovery.was_sent_down
-        return self._context.was_flown and has_landed_unseen(
-            self._vehicle, is_at_end=is_at_end, was_sent_down=was_sent_down
-        )
 
     def _is_link_away(self, now: float) -> bool:
         """Whether only a lost link may have caused a fault."""

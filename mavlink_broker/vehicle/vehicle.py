@@ -34,13 +34,7 @@ from mavlink_broker.vehicle.control_authority import (
 )
 from mavlink_broker.vehicle.measurements import MEASURED, Observations
 from mavlink_broker.vehicle.recovery_state import RecoveryState
-from mavlink_broker.vehicle.telemetry import (
-    Snapshot,
-    boot_ms_of,
-    has_long_uid,
-    uid_of,
-    version,
-)
+from mavlink_broker.vehicle.telemetry import Snapshot, boot_ms_of, has_long_uid, uid_of, version
 
 AGED: Final = frozenset({"GLOBAL_POSITION_INT", "ATTITUDE", "BATTERY_STATUS", "MISSION_CURRENT"})
 """Messages whose age is kept, so that old telemetry is not published as new."""
@@ -258,8 +252,8 @@ class Vehicle:
     def update_descent(self, now: float) -> None:
         """Follow whether it flies the return or landing that the broker ordered last."""
         snapshot, descent = self.snapshot, self.own_descent
-        was_flown, sought_mode = descent.is_flown, descent.mode if descent.is_sought else None
-        own_mode = descent.mode
+        was_flown, own_mode = descent.is_flown, descent.mode
+        sought_mode = own_mode if descent.is_sought else None
         descent.update(
             self.observed_mode, is_down=snapshot.is_on_ground, now=now, time_s=snapshot.time_s
         )
@@ -269,9 +263,9 @@ class Vehicle:
             self.armed_period.lose()  # Without effect on one that has landed
             if self.flown_mode.role is ModeRole.OTHER:
                 self.armed_period.end_by_others(now)  # Without effect on one that is armed
-        is_other = self.mode_role is ModeRole.ENDING and self.mode != own_mode
-        is_other |= self.mode_role is ModeRole.OTHER
-        if own_mode is not None and is_other and self.armed_period.has_ended_unseen:
+        role, is_unseen = self.mode_role, self.armed_period.has_ended_unseen
+        is_other = role is ModeRole.OTHER or (role is ModeRole.ENDING and self.mode != own_mode)
+        if own_mode is not None and is_other and is_unseen:
             self.armed_period.end_by_others(now)
 
     def update_hover(self, now: float, *, is_ordered: bool) -> None:
