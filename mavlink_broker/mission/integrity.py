@@ -91,7 +91,7 @@ def has_landed_unseen(vehicle: Vehicle, *, is_at_end: bool, was_sent_down: bool)
         return False
     role, current = vehicle.mode_role, vehicle.snapshot.mission
     if was_sent_down:
-        return role is ModeRole.OTHER
+        return role in {ModeRole.OTHER, ModeRole.PAUSED}
     state = mavlink.MISSION_STATE_UNKNOWN if current is None else current.state
     is_complete = state == mavlink.MISSION_STATE_COMPLETE
     is_complete |= state == mavlink.MISSION_STATE_UNKNOWN and is_at_end

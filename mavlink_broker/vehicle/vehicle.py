@@ -16,11 +16,7 @@ from mavlink_broker.microservices.config_overrides import (
     ParameterOverrider,
     VehicleOverrides,
 )
-from mavlink_broker.microservices.link_state import (
-    LinkMonitor,
-    LinkState,
-    RebootMonitor,
-)
+from mavlink_broker.microservices.link_state import LinkMonitor, LinkState, RebootMonitor
 from mavlink_broker.microservices.parameter import ParameterEncoding, encoding_of
 from mavlink_broker.planning.situation import ItemLimits, Pose
 from mavlink_broker.planning.target_commands import TargetSource
@@ -135,7 +131,10 @@ class Vehicle:
         recovery, period = self.recovery, self.armed_period
         if self.snapshot.armed and period.is_armed is False:
             recovery.armed_s = self.snapshot.time_s
+        was_disarmed = period.is_armed is False
         period.update(self.observed_mode, now)
+        if not was_disarmed:  # At once, before a mission that waits arms it
+            self._observe_unseen_landing(now)
         is_needed = bool(self.snapshot.armed) and not self.family.knows_modes
         recovery.shows_manual = (self._shows_manual or recovery.shows_manual) and is_needed
 
@@ -252,8 +251,7 @@ class Vehicle:
     def update_descent(self, now: float) -> None:
         """Follow whether it flies the return or landing that the broker ordered last."""
         snapshot, descent = self.snapshot, self.own_descent
-        was_flown, own_mode = descent.is_flown, descent.mode
-        sought_mode = own_mode if descent.is_sought else None
+        was_flown, sought_mode = descent.is_flown, descent.mode if descent.is_sought else None
         descent.update(
             self.observed_mode, is_down=snapshot.is_on_ground, now=now, time_s=snapshot.time_s
         )
@@ -263,9 +261,19 @@ class Vehicle:
             self.armed_period.lose()  # Without effect on one that has landed
             if self.flown_mode.role is ModeRole.OTHER:
                 self.armed_period.end_by_others(now)  # Without effect on one that is armed
-        role, is_unseen = self.mode_role, self.armed_period.has_ended_unseen
-        is_other = role is ModeRole.OTHER or (role is ModeRole.ENDING and self.mode != own_mode)
-        if own_mode is not None and is_other and is_unseen:
+
+    def _observe_unseen_landing(self, now: float) -> None:
+        """Find whether one that was disarmed unseen was landed by the broker's order.
+
+        Nothing lands one that hovers for the broker; one that comes down shows the mode for that.
+        """
+        own_mode, is_theirs = self.own_descent.mode, self.recovery.hover.place is not None
+        if own_mode is not None:
+            is_other = self.mode_role is not ModeRole.HOLD and self.mode != own_mode
+            is_theirs = is_other and self.family.knows_modes
+        elif self.own_descent.is_flown or self.recovery.was_sent_down:
+            is_theirs = False
+        if is_theirs and self.armed_period.has_ended_unseen:
             self.armed_period.end_by_others(now)
 
     def update_hover(self, now: float, *, is_ordered: bool) -> None:
@@ -273,7 +281,8 @@ class Vehicle:
 
         `is_ordered` while a mission or an event orders what the vehicle does.
         """
-        was_held, had_place = self.hovers, self.recovery.hover.place is not None
+        self._observe_unseen_landing(now)
+        was_held = self.hovers
         self.recovery.hover.update(
             self.snapshot,
             self.observed_mode,
@@ -284,8 +293,6 @@ class Vehicle:
             self.armed_period.claim()
         elif was_held:
             self.armed_period.lose()
-        if had_place and not is_ordered and self.armed_period.has_ended_unseen:
-            self.armed_period.end_by_others(now)  # No order of the broker has landed it
 
     def identify(self, *, has_answered: bool) -> None:
         """Note that it sends no AUTOPILOT_VERSION; `has_answered` if it receives the requests."""

@@ -92,6 +92,8 @@ class Waiting(Phase):
         if mission.is_expired(now):
             return self._end_expired(effects)
         mission.is_hovering |= vehicle.hovers  # Its heartbeat may have arrived after `begin`
+        if vehicle.snapshot.armed is False and not mission.is_start_ordered:
+            mission.is_hovering = False  # Somebody has landed it
         if self._waits_for_others(now, effects):
             return None
         waited_s = now - self._entered_at

@@ -276,8 +276,11 @@ def test_one_that_is_landed_while_its_link_is_away_stands(
     assert "somebody else flies the vehicle" in [m for m in messages(world) if m][-1]
 
 
+@pytest.mark.parametrize("is_awaited", [False, True], ids=["idle", "mission-waits"])
 @pytest.mark.parametrize("is_restarted", [False, True], ids=["link-away", "broker-killed"])
-def test_so_does_one_that_hovered_for_the_broker(tmp_path: Path, *, is_restarted: bool) -> None:
+def test_so_does_one_that_hovered_for_the_broker(
+    tmp_path: Path, *, is_restarted: bool, is_awaited: bool
+) -> None:
     world = World(journal=tmp_path)
     vehicle = world.add_vehicle(script=PX4)
     world.edge.plan(mission(takeoff(1), waypoint(2)))
@@ -289,11 +292,16 @@ def test_so_does_one_that_hovered_for_the_broker(tmp_path: Path, *, is_restarted
     vehicle.silent = True
     world.run(8.0)
     lands(vehicle)
+    world.run(2.0)
     vehicle.silent = False
+    if is_awaited:  # It comes before a heartbeat has shown that
+        world.edge.plan(first_flight(mission_id=1202))
     if is_restarted:
         world.restart_broker()
+    before = vehicle.arm_orders
     world.run(2.0)
-    assert_that_the_next_mission_waits(world)
+    assert_that_the_next_mission_waits(world, mission_id=1203 if is_awaited else 1202)
+    assert vehicle.arm_orders == before
 
 
 @pytest.mark.parametrize("is_answer_late", [False, True])

@@ -101,10 +101,10 @@ def messages(world: World, mission_id: int = 1201) -> list[str]:
     return [report.get("message") or "" for report in world.edge.reports(mission_id)]
 
 
-def assert_that_the_next_mission_waits(world: World) -> int:
+def assert_that_the_next_mission_waits(world: World, mission_id: int = 1202) -> int:
     """It comes now, and does not arm the vehicle before that has stood; gives its orders to arm."""
     before = world.only_vehicle.arm_orders
-    world.edge.plan(first_flight(mission_id=1202))
+    world.edge.plan(first_flight(mission_id=mission_id))
     world.run(STAND_S - 1.0)
     assert world.only_vehicle.arm_orders == before
     return before
