@@ -119,6 +119,9 @@ class Attaching(Phase):
         if self.exchange is not None:
             return None
         self._apply_notes(now, effects)
+        snapshot = self._vehicle.snapshot
+        if snapshot.armed is False and snapshot.is_on_ground:
+            self._flies_another = False  # It has landed: compared again, if this one was begun
         if self._connected_at is None and self._vehicle.is_reachable(now):
             self._connected_at = now
         step = _next_step(

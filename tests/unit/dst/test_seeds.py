@@ -49,7 +49,18 @@ FAILED_BEFORE = {
     },
 }
 """Seeds that have failed; the first ones with faults that they do not draw themselves."""
-FAILED_IN_LONG_SHIFTS = (120018, 120360, 300371, 310248, 310450, 320133, 320190, 330064, 360057)
+FAILED_IN_LONG_SHIFTS = (
+    120018,
+    120360,
+    300371,
+    310248,
+    310450,
+    320133,
+    320190,
+    330064,
+    360057,
+    371040,
+)
 """Seeds that have failed with faults for five minutes."""
 LONG_SHIFT_S = 300.0
 LONG = range(300_000, 300_060)
