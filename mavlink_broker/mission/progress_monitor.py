@@ -161,7 +161,9 @@ class ProgressMonitor:
         A vehicle that lands otherwise than by its mission is landed by somebody else.
         """
         returns = self.lands_itself and self._plan.returns_home
-        return Claim(MISSION_MODES, mode=self._vehicle.family.return_item_mode if returns else None)
+        mode = self._vehicle.family.return_item_mode if returns else None
+        is_theirs = self._vehicle.armed_period.was_theirs_in(mode)
+        return Claim(MISSION_MODES, mode=None if is_theirs else mode)
 
     def begin(self, now: float) -> list[EdgeReport]:
         """Report that it flies, unless that was reported with the order to start."""

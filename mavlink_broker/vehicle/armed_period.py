@@ -176,6 +176,10 @@ class ArmedPeriod:
         """Whether the vehicle was armed when it was received last; None: it was not received."""
         return self._is_armed
 
+    def was_theirs_in(self, mode: str | None) -> bool:
+        """Whether an earlier run has noted, in this period, that somebody else has it in a mode."""
+        return self.is_found and mode is not None and mode == self._noted_before
+
     @property
     def has_ended_unseen(self) -> bool:
         """Whether the vehicle was disarmed while it was not received, or before this run."""

@@ -55,9 +55,9 @@ def on_its_way_home(script: Script, journal: Path | None = None) -> World:
     return world
 
 
-def in_its_return_mode() -> World:
+def in_its_return_mode(journal: Path | None = None) -> World:
     """The same with PX4, which flies an item that returns in its return mode."""
-    world = on_its_way_home(dataclasses.replace(PX4, return_changes_mode=True))
+    world = on_its_way_home(dataclasses.replace(PX4, return_changes_mode=True), journal)
     world.run_until(lambda: world.only_vehicle.custom_mode == PX4_RETURN)
     world.run(2.0)
     return world
@@ -111,6 +111,19 @@ def test_so_has_a_station_whose_order_leads_to_the_mode_of_the_return() -> None:
     assert world.edge.status(1201) == Status.FAILED
     text = "system 255 has ordered it to come down by MAV_CMD_NAV_RETURN_TO_LAUNCH"
     assert text in [m for m in messages(world) if m][-1]
+    lands(vehicle)
+    assert_that_the_next_mission_waits(world)
+
+
+def test_so_it_has_for_a_broker_that_is_restarted_within_these_seconds(tmp_path: Path) -> None:
+    """The acknowledgement was received by the run before, which has noted whose the mode is."""
+    world = in_its_return_mode(tmp_path)
+    vehicle = world.only_vehicle
+    acknowledge(vehicle, mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH)
+    world.run(2.0)
+    world.restart_broker()
+    world.run(10.0)
+    assert world.edge.status(1201) == Status.FAILED
     lands(vehicle)
     assert_that_the_next_mission_waits(world)
 
