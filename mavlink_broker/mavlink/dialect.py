@@ -142,3 +142,11 @@ class Route(NamedTuple):
         system = getattr(message, "target_system", 0)
         component = getattr(message, "target_component", 0)
         return system in {0, self.own_system} and component in {0, self.own_component}
+
+    def other_addressee(self, message: Message) -> int | None:
+        """Give the system that the vehicle addresses, if that is neither the broker nor itself.
+
+        PX4 acknowledges what its own modules order too. None if it addresses everybody.
+        """
+        system = int(getattr(message, "target_system", 0))
+        return None if system in {0, self.own_system, self.target_system} else system

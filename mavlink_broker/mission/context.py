@@ -31,10 +31,9 @@ from mavlink_broker.mission.integrity import (
     SkippedWaypointMonitor,
     fence_change_of,
     foreign_uploader,
-    has_landed_unseen,
     total_of,
 )
-from mavlink_broker.mission.progress_monitor import ProgressMonitor
+from mavlink_broker.mission.progress_monitor import ProgressMonitor, has_landed_unseen
 from mavlink_broker.mission.segments import Segments
 from mavlink_broker.mission.states import Event
 from mavlink_broker.planning.geofence import AreaCheck, fence_items, rally_items
@@ -229,9 +228,9 @@ class MissionContext:
         if self.verified_total is None:
             self.verified_total = total_of(message)
 
-    def observe_fence(self, message: Message, effects: Effects) -> None:
+    def observe_fence(self, message: Message, now: float, effects: Effects) -> None:
         """Report once what another system does to the vehicle's geofence in flight."""
-        change = fence_change_of(message, self.vehicle)
+        change = fence_change_of(message, self.vehicle, now)
         if change is None or change in self._fence_changes:
             return
         if len(self._fence_changes) < MOST_FENCE_CHANGES:

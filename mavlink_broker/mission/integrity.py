@@ -26,6 +26,7 @@ from mavlink_broker.mavlink.mission_item import MissionItem
 from mavlink_broker.microservices.mission_download import Different, MissionVerify, Verified
 from mavlink_broker.mission import exchanges
 from mavlink_broker.planning.mission import FlightPlan
+from mavlink_broker.vehicle import control_authority
 from mavlink_broker.vehicle.vehicle import Vehicle
 
 QUIET_S: Final = 1.5
@@ -62,41 +63,19 @@ def total_of(message: Message) -> int | None:
     return int(message.total) if is_known else None
 
 
-def fence_change_of(message: Message, vehicle: Vehicle) -> str | None:
+def fence_change_of(message: Message, vehicle: Vehicle, now: float) -> str | None:
     """Say what another system has done to a vehicle's geofence, by the answer to it; None: nothing.
 
     An answer to DO_FENCE_ENABLE does not say which it was.
     """
-    kind, system = message.get_type(), getattr(message, "target_system", 0)
-    if system in {0, vehicle.route.own_system, vehicle.route.target_system}:
-        return None
+    system, kind = vehicle.route.other_addressee(message), message.get_type()
     is_end = kind == "MISSION_ACK" and message.type == mavlink.MAV_MISSION_ACCEPTED
-    if is_end and getattr(message, "mission_type", 0) in _FENCES:
+    if system is not None and is_end and getattr(message, "mission_type", 0) in _FENCES:
         return f"system {system} has changed the geofence of the vehicle"
-    is_obeyed = kind == "COMMAND_ACK" and message.result == mavlink.MAV_RESULT_ACCEPTED
-    if is_obeyed and message.command == mavlink.MAV_CMD_DO_FENCE_ENABLE:
+    order = control_authority.order_of_another(message, vehicle.route, now)
+    if order is not None and order.command == mavlink.MAV_CMD_DO_FENCE_ENABLE:
         return f"system {system} has switched the geofence of the vehicle on or off"
     return None
-
-
-def has_landed_unseen(vehicle: Vehicle, *, is_at_end: bool, was_sent_down: bool) -> bool:
-    """Whether nobody knows who has landed a vehicle that flew a mission.
-
-    It was disarmed while it was not received, or before the broker was started, and does not show
-    by its mode and its progress that it has run its mission to the end. `is_at_end` if it was seen
-    on the last leg: that counts where it sends no state of its mission. `was_sent_down` if the
-    broker has ordered it to return or land.
-    """
-    if not vehicle.armed_period.has_ended_unseen:
-        return False
-    role, current = vehicle.mode_role, vehicle.snapshot.mission
-    if was_sent_down:
-        return role in {ModeRole.OTHER, ModeRole.PAUSED}
-    state = mavlink.MISSION_STATE_UNKNOWN if current is None else current.state
-    is_complete = state == mavlink.MISSION_STATE_COMPLETE
-    is_complete |= state == mavlink.MISSION_STATE_UNKNOWN and is_at_end
-    is_in_other_mode = role is ModeRole.ENDING and vehicle.mode != vehicle.family.return_item_mode
-    return not (vehicle.has_run_its_mission or (is_complete and not is_in_other_mode))
 
 
 class MissionChangeMonitor:

@@ -199,7 +199,7 @@ class MissionExecutor:
         if self.state in UPLOADED:
             self._context.observe_items(message)
         if self.state in IN_FLIGHT:
-            self._context.observe_fence(message, effects)
+            self._context.observe_fence(message, now, effects)
         if self._yields(now, effects) and self.state not in READING:
             return
         phase = self._phase

@@ -20,7 +20,7 @@ from mavlink_broker.autopilots.flight_modes import ModeRole
 from mavlink_broker.autopilots.status_texts import TextMeaning, means
 from mavlink_broker.effects import EdgeReport
 from mavlink_broker.mavlink.dialect import Message, mavlink
-from mavlink_broker.mission.integrity import CLEARED, has_landed_unseen
+from mavlink_broker.mission.integrity import CLEARED
 from mavlink_broker.planning.mission import FlightPlan
 from mavlink_broker.vehicle import control_authority
 from mavlink_broker.vehicle.control_authority import (
@@ -103,6 +103,26 @@ class Progress:
     def is_finished(self) -> bool:
         """Whether every command is."""
         return self.finished_commands == len(self.plan.done_item)
+
+
+def has_landed_unseen(vehicle: Vehicle, *, is_at_end: bool, was_sent_down: bool) -> bool:
+    """Whether nobody knows who has landed a vehicle that flew a mission.
+
+    It was disarmed while it was not received, or before the broker was started, and does not show
+    by its mode and its progress that it has run its mission to the end. `is_at_end` if it was seen
+    on the last leg: that counts where it sends no state of its mission. `was_sent_down` if the
+    broker has ordered it to return or land.
+    """
+    if not vehicle.armed_period.has_ended_unseen:
+        return False
+    role, current = vehicle.mode_role, vehicle.snapshot.mission
+    if was_sent_down:
+        return role in {ModeRole.OTHER, ModeRole.PAUSED}
+    state = mavlink.MISSION_STATE_UNKNOWN if current is None else current.state
+    is_complete = state == mavlink.MISSION_STATE_COMPLETE
+    is_complete |= state == mavlink.MISSION_STATE_UNKNOWN and is_at_end
+    is_in_other_mode = role is ModeRole.ENDING and vehicle.mode != vehicle.family.return_item_mode
+    return not (vehicle.has_run_its_mission or (is_complete and not is_in_other_mode))
 
 
 class ProgressMonitor:

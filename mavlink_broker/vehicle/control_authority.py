@@ -20,7 +20,7 @@ from typing import Final, NamedTuple
 
 from afarcloud.geodesy import distance_m
 from mavlink_broker.autopilots.flight_modes import ModeRole
-from mavlink_broker.mavlink.dialect import Message, mav_cmd_name, mavlink
+from mavlink_broker.mavlink.dialect import Message, Route, mav_cmd_name, mavlink
 from mavlink_broker.planning.situation import Pose
 from mavlink_broker.vehicle.telemetry import MissionNow, Position, Snapshot
 
@@ -321,25 +321,13 @@ def _is_at(place: Pose, position: Position) -> bool:
     return is_near and abs(position.altitude_m - place.altitude_m) <= AS_HIGH_WITHIN_M
 
 
-def foreign_order(message: Message, ours: frozenset[int], now: float) -> ForeignOrder | None:
-    """Read a COMMAND_ACK to another system for an order that makes a vehicle hold or go.
-
-    `ours` are the broker and the vehicle itself: PX4 acknowledges what its own modules order too.
-    """
-    if message.get_type() != "COMMAND_ACK" or message.result != mavlink.MAV_RESULT_ACCEPTED:
-        return None
-    system = getattr(message, "target_system", 0)
-    if message.command not in _TAKEOVER_COMMANDS or system in {0, *ours}:
+def order_of_another(message: Message, route: Route, now: float) -> ForeignOrder | None:
+    """Read a COMMAND_ACK by which a vehicle accepts the order of another system."""
+    system = route.other_addressee(message)
+    is_answer = message.get_type() == "COMMAND_ACK"
+    if system is None or not is_answer or message.result != mavlink.MAV_RESULT_ACCEPTED:
         return None
     return ForeignOrder(system, message.command, now)
-
-
-def is_foreign_disarming(message: Message, ours: frozenset[int]) -> bool:
-    """Whether a COMMAND_ACK to another system accepts its order to disarm, or to arm."""
-    if message.get_type() != "COMMAND_ACK" or message.result != mavlink.MAV_RESULT_ACCEPTED:
-        return False
-    is_arming = message.command == mavlink.MAV_CMD_COMPONENT_ARM_DISARM
-    return bool(is_arming and getattr(message, "target_system", 0) not in {0, *ours})
 
 
 class ForeignOrderMonitor:
@@ -355,10 +343,13 @@ class ForeignOrderMonitor:
         self.order = None
 
     def accept(self, order: ForeignOrder, now: float) -> None:
-        """Note an order; one whose mode was shown before its acknowledgement is carried out."""
+        """Note an order, if it makes a vehicle hold, go or come down.
+
+        One whose mode was shown before its acknowledgement is carried out by now.
+        """
         was_shown = now - self._resumed_at <= ACKNOWLEDGED_MODE_WITHIN_S
         is_resumption = order.command in _RESUMING_COMMANDS and self._role not in _ORDERED_MODES
-        if not (is_resumption and was_shown):
+        if order.command in _TAKEOVER_COMMANDS and not (is_resumption and was_shown):
             self.order = order
 
     def update(self, role: ModeRole, now: float, *, armed: bool) -> None:
@@ -375,8 +366,8 @@ class ForeignOrderMonitor:
             return
         age_s = now - self.order.at
         is_left = not waits and (waited or age_s > ACKNOWLEDGED_MODE_WITHIN_S)
-        begins_to_sink = role is ModeRole.ENDING and before is not ModeRole.ENDING
-        if not armed or is_left or (begins_to_sink and age_s > ORDERED_MODE_WITHIN_S):
+        begins_to_descend = role is ModeRole.ENDING and before is not ModeRole.ENDING
+        if not armed or is_left or (begins_to_descend and age_s > ORDERED_MODE_WITHIN_S):
             self.order = None
 
 

@@ -133,8 +133,8 @@ class Vehicle:
             recovery.armed_s = self.snapshot.time_s
         was_disarmed = period.is_armed is False
         period.update(self.observed_mode, now)
-        if not was_disarmed:  # At once, before a mission that waits arms it
-            self._observe_unseen_landing(now)
+        if not was_disarmed:
+            self._observe_unseen_landing(now)  # Before a mission that waits arms it
         is_needed = bool(self.snapshot.armed) and not self.family.knows_modes
         recovery.shows_manual = (self._shows_manual or recovery.shows_manual) and is_needed
 
@@ -179,12 +179,11 @@ class Vehicle:
 
     def _observe_foreign_order(self, message: Message, now: float) -> None:
         """Keep another system's order until the vehicle leaves the mode that it led to."""
-        ours = frozenset({self.route.own_system, self.route.target_system})
-        order = control_authority.foreign_order(message, ours, now)
-        if order is not None:
-            self._foreign_orders.accept(order, now)
-        if control_authority.is_foreign_disarming(message, ours):
+        order = control_authority.order_of_another(message, self.route, now)
+        if order is not None and order.command == mavlink.MAV_CMD_COMPONENT_ARM_DISARM:
             self.armed_period.note_foreign_disarming(now)
+        elif order is not None:
+            self._foreign_orders.accept(order, now)
         if message.get_type() == "HEARTBEAT":
             self._foreign_orders.update(self.mode_role, now, armed=bool(self.snapshot.armed))
 

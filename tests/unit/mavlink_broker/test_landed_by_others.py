@@ -55,6 +55,16 @@ def on_its_way_home(script: Script, journal: Path | None = None) -> World:
     return world
 
 
+def at_its_waypoint(script: Script, journal: Path | None = None) -> World:
+    """A vehicle in the middle of its items, where its mission keeps it for a minute."""
+    world = World(journal=journal)
+    vehicle = world.add_vehicle(script=dataclasses.replace(script, item_time_s=60.0))
+    world.edge.plan(mission(takeoff(1), waypoint(2, hold_time=60.0), waypoint(3)))
+    world.run_until(lambda: vehicle.airborne and world.edge.status(1201) == Status.RUNNING)
+    world.run(7.0)
+    return world
+
+
 def in_its_return_mode(journal: Path | None = None) -> World:
     """The same with PX4, which flies an item that returns in its return mode."""
     world = on_its_way_home(dataclasses.replace(PX4, return_changes_mode=True), journal)
@@ -63,10 +73,15 @@ def in_its_return_mode(journal: Path | None = None) -> World:
     return world
 
 
-def is_landed_in(vehicle: ScriptedVehicle, mode: int) -> None:
+def land_in(vehicle: ScriptedVehicle, mode: int) -> None:
     """Somebody else orders a mode, in which the vehicle lands and disarms."""
     vehicle.set_mode(mode)
     lands(vehicle)
+
+
+def acknowledge(vehicle: ScriptedVehicle, command: int) -> None:
+    """The vehicle accepts an order of the ground station."""
+    vehicle.send(mavlink.MAVLink_command_ack_message(command, 0, target_system=STATION))
 
 
 @pytest.mark.parametrize(
@@ -105,8 +120,7 @@ def test_so_has_a_station_whose_order_leads_to_the_mode_of_the_return() -> None:
     """Only the acknowledgement shows who."""
     world = in_its_return_mode()
     vehicle = world.only_vehicle
-    command = mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH
-    vehicle.send(mavlink.MAVLink_command_ack_message(command, 0, target_system=STATION))
+    acknowledge(vehicle, mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH)
     world.run(8.0)
     assert world.edge.status(1201) == Status.FAILED
     text = "system 255 has ordered it to come down by MAV_CMD_NAV_RETURN_TO_LAUNCH"
@@ -134,8 +148,7 @@ def test_and_one_whose_order_comes_behind_that_of_an_abort() -> None:
     event = world.edge.event(103)
     world.run_until(lambda: world.edge.acknowledgements(event)[-1:] != [])
     world.run(4.0)
-    command = mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH
-    vehicle.send(mavlink.MAVLink_command_ack_message(command, 0, target_system=STATION))
+    acknowledge(vehicle, mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH)
     world.run(2.0)
     lands(vehicle)
     assert_that_the_next_mission_waits(world)
@@ -147,17 +160,11 @@ def test_one_that_nobody_has_seen_land_stands_before_it_is_armed(
     script: Script, tmp_path: Path, *, is_on_last_leg: bool
 ) -> None:
     """The broker is killed in flight, and finds it disarmed; its mission was not complete."""
-    if is_on_last_leg:
-        world = on_its_way_home(script, tmp_path)
-    else:
-        world = World(journal=tmp_path)
-        vehicle = world.add_vehicle(script=dataclasses.replace(script, item_time_s=60.0))
-        world.edge.plan(mission(takeoff(1), waypoint(2, hold_time=60.0), waypoint(3)))
-        world.run_until(lambda: vehicle.airborne and world.edge.status(1201) == Status.RUNNING)
-        world.run(7.0)
+    fly = on_its_way_home if is_on_last_leg else at_its_waypoint
+    world = fly(script, tmp_path)
     world.kill_broker()
     is_copter = script is ARDUPILOT
-    is_landed_in(world.only_vehicle, COPTER_LAND if is_copter else PX4_LAND)
+    land_in(world.only_vehicle, COPTER_LAND if is_copter else PX4_LAND)
     world.run(5.0)
     world.restart_broker()
     world.run(2.0)
@@ -204,12 +211,7 @@ def test_a_mission_that_fails_before_its_flight_delays_none() -> None:
     world.run_until(lambda: vehicle.arm_orders > 0, within_s=LATE_S)
 
 
-def acknowledge(vehicle: ScriptedVehicle, command: int) -> None:
-    """The vehicle accepts an order of the ground station."""
-    vehicle.send(mavlink.MAVLink_command_ack_message(command, 0, target_system=STATION))
-
-
-def is_paused_and_resumed(world: World, *, is_resumption_seen: bool) -> None:
+def pause_and_resume(world: World, *, is_resumption_seen: bool) -> None:
     """A station pauses the mission, and resumes it before its return begins."""
     vehicle = world.only_vehicle
     mode = vehicle.custom_mode
@@ -233,7 +235,7 @@ def test_a_station_that_has_resumed_the_mission_has_not_ordered_its_return(
 ) -> None:
     """The acknowledgement of the resumption is lost, or comes behind the mode that it led to."""
     world = on_its_way_home(dataclasses.replace(PX4, return_changes_mode=True))
-    is_paused_and_resumed(world, is_resumption_seen=is_resumption_seen)
+    pause_and_resume(world, is_resumption_seen=is_resumption_seen)
     world.run(10.0)
     assert world.edge.status(1201) == Status.RUNNING
     lands(world.only_vehicle)
@@ -247,11 +249,8 @@ def test_a_station_that_has_resumed_the_mission_has_not_ordered_its_return(
 def test_one_that_a_killed_broker_has_sent_down_needs_not_stand(
     script: Script, event: int, tmp_path: Path
 ) -> None:
-    world = World(journal=tmp_path)
-    vehicle = world.add_vehicle(script=dataclasses.replace(script, item_time_s=60.0))
-    world.edge.plan(mission(takeoff(1), waypoint(2, hold_time=60.0), waypoint(3)))
-    world.run_until(lambda: vehicle.airborne and world.edge.status(1201) == Status.RUNNING)
-    world.run(7.0)
+    world = at_its_waypoint(script, tmp_path)
+    vehicle = world.only_vehicle
     world.edge.event(event)
     world.run(0.4)
     world.kill_broker()
@@ -269,18 +268,11 @@ def test_one_that_a_killed_broker_has_sent_down_needs_not_stand(
 def test_one_that_is_landed_while_its_link_is_away_stands(
     script: Script, *, is_on_last_leg: bool
 ) -> None:
-    if is_on_last_leg:
-        world = on_its_way_home(script)
-    else:
-        world = World()
-        world.add_vehicle(script=dataclasses.replace(script, item_time_s=60.0))
-        world.edge.plan(mission(takeoff(1), waypoint(2, hold_time=60.0), waypoint(3)))
-        world.run_until(lambda: world.edge.status(1201) == Status.RUNNING)
-        world.run(7.0)
+    world = on_its_way_home(script) if is_on_last_leg else at_its_waypoint(script)
     vehicle = world.only_vehicle
     vehicle.silent = True
     world.run(8.0)
-    is_landed_in(vehicle, COPTER_LAND if script is ARDUPILOT else PX4_POSITION)
+    land_in(vehicle, COPTER_LAND if script is ARDUPILOT else PX4_POSITION)
     world.run(4.0)
     vehicle.silent = False
     world.run(1.0)
@@ -319,11 +311,8 @@ def test_so_does_one_that_hovered_for_the_broker(
 
 @pytest.mark.parametrize("is_answer_late", [False, True])
 def test_a_station_that_disarms_it_has_it(*, is_answer_late: bool) -> None:
-    world = World()
-    vehicle = world.add_vehicle(script=dataclasses.replace(PX4, item_time_s=60.0))
-    world.edge.plan(mission(takeoff(1), waypoint(2, hold_time=60.0), waypoint(3)))
-    world.run_until(lambda: vehicle.airborne and world.edge.status(1201) == Status.RUNNING)
-    world.run(7.0)
+    world = at_its_waypoint(PX4)
+    vehicle = world.only_vehicle
     command = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
     if is_answer_late:
         lands(vehicle)
