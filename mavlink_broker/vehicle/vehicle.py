@@ -131,10 +131,7 @@ class Vehicle:
         recovery, period = self.recovery, self.armed_period
         if self.snapshot.armed and period.is_armed is False:
             recovery.armed_s = self.snapshot.time_s
-        was_disarmed = period.is_armed is False
         period.update(self.observed_mode, now)
-        if not was_disarmed:
-            self._observe_unseen_landing(now)  # Before a mission that waits arms it
         is_needed = bool(self.snapshot.armed) and not self.family.knows_modes
         recovery.shows_manual = (self._shows_manual or recovery.shows_manual) and is_needed
 

@@ -176,8 +176,11 @@ def test_one_that_nobody_has_seen_land_stands_before_it_is_armed(
 
 @pytest.mark.parametrize(
     "script",
-    [PX4, ARDUPILOT, GENERIC, dataclasses.replace(ARDUPILOT, sends_mission_state=False)],
-    ids=["px4", "ardupilot", "generic", "old-ardupilot"],
+    [
+        *(PX4, ARDUPILOT, GENERIC),
+        *(dataclasses.replace(one, sends_mission_state=False) for one in (PX4, ARDUPILOT)),
+    ],
+    ids=["px4", "ardupilot", "generic", "old-px4", "old-ardupilot"],
 )
 def test_one_whose_mission_has_landed_it_unseen_needs_not_stand(
     script: Script, tmp_path: Path
@@ -219,21 +222,24 @@ def pause_and_resume(world: World, *, is_resumption_seen: bool) -> None:
     vehicle.heartbeat()
     acknowledge(vehicle, mavlink.MAV_CMD_DO_SET_MODE)
     world.run(4.0)
+    vehicle.silent = not is_resumption_seen
+    world.run(2.0)
     vehicle.set_mode(mode)
-    if is_resumption_seen:
-        vehicle.heartbeat()
-        world.run(0.2)
-        acknowledge(vehicle, mavlink.MAV_CMD_DO_SET_MODE)
-        world.run(0.4)
+    vehicle.heartbeat()
+    world.run(0.2)
+    acknowledge(vehicle, mavlink.MAV_CMD_DO_SET_MODE)
+    world.run(0.4)
     vehicle.set_mode(PX4_RETURN)
     vehicle.heartbeat()
+    world.run(2.0)
+    vehicle.silent = False
 
 
 @pytest.mark.parametrize("is_resumption_seen", [False, True])
 def test_a_station_that_has_resumed_the_mission_has_not_ordered_its_return(
     *, is_resumption_seen: bool
 ) -> None:
-    """The acknowledgement of the resumption is lost, or comes behind the mode that it led to."""
+    """The link is away meanwhile, or the acknowledgement comes behind the mode that it led to."""
     world = on_its_way_home(dataclasses.replace(PX4, return_changes_mode=True))
     pause_and_resume(world, is_resumption_seen=is_resumption_seen)
     world.run(10.0)
@@ -323,3 +329,39 @@ def test_a_station_that_disarms_it_has_it(*, is_answer_late: bool) -> None:
         world.run(0.4)
         lands(vehicle)
     assert_that_the_next_mission_waits(world)
+
+
+def killed_when_sent_down(journal: Path, *, hovers: bool) -> World:
+    """A broker that is killed when it has ordered the vehicle to return: from a hover, or not."""
+    if hovers:
+        world = World(journal=journal)
+        world.add_vehicle(script=PX4)
+        world.edge.plan(mission(takeoff(1), waypoint(2)))
+        world.run_until_over(1201)
+        world.run(5.0)
+    else:
+        world = at_its_waypoint(PX4, journal)
+    event = world.edge.event(103)
+    world.run_until(lambda: world.edge.acknowledgements(event)[-1:] != [])
+    world.run(2.0)
+    world.kill_broker()
+    return world
+
+
+@pytest.mark.parametrize("hovers", [False, True])
+def test_one_that_returns_unseen_needs_not_stand_unless_it_is_taken_meanwhile(
+    tmp_path: Path, *, hovers: bool
+) -> None:
+    for is_taken in (False, True):
+        world = killed_when_sent_down(tmp_path / str(is_taken), hovers=hovers)
+        vehicle = world.only_vehicle
+        if is_taken:
+            vehicle.steer(PX4_POSITION)
+            world.run(2.0)
+        lands(vehicle)
+        world.run(5.0)
+        world.edge.plan(first_flight(mission_id=1203))
+        before = vehicle.arm_orders
+        world.restart_broker()
+        world.run(15.0)
+        assert (vehicle.arm_orders > before) is not is_taken
