@@ -10,13 +10,13 @@ import logging
 import os
 import sys
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Final
 
 from edge_server import logs
 from edge_server.config import SETTINGS, Config, ConfigError, load
 from edge_server.process.exit_codes import FAILED, INTERRUPTED, OK, WRONG_SETUP
-from edge_server.process.supervisor import PARENT_VARIABLE, Supervisor
 from farm_flight_bridge import VERSION, program_name
 
 LOG = logging.getLogger("edge_server")
@@ -34,11 +34,7 @@ def main(arguments: list[str] | None = None) -> int:
         return WRONG_SETUP
     logs.configure(config.log_level, config.log_format)
     if options.command is None:
-        return Supervisor(arguments, config).run()
-    if parent := os.environ.get(PARENT_VARIABLE):
-        from edge_server.process import children  # noqa: PLC0415  # for child processes only
-
-        children.exit_with_parent(int(parent))
+        return _supervise(config, options)
     command: Callable[[Config, argparse.Namespace], int] = options.run
     if command in _PROCESSES:
         return command(config, options)
@@ -49,8 +45,20 @@ def main(arguments: list[str] | None = None) -> int:
         return INTERRUPTED
 
 
+def _supervise(config: Config, options: argparse.Namespace) -> int:
+    """Run server and relay as child processes."""
+    from edge_server.process import supervisor  # noqa: PLC0415  # each command loads its modules
+
+    supervisor.load_shared_modules(config)
+    kinds = (
+        supervisor.Kind("serve", partial(_serve, config, options), is_vital=True),
+        supervisor.Kind("relay", partial(_relay, config, options), is_vital=False),
+    )
+    return supervisor.Supervisor(kinds, config).run()
+
+
 def _serve(config: Config, _options: argparse.Namespace) -> int:
-    from edge_server.process import server  # noqa: PLC0415  # each command loads only its modules
+    from edge_server.process import server  # noqa: PLC0415  # as above
 
     try:
         server.serve(config)

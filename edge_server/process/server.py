@@ -1,7 +1,7 @@
 """Starts the web server: gunicorn's processes and parser, with our own loop for connections.
 
 One worker, because SQLite has one writer and the broker's long polls are woken within one process.
-The parent process supervises the worker and loads neither the application nor the database.
+The parent process supervises the worker and does not load the application.
 
 PortTakenError   another program listens on the port
 TlsSetupError    other machines could connect without TLS, or certificate or key is invalid
@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from gunicorn.app.base import BaseApplication  # type: ignore[import-untyped]  # it has no types
 from gunicorn.arbiter import Arbiter  # type: ignore[import-untyped]  # as above
+from setproctitle import getproctitle
 
 from edge_server.config import Config, ConfigError
 from edge_server.connections.admission import KEEP_ALIVE_S, Limits
@@ -200,6 +201,7 @@ class _Application(BaseApplication):  # type: ignore[misc]  # gunicorn has no ty
             "graceful_timeout": GRACE_S,
             "control_socket_disable": True,
             "loglevel": "warning",
+            "proc_name": getproctitle(),  # Gunicorn shows it behind its own name
             "post_fork": _post_fork,
         }.items():
             self.cfg.set(name, value)

@@ -1,5 +1,8 @@
 """Supervises server and relay: a process that exits is restarted.
 
+Both are forked from this process, which has loaded the modules that both use: SQLAlchemy alone
+takes 17 MB, and they share its pages.
+
 A server that exits five times within a minute stops the program with code 1. The relay never stops
 it: reports, plans and aborts are served while the relay is restarted, each time after a longer
 delay. Exits are counted in a tally, which `/metrics` and `/readyz` show.
@@ -8,23 +11,30 @@ Exit code 2 of the server, or of the relay at its first start, is a wrong setup:
 with code 2.
 """
 
+import gc
+import importlib
 import logging
+import multiprocessing
 import os
 import signal
-import subprocess
 import sys
 import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Final, NamedTuple
 
+from setproctitle import getproctitle, setproctitle
+
 from edge_server.config import Config
+from edge_server.process import children
 from edge_server.process.exit_codes import FAILED, OK, WRONG_SETUP
 from edge_server.store.files.read_only import is_read_only
 from edge_server.store.files.tally import PART_DEATHS, Tally
+from edge_server.uplinks.mqtt_protocol import is_mqtt
 
 LOG = logging.getLogger(__name__)
-PARENT_VARIABLE: Final = "EDGE_SERVER_PARENT"
+_STOP_SIGNALS: Final = (signal.SIGTERM, signal.SIGINT)
+_SHARED_MODULES: Final = ("edge_server.process.relay", "edge_server.process.server")
 MAXIMUM_EXITS: Final = 5
 WITHIN_S: Final = 60.0
 STOP_WAIT_S: Final = 10.0
@@ -60,28 +70,25 @@ class Exits:
 
 
 class Kind(NamedTuple):
-    """A kind of process: its command, and whether its failure stops the program."""
+    """A kind of process: its command's name and function, and whether its failure is the end."""
 
     name: str
+    run: Callable[[], int]
+    """Returns the exit code."""
     is_vital: bool
-
-
-_KINDS: Final = (Kind("serve", is_vital=True), Kind("relay", is_vital=False))
 
 
 class Part:
     """One child process and its exits."""
 
-    def __init__(self, kind: Kind, arguments: Sequence[str]) -> None:
+    def __init__(self, kind: Kind) -> None:
         self.kind = kind
-        self._command = [sys.executable, "-m", "edge_server", *arguments, kind.name]
         self.exits = Exits()
         self.start(time.monotonic())
 
     def start(self, now: float) -> None:
         """Start the process."""
-        environment = {**os.environ, PARENT_VARIABLE: str(os.getpid())}
-        self.process = subprocess.Popen(self._command, env=environment, start_new_session=True)  # noqa: S603  # this program
+        self.process = fork(self.kind)
         self.started_at = now
         self.start_at: float | None = None
 
@@ -92,16 +99,50 @@ class Part:
         return wait_s
 
 
+def load_shared_modules(config: Config) -> None:
+    """Load what the processes have in common, and keep the garbage collector from its pages."""
+    for name in _SHARED_MODULES:
+        importlib.import_module(name)
+    if not is_mqtt(config.cloud_url):
+        importlib.import_module("edge_server.uplinks.cloud_http")
+    gc.collect()
+    gc.freeze()
+
+
+def fork(kind: Kind) -> "multiprocessing.context.ForkProcess":
+    """Start a process in a session of its own, named after its command."""
+    process = multiprocessing.get_context("fork").Process(
+        target=_run_in_child, args=(kind, os.getpid()), name=kind.name
+    )
+    # A signal that comes before the child handles it by itself must not be lost in our handler
+    blocked = signal.pthread_sigmask(signal.SIG_BLOCK, _STOP_SIGNALS)
+    try:
+        process.start()
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
+    return process
+
+
+def _run_in_child(kind: Kind, parent: int) -> None:
+    os.setsid()
+    for number in _STOP_SIGNALS:
+        signal.signal(number, signal.SIG_DFL)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, _STOP_SIGNALS)
+    children.exit_with_parent(parent)
+    setproctitle(f"{getproctitle()} {kind.name}")
+    sys.exit(kind.run())
+
+
 class Supervisor:
     """Runs the processes until a signal, a wrong setup or a server that keeps failing."""
 
-    def __init__(self, arguments: Sequence[str], config: Config) -> None:
+    def __init__(self, kinds: Sequence[Kind], config: Config) -> None:
         self._config = config
         self._tally: Tally | None = None
         self._stopped = False
-        for number in (signal.SIGTERM, signal.SIGINT):
+        for number in _STOP_SIGNALS:
             signal.signal(number, self._on_signal)
-        self._parts = [Part(kind, arguments) for kind in _KINDS]
+        self._parts = [Part(kind) for kind in kinds]
 
     def _on_signal(self, *_: object) -> None:
         """Shut down; exit at once at the second signal (the children exit with this process)."""
@@ -124,7 +165,7 @@ class Supervisor:
             if now >= part.start_at:
                 part.start(now)
             return OK
-        code = part.process.poll()
+        code = part.process.exitcode
         if code is None or self._stopped:
             return OK
         if code == WRONG_SETUP and (part.kind.is_vital or part.exits.total == 0):
@@ -150,7 +191,7 @@ class Supervisor:
 
     def _what_is_served(self) -> str:
         vital = [one for one in self._parts if one.kind.is_vital]
-        if any(one.process.poll() is not None for one in vital):
+        if any(one.process.exitcode is not None for one in vital):
             return "nothing is stored or served: the server does not run either"
         if any(time.monotonic() - one.started_at < SETTLED_S for one in vital):
             return "the server starts too: /readyz shows when it is ready"
@@ -166,13 +207,12 @@ class Supervisor:
     def _stop_all(self) -> None:
         """Terminate all processes; kill those that do not exit in time."""
         for part in self._parts:
-            if part.process.poll() is None:
-                part.process.send_signal(signal.SIGTERM)
+            if part.process.exitcode is None:
+                part.process.terminate()
         deadline = time.monotonic() + STOP_WAIT_S
         for part in self._parts:
-            try:
-                part.process.wait(max(deadline - time.monotonic(), 0.0))
-            except subprocess.TimeoutExpired:
+            part.process.join(max(deadline - time.monotonic(), 0.0))
+            if part.process.exitcode is None:
                 LOG.warning("%s does not exit; killing it", part.kind.name)
                 part.process.kill()
-                part.process.wait()
+                part.process.join()

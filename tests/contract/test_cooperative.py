@@ -27,7 +27,7 @@ from edge_server.store.connection import locks
 from tests.support.databases import PostgresServer
 from tests.support.fake_cloud import FakeCloud, Handler, Received, running_cloud
 from tests.support.polling import PATIENCE_S
-from tests.support.process_tree import descendants
+from tests.support.process_tree import command_words, descendants
 from tests.support.system import wait_for
 from tests.unit.edge_server import documents
 from tests.unit.edge_server.program import Program, program_in
@@ -114,8 +114,7 @@ def relay_of(farm: Program) -> int:
     """Process id of a farm's relay."""
     assert farm.process is not None
     for process_id in descendants(farm.process.pid):
-        command = Path(f"/proc/{process_id}/cmdline").read_bytes().split(b"\0")
-        if b"relay" in command:
+        if "relay" in command_words(process_id):
             return process_id
     raise AssertionError("there is no relay")
 

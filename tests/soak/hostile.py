@@ -29,7 +29,7 @@ from tests.bench.process import resident_mb
 from tests.soak.cutting_proxy import CuttingProxy
 from tests.soak.pilot import Pilots
 from tests.soak.slow_sockets import SlowSockets
-from tests.support.process_tree import descendants
+from tests.support.process_tree import command_words, descendants
 from tests.support.system import FarmSystem, wait_for
 
 ABORT, SOFT_ABORT = 1, 2
@@ -218,9 +218,8 @@ class Faults:
 
 def _kill_relay(edge: int) -> bool:
     for process_id in descendants(edge):
-        with suppress(OSError):
-            line = Path(f"/proc/{process_id}/cmdline").read_bytes()
-            if b"relay" in line:
+        if "relay" in command_words(process_id):
+            with suppress(ProcessLookupError):
                 os.kill(process_id, signal.SIGKILL)
                 return True
     return False

@@ -21,7 +21,7 @@ import requests
 
 from tests.support.fake_cloud import FakeCloud, running_cloud
 from tests.support.polling import PATIENCE_S
-from tests.support.process_tree import descendants, gone
+from tests.support.process_tree import command_words, descendants, gone
 from tests.support.system import wait_for
 from tests.unit.edge_server import documents
 from tests.unit.edge_server.program import Program, program_in
@@ -178,20 +178,13 @@ def _find(program: Program, name: str) -> int | None:
     """Process id of a part, None while it is not there (again)."""
     assert program.process is not None
     for process_id in descendants(program.process.pid):
-        arguments = _command(process_id)
+        arguments = command_words(process_id)
         is_worker = _parent(process_id) != program.process.pid
         if name == "relay" and "relay" in arguments:
             return process_id
         if "serve" in arguments and is_worker == (name == "worker"):
             return process_id
     return None
-
-
-def _command(process_id: int) -> list[str]:
-    try:
-        return Path(f"/proc/{process_id}/cmdline").read_text(encoding="utf-8").split("\0")
-    except (FileNotFoundError, ProcessLookupError):
-        return []
 
 
 def _parent(process_id: int) -> int:

@@ -1,5 +1,6 @@
 """Processes and what they have started, read from /proc."""
 
+import re
 import time
 from collections.abc import Iterable
 from pathlib import Path
@@ -13,6 +14,15 @@ def descendants(process_id: int) -> list[int]:
         if fields is not None:
             parents[int(folder.name)] = int(fields[1])
     return _below(process_id, parents)
+
+
+def command_words(process_id: int) -> list[str]:
+    """Words of a process's command line, or of the title that it has given itself."""
+    try:
+        line = Path(f"/proc/{process_id}/cmdline").read_text(encoding="utf-8")
+    except (FileNotFoundError, ProcessLookupError):
+        return []
+    return re.split(r"[\0 \[\]]+", line)
 
 
 def gone(process_ids: Iterable[int], within_s: float) -> bool:

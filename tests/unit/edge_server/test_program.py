@@ -22,7 +22,7 @@ from edge_server.process.supervisor import MAXIMUM_EXITS
 from edge_server.store.files import integrity
 from tests.support.fake_cloud import running_cloud
 from tests.support.polling import PATIENCE_S
-from tests.support.process_tree import descendants, gone
+from tests.support.process_tree import command_words, descendants, gone
 from tests.support.system import wait_for
 from tests.unit.edge_server import documents
 from tests.unit.edge_server.program import Program, program_in
@@ -214,6 +214,31 @@ def test_a_killed_process_is_restarted(program: Program) -> None:
     assert gone(before, PATIENCE_S)
     program.wait_ready()
     assert not set(descendants(program.process.pid)) & set(before)
+
+
+@pytest.mark.thorough
+def test_server_and_relay_are_named_in_the_process_list(program: Program) -> None:
+    program.start()
+    assert program.process is not None
+    names = [command_words(one)[-1] or command_words(one)[-2] for one in _children_of(program)]
+    assert sorted(names) == ["relay", "serve", "serve"]
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("delay_s", [0.0, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.3])
+def test_a_signal_while_the_processes_start_ends_them(program: Program, delay_s: float) -> None:
+    program.begin()
+    children = wait_for(lambda: _children_of(program), "a child process")
+    time.sleep(delay_s)
+    code, log = program.end()
+    assert code == 0, log
+    assert "killing it" not in log  # It did not wait for a child that had missed the signal
+    assert gone(children, PATIENCE_S)
+
+
+def _children_of(program: Program) -> list[int]:
+    assert program.process is not None
+    return descendants(program.process.pid)
 
 
 @pytest.mark.thorough

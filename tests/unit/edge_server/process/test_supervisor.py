@@ -1,10 +1,8 @@
 """When a process that has exited is restarted, and when the supervisor gives up."""
 
 import signal
-import subprocess
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -17,6 +15,7 @@ from edge_server.process.supervisor import (
     MAXIMUM_EXITS,
     WITHIN_S,
     Exits,
+    Kind,
     Supervisor,
 )
 from edge_server.store.files import tally
@@ -50,8 +49,8 @@ class Machine:
     def install(self, number: int, handler: Callable[[int, None], None]) -> None:
         self._on_signal[number] = handler
 
-    def start(self, command: Sequence[str], **_: Any) -> "Process":
-        name = command[-1]
+    def fork(self, kind: Kind) -> "Process":
+        name = kind.name
         codes = self._codes[name]
         code = codes[min(self.starts[name], len(codes) - 1)]
         self.starts[name] += 1
@@ -62,19 +61,14 @@ class Process:
     """One that has ended with a code, or runs until it is asked to end."""
 
     def __init__(self, name: str, code: int | None, ended: list[str]) -> None:
-        self._name, self._code, self._ended = name, code, ended
+        self._name, self.exitcode, self._ended = name, code, ended
 
-    def poll(self) -> int | None:
-        return self._code
-
-    def send_signal(self, number: int) -> None:
-        assert number == signal.SIGTERM
-        self._code = 0
+    def terminate(self) -> None:
+        self.exitcode = 0
         self._ended.append(self._name)
 
-    def wait(self, _timeout_s: float) -> int:
-        assert self._code is not None
-        return self._code
+    def join(self, _timeout_s: float) -> None:
+        assert self.exitcode is not None
 
 
 @pytest.fixture
@@ -86,9 +80,10 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[Machine], 
         config.edge_dir.mkdir()
         with monkeypatch.context() as patch:
             patch.setattr(supervisor, "time", machine)
-            patch.setattr(subprocess, "Popen", machine.start)
+            patch.setattr(supervisor, "fork", machine.fork)
             patch.setattr(signal, "signal", machine.install)
-            return Supervisor([], config).run()
+            kinds = (Kind("serve", int, is_vital=True), Kind("relay", int, is_vital=False))
+            return Supervisor(kinds, config).run()
 
     return run
 
