@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from afarcloud.enumerations import Status
+from mavlink_broker.config import DEFAULT_SYSTEM_ID
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.vehicle.armed_period import LEFT_BY_OTHERS
 from tests.support.broker_world import (
@@ -65,6 +66,17 @@ def at_its_waypoint(script: Script, journal: Path | None = None) -> World:
     return world
 
 
+def hovering_after_its_mission(script: Script, journal: Path | None = None) -> World:
+    """The broker keeps it in the air where the mission has ended."""
+    world = World(journal=journal)
+    vehicle = world.add_vehicle(script=script)
+    world.edge.plan(mission(takeoff(1), waypoint(2)))
+    world.run_until_over(1201)
+    world.run(5.0)
+    assert vehicle.armed
+    return world
+
+
 def in_its_return_mode(journal: Path | None = None) -> World:
     """The same with PX4, which flies an item that returns in its return mode."""
     world = on_its_way_home(dataclasses.replace(PX4, return_changes_mode=True), journal)
@@ -79,9 +91,9 @@ def land_in(vehicle: ScriptedVehicle, mode: int) -> None:
     lands(vehicle)
 
 
-def acknowledge(vehicle: ScriptedVehicle, command: int) -> None:
-    """The vehicle accepts an order of the ground station."""
-    vehicle.send(mavlink.MAVLink_command_ack_message(command, 0, target_system=STATION))
+def acknowledge(vehicle: ScriptedVehicle, command: int, system: int = STATION) -> None:
+    """The vehicle accepts an order: of the ground station, if nothing else is said."""
+    vehicle.send(mavlink.MAVLink_command_ack_message(command, 0, target_system=system))
 
 
 @pytest.mark.parametrize(
@@ -127,6 +139,19 @@ def test_so_has_a_station_whose_order_leads_to_the_mode_of_the_return() -> None:
     assert text in [m for m in messages(world) if m][-1]
     lands(vehicle)
     assert_that_the_next_mission_waits(world)
+
+
+@pytest.mark.parametrize("addressee", ["everybody", "broker", "vehicle"])
+def test_an_answer_to_no_other_system_shows_no_order_of_somebody_else(addressee: str) -> None:
+    """PX4 acknowledges what its own modules order too."""
+    world = in_its_return_mode()
+    vehicle = world.only_vehicle
+    systems = {"everybody": 0, "broker": DEFAULT_SYSTEM_ID, "vehicle": vehicle.system}
+    acknowledge(vehicle, mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH, systems[addressee])
+    world.run(8.0)
+    lands(vehicle)
+    world.run_until_over(1201)
+    assert world.edge.statuses(1201) == FINISHED
 
 
 def test_so_it_has_for_a_broker_that_is_restarted_within_these_seconds(tmp_path: Path) -> None:
@@ -250,12 +275,14 @@ def test_a_station_that_has_resumed_the_mission_has_not_ordered_its_return(
     assert LEFT_BY_OTHERS not in warning(world)
 
 
+@pytest.mark.parametrize("hovers", [False, True], ids=["mission", "hover"])
 @pytest.mark.parametrize("event", [103, 1], ids=["return", "land"])
 @pytest.mark.parametrize("script", [PX4, ARDUPILOT], ids=["px4", "ardupilot"])
 def test_one_that_a_killed_broker_has_sent_down_needs_not_stand(
-    script: Script, event: int, tmp_path: Path
+    script: Script, event: int, tmp_path: Path, *, hovers: bool
 ) -> None:
-    world = at_its_waypoint(script, tmp_path)
+    fly = hovering_after_its_mission if hovers else at_its_waypoint
+    world = fly(script, tmp_path)
     vehicle = world.only_vehicle
     world.edge.event(event)
     world.run(0.4)
@@ -287,17 +314,35 @@ def test_one_that_is_landed_while_its_link_is_away_stands(
     assert "somebody else flies the vehicle" in [m for m in messages(world) if m][-1]
 
 
+@pytest.mark.parametrize(
+    ("script", "is_on_last_leg"),
+    [
+        *((PX4, False), (PX4, True), (GENERIC, False), (GENERIC, True)),
+        (dataclasses.replace(PX4, sends_mission_state=False), False),
+    ],
+    ids=["px4-items", "px4-return", "generic-items", "generic-return", "old-px4-items"],
+)
+def test_so_does_one_that_is_disarmed_in_its_mission_mode_before_the_end(
+    script: Script, *, is_on_last_leg: bool
+) -> None:
+    world = on_its_way_home(script) if is_on_last_leg else at_its_waypoint(script)
+    vehicle = world.only_vehicle
+    vehicle.silent = True
+    world.run(8.0)
+    lands(vehicle)
+    world.run(4.0)
+    vehicle.silent = False
+    world.run(1.0)
+    assert_that_the_next_mission_waits(world)
+
+
 @pytest.mark.parametrize("is_awaited", [False, True], ids=["idle", "mission-waits"])
 @pytest.mark.parametrize("is_restarted", [False, True], ids=["link-away", "broker-killed"])
 def test_so_does_one_that_hovered_for_the_broker(
     tmp_path: Path, *, is_restarted: bool, is_awaited: bool
 ) -> None:
-    world = World(journal=tmp_path)
-    vehicle = world.add_vehicle(script=PX4)
-    world.edge.plan(mission(takeoff(1), waypoint(2)))
-    world.run_until_over(1201)
-    world.run(5.0)
-    assert vehicle.armed
+    world = hovering_after_its_mission(PX4, tmp_path)
+    vehicle = world.only_vehicle
     if is_restarted:
         world.kill_broker()
     vehicle.silent = True
@@ -333,14 +378,7 @@ def test_a_station_that_disarms_it_has_it(*, is_answer_late: bool) -> None:
 
 def killed_when_sent_down(journal: Path, *, hovers: bool) -> World:
     """A broker that is killed when it has ordered the vehicle to return: from a hover, or not."""
-    if hovers:
-        world = World(journal=journal)
-        world.add_vehicle(script=PX4)
-        world.edge.plan(mission(takeoff(1), waypoint(2)))
-        world.run_until_over(1201)
-        world.run(5.0)
-    else:
-        world = at_its_waypoint(PX4, journal)
+    world = (hovering_after_its_mission if hovers else at_its_waypoint)(PX4, journal)
     event = world.edge.event(103)
     world.run_until(lambda: world.edge.acknowledgements(event)[-1:] != [])
     world.run(2.0)
