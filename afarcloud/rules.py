@@ -4,6 +4,7 @@
 """
 
 import math
+import re
 from collections.abc import Iterator, Mapping
 from datetime import datetime
 from typing import Final, NamedTuple
@@ -23,6 +24,12 @@ from afarcloud.flyable import VehicleLimits
 from afarcloud.geodesy import distance_m
 from afarcloud.plan import Mission, Plan
 from afarcloud.route import Spot, spot_of
+
+_CONTROLS: Final = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
+"""Unicode's categories Cc, Zl, Zp and Cs, and its embeddings, overrides and isolates (UAX 9)."""
+_VISIBLE: Final = re.compile(
+    r"[^\s\xad\u034f\u115f\u1160\u200b-\u200f\u2060-\u206f\u2800\u3164\ufeff]"
+)
 
 
 class Verdict(NamedTuple):
@@ -104,7 +111,21 @@ def check(
     return Verdict(tuple(faults), tuple(warnings), tuple(missing))
 
 
+def name_faults(name: str | None, path: str = "name") -> Iterator[Fault]:
+    """Find why a name cannot be shown as it is: in a list, a log line or a file's name.
+
+    Characters that change the direction of text can make a name look like another one.
+    """
+    if name is None:
+        return
+    if _CONTROLS.search(name):
+        yield Fault(path, "must not contain control characters or changes of the text's direction")
+    elif not _VISIBLE.search(name):
+        yield Fault(path, "must contain a character that can be seen")
+
+
 def _plan_faults(plan: Plan, now: datetime) -> Iterator[Fault]:
+    yield from name_faults(plan.name)
     if plan.expires_at is not None and plan.expires_at <= now:
         yield Fault("expires_at", "is in the past")
     seen_vehicles: dict[int, int] = {}

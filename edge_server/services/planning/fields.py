@@ -5,7 +5,9 @@ from typing import Any, Final, NamedTuple
 
 from sqlalchemy import Connection
 
+from afarcloud.faults import InvalidError
 from afarcloud.plan import Polygon
+from afarcloud.rules import name_faults
 from afarcloud.wire import write
 from edge_server.geodata.field import Field, area_m2
 from edge_server.services import audit
@@ -42,8 +44,10 @@ def create_all(
     """Store the fields of one request, all or none; returns them as stored.
 
     Raises:
+        InvalidError: if a name cannot be shown.
         KeyReusedError: if the idempotency key belongs to another request.
     """
+    _check_names(documents)
     bodies = [write(document) for document in documents]
     body_sha256 = post_idempotency.hash_body({"fields": bodies})
     with context.database.write() as connection:
@@ -59,6 +63,13 @@ def create_all(
         return post_idempotency.first_answer(
             answered, lambda: _of_moment(connection, first, now, len(bodies))
         )
+
+
+def _check_names(documents: Sequence[Field]) -> None:
+    for index, document in enumerate(documents):
+        path = "name" if len(documents) == 1 else f"{index}.name"
+        if faults := tuple(name_faults(document.name, path)):
+            raise InvalidError(faults)
 
 
 def _of_moment(
@@ -114,7 +125,14 @@ def replace(
     document: Field,
     precondition: Precondition = unconditionally,
 ) -> dict[str, Any]:
-    """Replace a field's boundary; raises NotFoundError, or ChangedError by the precondition."""
+    """Replace a field's boundary.
+
+    Raises:
+        NotFoundError: if there is no such field.
+        ChangedError: by the precondition.
+        InvalidError: if its name cannot be shown.
+    """
+    _check_names([document])
     with context.database.write() as connection:
         old = _known(fields.get(connection, identifier), identifier)
         with audit.naming_last_change(connection, f"fields/{identifier}"):

@@ -23,6 +23,7 @@ PRAGMAS: Final = (
     "PRAGMA journal_mode=WAL",
     "PRAGMA synchronous=FULL",
     "PRAGMA foreign_keys=ON",
+    "PRAGMA cache_size=-512",  # KiB; another connection's write empties it, the system has the file
     "PRAGMA secure_delete=FAST",  # Overwriting a deleted picture would need its size once more
 )
 SESSION: Final = {
@@ -37,6 +38,7 @@ SESSION: Final = {
 """Settings of every session on PostgreSQL."""
 _SQLITE_OPTIONS: Final[dict[str, Any]] = {
     "pool_size": 8,
+    "pool_use_lifo": True,  # Each has a cache of pages: most requests use the same few
     "max_overflow": 64,
     "pool_timeout": 10,
     "connect_args": {"check_same_thread": False},

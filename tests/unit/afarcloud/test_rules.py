@@ -62,6 +62,25 @@ def test_a_plan_of_the_past_is_refused() -> None:
     assert fault_paths(document) == ["expires_at"]
 
 
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("line\nbreak", "tab\there", "\x00", "\x9b31m", "\u2028", "\x7f"),
+        *("\u202egnp.exe", "a\u2066b", "left\u202a"),
+        *(" ", "\u3000", "\u200b\u200d", "\ufeff ", "\u3164", "\xad"),
+    ],
+)
+def test_a_name_that_cannot_be_shown_is_refused(name: str) -> None:
+    assert fault_paths(documents.plan() | {"name": name}) == ["name"]
+
+
+@pytest.mark.parametrize(
+    "name", ["North 7", "Größe", "الحقل الشمالي", "北の畑", "👩\u200d🌾 field", "नि\u200dल", "-"]
+)
+def test_a_name_in_any_language_is_fine(name: str) -> None:
+    assert fault_paths(documents.plan() | {"name": name}) == []
+
+
 def test_the_vehicles_speed_limit_holds() -> None:
     document = documents.plan()
     document["missions"][0]["maximum_speed"] = 12.1

@@ -53,6 +53,19 @@ def test_a_field_is_kept_and_shown(edge: Edge) -> None:
     assert edge.get("/fields") == [stored]
 
 
+def test_a_field_whose_name_cannot_be_shown_is_refused_and_changes_nothing(edge: Edge) -> None:
+    odd = EXAMPLE | {"name": "North\u202e"}
+    for answer in (edge.post("/fields/", odd, "farmer"), _replace_first(edge, odd)):
+        assert answer.status_code == 422
+        assert list((answer.json or {})["detail"]["json"]) == ["name"]
+    assert [one["name"] for one in edge.get("/fields")] == [EXAMPLE["name"]]
+
+
+def _replace_first(edge: Edge, document: dict[str, Any]) -> TestResponse:
+    assert edge.post("/fields/", EXAMPLE, "farmer").status_code == 201
+    return edge.ask("PUT", "/fields/1/", "farmer", json=document)
+
+
 @pytest.mark.first_case
 @pytest.mark.parametrize(
     ("raw", "media_type"),
