@@ -119,6 +119,7 @@ def create_app(
 
         app.extensions[signatures.EXTENSION] = jws.load(config.cloud_jws_key_file, config.edge_id)
     app.before_request(bodies.refuse_encoded)
+    app.before_request(bodies.refuse_other_charset)
     app.before_request(bodies.refuse_repeated_parameters)
     app.before_request(signatures.check_request)
     headers.install(app, config)

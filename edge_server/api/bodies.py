@@ -20,6 +20,8 @@ MAXIMUM_DEPTH: Final = 20
 _NESTING: Final = (dict, list)
 MAXIMUM_IMAGE_BODY_BYTES: Final = 3 * 512 * 1024  # A 1 MiB frame in base64, and its fields
 OCTETS: Final = "application/octet-stream"
+_UTF_8: Final = frozenset({"", "utf-8", "utf8", "us-ascii", "ascii"})
+"""Names of charsets whose texts are UTF-8 too."""
 _FLAGS: Final[dict[str | None, bool]] = {None: False, "true": True, "false": False}
 _WHOLE: Final = re.compile(r"([0-9]{1,19})(?:\.0+)?")  # 5.0 is an integer, as in a body
 _NUMBER: Final = re.compile(r"[0-9]{1,400}(\.[0-9]{1,400})?([eE][+-]?[0-9]{1,3})?")
@@ -45,6 +47,16 @@ def refuse_encoded() -> None:
     """Refuse a compressed body; raises 415 (RFC 9110 section 8.4)."""
     if request.headers.get("Content-Encoding", "identity").strip().lower() not in {"", "identity"}:
         raise RequestError(415, "the body must not be compressed: no Content-Encoding is accepted")
+
+
+def refuse_other_charset() -> None:
+    """Refuse JSON that is said to be in another charset than UTF-8; raises 415 (RFC 8259, 8.1).
+
+    Read as UTF-8 it would be taken for something else, or refused for a wrong reason.
+    """
+    charset = request.mimetype_params.get("charset", "utf-8").strip().lower()
+    if request.is_json and charset not in _UTF_8:
+        raise RequestError(415, "the body must be in UTF-8, as JSON is")
 
 
 def refuse_repeated_parameters() -> None:

@@ -113,6 +113,22 @@ def test_a_compressed_body_is_a_415(edge: Edge, coding: str, status: int) -> Non
     assert answer.status_code == status, answer.json
 
 
+@pytest.mark.parametrize(
+    ("charset", "status"),
+    [
+        *(("utf-16", 415), ("iso-8859-1", 415), ('"windows-1252"', 415), ("nonsense", 415)),
+        *(("utf-8", 201), ("UTF-8", 201), ('"utf8"', 201), ("us-ascii", 201)),
+    ],
+)
+def test_json_in_another_charset_is_a_415(edge: Edge, charset: str, status: int) -> None:
+    body = json.dumps(telemetry("pose")).encode()
+    headers = {"Content-Type": f"application/json; charset={charset}"}
+    answer = edge.ask("POST", "/pose/", "broker", data=body, headers=headers)
+    assert answer.status_code == status, answer.json
+    if status == 415:
+        assert "UTF-8" in shape_of(answer)["message"]
+
+
 @pytest.mark.first_case
 @pytest.mark.parametrize(
     "content_type", ["text/plain", "application/x-www-form-urlencoded", "multipart/form-data"]
