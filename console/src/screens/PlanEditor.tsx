@@ -39,6 +39,7 @@ import { KeptDraft } from "./KeptDraft";
 import { LeaveWarning } from "./LeaveWarning";
 import { useEditing } from "./use_editing";
 import { useFleetSymbols } from "./use_fleet_symbols";
+import { usePlanFence } from "./use_plan_fence";
 import { useSaving } from "./use_saving";
 import { useStepSymbols } from "./use_step_symbols";
 
@@ -266,12 +267,15 @@ function Editor({ read }: { read: Tagged<Plan> | null }) {
   );
   const steps = useStepSymbols(commands, open, stepFaults, { select: setOpen, remove, move });
 
+  // Saving keeps that of the plan that is edited
+  const fence = usePlanFence(editing.base?.value.geofence);
   const layers = useMemo(
     () => ({
       fields: fieldFeatures(fields.value ?? []),
+      fences: fence.features,
       routes: collection(form.missions.flatMap((one) => routeFeatures(one.commands, null))),
     }),
-    [fields.value, form.missions],
+    [fields.value, fence, form.missions],
   );
   const fleet = useFleetSymbols(fields.value ?? NO_FIELDS, null, null);
   const symbols = useMemo(() => [...fleet, ...steps], [fleet, steps]);
@@ -280,8 +284,8 @@ function Editor({ read }: { read: Tagged<Plan> | null }) {
       one.boundary.map(([latitude = 0, longitude = 0]) => [longitude, latitude] as const),
     );
     const places = form.missions.flatMap((one) => one.commands).map(placeOf).filter((place) => place !== null);
-    return fields.value === null ? null : extentOf([...corners, ...places]);
-  }, [fields.value, form.missions]);
+    return fields.value === null ? null : extentOf([...corners, ...fence.places, ...places]);
+  }, [fields.value, fence, form.missions]);
   const middle = useMiddle(commands, fields.value?.[0]?.boundary[0] ?? null);
 
   return (
@@ -293,6 +297,7 @@ function Editor({ read }: { read: Tagged<Plan> | null }) {
             layers={layers}
             symbols={symbols}
             extent={extent}
+            legend={fence.legend}
             label={t("map.label")}
             click={(longitude, latitude) => add(WAYPOINT, { latitude, longitude })}
           />

@@ -19,8 +19,6 @@ import { isInFlight, startOf, withLive } from "../live/use_plans";
 import { asRequestError, useResource } from "../live/use_resource";
 import { extentOf } from "../map/extent";
 import { collection, fieldFeatures, placeOf, routeFeatures } from "../map/features";
-import { fenceFeatures, fencePlaces } from "../map/fence_features";
-import { FenceLegend } from "../map/FenceLegend";
 import { FarmMap } from "../map/map_part";
 import { heightOf_m } from "../planning/command_forms";
 import { fenceOf } from "../planning/fence";
@@ -34,6 +32,7 @@ import { PlanLife } from "./PlanLife";
 import { PlanState } from "./Plans";
 import { SpeedForm } from "./SpeedForm";
 import { useFleetSymbols } from "./use_fleet_symbols";
+import { usePlanFence } from "./use_plan_fence";
 import { isInQueue, PlanQueues } from "./WaitingPlans";
 
 /** A plan: its route on the map, and each step with its live status. */
@@ -94,24 +93,23 @@ function PlanMap({ plan }: { plan: Plan }) {
   const fields = useResource(listFields);
   const homes = useLive((state) => state.homes);
   const symbols = useFleetSymbols(fields.value ?? [], null, () => go(""));
-  const fence = useMemo(() => fenceOf(plan.geofence), [plan.geofence]);
-  const fences = useMemo(() => fenceFeatures(fence === null ? [] : [fence]), [fence]);
+  const fence = usePlanFence(plan.geofence);
   const layers = useMemo(
     () => ({
       fields: fieldFeatures(fields.value ?? []),
-      fences,
+      fences: fence.features,
       routes: collection(
         plan.missions.flatMap((mission) =>
           routeFeatures(mission.command_array, startOf(mission, homes)),
         ),
       ),
     }),
-    [fields.value, fences, plan, homes],
+    [fields.value, fence, plan, homes],
   );
   const extent = useMemo(
     () =>
       extentOf([
-        ...(fence === null ? [] : fencePlaces(fence)),
+        ...fence.places,
         ...plan.missions.flatMap((mission) =>
           mission.command_array.map(placeOf).filter((place) => place !== null),
         ),
@@ -124,7 +122,7 @@ function PlanMap({ plan }: { plan: Plan }) {
         layers={layers}
         symbols={symbols}
         extent={extent}
-        legend={fence !== null && <FenceLegend fences={[fence]} />}
+        legend={fence.legend}
         label={t("map.label")}
       />
     </Suspense>

@@ -2,11 +2,11 @@
  *
  *     node tests/browser/edit_a_plan.mjs
  *
- * ANA_LINK signs the operator in; DRAFT is the plan, FIELD a field without no-fly areas. OUT takes what a failure leaves.
+ * ANA_LINK signs the operator in; DRAFT is the plan, FENCED one with a fence up to 60 m, FIELD a field without no-fly areas. OUT takes what a failure leaves.
  */
 import { COARSE, hold, journey, requireAccessible, startBrowser } from "./chromium.mjs";
 
-const { ANA_LINK, DRAFT, FIELD } = process.env;
+const { ANA_LINK, DRAFT, FENCED, FIELD } = process.env;
 const origin = new URL(ANA_LINK).origin;
 const button = (page, text) => page.getByRole("button", { name: text, exact: true });
 const stateOf = (page) =>
@@ -34,6 +34,18 @@ async function saveAndFly(page) {
   await button(page, "Save and fly").click();
   await hold(page, dialog.getByRole("button", { name: "Fly now" }), page.locator(".timeline"));
   if ((await stateOf(page)) !== "queued") throw new Error("the plan was not dispatched");
+}
+
+/** The editor's map shows the fence of the plan, and saving keeps it. */
+async function showTheFence(page) {
+  await page.goto(`${origin}/console/plans/${FENCED}/edit`);
+  const legend = page.locator(".fence-legend");
+  await legend.getByText("the drones stay inside").waitFor();
+  await legend.getByText("at most 60 m high").waitFor();
+  await page.getByLabel("Name", { exact: true }).fill("Still fenced");
+  await button(page, "Save draft").click();
+  await page.getByRole("heading", { name: "Still fenced" }).waitFor();
+  await legend.getByText("the drones stay inside").waitFor();
 }
 
 /** A stored survey without a fence has its field for one. */
@@ -269,6 +281,7 @@ try {
     await enterWithAComma(page);
     await readTitlesAndTimes(page);
     await fitsOnSmallScreens(page);
+    await showTheFence(page);
     await checkAgainstTheField(page);
     await saveAndFly(page);
   }, COARSE);
