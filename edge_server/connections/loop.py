@@ -267,7 +267,11 @@ class ConnectionLoop:
         except ssl.SSLError as error:
             LOG.info("the TLS handshake with %s failed: %s", connection.client[0], error.reason)
             self._close(connection)
-        except (OSError, EOFError):
+        except EOFError:
+            if connection.has_begun:  # The client may still read (RFC 9112 section 8)
+                self._send_last(connection, 400)
+            self._close(connection)
+        except OSError:
             self._close(connection)
         else:
             if is_whole:
@@ -363,9 +367,13 @@ class ConnectionLoop:
         if connection.phase not in {Phase.LINGERING, Phase.STREAMING}:
             self._note_refused(reason, connection.network)
         if connection.has_begun:
-            with contextlib.suppress(OSError):
-                connection.sock.send(self._options.refusal(408))
+            self._send_last(connection, 408)
         self._close(connection)
+
+    def _send_last(self, connection: Connection, status: int) -> None:
+        """Send a refusal to a connection that is closed next, if its client still reads."""
+        with contextlib.suppress(OSError):
+            connection.sock.send(self._options.refusal(status))
 
     def _close(self, connection: Connection) -> None:
         if connection not in self._connections:

@@ -45,7 +45,7 @@ _STATUS: Final[dict[type[Exception], tuple[int, str]]] = {
     errors.UnsupportedTransferCoding: (501, "Not Implemented"),
 }
 _SENTENCES: Final = {
-    400: "the request cannot be understood",
+    400: "the request cannot be understood, or has ended before it was complete",
     408: "the request was not complete in time, or was closed in favour of others",
     413: "the body is too large, or is in too many small chunks",
     414: "the address is too long",

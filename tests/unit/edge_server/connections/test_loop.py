@@ -278,6 +278,15 @@ def test_a_silent_connection_is_closed_without_an_answer(monkeypatch: pytest.Mon
         assert service.counts.closed() == {"slow_head": 1}
 
 
+@pytest.mark.parametrize("length", range(1, len(ABORT)))
+def test_a_request_that_ends_before_it_is_complete_is_answered(length: int) -> None:
+    with running() as service, service.connect() as sock:
+        sock.sendall(ABORT[:length])
+        sock.shutdown(socket.SHUT_WR)
+        assert sock.recv(4096).startswith(b"HTTP/1.1 400")
+        wait_until(lambda: service.counts.open == 0)
+
+
 def test_memory_is_bounded_and_the_oldest_request_is_dropped() -> None:
     with running(kept_bytes=500_000) as service, contextlib.ExitStack() as stack:
         head = b"POST /pose/ HTTP/1.1\r\nContent-Length: 300000\r\n\r\n"
