@@ -10,10 +10,10 @@ from contextlib import AbstractContextManager, ExitStack, closing, contextmanage
 from contextvars import ContextVar
 from enum import StrEnum
 from functools import cache
+from importlib import import_module
 from typing import Any, Final, Generic, TypeVar
 
 from sqlalchemy import Connection, CursorResult, Engine, Insert, Select, Table
-from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.exc import DBAPIError
 
 from edge_server.store.connection import locks
@@ -247,8 +247,7 @@ def insert_new(connection: Connection, table: Table, rows: Iterable[dict[str, An
 
 @cache
 def _insert_new(dialect: str, table: Table) -> Insert:
-    kind: Any = postgresql if dialect == "postgresql" else sqlite
-    found: Insert = kind.insert(table).on_conflict_do_nothing()
+    found: Insert = _insert(dialect, table).on_conflict_do_nothing()
     return found
 
 
@@ -261,13 +260,17 @@ def put_row(
 
 @cache
 def _put_row(dialect: str, table: Table, changed: tuple[str, ...]) -> Insert:
-    kind: Any = postgresql if dialect == "postgresql" else sqlite
-    statement = kind.insert(table)
+    statement = _insert(dialect, table)
     found: Insert = statement.on_conflict_do_update(
         index_elements=list(table.primary_key),
         set_={name: statement.excluded[name] for name in changed},
     )
     return found
+
+
+def _insert(dialect: str, table: Table) -> Any:
+    """Begin an insert of the database's own kind; the other kind's modules would take 2 MB."""
+    return import_module(f"sqlalchemy.dialects.{dialect}").insert(table)
 
 
 def to_json(value: Any) -> str:
