@@ -47,7 +47,14 @@ export default defineConfig({
     rollupOptions: { output: { manualChunks: { map: ["maplibre-gl", "pmtiles"] } } },
   },
   server: { proxy: Object.fromEntries(PATHS.map((path) => [`/${path}`, EDGE])) },
-  // Workers are used again for the next file: to start one for each takes longer than the tests. A
-  // test undoes what it changes in a module
-  test: { include: ["tests/**/*.test.ts"], environment: "node", pool: "threads", isolate: false },
+  test: {
+    include: ["tests/**/*.test.ts"],
+    environment: "node",
+    // Used again for the next file: to start a worker for each takes longer than the tests. A test
+    // undoes what it changes in a module
+    pool: "threads",
+    isolate: false,
+    // It ends a test that hangs, and fails none on a slow machine
+    testTimeout: 120_000,
+  },
 });
