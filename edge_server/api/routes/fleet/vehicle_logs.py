@@ -10,7 +10,7 @@ from typing import Any, Final
 from flask import Blueprint
 from flask.typing import ResponseReturnValue
 
-from edge_server.api import bodies, schemas, urls
+from edge_server.api import archive_schemas, bodies, urls
 from edge_server.api.access import scopes
 from edge_server.api.access.auth import BROKER, allow
 from edge_server.api.contract import Contract, describe
@@ -33,7 +33,7 @@ def blueprint() -> Blueprint:
 
 
 @allow(BROKER)
-@describe(Contract({200: schemas.ReceivedLog}, is_list=True))
+@describe(Contract({200: archive_schemas.ReceivedLog}, is_list=True))
 def page(vehicle_id: int) -> list[dict[str, Any]]:
     """List the logs of a vehicle that are not complete, newest first."""
     scopes.check(vehicle_id)
@@ -42,7 +42,11 @@ def page(vehicle_id: int) -> list[dict[str, Any]]:
 
 @allow(BROKER)
 @describe(
-    Contract({200: schemas.ReceivedLog, 201: schemas.ReceivedLog}, body=VehicleLog, errors=(409,))
+    Contract(
+        {200: archive_schemas.ReceivedLog, 201: archive_schemas.ReceivedLog},
+        body=VehicleLog,
+        errors=(409,),
+    )
 )
 def put(vehicle_id: int, name: str) -> ResponseReturnValue:
     """Begin the log of a flight, or ask how much of it was received."""
@@ -55,7 +59,7 @@ def put(vehicle_id: int, name: str) -> ResponseReturnValue:
 @allow(BROKER)
 @describe(
     Contract(
-        {200: schemas.ReceivedLog},
+        {200: archive_schemas.ReceivedLog},
         query=("offset:required", "is_last"),
         files=(bodies.OCTETS,),
         errors=(409,),

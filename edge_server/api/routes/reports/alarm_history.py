@@ -4,7 +4,7 @@ from typing import Any, Final
 
 from flask import Blueprint
 
-from edge_server.api import bodies, schemas, urls
+from edge_server.api import archive_schemas, bodies, urls
 from edge_server.api.access import scopes
 from edge_server.api.access.auth import PEOPLE, PLANNERS, allow, audit, caller
 from edge_server.api.contract import PAGE, Contract, describe
@@ -24,7 +24,7 @@ def blueprint() -> Blueprint:
 
 
 @allow(PEOPLE)
-@describe(Contract({200: schemas.RecordedAlarm}, is_list=True, query=PAGE))
+@describe(Contract({200: archive_schemas.RecordedAlarm}, is_list=True, query=PAGE))
 def page() -> list[dict[str, Any]]:
     """List the alarms in the archive, oldest first."""
     after_id = bodies.query_integer("after", 0, 0, 2**63 - 1)
@@ -39,7 +39,7 @@ def page() -> list[dict[str, Any]]:
 
 
 @allow(PLANNERS)
-@describe(Contract({200: schemas.RecordedAlarm}))
+@describe(Contract({200: archive_schemas.RecordedAlarm}))
 def acknowledge(alarm_id: int) -> dict[str, Any]:
     """Acknowledge an alarm; a repetition changes nothing."""
     scopes.check_resource(lambda: flight_archive.alarm(bodies.context(), alarm_id))

@@ -5,7 +5,7 @@ A flight has several logs if its vehicle was disarmed in between; `/flights/<id>
 
 from flask import Blueprint, Response, request
 
-from edge_server.api import bodies, etags, schemas, urls
+from edge_server.api import archive_schemas, bodies, etags, urls
 from edge_server.api.access import scopes
 from edge_server.api.access.auth import PEOPLE, allow
 from edge_server.api.contract import Contract, describe
@@ -25,7 +25,7 @@ def blueprint() -> Blueprint:
 
 
 @allow(PEOPLE)
-@describe(Contract({200: schemas.FlightLog}, is_list=True))
+@describe(Contract({200: archive_schemas.FlightLog}, is_list=True))
 def page(flight_id: int) -> Listing:
     """List the logs of a flight, oldest first, also those that are still received."""
     _check(flight_id)

@@ -8,7 +8,7 @@ from typing import Any, Final
 from flask import Blueprint, Response, request
 from flask.typing import ResponseReturnValue
 
-from edge_server.api import bodies, schemas, urls
+from edge_server.api import archive_schemas, bodies, urls
 from edge_server.api.access import scopes
 from edge_server.api.access.auth import PEOPLE, PLANNERS, allow, audit
 from edge_server.api.contract import Contract, describe
@@ -31,7 +31,9 @@ def blueprint() -> Blueprint:
 
 @allow(PEOPLE)
 @describe(
-    Contract({200: schemas.MadeFlightMap}, is_list=True, query=("after", "limit", "vehicle_id"))
+    Contract(
+        {200: archive_schemas.MadeFlightMap}, is_list=True, query=("after", "limit", "vehicle_id")
+    )
 )
 def page() -> list[dict[str, Any]]:
     """List the maps of flights that are made, the one that was made last at the end."""
@@ -47,7 +49,7 @@ def page() -> list[dict[str, Any]]:
 
 
 @allow(PEOPLE)
-@describe(Contract({200: schemas.FlightMap}, query=("band",)))
+@describe(Contract({200: archive_schemas.FlightMap}, query=("band",)))
 def get(flight_id: int) -> dict[str, Any]:
     """Give the state of a flight's map, and what ground it shows once it is made."""
     _check(flight_id)
@@ -55,7 +57,7 @@ def get(flight_id: int) -> dict[str, Any]:
 
 
 @allow(PLANNERS)
-@describe(Contract({202: schemas.FlightMap}, query=("band",), errors=(409, 429)))
+@describe(Contract({202: archive_schemas.FlightMap}, query=("band",), errors=(409, 429)))
 def make(flight_id: int) -> ResponseReturnValue:
     """Begin to make the map of a flight out of its pictures that look down."""
     _check(flight_id)

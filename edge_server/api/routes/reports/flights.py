@@ -6,7 +6,7 @@ from typing import Any, Final
 
 from flask import Blueprint, Response, request
 
-from edge_server.api import bodies, schemas, urls
+from edge_server.api import archive_schemas, bodies, urls
 from edge_server.api.access import scopes
 from edge_server.api.access.auth import PEOPLE, allow
 from edge_server.api.contract import PAGE, Contract, describe
@@ -41,7 +41,7 @@ def blueprint() -> Blueprint:
 
 
 @allow(PEOPLE)
-@describe(Contract({200: schemas.Flight}, is_list=True, query=PAGE))
+@describe(Contract({200: archive_schemas.Flight}, is_list=True, query=PAGE))
 def page() -> list[dict[str, Any]]:
     """List the flights in the archive, oldest first."""
     asked, since_s = _part(), bodies.query_time("since")
@@ -54,7 +54,7 @@ def page() -> list[dict[str, Any]]:
 
 
 @allow(PEOPLE)
-@describe(Contract({200: schemas.FlightWithResults}))
+@describe(Contract({200: archive_schemas.FlightWithResults}))
 def get(flight_id: int) -> dict[str, Any]:
     """Give a flight with its commands and their results."""
     return scopes.permitted(flight_archive.flight_with_results(bodies.context(), flight_id))
@@ -72,7 +72,7 @@ def track(flight_id: int) -> Response:
 
 
 @allow(PEOPLE)
-@describe(Contract({200: schemas.FlightPicture}, is_list=True, query=PART))
+@describe(Contract({200: archive_schemas.FlightPicture}, is_list=True, query=PART))
 def pictures(flight_id: int) -> list[dict[str, Any]]:
     """List the pictures of a flight, without their data."""
     asked = _part()
@@ -81,7 +81,7 @@ def pictures(flight_id: int) -> list[dict[str, Any]]:
 
 
 @allow(PEOPLE)
-@describe(Contract({200: schemas.PictureFootprint}, is_list=True, query=PART))
+@describe(Contract({200: archive_schemas.PictureFootprint}, is_list=True, query=PART))
 def footprints(flight_id: int) -> list[dict[str, Any]]:
     """List what ground the pictures of a flight show; null for one that is no map."""
     asked = _part()
@@ -120,7 +120,7 @@ def thumbnail(flight_id: int, number: int) -> Response:
 @allow(PEOPLE)
 @describe(
     Contract(
-        {200: schemas.FlightObservations},
+        {200: archive_schemas.FlightObservations},
         is_list=True,
         query=(*PART, "format:csv"),
         other_answers=("text/csv",),
