@@ -140,14 +140,14 @@ BREAKS: Final = (
         "mavlink_broker/mission/abort_executor.py",
         "return is_about_to_arm or self._vehicle.is_standing_armed",
         "return is_about_to_arm",
-        f"{_BROKER}/test_takeover.py {_BROKER}/mission",
+        f"{_BROKER}/test_taken_vehicles.py {_BROKER}/mission",
     ),
     Break(
         "an abort without a position lands at once",
         "mavlink_broker/mission/abort_executor.py",
         "if self._lands_instead or self._lacks_position:",
         "if self._lands_instead:",
-        f"{_BROKER}/test_takeover.py",
+        f"{_BROKER}/test_taken_vehicles.py",
     ),
     Break(
         "no lane of the outbox starves",

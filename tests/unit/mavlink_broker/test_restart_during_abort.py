@@ -12,7 +12,7 @@ from mavlink_broker.mission.states import State
 from tests.support.broker_world import World, first_flight, mission, takeoff, waypoint
 from tests.support.vehicle_script import ARDUPILOT, COPTER_RETURN, PX4, PX4_LAND, PX4_RETURN, Script
 from tests.unit.mavlink_broker.test_events import ABORT, POINT, answer_statuses
-from tests.unit.mavlink_broker.test_stand_after_others import returning
+from tests.unit.mavlink_broker.test_own_landings import returning
 
 FAMILIES = pytest.mark.parametrize("script", [PX4, ARDUPILOT], ids=["px4", "ardupilot"])
 FIRST_ORDER = pytest.mark.parametrize(

@@ -23,7 +23,7 @@ from tests.unit.mavlink_broker.test_events import (
     answer_statuses,
     world_at,
 )
-from tests.unit.mavlink_broker.test_stand_after_others import returning
+from tests.unit.mavlink_broker.test_own_landings import returning
 
 FINISHED = Status.FINISHED
 SET_MODE = mavlink.MAV_CMD_DO_SET_MODE

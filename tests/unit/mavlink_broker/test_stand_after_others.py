@@ -79,20 +79,6 @@ def flown_by_a_pilot(script: Script = PX4, *, flight_s: float = 20.0) -> World:
     return world
 
 
-def returning(journal: Path) -> tuple[World, ScriptedVehicle]:
-    """A vehicle on its way home by an abort that is done; it never comes there by itself."""
-    world = World(journal=journal)
-    vehicle = world.add_vehicle(script=dataclasses.replace(PX4, landing_s=600.0))
-    world.edge.plan(mission(takeoff(1), waypoint(2, hold_time=60.0), waypoint(3)))
-    world.run_until(lambda: vehicle.airborne and world.edge.status(1201) == Status.RUNNING)
-    world.run(5.0)
-    event = world.edge.event(103)
-    world.run_until(lambda: world.edge.status(1201) == Status.ABORTED)
-    world.run(1.0)
-    assert world.edge.acknowledgements(event)[-1]["status"] == "done"
-    return world, vehicle
-
-
 def warning(world: World) -> str:
     return world.edge.bodies("/vehicles/1")[-1]["warning"] or ""
 
@@ -211,25 +197,6 @@ def test_a_vehicle_that_is_not_ready_afterwards_fails_the_mission_as_ever() -> N
     assert world.edge.status(1201) == Status.NOT_STARTED
     world.run_until_over(1201, within_s=15.0)
     assert "not ready after 60 s: it is not ready to arm" in messages(world)[-1]
-
-
-@FAMILIES
-@pytest.mark.parametrize("is_restarted", [False, True])
-def test_nothing_waits_after_a_flight_of_the_broker(script: Script, *, is_restarted: bool) -> None:
-    """Also one that an earlier run of the broker has begun."""
-    world = World()
-    vehicle = world.add_vehicle(script=script)
-    world.edge.plan(first_flight())
-    world.run_until(lambda: vehicle.airborne)
-    if is_restarted:
-        world.restart_broker()
-    world.edge.plan(first_flight(mission_id=1202))
-    world.run_until_over(1201)
-    orders_before = vehicle.arm_orders
-    world.run_until(lambda: vehicle.arm_orders > orders_before, within_s=LATE_S)
-    world.run_until_over(1202)
-    assert world.edge.statuses(1202) == FINISHED
-    assert not any(LEFT_BY_OTHERS in text for text in messages(world, 1202))
 
 
 @FAMILIES
@@ -377,28 +344,6 @@ def test_a_mission_that_a_pilot_gave_back_unseen_was_flown(script: Script, tmp_p
     assert not world.edge.bodies("/alarm/")
 
 
-@pytest.mark.parametrize("killed_again_after_s", [0.4, 1.0, 1.6, 2.4, 5.0])
-@pytest.mark.parametrize("script", [PX4, ARDUPILOT], ids=["px4", "ardupilot"])
-def test_a_flight_of_a_broker_that_is_killed_again_and_again_is_its_own(
-    script: Script, killed_again_after_s: float, tmp_path: Path
-) -> None:
-    world = World(journal=tmp_path)
-    vehicle = world.add_vehicle(script=script)
-    world.edge.plan(first_flight())
-    world.run_until(lambda: vehicle.airborne and world.edge.status(1201) == Status.RUNNING)
-    world.run(3.0)
-    world.restart_broker()
-    world.run(killed_again_after_s)
-    world.kill_broker()
-    world.run_until(lambda: not vehicle.armed)
-    world.run(5.0)
-    world.edge.plan(first_flight(mission_id=1202))
-    before = vehicle.arm_orders
-    world.restart_broker()
-    world.run_until(lambda: vehicle.arm_orders > before, within_s=2 * LATE_S)
-    assert LEFT_BY_OTHERS not in warning(world)
-
-
 @pytest.mark.parametrize("script", [PX4, ARDUPILOT], ids=["px4", "ardupilot"])
 def test_so_has_one_who_takes_it_in_the_first_seconds_of_a_return(script: Script) -> None:
     world = in_mission(dataclasses.replace(script, landing_s=600.0))
@@ -455,20 +400,6 @@ def test_so_has_one_who_has_taken_it_after_the_end_of_a_mission(script: Script, 
     world.run_until(lambda: vehicle.arm_orders > before, within_s=1.0 + LATE_S)
 
 
-@pytest.mark.parametrize("event", [1, 103], ids=["abort", "return-home"])
-@FAMILIES
-def test_a_landing_that_an_event_ordered_is_the_brokers(script: Script, event: int) -> None:
-    world = World()
-    vehicle = world.add_vehicle(script=dataclasses.replace(script, item_time_s=60.0))
-    world.edge.plan(first_flight())
-    world.run_until(lambda: vehicle.airborne and world.edge.status(1201) == Status.RUNNING)
-    world.run(3.0)
-    world.edge.event(event)
-    world.run_until(lambda: not vehicle.armed, within_s=300.0)
-    world.edge.plan(first_flight(mission_id=1202))
-    world.run_until(lambda: vehicle.armed, within_s=STAND_S - 10.0)
-
-
 def test_a_vehicle_that_stays_armed_behind_a_restart_shows_what_its_mission_waits_for() -> None:
     """The broker was killed while it armed the vehicle, which disarms by no timeout of its own."""
     world = World()
@@ -481,55 +412,6 @@ def test_a_vehicle_that_stays_armed_behind_a_restart_shows_what_its_mission_wait
     assert messages(world)[-1] == ARMED_BY_OTHERS
     lands(vehicle)
     world.run_until(lambda: vehicle.airborne, within_s=STAND_S + LATE_S)
-
-
-def test_a_return_that_the_broker_ordered_is_its_own() -> None:
-    world = in_mission(PX4)
-    vehicle = world.only_vehicle
-    world.edge.event(1)
-    world.run_until(lambda: not vehicle.armed)
-    before = vehicle.arm_orders
-    world.edge.plan(first_flight(mission_id=1202))
-    world.run_until(lambda: vehicle.arm_orders > before, within_s=LATE_S)
-
-
-def test_so_is_one_that_an_earlier_run_has_ordered(tmp_path: Path) -> None:
-    world, vehicle = returning(tmp_path)
-    world.restart_broker()
-    world.run(3.0)
-    lands(vehicle)
-    before = vehicle.arm_orders
-    world.edge.plan(first_flight(mission_id=1202))
-    world.run_until(lambda: vehicle.arm_orders > before, within_s=LATE_S)
-    assert LEFT_BY_OTHERS not in warning(world)
-
-
-def test_so_is_one_that_lands_before_the_restarted_broker_has_read_its_journal(
-    tmp_path: Path,
-) -> None:
-    world, vehicle = returning(tmp_path)
-    world.restart_broker()
-    world.run_until(lambda: world.app.sessions)
-    found = world.app.sessions[1].vehicle
-    world.run_until(lambda: found.snapshot.armed, within_s=3.0)
-    assert not found.recovery.tracker.is_loaded
-    lands(vehicle)
-    before = vehicle.arm_orders
-    world.edge.plan(first_flight(mission_id=1202))
-    world.run_until(lambda: vehicle.arm_orders > before, within_s=LATE_S)
-
-
-def test_a_pilots_flight_behind_such_a_return_is_his(tmp_path: Path) -> None:
-    world, vehicle = returning(tmp_path)
-    world.kill_broker()
-    vehicle.steer(PX4_POSITION)
-    world.restart_broker()
-    world.run(3.0)
-    vehicle.is_manual = False
-    vehicle.set_mode(PX4_RETURN)
-    world.run(3.0)
-    lands(vehicle)
-    assert_that_the_next_mission_waits(world)
 
 
 def test_who_arms_after_the_vehicle_has_refused_the_broker_is_somebody_else() -> None:
