@@ -131,7 +131,12 @@ def _run_in_child(kind: Kind, parent: int) -> None:
     signal.pthread_sigmask(signal.SIG_UNBLOCK, _STOP_SIGNALS)
     children.exit_with_parent(parent)
     setproctitle(f"{getproctitle()} {kind.name}")
-    sys.exit(kind.run())
+    try:
+        code = kind.run()
+    except Exception:  # noqa: BLE001  # logged as where it ends a program
+        sys.excepthook(*sys.exc_info())
+        code = FAILED
+    sys.exit(code)
 
 
 class Supervisor:

@@ -309,7 +309,9 @@ def test_a_relay_that_keeps_exiting_never_ends_the_server(program: Program) -> N
     wait_for(lambda: _readiness_of(program)["uplink"] == "blocked", "the relay at work again")
     code, errors = program.end()
     assert code == 0, errors
-    assert "restarts in" in errors
+    lines = [json.loads(line) for line in errors.splitlines()]
+    assert any("restarts in" in line["message"] for line in lines)
+    assert any("Traceback" in line.get("exc_info", "") for line in lines)
 
 
 def _readiness_of(program: Program) -> dict[str, Any]:
