@@ -1,13 +1,14 @@
 """Command line: `python -m edge_server [COMMAND]`; without a command: server and relay."""
 
+import os
 import signal
 
-if __name__ == "__main__":  # Ctrl-C while the rest is loaded ends the program without a traceback
+if __name__ == "__main__":  # A signal while the rest is loaded ends the program without a traceback
     signal.signal(signal.SIGINT, signal.SIG_DFL)
+    signal.signal(signal.SIGTERM, lambda *_: os._exit(0))
 
 import argparse
 import logging
-import os
 import sys
 from collections.abc import Callable
 from functools import partial
@@ -33,11 +34,13 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"edge server: {error}", file=sys.stderr)
         return WRONG_SETUP
     logs.configure(config.log_level, config.log_format)
-    if options.command is None:
-        return _supervise(config, options)
-    command: Callable[[Config, argparse.Namespace], int] = options.run
+    signal.signal(signal.SIGCHLD, signal.SIG_DFL)  # Ignored, as may be inherited, it hides ends
+    command: Callable[[Config, argparse.Namespace], int]
+    command = _supervise if options.command is None else options.run
     if command in _PROCESSES:
+        signal.signal(signal.SIGTERM, _end_well)  # Each handles it later by itself
         return command(config, options)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
     signal.signal(signal.SIGINT, signal.default_int_handler)  # A command cleans up behind itself
     try:
         return command(config, options)
@@ -45,16 +48,22 @@ def main(arguments: list[str] | None = None) -> int:
         return INTERRUPTED
 
 
+def _end_well(*_: object) -> None:
+    """End a program that is stopped before it has begun; PID 1 gets only signals it handles."""
+    os._exit(OK)
+
+
 def _supervise(config: Config, options: argparse.Namespace) -> int:
     """Run server and relay as child processes."""
     from edge_server.process import supervisor  # noqa: PLC0415  # each command loads its modules
 
-    supervisor.load_shared_modules(config)
     kinds = (
         supervisor.Kind("serve", partial(_serve, config, options), is_vital=True),
         supervisor.Kind("relay", partial(_relay, config, options), is_vital=False),
     )
-    return supervisor.Supervisor(kinds, config).run()
+    supervised = supervisor.Supervisor(kinds, config)
+    supervisor.load_shared_modules(config)
+    return supervised.run()
 
 
 def _serve(config: Config, _options: argparse.Namespace) -> int:
@@ -141,7 +150,7 @@ def _access(config: Config, options: argparse.Namespace) -> int:
         return FAILED
 
 
-_PROCESSES: Final = (_serve, _relay)
+_PROCESSES: Final = (_supervise, _serve, _relay)
 """Commands that handle signals themselves."""
 _COMMANDS: Final = (
     ("serve", _serve, "serve the API"),

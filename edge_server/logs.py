@@ -16,6 +16,8 @@ from typing import Any, Final, TextIO
 
 from pythonjsonlogger.json import JsonFormatter
 
+from farm_flight_bridge.log_stream import UnblockedStreamHandler, standard_error
+
 FORMATS: Final = ("auto", "json", "text")
 REQUEST_ID: Final[ContextVar[str | None]] = ContextVar("request_id", default=None)
 """Id of the request that this thread serves."""
@@ -46,9 +48,9 @@ _SECRETS: Final = (
 
 def configure(level: str, form: str, stream: TextIO | None = None) -> None:
     """Configure logging of the process; `form` is one of FORMATS; default stream: stderr."""
-    target = stream or sys.stderr
+    target = stream or standard_error()
     as_json = form == "json" or (form == "auto" and not target.isatty())
-    handler = logging.StreamHandler(target)
+    handler = UnblockedStreamHandler(target)
     handler.addFilter(_add_request_id)
     if not as_json:
         handler.addFilter(lambda record: record.name != _JSON_ONLY)

@@ -28,6 +28,8 @@ from edge_server.process.exit_codes import FAILED, OK, WRONG_SETUP
 from edge_server.store.files.read_only import wait_until_writable
 
 if TYPE_CHECKING:
+    from flask import Flask
+
     from edge_server.api.access.auth import KeyRing
     from edge_server.api.routes.fleet.live import Live
     from edge_server.live.video import Cameras
@@ -160,6 +162,7 @@ class _Application(BaseApplication):  # type: ignore[misc]  # gunicorn has no ty
         self._config = config
         self._listener = listener
         self._context = context
+        self._app: Flask | None = None
         self._ring: KeyRing | None = None
         self._live: Live | None = None
         self._cameras: Cameras | None = None
@@ -203,8 +206,16 @@ class _Application(BaseApplication):  # type: ignore[misc]  # gunicorn has no ty
             "loglevel": "warning",
             "proc_name": getproctitle(),  # Gunicorn shows it behind its own name
             "post_fork": _post_fork,
+            "worker_exit": lambda _server, _worker: self._close(),
         }.items():
             self.cfg.set(name, value)
+
+    def _close(self) -> None:
+        """Close the database in the worker: its file is whole without its log then."""
+        if self._app is not None:
+            from edge_server.app import close  # noqa: PLC0415  # in the worker only
+
+            close(self._app)
 
     def load(self) -> _WsgiApp:
         from edge_server.api.access.auth import KEY_RING  # noqa: PLC0415  # in the worker only
@@ -212,7 +223,7 @@ class _Application(BaseApplication):  # type: ignore[misc]  # gunicorn has no ty
         from edge_server.app import context_of, create_app  # noqa: PLC0415  # as above
         from edge_server.process import housekeeping  # noqa: PLC0415  # as above
 
-        app = create_app(self._config)
+        self._app = app = create_app(self._config)
         context = context_of(app)
         self._ring = app.extensions[KEY_RING]
         self._live = app.extensions[live.EXTENSION]

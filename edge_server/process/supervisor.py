@@ -42,6 +42,7 @@ SETTLED_S: Final = 5.0
 """So long after its start a server that cannot serve may still run."""
 FIRST_WAIT_S: Final = 0.2
 LONGEST_WAIT_S: Final = 30.0
+FORK_WAIT_S: Final = 2.0
 _LOOK_S: Final = 0.2
 
 
@@ -84,13 +85,25 @@ class Part:
     def __init__(self, kind: Kind) -> None:
         self.kind = kind
         self.exits = Exits()
-        self.start(time.monotonic())
+        self.process: multiprocessing.context.ForkProcess | None = None
+        self.started_at = 0.0
+        self.start_at: float | None = 0.0
+
+    @property
+    def is_running(self) -> bool:
+        """Whether the process runs."""
+        return self.process is not None and self.process.exitcode is None
 
     def start(self, now: float) -> None:
-        """Start the process."""
-        self.process = fork(self.kind)
-        self.started_at = now
-        self.start_at: float | None = None
+        """Start the process; where the system has no room for one more, try again later."""
+        try:
+            self.process = fork(self.kind)
+        except OSError as error:
+            self.start_at = now + FORK_WAIT_S
+            LOG.error("%s cannot be started now (%s)", self.kind.name, error.strerror)  # noqa: TRY400  # the reason is enough
+        else:
+            self.started_at = now
+            self.start_at = None
 
     def has_exited(self, now: float) -> float:
         """Record the exit of the process; returns the delay before the restart [s]."""
@@ -140,7 +153,10 @@ def _run_in_child(kind: Kind, parent: int) -> None:
 
 
 class Supervisor:
-    """Runs the processes until a signal, a wrong setup or a server that keeps failing."""
+    """Runs the processes until a signal, a wrong setup or a server that keeps failing.
+
+    It handles signals from the beginning; `run` starts the processes.
+    """
 
     def __init__(self, kinds: Sequence[Kind], config: Config) -> None:
         self._config = config
@@ -159,11 +175,13 @@ class Supervisor:
     def run(self) -> int:
         """Supervise the processes; returns the exit code."""
         code = OK
-        while not self._stopped and code == OK:
-            for part in self._parts:
-                code = code or self._watch(part, time.monotonic())
-            time.sleep(_LOOK_S)
-        self._stop_all()
+        try:
+            while not self._stopped and code == OK:
+                for part in self._parts:
+                    code = code or self._watch(part, time.monotonic())
+                time.sleep(_LOOK_S)
+        finally:  # Also of its own failure: the end of this process waits for them
+            self._stop_all()
         return code
 
     def _watch(self, part: Part, now: float) -> int:
@@ -171,7 +189,7 @@ class Supervisor:
             if now >= part.start_at:
                 part.start(now)
             return OK
-        code = part.process.exitcode
+        code = None if part.process is None else part.process.exitcode
         if code is None or self._stopped:
             return OK
         if code == WRONG_SETUP and (part.kind.is_vital or part.exits.total == 0):
@@ -197,7 +215,7 @@ class Supervisor:
 
     def _what_is_served(self) -> str:
         vital = [one for one in self._parts if one.kind.is_vital]
-        if any(one.process.exitcode is not None for one in vital):
+        if not all(one.is_running for one in vital):
             return "nothing is stored or served: the server does not run either"
         if any(time.monotonic() - one.started_at < SETTLED_S for one in vital):
             return "the server starts too: /readyz shows when it is ready"
@@ -212,13 +230,14 @@ class Supervisor:
 
     def _stop_all(self) -> None:
         """Terminate all processes; kill those that do not exit in time."""
-        for part in self._parts:
-            if part.process.exitcode is None:
-                part.process.terminate()
+        running = [(one.kind.name, one.process) for one in self._parts if one.process is not None]
+        for _, process in running:
+            if process.exitcode is None:
+                process.terminate()
         deadline = time.monotonic() + STOP_WAIT_S
-        for part in self._parts:
-            part.process.join(max(deadline - time.monotonic(), 0.0))
-            if part.process.exitcode is None:
-                LOG.warning("%s does not exit; killing it", part.kind.name)
-                part.process.kill()
-                part.process.join()
+        for name, process in running:
+            process.join(max(deadline - time.monotonic(), 0.0))
+            if process.exitcode is None:
+                LOG.warning("%s does not exit; killing it", name)
+                process.kill()
+                process.join()

@@ -24,6 +24,7 @@ from types import FrameType
 from typing import Final
 
 from farm_flight_bridge import program_name
+from farm_flight_bridge.log_stream import UnblockedStreamHandler, standard_error
 from mavlink_broker import config
 from mavlink_broker.config import Config
 from mavlink_broker.database import Database, DatabaseBusyError
@@ -142,7 +143,8 @@ def configure_logging(level: str, file: Path | None = None) -> None:
 
     pymavlink logs a line for every old frame; the broker counts them and logs twice a minute.
     """
-    logging.basicConfig(level=level, format=_LOG_FORMAT)
+    handlers = [UnblockedStreamHandler(standard_error())]
+    logging.basicConfig(level=level, format=_LOG_FORMAT, handlers=handlers)
     logging.getLogger("pymavlink").setLevel(logging.WARNING)
     if file is not None:
         handler = LogFile(file)
@@ -169,9 +171,9 @@ class LogFile(RotatingFileHandler):
         if not isinstance(error, OSError):
             super().handleError(record)
             return
-        if not self.lines_lost:
-            sys.stderr.write(f"{self._path} cannot be written: {error.strerror}\n")
         self.lines_lost += 1
+        if self.lines_lost == 1:  # This line comes here too
+            _LOG.error("%s cannot be written: %s", self._path, error.strerror)
 
 
 @contextmanager

@@ -1,8 +1,10 @@
-"""Processes and what they have started, read from /proc."""
+"""Processes and what they have started, read from /proc; a pipe whose reader has stalled."""
 
+import os
 import re
 import time
 from collections.abc import Iterable
+from contextlib import suppress
 from pathlib import Path
 
 
@@ -49,3 +51,14 @@ def _status(process_id: int) -> list[str] | None:
         return None
     fields = text.rpartition(")")[2].split()
     return None if fields[0] in "ZX" else fields
+
+
+def full_pipe() -> tuple[int, int]:
+    """Make a pipe that has no room; gives its ends for reading and for writing."""
+    read_end, write_end = os.pipe()
+    os.set_blocking(write_end, False)
+    with suppress(BlockingIOError):
+        while True:
+            os.write(write_end, b"\n")
+    os.set_blocking(write_end, True)
+    return read_end, write_end

@@ -16,8 +16,9 @@ LOG_INTERVAL_S: Final = 60.0
 
 def is_read_only(folder: Path) -> bool:
     """Whether the file system on which a folder is, or is to be made, is mounted read-only."""
-    present = next((one for one in (folder, *folder.absolute().parents) if one.exists()), folder)
     try:
+        places = (folder, *folder.absolute().parents)
+        present = next((one for one in places if one.exists()), folder)
         return bool(os.statvfs(present).f_flag & os.ST_RDONLY)
     except OSError:
         return False

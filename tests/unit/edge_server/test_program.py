@@ -22,7 +22,7 @@ from edge_server.process.supervisor import MAXIMUM_EXITS
 from edge_server.store.files import integrity
 from tests.support.fake_cloud import running_cloud
 from tests.support.polling import PATIENCE_S
-from tests.support.process_tree import command_words, descendants, gone
+from tests.support.process_tree import command_words, descendants, full_pipe, gone
 from tests.support.system import wait_for
 from tests.unit.edge_server import documents
 from tests.unit.edge_server.program import Program, program_in
@@ -63,6 +63,8 @@ def test_it_starts_from_nothing_and_ends_with_zero(program: Program) -> None:
     assert code == 0, errors
     assert "Traceback" not in errors
     assert gone(children, PATIENCE_S)
+    # The database is in one file then, which may be copied
+    assert not (program.state_dir / "edge" / "edge.sqlite3-wal").exists()
 
 
 @pytest.mark.thorough
@@ -170,6 +172,29 @@ def test_every_line_of_the_log_is_an_object_and_no_secret(program: Program) -> N
 
 
 @pytest.mark.thorough
+def test_it_serves_and_restarts_a_process_while_the_reader_of_its_log_has_stalled(
+    program: Program,
+) -> None:
+    read_end, write_end = full_pipe()
+    program.process = program.spawn(stderr=write_end)
+    os.close(write_end)
+    program.wait_ready()
+    for number in range(40):  # More than there are threads
+        post(program, "pose", number)
+    before = descendants(program.process.pid)
+    for pid in before:
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(pid, signal.SIGKILL)
+    assert gone(before, PATIENCE_S)
+    program.wait_ready()
+    post(program, "pose", 40)
+    program.process.send_signal(signal.SIGTERM)
+    assert program.process.wait(PATIENCE_S) == 0
+    program.process = None
+    os.close(read_end)
+
+
+@pytest.mark.thorough
 def test_a_large_database_that_is_broken_is_found_while_it_serves(program: Program) -> None:
     """A fault that the quick check at the start misses is noted by the request that meets it."""
     program.start()
@@ -234,6 +259,43 @@ def test_a_signal_while_the_processes_start_ends_them(program: Program, delay_s:
     assert code == 0, log
     assert "killing it" not in log  # It did not wait for a child that had missed the signal
     assert gone(children, PATIENCE_S)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("delay_s", [0.6, 1.0, 1.5, 2.0, 3.0])
+@pytest.mark.parametrize("command", [[], ["serve"], ["relay"]], ids=["all", "serve", "relay"])
+def test_a_signal_while_it_is_loaded_ends_it_well(
+    program: Program, command: list[str], delay_s: float
+) -> None:
+    program.begin(*command)
+    time.sleep(delay_s)
+    code, log = program.end()
+    assert (code, "Traceback" in log) == (0, False), log
+
+
+@pytest.mark.thorough
+def test_it_runs_where_its_starter_ignores_ended_children(program: Program) -> None:
+    former = signal.signal(signal.SIGCHLD, signal.SIG_IGN)
+    try:
+        program.begin()
+    finally:
+        signal.signal(signal.SIGCHLD, former)
+    program.wait_ready()
+    for one in _children_of(program):
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(one, signal.SIGKILL)
+    program.wait_ready()
+    assert program.end()[0] == 0
+
+
+@pytest.mark.thorough
+def test_it_runs_without_a_standard_error(program: Program) -> None:
+    command = f"exec {sys.executable} -m edge_server 2>&-"
+    program.process = subprocess.Popen(command, shell=True, env=program.environment, text=True)
+    program.wait_ready()
+    program.process.send_signal(signal.SIGTERM)
+    assert program.process.wait(PATIENCE_S) == 0
+    program.process = None
 
 
 def _children_of(program: Program) -> list[int]:

@@ -17,7 +17,9 @@ from afarcloud.enumerations import Status
 from mavlink_broker.database import Database
 from tests.support.broker_world import first_flight
 from tests.support.fake_edge import FakeEdgeServer
+from tests.support.process_tree import full_pipe
 from tests.support.scripted_vehicle import ScriptedVehicle
+from tests.support.system import free_ports
 from tests.support.vehicle_script import PX4
 
 ROOT = Path(__file__).parents[3]
@@ -25,7 +27,12 @@ LISTENING = "links udpin://0.0.0.0:"
 PATIENCE_S = 60.0
 
 
-def start(port: int, state: Path, edge_url: str = "http://127.0.0.1:9") -> subprocess.Popen[str]:
+def start(
+    port: int,
+    state: Path,
+    edge_url: str = "http://127.0.0.1:9",
+    stderr: int = subprocess.PIPE,
+) -> subprocess.Popen[str]:
     environment = os.environ | {
         "STATE_DIR": str(state),
         "MAVLINK_PORT": str(port),
@@ -35,7 +42,7 @@ def start(port: int, state: Path, edge_url: str = "http://127.0.0.1:9") -> subpr
         [sys.executable, "-m", "mavlink_broker"],
         cwd=ROOT,
         env=environment,
-        stderr=subprocess.PIPE,
+        stderr=stderr,
         text=True,
     )
 
@@ -140,3 +147,28 @@ def test_it_flies_a_mission_between_a_real_socket_and_real_http(tmp_path: Path) 
     assert vehicle.uploads == 1
     keys = [key for path, key in server.keys_seen if path == "/pose/"]
     assert len(set(keys)) == len(keys) == 3
+
+
+@pytest.mark.thorough
+def test_it_flies_while_the_reader_of_its_log_has_stalled(tmp_path: Path) -> None:
+    """A pager that shows the first page, a terminal that is paused, a collector that hangs."""
+    key = tmp_path / "keys" / "broker.key"
+    key.parent.mkdir()
+    key.write_text("secret")
+    script = dataclasses.replace(PX4, item_time_s=0.05)
+    vehicle = ScriptedVehicle(1, script, booted_at=time.monotonic())
+    (port,) = free_ports(1)
+    read_end, write_end = full_pipe()
+    with (
+        FakeEdgeServer(0, "secret").running() as server,
+        start(port, tmp_path, server.url, stderr=write_end) as broker,
+    ):
+        os.close(write_end)
+        try:
+            server.plan(first_flight())
+            fly(vehicle, port, lambda: server.edge.status(1201) == Status.FINISHED)
+            broker.send_signal(signal.SIGTERM)
+            assert broker.wait(timeout=20) == 0
+        finally:
+            broker.kill()
+            os.close(read_end)

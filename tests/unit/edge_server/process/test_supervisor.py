@@ -1,5 +1,6 @@
 """When a process that has exited is restarted, and when the supervisor gives up."""
 
+import errno
 import signal
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -32,6 +33,7 @@ class Machine:
 
     def __init__(self, codes: dict[str, Sequence[int | None]], term_at_s: float = 300.0) -> None:
         self.starts = dict.fromkeys(codes, 0)
+        self.forks_refused = 0
         self.ended: list[str] = []
         self._codes = codes
         self._now_s = 0.0
@@ -51,6 +53,9 @@ class Machine:
 
     def fork(self, kind: Kind) -> "Process":
         name = kind.name
+        if self.forks_refused:
+            self.forks_refused -= 1
+            raise BlockingIOError(errno.EAGAIN, "no process can be made")
         codes = self._codes[name]
         code = codes[min(self.starts[name], len(codes) - 1)]
         self.starts[name] += 1
@@ -138,6 +143,35 @@ def test_an_exit_of_the_relay_on_a_read_only_disk_promises_nothing(
     run(Machine({"serve": [RUNS], "relay": [FAILED]}, term_at_s=15.0))
     *_, last = [one for one in caplog.messages if one.startswith("relay exited")]
     assert "nothing is stored" in last
+
+
+def test_processes_that_cannot_be_started_now_are_started_later(
+    run: Callable[[Machine], int], caplog: pytest.LogCaptureFixture
+) -> None:
+    machine = Machine({"serve": [RUNS], "relay": [RUNS]})
+    machine.forks_refused = 30
+    assert run(machine) == OK
+    assert machine.starts == {"serve": 1, "relay": 1}
+    assert "serve cannot be started now (no process can be made)" in caplog.text
+
+
+def test_a_failure_of_the_supervisor_ends_its_processes(run: Callable[[Machine], int]) -> None:
+    machine = Machine({"serve": [RUNS], "relay": [FAILED]})
+    machine.sleep = _fail_at(machine, 3.0)  # type: ignore[method-assign]
+    with pytest.raises(MemoryError):
+        run(machine)
+    assert machine.ended == ["serve"]
+
+
+def _fail_at(machine: Machine, fails_at_s: float) -> Callable[[float], None]:
+    sleep = machine.sleep
+
+    def sleep_and_fail(duration_s: float) -> None:
+        if machine.monotonic() >= fails_at_s:
+            raise MemoryError
+        sleep(duration_s)
+
+    return sleep_and_fail
 
 
 def test_a_server_that_exits_once_is_restarted(run: Callable[[Machine], int]) -> None:

@@ -33,14 +33,14 @@ def test_size_and_number_of_files_are_limited(tmp_path: Path, log: logging.Logge
 
 
 def test_a_file_that_cannot_be_written_costs_lines_and_is_reported_once(
-    tmp_path: Path, log: logging.Logger, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, log: logging.Logger, caplog: pytest.LogCaptureFixture
 ) -> None:
     handler = LogFile(tmp_path / "missing" / "broker.log")
     log.addHandler(handler)
     for _ in range(10):
         log.info("line")
     assert handler.lines_lost == 10
-    assert capsys.readouterr().err.count("cannot be written") == 1
+    assert caplog.text.count("cannot be written") == 1
     (tmp_path / "missing").mkdir()
     log.info("there again")
     assert "there again" in (tmp_path / "missing" / "broker.log").read_text()
