@@ -5,6 +5,7 @@
 
 import math
 import re
+import unicodedata
 from collections.abc import Iterator, Mapping
 from datetime import datetime
 from typing import Final, NamedTuple
@@ -27,9 +28,8 @@ from afarcloud.route import Spot, spot_of
 
 _CONTROLS: Final = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
 """Unicode's categories Cc, Zl, Zp and Cs, and its embeddings, overrides and isolates (UAX 9)."""
-_VISIBLE: Final = re.compile(
-    r"[^\s\xad\u034f\u115f\u1160\u200b-\u200f\u2060-\u206f\u2800\u3164\ufeff]"
-)
+_BLANK_LETTERS: Final = frozenset("\u115f\u1160\u2800\u3164\uffa0\U0001d159")
+"""Letters and symbols of Unicode that show nothing."""
 
 
 class Verdict(NamedTuple):
@@ -120,8 +120,13 @@ def name_faults(name: str | None, path: str = "name") -> Iterator[Fault]:
         return
     if _CONTROLS.search(name):
         yield Fault(path, "must not contain control characters or changes of the text's direction")
-    elif not _VISIBLE.search(name):
+    elif not any(_is_visible(character) for character in name):
         yield Fault(path, "must contain a character that can be seen")
+
+
+def _is_visible(character: str) -> bool:
+    """Whether it is a letter, a number, a sign or a symbol; a mark alone has no place to be on."""
+    return unicodedata.category(character)[0] in "LNPS" and character not in _BLANK_LETTERS
 
 
 def _plan_faults(plan: Plan, now: datetime) -> Iterator[Fault]:

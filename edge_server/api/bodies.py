@@ -20,7 +20,9 @@ MAXIMUM_DEPTH: Final = 20
 _NESTING: Final = (dict, list)
 MAXIMUM_IMAGE_BODY_BYTES: Final = 3 * 512 * 1024  # A 1 MiB frame in base64, and its fields
 OCTETS: Final = "application/octet-stream"
-_UTF_8: Final = frozenset({"", "utf-8", "utf8", "us-ascii", "ascii"})
+_CHARSET: Final = re.compile(r";\s*charset\s*=[\s\"']*([^\s\"';]*)")
+"""Also where it is not written as in RFC 9110 section 8.3: in single quotes, or behind a blank."""
+_UTF_8: Final = frozenset({"", "utf-8", "utf8", "utf_8", "us-ascii", "ascii"})
 """Names of charsets whose texts are UTF-8 too."""
 _FLAGS: Final[dict[str | None, bool]] = {None: False, "true": True, "false": False}
 _WHOLE: Final = re.compile(r"([0-9]{1,19})(?:\.0+)?")  # 5.0 is an integer, as in a body
@@ -54,8 +56,8 @@ def refuse_other_charset() -> None:
 
     Read as UTF-8 it would be taken for something else, or refused for a wrong reason.
     """
-    charset = request.mimetype_params.get("charset", "utf-8").strip().lower()
-    if request.is_json and charset not in _UTF_8:
+    charsets = _CHARSET.findall(request.headers.get("Content-Type", "").lower())
+    if request.is_json and not _UTF_8.issuperset(charsets):
         raise RequestError(415, "the body must be in UTF-8, as JSON is")
 
 

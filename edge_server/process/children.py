@@ -1,4 +1,4 @@
-"""Settings of processes: child processes exit with their parent, threads share memory's arenas."""
+"""Settings of processes: children exit with their parent, and freed memory is given back."""
 
 import ctypes
 import os
@@ -8,7 +8,11 @@ from typing import Final
 
 _PR_SET_PDEATHSIG: Final = 1
 _M_ARENA_MAX: Final = -8
+_M_MMAP_THRESHOLD: Final = -3
+_M_TRIM_THRESHOLD: Final = -1
 _ARENAS: Final = 2
+_LARGE_BLOCK_BYTES: Final = 128 * 1024
+"""The system's own values at the start of a process; fixed, they do not grow."""
 
 
 def exit_with_parent(parent: int) -> None:
@@ -23,10 +27,13 @@ def exit_with_parent(parent: int) -> None:
         os.kill(os.getpid(), signal.SIGKILL)
 
 
-def share_arenas() -> None:
-    """Let the threads of this process and of its children share arenas (glibc; mallopt(3)).
+def bound_free_memory() -> None:
+    """Have this process and its children give freed memory back (glibc; mallopt(3)).
 
-    Otherwise malloc makes up to eight for each processor, and each keeps memory that it had.
+    Otherwise malloc makes up to eight arenas for each processor, of which each keeps memory that it
+    had, and takes ever larger blocks, such as pictures, from them.
     """
     if sys.platform == "linux" and (mallopt := getattr(ctypes.CDLL(None), "mallopt", None)):
         mallopt(_M_ARENA_MAX, _ARENAS)
+        mallopt(_M_MMAP_THRESHOLD, _LARGE_BLOCK_BYTES)
+        mallopt(_M_TRIM_THRESHOLD, _LARGE_BLOCK_BYTES)

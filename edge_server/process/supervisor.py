@@ -120,7 +120,7 @@ def load_shared_modules(config: Config) -> None:
         importlib.import_module("edge_server.uplinks.cloud_http")
     gc.collect()
     gc.freeze()
-    children.share_arenas()
+    children.bound_free_memory()
 
 
 def fork(kind: Kind) -> "multiprocessing.context.ForkProcess":

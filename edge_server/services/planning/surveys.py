@@ -7,6 +7,7 @@ from afarcloud.faults import Fault, InvalidError
 from afarcloud.geometry import contains, distance_m
 from afarcloud.numbers import INT32_MAX
 from afarcloud.plan import Plan, Polygon
+from afarcloud.rules import name_faults
 from afarcloud.wire import read_as, write
 from edge_server.geodata.field import Field
 from edge_server.services.context import Caller, Context
@@ -62,6 +63,8 @@ def _field_of(context: Context, order: SurveyOrder) -> Field | None:
 
 
 def _planned(context: Context, order: SurveyOrder, field: Field | None) -> Survey:
+    if faults := tuple(name_faults(order.name)):
+        raise InvalidError(faults)
     first = order.first_mission_id
     if first is None:
         first = int(context.clock()) % INT32_MAX

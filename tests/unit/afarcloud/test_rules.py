@@ -67,7 +67,8 @@ def test_a_plan_of_the_past_is_refused() -> None:
     [
         *("line\nbreak", "tab\there", "\x00", "\x9b31m", "\u2028", "\x7f"),
         *("\u202egnp.exe", "a\u2066b", "left\u202a"),
-        *(" ", "\u3000", "\u200b\u200d", "\ufeff ", "\u3164", "\xad"),
+        *(" ", "\u3000", "\u200b\u200d", "\ufeff ", "\u3164", "\xad", "\u200e\u200f\u061c"),
+        *("\u180e", "\u17b4", "\uffa0", "\ufe0f", "\ufff9", "\U000e0001", "\ufffe", "\u0301"),
     ],
 )
 def test_a_name_that_cannot_be_shown_is_refused(name: str) -> None:

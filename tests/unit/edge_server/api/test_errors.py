@@ -117,7 +117,8 @@ def test_a_compressed_body_is_a_415(edge: Edge, coding: str, status: int) -> Non
     ("charset", "status"),
     [
         *(("utf-16", 415), ("iso-8859-1", 415), ('"windows-1252"', 415), ("nonsense", 415)),
-        *(("utf-8", 201), ("UTF-8", 201), ('"utf8"', 201), ("us-ascii", 201)),
+        *(("utf-16; charset=utf-8", 415), ("utf-8; charset=utf-16", 415), (" utf-16", 415)),
+        *(("utf-8", 201), ("UTF-8", 201), ('"utf8"', 201), ("us-ascii", 201), ("'utf-8'", 201)),
     ],
 )
 def test_json_in_another_charset_is_a_415(edge: Edge, charset: str, status: int) -> None:

@@ -32,6 +32,14 @@ def test_a_preview_keeps_nothing(edge: Edge) -> None:
     assert len(answer.json["plans"]) == answer.json["flights"]
 
 
+@pytest.mark.parametrize("query", ["", "?preview=true"])
+@pytest.mark.parametrize("name", ["\u200b", "North\u202e", "\x07"])
+def test_a_survey_whose_name_cannot_be_shown_is_refused(edge: Edge, query: str, name: str) -> None:
+    answer = ask(edge, query, name=name)
+    assert answer.status_code == 422
+    assert list(answer.json["detail"]["json"]) == ["name"]
+
+
 def test_a_dispatched_survey_is_work_for_the_broker(edge: Edge) -> None:
     assert ask(edge, vehicles=[1, 2], most_commands=700, dispatch=True).status_code == 201
     assert sorted(item["vehicle_id"] for item in edge.work()) == [1, 2]
