@@ -108,6 +108,9 @@ class PauseOrders:
         if self._vehicle.snapshot.armed is False:
             effects.for_edge.append(Acknowledgement(work.work_id, "refused", FLIES_NO_COMMAND))
             return
+        if (reason := self._held_by_another) is not None:
+            effects.for_edge.append(Acknowledgement(work.work_id, "refused", reason))
+            return
         rests = self.is_paused and self._sequence is None and self._holds
         if self._sequence is not None and not self._pauses:
             self._resumes_until = now + LATE_WITHIN_S
@@ -131,13 +134,13 @@ class PauseOrders:
         """Fly on; `has_items` if mission items are still to be flown in this segment."""
         if self._refuses(work, state, who, effects):
             return
-        reason, foreign = None, self._vehicle.foreign_order
+        reason = None
         if not self.is_paused:
             reason = NOT_PAUSED
         elif self._vehicle.snapshot.armed is False:
             reason = FLIES_NO_COMMAND
-        elif foreign is not None:
-            reason = f"system {foreign.system} has paused or moved the vehicle meanwhile"
+        else:
+            reason = self._held_by_another
         if reason is not None:
             effects.for_edge.append(Acknowledgement(work.work_id, "refused", reason))
             return
@@ -155,6 +158,14 @@ class PauseOrders:
             self._order(family.holding, now, effects)
         else:
             self._settle_as(is_paused=False, effects=effects)
+
+    @property
+    def _held_by_another(self) -> str | None:
+        """Why no event pauses or resumes it: by its order it holds for another system."""
+        foreign = self._vehicle.foreign_order
+        if foreign is None:
+            return None
+        return f"system {foreign.system} has paused or moved the vehicle meanwhile"
 
     def receive(self, message: Message, now: float, effects: Effects) -> None:
         """Handle the answer of the vehicle."""

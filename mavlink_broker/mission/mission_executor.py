@@ -47,7 +47,7 @@ from mavlink_broker.mission.states import (
     follow,
 )
 from mavlink_broker.planning.situation import RefusedError
-from mavlink_broker.vehicle.control_authority import Authority
+from mavlink_broker.vehicle.control_authority import DISARMED, Authority
 from mavlink_broker.vehicle.reporter import Reporter
 from mavlink_broker.vehicle.vehicle import Vehicle
 
@@ -305,6 +305,8 @@ class MissionExecutor:
         self._move(Event.LINK_LOST, now, effects)
 
     def _fail(self, fault: Fault, now: float, effects: Effects) -> None:
+        if fault.reason == DISARMED:  # Nothing of the broker has landed it
+            self._vehicle.armed_period.end_by_others(now)
         self._failing.prepare(fault, self.state, self._phase, effects)
         self._move(Event.FAULT, now, effects)
 

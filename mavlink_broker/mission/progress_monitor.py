@@ -319,6 +319,8 @@ class ProgressMonitor:
         A mission survives that somebody pauses it, until he lands the vehicle.
         """
         vehicle, claim = self._vehicle, self.claim
+        if vehicle.armed_period.was_disarmed_by_others:
+            return Authority.OTHERS
         if vehicle.snapshot.armed:
             claim = claim._replace(roles=claim.roles | {ModeRole.PAUSED})
         elif vehicle.recovery.paused is not None:

@@ -73,6 +73,7 @@ class ArmedPeriod:
         self._heard_at = math.inf  # Newest heartbeat
         self._is_end_unseen = False  # It was over while the vehicle was not received
         self._disarmed_at = -math.inf
+        self._is_disarmed_by_others = False  # By an acknowledged order, also in an earlier run
         self._disarming_at = -math.inf  # When it accepted another system's order to disarm
         self.is_found = False
         """Whether it had begun before this broker received the vehicle."""
@@ -98,9 +99,9 @@ class ArmedPeriod:
                 self._begin(now)
         elif self._is_armed:
             self._is_end_unseen, self._disarmed_at = gap_s > UNSEEN_S, now
-            is_disarmed_by_others = now - self._disarming_at <= DISARMED_WITHIN_S
+            self._is_disarmed_by_others = now - self._disarming_at <= DISARMED_WITHIN_S
             is_lost = self.is_others and self._is_others_mode
-            if self._holder is Holder.TAKEN or is_lost or is_disarmed_by_others:
+            if self._holder is Holder.TAKEN or is_lost or self._is_disarmed_by_others:
                 self._holder = Holder.OTHERS
             self._left_at = now if self.is_others else None
         elif self.stood_s(now) is None:
@@ -113,7 +114,7 @@ class ArmedPeriod:
         not_ordered = Holder.FOUND if self.is_found else Holder.OTHERS
         self._holder = Holder.OURS if is_ordered else not_ordered
         self._ordered_at, self._left_at, self._forgotten_mode = -math.inf, None, None
-        self._is_end_unseen = False
+        self._is_end_unseen = self._is_disarmed_by_others = False
         if not self.is_found:
             self._noted_before = None
 
@@ -121,6 +122,7 @@ class ArmedPeriod:
         """Note that the vehicle has accepted another system's order to disarm it, or to arm it."""
         self._disarming_at = now
         if now - self._disarmed_at <= DISARMED_WITHIN_S:
+            self._is_disarmed_by_others = True
             self.end_by_others(now)
 
     def note_mode(self, *, is_others: bool) -> None:
@@ -162,6 +164,11 @@ class ArmedPeriod:
             self._holder, self._left_at = Holder.OTHERS, now
 
     @property
+    def was_disarmed_by_others(self) -> bool:
+        """Whether another system's order has disarmed it, of a vehicle that is disarmed."""
+        return not self._is_armed and self._is_disarmed_by_others
+
+    @property
     def is_taken(self) -> bool:
         """Whether another system has taken it from a mission, until it is disarmed."""
         return self._holder is Holder.TAKEN
@@ -201,11 +208,14 @@ class ArmedPeriod:
 
     # For a restarted broker
 
-    def recall(self, noted_mode: str | None, now: float) -> None:
+    def recall(
+        self, noted_mode: str | None, now: float, *, is_disarmed_by_others: bool = False
+    ) -> None:
         """Restore what an earlier run has noted; a vehicle that is disarmed stands from now on.
 
         In flight its mode shows whose it is.
         """
+        self._is_disarmed_by_others |= is_disarmed_by_others and self._flown is None
         self._noted_before = noted_mode
         if noted_mode is not None and self._flown is None and self._left_at is None:
             self.end_by_others(now)

@@ -16,7 +16,7 @@ that no other system flies, has not been anywhere since.
 
 import math
 from enum import Enum, auto
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, TypeAlias
 
 from afarcloud.geodesy import distance_m
 from mavlink_broker.autopilots.flight_modes import ModeRole
@@ -37,7 +37,8 @@ MISSION_MODES: Final = frozenset({ModeRole.MISSION, ModeRole.HOLD})
 
 _WAITING_MODES: Final = frozenset({ModeRole.HOLD, ModeRole.GUIDED})
 """Modes in which it shows by its acknowledgement alone that another system has given an order."""
-_ORDERED_MODES: Final = _WAITING_MODES | {ModeRole.PAUSED, ModeRole.ENDING}
+_HOLDING_MODES: Final = _WAITING_MODES | {ModeRole.PAUSED}
+_ORDERED_MODES: Final = _HOLDING_MODES | {ModeRole.ENDING}
 """Modes to which such an order leads."""
 _RESUMING_COMMANDS: Final = frozenset(
     {mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_CMD_DO_PAUSE_CONTINUE}
@@ -97,6 +98,10 @@ class ForeignOrder(NamedTuple):
     at: float  # [s] On the broker's clock
 
 
+NotedOrder: TypeAlias = tuple[int, int]
+"""System and command of such an order, as a restarted broker finds it."""
+
+
 class Claim(NamedTuple):
     """The modes in which the broker is in command, in the present phase of a mission."""
 
@@ -152,6 +157,8 @@ class OwnDescent:
         self._ordered_at: float | None = None  # None: since the last update
         self._mode: str | None = None  # None: the vehicle has not shown it yet
         self._mode_before = ""
+        self.mode_before_order: str | None = None
+        """The mode that the vehicle showed when the order was sent."""
         self._sought: str | None = None  # That of an earlier run, until the vehicle is received
         self.began_s: float | None = None  # By the vehicle's clock since boot
 
@@ -179,19 +186,29 @@ class OwnDescent:
         is_before = self._is_ordered and self._mode is None and seen.mode == self._mode_before
         return seen.mode if is_before else None
 
-    def begin(self, mode: str, time_s: float | None) -> None:
-        """Note that the vehicle has accepted the order in a mode, at a time of its clock."""
-        self._is_ordered, self._ordered_at, self._mode = True, None, None
-        self._mode_before, self._sought, self.began_s = mode, None, time_s
+    def begin(self, seen: ObservedMode, time_s: float | None) -> None:
+        """Note that the vehicle has accepted the order, at a time of its clock."""
+        is_shown = seen.role is ModeRole.ENDING and seen.mode != self.mode_before_order
+        self._is_ordered, self._ordered_at = True, None
+        self._mode = seen.mode if is_shown else None
+        self._mode_before, self._sought, self.began_s = seen.mode, None, time_s
 
     def end(self) -> None:
         """Note that it is over, or that something else is ordered."""
         self._is_ordered, self._sought = False, None
 
     def update(
-        self, seen: ObservedMode, *, is_down: bool, now: float, time_s: float | None = None
+        self,
+        seen: ObservedMode,
+        *,
+        is_down: bool,
+        now: float,
+        time_s: float | None = None,
+        knows_modes: bool = True,
     ) -> None:
         """End it with the landing, with any other mode, or if the vehicle does not begin it.
+
+        One whose modes are not known flies it until a pilot steers.
 
         A vehicle that shows the mode of an earlier run's, not too late by its clock, flies that.
         """
@@ -210,9 +227,11 @@ class OwnDescent:
         elif seen.ordered is not None and seen.role is ModeRole.ENDING:
             self._is_ordered = False  # By another system, behind the broker's order
         elif is_new and seen.role is ModeRole.ENDING:
-            self._mode = seen.mode  # The first heartbeats may still show that of an older order
+            # The first heartbeats may still show the mode of before
+            is_another = self._mode not in {None, self.mode_before_order, seen.mode}
+            self._mode, self._is_ordered = seen.mode, not is_another
         elif not is_new:
-            self._is_ordered = seen.mode == self._mode
+            self._is_ordered = seen.mode == self._mode if knows_modes else not seen.is_manual
 
 
 HOVERS_WITHIN_M: Final = 30.0
@@ -335,12 +354,32 @@ class ForeignOrderMonitor:
 
     def __init__(self) -> None:
         self.order: ForeignOrder | None = None
+        self._noted: NotedOrder | None = None  # By an earlier run, until the mode is known
         self._role: ModeRole | None = None  # By the newest heartbeat
         self._resumed_at = -math.inf  # When a heartbeat showed that it waits no more
 
     def forget(self) -> None:
         """Note that an order of the broker is newer, or that the vehicle was restarted."""
-        self.order = None
+        self.order = self._noted = None
+
+    @property
+    def noted(self) -> "NotedOrder | None":
+        """What a restarted broker has to know: whose order holds the vehicle."""
+        if self.order is None or self._role not in _HOLDING_MODES:
+            return self._noted
+        return self.order.system, self.order.command
+
+    def recall(self, noted: "NotedOrder | None", now: float) -> None:
+        """Restore what an earlier run has noted, if the vehicle still holds."""
+        self._noted = noted
+        self._find_noted(now)
+
+    def _find_noted(self, now: float) -> None:
+        if self._noted is None or self._role is None:
+            return
+        if self.order is None and self._role in _HOLDING_MODES:
+            self.order = ForeignOrder(*self._noted, now)
+        self._noted = None
 
     def accept(self, order: ForeignOrder, now: float) -> None:
         """Note an order, if it makes a vehicle hold, go or come down.
@@ -359,6 +398,7 @@ class ForeignOrderMonitor:
         the mission. One that comes down later than an order shows does so for another reason.
         """
         before, self._role = self._role, role
+        self._find_noted(now)
         waited, waits = before in _ORDERED_MODES, role in _ORDERED_MODES
         if waited and not waits:
             self._resumed_at = now

@@ -141,6 +141,8 @@ class _Document(_Row):
     is_tracking: bool = False
     has_camera: bool = False
     armed_s: _Number | None = None
+    foreign_order: tuple[_Count, _Count] | None = None
+    is_disarmed_by_others: bool = False
     taken_mode: _Text | None = None
     shows_manual: bool = False
 
@@ -154,6 +156,8 @@ _AS_NOTED: Final = (
     "is_tracking",
     "has_camera",
     "armed_s",
+    "foreign_order",
+    "is_disarmed_by_others",
     "taken_mode",
     "shows_manual",
 )

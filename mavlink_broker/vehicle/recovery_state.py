@@ -25,7 +25,12 @@ from mavlink_broker.microservices.config_overrides import (
 )
 from mavlink_broker.planning.situation import Pose
 from mavlink_broker.vehicle.armed_period import ArmedPeriod
-from mavlink_broker.vehicle.control_authority import Hover, OwnDescent
+from mavlink_broker.vehicle.control_authority import (
+    ForeignOrderMonitor,
+    Hover,
+    NotedOrder,
+    OwnDescent,
+)
 
 
 class VehicleIdentity(NamedTuple):
@@ -93,6 +98,8 @@ class RecoveryRecord:
     is_tracking: bool = False  # Its camera may have been ordered to track a subject
     has_camera: bool = False  # A camera was received in this flight
     armed_s: float | None = None  # When it was armed, by its clock since boot
+    foreign_order: NotedOrder | None = None  # Of another system, by which it holds
+    is_disarmed_by_others: bool = False  # By another system's order
     taken_mode: str | None = None  # In which somebody else has it, or had when it was disarmed
     shows_manual: bool = False  # Its heartbeats show by standard bits whether a pilot steers
 
@@ -128,6 +135,8 @@ def merge_records(earlier: RecoveryRecord, later: RecoveryRecord) -> RecoveryRec
         is_tracking=later.is_tracking or earlier.is_tracking,
         has_camera=later.has_camera or earlier.has_camera,
         armed_s=earlier.armed_s if later.armed_s is None else later.armed_s,
+        foreign_order=later.foreign_order or earlier.foreign_order,
+        is_disarmed_by_others=later.is_disarmed_by_others or earlier.is_disarmed_by_others,
         taken_mode=later.taken_mode or earlier.taken_mode,
         shows_manual=later.shows_manual or earlier.shows_manual,
     )
@@ -266,6 +275,8 @@ class RecoveryState:
         """When it was armed for the flight, by its clock since boot; its log began then."""
         self.armed_period = ArmedPeriod()
         """Who has the vehicle, and whether it stands for somebody else."""
+        self.foreign_orders = ForeignOrderMonitor()
+        """What another system has ordered, while the vehicle is in the mode that it led to."""
         self._was_sent_down = False  # By an earlier run
         self.shows_manual = False
         """Whether one in flight, whose modes are not known, has shown that a pilot would show."""
@@ -336,6 +347,8 @@ class RecoveryState:
             is_tracking=self.is_tracking,
             has_camera=self.has_camera,
             armed_s=self.armed_s,
+            foreign_order=self.foreign_orders.noted,
+            is_disarmed_by_others=self.armed_period.was_disarmed_by_others,
             taken_mode=self.armed_period.noted_mode,
             shows_manual=self.shows_manual,
         )
@@ -363,7 +376,10 @@ class RecoveryState:
         self.is_tracking, self._is_of_earlier_run = both.is_tracking, record.is_tracking
         self.has_camera, self.armed_s = both.has_camera, both.armed_s
         self.shows_manual = both.shows_manual
-        self.armed_period.recall(both.taken_mode, now)
+        self.foreign_orders.recall(both.foreign_order, now)
+        self.armed_period.recall(
+            both.taken_mode, now, is_disarmed_by_others=both.is_disarmed_by_others
+        )
 
     def forget_armed_period(self) -> None:
         """Begin anew: another vehicle has not been armed by anybody yet."""
@@ -374,6 +390,7 @@ class RecoveryState:
         self.overrides, self.parameters = VehicleOverrides(), ParameterOverrider()
         self.hover.end()
         self.descent.end()
+        self.foreign_orders.forget()
         self.pending_return = self.paused = self.armed_s = None
         self.forget_armed_period()
         self.is_tracking = self.has_camera = self.shows_manual = self._was_sent_down = False

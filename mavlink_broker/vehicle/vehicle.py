@@ -24,9 +24,9 @@ from mavlink_broker.vehicle import control_authority
 from mavlink_broker.vehicle.armed_period import ArmedPeriod
 from mavlink_broker.vehicle.control_authority import (
     ForeignOrder,
-    ForeignOrderMonitor,
     ObservedMode,
     OwnDescent,
+    order_of_another,
 )
 from mavlink_broker.vehicle.measurements import MEASURED, Observations
 from mavlink_broker.vehicle.recovery_state import RecoveryState
@@ -71,7 +71,6 @@ class Vehicle:
     identity_requests: int = 0  # How often it has had to show again which one it is
     duplicate: str | None = None  # Another vehicle with its system id, which is received too
     _mission_overrides: tuple[ParameterOverride, ...] = ()
-    _foreign_orders: ForeignOrderMonitor = field(default_factory=ForeignOrderMonitor)
     _shows_manual: bool = False  # Its heartbeats show by standard bits who steers it
     _received_at: dict[str, float] = field(default_factory=dict)
     _reboots: RebootMonitor = field(default_factory=RebootMonitor)
@@ -144,7 +143,7 @@ class Vehicle:
 
     def _forget_telemetry(self) -> None:
         self._received_at.clear()
-        self._foreign_orders.forget()
+        self.recovery.foreign_orders.forget()
         self.armed_period.forget_mode()
         self.snapshot.forget()
         self.observations.forget()
@@ -176,18 +175,18 @@ class Vehicle:
 
     def _observe_foreign_order(self, message: Message, now: float) -> None:
         """Keep another system's order until the vehicle leaves the mode that it led to."""
-        order = control_authority.order_of_another(message, self.route, now)
+        order, orders = order_of_another(message, self.route, now), self.recovery.foreign_orders
         if order is not None and order.command == mavlink.MAV_CMD_COMPONENT_ARM_DISARM:
             self.armed_period.note_foreign_disarming(now)
         elif order is not None:
-            self._foreign_orders.accept(order, now)
+            orders.accept(order, now)
         if message.get_type() == "HEARTBEAT":
-            self._foreign_orders.update(self.mode_role, now, armed=bool(self.snapshot.armed))
+            orders.update(self.mode_role, now, armed=bool(self.snapshot.armed))
 
     @property
     def foreign_order(self) -> ForeignOrder | None:
         """The order of another system that led to the present mode; None: there is none."""
-        return self._foreign_orders.order
+        return self.recovery.foreign_orders.order
 
     @property
     def overrides(self) -> VehicleOverrides:
@@ -241,15 +240,19 @@ class Vehicle:
 
     def begin_descent(self) -> None:
         """Note that it returns or lands by order of the broker."""
-        self.own_descent.begin(self.mode, self.snapshot.time_s)
+        self.own_descent.begin(self.observed_mode, self.snapshot.time_s)
         self.armed_period.claim()
 
     def update_descent(self, now: float) -> None:
         """Follow whether it flies the return or landing that the broker ordered last."""
-        snapshot, descent = self.snapshot, self.own_descent
+        descent = self.own_descent
         was_flown, sought_mode = descent.is_flown, descent.mode if descent.is_sought else None
         descent.update(
-            self.observed_mode, is_down=snapshot.is_on_ground, now=now, time_s=snapshot.time_s
+            self.observed_mode,
+            is_down=self.snapshot.is_on_ground,
+            now=now,
+            time_s=self.snapshot.time_s,
+            knows_modes=self.family.knows_modes,
         )
         if descent.is_flown or (sought_mode is not None and sought_mode == self.flown_mode.mode):
             self.armed_period.claim()
@@ -258,26 +261,28 @@ class Vehicle:
             if self.flown_mode.role is ModeRole.OTHER:
                 self.armed_period.end_by_others(now)  # Without effect on one that is armed
 
-    def _observe_unseen_landing(self, now: float) -> None:
-        """Find whether one that was disarmed unseen was landed by the broker's order.
+    def _observe_foreign_landing(self, now: float, *, is_ordered: bool) -> None:
+        """Find whether one that was disarmed was not landed by the broker's order.
 
         Nothing lands one that hovers for the broker; one that comes down shows the mode for that.
         """
-        own_mode, is_theirs = self.own_descent.mode, self.recovery.hover.place is not None
+        period, hover = self.armed_period, self.recovery.hover
+        own_mode, is_theirs = self.own_descent.mode, hover.place is not None
         if own_mode is not None:
             is_other = self.mode_role is not ModeRole.HOLD and self.mode != own_mode
             is_theirs = is_other and self.family.knows_modes
         elif self.own_descent.is_flown or self.recovery.was_sent_down:
             is_theirs = False
-        if is_theirs and self.armed_period.has_ended_unseen:
-            self.armed_period.end_by_others(now)
+        is_seen = hover.is_held and not is_ordered and period.is_armed is False
+        if is_theirs and (is_seen or period.has_ended_unseen):
+            period.end_by_others(now)
 
     def update_hover(self, now: float, *, is_ordered: bool) -> None:
         """End a hover with a landing or a takeover; find that of an earlier run again.
 
         `is_ordered` while a mission or an event orders what the vehicle does.
         """
-        self._observe_unseen_landing(now)
+        self._observe_foreign_landing(now, is_ordered=is_ordered)
         was_held = self.hovers
         self.recovery.hover.update(
             self.snapshot,
@@ -316,7 +321,7 @@ class Vehicle:
 
     def forget_foreign_order(self) -> None:
         """Note that an order of the broker is newer."""
-        self._foreign_orders.forget()
+        self.recovery.foreign_orders.forget()
 
     def link_state(self, now: float) -> LinkState:
         """State of its link."""

@@ -1,0 +1,177 @@
+"""People who order one after the other: whoever has the vehicle last keeps it."""
+
+import dataclasses
+from pathlib import Path
+
+import pytest
+
+from afarcloud.enumerations import Status
+from mavlink_broker.mavlink.dialect import mavlink
+from mavlink_broker.vehicle.armed_period import LEFT_BY_OTHERS
+from tests.support.broker_world import FAMILIES, FINISHED, GENERIC
+from tests.support.vehicle_script import (
+    ARDUPILOT,
+    COPTER_LAND,
+    COPTER_RETURN,
+    PX4,
+    PX4_HOLD,
+    PX4_LAND,
+    PX4_POSITION,
+    PX4_RETURN,
+    Script,
+)
+from tests.unit.mavlink_broker.test_landed_by_others import (
+    acknowledge,
+    at_its_waypoint,
+    hovering_after_its_mission,
+    on_its_way_home,
+)
+from tests.unit.mavlink_broker.test_pause_events import PAUSE, PAUSED_MODES, RESUME, answer, paused
+from tests.unit.mavlink_broker.test_stand_after_others import (
+    assert_that_the_next_mission_waits,
+    lands,
+    warning,
+)
+from tests.unit.mavlink_broker.test_takeover import orders
+
+LAND, RETURN_HOME = 1, 103
+SCRIPTS = {"px4": PX4, "ardupilot": ARDUPILOT}
+
+
+@pytest.mark.parametrize("is_restarted", [False, True])
+@pytest.mark.parametrize("family", SCRIPTS)
+def test_no_event_resumes_what_a_station_holds(
+    family: str, tmp_path: Path, *, is_restarted: bool
+) -> None:
+    """The station has taken a vehicle that an event had paused, and leaves it in that mode."""
+    world = paused(SCRIPTS[family], tmp_path)
+    vehicle = world.only_vehicle
+    acknowledge(vehicle, mavlink.MAV_CMD_DO_SET_MODE)
+    vehicle.set_mode(PAUSED_MODES[family])
+    vehicle.heartbeat()
+    world.run(3.0)
+    if is_restarted:
+        world.restart_broker()
+        world.run(8.0)
+    since = len(vehicle.frames)
+    event = world.edge.event(RESUME)
+    world.run(3.0)
+    assert answer(world, event) == (
+        "refused",
+        "system 255 has paused or moved the vehicle meanwhile",
+    )
+    assert orders(vehicle, since) == []
+
+
+def test_an_event_that_pauses_what_a_station_has_paused_does_not_make_it_the_brokers() -> None:
+    world = at_its_waypoint(PX4)
+    vehicle = world.only_vehicle
+    vehicle.set_mode(PX4_HOLD)
+    acknowledge(vehicle, mavlink.MAV_CMD_DO_SET_MODE)
+    vehicle.heartbeat()
+    world.run(3.0)
+    since = len(vehicle.frames)
+    for number in (PAUSE, RESUME):
+        event = world.edge.event(number)
+        world.run(3.0)
+        assert answer(world, event)[0] == "refused"
+    assert orders(vehicle, since) == []
+
+
+@FAMILIES
+def test_who_disarms_one_that_hovers_for_the_broker_has_it(script: Script) -> None:
+    world = hovering_after_its_mission(script)
+    lands(world.only_vehicle)
+    world.run(1.0)
+    assert_that_the_next_mission_waits(world)
+
+
+@FAMILIES
+def test_so_has_who_disarms_one_in_the_middle_of_its_items(script: Script) -> None:
+    world = at_its_waypoint(script)
+    lands(world.only_vehicle)
+    world.run(1.0)
+    assert_that_the_next_mission_waits(world)
+    assert world.edge.status(1201) == Status.FAILED
+
+
+@pytest.mark.parametrize("is_restarted", [False, True])
+@pytest.mark.parametrize("script", [PX4, ARDUPILOT], ids=["px4", "ardupilot"])
+def test_a_mission_that_a_station_disarms_on_its_last_leg_is_not_finished(
+    script: Script, tmp_path: Path, *, is_restarted: bool
+) -> None:
+    world = on_its_way_home(script, tmp_path)
+    vehicle = world.only_vehicle
+    acknowledge(vehicle, mavlink.MAV_CMD_COMPONENT_ARM_DISARM)
+    world.run(0.4)
+    lands(vehicle)
+    world.run(0.4)
+    if is_restarted:
+        world.restart_broker()
+    assert_that_the_next_mission_waits(world)
+    assert world.edge.status(1201) == Status.FAILED
+    if is_restarted:
+        world.restart_broker()
+    world.run_until_over(1202)
+    assert world.edge.statuses(1202) == FINISHED
+
+
+@pytest.mark.parametrize("event", [LAND, RETURN_HOME])
+@pytest.mark.parametrize("delay_s", [1.0, 5.0, 12.0])
+def test_a_pilot_who_takes_an_unknown_autopilot_behind_an_abort_has_it(
+    event: int, delay_s: float
+) -> None:
+    world = at_its_waypoint(dataclasses.replace(GENERIC, landing_s=600.0))
+    vehicle = world.only_vehicle
+    world.edge.event(event)
+    world.run_until(lambda: world.edge.status(1201) == Status.ABORTED)
+    world.run(delay_s)
+    vehicle.steer(PX4_POSITION)
+    world.run(4.0)
+    lands(vehicle)
+    assert_that_the_next_mission_waits(world)
+
+
+@pytest.mark.parametrize("event", [LAND, RETURN_HOME])
+def test_an_unknown_autopilot_that_an_abort_lands_needs_not_stand(event: int) -> None:
+    world = at_its_waypoint(dataclasses.replace(GENERIC, landing_s=600.0))
+    world.edge.event(event)
+    world.run_until(lambda: world.edge.status(1201) == Status.ABORTED)
+    world.run(20.0)
+    lands(world.only_vehicle)
+    world.run(2.0)
+    assert LEFT_BY_OTHERS not in warning(world)
+
+
+@pytest.mark.parametrize(
+    ("script", "event", "mode"),
+    [
+        *((PX4, LAND, PX4_RETURN), (PX4, RETURN_HOME, PX4_LAND)),
+        *((ARDUPILOT, LAND, COPTER_RETURN), (ARDUPILOT, RETURN_HOME, COPTER_LAND)),
+    ],
+    ids=["px4-rtl", "px4-land", "copter-rtl", "copter-land"],
+)
+def test_who_changes_the_way_it_comes_down_within_seconds_has_it(
+    script: Script, event: int, mode: int
+) -> None:
+    world = at_its_waypoint(dataclasses.replace(script, landing_s=600.0))
+    vehicle = world.only_vehicle
+    world.edge.event(event)
+    world.run_until(lambda: world.edge.status(1201) == Status.ABORTED)
+    world.run(1.5)
+    vehicle.set_mode(mode)
+    vehicle.heartbeat()
+    world.run(6.0)
+    lands(vehicle)
+    assert_that_the_next_mission_waits(world)
+
+
+def test_one_that_is_sent_home_and_then_to_the_ground_is_the_brokers() -> None:
+    world = at_its_waypoint(dataclasses.replace(PX4, landing_s=30.0))
+    vehicle = world.only_vehicle
+    world.edge.event(RETURN_HOME)
+    world.run(1.0)
+    world.edge.event(LAND)
+    world.run_until(lambda: not vehicle.armed, within_s=100.0)
+    world.run(2.0)
+    assert LEFT_BY_OTHERS not in warning(world)
