@@ -220,6 +220,8 @@ def _has_wrapped(newest_ms: int, time_boot_ms: int) -> bool:
 
 SEQUENCE_GAP_S: Final = 0.5
 """After such a gap the numbers prove nothing: the vehicle may have counted round or restarted."""
+COPIED_WITHIN_S: Final = 3.0
+"""So late may the network repeat a frame; one of a restarted vehicle may be the same later."""
 _SEQUENCE_MODULUS: Final = 256
 BEHIND_IN_A_ROW: Final = 10
 """So many frames in a row behind the newest one are not late: the numbers begin anew.
@@ -240,16 +242,22 @@ class StateOrder:
         self._position = 0  # The same, counted on
         self._behind = 0  # Frames in a row that were not newer
         self._newest: dict[str, int] = {}  # Position of the newest message of each of `STATES`
+        self._frames = [(-1, -math.inf)] * _SEQUENCE_MODULUS  # Checksum and time, by number
         self._received_at = -math.inf
 
     def is_overtaken(self, message: Message, now: float) -> bool:
         """Handle a frame; gives whether it is a state that is older than another of its kind."""
         number, half = message.get_seq(), _SEQUENCE_MODULUS // 2
         step = (number - self._number + half) % _SEQUENCE_MODULUS - half
-        self._behind = self._behind + 1 if step <= 0 else 0
-        if now - self._received_at > SEQUENCE_GAP_S or self._behind >= BEHIND_IN_A_ROW:
-            step, self._behind = 1, 0
-        position, self._received_at = self._position + step, now
+        before, before_at = self._frames[number]
+        is_copy = step <= 0 and message.get_crc() == before and now - before_at <= COPIED_WITHIN_S
+        if not is_copy:  # The network may repeat frames, also many in a row: they prove nothing
+            self._frames[number] = message.get_crc(), now
+            self._behind = self._behind + 1 if step <= 0 else 0
+            if now - self._received_at > SEQUENCE_GAP_S or self._behind >= BEHIND_IN_A_ROW:
+                step, self._behind = 1, 0
+            self._received_at = now
+        position = self._position + step
         if step > 0:
             self._number, self._position = number, position
         kind = message.get_type()

@@ -3,7 +3,7 @@
 import random
 
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from mavlink_broker.mavlink.codec import Decoder, Encoder
@@ -17,6 +17,7 @@ from mavlink_broker.microservices.command import (
 )
 from mavlink_broker.microservices.link_state import (
     BEHIND_IN_A_ROW,
+    COPIED_WITHIN_S,
     MAX_TIMEOUT_S,
     MIN_TIMEOUT_S,
     SEQUENCE_GAP_S,
@@ -243,6 +244,10 @@ def heartbeat(number: int) -> Message:
     return numbered(mavlink.MAVLink_heartbeat_message(2, 12, 0, 0, 4, 3), number)
 
 
+def in_mode(mode: int, number: int) -> Message:
+    return numbered(mavlink.MAVLink_heartbeat_message(2, 12, 0, mode, 4, 3), number)
+
+
 def other(number: int) -> Message:
     return numbered(mavlink.MAVLink_attitude_message(0, *[0.0] * 6), number)
 
@@ -282,12 +287,44 @@ def test_a_link_with_other_numbers_is_followed_after_few_frames(old: int, new: i
     """PX4 and ArduPilot number the frames of each link."""
     order = StateOrder()
     for count in range(20):
-        order.is_overtaken(heartbeat(old + count), 0.02 * count)
+        order.is_overtaken(in_mode(count, old + count), 0.02 * count)
     overtaken = [
-        order.is_overtaken(heartbeat(new + count), 0.4 + 0.02 * count) for count in range(200)
+        order.is_overtaken(in_mode(1000 + count, new + count), 0.4 + 0.02 * count)
+        for count in range(200)
     ]
     assert sum(overtaken) < BEHIND_IN_A_ROW
     assert not any(overtaken[BEHIND_IN_A_ROW:])
+
+
+def _telemetry(count: int) -> list[Message]:
+    """A heartbeat, then messages that change."""
+    attitudes = [mavlink.MAVLink_attitude_message(count, *[0.1 * one] * 6) for one in range(4)]
+    return [mavlink.MAVLink_heartbeat_message(2, 12, 0, 0, 4, 3), *attitudes]
+
+
+@given(
+    delay=st.integers(1, 80),
+    block=st.integers(1, 40),
+    pause_s=st.sampled_from([0.0, 0.2, 0.6, 1.0]),
+)
+def test_copies_of_frames_that_come_later_change_nothing(
+    delay: int, block: int, pause_s: float
+) -> None:
+    """However many come in a row, and however long nothing came before, within their time."""
+    assume((delay / block + 2) * (pause_s + 0.02 * block) < COPIED_WITHIN_S)
+    vehicle, order, now = Encoder(1, 1), StateOrder(), 0.0
+    frames = [vehicle.encode(one) for count in range(120) for one in _telemetry(count)]
+    sent = [(Decoder().decode(frame)[0], number) for number, frame in enumerate(frames)]
+    newest = -1
+    for first in range(0, len(sent), block):
+        late = sent[max(first - delay, 0) : max(first - delay + block, 0)]
+        for message, number in [*sent[first : first + block], *late]:
+            now += 0.01
+            is_overtaken = order.is_overtaken(message, now)
+            if message.get_type() == "HEARTBEAT":
+                assert is_overtaken == (number < newest)
+                newest = max(newest, number)
+        now += pause_s
 
 
 def test_a_frame_that_arrives_twice_counts_once_more() -> None:
