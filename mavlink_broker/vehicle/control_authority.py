@@ -43,6 +43,9 @@ _ORDERED_MODES: Final = _HOLDING_MODES | {ModeRole.ENDING}
 _RESUMING_COMMANDS: Final = frozenset(
     {mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_CMD_DO_PAUSE_CONTINUE}
 )
+_LANDING_COMMANDS: Final = frozenset(
+    {mavlink.MAV_CMD_NAV_LAND, mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH}
+)
 _TAKEOVER_COMMANDS: Final = frozenset(
     {
         mavlink.MAV_CMD_DO_SET_MODE,
@@ -52,8 +55,7 @@ _TAKEOVER_COMMANDS: Final = frozenset(
         mavlink.MAV_CMD_DO_ORBIT,
         mavlink.MAV_CMD_DO_FOLLOW,
         mavlink.MAV_CMD_NAV_LOITER_UNLIM,
-        mavlink.MAV_CMD_NAV_LAND,
-        mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH,
+        *_LANDING_COMMANDS,
     }
 )
 
@@ -88,6 +90,7 @@ class ObservedMode(NamedTuple):
     in_failsafe: bool = False
     is_manual: bool = False  # By the standard bits, of an autopilot whose modes are not known
     ordered: "ForeignOrder | None" = None  # What another system has ordered since
+    is_known: bool = True  # Else neither mode nor role says what it does
 
 
 class ForeignOrder(NamedTuple):
@@ -116,7 +119,8 @@ def authority_of(seen: ObservedMode, claim: Claim) -> Authority:
     if not seen.armed:
         return Authority.BROKER
     is_ours = (seen.role in claim.roles and not seen.is_manual) or seen.mode == claim.mode
-    is_ours &= not (_is_ordered_by_another(seen) and (claim.is_exclusive or _comes_down(seen)))
+    is_decisive = claim.is_exclusive or _comes_down(seen) or not seen.is_known
+    is_ours &= not (_is_ordered_by_another(seen) and is_decisive)
     if claim.may_be_armed and is_ours:
         return Authority.BROKER
     return Authority.FAILSAFE if seen.in_failsafe else Authority.OTHERS
@@ -124,10 +128,13 @@ def authority_of(seen: ObservedMode, claim: Claim) -> Authority:
 
 def _is_ordered_by_another(seen: ObservedMode) -> bool:
     """Whether another system has ordered the mode that a vehicle shows."""
-    return seen.ordered is not None and (seen.role in _WAITING_MODES or _comes_down(seen))
+    shows_it = seen.role in _WAITING_MODES or _comes_down(seen) or not seen.is_known
+    return seen.ordered is not None and shows_it
 
 
 def _comes_down(seen: ObservedMode) -> bool:
+    if not seen.is_known:
+        return seen.ordered is not None and seen.ordered.command in _LANDING_COMMANDS
     return seen.role is ModeRole.ENDING
 
 
@@ -204,7 +211,6 @@ class OwnDescent:
         is_down: bool,
         now: float,
         time_s: float | None = None,
-        knows_modes: bool = True,
     ) -> None:
         """End it with the landing, with any other mode, or if the vehicle does not begin it.
 
@@ -224,14 +230,14 @@ class OwnDescent:
         is_new = now - self._ordered_at <= ORDERED_MODE_WITHIN_S
         if not seen.armed or is_down:
             self.end()
-        elif seen.ordered is not None and seen.role is ModeRole.ENDING:
+        elif seen.ordered is not None and (seen.role is ModeRole.ENDING or not seen.is_known):
             self._is_ordered = False  # By another system, behind the broker's order
         elif is_new and seen.role is ModeRole.ENDING:
             # The first heartbeats may still show the mode of before
             is_another = self._mode not in {None, self.mode_before_order, seen.mode}
             self._mode, self._is_ordered = seen.mode, not is_another
         elif not is_new:
-            self._is_ordered = seen.mode == self._mode if knows_modes else not seen.is_manual
+            self._is_ordered = seen.mode == self._mode if seen.is_known else not seen.is_manual
 
 
 HOVERS_WITHIN_M: Final = 30.0
@@ -381,22 +387,29 @@ class ForeignOrderMonitor:
             self.order = ForeignOrder(*self._noted, now)
         self._noted = None
 
-    def accept(self, order: ForeignOrder, now: float) -> None:
+    def accept(self, order: ForeignOrder, now: float, *, knows_modes: bool) -> None:
         """Note an order, if it makes a vehicle hold, go or come down.
 
-        One whose mode was shown before its acknowledgement is carried out by now.
+        One whose mode was shown before its acknowledgement is carried out by now. Where modes are
+        not known, one that may resume a mission ends the order before it.
         """
+        if not knows_modes and order.command in _RESUMING_COMMANDS:
+            self.order = None
+            return
         was_shown = now - self._resumed_at <= ACKNOWLEDGED_MODE_WITHIN_S
         is_resumption = order.command in _RESUMING_COMMANDS and self._role not in _ORDERED_MODES
         if order.command in _TAKEOVER_COMMANDS and not (is_resumption and was_shown):
             self.order = order
 
-    def update(self, role: ModeRole, now: float, *, armed: bool) -> None:
-        """Follow a heartbeat.
+    def update(self, role: ModeRole, now: float, *, armed: bool, knows_modes: bool) -> None:
+        """Follow a heartbeat; where modes are not known, an order holds until the landing.
 
         A vehicle that waited and waits no more has left the order's mode at once: the order resumed
         the mission. One that comes down later than an order shows does so for another reason.
         """
+        if not knows_modes:
+            self.order = self.order if armed else None
+            return
         before, self._role = self._role, role
         self._find_noted(now)
         waited, waits = before in _ORDERED_MODES, role in _ORDERED_MODES

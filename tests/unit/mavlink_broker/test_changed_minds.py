@@ -132,6 +132,55 @@ def test_a_pilot_who_takes_an_unknown_autopilot_behind_an_abort_has_it(
     assert_that_the_next_mission_waits(world)
 
 
+STATIONS_ORDERS = [
+    mavlink.MAV_CMD_NAV_LAND,
+    mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH,
+    mavlink.MAV_CMD_DO_REPOSITION,
+]
+
+
+@pytest.mark.parametrize("command", STATIONS_ORDERS)
+@pytest.mark.parametrize("is_on_last_leg", [False, True], ids=["items", "return"])
+def test_a_station_that_orders_an_unknown_autopilot_has_it(
+    command: int, *, is_on_last_leg: bool
+) -> None:
+    world = (on_its_way_home if is_on_last_leg else at_its_waypoint)(GENERIC)
+    vehicle = world.only_vehicle
+    acknowledge(vehicle, command)
+    since = len(vehicle.frames)
+    world.run(8.0)
+    assert world.edge.status(1201) == Status.FAILED
+    event = world.edge.event(RETURN_HOME)
+    world.run(3.0)
+    assert answer(world, event)[0] == "refused"
+    assert orders(vehicle, since) == []
+    lands(vehicle)
+    assert_that_the_next_mission_waits(world)
+
+
+@pytest.mark.parametrize("command", STATIONS_ORDERS)
+def test_so_has_one_that_orders_it_behind_an_abort(command: int) -> None:
+    world = at_its_waypoint(dataclasses.replace(GENERIC, landing_s=600.0))
+    vehicle = world.only_vehicle
+    world.edge.event(RETURN_HOME)
+    world.run_until(lambda: world.edge.status(1201) == Status.ABORTED)
+    world.run(6.0)
+    acknowledge(vehicle, command)
+    world.run(6.0)
+    lands(vehicle)
+    assert_that_the_next_mission_waits(world)
+
+
+def test_a_station_that_resumes_the_mission_of_an_unknown_autopilot_gives_it_back() -> None:
+    world = at_its_waypoint(GENERIC)
+    vehicle = world.only_vehicle
+    acknowledge(vehicle, mavlink.MAV_CMD_DO_REPOSITION)
+    world.run(2.0)
+    acknowledge(vehicle, mavlink.MAV_CMD_DO_SET_MODE)
+    world.run(10.0)
+    assert world.edge.status(1201) == Status.RUNNING
+
+
 @pytest.mark.parametrize("event", [LAND, RETURN_HOME])
 def test_an_unknown_autopilot_that_an_abort_lands_needs_not_stand(event: int) -> None:
     world = at_its_waypoint(dataclasses.replace(GENERIC, landing_s=600.0))
