@@ -81,6 +81,11 @@ EXTERNAL_FORCE_FRD_LBS: Final = (
     "forces/fby-external-lbs",
     "forces/fbz-external-lbs",
 )
+TOTAL_FORCE_FRD_LBS: Final = (
+    "forces/fbx-total-lbs",
+    "forces/fby-total-lbs",
+    "forces/fbz-total-lbs",
+)
 MASS_SLUGS: Final = "inertia/mass-slugs"
 TRUE_AIRSPEED_FPS: Final = "velocities/vt-fps"
 PRESSURE_PSF: Final = "atmosphere/P-psf"

@@ -5,7 +5,7 @@ Uses the property tree but not JSBSim itself: it is given a function that finds 
 
 import math
 from collections.abc import Callable
-from typing import TypeAlias
+from typing import Final, TypeAlias
 
 from sim.physics import properties
 from sim.physics.truth import Motors, Truth, Vector3, quaternion_from_euler
@@ -22,13 +22,14 @@ Getter: TypeAlias = Callable[[], float]
 """Value of one property, in JSBSim's unit."""
 
 _ENGINES = range(4)
+_FEET_FREE_M: Final = 3.0  # Height of the centre of gravity at which no foot reaches the ground
 
 
 class StateReader:
     """Reads the state after a step. `find` gives the getter of a property path.
 
     Every property is looked up once, here: a bound getter costs 40 ns, and there are some
-    forty of them in a step.
+    thirty of them in a step.
     """
 
     def __init__(self, find: Callable[[str], Getter], *, ground_amsl_m: float) -> None:
@@ -55,6 +56,7 @@ class StateReader:
                 *properties.EXTERNAL_FORCE_FRD_LBS,
             )
         ]
+        self._total_force_lbs = [find(path) for path in properties.TOTAL_FORCE_FRD_LBS]
         self._rpm = [find(properties.ROTOR_SPEED_RPM.format(engine)) for engine in _ENGINES]
         self._current = [find(properties.MOTOR_CURRENT_A.format(engine)) for engine in _ENGINES]
         mass_kg = find(properties.MASS_SLUGS)() * KILOGRAMS_PER_SLUG
@@ -100,12 +102,13 @@ class StateReader:
         pi, qi, ri = self._inertial_rate
         rotor_1, rotor_2, rotor_3, rotor_4 = self._rpm
         altitude_m = self._altitude_ft() * METRES_PER_FOOT
+        height_m = altitude_m - self._ground_m
         return Truth(
             time_us,
             self._latitude_deg(),
             self._longitude_deg(),
             altitude_m,
-            altitude_m - self._ground_m,
+            height_m,
             (north() * METRES_PER_FOOT, east() * METRES_PER_FOOT, down() * METRES_PER_FOOT),
             quaternion_from_euler(roll, pitch, yaw),
             math.degrees(roll),
@@ -113,21 +116,25 @@ class StateReader:
             math.degrees(yaw),
             (p(), q(), r()),
             (pi(), qi(), ri()),
-            self._specific_force(),
+            self._specific_force(height_m),
             (rotor_1(), rotor_2(), rotor_3(), rotor_4()),
             self._airspeed_fps() * METRES_PER_FOOT,
             self._pressure_psf() * PASCALS_PER_PSF,
             celsius_from_rankine(self._temperature_r()),
         )
 
-    def _specific_force(self) -> Vector3:
+    def _specific_force(self, height_m: float) -> Vector3:
         """Everything but gravity that pushes the vehicle, over its mass [m/s^2, FRD].
 
         JSBSim's own accelerometer component lags this by one physics step, because it runs
-        before the forces of its step are known.
+        before the forces of its step are known. In the air its total is the sum of four parts,
+        to the last digit; with friction on the ground it adds them up in another order.
         """
-        ax, ay, az, px, py, pz, gx, gy, gz, ex, ey, ez = self._force_lbs
         scale = self._acceleration_per_pound
+        if height_m > _FEET_FREE_M:
+            x, y, z = self._total_force_lbs
+            return (x() * scale, y() * scale, z() * scale)
+        ax, ay, az, px, py, pz, gx, gy, gz, ex, ey, ez = self._force_lbs
         return (
             (ax() + px() + gx() + ex()) * scale,
             (ay() + py() + gy() + ey()) * scale,
