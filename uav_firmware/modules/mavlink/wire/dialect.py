@@ -65,6 +65,17 @@ class Parsed(NamedTuple):
 _parser = mavlink.MAVLink(None)
 
 
+def _x25(covered: bytes, _start: int) -> int:
+    """The checksum by pymavlink, where the library of checksums is not installed."""
+    checksum: int = mavlink.x25crc(covered).crc
+    return checksum
+
+
+_crc: Final[Callable[[bytes, int], int]] = mavlink.mcrf4xx or _x25
+"""CRC-16/MCRF4XX from a start value; pymavlink's own class costs three times as much."""
+_CRC_START: Final = 0xFFFF
+
+
 def register(message_class: type[Message]) -> type[Message]:
     """Add a message class that the shipped dialect lacks, or replace a shorter one."""
     mavlink.mavlink_map[message_class.id] = message_class
@@ -135,7 +146,7 @@ def frame(
         )
         + payload.body
     )
-    checksum: int = mavlink.x25crc(covered + bytes((payload.crc_extra,))).crc
+    checksum = _crc(covered + bytes((payload.crc_extra,)), _CRC_START)
     return b"\xfd" + covered + checksum.to_bytes(2, "little")
 
 
