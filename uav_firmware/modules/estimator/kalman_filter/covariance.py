@@ -24,9 +24,6 @@ Array = NDArray[np.float64]
 
 MOVED: Final = 9
 """Errors that a prediction moves: position, velocity and attitude, the first ones of the state."""
-MOVERS: Final = 15
-"""Errors that move them: these, and the biases of the inertial sensors."""
-
 _ZERO3: Final[Vector3] = (0.0, 0.0, 0.0)
 
 

@@ -12,7 +12,6 @@ import numpy as np
 
 from uav_firmware.modules.estimator.kalman_filter.covariance import (
     MOVED,
-    MOVERS,
     Array,
     Covariance,
     Measurement,
@@ -28,33 +27,31 @@ from uav_firmware.modules.estimator.kalman_filter.state import (
     VELOCITY,
 )
 
-
-def _block(moved: slice, movers: slice) -> list[int]:
-    """Places of a block of F, row by row, in its transpose, which has MOVED columns."""
-    return [
-        mover * MOVED + row
-        for row in range(moved.start, moved.stop)
-        for mover in range(movers.start, movers.stop)
-    ]
+_TERMS: Final = 7
+"""Errors of which the next value of one is made up, at most: entries in a row of F."""
 
 
-def _skew(block: list[int]) -> list[int]:
-    """Without the diagonal."""
-    return [place for at, place in enumerate(block) if at % 4 != 0]
+def _movers() -> list[list[int]]:
+    """Which they are, for each row in their order; a row that has fewer repeats its own error."""
+    rows = []
+    for axis in range(3):
+        position, velocity, tilt = POSITION.start + axis, VELOCITY.start + axis, ATTITUDE.start
+        turning = [tilt + other for other in range(3) if other != axis]
+        rows.append([position, velocity, *turning, *range(ACCEL_BIAS.start, ACCEL_BIAS.stop)])
+    for axis in range(3):
+        velocity, tilt = VELOCITY.start + axis, ATTITUDE.start
+        turning = [tilt + other for other in range(3) if other != axis]
+        rows.append([velocity, *turning, *range(ACCEL_BIAS.start, ACCEL_BIAS.stop)])
+    rows += [[ATTITUDE.start + axis, *range(GYRO_BIAS.start, GYRO_BIAS.stop)] for axis in range(3)]
+    return [row + row[:1] * (_TERMS - len(row)) for row in rows]
 
 
-_PLACES: Final = np.array(
-    [
-        *_block(POSITION, VELOCITY)[::4],  # Its diagonal
-        *_skew(_block(VELOCITY, ATTITUDE)),
-        *_skew(_block(POSITION, ATTITUDE)),
-        *_block(VELOCITY, ACCEL_BIAS),
-        *_block(POSITION, ACCEL_BIAS),
-        *_block(ATTITUDE, GYRO_BIAS),
-    ]
+_MOVERS: Final = np.array(_movers()).T.copy()
+"""The n-th error that moves each of the MOVED ones."""
+_UPPER: Final = np.array(
+    [[max(i, j) * MOVED + min(i, j) for j in range(MOVED)] for i in range(MOVED)]
 )
-"""Where F differs from the identity."""
-_BELOW: Final = np.tril(np.ones((MOVED, MOVED), dtype=np.bool_), -1)
+"""Where an entry of a symmetric block, or its mirror image, is in the transpose's lower half."""
 
 
 class ArrayCovariance(Covariance):
@@ -65,17 +62,18 @@ class ArrayCovariance(Covariance):
         self._matrix: Array = np.diag(np.array(sigmas) ** 2)
         self._variances = self._matrix.reshape(-1)[:: SIZE + 1]  # Its diagonal
         self._added = np.zeros(SIZE)
-        self._transition = np.eye(MOVERS, MOVED)
-        self._by_movers = self._transition[:, :, None]
-        self._by_rows = self._transition[:, None, :]
-        self._moving_rows = self._matrix[:MOVERS, None, :]
-        self._rows = np.empty((MOVED, SIZE))
-        self._row_movers = self._rows[:, :MOVERS].T[:, :, None]
-        self._block = np.empty((MOVED, MOVED))
-        self._first, self._second = (
-            np.empty((MOVERS, MOVED, SIZE)),
-            np.empty((MOVERS, MOVED, MOVED)),
+        self._moved_rows = self._matrix[:MOVED, MOVED:]
+        self._moved_columns = self._matrix[MOVED:, :MOVED]
+        self._moved_block = self._matrix[:MOVED, :MOVED]
+        self._gps_row, self._gps_column = (
+            self._matrix[GPS_HEIGHT_BIAS],
+            self._matrix[:, GPS_HEIGHT_BIAS],
         )
+        self._rows = np.empty((MOVED, SIZE))
+        self._beside = self._rows[:, MOVED:]
+        self._first = np.empty((_TERMS, MOVED, SIZE))
+        self._second = np.empty((_TERMS, MOVED, MOVED))
+        self._block = np.empty((MOVED, MOVED))
         self._products = np.empty((SIZE, SIZE))
         self._views: list[_View] = []
 
@@ -103,19 +101,20 @@ class ArrayCovariance(Covariance):
 
     def predict(self, transition: Transition) -> None:
         """F P F' + Q."""
-        self._transition.put(_PLACES, _couplings(transition))
-        matrix, rows, block = self._matrix, self._rows, self._block
         self._views.clear()
-        np.multiply(self._by_movers, self._moving_rows, self._first)
-        np.add.reduce(self._first, 0, None, out=rows)
-        np.multiply(self._row_movers, self._by_rows, self._second)
-        np.add.reduce(self._second, 0, None, out=block)
-        np.copyto(block, block.T.copy(), where=_BELOW)
-        matrix[:MOVED] = rows
-        matrix[:, :MOVED] = rows.T
-        matrix[:MOVED, :MOVED] = block
-        matrix[GPS_HEIGHT_BIAS] *= transition.kept
-        matrix[:, GPS_HEIGHT_BIAS] *= transition.kept
+        factors = np.array(_factors(transition))
+        rows, block, first, second = self._rows, self._block, self._first, self._second
+        self._matrix.take(_MOVERS, 0, first, "clip")
+        first *= factors.repeat(SIZE).reshape(first.shape)  # A broadcast takes twice as long
+        np.add.reduce(first, 0, None, out=rows)
+        rows.T.take(_MOVERS, 0, second, "clip")
+        second *= factors.repeat(MOVED).reshape(second.shape)
+        np.add.reduce(second, 0, None, out=block)
+        self._moved_rows[:] = self._beside
+        self._moved_columns[:] = self._beside.T
+        self._moved_block[:] = block.take(_UPPER)
+        np.multiply(self._gps_row, transition.kept, self._gps_row)
+        np.multiply(self._gps_column, transition.kept, self._gps_column)
         self._variances += self._added
 
     def expected(self, row: tuple[float, ...]) -> float:
@@ -128,7 +127,8 @@ class ArrayCovariance(Covariance):
             if view.row is row:
                 return view
         across = np.array(row)
-        np.multiply(self._matrix, across[:, None], self._products)
+        # Spread over a matrix: numpy takes half as long again to broadcast a column
+        np.multiply(self._matrix, across.repeat(SIZE).reshape(SIZE, SIZE), self._products)
         shared: Array = np.add.reduce(self._products, 0)
         view = _View(row, across, shared, _dot(across, shared))
         self._views.append(view)
@@ -136,19 +136,25 @@ class ArrayCovariance(Covariance):
 
     def fuse(self, measurements: Sequence[Measurement]) -> list[float]:
         """Take in one scalar after the other."""
-        matrix, error = self._matrix, np.zeros(SIZE)
+        matrix = self._matrix
+        error: Array | None = None  # Found by the measurements before
         for measurement in measurements:
             view = self._view(measurement.jacobian)
-            across, shared = view.across, view.shared
+            shared, innovation = view.shared, measurement.innovation
             square = view.variance + measurement.variance
             if not square > 0.0:
                 continue
             size = math.sqrt(square)
             shared /= size
-            error += shared * ((measurement.innovation - _dot(across, error)) / size)
+            if error is None:
+                error = shared * (innovation / size)
+            else:
+                error += shared * ((innovation - _dot(view.across, error)) / size)
             np.multiply(shared[:, None], shared, self._products)
             np.subtract(matrix, self._products, matrix)
             self._views.clear()
+        if error is None:
+            return [0.0] * SIZE
         errors: list[float] = error.tolist()
         return errors
 
@@ -171,8 +177,8 @@ class _View:
         self.variance: Final = variance
 
 
-def _couplings(transition: Transition) -> list[float]:
-    """Entries of F in the order of `_PLACES`."""
+def _factors(transition: Transition) -> list[float]:
+    """Entries of F in the order of `_MOVERS`."""
     elapsed, (ix, iy, iz) = transition.elapsed, transition.impulse_ned
     (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = transition.rotation
     xx, xy, xz = -elapsed * xx, -elapsed * xy, -elapsed * xz
@@ -181,14 +187,13 @@ def _couplings(transition: Transition) -> list[float]:
     half = 0.5 * elapsed
     jx, jy, jz = half * ix, half * iy, half * iz
     return [
-        *(elapsed, elapsed, elapsed),
-        *(iz, -iy, -iz, ix, iy, -ix),
-        *(jz, -jy, -jz, jx, jy, -jx),
-        *(xx, xy, xz, yx, yy, yz, zx, zy, zz),
-        *(half * xx, half * xy, half * xz),
-        *(half * yx, half * yy, half * yz),
-        *(half * zx, half * zy, half * zz),
-        *(xx, xy, xz, yx, yy, yz, zx, zy, zz),
+        *(1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0),
+        *(elapsed, elapsed, elapsed, iz, -iz, iy, xx, yx, zx),
+        *(jz, -jz, jy, -iy, ix, -ix, xy, yy, zy),
+        *(-jy, jx, -jx, xx, yx, zx, xz, yz, zz),
+        *(half * xx, half * yx, half * zx, xy, yy, zy, 0.0, 0.0, 0.0),
+        *(half * xy, half * yy, half * zy, xz, yz, zz, 0.0, 0.0, 0.0),
+        *(half * xz, half * yz, half * zz, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
     ]
 
 
