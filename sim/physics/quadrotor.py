@@ -215,8 +215,8 @@ class Quadrotor:
         one, two, three, four = self._state.motor_currents_a()
         duty_1, duty_2, duty_3, duty_4 = self._motors
         # The usual case first: min and max cost more than all the rest.
-        lowest, highest = min(self._motors), max(self._motors)
-        if lowest < 0.0 or highest > 1.0:
+        usual = 0.0 <= duty_1 <= 1.0 and 0.0 <= duty_2 <= 1.0
+        if not (usual and 0.0 <= duty_3 <= 1.0 and 0.0 <= duty_4 <= 1.0):
             duty_1, duty_2 = min(max(duty_1, 0.0), 1.0), min(max(duty_2, 0.0), 1.0)
             duty_3, duty_4 = min(max(duty_3, 0.0), 1.0), min(max(duty_4, 0.0), 1.0)
         return (duty_1 * one, duty_2 * two, duty_3 * three, duty_4 * four)

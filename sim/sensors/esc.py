@@ -48,6 +48,6 @@ class EscTelemetry:
         two += sigma * next(normals)
         three += sigma * next(normals)
         four += sigma * next(normals)
-        if min(one, two, three, four) >= 0.0:  # The usual case
+        if one >= 0.0 and two >= 0.0 and three >= 0.0 and four >= 0.0:  # The usual case
             return (one, two, three, four)
         return (max(0.0, one), max(0.0, two), max(0.0, three), max(0.0, four))

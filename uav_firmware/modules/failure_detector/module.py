@@ -284,7 +284,10 @@ class FailureDetectorModule:
 
 def _is_complete(esc: SensorEsc | None) -> bool:
     """Whether each speed controller reports a speed."""
-    return esc is not None and math.isfinite(sum(esc.rotor_rpm))
+    if esc is None:
+        return False
+    one, two, three, four = esc.rotor_rpm
+    return math.isfinite(one + two + three + four)
 
 
 def _limits(params: FailureDetectorParams) -> MotorLimits:

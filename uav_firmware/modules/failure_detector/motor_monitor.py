@@ -119,7 +119,10 @@ class MotorMonitor:
     def _judge_all(self, command: Motors, speed_rpm: Motors, dt: float) -> None:
         """Rotors that are all somewhat slow have lost their drive, not their grip."""
         limits = self.limits
-        slow = sum(speed_rpm) < limits.weak_share * sum(self._bounds)
+        one, two, three, four = speed_rpm
+        bound_1, bound_2, bound_3, bound_4 = self._bounds
+        usual = bound_1 + bound_2 + bound_3 + bound_4
+        slow = one + two + three + four < limits.weak_share * usual
         self._weak_s = self._weak_s + dt if slow and not self.failed else 0.0
         if self._weak_s >= limits.weak_time_s and min(command) >= limits.least_command:
             self.weak = True
