@@ -92,6 +92,11 @@ class ObservedMode(NamedTuple):
     ordered: "ForeignOrder | None" = None  # What another system has ordered since
     is_known: bool = True  # Else neither mode nor role says what it does
 
+    @property
+    def may_be_others(self) -> bool:
+        """Whether it can show that somebody else flies the vehicle: where nothing is known, not."""
+        return self.is_known or self.is_manual or self.ordered is not None
+
 
 class ForeignOrder(NamedTuple):
     """An order that the vehicle has accepted from another system."""
@@ -401,15 +406,16 @@ class ForeignOrderMonitor:
         if order.command in _TAKEOVER_COMMANDS and not (is_resumption and was_shown):
             self.order = order
 
-    def update(self, role: ModeRole, now: float, *, armed: bool, knows_modes: bool) -> None:
+    def update(self, seen: ObservedMode, now: float) -> None:
         """Follow a heartbeat; where modes are not known, an order holds until the landing.
 
         A vehicle that waited and waits no more has left the order's mode at once: the order resumed
         the mission. One that comes down later than an order shows does so for another reason.
         """
-        if not knows_modes:
-            self.order = self.order if armed else None
+        if not seen.is_known:
+            self.order = self.order if seen.armed else None
             return
+        role = seen.role
         before, self._role = self._role, role
         self._find_noted(now)
         waited, waits = before in _ORDERED_MODES, role in _ORDERED_MODES
@@ -420,7 +426,7 @@ class ForeignOrderMonitor:
         age_s = now - self.order.at
         is_left = not waits and (waited or age_s > ACKNOWLEDGED_MODE_WITHIN_S)
         begins_to_descend = role is ModeRole.ENDING and before is not ModeRole.ENDING
-        if not armed or is_left or (begins_to_descend and age_s > ORDERED_MODE_WITHIN_S):
+        if not seen.armed or is_left or (begins_to_descend and age_s > ORDERED_MODE_WITHIN_S):
             self.order = None
 
 

@@ -181,8 +181,7 @@ class Vehicle:
         elif order is not None:
             orders.accept(order, now, knows_modes=self.family.knows_modes)
         if message.get_type() == "HEARTBEAT":
-            is_armed, knows_modes = bool(self.snapshot.armed), self.family.knows_modes
-            orders.update(self.mode_role, now, armed=is_armed, knows_modes=knows_modes)
+            orders.update(self.observed_mode, now)
 
     @property
     def foreign_order(self) -> ForeignOrder | None:
@@ -256,15 +255,10 @@ class Vehicle:
         )
         if descent.is_flown or (sought_mode is not None and sought_mode == self.flown_mode.mode):
             self.armed_period.claim()
-        elif was_flown and (self.family.knows_modes or self._shows_others):
+        elif was_flown and self.flown_mode.may_be_others:
             self.armed_period.lose()  # Without effect on one that has landed
             if self.flown_mode.role is ModeRole.OTHER:
                 self.armed_period.end_by_others(now)  # Without effect on one that is armed
-
-    @property
-    def _shows_others(self) -> bool:
-        """Whether one whose modes are not known shows that somebody else flies it."""
-        return self.flown_mode.is_manual or self.flown_mode.ordered is not None
 
     def _observe_foreign_landing(self, now: float, *, is_ordered: bool) -> None:
         """Find whether one that was disarmed was not landed by the broker's order.
