@@ -155,9 +155,11 @@ def test_processes_that_cannot_be_started_now_are_started_later(
     assert "serve cannot be started now (no process can be made)" in caplog.text
 
 
-def test_a_failure_of_the_supervisor_ends_its_processes(run: Callable[[Machine], int]) -> None:
+def test_a_failure_of_the_supervisor_ends_its_processes(
+    run: Callable[[Machine], int], monkeypatch: pytest.MonkeyPatch
+) -> None:
     machine = Machine({"serve": [RUNS], "relay": [FAILED]})
-    machine.sleep = _fail_at(machine, 3.0)  # type: ignore[method-assign]
+    monkeypatch.setattr(machine, "sleep", _fail_at(machine, 3.0))
     with pytest.raises(MemoryError):
         run(machine)
     assert machine.ended == ["serve"]
