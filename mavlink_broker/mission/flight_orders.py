@@ -220,6 +220,8 @@ class PauseOrders:
         vehicle = self._vehicle
         vehicle.recovery.paused = self._mission  # Before the vehicle can hold
         vehicle.forget_foreign_order()
+        if self._pauses:
+            vehicle.note_pause_order(now)
         self._sequence = vehicle.sequence(alternatives)
         effects.messages += self._sequence.start(now)
 

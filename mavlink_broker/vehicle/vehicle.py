@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from mavlink_broker.autopilots.families import GENERIC, Family, family_of
-from mavlink_broker.autopilots.flight_modes import ModeRole
+from mavlink_broker.autopilots.flight_modes import ModeRole, OwnPause
 from mavlink_broker.autopilots.status_texts import StatusTexts
 from mavlink_broker.mavlink.components import is_vehicle
 from mavlink_broker.mavlink.dialect import Message, Route, mavlink
@@ -70,6 +70,7 @@ class Vehicle:
     warning: str | None = None  # For an operator: link, dead letters, internal errors
     identity_requests: int = 0  # How often it has had to show again which one it is
     duplicate: str | None = None  # Another vehicle with its system id, which is received too
+    _own_pause: OwnPause = field(default_factory=OwnPause)
     _mission_overrides: tuple[ParameterOverride, ...] = ()
     _shows_manual: bool = False  # Its heartbeats show by standard bits who steers it
     _received_at: dict[str, float] = field(default_factory=dict)
@@ -127,6 +128,7 @@ class Vehicle:
     def _follow_arming(self, kind: str, now: float) -> None:
         if kind != "HEARTBEAT":
             return
+        self._own_pause.update(self.mode, now)
         recovery, period = self.recovery, self.armed_period
         if self.snapshot.armed and period.is_armed is False:
             recovery.armed_s = self.snapshot.time_s
@@ -202,6 +204,10 @@ class Vehicle:
     def armed_period(self) -> ArmedPeriod:
         """Who has it in the newest period in which it was armed."""
         return self.recovery.armed_period
+
+    def note_pause_order(self, now: float) -> None:
+        """Note that the broker has ordered it to hold."""
+        self._own_pause.order(self.family.paused_mode, now)
 
     def note_arming_order(self, now: float) -> None:
         """Note that the broker has ordered it to arm."""
@@ -385,7 +391,8 @@ class Vehicle:
     @property
     def mode_role(self) -> ModeRole:
         """What its flight mode means to a mission."""
-        return self.family.mode_role(self.mode)
+        holds = self._own_pause.holds_in(self.mode)
+        return ModeRole.HOLD if holds else self.family.mode_role(self.mode)
 
     @property
     def observed_mode(self) -> ObservedMode:

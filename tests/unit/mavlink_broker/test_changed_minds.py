@@ -8,7 +8,15 @@ import pytest
 from afarcloud.enumerations import Status
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.vehicle.armed_period import LEFT_BY_OTHERS
-from tests.support.broker_world import FAMILIES, FINISHED, GENERIC
+from tests.support.broker_world import (
+    FAMILIES,
+    FINISHED,
+    GENERIC,
+    World,
+    mission,
+    takeoff,
+    waypoint,
+)
 from tests.support.vehicle_script import (
     ARDUPILOT,
     COPTER_LAND,
@@ -223,4 +231,44 @@ def test_one_that_is_sent_home_and_then_to_the_ground_is_the_brokers() -> None:
     world.edge.event(LAND)
     world.run_until(lambda: not vehicle.armed, within_s=100.0)
     world.run(2.0)
+    assert LEFT_BY_OTHERS not in warning(world)
+
+
+@pytest.mark.parametrize("after_s", [5.6, 5.8, 6.0, 6.2, 6.4])
+@pytest.mark.parametrize("family", SCRIPTS)
+def test_a_pause_that_the_end_of_the_mission_overtakes_is_the_brokers(
+    family: str, after_s: float
+) -> None:
+    """ArduPilot holds in a mode then that the broker orders for a pause alone."""
+    world = World()
+    script = dataclasses.replace(SCRIPTS[family], item_time_s=6.0, landing_s=8.0)
+    vehicle = world.add_vehicle(script=script)
+    world.edge.plan(mission(takeoff(1), waypoint(2)))
+    world.run_until(lambda: vehicle.airborne and world.edge.statuses(1201)[-1:] == [Status.RUNNING])
+    world.run(after_s)
+    world.edge.event(PAUSE)
+    world.run(6.0)
+    event = world.edge.event(LAND)
+    world.run(20.0)
+    assert answer(world, event) == ("done", None)
+    assert not vehicle.armed
+
+
+@pytest.mark.parametrize("event", [LAND, RETURN_HOME])
+@pytest.mark.parametrize("delay_s", [0.2, 0.4])
+@pytest.mark.parametrize("family", SCRIPTS)
+def test_an_abort_replaces_a_pause_that_came_with_a_restarted_broker(
+    family: str, delay_s: float, event: int, tmp_path: Path
+) -> None:
+    world = at_its_waypoint(dataclasses.replace(SCRIPTS[family], landing_s=8.0), tmp_path)
+    vehicle = world.only_vehicle
+    world.kill_broker()
+    world.run(2.0)
+    world.restart_broker()
+    world.edge.event(PAUSE)
+    world.run(delay_s)
+    abort = world.edge.event(event)
+    world.run_until(lambda: not vehicle.armed, within_s=60.0)
+    world.run(2.0)
+    assert answer(world, abort) == ("done", None)
     assert LEFT_BY_OTHERS not in warning(world)
