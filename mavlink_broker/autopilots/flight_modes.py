@@ -3,7 +3,6 @@
 Sources: PX4's `px4_custom_mode.h`, ArduCopter's `mode.h`.
 """
 
-import math
 from collections.abc import Mapping
 from enum import Enum, auto
 from functools import lru_cache
@@ -128,29 +127,3 @@ COPTER_ROLES: Final[Mapping[str, ModeRole]] = {
     "AUTO_RTL": ModeRole.ENDING,
     "LAND": ModeRole.ENDING,
 }
-
-
-PAUSED_MODE_WITHIN_S: Final = 3.0
-"""A heartbeat shows the mode of a pause that was ordered: at 1 Hz, and one may be lost."""
-
-
-class OwnPause:
-    """Whether a vehicle holds in a mode because the broker has paused it."""
-
-    def __init__(self) -> None:
-        self._mode: str | None = None
-        self._ordered_at = -math.inf
-        self._is_held = False
-
-    def order(self, mode: str | None, now: float) -> None:
-        """Note that the broker orders the vehicle into a mode in which it holds."""
-        self._mode, self._ordered_at, self._is_held = mode, now, False
-
-    def update(self, mode: str, now: float) -> None:
-        """Follow a heartbeat: it shows that mode soon after the order, and until it leaves it."""
-        is_new = now - self._ordered_at <= PAUSED_MODE_WITHIN_S
-        self._is_held = mode == self._mode and (is_new or self._is_held)
-
-    def holds_in(self, mode: str) -> bool:
-        """Whether it holds in this mode by order of the broker."""
-        return self._is_held and mode == self._mode

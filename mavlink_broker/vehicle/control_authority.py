@@ -157,6 +157,28 @@ def reason(who: Authority, seen: ObservedMode) -> str:
     return f"the vehicle left the mission: mode {seen.mode}: {whose}"
 
 
+class OwnPause:
+    """Whether a vehicle holds in a mode because the broker has paused it."""
+
+    def __init__(self) -> None:
+        self._mode: str | None = None
+        self._ordered_at = -math.inf
+        self._is_held = False
+
+    def order(self, mode: str | None, now: float) -> None:
+        """Note that the broker orders the vehicle into a mode in which it holds."""
+        self._mode, self._ordered_at, self._is_held = mode, now, False
+
+    def update(self, mode: str, now: float) -> None:
+        """Follow a heartbeat: it shows that mode soon after the order, and until it leaves it."""
+        is_new = now - self._ordered_at <= ORDERED_MODE_WITHIN_S
+        self._is_held = mode == self._mode and (is_new or self._is_held)
+
+    def holds_in(self, mode: str) -> bool:
+        """Whether it holds in this mode by order of the broker."""
+        return self._is_held and mode == self._mode
+
+
 LONGEST_DESCENT_S: Final = 900.0
 """A return that began longer ago is not taken for that of an earlier run of the broker."""
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from mavlink_broker.autopilots.families import GENERIC, Family, family_of
-from mavlink_broker.autopilots.flight_modes import ModeRole, OwnPause
+from mavlink_broker.autopilots.flight_modes import ModeRole
 from mavlink_broker.autopilots.status_texts import StatusTexts
 from mavlink_broker.mavlink.components import is_vehicle
 from mavlink_broker.mavlink.dialect import Message, Route, mavlink
@@ -26,6 +26,7 @@ from mavlink_broker.vehicle.control_authority import (
     ForeignOrder,
     ObservedMode,
     OwnDescent,
+    OwnPause,
     order_of_another,
 )
 from mavlink_broker.vehicle.measurements import MEASURED, Observations
