@@ -260,7 +260,7 @@ class AbortExecutor:
         """Give the first order."""
         self._descends_until = min(self._descends_until, now + LATE_ORDER_S)
         self._ordered_at = now
-        self._vehicle.own_descent.mode_before_order = self._vehicle.mode
+        self._vehicle.own_descent.order(self._vehicle.mode)
         return [] if self._is_taken(now) else self._executor.start(now)
 
     def receive(self, message: Message, now: float) -> list[Message]:

@@ -191,8 +191,7 @@ class OwnDescent:
         self._ordered_at: float | None = None  # None: since the last update
         self._mode: str | None = None  # None: the vehicle has not shown it yet
         self._mode_before = ""
-        self.mode_before_order: str | None = None
-        """The mode that the vehicle showed when the order was sent."""
+        self._mode_at_order: str | None = None
         self._sought: str | None = None  # That of an earlier run, until the vehicle is received
         self.began_s: float | None = None  # By the vehicle's clock since boot
 
@@ -220,9 +219,13 @@ class OwnDescent:
         is_before = self._is_ordered and self._mode is None and seen.mode == self._mode_before
         return seen.mode if is_before else None
 
+    def order(self, mode: str) -> None:
+        """Note which mode the vehicle shows when it is ordered to come down."""
+        self._mode_at_order = mode
+
     def begin(self, seen: ObservedMode, time_s: float | None) -> None:
         """Note that the vehicle has accepted the order, at a time of its clock."""
-        is_shown = seen.role is ModeRole.ENDING and seen.mode != self.mode_before_order
+        is_shown = seen.role is ModeRole.ENDING and seen.mode != self._mode_at_order
         self._is_ordered, self._ordered_at = True, None
         self._mode = seen.mode if is_shown else None
         self._mode_before, self._sought, self.began_s = seen.mode, None, time_s
@@ -261,7 +264,7 @@ class OwnDescent:
             self._is_ordered = False  # By another system, behind the broker's order
         elif is_new and seen.role is ModeRole.ENDING:
             # The first heartbeats may still show the mode of before
-            is_another = self._mode not in {None, self.mode_before_order, seen.mode}
+            is_another = self._mode not in {None, self._mode_at_order, seen.mode}
             self._mode, self._is_ordered = seen.mode, not is_another
         elif not is_new:
             self._is_ordered = seen.mode == self._mode if seen.is_known else not seen.is_manual

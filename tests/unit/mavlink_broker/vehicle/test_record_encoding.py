@@ -73,6 +73,10 @@ RECORDS = st.builds(
     is_tracking=st.booleans(),
     has_camera=st.booleans(),
     armed_s=st.none() | NUMBERS,
+    foreign_order=st.none() | st.tuples(st.integers(1, 255), st.integers(0, 2**16 - 1)),
+    is_disarmed_by_others=st.booleans(),
+    taken_mode=st.none() | TEXTS,
+    shows_manual=st.booleans(),
     live=st.none()
     | st.builds(
         LiveCommandProgress,
