@@ -51,6 +51,8 @@ class Kind(StrEnum):
     ACCEL_FROZEN = "accel_frozen"
     ACCEL_BIAS = "accel_bias"
     RANGEFINDER_LOSS = "rangefinder_loss"
+    RANGEFINDER_FROZEN = "rangefinder_frozen"
+    RANGEFINDER_BLOCKED = "rangefinder_blocked"
     MOTOR_LOSS = "motor_loss"
     BATTERY_CELL_FAILURE = "battery_cell_failure"
     BATTERY_LOW = "battery_low"
@@ -109,6 +111,8 @@ FIELDS: Final[Mapping[Kind, Mapping[str, Field]]] = MappingProxyType(
             "instance": _INSTANCE,
         },
         Kind.RANGEFINDER_LOSS: {},
+        Kind.RANGEFINDER_FROZEN: {},
+        Kind.RANGEFINDER_BLOCKED: {"distance_m": Field(0.3, 0.0, 1000.0)},
         Kind.MOTOR_LOSS: {
             "motor": Field(None, 1, 4, whole=True),
             "efficiency": Field(0.0, 0.0, 1.0),

@@ -25,7 +25,7 @@ from sim.faults.instruments import (
 from sim.physics.earth import degrees_per_metre, wrapped_longitude_deg
 from sim.physics.truth import Motors, Vector3
 from sim.sensors.gps import without_fix
-from sim.sensors.readings import EnvironmentReading, GpsReading, Readings
+from sim.sensors.readings import EnvironmentReading, GpsReading, RangeReading, Readings
 
 _SQUARE_SHARE: Final = 0.76
 _ZERO: Final[Vector3] = (0.0, 0.0, 0.0)
@@ -48,6 +48,8 @@ class FaultEffects:
         self._baros = tuple(FaultyBaro(instance) for instance in range(MOST_INSTANCES))
         self._mags = tuple(FaultyMag(instance) for instance in range(MOST_INSTANCES))
         self._held_gps: GpsReading | None = None  # Repeated by a frozen receiver
+        self._held_range: RangeReading | None = None  # Repeated by a frozen range finder
+        self._blocked_m = math.nan  # [m] To what is before a blocked range finder
 
     def take(self, active: Sequence[Fault]) -> None:
         """Work with these faults from now on."""
@@ -67,6 +69,10 @@ class FaultEffects:
         self.touches_readings = not self._kinds.isdisjoint(_ON_READINGS)
         if Kind.GPS_FROZEN not in by_kind:
             self._held_gps = None
+        if Kind.RANGEFINDER_FROZEN not in by_kind:
+            self._held_range = None
+        blocked = by_kind.get(Kind.RANGEFINDER_BLOCKED)
+        self._blocked_m = math.nan if blocked is None else blocked.values["distance_m"]
 
     def motors(self, motors: Motors) -> Motors:
         """Commands that reach healthy motors as thrust, lowered for the others."""
@@ -80,7 +86,6 @@ class FaultEffects:
 
     def readings(self, readings: Readings) -> Readings:
         """What the broken instruments say instead."""
-        kinds = self._kinds
         return Readings(
             imus=tuple(
                 faulty.read(imu) if faulty.touched else imu
@@ -97,7 +102,7 @@ class FaultEffects:
             gps=self._gps(readings.gps),
             battery=readings.battery,
             esc=readings.esc,
-            range=None if Kind.RANGEFINDER_LOSS in kinds else readings.range,
+            range=self._range(readings.range),
             environment=self._measured(readings.environment),
             only_fast=readings.only_fast,
         )
@@ -109,6 +114,17 @@ class FaultEffects:
             return sample._replace(hygrometer_speaks=False)
         if Kind.HUMIDITY_INVALID in self._kinds:
             return sample._replace(relative_humidity_percent=math.nan)
+        return sample
+
+    def _range(self, sample: RangeReading | None) -> RangeReading | None:
+        """What the range finder says: of what is before it, of former ground, or nothing."""
+        if sample is None or Kind.RANGEFINDER_LOSS in self._kinds:
+            return None
+        if Kind.RANGEFINDER_BLOCKED in self._kinds:
+            return sample._replace(distance_m=self._blocked_m)
+        if Kind.RANGEFINDER_FROZEN in self._kinds:
+            self._held_range = self._held_range or sample
+            return self._held_range._replace(time_us=sample.time_us)
         return sample
 
     def _gps(self, gps: GpsReading | None) -> GpsReading | None:
@@ -131,6 +147,8 @@ _ON_READINGS: Final = (
         Kind.GPS_FROZEN,
         Kind.GPS_JUMP,
         Kind.RANGEFINDER_LOSS,
+        Kind.RANGEFINDER_FROZEN,
+        Kind.RANGEFINDER_BLOCKED,
         Kind.HUMIDITY_FAILURE,
         Kind.HUMIDITY_INVALID,
     }

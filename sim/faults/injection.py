@@ -67,6 +67,8 @@ EFFECTS: Final[Mapping[tuple[Unit, Failure], Effect]] = MappingProxyType(
         (Unit.GPS, Failure.STUCK): Effect(Kind.GPS_FROZEN, _NOTHING),
         (Unit.GPS, Failure.WRONG): Effect(Kind.GPS_JUMP, {"north_m": 40.0, "east_m": 40.0}),
         (Unit.DISTANCE_SENSOR, Failure.OFF): Effect(Kind.RANGEFINDER_LOSS, _NOTHING),
+        (Unit.DISTANCE_SENSOR, Failure.STUCK): Effect(Kind.RANGEFINDER_FROZEN, _NOTHING),
+        (Unit.DISTANCE_SENSOR, Failure.WRONG): Effect(Kind.RANGEFINDER_BLOCKED, _NOTHING),
         (Unit.BATTERY, Failure.OFF): Effect(Kind.BATTERY_LOW, {"charge": 0.0}),
         (Unit.BATTERY, Failure.WRONG): Effect(Kind.BATTERY_CELL_FAILURE, _NOTHING),
         (Unit.MOTOR, Failure.OFF): Effect(Kind.MOTOR_LOSS, _NOTHING),

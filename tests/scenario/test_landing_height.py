@@ -7,6 +7,8 @@ import pytest
 from pymavlink.dialects.v20 import common
 
 from sim.config import SimulationConfig
+from sim.fault_schedule import Fault
+from sim.faults.notation import read_order
 from tests.support.autopilot_tester import AutopilotTester
 from tests.support.stick_pilot import StickPilot, change_mode
 
@@ -55,6 +57,11 @@ class Descent:
         self.order(common.MAV_CMD_DO_SET_HOME, 0.0, 0.0, 0.0, 0.0, *place)
         self.tester.run_for(0.5)
 
+    def break_part(self, line: str) -> None:
+        fault = read_order(line, self.tester.truth.time_us)
+        assert isinstance(fault, Fault)
+        self.tester.simulation.add_fault(fault)
+
     def end(self, within_s: float) -> float:
         """The greatest sink speed [m/s] at the ground."""
         self.tester.wait_until_landed(within_s)
@@ -70,6 +77,25 @@ def test_a_landing_is_gentle_wherever_home_is(tmp_path: Path, command: int, home
     descent.set_home(home_m)
     descent.order(command, 0.0, 0.0, 0.0, math.nan, math.nan, math.nan, math.nan)
     assert 0.0 < descent.end(within_s=90.0) < GENTLE_M_S
+
+
+@pytest.mark.parametrize(
+    "fault", ["rangefinder_frozen", "rangefinder_blocked", "rangefinder_blocked distance_m=30"]
+)
+@pytest.mark.parametrize("height_m", [12.0, 2.5])
+def test_a_landing_with_a_stuck_range_finder_is_gentle(
+    tmp_path: Path, fault: str, height_m: float
+) -> None:
+    descent = Descent(tmp_path, 12.0)
+    descent.order(common.MAV_CMD_NAV_LAND, 0.0, 0.0, 0.0, math.nan, math.nan, math.nan, math.nan)
+    descent.tester.wait_until(
+        lambda: descent.tester.truth.height_above_home_m < height_m, 60.0, "low"
+    )
+    descent.break_part(fault)
+    assert 0.0 < descent.end(within_s=60.0) < GENTLE_M_S
+    terrain = descent.tester.autopilot.topics.terrain_estimate.value
+    assert terrain is not None
+    assert terrain.has_failed
 
 
 def test_a_landing_at_a_place_that_was_given_too_low_is_gentle(tmp_path: Path) -> None:

@@ -172,11 +172,12 @@ class HoverThrustEstimate(NamedTuple):
 class TerrainEstimate(NamedTuple):
     """Ground under the vehicle, by the range finder; not published while that is unknown.
 
-    Written by land_detector; read by navigator and manual_control.
+    Written by land_detector; read by navigator, manual_control and commander.
     """
 
     time_us: int  # [us] Of the newest sample
     ground_down: float  # [m] Down coordinate of the ground about the local origin
+    has_failed: bool = False  # The range finder is stuck: the ground is not known (NaN)
 
 
 class WindEstimate(NamedTuple):

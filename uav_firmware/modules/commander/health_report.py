@@ -106,7 +106,10 @@ def healthy_bits(view: VehicleView, *, ready: bool) -> int:
         (ages.mag < SENSOR_STALE_S and mags, SensorBit.MAG_3D),
         (gps_good and not stopped & _GPS_SOURCES, SensorBit.GPS),
         (ages.battery < SENSOR_STALE_S, SensorBit.BATTERY),
-        (ages.range < SENSOR_STALE_S, SensorBit.LASER_POSITION),
+        (
+            ages.range < SENSOR_STALE_S and not (view.terrain and view.terrain.has_failed),
+            SensorBit.LASER_POSITION,
+        ),
         ((view.aligned and not lost) or not imu_good, SensorBit.AHRS),
         (view.aligned, SensorBit.ATTITUDE_STABILIZATION),
         (heading, SensorBit.YAW_POSITION),

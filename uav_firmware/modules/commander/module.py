@@ -58,6 +58,7 @@ READS: Final = (
     "land_detected", "failure_detector_status", "sensors_status", "storage_status", "sensor_imu",
     "sensor_baro", "sensor_mag", "sensor_gps", "sensor_range", "battery_status",
     "ground_station_heartbeat", "manual_control_setpoint", "offboard_setpoint", "internal_errors",
+    "terrain_estimate",
 )  # fmt: skip
 WRITES: Final = (
     "vehicle_command_ack", "vehicle_status", "vehicle_control_mode", "home_position", "wind",

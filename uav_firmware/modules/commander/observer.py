@@ -89,6 +89,7 @@ class Observer:
             self._latch.texts,
             topics.sensors_status.value,
             topics.internal_errors.value,
+            topics.terrain_estimate.value,
         )
 
     def observe_wind(self, view: VehicleView, drag: DragModel) -> None:

@@ -8,6 +8,7 @@ from uav_firmware.msg.control_mode import ManualControlSetpoint, OffboardSetpoin
 from uav_firmware.msg.estimate import (
     AidSource,
     EstimatorStatus,
+    TerrainEstimate,
     VehicleAttitude,
     VehicleLocalPosition,
     WindEstimate,
@@ -61,6 +62,7 @@ class VehicleView(NamedTuple):
     latched_failures: tuple[str, ...] = ()  # Of former flights, not acknowledged
     sensors: SensorsStatus | None = None  # Which instances have failed
     internal_errors: InternalErrors | None = None
+    terrain: TerrainEstimate | None = None  # Ground below
 
     @property
     def aligned(self) -> bool:

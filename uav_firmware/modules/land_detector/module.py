@@ -111,9 +111,14 @@ class LandDetectorModule:
         if sample is None or self._range_finder.count == self._range_count:
             return
         self._range_count = self._range_finder.count
-        down = self._terrain.update(sample, attitude.q_ned_frd, position)
-        if not math.isnan(down):
-            self._terrain_estimate.publish(TerrainEstimate(sample.time_us, down))
+        terrain, former = self._terrain, self._terrain_estimate.value
+        is_flying = self._state is not LandedState.ON_GROUND
+        down = terrain.update(sample, attitude.q_ned_frd, position, is_flying=is_flying)
+        had_failed = former is not None and former.has_failed
+        if not math.isnan(down) or terrain.has_failed or had_failed:
+            self._terrain_estimate.publish(
+                TerrainEstimate(sample.time_us, down, terrain.has_failed)
+            )
 
     def _note_times(
         self, seen: Observation, now_us: int, low_thrust: float, *, reckoned: bool

@@ -91,6 +91,7 @@ class Flight:
     landed: bool = True
     motor_lost: bool = False
     ground_down: float = NAN  # [m] Of the ground below, by the range finder; NaN: not measured
+    range_finder_failed: bool = False  # It is stuck: what it has measured was no ground
     yaw_stick: float = 0.0  # [-] -1 to 1, positive clockwise; 0 without a pilot
     ceiling: Vector3 = (math.inf, math.inf, math.inf)  # [m/s] Horizontal, up, down
     speeds: Speeds = field(default_factory=Speeds)

@@ -169,7 +169,9 @@ class NavigatorModule:
         if estimate is not None:
             flight.frame = _frame_of(estimate, flight.frame)
             self._follow_resets(estimate)
-        flight.ground_down = ground_down(self._topics.terrain_estimate.value, now_us)
+        terrain = self._topics.terrain_estimate.value
+        flight.ground_down = ground_down(terrain, now_us)
+        flight.range_finder_failed = terrain is not None and terrain.has_failed
         flight.yaw_stick = _yaw_stick(self._topics.manual_control_setpoint.value, now_us)
         self._area.update(flight)
 

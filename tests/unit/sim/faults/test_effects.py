@@ -123,6 +123,26 @@ def test_a_dead_range_finder_is_silent() -> None:
     assert all(reading.range is None for reading in run(simulation("rangefinder_loss"), 0.5))
 
 
+def distances_m(made: Simulation, seconds: float) -> list[float]:
+    """What the range finder says in a climb."""
+    readings = run(made, seconds, (0.6, 0.6, 0.6, 0.6))
+    return [reading.range.distance_m for reading in readings if reading.range is not None]
+
+
+def test_a_frozen_range_finder_repeats_its_last_sample_in_time() -> None:
+    made = simulation("rangefinder_frozen start_s=1 end_s=2")
+    before, frozen, after = (distances_m(made, 1.0) for _ in range(3))
+    assert len(set(before)) > 10
+    assert len(set(frozen[1:-1])) == 1
+    assert len(frozen) == pytest.approx(20, abs=1)
+    assert after[-1] > frozen[5] + 1.0
+
+
+def test_a_blocked_range_finder_sees_what_is_before_it() -> None:
+    assert set(distances_m(simulation("rangefinder_blocked"), 0.5)) == {0.3}
+    assert set(distances_m(simulation("rangefinder_blocked distance_m=7"), 0.5)) == {7.0}
+
+
 def test_a_hygrometer_falls_silent_or_speaks_without_a_humidity() -> None:
     silent = [s for r in run(simulation("humidity_failure"), 3.0) if (s := r.environment)]
     assert silent

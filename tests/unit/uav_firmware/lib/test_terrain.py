@@ -89,3 +89,65 @@ def test_ground_that_was_measured_long_ago_is_not_below_any_more() -> None:
     assert ground_down(measured, 1_500_000) == 3.0
     assert math.isnan(ground_down(measured, 1_500_001))
     assert math.isnan(ground_down(None, 0))
+
+
+def climbed(
+    below: TerrainFilter,
+    heights_m: list[float],
+    *,
+    distance_m: float | None = None,
+    north_m: float = 0.0,
+    is_flying: bool = True,
+) -> float:
+    """What is known after a motion through these heights above level ground.
+
+    The range finder measures `distance_m` all the time; None: the height. `north_m` is the way
+    north of each step.
+    """
+    down = math.nan
+    for step, height_m in enumerate(heights_m):
+        position = local_position(position_ned=(step * north_m, 0.0, -height_m))
+        sample = SensorRange(0, height_m if distance_m is None else distance_m, 0.1, 40.0)
+        down = below.update(sample, LEVEL, position, is_flying=is_flying)
+    return down
+
+
+DESCENT_M = [20.0 - 0.1 * step for step in range(15)]
+
+
+@given(st.floats(0.1, 40.0), st.sampled_from([DESCENT_M, DESCENT_M[::-1]]))
+def test_a_distance_that_no_motion_changes_is_of_no_ground(
+    distance_m: float, heights_m: list[float]
+) -> None:
+    below = TerrainFilter()
+    assert math.isnan(climbed(below, heights_m, distance_m=distance_m))
+    assert below.has_failed
+
+
+def test_a_range_finder_that_follows_again_is_believed_again() -> None:
+    below = TerrainFilter()
+    climbed(below, DESCENT_M, distance_m=0.3)
+    assert math.isnan(climbed(below, [DESCENT_M[-1]] * 10))  # Nothing has moved yet
+    assert climbed(below, [DESCENT_M[-1] - 0.1 * step for step in range(15)]) == pytest.approx(0.0)
+    assert not below.has_failed
+
+
+@given(st.floats(0.11, 2.0))
+def test_a_flight_along_a_slope_proves_nothing(north_m: float) -> None:
+    below = TerrainFilter()
+    assert not math.isnan(climbed(below, DESCENT_M, distance_m=8.0, north_m=north_m))
+    assert not below.has_failed
+
+
+def test_a_vehicle_on_the_ground_proves_nothing() -> None:
+    """Its estimated height drifts with the air pressure."""
+    below = TerrainFilter()
+    climbed(below, DESCENT_M, distance_m=0.2, is_flying=False)
+    assert not below.has_failed
+
+
+def test_a_reset_of_the_height_is_no_motion() -> None:
+    below = TerrainFilter()
+    seen(below, *[10.0] * SAMPLES)
+    seen(below, *[10.0] * SAMPLES, height_m=12.0, z_count=1)
+    assert not below.has_failed

@@ -5,8 +5,9 @@
 DESCENT slows to MPC_LAND_SPEED at MPC_LAND_ALT2 above the landing point and keeps sinking, so
 that ground which lies lower only makes it longer. Where the range finder measures the ground
 elsewhere than was believed, by home or by the target, DESCENT begins anew above that ground: a
-home that was set in the air makes no landing slow, and higher ground none fast. With a motor lost
-the vehicle spins as it descends, and TOUCHDOWN takes half the speed.
+home that was set in the air makes no landing slow, and higher ground none fast. Where the range
+finder turns out to be stuck, the ground is again where it was believed. With a motor lost the
+vehicle spins as it descends, and TOUCHDOWN takes half the speed.
 """
 
 import math
@@ -38,7 +39,7 @@ class Land:
 
     def __init__(self, flight: Flight, target: Vector3, yaw_deg: float) -> None:
         self.phase = LandPhase.TRANSIT
-        self._ground_down = target[2]
+        self._ground_down = self._believed_down = target[2]
         here = flight.rest_point()
         self._over = (target[0], target[1], here[2])
         flight.face(yaw_deg)
@@ -80,7 +81,7 @@ class Land:
 
     def _finds_other_ground(self, flight: Flight) -> bool:
         """Take over the ground that is measured below, where it is not as was believed."""
-        measured = flight.ground_down
+        measured = self._believed_down if flight.range_finder_failed else flight.ground_down
         if math.isnan(measured) or abs(measured - self._ground_down) <= _GROUND_DIFFERS_M:
             return False
         self._ground_down = measured

@@ -1,9 +1,12 @@
 """The SYS_STATUS bits that ground stations receive."""
 
+import math
+
 import pytest
 
 from tests.support.toy_vehicle import ToyVehicle, takeoff, waypoint
 from uav_firmware.modules.commander.health_report import SensorBit
+from uav_firmware.msg.estimate import TerrainEstimate
 from uav_firmware.msg.failure import FailureDetectorStatus
 from uav_firmware.msg.sensors import SensorRange
 
@@ -86,6 +89,16 @@ def test_a_range_finder_is_present_once_received_and_unhealthy_when_lost() -> No
     assert not ill(vehicle) & SensorBit.LASER_POSITION
     vehicle.run(5.0)
     assert ill(vehicle) & SensorBit.LASER_POSITION
+
+
+def test_a_stuck_range_finder_is_unhealthy_until_it_follows_again() -> None:
+    vehicle = ToyVehicle()
+    vehicle.run(1.0)
+    for has_failed in (False, True, False):
+        vehicle.range_finder.publish(SensorRange(vehicle.now_us, 1.0, 0.1, 40.0))
+        ground = TerrainEstimate(vehicle.now_us, math.nan if has_failed else 0.0, has_failed)
+        vehicle.topics.terrain_estimate.publish(ground)
+        assert bool(ill(vehicle) & SensorBit.LASER_POSITION) is has_failed
 
 
 def test_who_has_a_fix_and_no_position_has_lost_the_estimate() -> None:
