@@ -31,7 +31,7 @@ from tests.bench import (
     simulation,
     system,
 )
-from tests.bench.results import Result, page, write
+from tests.bench.results import Result, page, row, write
 from tests.support.parts import choose
 
 
@@ -71,9 +71,14 @@ def main() -> int:
     chosen = choose("BENCH", PARTS, __doc__)
     if not os.environ.get("BENCH"):
         chosen = [name for name in chosen if name not in _ON_REQUEST]
-    results = [result for name in chosen for result in PARTS[name]()]
     folder = Path(os.environ.get("STATE_DIR") or "var") / "bench"
-    write(results, folder)
+    results: list[Result] = []
+    for name in chosen:
+        print(f"measuring {name}", file=sys.stderr, flush=True)
+        for result in PARTS[name]():
+            results.append(result)
+            write(results, folder)  # What is measured is kept if the rest is interrupted
+            print(row(result), file=sys.stderr, flush=True)
     print(page(results))
     print(f"written to {folder}/results.json and {folder}/results.md")
     return 0

@@ -7,6 +7,9 @@ import statistics
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Final
+
+NO_BAR: Final = "-"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -16,7 +19,7 @@ class Result:
     name: str
     value: float
     unit: str
-    bar: str  # As DESIGN states it: "<= 50" or ">= 40"
+    bar: str  # "<= 50" or ">= 40"; "-": it is held against none
     holds: bool
     runs: int
     spread: str  # Smallest and largest of the runs
@@ -43,6 +46,11 @@ def at_most(name: str, value: float, unit: str, bar: float, values: Sequence[flo
 def at_least(name: str, value: float, unit: str, bar: float, values: Sequence[float]) -> Result:
     """Make a result whose bar is a lower one."""
     return _result(name, value, unit, f">= {bar:g}", value >= bar, values)
+
+
+def without_bar(name: str, value: float, unit: str, values: Sequence[float]) -> Result:
+    """Make a result that explains others, and is held against no bar."""
+    return _result(name, value, unit, NO_BAR, True, values)
 
 
 def _result(
@@ -76,9 +84,13 @@ def page(results: Sequence[Result]) -> str:
         "| what | value | bar | holds | runs | spread |",
         "|---|---|---|---|---|---|",
     ]
-    lines += [
-        f"| {r.name} | {r.value:g} {r.unit} | {r.bar} | {'yes' if r.holds else 'NO'} "
-        f"| {r.runs} | {r.spread} |"
-        for r in results
-    ]
-    return "\n".join(lines) + "\n"
+    return "\n".join([*lines, *map(row, results)]) + "\n"
+
+
+def row(result: Result) -> str:
+    """Give its line of the page."""
+    verdict = "yes" if result.holds else "NO"
+    return (
+        f"| {result.name} | {result.value:g} {result.unit} | {result.bar} "
+        f"| {NO_BAR if result.bar == NO_BAR else verdict} | {result.runs} | {result.spread} |"
+    )
