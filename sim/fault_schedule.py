@@ -56,6 +56,7 @@ class Kind(StrEnum):
     MOTOR_LOSS = "motor_loss"
     BATTERY_CELL_FAILURE = "battery_cell_failure"
     BATTERY_LOW = "battery_low"
+    BATTERY_MONITOR_LOSS = "battery_monitor_loss"
     WIND_GUST = "wind_gust"
     LINK_LOSS = "link_loss"
     CAMERA_FAILURE = "camera_failure"
@@ -121,6 +122,7 @@ FIELDS: Final[Mapping[Kind, Mapping[str, Field]]] = MappingProxyType(
             "cells": Field(1, 1, 4, whole=True),
             "charge_lost": Field(0.25, 0.0, 1.0),
         },
+        Kind.BATTERY_MONITOR_LOSS: {},
         Kind.BATTERY_LOW: {"charge": Field(None, 0.0, 1.0)},
         Kind.WIND_GUST: {
             "speed_m_s": Field(None, 0.0, 30.0),

@@ -25,7 +25,13 @@ from sim.faults.instruments import (
 from sim.physics.earth import degrees_per_metre, wrapped_longitude_deg
 from sim.physics.truth import Motors, Vector3
 from sim.sensors.gps import without_fix
-from sim.sensors.readings import EnvironmentReading, GpsReading, RangeReading, Readings
+from sim.sensors.readings import (
+    BatteryReading,
+    EnvironmentReading,
+    GpsReading,
+    RangeReading,
+    Readings,
+)
 
 _SQUARE_SHARE: Final = 0.76
 _ZERO: Final[Vector3] = (0.0, 0.0, 0.0)
@@ -100,7 +106,7 @@ class FaultEffects:
                 for faulty, mag in zip(self._mags, readings.mags, strict=False)
             ),
             gps=self._gps(readings.gps),
-            battery=readings.battery,
+            battery=self._battery(readings.battery),
             esc=readings.esc,
             range=self._range(readings.range),
             environment=self._measured(readings.environment),
@@ -115,6 +121,11 @@ class FaultEffects:
         if Kind.HUMIDITY_INVALID in self._kinds:
             return sample._replace(relative_humidity_percent=math.nan)
         return sample
+
+    def _battery(self, sample: BatteryReading | None) -> BatteryReading | None:
+        if sample is None or Kind.BATTERY_MONITOR_LOSS not in self._kinds:
+            return sample
+        return sample._replace(voltage_v=math.nan, current_a=math.nan)
 
     def _range(self, sample: RangeReading | None) -> RangeReading | None:
         """What the range finder says: of what is before it, of former ground, or nothing."""
@@ -146,6 +157,7 @@ _ON_READINGS: Final = (
         Kind.GPS_LOSS,
         Kind.GPS_FROZEN,
         Kind.GPS_JUMP,
+        Kind.BATTERY_MONITOR_LOSS,
         Kind.RANGEFINDER_LOSS,
         Kind.RANGEFINDER_FROZEN,
         Kind.RANGEFINDER_BLOCKED,

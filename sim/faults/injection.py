@@ -70,6 +70,7 @@ EFFECTS: Final[Mapping[tuple[Unit, Failure], Effect]] = MappingProxyType(
         (Unit.DISTANCE_SENSOR, Failure.STUCK): Effect(Kind.RANGEFINDER_FROZEN, _NOTHING),
         (Unit.DISTANCE_SENSOR, Failure.WRONG): Effect(Kind.RANGEFINDER_BLOCKED, _NOTHING),
         (Unit.BATTERY, Failure.OFF): Effect(Kind.BATTERY_LOW, {"charge": 0.0}),
+        (Unit.BATTERY, Failure.GARBAGE): Effect(Kind.BATTERY_MONITOR_LOSS, _NOTHING),
         (Unit.BATTERY, Failure.WRONG): Effect(Kind.BATTERY_CELL_FAILURE, _NOTHING),
         (Unit.MOTOR, Failure.OFF): Effect(Kind.MOTOR_LOSS, _NOTHING),
         (Unit.MOTOR, Failure.WRONG): Effect(Kind.MOTOR_LOSS, {"efficiency": 0.6}),

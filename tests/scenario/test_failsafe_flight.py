@@ -239,6 +239,15 @@ def test_a_low_battery_warns_a_critical_one_returns_an_empty_one_lands(tmp_path:
     assert not tester.simulation.wrecked
 
 
+def test_a_vehicle_that_no_longer_measures_its_battery_returns(tmp_path: Path) -> None:
+    tester = on_mission(tmp_path)
+    strike(tester, Kind.BATTERY_MONITOR_LOSS)
+    tester.wait_until(lambda: tester.mode is NavigationState.AUTO_RTL, 7.0, "returning")
+    assert tester.has_status_text("Battery monitor lost")
+    tester.wait_until_landed(200.0)
+    assert not tester.simulation.wrecked
+
+
 @pytest.mark.parametrize("motor", [1, 3])
 def test_a_lost_motor_raises_the_alarm_and_lands(tmp_path: Path, motor: int) -> None:
     tester = on_mission(tmp_path)

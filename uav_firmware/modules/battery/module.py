@@ -1,5 +1,7 @@
 """Reads the power monitor's samples, publishes the estimated charge."""
 
+import math
+
 from uav_firmware.bus import Topic
 from uav_firmware.modules.battery.charge import ChargeEstimator
 from uav_firmware.modules.battery.params import BatteryParams
@@ -35,8 +37,8 @@ class BatteryModule:
             self._seen_version = self._registry.version
             self._charge.pack = self._registry.read(BatteryParams).pack
         sample = self._sensor_battery.value
-        if sample is None:
-            return
+        if sample is None or not math.isfinite(sample.voltage_v):
+            return  # A monitor without a voltage has not measured: its age shows it
         charge = self._charge
         charge.update(sample.time_us, sample.voltage_v, sample.current_a)
         self._battery_status.publish(

@@ -12,6 +12,7 @@ SAME = (
     (Unit.DISTANCE_SENSOR, Failure.OFF, 1, ("rangefinder_loss",)),
     (Unit.DISTANCE_SENSOR, Failure.STUCK, 1, ("rangefinder_frozen",)),
     (Unit.DISTANCE_SENSOR, Failure.WRONG, 1, ("rangefinder_blocked distance_m=0.3",)),
+    (Unit.BATTERY, Failure.GARBAGE, 0, ("battery_monitor_loss",)),
     (Unit.MOTOR, Failure.OFF, 2, ("motor_loss motor=2",)),
     (Unit.GYRO, Failure.OFF, 0, ("gyro_loss instance=all",)),
     (Unit.GYRO, Failure.OFF, 1, ("gyro_loss",)),

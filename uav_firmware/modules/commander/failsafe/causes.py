@@ -35,6 +35,7 @@ from uav_firmware.msg.estimate import AidSource
 from uav_firmware.msg.geofence import FenceBreach
 from uav_firmware.msg.status import NavigationState
 
+_BATTERY_UNKNOWN_S: Final = 3.0  # A monitor that is restarted sends again within that
 _BATTERY_HYSTERESIS: Final = 0.02  # Of a full battery, against a voltage that sags
 _TIME_HYSTERESIS: Final = 1.3  # Of the time needed, against a current that falls
 _CURRENT_SETTLES_S: Final = 3.0  # [s] A climb or gust draws more current for a moment
@@ -59,6 +60,7 @@ class Cause(Enum):
     BATTERY_LOW = auto()
     BATTERY_CRITICAL = auto()
     BATTERY_EMERGENCY = auto()
+    BATTERY_UNKNOWN = auto()
     GPS_LOST = auto()
     GPS_POSITION_STOPPED = auto()
     GPS_VELOCITY_STOPPED = auto()
@@ -285,6 +287,12 @@ ROWS: Final[Mapping[Cause, Row]] = {
         _battery_below(lambda params: params.battery_emergency),
         _emergency_action,
         urgent=True,
+    ),
+    Cause.BATTERY_UNKNOWN: Row(
+        "Battery monitor lost, charge unknown",
+        lambda moment, _present: SENSOR_STALE_S < moment.view.ages.battery < math.inf,
+        _critical_action,
+        lambda _params: _BATTERY_UNKNOWN_S,
     ),
     Cause.GPS_LOST: Row("GPS lost, flying by dead reckoning", _gps_lost, _gps_loss_action),
     Cause.GPS_POSITION_STOPPED: Row(

@@ -1,5 +1,6 @@
 """Builders of messages about the vehicle's status: HEARTBEAT, battery, estimator, mode."""
 
+import math
 from typing import Final
 
 from uav_firmware.modules.mavlink.commands.modes import MODES
@@ -21,6 +22,8 @@ from uav_firmware.msg.status import NavigationState, VehicleStatus
 
 _PREARM_CHECK: Final = mavlink.MAV_SYS_STATUS_PREARM_CHECK
 _CELLS_UNKNOWN: Final = [UINT16_MAX] * 9
+_UNKNOWN_BATTERY: Final = BatteryStatus(0, NAN, NAN, NAN, NAN, NAN)
+_BATTERY: Final = mavlink.MAV_SYS_STATUS_SENSOR_BATTERY
 
 
 def _system_status(status: VehicleStatus) -> int:
@@ -74,7 +77,7 @@ def sys_status(context: Context) -> Message | None:
     status = context.topics.vehicle_status.value
     if status is None:
         return None
-    battery = context.topics.battery_status.value
+    battery = _measured_battery(context)
     ready = _PREARM_CHECK if status.preflight_checks_pass else 0
     return mavlink.MAVLink_sys_status_message(
         onboard_control_sensors_present=status.sensors_present | _PREARM_CHECK,
@@ -113,7 +116,9 @@ def extended_sys_state(context: Context) -> Message | None:
 
 
 def charge_state(remaining: float, thresholds: BatteryThresholds) -> int:
-    """MAV_BATTERY_CHARGE_STATE of a remaining charge of 0 to 1."""
+    """MAV_BATTERY_CHARGE_STATE of a remaining charge of 0 to 1; NaN is unknown."""
+    if math.isnan(remaining):
+        return int(mavlink.MAV_BATTERY_CHARGE_STATE_UNDEFINED)
     if remaining <= thresholds.emergency:
         return int(mavlink.MAV_BATTERY_CHARGE_STATE_EMERGENCY)
     if remaining <= thresholds.critical:
@@ -131,10 +136,13 @@ def _time_remaining_s(battery: BatteryStatus) -> int:
 
 
 def battery_status(context: Context) -> Message | None:
-    """BATTERY_STATUS of the one pack; cell voltages are not measured."""
-    battery = context.topics.battery_status.value
-    if battery is None:
+    """BATTERY_STATUS of the one pack; cell voltages are not measured.
+
+    What nothing measures any more is unknown: an old charge would be taken for the present one.
+    """
+    if context.topics.battery_status.value is None:
         return None
+    battery = _measured_battery(context) or _UNKNOWN_BATTERY
     return mavlink.MAVLink_battery_status_message(
         id=0,
         battery_function=mavlink.MAV_BATTERY_FUNCTION_ALL,
@@ -148,6 +156,14 @@ def battery_status(context: Context) -> Message | None:
         time_remaining=_time_remaining_s(battery),
         charge_state=charge_state(battery.remaining, context.battery_thresholds),
     )
+
+
+def _measured_battery(context: Context) -> BatteryStatus | None:
+    """The newest state of the battery; None while the commander finds that nothing measures it."""
+    status = context.topics.vehicle_status.value
+    if status is not None and status.sensors_present & ~status.sensors_health & _BATTERY:
+        return None
+    return context.topics.battery_status.value
 
 
 def estimator_status(context: Context) -> Message | None:

@@ -1,5 +1,7 @@
 """The battery module on its topics, and on the simulated power monitor."""
 
+import math
+
 import pytest
 
 from sim.config import SimulationConfig
@@ -36,6 +38,13 @@ def test_each_sample_is_answered_once() -> None:
     assert bench.measure(0.1, 15.3, 2.0).voltage_v == 15.3
     bench.module.update()
     assert bench.status.count == 1
+
+
+def test_a_sample_without_a_voltage_is_no_state_of_the_battery() -> None:
+    bench = Bench()
+    before = bench.measure(0.1, 15.3, 2.0)
+    assert bench.measure(0.2, math.nan, 2.0) is before
+    assert bench.measure(0.3, 15.2, math.nan).time_us == 300_000
 
 
 def test_a_parameter_counts_from_the_next_sample_on() -> None:

@@ -142,6 +142,7 @@ RAISE: Final[Mapping[Cause, Callable[[VehicleView], VehicleView]]] = {
     Cause.BATTERY_LOW: _battery(0.14),
     Cause.BATTERY_CRITICAL: _battery(0.065),
     Cause.BATTERY_EMERGENCY: _battery(0.04),
+    Cause.BATTERY_UNKNOWN: lambda view: _aged(view, battery=100.0),
     Cause.GPS_LOST: lambda view: _aged(view, gps=100.0),
     Cause.GPS_POSITION_STOPPED: _estimator(stopped=AidSource.GPS_POSITION),
     Cause.GPS_VELOCITY_STOPPED: _estimator(stopped=AidSource.GPS_VELOCITY),

@@ -314,6 +314,27 @@ def test_battery_time_and_charge() -> None:
     assert message.charge_state == mavlink.MAV_BATTERY_CHARGE_STATE_OK
 
 
+def test_the_charge_is_unknown_while_no_monitor_measures_it() -> None:
+    topics = flying_topics()
+    status = topics.vehicle_status.value
+    assert status is not None
+    ill = status.sensors_health & ~mavlink.MAV_SYS_STATUS_SENSOR_BATTERY
+    topics.vehicle_status.publish(
+        status._replace(
+            sensors_present=status.sensors_present | mavlink.MAV_SYS_STATUS_SENSOR_BATTERY,
+            sensors_health=ill,
+        )
+    )
+    message = build("SYS_STATUS", topics)
+    assert (message.voltage_battery, message.current_battery) == (0xFFFF, -1)
+    assert message.battery_remaining == -1
+    battery = build("BATTERY_STATUS", topics)
+    assert battery.voltages == [0xFFFF] * 10
+    assert (battery.current_battery, battery.battery_remaining) == (-1, -1)
+    assert (battery.current_consumed, battery.time_remaining) == (-1, 0)
+    assert battery.charge_state == mavlink.MAV_BATTERY_CHARGE_STATE_UNDEFINED
+
+
 @given(st.floats(0.0, 1.0), st.floats(0.0, 1.0))
 def test_charge_state_is_monotonic(one: float, other: float) -> None:
     low, high = sorted((one, other))
