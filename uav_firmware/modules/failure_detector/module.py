@@ -32,6 +32,9 @@ _SETPOINT_STALE_US: Final = 500_000
 _BARO_SILENT_US: Final = 500_000
 _THRUST_TIME_S: Final = 1.0  # A controller that is deceived pulls now and then
 _CARRYING_TIME_S: Final = 20.0
+_LIFT_TIME_S: Final = 0.05  # Of the mean lift; two rotors that stop halve it within that
+_LIFT_M_S2: Final = 7.4  # [m/s^2] Three quarters of what carries a vehicle at rest
+_TURNING_RAD_S: Final = 1.5  # [rad/s] Two rotors alone turn the vehicle faster within 0.1 s
 _CRITICAL: Final = 2  # MAV_SEVERITY
 _NAN: Final = math.nan
 _DOWN: Final[Vector3] = (0.0, 0.0, 1.0)
@@ -102,6 +105,7 @@ class FailureDetectorModule:
         self._crash_detector, self._impact_detector = CrashDetector(), ImpactDetector()
         self._fall_detector = FallDetector()
         self._struck = False
+        self._lift_m_s2 = 0.0  # [m/s^2] Smoothed
         self._thrust = self._carrying_thrust = math.nan
         self._crash = ""
         self._cleared_us = 0
@@ -158,7 +162,13 @@ class FailureDetectorModule:
         self._esc_us = esc.time_us
         monitor = self._motor_monitor
         if dt > 0.0:
-            monitor.update(motors.control, esc.rotor_rpm, dt, struck=self._struck)
+            monitor.update(
+                motors.control,
+                esc.rotor_rpm,
+                dt,
+                struck=self._struck,
+                is_carried=self._is_carried,
+            )
         if (monitor.failed | monitor.blocked).bit_count() > 1 and monitor.blocked:
             self._crash = self._crash or "has hit something, rotors stand"
 
@@ -166,9 +176,23 @@ class FailureDetectorModule:
         imu, dt = self._imu.value, (now_us - self._blow_us) * 1e-6
         self._blow_us = now_us
         self._struck = False
-        if imu is not None and self._params.crash_enabled:
-            dt = min(dt, _LONGEST_STEP_S)
+        if imu is None:
+            return
+        dt = min(dt, _LONGEST_STEP_S)
+        lift = -imu.specific_force_frd[2]
+        if math.isfinite(lift):
+            self._lift_m_s2 += dt / (dt + _LIFT_TIME_S) * (lift - self._lift_m_s2)
+        if self._params.crash_enabled:
             self._struck = self._impact_detector.update(imu.rate_frd, imu.specific_force_frd, dt)
+
+    @property
+    def _is_carried(self) -> bool:
+        """Whether the vehicle flies, with the lift of all its rotors and without a rotation."""
+        attitude, landed = self._attitude.value, self._landed.value
+        if attitude is None or landed is None or landed.landed:
+            return False
+        turns = max(map(abs, attitude.rate_frd)) > _TURNING_RAD_S
+        return self._lift_m_s2 > _LIFT_M_S2 and not turns
 
     @property
     def _leads_attitude(self) -> bool:

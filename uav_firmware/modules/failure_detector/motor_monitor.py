@@ -10,6 +10,10 @@ n / n_full = 1.23 u - 0.23 u^2.
 Rotors also stand because the vehicle lies on them: those that slow down just after a blow count as
 blocked first, and as failed only if the vehicle has not been found crashed meanwhile.
 
+Several rotors that stand at once, while the vehicle is carried and does not turn, are a fault of
+the telemetry: two rotors of four cannot do that. Nothing is concluded from it then until no rotor
+is too slow any more; all together they count as weak.
+
 At lower commands, above all while the motors idle before a take-off, a rotor is given longer and
 has to reach a smaller share: what stands then has failed. Each moment that a rotor is too slow uses
 up its share of the time that is allowed at that command.
@@ -32,6 +36,7 @@ _IDLE_TIME_S: Final = 0.3
 _USED_UP: Final = 1.0 - 1e-9  # [-] Three thirds of it are all of it
 _STANDS_SHARE: Final = 0.04  # [-] Of full speed: a bound below it is that of a rotor at a stand
 _BLOCKED_TIME_S: Final = 0.1  # A crash is found sooner, a rotor lost to a branch not much later
+_CONTRADICTED_S: Final = 0.3  # Of flight with rotors that are said to stand
 
 START_TIME_S: Final = 0.1
 """[s] From the command to a rotor at rest until its speed is checked."""
@@ -61,6 +66,7 @@ class MotorMonitor:
         self._start_s = [START_TIME_S] * 4  # [s] Left to a rotor that begins to turn
         self._weak_s = 0.0
         self._blocked_s = 0.0
+        self._contradicted_s = 0.0  # Rotors were reported to stand, and the vehicle flew
 
     def forgive(self) -> None:
         """Forget which motors have failed."""
@@ -74,11 +80,21 @@ class MotorMonitor:
         self._start_s = [START_TIME_S] * 4
         self._weak_s = 0.0
         self.blocked, self._blocked_s = 0, 0.0
+        self._contradicted_s = 0.0
 
-    def update(self, command: Motors, speed_rpm: Motors, dt: float, *, struck: bool = False) -> int:
+    def update(
+        self,
+        command: Motors,
+        speed_rpm: Motors,
+        dt: float,
+        *,
+        struck: bool = False,
+        is_carried: bool = False,
+    ) -> int:
         """Motors that have failed, as bits, after `dt` seconds with these commands.
 
-        `struck`: the vehicle has just received a blow.
+        `struck`: the vehicle has just received a blow. `is_carried`: it flies, and the inertial
+        sensors show the lift of four rotors and no rotation.
         """
         bounds, start_s, slow = self._bounds, self._start_s, 0
         full_speed_rpm, least_command, least_share, time_allowed_s, _, _ = self.limits
@@ -104,9 +120,21 @@ class MotorMonitor:
                     slow |= 1 << motor
             else:
                 self._slow[motor] = 0.0
-        self._judge_slow(slow & ~self.failed, dt, struck=struck)
+        slow &= ~self.failed
+        if not self._is_contradicted(slow, dt, is_carried=is_carried):
+            self._judge_slow(slow, dt, struck=struck)
         self._judge_all(command, speed_rpm, dt)
         return self.failed
+
+    def _is_contradicted(self, slow: int, dt: float, *, is_carried: bool) -> bool:
+        """Whether the vehicle flies, or has flown, as it cannot with these rotors at a stand."""
+        if not slow:
+            self._contradicted_s = 0.0
+            return False
+        if is_carried and slow.bit_count() > 1:
+            self._contradicted_s += dt
+            return True
+        return self._contradicted_s >= _CONTRADICTED_S
 
     def _judge_slow(self, slow: int, dt: float, *, struck: bool) -> None:
         """Which of those that are newly too slow have failed."""

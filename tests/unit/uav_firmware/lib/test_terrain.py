@@ -128,8 +128,14 @@ def test_a_range_finder_that_follows_again_is_believed_again() -> None:
     below = TerrainFilter()
     climbed(below, DESCENT_M, distance_m=0.3)
     assert math.isnan(climbed(below, [DESCENT_M[-1]] * 10))  # Nothing has moved yet
-    assert climbed(below, [DESCENT_M[-1] - 0.1 * step for step in range(15)]) == pytest.approx(0.0)
+    assert climbed(below, [DESCENT_M[-1] - 0.1 * step for step in range(30)]) == pytest.approx(0.0)
     assert not below.has_failed
+
+
+@given(st.lists(st.floats(0.1, 40.0), min_size=SAMPLES, max_size=SAMPLES))
+def test_samples_that_do_not_agree_show_no_ground(distances_m: list[float]) -> None:
+    _, lower, _, upper, _ = sorted(distances_m)
+    assert math.isnan(seen(TerrainFilter(), *distances_m)) == (upper - lower > 1.0)
 
 
 @given(st.floats(0.11, 2.0))

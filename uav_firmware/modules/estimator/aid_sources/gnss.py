@@ -16,6 +16,7 @@ from typing import Final
 from uav_firmware.lib.geo import LocalFrame
 from uav_firmware.modules.estimator.aid_sources.gnss_fusion import (
     GpsRequirements,
+    VelocityPlausibility,
     is_good,
     position_measurements,
     velocity_measurements,
@@ -60,6 +61,7 @@ class GpsAiding:
         self.vertical = Aid(params.gps_position_gate)
         self.velocity = Aid(params.gps_velocity_gate)
         self._origin = OriginAverage(params.origin_time)
+        self._plausibility = VelocityPlausibility()
         self._monitor = HorizontalVelocityMonitor()
         self._vertical_monitor = VerticalVelocityMonitor()
         self._last_us = -1
@@ -156,7 +158,9 @@ class GpsAiding:
 
     def _fuse_velocity(self, core: EkfCore, gps: SensorGps) -> None:
         group = self._velocity_group(core, gps)
-        if not self.velocity.stopped:  # One that disagrees with the rest proves nothing of them
+        is_plausible = self._plausibility.update(group, gps.time_us)
+        # One that disagrees with the rest, or leaps, proves nothing of them
+        if is_plausible and not self.velocity.stopped:
             self._monitor.update(core, group)
             self._vertical_monitor.update(core, group)
         self.velocity.fuse(core.ekf, group, core.time_us)

@@ -15,7 +15,9 @@ the filter seems to observe the tilt, and claims less uncertainty than it has.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
 
 from uav_firmware.lib.rotation import to_matrix
 from uav_firmware.modules.estimator.kalman_filter.covariance import Measurement, jacobian
@@ -23,7 +25,9 @@ from uav_firmware.modules.estimator.kalman_filter.delay import Past
 from uav_firmware.msg.sensors import SensorGps
 from uav_firmware.msg.vectors import Vector3
 
-_FIX_3D = 3
+_FIX_3D: Final = 3
+_LARGEST_BIAS_M_S2: Final = 25.0  # [m/s^2] That the inertial sensors may suddenly be wrong by
+_LEAST_CHANGE_M_S: Final = 1.0  # [m/s] Noise of a receiver
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,7 +41,10 @@ class GpsRequirements:
 
 
 def is_sane(gps: SensorGps) -> bool:
-    """Whether every number is finite and a place, a speed and an accuracy on this Earth."""
+    """Whether every number is finite and a place, a speed and an accuracy on this Earth.
+
+    A receiver that does not know its accuracy sends 0.
+    """
     numbers = (
         gps.latitude_deg,
         gps.longitude_deg,
@@ -53,7 +60,7 @@ def is_sane(gps: SensorGps) -> bool:
         and abs(gps.longitude_deg) <= 180.0
         and abs(gps.altitude_amsl_m) < 20_000.0
         and max(abs(component) for component in gps.velocity_ned) < 200.0
-        and min(numbers[6:]) >= 0.0
+        and min(numbers[6:]) > 0.0
     )
 
 
@@ -67,6 +74,27 @@ def is_good(gps: SensorGps, required: GpsRequirements) -> bool:
         and gps.vertical_accuracy_m <= required.vertical_accuracy_m
         and gps.speed_accuracy_m_s <= required.speed_accuracy_m_s
     )
+
+
+class VelocityPlausibility:
+    """Whether the velocity of a fix has changed as that of a vehicle can.
+
+    A receiver under interference can send any velocity with a small deviation. Its differences
+    from the inertial sensors would be taken for a jump of their biases.
+    """
+
+    def __init__(self) -> None:
+        self._former: tuple[float, ...] = ()  # [m/s] Innovations of the last fix
+        self._former_us = 0
+
+    def update(self, group: Sequence[Measurement], time_us: int) -> bool:
+        """Compare the innovations [m/s] of a fix with those of the fix before."""
+        innovations = tuple(measurement.innovation for measurement in group)
+        former, self._former = self._former or innovations, innovations
+        elapsed_s = (time_us - self._former_us) * 1e-6
+        self._former_us = time_us
+        changes = (abs(new - old) for new, old in zip(innovations, former, strict=True))
+        return max(changes) <= _LEAST_CHANGE_M_S + _LARGEST_BIAS_M_S2 * elapsed_s
 
 
 def position_measurements(

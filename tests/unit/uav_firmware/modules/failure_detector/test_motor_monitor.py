@@ -29,14 +29,18 @@ class Rotors:
         self.dead: set[int] = set()
         self.grip = 1.0  # Share of the speed that all of them reach
 
-    def run(self, seconds: float, command: Motors, lag_s: float = 0.056) -> int:
+    def run(
+        self, seconds: float, command: Motors, lag_s: float = 0.056, *, is_carried: bool = False
+    ) -> int:
         failed = 0
         for _ in range(round(seconds / DT)):
             for motor in range(4):
                 goal = 0.0 if motor in self.dead else self.grip * steady_rpm(command[motor])
                 self.speeds[motor] += (goal - self.speeds[motor]) * (1.0 - math.exp(-DT / lag_s))
             one, two, three, four = self.speeds
-            failed = self.monitor.update(command, (one, two, three, four), DT)
+            failed = self.monitor.update(
+                command, (one, two, three, four), DT, is_carried=is_carried
+            )
         return failed
 
 
@@ -46,6 +50,26 @@ def test_a_stopping_motor_is_named_within_a_tenth_of_a_second(motor: int) -> Non
     assert rotors.run(1.0, HOVER) == 0
     rotors.dead.add(motor)
     assert rotors.run(0.1, HOVER) == 1 << motor
+
+
+@pytest.mark.parametrize("said_to_stand", [{0, 1}, {0, 2}, {1, 2, 3}, {0, 1, 2, 3}])
+def test_rotors_that_carry_the_vehicle_do_not_stand(said_to_stand: set[int]) -> None:
+    rotors = Rotors()
+    rotors.run(1.0, HOVER)
+    rotors.dead |= said_to_stand
+    assert rotors.run(1.0, HOVER, is_carried=True) == 0
+    assert rotors.run(1.0, HOVER) == 0  # It descends, or turns: the telemetry is wrong all the same
+    rotors.dead.clear()
+    assert rotors.run(1.0, HOVER) == 0
+    rotors.dead |= said_to_stand
+    assert rotors.run(0.2, HOVER) == sum(1 << motor for motor in said_to_stand)
+
+
+def test_a_single_rotor_that_stands_has_failed_while_the_others_carry_the_vehicle() -> None:
+    rotors = Rotors()
+    rotors.run(1.0, HOVER)
+    rotors.dead.add(2)
+    assert rotors.run(0.1, HOVER, is_carried=True) == 0b100
 
 
 def test_a_motor_that_stops_at_a_blow_is_blocked_first_and_failed_a_tenth_later() -> None:

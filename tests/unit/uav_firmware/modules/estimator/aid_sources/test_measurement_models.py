@@ -14,6 +14,7 @@ from uav_firmware.modules.estimator.aid_sources.barometer import (
     height_measurement,
     pressure_altitude,
 )
+from uav_firmware.modules.estimator.aid_sources.gnss_fusion import VelocityPlausibility
 from uav_firmware.modules.estimator.aid_sources.magnetometer import (
     heading_measurement,
     read_compass,
@@ -184,3 +185,36 @@ def test_rejection_is_timed_from_its_first_to_the_next_acceptance() -> None:
     assert aid.rejected_s(6_000_000) == 0.0
     assert not aid.rejecting
     assert aid.age_s(6_000_000) == pytest.approx(1.0)
+
+
+def velocity_innovations(north: float, east: float, down: float) -> list[Measurement]:
+    return [Measurement(value, (0.0,) * SIZE, 0.01) for value in (north, east, down)]
+
+
+@given(st.floats(-20.0, 20.0), st.floats(0.05, 1.0))
+def test_a_bias_that_jumps_changes_the_velocity_plausibly(
+    bias_m_s2: float, elapsed_s: float
+) -> None:
+    plausibility = VelocityPlausibility()
+    grown = [
+        plausibility.update(
+            velocity_innovations(0.0, step * elapsed_s * bias_m_s2, 0.0),
+            round(step * elapsed_s * 1e6),
+        )
+        for step in range(5)
+    ]
+    assert all(grown)
+
+
+@given(st.floats(7.0, 60.0), st.integers(0, 2), st.sampled_from([-1.0, 1.0]))
+def test_a_velocity_that_leaps_is_no_motion_of_a_vehicle(
+    leap_m_s: float, axis: int, side: float
+) -> None:
+    plausibility = VelocityPlausibility()
+    leapt = [0.0, 0.0, 0.0]
+    leapt[axis] = side * leap_m_s
+    judged = [
+        plausibility.update(velocity_innovations(*values), 1_000_000 + step * 200_000)
+        for step, values in enumerate([(0.0, 0.0, 0.0), leapt, leapt, (0.0, 0.0, 0.0)])
+    ]
+    assert judged == [True, False, True, False]
