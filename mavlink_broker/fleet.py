@@ -17,8 +17,15 @@ from mavlink_broker.edge.outbox import Post
 from mavlink_broker.edge.wire import AcceptanceResult
 from mavlink_broker.effects import EdgeMessage, Effects, Job, JobOutcome, failed
 from mavlink_broker.live.follow_target import read_target_sources
-from mavlink_broker.mavlink.components import AUTOPILOT, is_vehicle, replaces_autopilot
-from mavlink_broker.mavlink.dialect import Message, Route, Source, source_of
+from mavlink_broker.mavlink.dialect import (
+    AUTOPILOT,
+    Message,
+    Route,
+    Source,
+    is_vehicle,
+    replaces_autopilot,
+    source_of,
+)
 from mavlink_broker.session import Session
 from mavlink_broker.vehicle.recovery_state import (
     EMPTY_RECORD,

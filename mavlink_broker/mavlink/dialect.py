@@ -5,8 +5,11 @@ pymavlink's generated classes `mavlink.MAVLink_<name>_message`; `get_type()` ret
 Three of them are replaced here, because the shipped dialect lacks the opaque plan ids of the
 current message definitions (extension fields: the checksum seed and the older fields stay as they
 are, and a sender without them is read as id 0, "not supported").
+
+Who has sent a message, whom it addresses and which senders are autopilots is here too.
 """
 
+import re
 import struct
 from typing import Any, ClassVar, Final, NamedTuple, TypeAlias
 
@@ -14,15 +17,21 @@ from pymavlink.dialects.v20 import all as mavlink
 
 __all__ = [
     "ADDRESSED",
+    "AUTOPILOT",
     "MISSION_RESULT_NAMES",
+    "NOT_VEHICLES",
     "RESULT_NAMES",
     "Message",
     "MissionAck",
     "MissionCount",
     "MissionCurrent",
+    "Route",
     "Source",
+    "is_vehicle",
+    "mav_cmd_name",
     "mavlink",
     "name_in",
+    "replaces_autopilot",
     "source_of",
 ]
 Message: TypeAlias = Any
@@ -150,3 +159,49 @@ class Route(NamedTuple):
         """
         system = int(getattr(message, "target_system", 0))
         return None if system in {0, self.own_system, self.target_system} else system
+
+
+AUTOPILOT: Final[int] = mavlink.MAV_COMP_ID_AUTOPILOT1
+_USER_COMPONENT: Final = re.compile("MAV_COMP_ID_(USER[0-9]+|AUTOPILOT1)")
+_NON_AUTOPILOT_COMPONENTS: Final = frozenset(
+    number
+    for number, entry in mavlink.enums["MAV_COMPONENT"].items()
+    if _USER_COMPONENT.fullmatch(entry.name) is None
+)
+"""Component ids of companions, cameras, gimbals and other parts that are not an autopilot."""
+NOT_VEHICLES: Final = frozenset(
+    {
+        mavlink.MAV_TYPE_ANTENNA_TRACKER,
+        mavlink.MAV_TYPE_GCS,
+        mavlink.MAV_TYPE_ONBOARD_CONTROLLER,
+        mavlink.MAV_TYPE_GIMBAL,
+        mavlink.MAV_TYPE_ADSB,
+        mavlink.MAV_TYPE_CAMERA,
+        mavlink.MAV_TYPE_CHARGING_STATION,
+        mavlink.MAV_TYPE_FLARM,
+        mavlink.MAV_TYPE_SERVO,
+        mavlink.MAV_TYPE_ODID,
+        mavlink.MAV_TYPE_BATTERY,
+        mavlink.MAV_TYPE_LOG,
+        mavlink.MAV_TYPE_OSD,
+        mavlink.MAV_TYPE_IMU,
+        mavlink.MAV_TYPE_GPS,
+        mavlink.MAV_TYPE_WINCH,
+    }
+)
+"""MAV_TYPEs that send heartbeats and cannot fly a mission."""
+
+
+def is_vehicle(message: Message) -> bool:
+    """Whether a HEARTBEAT is that of a flying vehicle's autopilot.
+
+    A companion computer may report a generic autopilot; its component id distinguishes them.
+    """
+    is_autopilot = message.autopilot != mavlink.MAV_AUTOPILOT_INVALID
+    is_part = message.get_srcComponent() in _NON_AUTOPILOT_COMPONENTS
+    return is_autopilot and not is_part and message.type not in NOT_VEHICLES
+
+
+def replaces_autopilot(component: int, before: int | None) -> bool:
+    """Whether a component becomes the system's autopilot instead of the one known before."""
+    return before is None or (component == AUTOPILOT and before != AUTOPILOT)

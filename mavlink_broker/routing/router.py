@@ -15,8 +15,14 @@ from mavlink_broker.config import Config
 from mavlink_broker.links.frame_log import FrameLog
 from mavlink_broker.links.url import Address
 from mavlink_broker.mavlink.codec import Decoder, Encoder, unsigned
-from mavlink_broker.mavlink.components import is_vehicle, replaces_autopilot
-from mavlink_broker.mavlink.dialect import Message, Source, mavlink, source_of
+from mavlink_broker.mavlink.dialect import (
+    Message,
+    Source,
+    is_vehicle,
+    mavlink,
+    replaces_autopilot,
+    source_of,
+)
 from mavlink_broker.mavlink.signing import KeyRing, SignatureCheck
 from mavlink_broker.microservices.link_state import (
     HEARTBEAT_EVERY_S,

@@ -8,8 +8,7 @@ from typing import Final
 from mavlink_broker.autopilots.families import GENERIC, Family, family_of
 from mavlink_broker.autopilots.flight_modes import ModeRole
 from mavlink_broker.autopilots.status_texts import StatusTexts
-from mavlink_broker.mavlink.components import is_vehicle
-from mavlink_broker.mavlink.dialect import Message, Route, mavlink
+from mavlink_broker.mavlink.dialect import Message, Route, is_vehicle, mavlink
 from mavlink_broker.microservices.command import CommandAlternatives, CommandSequence, RoundTrip
 from mavlink_broker.microservices.config_overrides import (
     ParameterOverride,

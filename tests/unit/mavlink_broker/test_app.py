@@ -6,8 +6,7 @@ import pytest
 
 from mavlink_broker.config import Config
 from mavlink_broker.mavlink.codec import Decoder, Encoder
-from mavlink_broker.mavlink.components import AUTOPILOT
-from mavlink_broker.mavlink.dialect import mavlink
+from mavlink_broker.mavlink.dialect import AUTOPILOT, mavlink
 from mavlink_broker.mission.states import State
 from tests.support.broker_world import (
     FINISHED,

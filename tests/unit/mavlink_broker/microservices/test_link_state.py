@@ -7,8 +7,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from mavlink_broker.mavlink.codec import Decoder, Encoder
-from mavlink_broker.mavlink.components import is_vehicle
-from mavlink_broker.mavlink.dialect import Message, mavlink
+from mavlink_broker.mavlink.dialect import Message, is_vehicle, mavlink
 from mavlink_broker.microservices.command import (
     FIRST_TIMEOUT_S,
     LONGEST_TIMEOUT_S,
