@@ -20,8 +20,8 @@ from mavlink_broker.cli.program import (
 )
 from mavlink_broker.config import Config
 from mavlink_broker.database import Database
+from mavlink_broker.edge.bounded_http import EdgeConnection
 from mavlink_broker.edge.client import EdgeClient
-from mavlink_broker.edge.connection import EdgeConnection
 from mavlink_broker.edge.spool import MIB, Spool
 from mavlink_broker.edge.uploads import FrameUploader, LogUploader
 from mavlink_broker.effects import Job, LogJob, SendFrames

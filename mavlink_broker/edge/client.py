@@ -34,8 +34,7 @@ from mavlink_broker.edge.answers import (
     examined,
     explain,
 )
-from mavlink_broker.edge.bounded_http import Answer, cause_of
-from mavlink_broker.edge.connection import EdgeConnection
+from mavlink_broker.edge.bounded_http import Answer, EdgeConnection, cause_of
 from mavlink_broker.edge.outbox import Outbox, Post
 from mavlink_broker.edge.spool import Spool
 from mavlink_broker.edge.spool_writer import SpoolWriter

@@ -23,8 +23,7 @@ import requests
 
 from afarcloud.numbers import format_time
 from mavlink_broker.edge.answers import explain, is_final, is_temporary_refusal
-from mavlink_broker.edge.bounded_http import Answer
-from mavlink_broker.edge.connection import EdgeConnection
+from mavlink_broker.edge.bounded_http import Answer, EdgeConnection
 from mavlink_broker.effects import (
     BeginLog,
     DropLog,

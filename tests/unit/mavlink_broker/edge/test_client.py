@@ -14,9 +14,8 @@ import requests
 
 from mavlink_broker import supervision
 from mavlink_broker.edge.answers import is_final
-from mavlink_broker.edge.bounded_http import Answer
+from mavlink_broker.edge.bounded_http import Answer, EdgeConnection
 from mavlink_broker.edge.client import EdgeClient, Pause
-from mavlink_broker.edge.connection import EdgeConnection
 from mavlink_broker.edge.wire import AcceptanceResult, post_for
 from mavlink_broker.effects import Acknowledgement, VehicleUpdate
 from tests.support.broker_world import first_flight

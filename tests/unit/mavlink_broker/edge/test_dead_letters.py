@@ -13,8 +13,8 @@ import pytest
 from mavlink_broker.cli import dead_letters
 from mavlink_broker.database import add_requests, read_rows
 from mavlink_broker.edge import outbox
+from mavlink_broker.edge.bounded_http import EdgeConnection
 from mavlink_broker.edge.client import EdgeClient
-from mavlink_broker.edge.connection import EdgeConnection
 from mavlink_broker.edge.outbox import (
     LONGEST_PAUSE_S,
     MAX_ATTEMPTS,

@@ -10,8 +10,7 @@ from typing import Any, Final, cast
 import pytest
 import requests
 
-from mavlink_broker.edge.bounded_http import Answer
-from mavlink_broker.edge.connection import EdgeConnection, NoKeyError
+from mavlink_broker.edge.bounded_http import Answer, EdgeConnection, NoKeyError
 from mavlink_broker.edge.uploads import PART_BYTES, FrameUploader, LogUploader
 from mavlink_broker.effects import (
     BeginLog,
