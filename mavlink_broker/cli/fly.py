@@ -16,7 +16,6 @@ from typing import Any, Final
 
 from ulid import ULID
 
-from afarcloud import wire
 from afarcloud.enumerations import AlarmCode, CommandType, EventType, Status
 from afarcloud.plan import Mission, Plan
 from mavlink_broker import config
@@ -37,12 +36,10 @@ from mavlink_broker.cli.program import (
 )
 from mavlink_broker.config import Config
 from mavlink_broker.journal import JournalTable, JournalWriter
-from mavlink_broker.microservices.link_state import LinkState
 from mavlink_broker.mission.states import State
 from mavlink_broker.pictures.worker_pool import WorkerPool
 from mavlink_broker.routing.router import Clock
 
-_REPORT: Final = wire.Kind.MISSION_REPORT.value
 _CODES: Final = frozenset(AlarmCode)
 CONNECT_TIMEOUT_S: Final = 30.0
 IDLE_FOR_S: Final = 2.0
@@ -151,7 +148,7 @@ class PlanFlight:
             vehicle_id
             for vehicle_id, system in self._systems.items()
             if system not in sessions
-            or sessions[system].vehicle.link_state(now) is not LinkState.CONNECTED
+            or not sessions[system].vehicle.is_connected(now)
             or not sessions[system].vehicle.is_identified
         ]
 

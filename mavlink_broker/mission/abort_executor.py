@@ -25,7 +25,6 @@ from mavlink_broker.autopilots.flight_modes import ModeRole
 from mavlink_broker.live.executor import LiveCommandExecutor, LivePhase
 from mavlink_broker.mavlink.dialect import Message, mavlink
 from mavlink_broker.microservices.command import CommandAlternatives, long_command
-from mavlink_broker.microservices.link_state import LinkState
 from mavlink_broker.planning.geofence import AreaCheck
 from mavlink_broker.planning.situation import Lasted, LiveAction, Pose
 from mavlink_broker.vehicle import control_authority
@@ -104,7 +103,7 @@ def within_fence(
     return event.model_copy(update={"abort": None}), f"abort: {fault}: {instead}"
 
 
-def _airborne_action(event: AbortEvent, vehicle: Vehicle, *, with_place: bool = True) -> LiveAction:
+def _airborne_action(event: AbortEvent, vehicle: Vehicle, *, with_place: bool) -> LiveAction:
     """What an abort asks of a vehicle in the air; without its place its last order only."""
     point = event.abort if with_place else None
     spot = None if point is None else Spot(point.latitude, point.longitude, point.altitude)
@@ -329,7 +328,7 @@ class AbortExecutor:
         """
         if self._arms_until is None:
             return
-        if self._vehicle.link.state(now) is not LinkState.CONNECTED:
+        if not self._vehicle.is_connected(now):
             self._arms_until = max(self._arms_until, now + AGAIN_AFTER_S)
         if self._vehicle.snapshot.armed or now >= self._arms_until:
             self._arms_until = None

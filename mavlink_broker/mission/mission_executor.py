@@ -14,7 +14,6 @@ from mavlink_broker.autopilots.families import Family
 from mavlink_broker.edge.wire import EventWork, MissionWork
 from mavlink_broker.effects import Acknowledgement, Effects
 from mavlink_broker.mavlink.dialect import Message, mavlink
-from mavlink_broker.microservices.link_state import LinkState
 from mavlink_broker.mission import exchanges
 from mavlink_broker.mission.abort_executor import REASONS, note_on_ground, return_event
 from mavlink_broker.mission.context import MissionContext, SegmentMonitors
@@ -295,7 +294,7 @@ class MissionExecutor:
 
     def _is_link_away(self, now: float) -> bool:
         """Whether only a lost link may have caused a fault."""
-        is_away = self._vehicle.link.state(now) is not LinkState.CONNECTED
+        is_away = not self._vehicle.is_connected(now)
         return self.state in ASKING and is_away and self._link_losses < MOST_LINK_LOSSES
 
     def _attach_again(self, now: float, effects: Effects) -> None:

@@ -22,7 +22,6 @@ from mavlink_broker import effects
 from mavlink_broker.autopilots.flight_modes import ModeRole
 from mavlink_broker.effects import ConvertedPicture, Effects, VehicleUpdate
 from mavlink_broker.mavlink.dialect import Message
-from mavlink_broker.microservices.link_state import LinkState
 from mavlink_broker.microservices.parameter import ParameterRead
 from mavlink_broker.vehicle import telemetry
 from mavlink_broker.vehicle.alarms import Failure
@@ -291,7 +290,7 @@ def stale(vehicle: Vehicle, now: float) -> list[str]:
     A battery that the vehicle reports without a value is stale at once: the edge server still
     shows the value before, also one from before a restart of the broker.
     """
-    is_connected = vehicle.link_state(now) is LinkState.CONNECTED
+    is_connected = vehicle.is_connected(now)
     unknown = {"battery"} if vehicle.snapshot.battery_fraction is None else set()
     ages = {name: vehicle.age_s(kind, now) for name, kind in _MESSAGES.items()}
     return [
