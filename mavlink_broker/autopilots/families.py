@@ -377,9 +377,7 @@ _COPTER_TYPES: Final = frozenset(
 """MAV_TYPEs of ArduCopter; its mode numbers have other meanings on a plane or rover."""
 
 
-def family_of(
-    autopilot: int, product: tuple[int, int] | None = None, vehicle_type: int | None = None
-) -> Family:
+def family_of(autopilot: int, product: tuple[int, int] | None, vehicle_type: int | None) -> Family:
     """Family of a MAV_AUTOPILOT; `product` is vendor and product, if the vehicle has reported them.
 
     `vehicle_type` is its MAV_TYPE; a copter unless it says otherwise.

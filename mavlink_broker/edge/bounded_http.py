@@ -291,9 +291,7 @@ INSTANCE_HEADER: Final = "Broker-Instance"
 class EdgeConnection(BoundedHttp):
     """One thread's connection to the edge server, open until the end of its `with` block."""
 
-    def __init__(
-        self, url: str, key_file: Path, ca_file: Path | None, instance_id: str = ""
-    ) -> None:
+    def __init__(self, url: str, key_file: Path, ca_file: Path | None, instance_id: str) -> None:
         """Connect to the edge server's URL; `instance_id` distinguishes brokers with one key."""
         super().__init__(True if ca_file is None else str(ca_file))
         self._headers = {INSTANCE_HEADER: instance_id} if instance_id else {}

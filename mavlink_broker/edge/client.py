@@ -84,14 +84,13 @@ class EdgeClient:
         ca_file: Path | None = None,
         spool: Spool | None = None,
         clock: Callable[[], float] = time.monotonic,
-        jitter: random.Random | None = None,
         instance_id: str = "",
     ) -> None:
         """Use the edge server's URL, the file of the access key and that of the only CA.
 
         `wake` ends the loop's sleep. Without a spool posts that wait are lost with the program.
-        `clock` gives monotonic seconds; `jitter` draws the pauses between attempts. The edge server
-        distinguishes brokers with one access key by `instance_id`.
+        `clock` gives monotonic seconds. The edge server distinguishes brokers with one access key
+        by `instance_id`.
         """
         self._connect = partial(EdgeConnection, url, key_file, ca_file, instance_id)
         self._wake = wake
@@ -100,7 +99,7 @@ class EdgeClient:
         self._edge_clock = EdgeClock()
         self._work: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
         self._acceptance_results: queue.SimpleQueue[AcceptanceResult] = queue.SimpleQueue()
-        self._outbox = Outbox(jitter or random.Random())
+        self._outbox = Outbox(random.Random())
         self._update_intervals_s: dict[int, float] = {}  # By vehicle
         lock = threading.Lock()
         self._changed = threading.Condition(lock)  # For the threads that send
@@ -176,12 +175,6 @@ class EdgeClient:
     def update_interval_of(self, vehicle_id: int) -> float | None:
         """Interval [s] that the answer to the last update of a vehicle has requested, or None."""
         return self._update_intervals_s.get(vehicle_id)
-
-    @property
-    def dropped(self) -> int:
-        """How many state vectors were dropped."""
-        with self._changed:
-            return self._outbox.dropped
 
     def _poll_work(self) -> None:
         self._cursor = 0

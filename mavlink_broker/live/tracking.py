@@ -149,7 +149,6 @@ class QuickShot:
             return None
         return CommandInt(
             command=mavlink.MAV_CMD_DO_ORBIT,
-            frame=mavlink.MAV_FRAME_GLOBAL,
             parameters=(self._radius_m, self._speed_m_s, 0.0, math.nan),
             latitude_deg=self._centre.latitude_deg,
             longitude_deg=self._centre.longitude_deg,

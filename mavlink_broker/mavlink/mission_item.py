@@ -192,35 +192,31 @@ def trigger_camera() -> MissionItem:
     return MissionItem(command=mavlink.MAV_CMD_DO_DIGICAM_CONTROL, fifth=1)
 
 
-def turns(
+def turn(
     *,
     latitude_deg: float,
     longitude_deg: float,
     relative_altitude_m: float,
-    number: float,
     radius_m: float,
 ) -> MissionItem:
-    """NAV_LOITER_TURNS(18); a negative radius goes round counter-clockwise."""
+    """NAV_LOITER_TURNS(18), one turn; a negative radius goes round counter-clockwise."""
     return MissionItem(
         command=mavlink.MAV_CMD_NAV_LOITER_TURNS,
         frame=mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT,
-        parameters=(number, 0.0, radius_m, 0.0),
+        parameters=(1.0, 0.0, radius_m, 0.0),
         latitude_deg=latitude_deg,
         longitude_deg=longitude_deg,
         altitude_m=relative_altitude_m,
     )
 
 
-def look_at(
-    *, latitude_deg: float, longitude_deg: float, relative_altitude_m: float
-) -> MissionItem:
-    """DO_SET_ROI_LOCATION(195): the nose or the camera points to a position."""
+def look_at(*, latitude_deg: float, longitude_deg: float) -> MissionItem:
+    """DO_SET_ROI_LOCATION(195): the nose or the camera points to a position, at home's height."""
     return MissionItem(
         command=mavlink.MAV_CMD_DO_SET_ROI_LOCATION,
         frame=mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT,
         latitude_deg=latitude_deg,
         longitude_deg=longitude_deg,
-        altitude_m=relative_altitude_m,
     )
 
 

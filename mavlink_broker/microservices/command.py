@@ -105,10 +105,9 @@ def long_command(command: int, *values: float, component: int | None = None) -> 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CommandInt:
-    """A command with a position; the frame gives the datum of the altitude."""
+    """A command with a position; its altitude is above mean sea level."""
 
     command: int
-    frame: int
     parameters: tuple[float, float, float, float] = (0.0,) * 4
     latitude_deg: float
     longitude_deg: float
@@ -121,7 +120,7 @@ class CommandInt:
         return mavlink.MAVLink_command_int_message(
             route.target_system,
             route.target_component,
-            self.frame,
+            mavlink.MAV_FRAME_GLOBAL,
             self.command,
             0,
             0,

@@ -85,10 +85,10 @@ class MissionChangeMonitor:
         self,
         plan: FlightPlan,
         vehicle: Vehicle,
-        reached: int = -1,
+        reached: int,
         *,
-        uploader: int | None = None,
-        total: int | None = None,
+        uploader: int | None,
+        total: int | None,
     ) -> None:
         """Begin behind the last item that is known to be `reached`; -1: none.
 

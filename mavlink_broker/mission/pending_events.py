@@ -339,7 +339,7 @@ class PendingEvents:
         self._running = self._return = None
 
     def resume_abort(
-        self, work: EventWork, now: float, effects: Effects, *, is_newer: bool = False
+        self, work: EventWork, now: float, effects: Effects, *, is_newer: bool
     ) -> None:
         """Send the vehicle where an abort leads, unless it descends already or another has it.
 

@@ -140,8 +140,8 @@ class CommandInterval:
     command: PictureCommand | None
     began_s: float
     earliest_s: float  # It may have begun since then, when its predecessor was seen last
+    is_partial: bool = field(kw_only=True)  # Its beginning was not observed
     ended_s: float = math.inf
-    is_partial: bool = False  # Its beginning was not observed
     is_undated: bool = False  # Nor was it noted when it had been ordered
     is_of_boot_before: bool = False  # Its times are by a clock of which no run has seen the end
     counts: dict[int, int] = field(default_factory=dict)  # Its pictures, by camera

@@ -222,9 +222,7 @@ class MissionFollower:
             return received_s
         return min(received_s, self._time.at(now) - age_s)
 
-    def _behind(
-        self, before: PictureCommand | None, end: int | None = None
-    ) -> Iterator[PictureCommand]:
+    def _behind(self, before: PictureCommand | None, end: int | None) -> Iterator[PictureCommand]:
         """Give the commands of the mission in flight behind one of it, up to an index."""
         if before is None or self.flight is None or before.mission != self.flight[0].name:
             return

@@ -111,7 +111,6 @@ def _live(p: NavHotpointParameters, situation: Situation) -> LiveAction:
     counts = situation.family.orbiting is OrbitMethod.COUNTED
     orbit = CommandInt(
         command=mavlink.MAV_CMD_DO_ORBIT,
-        frame=mavlink.MAV_FRAME_GLOBAL,
         parameters=(
             p.radius if p.is_clockwise else -p.radius,
             speed_m_s,
@@ -169,10 +168,9 @@ def _as_items(p: NavHotpointParameters, situation: Situation) -> Items:
     notes = [*_limited(p, speed_m_s), *rounded]
     inwards = p.orbit_type is OrbitType.TOWARDS_HOT_POINT
     centre = {"latitude_deg": p.latitude, "longitude_deg": p.longitude}
-    circle = mission_item.turns(
+    circle = mission_item.turn(
         **centre,
         relative_altitude_m=p.orbit_altitude,
-        number=1.0,
         radius_m=p.radius if p.is_clockwise else -p.radius,
     )
     before = []
@@ -182,7 +180,7 @@ def _as_items(p: NavHotpointParameters, situation: Situation) -> Items:
     before.append(mission_item.change_speed(speed_m_s))
     behind = []
     if inwards and not situation.refused & _LOOKS:
-        before.append(mission_item.look_at(**centre, relative_altitude_m=0.0))
+        before.append(mission_item.look_at(**centre))
         behind.append(mission_item.look_ahead())
     elif not inwards and p.orbit_type is not OrbitType.ALONG_CIRCLE_LOOKING_FORWARDS:
         notes.append(f"orbit_type {p.orbit_type.name} is not supported: it looks forwards")

@@ -245,9 +245,7 @@ def _translate_command(index: int, command: Command, situation: Situation) -> It
 class _Translation:
     """Translates the commands in order; each changes the situation of the next."""
 
-    def __init__(
-        self, mission: Mission, situation: Situation, most_items: int | None = None
-    ) -> None:
+    def __init__(self, mission: Mission, situation: Situation, most_items: int | None) -> None:
         self._most_items = most_items
         self._mission = mission
         self._situation = situation

@@ -63,18 +63,18 @@ class Situation(NamedTuple):
 
     family: Family
     home: Home
-    mission_id: int = 0
-    flight: str = ""  # Tells apart missions of one number
-    own_system: int = 254  # The broker's, whose target a vehicle follows
-    own_component: int = 191  # With it, who controls a gimbal live
-    refused: frozenset[int] = frozenset()  # MAV_CMD that this vehicle refused as mission items
+    mission_id: int
+    flight: str  # Tells apart missions of one number
+    own_system: int  # The broker's, whose target a vehicle follows
+    own_component: int  # With it, who controls a gimbal live
+    refused: frozenset[int]  # MAV_CMD that this vehicle refused as mission items
+    maximum_speed_m_s: float
+    common_radius_m: float | None  # Acceptance radius of all waypoints, if equal
+    after_live: bool  # The position is unknown: after a live command or on the ground
     spot: Spot | None = None  # End of the previous command; None: unknown
     heading_deg: float | None = None  # The last commanded one
-    maximum_speed_m_s: float = 0.0
     relative_altitude_m: float = DEFAULT_ALTITUDE_M  # Of the mission
-    common_radius_m: float | None = None  # Acceptance radius of all waypoints, if equal
     aim: tuple[float, float | None] | None = None  # [deg] Pitch and yaw of the last pictures
-    after_live: bool = False  # The position is unknown: after a live command or on the ground
 
     @property
     def approach_speed_m_s(self) -> float | None:
@@ -236,7 +236,6 @@ def reposition(
     """DO_REPOSITION(192) in frame 0, which every family interprets alike."""
     return CommandInt(
         command=mavlink.MAV_CMD_DO_REPOSITION,
-        frame=mavlink.MAV_FRAME_GLOBAL,
         parameters=(speed_m_s, CHANGE_MODE, 0.0, yaw_rad),
         latitude_deg=spot.latitude_deg,
         longitude_deg=spot.longitude_deg,

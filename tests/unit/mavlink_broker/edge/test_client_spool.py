@@ -184,7 +184,7 @@ def test_a_state_vector_or_a_withdrawn_acceptance_is_not_a_dead_letter(
     client.post(replace(pose(0), lane="state_vector", may_be_dropped=True))
     client.post(replace(pose(1), lane="state_vector", may_be_dropped=True))
     assert numbers(server.wait_for("/pose/", 1)) == [1]
-    assert client.dropped == 1
+    assert client._outbox.dropped == 1
     client.stop(5.0)
     assert read_dead_letters(tmp_path / "broker") == []
 

@@ -154,9 +154,7 @@ def test_answers_to_others_and_to_other_commands_are_not_ours() -> None:
 
 
 def test_a_position_travels_as_integers() -> None:
-    command = CommandInt(
-        command=192, frame=6, latitude_deg=40.4434, longitude_deg=-3.7382, altitude_m=5.0
-    )
+    command = CommandInt(command=192, latitude_deg=40.4434, longitude_deg=-3.7382, altitude_m=5.0)
     message = command.message(ROUTE, 3)
     assert (message.x, message.y, message.z) == (404434000, -37382000, 5.0)
 
