@@ -45,7 +45,6 @@ LONGEST_FLIGHT_S: Final = 6 * 3600.0
 _READ_WITHIN: Final = timedelta(seconds=1.0)
 """Of each other the two clocks of the machine are read, and corrected little by little."""
 _LOG = logging.getLogger(__name__)
-"""MAV_COMP_ID_AUTOPILOT1."""
 
 
 class Edge(Protocol):

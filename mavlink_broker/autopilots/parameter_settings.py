@@ -14,7 +14,6 @@ own limit may be narrower, and is never widened.
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from enum import IntFlag
 from typing import Final, TypeAlias
 
 from afarcloud.plan import Geofence
@@ -32,17 +31,11 @@ PX4_LOWEST_FOLLOW_M: Final = 8.0
 COPTER_RADIUS_M: Final = (0.05, 10.0)
 """Smallest and largest acceptance radius of WPNAV_RADIUS."""
 COPTER_CIRCLE_RATE_DEG_S: Final = 90.0
+_NOSE_ALONG_THE_CIRCLE: Final = 2.0  # CIRCLE_OPTIONS; 0: it points to the centre
 _FACE_TARGET: Final = 1.0
 _NORTH_EAST_DOWN: Final = 0.0
 _AMSL: Final = 0.0
 _NO_DISTANCE_LIMIT: Final = 0.0
-
-
-class CircleOption(IntFlag):
-    """Bits of ArduCopter's CIRCLE_OPTIONS; without the second the nose points to the centre."""
-
-    STEERED_BY_HAND = 1
-    NOSE_ALONG_THE_CIRCLE = 2
 
 
 def no_overrides(height_m: float, angle_deg: float, own_system: int) -> ParameterOverrides:
@@ -92,10 +85,9 @@ def copter_circle(rate_deg_s: float, *, along: bool) -> ParameterOverrides:
     Before 4.4 its rate is the one that AUTO goes round at, counter-clockwise below 0.
     """
     rate_deg_s = math.copysign(min(abs(rate_deg_s), COPTER_CIRCLE_RATE_DEG_S), rate_deg_s)
-    options = CircleOption.NOSE_ALONG_THE_CIRCLE if along else CircleOption(0)
     return (
         (Setting("CIRCLE_RATE", rate_deg_s),),
-        (Setting("CIRCLE_OPTIONS", float(options)),),
+        (Setting("CIRCLE_OPTIONS", _NOSE_ALONG_THE_CIRCLE if along else 0.0),),
     )
 
 

@@ -30,8 +30,8 @@ from mavlink_broker.config import DEFAULT_SYSTEM_ID, ONBOARD_COMPUTER
 from mavlink_broker.links.hub import Hub
 from mavlink_broker.links.url import Address, LinkKind, LinkUrl
 from mavlink_broker.mavlink.codec import Decoder
-from mavlink_broker.mavlink.signing import KeyRing
-from mavlink_broker.microservices.signing_setup import KEY_LENGTH, Outcome, SigningSetup
+from mavlink_broker.mavlink.signing import KEY_LENGTH, KeyRing
+from mavlink_broker.microservices.signing_setup import Outcome, SigningSetup
 
 _USB: Final = "serial:///dev/ttyACM0:115200"
 _WAIT_S: Final = 0.1

@@ -46,11 +46,6 @@ class Hub:
         """The configured links; port 0 is replaced by the port that the system chose."""
         return [link.url._replace(port=link.port) for link in self._links]
 
-    @property
-    def dropped(self) -> int:
-        """Number of frames that links could not send in time."""
-        return sum(link.dropped for link in self._links)
-
     def add(self, url: LinkUrl) -> None:
         """Open one more link.
 

@@ -115,9 +115,9 @@ _GROUPS: Final = (
 
 REQUEST_INTERVAL_S: Final = 10.0
 LONGEST_PAUSE_S: Final = 60.0
+"""Longest pause; the pauses grow for a message that a vehicle does not send."""
 CHECK_INTERVAL_S: Final = 0.2
 """How often it is checked which messages are missing; each may be for longer than a second."""
-"""Longest pause; the pauses grow for a message that a vehicle does not send."""
 REFUSALS: Final = 2
 """After so many refusals and none accepted, the vehicle lacks the command. PX4 refuses it for
 MISSION_CURRENT."""
@@ -233,8 +233,7 @@ class StreamRequests:
             )
             if now - last >= SINGLE_INTERVAL_S:
                 self._requested_at[stream.name] = now
-                number = getattr(mavlink, f"MAVLINK_MSG_ID_{stream.name}")
-                messages.append(request_message(self.route, number))
+                messages.append(request_message(self.route, stream.message_id))
         return messages
 
     def _next(self, now: float) -> list[Message]:

@@ -75,8 +75,6 @@ class Written:
 class NotOverwritten:
     """It was not written, because overwriting its value was denied."""
 
-    value: float
-
 
 WriteOutcome: TypeAlias = Written | NotOverwritten | Refused
 
@@ -230,7 +228,7 @@ class ParameterWrite:
             case Permission.GRANTED:
                 return self._send(now)
             case Permission.DENIED:
-                self.outcome = NotOverwritten(self._previous)
+                self.outcome = NotOverwritten()
         return []
 
     def _is_wanted(self, value: float) -> bool:
@@ -305,11 +303,6 @@ class ParameterRead:
     def value(self) -> float | None:
         """The value, once it is received."""
         return self.outcome.value if isinstance(self.outcome, ParameterValue) else None
-
-    @property
-    def is_over(self) -> bool:
-        """Whether no further request will be sent."""
-        return self.outcome is not None or self._attempts >= self._most_attempts
 
     def start(self, now: float) -> list[Message]:
         """Send the first request."""

@@ -14,9 +14,8 @@ from typing import Any, Final
 from mavlink_broker.autopilots.status_texts import StatusTexts
 from mavlink_broker.mavlink.codec import Encoder
 from mavlink_broker.mavlink.dialect import Message, mavlink, source_of
-from mavlink_broker.mavlink.signing import EPOCH, TICKS_PER_S, LinkSigning
+from mavlink_broker.mavlink.signing import EPOCH, KEY_LENGTH, TICKS_PER_S, LinkSigning
 
-KEY_LENGTH: Final = 32
 HEARTBEAT_TIMEOUT_S: Final = 10.0
 CONFIRMATION_TIMEOUT_S: Final = 8.0
 INTERVAL_S: Final = 1.0

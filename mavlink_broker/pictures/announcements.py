@@ -95,7 +95,6 @@ class Capture:
     taken_s: float | None  # By its camera's clock since boot; None: not sent
     taken_utc_s: float | None = None  # Since 1970; None: its clock is not set
     position: Position | None = None  # None: unknown
-    altitude_m: float  # Above home
     has_succeeded: bool
     url: str
     identity: str  # The same for the same picture, however often it is announced
@@ -116,7 +115,6 @@ def read_capture(message: Message) -> Capture:
         taken_s=message.time_boot_ms / 1e3 if message.time_boot_ms else None,
         taken_utc_s=message.time_utc / 1e6 if message.time_utc > 0 else None,
         position=(message.lat / 1e7, message.lon / 1e7) if message.lat or message.lon else None,
-        altitude_m=message.relative_alt / 1e3,
         has_succeeded=message.capture_result == 1,
         url=url,
         identity="/".join(map(str, (component, message.camera_id, *fields, url))),

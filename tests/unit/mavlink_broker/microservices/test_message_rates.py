@@ -237,7 +237,7 @@ def test_a_parameter_is_requested_until_it_is_received() -> None:
     assert len(tick_until(read, 0.0, 2.5)) == 3
     read.receive(value(b"OTHER", 9, 1.0))
     read.receive(value(b"BAT1_CAPACITY", 6, 1.0))
-    assert not read.is_over
+    assert read.outcome is None
     read.receive(value(b"BAT1_CAPACITY", 9, 5000.0))
     assert read.value == 5000.0
     assert tick_until(read, 2.5, 9.0) == []
@@ -246,7 +246,7 @@ def test_a_parameter_is_requested_until_it_is_received() -> None:
 def test_requests_of_a_missing_parameter_end() -> None:
     read = ParameterRead("BAT1_CAPACITY", ROUTE, RoundTrip())
     assert len(tick_until(read, 0.0, 60.0)) == READ_ATTEMPTS
-    assert read.is_over
+    assert read.outcome is not None
 
 
 def text(content: bytes, identifier: int = 0, chunk: int = 0, severity: int = 2) -> Message:

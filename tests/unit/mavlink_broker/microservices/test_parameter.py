@@ -209,7 +209,7 @@ def test_the_value_ends_the_reading() -> None:
     assert len(read.tick(0.0)) == 1
     read.receive(value(NAME, 5200.0))
     assert read.value == 5200.0
-    assert read.is_over
+    assert read.outcome is not None
     assert read.tick(100.0) == []
 
 
@@ -217,7 +217,7 @@ def test_a_parameter_that_does_not_exist_is_not_requested_again() -> None:
     read = reading()
     read.tick(0.0)
     read.receive(error(NAME))
-    assert read.is_over
+    assert read.outcome is not None
     assert read.value is None
     assert read.tick(100.0) == []
 
@@ -227,7 +227,7 @@ def test_what_concerns_another_parameter_changes_nothing() -> None:
     read.tick(0.0)
     read.receive(value("BAT2_CAPACITY", 1.0))
     read.receive(error("BAT2_CAPACITY"))
-    assert not read.is_over
+    assert read.outcome is None
     assert len(read.tick(100.0)) == 1
 
 
@@ -235,5 +235,5 @@ def test_a_silent_vehicle_gets_a_few_requests() -> None:
     read = reading()
     asked = sum(len(read.tick(float(now))) for now in range(0, 1000, 10))
     assert asked == READ_ATTEMPTS
-    assert read.is_over
+    assert read.outcome is not None
     assert read.value is None

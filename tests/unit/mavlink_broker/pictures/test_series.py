@@ -178,7 +178,6 @@ def capture(number: int) -> Capture:
         component=100,
         index=number,
         taken_s=float(number),
-        altitude_m=5.0,
         has_succeeded=True,
         url="",
         identity=f"picture {number}",
