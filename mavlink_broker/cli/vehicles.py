@@ -142,7 +142,7 @@ def row(vehicle: Vehicle, now: float) -> dict[str, Any]:
         _name("MAV_TYPE", vehicle.vehicle_type),
         vehicle.family.name,
         vehicle.version,
-        vehicle.link_state(now).value,
+        vehicle.link.state(now).value,
         None if snapshot.armed is None else vehicle.mode,
         snapshot.armed,
         None if position is None else position.latitude_deg,

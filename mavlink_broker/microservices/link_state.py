@@ -62,6 +62,8 @@ DRIFT: Final = 0.01
 FAR_BACK_MS: Final = 30_000
 """Step back that counts without a silence: no radio delays frames for so long."""
 MESSAGES_KEPT: Final = 64
+CLOCK_WITHIN_S: Final = 3.0
+"""How long a vehicle whose link was lost may take to show whether it was restarted meanwhile."""
 _COUNTER: Final = 1 << 32
 _NEAR_THE_END_MS: Final = 600_000
 
@@ -141,12 +143,22 @@ class RebootMonitor:
 
     def __init__(self) -> None:
         self._clocks: dict[str, _Clock] = {}
-        self.confirmed_at = -math.inf  # When the clock last went on, or a reboot was detected
-        self.doubted_at = -math.inf  # When it last was behind as after a reboot
+        self._confirmed_at = -math.inf  # When the clock last went on, or a reboot was detected
+        self._doubted_at = -math.inf  # When it last was behind as after a reboot
         self.has_jumped = False  # By the newest sample: it may be another vehicle's
         self._rebooted_at = self._jumped_at = -math.inf
 
-    def has_shown(self, since: float) -> bool:
+    def is_received(self, since: float | None) -> bool:
+        """Whether the vehicle sends its time since boot, and has since a time (None: ever)."""
+        is_sent = self._confirmed_at > -math.inf
+        return is_sent and (since is None or self._confirmed_at >= since)
+
+    def may_show(self, since: float, now: float) -> bool:
+        """Whether the clock may show soon what became of a vehicle that is back since a time."""
+        is_recent = now - max(since, self._doubted_at) < CLOCK_WITHIN_S
+        return is_recent and not self._has_shown(since)
+
+    def _has_shown(self, since: float) -> bool:
         """Whether a clock of before has gone on since a time, or a reboot or jump was detected.
 
         A kind of message that was not received before would go on after a reboot too.
@@ -169,23 +181,23 @@ class RebootMonitor:
             # No restart; what was known of the clocks says nothing of this one
             self._clocks = {kind: _Clock(time_boot_ms, now, now, time_boot_ms)}
             self.has_jumped = True
-            self.confirmed_at = self._jumped_at = now
+            self._confirmed_at = self._jumped_at = now
             return False
         gap_s, clock.received_at = now - clock.received_at, now
         if passed_ms >= 0:
             if has_wrapped:
                 clock.first_ms, clock.began_at = time_boot_ms, now
             clock.newest_ms, clock.behind, clock.was_silent = time_boot_ms, 0, False
-            self.confirmed_at = clock.went_on_at = now
+            self._confirmed_at = clock.went_on_at = now
         else:
             clock.was_silent |= gap_s >= SILENCE_S
             if _is_suspicious(clock, time_boot_ms):
                 clock.behind += 1
-                self.doubted_at = now
+                self._doubted_at = now
         if clock.behind < CONFIRMATIONS:
             return False
         self._clocks = {kind: _Clock(time_boot_ms, now, now, time_boot_ms)}
-        self.confirmed_at = self._rebooted_at = now
+        self._confirmed_at = self._rebooted_at = now
         return True
 
 

@@ -191,7 +191,7 @@ class TelemetryPublisher:
         """Update the vehicle on the edge server: on a change, and periodically."""
         vehicle = self._vehicle
         change = (
-            *(vehicle.link_state(now), vehicle.snapshot.armed, vehicle.mode, mission_id),
+            *(vehicle.link.state(now), vehicle.snapshot.armed, vehicle.mode, mission_id),
             *(vehicle.warning, stale(vehicle, now), activity(vehicle)),
         )
         every_s = self.update_every_s if vehicle.is_reachable(now) else UPDATE_LOST_EVERY_S
@@ -228,7 +228,7 @@ def description(vehicle: Vehicle, mission_id: int | None, now: float) -> dict[st
     """Describe the vehicle, and how fresh each value is."""
     snapshot = vehicle.snapshot
     body: dict[str, Any] = {
-        "link_state": vehicle.link_state(now).value,
+        "link_state": vehicle.link.state(now).value,
         "autopilot": vehicle.family.autopilot,
         "family": vehicle.family.name,
         "version": vehicle.version,

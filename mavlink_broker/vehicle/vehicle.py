@@ -36,8 +36,6 @@ AGED: Final = frozenset({"GLOBAL_POSITION_INT", "ATTITUDE", "BATTERY_STATUS", "M
 """Messages whose age is kept, so that old telemetry is not published as new."""
 GROUND_TYPES: Final = frozenset({mavlink.MAV_TYPE_GROUND_ROVER, mavlink.MAV_TYPE_SURFACE_BOAT})
 """MAV_TYPE of what drives or swims."""
-CLOCK_WITHIN_S: Final = 3.0
-"""How long a vehicle whose link was lost may take to show whether it was restarted meanwhile."""
 
 
 @dataclass(slots=True)
@@ -138,7 +136,7 @@ class Vehicle:
 
     def doubt(self, now: float) -> None:
         """Note that it has to show that it is the same: by its clock, or by its number."""
-        if self._has_clock:
+        if self._reboots.is_received(self._back_at):
             self._back_at = now
         else:
             self.ask_identity()
@@ -328,10 +326,6 @@ class Vehicle:
         """Note that an order of the broker is newer."""
         self.recovery.foreign_orders.forget()
 
-    def link_state(self, now: float) -> LinkState:
-        """State of its link."""
-        return self.link.state(now)
-
     def is_connected(self, now: float) -> bool:
         """Whether its telemetry is fresh."""
         return self.link.state(now) is LinkState.CONNECTED
@@ -340,22 +334,14 @@ class Vehicle:
         """Whether its link is not lost; a stale link may still come back."""
         return self.link.state(now) is not LinkState.LOST
 
-    @property
-    def _has_clock(self) -> bool:
-        """Whether it sends its time since boot, and has since its link was last back."""
-        since = -math.inf if self._back_at is None else self._back_at
-        return self._reboots.confirmed_at > -math.inf and self._reboots.confirmed_at >= since
-
     def may_be_restarted(self, now: float) -> bool:
         """Whether it may have been switched off or swapped while its link was away.
 
         Its clock shows that. One on the ground whose clock has jumped shows its number too.
         """
-        if self._may_be_swapped and not self.snapshot.armed:
-            return True
-        if self._back_at is None or self._reboots.has_shown(self._back_at):
-            return False
-        return now - max(self._back_at, self._reboots.doubted_at) < CLOCK_WITHIN_S
+        may_be_swapped = self._may_be_swapped and not self.snapshot.armed
+        back_at = self._back_at
+        return may_be_swapped or (back_at is not None and self._reboots.may_show(back_at, now))
 
     def shows_itself(self, now: float) -> bool:
         """Whether it is received, and what it shows is of the vehicle that was ordered before.
