@@ -37,14 +37,13 @@ from mavlink_broker.fleet import (
     VehicleRecords,
 )
 from mavlink_broker.live.tracking import TRACKING_MESSAGES as TRACKED
-from mavlink_broker.mavlink.dialect import Message, source_of
+from mavlink_broker.mavlink.dialect import Message, is_order, source_of
 from mavlink_broker.mission.states import State
 from mavlink_broker.pictures.collector import PICTURE_MESSAGES
 from mavlink_broker.routing.policy import BrokerControl
 from mavlink_broker.routing.router import Clock, Link, Router
 from mavlink_broker.session import Session
 from mavlink_broker.supervision import InternalErrors
-from mavlink_broker.vehicle.control_authority import is_order
 from mavlink_broker.vehicle.measurements import OBSERVED
 from mavlink_broker.vehicle.vehicle import Vehicle
 

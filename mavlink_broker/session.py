@@ -26,7 +26,7 @@ from mavlink_broker.effects import (
     LogJobFailed,
 )
 from mavlink_broker.live.tracking import TrackingStop
-from mavlink_broker.mavlink.dialect import Message, mavlink, source_of
+from mavlink_broker.mavlink.dialect import Message, is_order, mavlink, source_of
 from mavlink_broker.microservices.link_state import LOST_AFTER_S, AnswerMonitor, StateOrder
 from mavlink_broker.microservices.log_download import LOG_MESSAGES
 from mavlink_broker.microservices.message_rates import RATE_MESSAGES, StreamRequests
@@ -37,7 +37,6 @@ from mavlink_broker.mission.mission_queue import MissionQueue
 from mavlink_broker.mission.states import PREPARING, State
 from mavlink_broker.pictures.collector import PICTURE_MESSAGES, PictureCollector
 from mavlink_broker.vehicle.alarms import CAMERA, AlarmMonitor, Failure
-from mavlink_broker.vehicle.control_authority import is_order
 from mavlink_broker.vehicle.flight_frames import FlightFrames
 from mavlink_broker.vehicle.flight_logs import FlightLogs
 from mavlink_broker.vehicle.gcs_heartbeat import GcsHeartbeat

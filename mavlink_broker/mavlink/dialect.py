@@ -6,7 +6,8 @@ Three of them are replaced here, because the shipped dialect lacks the opaque pl
 current message definitions (extension fields: the checksum seed and the older fields stay as they
 are, and a sender without them is read as id 0, "not supported").
 
-Who has sent a message, whom it addresses and which senders are autopilots is here too.
+Who has sent a message, whom it addresses, which senders are autopilots and which messages are
+orders is here too.
 """
 
 import re
@@ -27,6 +28,7 @@ __all__ = [
     "MissionCurrent",
     "Route",
     "Source",
+    "is_order",
     "is_vehicle",
     "mav_cmd_name",
     "mavlink",
@@ -205,3 +207,41 @@ def is_vehicle(message: Message) -> bool:
 def replaces_autopilot(component: int, before: int | None) -> bool:
     """Whether a component becomes the system's autopilot instead of the one known before."""
     return before is None or (component == AUTOPILOT and before != AUTOPILOT)
+
+
+_READS: Final = frozenset(
+    {
+        "HEARTBEAT",
+        "PING",
+        "TIMESYNC",
+        "REQUEST_DATA_STREAM",
+        "PARAM_REQUEST_READ",
+        "PARAM_REQUEST_LIST",
+        "MISSION_REQUEST_LIST",
+        "MISSION_REQUEST",
+        "MISSION_REQUEST_INT",
+        "MISSION_ACK",
+        "FILE_TRANSFER_PROTOCOL",
+    }
+)
+"""Messages that read from a vehicle, or end a transfer; the broker writes no file."""
+_READ_COMMANDS: Final = frozenset(
+    {
+        mavlink.MAV_CMD_REQUEST_MESSAGE,
+        mavlink.MAV_CMD_SET_MESSAGE_INTERVAL,
+        mavlink.MAV_CMD_GET_MESSAGE_INTERVAL,
+        mavlink.MAV_CMD_GET_HOME_POSITION,
+        mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES,
+        mavlink.MAV_CMD_REQUEST_CAMERA_INFORMATION,
+        mavlink.MAV_CMD_REQUEST_CAMERA_CAPTURE_STATUS,
+        mavlink.MAV_CMD_REQUEST_CAMERA_IMAGE_CAPTURE,
+    }
+)
+
+
+def is_order(message: Message) -> bool:
+    """Whether a message changes what a vehicle does or keeps, rather than asks for telemetry."""
+    kind = message.get_type()
+    if kind in {"COMMAND_LONG", "COMMAND_INT"}:
+        return message.command not in _READ_COMMANDS
+    return kind not in _READS

@@ -465,44 +465,6 @@ def shows_manual(base_mode: int) -> bool:
     return bool(base_mode & _AUTOMATIC) or not base_mode & _MANUAL
 
 
-_READS: Final = frozenset(
-    {
-        "HEARTBEAT",
-        "PING",
-        "TIMESYNC",
-        "REQUEST_DATA_STREAM",
-        "PARAM_REQUEST_READ",
-        "PARAM_REQUEST_LIST",
-        "MISSION_REQUEST_LIST",
-        "MISSION_REQUEST",
-        "MISSION_REQUEST_INT",
-        "MISSION_ACK",
-        "FILE_TRANSFER_PROTOCOL",
-    }
-)
-"""Messages that read from a vehicle, or end a transfer; the broker writes no file."""
-_READ_COMMANDS: Final = frozenset(
-    {
-        mavlink.MAV_CMD_REQUEST_MESSAGE,
-        mavlink.MAV_CMD_SET_MESSAGE_INTERVAL,
-        mavlink.MAV_CMD_GET_MESSAGE_INTERVAL,
-        mavlink.MAV_CMD_GET_HOME_POSITION,
-        mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES,
-        mavlink.MAV_CMD_REQUEST_CAMERA_INFORMATION,
-        mavlink.MAV_CMD_REQUEST_CAMERA_CAPTURE_STATUS,
-        mavlink.MAV_CMD_REQUEST_CAMERA_IMAGE_CAPTURE,
-    }
-)
-
-
-def is_order(message: Message) -> bool:
-    """Whether a message changes what a vehicle does or keeps, rather than asks for telemetry."""
-    kind = message.get_type()
-    if kind in {"COMMAND_LONG", "COMMAND_INT"}:
-        return message.command not in _READ_COMMANDS
-    return kind not in _READS
-
-
 class TakeoverDebounce:
     """Reports a takeover that lasts."""
 
