@@ -1,6 +1,10 @@
-"""What the edge server has ended before the acceptance arrived is not flown."""
+"""What the edge server has ended before the acceptance arrived is not flown.
+
+Nor is what an abort has ended before the acceptance was answered, also by a restarted broker.
+"""
 
 import dataclasses
+from pathlib import Path
 
 import pytest
 
@@ -17,7 +21,10 @@ from tests.support.broker_world import (
     takeoff,
     waypoint,
 )
-from tests.support.vehicle_script import ARDUPILOT, PX4, Script
+from tests.support.vehicle_script import ARDUPILOT, PX4, PX4_LAND, Script
+from tests.unit.mavlink_broker.test_events import ABORT, SOFT_ABORT, answer_statuses, world_at
+from tests.unit.mavlink_broker.test_restart_events import SET_MODE, restart
+from tests.unit.mavlink_broker.test_takeover import in_mission
 
 
 def asked_late(script: Script = PX4) -> tuple[World, int]:
@@ -135,3 +142,125 @@ def test_a_camera_films_nothing_until_the_edge_server_has_confirmed() -> None:
     world.edge.answers_acceptances = True
     world.run_until_over(1201)
     assert mavlink.MAV_CMD_VIDEO_START_CAPTURE in vehicle.commands
+
+
+@pytest.mark.first_case
+@pytest.mark.parametrize("kind", [ABORT, SOFT_ABORT])
+@pytest.mark.parametrize("is_ended_there", [True, False])
+def test_a_mission_that_was_not_accepted_has_one_terminal_report(
+    kind: int, *, is_ended_there: bool
+) -> None:
+    """An abort empties the edge server's queue too: it reports the end of what it has ended."""
+    world = in_mission(PX4)
+    queued = world.edge.plan(first_flight(mission_id=1202))
+    world.run(1.0)
+    world.edge.event(kind)
+    if is_ended_there:
+        world.edge.cancel(queued)
+    world.run(60.0)
+    ends = [r for r in world.edge.reports(1202) if r["mission_status_id"] >= Status.FINISHED]
+    assert len(ends) == (0 if is_ended_there else 1)
+    assert world.edge.status(1201) == Status.ABORTED
+
+
+def test_a_mission_whose_acceptance_is_not_answered_yet_has_one_too() -> None:
+    world = World()
+    world.add_vehicle(script=dataclasses.replace(PX4, ready_to_arm_after_s=30.0))
+    world.run(3.0)
+    world.edge.answers_acceptances = False
+    queued = world.edge.plan(first_flight())
+    world.run(1.0)
+    event = world.edge.event(SOFT_ABORT)
+    world.edge.cancel(queued)
+    world.run(1.0)
+    world.edge.answers_acceptances = True
+    world.run(10.0)
+    assert world.edge.reports(1201) == []
+    assert answer_statuses(world, event)[-1] == "done"
+
+
+class TestAnAbortBeforeTheAcceptanceIsAnswered:
+    """Until then a restarted broker may be handed the mission: the abort is not done before."""
+
+    @pytest.mark.first_case
+    @pytest.mark.parametrize("kind", [ABORT, SOFT_ABORT])
+    @pytest.mark.parametrize("is_forgotten", [False, True], ids=["handed out", "forgotten"])
+    def test_of_a_mission_that_is_being_prepared(
+        self, kind: int, is_forgotten: bool, tmp_path: Path
+    ) -> None:
+        world = World(journal=tmp_path)
+        vehicle = world.add_vehicle(script=dataclasses.replace(PX4, ready_to_arm_after_s=10.0))
+        world.run(3.0)
+        world.edge.answers_acceptances = False
+        world.edge.plan(first_flight())
+        world.run(1.0)
+        event = world.edge.event(kind)
+        world.run(2.0)
+        assert answer_statuses(world, event) == ["accepted"]
+        world.kill_broker()
+        if is_forgotten:
+            world.edge.closed.add(event)
+        world.restart_broker()
+        world.edge.answers_acceptances = True
+        world.run(20.0)
+        assert vehicle.arm_orders == 0
+        assert world.edge.status(1201) == Status.ABORTED
+        assert answer_statuses(world, event) == ["accepted", "done"]
+        assert not list(tmp_path.iterdir())
+
+    def test_of_one_that_waited_behind_another(self) -> None:
+        world = world_at(1)
+        vehicle = world.only_vehicle
+        world.edge.answers_acceptances = False
+        world.edge.plan(first_flight(mission_id=1202))
+        world.run(0.5)
+        event = world.edge.event(ABORT)
+        world.run_until(lambda: not vehicle.armed)
+        world.run(1.0)
+        assert answer_statuses(world, event) == ["accepted"]
+        restart(world)
+        world.edge.answers_acceptances = True
+        world.run(15.0)
+        assert vehicle.arm_orders == 1
+        assert world.edge.status(1202) == Status.ABORTED
+        assert answer_statuses(world, event)[-1] == "done"
+
+    def test_and_no_mission_begins_before_it_is_done(self) -> None:
+        world = World()
+        vehicle = world.add_vehicle(script=dataclasses.replace(PX4, ready_to_arm_after_s=10.0))
+        world.run(3.0)
+        world.edge.answers_acceptances = False
+        world.edge.plan(first_flight())
+        world.run(1.0)
+        event = world.edge.event(ABORT)
+        world.run(1.0)
+        world.edge.plan(first_flight(mission_id=1202))
+        restart(world)
+        world.edge.answers_acceptances = True
+        world.run_until_over(1202)
+        assert world.edge.status(1201) == Status.ABORTED
+        assert world.edge.status(1202) == Status.FINISHED
+        assert answer_statuses(world, event)[-1] == "done"
+        assert vehicle.arm_orders == 1
+
+    def test_a_withdrawal_does_not_end_the_orders_of_the_abort(self) -> None:
+        """The edge server ends an unaccepted mission itself; the vehicle still has to land."""
+        world = World()
+        vehicle = world.add_vehicle()
+        world.edge.plan(mission(takeoff(1), waypoint(2)))
+        world.run_until_over(1201)
+        world.run(1.0)
+        world.edge.answers_acceptances = False
+        queued = world.edge.plan(first_flight(mission_id=1202))
+        world.run(0.5)
+        refuses = dict.fromkeys((SET_MODE, mavlink.MAV_CMD_NAV_LAND), mavlink.MAV_RESULT_FAILED)
+        vehicle.script = dataclasses.replace(vehicle.script, results=refuses)
+        event = world.edge.event(ABORT)
+        world.edge.cancel(queued)
+        world.run(1.0)
+        world.edge.answers_acceptances = True
+        world.run(2.0)
+        vehicle.script = dataclasses.replace(vehicle.script, results={})
+        world.run(4.0)
+        assert vehicle.custom_mode == PX4_LAND
+        assert answer_statuses(world, event) == ["accepted", "done"]

@@ -461,41 +461,6 @@ def test_overridden_parameters_are_restored_when_the_pilot_has_landed() -> None:
 
 
 @pytest.mark.first_case
-@pytest.mark.parametrize("kind", [ABORT, SOFT_ABORT])
-@pytest.mark.parametrize("is_ended_there", [True, False])
-def test_a_mission_that_was_not_accepted_has_one_terminal_report(
-    kind: int, *, is_ended_there: bool
-) -> None:
-    """An abort empties the edge server's queue too: it reports the end of what it has ended."""
-    world = in_mission(PX4)
-    queued = world.edge.plan(first_flight(mission_id=1202))
-    world.run(1.0)
-    world.edge.event(kind)
-    if is_ended_there:
-        world.edge.cancel(queued)
-    world.run(60.0)
-    ends = [r for r in world.edge.reports(1202) if r["mission_status_id"] >= Status.FINISHED]
-    assert len(ends) == (0 if is_ended_there else 1)
-    assert world.edge.status(1201) == Status.ABORTED
-
-
-def test_a_mission_whose_acceptance_is_not_answered_yet_has_one_too() -> None:
-    world = World()
-    world.add_vehicle(script=dataclasses.replace(PX4, ready_to_arm_after_s=30.0))
-    world.run(3.0)
-    world.edge.answers_acceptances = False
-    queued = world.edge.plan(first_flight())
-    world.run(1.0)
-    event = world.edge.event(SOFT_ABORT)
-    world.edge.cancel(queued)
-    world.run(1.0)
-    world.edge.answers_acceptances = True
-    world.run(10.0)
-    assert world.edge.reports(1201) == []
-    assert answer_statuses(world, event)[-1] == "done"
-
-
-@pytest.mark.first_case
 @pytest.mark.parametrize("kind", [ABORT, SOFT_ABORT, RETURN_HOME])
 @pytest.mark.parametrize(
     ("script", "mode"), [(PX4, PX4_POSITION), (OWN, PX4_POSITION), (ARDUPILOT, COPTER_STABILIZE)]
