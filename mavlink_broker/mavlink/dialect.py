@@ -28,6 +28,7 @@ __all__ = [
     "MissionCurrent",
     "Route",
     "Source",
+    "boot_ms_of",
     "is_order",
     "is_vehicle",
     "mav_cmd_name",
@@ -138,6 +139,14 @@ class Source(NamedTuple):
 def source_of(message: Message) -> Source:
     """Read the sender from a decoded message."""
     return Source(message.get_srcSystem(), message.get_srcComponent())
+
+
+def boot_ms_of(message: Message) -> int | None:
+    """Read its sender's time since boot [ms]; None if it has none of now."""
+    if message.get_type() == "CAMERA_IMAGE_CAPTURED":
+        return None  # It is that of the picture, which may be long ago
+    boot_ms: int | None = getattr(message, "time_boot_ms", None)
+    return boot_ms
 
 
 class Route(NamedTuple):

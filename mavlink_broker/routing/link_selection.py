@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from mavlink_broker.links.url import Address
-from mavlink_broker.mavlink.dialect import Message, source_of
+from mavlink_broker.mavlink.dialect import Message, boot_ms_of, source_of
 
 SILENT_AFTER_S: Final = 1.5
 """Below the 2 s after which a vehicle's link is stale: a spare link takes over before that."""
@@ -107,7 +107,7 @@ class DuplicateSystemIds:
 
     def receive_active(self, message: Message, address: Address, now: float) -> bool:
         """Handle a message from the active link; true when its first clock is another vehicle's."""
-        boot_ms: int | None = getattr(message, "time_boot_ms", None)
+        boot_ms = boot_ms_of(message)
         if boot_ms is None:
             return False
         system = source_of(message).system
@@ -126,7 +126,7 @@ class DuplicateSystemIds:
         clock = self._clocks.get(system)
         if clock is None:
             return True
-        boot_ms: int | None = getattr(message, "time_boot_ms", None)
+        boot_ms = boot_ms_of(message)
         if boot_ms is not None:
             if len(self._same) >= OTHERS_KEPT:
                 self._same.clear()
@@ -151,7 +151,7 @@ class DuplicateSystemIds:
     def receive_other(self, message: Message, address: Address, now: float) -> bool:
         """Handle a message from another link; true, once, when it proves a second vehicle."""
         system = source_of(message).system
-        boot_ms: int | None = getattr(message, "time_boot_ms", None)
+        boot_ms = boot_ms_of(message)
         clock = self._clocks.get(system)
         if boot_ms is None or clock is None:
             return False

@@ -355,14 +355,6 @@ def state_vector(
     )
 
 
-def boot_ms_of(message: Message) -> int | None:
-    """Read its sender's time since boot [ms]; None if it has none of now."""
-    if message.get_type() == "CAMERA_IMAGE_CAPTURED":
-        return None  # It is that of the picture, which may be long ago
-    boot_ms: int | None = getattr(message, "time_boot_ms", None)
-    return boot_ms
-
-
 def has_long_uid(message: Message) -> bool:
     """Whether an AUTOPILOT_VERSION has the number of MAVLink 2, `uid2`."""
     return any(message.uid2)

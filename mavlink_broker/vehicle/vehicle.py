@@ -8,7 +8,7 @@ from typing import Final
 from mavlink_broker.autopilots.families import GENERIC, Family, family_of
 from mavlink_broker.autopilots.flight_modes import ModeRole
 from mavlink_broker.autopilots.status_texts import StatusTexts
-from mavlink_broker.mavlink.dialect import Message, Route, is_vehicle, mavlink
+from mavlink_broker.mavlink.dialect import Message, Route, boot_ms_of, is_vehicle, mavlink
 from mavlink_broker.microservices.command import CommandAlternatives, CommandSequence, RoundTrip
 from mavlink_broker.microservices.config_overrides import (
     ParameterOverride,
@@ -30,7 +30,7 @@ from mavlink_broker.vehicle.control_authority import (
 )
 from mavlink_broker.vehicle.measurements import MEASURED, Observations
 from mavlink_broker.vehicle.recovery_state import RecoveryState
-from mavlink_broker.vehicle.telemetry import Snapshot, boot_ms_of, has_long_uid, uid_of, version
+from mavlink_broker.vehicle.telemetry import Snapshot, has_long_uid, uid_of, version
 
 AGED: Final = frozenset({"GLOBAL_POSITION_INT", "ATTITUDE", "BATTERY_STATUS", "MISSION_CURRENT"})
 """Messages whose age is kept, so that old telemetry is not published as new."""

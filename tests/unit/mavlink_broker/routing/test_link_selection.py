@@ -159,3 +159,18 @@ def test_its_first_clock_shows_on_the_active_link_that_it_is_another() -> None:
         assert not twins.receive_active(heartbeat(), ELSEWHERE, 103.0)
         assert twins.receive_active(attitude(boot_s), ELSEWHERE, 104.0) is is_another
         assert not twins.receive_active(attitude(boot_s + 0.1), ELSEWHERE, 104.1)
+
+
+def test_the_time_of_a_picture_is_no_clock_of_its_vehicle() -> None:
+    """It may be announced again, or be asked for, minutes after it was taken."""
+    picture = received_from_1(
+        mavlink.MAVLink_camera_image_captured_message(
+            5_000, 0, 1, 0, 0, 0, 0, [1.0, 0.0, 0.0, 0.0], 7, 1, b""
+        )
+    )
+    twins, _ = received(0.0)
+    assert not twins.receive_active(picture, HERE, 10.0)
+    assert twins.is_same(attitude(110.1), THERE, 10.1)
+    twins.is_same(picture, THERE, 10.2)
+    assert not twins.is_another(1, THERE)
+    assert not any(twins.receive_other(picture, THERE, 10.3 + n) for n in range(5))
