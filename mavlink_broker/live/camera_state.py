@@ -18,12 +18,13 @@ and are idle; else the result is unknown, and the command fails.
 
 """
 
+from collections.abc import Iterable
 from enum import Enum, auto
 from typing import Final
 
 from afarcloud.commands import CameraImage, Command
 from mavlink_broker.mavlink.dialect import Message, mavlink, source_of
-from mavlink_broker.microservices.command import long_command
+from mavlink_broker.microservices.message_rates import request_message
 from mavlink_broker.vehicle.vehicle import Vehicle
 
 SERIES_REQUEST_EVERY_S: Final = 0.5
@@ -38,6 +39,14 @@ SILENT_AFTER_S: Final = 3.0
 REQUEST_EVERY_S: Final = 1.0
 ANSWER_TIMEOUT_S: Final = 20.0
 """For a camera that does not answer; `SeriesMonitor` adds as much to the time of a series."""
+
+
+def _status_requests(vehicle: Vehicle, cameras: Iterable[int]) -> list[Message]:
+    """Request the state of cameras, by their components."""
+    return [
+        request_message(vehicle.route, _STATUS, component=component)
+        for component in sorted(cameras)
+    ]
 
 
 class SeriesMonitor:
@@ -77,12 +86,7 @@ class SeriesMonitor:
         ):
             return []
         self._requested_at = now
-        route = self._vehicle.route
-        request = mavlink.MAV_CMD_REQUEST_MESSAGE
-        return [
-            long_command(request, _STATUS, component=component).message(route, 0)
-            for component in sorted(self._busy)
-        ]
+        return _status_requests(self._vehicle, self._busy)
 
     def is_over(self, now: float) -> bool:
         """Whether the next command may begin."""
@@ -160,11 +164,7 @@ class CaptureCheck:
         self._requested_at = now
         if self._unanswered_since is None:
             self._unanswered_since = now
-        command = mavlink.MAV_CMD_REQUEST_MESSAGE
-        return [
-            long_command(command, _STATUS, component=component).message(self._vehicle.route, 0)
-            for component in sorted(self._cameras)
-        ]
+        return _status_requests(self._vehicle, self._cameras)
 
     def fault(self, now: float) -> str | None:
         """Why the result cannot be determined; None while it may be, or is.

@@ -39,8 +39,8 @@ from mavlink_broker.microservices.command import (
     CommandInt,
     CommandSequence,
     Refused,
-    long_command,
 )
+from mavlink_broker.microservices.message_rates import set_interval
 from mavlink_broker.planning.situation import Move, Pose, Tracked, Turned
 from mavlink_broker.planning.target_commands import camera_of, stop_tracking
 from mavlink_broker.vehicle.recovery_state import LiveCommandProgress
@@ -293,13 +293,8 @@ class SubjectTracker:
         self._requests += 1
         self._request_at = time_s + REQUEST_AGAIN_S
         component = camera_of(self._vehicle.family)
-        interval = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
-        return [
-            long_command(interval, message_id, STATUS_EVERY_US, component=component).message(
-                self._vehicle.route, 0
-            )
-            for message_id in _REQUESTED
-        ]
+        requests = (set_interval(one, STATUS_EVERY_US, component=component) for one in _REQUESTED)
+        return [request.message(self._vehicle.route, 0) for request in requests]
 
     def _continue(self, now: float) -> list[Message]:
         """Continue a command or a series of steps."""

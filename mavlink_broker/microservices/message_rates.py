@@ -27,6 +27,7 @@ from mavlink_broker.microservices.command import (
     CommandOutcome,
     CommandTransaction,
     RoundTrip,
+    long_command,
 )
 
 
@@ -49,12 +50,15 @@ class Stream(NamedTuple):
         return set_interval(self.message_id, 1e6 / self.rate_hz)
 
 
-def set_interval(message_id: int, interval_us: float) -> CommandLong:
-    """SET_MESSAGE_INTERVAL(511), interval in microseconds; -1 disables the message."""
-    return CommandLong(
-        command=mavlink.MAV_CMD_SET_MESSAGE_INTERVAL,
-        parameters=(float(message_id), interval_us, 0.0, 0.0, 0.0, 0.0, 0.0),
-    )
+def set_interval(
+    message_id: int, interval_us: float, *, component: int | None = None
+) -> CommandLong:
+    """SET_MESSAGE_INTERVAL(511), interval in microseconds; -1 disables the message.
+
+    `component` is that of a camera, for example; None: the autopilot.
+    """
+    command = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
+    return long_command(command, message_id, interval_us, component=component)
 
 
 STREAMS: Final = (
@@ -346,12 +350,15 @@ RATE_MESSAGES: Final = _TRACKED | {"COMMAND_ACK"}
 """Messages that `StreamRequests` reads."""
 
 
-def request_message(route: Route, message_id: int) -> Message:
-    """REQUEST_MESSAGE(512); the message itself is the answer that counts."""
-    return CommandLong(
-        command=mavlink.MAV_CMD_REQUEST_MESSAGE,
-        parameters=(float(message_id), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
-    ).message(route, 0)
+def request_message(
+    route: Route, message_id: int, number: int = 0, *, component: int | None = None
+) -> Message:
+    """REQUEST_MESSAGE(512); the message itself is the answer that counts.
+
+    `number` says which one, of a picture for example; `component` as of `set_interval`.
+    """
+    command = mavlink.MAV_CMD_REQUEST_MESSAGE
+    return long_command(command, message_id, number, component=component).message(route, 0)
 
 
 GCS_RATES_HZ: Final = {

@@ -25,7 +25,8 @@ from typing import Final, NamedTuple, TypeAlias
 from urllib.parse import urlsplit
 
 from mavlink_broker.mavlink.dialect import Message, Route, mavlink, source_of
-from mavlink_broker.microservices.command import RoundTrip, long_command
+from mavlink_broker.microservices.command import RoundTrip
+from mavlink_broker.microservices.message_rates import request_message
 
 WINDOW: Final = 4
 ATTEMPTS: Final = 20
@@ -232,10 +233,7 @@ class AnnouncementTracker:
         pending.attempts += 1
         pause_s = max(FIRST_PAUSE_S, self._round_trip.timeout_s) * 1.5**pending.attempts
         pending.due_at = now + min(pause_s, LONGEST_PAUSE_S)
-        command = long_command(
-            mavlink.MAV_CMD_REQUEST_MESSAGE, message_id, number, component=self._component
-        )
-        return command.message(self._route, 0)
+        return request_message(self._route, message_id, number, component=self._component)
 
     def _is_of_another_camera(self, number: int) -> bool:
         """Whether the numbers start again: the camera was exchanged, emptied or restarted."""
