@@ -25,7 +25,8 @@ SIGNED_FLAG: Final = 0x01
 SIGNATURE_LENGTH: Final = 13
 DIGEST_LENGTH: Final = 6
 
-_SEQUENCES: Final = 256
+SEQUENCES: Final = 256
+"""Numbers of the frames of one sender, which begin at 0 again."""
 _MAX_FAULTS_PER_DATAGRAM: Final = 16
 """Limit for a datagram full of start bytes, which would be slow to search."""
 _OVERHEAD: Final = {VERSION_1: 8, VERSION_2: 12}
@@ -51,7 +52,7 @@ class Encoder:
         """
         self._codec.signing = self._unsigned if signing is None else signing
         frame: bytes = message.pack(self._codec)
-        self._codec.seq = (self._codec.seq + 1) % _SEQUENCES
+        self._codec.seq = (self._codec.seq + 1) % SEQUENCES
         return frame
 
 

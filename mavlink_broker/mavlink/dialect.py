@@ -19,6 +19,7 @@ from pymavlink.dialects.v20 import all as mavlink
 __all__ = [
     "ADDRESSED",
     "AUTOPILOT",
+    "BOOT_MS_VALUES",
     "MISSION_RESULT_NAMES",
     "NOT_VEHICLES",
     "RESULT_NAMES",
@@ -139,6 +140,10 @@ class Source(NamedTuple):
 def source_of(message: Message) -> Source:
     """Read the sender from a decoded message."""
     return Source(message.get_srcSystem(), message.get_srcComponent())
+
+
+BOOT_MS_VALUES: Final = 1 << 32
+"""Of `time_boot_ms`, which begins at 0 again behind the last one, after 49.7 days."""
 
 
 def boot_ms_of(message: Message) -> int | None:

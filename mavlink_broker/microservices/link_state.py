@@ -35,7 +35,8 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final
 
-from mavlink_broker.mavlink.dialect import Message, Route, mavlink
+from mavlink_broker.mavlink.codec import SEQUENCES
+from mavlink_broker.mavlink.dialect import BOOT_MS_VALUES, Message, Route, mavlink
 
 HEARTBEAT_EVERY_S: Final = 1.0
 """Of the broker's own heartbeats."""
@@ -64,7 +65,6 @@ FAR_BACK_MS: Final = 30_000
 MESSAGES_KEPT: Final = 64
 CLOCK_WITHIN_S: Final = 3.0
 """How long a vehicle whose link was lost may take to show whether it was restarted meanwhile."""
-_COUNTER: Final = 1 << 32
 _NEAR_THE_END_MS: Final = 600_000
 
 
@@ -176,7 +176,7 @@ class RebootMonitor:
                 self._clocks[kind] = _Clock(time_boot_ms, now, now, time_boot_ms)
             return False
         has_wrapped = _has_wrapped(clock.newest_ms, time_boot_ms)
-        passed_ms = time_boot_ms - clock.newest_ms + (_COUNTER if has_wrapped else 0)
+        passed_ms = time_boot_ms - clock.newest_ms + (BOOT_MS_VALUES if has_wrapped else 0)
         if passed_ms >= -TOLERANCE_MS and _has_jumped(clock, passed_ms, now):
             # No restart; what was known of the clocks says nothing of this one
             self._clocks = {kind: _Clock(time_boot_ms, now, now, time_boot_ms)}
@@ -226,7 +226,7 @@ def _is_suspicious(clock: _Clock, time_boot_ms: int) -> bool:
 
 
 def _has_wrapped(newest_ms: int, time_boot_ms: int) -> bool:
-    at_the_end = newest_ms > _COUNTER - _NEAR_THE_END_MS
+    at_the_end = newest_ms > BOOT_MS_VALUES - _NEAR_THE_END_MS
     return at_the_end and time_boot_ms < _NEAR_THE_END_MS
 
 
@@ -234,7 +234,6 @@ SEQUENCE_GAP_S: Final = 0.5
 """After such a gap the numbers prove nothing: the vehicle may have counted round or restarted."""
 COPIED_WITHIN_S: Final = 3.0
 """So late may the network repeat a frame; one of a restarted vehicle may be the same later."""
-_SEQUENCE_MODULUS: Final = 256
 BEHIND_IN_A_ROW: Final = 10
 """So many frames in a row behind the newest one are not late: the numbers begin anew.
 
@@ -254,13 +253,13 @@ class StateOrder:
         self._position = 0  # The same, counted on
         self._behind = 0  # Frames in a row that were not newer
         self._newest: dict[str, int] = {}  # Position of the newest message of each of `STATES`
-        self._frames = [(-1, -math.inf)] * _SEQUENCE_MODULUS  # Checksum and time, by number
+        self._frames = [(-1, -math.inf)] * SEQUENCES  # Checksum and time, by number
         self._received_at = -math.inf
 
     def is_overtaken(self, message: Message, now: float) -> bool:
         """Handle a frame; gives whether it is a state that is older than another of its kind."""
-        number, half = message.get_seq(), _SEQUENCE_MODULUS // 2
-        step = (number - self._number + half) % _SEQUENCE_MODULUS - half
+        number, half = message.get_seq(), SEQUENCES // 2
+        step = (number - self._number + half) % SEQUENCES - half
         before, before_at = self._frames[number]
         is_copy = step <= 0 and message.get_crc() == before and now - before_at <= COPIED_WITHIN_S
         if not is_copy:  # The network may repeat frames, also many in a row: they prove nothing
@@ -302,8 +301,8 @@ class FrameLoss:
     def take(self, message: Message) -> None:
         """Handle a frame."""
         number = message.get_seq()
-        step = 1 if self._last is None else (number - self._last) % _SEQUENCE_MODULUS
-        if not 1 <= step < _SEQUENCE_MODULUS // 2:
+        step = 1 if self._last is None else (number - self._last) % SEQUENCES
+        if not 1 <= step < SEQUENCES // 2:
             return  # Late or repeated
         self._last = number
         self._sent += step

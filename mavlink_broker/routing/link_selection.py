@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from mavlink_broker.links.url import Address
-from mavlink_broker.mavlink.dialect import Message, boot_ms_of, source_of
+from mavlink_broker.mavlink.dialect import BOOT_MS_VALUES, Message, boot_ms_of, source_of
 
 SILENT_AFTER_S: Final = 1.5
 """Below the 2 s after which a vehicle's link is stale: a spare link takes over before that."""
@@ -29,8 +29,6 @@ ADDRESSES_KEPT: Final = 8
 """Per component; the one with the oldest message is forgotten first."""
 CLOCK_DIFFERENCE_MS: Final = 10_000
 """More than any link delays frames, and more than a fast simulation's clock gains meanwhile."""
-COUNTER_SIZE: Final = 1 << 32
-"""Number of values of `time_boot_ms`, after which it starts at 0 again."""
 CLOCK_WITHIN_S: Final = 3.0
 """A vehicle behind a new address sends its clock before that, if it sends one."""
 OTHERS_KEPT: Final = 256
@@ -166,8 +164,8 @@ class DuplicateSystemIds:
 
     @staticmethod
     def _differs(boot_ms: int, clock: tuple[int, float], now: float) -> bool:
-        expected_ms = clock[0] + 1000.0 * (now - clock[1])
-        apart_ms = (boot_ms - expected_ms + COUNTER_SIZE / 2) % COUNTER_SIZE - COUNTER_SIZE / 2
+        expected_ms, half = clock[0] + 1000.0 * (now - clock[1]), BOOT_MS_VALUES / 2
+        apart_ms = (boot_ms - expected_ms + half) % BOOT_MS_VALUES - half
         return abs(apart_ms) > CLOCK_DIFFERENCE_MS
 
     def forget(self, system: int) -> None:

@@ -10,14 +10,12 @@ from dataclasses import dataclass
 from typing import Final, NamedTuple, TypedDict
 
 from afarcloud.state import Battery, Pose, StateVector
-from mavlink_broker.mavlink.dialect import Message, mavlink
+from mavlink_broker.mavlink.dialect import BOOT_MS_VALUES, Message, mavlink
 from mavlink_broker.planning.situation import Home
 
 _PREARM: Final = mavlink.MAV_SYS_STATUS_PREARM_CHECK
 _NAVIGABLE: Final = mavlink.EKF_POS_HORIZ_ABS | mavlink.EKF_PRED_POS_HORIZ_ABS
 _MAXIMUM_SPEED_M_S: Final = 100.0
-_COUNTER: Final = 1 << 32
-"""Values of `time_boot_ms`."""
 _EARLIEST_UTC_S: Final = 1_420_070_400.0
 """2015: a clock that shows less has not been set."""
 
@@ -136,16 +134,16 @@ class Snapshot:
         A frame that is late comes from before the end.
         """
         rounds = self.rounds
-        if boot_ms - self.boot_ms > _COUNTER // 2:
+        if boot_ms - self.boot_ms > BOOT_MS_VALUES // 2:
             rounds = max(0, rounds - 1)
-        elif self.boot_ms - boot_ms > _COUNTER // 2:
+        elif self.boot_ms - boot_ms > BOOT_MS_VALUES // 2:
             rounds += 1
-        return (boot_ms + rounds * _COUNTER) / 1e3
+        return (boot_ms + rounds * BOOT_MS_VALUES) / 1e3
 
     def clock(self, boot_ms: int) -> float:
         """Note the newest time since boot; gives it as `since_boot_s` does."""
         time_s = self.since_boot_s(boot_ms)
-        self.rounds, self.boot_ms = int(time_s * 1e3 + 0.5) // _COUNTER, boot_ms
+        self.rounds, self.boot_ms = int(time_s * 1e3 + 0.5) // BOOT_MS_VALUES, boot_ms
         return time_s
 
     def take(self, message: Message) -> None:
@@ -252,15 +250,9 @@ def _system_status(snapshot: Snapshot, message: Message) -> None:
     present = message.onboard_control_sensors_present & message.onboard_control_sensors_enabled
     healthy = bool(message.onboard_control_sensors_health & _PREARM)
     snapshot.passes_checks = healthy
-    has_failed = present_and_failed(message, mavlink.MAV_SYS_STATUS_SENSOR_GPS)
-    snapshot.has_gps = not has_failed
+    failed = present & ~message.onboard_control_sensors_health
+    snapshot.has_gps = not (failed & mavlink.MAV_SYS_STATUS_SENSOR_GPS)
     snapshot.ready_to_arm = healthy if present & _PREARM else None
-
-
-def present_and_failed(message: Message, bits: int) -> bool:
-    """Whether SYS_STATUS shows one of these sensors as present, enabled and not healthy."""
-    watched = message.onboard_control_sensors_present & message.onboard_control_sensors_enabled
-    return bool(watched & ~message.onboard_control_sensors_health & bits)
 
 
 def _estimate(snapshot: Snapshot, message: Message) -> None:
