@@ -59,11 +59,6 @@ def is_same(held: float, value: float) -> bool:
     return math.isclose(held, value, rel_tol=1e-6, abs_tol=1e-6)
 
 
-def always_saved() -> bool:
-    """Default: nothing is saved and nothing waited for."""
-    return True
-
-
 class ParameterOverrider:
     """Sets and restores the parameters of one vehicle."""
 
@@ -141,7 +136,7 @@ class ParameterOverrider:
         route: Route,
         round_trip: RoundTrip,
         encoding: ParameterEncoding,
-        is_saved: Callable[[], bool] = always_saved,
+        is_saved: Callable[[], bool],
     ) -> list[Message]:
         """Do what is due at a time; to be called only while the vehicle is received.
 

@@ -26,6 +26,7 @@ from typing import Final, Protocol
 from mavlink_broker.config import Config
 from mavlink_broker.links.url import Address, LinkKind
 from mavlink_broker.mavlink.codec import (
+    SEQUENCES,
     Decoder,
     encoded_as,
     sender,
@@ -68,13 +69,12 @@ KINDS_KEPT: Final = 500
 """Further kinds are counted as one: endless unknown messages must not fill the memory."""
 OTHERS: Final = "other messages"
 UNKNOWN: Final = "unknown message"
-_SEQUENCES: Final = 256
 
 _LOG = logging.getLogger(__name__)
 
 
-class Link(Protocol):
-    """Sends frames."""
+class FrameSender(Protocol):
+    """Sends frames to addresses."""
 
     def send(self, address: Address, frame: bytes) -> None:
         """Send one frame."""
@@ -89,7 +89,7 @@ class GroundStations:
     def __init__(
         self,
         config: Config,
-        link: Link,
+        link: FrameSender,
         ring: KeyRing | None,
         utc: Callable[[], datetime],
         control: Callable[[int], BrokerControl],
@@ -206,18 +206,18 @@ class SequenceNumbers:
         """Return an unsigned frame with its sequence number for ground stations."""
         source = Source(*sender(frame))
         moved = self._offset.get(source, 0)
-        number = (sequence(frame) + moved) % _SEQUENCES
+        number = (sequence(frame) + moved) % SEQUENCES
         self._newest[source] = number
         return with_sequence(frame, number) if moved else frame
 
     def withheld(self, source: Source) -> None:
         """Count a frame that is not forwarded."""
-        self._offset[source] = (self._offset.get(source, 0) - 1) % _SEQUENCES
+        self._offset[source] = (self._offset.get(source, 0) - 1) % SEQUENCES
 
     def inserted(self, source: Source) -> int:
         """Return the sequence number of an inserted frame."""
-        self._offset[source] = (self._offset.get(source, 0) + 1) % _SEQUENCES
-        self._newest[source] = (self._newest.get(source, -1) + 1) % _SEQUENCES
+        self._offset[source] = (self._offset.get(source, 0) + 1) % SEQUENCES
+        self._newest[source] = (self._newest.get(source, -1) + 1) % SEQUENCES
         return self._newest[source]
 
 

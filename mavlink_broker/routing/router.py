@@ -28,7 +28,7 @@ from mavlink_broker.microservices.link_state import (
     HEARTBEAT_EVERY_S,
     own_heartbeat,
 )
-from mavlink_broker.routing.gateway import GroundStations
+from mavlink_broker.routing.gateway import FrameSender, GroundStations
 from mavlink_broker.routing.link_selection import (
     REPLACED_AFTER_S,
     DuplicateSystemIds,
@@ -49,20 +49,14 @@ CONTACT_AFTER_S: Final = 3.0
 _LOG = logging.getLogger(__name__)
 
 
-class Link(Protocol):
-    """Receives from and sends to addresses."""
+class Link(FrameSender, Protocol):
+    """Receives from addresses too."""
 
     def receive(self, timeout_s: float) -> Sequence[tuple[Address, bytes]]:
         """Wait for data, at most `timeout_s`."""
 
-    def send(self, address: Address, frame: bytes) -> None:
-        """Send one frame."""
-
     def radio_status(self, address: Address, free_percent: int) -> None:
         """Follow RADIO_STATUS.txbuf of the radio at an address: the free part of its buffer."""
-
-    def contact_addresses(self) -> Sequence[Address]:
-        """Addresses to which this side must send before it can receive."""
 
 
 class Clock(Protocol):

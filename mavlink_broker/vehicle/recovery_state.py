@@ -171,7 +171,7 @@ class RecordTracker:
     """The records of one vehicle. A tracker that is not in use stores and delays nothing."""
 
     def __init__(self, *, in_use: bool = False) -> None:
-        self._in_use = in_use
+        self.in_use = in_use  # There is a disk to write to
         self._newest = EMPTY_RECORD
         self._number = 0
         self._settled = 0  # The newest record that is on the disk, or was refused
@@ -180,14 +180,9 @@ class RecordTracker:
         self.identity: VehicleIdentity | None = None  # None: not known yet
 
     @property
-    def in_use(self) -> bool:
-        """Whether there is a disk to write to."""
-        return self._in_use
-
-    @property
     def is_loaded(self) -> bool:
         """Whether the record of an earlier run is known by now."""
-        return not self._in_use or self.identity is not None
+        return not self.in_use or self.identity is not None
 
     def load(self, identity: VehicleIdentity, record: RecoveryRecord) -> None:
         """Start with the vehicle's identity and the record that is on the disk."""
@@ -219,11 +214,11 @@ class RecordTracker:
     @property
     def is_settled(self) -> bool:
         """Whether no update has to be waited for."""
-        return not self._in_use or self._is_slow or self._settled == self._number
+        return not self.in_use or self._is_slow or self._settled == self._number
 
     def is_stored(self, record: RecoveryRecord) -> bool:
         """Whether this record is on the disk, as far as the disk takes it."""
-        if not self._in_use:
+        if not self.in_use:
             return True
         return self.identity is not None and self.is_settled and record == self._newest
 
