@@ -224,8 +224,8 @@ class LiveCommandExecutor:
     def claim(self) -> Claim:
         """Modes in which the vehicle executes the command, or has not begun it yet."""
         if self._is_out_of_mission and self._action.moves:
-            return Claim(control_authority.AIRBORNE_MODES - {ModeRole.MISSION}, is_exclusive=True)
-        return Claim(control_authority.AIRBORNE_MODES, is_exclusive=True)
+            return control_authority.LEFT_MISSION
+        return control_authority.HOVERING
 
     @property
     def has_begun(self) -> bool:

@@ -39,7 +39,7 @@ from mavlink_broker.mission.states import Event
 from mavlink_broker.planning.geofence import AreaCheck, fence_items, rally_items
 from mavlink_broker.planning.mission import FlightPlan, LiveCommand
 from mavlink_broker.vehicle import control_authority
-from mavlink_broker.vehicle.control_authority import AIRBORNE_MODES, DESCENT_MODES, Authority, Claim
+from mavlink_broker.vehicle.control_authority import HOVERING, Authority, Claim
 from mavlink_broker.vehicle.mission_ledger import MissionLedger
 from mavlink_broker.vehicle.reporter import Reporter
 from mavlink_broker.vehicle.vehicle import Vehicle
@@ -47,14 +47,6 @@ from mavlink_broker.vehicle.vehicle import Vehicle
 RESTARTED: Final = "the vehicle was restarted"
 REPLACED_VEHICLE: Final = "another vehicle with its system id is received in its place"
 RETURN_ENDED: Final = f"{RESTARTED} on its way home"
-
-AIRBORNE: Final = Claim(AIRBORNE_MODES)
-DESCENDING: Final = Claim(DESCENT_MODES)
-ON_GROUND: Final = Claim(frozenset(), may_be_armed=False)
-TAKEN: Final = Claim(frozenset(), may_be_armed=False)
-"""A vehicle that another system has taken, until it is disarmed."""
-HOVERING: Final = Claim(AIRBORNE_MODES, is_exclusive=True)
-"""A vehicle in the air that waits for its next order."""
 
 
 class AuthorityMonitor:

@@ -27,11 +27,10 @@ from mavlink_broker.mission.abort_executor import (
     noted_event,
     return_event,
 )
-from mavlink_broker.mission.context import AIRBORNE, DESCENDING
 from mavlink_broker.mission.flight_orders import REPLACED
 from mavlink_broker.mission.mission_executor import MissionExecutor
 from mavlink_broker.vehicle import control_authority
-from mavlink_broker.vehicle.control_authority import Authority
+from mavlink_broker.vehicle.control_authority import AIRBORNE, DESCENDING, Authority
 from mavlink_broker.vehicle.recovery_state import PendingAbort, PendingReturn
 from mavlink_broker.vehicle.vehicle import Vehicle
 

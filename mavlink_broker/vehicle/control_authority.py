@@ -119,6 +119,17 @@ class Claim(NamedTuple):
     is_exclusive: bool = False  # What another system has ordered in these modes ends it
 
 
+AIRBORNE: Final = Claim(AIRBORNE_MODES)
+DESCENDING: Final = Claim(DESCENT_MODES)
+ON_GROUND: Final = Claim(frozenset(), may_be_armed=False)
+TAKEN: Final = Claim(frozenset(), may_be_armed=False)
+"""A vehicle that another system has taken, until it is disarmed."""
+HOVERING: Final = Claim(AIRBORNE_MODES, is_exclusive=True)
+"""A vehicle in the air that waits for its next order."""
+LEFT_MISSION: Final = Claim(AIRBORNE_MODES - {ModeRole.MISSION}, is_exclusive=True)
+"""The same, once it is out of its mission mode: only another system puts it back there."""
+
+
 def authority_of(seen: ObservedMode, claim: Claim) -> Authority:
     """Decide who is in command of a vehicle; a disarmed vehicle is the broker's."""
     if not seen.armed:
@@ -273,7 +284,6 @@ class OwnDescent:
 HOVERS_WITHIN_M: Final = 30.0
 """Horizontally, with wind and another satellite fix."""
 AS_HIGH_WITHIN_M: Final = 15.0
-_OURS: Final = Claim(AIRBORNE_MODES, is_exclusive=True)
 
 
 class Hover:
@@ -335,7 +345,7 @@ class Hover:
 
         `is_ordered` while the broker itself orders something: a change of mode may be its own.
         """
-        claim = _OURS._replace(mode=self.own_mode(mode))
+        claim = HOVERING._replace(mode=self.own_mode(mode))
         is_ours = authority_of(mode, claim) is Authority.BROKER
         if not is_ordered and self._flies_another(snapshot, mode):
             is_ours = False

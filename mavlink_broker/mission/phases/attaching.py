@@ -17,8 +17,6 @@ from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.microservices.mission_download import Different, ReadBackFailed, Verified
 from mavlink_broker.mission import exchanges
 from mavlink_broker.mission.context import (
-    DESCENDING,
-    HOVERING,
     PROGRESS_WITHIN_S,
     TELEMETRY_WITHIN_S,
     VEHICLE_WITHIN_S,
@@ -31,7 +29,7 @@ from mavlink_broker.mission.segments import SHORTEST_ITEMS
 from mavlink_broker.mission.states import Event
 from mavlink_broker.planning.mission import SPARE_ITEMS
 from mavlink_broker.planning.situation import RefusedError
-from mavlink_broker.vehicle.control_authority import Authority, Claim
+from mavlink_broker.vehicle.control_authority import DESCENDING, HOVERING, Authority, Claim
 from mavlink_broker.vehicle.vehicle import Vehicle
 
 _NOT_STARTED: Final = frozenset(

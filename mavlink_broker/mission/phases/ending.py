@@ -21,11 +21,9 @@ from mavlink_broker.mission.abort_executor import (
     within_fence,
 )
 from mavlink_broker.mission.context import (
-    HOVERING,
     PROGRESS_WITHIN_S,
     RESTARTED,
     RETURN_ENDED,
-    TAKEN,
     MissionContext,
     SegmentMonitors,
 )
@@ -36,6 +34,8 @@ from mavlink_broker.vehicle.alarms import is_navigation_failure, mission_error
 from mavlink_broker.vehicle.control_authority import (
     AIRBORNE_MODES,
     FAILSAFE_AFTER_S,
+    HOVERING,
+    TAKEN,
     TAKEOVER_AFTER_S,
     Authority,
     Claim,

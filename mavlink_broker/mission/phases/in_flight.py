@@ -6,25 +6,20 @@ when the mission is resumed it begins anew. A command that does not move the veh
 end.
 """
 
-from typing import Final
-
 from afarcloud.enumerations import Status
 from mavlink_broker.autopilots.flight_modes import LIVE_MODES, ModeRole
 from mavlink_broker.effects import Effects
 from mavlink_broker.live.executor import LiveCommandExecutor, LivePhase
 from mavlink_broker.mavlink.dialect import Message
-from mavlink_broker.mission.context import (
-    AIRBORNE,
-    PROGRESS_WITHIN_S,
-    MissionContext,
-    SegmentMonitors,
-)
+from mavlink_broker.mission.context import PROGRESS_WITHIN_S, MissionContext, SegmentMonitors
 from mavlink_broker.mission.integrity import MissionChangeMonitor
 from mavlink_broker.mission.phases.phase import Fault, Phase, Request, Result
 from mavlink_broker.vehicle import control_authority
 from mavlink_broker.vehicle.control_authority import (
+    AIRBORNE,
     AIRBORNE_MODES,
     DISARMED,
+    LEFT_MISSION,
     TAKEOVER_AFTER_S,
     Authority,
     Claim,
@@ -165,10 +160,6 @@ class Running(Phase):
             self._mission.report(effects)
 
 
-_PAUSED: Final = Claim(AIRBORNE_MODES - {ModeRole.MISSION}, is_exclusive=True)
-"""A vehicle that has left its command: only another system puts it into its mission mode."""
-
-
 class FlyingLive(Phase):
     """One live command in flight."""
 
@@ -182,7 +173,7 @@ class FlyingLive(Phase):
         if not self._mission.is_hovering:
             return None
         if self._executor is None:
-            return _PAUSED
+            return LEFT_MISSION
         return self._executor.claim
 
     @property

@@ -14,14 +14,20 @@ from mavlink_broker.microservices.command import Accepted, Refused
 from mavlink_broker.microservices.mission_download import Different, Verified
 from mavlink_broker.microservices.mission_upload import NotStored, Stored, Uncertain
 from mavlink_broker.mission import exchanges
-from mavlink_broker.mission.context import HOVERING, ON_GROUND, MissionContext
+from mavlink_broker.mission.context import MissionContext
 from mavlink_broker.mission.exchanges import Outcome
 from mavlink_broker.mission.geofence_transfer import GeofenceTransfer, WantedGeofence
 from mavlink_broker.mission.phases.phase import Fault, Phase, Result
 from mavlink_broker.mission.states import Event
 from mavlink_broker.planning.geofence import as_flown, rally_items
 from mavlink_broker.planning.situation import RefusedError
-from mavlink_broker.vehicle.control_authority import AIRBORNE_MODES, DESCENT_MODES, Claim
+from mavlink_broker.vehicle.control_authority import (
+    AIRBORNE_MODES,
+    DESCENT_MODES,
+    HOVERING,
+    ON_GROUND,
+    Claim,
+)
 
 
 class _Transfer(Phase):

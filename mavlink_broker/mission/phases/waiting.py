@@ -19,19 +19,12 @@ from afarcloud.enumerations import CommandType
 from mavlink_broker.autopilots.flight_modes import ModeRole
 from mavlink_broker.effects import Effects
 from mavlink_broker.mission import exchanges
-from mavlink_broker.mission.context import (
-    DESCENDING,
-    HOVERING,
-    ON_GROUND,
-    TELEMETRY_WITHIN_S,
-    VEHICLE_WITHIN_S,
-    MissionContext,
-)
+from mavlink_broker.mission.context import TELEMETRY_WITHIN_S, VEHICLE_WITHIN_S, MissionContext
 from mavlink_broker.mission.phases.phase import Fault, Phase, Result
 from mavlink_broker.mission.states import Event
 from mavlink_broker.planning.situation import RefusedError
 from mavlink_broker.vehicle.armed_period import OBSTACLES, STAND_S
-from mavlink_broker.vehicle.control_authority import Claim
+from mavlink_broker.vehicle.control_authority import DESCENDING, HOVERING, ON_GROUND, Claim
 from mavlink_broker.vehicle.vehicle import Vehicle
 
 LOGGED_AFTER_S: Final = 3.0
