@@ -27,6 +27,8 @@ from afarcloud.numbers import (
 
 MAXIMUM_FRAME_BYTES = 1_048_576
 MAXIMUM_FRAME_BASE64 = (MAXIMUM_FRAME_BYTES + 2) // 3 * 4
+MESSAGE_LENGTH: Final = 1000
+"""Characters of a text for people, at most."""
 
 _MAGIC: dict[ImageFormat, tuple[bytes, ...]] = {
     ImageFormat.JPEG: (b"\xff\xd8\xff",),
@@ -95,7 +97,7 @@ class CommandReport(Model):
 
     command_id: Int32
     command_status_id: Annotated[Status, BeforeValidator(json_integer)]
-    message: str | None = Field(default=None, max_length=1000)
+    message: str | None = Field(default=None, max_length=MESSAGE_LENGTH)
 
 
 class MissionReport(Report):
@@ -109,7 +111,7 @@ class MissionReport(Report):
     work_id: Annotated[int, Field(ge=1, le=2**63 - 1), BeforeValidator(json_integer)] | None = None
     mission_status_id: Annotated[Status, BeforeValidator(json_integer)]
     command_report_array: Annotated[tuple[CommandReport, ...], Field(max_length=700)]
-    message: str | None = Field(default=None, max_length=1000)
+    message: str | None = Field(default=None, max_length=MESSAGE_LENGTH)
 
     @model_validator(mode="after")
     def _every_command_once(self) -> "MissionReport":
@@ -147,7 +149,7 @@ class Alarm(Report):
     alarm_code_id: Annotated[int, Field(ge=1, le=99), BeforeValidator(json_integer)]
     param_array: tuple[Number, Number] = (0.0, 0.0)
     mission_id: Int32 | None = None
-    message: str | None = Field(default=None, max_length=1000)
+    message: str | None = Field(default=None, max_length=MESSAGE_LENGTH)
 
     @model_validator(mode="after")
     def _code_fits_the_type(self) -> "Alarm":

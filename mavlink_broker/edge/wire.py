@@ -23,6 +23,7 @@ from afarcloud.numbers import format_time
 from afarcloud.plan import Event, Geofence, Mission, RallyPoint
 from afarcloud.route import Spot
 from afarcloud.state import (
+    MESSAGE_LENGTH,
     Alarm,
     Battery,
     Image,
@@ -274,8 +275,6 @@ _MISSION_LANE: Final = wire.Kind.MISSION_REPORT.value
 _WORK: Final = "/broker/commands/"
 _HASH_LENGTH: Final = 48
 """Of a key's 64 characters; the kind's name and a dash precede it."""
-_MAX_MESSAGE: Final = 1000
-"""Characters that the edge server accepts as an acknowledgement's message."""
 
 
 def post_for(message: EdgeMessage, *, vehicle_id: int, recorded_at: datetime, key: str) -> Post:
@@ -342,7 +341,7 @@ def _acknowledgement(acknowledgement: Acknowledgement, vehicle_id: int) -> Post:
     status = acknowledgement.status
     body = {"status": status}
     if acknowledgement.message is not None:
-        body["message"] = acknowledgement.message[:_MAX_MESSAGE]
+        body["message"] = acknowledgement.message[:MESSAGE_LENGTH]
     return Post(
         method="POST",
         path=f"{_WORK}{acknowledgement.work_id}/ack",

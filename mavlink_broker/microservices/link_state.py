@@ -64,7 +64,7 @@ FAR_BACK_MS: Final = 30_000
 """Step back that counts without a silence: no radio delays frames for so long."""
 MESSAGES_KEPT: Final = 64
 CLOCK_WITHIN_S: Final = 3.0
-"""How long a vehicle whose link was lost may take to show whether it was restarted meanwhile."""
+"""How long a vehicle that is back, or behind a new address, may take to send its clock, if ever."""
 _NEAR_THE_END_MS: Final = 600_000
 
 

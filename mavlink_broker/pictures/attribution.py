@@ -24,9 +24,9 @@ from afarcloud.commands import (
     VideoStartCapture,
     VideoStopCapture,
 )
-from afarcloud.enumerations import PanoramaMode
 from afarcloud.geodesy import distance_m
 from mavlink_broker.pictures.announcements import Place, Position
+from mavlink_broker.planning.camera_commands import PANORAMA_SHOTS
 from mavlink_broker.vehicle.mission_ledger import MissionLedger
 
 EARLY_S: Final = 3.0
@@ -38,7 +38,6 @@ AT_PLACE_M: Final = 15.0
 SAME_PLACE_M: Final = 3.0
 FEEDBACK: Final = 256
 """Number of the autopilot's first camera, behind those of all components."""
-_PANORAMA_SHOTS: Final = {PanoramaMode.FULL_CIRCLE: 8, PanoramaMode.HALF_CIRCLE: 5}
 
 
 class Area(NamedTuple):
@@ -75,7 +74,7 @@ def pictures_of(command: Command) -> int:
         case CameraImage():
             return command.parameters.photo_count
         case CameraPanorama():
-            return _PANORAMA_SHOTS[command.parameters.panorama_mode]
+            return PANORAMA_SHOTS[command.parameters.panorama_mode]
         case _:
             return 0
 

@@ -34,7 +34,8 @@ PANORAMA_WITHIN_S: Final = 180.0
 PANORAMA_WORKS_S: Final = 20.0
 """Eight pictures take this project's camera some six seconds."""
 _STEP_DEG: Final = 45.0
-_SHOTS: Final = {PanoramaMode.FULL_CIRCLE: 8, PanoramaMode.HALF_CIRCLE: 5}
+PANORAMA_SHOTS: Final = {PanoramaMode.FULL_CIRCLE: 8, PanoramaMode.HALF_CIRCLE: 5}
+"""Pictures of a panorama."""
 _SPAN_DEG: Final = {PanoramaMode.FULL_CIRCLE: 360.0, PanoramaMode.HALF_CIRCLE: 180.0}
 Aim: TypeAlias = tuple[float, float | None]
 """Pitch and yaw of a camera; no yaw: along the nose."""
@@ -121,7 +122,7 @@ def panorama(command: CameraPanorama, situation: Situation) -> Items | LiveActio
     middle_deg = situation.heading_deg or 0.0
     first_deg = middle_deg - (90.0 if mode is PanoramaMode.HALF_CIRCLE else 0.0)
     items: list[MissionItem] = []
-    for shot in range(_SHOTS[mode]):
+    for shot in range(PANORAMA_SHOTS[mode]):
         yaw_deg = (first_deg + shot * _STEP_DEG) % 360.0
         number = _picture_number(situation, command.command_id, shot)
         items += _turn(yaw_deg, situation)
@@ -137,7 +138,7 @@ def _turned_panorama(command: CameraPanorama, situation: Situation) -> LiveActio
         return Refusal("command_type_id", "no command before it brings the vehicle to a place")
     first_deg = -90.0 if mode is PanoramaMode.HALF_CIRCLE else 0.0
     steps: list[Step] = []
-    for shot in range(_SHOTS[mode]):
+    for shot in range(PANORAMA_SHOTS[mode]):
         number = _picture_number(situation, command.command_id, shot)
         take = _to_camera(family, mavlink.MAV_CMD_IMAGE_START_CAPTURE, 0.0, 0.0, 1.0, number)
         steps += [

@@ -21,6 +21,7 @@ from typing import Final
 
 from mavlink_broker.links.url import Address
 from mavlink_broker.mavlink.dialect import BOOT_MS_VALUES, Message, boot_ms_of, source_of
+from mavlink_broker.microservices.link_state import CLOCK_WITHIN_S
 
 SILENT_AFTER_S: Final = 1.5
 """Below the 2 s after which a vehicle's link is stale: a spare link takes over before that."""
@@ -29,8 +30,6 @@ ADDRESSES_KEPT: Final = 8
 """Per component; the one with the oldest message is forgotten first."""
 CLOCK_DIFFERENCE_MS: Final = 10_000
 """More than any link delays frames, and more than a fast simulation's clock gains meanwhile."""
-CLOCK_WITHIN_S: Final = 3.0
-"""A vehicle behind a new address sends its clock before that, if it sends one."""
 OTHERS_KEPT: Final = 256
 REPLACED_AFTER_S: Final = 60.0
 """Silence during a mission after which another vehicle with the system id is received instead."""

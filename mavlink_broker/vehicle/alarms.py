@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
 from afarcloud.enumerations import AlarmCode, AlarmType
+from afarcloud.state import MESSAGE_LENGTH
 from mavlink_broker.autopilots.status_texts import TextMeaning, means
 from mavlink_broker.autopilots.tunnel_messages import alarm_parameters
 from mavlink_broker.mavlink.dialect import Message, mavlink, source_of
@@ -76,7 +77,7 @@ def is_navigation_failure(texts: str) -> bool:
 
 def mission_error(reason: str) -> Failure:
     """The alarm of a vehicle that cannot continue its mission."""
-    return Failure(AlarmCode.FUNCTION_NAVIGATION, f"mission error: {reason}"[:1000])
+    return Failure(AlarmCode.FUNCTION_NAVIGATION, f"mission error: {reason}"[:MESSAGE_LENGTH])
 
 
 class _Signal(NamedTuple):

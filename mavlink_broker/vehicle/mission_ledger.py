@@ -8,9 +8,8 @@ from typing import Final
 
 from afarcloud.commands import Command
 from afarcloud.enumerations import Status
-from afarcloud.state import CommandReport, MissionReport
+from afarcloud.state import MESSAGE_LENGTH, CommandReport, MissionReport
 
-MESSAGE_LENGTH = 1000
 _SEPARATOR: Final = "; "
 
 
