@@ -11,9 +11,14 @@ while it was ordered there.
 The orders end at once when another system takes command of the vehicle, or its own failsafe does. A
 vehicle that is not received shows neither: after `UNHEARD_S` it gets no order before it is again.
 An order that leads to a place becomes a landing as soon as the vehicle has lost its position.
+
+`UnconfirmedMissions` decides when the answer to an abort may be sent.
 """
 
 import math
+from collections import deque
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Final
 
 from afarcloud.enumerations import EventType
@@ -22,6 +27,8 @@ from afarcloud.plan import Event as AbortEvent
 from afarcloud.route import Spot
 from mavlink_broker.autopilots.families import Family
 from mavlink_broker.autopilots.flight_modes import ModeRole
+from mavlink_broker.edge.wire import AcceptanceResult, EventWork
+from mavlink_broker.effects import Acknowledgement, EdgeMessage, Effects
 from mavlink_broker.live.executor import LiveCommandExecutor, LivePhase
 from mavlink_broker.mavlink.dialect import Message, mavlink
 from mavlink_broker.microservices.command import CommandAlternatives, long_command
@@ -37,15 +44,15 @@ AGAIN_AFTER_S: Final = 1.5
 WITHIN_S: Final = 600.0
 """To reach a place; then the vehicle lands where it is."""
 UNHEARD_S: Final = 30.0
-"""How long a vehicle that is not received is ordered all the same: the link to it may work, and
-what it has not received by then it will not receive. A pilot may have taken it over meanwhile."""
+"""How long a vehicle that is not received is ordered all the same: the link to it may work."""
 LATE_ORDER_S: Final = 5.0
-"""How long an order of the mission may still arrive behind one that ends it: the longest timeout
-of a command. Later only another system puts the vehicle back into its mission."""
+"""How long an order of the mission may arrive behind one that ends it: a timeout of a command."""
 NOT_PLACED: Final = "the position of the vehicle is not known: it lands where it is"
 NOT_THERE: Final = "the vehicle has landed before it was there"
 STANDS: Final = "the vehicle is on the ground: it does not go there"
 NOT_OBEYED: Final = "the vehicle cannot be ordered there: it lands where it is"
+ANSWERED_KEPT: Final = 256
+"""Work ids of which a second final answer is recognised."""
 _BEGUN: Final = frozenset({LivePhase.RUNNING, LivePhase.ENDING, LivePhase.DONE})
 _DISARM: Final = long_command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0.0)
 REASONS: Final = {
@@ -416,3 +423,78 @@ class AbortExecutor:
         if vehicle.mode != self._first_mode:
             self._first_mode = None
         return Claim(roles, mode=self._first_mode, is_exclusive=True)
+
+
+class UnconfirmedMissions:
+    """Missions that an abort has ended before the edge server has answered their acceptance.
+
+    Until that answer is there it may hand such a mission out again to a restarted broker. The abort
+    is done only then: until then it is handed out again with the mission, and is noted in the
+    journal. Each piece of work has one final answer, and this class decides when it may be sent.
+    """
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        self._vehicle = vehicle
+        self._dropped: dict[int, Callable[[Effects], None]] = {}  # By work id; what ends it
+        self._missions_of: dict[int, set[int]] = {}  # Missions by the work id of the abort
+        self._held: list[Acknowledgement] = []
+        self._answered: deque[int] = deque(maxlen=ANSWERED_KEPT)
+
+    @property
+    def are_open(self) -> bool:
+        """Whether one of them may still be handed out again; no other mission begins before."""
+        return bool(self._dropped)
+
+    def drop(self, work_id: int, abort: Callable[[str, Effects], None], event: AbortEvent) -> None:
+        """Let a mission be reported as aborted by an event once its acceptance is confirmed.
+
+        An abort empties the edge server's queue too: a mission whose acceptance it refuses was
+        ended there, and has its report.
+        """
+        self._dropped[work_id] = partial(abort, REASONS[event.event_type_id])
+
+    def hold_answer(self, work: EventWork) -> None:
+        """Hold the answer to an abort back for all of them."""
+        if self._dropped:
+            self._missions_of[work.work_id] = set(self._dropped)
+            note = abort_note(work.event, work.work_id, self._vehicle)
+            self._vehicle.recovery.held_abort = note
+
+    def take_acceptance_result(self, result: AcceptanceResult, effects: Effects) -> bool:
+        """Handle the answer to an acceptance; whether it was that of one of them."""
+        if result.work_id not in self._dropped:
+            return False
+        end = self._dropped.pop(result.work_id)
+        if result.is_confirmed or result.has_failed:
+            end(effects)
+        for missions in self._missions_of.values():
+            missions.discard(result.work_id)
+        self._missions_of = {
+            abort: missions for abort, missions in self._missions_of.items() if missions
+        }
+        if not self._dropped:
+            self._vehicle.recovery.held_abort = None
+        return True
+
+    def reopen(self, work_id: int) -> None:
+        """Queue new work; an edge server with a fresh database gives the same numbers again."""
+        if work_id in self._answered:
+            self._answered.remove(work_id)
+
+    def due(self, messages: Sequence[EdgeMessage]) -> list[EdgeMessage]:
+        """Give what may be sent by now; what was held back before comes behind the rest.
+
+        The first final answer counts: whatever ends work behind an error answers it once more.
+        """
+        if not messages and not self._held:
+            return []
+        due: list[EdgeMessage] = []
+        for message in messages:
+            if not isinstance(message, Acknowledgement) or message.status == "accepted":
+                due.append(message)
+            elif message.work_id not in self._answered:
+                self._answered.append(message.work_id)
+                (self._held if message.work_id in self._missions_of else due).append(message)
+        due += [answer for answer in self._held if answer.work_id not in self._missions_of]
+        self._held = [answer for answer in self._held if answer.work_id in self._missions_of]
+        return due

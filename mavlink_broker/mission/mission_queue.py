@@ -16,16 +16,11 @@ from mavlink_broker.autopilots.flight_modes import ModeRole
 from mavlink_broker.edge.wire import AcceptanceResult, EventWork, MissionWork
 from mavlink_broker.effects import Acknowledgement, EdgeMessage, Effects
 from mavlink_broker.mavlink.dialect import Message
-from mavlink_broker.mission.abort_executor import REASONS
+from mavlink_broker.mission.abort_executor import REASONS, UnconfirmedMissions
 from mavlink_broker.mission.context import RETURN_ENDED
 from mavlink_broker.mission.flight_orders import MISSION_ENDED
 from mavlink_broker.mission.mission_executor import MissionExecutor
-from mavlink_broker.mission.pending_events import (
-    NO_MISSION,
-    PendingEvents,
-    ReplacedOrders,
-    UnconfirmedMissions,
-)
+from mavlink_broker.mission.pending_events import NO_MISSION, PendingEvents, ReplacedOrders
 from mavlink_broker.mission.states import State
 from mavlink_broker.planning.geofence import check_flyable
 from mavlink_broker.planning.mission import translate
@@ -291,6 +286,7 @@ class MissionQueue:
         self._events.refuse_expired(now, effects)
 
     def _carry_out_events(self, now: float, effects: Effects) -> None:
+        self._forget_past_orders()
         self._resume_for_events(now, effects)
         for work in self._events.take_due(lambda one: self._is_too_early(one, now), now, effects):
             if work.is_abort:
@@ -303,6 +299,17 @@ class MissionQueue:
             else:
                 effects.for_edge.append(Acknowledgement(work.work_id, "refused", NO_MISSION))
             self._events.remove(work.work_id)
+
+    def _forget_past_orders(self) -> None:
+        """Forget what an earlier run has ordered before a mission that was reported to run."""
+        for mission in (self._current, *self._waiting):
+            report = None if mission is None else mission.work.report
+            if (
+                mission is not None
+                and report is not None
+                and report.mission_status_id == Status.RUNNING
+            ):
+                self._events.forget_before(mission.work.work_id, mission.work.name)
 
     def _resume_for_events(self, now: float, effects: Effects) -> None:
         """Begin a mission of an earlier run before the events upon it are carried out."""
@@ -321,7 +328,7 @@ class MissionQueue:
         is_journal_read = self.vehicle.recovery.tracker.is_loaded
         if work.was_accepted and (is_unknown or not is_journal_read):
             return True
-        if self._waits_for_vehicle(work):
+        if self._waits_for_vehicle(work) or self._events.waits_for_edge(work, now):
             return True
         if not is_journal_read and self.vehicle.mode == self.vehicle.family.paused_mode:
             return True  # The journal may say that an event has paused it, else somebody has it
@@ -371,7 +378,7 @@ class MissionQueue:
         has_ended = self._end_waiting(work, effects) or self._events.has_ended_missions(work)
         current = self._current
         if current is not None and self._is_droppable(current) and _concerns(work, current):
-            self._unconfirmed.drop(current, work)
+            self._unconfirmed.drop(current.work.work_id, current.abort, work.event)
             current.withdraw(now, effects)
             self.close_ended(effects)
             has_ended = True
@@ -414,7 +421,7 @@ class MissionQueue:
             if mission.is_confirmed:
                 mission.abort(REASONS[work.event.event_type_id], effects)
             else:
-                self._unconfirmed.drop(mission, work)
+                self._unconfirmed.drop(mission.work.work_id, mission.abort, work.event)
                 effects.for_edge.append(Acknowledgement(mission.work.work_id, "accepted"))
         self._unconfirmed.hold_answer(work)
         return bool(ended)
@@ -448,10 +455,10 @@ class MissionQueue:
         if mission is not None and not mission.work.was_accepted:
             self.vehicle.recovery.clear_commands()
         if record.abort is not None:
-            self._events.recall_abort(record.abort, effects)
+            self._events.recall_abort(record.abort, now, effects)
         if record.pending_return is None:
             return
-        self._events.recall_return(record.pending_return)
+        self._events.recall_return(record.pending_return, now)
         reason = None if mission is None else self._reason_to_fail(mission)
         if mission is not None and mission.is_attaching and reason is not None:
             mission.fail_again(reason, now, effects)

@@ -9,7 +9,7 @@ Of several aborts the newest one decides, by the numbers of their work, in which
 arrive; the older ones are answered as replaced as soon as the newest is carried out.
 """
 
-from collections import deque
+import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -17,18 +17,16 @@ from typing import Final, NamedTuple
 
 from afarcloud.enumerations import EventType
 from mavlink_broker.autopilots.flight_modes import ModeRole
-from mavlink_broker.edge.wire import AcceptanceResult, EventWork
+from mavlink_broker.edge.wire import EventWork
 from mavlink_broker.effects import Acknowledgement, EdgeMessage, Effects
 from mavlink_broker.mavlink.dialect import Message, mavlink
 from mavlink_broker.mission.abort_executor import (
-    REASONS,
     AbortExecutor,
     abort_note,
     noted_event,
     return_event,
 )
 from mavlink_broker.mission.flight_orders import REPLACED
-from mavlink_broker.mission.mission_executor import MissionExecutor
 from mavlink_broker.vehicle import control_authority
 from mavlink_broker.vehicle.control_authority import AIRBORNE, DESCENDING, Authority
 from mavlink_broker.vehicle.recovery_state import PendingAbort, PendingReturn
@@ -38,90 +36,14 @@ NO_MISSION = "no active mission"
 TOO_MANY = "too many events wait for the vehicle"
 MAX_WAITING: Final = 32
 """Events of one vehicle that wait; those that an earlier run has accepted are not counted."""
+EDGE_WITHIN_S: Final = 5.0
+"""How long an order that only the journal knows waits for the work of the edge server."""
 EVENT_TELEMETRY_WITHIN_S: Final = 3.0
 """How long a vehicle may take to send its position and the state of its sensors."""
 TOO_OLD: Final = "accepted too long ago by an earlier run of the broker: not carried on"
 RESTARTED_SINCE: Final = "the vehicle was restarted since"
 NOT_SEEN: Final = "the vehicle lands, or has landed: whether it was there before is not known"
 LANDED_UNSEEN: Final = "the vehicle has landed unseen: it may have flown its mission to the end"
-ANSWERED_KEPT: Final = 256
-"""Work ids of which a second final answer is recognised."""
-
-
-class UnconfirmedMissions:
-    """Missions that an abort has ended before the edge server has answered their acceptance.
-
-    Until that answer is there it may hand such a mission out again to a restarted broker. The abort
-    is done only then: until then it is handed out again with the mission, and is noted in the
-    journal. Each piece of work has one final answer, and this class decides when it may be sent.
-    """
-
-    def __init__(self, vehicle: Vehicle) -> None:
-        self._vehicle = vehicle
-        self._dropped: dict[int, tuple[MissionExecutor, str]] = {}  # By work id, and why
-        self._missions_of: dict[int, set[int]] = {}  # Missions by the work id of the abort
-        self._held: list[Acknowledgement] = []
-        self._answered: deque[int] = deque(maxlen=ANSWERED_KEPT)
-
-    @property
-    def are_open(self) -> bool:
-        """Whether one of them may still be handed out again; no other mission begins before."""
-        return bool(self._dropped)
-
-    def drop(self, mission: MissionExecutor, work: EventWork) -> None:
-        """Finish a mission that is reported as aborted once its acceptance is confirmed.
-
-        An abort empties the edge server's queue too: a mission whose acceptance it refuses was
-        ended there, and has its report.
-        """
-        reason = REASONS[work.event.event_type_id]
-        self._dropped[mission.work.work_id] = mission, reason
-
-    def hold_answer(self, work: EventWork) -> None:
-        """Hold the answer to an abort back for all of them."""
-        if self._dropped:
-            self._missions_of[work.work_id] = set(self._dropped)
-            note = abort_note(work.event, work.work_id, self._vehicle)
-            self._vehicle.recovery.held_abort = note
-
-    def take_acceptance_result(self, result: AcceptanceResult, effects: Effects) -> bool:
-        """Handle the answer to an acceptance; whether it was that of one of them."""
-        if result.work_id not in self._dropped:
-            return False
-        mission, reason = self._dropped.pop(result.work_id)
-        if result.is_confirmed or result.has_failed:
-            mission.abort(reason, effects)
-        for missions in self._missions_of.values():
-            missions.discard(result.work_id)
-        self._missions_of = {
-            abort: missions for abort, missions in self._missions_of.items() if missions
-        }
-        if not self._dropped:
-            self._vehicle.recovery.held_abort = None
-        return True
-
-    def reopen(self, work_id: int) -> None:
-        """Queue new work; an edge server with a fresh database gives the same numbers again."""
-        if work_id in self._answered:
-            self._answered.remove(work_id)
-
-    def due(self, messages: Sequence[EdgeMessage]) -> list[EdgeMessage]:
-        """Give what may be sent by now; what was held back before comes behind the rest.
-
-        The first final answer counts: whatever ends work behind an error answers it once more.
-        """
-        if not messages and not self._held:
-            return []
-        due: list[EdgeMessage] = []
-        for message in messages:
-            if not isinstance(message, Acknowledgement) or message.status == "accepted":
-                due.append(message)
-            elif message.work_id not in self._answered:
-                self._answered.append(message.work_id)
-                (self._held if message.work_id in self._missions_of else due).append(message)
-        due += [answer for answer in self._held if answer.work_id not in self._missions_of]
-        self._held = [answer for answer in self._held if answer.work_id in self._missions_of]
-        return due
 
 
 class ReplacedOrders(NamedTuple):
@@ -142,8 +64,10 @@ class PendingEvents:
         self._connected_since: float | None = None  # A vehicle that an earlier run has sent home
         self._noted_s: float | None = None  # When an abort of an earlier run was noted
         self._return: PendingReturn | None = None  # Ordered by an earlier run, not resumed yet
+        self._return_until = -math.inf  # The edge server may still hand out what has flown since
         self._stale: set[int] = set()  # Accepted for a flight before the vehicle was restarted
         self._is_return_interrupted = False  # By a restart of the vehicle
+        self._noted_until: dict[int, float] = {}  # Aborts by the journal alone, while they wait
         self._limited: set[int] = set()  # Events that came without a mission
         self._too_old: set[int] = set()  # Accepted so long ago that they are about another flight
         self._has_ended: set[int] = set()  # Aborts that have ended missions, and wait
@@ -177,12 +101,29 @@ class PendingEvents:
         running = None if self._running is None else self._running[0]
         known = (*self._waiting, *self._due, running)
         same = next((each for each in known if each and each.work_id == work.work_id), None)
+        self._noted_until.pop(work.work_id, None)
         if same is None:
             self._waiting.append(work)
             if is_too_old:
                 self._too_old.add(work.work_id)
         elif same.was_accepted and not work.was_accepted:
             effects.for_edge.append(Acknowledgement(work.work_id, "accepted"))
+
+    def waits_for_edge(self, work: EventWork, now: float) -> bool:
+        """Whether the edge server may still hand out what has flown since an abort was noted."""
+        return now < self._noted_until.get(work.work_id, -math.inf)
+
+    def forget_before(self, work_id: int, mission: str) -> None:
+        """Forget the orders of an earlier run that were over when a mission of it began.
+
+        No mission begins before an abort or an alarm's return has ended: the disk did not take it.
+        """
+        for work in self._waiting:
+            if work.was_accepted and work.is_abort and work.work_id < work_id:
+                self.remove(work.work_id)
+                self._vehicle.recovery.abort = None
+        if self._return is not None and self._return.mission != mission:
+            self._return = self._vehicle.recovery.pending_return = None
 
     def limit_wait(self, work_id: int, latest: float) -> None:
         """Let a new event, which came without a mission, expire at a time [s] or before."""
@@ -225,10 +166,11 @@ class PendingEvents:
         who = "where another system or its pilot has to move it"
         return f"{NO_MISSION}: the vehicle is in {self._vehicle.mode}, {who}"
 
-    def recall_abort(self, note: PendingAbort, effects: Effects) -> None:
+    def recall_abort(self, note: PendingAbort, now: float, effects: Effects) -> None:
         """Restore an abort that an earlier run was about to order, or has.
 
-        The edge server may have forgotten it, or may not know yet that it was accepted.
+        The edge server may have forgotten it, or may not know yet that it was accepted. It may also
+        know that it is over, where the disk took no later note: then a mission flies since.
         """
         event = noted_event(note, self._vehicle.vehicle_id)
         self._noted_s = note.noted_s
@@ -237,6 +179,8 @@ class PendingEvents:
         same = [work for work in self._waiting if work.work_id == note.work_id]
         self._waiting = [work for work in self._waiting if work not in same]
         self.add(EventWork(work_id=note.work_id, event=event, was_accepted=True), effects)
+        if not same:
+            self._noted_until[note.work_id] = now + EDGE_WITHIN_S
         if any(not work.was_accepted for work in same):
             effects.for_edge.append(Acknowledgement(note.work_id, "accepted"))
 
@@ -455,9 +399,9 @@ class PendingEvents:
             self.sends_down = executor.sends_down
             _acknowledge(work, effects, executor.taken, done=executor.instead)
 
-    def recall_return(self, pending: PendingReturn) -> None:
+    def recall_return(self, pending: PendingReturn, now: float) -> None:
         """Restore a return that an alarm had ordered, and that the vehicle had not obeyed yet."""
-        self._return = pending
+        self._return, self._return_until = pending, now + EDGE_WITHIN_S
 
     def _resume_return(self, now: float, effects: Effects) -> None:
         """Resume an alarm's order, unless the vehicle descends or another system flies it."""
@@ -470,6 +414,8 @@ class PendingEvents:
             and now - self._connected_since < EVENT_TELEMETRY_WITHIN_S
         ):
             return  # One without a position is ordered to land, not to return
+        if now < self._return_until:
+            return
         pending, self._return = self._return, None
         self._is_return_interrupted |= pending is not None and self._is_past(pending.noted_s)
         who = control_authority.authority_of(vehicle.observed_mode, AIRBORNE)

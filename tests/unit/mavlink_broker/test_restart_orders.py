@@ -8,6 +8,7 @@ import pytest
 from afarcloud.enumerations import EventType, Status
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.mission.states import State
+from mavlink_broker.vehicle.record_encoding import decode
 from tests.support.broker_world import (
     FAMILIES,
     FINISHED,
@@ -181,3 +182,49 @@ class TestReturn:
         world.restart_broker()
         world.run_until(lambda: not vehicle.armed)
         assert vehicle.custom_mode == PX4_LAND
+
+
+def orders_descent(record: Path) -> bool:
+    """Whether a record on the disk orders an abort, or a return after an alarm."""
+    _, noted = decode(record.read_bytes())
+    return noted.abort is not None or noted.pending_return is not None
+
+
+class TestOrdersOfAnEarlierFlight:
+    """The disk took no note that they were over, and the drone flies another mission since."""
+
+    def flies_again(self, folder: Path, script: Script, event: EventType | None) -> World:
+        """A restarted broker, whose journal still orders what the first flight was ended by."""
+        world = World(journal=folder, disk_lag_s=DISK_LAG_S)
+        vehicle = world.add_vehicle(script=replace(script, item_time_s=12.0))
+        vehicle.booted_at -= 100.0
+        world.edge.plan(mission(takeoff(), waypoint(), go_home()))
+        world.run_until(lambda: vehicle.airborne and world.edge.status(1201) == Status.RUNNING)
+        world.run(3.0)
+        if event is None:
+            vehicle.ill = SONAR
+        else:
+            world.edge.event(event)
+        world.run_until(lambda: any(map(orders_descent, folder.iterdir())))
+        world.disk.refuses = True
+        world.run_until_over(1201)
+        world.run_until(lambda: not vehicle.armed)
+        vehicle.ill = 0
+        world.edge.plan(mission(takeoff(), waypoint(), go_home(), mission_id=1202))
+        world.run_until(lambda: vehicle.airborne and world.edge.status(1202) == Status.RUNNING)
+        world.run(3.0)
+        world.disk.refuses = False
+        world.restart_broker()
+        return world
+
+    @pytest.mark.first_case
+    @pytest.mark.parametrize("script", [PX4, ARDUPILOT], ids=["px4", "ardupilot"])
+    @pytest.mark.parametrize("event", [EventType.ABORT_MISSION, EventType.RETURN_HOME, None])
+    def test_they_are_not_carried_out_again(
+        self, tmp_path: Path, script: Script, event: EventType | None
+    ) -> None:
+        world = self.flies_again(tmp_path, script, event)
+        world.run_until_over(1202)
+        assert world.edge.status(1202) == Status.FINISHED
+        world.run(2.0)
+        assert world.app.sessions[1].vehicle.recovery.abort is None
