@@ -267,6 +267,7 @@ class Session:
         self._streams.renew()
         self._heartbeat.renew()
         self._alarms.forget()
+        self.vehicle.recovery.healthy = ()
         self.pictures.restarted()
 
     def _end_orders(self, reason: str, now: float, effects: Effects) -> None:
@@ -311,6 +312,7 @@ class Session:
             effects.messages += self._override_parameters(now)
             effects.messages += self._stop_tracking(now)
             self._expect_camera(now)
+            self._expect_health()
             failures = self._alarms.tick(now, is_connected=vehicle.is_connected(now))
             self._raise_alarms(failures, now, effects)
         else:
@@ -403,6 +405,15 @@ class Session:
             recovery.has_camera = False
         if recovery.has_camera:
             self._alarms.expect_camera(now)
+
+    def _expect_health(self) -> None:
+        """Expect what was healthy in this flight, also behind a restart of the broker."""
+        vehicle, recovery = self.vehicle, self.vehicle.recovery
+        if vehicle.snapshot.armed is False:
+            recovery.healthy = ()
+        elif vehicle.snapshot.armed and recovery.tracker.is_loaded:
+            self._alarms.expect_healthy(recovery.healthy)
+            recovery.healthy = self._alarms.healthy
 
     def _raise_alarms(self, failures: Iterable[Failure], now: float, effects: Effects) -> None:
         """Report what has failed; a mission in flight fails with it."""

@@ -4,9 +4,12 @@ Every alarm has one or more signals, each of one message. A signal has failed wh
 and has been unhealthy for two seconds. An alarm is raised once, and again only after all of its
 signals were healthy in between. It is not raised while a cause of it is unhealthy: then that alarm
 is raised.
+
+What was healthy in a flight is noted (`healthy`): a part that fails while the link is away, or
+while the broker is restarted, has failed all the same.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
@@ -101,6 +104,10 @@ _SENSORS: Final = (
 """MAV_SYS_STATUS_SENSOR, any of them, and what their failure means."""
 
 
+_NOTED: Final = frozenset(failure.text for _, failure in _SENSORS)
+"""What the vehicle itself says of its parts; a camera is noted by its heartbeats."""
+
+
 def _system_status(message: Message) -> Iterator[_Signal]:
     """SYS_STATUS(1): what is present and enabled is watched."""
     watched = message.onboard_control_sensors_present & message.onboard_control_sensors_enabled
@@ -178,6 +185,7 @@ class AlarmMonitor:
     _signals: dict[tuple[str, AlarmCode], _Health] = field(default_factory=dict)
     _periodic_sources: dict[tuple[str, AlarmCode], PeriodicSource] = field(default_factory=dict)
     _raised: set[Failure] = field(default_factory=set)
+    _expected: frozenset[str] = frozenset()  # What was healthy before the signals were received
     _was_armed: bool = False
     _parameters: tuple[float, tuple[float, float]] | None = None  # And when they were received
     _loss: FrameLoss = field(default_factory=FrameLoss)
@@ -228,6 +236,19 @@ class AlarmMonitor:
         camera = self._periodic_sources.get(("camera", CAMERA.code))
         return camera is not None and camera.count >= MIN_MESSAGES
 
+    def expect_healthy(self, noted: Iterable[str]) -> None:
+        """Take the parts with these texts as healthy before the first signal of this monitor."""
+        self._expected = frozenset(noted)
+        for one in self._signals.values():
+            one.was_healthy |= one.failure.text in self._expected
+
+    @property
+    def healthy(self) -> tuple[str, ...]:
+        """Texts of the alarms that are raised when their parts fail; to be noted in flight."""
+        known = {one.failure.text for one in self._signals.values() if one.was_healthy}
+        raised = {failure.text for failure in self._raised}
+        return tuple(sorted((known | self._expected) & _NOTED - raised))
+
     def tick(self, now: float, *, is_connected: bool) -> list[Failure]:
         """Give what has failed and was not raised yet; nothing while the link is away."""
         if now < self._check_at:
@@ -254,11 +275,15 @@ class AlarmMonitor:
         self._signals.clear()
         self._periodic_sources.clear()
         self._raised.clear()
+        self._expected = frozenset()
 
     def _take(self, source: str, failure: Failure, now: float, *, is_unhealthy: bool) -> None:
         key = source, failure.code
         if key in self._signals or len(self._signals) < len(_SENSORS) + SOURCES_KEPT:
-            self._signals.setdefault(key, _Health(failure)).take(now, is_unhealthy=is_unhealthy)
+            health = self._signals.setdefault(
+                key, _Health(failure, was_healthy=failure.text in self._expected)
+            )
+            health.take(now, is_unhealthy=is_unhealthy)
 
     def _take_silence(self, source: str, failure: Failure, now: float, *, is_silent: bool) -> None:
         """Note whether a periodic source is silent; its timeout is the debounce."""
@@ -286,4 +311,5 @@ class AlarmMonitor:
     def _is_new(self, failure: Failure) -> bool:
         is_new = failure not in self._raised
         self._raised.add(failure)
+        self._expected -= {failure.text}
         return is_new

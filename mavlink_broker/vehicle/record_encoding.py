@@ -140,6 +140,7 @@ class _Document(_Row):
     paused: _Text | None = None
     is_tracking: bool = False
     has_camera: bool = False
+    healthy: tuple[_Text, ...] = ()
     armed_s: _Number | None = None
     foreign_order: tuple[_Count, _Count] | None = None
     is_disarmed_by_others: bool = False
@@ -155,6 +156,7 @@ _AS_NOTED: Final = (
     "paused",
     "is_tracking",
     "has_camera",
+    "healthy",
     "armed_s",
     "foreign_order",
     "is_disarmed_by_others",

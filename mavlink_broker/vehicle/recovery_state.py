@@ -97,6 +97,7 @@ class RecoveryRecord:
     paused: str | None = None  # Name of the work that an event has paused
     is_tracking: bool = False  # Its camera may have been ordered to track a subject
     has_camera: bool = False  # A camera was received in this flight
+    healthy: tuple[str, ...] = ()  # Alarms of parts that were healthy in this flight
     armed_s: float | None = None  # When it was armed, by its clock since boot
     foreign_order: NotedOrder | None = None  # Of another system, by which it holds
     is_disarmed_by_others: bool = False  # By another system's order
@@ -134,6 +135,7 @@ def merge_records(earlier: RecoveryRecord, later: RecoveryRecord) -> RecoveryRec
         paused=later.paused or earlier.paused,
         is_tracking=later.is_tracking or earlier.is_tracking,
         has_camera=later.has_camera or earlier.has_camera,
+        healthy=tuple(sorted({*later.healthy, *earlier.healthy})),
         armed_s=earlier.armed_s if later.armed_s is None else later.armed_s,
         foreign_order=later.foreign_order or earlier.foreign_order,
         is_disarmed_by_others=later.is_disarmed_by_others or earlier.is_disarmed_by_others,
@@ -266,6 +268,8 @@ class RecoveryState:
         self._is_of_earlier_run = False  # That tracking
         self.has_camera = False
         """Whether a camera was received in this flight: a restarted broker expects it."""
+        self.healthy: tuple[str, ...] = ()
+        """Texts of the alarms of parts that were healthy in this flight, and not raised since."""
         self.armed_s: float | None = None
         """When it was armed for the flight, by its clock since boot; its log began then."""
         self.armed_period = ArmedPeriod()
@@ -341,6 +345,7 @@ class RecoveryState:
             paused=self.paused,
             is_tracking=self.is_tracking,
             has_camera=self.has_camera,
+            healthy=self.healthy,
             armed_s=self.armed_s,
             foreign_order=self.foreign_orders.noted,
             is_disarmed_by_others=self.armed_period.was_disarmed_by_others,
@@ -370,6 +375,7 @@ class RecoveryState:
         self.paused = both.paused
         self.is_tracking, self._is_of_earlier_run = both.is_tracking, record.is_tracking
         self.has_camera, self.armed_s = both.has_camera, both.armed_s
+        self.healthy = both.healthy
         self.shows_manual = both.shows_manual
         self.foreign_orders.recall(both.foreign_order, now)
         self.armed_period.recall(
@@ -389,4 +395,5 @@ class RecoveryState:
         self.pending_return = self.paused = self.armed_s = None
         self.forget_armed_period()
         self.is_tracking = self.has_camera = self.shows_manual = self._was_sent_down = False
+        self.healthy = ()
         self.clear_commands()

@@ -223,6 +223,56 @@ def test_a_camera_that_was_taken_off_after_the_flight_is_not_expected(tmp_path: 
     assert alarms(world) == []
 
 
+@pytest.mark.first_case
+@pytest.mark.parametrize("bit", [GPS, mavlink.MAV_SYS_STATUS_GEOFENCE])
+@pytest.mark.parametrize("script", [SLOW, SLOW_COPTER], ids=["px4", "ardupilot"])
+@pytest.mark.parametrize("lead_s", [0.6, 1.6, -1.0])
+def test_a_part_that_fails_near_a_restart_of_the_broker_is_one_alarm(
+    bit: int, script: Script, lead_s: float, tmp_path: Path
+) -> None:
+    """It has failed before the broker is killed, by `lead_s`, or while it is away."""
+    world = World(journal=tmp_path)
+    vehicle = world.add_vehicle(script=script)
+    world.edge.plan(first_flight())
+    world.run_until(lambda: world.edge.status(1201) == Status.RUNNING and vehicle.airborne)
+    world.run(4.0)
+    if lead_s > 0.0:
+        vehicle.ill = bit
+        world.run(lead_s)
+    world.kill_broker()
+    world.run(1.0)
+    vehicle.ill = bit
+    world.restart_broker()
+    world.run(8.0)
+    assert len(alarms(world)) == 1
+    assert world.edge.status(1201) == Status.FAILED
+    world.restart_broker()
+    world.run(8.0)
+    assert len(alarms(world)) == 1
+
+
+def test_a_part_that_fails_while_the_link_is_away_is_an_alarm() -> None:
+    world = flying_world(SLOW)
+    world.run(3.0)
+    world.air.is_downlink_up = False
+    world.run(8.0)
+    world.only_vehicle.ill = GPS
+    world.air.is_downlink_up = True
+    world.run(8.0)
+    assert alarms(world) == [(1, 5)]
+
+
+def test_a_part_that_is_ill_since_the_vehicle_was_armed_is_none(tmp_path: Path) -> None:
+    world = World(journal=tmp_path)
+    vehicle = world.add_vehicle(script=SLOW)
+    vehicle.ill = mavlink.MAV_SYS_STATUS_SENSOR_LASER_POSITION
+    world.edge.plan(first_flight())
+    world.run_until(lambda: vehicle.airborne)
+    world.restart_broker()
+    world.run(8.0)
+    assert alarms(world) == []
+
+
 def test_a_part_that_fails_is_reported_and_not_what_fails_with_it() -> None:
     world = flying_world(SLOW)
     world.only_vehicle.ill = GPS | mavlink.MAV_SYS_STATUS_AHRS
