@@ -400,7 +400,8 @@ class ForeignOrderMonitor:
 
     def __init__(self) -> None:
         self.order: ForeignOrder | None = None
-        self._noted: NotedOrder | None = None  # By an earlier run, until the mode is known
+        self._noted: NotedOrder | None = None  # By an earlier run, until the vehicle is received
+        self._knows_modes = True
         self._role: ModeRole | None = None  # By the newest heartbeat
         self._resumed_at = -math.inf  # When a heartbeat showed that it waits no more
 
@@ -411,19 +412,19 @@ class ForeignOrderMonitor:
     @property
     def noted(self) -> "NotedOrder | None":
         """What a restarted broker has to know: whose order holds the vehicle."""
-        if self.order is None or self._role not in _HOLDING_MODES:
+        holds = self._role in _HOLDING_MODES or not self._knows_modes
+        if self.order is None or not holds:
             return self._noted
         return self.order.system, self.order.command
 
     def recall(self, noted: "NotedOrder | None", now: float) -> None:
         """Restore what an earlier run has noted, if the vehicle still holds."""
         self._noted = noted
-        self._find_noted(now)
+        if self._role is not None:
+            self._find_noted(now, holds=self._role in _HOLDING_MODES)
 
-    def _find_noted(self, now: float) -> None:
-        if self._noted is None or self._role is None:
-            return
-        if self.order is None and self._role in _HOLDING_MODES:
+    def _find_noted(self, now: float, *, holds: bool) -> None:
+        if self._noted is not None and self.order is None and holds:
             self.order = ForeignOrder(*self._noted, now)
         self._noted = None
 
@@ -447,12 +448,15 @@ class ForeignOrderMonitor:
         A vehicle that waited and waits no more has left the order's mode at once: the order resumed
         the mission. One that comes down later than an order shows does so for another reason.
         """
+        self._knows_modes = seen.is_known
         if not seen.is_known:
-            self.order = self.order if seen.armed else None
+            if seen.armed is not None:
+                self._find_noted(now, holds=seen.armed)
+                self.order = self.order if seen.armed else None
             return
         role = seen.role
         before, self._role = self._role, role
-        self._find_noted(now)
+        self._find_noted(now, holds=role in _HOLDING_MODES)
         waited, waits = before in _ORDERED_MODES, role in _ORDERED_MODES
         if waited and not waits:
             self._resumed_at = now

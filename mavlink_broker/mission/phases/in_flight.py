@@ -101,14 +101,20 @@ class Running(Phase):
             return Fault(mission.authority.loss_reason, last) if mission.authority.is_lost else None
         self._observe_pause(now, effects)
         effects.for_edge += progress.step(now)
-        is_ours = mission.authority.who(self.claim) is Authority.BROKER
-        if is_ours and mission.vehicle.snapshot.armed:
+        if self._flies_on and mission.authority.who(self.claim) is Authority.BROKER:
             mission.speeds.repeat(now, effects)
         if progress.is_finished:
             return self._await_resumption() if mission.is_held_back else Request.NEXT_SEGMENT
         self._observe_changes(changes, now, effects)
         reason = progress.loss_reason or changes.loss_reason
         return None if reason is None else Fault(reason)
+
+    @property
+    def _flies_on(self) -> bool:
+        """Whether the vehicle flies its items, and holds for nobody."""
+        vehicle = self._vehicle
+        in_mission = vehicle.mode_role is ModeRole.MISSION or not vehicle.family.knows_modes
+        return bool(vehicle.snapshot.armed) and in_mission and vehicle.foreign_order is None
 
     def _await_resumption(self) -> Result:
         """Wait behind the last item until the mission is resumed, if the vehicle still hovers."""

@@ -19,6 +19,7 @@ from tests.support.broker_world import (
 )
 from tests.support.vehicle_script import (
     ARDUPILOT,
+    COPTER_GUIDED,
     COPTER_LAND,
     COPTER_RETURN,
     PX4,
@@ -69,6 +70,57 @@ def test_no_event_resumes_what_a_station_holds(
         "system 255 has paused or moved the vehicle meanwhile",
     )
     assert orders(vehicle, since) == []
+
+
+@pytest.mark.parametrize("is_paused", [False, True])
+@pytest.mark.parametrize("script", [PX4, ARDUPILOT], ids=["px4", "ardupilot"])
+def test_a_restarted_broker_orders_nothing_of_what_a_station_holds(
+    script: Script, tmp_path: Path, *, is_paused: bool
+) -> None:
+    """Not even another speed, which an earlier run may have ordered."""
+    world = paused(script, tmp_path)
+    vehicle = world.only_vehicle
+    if not is_paused:
+        world.edge.event(RESUME)
+        world.run(3.0)
+    acknowledge(vehicle, mavlink.MAV_CMD_DO_REPOSITION)
+    vehicle.set_mode(PX4_HOLD if script is PX4 else COPTER_GUIDED)
+    vehicle.heartbeat()
+    world.run(3.0)
+    since = len(vehicle.frames)
+    world.restart_broker()
+    world.run(10.0)
+    assert orders(vehicle, since) == []
+
+
+@pytest.mark.first_case
+@pytest.mark.parametrize("is_paused", [False, True])
+@pytest.mark.parametrize(
+    "command",
+    [
+        mavlink.MAV_CMD_NAV_LAND,
+        mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH,
+        mavlink.MAV_CMD_DO_REPOSITION,
+    ],
+)
+def test_who_takes_one_of_unknown_modes_has_it_behind_a_restart(
+    command: int, tmp_path: Path, *, is_paused: bool
+) -> None:
+    world = paused(GENERIC, tmp_path)
+    vehicle = world.only_vehicle
+    if not is_paused:
+        world.edge.event(RESUME)
+        world.run(3.0)
+    acknowledge(vehicle, command)
+    world.run(2.0)
+    since = len(vehicle.frames)
+    world.restart_broker()
+    world.run(3.0)
+    event = world.edge.event(RESUME)
+    world.run(6.0)
+    assert answer(world, event)[0] == "refused"
+    assert orders(vehicle, since) == []
+    assert world.edge.status(1201) == Status.FAILED
 
 
 def test_an_event_that_pauses_what_a_station_has_paused_does_not_make_it_the_brokers() -> None:
