@@ -38,7 +38,7 @@ from mavlink_broker.mission.states import ENDING, IN_FLIGHT, WITH_ITEMS, State
 from mavlink_broker.planning.mission import FlightPlan
 from mavlink_broker.planning.situation import speed_command
 from mavlink_broker.vehicle import control_authority
-from mavlink_broker.vehicle.control_authority import Authority
+from mavlink_broker.vehicle.control_authority import HELD_BY_FAILSAFE, Authority
 from mavlink_broker.vehicle.mission_ledger import MissionLedger
 from mavlink_broker.vehicle.vehicle import Vehicle
 
@@ -161,8 +161,14 @@ class PauseOrders:
 
     @property
     def _held_by_another(self) -> str | None:
-        """Why no event pauses or resumes it: by its order it holds for another system."""
-        foreign = self._vehicle.foreign_order
+        """Why no event pauses or resumes it: another system or its failsafe decides.
+
+        Where modes are not known, only its state shows that it returns or lands by itself.
+        """
+        vehicle = self._vehicle
+        if not vehicle.family.knows_modes and vehicle.in_failsafe:
+            return HELD_BY_FAILSAFE
+        foreign = vehicle.foreign_order
         if foreign is None:
             return None
         return f"system {foreign.system} has paused or moved the vehicle meanwhile"

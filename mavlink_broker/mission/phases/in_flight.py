@@ -129,12 +129,14 @@ class Running(Phase):
     def _observe_pause(self, now: float, effects: Effects) -> None:
         """Report that another system has paused the vehicle.
 
-        The vehicle stays where it is until whoever paused it resumes the mission. PX4 also holds
-        at the end of a mission, mostly before its last report of progress.
+        The vehicle stays where it is until whoever paused it resumes the mission, also if an event
+        had paused it before: a restarted broker without its journal knows that by the report. PX4
+        also holds at the end of a mission, mostly before its last report of progress.
         """
         vehicle, ledger = self._vehicle, self._mission.ledger
         holds = vehicle.mode_role in {ModeRole.HOLD, ModeRole.PAUSED} and vehicle.family.knows_modes
-        is_explained = self._mission.pauses.is_paused or vehicle.is_held_by_failsafe
+        is_own = self._mission.pauses.is_paused and vehicle.foreign_order is None
+        is_explained = is_own or vehicle.is_held_by_failsafe
         if not holds or not vehicle.snapshot.armed or is_explained:
             self._paused_at, self._is_pause_reported = None, False
             return

@@ -72,6 +72,27 @@ def test_no_event_resumes_what_a_station_holds(
     assert orders(vehicle, since) == []
 
 
+@pytest.mark.parametrize("family", SCRIPTS)
+def test_without_a_journal_the_report_knows_who_holds_it(family: str, tmp_path: Path) -> None:
+    """An event had paused it before the station did."""
+    world = paused(SCRIPTS[family], tmp_path)
+    vehicle = world.only_vehicle
+    acknowledge(vehicle, mavlink.MAV_CMD_DO_SET_MODE)
+    vehicle.set_mode(PAUSED_MODES[family])
+    vehicle.heartbeat()
+    world.run(8.0)
+    world.kill_broker()
+    for record in tmp_path.iterdir():
+        record.unlink()
+    world.restart_broker()
+    world.run(8.0)
+    since = len(vehicle.frames)
+    event = world.edge.event(RESUME)
+    world.run(3.0)
+    assert answer(world, event)[0] == "refused"
+    assert orders(vehicle, since) == []
+
+
 @pytest.mark.parametrize("is_paused", [False, True])
 @pytest.mark.parametrize("script", [PX4, ARDUPILOT], ids=["px4", "ardupilot"])
 def test_a_restarted_broker_orders_nothing_of_what_a_station_holds(
@@ -121,6 +142,25 @@ def test_who_takes_one_of_unknown_modes_has_it_behind_a_restart(
     assert answer(world, event)[0] == "refused"
     assert orders(vehicle, since) == []
     assert world.edge.status(1201) == Status.FAILED
+
+
+@pytest.mark.parametrize("is_paused", [False, True])
+def test_no_event_pauses_or_resumes_one_of_unknown_modes_in_its_failsafe(
+    tmp_path: Path, *, is_paused: bool
+) -> None:
+    world = paused(GENERIC, tmp_path)
+    vehicle = world.only_vehicle
+    if not is_paused:
+        world.edge.event(RESUME)
+        world.run(3.0)
+    vehicle.fail_safe(9)
+    vehicle.heartbeat()
+    world.run(1.0)
+    since = len(vehicle.frames)
+    event = world.edge.event(RESUME if is_paused else PAUSE)
+    world.run(3.0)
+    assert answer(world, event) == ("refused", "the vehicle's own failsafe holds it")
+    assert orders(vehicle, since) == []
 
 
 def test_an_event_that_pauses_what_a_station_has_paused_does_not_make_it_the_brokers() -> None:
