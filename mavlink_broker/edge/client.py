@@ -84,13 +84,15 @@ class EdgeClient:
         ca_file: Path | None = None,
         spool: Spool | None = None,
         clock: Callable[[], float] = time.monotonic,
+        jitter: random.Random | None = None,
         instance_id: str = "",
     ) -> None:
         """Use the edge server's URL, the file of the access key and that of the only CA.
 
         `wake` ends the loop's sleep. Without a spool posts that wait are lost with the program.
-        `clock` gives monotonic seconds. The edge server distinguishes brokers with one access key
-        by `instance_id`.
+        `clock` gives monotonic seconds; `jitter` draws the pauses between attempts, which a
+        simulation repeats. The edge server distinguishes brokers with one access key by
+        `instance_id`.
         """
         self._connect = partial(EdgeConnection, url, key_file, ca_file, instance_id)
         self._wake = wake
@@ -99,7 +101,7 @@ class EdgeClient:
         self._edge_clock = EdgeClock()
         self._work: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
         self._acceptance_results: queue.SimpleQueue[AcceptanceResult] = queue.SimpleQueue()
-        self._outbox = Outbox(random.Random())
+        self._outbox = Outbox(jitter or random.Random())
         self._update_intervals_s: dict[int, float] = {}  # By vehicle
         lock = threading.Lock()
         self._changed = threading.Condition(lock)  # For the threads that send
