@@ -272,6 +272,7 @@ class Autopilot:
             local_position=topics.vehicle_local_position,
             home=topics.home_position,
             vehicle_status=topics.vehicle_status,
+            trajectory_setpoint=topics.trajectory_setpoint,
             command_ack=topics.vehicle_command_ack,
             status_text=topics.status_text,
             camera_event=topics.camera_event,

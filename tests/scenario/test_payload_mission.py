@@ -122,3 +122,29 @@ def test_a_panorama_in_the_air_turns_the_camera_and_not_the_vehicle(tmp_path: Pa
     assert tester.estimate.heading == pytest.approx(heading, abs=0.1)
     tester.land()
     tester.wait_until(lambda: not tester.status.armed, 60.0, "disarmed")
+
+
+def test_a_panorama_holds_in_wind_and_ends_when_a_flight_begins(tmp_path: Path) -> None:
+    tester = AutopilotTester(SimulationConfig(gps="rtk", seed=5, wind_speed_m_s=7.0), tmp_path)
+    tester.wait_until_ready()
+    tester.take_off(HEIGHT_M)
+    tester.wait_until(lambda: tester.true_position()[2] > HEIGHT_M - 0.5, 30.0, "at its height")
+    tester.run_for(5.0)
+    station, panorama = tester.ground_station, common.MAV_CMD_PANORAMA_CREATE
+    station.command(panorama, 180.0)
+    tester.wait_until(
+        lambda: (panorama, common.MAV_RESULT_ACCEPTED) in station.acks, 60.0, "a panorama"
+    )
+    station.command(panorama, 360.0)
+    tester.run_for(3.0)
+    place = tester.place(40.0, 0.0, HEIGHT_M)
+    station.command(common.MAV_CMD_DO_REPOSITION, -1.0, 1.0, 0.0, math.nan, *place[:2], math.nan)
+    tester.wait_until(
+        lambda: (panorama, common.MAV_RESULT_FAILED) in station.acks, 2.0, "the end of it"
+    )
+    tester.run_for(0.1)
+    assert tester.has_status_text("Panorama ended: the vehicle moves")
+    station.command(panorama, 360.0)
+    tester.wait_until(
+        lambda: (panorama, common.MAV_RESULT_TEMPORARILY_REJECTED) in station.acks, 2.0, "refusal"
+    )

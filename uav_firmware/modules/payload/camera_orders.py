@@ -198,6 +198,8 @@ def _panorama(command: VehicleCommand, parts: Parts, situation: Situation) -> Ou
     """PANORAMA_CREATE, by the gimbal while the vehicle holds its position."""
     if situation.state is not NavigationState.AUTO_LOITER:
         return temporarily_rejected("a panorama needs the vehicle in Hold mode")
+    if not situation.holds:
+        return temporarily_rejected("the vehicle moves")
     if not parts.has_space:
         return _STORAGE_FULL
     vertical = 0.0 if math.isnan(command.param2) else command.param2

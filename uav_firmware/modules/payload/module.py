@@ -32,6 +32,7 @@ from uav_firmware.msg.payload import (
     PayloadOrder,
     TrackingState,
 )
+from uav_firmware.msg.setpoints import TrajectorySetpoint
 from uav_firmware.msg.status import (
     CommandResult,
     HomePosition,
@@ -67,6 +68,7 @@ class PayloadModule:
         local_position: Topic[VehicleLocalPosition],
         home: Topic[HomePosition],
         vehicle_status: Topic[VehicleStatus],
+        trajectory_setpoint: Topic[TrajectorySetpoint],
         command_ack: Queue[VehicleCommandAck],
         status_text: Queue[StatusText],
         camera_event: Queue[CameraEvent],
@@ -91,6 +93,7 @@ class PayloadModule:
         self._local_position = local_position
         self._home = home
         self._vehicle_status = vehicle_status
+        self._trajectory_setpoint = trajectory_setpoint
         self._command_ack = command_ack
         self._status_text = status_text
         self._camera_event = camera_event
@@ -154,6 +157,7 @@ class PayloadModule:
             self._home.value,
             status.navigation_state if status is not None else NavigationState.AUTO_LOITER,
             status is not None and status.armed,
+            self._trajectory_setpoint.value,
         )
 
     def _handle_orders(self, situation: Situation) -> None:

@@ -6,7 +6,7 @@ from uav_firmware.modules.payload.camera.panorama import Phase
 from uav_firmware.modules.payload.camera.states import CameraState
 from uav_firmware.modules.payload.parts import PanoramaWork, Parts
 from uav_firmware.modules.payload.situation import Situation
-from uav_firmware.msg.status import CommandResult, NavigationState, VehicleCommand
+from uav_firmware.msg.status import CommandResult, VehicleCommand
 
 CANCELLED: Final = 6
 """MAV_RESULT_CANCELLED, which `CommandResult` does not contain."""
@@ -55,7 +55,7 @@ def step(parts: Parts, situation: Situation) -> PanoramaStep:
 
 def _failure_reason(parts: Parts, situation: Situation) -> str | None:
     """Why the panorama cannot continue, or None."""
-    if situation.state is not NavigationState.AUTO_LOITER:
+    if not situation.holds:
         return "the vehicle moves"
     if parts.camera.state is not CameraState.PANORAMA:
         return "capture was stopped"

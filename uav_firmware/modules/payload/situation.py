@@ -4,11 +4,15 @@ import math
 from typing import Final, NamedTuple
 
 from uav_firmware.lib.geo import LocalFrame
+from uav_firmware.lib.vector import norm, subtract
 from uav_firmware.msg.payload import Controller
+from uav_firmware.msg.setpoints import TrajectorySetpoint
 from uav_firmware.msg.status import CommandResult, HomePosition, NavigationState
 from uav_firmware.msg.vectors import Vector3
 
 NOWHERE: Final[Vector3] = (math.nan, math.nan, math.nan)
+_REST_M_S: Final = 0.1  # [m/s] A slower set-point is at rest
+_REST_M: Final = 0.1  # [m] From the place that it leads to
 
 
 class Situation(NamedTuple):
@@ -22,11 +26,26 @@ class Situation(NamedTuple):
     home: HomePosition | None
     state: NavigationState
     armed: bool
+    setpoint: TrajectorySetpoint | None = None
 
     @property
     def mission_flown(self) -> bool:
         """Whether the vehicle flies its mission."""
         return self.armed and self.state is NavigationState.AUTO_MISSION
+
+    @property
+    def holds(self) -> bool:
+        """Whether the vehicle holds its position: in hold, and its set-point is at rest.
+
+        By the set-point, since gusts move a vehicle that hovers. On the ground it has no position.
+        """
+        if self.state is not NavigationState.AUTO_LOITER:
+            return False
+        setpoint = self.setpoint
+        if not self.armed or setpoint is None or math.isnan(setpoint.position_ned[0]):
+            return True
+        left_m = norm(subtract(setpoint.goal_ned, setpoint.position_ned))  # NaN without a goal
+        return not (norm(setpoint.velocity_ned) > _REST_M_S or left_m > _REST_M)
 
     @property
     def ground_down(self) -> float | None:

@@ -19,6 +19,7 @@ from uav_firmware.msg.payload import (
     PayloadOrder,
     TrackingState,
 )
+from uav_firmware.msg.setpoints import TrajectorySetpoint
 from uav_firmware.msg.status import (
     HomePosition,
     NavigationState,
@@ -58,6 +59,7 @@ class PayloadHarness:
         self.local_position: Topic[VehicleLocalPosition] = Topic()
         self.home: Topic[HomePosition] = Topic()
         self.status: Topic[VehicleStatus] = Topic()
+        self.setpoint: Topic[TrajectorySetpoint] = Topic()
         self.acks: Queue[VehicleCommandAck] = Queue()
         self.texts: Queue[StatusText] = Queue()
         self.events: Queue[CameraEvent] = Queue(2000)
@@ -75,6 +77,7 @@ class PayloadHarness:
             local_position=self.local_position,
             home=self.home,
             vehicle_status=self.status,
+            trajectory_setpoint=self.setpoint,
             command_ack=self.acks,
             status_text=self.texts,
             camera_event=self.events,
@@ -114,6 +117,13 @@ class PayloadHarness:
                 sensors_enabled=0,
                 sensors_health=0,
             )
+        )
+
+    def leads(self, to: Vector3, speed_m_s: float) -> None:
+        """Let the set-point lead north from where the vehicle is, at a speed."""
+        velocity, still = (speed_m_s, 0.0, 0.0), (0.0, 0.0, 0.0)
+        self.setpoint.publish(
+            TrajectorySetpoint(self.now_us, self.position, velocity, still, NAN, 0.0, to)
         )
 
     def run(self, seconds: float) -> None:

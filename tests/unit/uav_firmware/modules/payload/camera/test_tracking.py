@@ -260,6 +260,33 @@ def test_a_panorama_needs_hold_mode() -> None:
     assert (end.token, end.result) == (token, FAILED)
 
 
+def test_a_panorama_is_refused_on_the_way_to_a_place() -> None:
+    harness = PayloadHarness()
+    harness.run(0.1)
+    harness.leads((30.0, 0.0, -10.0), 0.0)  # It begins, or waits for a vehicle that lags behind
+    assert harness.command(PANORAMA, 360.0) == BUSY
+    harness.leads((NAN, NAN, NAN), 3.0)  # It brakes
+    assert harness.command(PANORAMA, 360.0) == BUSY
+    assert "PANORAMA_CREATE refused: the vehicle moves" in harness.status_texts()
+    harness.leads(harness.position, 0.0)
+    assert harness.command(PANORAMA, 360.0) == IN_PROGRESS
+
+
+def test_a_flight_to_a_place_ends_a_panorama_and_a_gust_does_not() -> None:
+    harness = PayloadHarness()
+    harness.run(0.1)
+    harness.leads((NAN, NAN, NAN), 0.0)
+    token = harness.order(PANORAMA, 360.0)
+    harness.velocity = (0.8, 0.0, 0.0)
+    harness.run(1.0)
+    assert {ack.result for ack in harness.acks.drain()} == {IN_PROGRESS}
+    harness.leads((30.0, 0.0, -10.0), 0.0)
+    harness.run(0.1)
+    (end,) = harness.acks.drain()
+    assert (end.token, end.result) == (token, FAILED)
+    assert "Panorama ended: the vehicle moves" in harness.status_texts()
+
+
 @pytest.mark.parametrize("how", ["stop", "cancel"])
 def test_a_panorama_can_be_cancelled(how: str) -> None:
     harness = PayloadHarness()
