@@ -1,7 +1,8 @@
 """Causes of failsafes: one table of conditions, delays and actions.
 
 A cause is present once its condition has held for its delay, and clears when the condition
-does not hold any more; a condition may be stricter about clearing (hysteresis). Pure.
+does not hold any more, or has not held for a time; a condition may be stricter about clearing
+(hysteresis). Pure.
 """
 
 import math
@@ -103,6 +104,7 @@ class Row(NamedTuple):
     holds: Callable[[Conditions, bool], bool]  # Second argument: whether it is present
     action: Callable[[Conditions], Action]
     delay_s: Callable[[FailsafeParams], float] = lambda _params: 0.0
+    clears_s: Callable[[FailsafeParams], float] = lambda _params: 0.0  # Without the condition
     urgent: bool = False  # No time to wait for the operator
     latched: bool = False  # Forbids the next arming until it is acknowledged
 
@@ -273,7 +275,12 @@ ROWS: Final[Mapping[Cause, Row]] = {
         _sticks_lost,
         lambda moment: LINK_ACTIONS[moment.params.sticks_loss_action],
     ),
-    Cause.OFFBOARD_LOST: Row("Offboard set-points lost", _offboard_lost, _offboard_action),
+    Cause.OFFBOARD_LOST: Row(
+        "Offboard set-points lost",
+        _offboard_lost,
+        _offboard_action,
+        clears_s=lambda params: 2.0 * params.offboard_loss_s,  # One set-point is no stream
+    ),
     Cause.BATTERY_LOW: Row(
         "Battery low", _battery_below(lambda params: params.battery_low), _always(Action.WARN)
     ),

@@ -66,6 +66,8 @@ class FailsafeMachine:
         self.return_speeds = ReturnSpeeds()
         self._intended = NavigationState.AUTO_LOITER
         self._since_us: dict[Cause, int] = {}  # Start of each condition that holds
+        self._ended_us: dict[Cause, int] = {}  # End of the condition of each cause that clears
+        self._cleared: frozenset[Cause] = frozenset()  # By `override`, not yet returned
         self._present: frozenset[Cause] = frozenset()
         self._overridden: frozenset[Cause] = frozenset()
         self._taken = Action.NONE  # While ACTING
@@ -73,15 +75,22 @@ class FailsafeMachine:
         self._due_us = 0
 
     def override(self) -> None:
-        """Override the present causes: the operator has chosen a mode."""
+        """Override the present causes: the operator has chosen a mode.
+
+        A cause whose condition has ended is over then, so that it acts when it comes back.
+        """
         self.state = Failsafe.CLEAR
+        self._cleared = frozenset(self._ended_us)
+        self._ended_us.clear()
+        self._present -= self._cleared
         self._overridden = self._present
 
     def clear(self) -> None:
         """Reset, at arming and disarming."""
         self.state = Failsafe.CLEAR
         self._since_us.clear()
-        self._present = self._overridden = frozenset()
+        self._ended_us.clear()
+        self._present = self._overridden = self._cleared = frozenset()
 
     def update(
         self, view: VehicleView, params: FailsafeParams, flown: NavigationState, airborne_s: float
@@ -94,23 +103,38 @@ class FailsafeMachine:
         self._present = self._evaluate(moment)
         self._overridden &= self._present
         threats = _worst_first(self._present - before, moment)
-        cleared = tuple(before - self._present)
+        cleared = tuple((before | self._cleared) - self._present)
+        self._cleared = frozenset()
         asking = _worst_first(self._present - self._overridden, moment)
         demands = [threat for threat in asking if threat.action > Action.WARN]
         reaction = self._react(demands, moment, flown)
         return reaction._replace(threats=threats, cleared=cleared)
 
     def _evaluate(self, moment: Conditions) -> frozenset[Cause]:
-        """Causes whose condition has held for their delay."""
+        """Causes whose condition has held for their delay, and those not yet cleared."""
         now_us, since, present = moment.view.now_us, self._since_us, []
         former = self._present  # Mostly empty, as is `since`: a look into it takes longer
         for cause, row in ROWS.items():
             if not row.holds(moment, bool(former) and cause in former):
                 if since:
                     since.pop(cause, None)
+                if former and self._clears_later(cause, moment):
+                    present.append(cause)
             elif now_us - since.setdefault(cause, now_us) >= row.delay_s(moment.params) * 1e6:
                 present.append(cause)
+                if former:
+                    self._ended_us.pop(cause, None)
         return frozenset(present)
+
+    def _clears_later(self, cause: Cause, moment: Conditions) -> bool:
+        """Whether a cause without its condition is still present; an overridden one is not."""
+        now_us, ended = moment.view.now_us, self._ended_us
+        if cause in self._present and cause not in self._overridden:
+            wait_us = ROWS[cause].clears_s(moment.params) * 1e6
+            if now_us - ended.setdefault(cause, now_us) < wait_us:
+                return True
+        ended.pop(cause, None)
+        return False
 
     def _react(
         self, demands: Sequence[Threat], moment: Conditions, flown: NavigationState
