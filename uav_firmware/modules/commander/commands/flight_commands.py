@@ -54,7 +54,8 @@ def change_mode(state: NavigationState, situation: Situation) -> Decision:
     """Change to a mode if its requirements are met.
 
     A complete mission begins again, and a hold that flies to a point stops. Before arming every
-    mode may be chosen, as on PX4; the arming is refused while a requirement is missing. In
+    mode may be chosen, as on PX4; the arming is refused while a requirement is missing. An armed
+    vehicle on the ground may land: it ends a take-off that has not lifted off, and disarms. In
     flight without a fix the vehicle lands: then only a commanded landing or a pilot's mode
     changes the mode.
     """
@@ -62,7 +63,8 @@ def change_mode(state: NavigationState, situation: Situation) -> Decision:
     reason = _refusal_in_flight(state, situation) if situation.armed else None
     if reason is not None:
         return temporarily_rejected(reason)
-    if state in mode_requirements.AIRBORNE_ONLY and situation.armed and view.landed:
+    leaves_ground = state in mode_requirements.AIRBORNE_ONLY - {NavigationState.AUTO_LAND}
+    if leaves_ground and situation.armed and view.landed:
         return temporarily_rejected("the vehicle is on the ground")
     complete = view.progress is not None and view.progress.state == MissionState.COMPLETE
     if state is NavigationState.AUTO_MISSION and complete:

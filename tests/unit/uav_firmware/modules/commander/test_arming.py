@@ -249,6 +249,32 @@ def test_two_seconds_after_landing_it_disarms_and_goes_to_hold() -> None:
     assert vehicle.mode is NavigationState.AUTO_LOITER
 
 
+def test_a_landing_can_be_chosen_between_the_touchdown_and_the_disarming() -> None:
+    vehicle = airborne()
+    vehicle.send(Command.NAV_LAND)
+    vehicle.run_until(lambda v: v.landed)
+    vehicle.run(1.0)
+    assert vehicle.armed
+    for command in (Command.NAV_LAND, Command.NAV_RETURN_TO_LAUNCH):
+        result = vehicle.send(command)
+        assert result == (ACCEPTED if command is Command.NAV_LAND else NOT_NOW)
+    vehicle.run_until(lambda v: not v.armed, 2.0)
+
+
+def test_a_landing_ends_a_mission_that_waits_before_its_take_off() -> None:
+    vehicle = ToyVehicle()
+    vehicle.run(0.5)
+    vehicle.upload(item(0, 93, param1=20.0), takeoff(1), waypoint(2, 50, 0))
+    vehicle.run(0.1)
+    vehicle.set_mode(4)
+    vehicle.arm()
+    vehicle.run(2.0)
+    assert vehicle.send(Command.NAV_LAND) == ACCEPTED
+    assert vehicle.mode is NavigationState.AUTO_LAND
+    vehicle.run_until(lambda v: not v.armed, 15.0)
+    assert vehicle.landed
+
+
 def test_disarming_by_itself_can_be_switched_off() -> None:
     vehicle = ToyVehicle()
     vehicle.registry.set("COM_DISARM_PRFLT", -1.0)
