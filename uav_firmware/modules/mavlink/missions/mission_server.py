@@ -10,6 +10,7 @@ from typing import Final
 from uav_firmware.modules.mavlink.missions.mission_items import to_message
 from uav_firmware.modules.mavlink.missions.mission_store import ACCEPTED, Outcome, PlanStore
 from uav_firmware.modules.mavlink.missions.mission_upload import (
+    ANOTHER_UPLOADS,
     DUPLICATE_US,
     Reply,
     UploadReceiver,
@@ -109,19 +110,19 @@ class MissionServer:
     def _count(self, message: Message, sender: Sender, now_us: int) -> list[Outgoing]:
         upload = self._uploads.get(message.mission_type)
         if upload is None:
-            return [acknowledge(sender, _INVALID, message.mission_type)]
+            return self._refuse_type(message, sender)
         return self._with_status_text(message.mission_type, upload.begin(message, sender, now_us))
 
     def _item(self, message: Message, sender: Sender, now_us: int) -> list[Outgoing]:
         upload = self._uploads.get(message.mission_type)
         if upload is None:
-            return [acknowledge(sender, _INVALID, message.mission_type)]
+            return self._refuse_type(message, sender)
         return self._with_status_text(message.mission_type, upload.item(message, sender, now_us))
 
     def _request_list(self, message: Message, sender: Sender, _now_us: int) -> list[Outgoing]:
         store = self._stores.get(message.mission_type)
         if store is None:
-            return [acknowledge(sender, _INVALID, message.mission_type)]
+            return self._refuse_type(message, sender)
         answer = MissionCount(
             target_system=sender.system,
             target_component=sender.component,
@@ -134,10 +135,10 @@ class MissionServer:
     def _request(self, message: Message, sender: Sender, _now_us: int) -> list[Outgoing]:
         store = self._stores.get(message.mission_type)
         if store is None:
-            return [acknowledge(sender, _INVALID, message.mission_type)]
+            return self._refuse_type(message, sender)
         if message.seq >= len(store.items):
-            refused = mavlink.MAV_MISSION_INVALID_SEQUENCE
-            return [acknowledge(sender, refused, message.mission_type)]
+            reason = f"item {message.seq} of {len(store.items)}, which begin at 0"
+            return self._refuse(message, sender, mavlink.MAV_MISSION_INVALID_SEQUENCE, reason)
         answer = to_message(
             store.items[message.seq],
             message.seq,
@@ -152,9 +153,9 @@ class MissionServer:
         mission_type = message.mission_type
         types = tuple(self._stores) if mission_type == _ALL_TYPES else (mission_type,)
         if mission_type not in {*self._stores, _ALL_TYPES}:
-            return [acknowledge(sender, _INVALID, mission_type)]
+            return self._refuse_type(message, sender)
         if any(self._uploads[each].is_by_another(sender) for each in types):
-            return [acknowledge(sender, _DENIED, mission_type)]
+            return self._refuse(message, sender, _DENIED, ANOTHER_UPLOADS)
         if any(self._stores[each].is_writing for each in types):
             return []  # The sender will repeat it
         frame = bytes(message.get_msgbuf() or b"")
@@ -188,7 +189,17 @@ class MissionServer:
         return []
 
     def _partial(self, message: Message, sender: Sender, _now_us: int) -> list[Outgoing]:
-        return [acknowledge(sender, _UNSUPPORTED, message.mission_type)]
+        return self._refuse(message, sender, _UNSUPPORTED, "partial lists are not supported")
+
+    def _refuse_type(self, message: Message, sender: Sender) -> list[Outgoing]:
+        reason = f"mission type {message.mission_type} is unknown"
+        return self._refuse(message, sender, _INVALID, reason)
+
+    def _refuse(self, message: Message, sender: Sender, result: int, reason: str) -> list[Outgoing]:
+        """Answer of a message that is refused, with the reason for the operator."""
+        text = f"{message.get_type()} refused: {reason}"
+        texts = self._texts.encode(mavlink.MAV_SEVERITY_WARNING, text)
+        return [acknowledge(sender, result, message.mission_type), *texts]
 
     def _with_status_text(self, mission_type: int, reply: Reply) -> list[Outgoing]:
         """Messages of a reply, with a STATUSTEXT if there is a refusal."""

@@ -63,6 +63,7 @@ CHECK_BUDGET: Final = 400
 _REQUEST_INTERVAL_MIN_US: Final = 50_000
 """Shortest interval between requests for an item, so that duplicates do not multiply."""
 
+ANOTHER_UPLOADS: Final = "another peer uploads a plan"
 CANCELLED: Final[int] = mavlink.MAV_MISSION_OPERATION_CANCELLED
 _DENIED: Final[int] = mavlink.MAV_MISSION_DENIED
 
@@ -147,7 +148,7 @@ class UploadReceiver:
         """Handle MISSION_COUNT."""
         opening = bytes(message.get_msgbuf() or b"")
         if self.is_by_another(sender):
-            return Reply((self._ack(sender, Outcome(_DENIED)),))
+            return self._answer(sender, Outcome(_DENIED, reason=ANOTHER_UPLOADS))
         if self._is_duplicate(opening, now_us) or self._store.is_writing:
             return Reply()
         if self._store.is_blocked:
@@ -238,8 +239,9 @@ class UploadReceiver:
         if last is not None and (sender.identity, message.seq) == (last.identity, last.seq):
             same = _as_text(self._readable(message)) == _as_text(last.item)
             return Reply((self._ack(sender, last.outcome),)) if same else Reply()
-        busy = self._transfer is not None
-        return Reply((self._ack(sender, Outcome(_DENIED)),)) if busy else Reply()
+        if self._transfer is None:
+            return Reply()
+        return self._answer(sender, Outcome(_DENIED, reason=ANOTHER_UPLOADS))
 
     def _request_again(self, transfer: _Transfer, now_us: int) -> Reply:
         if now_us - transfer.requested_us < _REQUEST_INTERVAL_MIN_US:

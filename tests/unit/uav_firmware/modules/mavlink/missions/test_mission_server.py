@@ -34,6 +34,10 @@ def clear(mission_type: int = MISSION) -> Any:
     return mavlink.MAVLink_mission_clear_all_message(SYSTEM, 1, mission_type)
 
 
+def texts(harness: MavlinkHarness, source: Any = GROUND) -> str:
+    return "".join(chunk.text for chunk in harness.received("STATUSTEXT", at=source))
+
+
 def upload(harness: MavlinkHarness, count: int, **sender: Any) -> list[Any]:
     """Upload waypoints like a correct client; return the acknowledgements."""
     source = sender.get("source", GROUND)
@@ -195,12 +199,15 @@ def test_a_second_uploader_is_denied_and_the_first_continues() -> None:
     harness = MavlinkHarness()
     harness.send(mission_count(2))
     harness.run()
-    (denied,) = harness.request(mission_count(7), "MISSION_ACK", source=BROKER, system=99)
-    assert (denied.type, denied.target_system) == (DENIED, 99)
-    (denied,) = harness.request(mission_item(0), "MISSION_ACK", source=BROKER, system=99)
-    assert denied.type == DENIED
-    (denied,) = harness.request(clear(), "MISSION_ACK", source=BROKER, system=99)
-    assert denied.type == DENIED
+    harness.received()
+    for message, refused in (
+        (mission_count(7), "Mission upload"),
+        (mission_item(0), "Mission upload"),
+        (clear(), "MISSION_CLEAR_ALL"),
+    ):
+        (denied,) = harness.request(message, "MISSION_ACK", source=BROKER, system=99)
+        assert (denied.type, denied.target_system) == (DENIED, 99)
+        assert texts(harness) == f"{refused} refused: another peer uploads a plan"
     harness.send(mission_item(0))
     harness.send(mission_item(1))
     harness.run()
@@ -263,7 +270,9 @@ def test_items_can_be_downloaded_in_any_order_repeatedly() -> None:
     items = harness.received("MISSION_ITEM_INT")
     assert [item.seq for item in items] == [5, 0, 3, 3, 1, 4]
     assert (items[0].x, items[0].frame, items[0].target_system) == (404_434_005, 6, 255)
+    harness.send(request(6), source=BROKER)
     assert types(harness.request(request(6), "MISSION_ACK")) == [INVALID_SEQUENCE]
+    assert "MISSION_REQUEST_INT refused: item 6 of 6" in texts(harness, BROKER)
 
 
 def test_the_current_item_is_marked_in_a_download() -> None:
@@ -305,16 +314,22 @@ def test_an_unknown_type_of_plan_is_invalid(mission_type: int) -> None:
         clear(mission_type),
         mission_item(0, mission_type=mission_type),
     ):
+        harness.send(message, source=BROKER)
         (ack,) = harness.request(message, "MISSION_ACK")
         assert (ack.type, ack.mission_type) == (INVALID, mission_type)
+        reason = f"{message.get_type()} refused: mission type {mission_type} is unknown"
+        assert texts(harness, BROKER) == 2 * reason
 
 
 def test_partial_lists_are_refused() -> None:
     harness = MavlinkHarness()
     read = mavlink.MAVLink_mission_request_partial_list_message(SYSTEM, 1, 0, 2, MISSION)
     write = mavlink.MAVLink_mission_write_partial_list_message(SYSTEM, 1, 0, 2, MISSION)
-    assert types(harness.request(read, "MISSION_ACK")) == [UNSUPPORTED]
-    assert types(harness.request(write, "MISSION_ACK")) == [UNSUPPORTED]
+    for message in (read, write):
+        harness.send(message, source=BROKER)
+        assert types(harness.request(message, "MISSION_ACK")) == [UNSUPPORTED]
+        reason = f"{message.get_type()} refused: partial lists are not supported"
+        assert texts(harness, BROKER) == 2 * reason
 
 
 def test_an_invalid_item_ends_the_upload_and_is_named() -> None:
