@@ -56,16 +56,17 @@ class ParameterFiles(ReadOnlyStore):
 
     def open(self, place: Place, mode: OpenMode) -> OpenFile:
         """Open the file."""
-        query = self._query(place)
+        query = self._query(place, mode)
         if mode is OpenMode.READ:
             return GeneratedFile(self._pack(query))
         return ParameterUpload(self._apply)
 
-    def _query(self, place: Place) -> dict[str, int]:
+    def _query(self, place: Place, mode: OpenMode) -> dict[str, int]:
         """Query of a file name: numbers by key."""
         name, _, text = "/".join(place).partition("?")
         if name != FILE_NAME:
-            raise refusal(errno.ENOENT)
+            is_new = mode is not OpenMode.READ and len(place) == 1
+            raise refusal(errno.EACCES if is_new else errno.ENOENT)
         try:
             query = {key: int(value) for key, value in parse_qsl(text, keep_blank_values=True)}
         except ValueError:

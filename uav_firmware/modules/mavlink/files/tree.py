@@ -37,7 +37,8 @@ class MountedTree:
 
     def open(self, place: Place, mode: OpenMode) -> OpenFile:
         """Open a file."""
-        store, rest = self._inner(place)
+        find = self._inner if mode is OpenMode.READ else self._inner_for_new
+        store, rest = find(place)
         return store.open(rest, mode)
 
     def truncate(self, place: Place, size: int) -> None:
@@ -54,7 +55,7 @@ class MountedTree:
         """Make a folder."""
         if self._is_above_mount(place) or place in self._mounts:
             raise refusal(errno.EEXIST)
-        store, rest = self._find(place)
+        store, rest = self._inner_for_new(place)
         store.make_folder(rest)
 
     def remove_folder(self, place: Place) -> None:
@@ -65,7 +66,7 @@ class MountedTree:
     def rename(self, place: Place, new_place: Place) -> None:
         """Rename or move a file or folder within a store."""
         store, rest = self._inner(place)
-        new_store, new_rest = self._inner(new_place)
+        new_store, new_rest = self._inner_for_new(new_place)
         if store is not new_store:
             raise refusal(errno.EXDEV)
         store.rename(rest, new_rest)
@@ -75,6 +76,15 @@ class MountedTree:
         if self._is_above_mount(place) or place in self._mounts:
             raise refusal(errno.EACCES)
         return self._find(place)
+
+    def _inner_for_new(self, place: Place) -> tuple[FileStore, Place]:
+        """The store that a place is made in; folders of the tree itself are read-only."""
+        try:
+            return self._inner(place)
+        except FileNotFoundError:
+            if self._is_above_mount(place[:-1]):
+                raise refusal(errno.EACCES) from None
+            raise
 
     def _find(self, place: Place) -> tuple[FileStore, Place]:
         """The store of a place, and the place within it."""
