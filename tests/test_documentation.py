@@ -99,6 +99,7 @@ def test_every_python_example_runs() -> None:
                 timeout=120,
             )
             assert run.returncode == 0, f"{name_of(document)}:\n{example}\n{run.stderr}"
+            assert " object at 0x" not in run.stdout, f"{name_of(document)}:\n{run.stdout}"
 
 
 def test_every_json_example_is_json() -> None:
