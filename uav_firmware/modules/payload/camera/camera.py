@@ -1,7 +1,7 @@
 """Decides when the camera exposes and which orders it refuses. Pure.
 
 The camera needs `EXPOSURE_US` per picture. Up to `WAITING_MAX` single pictures queue. A series that
-a mission started pauses while the mission is not flown.
+a mission started pauses while the mission is not flown; single pictures by hand may be taken then.
 """
 
 import math
@@ -50,15 +50,21 @@ class Camera:
         self.memory_full = False  # The device must store pictures before it can expose
         self._waiting = 0  # Queued pictures
         self._series: _Series | None = None
+        self._is_paused = False  # A series of the mission, while that is not flown
         self._ready_us = 0  # When the next exposure is possible
         self._exposing = False
 
     def take_picture(self, *, limited: bool = True) -> None:
         """Take one picture as soon as possible.
 
+        Args:
+            limited: by hand; pictures of the mission are not limited, and wait for its series.
+
         Raises:
             CameraBusyError: if the camera is busy, or too many pictures are queued.
         """
+        if self.state is CameraState.SERIES and not (limited and self._is_paused):
+            raise CameraBusyError(f"the camera is busy ({self.state.value})")
         if limited and self._waiting >= WAITING_MAX:
             raise CameraBusyError(f"{self._waiting} pictures are queued")
         self._apply_event(CameraEvent.SHOOT)
@@ -106,7 +112,7 @@ class Camera:
     def stop(self) -> None:
         """Stop taking pictures."""
         self._waiting = 0
-        self._series = None
+        self._series, self._is_paused = None, False
         if self.state is not CameraState.IDLE:
             self._apply_event(CameraEvent.STOP)
 
@@ -132,6 +138,8 @@ class Camera:
             mission_flown: whether a series of the mission continues.
         """
         self._exposing = now_us < self._ready_us
+        series = self._series
+        self._is_paused = series is not None and series.from_mission and not mission_flown
         if (
             self.memory_full
             or self._exposing
@@ -139,7 +147,6 @@ class Camera:
             or self.state is CameraState.PANORAMA
         ):
             return False
-        series = self._series
         if self._waiting:
             self._waiting -= 1
             if series is not None:
@@ -147,7 +154,7 @@ class Camera:
         elif series is None:
             self._apply_event(CameraEvent.SAVED)
             return False
-        elif series.from_mission and not mission_flown:
+        elif self._is_paused:
             series.next_us = max(series.next_us, now_us)
             return False
         elif not self._due(series, now_us, position_ned):

@@ -37,6 +37,7 @@ TRANSITIONS: Final[Mapping[tuple[CameraState, CameraEvent], CameraState]] = {
     (CameraState.SINGLE, CameraEvent.SHOOT): CameraState.SINGLE,
     (CameraState.SINGLE, CameraEvent.SAVED): CameraState.IDLE,
     (CameraState.SINGLE, CameraEvent.STOP): CameraState.IDLE,
+    (CameraState.SERIES, CameraEvent.SHOOT): CameraState.SERIES,  # While it is paused
     (CameraState.SERIES, CameraEvent.STOP): CameraState.IDLE,
     (CameraState.DISTANCE, CameraEvent.SHOOT): CameraState.DISTANCE,
     (CameraState.DISTANCE, CameraEvent.BEGIN_DISTANCE): CameraState.DISTANCE,

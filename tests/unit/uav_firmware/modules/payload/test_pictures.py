@@ -181,6 +181,25 @@ def test_a_series_of_a_paused_mission_is_paused() -> None:
     assert 2 <= len(harness.pictures()) <= 4
 
 
+def test_a_picture_by_hand_in_the_pause_of_a_mission_costs_its_series_nothing() -> None:
+    harness = PayloadHarness()
+    harness.flies(NavigationState.AUTO_MISSION)
+    harness.order(START, 0, 1.0, 6, sender=MISSION)
+    harness.order(START, 0, 0, 1, sender=MISSION)  # Behind the series, also in the pause
+    harness.run(2.5)
+    before = len(harness.pictures())
+    assert harness.command(START, 0, 0, 1) == BUSY
+    harness.flies(NavigationState.AUTO_LOITER)
+    harness.run(2.0)
+    before += len(harness.pictures())
+    assert harness.command(START, 0, 0, 1) == ACCEPTED
+    harness.run(2.0)
+    assert len(harness.pictures()) == 1
+    harness.flies(NavigationState.AUTO_MISSION)
+    harness.run(10.0)
+    assert before + len(harness.pictures()) == 6 + 1
+
+
 def test_the_next_order_of_a_mission_ends_its_endless_series() -> None:
     harness = PayloadHarness()
     harness.flies(NavigationState.AUTO_MISSION)
