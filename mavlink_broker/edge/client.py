@@ -229,12 +229,13 @@ class EdgeClient:
 
     def _receive_work(self, answer: Any, poll: Poll) -> Pause:
         """Pass on the work of vehicles that are not held back, and note the cursor."""
-        held_back = poll.held_back
+        held_back, field = poll.held_back, "commands"
         try:
             commands = [dict(command) for command in answer["commands"]]
+            field = "cursor"
             cursor = int(answer["cursor"])
-        except (KeyError, TypeError, ValueError):
-            _LOG.exception("the edge server's work cannot be read")
+        except (KeyError, TypeError, ValueError, OverflowError):
+            _LOG.exception("the edge server's work cannot be read: its %s cannot be used", field)
             self._cursor = 0
             return Pause.RETRY
         edge_time = self._edge_clock.read(answer.get("time"), poll.sent_at, self._clock())

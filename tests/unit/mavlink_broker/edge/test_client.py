@@ -268,6 +268,26 @@ def test_the_steps_between_exchanges_need_no_thread(tmp_path: Path) -> None:
     assert client.next_poll().path.startswith("/broker/commands?after=3&")
 
 
+@pytest.mark.parametrize(
+    ("body", "field"),
+    [
+        ('{"commands": [], "cursor": 1e999}', "cursor"),
+        ('{"commands": [], "cursor": NaN}', "cursor"),
+        ('{"commands": [1e999], "cursor": 3}', "commands"),
+        ("[]", "commands"),
+    ],
+)
+def test_work_that_cannot_be_read_costs_one_poll(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, body: str, field: str
+) -> None:
+    client = EdgeClient(NOWHERE, tmp_path / "key", Woken())
+    assert client.take_answer(client.next_poll(), Answer(200, body.encode())) is Pause.RETRY
+    assert f"the edge server's work cannot be read: its {field} cannot be used" in caplog.messages
+    work = Answer(200, b'{"cursor": 3, "commands": [{"id": 3, "vehicle_id": 1}]}')
+    assert client.take_answer(client.next_poll(), work) is Pause.NONE
+    assert client.take_work() == [{"id": 3, "vehicle_id": 1}]
+
+
 def edge_times(client: EdgeClient, *times: object) -> list[object]:
     """Let work arrive in answers that name these times; gives the time with each piece of work."""
     found = []
