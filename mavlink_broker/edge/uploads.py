@@ -53,6 +53,8 @@ MAX_LOGS: Final = 16
 _RETRIED: Final = frozenset({HTTPStatus.NOT_FOUND, HTTPStatus.CONFLICT})
 """The flight may not be archived yet; a part may have been received, and its answer lost."""
 _MAX_REASON: Final = 300
+_MAX_LOG_BYTES: Final = (1 << 32) - 1
+"""Of LOG_ENTRY and LOG_REQUEST_DATA."""
 _NAME: Final = re.compile(r"[A-Za-z0-9._-]{1,64}")
 
 
@@ -114,8 +116,8 @@ def _outcome(job: LogJob, answer: Answer) -> LogJobOutcome:
         shown = answer.json()
         found = shown if isinstance(job.request, FindLogs) else [shown]
         return LogJobDone(job.number, tuple(_read(one) for one in found[:MAX_LOGS]))
-    except (requests.RequestException, KeyError, TypeError, ValueError, OverflowError):
-        reason = f"HTTP {status} is not of the edge server"
+    except (requests.RequestException, KeyError, TypeError, ValueError, OverflowError) as error:
+        reason = f"HTTP {status} is not of the edge server: {error}"[:_MAX_REASON]
         return LogJobFailed(job.number, reason, is_final=False, is_temporary=True)
 
 
@@ -128,7 +130,8 @@ def _read(shown: Mapping[str, Any]) -> LogState:
     listed_at = shown["listed_at"]
     name = shown["name"]
     if not _NAME.fullmatch(name):
-        raise ValueError(name)
+        raise ValueError(f"name is {name!r}")
+    size = _bytes(shown, "size_bytes", _MAX_LOG_BYTES)
     return LogState(
         BeginLog(
             name=name,
@@ -136,11 +139,19 @@ def _read(shown: Mapping[str, Any]) -> LogState:
             started_at=_time(shown["started_at"]),
             ended_at=_time(shown["ended_at"]),
             listed_s=0 if listed_at is None else int(_time(listed_at).timestamp()),
-            size_bytes=int(shown["size_bytes"]),
+            size_bytes=size,
         ),
-        received_bytes=int(shown["received_bytes"]),
+        received_bytes=_bytes(shown, "received_bytes", size),
         is_complete=bool(shown["is_complete"]),
     )
+
+
+def _bytes(shown: Mapping[str, Any], field: str, most: int) -> int:
+    """Read a number of bytes; the next part of the log is requested of its vehicle by it."""
+    number = shown[field]
+    if type(number) is not int or not 0 <= number <= most:
+        raise ValueError(f"{field} must be 0 to {most}, not {number!r}")
+    return number
 
 
 def _time(text: str) -> datetime:

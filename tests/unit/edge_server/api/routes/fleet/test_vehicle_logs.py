@@ -1,5 +1,6 @@
 """The broker's requests about logs, answered by the edge server; and what goes wrong in between."""
 
+import json
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -178,6 +179,38 @@ def test_every_answer_has_one_outcome(
     broker.wire.fault = fault
     for request in (LOG, SendLogPart(LOG.name, 0, b"x", is_last=True), FindLogs()):
         assert refusal(broker.ask(request)) == expected
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        *(("received_bytes", value) for value in ("-5", "11", "NaN", "1e999", '"4"', "true")),
+        *(("size_bytes", value) for value in ("-5", "4294967296", "1e999", '"10"', "null")),
+    ],
+)
+def test_an_answer_that_names_an_impossible_part_is_refused(
+    broker: Broker, field: str, value: str
+) -> None:
+    """The next part of the log would be requested of its vehicle with it."""
+    shown = {
+        "name": LOG.name,
+        "format": "ulg",
+        "started_at": "2026-11-21T12:00:00Z",
+        "ended_at": "2026-11-21T12:00:00Z",
+        "listed_at": None,
+        "size_bytes": 10,
+        "received_bytes": 4,
+        "is_complete": False,
+    }
+    body = json.dumps(shown)
+    broker.wire.fault = Answer(200, body.encode())
+    assert isinstance(broker.ask(LOG), LogJobDone)
+    wrong = body.replace(f'"{field}": {shown[field]}', f'"{field}": {value}')
+    broker.wire.fault = Answer(200, wrong.encode())
+    outcome = broker.ask(LOG)
+    assert refusal(outcome) == (False, True)
+    assert isinstance(outcome, LogJobFailed)
+    assert field in outcome.reason
 
 
 FLIGHT: Final = FrameSpan("01K9Z4T1W8F6Q2M3N5P7R9S0VZ", LOG.started_at, LOG.ended_at)
