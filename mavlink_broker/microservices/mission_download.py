@@ -19,6 +19,7 @@ from mavlink_broker.microservices.command import RoundTrip
 from mavlink_broker.microservices.message_rates import request_message
 from mavlink_broker.microservices.mission_protocol import (
     ID_NAMES,
+    MAX_ITEMS,
     MISSION,
     PLAN_NAMES,
     UNTYPED_COMMANDS,
@@ -41,7 +42,7 @@ class Downloaded:
 
 @dataclass(frozen=True, slots=True)
 class NotDownloaded:
-    """The vehicle has refused, or has not answered."""
+    """The vehicle has refused, has not answered, or holds more than `MAX_ITEMS`."""
 
     reason: str
 
@@ -89,6 +90,10 @@ class MissionDownload:
         if self.outcome is not None or self._pausing or not self._is_for_us(message):
             return []
         match message.get_type():
+            case "MISSION_COUNT" if self._count is None and message.count > MAX_ITEMS:
+                self._fail(f"it has {message.count} items, limit {MAX_ITEMS}")
+                cancelled = mavlink.MAV_MISSION_OPERATION_CANCELLED
+                return [MissionAck(*self._target, cancelled, self._type)]
             case "MISSION_COUNT" if self._count is None:
                 self._count = message.count
                 return self._answered(now)
@@ -146,12 +151,13 @@ class MissionDownload:
 
     def _pause(self, now: float) -> None:
         if self._transfers >= TRANSFERS:
-            self.outcome = NotDownloaded(
-                f"{PLAN_NAMES[self._type]} could not be read back: {self._last_error}"
-            )
+            self._fail(self._last_error)
             return
         self._pausing = True
         self._deadline = now + PAUSE_S * 2 ** (self._transfers - 1)
+
+    def _fail(self, reason: str) -> None:
+        self.outcome = NotDownloaded(f"{PLAN_NAMES[self._type]} could not be read back: {reason}")
 
 
 @dataclass(frozen=True, slots=True)

@@ -46,7 +46,8 @@ UNTYPED_COMMANDS: Final = {
 """Items that belong to a kind of plan though they say that they are a mission's."""
 ID_NAMES: Final = {MISSION: "mission_id", FENCE: "fence_id", RALLY: "rally_points_id"}
 """Fields of MISSION_CURRENT with the id of each."""
-
+MAX_ITEMS: Final = 5_000
+"""Of a plan that is read from a vehicle; the journal keeps a fence of as many."""
 
 _PLAIN_FRAMES: Final = {
     mavlink.MAV_FRAME_GLOBAL_INT: mavlink.MAV_FRAME_GLOBAL,

@@ -6,6 +6,8 @@ from mavlink_broker.mavlink.dialect import Message, MissionAck, MissionCount, ma
 from mavlink_broker.mavlink.mission_item import from_message, to_message, waypoint
 from mavlink_broker.microservices.command import RoundTrip
 from mavlink_broker.microservices.mission_download import Downloaded, MissionDownload, NotDownloaded
+from mavlink_broker.microservices.mission_protocol import MAX_ITEMS
+from mavlink_broker.vehicle import record_encoding
 from tests.unit.mavlink_broker.microservices.harness import ROUTE, kinds, received, tick_until
 
 ITEM = waypoint(latitude_deg=1.0, longitude_deg=2.0, relative_altitude_m=5.0)
@@ -77,6 +79,22 @@ def test_a_silent_vehicle_ends_it() -> None:
     one = download()
     tick_until(one, 0.0, 200.0, step=0.2)
     assert one.outcome == NotDownloaded("mission could not be read back: no answer")
+
+
+def test_a_plan_of_more_items_than_are_kept_is_not_read() -> None:
+    one = download()
+    assert kinds(one.receive(count(MAX_ITEMS), 0.1)) == ["MISSION_REQUEST_INT"]
+    one = download()
+    (cancelled,) = one.receive(count(65_535), 0.1)
+    assert cancelled.type == mavlink.MAV_MISSION_OPERATION_CANCELLED
+    assert one.outcome == NotDownloaded(
+        f"mission could not be read back: it has 65535 items, limit {MAX_ITEMS}"
+    )
+    assert tick_until(one, 0.1, 30.0) == []
+
+
+def test_as_many_items_are_read_as_the_journal_keeps_of_a_fence() -> None:
+    assert MAX_ITEMS == record_encoding.MAX_ITEMS
 
 
 @pytest.mark.parametrize("kind", [1, 2])

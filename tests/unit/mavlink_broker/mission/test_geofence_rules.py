@@ -18,6 +18,7 @@ from tests.support.broker_world import (
 from tests.support.fenced_vehicle import (
     ABLE,
     ARDUPILOT_VALUES,
+    FENCE,
     GENERIC,
     PX4_VALUES,
     RALLY,
@@ -30,6 +31,7 @@ from tests.unit.mavlink_broker.mission.test_geofence_transfer import (
     fence,
     flown,
     message_of,
+    placed,
     square,
 )
 
@@ -331,3 +333,15 @@ class TestRallyPoints:
         world.run_until_over(1201)
         why = "landing: the leg there enters geofence.exclusion.0"
         assert world.edge.reports(1201)[-1]["command_report_array"][2]["message"] == why
+
+
+def test_a_vehicle_with_more_items_than_are_kept_fails_the_mission_at_once() -> None:
+    """Reading 65,535 of them takes hours, in which the mission would wait."""
+    world = World()
+    vehicle = fenced_vehicle(world)
+    placed(vehicle, square())
+    vehicle.plans[FENCE].items *= 1_251
+    world.edge.plan(first_flight(), geofence=fence())
+    world.run(10.0)
+    assert world.edge.status(1201) == Status.FAILED
+    assert "geofence could not be read back: it has 5004 items" in message_of(world)
