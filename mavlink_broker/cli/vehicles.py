@@ -102,9 +102,12 @@ def _rows_of_edge_server(settings: Config) -> list[dict[str, Any]]:
             )
         if answer.status_code != HTTPStatus.OK:
             raise UsageError(f"{url} cannot be asked: it answers HTTP {answer.status_code}")
-        return list(answer.json())
-    except (OSError, UnicodeDecodeError, TypeError) as error:  # requests' errors are OSErrors
+        rows = answer.json()
+    except (OSError, UnicodeDecodeError) as error:  # requests' errors are OSErrors
         raise UsageError(f"{url} cannot be asked: {error}") from error
+    if not isinstance(rows, list) or not all(isinstance(one, dict) for one in rows):
+        raise UsageError(f"{url} cannot be asked: its answer is not a list of vehicles")
+    return rows
 
 
 def _ignore(kind: str, body: dict[str, Any]) -> None:

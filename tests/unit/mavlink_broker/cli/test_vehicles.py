@@ -15,7 +15,8 @@ from typing import Any
 
 import pytest
 
-from mavlink_broker.cli.vehicles import COLUMNS, row, table
+from mavlink_broker.cli.program import UsageError
+from mavlink_broker.cli.vehicles import COLUMNS, row, run, table
 from mavlink_broker.mavlink.dialect import Route
 from mavlink_broker.vehicle.telemetry import version
 from mavlink_broker.vehicle.vehicle import Vehicle
@@ -91,6 +92,17 @@ def test_a_link_that_a_broker_has_is_looked_at_through_its_edge_server(tmp_path:
     assert "AUTO.MISSION" in out
 
 
+@pytest.mark.parametrize("shown", [{"message": "hello"}, [1], ["a"], None, 5])
+def test_an_answer_that_is_not_a_list_of_vehicles_is_an_error(tmp_path: Path, shown: Any) -> None:
+    (tmp_path / "keys").mkdir()
+    (tmp_path / "keys" / "broker.key").write_text("secret")
+    with served(shown) as url, taken() as port:
+        link = ["--mavlink-host", "127.0.0.1", "--mavlink-port", str(port)]
+        state = ["--state-dir", str(tmp_path), "--edge-url", url]
+        with pytest.raises(UsageError, match="its answer is not a list of vehicles"):
+            run([*link, *state], {})
+
+
 @pytest.mark.thorough
 def test_a_link_that_was_asked_for_and_is_taken_is_misuse(tmp_path: Path) -> None:
     with taken() as port, started(tmp_path, "--connect", f"udp://127.0.0.1:{port}") as process:
@@ -129,8 +141,8 @@ def taken() -> Iterator[int]:
 
 
 @contextmanager
-def served(vehicles: list[dict[str, Any]]) -> Iterator[str]:
-    """An edge server that knows nothing but its vehicles."""
+def served(vehicles: Any) -> Iterator[str]:
+    """An edge server that knows nothing but its vehicles, or what it answers instead."""
 
     class Handler(BaseHTTPRequestHandler):
         def do_GET(self) -> None:
