@@ -190,16 +190,13 @@ def settings(parser: argparse.ArgumentParser, options: argparse.Namespace) -> Co
         parser.error(f"--edge-url must be an http or https address, not {options.edge_url!r}")
     if options.log_level.upper() not in LOG_LEVELS:
         parser.error(f"--log-level must be one of {', '.join(LOG_LEVELS)}")
-    if not options.state_vector_interval > 0 or not 0 < options.battery_capacity <= 100:
-        parser.error("--state-vector-interval must be above 0, --battery-capacity 0 to 100 Ah")
+    if not 0.0 < options.battery_capacity <= 100.0:
+        parser.error("--battery-capacity must be above 0, at most 100 Ah")
     if not 1 <= options.spool_mib <= MAX_SPOOL_MIB:
         parser.error(f"--spool-mib must be 1 to {MAX_SPOOL_MIB}")
     if not 0 <= options.vehicle_log_mib <= MAX_VEHICLE_LOG_MIB:
         parser.error(f"--vehicle-log-mib must be 0 to {MAX_VEHICLE_LOG_MIB}")
-    if not 1.0 <= options.vehicle_log_time <= MAX_INTERVAL_S:
-        parser.error(f"--vehicle-log-time must be 1 to {MAX_INTERVAL_S:g} s")
-    if not 0.0 <= options.observation_interval <= MAX_INTERVAL_S:
-        parser.error(f"--observation-interval must be 0 to {MAX_INTERVAL_S:g} s")
+    _check_times(parser, options)
     return Config(
         edge_url=options.edge_url,
         edge_ca_file=options.edge_ca_file,
@@ -222,6 +219,16 @@ def settings(parser: argparse.ArgumentParser, options: argparse.Namespace) -> Co
         log_file=options.log_file,
         traffic=_link_settings(parser, options),
     )
+
+
+def _check_times(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
+    """Check intervals and durations; an invalid one ends the program as in `settings`."""
+    if not 0.0 < options.state_vector_interval <= MAX_INTERVAL_S:
+        parser.error(f"--state-vector-interval must be above 0, at most {MAX_INTERVAL_S:.0f} s")
+    if not 1.0 <= options.vehicle_log_time <= MAX_INTERVAL_S:
+        parser.error(f"--vehicle-log-time must be 1 to {MAX_INTERVAL_S:.0f} s")
+    if not 0.0 <= options.observation_interval <= MAX_INTERVAL_S:
+        parser.error(f"--observation-interval must be 0 to {MAX_INTERVAL_S:.0f} s")
 
 
 def _link_settings(parser: argparse.ArgumentParser, options: argparse.Namespace) -> LinkSettings:

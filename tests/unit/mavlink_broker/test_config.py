@@ -87,6 +87,8 @@ def test_a_refused_number_is_reported_with_its_reason(
         ["--vehicle-ids", "7"],
         ["--state-vector-interval", "0"],
         ["--state-vector-interval", "nan"],
+        ["--state-vector-interval", "inf"],
+        ["--state-vector-interval", "86401"],
         ["--battery-capacity", "5200"],
         ["--log-level", "LOUD"],
         ["--edge-url", "edge-server:8000"],
