@@ -62,8 +62,10 @@ TIME_REQUESTS_KEPT: Final = 64
 """Requests of TIMESYNC, whose answers come within seconds."""
 LOG_INTERVAL_S: Final = 10.0
 """Interval of log lines and of STATUSTEXTs: MANUAL_CONTROL may be refused at 25 Hz."""
-TEXT_LENGTH: Final = 50
-"""Longest text of a STATUSTEXT."""
+CHUNK_BYTES: Final = 50
+"""Longest text of one STATUSTEXT."""
+TEXT_IDS: Final = 0xFFFF
+"""Ids of STATUSTEXTs in several chunks, from 1 on."""
 KINDS_LOGGED: Final = 8
 KINDS_KEPT: Final = 500
 """Further kinds are counted as one: endless unknown messages must not fill the memory."""
@@ -239,7 +241,7 @@ class Refusals:
         if now - self._explained_at.get((system, name), now - LOG_INTERVAL_S) < LOG_INTERVAL_S:
             return None
         self._explained_at[system, name] = now
-        return f"Denied during a broker mission: {name}"[:TEXT_LENGTH]
+        return f"Denied during a broker mission: {name}"
 
     def log_new(self, now: float) -> None:
         """Log the new counts when it is due."""
@@ -293,6 +295,7 @@ class Gateway:
         self._requested: dict[int, set[int]] = {}
         self._log_read_of: set[int] = set()  # Systems
         self._time_requests: deque[int] = deque(maxlen=TIME_REQUESTS_KEPT)  # ts1 of TIMESYNCs
+        self._text_id = 0  # Of the last text in several chunks
         self.refusals = Refusals()
 
     def has_ground_station(self, now: float) -> bool:
@@ -388,10 +391,28 @@ class Gateway:
         sentence = self.refusals.add(message, answerer.system, now)
         if sentence is not None:
             autopilot = answerer._replace(component=mavlink.MAV_COMP_ID_AUTOPILOT1)
-            text = mavlink.MAVLink_statustext_message(
-                mavlink.MAV_SEVERITY_WARNING, sentence.encode("ascii", "replace")
+            forwarded_frames.to_ground_stations += [
+                self._framed_as(autopilot, chunk) for chunk in self._chunks(sentence)
+            ]
+
+    def _chunks(self, sentence: str) -> list[Message]:
+        """Give a text as STATUSTEXTs; the first one of several that is not full ends it.
+
+        Their ids count down: a vehicle, in whose name they are sent, counts its own up from 1.
+        """
+        text = sentence.encode("ascii", "replace")
+        if len(text) <= CHUNK_BYTES:
+            return [mavlink.MAVLink_statustext_message(mavlink.MAV_SEVERITY_WARNING, text)]
+        self._text_id = self._text_id - 1 if self._text_id > 1 else TEXT_IDS
+        return [
+            mavlink.MAVLink_statustext_message(
+                mavlink.MAV_SEVERITY_WARNING,
+                text[start : start + CHUNK_BYTES],
+                id=self._text_id,
+                chunk_seq=number,
             )
-            forwarded_frames.to_ground_stations.append(self._framed_as(autopilot, text))
+            for number, start in enumerate(range(0, len(text) + 1, CHUNK_BYTES))
+        ]
 
     def _framed_as(self, source: Source, message: Message) -> bytes:
         return encoded_as(message, source, self._sequence_numbers.inserted(source))

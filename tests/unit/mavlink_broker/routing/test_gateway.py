@@ -7,9 +7,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mavlink_broker.autopilots.status_texts import StatusTexts
 from mavlink_broker.mavlink.codec import Decoder, Encoder, encoded_as, sequence, signed, unsigned
 from mavlink_broker.mavlink.dialect import Source, mavlink
-from mavlink_broker.routing.gateway import GCS_TIMEOUT_S, KINDS_KEPT, ForwardedFrames, Gateway
+from mavlink_broker.routing import gateway
+from mavlink_broker.routing.gateway import (
+    CHUNK_BYTES,
+    GCS_TIMEOUT_S,
+    KINDS_KEPT,
+    ForwardedFrames,
+    Gateway,
+)
 from mavlink_broker.routing.policy import BrokerControl
 
 OWN, GROUND = 254, Source(255, 190)
@@ -83,6 +91,48 @@ def test_a_refusal_is_answered_as_the_vehicle_explained_once_and_counted() -> No
     assert again == ["COMMAND_ACK"]
     assert first[1].text.endswith("NAV_LAND")
     assert world.gateway.refusals.count == {"NAV_LAND": 2}
+
+
+PREFIX = "Denied during a broker mission: "
+
+
+@pytest.mark.parametrize("length", [1, 17, 18, 19, 67, 68, 69])
+def test_a_refusal_is_explained_in_as_many_chunks_as_it_needs(
+    monkeypatch: pytest.MonkeyPatch, length: int
+) -> None:
+    """As STATUSTEXT has it: a common id, numbers, and a last chunk that is not full."""
+    name = "X" * length
+    monkeypatch.setattr(gateway, "name_of", lambda _message: name)
+    world = GatewayWorld()
+    world.controls[1] = BrokerControl.MISSION
+    _, *chunks = [decoded(frame) for frame in world.send(command(LAND)).to_ground_stations]
+    assert "".join(chunk.text for chunk in chunks) == PREFIX + name
+    assert [chunk.chunk_seq for chunk in chunks] == list(range(len(chunks)))
+    assert len({chunk.id for chunk in chunks}) == 1
+    is_whole = len(PREFIX + name) <= CHUNK_BYTES
+    assert is_whole == (chunks[0].id == 0) == (len(chunks) == 1)
+    if not is_whole:
+        *full, last = [len(chunk.text) for chunk in chunks]
+        assert full == [CHUNK_BYTES] * len(full)
+        assert last < CHUNK_BYTES
+    texts = StatusTexts()
+    for chunk in reversed(chunks):
+        texts.receive(chunk, 0.0)
+    assert texts.since(0.0) == [PREFIX + name]
+
+
+def test_texts_in_several_chunks_have_ids_of_their_own() -> None:
+    world = GatewayWorld()
+    world.controls[1] = BrokerControl.MISSION
+    write = mavlink.MAVLink_file_transfer_protocol_message(0, 1, 1, [0, 0, 0, 7] + [0] * 247)
+    long_command = command(mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION)
+    sent = [world.send(message).to_ground_stations for message in (write, long_command)]
+    texts = [[decoded(frame) for frame in frames[1:]] for frames in sent]
+    assert ["".join(chunk.text for chunk in chunks) for chunks in texts] == [
+        f"{PREFIX}FILE_TRANSFER_PROTOCOL",
+        f"{PREFIX}NAV_FENCE_POLYGON_VERTEX_INCLUSION",
+    ]
+    assert [{chunk.id for chunk in chunks} for chunks in texts] == [{0xFFFF}, {0xFFFE}]
 
 
 def test_with_forward_commands_every_command_is_forwarded() -> None:
