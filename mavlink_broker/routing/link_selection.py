@@ -7,13 +7,13 @@ for 1.5 s, so that two good links do not alternate. A link that is configured ea
 when it has been received for 5 s without such a gap.
 
 Two vehicles with the same system id look like one vehicle on two links. One vehicle sends the same
-on its radio and its wifi link; the clocks (`time_boot_ms`) of two vehicles started at different
-times. Only one link is active at a time, so commands do not alternate between the vehicles, but an
-operator has to be warned. While the broker has a mission on the vehicle, a link becomes active only
-if its clock goes on, or began after the last message of the active one: a vehicle that was
-restarted. A clock that ran before already is another vehicle's, which is received a minute later
-and does not go on with the mission. A link that becomes active without a clock proves nothing:
-until its clock is received the vehicle may be another one.
+on its radio and its wifi link; the clocks (`time_boot_ms`) of two vehicles' autopilots started at
+different times. Only one link is active at a time, so commands do not alternate between the
+vehicles, but an operator has to be warned. While the broker has a mission on the vehicle, a link
+becomes active only if its clock goes on, or began after the last message of the active one: a
+vehicle that was restarted. A clock that ran before already is another vehicle's, which is received
+a minute later and does not go on with the mission. A link that becomes active without a clock
+proves nothing: until its clock is received the vehicle may be another one.
 """
 
 from dataclasses import dataclass
@@ -113,17 +113,20 @@ class DuplicateSystemIds:
         self._clocks[system] = boot_ms, now
         return is_another
 
-    def is_same(self, message: Message, address: Address, now: float) -> bool:
+    def is_same(
+        self, message: Message, address: Address, now: float, *, is_autopilot: bool = True
+    ) -> bool:
         """Whether a message from another link is of the vehicle on the active one.
 
         Its clock goes on, or has begun since that was received last. Without a clock it is, when
-        that has been silent for `CLOCK_WITHIN_S` and this one has been received for so long.
+        that has been silent for `CLOCK_WITHIN_S` and this one has been received for so long. The
+        clock of a camera or another part proves nothing: it may have begun at any time.
         """
         system = source_of(message).system
         clock = self._clocks.get(system)
         if clock is None:
             return True
-        boot_ms = boot_ms_of(message)
+        boot_ms = boot_ms_of(message) if is_autopilot else None
         if boot_ms is not None:
             if len(self._same) >= OTHERS_KEPT:
                 self._same.clear()

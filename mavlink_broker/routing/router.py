@@ -239,8 +239,10 @@ class Router:
 
         Another vehicle takes its place when it has been silent for `REPLACED_AFTER_S`.
         """
-        is_free = self._control(source_of(message).system) is BrokerControl.FREE
-        is_same = self._duplicates.is_same(message, address, now)
+        source = source_of(message)
+        is_free = self._control(source.system) is BrokerControl.FREE
+        is_autopilot = source.component == self._autopilots.get(source.system)
+        is_same = self._duplicates.is_same(message, address, now, is_autopilot=is_autopilot)
         return is_same or is_free or links.is_silent(now, REPLACED_AFTER_S)
 
     def _note_switch(self, system: int, address: Address, *, is_autopilot: bool) -> None:

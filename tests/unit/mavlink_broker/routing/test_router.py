@@ -143,6 +143,40 @@ class TestSeveralLinks:
         world.router.send(1, [capture])
         assert [m.command for m, _ in world.sent_to(WIFI)] == [2000]
 
+    @pytest.mark.parametrize("control", [BrokerControl.FREE, BrokerControl.MISSION])
+    @pytest.mark.parametrize("camera_s", [300.0, 1000.0, 1.0])
+    def test_the_clock_of_a_camera_is_not_that_of_another_vehicle(
+        self, control: BrokerControl, camera_s: float
+    ) -> None:
+        """It may have been switched on, or have restarted, at any time."""
+        world = RouterWorld(controls={1: control})
+        begin = world.now
+
+        def arrive(address: Address, *kinds: str) -> list[str]:
+            passed_ms = round(1e3 * (world.now + 0.1 - begin))
+            attitude = mavlink.MAVLink_attitude_message(1_000_000 + passed_ms, *[0] * 6)
+            capture = mavlink.MAVLink_camera_capture_status_message(
+                round(camera_s * 1e3) + passed_ms, 0, 0, 0, 0, 0
+            )
+            frames = {
+                "HEARTBEAT": world.frame(HEARTBEAT),
+                "ATTITUDE": world.frame(attitude),
+                "CAMERA_CAPTURE_STATUS": world.frame(capture, component=100),
+            }
+            messages = world.receive(*((address, frames[kind]) for kind in kinds))
+            return [message.get_type() for message in messages]
+
+        everything = "HEARTBEAT", "ATTITUDE", "CAMERA_CAPTURE_STATUS"
+        for _ in range(10):
+            arrive(WIFI, *everything)
+        world.now += 2.0
+        arrive(RADIO, "CAMERA_CAPTURE_STATUS")
+        assert world.router.take_replaced() == set()
+        for _ in range(10):
+            arrive(RADIO, "ATTITUDE", "HEARTBEAT", "CAMERA_CAPTURE_STATUS")
+        assert world.router.take_replaced() == set()
+        assert sorted(arrive(RADIO, *everything)) == sorted(everything)
+
     def test_two_vehicles_on_one_radio_share_one_series_of_sequence_numbers(self) -> None:
         world = RouterWorld()
         world.receive((RADIO, world.frame(HEARTBEAT, 1)), (RADIO, world.frame(HEARTBEAT, 2)))
