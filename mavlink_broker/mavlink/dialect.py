@@ -236,6 +236,9 @@ _READS: Final = frozenset(
         "MISSION_REQUEST_INT",
         "MISSION_ACK",
         "FILE_TRANSFER_PROTOCOL",
+        "LOG_REQUEST_LIST",
+        "LOG_REQUEST_DATA",
+        "LOG_REQUEST_END",
     }
 )
 """Messages that read from a vehicle, or end a transfer; the broker writes no file."""

@@ -16,6 +16,7 @@ from mavlink_broker.mission.states import State
 from tests.support.broker_world import (
     FINISHED,
     World,
+    flying_world,
     go_home,
     hotpoint,
     mission,
@@ -154,3 +155,19 @@ def test_its_log_says_for_how_long(caplog: pytest.LogCaptureFixture) -> None:
         world.run(1.0)
     (line,) = [one for one in caplog.messages if "stood still" in one]
     assert "for 40 s" in line
+
+
+def test_the_transfer_of_a_log_is_ended_though_nothing_may_be_ordered_yet() -> None:
+    """Some vehicles write no further log before; to end it changes nothing that they do."""
+    world = flying_world()
+    vehicle = world.only_vehicle
+    world.run_until(lambda: "LOG_REQUEST_LIST" in kinds_of(vehicle, 0), within_s=200.0)
+    asked = len(vehicle.frames)
+    stand_still(world, LONG_S)
+    world.run(0.5)
+    assert "LOG_REQUEST_END" in kinds_of(vehicle, asked)
+
+
+def kinds_of(vehicle: ScriptedVehicle, since: int) -> set[str]:
+    """Kinds of the messages that a vehicle has received behind the first so many."""
+    return {message.get_type() for message in vehicle.frames[since:]}

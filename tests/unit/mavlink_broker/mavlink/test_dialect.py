@@ -16,6 +16,7 @@ from mavlink_broker.mavlink.dialect import (
     MissionAck,
     MissionCount,
     MissionCurrent,
+    is_order,
     is_vehicle,
     mavlink,
     replaces_autopilot,
@@ -171,3 +172,18 @@ def test_the_standard_component_replaces_another_autopilot_and_no_other_does() -
     assert replaces_autopilot(25, None)
     assert not replaces_autopilot(25, AUTOPILOT)
     assert not replaces_autopilot(AUTOPILOT, AUTOPILOT)
+
+
+@pytest.mark.parametrize(
+    ("message", "is_one"),
+    [
+        (mavlink.MAVLink_log_request_list_message(1, 1, 0, 0xFFFF), False),
+        (mavlink.MAVLink_log_request_data_message(1, 1, 3, 0, 90), False),
+        (mavlink.MAVLink_log_request_end_message(1, 1), False),
+        (mavlink.MAVLink_log_erase_message(1, 1), True),
+        (MissionAck(1, 1, 0), False),
+        (MissionCount(1, 1, 3), True),
+    ],
+)
+def test_what_reads_or_ends_a_transfer_is_no_order(message: Any, *, is_one: bool) -> None:
+    assert is_order(message) is is_one
