@@ -25,7 +25,7 @@ from pydantic import (
 from afarcloud.enumerations import EventType
 from mavlink_broker.mavlink.mission_item import MissionItem
 from mavlink_broker.microservices.config_overrides import Items, OverriddenParameter, OverriddenPlan
-from mavlink_broker.microservices.mission_protocol import FENCE, RALLY
+from mavlink_broker.microservices.mission_protocol import FENCE, MAX_ITEMS, RALLY
 from mavlink_broker.planning.situation import Pose
 from mavlink_broker.vehicle.recovery_state import (
     LiveCommandProgress,
@@ -37,8 +37,6 @@ from mavlink_broker.vehicle.recovery_state import (
 
 VERSION: Final = 1
 MAX_BYTES: Final = 4_000_000
-MAX_ITEMS: Final = 5_000
-"""Of a fence; vehicles store some hundreds."""
 _MARK: Final = "farm-journal"
 
 A = TypeVar("A")

@@ -7,7 +7,6 @@ from mavlink_broker.mavlink.mission_item import from_message, to_message, waypoi
 from mavlink_broker.microservices.command import RoundTrip
 from mavlink_broker.microservices.mission_download import Downloaded, MissionDownload, NotDownloaded
 from mavlink_broker.microservices.mission_protocol import MAX_ITEMS
-from mavlink_broker.vehicle import record_encoding
 from tests.unit.mavlink_broker.microservices.harness import ROUTE, kinds, received, tick_until
 
 ITEM = waypoint(latitude_deg=1.0, longitude_deg=2.0, relative_altitude_m=5.0)
@@ -91,10 +90,6 @@ def test_a_plan_of_more_items_than_are_kept_is_not_read() -> None:
         f"mission could not be read back: it has 65535 items, limit {MAX_ITEMS}"
     )
     assert tick_until(one, 0.1, 30.0) == []
-
-
-def test_as_many_items_are_read_as_the_journal_keeps_of_a_fence() -> None:
-    assert MAX_ITEMS == record_encoding.MAX_ITEMS
 
 
 @pytest.mark.parametrize("kind", [1, 2])
