@@ -206,6 +206,7 @@ class TestOrdersOfAnEarlierFlight:
         else:
             world.edge.event(event)
         world.run_until(lambda: any(map(orders_descent, folder.iterdir())))
+        assert world.disk is not None
         world.disk.refuses = True
         world.run_until_over(1201)
         world.run_until(lambda: not vehicle.armed)
