@@ -8,7 +8,7 @@ mission of that vehicle with its reason, is counted and shown, and affects no ot
 
 import logging
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any, Final
@@ -359,24 +359,26 @@ class App:
                 work = self._inbox.read(raw, now, self._clock.utc())
             except WorkError as error:
                 _LOG.warning("work refused: %s", error)
-                self._refuse(error.work_id, str(error))
+                self._refuse(error.work_id, str(error), raw)
             except Exception as error:  # noqa: BLE001  # the boundary of one piece of work
                 number = raw.get("id")
                 reason = self.internal_errors.record("work", error, now)
-                self._refuse(number if isinstance(number, int) else None, reason)
+                self._refuse(number if isinstance(number, int) else None, reason, raw)
             else:
                 if work is not None:
                     yield work
 
-    def _refuse(self, work_id: int | None, reason: str) -> None:
+    def _refuse(self, work_id: int | None, reason: str, raw: Mapping[str, Any]) -> None:
         if work_id is not None:
-            self._post(Acknowledgement(work_id, "refused", reason), 0)
+            identity = raw.get("identity")
+            known = identity if isinstance(identity, str) else None
+            self._post(Acknowledgement(work_id, "refused", reason, known), 0)
 
     def _take_mission(self, work: MissionWork, now: float) -> None:
         system = self._config.system_of(work.vehicle_id)
         if system is None:
             reason = f"no system is vehicle {work.vehicle_id}"
-            self._post(Acknowledgement(work.work_id, "refused", reason), work.vehicle_id)
+            self._post(work.answer("refused", reason), work.vehicle_id)
             return
         self._to_step.add(system)
         member = self._fleet.get_or_add(system, work.vehicle_id)
@@ -385,7 +387,7 @@ class App:
                 member.session.missions.take_mission(work, call.effects)
             except Exception as error:  # noqa: BLE001  # the boundary of one mission
                 reason = self.internal_errors.record(_owner(member), error, now)
-                call.effects.for_edge.append(Acknowledgement(work.work_id, "refused", reason))
+                call.effects.for_edge.append(work.answer("refused", reason))
 
     def _apply_acceptance_result(self, acceptance_result: AcceptanceResult, now: float) -> None:
         for member in self._fleet:
@@ -406,14 +408,14 @@ class App:
         expired = late and not work.was_accepted
         if member is None or expired:
             reason = "expired" if expired else f"vehicle {work.vehicle_id} is not known"
-            self._post(Acknowledgement(work.work_id, "refused", reason), work.vehicle_id)
+            self._post(work.answer("refused", reason), work.vehicle_id)
             return
         with self._call(member, now) as call:
             member.session.missions.take_event(work, now, call.effects)
         if call.has_failed:
             failure = self.internal_errors.warning(_owner(member), now)
             with self._call(member, now) as call:
-                call.effects.for_edge.append(Acknowledgement(work.work_id, "refused", failure))
+                call.effects.for_edge.append(work.answer("refused", failure))
 
     def _answer_state_vector(self, work: StateVectorWork, now: float) -> None:
         """Publish the state of one vehicle or all; done if any of them was published."""

@@ -221,6 +221,7 @@ class Acknowledgement:
     work_id: int
     status: str
     message: str | None = None
+    identity: str | None = None  # Of the work as it was received
 
 
 @dataclass(frozen=True, slots=True)

@@ -169,6 +169,10 @@ class Context:
         if self.high_water is not None:
             self.high_water.raise_work_to(work_id)
 
+    def was_published(self, work_id: int) -> bool | None:
+        """Whether this work was published; None if that is not known, with a shared database."""
+        return None if self.high_water is None else work_id <= self.high_water.newest_work
+
     def close(self) -> None:
         """Close the files and connections, at once instead of when Python collects them."""
         self.database.close()

@@ -53,6 +53,7 @@ class MissionWork:
     report: MissionReport | None = None
     reported_at: float | None = None  # [s] Time of that report, on the broker's clock
     expires_at: float | None = None  # [s] On the broker's clock
+    identity: str | None = None  # That the edge server gives it, repeated in each answer
 
     @property
     def key(self) -> tuple[int, str, int]:
@@ -73,6 +74,10 @@ class MissionWork:
     def name(self) -> str:
         """The identity as text, without the mission's number."""
         return f"{self.work_id}/{self.plan_id}"
+
+    def answer(self, status: str, message: str | None = None) -> Acknowledgement:
+        """Answer this work, and none that has its number with another edge server."""
+        return Acknowledgement(self.work_id, status, message, self.identity)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -97,11 +102,17 @@ class EventWork:
     event: Event
     was_accepted: bool = False  # By an earlier run of the broker, which did not complete it
     expires_at: float | None = None  # [s] On the broker's clock
+    identity: str | None = None  # That the edge server gives it, repeated in each answer
 
     @property
     def vehicle_id(self) -> int:
         """The vehicle that it concerns."""
         return self.event.vehicle_id
+
+    def is_same_as(self, other: "EventWork") -> bool:
+        """Whether it is the same event; one from the journal has no identity, only its number."""
+        unknown = self.identity is None or other.identity is None
+        return self.work_id == other.work_id and (unknown or self.identity == other.identity)
 
     @property
     def is_abort(self) -> bool:
@@ -117,6 +128,10 @@ class EventWork:
         """Whether an earlier run has accepted it so long ago that it is about another flight."""
         is_late = self.expires_at is not None and now >= self.expires_at + RESUMED_WITHIN_S
         return self.was_accepted and is_late
+
+    def answer(self, status: str, message: str | None = None) -> Acknowledgement:
+        """Answer this work, and none that has its number with another edge server."""
+        return Acknowledgement(self.work_id, status, message, self.identity)
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,6 +163,7 @@ class _RawWork(BaseModel):
     """The common fields of work; unknown fields are ignored."""
 
     id: StrictInt
+    identity: str | None = None  # None: an older edge server
     expires_at: AwareDatetime | None = None
     edge_time: AwareDatetime | None = None  # At the receipt; None: the broker's clock counts
 
@@ -231,8 +247,9 @@ def _read(raw: Mapping[str, Any], now: float, utc: datetime) -> tuple[Work | Non
                 event=event.event,
                 was_accepted=event.state == "accepted",
                 expires_at=event.deadline(now, utc),
+                identity=event.identity,
             )
-            return event_work, (event.id, "event", repr(event.event))
+            return event_work, (event.id, "event", repr(event.event), event.identity)
         case _:
             return None, ()
 
@@ -251,6 +268,7 @@ def _mission(raw: _RawMission, now: float, utc: datetime) -> MissionWork:
         report=report,
         reported_at=None if reported_at is None else now + (reported_at - utc).total_seconds(),
         expires_at=raw.deadline(now, utc),
+        identity=raw.identity,
     )
 
 
@@ -342,6 +360,8 @@ def _acknowledgement(acknowledgement: Acknowledgement, vehicle_id: int) -> Post:
     body = {"status": status}
     if acknowledgement.message is not None:
         body["message"] = acknowledgement.message[:MESSAGE_LENGTH]
+    if acknowledgement.identity is not None:
+        body["identity"] = acknowledgement.identity
     return Post(
         method="POST",
         path=f"{_WORK}{acknowledgement.work_id}/ack",

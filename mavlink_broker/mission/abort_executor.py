@@ -27,7 +27,7 @@ from afarcloud.plan import Event as AbortEvent
 from afarcloud.route import Spot
 from mavlink_broker.autopilots.families import Family
 from mavlink_broker.autopilots.flight_modes import ModeRole
-from mavlink_broker.edge.wire import AcceptanceResult, EventWork
+from mavlink_broker.edge.wire import AcceptanceResult, EventWork, MissionWork
 from mavlink_broker.effects import Acknowledgement, EdgeMessage, Effects
 from mavlink_broker.live.executor import LiveCommandExecutor, LivePhase
 from mavlink_broker.mavlink.dialect import Message, mavlink
@@ -52,7 +52,7 @@ NOT_THERE: Final = "the vehicle has landed before it was there"
 STANDS: Final = "the vehicle is on the ground: it does not go there"
 NOT_OBEYED: Final = "the vehicle cannot be ordered there: it lands where it is"
 ANSWERED_KEPT: Final = 256
-"""Work ids of which a second final answer is recognised."""
+"""Pieces of work of which a second final answer is recognised."""
 _BEGUN: Final = frozenset({LivePhase.RUNNING, LivePhase.ENDING, LivePhase.DONE})
 _DISARM: Final = long_command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0.0)
 REASONS: Final = {
@@ -438,7 +438,7 @@ class UnconfirmedMissions:
         self._dropped: dict[int, Callable[[Effects], None]] = {}  # By work id; what ends it
         self._missions_of: dict[int, set[int]] = {}  # Missions by the work id of the abort
         self._held: list[Acknowledgement] = []
-        self._answered: deque[int] = deque(maxlen=ANSWERED_KEPT)
+        self._answered: deque[tuple[int, str | None]] = deque(maxlen=ANSWERED_KEPT)
 
     @property
     def are_open(self) -> bool:
@@ -476,10 +476,10 @@ class UnconfirmedMissions:
             self._vehicle.recovery.held_abort = None
         return True
 
-    def reopen(self, work_id: int) -> None:
+    def reopen(self, work: MissionWork | EventWork) -> None:
         """Queue new work; an edge server with a fresh database gives the same numbers again."""
-        if work_id in self._answered:
-            self._answered.remove(work_id)
+        answered = work.work_id, work.identity
+        self._answered = deque((one for one in self._answered if one != answered), ANSWERED_KEPT)
 
     def due(self, messages: Sequence[EdgeMessage]) -> list[EdgeMessage]:
         """Give what may be sent by now; what was held back before comes behind the rest.
@@ -492,8 +492,8 @@ class UnconfirmedMissions:
         for message in messages:
             if not isinstance(message, Acknowledgement) or message.status == "accepted":
                 due.append(message)
-            elif message.work_id not in self._answered:
-                self._answered.append(message.work_id)
+            elif (message.work_id, message.identity) not in self._answered:
+                self._answered.append((message.work_id, message.identity))
                 (self._held if message.work_id in self._missions_of else due).append(message)
         due += [answer for answer in self._held if answer.work_id not in self._missions_of]
         self._held = [answer for answer in self._held if answer.work_id in self._missions_of]

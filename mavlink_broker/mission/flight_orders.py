@@ -25,7 +25,7 @@ from typing import Final
 
 from mavlink_broker.autopilots.flight_modes import LIVE_MODES, ModeRole
 from mavlink_broker.edge.wire import EventWork
-from mavlink_broker.effects import Acknowledgement, Effects
+from mavlink_broker.effects import Effects
 from mavlink_broker.mavlink.dialect import Message, mavlink
 from mavlink_broker.microservices.command import (
     Accepted,
@@ -106,10 +106,10 @@ class PauseOrders:
         if self._refuses(work, state, who, effects):
             return
         if self._vehicle.snapshot.armed is False:
-            effects.for_edge.append(Acknowledgement(work.work_id, "refused", FLIES_NO_COMMAND))
+            effects.for_edge.append(work.answer("refused", FLIES_NO_COMMAND))
             return
         if (reason := self._held_by_another) is not None:
-            effects.for_edge.append(Acknowledgement(work.work_id, "refused", reason))
+            effects.for_edge.append(work.answer("refused", reason))
             return
         rests = self.is_paused and self._sequence is None and self._holds
         if self._sequence is not None and not self._pauses:
@@ -142,7 +142,7 @@ class PauseOrders:
         else:
             reason = self._held_by_another
         if reason is not None:
-            effects.for_edge.append(Acknowledgement(work.work_id, "refused", reason))
+            effects.for_edge.append(work.answer("refused", reason))
             return
         if self._sequence is not None and self._pauses:
             self._late_until = now + LATE_WITHIN_S
@@ -212,7 +212,7 @@ class PauseOrders:
         elif who is not Authority.BROKER:
             reason = control_authority.reason(who, self._vehicle.flown_mode)
         if reason is not None:
-            effects.for_edge.append(Acknowledgement(work.work_id, "refused", reason))
+            effects.for_edge.append(work.answer("refused", reason))
         return reason is not None
 
     def _answer(self, status: str, message: str | None, effects: Effects) -> None:
@@ -220,7 +220,7 @@ class PauseOrders:
         work, self._work = self._work, None
         self._sequence = self._shown_until = None
         if work is not None:
-            effects.for_edge.append(Acknowledgement(work.work_id, status, message))
+            effects.for_edge.append(work.answer(status, message))
 
     def _order(self, alternatives: CommandAlternatives, now: float, effects: Effects) -> None:
         vehicle = self._vehicle
@@ -343,21 +343,21 @@ class SpeedChanges:
         it is flown at the new one anyway.
         """
         if state in ENDING:
-            effects.for_edge.append(Acknowledgement(work.work_id, "refused", MISSION_ENDED))
+            effects.for_edge.append(work.answer("refused", MISSION_ENDED))
             return
         self._late_speed_m_s = speed_m_s if state in WITH_ITEMS else None
         if self._late_speed_m_s is None:
             self._segments.set_speed(speed_m_s)
         if state not in IN_FLIGHT:
-            effects.for_edge.append(Acknowledgement(work.work_id, "done"))
+            effects.for_edge.append(work.answer("done"))
         elif who is not Authority.BROKER:
             reason = control_authority.reason(who, self._vehicle.flown_mode)
-            effects.for_edge.append(Acknowledgement(work.work_id, "refused", reason))
+            effects.for_edge.append(work.answer("refused", reason))
         else:
             self._may_refuse = state is State.FLYING_LIVE
             if self._running is not None and self._running[0] is not None:
-                reason, earlier = "a later event gives another speed", self._running[0].work_id
-                effects.for_edge.append(Acknowledgement(earlier, "refused", reason))
+                reason, earlier = "a later event gives another speed", self._running[0]
+                effects.for_edge.append(earlier.answer("refused", reason))
             self._order(work, now, effects)
 
     def order_late(self, state: State, now: float, effects: Effects) -> None:
@@ -391,7 +391,7 @@ class SpeedChanges:
         work = None if self._running is None else self._running[0]
         self._running = None
         if work is not None:
-            effects.for_edge.append(Acknowledgement(work.work_id, "refused", reason))
+            effects.for_edge.append(work.answer("refused", reason))
 
     def _order(self, work: EventWork | None, now: float, effects: Effects) -> None:
         alternatives = ((speed_command(self._leg_speed_m_s),),)
@@ -431,7 +431,7 @@ class SpeedChanges:
             else:
                 status = "refused"
         if work is not None:
-            effects.for_edge.append(Acknowledgement(work.work_id, status, message))
+            effects.for_edge.append(work.answer(status, message))
 
 
 def _mission_speeds(plan: FlightPlan) -> list[int]:
@@ -488,4 +488,4 @@ class SoftAbort:
         """Answer the event that waits; what replaces it has ended the mission if it is "done"."""
         work = self.take()
         if work is not None:
-            effects.for_edge.append(Acknowledgement(work.work_id, status, message))
+            effects.for_edge.append(work.answer(status, message))

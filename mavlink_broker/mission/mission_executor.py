@@ -12,7 +12,7 @@ from typing import Final
 from afarcloud.enumerations import EventType, Status
 from mavlink_broker.autopilots.families import Family
 from mavlink_broker.edge.wire import EventWork, MissionWork
-from mavlink_broker.effects import Acknowledgement, Effects
+from mavlink_broker.effects import Effects
 from mavlink_broker.mavlink.dialect import Message, mavlink
 from mavlink_broker.mission import exchanges
 from mavlink_broker.mission.abort_executor import REASONS, note_on_ground, return_event
@@ -340,7 +340,7 @@ class MissionExecutor:
             case EventType.PAUSE_MISSION if state in IN_FLIGHT or context.is_flying:
                 context.pauses.pause(work, state, who, now, effects)
             case EventType.PAUSE_MISSION:
-                effects.for_edge.append(Acknowledgement(work.work_id, "refused", FLIES_NO_COMMAND))
+                effects.for_edge.append(work.answer("refused", FLIES_NO_COMMAND))
 
     def answer_events(self, reason: str, effects: Effects) -> None:
         """Answer every event that the end of the mission leaves without an answer."""
@@ -383,17 +383,17 @@ class MissionExecutor:
         if who is not Authority.BROKER:
             self._leave_vehicle(work, authority.reason(who), now, effects)
         elif not may_fly_on:
-            done = Acknowledgement(work.work_id, "done", note_on_ground(work.event))
+            done = work.answer("done", note_on_ground(work.event))
             effects.for_edge.append(done)
             self._move(Event.ENDED, now, effects)
         else:
-            self._aborting.order(work.event, work.work_id, now)
+            self._aborting.order(work.event, work, now)
             self._move(Event.ABORTED, now, effects)
 
     def _leave_vehicle(self, work: EventWork, reason: str, now: float, effects: Effects) -> None:
         """Refuse to order a vehicle that another system has; the mission is over."""
         self._vehicle.armed_period.take_away()
-        effects.for_edge.append(Acknowledgement(work.work_id, "refused", reason))
+        effects.for_edge.append(work.answer("refused", reason))
         self._move(Event.ENDED, now, effects)
 
     def end_for_abort(self, work: EventWork, now: float, effects: Effects) -> None:

@@ -14,7 +14,7 @@ from afarcloud.enumerations import EventType, Status
 from mavlink_broker.autopilots.families import MOST_CAPABLE
 from mavlink_broker.autopilots.flight_modes import ModeRole
 from mavlink_broker.edge.wire import AcceptanceResult, EventWork, MissionWork
-from mavlink_broker.effects import Acknowledgement, EdgeMessage, Effects
+from mavlink_broker.effects import EdgeMessage, Effects
 from mavlink_broker.mavlink.dialect import Message
 from mavlink_broker.mission.abort_executor import REASONS, UnconfirmedMissions
 from mavlink_broker.mission.context import RETURN_ENDED
@@ -112,7 +112,7 @@ class MissionQueue:
         wait until it has. A refusal's report goes out before the acknowledgement, which closes
         the work.
         """
-        self._unconfirmed.reopen(work.work_id)
+        self._unconfirmed.reopen(work)
         mission = MissionExecutor(work, self.vehicle, self._reporter)
         family = self.vehicle.family if self.vehicle.is_identified else MOST_CAPABLE
         try:
@@ -122,7 +122,7 @@ class MissionQueue:
             mission.check_area(family)
         except RefusedError as error:
             mission.refuse(error, effects)
-            effects.for_edge.append(Acknowledgement(work.work_id, "refused", str(error)))
+            effects.for_edge.append(work.answer("refused", str(error)))
             return
         self._waiting.append(mission)
 
@@ -248,7 +248,7 @@ class MissionQueue:
         Raises:
             Exception: an unexpected error; the caller refuses the event then.
         """
-        self._unconfirmed.reopen(work.work_id)
+        self._unconfirmed.reopen(work)
         self._events.add(work, effects, is_too_old=work.is_too_old(now))
         if self._current is None:
             self._events.limit_wait(work.work_id, now + EVENT_VEHICLE_WITHIN_S)
@@ -297,7 +297,7 @@ class MissionQueue:
                 self._current.handle_event(work, now, effects)
                 self.close_ended(effects)
             else:
-                effects.for_edge.append(Acknowledgement(work.work_id, "refused", NO_MISSION))
+                effects.for_edge.append(work.answer("refused", NO_MISSION))
             self._events.remove(work.work_id)
 
     def _forget_past_orders(self) -> None:
@@ -406,11 +406,11 @@ class MissionQueue:
                 _accept(work, effects)
             if self._events.is_in_the_air:
                 note = f"{self._events.reason_nothing_ends}; the missions that waited were ended"
-                effects.for_edge.append(Acknowledgement(work.work_id, "refused", note))
+                effects.for_edge.append(work.answer("refused", note))
             else:
-                effects.for_edge.append(Acknowledgement(work.work_id, "done"))
+                effects.for_edge.append(work.answer("done"))
         else:
-            refusal = Acknowledgement(work.work_id, "refused", self._events.reason_nothing_ends)
+            refusal = work.answer("refused", self._events.reason_nothing_ends)
             effects.for_edge.append(refusal)
 
     def _end_waiting(self, work: EventWork, effects: Effects) -> bool:
@@ -422,7 +422,7 @@ class MissionQueue:
                 mission.abort(REASONS[work.event.event_type_id], effects)
             else:
                 self._unconfirmed.drop(mission.work.work_id, mission.abort, work.event)
-                effects.for_edge.append(Acknowledgement(mission.work.work_id, "accepted"))
+                effects.for_edge.append(mission.work.answer("accepted"))
         self._unconfirmed.hold_answer(work)
         return bool(ended)
 
@@ -491,7 +491,7 @@ class MissionQueue:
 def _accept(work: EventWork | MissionWork, effects: Effects) -> None:
     """Acknowledge that work is accepted, unless an earlier run of the broker has."""
     if not work.was_accepted:
-        effects.for_edge.append(Acknowledgement(work.work_id, "accepted"))
+        effects.for_edge.append(work.answer("accepted"))
 
 
 def _concerns(work: EventWork, mission: MissionExecutor) -> bool:

@@ -100,14 +100,14 @@ class PendingEvents:
         """Queue an event; one that is known from the journal already was accepted."""
         running = None if self._running is None else self._running[0]
         known = (*self._waiting, *self._due, running)
-        same = next((each for each in known if each and each.work_id == work.work_id), None)
+        same = next((each for each in known if each and each.is_same_as(work)), None)
         self._noted_until.pop(work.work_id, None)
         if same is None:
             self._waiting.append(work)
             if is_too_old:
                 self._too_old.add(work.work_id)
         elif same.was_accepted and not work.was_accepted:
-            effects.for_edge.append(Acknowledgement(work.work_id, "accepted"))
+            effects.for_edge.append(work.answer("accepted"))
 
     def waits_for_edge(self, work: EventWork, now: float) -> bool:
         """Whether the edge server may still hand out what has flown since an abort was noted."""
@@ -149,7 +149,7 @@ class PendingEvents:
         new = [work for work in self._waiting if not work.was_accepted]
         for work in new[: max(0, len(new) - MAX_WAITING)]:
             self.remove(work.work_id)
-            effects.for_edge.append(Acknowledgement(work.work_id, "refused", TOO_MANY))
+            effects.for_edge.append(work.answer("refused", TOO_MANY))
 
     @property
     def is_in_the_air(self) -> bool:
@@ -178,11 +178,13 @@ class PendingEvents:
         self._limited.discard(note.work_id)
         same = [work for work in self._waiting if work.work_id == note.work_id]
         self._waiting = [work for work in self._waiting if work not in same]
-        self.add(EventWork(work_id=note.work_id, event=event, was_accepted=True), effects)
+        identity = next((work.identity for work in same), None)
+        noted = EventWork(work_id=note.work_id, event=event, was_accepted=True, identity=identity)
+        self.add(noted, effects)
         if not same:
             self._noted_until[note.work_id] = now + EDGE_WITHIN_S
         if any(not work.was_accepted for work in same):
-            effects.for_edge.append(Acknowledgement(note.work_id, "accepted"))
+            effects.for_edge.append(noted.answer("accepted"))
 
     def take_due(
         self, is_too_early: Callable[[EventWork], bool], now: float, effects: Effects
@@ -211,9 +213,9 @@ class PendingEvents:
         """Refuse what is too old, once the journal is read, which may know it."""
         if not self._vehicle.recovery.tracker.is_loaded:
             return
-        for work_id in sorted(self._too_old):
-            self.remove(work_id)
-            effects.for_edge.append(Acknowledgement(work_id, "refused", TOO_OLD))
+        for work in [w for w in (*self._waiting, *self._due) if w.work_id in self._too_old]:
+            self.remove(work.work_id)
+            effects.for_edge.append(work.answer("refused", TOO_OLD))
 
     def refuse_expired(self, now: float, effects: Effects) -> None:
         """Refuse the waiting events that have expired, with what they have waited for."""
@@ -221,10 +223,10 @@ class PendingEvents:
         for work in list(self._waiting):
             late = work.expires_at is not None and now >= work.expires_at
             if late and not work.was_accepted:
-                answer = Acknowledgement(work.work_id, "refused", self._reason_of_expiry)
+                answer = work.answer("refused", self._reason_of_expiry)
                 if self.has_ended_missions(work):
                     note = f"{self._reason_of_expiry}: only the missions that waited were ended"
-                    answer = Acknowledgement(work.work_id, "done", note)
+                    answer = work.answer("done", note)
                 self.remove(work.work_id)
                 effects.for_edge.append(answer)
 
@@ -271,7 +273,7 @@ class PendingEvents:
         running = None if self._running is None else self._running[0]
         for work in (*self._due, *self._waiting, running):
             if work is not None:
-                effects.for_edge.append(Acknowledgement(work.work_id, "refused", reason))
+                effects.for_edge.append(work.answer("refused", reason))
                 vehicle.recovery.abort = None
         if self._running is not None or self._return is not None:
             vehicle.recovery.pending_return = None
@@ -296,19 +298,18 @@ class PendingEvents:
         who = control_authority.authority_of(seen, DESCENDING._replace(mode=own_mode))
         comes_down = vehicle.family.knows_modes and seen.role is ModeRole.ENDING and not is_newer
         if not work.was_accepted:
-            effects.for_edge.append(Acknowledgement(work.work_id, "accepted"))
+            effects.for_edge.append(work.answer("accepted"))
         if who is not Authority.BROKER:
             vehicle.armed_period.take_away()
-            refusal = Acknowledgement(work.work_id, "refused", control_authority.reason(who, seen))
-            effects.for_edge.append(refusal)
+            effects.for_edge.append(work.answer("refused", control_authority.reason(who, seen)))
         elif self.is_past(work):
-            effects.for_edge.append(Acknowledgement(work.work_id, "refused", RESTARTED_SINCE))
+            effects.for_edge.append(work.answer("refused", RESTARTED_SINCE))
         elif comes_down or (not seen.armed and vehicle.shows_itself(now)):
             if comes_down:
                 vehicle.begin_descent()
             is_seen = comes_down or not work.was_accepted
             note = NOT_SEEN if work.event.abort else None if is_seen else LANDED_UNSEEN
-            effects.for_edge.append(Acknowledgement(work.work_id, "done", note))
+            effects.for_edge.append(work.answer("done", note))
         else:
             if is_newer:
                 vehicle.forget_foreign_order()
@@ -435,7 +436,7 @@ def _acknowledge(
 ) -> None:
     if work is not None:
         status = "done" if taken is None else "refused"
-        effects.for_edge.append(Acknowledgement(work.work_id, status, taken or done))
+        effects.for_edge.append(work.answer(status, taken or done))
 
 
 def _refusal_of(work: EventWork, messages: Sequence[EdgeMessage]) -> str | None:

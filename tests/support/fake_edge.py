@@ -60,14 +60,17 @@ class FakeEdge:
         self._new.append(dict(self.work[number]))
         return number
 
-    def event(self, kind: int, vehicle_id: int = 1, **more: Any) -> int:
-        """Hand out an event."""
+    def event(
+        self, kind: int, vehicle_id: int = 1, identity: str | None = None, **more: Any
+    ) -> int:
+        """Hand out an event; an older edge server gives no identity."""
         number = len(self.work) + 1
         event = {"sequence_number": number, "vehicle_id": vehicle_id, "event_type_id": kind}
         self.work[number] = {
             "id": number,
             "kind": "event",
             "vehicle_id": vehicle_id,
+            "identity": identity,
             "expires_at": None,
             "state": "queued",
             "event": event | more,

@@ -15,7 +15,7 @@ from afarcloud.wire import Kind, write
 from edge_server.services import brokers, records
 from edge_server.services.context import Context, show_time
 from edge_server.services.errors import ConflictError, NotFoundError, TooMuchError
-from edge_server.services.fleet import event_states, progress, vehicle_holds
+from edge_server.services.fleet import event_states, progress, vehicle_holds, work_identity
 from edge_server.services.fleet.event_states import EVENT_STATES, State, Trigger
 from edge_server.services.fleet.vehicles import find as find_vehicle
 from edge_server.services.retries import retry_on_conflict
@@ -154,6 +154,7 @@ def _show(connection: Connection, item: Work) -> dict[str, Any]:
     }
     if item.kind == work.STATE_VECTOR:
         return {**shown, "sequence_number": item.sequence_number}
+    shown["identity"] = work_identity.identity_of(connection, item)
     if item.kind == work.EVENT:
         # With the time of expiry that applies
         event = {**(item.body or {}), "expires_at": shown["expires_at"]}
@@ -222,12 +223,16 @@ def acknowledge(
     status: Acknowledgement,
     message: str | None,
     broker: str | None = None,
+    identity: str | None = None,
 ) -> dict[str, Any]:
     """Apply an acknowledgement of a piece of work; repeating it changes nothing.
 
+    `identity` is that of the work which the broker has received, None from an older broker.
+
     Raises:
         NotFoundError: if there is no such work because it was cancelled; it must not be flown.
-        ConflictError: if it has ended with another status or expired; it must not be flown.
+        ConflictError: if it is other work, has ended with another status or expired; it must not
+            be flown.
     """
     with context.database.write(WORK) as connection:
         now = context.clock()
@@ -235,6 +240,8 @@ def acknowledge(
         item = work.get(connection, identifier)
         if item is None:
             raise NotFoundError(f"there is no work {identifier}; it may have been cancelled")
+        is_done = status is Acknowledgement.DONE
+        work_identity.check(context, connection, item, identity, ends=is_done)
         if broker is not None and item.vehicle_id is not None:
             _check_broker(connection, item.vehicle_id, broker, now)
         if item.kind == work.MISSION:

@@ -45,6 +45,11 @@ class HighWater:
         """Note which work there is; call before it is published."""
         self._raise(_WORK, work_id)
 
+    @property
+    def newest_work(self) -> int:
+        """The largest id of work that was published."""
+        return self._newest[_WORK]
+
     def close(self) -> None:
         """Close the file; the next mark opens it again."""
         with self._lock:

@@ -40,6 +40,12 @@ def get(connection: Connection, identifier: int) -> StoredEvent | None:
     return _stored(row) if row else None
 
 
+def received_at(connection: Connection, work_id: int) -> float | None:
+    """Return when the event of a piece of work was received [s]; None if there is none."""
+    query = select(event.c.received_at).where(event.c.work == work_id)
+    return connection.execute(query).scalar_one_or_none()
+
+
 def page(
     connection: Connection, *, after_id: int, limit: int, since_s: float, vehicle_id: int | None
 ) -> list[StoredEvent]:

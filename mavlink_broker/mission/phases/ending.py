@@ -11,7 +11,8 @@ end, and the mission is finished.
 from typing import Final
 
 from afarcloud.plan import Event as AbortEvent
-from mavlink_broker.effects import Acknowledgement, Effects
+from mavlink_broker.edge.wire import EventWork
+from mavlink_broker.effects import Effects
 from mavlink_broker.mavlink.dialect import Message
 from mavlink_broker.mission import exchanges
 from mavlink_broker.mission.abort_executor import (
@@ -176,7 +177,7 @@ class Aborting(Phase):
         self._vehicle = context.vehicle
         self._executor: AbortExecutor | None = None
         self._note: str | None = None  # What is done otherwise than the event says
-        self._work_id: int | None = None  # Of the event; None: an alarm has ended the mission
+        self._work: EventWork | None = None  # None: an alarm has ended the mission
         self._monitors: SegmentMonitors | None = None  # Of what it flies until it obeys, if any
         self._reason = ""  # Why the mission ends then
         self._shown_at: float | None = None  # Since when it is received
@@ -224,10 +225,10 @@ class Aborting(Phase):
         """Whether the mission has not ended yet."""
         return self._monitors is not None
 
-    def order(self, event: AbortEvent, work_id: int | None, now: float) -> None:
+    def order(self, event: AbortEvent, work: EventWork | None, now: float) -> None:
         """Set what the vehicle is to do; the transition to this phase begins it.
 
-        `work_id` is None where an alarm has ended the mission.
+        `work` is None where an alarm has ended the mission.
         """
         mission, vehicle = self._mission, self._vehicle
         vehicle.forget_foreign_order()
@@ -237,9 +238,9 @@ class Aborting(Phase):
         self._executor = AbortExecutor(
             event, vehicle, was_ours=True, replaces=replaces, arms_until=arms_until
         )
-        self._work_id = work_id
-        if work_id is not None:
-            vehicle.recovery.abort = abort_note(event, work_id, vehicle)
+        self._work = work
+        if work is not None:
+            vehicle.recovery.abort = abort_note(event, work.work_id, vehicle)
             return
         vehicle.recovery.abort = None
         vehicle.recovery.pending_return = PendingReturn(
@@ -326,20 +327,20 @@ class Aborting(Phase):
 
     def acknowledge(self, effects: Effects, instead: str | None = None) -> None:
         """Acknowledge once that an event has been carried out, or what replaces it."""
-        if self._executor is not None and self._work_id is not None:
+        if self._executor is not None and self._work is not None:
             taken = self._executor.taken
             status = "done" if taken is None else "refused"
             note = taken or instead or self._executor.instead or self._note
-            effects.for_edge.append(Acknowledgement(self._work_id, status, note))
+            effects.for_edge.append(self._work.answer(status, note))
             self._vehicle.recovery.abort = None
-            self._work_id = None
+            self._work = None
 
     def refuse(self, reason: str, effects: Effects) -> None:
         """Refuse an event that cannot be carried out to its end, if there is one."""
-        if self._work_id is not None:
-            effects.for_edge.append(Acknowledgement(self._work_id, "refused", reason))
+        if self._work is not None:
+            effects.for_edge.append(self._work.answer("refused", reason))
             self._vehicle.recovery.abort = None
-            self._work_id = None
+            self._work = None
 
     def drop(self) -> None:
         """Give no further order."""
@@ -348,7 +349,7 @@ class Aborting(Phase):
     def vehicle_restarted(self, effects: Effects) -> None:
         """End an abort, or a return that an alarm has ordered: the vehicle was restarted."""
         self.end_mission(effects)
-        if self._work_id is None:
+        if self._work is None:
             failure = mission_error(RETURN_ENDED)
             mission_id = self._mission.work.mission.mission_id
             effects.for_edge.append(self._mission.reporter.alarm(failure, mission_id))

@@ -111,8 +111,10 @@ class Edge:
             if item["kind"] == "mission" and item["state"] == "queued":
                 assert self.acknowledge(item["id"], "accepted").status_code == 200
 
-    def acknowledge(self, identifier: int, status: str, message: str | None = None) -> TestResponse:
-        body = {"status": status} | ({"message": message} if message else {})
+    def acknowledge(
+        self, identifier: int, status: str, message: str | None = None, **more: str
+    ) -> TestResponse:
+        body = {"status": status, **more} | ({"message": message} if message else {})
         return self.post(f"/broker/commands/{identifier}/ack", body, "broker")
 
     def count(self, table: str) -> int:

@@ -64,6 +64,26 @@ def test_the_second_event_is_carried_out(script: Script, first: int, second: int
     assert world.only_vehicle.custom_mode == mode_of(world, first)
 
 
+@pytest.mark.first_case
+@REAL_AUTOPILOTS
+@pytest.mark.parametrize("second", [RETURN_HOME, ABORT])
+def test_the_same_number_of_a_fresh_edge_server_is_another_abort(
+    script: Script, second: int
+) -> None:
+    """Each answer repeats the identity of its own event, whatever the numbers."""
+    world = paused(script)
+    number = world.edge.event(RETURN_HOME, identity="of the lost database")
+    world.run(0.2)
+    del world.edge.work[number]
+    assert world.edge.event(second, identity="of the new one") == number
+    world.run(4.0)
+    answers = world.edge.acknowledgements(number)
+    new = [one["status"] for one in answers if one["identity"] == "of the new one"]
+    assert new == ["accepted", "done"]
+    assert len(answers) > len(new)
+    assert world.only_vehicle.custom_mode == mode_of(world, second)
+
+
 @REAL_AUTOPILOTS
 def test_a_vehicle_that_a_pilot_has_taken_meanwhile_is_left_alone(script: Script) -> None:
     world = aborted(script, RETURN_HOME)

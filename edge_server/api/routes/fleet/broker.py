@@ -13,7 +13,7 @@ from edge_server.api import bodies, schemas, urls
 from edge_server.api.access import scopes
 from edge_server.api.access.auth import BROKER, PEOPLE, allow, audit, broker
 from edge_server.api.contract import Contract, describe
-from edge_server.services.fleet import broker_work
+from edge_server.services.fleet import broker_work, work_identity
 from edge_server.services.fleet.broker_work import Acknowledgement
 
 LONGEST_WAIT_S: Final = 25.0
@@ -24,6 +24,7 @@ class Acknowledged(Model):
 
     status: Acknowledgement
     message: str | None = Field(default=None, max_length=1000)
+    identity: str | None = Field(default=None, max_length=work_identity.LENGTH)
 
 
 def blueprint() -> Blueprint:
@@ -68,6 +69,7 @@ def acknowledge(identifier: int) -> dict[str, Any]:
         acknowledgement.status,
         acknowledgement.message,
         broker(),
+        acknowledgement.identity,
     )
 
 

@@ -11,7 +11,14 @@ from hypothesis import strategies as st
 
 from afarcloud.state import Pose
 from mavlink_broker.edge.outbox import Outbox, Post, Urgency
-from mavlink_broker.edge.wire import Inbox, MissionWork, StateVectorWork, WorkError, post_for
+from mavlink_broker.edge.wire import (
+    EventWork,
+    Inbox,
+    MissionWork,
+    StateVectorWork,
+    WorkError,
+    post_for,
+)
 from mavlink_broker.effects import Acknowledgement, EdgeMessage, VehicleUpdate
 from tests.support.broker_world import first_flight
 
@@ -75,6 +82,26 @@ def test_the_same_number_of_a_fresh_edge_server_is_other_work() -> None:
     inbox = Inbox()
     inbox.read(mission_work(), 0.0, UTC_NOW)
     assert inbox.read(mission_work(plan_id="01OTHER"), 0.0, UTC_NOW) is not None
+
+
+def test_an_answer_repeats_the_identity_of_its_work() -> None:
+    work = Inbox().read(mission_work(identity="01PLAN"), 0.0, UTC_NOW)
+    assert isinstance(work, MissionWork)
+    post = sent(work.answer("refused", "no wings"))
+    assert post.body == {"status": "refused", "message": "no wings", "identity": "01PLAN"}
+
+
+def test_the_same_event_with_another_identity_is_another_event() -> None:
+    event = {"sequence_number": 1, "vehicle_id": 1, "event_type_id": 1}
+    raw = {"id": 2, "kind": "event", "event": event}
+    inbox = Inbox()
+    first, again, other = (
+        inbox.read(raw | {"identity": identity}, 0.0, UTC_NOW) for identity in ("a", "a", "b")
+    )
+    assert isinstance(first, EventWork)
+    assert isinstance(other, EventWork)
+    assert again is None
+    assert (first.answer("done").identity, other.answer("done").identity) == ("a", "b")
 
 
 def test_a_wish_for_the_state_may_name_no_vehicle() -> None:

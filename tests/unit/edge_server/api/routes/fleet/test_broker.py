@@ -10,7 +10,7 @@ from edge_server.services.errors import TooMuchError
 from edge_server.services.fleet import broker_work
 from tests.support.databases import BOTH_ENGINES
 from tests.unit.edge_server.conftest import Edge
-from tests.unit.edge_server.documents import mission, mission_report, plan
+from tests.unit.edge_server.documents import event, mission, mission_report, plan
 
 pytestmark = BOTH_ENGINES
 
@@ -257,3 +257,69 @@ def test_only_so_many_may_wait(edge: Edge) -> None:
 @pytest.mark.parametrize("query", ["wait=26", "wait=-1", "wait=nan", "wait=inf", "after=x"])
 def test_a_bad_poll_is_refused(edge: Edge, query: str) -> None:
     assert edge.ask("GET", f"/broker/commands?{query}", "broker").status_code == 422
+
+
+def ordered_to_abort(edge: Edge) -> int:
+    """Post an abort of a flight, as an operator does; gives its work, which was not handed out."""
+    edge.post_plan(plan())
+    assert edge.acknowledge(edge.work()[0]["id"], "accepted").status_code == 200
+    assert edge.post("/events/", event(), "operator").status_code == 201
+    return 2
+
+
+def event_state(edge: Edge) -> str:
+    return str(edge.get("/events/1")["state"])
+
+
+@pytest.mark.parametrize("status", ["accepted", "done", "refused"])
+def test_an_answer_to_work_of_a_lost_database_ends_no_new_order(edge: Edge, status: str) -> None:
+    """The broker has kept it for days; the new abort has got the number of the old one."""
+    number = ordered_to_abort(edge)
+    assert edge.acknowledge(number, status, identity="0" * 32).status_code == 409
+    assert event_state(edge) == "queued"
+    (handed_out,) = (item for item in edge.work() if item["kind"] == "event")
+    assert (handed_out["id"], handed_out["state"]) == (number, "queued")
+    assert edge.acknowledge(number, status, identity="0" * 32).status_code == 409
+    answer = edge.acknowledge(number, status, identity=handed_out["identity"])
+    assert answer.status_code == 200
+    assert event_state(edge) == status
+
+
+@pytest.mark.parametrize("identity", ["01OTHER", "0" * 32])
+def test_a_refusal_of_a_mission_of_a_lost_database_ends_no_new_mission(
+    edge: Edge, identity: str
+) -> None:
+    edge.post_plan(plan())
+    (item,) = edge.work()
+    assert edge.acknowledge(item["id"], "refused", identity=identity).status_code == 409
+    assert edge.acknowledge(item["id"], "accepted", identity=item["identity"]).status_code == 200
+
+
+def test_the_same_event_at_another_time_is_other_work(edge: Edge) -> None:
+    ordered_to_abort(edge)
+    edge.clock.pass_s(0.001)
+    assert edge.post("/events/", event(), "operator").status_code == 201
+    first, second = (item["identity"] for item in edge.work() if item["kind"] == "event")
+    assert first != second
+
+
+def test_an_event_keeps_its_identity_when_the_clock_is_set_back(edge: Edge) -> None:
+    number = ordered_to_abort(edge)
+    identity = edge.work()[0]["identity"]
+    edge.clock.now -= 3600.0
+    assert edge.work()[0]["identity"] == identity
+    assert edge.acknowledge(number, "accepted", identity=identity).status_code == 200
+
+
+@pytest.mark.first_case
+def test_an_older_broker_answers_an_event_that_was_handed_out(edge: Edge) -> None:
+    """It repeats no identity."""
+    number = ordered_to_abort(edge)
+    for status in ("accepted", "done", "refused"):
+        refused = edge.acknowledge(number, status)
+        assert refused.status_code == 409
+        assert "has not been handed out" in refused.text
+    assert event_state(edge) == "queued"
+    assert edge.work()[0]["id"] == number
+    assert edge.acknowledge(number, "done").status_code == 200
+    assert event_state(edge) == "done"

@@ -137,7 +137,7 @@ def test_a_mission_that_its_connected_broker_has_lost_is_closed_after_an_abort(
     assert edge.post("/events/", event(), "operator").status_code == 201
     edge.clock.now -= back_s
     assert close(edge, identifier).status_code == 409
-    assert edge.acknowledge(2, "accepted").status_code == 200
+    assert edge.acknowledge(edge.work()[0]["id"], "accepted").status_code == 200
     assert close(edge, identifier).status_code == 409
     assert edge.acknowledge(2, answer, "no active mission").status_code == 200
     edge.ask("PUT", "/vehicles/1", "broker", json={"link_state": "connected", "mission_id": 1})
@@ -150,7 +150,7 @@ def test_a_mission_that_its_connected_broker_has_lost_is_closed_after_an_abort(
 def test_an_abort_before_the_acceptance_or_a_new_speed_shows_no_loss(edge: Edge) -> None:
     flying(edge, mission(1))
     assert edge.post("/events/", event(), "operator").status_code == 201
-    assert edge.acknowledge(2, "refused").status_code == 200
+    assert edge.acknowledge(edge.work()[0]["id"], "refused").status_code == 200
     edge.report("mission_report", mission_report(5, 5, 5, 5, mission_id=1))
     edge.clock.pass_s(1.0)
     identifier = flying(edge, mission(2))
