@@ -11,6 +11,7 @@ that the number of rows comes from its statistics and is multiplied by the size 
 vacuum does not change this estimate, unlike the size of the database's files.
 """
 
+import math
 from collections.abc import Iterable
 from enum import IntEnum
 from typing import Final, NamedTuple
@@ -128,6 +129,15 @@ def _many(connection: Connection) -> int:
     newest = select(telemetry.c.size_bytes).order_by(telemetry.c.id.desc()).limit(_SAMPLE)
     mean = connection.execute(select(func.avg(newest.subquery().c.size_bytes))).scalar_one()
     return int(live * (float(mean or 0.0) + _ROW_OVERHEAD_BYTES))
+
+
+def newest_receipt(connection: Connection) -> float:
+    """Return when the newest tombstone or idempotency key was stored; infinity without any."""
+    newest = (
+        connection.execute(select(func.max(column))).scalar_one()
+        for column in (tombstone.c.delivered_at, idempotency.c.created_at)
+    )
+    return max((float(one) for one in newest if one is not None), default=math.inf)
 
 
 def delete_receipts(connection: Connection, before: float, limit: int) -> int:

@@ -14,6 +14,7 @@ from sqlalchemy.exc import OperationalError
 from edge_server.outbox import queue
 from edge_server.outbox.answers import Outcome, Result
 from edge_server.outbox.queue import Delivered, OutboxRecord, Stream, Trigger
+from edge_server.outbox.steady_clock import SteadyClock
 from edge_server.store.connection.database import Database
 from edge_server.store.connection.failures import is_full
 from edge_server.store.files import ballast, upkeep
@@ -54,6 +55,7 @@ class ResultWriter:
         self._since = 0.0
         self._not_before = 0.0
         self._clean_at = 0.0
+        self._steady_clock = SteadyClock()
         self._at_once = GROUP
 
     @property
@@ -103,6 +105,7 @@ class ResultWriter:
         needs little. Returns whether a record was changed while it was in flight.
         """
         changed = False
+        self._steady_clock.watch(wall_clock, now)
         while self._pending or now >= self._clean_at:
             group = self._pending[: self._at_once]
             try:
@@ -152,7 +155,7 @@ class ResultWriter:
                         "dead letter: mission_report %d of vehicle %d: %s",
                         *(record.record_id, record.stream.vehicle_id, queue.OVERTAKEN),
                     )
-            if now >= self._clean_at:
+            if now >= self._clean_at and self._steady_clock.is_steady(now):
                 queue.delete_tombstones(connection, wall_clock - TOMBSTONES_KEPT_S)
         self._clean_at = max(self._clean_at, now + HOUSEKEEPING_S * (now >= self._clean_at))
         return bool(changed)

@@ -47,9 +47,10 @@ def run(context: Context, stopping: threading.Event) -> None:
             context.archive.maintain(trusts_clock=context.space.trusts_clock(time.monotonic()))
             context.space.maintain(time.monotonic())
             if turn % CLEANUP_EVERY == 0:
-                clean_up(context)
+                delete_requests(context)
                 context.space.drop_aged(time.monotonic())
                 if context.space.trusts_clock(time.monotonic()):
+                    clean_up(context)
                     delete_old_records(context)
         except (SQLAlchemyError, OSError) as error:  # The database, or the disk under the ballast
             LOG.warning("housekeeping failed and is retried: %s", error)
@@ -57,12 +58,21 @@ def run(context: Context, stopping: threading.Event) -> None:
         stopping.wait(EXPIRY_S)
 
 
+def delete_requests(context: Context) -> None:
+    """Delete requests for a state vector that were answered, or have expired, an hour ago."""
+    with context.database.write(WORK) as connection:
+        work.delete_requests(connection, context.clock() - REQUESTS_KEPT_S)
+
+
 def clean_up(context: Context) -> None:
-    """Delete expired idempotency keys, requests, events and withdrawn work."""
+    """Delete expired idempotency keys, events and withdrawn work.
+
+    The clock must be right: a record whose key is deleted too early is stored twice when it is
+    repeated, and an event or withdrawn work is not recognised any more.
+    """
     now = context.clock()
     with context.database.write(WORK) as connection:
         idempotency.delete_before(connection, now - post_idempotency.KEPT_S)
-        work.delete_requests(connection, now - REQUESTS_KEPT_S)
         old = now - context.config.retain_plans_days * DAY_S
         work.delete_events(connection, old)
         work.delete_withdrawn(connection, old)

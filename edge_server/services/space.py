@@ -5,6 +5,7 @@ been stored since; in between, the sizes of stored records are added up.
 """
 
 import logging
+import math
 import shutil
 import threading
 from collections.abc import Callable, Sequence
@@ -15,6 +16,7 @@ from edge_server.outbox import budget, gaps, thinning
 from edge_server.outbox.budget import Level, Usage
 from edge_server.outbox.gaps import DroppedRecord, Reason
 from edge_server.outbox.queue import PRIORITY
+from edge_server.outbox.steady_clock import SteadyClock
 from edge_server.outbox.thinning import Intervals
 from edge_server.services.errors import FullError
 from edge_server.store.connection.database import Database
@@ -26,9 +28,6 @@ RECORD_BYTES: Final = 500  # Size of a record with its indexes, about
 RECEIPTS_KEPT_S: Final = 3600.0  # Even when it is full
 MOST_ROWS: Final = 2000  # Per transaction
 STEPS: Final = 40  # Transactions per cycle
-STEADY_S: Final = 3600.0
-"""The clock must have run steadily for so long before a record counts as too old."""
-_JUMP_S: Final = 60.0
 _LOOK_AGAIN_S: Final = 1.0
 """Pause after nothing could be dropped."""
 _MEASURE_SHARE: Final = 0.01
@@ -78,7 +77,8 @@ class Space:
         self._nothing_left_until = 0.0
         self._thinned_to = 0
         self._intervals: Intervals = {}
-        self._clock_was: tuple[float, float] | None = None
+        self._steady_clock = SteadyClock()
+        self._newest_receipt_s: float | None = None  # Before the clock may have been set
         self._level_was = Level.NORMAL
         self.count: Counter = _count_nothing
         self.rows_at_once = max(100, min(MOST_ROWS, self._data_budget // 100 // RECORD_BYTES))
@@ -127,6 +127,8 @@ class Space:
         """Measure the use in the database."""
         with self._database.read() as connection:
             found = budget.measure(connection)
+            if self._newest_receipt_s is None:
+                self._newest_receipt_s = budget.newest_receipt(connection)
         with self._lock:
             self._usage = found
             self._added_bytes = 0
@@ -134,6 +136,7 @@ class Space:
 
     def maintain(self, monotonic: float) -> None:
         """One cycle: hold the ballast; delete receipts, thin and drop records as needed."""
+        self._watch_clock(monotonic)
         if not self._database.is_shared:
             self._hold_room()
         self._log_level(self.measure())
@@ -142,7 +145,6 @@ class Space:
                 break
         if self.level() >= Level.DROPPING:
             self._make_room()
-        self._watch_clock(monotonic)
 
     def _hold_room(self) -> None:
         """Hold the ballast; on a disk with little room return free pages of the file to it."""
@@ -190,16 +192,17 @@ class Space:
         return self._clock_is_steady(monotonic)
 
     def _watch_clock(self, monotonic: float) -> None:
-        """Note since when the wall clock has run like the monotonic one."""
-        now = self._clock()
-        was = self._clock_was
-        if was is None or abs((now - was[0]) - (monotonic - was[1])) > _JUMP_S:
-            self._clock_was = (now, monotonic)
+        """Note whether the wall clock was set, and before what time the receipts were stored."""
+        was_s = self._steady_clock.watch(self._clock(), monotonic)
+        if was_s is not None:
+            self._newest_receipt_s = was_s
+        elif self._steady_clock.is_steady(monotonic):
+            self._newest_receipt_s = math.inf
 
     def _clock_is_steady(self, monotonic: float) -> bool:
         """No record counts as old by a clock that was just set, which may be wrong by years."""
         self._watch_clock(monotonic)
-        return self._clock_was is not None and monotonic - self._clock_was[1] >= STEADY_S
+        return self._steady_clock.is_steady(monotonic)
 
     def _make_room(self) -> Level:
         """Drop the oldest droppable records until there is room, or none is left."""
@@ -217,9 +220,13 @@ class Space:
             return now
 
     def _delete_receipts(self) -> bool:
-        """Delete old receipts; returns whether there were any."""
+        """Delete old receipts; returns whether there were any.
+
+        After the clock was set forward, or at a start, they are as old as beside the newest one.
+        """
+        newest_s = math.inf if self._newest_receipt_s is None else self._newest_receipt_s
         with self._database.write() as connection:
-            before = self._clock() - RECEIPTS_KEPT_S
+            before = min(self._clock(), newest_s) - RECEIPTS_KEPT_S
             deleted = budget.delete_receipts(connection, before, self.rows_at_once)
         if deleted:
             self.measure()

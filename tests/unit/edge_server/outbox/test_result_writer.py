@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from sqlalchemy import text
 from sqlalchemy.exc import OperationalError
 
 from edge_server.config import Config
@@ -16,11 +17,14 @@ from edge_server.outbox.relay import RelayError
 from edge_server.outbox.result_writer import (
     GROUP,
     GROUP_WAIT_S,
+    HOUSEKEEPING_S,
     MAXIMUM_PENDING,
     RETRY_S,
+    TOMBSTONES_KEPT_S,
     RecordResult,
     ResultWriter,
 )
+from edge_server.outbox.steady_clock import STEADY_S
 from edge_server.process import relay
 from edge_server.store.connection.database import Database
 from edge_server.store.connection.engines import open_engine
@@ -61,6 +65,28 @@ def waiting(database: Database) -> int:
 
 def confirmed(record: OutboxRecord) -> RecordResult:
     return RecordResult(record, Trigger.CONFIRMED, CONFIRMED)
+
+
+@pytest.mark.parametrize("is_set_forward", [True, False])
+def test_tombstones_are_deleted_by_a_clock_that_has_run_steadily(
+    database: Database, is_set_forward: bool
+) -> None:
+    """By a clock that was set forward, a repeated record would be delivered twice."""
+    (record,) = records(database, 1)
+    writer = ResultWriter(database)
+    writer.add(confirmed(record), 0.0)
+    writer.write(0.0, 0.0)
+    late = TOMBSTONES_KEPT_S + 2.0
+    now = HOUSEKEEPING_S + 1.0 if is_set_forward else late
+    writer.write(now, late)
+    assert tombstones(database) == is_set_forward
+    writer.write(now + STEADY_S, late + STEADY_S)
+    assert tombstones(database) == 0
+
+
+def tombstones(database: Database) -> int:
+    with database.read() as connection:
+        return int(connection.execute(text("SELECT count(*) FROM tombstone")).scalar_one())
 
 
 def test_a_group_is_written_when_it_is_large_or_old_or_nothing_else_happens(

@@ -4,6 +4,7 @@ import errno
 import sqlite3
 import threading
 from collections.abc import Callable
+from typing import Any
 
 import pytest
 from sqlalchemy import text
@@ -32,7 +33,7 @@ def test_answered_requests_are_deleted_and_the_cursor_goes_on(edge: Edge) -> Non
     newest = edge.work()[-1]["id"]
     edge.clock.pass_s(7200)
     assert edge.work() == []
-    housekeeping.clean_up(edge.context)
+    housekeeping.delete_requests(edge.context)
     assert edge.count("work") == 1
     assert edge.get(f"/broker/commands?after={newest}", "broker")["cursor"] == newest
 
@@ -46,6 +47,29 @@ def test_old_events_are_deleted_and_new_ones_are_not(edge: Edge) -> None:
     edge.clock.pass_s(2)
     housekeeping.clean_up(edge.context)
     assert [one["id"] for one in edge.get("/events/")] == [2]
+
+
+def test_a_clock_that_was_set_forward_before_a_start_makes_no_key_old(
+    edge: Edge, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A repeated record would be stored twice, and an event would be forgotten."""
+    edge.ask("PUT", "/vehicles/1", "broker", json={"link_state": "connected", "armed": True})
+    edge.post("/events/", event(), "operator")
+    first: Any = edge.report("pose", telemetry("pose"), key="k1").json
+    edge.clock.pass_s(400 * housekeeping.DAY_S)
+    monkeypatch.setattr(housekeeping, "EXPIRY_S", 0.01)
+    stopping = threading.Event()
+    has_cleaned = threading.Event()
+    monkeypatch.setattr(edge.context.space, "drop_aged", lambda _: has_cleaned.set())
+    thread = threading.Thread(target=housekeeping.run, args=(edge.context, stopping))
+    thread.start()
+    assert has_cleaned.wait(10.0)
+    stopping.set()
+    thread.join()
+    again: Any = edge.report("pose", telemetry("pose"), key="k1").json
+    assert again["message_id"] == first["message_id"]
+    assert edge.count("telemetry") == 1
+    assert [one["id"] for one in edge.get("/events/")] == [1]
 
 
 @pytest.mark.thorough

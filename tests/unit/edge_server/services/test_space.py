@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from sqlalchemy import Connection
+from sqlalchemy import Connection, text
 
 from afarcloud.state import Report
 from afarcloud.wire import Kind, read
@@ -19,12 +19,12 @@ from edge_server.outbox import gaps, queue, thinning
 from edge_server.outbox.budget import Level
 from edge_server.outbox.gaps import DroppedRecord, Reason
 from edge_server.outbox.queue import Delivered, Stream
+from edge_server.outbox.steady_clock import STEADY_S
 from edge_server.process.preparation import open_database
 from edge_server.services.context import Caller, Context, show_time
 from edge_server.services.errors import FullError
 from edge_server.services.reports import telemetry
 from edge_server.services.reports.telemetry import Arrival
-from edge_server.services.space import STEADY_S
 from edge_server.store.connection.database import Database
 from edge_server.store.rows import telemetry as stored
 from edge_server.store.rows.tables import METADATA
@@ -352,9 +352,8 @@ def test_a_gap_and_what_it_declares_are_one_transaction(either: Farm) -> None:
     assert either.here("gap") == []
 
 
-@pytest.mark.thorough
-def test_receipts_go_before_records(farm: Farm) -> None:
-    farm.keep_many("battery", 10)
+def fill_with_receipts(farm: Farm) -> None:
+    """Store the receipts of records that are delivered now."""
     with farm.database.write() as connection:
         rows = [
             {
@@ -369,6 +368,37 @@ def test_receipts_go_before_records(farm: Farm) -> None:
             for number in range(12_000)
         ]
         connection.execute(METADATA.tables["tombstone"].insert(), rows)
+
+
+def receipts(farm: Farm) -> int:
+    with farm.database.read() as connection:
+        return int(connection.execute(text("SELECT count(*) FROM tombstone")).scalar_one())
+
+
+@pytest.mark.parametrize("is_restarted", [True, False])
+def test_a_clock_that_was_set_forward_makes_no_receipt_old(
+    sqlite: Config, farm: Farm, is_restarted: bool
+) -> None:
+    """Not on a full disk either: a repeated record would be stored twice."""
+    farm.turn()
+    fill_with_receipts(farm)
+    farm.clock.pass_s(400 * DAY_S)
+    here = Farm(sqlite) if is_restarted else farm
+    here.clock.now = farm.clock.now
+    here.turn()
+    assert here.space.level() >= Level.THINNING
+    assert receipts(here) == 12_000
+    here.pass_s(STEADY_S + 1.0)
+    for _ in range(10):
+        here.turn()
+    assert receipts(here) < 12_000
+    here.database.close()
+
+
+@pytest.mark.thorough
+def test_receipts_go_before_records(farm: Farm) -> None:
+    farm.keep_many("battery", 10)
+    fill_with_receipts(farm)
     assert farm.space.measure().data_bytes > 1_000_000
     farm.pass_s(7200.0)
     for _ in range(10):
