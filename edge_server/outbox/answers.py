@@ -125,12 +125,17 @@ def _is_duplicate(answer: Answer) -> bool:
 _NO_JSON: Final = object()
 
 
+def _refuse_constant(name: str) -> object:
+    """NaN and the infinities are not JSON (RFC 8259 section 6)."""
+    raise ValueError(name)
+
+
 def _document(answer: Answer) -> object:
     """Return the JSON of an answer, _NO_JSON if it is not JSON."""
     media_type = answer.content_type.partition(";")[0].strip().lower()
     if media_type != "application/json" and not media_type.endswith("+json"):
         return _NO_JSON
     try:
-        return json.loads(answer.body)
+        return json.loads(answer.body, parse_constant=_refuse_constant)
     except (ValueError, RecursionError):
         return _NO_JSON

@@ -5,6 +5,10 @@ blocks its client for ever. Here the timeout of a request runs from the moment a
 begins to wait: status line, interim answers, headers and body must arrive before it ends, and must
 not be larger than `MAXIMUM_RAW_BYTES` on the wire.
 
+Headers that cannot be read may have lost the length of the body, or the answer itself was damaged
+on the way: such an answer is broken, whatever its status. `http.client` would read on as if these
+headers were not there.
+
 The reader of the answer keeps the deadline, without a thread or timer per request: the relay sends
 thousands of small records a second on connections that stay open. The broker, which the edge server
 may not import, has a module of the same name for rare and large exchanges: there a timer shuts the
@@ -13,6 +17,7 @@ connection down, so that connecting, the TLS handshake and sending are bounded t
 
 import http.client
 import io
+import re
 import socket
 import time
 from typing import Any, Final
@@ -23,6 +28,15 @@ from urllib3.connectionpool import HTTPConnectionPool, HTTPSConnectionPool
 
 MAXIMUM_RAW_BYTES: Final = 1024 * 1024
 """Of an answer with its headers, chunk sizes and chunk extensions."""
+
+
+_NAME: Final = re.compile(r"[!#$%&'*+.^_`|~0-9A-Za-z-]+")
+"""Of a header (RFC 9110 section 5.1)."""
+_LENGTH: Final = re.compile(r"[0-9]+", re.ASCII)
+
+
+class BrokenHeadersError(http.client.HTTPException):
+    """The headers of the answer cannot be read."""
 
 
 class AnswerTooLargeError(OSError):
@@ -86,6 +100,25 @@ class _BoundedResponse(http.client.HTTPResponse):
         super().__init__(sock, *arguments, **options)
         raw = self.fp.detach()
         self.fp = _WholeLines(_BoundedReader(raw, sock))
+
+    def begin(self) -> None:
+        """Read status line and headers; raises BrokenHeadersError if they cannot be read."""
+        super().begin()
+        if fault := _fault_of(self.msg):
+            raise BrokenHeadersError(fault)
+
+
+def _fault_of(headers: http.client.HTTPMessage) -> str | None:
+    """Return what of the headers cannot be read; None if all can."""
+    if headers.defects:
+        return f"a line is no header ({type(headers.defects[0]).__name__})"
+    for name, value in headers.items():
+        if _NAME.fullmatch(name) is None or "\0" in value:
+            return f"the header {name[:40]!r} is damaged"
+    lengths = {value.strip() for value in headers.get_all("Content-Length", [])}
+    if len(lengths) > 1 or any(_LENGTH.fullmatch(one) is None for one in lengths):
+        return "Content-Length is no length"
+    return None
 
 
 class _BoundedHTTPConnection(HTTPConnection):

@@ -167,6 +167,8 @@ class HttpUplink:
             retry_after_s(response.headers.get("Retry-After"), datetime.now(UTC)),
         )
         if classify(answer).outcome is Outcome.CONFIRMED:
+            if body and not _is_plain(response):
+                return Unreachable(f"{response.status_code} in an encoding that was not requested")
             self._batch_limit = read_accept_batch(response.headers.get("Accept-Batch"))
         return answer
 
@@ -209,6 +211,12 @@ def _is_complete(response: requests.Response) -> bool:
     """Whether an empty body is complete; unframed, a cut after the headers looks the same."""
     framed = {"Content-Length", "Transfer-Encoding"} & {name.title() for name in response.headers}
     return bool(framed) or response.status_code in _BODILESS
+
+
+def _is_plain(response: requests.Response) -> bool:
+    """Whether the body is as it was sent: we accept no encoding, so another label is wrong."""
+    encoding = response.headers.get("Content-Encoding", "").strip().lower()
+    return encoding in {"", "identity"}
 
 
 def read_accept_batch(header: str | None) -> BatchLimit:

@@ -138,7 +138,8 @@ def _shut_down(duplicate: Any) -> None:
 class _BrokenHeaders(logging.Filter):
     """Reports headers that urllib3 cannot read in one line, once for each server and reason.
 
-    Such an answer is used all the same: its status and length were understood.
+    Such an answer is used all the same: cameras send them, and what the edge server answers is a
+    JSON object, which is whole or cannot be read. A length that cannot be read is an error.
     """
 
     def __init__(self) -> None:
@@ -361,6 +362,10 @@ def _timeout_text(within_s: float) -> str:
 
 
 def _body(response: requests.Response, max_bytes: int) -> bytes:
+    length = response.headers.get("Content-Length", "0").strip()
+    if not (length.isascii() and length.isdigit()):
+        # http.client would read to the end of the connection, and take any end for the whole
+        raise requests.exceptions.InvalidHeader(f"{length[:40]!r} is no Content-Length")
     body = bytearray()
     for chunk in response.iter_content(CHUNK_BYTES):
         body += chunk

@@ -138,10 +138,12 @@ def test_an_answer_in_time_is_whole() -> None:
         (OK + LENGTH, b"x" * 60),
         (OK + b"Transfer-Encoding: chunked\r\n\r\n", b"5\r\nab"),
         (OK + b"Transfer-Encoding: chunked\r\n\r\n", b"zz\r\nab\r\n"),
+        (OK + b"Content-Length: -5\r\n\r\n{}",),
+        (OK + b"Content-Length: abc\r\n\r\n{}",),
         (b"nonsense\r\n\r\n",),
         (b"",),
     ],
-    ids=["cut off", "cut off in a chunk", "broken chunk", "no HTTP", "nothing"],
+    ids=["cut off", "cut off in a chunk", "broken chunk", "below 0", "abc", "no HTTP", "nothing"],
 )
 def test_an_answer_that_is_cut_off_or_broken_is_no_answer(pieces: tuple[bytes, ...]) -> None:
     with server(lambda: iter(pieces)) as url, pytest.raises(requests.RequestException):
