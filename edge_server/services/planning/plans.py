@@ -5,21 +5,18 @@ from typing import Any, Final
 
 from pydantic import ValidationError
 from sqlalchemy import Connection
-from ulid import ULID
 
-from afarcloud import rules
 from afarcloud.enumerations import Status
 from afarcloud.faults import Fault, InvalidError
-from afarcloud.numbers import INT32_MAX
-from afarcloud.plan import Mission, Plan
+from afarcloud.plan import Plan
 from afarcloud.rules import FenceVerdict
 from afarcloud.wire import Kind, write
 from edge_server.services import audit
 from edge_server.services import idempotency as post_idempotency
-from edge_server.services.context import Caller, Context, Precondition, moment, unconditionally
+from edge_server.services.context import Caller, Context, Precondition, unconditionally
 from edge_server.services.errors import ConflictError, NotFoundError
 from edge_server.services.fleet import broker_work
-from edge_server.services.planning import fences
+from edge_server.services.planning import fences, plan_checks
 from edge_server.services.planning.plan_view import show
 from edge_server.services.retries import retry_on_conflict
 from edge_server.store.connection.database import to_json
@@ -29,8 +26,6 @@ from edge_server.store.rows.idempotency import Answered
 from edge_server.store.rows.plans import StoredPlan
 
 _SEVERAL = "plans"
-MISSING: Final = "missing"
-"""Prefix of a warning that prevents the dispatch of a draft; a PUT completes the draft."""
 SILENT_S: Final = 300.0
 """An operator may close an accepted mission once no broker has made a request about its vehicle for
 so long; a live broker updates even a lost vehicle every 30 s."""
@@ -93,7 +88,7 @@ def create_all(
         if answered is None:
             now = context.clock()
             if numbered_here:
-                documents = _with_free_ids(connection, documents)
+                documents = plan_checks.with_free_ids(connection, documents)
             rows = [
                 _create(connection, context, plan, fence, now, warnings, missing)
                 for plan, fence in zip(documents, verdicts, strict=True)
@@ -111,27 +106,6 @@ def create_all(
     return shown
 
 
-def _with_free_ids(connection: Connection, documents: Sequence[Plan]) -> list[Plan]:
-    """Move consecutive mission_ids up until no mission here has one of them."""
-    ids = [mission.mission_id for plan in documents for mission in plan.missions]
-    first, count = min(ids), max(ids) - min(ids) + 1
-    taken = work.taken_mission_ids(connection, first, INT32_MAX)
-    free = first
-    while collisions := taken.intersection(range(free, free + count)):
-        free = max(collisions) + 1
-    if free + count - 1 > INT32_MAX:
-        raise ConflictError(f"no {count} mission_ids from {first} up are free")
-    return [_moved(plan, free - first) for plan in documents]
-
-
-def _moved(plan: Plan, by: int) -> Plan:
-    missions = tuple(
-        mission.model_copy(update={"mission_id": mission.mission_id + by})
-        for mission in plan.missions
-    )
-    return plan.model_copy(update={"missions": missions})
-
-
 def _create(
     connection: Connection,
     context: Context,
@@ -142,7 +116,7 @@ def _create(
     missing: Sequence[Fault] | None = None,
 ) -> int:
     broker_work.expire(context, connection, now)
-    stored = _checked(connection, context, plan, fence, now, missing)
+    stored = plan_checks.checked(connection, context, plan, fence, now, missing)
     stored.warnings.extend({"path": one.path, "message": one.message} for one in warnings)
     if plans.find(connection, stored.plan_id) is not None:
         raise ConflictError(
@@ -187,7 +161,7 @@ def replace(
                 (Fault("plan_id", "cannot be changed"),),
             )
         work.remove_of_plan(connection, old.id, now)
-        new = _checked(connection, context, plan, fence, now)._replace(
+        new = plan_checks.checked(connection, context, plan, fence, now)._replace(
             id=old.id, plan_id=old.plan_id, received_at=old.received_at
         )
         plans.replace(connection, new)
@@ -239,7 +213,9 @@ def dispatch(
 
 def _check_whole(stored: StoredPlan) -> None:
     """Check that a draft is complete; raises InvalidError with what it lacks."""
-    lacks = [one for one in stored.warnings if one["message"].startswith(f"{MISSING}: ")]
+    lacks = [
+        one for one in stored.warnings if one["message"].startswith(f"{plan_checks.MISSING}: ")
+    ]
     if lacks:
         raise InvalidError(tuple(Fault(one["path"], one["message"]) for one in lacks))
 
@@ -273,7 +249,7 @@ def _queue_dispatched(
     The lifetime of a plan that names no time begins anew.
     """
     work.remove_of_plan(connection, stored.id, now)
-    checked = _checked(connection, context, plan, fence, now)
+    checked = plan_checks.checked(connection, context, plan, fence, now)
     dispatched = stored._replace(
         body=checked.body, warnings=checked.warnings, expires_at=checked.expires_at
     )
@@ -413,49 +389,12 @@ def _check_silent(connection: Connection, item: work.Work, now: float) -> None:
     )
 
 
-def _checked(
-    connection: Connection,
-    context: Context,
-    plan: Plan,
-    fence: FenceVerdict,
-    now: float,
-    missing: Sequence[Fault] | None = None,
-) -> StoredPlan:
-    """Check a plan against the rules; raises InvalidError with every fault.
-
-    A draft (`missing` is given) may lack more, such as a take-off; all of it becomes warnings.
-    """
-    registered = vehicles.known(connection, {item.vehicle_id for item in plan.missions})
-    limits = dict.fromkeys(registered, context.vehicle_limits)
-    checked = rules.check(plan, limits, moment(now), fence)
-    lacks = () if missing is None else (*missing, *checked.missing)
-    faults = tuple(fault for fault in checked.faults if fault not in lacks)
-    if faults or (lacks and plan.dispatch):
-        raise InvalidError(faults or lacks)
-    config = context.config
-    lifetime_s = config.plan_lifetime_s if plan.dispatch else config.held_plan_lifetime_s
-    expires_at = plan.expires_at.timestamp() if plan.expires_at else now + lifetime_s
-    body = write(plan)
-    del body["missions"]
-    return StoredPlan(
-        id=0,
-        plan_id=plan.plan_id or str(ULID()),
-        body=body,
-        received_at=now,
-        expires_at=expires_at,
-        warnings=[
-            *({"path": one.path, "message": f"{MISSING}: {one.message}"} for one in lacks),
-            *({"path": one.path, "message": one.message} for one in checked.warnings),
-        ],
-    )
-
-
 def _queue(
     connection: Connection, context: Context, plan: Plan, stored: StoredPlan, now: float
 ) -> None:
     for index, mission in enumerate(plan.missions):
         if plan.dispatch:
-            _check_queue(connection, context, mission, f"missions.{index}")
+            plan_checks.check_queue(connection, context, mission, f"missions.{index}")
         work.add_mission(
             connection,
             plan_row=stored.id,
@@ -464,26 +403,6 @@ def _queue(
             expires_at=stored.expires_at,
             held=not plan.dispatch,
             place=index,
-        )
-
-
-def _check_queue(connection: Connection, context: Context, mission: Mission, path: str) -> None:
-    waiting = [
-        item
-        for item in work.unfinished(connection, vehicle_id=mission.vehicle_id)
-        if item.kind == work.MISSION
-    ]
-    if any(item.mission_id == mission.mission_id for item in waiting):
-        raise ConflictError(
-            f"mission {mission.mission_id} of vehicle {mission.vehicle_id} is unfinished; "
-            "post the plan again when it has ended, or with another mission_id",
-            (Fault(f"{path}.mission_id", "is the id of an unfinished mission of this vehicle"),),
-        )
-    if len(waiting) >= context.config.queue_limit:
-        raise ConflictError(
-            f"vehicle {mission.vehicle_id} has {len(waiting)} unfinished missions, the maximum; "
-            "post the plan again when one has ended",
-            (Fault(f"{path}.vehicle_id", "has a full queue"),),
         )
 
 

@@ -12,7 +12,7 @@ from afarcloud.wire import read_as, write
 from edge_server.geodata.field import Field
 from edge_server.services.context import Caller, Context
 from edge_server.services.fleet.vehicle_holds import AIRBORNE_M
-from edge_server.services.planning import fields, plans
+from edge_server.services.planning import fields, plan_checks, plans
 from edge_server.store.rows import vehicles
 from edge_server.survey import part
 from edge_server.survey.planner import NoSurveyError, Survey, survey
@@ -24,8 +24,14 @@ MOST_CORNERS_ELSEWHERE: Final = 500
 
 
 def preview(context: Context, order: SurveyOrder) -> dict[str, Any]:
-    """Plan a survey and store nothing; raises InvalidError."""
+    """Plan a survey and store nothing.
+
+    Raises:
+        InvalidError, ConflictError: as `create`: what is shown can be stored.
+    """
     planned = _planned(context, order, _field_of(context, order))
+    documents = [Plan.model_validate(plan) for plan in planned.plans]
+    plan_checks.check_all(context, documents, numbered_here=order.first_mission_id is None)
     return {**planned.figures, "plans": planned.plans}
 
 

@@ -32,6 +32,30 @@ def test_a_preview_keeps_nothing(edge: Edge) -> None:
     assert len(answer.json["plans"]) == answer.json["flights"]
 
 
+def refusal(answer: Any) -> tuple[int, Any]:
+    return answer.status_code, {**(answer.json or {}), "request_id": None}
+
+
+@pytest.mark.parametrize(
+    ("changes", "status"),
+    [
+        ({"vehicles": [9]}, 422),
+        ({"vehicles": [1, 9]}, 422),
+        ({"first_mission_id": 7, "dispatch": True}, 409),
+        ({"dispatch": True, "most_commands": 12, "endurance": 3600}, 409),
+    ],
+    ids=["not registered", "one of two", "an unfinished mission", "a full queue"],
+)
+def test_a_preview_refuses_what_the_post_refuses(
+    edge: Edge, changes: dict[str, Any], status: int
+) -> None:
+    edge.post_plan(plan(mission(7)))
+    preview = refusal(ask(edge, "?preview=true", **changes))
+    assert preview[0] == status
+    assert preview == refusal(ask(edge, **changes))
+    assert len(edge.get("/plans/")) == 1
+
+
 @pytest.mark.parametrize("query", ["", "?preview=true"])
 @pytest.mark.parametrize("name", ["\u200b", "North\u202e", "\x07"])
 def test_a_survey_whose_name_cannot_be_shown_is_refused(edge: Edge, query: str, name: str) -> None:
