@@ -87,7 +87,7 @@ BREAKS: Final = (
         (
             Change(
                 "mavlink_broker/mission/mission_queue.py",
-                "            self._events.recall_abort(record.abort, effects)\n",
+                "            self._events.recall_abort(record.abort, now, effects)\n",
                 "            pass\n",
             ),
         ),

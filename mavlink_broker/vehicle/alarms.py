@@ -104,8 +104,13 @@ _SENSORS: Final = (
 """MAV_SYS_STATUS_SENSOR, any of them, and what their failure means."""
 
 
-_NOTED: Final = frozenset(failure.text for _, failure in _SENSORS)
+_NOTED: Final = frozenset(failure for _, failure in _SENSORS)
 """What the vehicle itself says of its parts; a camera is noted by its heartbeats."""
+
+
+def _name(source: str, failure: Failure) -> str:
+    """Name of a signal in the journal."""
+    return f"{source}: {failure.text}"
 
 
 def _system_status(message: Message) -> Iterator[_Signal]:
@@ -185,7 +190,7 @@ class AlarmMonitor:
     _signals: dict[tuple[str, AlarmCode], _Health] = field(default_factory=dict)
     _periodic_sources: dict[tuple[str, AlarmCode], PeriodicSource] = field(default_factory=dict)
     _raised: set[Failure] = field(default_factory=set)
-    _expected: frozenset[str] = frozenset()  # What was healthy before the signals were received
+    _expected: frozenset[str] = frozenset()  # Signals that were healthy before this monitor began
     _was_armed: bool = False
     _parameters: tuple[float, tuple[float, float]] | None = None  # And when they were received
     _loss: FrameLoss = field(default_factory=FrameLoss)
@@ -237,17 +242,22 @@ class AlarmMonitor:
         return camera is not None and camera.count >= MIN_MESSAGES
 
     def expect_healthy(self, noted: Iterable[str]) -> None:
-        """Take the parts with these texts as healthy before the first signal of this monitor."""
+        """Take these signals as healthy before this monitor has received them."""
         self._expected = frozenset(noted)
-        for one in self._signals.values():
-            one.was_healthy |= one.failure.text in self._expected
+        for (source, _), one in self._signals.items():
+            one.was_healthy |= _name(source, one.failure) in self._expected
 
     @property
     def healthy(self) -> tuple[str, ...]:
-        """Texts of the alarms that are raised when their parts fail; to be noted in flight."""
-        known = {one.failure.text for one in self._signals.values() if one.was_healthy}
+        """Names of the signals whose failure is an alarm that was not raised; to be noted."""
+        known = {
+            _name(source, one.failure)
+            for (source, _), one in self._signals.items()
+            if one.was_healthy and one.failure in _NOTED
+        }
         raised = {failure.text for failure in self._raised}
-        return tuple(sorted((known | self._expected) & _NOTED - raised))
+        names = known | self._expected
+        return tuple(sorted(name for name in names if name.partition(": ")[2] not in raised))
 
     def tick(self, now: float, *, is_connected: bool) -> list[Failure]:
         """Give what has failed and was not raised yet; nothing while the link is away."""
@@ -281,7 +291,7 @@ class AlarmMonitor:
         key = source, failure.code
         if key in self._signals or len(self._signals) < len(_SENSORS) + SOURCES_KEPT:
             health = self._signals.setdefault(
-                key, _Health(failure, was_healthy=failure.text in self._expected)
+                key, _Health(failure, was_healthy=_name(source, failure) in self._expected)
             )
             health.take(now, is_unhealthy=is_unhealthy)
 
@@ -311,5 +321,4 @@ class AlarmMonitor:
     def _is_new(self, failure: Failure) -> bool:
         is_new = failure not in self._raised
         self._raised.add(failure)
-        self._expected -= {failure.text}
         return is_new

@@ -97,7 +97,7 @@ class RecoveryRecord:
     paused: str | None = None  # Name of the work that an event has paused
     is_tracking: bool = False  # Its camera may have been ordered to track a subject
     has_camera: bool = False  # A camera was received in this flight
-    healthy: tuple[str, ...] = ()  # Alarms of parts that were healthy in this flight
+    healthy: tuple[str, ...] = ()  # Signals of parts that were healthy in this flight
     armed_s: float | None = None  # When it was armed, by its clock since boot
     foreign_order: NotedOrder | None = None  # Of another system, by which it holds
     is_disarmed_by_others: bool = False  # By another system's order
@@ -269,7 +269,7 @@ class RecoveryState:
         self.has_camera = False
         """Whether a camera was received in this flight: a restarted broker expects it."""
         self.healthy: tuple[str, ...] = ()
-        """Texts of the alarms of parts that were healthy in this flight, and not raised since."""
+        """Signals of parts that were healthy in this flight, and whose alarm was not raised."""
         self.armed_s: float | None = None
         """When it was armed for the flight, by its clock since boot; its log began then."""
         self.armed_period = ArmedPeriod()

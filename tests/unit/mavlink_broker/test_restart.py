@@ -245,7 +245,7 @@ def test_when_a_flight_began_is_known_over_restarts_until_it_has_landed(tmp_path
     assert began_s is not None
     for _ in range(2):
         world.restart_broker()
-        world.run(1.0)
+        world.run(2.0)  # Its next heartbeat, and the journal
         assert world.app.sessions[1].vehicle.recovery.armed_s == began_s
     world.run_until_over(1201)
     world.run_until(lambda: not vehicle.armed)
