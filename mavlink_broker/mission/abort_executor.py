@@ -6,8 +6,7 @@
     else                 what the event orders
 
 An order that is refused, not answered or not obeyed is repeated for as long as the vehicle is
-armed; a place that it will not go to is replaced by a landing where it is, unless the link was away
-while it was ordered there.
+armed; a place that it will not go to is replaced by a landing, unless the link was away meanwhile.
 The orders end at once when another system takes command of the vehicle, or its own failsafe does. A
 vehicle that is not received shows neither: after `UNHEARD_S` it gets no order before it is again.
 An order that leads to a place becomes a landing as soon as the vehicle has lost its position.
@@ -67,12 +66,13 @@ def return_event(vehicle_id: int) -> AbortEvent:
     return AbortEvent(vehicle_id=vehicle_id, event_type_id=EventType.RETURN_HOME)
 
 
-def abort_note(event: AbortEvent, work_id: int, vehicle: Vehicle) -> PendingAbort:
+def abort_note(event: AbortEvent, work: EventWork, vehicle: Vehicle) -> PendingAbort:
     """Describe an abort for the journal; a restarted broker carries it out."""
     there = event.abort
     point = None if there is None else Pose(there.latitude, there.longitude, there.altitude)
     return PendingAbort(
-        work_id=work_id,
+        work_id=work.work_id,
+        identity=work.identity,
         event_type=int(event.event_type_id),
         point=point,
         noted_s=vehicle.snapshot.time_s,
@@ -457,7 +457,7 @@ class UnconfirmedMissions:
         """Hold the answer to an abort back for all of them."""
         if self._dropped:
             self._missions_of[work.work_id] = set(self._dropped)
-            note = abort_note(work.event, work.work_id, self._vehicle)
+            note = abort_note(work.event, work, self._vehicle)
             self._vehicle.recovery.held_abort = note
 
     def take_acceptance_result(self, result: AcceptanceResult, effects: Effects) -> bool:

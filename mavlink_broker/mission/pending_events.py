@@ -99,6 +99,7 @@ class PendingEvents:
     def add(self, work: EventWork, effects: Effects, *, is_too_old: bool = False) -> None:
         """Queue an event; one that is known from the journal already was accepted."""
         running = None if self._running is None else self._running[0]
+        self._forget_noted(work)
         known = (*self._waiting, *self._due, running)
         same = next((each for each in known if each and each.is_same_as(work)), None)
         self._noted_until.pop(work.work_id, None)
@@ -108,6 +109,17 @@ class PendingEvents:
                 self._too_old.add(work.work_id)
         elif same.was_accepted and not work.was_accepted:
             effects.for_edge.append(work.answer("accepted"))
+
+    def _forget_noted(self, work: EventWork) -> None:
+        """Forget a noted abort whose number another abort has: it is of a database that was lost.
+
+        The other one is newer.
+        """
+        for noted in self._waiting if work.is_abort else ():
+            is_noted = noted.work_id in self._noted_until
+            if is_noted and noted.work_id == work.work_id and not noted.is_same_as(work):
+                self.remove(noted.work_id)
+                self._vehicle.recovery.abort = None
 
     def waits_for_edge(self, work: EventWork, now: float) -> bool:
         """Whether the edge server may still hand out what has flown since an abort was noted."""
@@ -176,10 +188,17 @@ class PendingEvents:
         self._noted_s = note.noted_s
         self._too_old.discard(note.work_id)
         self._limited.discard(note.work_id)
-        same = [work for work in self._waiting if work.work_id == note.work_id]
+        noted = EventWork(
+            work_id=note.work_id, event=event, was_accepted=True, identity=note.identity
+        )
+        others = [work for work in self._waiting if not work.is_same_as(noted)]
+        if any(work.is_abort and work.work_id == noted.work_id for work in others):
+            self._vehicle.recovery.abort = None
+            return  # It is of a database that was lost, and a newer abort has its number
+        same = [work for work in self._waiting if work.is_same_as(noted)]
         self._waiting = [work for work in self._waiting if work not in same]
-        identity = next((work.identity for work in same), None)
-        noted = EventWork(work_id=note.work_id, event=event, was_accepted=True, identity=identity)
+        if noted.identity is None and same:
+            noted = replace(noted, identity=same[0].identity)
         self.add(noted, effects)
         if not same:
             self._noted_until[note.work_id] = now + EDGE_WITHIN_S
@@ -319,7 +338,7 @@ class PendingEvents:
                 was_ours=is_newer or hover_mode is not None,
                 replaces=is_newer and hover_mode is None,
             )
-            vehicle.recovery.abort = abort_note(work.event, work.work_id, vehicle)
+            vehicle.recovery.abort = abort_note(work.event, work, vehicle)
             self._running = work, executor
             effects.messages += executor.start(now)
 

@@ -102,6 +102,7 @@ def _check_kind(number: int) -> int:
 
 class _Abort(_Row):
     work: _Count
+    identity: _Text | None = None
     kind: Annotated[int, AfterValidator(_check_kind)]  # `event_type_id`
     point: _Pose | None = None
     noted: _Number | None = None
@@ -320,6 +321,7 @@ def _read_return(row: _Return) -> PendingReturn:
 def _abort(abort: PendingAbort) -> _Abort:
     return _Abort(
         work=abort.work_id,
+        identity=abort.identity,
         kind=abort.event_type,
         point=_if_any(_pose, abort.point),
         noted=abort.noted_s,
@@ -328,7 +330,13 @@ def _abort(abort: PendingAbort) -> _Abort:
 
 def _read_abort(row: _Abort) -> PendingAbort:
     point = _if_any(_read_pose, row.point)
-    return PendingAbort(work_id=row.work, event_type=row.kind, point=point, noted_s=row.noted)
+    return PendingAbort(
+        work_id=row.work,
+        identity=row.identity,
+        event_type=row.kind,
+        point=point,
+        noted_s=row.noted,
+    )
 
 
 def _live(live: LiveCommandProgress) -> _Live:

@@ -58,6 +58,7 @@ class PendingAbort:
     """An abort that was accepted, and that the vehicle has not obeyed yet."""
 
     work_id: int  # Of the event
+    identity: str | None = None  # With it; None: of a broker or edge server before this field
     event_type: int  # The `event_type_id` of one that ends missions
     point: Pose | None = None  # Where the vehicle is to go first
     noted_s: float | None = None  # [s] By the vehicle's clock since boot

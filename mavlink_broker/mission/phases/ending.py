@@ -240,7 +240,7 @@ class Aborting(Phase):
         )
         self._work = work
         if work is not None:
-            vehicle.recovery.abort = abort_note(event, work.work_id, vehicle)
+            vehicle.recovery.abort = abort_note(event, work, vehicle)
             return
         vehicle.recovery.abort = None
         vehicle.recovery.pending_return = PendingReturn(

@@ -4,6 +4,7 @@ The first one has ended the mission and was answered; the vehicle is on its way 
 """
 
 import dataclasses
+from pathlib import Path
 
 import pytest
 
@@ -82,6 +83,27 @@ def test_the_same_number_of_a_fresh_edge_server_is_another_abort(
     assert new == ["accepted", "done"]
     assert len(answers) > len(new)
     assert world.only_vehicle.custom_mode == mode_of(world, second)
+
+
+@REAL_AUTOPILOTS
+def test_so_it_is_behind_a_restart_that_finds_the_first_in_the_journal(
+    script: Script, tmp_path: Path
+) -> None:
+    world = paused(script, tmp_path)
+    vehicle = world.only_vehicle
+    world.air.is_uplink_up = False
+    number = world.edge.event(RETURN_HOME, identity="of the lost database")
+    world.run(1.0)
+    world.kill_broker()
+    world.air.is_uplink_up = True
+    del world.edge.work[number]
+    assert world.edge.event(ABORT, identity="of the new one") == number
+    world.restart_broker()
+    world.run(12.0)
+    answers = world.edge.acknowledgements(number)
+    new = [one["status"] for one in answers if one["identity"] == "of the new one"]
+    assert new == ["accepted", "done"]
+    assert vehicle.custom_mode == mode_of(world, ABORT)
 
 
 @REAL_AUTOPILOTS

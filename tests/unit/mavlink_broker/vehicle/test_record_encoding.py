@@ -62,6 +62,7 @@ RECORDS = st.builds(
     | st.builds(
         PendingAbort,
         work_id=st.integers(0, 2**31 - 1),
+        identity=st.none() | TEXTS,
         event_type=st.sampled_from([1, 2]),
         point=st.none() | POSES,
         noted_s=st.none() | NUMBERS,
