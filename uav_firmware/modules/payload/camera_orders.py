@@ -198,7 +198,7 @@ def _panorama(command: VehicleCommand, parts: Parts, situation: Situation) -> Ou
     """PANORAMA_CREATE, by the gimbal while the vehicle holds its position."""
     if situation.state is not NavigationState.AUTO_LOITER:
         return temporarily_rejected("a panorama needs the vehicle in Hold mode")
-    if not situation.holds:
+    if not situation.comes_to_rest:
         return temporarily_rejected("the vehicle moves")
     if not parts.has_space:
         return _STORAGE_FULL

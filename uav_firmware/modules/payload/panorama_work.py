@@ -35,12 +35,13 @@ def step(parts: Parts, situation: Situation) -> PanoramaStep:
     work = parts.panorama
     if work is None:
         return PanoramaStep()
-    failure = _failure_reason(parts, situation)
+    work.has_rested |= situation.holds
+    failure = _failure_reason(parts, work, situation)
     if failure is not None:
         reason = f"Panorama ended: {failure}"
         return PanoramaStep(report=_end(parts, work, CommandResult.FAILED, reason))
     panorama, exposed = work.panorama, False
-    phase = panorama.phase(situation.now_us, settled=parts.gimbal.settled)
+    phase = panorama.phase(situation.now_us, settled=parts.gimbal.settled and work.has_rested)
     if phase is Phase.SHOOTING and parts.camera.expose_in_panorama(situation.now_us):
         exposed = True
         panorama.note_picture()
@@ -53,9 +54,10 @@ def step(parts: Parts, situation: Situation) -> PanoramaStep:
     return PanoramaStep(exposed, Report(work.command, CommandResult.IN_PROGRESS, panorama.progress))
 
 
-def _failure_reason(parts: Parts, situation: Situation) -> str | None:
-    """Why the panorama cannot continue, or None."""
-    if not situation.holds:
+def _failure_reason(parts: Parts, work: PanoramaWork, situation: Situation) -> str | None:
+    """Why the panorama cannot continue, or None; it begins when the vehicle has come to rest."""
+    rests = situation.holds if work.has_rested else situation.comes_to_rest
+    if not rests:
         return "the vehicle moves"
     if parts.camera.state is not CameraState.PANORAMA:
         return "capture was stopped"

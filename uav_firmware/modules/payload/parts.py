@@ -24,6 +24,7 @@ class PanoramaWork:
     command: VehicleCommand  # The command to acknowledge
     previous_aim: Aim  # Restored at the end
     reported_us: int  # [us] When progress was last reported
+    has_rested: bool = False  # The vehicle holds its position since
 
 
 @dataclass(slots=True)

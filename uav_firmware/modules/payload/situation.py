@@ -13,6 +13,7 @@ from uav_firmware.msg.vectors import Vector3
 NOWHERE: Final[Vector3] = (math.nan, math.nan, math.nan)
 _REST_M_S: Final = 0.1  # [m/s] A slower set-point is at rest
 _REST_M: Final = 0.1  # [m] From the place that it leads to
+_BRAKING_M: Final = 6.0  # [m] Way in which a vehicle comes to rest from the speed of a mission
 
 
 class Situation(NamedTuple):
@@ -39,13 +40,25 @@ class Situation(NamedTuple):
 
         By the set-point, since gusts move a vehicle that hovers. On the ground it has no position.
         """
+        return self._left_m == 0.0
+
+    @property
+    def comes_to_rest(self) -> bool:
+        """Whether it holds its position, or is about to: it brakes, or has nearly arrived."""
+        return self._left_m <= _BRAKING_M
+
+    @property
+    def _left_m(self) -> float:
+        """How far its set-point still leads [m]: 0 at rest, infinite in another mode than hold."""
         if self.state is not NavigationState.AUTO_LOITER:
-            return False
+            return math.inf
         setpoint = self.setpoint
         if not self.armed or setpoint is None or math.isnan(setpoint.position_ned[0]):
-            return True
+            return 0.0
         left_m = norm(subtract(setpoint.goal_ned, setpoint.position_ned))  # NaN without a goal
-        return not (norm(setpoint.velocity_ned) > _REST_M_S or left_m > _REST_M)
+        if norm(setpoint.velocity_ned) > _REST_M_S:
+            return max(_REST_M, left_m)
+        return left_m if left_m > _REST_M else 0.0
 
     @property
     def ground_down(self) -> float | None:

@@ -265,11 +265,19 @@ def test_a_panorama_is_refused_on_the_way_to_a_place() -> None:
     harness.run(0.1)
     harness.leads((30.0, 0.0, -10.0), 0.0)  # It begins, or waits for a vehicle that lags behind
     assert harness.command(PANORAMA, 360.0) == BUSY
-    harness.leads((NAN, NAN, NAN), 3.0)  # It brakes
-    assert harness.command(PANORAMA, 360.0) == BUSY
     assert "PANORAMA_CREATE refused: the vehicle moves" in harness.status_texts()
-    harness.leads(harness.position, 0.0)
-    assert harness.command(PANORAMA, 360.0) == IN_PROGRESS
+
+
+def test_a_panorama_of_a_vehicle_that_brakes_begins_when_it_rests() -> None:
+    harness = PayloadHarness()
+    harness.run(0.1)
+    harness.leads((NAN, NAN, NAN), 3.0)
+    harness.order(PANORAMA, 360.0)
+    harness.run(5.0)
+    assert {ack.progress for ack in harness.acks.drain()} == {0}
+    harness.leads((NAN, NAN, NAN), 0.0)
+    harness.run(5.0)
+    assert max(ack.progress for ack in harness.acks.drain()) > 0
 
 
 def test_a_flight_to_a_place_ends_a_panorama_and_a_gust_does_not() -> None:
