@@ -286,7 +286,7 @@ class MissionQueue:
         self._events.refuse_expired(now, effects)
 
     def _carry_out_events(self, now: float, effects: Effects) -> None:
-        self._forget_past_orders()
+        self._end_past_orders(effects)
         self._resume_for_events(now, effects)
         for work in self._events.take_due(lambda one: self._is_too_early(one, now), now, effects):
             if work.is_abort:
@@ -300,8 +300,8 @@ class MissionQueue:
                 effects.for_edge.append(work.answer("refused", NO_MISSION))
             self._events.remove(work.work_id)
 
-    def _forget_past_orders(self) -> None:
-        """Forget what an earlier run has ordered before a mission that was reported to run."""
+    def _end_past_orders(self, effects: Effects) -> None:
+        """End what an earlier run has ordered before a mission that was reported to run."""
         for mission in (self._current, *self._waiting):
             report = None if mission is None else mission.work.report
             if (
@@ -309,7 +309,7 @@ class MissionQueue:
                 and report is not None
                 and report.mission_status_id == Status.RUNNING
             ):
-                self._events.forget_before(mission.work.work_id, mission.work.name)
+                self._events.end_before(mission.work.work_id, mission.work.name, effects)
 
     def _resume_for_events(self, now: float, effects: Effects) -> None:
         """Begin a mission of an earlier run before the events upon it are carried out."""

@@ -42,6 +42,7 @@ EVENT_TELEMETRY_WITHIN_S: Final = 3.0
 """How long a vehicle may take to send its position and the state of its sensors."""
 TOO_OLD: Final = "accepted too long ago by an earlier run of the broker: not carried on"
 RESTARTED_SINCE: Final = "the vehicle was restarted since"
+FLOWN_SINCE: Final = "a later mission flies since: whether the vehicle obeyed is not known"
 NOT_SEEN: Final = "the vehicle lands, or has landed: whether it was there before is not known"
 LANDED_UNSEEN: Final = "the vehicle has landed unseen: it may have flown its mission to the end"
 
@@ -125,8 +126,8 @@ class PendingEvents:
         """Whether the edge server may still hand out what has flown since an abort was noted."""
         return now < self._noted_until.get(work.work_id, -math.inf)
 
-    def forget_before(self, work_id: int, mission: str) -> None:
-        """Forget the orders of an earlier run that were over when a mission of it began.
+    def end_before(self, work_id: int, mission: str, effects: Effects) -> None:
+        """End the orders of an earlier run that were over when a mission of it began.
 
         No mission begins before an abort or an alarm's return has ended: the disk did not take it.
         """
@@ -134,6 +135,7 @@ class PendingEvents:
             if work.was_accepted and work.is_abort and work.work_id < work_id:
                 self.remove(work.work_id)
                 self._vehicle.recovery.abort = None
+                effects.for_edge.append(work.answer("refused", FLOWN_SINCE))
         if self._return is not None and self._return.mission != mission:
             self._return = self._vehicle.recovery.pending_return = None
 

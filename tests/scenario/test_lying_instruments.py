@@ -67,7 +67,7 @@ class Liar:
         self._chance = random.Random(3)
         simulation = self.tester.simulation
         self._step = simulation.step
-        simulation.step = self._step_lying  # type: ignore[method-assign]
+        simulation.step = self._step_lying  # type: ignore[method-assign]  # Before the drivers
         self.start = self.tester.true_position()
         self.farthest_m = self.touch_down_m_s = 0.0
         self.tester.watch(self._observe)

@@ -47,6 +47,15 @@ LAND, RETURN_HOME = 1, 103
 SCRIPTS = {"px4": PX4, "ardupilot": ARDUPILOT}
 
 
+def in_its_items(script: Script, journal: Path, *, is_paused: bool) -> World:
+    """A mission that an event has paused, or has paused and resumed."""
+    world = paused(script, journal)
+    if not is_paused:
+        world.edge.event(RESUME)
+        world.run(3.0)
+    return world
+
+
 @pytest.mark.parametrize("is_restarted", [False, True])
 @pytest.mark.parametrize("family", SCRIPTS)
 def test_no_event_resumes_what_a_station_holds(
@@ -99,11 +108,8 @@ def test_a_restarted_broker_orders_nothing_of_what_a_station_holds(
     script: Script, tmp_path: Path, *, is_paused: bool
 ) -> None:
     """Not even another speed, which an earlier run may have ordered."""
-    world = paused(script, tmp_path)
+    world = in_its_items(script, tmp_path, is_paused=is_paused)
     vehicle = world.only_vehicle
-    if not is_paused:
-        world.edge.event(RESUME)
-        world.run(3.0)
     acknowledge(vehicle, mavlink.MAV_CMD_DO_REPOSITION)
     vehicle.set_mode(PX4_HOLD if script is PX4 else COPTER_GUIDED)
     vehicle.heartbeat()
@@ -127,11 +133,8 @@ def test_a_restarted_broker_orders_nothing_of_what_a_station_holds(
 def test_who_takes_one_of_unknown_modes_has_it_behind_a_restart(
     command: int, tmp_path: Path, *, is_paused: bool
 ) -> None:
-    world = paused(GENERIC, tmp_path)
+    world = in_its_items(GENERIC, tmp_path, is_paused=is_paused)
     vehicle = world.only_vehicle
-    if not is_paused:
-        world.edge.event(RESUME)
-        world.run(3.0)
     acknowledge(vehicle, command)
     world.run(2.0)
     since = len(vehicle.frames)
@@ -148,11 +151,8 @@ def test_who_takes_one_of_unknown_modes_has_it_behind_a_restart(
 def test_no_event_pauses_or_resumes_one_of_unknown_modes_in_its_failsafe(
     tmp_path: Path, *, is_paused: bool
 ) -> None:
-    world = paused(GENERIC, tmp_path)
+    world = in_its_items(GENERIC, tmp_path, is_paused=is_paused)
     vehicle = world.only_vehicle
-    if not is_paused:
-        world.edge.event(RESUME)
-        world.run(3.0)
     vehicle.fail_safe(9)
     vehicle.heartbeat()
     world.run(1.0)

@@ -193,7 +193,9 @@ def orders_descent(record: Path) -> bool:
 class TestOrdersOfAnEarlierFlight:
     """The disk took no note that they were over, and the drone flies another mission since."""
 
-    def flies_again(self, folder: Path, script: Script, event: EventType | None) -> World:
+    def flies_again(
+        self, folder: Path, script: Script, event: EventType | None, *, is_answer_lost: bool = False
+    ) -> World:
         """A restarted broker, whose journal still orders what the first flight was ended by."""
         world = World(journal=folder, disk_lag_s=DISK_LAG_S)
         vehicle = world.add_vehicle(script=replace(script, item_time_s=12.0))
@@ -215,6 +217,8 @@ class TestOrdersOfAnEarlierFlight:
         world.run_until(lambda: vehicle.airborne and world.edge.status(1202) == Status.RUNNING)
         world.run(3.0)
         world.disk.refuses = False
+        if is_answer_lost:
+            world.edge.work[2]["state"] = "accepted"
         world.restart_broker()
         return world
 
@@ -229,3 +233,12 @@ class TestOrdersOfAnEarlierFlight:
         assert world.edge.status(1202) == Status.FINISHED
         world.run(2.0)
         assert world.app.sessions[1].vehicle.recovery.abort is None
+
+    def test_an_abort_that_the_edge_server_still_hands_out_has_its_answer(
+        self, tmp_path: Path
+    ) -> None:
+        """Its `done` was lost with the disk of the broker."""
+        world = self.flies_again(tmp_path, PX4, EventType.ABORT_MISSION, is_answer_lost=True)
+        world.run_until_over(1202)
+        assert world.edge.status(1202) == Status.FINISHED
+        assert world.edge.acknowledgements(2)[-1]["status"] == "refused"

@@ -253,7 +253,7 @@ class _Recorder(http.server.BaseHTTPRequestHandler):
         self.send_header("Content-Length", "0")
         self.end_headers()
 
-    def log_message(self, format: str, *values: object) -> None:  # noqa: A002  # as above
+    def log_message(self, format: str, *values: object) -> None:  # noqa: A002  # The name in http.server
         """Be silent."""
 
 
