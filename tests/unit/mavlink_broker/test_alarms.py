@@ -8,6 +8,7 @@ import pytest
 from afarcloud.enumerations import AlarmCode, AlarmType, Status
 from mavlink_broker.mavlink.dialect import Message, mavlink
 from mavlink_broker.mission.states import State
+from mavlink_broker.vehicle.alarms import AlarmMonitor
 from tests.support.broker_world import (
     World,
     first_flight,
@@ -271,6 +272,28 @@ def test_a_part_that_is_ill_since_the_vehicle_was_armed_is_none(tmp_path: Path) 
     world.restart_broker()
     world.run(8.0)
     assert alarms(world) == []
+
+
+def test_what_was_healthy_in_a_flight_is_not_expected_in_the_next(tmp_path: Path) -> None:
+    world = World(journal=tmp_path)
+    vehicle = world.add_vehicle()
+    world.edge.plan(first_flight())
+    world.run_until_over(1201)
+    world.run_until(lambda: not vehicle.armed)
+    world.run(2.0)
+    world.kill_broker()
+    vehicle.ill = mavlink.MAV_SYS_STATUS_SENSOR_LASER_POSITION
+    world.restart_broker()
+    world.edge.plan(first_flight(mission_id=1202))
+    world.run_until_over(1202)
+    assert alarms(world) == []
+    assert world.edge.status(1202) == Status.FINISHED
+
+
+def test_a_signal_that_was_healthy_is_noted_before_it_is_received_again() -> None:
+    monitor = AlarmMonitor()
+    monitor.expect_healthy(["SYS_STATUS: GPS lost"])
+    assert monitor.healthy == ("SYS_STATUS: GPS lost",)
 
 
 def test_a_part_that_fails_is_reported_and_not_what_fails_with_it() -> None:

@@ -229,6 +229,9 @@ class TestOrdersOfAnEarlierFlight:
         self, tmp_path: Path, script: Script, event: EventType | None
     ) -> None:
         world = self.flies_again(tmp_path, script, event)
+        world.edge.take_work()  # It arrives late
+        world.run(4.0)
+        world.edge.hand_out_again()
         world.run_until_over(1202)
         assert world.edge.status(1202) == Status.FINISHED
         world.run(2.0)

@@ -145,6 +145,13 @@ def test_a_flight_along_a_slope_proves_nothing(north_m: float) -> None:
     assert not below.has_failed
 
 
+def test_nor_does_it_prove_that_a_stuck_range_finder_follows() -> None:
+    below = TerrainFilter()
+    climbed(below, DESCENT_M, distance_m=8.0)
+    climbed(below, DESCENT_M[::-1], distance_m=8.0, north_m=0.3)
+    assert below.has_failed
+
+
 def test_a_vehicle_on_the_ground_proves_nothing() -> None:
     """Its estimated height drifts with the air pressure."""
     below = TerrainFilter()
