@@ -16,7 +16,7 @@ from tests.soak.broker_death import (
 )
 from tests.support.broker_world import GENERIC, follow, go_home, hotpoint, takeoff, waypoint
 from tests.support.vehicle_script import ARDUPILOT, PX4, Script
-from tests.unit.mavlink_broker.test_live_commands import OWN
+from tests.unit.mavlink_broker.live.test_live_commands import OWN
 
 pytestmark = pytest.mark.scenario
 

@@ -10,7 +10,7 @@ from mavlink_broker.mavlink.dialect import mavlink
 from tests.support.broker_world import World, first_flight
 from tests.support.fake_edge import FakeEdge
 from tests.unit.edge_server.conftest import Edge
-from tests.unit.mavlink_broker.test_alarms import SLOW
+from tests.unit.mavlink_broker.vehicle.test_alarms import SLOW
 
 LOOK_EVERY_S = 0.5
 

@@ -18,7 +18,7 @@ from mavlink_broker.session import Session
 from tests.support.broker_world import FINISHED, World, first_flight
 from tests.support.fenced_vehicle import ARDUPILOT_VALUES, PX4_VALUES, FencedVehicle
 from tests.support.vehicle_script import ARDUPILOT, HOME, PX4, PX4_RETURN, Script
-from tests.unit.mavlink_broker.test_events import (
+from tests.unit.mavlink_broker.events.test_events import (
     ABORT,
     POINT,
     SOFT_ABORT,

@@ -17,7 +17,7 @@ from tests.support.real_autopilots import COPTER_4_6, PX4_1_17
 from tests.support.scripted_telemetry import STREAMS
 from tests.support.scripted_vehicle import ScriptedVehicle
 from tests.support.vehicle_script import PX4, Script
-from tests.unit.mavlink_broker.test_takeover import orders
+from tests.unit.mavlink_broker.takeovers.test_takeover import orders
 
 ELSEWHERE = ("198.51.100.7", 40_000)
 SAME_ID = "another vehicle at 198.51.100.7:40000 has the same system id, 1"
