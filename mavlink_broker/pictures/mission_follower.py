@@ -141,7 +141,7 @@ class MissionFollower:
         time_s = self._time.at(now)
         if stood_still:  # What has waited has an old time, and what the vehicle has begun may not
             time_s = max(time_s, self._updated_s + now - self._updated_at)
-        if stood_still or not is_followed:
+        if stood_still or not is_followed or not self._vehicle.is_connected(now):
             self.followed_since = now
         self._updated_at, self._updated_s = now, self._time.at(now)
         return self._follow_command(command, now, time_s)

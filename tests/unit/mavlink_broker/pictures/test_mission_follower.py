@@ -12,7 +12,7 @@ from afarcloud.enumerations import Status
 from afarcloud.plan import Mission
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.pictures.attribution import Attribution
-from mavlink_broker.pictures.collector import MISSION_WITHIN_S
+from mavlink_broker.pictures.collector import MISSION_WITHIN_S, PROGRESS_WITHIN_S
 from mavlink_broker.pictures.mission_follower import EarlierFlight
 from mavlink_broker.vehicle.mission_ledger import MissionLedger
 from mavlink_broker.vehicle.recovery_state import RecoveryState
@@ -36,6 +36,22 @@ def test_a_restarted_broker_whose_link_is_lost_gives_the_pictures_to_their_comma
     flight.vehicle.silent = False
     flight.land()
     assert flight.names == [f"m1201_c3_000{number}.jpeg" for number in range(3)]
+
+
+def test_a_picture_waits_for_the_progress_of_a_vehicle_whose_link_is_lost() -> None:
+    """Its announcement is the last that is received, before its command is seen to run."""
+    flight = PictureFlight(count=1)
+    flight.until(mavlink.MAV_CMD_NAV_WAYPOINT)
+    flight.vehicle.silent = True
+    flight.world.run_until(lambda: flight.item == mavlink.MAV_CMD_IMAGE_START_CAPTURE)
+    flight.vehicle.silent = False
+    flight.camera.shoot()
+    flight.vehicle.silent = True
+    flight.world.run(3.0 * PROGRESS_WITHIN_S)
+    assert flight.names == []
+    flight.vehicle.silent = False
+    flight.land()
+    assert flight.names == ["m1201_c3_0000.jpeg"]
 
 
 @pytest.mark.parametrize("is_killed", [False, True], ids=["link-away", "broker-killed"])
