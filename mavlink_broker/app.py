@@ -278,12 +278,13 @@ class App:
                 return
 
     def _warning_of(self, member: FleetMember, now: float) -> str | None:
-        """Warning: its link, what it waits for or keeps, dead letters and internal errors."""
+        """Warning: its link, what waits for it, what it keeps, dead letters and internal errors."""
         dead = self._edge.dead_letters_of(member.session.vehicle.vehicle_id)
         warnings = (
             member.session.vehicle.duplicate,
             member.session.link_warning,
             member.session.vehicle.armed_period.warning(now),
+            member.session.waiting_warning,
             member.session.config_warning,
             f"{dead} reports could not be delivered: see dead-letters" if dead else None,
             self.internal_errors.warning(_owner(member), now),

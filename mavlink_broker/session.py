@@ -60,6 +60,9 @@ UNANSWERED: Final = (
     "it is received but does not answer, so that orders may not reach it: the link may work in one "
     "direction only, or the vehicle has another signing key"
 )
+WAITS_FOR_LANDING: Final = (
+    "a mission waits until it has landed: it is in the air, and not where this broker has left it"
+)
 EXCHANGING: Final = PREPARING | {State.ATTACHING}
 """States in which the link is kept free of pictures."""
 
@@ -137,6 +140,18 @@ class Session:
     def link_warning(self) -> str | None:
         """What an operator should know about its link; None if it works in both directions."""
         return UNANSWERED if self._answers.is_unanswered else None
+
+    @property
+    def waiting_warning(self) -> str | None:
+        """What an operator should know while a mission waits for a vehicle that flies without it.
+
+        Nothing of that is reported: the mission is accepted when its turn comes.
+        """
+        snapshot, missions = self.vehicle.snapshot, self.missions
+        flies_without = bool(snapshot.armed) and not missions.is_flying
+        waits = flies_without and not missions.is_idle
+        is_away = not (snapshot.is_on_ground or self.vehicle.hovers)
+        return WAITS_FOR_LANDING if waits and is_away else None
 
     def is_stranger(self, now: float) -> bool:
         """Whether a vehicle has sent no more than a heartbeat, and sends nothing any more."""

@@ -67,10 +67,10 @@ class MissionQueue:
     def is_empty(self) -> bool:
         """Whether there is neither a mission nor an event."""
         is_settled = not self._events.is_waiting and not self._unconfirmed.are_open
-        return self._is_idle and is_settled
+        return self.is_idle and is_settled
 
     @property
-    def _is_idle(self) -> bool:
+    def is_idle(self) -> bool:
         """Whether no mission flies or waits."""
         return self._current is None and not self._waiting
 

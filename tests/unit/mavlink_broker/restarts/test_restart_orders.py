@@ -8,11 +8,13 @@ import pytest
 from afarcloud.enumerations import EventType, Status
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.mission.states import State
+from mavlink_broker.session import WAITS_FOR_LANDING
 from mavlink_broker.vehicle.record_encoding import decode
 from tests.support.broker_world import (
     FAMILIES,
     FINISHED,
     World,
+    first_flight,
     go_home,
     mission,
     takeoff,
@@ -102,13 +104,18 @@ class TestHover:
 
     def test_without_a_journal_the_next_mission_waits_for_the_landing(self) -> None:
         world = World()
-        world.add_vehicle()
+        vehicle = world.add_vehicle()
         world.edge.plan(FIRST)
         world.run_until_over(1201)
-        world.edge.plan(SECOND)
+        world.edge.plan(first_flight(mission_id=1202))
         world.restart_broker()
         world.run(20.0)
         assert world.edge.status(1202) is None
+        assert world.edge.bodies("/vehicles/1")[-1]["warning"] == WAITS_FOR_LANDING
+        vehicle.armed = vehicle.airborne = False
+        world.run_until_over(1202)
+        assert world.edge.statuses(1202) == FINISHED
+        assert world.edge.bodies("/vehicles/1")[-1]["warning"] is None
 
 
 class TestReturn:
