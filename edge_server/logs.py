@@ -18,7 +18,6 @@ from pythonjsonlogger.json import JsonFormatter
 
 from farm_flight_bridge.log_stream import UnblockedStreamHandler, standard_error
 
-FORMATS: Final = ("auto", "json", "text")
 REQUEST_ID: Final[ContextVar[str | None]] = ContextVar("request_id", default=None)
 """Id of the request that this thread serves."""
 
@@ -47,7 +46,7 @@ _SECRETS: Final = (
 
 
 def configure(level: str, form: str, stream: TextIO | None = None) -> None:
-    """Configure logging of the process; `form` is one of FORMATS; default stream: stderr."""
+    """Configure logging of the process; `form` is auto, json or text; default stream: stderr."""
     target = stream or standard_error()
     as_json = form == "json" or (form == "auto" and not target.isatty())
     handler = UnblockedStreamHandler(target)

@@ -110,11 +110,11 @@ def raw_body(limit: int = MAXIMUM_BODY_BYTES, *, keep: bool = False) -> bytes:
     return raw
 
 
-def octets(limit: int = MAXIMUM_BODY_BYTES) -> bytes:
+def octets() -> bytes:
     """Read a body that is a part of a file; raises 413 or 415."""
     if request.mimetype != OCTETS:
         raise RequestError(415, f"the body must be {OCTETS}")
-    return raw_body(limit)
+    return raw_body()
 
 
 def document(kind: Kind, model: type[_Model]) -> _Model:

@@ -39,12 +39,6 @@ def install(app: Flask, metrics: Metrics) -> None:
     app.teardown_request(_clear)
 
 
-def request_id() -> str:
-    """Id of the current request."""
-    found: str = g.request_id
-    return found
-
-
 def _begin() -> None:
     offered = request.headers.get(HEADER, "")
     plain = _PLAIN.fullmatch(offered) is not None

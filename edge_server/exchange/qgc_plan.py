@@ -22,11 +22,6 @@ _LARGEST_CODE: Final = 65_535
 _LONGEST_NAME: Final = 40
 
 
-def is_plan(document: Any) -> bool:
-    """Whether a parsed document claims to be such a file."""
-    return isinstance(document, dict) and "fileType" in document
-
-
 def read(document: Any) -> MissionFile:
     """Read a parsed file.
 

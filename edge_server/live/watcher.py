@@ -26,10 +26,8 @@ LINGER_S: Final = 30.0
 class Watcher:
     """One thread, alive while there are readers; every reader counts itself with `note_reader`."""
 
-    def __init__(
-        self, read: Callable[[], Farm], changes: Changes, wake: Callable[[], None] | None = None
-    ) -> None:
-        """Begin asleep; `wake` is called after changes were published."""
+    def __init__(self, read: Callable[[], Farm], changes: Changes) -> None:
+        """Begin asleep."""
         self._read = read
         self._changes = changes
         self._lock = threading.Lock()
@@ -38,7 +36,8 @@ class Watcher:
         self._is_first_read = threading.Event()
         self._farm = NOTHING
         self._encoded: tuple[Farm, str] = NOTHING, ""
-        self.wake: Callable[[], None] = wake or (lambda: None)
+        self.wake: Callable[[], None] = lambda: None
+        """Called after changes were published."""
 
     def note_reader(self) -> None:
         """Note that somebody watches now; starts the thread if it sleeps."""

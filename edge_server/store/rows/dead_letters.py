@@ -75,12 +75,6 @@ def _narrowed(
     return query.order_by(telemetry.c.id)
 
 
-def count(connection: Connection) -> int:
-    """Return how many there are."""
-    dead = select(func.count()).select_from(outbox).where(outbox.c.state == "dead")
-    return connection.execute(dead).scalar_one()
-
-
 def _letter(row: Any) -> DeadLetter:
     record = Record(row.id, row.message_id, row.kind, row.vehicle_id, row.payload, row.received_at)
     return DeadLetter(record, row.attempts, row.last_error, row.rejected_at)

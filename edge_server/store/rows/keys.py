@@ -15,7 +15,6 @@ from sqlalchemy import Connection, delete, func, insert, or_, select, update
 from edge_server.store.rows.tables import access_key
 
 _SHAPE: Final = re.compile(r"fm_([0-9a-f]{8})_([0-9a-f]{64})")
-PREFIX: Final = re.compile(r"[0-9a-f]{8}")
 
 
 class Role(StrEnum):
