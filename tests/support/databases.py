@@ -21,9 +21,11 @@ from typing import Any
 
 import psycopg
 import pytest
+from sqlalchemy import Connection, func, select
 
 from edge_server.store import migrate
 from edge_server.store.connection.engines import sqlite_url
+from edge_server.store.rows.tables import outbox
 from tests.support.system import wait_for
 
 ENGINES = ("sqlite", "postgresql")
@@ -44,6 +46,11 @@ _CUT_OTHERS = (
     "SELECT pg_terminate_backend(pid) FROM pg_stat_activity "
     "WHERE datname = current_database() AND pid <> pg_backend_pid()"
 )
+
+
+def count_outbox(connection: Connection) -> int:
+    """Count the records that the cloud has not confirmed, dead letters too."""
+    return connection.execute(select(func.count()).select_from(outbox)).scalar_one()
 
 
 def empty_sqlite(path: Path) -> str:

@@ -27,7 +27,7 @@ from edge_server.services.reports import telemetry
 from edge_server.services.reports.telemetry import Arrival
 from edge_server.store.connection.database import Database
 from edge_server.store.connection.engines import open_engine
-from edge_server.store.rows import telemetry as records
+from tests.support.databases import count_outbox
 from tests.unit.edge_server import documents
 
 NOON = 1_795_262_400.0  # 2026-11-21T12:00:00Z
@@ -203,4 +203,4 @@ class VirtualStation:
 
     def waiting(self) -> int:
         with self.database.read() as connection:
-            return records.count_waiting(connection)
+            return count_outbox(connection)

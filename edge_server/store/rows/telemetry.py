@@ -4,10 +4,10 @@ import json
 from collections.abc import Iterator, Sequence
 from typing import Any, Final, NamedTuple
 
-from sqlalchemy import Connection, delete, func, insert, select, update
+from sqlalchemy import Connection, delete, insert, select, update
 
 from edge_server.store.connection.database import new_id, one_by_one
-from edge_server.store.rows.tables import outbox, telemetry
+from edge_server.store.rows.tables import telemetry
 
 
 class Record(NamedTuple):
@@ -117,11 +117,6 @@ def remove(connection: Connection, kind: str, record_id: int) -> bool:
         delete(telemetry).where(telemetry.c.id == record_id, telemetry.c.kind == kind)
     )
     return result.rowcount > 0
-
-
-def count_waiting(connection: Connection) -> int:
-    """Return how many reports the cloud has not confirmed."""
-    return connection.execute(select(func.count()).select_from(outbox)).scalar_one()
 
 
 def _record(row: Any) -> Record:

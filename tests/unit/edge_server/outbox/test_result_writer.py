@@ -30,7 +30,7 @@ from edge_server.store.connection.database import Database
 from edge_server.store.connection.engines import open_engine
 from edge_server.store.files import ballast, integrity
 from edge_server.store.rows import telemetry
-from tests.support.databases import empty_sqlite
+from tests.support.databases import count_outbox, empty_sqlite
 
 POSES = Stream(1, "pose")
 CONFIRMED = Result(Outcome.CONFIRMED, "200", 200)
@@ -60,7 +60,7 @@ def records(database: Database, number: int) -> list[OutboxRecord]:
 
 def waiting(database: Database) -> int:
     with database.read() as connection:
-        return telemetry.count_waiting(connection)
+        return count_outbox(connection)
 
 
 def confirmed(record: OutboxRecord) -> RecordResult:

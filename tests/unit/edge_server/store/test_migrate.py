@@ -17,7 +17,7 @@ from edge_server.store.connection.engines import open_engine, sqlite_url
 from edge_server.store.rows import plans, telemetry, vehicles, work
 from edge_server.store.rows.plans import StoredPlan
 from edge_server.store.rows.tables import METADATA
-from tests.support.databases import BOTH_ENGINES, PostgresServer
+from tests.support.databases import BOTH_ENGINES, PostgresServer, count_outbox
 from tests.unit.edge_server import documents
 
 
@@ -109,7 +109,7 @@ def test_preparing_again_keeps_what_is_there(url: str, engine: Engine) -> None:
     fill(engine)
     migrate.prepare(url)
     with Database(engine).read() as connection:
-        assert telemetry.count_waiting(connection) == 1
+        assert count_outbox(connection) == 1
 
 
 @pytest.mark.first_case
