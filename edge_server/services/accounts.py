@@ -17,7 +17,7 @@ from edge_server.services.errors import ConflictError, NotFoundError
 from edge_server.services.keys import Name
 from edge_server.store.connection.database import Database
 from edge_server.store.connection.locks import KEYS
-from edge_server.store.rows import accounts
+from edge_server.store.rows import accounts, keys
 from edge_server.store.rows.accounts import Account, Session
 from edge_server.store.rows.keys import Role
 
@@ -178,8 +178,7 @@ def sign_in(
         if name is None or person is None or person.is_disabled or has_old_password:
             audit.changes_nothing()  # The refusal is recorded in its place
             return None
-        digest = accounts.digest(secret)
-        started = Session(prefix, digest, name, now, now + valid_s, address[:64])
+        started = Session(prefix, keys.digest(secret), name, now, now + valid_s, address[:64])
         accounts.end_sessions(connection, name, keep=MOST_SESSIONS - 1)
         accounts.add_session(connection, started)
         accounts.change(connection, name, signed_in_at=now)

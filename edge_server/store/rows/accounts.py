@@ -4,14 +4,13 @@ A session is found like an access key, by a prefix, and only a SHA-256 of its se
 `fs_<prefix>_<secret>`.
 """
 
-import hashlib
 import re
 import secrets
 from typing import Any, Final, NamedTuple
 
 from sqlalchemy import Connection, delete, func, insert, select, update
 
-from edge_server.store.rows.keys import Role, StoredKey
+from edge_server.store.rows.keys import Role, StoredKey, digest
 from edge_server.store.rows.tables import account, session, sign_in_link
 
 _SESSION: Final = re.compile(r"fs_([0-9a-f]{8})_[0-9a-f]{64}")
@@ -54,11 +53,6 @@ def prefix_of(secret: str) -> str | None:
     """Return the part by which a session is found, None if the text is no session's secret."""
     match = _SESSION.fullmatch(secret)
     return match.group(1) if match else None
-
-
-def digest(secret: str) -> bytes:
-    """Return the hash that is stored in place of a secret or token."""
-    return hashlib.sha256(secret.encode()).digest()
 
 
 # Accounts.
@@ -142,7 +136,7 @@ def end_session(connection: Connection, prefix: str) -> bool:
 
 
 def end_sessions(connection: Connection, name: str, keep: int = 0) -> None:
-    """End the sessions of an account and its links, except its newest sessions."""
+    """End the sessions of an account, except its newest `keep`."""
     query = select(session.c.prefix).where(session.c.account == name)
     newest = connection.execute(query.order_by(session.c.created_at.desc())).scalars().all()
     connection.execute(delete(session).where(session.c.prefix.in_(newest[keep:])))

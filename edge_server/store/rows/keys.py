@@ -65,9 +65,9 @@ def prefix_of(key: str) -> str | None:
     return match.group(1) if match else None
 
 
-def digest(key: str) -> bytes:
-    """Return the hash that is stored in place of the key."""
-    return hashlib.sha256(key.encode()).digest()
+def digest(secret: str) -> bytes:
+    """Return the hash that is stored in place of a key, a session's secret or a link's token."""
+    return hashlib.sha256(secret.encode()).digest()
 
 
 def made_from(key: str, role: Role, name: str, now: float) -> StoredKey:
