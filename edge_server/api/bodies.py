@@ -28,8 +28,9 @@ _FLAGS: Final[dict[str | None, bool]] = {None: False, "true": True, "false": Fal
 _WHOLE: Final = re.compile(r"([0-9]{1,19})(?:\.0+)?")  # 5.0 is an integer, as in a body
 _NUMBER: Final = re.compile(r"[0-9]{1,400}(\.[0-9]{1,400})?([eE][+-]?[0-9]{1,3})?")
 _LATEST_S: Final = 1e11  # Epoch seconds; the year 5138
-PAGE_DEFAULT: Final = 100
-PAGE_LIMIT: Final = 1000
+_LARGEST_ID: Final = 2**63 - 1
+_PAGE_DEFAULT: Final = 100
+_PAGE_LIMIT: Final = 1000
 
 _Model = TypeVar("_Model", bound=Model)
 
@@ -159,6 +160,16 @@ def query_integer(name: str, default: int | None, low: int, high: int) -> int:
         message = f"must be a whole number from {low} to {high}"
         raise RequestError(422, "the query cannot be used", (Fault(name, message),))
     return int(whole[1])
+
+
+def query_after() -> int:
+    """Read `after` from the query, the id behind which a list begins; raises 422."""
+    return query_integer("after", 0, 0, _LARGEST_ID)
+
+
+def query_limit() -> int:
+    """Read `limit` from the query, how many items a list has at most; raises 422."""
+    return query_integer("limit", _PAGE_DEFAULT, 1, _PAGE_LIMIT)
 
 
 def query_boolean(name: str) -> bool:

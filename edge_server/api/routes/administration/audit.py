@@ -26,7 +26,7 @@ def blueprint() -> Blueprint:
 @describe(Contract({200: None}, query=("after", "since")))
 def export() -> Response:
     """Export who did what; each row holds the hash of the one before it."""
-    after_id = bodies.query_integer("after", 0, 0, 2**63 - 1)
+    after_id = bodies.query_after()
     since_s = bodies.query_time("since")
     return Response(_lines(bodies.context(), after_id, since_s), content_type=NDJSON)
 

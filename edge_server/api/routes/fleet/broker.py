@@ -49,7 +49,7 @@ def blueprint() -> Blueprint:
 @describe(Contract({200: schemas.Work}, query=("after", "wait"), errors=(429,)))
 def poll() -> dict[str, Any]:
     """Give work for the broker; with `wait`, block until there is some."""
-    after = bodies.query_integer("after", 0, 0, 2**63 - 1)
+    after = bodies.query_after()
     wait_s = bodies.query_number("wait", 0.0, 0.0, LONGEST_WAIT_S)
     bodies.context().contacts.note_poll(broker())
     return broker_work.poll(bodies.context(), after, wait_s, broker(), scopes.vehicles())

@@ -61,8 +61,8 @@ def create() -> ResponseReturnValue:
 @describe(Contract({200: schemas.StoredEvent}, is_list=True, query=PAGE))
 def page() -> list[dict[str, Any]]:
     """List events, also those that have ended."""
-    after_id = bodies.query_integer("after", 0, 0, 2**63 - 1)
-    limit = bodies.query_integer("limit", bodies.PAGE_DEFAULT, 1, bodies.PAGE_LIMIT)
+    after_id = bodies.query_after()
+    limit = bodies.query_limit()
     since_s = bodies.query_time("since")
     context = bodies.context()
 

@@ -88,8 +88,8 @@ def page() -> ResponseReturnValue:
     """List fields, as JSON or as one GeoJSON FeatureCollection."""
     found = fields.page(
         bodies.context(),
-        after_id=bodies.query_integer("after", 0, 0, 2**63 - 1),
-        limit=bodies.query_integer("limit", bodies.PAGE_DEFAULT, 1, bodies.PAGE_LIMIT),
+        after_id=bodies.query_after(),
+        limit=bodies.query_limit(),
         since_s=bodies.query_time("since"),
     )
     if _wants_geojson():

@@ -46,8 +46,8 @@ def blueprint() -> Blueprint:
 )
 def page() -> list[dict[str, Any]]:
     """List rejected reports and the reasons."""
-    after_id = bodies.query_integer("after", 0, 0, 2**63 - 1)
-    limit = bodies.query_integer("limit", bodies.PAGE_DEFAULT, 1, bodies.PAGE_LIMIT)
+    after_id = bodies.query_after()
+    limit = bodies.query_limit()
     kind = _kind()
 
     def of(vehicle_id: int | None) -> list[dict[str, Any]]:

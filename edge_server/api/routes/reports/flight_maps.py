@@ -37,8 +37,8 @@ def blueprint() -> Blueprint:
 )
 def page() -> list[dict[str, Any]]:
     """List the maps of flights that are made, the one that was made last at the end."""
-    after_id = bodies.query_integer("after", 0, 0, 2**63 - 1)
-    limit = bodies.query_integer("limit", bodies.PAGE_DEFAULT, 1, bodies.PAGE_LIMIT)
+    after_id = bodies.query_after()
+    limit = bodies.query_limit()
 
     def of(vehicle_id: int | None) -> list[dict[str, Any]]:
         return flight_maps.listing(

@@ -153,8 +153,8 @@ def _file(lines: Iterator[str], media_type: str, name: str) -> Response:
 
 def _part() -> Page:
     """Read which part of a list is wanted; raises 422."""
-    after_id = bodies.query_integer("after", 0, 0, 2**63 - 1)
-    limit = bodies.query_integer("limit", bodies.PAGE_DEFAULT, 1, bodies.PAGE_LIMIT)
+    after_id = bodies.query_after()
+    limit = bodies.query_limit()
     return Page(after_id, limit)
 
 

@@ -53,8 +53,8 @@ def _add_kind(routes: Blueprint, kind: Kind) -> None:
     @describe(Contract({200: stored}, is_list=True, query=PAGE))
     def page() -> list[dict[str, Any]]:
         """List the reports that the cloud has not confirmed."""
-        after_id = bodies.query_integer("after", 0, 0, 2**63 - 1)
-        limit = bodies.query_integer("limit", bodies.PAGE_DEFAULT, 1, bodies.PAGE_LIMIT)
+        after_id = bodies.query_after()
+        limit = bodies.query_limit()
         since_s = bodies.query_time("since")
 
         def of(vehicle_id: int | None) -> list[dict[str, Any]]:
