@@ -6,11 +6,10 @@ A flight has several logs if its vehicle was disarmed in between; `/flights/<id>
 from flask import Blueprint, Response, request
 
 from edge_server.api import archive_schemas, bodies, etags, urls
-from edge_server.api.access import scopes
 from edge_server.api.access.auth import PEOPLE, allow
 from edge_server.api.contract import Contract, describe
-from edge_server.api.routes.reports.flights import ITEM, NAMES
-from edge_server.services import flight_archive, flight_logs
+from edge_server.api.routes.reports.flights import ITEM, NAMES, check_flight
+from edge_server.services import flight_logs
 from edge_server.services.flight_logs import LogFile
 from edge_server.services.reports.listing import Listing
 
@@ -28,7 +27,7 @@ def blueprint() -> Blueprint:
 @describe(Contract({200: archive_schemas.FlightLog}, is_list=True))
 def page(flight_id: int) -> Listing:
     """List the logs of a flight, oldest first, also those that are still received."""
-    _check(flight_id)
+    check_flight(flight_id)
     return flight_logs.of_flight(bodies.context(), flight_id)
 
 
@@ -36,7 +35,7 @@ def page(flight_id: int) -> Listing:
 @describe(Contract({200: None, 206: None}, conditional=True, errors=(416,)))
 def get(flight_id: int, number: int) -> Response:
     """Give a log of a flight, or the range of its bytes that is asked for."""
-    _check(flight_id)
+    check_flight(flight_id)
     return _file(flight_logs.file_of_flight(bodies.context(), flight_id, number))
 
 
@@ -44,7 +43,7 @@ def get(flight_id: int, number: int) -> Response:
 @describe(Contract({200: None, 206: None}, query=("format:log",), conditional=True, errors=(416,)))
 def largest(flight_id: int) -> Response:
     """Give the vehicle's own log of a flight, the largest of several; or that of a format."""
-    _check(flight_id)
+    check_flight(flight_id)
     formats = flight_logs.OWN_FORMATS
     if (form := request.args.get("format")) is not None:
         formats = frozenset({bodies.query_choice("format", form, flight_logs.FORMATS)})
@@ -55,8 +54,3 @@ def _file(found: LogFile) -> Response:
     answer = etags.file_part(found.tag, found.size_bytes, found.read, flight_logs.MEDIA_TYPE)
     answer.headers["Content-Disposition"] = f'attachment; filename="{found.name}"'
     return answer
-
-
-def _check(flight_id: int) -> None:
-    """Check that a flight exists and that the key permits its vehicle; raises 403 or 404."""
-    scopes.permitted(flight_archive.flight(bodies.context(), flight_id))

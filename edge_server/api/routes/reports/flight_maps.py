@@ -12,9 +12,9 @@ from edge_server.api import archive_schemas, bodies, urls
 from edge_server.api.access import scopes
 from edge_server.api.access.auth import PEOPLE, PLANNERS, allow, audit
 from edge_server.api.contract import Contract, describe
-from edge_server.api.routes.reports.flights import ITEM, NAMES
+from edge_server.api.routes.reports.flights import ITEM, NAMES, check_flight
 from edge_server.pictures import footprint
-from edge_server.services import flight_archive, flight_maps
+from edge_server.services import flight_maps
 
 LIST_NAMES: Final = ("flight_maps",)
 
@@ -52,7 +52,7 @@ def page() -> list[dict[str, Any]]:
 @describe(Contract({200: archive_schemas.FlightMap}, query=("band",)))
 def get(flight_id: int) -> dict[str, Any]:
     """Give the state of a flight's map, and what ground it shows once it is made."""
-    _check(flight_id)
+    check_flight(flight_id)
     return flight_maps.overview(bodies.context(), flight_id, _band())
 
 
@@ -60,7 +60,7 @@ def get(flight_id: int) -> dict[str, Any]:
 @describe(Contract({202: archive_schemas.FlightMap}, query=("band",), errors=(409, 429)))
 def make(flight_id: int) -> ResponseReturnValue:
     """Begin to make the map of a flight out of its pictures that look down."""
-    _check(flight_id)
+    check_flight(flight_id)
     begun = flight_maps.make(bodies.context(), flight_id, _band())
     audit(f"begun the map of flight {flight_id}")
     return begun, 202
@@ -70,7 +70,7 @@ def make(flight_id: int) -> ResponseReturnValue:
 @describe(Contract({200: None}, query=("band",)))
 def picture(flight_id: int) -> Response:
     """Give the map as a WebP between its corners, transparent where nothing is known."""
-    _check(flight_id)
+    check_flight(flight_id)
     answer = Response(
         flight_maps.picture(bodies.context(), flight_id, _band()),
         content_type=flight_maps.MEDIA_TYPE,
@@ -82,8 +82,3 @@ def picture(flight_id: int) -> Response:
 def _band() -> str:
     """Read of which pictures the map is; raises 422."""
     return bodies.query_choice("band", request.args.get("band", footprint.RGB), footprint.BANDS)
-
-
-def _check(flight_id: int) -> None:
-    """Check that a flight exists and that the key permits its vehicle; raises 403 or 404."""
-    scopes.permitted(flight_archive.flight(bodies.context(), flight_id))

@@ -65,7 +65,7 @@ def get(flight_id: int) -> dict[str, Any]:
 def track(flight_id: int) -> Response:
     """Give the track of a flight as GeoJSON, CSV or GPX 1.1."""
     form = _form("geojson", FORMATS)
-    _check(flight_id)
+    check_flight(flight_id)
     media_type, _ = FORMATS[form]
     lines = flight_archive.track(bodies.context(), flight_id, form)
     return _file(lines, media_type, f"flight-{flight_id}.{form}")
@@ -76,7 +76,7 @@ def track(flight_id: int) -> Response:
 def pictures(flight_id: int) -> list[dict[str, Any]]:
     """List the pictures of a flight, without their data."""
     asked = _part()
-    _check(flight_id)
+    check_flight(flight_id)
     return flight_archive.pictures(bodies.context(), flight_id, asked)
 
 
@@ -85,7 +85,7 @@ def pictures(flight_id: int) -> list[dict[str, Any]]:
 def footprints(flight_id: int) -> list[dict[str, Any]]:
     """List what ground the pictures of a flight show; null for one that is no map."""
     asked = _part()
-    _check(flight_id)
+    check_flight(flight_id)
     return flight_archive.footprints(bodies.context(), flight_id, asked)
 
 
@@ -93,7 +93,7 @@ def footprints(flight_id: int) -> list[dict[str, Any]]:
 @describe(Contract({200: None}))
 def picture(flight_id: int, number: int) -> Response:
     """Give a picture as the vehicle has taken it."""
-    _check(flight_id)
+    check_flight(flight_id)
     found = flight_archive.picture(bodies.context(), flight_id, number)
     return Response(found.data, content_type=found.media_type)
 
@@ -102,7 +102,7 @@ def picture(flight_id: int, number: int) -> Response:
 @describe(Contract({200: None}, conditional=True, errors=(429,)))
 def thumbnail(flight_id: int, number: int) -> Response:
     """Give a picture as a JPEG of at most 320 pixels a side; 404 if it cannot be read."""
-    _check(flight_id)
+    check_flight(flight_id)
     context = bodies.context()
     found = flight_archive.picture(context, flight_id, number)
     tag = f"{hashlib.sha256(found.key.encode()).hexdigest()[:32]}-thumbnail"
@@ -130,7 +130,7 @@ def observations(flight_id: int) -> list[dict[str, Any]] | Response:
     """List the measurements of a flight, or give all of them as CSV."""
     is_file = _form("json", OBSERVATION_FORMATS) == "csv"
     asked = _part()
-    _check(flight_id)
+    check_flight(flight_id)
     if not is_file:
         return flight_archive.observations(bodies.context(), flight_id, asked)
     return _file(
@@ -158,6 +158,6 @@ def _part() -> Page:
     return Page(after_id, limit)
 
 
-def _check(flight_id: int) -> None:
+def check_flight(flight_id: int) -> None:
     """Check that a flight exists and that the key permits its vehicle; raises 403 or 404."""
     scopes.permitted(flight_archive.flight(bodies.context(), flight_id))
