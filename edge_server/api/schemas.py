@@ -22,13 +22,14 @@ from afarcloud.state import (
     StateVector,
 )
 from afarcloud.wire import MODELS, TELEMETRY, Kind
+from edge_server.outbox import gaps
 from edge_server.services.fleet.event_states import State
 from edge_server.services.fleet.vehicles import VehicleState
 from edge_server.store.rows.keys import Role, Scope
 
 Id = Annotated[int, Member(ge=1)]
 WorkItemState = Literal["queued", "accepted", "closed"]
-_KINDS_OF_DEAD_LETTERS: Final = [*(kind.value for kind in TELEMETRY), "gap"]
+KINDS_OF_DEAD_LETTERS: Final = (*(kind.value for kind in TELEMETRY), gaps.KIND)
 _KEY: Final = r"^[!-~]{1,64}$"
 
 
@@ -208,7 +209,7 @@ class DeadLetter(Answer):
     """A report that the cloud has rejected."""
 
     id: Id
-    kind: Annotated[str, Member(json_schema_extra={"enum": [*_KINDS_OF_DEAD_LETTERS]})]
+    kind: Annotated[str, Member(json_schema_extra={"enum": [*KINDS_OF_DEAD_LETTERS]})]
     vehicle_id: Id
     attempts: Annotated[int, Member(ge=0)]
     reason: str

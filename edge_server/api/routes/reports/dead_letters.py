@@ -5,23 +5,20 @@ from typing import Any
 from flask import Blueprint, Response, request
 from flask.typing import ResponseReturnValue
 
-from afarcloud.faults import Fault
 from afarcloud.state import Report
-from afarcloud.wire import TELEMETRY, Kind
+from afarcloud.wire import Kind
 from edge_server.api import bodies, schemas, urls
 from edge_server.api.access import scopes
 from edge_server.api.access.auth import ADMIN, PLANNERS, allow, audit
 from edge_server.api.contract import Contract, describe
-from edge_server.api.errors import RequestError
 from edge_server.api.routes.administration.audit import NDJSON
+from edge_server.outbox import gaps
 from edge_server.services.errors import ConflictError
 from edge_server.services.reports import dead_letters
 from edge_server.store.connection.database import to_json
 
 NAMES = ("dead_letters", "dead_letter")
 ITEM = "int64:record_id"
-_REPORTS = [kind.value for kind in TELEMETRY]
-_KINDS = [*_REPORTS, "gap"]
 _EXAMPLE = {"sequence_number": 7, "vehicle_id": 1, "capacity": 5.2, "percentage": 0.8}
 
 
@@ -91,7 +88,7 @@ def retry_all() -> dict[str, int]:
 def edit(record_id: int) -> dict[str, Any]:
     """Correct a dead letter and send it."""
     kind = scopes.permitted(dead_letters.find(bodies.context(), record_id))["kind"]
-    if kind not in _REPORTS:
+    if kind == gaps.KIND:
         raise ConflictError("a gap cannot be edited: retry or delete it")
     report = bodies.document(Kind(kind), Report)
     stored = dead_letters.edit(bodies.context(), record_id, report)
@@ -121,7 +118,6 @@ def discard(record_id: int) -> ResponseReturnValue:
 
 def _kind() -> str | None:
     kind = request.args.get("kind")
-    if kind is not None and kind not in _KINDS:
-        fault = Fault("kind", f"must be one of {', '.join(_KINDS)}")
-        raise RequestError(422, "the query cannot be used", (fault,))
-    return kind
+    if kind is None:
+        return None
+    return bodies.query_choice("kind", kind, schemas.KINDS_OF_DEAD_LETTERS)
