@@ -29,13 +29,12 @@ from edge_server.connections.admission import (
     LINGER_S,
     Reason,
 )
-from edge_server.connections.exchange import Stream
+from edge_server.connections.exchange import CONTINUE, Stream
 from edge_server.connections.framing import RequestFraming, Stage
 
 _RECEIVED_BYTES: Final = 65_536
 UNSENT_S: Final = 20.0
 """How long a reader of a stream may receive nothing of what waits for it."""
-_CONTINUE: Final = b"HTTP/1.1 100 Continue\r\n\r\n"
 
 
 class Phase(Enum):
@@ -154,7 +153,7 @@ class Connection:
             self.deadline = now + BODY_S
             if self.framing.wants_continue and not self._has_continued:
                 self._has_continued = True
-                self.sock.send(_CONTINUE)
+                self.sock.send(CONTINUE)
 
     @property
     def timeout_reason(self) -> Reason:

@@ -16,7 +16,7 @@ SEND_S: Final = 20.0
 LEAST_RATE_BYTES_S: Final = 16_384.0
 """A client that receives more slowly than this uses up its budget."""
 _PIECE_BYTES: Final = 65_536
-_CONTINUE: Final = b"HTTP/1.1 100 Continue\r\n\r\n"
+CONTINUE: Final = b"HTTP/1.1 100 Continue\r\n\r\n"
 
 
 class Stream(Protocol):
@@ -79,7 +79,7 @@ class Exchange:
 
     def send(self, data: bytes) -> int:
         """Send all of it; drops an interim 100 Continue, since the body is complete."""
-        if data != _CONTINUE:
+        if data != CONTINUE:
             self.sendall(data)
         return len(data)
 
