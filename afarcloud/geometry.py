@@ -76,17 +76,17 @@ def _crossing(plane: Sequence[Point]) -> tuple[int, int] | None:
     for side in sides:
         begun = [other for other in begun if other.east >= side.west]
         for other in begun:
-            if _cross(side.start, side.end, other.start, other.end):
+            if crosses(side.start, side.end, other.start, other.end):
                 return side.number, other.number
         begun.append(side)
     return None
 
 
-def _cross(a: Point, b: Point, c: Point, d: Point) -> bool:
+def crosses(a: Point, b: Point, c: Point, d: Point) -> bool:
     """Whether two segments cross in their insides; a shared corner is no crossing."""
-    return _turn(a, b, c) * _turn(a, b, d) < 0.0 and _turn(c, d, a) * _turn(c, d, b) < 0.0
+    return turn(a, b, c) * turn(a, b, d) < 0.0 and turn(c, d, a) * turn(c, d, b) < 0.0
 
 
-def _turn(a: Point, b: Point, c: Point) -> float:
-    """Positive where c lies to the left of the line from a to b."""
+def turn(a: Point, b: Point, c: Point) -> float:
+    """Twice the area of a triangle on a plane, positive when its corners run anticlockwise."""
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])

@@ -10,7 +10,8 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import Final, NamedTuple
 
-from edge_server.survey.plane import Area, Point, Ring, crosses, distance_to_side, passes, signed
+from afarcloud.geometry import crosses
+from edge_server.survey.plane import Area, Point, Ring, distance_to_side, passes, signed
 
 BEND_AT: Final = 1.1
 """A bend lies so many clearances from a ring: a leg from a place beside it needs room to turn."""

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Final, TypeAlias
 
+from afarcloud import geometry
 from afarcloud.geometry import METRES_PER_DEGREE
 
 Point: TypeAlias = tuple[float, float]
@@ -87,7 +88,7 @@ class Area:
         for first_x, last_x, first_y, last_y, corner, other in self.boxes:
             if first_x > right or last_x < left or first_y > high or last_y < low:
                 continue
-            if crosses(start, end, corner, other):
+            if geometry.crosses(start, end, corner, other):
                 return False
             if clearance_m and passes(start, end, corner, clearance_m):
                 return False
@@ -135,9 +136,9 @@ class Area:
 
 def crossing(a: Point, b: Point, c: Point, d: Point) -> float | None:
     """Which part of the way from a to b lies before its crossing with cd; None without one."""
-    if not crosses(a, b, c, d):
+    if not geometry.crosses(a, b, c, d):
         return None
-    before, after = _side(c, d, a), _side(c, d, b)
+    before, after = geometry.turn(c, d, a), geometry.turn(c, d, b)
     return before / (before - after)
 
 
@@ -173,11 +174,6 @@ def _without(intervals: Sequence[Interval], removed: Sequence[Interval]) -> list
     return left
 
 
-def crosses(a: Point, b: Point, c: Point, d: Point) -> bool:
-    """Whether the segments ab and cd cross in their insides."""
-    return _side(a, b, c) * _side(a, b, d) < 0.0 and _side(c, d, a) * _side(c, d, b) < 0.0
-
-
 def passes(start: Point, end: Point, corner: Point, clearance_m: float) -> bool:
     """Whether a corner lies beside a path, between its ends, within a distance."""
     length = math.dist(start, end)
@@ -186,12 +182,8 @@ def passes(start: Point, end: Point, corner: Point, clearance_m: float) -> bool:
     along = (corner[0] - start[0]) * (end[0] - start[0]) + (corner[1] - start[1]) * (
         end[1] - start[1]
     )
-    beside = abs(_side(start, end, corner)) / length
+    beside = abs(geometry.turn(start, end, corner)) / length
     return 0.0 < along < length * length and beside < clearance_m
-
-
-def _side(a: Point, b: Point, c: Point) -> float:
-    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 
 def signed(ring: Ring) -> float:
@@ -204,7 +196,7 @@ def _moved_inside(
     before: Point, corner: Point, after: Point, turn: float, clearance_m: float
 ) -> Point | None:
     """A corner at which the area bulges in, moved into the area; None for any other corner."""
-    if _side(before, corner, after) * turn >= 0.0:
+    if geometry.turn(before, corner, after) * turn >= 0.0:
         return None
     first, second = _unit(before, corner), _unit(after, corner)
     x, y = first[0] + second[0], first[1] + second[1]
