@@ -34,6 +34,11 @@ class Status(IntEnum):
         """Whether nothing can follow it."""
         return self >= Status.FINISHED
 
+    @property
+    def has_begun(self) -> bool:
+        """Whether it shows that the work was begun: what has failed may not have been."""
+        return self in {Status.RUNNING, Status.FINISHED}
+
 
 class EventType(IntEnum):
     """`event_type_id`: what interrupts a mission; from 101 on types beside AFarCloud's."""

@@ -26,7 +26,6 @@ _PAST_S: Final = 7 * 86_400.0
 _AHEAD_S: Final = 60.0
 _PAUSE_S: Final = 600.0
 """Between two reports of a flight, at most, behind a step of the edge server's clock."""
-_BEGUN: Final = frozenset({Status.RUNNING, Status.FINISHED})
 
 
 class MissionName(NamedTuple):
@@ -135,7 +134,7 @@ def take_mission_report(
     status = report.mission_status_id
     flight = _of_mission(connection, report.vehicle_id, mission, status, at)
     if flight is None:
-        if status not in _BEGUN:
+        if not status.has_begun:
             return  # It has not flown
         flight = _begin_mission(connection, report.vehicle_id, mission, at, received_at)
     note_report(connection, flight, at, received_at)

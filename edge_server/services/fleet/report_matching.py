@@ -18,7 +18,6 @@ from edge_server.services.errors import ConflictError
 from edge_server.store.rows.work import ACCEPTED, CLOSED, MISSION, QUEUED, CommandProgress, Work
 
 _STATUS = "mission_status_id"
-_BEGUN = frozenset({Status.RUNNING, Status.FINISHED})
 _GONE = "was cancelled or replaced"
 
 
@@ -166,7 +165,7 @@ def _check_accepted(mission: Work, report: MissionReport) -> None:
     name = f"mission {mission.mission_id} of vehicle {mission.vehicle_id}"
     if mission.held:
         raise _conflict(f"{name} is of a plan that has not been dispatched", field, "is of a draft")
-    begins = any(one.command_status_id in _BEGUN for one in report.command_report_array)
+    begins = any(one.command_status_id.has_begun for one in report.command_report_array)
     if field == "work_id" and report.mission_status_id == Status.FAILED and not begins:
         return
     raise _conflict(

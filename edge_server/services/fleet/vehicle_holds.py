@@ -29,7 +29,6 @@ from edge_server.store.rows.work import PossibleFlight, Work
 
 AIRBORNE_M: Final = 2.0
 """Height above home from which a vehicle flies; below, it may be the drift of a barometer."""
-_BEGUN: Final = frozenset({Status.RUNNING, Status.FINISHED})
 
 
 def after_report(
@@ -118,9 +117,9 @@ def note_fault(connection: Connection, mission: Work, reason: str, now: float) -
 
 def _shows_flight(mission: Work, report: MissionReport, known: Mapping[int, int]) -> bool:
     """Whether a command that moves the vehicle, or a later one, has begun by these statuses."""
-    begun = {number for number, status in known.items() if status in _BEGUN}
+    begun = {number for number, status in known.items() if Status(status).has_begun}
     begun |= {
-        one.command_id for one in report.command_report_array if one.command_status_id in _BEGUN
+        one.command_id for one in report.command_report_array if one.command_status_id.has_begun
     }
     moves = False
     for entry in (mission.body or {}).get("command_array", []):
