@@ -1,4 +1,4 @@
-"""How mission reports change the status of missions and commands; pure except for `apply`.
+"""How mission reports change the status of missions and commands.
 
 A status only advances: NOT_STARTED, RUNNING, then one terminal status, which is final. A repeated
 report changes nothing, and one that contradicts a terminal status is refused (`report_matching`).
@@ -13,11 +13,10 @@ from sqlalchemy import Connection
 from afarcloud.enumerations import Status
 from afarcloud.state import CommandReport, MissionReport
 from afarcloud.wire import write
-from edge_server.services.errors import ConflictError
 from edge_server.services.fleet import report_matching
 from edge_server.services.fleet.report_matching import Known
-from edge_server.services.fleet.vehicles import explain_hold
-from edge_server.store.rows import plans, vehicle_holds, work
+from edge_server.services.fleet.vehicles import check_not_held
+from edge_server.store.rows import plans, work
 from edge_server.store.rows.work import CommandProgress, Work
 
 
@@ -128,11 +127,8 @@ def _check_free(connection: Connection, mission: Work, report: MissionReport) ->
     Raises:
         ConflictError: if it does, with the reason why the vehicle is held.
     """
-    if mission.state != work.QUEUED or report.mission_status_id == Status.FAILED:
-        return
-    hold = vehicle_holds.get(connection, report.vehicle_id)
-    if hold is not None:
-        raise ConflictError(explain_hold(hold))
+    if mission.state == work.QUEUED and report.mission_status_id != Status.FAILED:
+        check_not_held(connection, report.vehicle_id)
 
 
 def _move(

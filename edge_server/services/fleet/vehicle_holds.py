@@ -20,7 +20,6 @@ from edge_server.services.context import Context
 from edge_server.services.errors import ConflictError
 from edge_server.services.fleet import progress, vehicles
 from edge_server.services.fleet.progress import Change
-from edge_server.services.fleet.vehicles import explain_hold
 from edge_server.services.retries import retry_on_conflict
 from edge_server.store.connection.locks import WORK, of_vehicle
 from edge_server.store.rows import vehicle_holds, work
@@ -148,11 +147,8 @@ def _note(
 
 def check_free(connection: Connection, item: Work) -> None:
     """Check that a mission's vehicle is not held; raises ConflictError."""
-    if item.vehicle_id is None:
-        return
-    hold = vehicle_holds.get(connection, item.vehicle_id)
-    if hold is not None:
-        raise ConflictError(explain_hold(hold))
+    if item.vehicle_id is not None:
+        vehicles.check_not_held(connection, item.vehicle_id)
 
 
 @retry_on_conflict

@@ -212,6 +212,13 @@ def _hold(hold: VehicleHold) -> dict[str, Any]:
     }
 
 
+def check_not_held(connection: Connection, vehicle_id: int) -> None:
+    """Check that a vehicle is not held; raises ConflictError with the reason."""
+    hold = vehicle_holds.get(connection, vehicle_id)
+    if hold is not None:
+        raise ConflictError(explain_hold(hold))
+
+
 def explain_hold(hold: VehicleHold) -> str:
     """Explain why a vehicle is held, and how to release it."""
     after = "" if hold.mission_id is None else f" after mission {hold.mission_id}"
