@@ -180,7 +180,7 @@ class Space:
     def drop_aged(self, monotonic: float) -> None:
         """Drop records that are too old, and dead letters beyond their budget."""
         now = self._clock()
-        if self._clock_is_steady(monotonic):
+        if self.trusts_clock(monotonic):
             for kind in PRIORITY.keys() - {gaps.KIND}:
                 while self._drop_aged_of(kind, now):
                     continue
@@ -188,8 +188,12 @@ class Space:
             continue
 
     def trusts_clock(self, monotonic: float) -> bool:
-        """Whether the wall clock has run steadily for so long that records may count as old."""
-        return self._clock_is_steady(monotonic)
+        """Whether the wall clock has run steadily for so long that records may count as old.
+
+        One that was just set may be wrong by years.
+        """
+        self._watch_clock(monotonic)
+        return self._steady_clock.is_steady(monotonic)
 
     def _watch_clock(self, monotonic: float) -> None:
         """Note whether the wall clock was set, and before what time the receipts were stored."""
@@ -198,11 +202,6 @@ class Space:
             self._newest_receipt_s = was_s
         elif self._steady_clock.is_steady(monotonic):
             self._newest_receipt_s = math.inf
-
-    def _clock_is_steady(self, monotonic: float) -> bool:
-        """No record counts as old by a clock that was just set, which may be wrong by years."""
-        self._watch_clock(monotonic)
-        return self._steady_clock.is_steady(monotonic)
 
     def _make_room(self) -> Level:
         """Drop the oldest droppable records until there is room, or none is left."""
