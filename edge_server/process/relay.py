@@ -187,7 +187,7 @@ def build(config: Config, database: Database) -> Relay:
         uplink=_uplink(config),
         streams=_streams(config, database),
         wake=_wake(config, database),
-        ballast_path=None if database.is_shared else config.database_path.with_name("ballast"),
+        ballast_path=None if database.is_shared else config.ballast_path,
         workers=config.relay_workers,
         counts=RelayCounts(Tally(config.relay_tally_path)),
     )
