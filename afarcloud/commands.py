@@ -2,7 +2,7 @@
 
 Angles are degrees, altitudes metres above home, speeds m/s, times seconds. A yaw of null
 leaves the heading to the autopilot. Ranges are those of the `field` profile; the narrower
-`annex` profile is a table in `afarcloud.rules`.
+`annex` profile is a table in `afarcloud.annex`.
 """
 
 from typing import Annotated, Any, Literal, TypeAlias

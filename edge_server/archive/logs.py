@@ -1,4 +1,4 @@
-"""The logs that vehicles write of their flights, received in parts.
+"""The logs of flights that vehicles and the broker write, received in parts.
 
 A log belongs to every flight of its vehicle that it overlaps: two missions without a landing in
 between have one log, a mission with a landing in between has several. It is deleted with the last

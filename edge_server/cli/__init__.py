@@ -1,1 +1,1 @@
-"""Commands on the terminal: keys, audit, dead-letters."""
+"""Commands on the terminal: keys, audit, users, dead-letters, backup, restore."""

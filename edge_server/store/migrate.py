@@ -2,6 +2,7 @@
 
 StoreError
   +- NewerDatabaseError  made by a newer version; this one must not touch it
+  +- NoSpaceError        the disk has no space for it, also without the reserves
   +- UnreachableError    a database server that may answer later
 """
 
