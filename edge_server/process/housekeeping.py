@@ -14,7 +14,7 @@ from typing import Final
 from sqlalchemy import Connection
 from sqlalchemy.exc import SQLAlchemyError
 
-from edge_server.services import idempotency as post_idempotency
+from edge_server.services import post_idempotency
 from edge_server.services.audit import DONE, PROGRAM
 from edge_server.services.context import Context
 from edge_server.services.fleet import broker_work

@@ -13,8 +13,7 @@ from ulid import ULID
 from afarcloud.wire import Kind
 from edge_server.outbox import queue
 from edge_server.outbox.queue import Stream
-from edge_server.services import audit
-from edge_server.services import idempotency as post_idempotency
+from edge_server.services import audit, post_idempotency
 from edge_server.services.errors import KeyReusedError
 from edge_server.store.connection.database import to_json
 from edge_server.store.rows import idempotency, telemetry

@@ -109,7 +109,7 @@ BREAKS: Final = (
     ),
     Break(
         "an Idempotency-Key with another body is refused",
-        "edge_server/services/idempotency.py",
+        "edge_server/services/post_idempotency.py",
         "(found.route, found.body_sha256) != (route, body_sha256)",
         "found.route != route",
         f"{_EDGE}/services {_EDGE}/api/routes",

@@ -15,8 +15,7 @@ from afarcloud.faults import Fault, InvalidError
 from afarcloud.flyable import speed_fault
 from afarcloud.plan import Event
 from afarcloud.wire import Kind, write
-from edge_server.services import audit
-from edge_server.services import idempotency as post_idempotency
+from edge_server.services import audit, post_idempotency
 from edge_server.services.context import (
     Caller,
     Context,

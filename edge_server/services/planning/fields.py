@@ -10,8 +10,7 @@ from afarcloud.plan import Polygon
 from afarcloud.rules import name_faults
 from afarcloud.wire import write
 from edge_server.geodata.field import Field, area_m2
-from edge_server.services import audit
-from edge_server.services import idempotency as post_idempotency
+from edge_server.services import audit, post_idempotency
 from edge_server.services.context import (
     Caller,
     Context,

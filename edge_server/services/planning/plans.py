@@ -11,8 +11,7 @@ from afarcloud.faults import Fault, InvalidError
 from afarcloud.plan import Plan
 from afarcloud.rules import FenceVerdict
 from afarcloud.wire import Kind, write
-from edge_server.services import audit
-from edge_server.services import idempotency as post_idempotency
+from edge_server.services import audit, post_idempotency
 from edge_server.services.context import Caller, Context, Precondition, unconditionally
 from edge_server.services.errors import ConflictError, NotFoundError
 from edge_server.services.fleet import broker_work

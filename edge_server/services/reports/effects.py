@@ -9,7 +9,7 @@ from sqlalchemy import Connection
 
 from afarcloud.state import Alarm, MissionReport, Report, StateVector
 from afarcloud.wire import Kind
-from edge_server.services import idempotency as post_idempotency
+from edge_server.services import post_idempotency
 from edge_server.services.context import Context
 from edge_server.services.fleet import progress, vehicle_holds
 from edge_server.services.fleet.progress import Change

@@ -13,8 +13,7 @@ from afarcloud.wire import Kind, write
 from edge_server.archive.flights import MissionName
 from edge_server.archive.writer import Received
 from edge_server.pictures import footprint
-from edge_server.services import idempotency as post_idempotency
-from edge_server.services import records
+from edge_server.services import post_idempotency, records
 from edge_server.services.context import (
     Caller,
     Context,

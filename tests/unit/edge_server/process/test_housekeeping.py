@@ -10,7 +10,7 @@ import pytest
 from sqlalchemy import text
 
 from edge_server.process import housekeeping
-from edge_server.services import idempotency as post_idempotency
+from edge_server.services import post_idempotency
 from edge_server.store.connection.database import Database
 from tests.unit.edge_server.conftest import Edge
 from tests.unit.edge_server.documents import event, plan, telemetry
