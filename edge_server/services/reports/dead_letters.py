@@ -13,7 +13,7 @@ from edge_server.services.reports import corrections, listing, telemetry
 from edge_server.services.reports.listing import Listing
 from edge_server.services.retries import retry_on_conflict
 from edge_server.store.rows import dead_letters
-from edge_server.store.rows import telemetry as records
+from edge_server.store.rows import telemetry as telemetry_rows
 from edge_server.store.rows.dead_letters import DeadLetter
 
 _EXPORTED_AT_ONCE: Final = 4  # Pictures are large
@@ -127,7 +127,7 @@ def discard(context: Context, record_id: int) -> None:
     """Delete a dead letter; raises NotFoundError."""
     with context.database.write() as connection:
         letter = _find(connection, record_id, to_change=True)
-        records.remove(connection, letter.record.kind, record_id)
+        telemetry_rows.remove(connection, letter.record.kind, record_id)
     context.wake_relay(changed=True)
 
 
