@@ -23,16 +23,14 @@ import urllib3
 from requests.utils import get_environ_proxies
 
 from edge_server.config import Config
-from edge_server.outbox import batches
 from edge_server.outbox.answers import Answer, Outcome, Reply, Unreachable, classify
 from edge_server.outbox.queue import OutboxRecord, Stream
 from edge_server.outbox.uplink import HELD_BACK, MAXIMUM_BATCH, ONE_BY_ONE, BatchLimit
+from edge_server.uplinks import batches
 from edge_server.uplinks.bounded_http import PinnedAdapter
 
 MAXIMUM_ANSWER_BYTES: Final = 65_536
-NO_BATCHES_S: Final = 600.0
-"""How long no batch is sent after a batch was refused as a whole."""
-_BATCH_REFUSED: Final = frozenset({400, 404, 405, 410, 411, 413, 415, 422, 501})
+_BATCH_REFUSED: Final = batches.REFUSED | {411}  # No length: HTTP's own
 _BODILESS: Final = frozenset({204, 205, 304})
 _FAILURES: Final = (
     requests.exceptions.RequestException,
@@ -78,7 +76,7 @@ class HttpUplink:
             replies = batches.read(answer, records)
         if replies is not None:
             return replies
-        self._no_batches_until = self._monotonic() + NO_BATCHES_S
+        self._no_batches_until = self._monotonic() + batches.NO_BATCHES_S
         return self._send_one_by_one(records)
 
     def close(self) -> None:

@@ -11,19 +11,16 @@ from random import Random
 from typing import Final
 
 from edge_server.config import Config
-from edge_server.outbox import batches
 from edge_server.outbox.answers import Answer, Reply
 from edge_server.outbox.queue import OutboxRecord
 from edge_server.outbox.retry import Backoff
 from edge_server.outbox.uplink import MAXIMUM_BATCH, BatchLimit
+from edge_server.uplinks import batches
 from edge_server.uplinks.mqtt_connection import BrokerSettings, own_client_id
 from edge_server.uplinks.mqtt_link import Link
 from edge_server.uplinks.mqtt_protocol import RecordPacket, read_address
 from edge_server.uplinks.mqtt_session import Session
 
-NO_BATCHES_S: Final = 600.0
-"""How long no batch is sent after a batch was refused as a whole."""
-_BATCH_REFUSED: Final = frozenset({400, 404, 405, 410, 413, 415, 422, 501})
 _BATCH_HEADROOM_BYTES: Final = 8192  # Kinds, topic and properties beside the records
 _SMALLEST_BATCH_BYTES: Final = 8192
 
@@ -59,7 +56,7 @@ class MqttUplink:
             replies = self._send_batch(records)
             if replies is not None:
                 return replies
-            self._no_batches_until = self._monotonic() + NO_BATCHES_S
+            self._no_batches_until = self._monotonic() + batches.NO_BATCHES_S
         return self._link.deliver([self._packet(record) for record in records])
 
     def close(self) -> None:
@@ -81,7 +78,7 @@ class MqttUplink:
         payload = batches.write(records)
         packet = RecordPacket(key, key, topic, payload, batches.MEDIA_TYPE, self._answers_topic)
         (reply,) = self._link.deliver([packet])
-        if isinstance(reply, Answer) and reply.status in _BATCH_REFUSED:
+        if isinstance(reply, Answer) and reply.status in batches.REFUSED:
             return None
         return batches.read(reply, records)
 

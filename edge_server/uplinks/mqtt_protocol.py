@@ -9,7 +9,7 @@ mqtts://broker.example:8883/afarcloud/north-farm
 
 The cloud answers a record with its message_id as correlation data. The payload is a JSON object
 with the status that HTTP would have given, and optionally the seconds after which to retry. A batch
-is answered with a status for the whole and the results of `edge_server/outbox/batches.py`:
+is answered with a status for the whole and the results of `edge_server/uplinks/batches.py`:
 
     {"message_id": "01K9Z4T1W8F6Q2M3N5P7R9S0VX", "status": 503, "retry_after_s": 30}
     {"status": 200, "results": [{"message_id": "01K9...", "status": 200}, ...]}
@@ -23,8 +23,8 @@ from typing import Final, NamedTuple
 from urllib.parse import unquote, urlsplit
 
 from edge_server.outbox.answers import Answer, Reply, Unreachable
-from edge_server.outbox.batches import JSON
 from edge_server.outbox.queue import Stream
+from edge_server.uplinks.batches import JSON
 
 DEFAULT_ROOT: Final = "afarcloud/farm"
 _PORTS: Final = {"mqtt": 1883, "mqtts": 8883}

@@ -10,8 +10,8 @@ from edge_server.config import Config
 from edge_server.outbox.answers import Answer, Outcome, Reply, Unreachable, classify
 from edge_server.outbox.queue import OutboxRecord, Stream
 from edge_server.outbox.uplink import ONE_BY_ONE
+from edge_server.uplinks import batches
 from edge_server.uplinks.cloud_http import (
-    NO_BATCHES_S,
     HttpUplink,
     read_accept_batch,
     retry_after_s,
@@ -151,7 +151,7 @@ def test_a_batch_that_is_refused_goes_one_by_one_and_none_is_tried_for_a_while()
         assert [classify(reply).outcome for reply in replies] == [Outcome.CONFIRMED] * 3
         assert cloud.requests == ["/batch", "/pose", "/pose", "/alarm"]
         assert uplink.batch_limit() == ONE_BY_ONE
-        now[0] = NO_BATCHES_S
+        now[0] = batches.NO_BATCHES_S
         assert uplink.batch_limit().records == 2
         uplink.close()
 

@@ -19,6 +19,10 @@ from edge_server.outbox.queue import OutboxRecord
 
 MEDIA_TYPE: Final = "application/x-ndjson"
 JSON: Final = "application/json"
+REFUSED: Final = frozenset({400, 404, 405, 410, 413, 415, 422, 501})
+"""Statuses of a batch as a whole that say nothing of its records: they are sent singly."""
+NO_BATCHES_S: Final = 600.0
+"""How long no batch is sent after one was refused as a whole."""
 
 
 def write(records: Sequence[OutboxRecord]) -> bytes:

@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from edge_server.outbox import batches
 from edge_server.outbox.answers import Answer, Outcome, Reply, Unreachable, classify
 from edge_server.outbox.queue import OutboxRecord, Stream
+from edge_server.uplinks import batches
 
 RECORDS = [
     OutboxRecord(1, 1, "A" * 26, Stream(1, "pose"), '{"vehicle_id":1,"name":"Äcker"}', 0),
