@@ -19,11 +19,12 @@ from edge_server.cli import users
 from edge_server.config import Config
 from edge_server.process import key_files, preparation
 from edge_server.process.exit_codes import FAILED, OK, WRONG_SETUP
-from edge_server.services import audit, keys
+from edge_server.services import audit
+from edge_server.services.administration import keys
+from edge_server.services.administration.keys import KeyRequest
 from edge_server.services.audit import shell_trail, use_trail
 from edge_server.services.context import show_time
 from edge_server.services.errors import NotFoundError, ServiceError
-from edge_server.services.keys import KeyRequest
 from edge_server.store.connection.database import Database
 from edge_server.store.migrate import is_ready
 from edge_server.store.rows.keys import Role, StoredKey

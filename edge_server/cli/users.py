@@ -9,8 +9,8 @@ from typing import Final
 
 from edge_server.config import Config
 from edge_server.process.exit_codes import OK
-from edge_server.services import accounts
-from edge_server.services.accounts import AccountChange, AccountRequest
+from edge_server.services.administration import accounts
+from edge_server.services.administration.accounts import AccountChange, AccountRequest
 from edge_server.services.audit import shell_trail, use_trail
 from edge_server.services.context import show_time
 from edge_server.services.errors import ConflictError, NotFoundError

@@ -17,7 +17,7 @@ from typing import Final
 
 from edge_server.config import Config
 from edge_server.services import audit
-from edge_server.services import keys as service
+from edge_server.services.administration import keys as service
 from edge_server.store.connection.database import Database
 from edge_server.store.connection.locks import KEYS
 from edge_server.store.rows import keys

@@ -17,7 +17,7 @@ from edge_server.app import close, context_of, create_app
 from edge_server.config import Config
 from edge_server.process import key_files
 from edge_server.process.preparation import prepare
-from edge_server.services import passwords
+from edge_server.services.administration import passwords
 from edge_server.services.context import Context
 from edge_server.store.rows.keys import Role
 from tests.support.databases import PostgresServer

@@ -8,7 +8,7 @@ from flask.typing import ResponseReturnValue
 from edge_server.api import bodies, schemas, urls
 from edge_server.api.access.auth import ADMIN, allow, audit, refuse_restricted
 from edge_server.api.contract import Contract, describe
-from edge_server.services import backups
+from edge_server.services.administration import backups
 
 NAMES: Final = ("backups", "backup")
 

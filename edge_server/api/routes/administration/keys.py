@@ -8,8 +8,8 @@ from flask.typing import ResponseReturnValue
 from edge_server.api import bodies, schemas, urls
 from edge_server.api.access.auth import ADMIN, allow, audit, key_ring, refuse_restricted
 from edge_server.api.contract import Contract, describe
-from edge_server.services import keys
-from edge_server.services.keys import KeyRequest
+from edge_server.services.administration import keys
+from edge_server.services.administration.keys import KeyRequest
 
 NAMES: Final = ("keys", "key")
 ITEM: Final = "string(length=8):prefix"

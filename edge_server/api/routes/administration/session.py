@@ -16,8 +16,8 @@ from edge_server.api.access import audit_trail, auth
 from edge_server.api.access.auth import PUBLIC, READERS, allow, audit
 from edge_server.api.access.limits import Limits
 from edge_server.api.contract import Contract, describe
-from edge_server.services import accounts
-from edge_server.services.accounts import SignIn
+from edge_server.services.administration import accounts
+from edge_server.services.administration.accounts import SignIn
 from edge_server.services.context import show_time
 from edge_server.services.errors import ConflictError
 from edge_server.store.rows.keys import StoredKey

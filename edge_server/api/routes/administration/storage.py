@@ -7,7 +7,7 @@ from flask import Blueprint
 from edge_server.api import bodies, schemas, urls
 from edge_server.api.access.auth import ADMIN, allow
 from edge_server.api.contract import Contract, describe
-from edge_server.services import storage
+from edge_server.services.administration import storage
 
 
 def blueprint() -> Blueprint:

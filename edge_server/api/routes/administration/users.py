@@ -8,8 +8,8 @@ from flask.typing import ResponseReturnValue
 from edge_server.api import bodies, schemas, urls
 from edge_server.api.access.auth import ADMIN, allow, audit, key_ring, refuse_restricted
 from edge_server.api.contract import Contract, describe
-from edge_server.services import accounts
-from edge_server.services.accounts import AccountChange, AccountRequest
+from edge_server.services.administration import accounts
+from edge_server.services.administration.accounts import AccountChange, AccountRequest
 
 NAMES: Final = ("users", "user")
 NAME: Final = "string(maxlength=64):name"

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import pytest
 
 from edge_server.config import Config
-from edge_server.services import backups
+from edge_server.services.administration import backups
 from edge_server.store.files import backup
 from tests.unit.edge_server.cli.test_backup import poses_in
 from tests.unit.edge_server.conftest import Edge

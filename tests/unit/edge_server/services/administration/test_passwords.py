@@ -4,7 +4,7 @@ import threading
 
 import pytest
 
-from edge_server.services import passwords
+from edge_server.services.administration import passwords
 from edge_server.services.errors import TooMuchError
 
 PASSWORD = "nine words are better than one"

@@ -11,10 +11,11 @@ from pydantic import Field, model_validator
 
 from afarcloud.faults import Fault, InvalidError
 from afarcloud.numbers import Model
-from edge_server.services import audit, passwords
+from edge_server.services import audit
+from edge_server.services.administration import passwords
+from edge_server.services.administration.keys import Name
 from edge_server.services.context import show_time
 from edge_server.services.errors import ConflictError, NotFoundError
-from edge_server.services.keys import Name
 from edge_server.store.connection.database import Database
 from edge_server.store.connection.locks import KEYS
 from edge_server.store.rows import accounts, keys

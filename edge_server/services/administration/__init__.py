@@ -1,0 +1,1 @@
+"""Accounts, access keys and passwords, backups, and the use of the disk."""
