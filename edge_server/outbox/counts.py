@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 from sqlalchemy import Connection, func, select
 
 from edge_server.outbox.answers import Outcome, Result
-from edge_server.outbox.queue import OutboxRecord
+from edge_server.outbox.queue import OutboxRecord, State
 from edge_server.store.files.tally import Tally
 from edge_server.store.rows.tables import outbox, telemetry
 
@@ -80,7 +80,7 @@ def count_waiting(connection: Connection) -> Waiting:
         select(outbox.c.kind, outbox.c.state, func.count()).group_by(outbox.c.kind, outbox.c.state)
     )
     for kind, state, number in rows:
-        if state == "dead":
+        if state == State.DEAD:
             dead = dead or _dead(connection)
         else:
             queued[kind] = queued.get(kind, 0) + number
@@ -91,7 +91,7 @@ def _dead(connection: Connection) -> dict[tuple[str, str], int]:
     status = func.substr(outbox.c.last_error, 1, _STATUS_DIGITS)
     rows = connection.execute(
         select(outbox.c.kind, status, func.count())
-        .where(outbox.c.state == "dead")
+        .where(outbox.c.state == State.DEAD.value)
         .group_by(outbox.c.kind, status)
     )
     return {(kind, code if code.isdigit() else "none"): number for kind, code, number in rows}
@@ -102,7 +102,7 @@ def oldest_received_at(connection: Connection) -> float | None:
     found: float | None = connection.execute(
         select(telemetry.c.received_at)
         .join(outbox, outbox.c.record_id == telemetry.c.id)
-        .where(outbox.c.state == "queued")
+        .where(outbox.c.state == State.QUEUED.value)
         .order_by(outbox.c.id)
         .limit(1)
     ).scalar_one_or_none()

@@ -17,7 +17,7 @@ from ulid import ULID
 
 from afarcloud.numbers import format_time
 from edge_server.outbox import queue
-from edge_server.outbox.queue import Stream
+from edge_server.outbox.queue import State, Stream
 from edge_server.store.connection.database import to_json
 from edge_server.store.rows import telemetry as telemetry_rows
 from edge_server.store.rows.tables import outbox, telemetry
@@ -137,7 +137,7 @@ def _waiting(
         .where(
             outbox.c.vehicle_id == stream.vehicle_id,
             outbox.c.kind == KIND,
-            outbox.c.state == "queued",
+            outbox.c.state == State.QUEUED.value,
         )
         .order_by(outbox.c.id.desc())
         .limit(_LOOK_BACK)

@@ -130,7 +130,7 @@ def requeue(connection: Connection, record_id: int) -> None:
     connection.execute(
         update(outbox)
         .where(outbox.c.record_id == record_id)
-        .values(state="queued", attempts=0, last_error=None, rejected_at=None)
+        .values(state=State.QUEUED.value, attempts=0, last_error=None, rejected_at=None)
     )
 
 
@@ -193,7 +193,7 @@ _QUEUED: Final = (
     .where(
         outbox.c.vehicle_id == bindparam("vehicle_id"),
         outbox.c.kind == bindparam("kind"),
-        outbox.c.state == "queued",
+        outbox.c.state == State.QUEUED.value,
         outbox.c.id > bindparam("after_id"),
     )
     .order_by(outbox.c.id)
@@ -274,7 +274,7 @@ def _mark_dead(
     connection.execute(
         update(outbox)
         .where(outbox.c.id == record.outbox_id)
-        .values(state="dead", attempts=attempts, last_error=reason, rejected_at=now)
+        .values(state=State.DEAD.value, attempts=attempts, last_error=reason, rejected_at=now)
     )
 
 

@@ -7,18 +7,15 @@ payload: a thousand pictures are hundreds of megabytes.
 
 from collections.abc import Sequence
 from datetime import datetime
-from typing import Any, Final, NamedTuple
+from typing import Any, NamedTuple
 
 from sqlalchemy import JSON, ColumnElement, Connection, Integer, Select, cast, func, select
 
 from edge_server.outbox import budget
 from edge_server.outbox.budget import Sample
 from edge_server.outbox.gaps import KIND, DroppedRecord
-from edge_server.outbox.queue import Stream
+from edge_server.outbox.queue import State, Stream
 from edge_server.store.rows.tables import outbox, telemetry
-
-QUEUED: Final = "queued"
-DEAD: Final = "dead"
 
 
 class Pass(NamedTuple):
@@ -66,7 +63,7 @@ def excess_dead_letters(
     connection: Connection, budget_bytes: int, limit: int
 ) -> list[DroppedRecord]:
     """Find the oldest dead letters while all of them take more than their budget."""
-    dead = (outbox.c.state == DEAD) & (outbox.c.kind != KIND)
+    dead = (outbox.c.state == State.DEAD.value) & (outbox.c.kind != KIND)
     used = connection.execute(
         select(func.coalesce(func.sum(telemetry.c.size_bytes), 0))
         .join(outbox, outbox.c.record_id == telemetry.c.id)
@@ -112,7 +109,9 @@ def _backlog(
     """The oldest rows after a bookmark, in the order of their ids."""
     return (
         _query(connection)
-        .where(outbox.c.id > bookmark, outbox.c.state == QUEUED, outbox.c.kind.in_(kinds))
+        .where(
+            outbox.c.id > bookmark, outbox.c.state == State.QUEUED.value, outbox.c.kind.in_(kinds)
+        )
         .order_by(outbox.c.id)
         .limit(limit)
     )
