@@ -86,16 +86,19 @@ def lead_browser_to_console() -> Response | None:
 
     Call it before the caller is identified: the console needs no key.
     """
-    if request.path != "/" or request.method not in {"GET", "HEAD"}:
-        return None
-    types = request.accept_mimetypes
-    if types.best_match(["application/json", "text/html"]) != "text/html":
-        return None
-    if not is_built(bodies.context().config.console_dir):
+    if not (opens_start_page() and is_built(bodies.context().config.console_dir)):
         return None
     answer = redirect(PATH)
     assert isinstance(answer, Response)  # noqa: S101  # Flask's own response class
     return answer
+
+
+def opens_start_page() -> bool:
+    """Whether a browser, not a program, opens `/`."""
+    if request.path != "/" or request.method not in {"GET", "HEAD"}:
+        return False
+    best = request.accept_mimetypes.best_match(["application/json", "text/html"])
+    return best == "text/html"
 
 
 def is_built(folder: Path) -> bool:

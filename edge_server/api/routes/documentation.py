@@ -11,12 +11,13 @@ from functools import cache
 from pathlib import Path
 from typing import Any, Final
 
-from flask import Blueprint, Flask, Response, current_app, request
+from flask import Blueprint, Flask, Response, current_app
 from flask.typing import ResponseReturnValue
 
 from edge_server.api import openapi, schemas, urls
 from edge_server.api.access.auth import READERS, allow, roles_of
 from edge_server.api.contract import Contract, contract_of, describe
+from edge_server.api.routes.console import opens_start_page
 
 _METHODS: Final = ("GET", "POST", "PUT", "PATCH", "DELETE")
 _STYLE: Final = """
@@ -74,14 +75,7 @@ def link_browser_to_docs() -> Response | None:
 
     Call it before the caller is identified: the page needs no key and shows no data.
     """
-    if request.path != "/" or request.method not in {"GET", "HEAD"}:
-        return None
-    types = request.accept_mimetypes
-    return (
-        _html(_START_PAGE)
-        if types.best_match(["application/json", "text/html"]) == "text/html"
-        else None
-    )
+    return _html(_START_PAGE) if opens_start_page() else None
 
 
 def _html(text: str, policy: str = _POLICY) -> Response:
