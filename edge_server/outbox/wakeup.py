@@ -31,7 +31,7 @@ def open_for_reading(path: Path) -> int:
 
 
 def open_pair() -> tuple[int, int]:
-    """Make a pipe without a name, for notifications of a database: (reading, writing end)."""
+    """Make a pipe without a name, for threads of one process: (reading, writing end)."""
     return os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
 
 

@@ -4,14 +4,12 @@ LinkEndedError  the thread has ended; the relay should start again
 """
 
 import logging
-import os
 import ssl
 import threading
 import time
 from collections import deque
 from collections.abc import Sequence
 from concurrent.futures import Future
-from contextlib import suppress
 from typing import Final, NamedTuple
 
 from edge_server.outbox import wakeup
@@ -63,9 +61,7 @@ class Link:
         self._submitted: deque[_Submitted] = deque()
         self._stopping = False
         self._ended = False
-        self._wake_read, self._wake_write = os.pipe()
-        os.set_blocking(self._wake_read, False)
-        os.set_blocking(self._wake_write, False)
+        self._wake_read, self._wake_write = wakeup.open_pair()
         self._thread = threading.Thread(target=self._run, name="mqtt", daemon=True)
         self._thread.start()
 
@@ -82,7 +78,7 @@ class Link:
             if self._ended:
                 raise LinkEndedError("the thread of the MQTT connection has ended")
             self._submitted.extend(submitted)
-            self._wake()
+            wakeup.write(self._wake_write, changed=False)
         return [one.reply.result() for one in submitted]
 
     def close(self) -> None:
@@ -91,15 +87,11 @@ class Link:
             if self._stopping:
                 return
             self._stopping = True
-            self._wake()
+            wakeup.write(self._wake_write, changed=False)
         self._thread.join(STOP_WAIT_S)
         if not self._thread.is_alive():
-            os.close(self._wake_read)
-            os.close(self._wake_write)
-
-    def _wake(self) -> None:
-        with suppress(BlockingIOError):  # The pipe is full of wake-ups already
-            os.write(self._wake_write, b"\n")
+            wakeup.close(self._wake_read)
+            wakeup.close(self._wake_write)
 
     def _run(self) -> None:
         """Keep the connection until `close`; when the thread fails, every waiting caller raises."""
