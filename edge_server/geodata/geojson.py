@@ -13,6 +13,7 @@ from afarcloud.faults import Fault, InvalidError
 from afarcloud.plan import Vertex
 from edge_server.geodata.rings import (
     MOST_FIELDS,
+    MOST_RINGS,
     Boundary,
     FieldFile,
     NoAreaError,
@@ -35,7 +36,6 @@ TYPES: Final = frozenset(
     }
 )
 _NO_AREAS: Final = frozenset({"Point", "MultiPoint", "LineString", "MultiLineString"})
-_MOST_RINGS: Final = 101
 _WGS84: Final = frozenset(
     {"urn:ogc:def:crs:OGC:1.3:CRS84", "urn:ogc:def:crs:OGC::CRS84", "EPSG:4326"}
 )
@@ -147,8 +147,8 @@ def _polygons(
 def _rings(rings: Any, path: str) -> list[tuple[str, list[Vertex]]]:
     if not isinstance(rings, list) or not rings:
         raise InvalidError((Fault(path, "must be a list of rings, the outer one first"),))
-    if len(rings) > _MOST_RINGS:
-        raise InvalidError((Fault(path, f"has more than {_MOST_RINGS} rings"),))
+    if len(rings) > MOST_RINGS:
+        raise InvalidError((Fault(path, f"has more than {MOST_RINGS} rings"),))
     return [(f"{path}.{index}", _ring(ring, f"{path}.{index}")) for index, ring in enumerate(rings)]
 
 

@@ -19,6 +19,7 @@ from edge_server.geodata.rings import (
     Ring,
     field_file,
     fields_of,
+    refusal,
 )
 from edge_server.geodata.zipped import Archive, is_zip
 
@@ -45,9 +46,9 @@ def read(raw: bytes) -> FieldFile:
     """
     root = _parsed(_unzipped(raw) if is_zip(raw) else raw)
     if _tag(root) != "kml":
-        raise _refusal("", "must be KML: its outermost element is another")
+        raise refusal("", "must be KML: its outermost element is another")
     if any(_tag(element) == "NetworkLink" for element in root.iter()):
-        raise _refusal("NetworkLink", "leads elsewhere; what is there is not read")
+        raise refusal("NetworkLink", "leads elsewhere; what is there is not read")
     found: list[Boundary] = []
     left_out: list[Fault] = []
     faults: list[Fault] = []
@@ -59,14 +60,10 @@ def read(raw: bytes) -> FieldFile:
         except InvalidError as error:
             faults += error.faults
         if len(found) > MOST_FIELDS:
-            raise _refusal("Placemark", f"make more than {MOST_FIELDS} fields")
+            raise refusal("Placemark", f"make more than {MOST_FIELDS} fields")
     if not (found or left_out or faults):
-        raise _refusal("Placemark", "must be there at least once, with a polygon")
+        raise refusal("Placemark", "must be there at least once, with a polygon")
     return field_file(found, left_out, faults)
-
-
-def _refusal(path: str, message: str) -> InvalidError:
-    return InvalidError((Fault(path, message),))
 
 
 def _unzipped(raw: bytes) -> bytes:
@@ -74,7 +71,7 @@ def _unzipped(raw: bytes) -> bytes:
     archive = Archive(raw, "KMZ")
     documents = sorted(archive.names(".kml"), key=lambda name: name.lower() != "doc.kml")
     if not documents:
-        raise _refusal("", "is a KMZ without KML")
+        raise refusal("", "is a KMZ without KML")
     return archive.read(documents[0], LARGEST_BYTES)
 
 
@@ -92,16 +89,16 @@ def _parsed(raw: bytes) -> "Element":
             root = element if root is None else root
             depth += 1 if event == "start" else -1
             if depth > DEEPEST:
-                raise _refusal("", "nests too deep")
+                raise refusal("", "nests too deep")
     except DefusedXmlException:
-        raise _refusal("", "must not define a document type or entities") from None
+        raise refusal("", "must not define a document type or entities") from None
     except ParseError as error:
         line, column = error.position
-        raise _refusal("", f"is not XML: at line {line} column {column}") from None
+        raise refusal("", f"is not XML: at line {line} column {column}") from None
     except (ValueError, LookupError) as error:
-        raise _refusal("", f"is not XML that can be read: {error}") from None
+        raise refusal("", f"is not XML that can be read: {error}") from None
     if root is None:
-        raise _refusal("", "is empty")
+        raise refusal("", "is empty")
     return root
 
 
@@ -131,7 +128,7 @@ def _rings(polygon: "Element", path: str) -> Iterator[Ring]:
     """The outer ring, then the inner ones."""
     outer = [ring for side in _all(polygon, "outerBoundaryIs") for ring in _all(side, "LinearRing")]
     if len(outer) != 1:
-        raise _refusal(f"{path}.outerBoundaryIs", "must be there once, with one LinearRing")
+        raise refusal(f"{path}.outerBoundaryIs", "must be there once, with one LinearRing")
     inner = [ring for side in _all(polygon, "innerBoundaryIs") for ring in _all(side, "LinearRing")]
     yield f"{path}.outerBoundaryIs", _corners(outer[0], f"{path}.outerBoundaryIs")
     for number, ring in enumerate(inner):
@@ -143,10 +140,10 @@ def _corners(ring: "Element", path: str) -> list[Vertex]:
     """A closed ring of `longitude,latitude[,height]` as open ring of corners."""
     tuples = (_text(ring, "coordinates") or "").split()
     if len(tuples) < 4:
-        raise _refusal(f"{path}.coordinates", "must be four or more positions")
+        raise refusal(f"{path}.coordinates", "must be four or more positions")
     corners = [_corner(one, f"{path}.coordinates.{index}") for index, one in enumerate(tuples)]
     if corners[0] != corners[-1]:
-        raise _refusal(f"{path}.coordinates", "must end where they begin")
+        raise refusal(f"{path}.coordinates", "must end where they begin")
     return corners[:-1]
 
 
@@ -154,11 +151,11 @@ def _corner(position: str, path: str) -> Vertex:
     try:
         longitude, latitude = (float(number) for number in position.split(",")[:2])
     except ValueError:
-        raise _refusal(path, "must be longitude,latitude in degrees, without blanks") from None
+        raise refusal(path, "must be longitude,latitude in degrees, without blanks") from None
     if not -180.0 <= longitude <= 180.0:
-        raise _refusal(path, "must begin with a longitude, -180 to 180")
+        raise refusal(path, "must begin with a longitude, -180 to 180")
     if not -90.0 <= latitude <= 90.0:
-        raise _refusal(path, "must have a latitude, -90 to 90; KML has the longitude first")
+        raise refusal(path, "must have a latitude, -90 to 90; KML has the longitude first")
     return latitude, longitude
 
 

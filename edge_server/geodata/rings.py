@@ -13,6 +13,8 @@ Ring: TypeAlias = tuple[str, list[Vertex]]
 LONGEST_NAME: Final = 255
 MOST_FIELDS: Final = 100
 """Of one file."""
+MOST_RINGS: Final = 101
+"""Of one polygon."""
 
 
 class Boundary(NamedTuple):
@@ -31,6 +33,11 @@ class FieldFile(NamedTuple):
 
 class NoAreaError(InvalidError):
     """A part of a file that is no area. It is left out where the file has one."""
+
+
+def refusal(path: str, message: str) -> InvalidError:
+    """Make the error of a file of which one part is wrong."""
+    return InvalidError((Fault(path, message),))
 
 
 def field_file(

@@ -16,11 +16,13 @@ from edge_server.geodata import projection
 from edge_server.geodata.projection import ToGlobe
 from edge_server.geodata.rings import (
     MOST_FIELDS,
+    MOST_RINGS,
     Boundary,
     FieldFile,
     Ring,
     field_file,
     fields_of,
+    refusal,
 )
 from edge_server.geodata.zipped import Archive, is_zip
 
@@ -48,7 +50,6 @@ _SHAPES: Final = {
 }
 _SHAPE_BYTES: Final = 44
 """Of a polygon, before the indices of its parts."""
-_MOST_RINGS: Final = 101
 _NAMES: Final = ("name", "nombre", "title", "label", "id")
 _Points = list[tuple[float, float]]
 
@@ -85,33 +86,29 @@ def read(raw: bytes) -> FieldFile:
         except InvalidError as error:
             faults += error.faults
         if len(found) > MOST_FIELDS:
-            raise _refusal(parts.name, f"makes more than {MOST_FIELDS} fields")
+            raise refusal(parts.name, f"makes more than {MOST_FIELDS} fields")
     if not (found or faults):
-        raise _refusal(parts.name, "holds no polygon")
+        raise refusal(parts.name, "holds no polygon")
     return field_file(found, (), faults)
-
-
-def _refusal(path: str, message: str) -> InvalidError:
-    return InvalidError((Fault(path, message),))
 
 
 def _parts(archive: Archive) -> _Parts:
     shapes = archive.names(".shp")
     if not shapes:
-        raise _refusal("", "is a zip archive without Shapefile (.shp) and without KML")
+        raise refusal("", "is a zip archive without Shapefile (.shp) and without KML")
     if len(shapes) > 1:
         names = ", ".join(sorted(shapes)[:5])
-        raise _refusal("", f"holds {len(shapes)} Shapefiles ({names}); give each its own archive")
+        raise refusal("", f"holds {len(shapes)} Shapefiles ({names}); give each its own archive")
     name = shapes[0]
     reference = _beside(archive, name, ".prj")
     if reference is None:
         text = "is missing: without it the coordinate reference system is unknown"
-        raise _refusal(f"{name[:-4]}.prj", text)
+        raise refusal(f"{name[:-4]}.prj", text)
     system = archive.read(reference, _LARGEST_TEXT_BYTES, reference)
     try:
         to_globe = projection.read(system.decode("utf-8-sig", errors="replace"))
     except ValueError as error:
-        raise _refusal(reference, str(error)) from None
+        raise refusal(reference, str(error)) from None
     return _Parts(name, archive.read(name, LARGEST_BYTES, name), to_globe, _titles(archive, name))
 
 
@@ -125,28 +122,28 @@ def _records(parts: _Parts) -> Iterator[bytes | None]:
     """The polygon of each record, None for an empty one."""
     raw, name = parts.shapes, parts.name
     if len(raw) < _HEADER_BYTES:
-        raise _refusal(name, f"is cut off: it has {len(raw)} bytes, its header alone 100")
+        raise refusal(name, f"is cut off: it has {len(raw)} bytes, its header alone 100")
     code, words = struct.unpack_from(">i20xi", raw)
     version, kind = struct.unpack_from("<ii", raw, 28)
     if code != _FILE_CODE or version != _VERSION:
-        raise _refusal(name, "is no Shapefile: its first bytes are others")
+        raise refusal(name, "is no Shapefile: its first bytes are others")
     if kind not in _POLYGONS:
         what = _SHAPES.get(kind, f"shapes of type {kind}")
-        raise _refusal(name, f"holds {what}; only polygons are fields")
+        raise refusal(name, f"holds {what}; only polygons are fields")
     end = 2 * words
     if end != len(raw):
-        raise _refusal(name, f"is cut off or changed: it has {len(raw)} bytes, and states {end}")
+        raise refusal(name, f"is cut off or changed: it has {len(raw)} bytes, and states {end}")
     place, number = _HEADER_BYTES, 0
     while place < end:
         number += 1
         path = f"{name}.record.{number}"
         size = 2 * struct.unpack_from(">4xi", raw, place)[0] if place + 8 <= end else -1
         if size < 4 or place + 8 + size > end:
-            raise _refusal(path, "is cut off")
+            raise refusal(path, "is cut off")
         shape = raw[place + 8 : place + 8 + size]
         (kind,) = struct.unpack_from("<i", shape)
         if kind not in {_NULL, *_POLYGONS}:
-            raise _refusal(path, f"is of type {kind}; only polygons are fields")
+            raise refusal(path, f"is of type {kind}; only polygons are fields")
         yield None if kind == _NULL else shape
         place += 8 + size
 
@@ -174,27 +171,27 @@ def _polygons(shape: bytes, path: str, to_globe: ToGlobe) -> list[tuple[str, lis
 def _rings(shape: bytes, path: str) -> Iterator[tuple[str, _Points]]:
     """The points of each ring without the repeated first one, and its path."""
     if len(shape) < _SHAPE_BYTES:
-        raise _refusal(path, "is cut off")
+        raise refusal(path, "is cut off")
     count, points = struct.unpack_from("<ii", shape, 36)
-    if not 1 <= count <= _MOST_RINGS:
-        raise _refusal(path, f"has {count} rings; 1 to {_MOST_RINGS} are read")
+    if not 1 <= count <= MOST_RINGS:
+        raise refusal(path, f"has {count} rings; 1 to {MOST_RINGS} are read")
     first = _SHAPE_BYTES + 4 * count
     if points < 0 or first + 16 * points > len(shape):
-        raise _refusal(path, f"is cut off: it states {points} points")
+        raise refusal(path, f"is cut off: it states {points} points")
     starts = [*struct.unpack_from(f"<{count}i", shape, _SHAPE_BYTES), points]
     if starts[0] != 0 or any(a >= b for a, b in itertools.pairwise(starts)):
-        raise _refusal(path, "has rings that begin outside of its points")
+        raise refusal(path, "has rings that begin outside of its points")
     numbers = struct.unpack_from(f"<{2 * points}d", shape, first)
     if not all(map(math.isfinite, numbers)):
-        raise _refusal(path, "has a place that is no number")
+        raise refusal(path, "has a place that is no number")
     for index in range(count):
         low, high = 2 * starts[index], 2 * starts[index + 1]
         ring = list(zip(numbers[low:high:2], numbers[low + 1 : high : 2], strict=True))
         place = f"{path}.ring.{index + 1}"
         if len(ring) < 4:
-            raise _refusal(place, "must have four or more places")
+            raise refusal(place, "must have four or more places")
         if ring[0] != ring[-1]:
-            raise _refusal(place, "must end where it begins")
+            raise refusal(place, "must end where it begins")
         yield place, ring[:-1]
 
 
@@ -209,7 +206,7 @@ def _corners(points: _Points, path: str, to_globe: ToGlobe) -> list[tuple[float,
     try:
         return [to_globe(*point) for point in points]
     except ValueError as error:
-        raise _refusal(path, f"{error}, as its reference system says") from None
+        raise refusal(path, f"{error}, as its reference system says") from None
 
 
 def _titles(archive: Archive, shapes: str) -> list[str | None]:
@@ -219,10 +216,10 @@ def _titles(archive: Archive, shapes: str) -> list[str | None]:
         return []
     raw = archive.read(name, LARGEST_BYTES, name)
     if len(raw) < 32:
-        raise _refusal(name, f"is cut off: it has {len(raw)} bytes, its header alone 32")
+        raise refusal(name, f"is cut off: it has {len(raw)} bytes, its header alone 32")
     rows, header, width = struct.unpack_from("<IHH", raw, 4)
     if header < 33 or width < 1 or len(raw) < header + rows * width:
-        raise _refusal(name, f"is cut off: it states {rows} rows of {width} bytes")
+        raise refusal(name, f"is cut off: it states {rows} rows of {width} bytes")
     column = _column(raw[32:header])
     if column is None:
         return []
