@@ -14,9 +14,9 @@ from tests.soak.broker_death import (
     sweep_scripted,
     uploads,
 )
+from tests.support.autopilot_families import OWN
 from tests.support.broker_world import GENERIC, follow, go_home, hotpoint, takeoff, waypoint
 from tests.support.vehicle_script import ARDUPILOT, PX4, Script
-from tests.unit.mavlink_broker.live.test_live_commands import OWN
 
 pytestmark = pytest.mark.scenario
 

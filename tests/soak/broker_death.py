@@ -23,6 +23,7 @@ from mavlink_broker.mavlink.dialect import mavlink
 from tests.support.broker_world import World, go_home, mission, takeoff, waypoint
 from tests.support.fake_edge import FakeEdge
 from tests.support.flying_world import PERFECT, Conditions, FlyingWorld
+from tests.support.scripted_disk import DISK_LAG_S
 from tests.support.vehicle_script import Script
 
 PLAN: Final = Path(__file__).parent.parent.parent / "examples" / "plans" / "eleven_commands.json"
@@ -30,7 +31,6 @@ AWAY_S: Final = (0.0, 2.0, 10.0, 30.0, 60.0)
 PATIENCE_S: Final = 600.0
 DEATHS: Final = (1, 1, 2, 3)
 """How often the broker dies in one flight."""
-DISK_LAG_S: Final = 0.05
 SCRIPTED_ITEM_S: Final = 4.0
 
 ONCE: Final = (

@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from afarcloud.enumerations import Status
+from tests.support.broker_events import ABORT, SOFT_ABORT, SPEED
 from tests.support.broker_world import go_home, mission, takeoff, waypoint
 from tests.support.flying_world import PERFECT, Conditions, FlyingWorld
 from tests.support.vehicle_script import HOME
 
-ABORT, SOFT_ABORT, SPEED = 1, 2, 3
 HEIGHT_M: Final = 5.0
 POINT_M: Final = (12.0, 8.0, 7.0)
 """Where an event sends the vehicle: metres north, east and above home."""

@@ -12,8 +12,8 @@ from random import Random
 from typing import Any, Final
 
 from afarcloud.enumerations import Status
+from tests.support.overridden_settings import WITH_FOLLOW, WITH_RATE, Farm
 from tests.support.vehicle_script import ARDUPILOT, PX4, Script
-from tests.unit.mavlink_broker.restarts.test_restart_overrides import WITH_FOLLOW, WITH_RATE, Farm
 
 LOSSES: Final = (0.0, 0.2)
 LONGEST_S: Final = 120.0

@@ -1,5 +1,6 @@
 """The whole broker in simulated time, between scripted vehicles and an edge server in memory."""
 
+import json
 import random
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
@@ -31,6 +32,9 @@ FINISHED = [Status.FINISHED] * 3
 EPOCH = datetime(2026, 11, 21, 8, 0, tzinfo=UTC)
 TICK_S = 0.2
 """Period of the broker's steps, unless a test needs a finer one."""
+ELSEWHERE = ("198.51.100.7", 40_000)
+"""An address behind which no vehicle of a world is, unless a test puts one there."""
+PLANS = Path(__file__).parents[2] / "examples" / "plans"
 HOME_PLACE = {"latitude": HOME[0], "longitude": HOME[1]}
 
 
@@ -294,6 +298,12 @@ def hotpoint(command_id: int = 2, **more: Any) -> dict[str, Any]:
     return {"command_id": command_id, "command_type_id": 7, "parameters": parameters | more}
 
 
+def circle(command_id: int = 2, **more: Any) -> dict[str, Any]:
+    """A circle at a rate [deg/s]."""
+    place = HOME_PLACE | {"orbit_altitude": 8.0, "radius": 20.0, "angular_velocity": 5.0}
+    return {"command_id": command_id, "command_type_id": 7, "parameters": place | more}
+
+
 def follow(command_id: int = 2, altitude: float = 9.0) -> dict[str, Any]:
     parameters = HOME_PLACE | {"altitude": altitude}
     return {"command_id": command_id, "command_type_id": 8, "parameters": parameters}
@@ -328,6 +338,12 @@ def first_flight(mission_id: int = 1201, vehicle_id: int = 1) -> Any:
     return mission(takeoff(), waypoint(), go_home(), mission_id=mission_id, vehicle_id=vehicle_id)
 
 
+def example_mission(name: str) -> Any:
+    """The mission of an example plan."""
+    document = json.loads((PLANS / f"{name}.json").read_text(encoding="utf-8"))
+    return document.get("plan", document)["missions"][0]
+
+
 def flying_world(
     script: Script = PX4, config: Config | None = None, *, tick_s: float = TICK_S
 ) -> World:
@@ -337,3 +353,10 @@ def flying_world(
     world.edge.plan(first_flight())
     world.run_until(lambda: any(s.state is State.RUNNING for s in world.app.sessions.values()))
     return world
+
+
+def restart(world: World, away_s: float = 0.0) -> None:
+    """Kill the broker, and start another one after so many seconds."""
+    world.kill_broker()
+    world.run(away_s)
+    world.restart_broker()

@@ -1,7 +1,9 @@
-"""The other ends of links: a pseudo-terminal that can be unplugged, a hub in a loop."""
+"""The other ends of links: a pseudo-terminal that can be unplugged, a hub in a loop, a vehicle."""
 
 import os
 import pty
+import select
+import socket
 import termios
 import time
 import tty
@@ -11,8 +13,11 @@ from typing import Any
 
 from mavlink_broker.links.hub import Hub
 from mavlink_broker.links.link import Arrival
+from tests.support.scripted_vehicle import ScriptedVehicle
 
 PATIENCE_S = 30.0
+FLIGHT_S = 60.0
+"""How long a mission lasts at most, in real time."""
 
 
 class Cable:
@@ -68,3 +73,16 @@ def receive_until(hub: Hub, is_enough: Callable[[list[Arrival]], bool]) -> list[
         assert time.monotonic() < end, f"only {len(arrivals)} arrivals"
         arrivals += hub.receive(0.02)
     return arrivals
+
+
+def fly_over_udp(vehicle: ScriptedVehicle, port: int, is_over: Callable[[], bool]) -> None:
+    """Let a vehicle live on a real socket in real time."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as own:
+        own.bind(("127.0.0.1", 0))
+        end = time.monotonic() + FLIGHT_S
+        while not is_over():
+            assert time.monotonic() < end, "the mission does not end"
+            if select.select([own], [], [], 0.005)[0]:
+                vehicle.receive(own.recv(2048), time.monotonic())
+            for frame in vehicle.step(time.monotonic()):
+                own.sendto(frame, ("127.0.0.1", port))

@@ -12,6 +12,9 @@ from mavlink_broker.vehicle.recovery_state import (
     VehicleIdentity,
 )
 
+DISK_LAG_S = 0.05
+"""A slow disk: a broker may die between a change and its note."""
+
 
 class ScriptedDisk:
     """Writes records after a delay; those that are not written yet are lost with the broker."""

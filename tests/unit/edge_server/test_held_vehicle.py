@@ -7,10 +7,10 @@ import pytest
 from mavlink_broker.edge.outbox import Post
 from mavlink_broker.edge.wire import AcceptanceResult
 from mavlink_broker.mavlink.dialect import mavlink
+from tests.support.autopilot_families import SLOW_PX4
 from tests.support.broker_world import World, first_flight
 from tests.support.fake_edge import FakeEdge
 from tests.unit.edge_server.conftest import Edge
-from tests.unit.mavlink_broker.vehicle.test_alarms import SLOW
 
 LOOK_EVERY_S = 0.5
 
@@ -101,7 +101,7 @@ def test_after_a_fault_in_flight_nothing_flies_until_an_operator_releases(
     real.world = world
     world.edge = real
     world.start_broker()
-    vehicle = world.add_vehicle(script=SLOW)
+    vehicle = world.add_vehicle(script=SLOW_PX4)
     world.run(5.0)
     for number in (1, 2):
         assert edge.post_plan({"plan": {"missions": [first_flight(number)]}}).status_code == 201

@@ -15,16 +15,12 @@ from mavlink_broker.mission.mission_queue import MissionQueue
 from mavlink_broker.mission.states import State
 from mavlink_broker.routing.router import Router
 from mavlink_broker.session import Session
+from tests.support.broker_events import ABORT, POINT, SOFT_ABORT, answer_statuses
 from tests.support.broker_world import FINISHED, World, first_flight
 from tests.support.fenced_vehicle import ARDUPILOT_VALUES, PX4_VALUES, FencedVehicle
+from tests.support.mission_reports import message_of
+from tests.support.mission_scenes import world_at
 from tests.support.vehicle_script import ARDUPILOT, HOME, PX4, PX4_RETURN, Script
-from tests.unit.mavlink_broker.events.test_events import (
-    ABORT,
-    POINT,
-    SOFT_ABORT,
-    answer_statuses,
-    world_at,
-)
 
 HALF = 40 * 9e-6
 FENCE = {
@@ -49,10 +45,6 @@ def fenced(world: World, system: int, script: Script, values: dict[str, float]) 
 def plan_for(world: World, *systems: int, geofence: dict[str, Any] | None = None) -> None:
     for system in systems:
         world.edge.plan(first_flight(mission_id=system, vehicle_id=system), geofence=geofence)
-
-
-def message_of(world: World, mission_id: int) -> str:
-    return str(world.edge.reports(mission_id)[-1]["message"])
 
 
 class TestParametersThatAreNoNumbers:

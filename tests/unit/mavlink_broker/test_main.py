@@ -2,13 +2,11 @@
 
 import dataclasses
 import os
-import select
 import signal
 import socket
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -17,6 +15,7 @@ from afarcloud.enumerations import Status
 from mavlink_broker.database import Database
 from tests.support.broker_world import first_flight
 from tests.support.fake_edge import FakeEdgeServer
+from tests.support.link_ends import fly_over_udp
 from tests.support.process_tree import full_pipe
 from tests.support.scripted_vehicle import ScriptedVehicle
 from tests.support.system import free_ports
@@ -24,7 +23,6 @@ from tests.support.vehicle_script import PX4
 
 ROOT = Path(__file__).parents[3]
 LISTENING = "links udpin://0.0.0.0:"
-PATIENCE_S = 60.0
 
 
 def start(
@@ -52,19 +50,6 @@ def wait_until_listening(process: subprocess.Popen[str]) -> int:
     assert process.stderr is not None
     line = next(line for line in process.stderr if LISTENING in line)
     return int(line.split(LISTENING)[1].split(",")[0])
-
-
-def fly(vehicle: ScriptedVehicle, port: int, is_over: Callable[[], bool]) -> None:
-    """Let a vehicle live on a real socket in real time."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as own:
-        own.bind(("127.0.0.1", 0))
-        end = time.monotonic() + PATIENCE_S
-        while not is_over():
-            assert time.monotonic() < end, "the mission does not end"
-            if select.select([own], [], [], 0.005)[0]:
-                vehicle.receive(own.recv(2048), time.monotonic())
-            for frame in vehicle.step(time.monotonic()):
-                own.sendto(frame, ("127.0.0.1", port))
 
 
 @pytest.mark.first_case
@@ -140,7 +125,7 @@ def test_it_flies_a_mission_between_a_real_socket_and_real_http(tmp_path: Path) 
         key.parent.mkdir()
         key.write_text("secret")
         server.plan(first_flight())
-        fly(vehicle, port, lambda: server.edge.status(1201) == Status.FINISHED)
+        fly_over_udp(vehicle, port, lambda: server.edge.status(1201) == Status.FINISHED)
         broker.send_signal(signal.SIGTERM)
         assert broker.wait(timeout=20) == 0
     assert server.edge.statuses(1201) == [Status.FINISHED] * 3
@@ -166,7 +151,7 @@ def test_it_flies_while_the_reader_of_its_log_has_stalled(tmp_path: Path) -> Non
         os.close(write_end)
         try:
             server.plan(first_flight())
-            fly(vehicle, port, lambda: server.edge.status(1201) == Status.FINISHED)
+            fly_over_udp(vehicle, port, lambda: server.edge.status(1201) == Status.FINISHED)
             broker.send_signal(signal.SIGTERM)
             assert broker.wait(timeout=20) == 0
         finally:

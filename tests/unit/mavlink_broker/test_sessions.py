@@ -12,14 +12,13 @@ from afarcloud.enumerations import Status
 from mavlink_broker.mavlink.codec import Encoder
 from mavlink_broker.mavlink.dialect import Message, mavlink
 from mavlink_broker.session import LONGEST_LOSS_S
-from tests.support.broker_world import FINISHED, World, first_flight
+from tests.support.broker_world import ELSEWHERE, FINISHED, World, first_flight
+from tests.support.orders import orders
 from tests.support.real_autopilots import COPTER_4_6, PX4_1_17
 from tests.support.scripted_telemetry import STREAMS
 from tests.support.scripted_vehicle import ScriptedVehicle
 from tests.support.vehicle_script import PX4, Script
-from tests.unit.mavlink_broker.takeovers.test_takeover import orders
 
-ELSEWHERE = ("198.51.100.7", 40_000)
 SAME_ID = "another vehicle at 198.51.100.7:40000 has the same system id, 1"
 
 

@@ -10,25 +10,33 @@ import pytest
 from afarcloud.enumerations import Status
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.mission.states import State
+from tests.support.broker_events import PAUSE, RESUME
 from tests.support.broker_world import (
     FINISHED,
     World,
+    example_mission,
     go_home,
     land,
     mission,
     takeoff,
     waypoint,
 )
+from tests.support.mission_scenes import flown
 from tests.support.real_autopilots import COPTER_4_1, COPTER_4_6, PX4_1_17, ROVER
 from tests.support.scripted_vehicle import ScriptedVehicle
-from tests.support.vehicle_script import COPTER_AUTO, COPTER_RETURN, HOME, Script
-from tests.unit.mavlink_broker.autopilots.test_real_autopilots import example, flown
+from tests.support.vehicle_script import (
+    COPTER_AUTO,
+    COPTER_BRAKE,
+    COPTER_LOITER,
+    COPTER_RETURN,
+    COPTER_STABILIZE,
+    HOME,
+    Script,
+)
 
 SPEED = mavlink.MAV_CMD_DO_CHANGE_SPEED
 WAYPOINT = mavlink.MAV_CMD_NAV_WAYPOINT
 CIRCLE = mavlink.MAV_CMD_NAV_LOITER_TURNS
-COPTER_STABILIZE, COPTER_LOITER, COPTER_BRAKE = 0, 5, 17
-PAUSE, RESUME = 101, 102
 
 
 def hotpoint(**more: Any) -> dict[str, Any]:
@@ -152,7 +160,7 @@ class TestANewSpeed:
 
 @pytest.mark.thorough
 def test_a_vehicle_without_camera_items_flies_all_commands() -> None:
-    plan = example("eleven_commands")
+    plan = example_mission("eleven_commands")
     world = flown(COPTER_4_1, plan)
     report = world.edge.reports(plan["mission_id"])[-1]
     assert set(world.edge.statuses(plan["mission_id"])) == {3}, report

@@ -1,8 +1,6 @@
 """Missions on vehicles that have the habits of PX4 and ArduPilot, in simulated time."""
 
 import dataclasses
-import json
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -13,6 +11,7 @@ from mavlink_broker.mavlink.dialect import mavlink
 from tests.support.broker_world import (
     FINISHED,
     World,
+    example_mission,
     first_flight,
     go_home,
     land,
@@ -20,6 +19,7 @@ from tests.support.broker_world import (
     takeoff,
     waypoint,
 )
+from tests.support.mission_scenes import flown
 from tests.support.real_autopilots import (
     COPTER_3_6,
     COPTER_4_6,
@@ -40,7 +40,6 @@ from tests.support.vehicle_script import (
     Script,
 )
 
-PLANS = Path(__file__).parents[4] / "examples" / "plans"
 ALL = {
     "px4 1.14": PX4_1_14,
     "px4 1.16": PX4_1_16,
@@ -54,22 +53,6 @@ PX4S = pytest.mark.parametrize(
 )
 BARE = pytest.mark.parametrize("script", [PX4_BARE_1_14, PX4_BARE], ids=["answers", "is silent"])
 COPTERS = pytest.mark.parametrize("script", [COPTER_3_6, COPTER_4_6], ids=["3.6", "4.6"])
-
-
-def flown(script: Script, plan: Any = None, *, loss: float = 0.0) -> World:
-    """A world in which one mission is over."""
-    world = World(loss=loss)
-    world.add_vehicle(script=script)
-    work = first_flight() if plan is None else plan
-    world.edge.plan(work)
-    world.run_until_over(work["mission_id"], within_s=900.0)
-    return world
-
-
-def example(name: str) -> Any:
-    """The mission of an example plan."""
-    document = json.loads((PLANS / f"{name}.json").read_text(encoding="utf-8"))
-    return document.get("plan", document)["missions"][0]
 
 
 def command(command_id: int, kind: int, **parameters: Any) -> dict[str, Any]:
@@ -118,7 +101,7 @@ class TestEveryAutopilot:
     @AUTOPILOTS
     @pytest.mark.parametrize("name", ["first_flight", "eleven_commands"])
     def test_flies_the_example_plans(self, script: Script, name: str) -> None:
-        plan = example(name)
+        plan = example_mission(name)
         world = flown(script, plan)
         report = world.edge.reports(plan["mission_id"])[-1]
         assert report["mission_status_id"] == Status.FINISHED, report
@@ -278,7 +261,7 @@ class TestPx4:
         self, script: Script
     ) -> None:
         """Its simulation has no camera: for one the autopilot answers FAILED, later nothing."""
-        plan = example("eleven_commands")
+        plan = example_mission("eleven_commands")
         world = flown(script, plan)
         report = world.edge.reports(plan["mission_id"])[-1]
         assert report["mission_status_id"] == Status.FINISHED, report
@@ -481,7 +464,7 @@ class TestAPausedMission:
         world.edge.plan(first_flight())
         world.run_until(lambda: vehicle.airborne)
         world.run(3.0)
-        vehicle.set_mode(4 << 16 | 3 << 24)
+        vehicle.set_mode(PX4_HOLD)
         world.run(30.0)
         vehicle.set_mode(PX4_MISSION)
         world.run_until_over(1201)

@@ -11,6 +11,7 @@ import pytest
 from afarcloud.enumerations import Status
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.vehicle.gcs_heartbeat import AWAY_S
+from tests.support.broker_events import PAUSE, RESUME, RETURN_HOME
 from tests.support.broker_world import (
     FINISHED,
     World,
@@ -25,7 +26,6 @@ from tests.support.broker_world import (
 from tests.support.real_autopilots import PX4_1_13, PX4_1_14, PX4_1_16, PX4_1_17
 from tests.support.vehicle_script import HOME, PX4_HOLD, PX4_MISSION, PX4_RETURN, Script
 
-PAUSE, RESUME, RETURN_HOME = 101, 102, 103
 ATTENDED = dataclasses.replace(
     PX4_1_17, link_loss_action=2, settings={"COM_DL_LOSS_T": 10.0}, item_time_s=30.0
 )

@@ -34,9 +34,9 @@ from tests.support.broker_world import (
     takeoff,
     waypoint,
 )
+from tests.support.link_ends import fly_over_udp
 from tests.support.scripted_vehicle import ScriptedVehicle
 from tests.support.vehicle_script import PX4, Script
-from tests.unit.mavlink_broker.test_main import fly as live
 
 ROOT = Path(__file__).parents[4]
 PNG = b"\x89PNG\r\n\x1a\n"
@@ -257,7 +257,7 @@ class TestTheProgram:
     def test_flies_a_plan_and_ends_with_status_0(self, tmp_path: Path) -> None:
         with started(tmp_path, "--json") as (process, port):
             vehicle = scripted(item_time_s=0.05)
-            live(vehicle, port, lambda: process.poll() is not None)
+            fly_over_udp(vehicle, port, lambda: process.poll() is not None)
             out, _ = process.communicate()
         assert process.returncode == 0
         last = [json.loads(line) for line in out.splitlines() if "mission_report" in line][-1]
@@ -268,7 +268,7 @@ class TestTheProgram:
         with started(tmp_path, "--json") as (process, port):
             assert process.stdout is not None
             process.stdout.close()
-            live(scripted(item_time_s=0.05), port, lambda: process.poll() is not None)
+            fly_over_udp(scripted(item_time_s=0.05), port, lambda: process.poll() is not None)
             assert process.wait() == 0
 
     @pytest.mark.thorough
@@ -282,7 +282,7 @@ class TestTheProgram:
     def test_that_is_interrupted_prints_what_it_leaves(self, tmp_path: Path) -> None:
         with started(tmp_path) as (process, port):
             vehicle = scripted(item_time_s=60.0)
-            live(vehicle, port, lambda: vehicle.airborne)
+            fly_over_udp(vehicle, port, lambda: vehicle.airborne)
             process.send_signal(signal.SIGINT)
             _, errors = process.communicate(timeout=20)
         assert process.returncode == 130

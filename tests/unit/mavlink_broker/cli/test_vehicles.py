@@ -21,9 +21,9 @@ from mavlink_broker.mavlink.dialect import Route
 from mavlink_broker.vehicle.telemetry import version
 from mavlink_broker.vehicle.vehicle import Vehicle
 from tests.support.broker_world import World
+from tests.support.link_ends import fly_over_udp
 from tests.support.scripted_vehicle import ScriptedVehicle
 from tests.support.vehicle_script import ARDUPILOT, PX4
-from tests.unit.mavlink_broker.test_main import fly as live
 
 ROOT = Path(__file__).parents[4]
 
@@ -62,7 +62,7 @@ def test_the_program_lists_a_vehicle_on_a_real_socket(tmp_path: Path) -> None:
     command = started(tmp_path, "--connect", f"udp://127.0.0.1:{port}", "--seconds", "2", "--json")
     with command as process:
         vehicle = ScriptedVehicle(1, PX4, booted_at=time.monotonic())
-        live(vehicle, port, lambda: process.poll() is not None)
+        fly_over_udp(vehicle, port, lambda: process.poll() is not None)
         out, _ = process.communicate()
     assert process.returncode == 0
     (described,) = json.loads(out)["vehicles"]

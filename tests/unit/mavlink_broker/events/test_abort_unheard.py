@@ -12,12 +12,12 @@ from afarcloud.enumerations import EventType, Status
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.mission.abort_executor import STANDS, UNHEARD_S
 from mavlink_broker.mission.states import State
+from tests.support.broker_events import ABORT, POINT, answer_statuses, answers
 from tests.support.broker_world import World, first_flight
+from tests.support.mission_scenes import slow, state
+from tests.support.orders import commands
 from tests.support.scripted_vehicle import ScriptedVehicle
-from tests.support.vehicle_script import ARDUPILOT, PX4, PX4_POSITION, Script
-from tests.unit.mavlink_broker.events.test_events import ABORT, POINT, answer_statuses, answers
-from tests.unit.mavlink_broker.restarts.test_suspended_broker import commands
-from tests.unit.mavlink_broker.takeovers.test_takeover import COPTER_LOITER, slow, state
+from tests.support.vehicle_script import ARDUPILOT, COPTER_LOITER, PX4, PX4_POSITION, Script
 
 FAMILIES = pytest.mark.parametrize(
     ("script", "manual"),

@@ -14,21 +14,15 @@ from afarcloud.enumerations import EventType, Status
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.mission.phases.ending import FLOWN_TO_ITS_END
 from mavlink_broker.mission.states import State
-from tests.support.broker_world import World, first_flight
+from tests.support.autopilot_families import PX4_AND_ARDUPILOT
+from tests.support.broker_events import ABORT, POINT, answer_statuses
+from tests.support.broker_world import ELSEWHERE, World, first_flight
+from tests.support.mission_scenes import REFUSING_RETURN, in_mission, slow, state, world_at
+from tests.support.orders import ASKING
 from tests.support.scripted_vehicle import ScriptedVehicle
-from tests.support.vehicle_script import ARDUPILOT, COPTER_RETURN, PX4, PX4_LAND, PX4_RETURN, Script
-from tests.unit.mavlink_broker.events.test_events import ABORT, POINT, answer_statuses, world_at
-from tests.unit.mavlink_broker.takeovers.test_takeover import (
-    ASKING,
-    REFUSING_RETURN,
-    in_mission,
-    slow,
-    state,
-)
-from tests.unit.mavlink_broker.test_sessions import ELSEWHERE
+from tests.support.vehicle_script import COPTER_RETURN, PX4, PX4_LAND, PX4_RETURN, Script
 
 HERE = ("192.0.2.1", 14581)
-FAMILIES = pytest.mark.parametrize("script", [PX4, ARDUPILOT], ids=["px4", "ardupilot"])
 ADDRESSES = pytest.mark.parametrize("address", [HERE, ELSEWHERE], ids=["same-port", "new-port"])
 UPTIME_S = 50.0
 AWAY_S = 8.0
@@ -74,7 +68,7 @@ def switch_on_another(world: World, booted_at: float, script: Script = PX4) -> S
     return other
 
 
-@FAMILIES
+@PX4_AND_ARDUPILOT
 @ADDRESSES
 @pytest.mark.parametrize("kind", [ABORT, EventType.RETURN_HOME], ids=["land", "return"])
 def test_one_that_was_restarted_refuses_it(
@@ -122,7 +116,7 @@ def test_one_that_shows_no_clock_any_more_is_waited_for_three_seconds() -> None:
     assert answer_statuses(world, 2) == ["accepted", "done"]
 
 
-@FAMILIES
+@PX4_AND_ARDUPILOT
 @ADDRESSES
 def test_the_same_one_that_flies_on_is_ordered_to_land(
     script: Script, address: tuple[str, int]
@@ -136,7 +130,7 @@ def test_the_same_one_that_flies_on_is_ordered_to_land(
     assert answer_statuses(world, 2) == ["accepted", "done"]
 
 
-@FAMILIES
+@PX4_AND_ARDUPILOT
 @ADDRESSES
 def test_the_same_one_that_has_landed_meanwhile_has_done_it(
     script: Script, address: tuple[str, int]
@@ -166,7 +160,7 @@ def is_ahead(world: World, vehicle: ScriptedVehicle) -> float:
 CLOCKS = pytest.mark.parametrize("booted_at", [has_begun_since, is_behind, is_ahead])
 
 
-@FAMILIES
+@PX4_AND_ARDUPILOT
 @CLOCKS
 def test_another_one_on_the_ground_does_not_answer_it(
     script: Script, booted_at: Callable[[World, ScriptedVehicle], float]
@@ -288,7 +282,7 @@ def test_progress_of_one_that_has_not_shown_its_clock_does_not_count() -> None:
     assert world.edge.status(1201) == Status.RUNNING
 
 
-@FAMILIES
+@PX4_AND_ARDUPILOT
 @pytest.mark.parametrize("lost_s", [6.0, 14.0, 20.0])
 def test_a_return_that_does_not_arrive_is_no_landing_later(script: Script, lost_s: float) -> None:
     """The vehicle is received all the time, and does not receive the broker."""

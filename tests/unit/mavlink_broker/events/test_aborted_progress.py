@@ -14,13 +14,13 @@ from mavlink_broker.mission.abort_executor import UNHEARD_S
 from mavlink_broker.mission.phases.ending import FLOWN_TO_ITS_END, MAY_BE_FLOWN
 from mavlink_broker.mission.progress_monitor import ProgressMonitor
 from mavlink_broker.mission.states import State
+from tests.support.autopilot_families import PX4_AND_ARDUPILOT
+from tests.support.broker_events import ABORT, answer_statuses
 from tests.support.broker_world import World, go_home, mission, takeoff, waypoint
+from tests.support.mission_scenes import slow, state
 from tests.support.scripted_vehicle import ScriptedVehicle
 from tests.support.vehicle_script import ARDUPILOT, HOME, PX4, Script
-from tests.unit.mavlink_broker.events.test_events import ABORT, answer_statuses
-from tests.unit.mavlink_broker.takeovers.test_takeover import slow, state
 
-FAMILIES = pytest.mark.parametrize("script", [PX4, ARDUPILOT], ids=["px4", "ardupilot"])
 KINDS = pytest.mark.parametrize("kind", [ABORT, EventType.RETURN_HOME], ids=["land", "return"])
 FLOWN, CUT = Status.FINISHED, Status.ABORTED
 ITEM_S: Final = 6.0
@@ -45,7 +45,7 @@ def count(world: World, status: Status) -> int:
     return world.edge.statuses(1201).count(status)
 
 
-@FAMILIES
+@PX4_AND_ARDUPILOT
 @KINDS
 def test_what_was_flown_while_no_broker_ran_is_finished(script: Script, kind: int) -> None:
     world, vehicle = flying(script)
@@ -60,7 +60,7 @@ def test_what_was_flown_while_no_broker_ran_is_finished(script: Script, kind: in
     world.run_until(lambda: not vehicle.armed)
 
 
-@FAMILIES
+@PX4_AND_ARDUPILOT
 def test_an_abort_is_not_kept_waiting_for_a_vehicle_that_shows_no_progress(script: Script) -> None:
     world, vehicle = flying(script)
     world.kill_broker()
@@ -71,7 +71,7 @@ def test_an_abort_is_not_kept_waiting_for_a_vehicle_that_shows_no_progress(scrip
     assert world.edge.status(1201) == CUT
 
 
-@FAMILIES
+@PX4_AND_ARDUPILOT
 @KINDS
 def test_a_mission_that_no_order_reaches_is_flown_and_finished(script: Script, kind: int) -> None:
     world, vehicle = flying(script)
@@ -89,7 +89,7 @@ def test_a_mission_that_no_order_reaches_is_flown_and_finished(script: Script, k
     }
 
 
-@FAMILIES
+@PX4_AND_ARDUPILOT
 def test_what_is_flown_before_an_order_comes_through_is_finished(script: Script) -> None:
     world, vehicle = flying(script)
     world.air.is_uplink_up = False
@@ -104,7 +104,7 @@ def test_what_is_flown_before_an_order_comes_through_is_finished(script: Script)
     world.run_until(lambda: not vehicle.armed)
 
 
-@FAMILIES
+@PX4_AND_ARDUPILOT
 def test_what_a_silent_vehicle_may_have_flown_is_said_to_be_unknown(script: Script) -> None:
     world, vehicle = flying(script)
     vehicle.silent = True
@@ -117,7 +117,7 @@ def test_what_a_silent_vehicle_may_have_flown_is_said_to_be_unknown(script: Scri
     assert MAY_BE_FLOWN in str(world.edge.reports(1201)[-1])
 
 
-@FAMILIES
+@PX4_AND_ARDUPILOT
 @KINDS
 def test_a_broker_that_is_killed_before_the_vehicle_obeys_ends_the_mission_once(
     script: Script, kind: int
@@ -138,7 +138,7 @@ def test_a_broker_that_is_killed_before_the_vehicle_obeys_ends_the_mission_once(
     world.run_until(lambda: not vehicle.armed)
 
 
-@FAMILIES
+@PX4_AND_ARDUPILOT
 @KINDS
 def test_what_was_flown_unseen_before_it_obeyed_unseen_is_finished(
     script: Script, kind: int
@@ -157,7 +157,7 @@ def test_what_was_flown_unseen_before_it_obeyed_unseen_is_finished(
     world.run_until(lambda: not vehicle.armed)
 
 
-@FAMILIES
+@PX4_AND_ARDUPILOT
 @pytest.mark.parametrize("away_s", [3.0, 5.0, 7.0, 8.0])
 def test_an_abort_does_not_expire_while_it_waits_for_the_progress(
     script: Script, away_s: float
@@ -197,7 +197,7 @@ def test_a_hold_from_before_the_order_is_no_obedience(kind: int) -> None:
     assert not vehicle.in_mission
 
 
-@FAMILIES
+@PX4_AND_ARDUPILOT
 def test_a_mission_whose_start_has_arrived_is_flown_and_finished(script: Script) -> None:
     world = World(tick_s=0.05)
     vehicle = world.add_vehicle(script=slow(script, heartbeats_at_once=False))
@@ -211,7 +211,7 @@ def test_a_mission_whose_start_has_arrived_is_flown_and_finished(script: Script)
     assert world.edge.statuses(1201) == [FLOWN] * 3
 
 
-@FAMILIES
+@PX4_AND_ARDUPILOT
 def test_a_vehicle_that_is_switched_off_while_it_lands_ends_its_mission(script: Script) -> None:
     world, vehicle = flying(script)
     world.air.is_uplink_up = False
@@ -224,7 +224,7 @@ def test_a_vehicle_that_is_switched_off_while_it_lands_ends_its_mission(script: 
     assert world.edge.status(1201) in {FLOWN, CUT}
 
 
-@FAMILIES
+@PX4_AND_ARDUPILOT
 def test_an_internal_error_while_it_is_followed_brings_the_vehicle_home(
     script: Script, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -255,7 +255,7 @@ def test_an_abort_of_a_paused_vehicle_that_was_not_reached_survives_a_restart() 
     world.run_until(lambda: not vehicle.armed)
 
 
-@FAMILIES
+@PX4_AND_ARDUPILOT
 def test_what_another_system_skips_meanwhile_is_not_flown(script: Script) -> None:
     """Waypoints 300 m apart, of which the vehicle is near none that is skipped."""
     world = World()

@@ -12,11 +12,25 @@ import pytest
 from afarcloud.enumerations import Status
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.mission.states import State
+from tests.support.autopilot_families import OWN, REAL_AUTOPILOTS
+from tests.support.broker_events import (
+    ABORT,
+    RESUME,
+    RETURN_HOME,
+    SOFT_ABORT,
+    answer,
+    answer_statuses,
+)
 from tests.support.broker_world import GENERIC, World, flying_world
+from tests.support.mission_scenes import paused
+from tests.support.orders import orders
+from tests.support.other_parties import STATION
 from tests.support.real_autopilots import COPTER_4_1, COPTER_4_6, PX4_1_14, PX4_1_17
 from tests.support.vehicle_script import (
     ARDUPILOT,
+    COPTER_BRAKE,
     COPTER_LAND,
+    COPTER_LOITER,
     COPTER_RETURN,
     PX4,
     PX4_HOLD,
@@ -25,17 +39,6 @@ from tests.support.vehicle_script import (
     PX4_RETURN,
     Script,
 )
-from tests.unit.mavlink_broker.events.test_events import ABORT, SOFT_ABORT, answer_statuses
-from tests.unit.mavlink_broker.events.test_pause_events import (
-    COPTER_BRAKE,
-    COPTER_LOITER,
-    RESUME,
-    RETURN_HOME,
-    answer,
-    paused,
-)
-from tests.unit.mavlink_broker.live.test_live_commands import OWN, REAL_AUTOPILOTS
-from tests.unit.mavlink_broker.takeovers.test_takeover import orders
 
 SCRIPTS = {
     "px4": PX4,
@@ -48,7 +51,6 @@ SCRIPTS = {
     "generic": GENERIC,
 }
 EVERY = pytest.mark.parametrize("script", SCRIPTS.values(), ids=SCRIPTS)
-STATION = 255
 
 
 def cleared(script: Script, *, journal: Path | None = None, station: int | None = None) -> World:

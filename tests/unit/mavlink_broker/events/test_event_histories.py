@@ -17,14 +17,13 @@ from typing import Any, Final
 
 import pytest
 
+from tests.support.autopilot_families import OWN
+from tests.support.broker_events import ABORT, PAUSE, RESUME, RETURN_HOME, SOFT_ABORT, SPEED
 from tests.support.broker_world import World, follow, go_home, mission, takeoff, waypoint
-from tests.support.vehicle_script import ARDUPILOT, PX4, PX4_POSITION, Script
-from tests.unit.mavlink_broker.live.test_live_commands import OWN
-from tests.unit.mavlink_broker.takeovers.test_takeover import orders
+from tests.support.orders import orders
+from tests.support.vehicle_script import ARDUPILOT, COPTER_STABILIZE, PX4, PX4_POSITION, Script
 
-ABORT, SOFT_ABORT, SPEED, PAUSE, RESUME, RETURN_HOME = 1, 2, 3, 101, 102, 103
 ENDING: Final = {ABORT, SOFT_ABORT, RETURN_HOME}
-COPTER_STABILIZE: Final = 0
 FINAL: Final = {"done", "refused"}
 STEPS: Final = 10
 SCRIPTS: Final = {"px4": PX4, "own": OWN, "ardupilot": ARDUPILOT}

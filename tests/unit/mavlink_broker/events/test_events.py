@@ -2,7 +2,6 @@
 
 import dataclasses
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -12,7 +11,11 @@ from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.mission.abort_executor import NOT_OBEYED
 from mavlink_broker.mission.mission_executor import MissionExecutor
 from mavlink_broker.mission.states import State
-from tests.support.broker_world import World, follow, go_home, hotpoint, mission, takeoff, waypoint
+from tests.support.autopilot_families import OWN
+from tests.support.broker_events import ABORT, POINT, SOFT_ABORT, SPEED, answer_statuses, answers
+from tests.support.broker_world import World, go_home, mission, takeoff, waypoint
+from tests.support.mission_reports import running
+from tests.support.mission_scenes import LONG_MISSION, world_at
 from tests.support.vehicle_script import (
     ARDUPILOT,
     COPTER_LAND,
@@ -22,19 +25,8 @@ from tests.support.vehicle_script import (
     PX4_HOLD,
     PX4_LAND,
     PX4_RETURN,
-    Script,
 )
-from tests.unit.mavlink_broker.live.test_live_commands import OWN
 
-ABORT, SOFT_ABORT, SPEED = 1, 2, 3
-POINT = {"latitude": HOME[0] + 2e-4, "longitude": HOME[1], "altitude": 7.0}
-COMMANDS = (
-    takeoff(1),
-    waypoint(2),
-    hotpoint(3, radius=10.0, start_point=4),
-    follow(4),
-    go_home(5),
-)
 MOMENTS = {
     "taking off": 0,
     "waypoint": 1,
@@ -42,27 +34,6 @@ MOMENTS = {
     "follow": 3,
     "landing": 4,
 }
-
-
-def world_at(command: int, script: Script = OWN, journal: Path | None = None) -> World:
-    """A world whose vehicle flies this command of a long mission."""
-    world = World(journal=journal)
-    world.add_vehicle(script=dataclasses.replace(script, item_time_s=6.0))
-    world.edge.plan(mission(*COMMANDS))
-    world.run_until(lambda: running(world) == command)
-    world.run(1.0)
-    return world
-
-
-def running(world: World) -> int | None:
-    if not world.edge.reports(1201):
-        return None
-    statuses = world.edge.statuses(1201)
-    return statuses.index(Status.RUNNING) if Status.RUNNING in statuses else None
-
-
-def answer_statuses(world: World, event: int) -> list[str]:
-    return [body["status"] for body in world.edge.acknowledgements(event)]
 
 
 def is_idle(world: World) -> Callable[[], bool]:
@@ -185,7 +156,7 @@ class TestBeforeTakeOff:
     def test_a_mission_that_waits_is_over_at_once(self, kind: int) -> None:
         world = World()
         vehicle = world.add_vehicle(script=dataclasses.replace(PX4, ready_to_arm_after_s=30.0))
-        world.edge.plan(mission(*COMMANDS))
+        world.edge.plan(mission(*LONG_MISSION))
         world.run(3.0)
         event = world.edge.event(kind)
         world.run(60.0)
@@ -197,7 +168,7 @@ class TestBeforeTakeOff:
         world = World()
         vehicle = world.add_vehicle(script=dataclasses.replace(PX4, busy_for_s=20.0))
         world.run(2.0)
-        world.edge.plan(mission(*COMMANDS))
+        world.edge.plan(mission(*LONG_MISSION))
         world.run(1.0)
         assert world.app.sessions[1].state is State.UPLOADING
         world.edge.event(ABORT)
@@ -321,7 +292,7 @@ class TestAnAbort:
     def test_before_the_start_ends_without_a_pose(self) -> None:
         world = World()
         world.add_vehicle(script=dataclasses.replace(PX4, ready_to_arm_after_s=100.0))
-        world.edge.plan(mission(*COMMANDS))
+        world.edge.plan(mission(*LONG_MISSION))
         world.run(10.0)
         world.edge.event(ABORT)
         world.run(30.0)
@@ -455,8 +426,3 @@ class TestEveryEventHasOneFinalAnswer:
         finals = [status for status in answer_statuses(world, event) if status != "accepted"]
         assert len(finals) == 1
         assert "internal error" in str(answers(world, event)[-1][1])
-
-
-def answers(world: World, event: int) -> list[tuple[str, str | None]]:
-    """What was acknowledged of an event, and why."""
-    return [(a["status"], a.get("message")) for a in world.edge.acknowledgements(event)]

@@ -10,10 +10,14 @@ import pytest
 
 from afarcloud.enumerations import Status
 from mavlink_broker.mavlink.dialect import mavlink
+from tests.support.autopilot_families import REAL_AUTOPILOTS
+from tests.support.broker_events import ABORT, RETURN_HOME, SOFT_ABORT, answer, answer_statuses
 from tests.support.broker_world import World, first_flight
+from tests.support.mission_scenes import paused
 from tests.support.scripted_vehicle import ScriptedVehicle
 from tests.support.vehicle_script import (
     COPTER_LAND,
+    COPTER_LOITER,
     COPTER_RETURN,
     HOME,
     PX4_LAND,
@@ -21,14 +25,6 @@ from tests.support.vehicle_script import (
     PX4_RETURN,
     Script,
 )
-from tests.unit.mavlink_broker.events.test_events import ABORT, SOFT_ABORT, answer_statuses
-from tests.unit.mavlink_broker.events.test_pause_events import (
-    COPTER_LOITER,
-    RETURN_HOME,
-    answer,
-    paused,
-)
-from tests.unit.mavlink_broker.live.test_live_commands import REAL_AUTOPILOTS
 
 
 def is_copter(world: World) -> bool:

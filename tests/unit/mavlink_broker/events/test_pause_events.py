@@ -14,80 +14,24 @@ from mavlink_broker.mission.flight_orders import (
     PAUSED_INSTEAD,
 )
 from mavlink_broker.mission.states import State
-from tests.support.broker_world import (
-    GENERIC,
-    World,
-    follow,
-    go_home,
-    hotpoint,
-    mission,
-    takeoff,
-    waypoint,
-)
+from tests.support.autopilot_families import FLYING_MODES, KNOWN_FAMILIES, PAUSED_MODES, SCRIPTS
+from tests.support.broker_events import ABORT, PAUSE, RESUME, SOFT_ABORT, answer, answer_statuses
+from tests.support.broker_world import World, go_home, hotpoint, mission, takeoff, waypoint
+from tests.support.mission_scenes import in_mission, paused, paused_live, slow, state
+from tests.support.orders import orders
 from tests.support.vehicle_script import (
     ARDUPILOT,
-    COPTER_AUTO,
-    COPTER_LAND,
+    COPTER_BRAKE,
+    COPTER_LOITER,
     COPTER_RETURN,
     PX4,
     PX4_HOLD,
-    PX4_LAND,
-    PX4_MISSION,
     PX4_POSITION,
     PX4_RETURN,
     Script,
 )
-from tests.unit.mavlink_broker.events.test_events import ABORT, SOFT_ABORT, answer_statuses
-from tests.unit.mavlink_broker.live.test_live_commands import OWN, OWN_IF_THOROUGH
-from tests.unit.mavlink_broker.takeovers.test_takeover import in_mission, orders, slow, state
 
-PAUSE, RESUME, RETURN_HOME = 101, 102, 103
-COPTER_LOITER, COPTER_BRAKE = 5, 17
-PAUSED_MODES = {"px4": PX4_HOLD, "own": PX4_HOLD, "ardupilot": COPTER_BRAKE, "generic": PX4_HOLD}
-LANDING_MODES = {"px4": PX4_LAND, "own": PX4_LAND, "ardupilot": COPTER_LAND}
-FLYING_MODES = {
-    "px4": PX4_MISSION,
-    "own": PX4_MISSION,
-    "ardupilot": COPTER_AUTO,
-    "generic": PX4_MISSION,
-}
-SCRIPTS = {"px4": PX4, "own": OWN, "ardupilot": ARDUPILOT, "generic": GENERIC}
 EVERY = pytest.mark.parametrize("family", SCRIPTS)
-KNOWN = pytest.mark.parametrize(
-    "family", ["px4", pytest.param("own", marks=OWN_IF_THOROUGH.marks), "ardupilot"]
-)
-
-
-def answer(world: World, event: int) -> tuple[str, str | None]:
-    last = world.edge.acknowledgements(event)[-1]
-    return last["status"], last.get("message")
-
-
-def paused(script: Script, journal: Path | None = None) -> World:
-    """A world whose mission an event has paused within its items."""
-    world = World(journal=journal)
-    vehicle = world.add_vehicle(script=slow(script))
-    world.edge.plan(mission(takeoff(1), waypoint(2, hold_time=60.0), go_home(3)))
-    world.run_until(lambda: vehicle.airborne and state(world) is State.RUNNING)
-    world.run(7.0)
-    pause = world.edge.event(PAUSE)
-    world.run(3.0)
-    assert answer_statuses(world, pause) == ["accepted", "done"]
-    return world
-
-
-def paused_live(script: Script, journal: Path | None = None) -> World:
-    """A world whose mission an event has paused while it followed a target."""
-    world = World(journal=journal)
-    vehicle = world.add_vehicle(script=slow(script))
-    world.edge.plan(mission(takeoff(1), follow(2), go_home(3)))
-    world.run_until(lambda: vehicle.airborne and state(world) is State.FLYING_LIVE)
-    world.run(12.0)
-    assert world.edge.statuses(1201)[1] == Status.RUNNING
-    pause = world.edge.event(PAUSE)
-    world.run(3.0)
-    assert answer_statuses(world, pause) == ["accepted", "done"]
-    return world
 
 
 class TestItems:
@@ -109,7 +53,7 @@ class TestItems:
         world.run_until_over(1201)
         assert world.edge.statuses(1201) == [Status.FINISHED] * 3
 
-    @KNOWN
+    @KNOWN_FAMILIES
     def test_a_failsafe_that_does_nothing_does_not_end_a_pause(self, family: str) -> None:
         """ArduPilot shows one from a low battery on, whatever its action (`Copter.h`)."""
         world = paused(SCRIPTS[family])
@@ -123,7 +67,7 @@ class TestItems:
         world.run_until_over(1201)
         assert world.edge.statuses(1201) == [Status.FINISHED] * 3
 
-    @KNOWN
+    @KNOWN_FAMILIES
     def test_a_pause_that_arrives_behind_its_resume_can_be_resumed(self, family: str) -> None:
         world = World()
         vehicle = world.add_vehicle(script=slow(SCRIPTS[family]))
@@ -143,7 +87,7 @@ class TestItems:
         assert answer_statuses(world, resume) == ["accepted", "done"]
         assert vehicle.custom_mode == FLYING_MODES[family]
 
-    @KNOWN
+    @KNOWN_FAMILIES
     def test_a_resume_that_arrives_behind_the_next_pause_does_not_fly_on(self, family: str) -> None:
         world = paused(SCRIPTS[family])
         vehicle = world.only_vehicle
@@ -156,7 +100,7 @@ class TestItems:
         assert vehicle.custom_mode == PAUSED_MODES[family]
         assert world.edge.bodies("/vehicles/1")[-1]["activity"] == "paused"
 
-    @KNOWN
+    @KNOWN_FAMILIES
     def test_the_report_says_that_an_event_has_paused_it(self, family: str) -> None:
         world = paused(SCRIPTS[family])
         world.run(20.0)
@@ -164,7 +108,7 @@ class TestItems:
         assert PAUSED in messages
         assert not any("somebody else" in (message or "") for message in messages)
 
-    @KNOWN
+    @KNOWN_FAMILIES
     def test_the_vehicle_is_shown_as_paused_until_it_flies_on(self, family: str) -> None:
         world = paused(SCRIPTS[family])
         assert world.edge.bodies("/vehicles/1")[-1]["activity"] == "paused"
@@ -176,7 +120,7 @@ class TestItems:
         shown = "hold" if family == "ardupilot" else "manual"
         assert world.edge.bodies("/vehicles/1")[-1]["activity"] == shown
 
-    @KNOWN
+    @KNOWN_FAMILIES
     def test_a_pause_that_does_not_arrive_is_not_shown_and_says_what_is_not_known(
         self, family: str
     ) -> None:
@@ -195,7 +139,7 @@ class TestItems:
         assert message is not None
         assert message.endswith("attempts, the vehicle may have obeyed")
 
-    @KNOWN
+    @KNOWN_FAMILIES
     @pytest.mark.parametrize("kind", [PAUSE, RESUME])
     def test_what_the_vehicle_is_seen_to_obey_is_done_though_its_answers_are_lost(
         self, family: str, kind: int
@@ -220,7 +164,7 @@ class TestItems:
         modes = PAUSED_MODES if kind == PAUSE else FLYING_MODES
         assert world.only_vehicle.custom_mode == modes[family]
 
-    @KNOWN
+    @KNOWN_FAMILIES
     def test_an_abort_ends_a_paused_mission_at_once(self, family: str) -> None:
         world = paused(SCRIPTS[family])
         event = world.edge.event(ABORT)
@@ -229,7 +173,7 @@ class TestItems:
         assert answer_statuses(world, event) == ["accepted", "done"]
         assert world.edge.status(1201) == Status.ABORTED
 
-    @KNOWN
+    @KNOWN_FAMILIES
     def test_a_soft_abort_of_a_paused_mission_waits_for_nothing(self, family: str) -> None:
         world = paused(SCRIPTS[family])
         world.edge.event(SOFT_ABORT)
@@ -239,7 +183,7 @@ class TestItems:
         assert world.only_vehicle.custom_mode == returning
 
     @pytest.mark.first_case
-    @KNOWN
+    @KNOWN_FAMILIES
     def test_a_pause_replaces_a_soft_abort_that_waits(self, family: str) -> None:
         world = in_mission(SCRIPTS[family])
         soft = world.edge.event(SOFT_ABORT)
@@ -292,7 +236,7 @@ class TestItems:
         world.run(2.0)
         assert answer(world, resume) == ("refused", NOT_PAUSED)
 
-    @KNOWN
+    @KNOWN_FAMILIES
     def test_a_mission_that_a_ground_station_resumes_is_not_paused_any_more(
         self, family: str
     ) -> None:
@@ -328,7 +272,7 @@ class TestWhoeverElseFlies:
         assert vehicle.custom_mode == mode
         assert answer(world, resume)[0] == "refused"
 
-    @KNOWN
+    @KNOWN_FAMILIES
     @pytest.mark.parametrize("is_seen", [True, False], ids=["flown", "disarmed"])
     def test_one_who_lands_it_behind_its_last_item_ends_the_mission(
         self, family: str, tmp_path: Path, *, is_seen: bool
@@ -355,7 +299,7 @@ class TestWhoeverElseFlies:
         assert world.edge.status(1201) == Status.FAILED
 
     @pytest.mark.first_case
-    @KNOWN
+    @KNOWN_FAMILIES
     def test_whoever_sets_the_mission_mode_during_a_paused_live_command_has_the_vehicle(
         self, family: str
     ) -> None:

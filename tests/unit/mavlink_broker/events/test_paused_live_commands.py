@@ -7,16 +7,14 @@ import pytest
 from afarcloud.enumerations import Status
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.mission.states import State
-from tests.support.broker_world import (
-    World,
-    follow,
-    go_home,
-    mission,
-    takeoff,
-    waypoint,
-)
+from tests.support.autopilot_families import KNOWN_FAMILIES, PAUSED_MODES, SCRIPTS
+from tests.support.broker_events import PAUSE, RESUME, RETURN_HOME, answer, answer_statuses
+from tests.support.broker_world import World, follow, go_home, mission, takeoff, waypoint
+from tests.support.mission_scenes import live, paused_live, slow, state
+from tests.support.orders import orders
 from tests.support.vehicle_script import (
     ARDUPILOT,
+    COPTER_BRAKE,
     COPTER_GUIDED,
     COPTER_RETURN,
     PX4,
@@ -24,23 +22,10 @@ from tests.support.vehicle_script import (
     PX4_HOLD,
     PX4_RETURN,
 )
-from tests.unit.mavlink_broker.events.test_events import answer_statuses
-from tests.unit.mavlink_broker.events.test_pause_events import (
-    COPTER_BRAKE,
-    KNOWN,
-    PAUSE,
-    PAUSED_MODES,
-    RESUME,
-    RETURN_HOME,
-    SCRIPTS,
-    answer,
-    paused_live,
-)
-from tests.unit.mavlink_broker.takeovers.test_takeover import live, orders, slow, state
 
 
 @pytest.mark.first_case
-@KNOWN
+@KNOWN_FAMILIES
 def test_a_command_flown_live_begins_anew_when_the_mission_is_resumed(family: str) -> None:
     world = paused_live(SCRIPTS[family])
     vehicle = world.only_vehicle
@@ -57,7 +42,7 @@ def test_a_command_flown_live_begins_anew_when_the_mission_is_resumed(family: st
     assert world.edge.statuses(1201) == [Status.FINISHED] * 3
 
 
-@KNOWN
+@KNOWN_FAMILIES
 def test_a_return_home_ends_it(family: str) -> None:
     world = paused_live(SCRIPTS[family])
     world.edge.event(RETURN_HOME)
@@ -95,7 +80,7 @@ def test_a_refused_pause_lets_it_go_on() -> None:
 
 
 @pytest.mark.first_case
-@KNOWN
+@KNOWN_FAMILIES
 def test_a_pause_between_items_and_a_live_command_ends_with_the_live_command(family: str) -> None:
     world = World()
     vehicle = world.add_vehicle(script=slow(SCRIPTS[family]))

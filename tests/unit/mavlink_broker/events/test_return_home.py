@@ -8,29 +8,15 @@ import pytest
 from afarcloud.enumerations import Status
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.mission.states import State
-from tests.support.broker_world import (
-    World,
-    go_home,
-    mission,
-    takeoff,
-    waypoint,
-)
-from tests.support.vehicle_script import (
-    COPTER_RETURN,
-    PX4,
-    PX4_RETURN,
-)
-from tests.unit.mavlink_broker.events.test_events import ABORT, SOFT_ABORT, answer_statuses
-from tests.unit.mavlink_broker.events.test_pause_events import (
-    KNOWN,
-    RETURN_HOME,
-    SCRIPTS,
-)
-from tests.unit.mavlink_broker.takeovers.test_takeover import in_mission, slow, state
+from tests.support.autopilot_families import KNOWN_FAMILIES, SCRIPTS
+from tests.support.broker_events import ABORT, RETURN_HOME, SOFT_ABORT, answer_statuses
+from tests.support.broker_world import World, go_home, mission, takeoff, waypoint
+from tests.support.mission_scenes import in_mission, slow, state
+from tests.support.vehicle_script import COPTER_RETURN, PX4, PX4_RETURN
 
 
 class TestReturnHome:
-    @KNOWN
+    @KNOWN_FAMILIES
     def test_it_does_not_wait_for_the_running_command(self, family: str) -> None:
         world = in_mission(SCRIPTS[family])
         event = world.edge.event(RETURN_HOME)
@@ -43,7 +29,7 @@ class TestReturnHome:
         assert answer_statuses(world, event) == ["accepted", "done"]
 
     @pytest.mark.first_case
-    @KNOWN
+    @KNOWN_FAMILIES
     @pytest.mark.parametrize("kind", [ABORT, SOFT_ABORT, RETURN_HOME])
     def test_a_vehicle_that_hovers_behind_its_mission_obeys_too(
         self, family: str, kind: int

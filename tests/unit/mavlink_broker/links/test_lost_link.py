@@ -7,11 +7,12 @@ import pytest
 from afarcloud.enumerations import Status
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.mission.states import State
+from tests.support.autopilot_families import OWN
 from tests.support.broker_world import World, go_home, hotpoint, mission, takeoff, waypoint
+from tests.support.mission_reports import command_messages
 from tests.support.real_autopilots import COPTER_4_6, PX4_1_17
 from tests.support.scripted_vehicle import ScriptedVehicle
 from tests.support.vehicle_script import ARDUPILOT, PX4_RETURN, Script
-from tests.unit.mavlink_broker.live.test_live_commands import OWN, messages
 
 AWAY_S = 15.0
 """Longer than any order is repeated, and than a link takes to count as lost."""
@@ -135,7 +136,7 @@ def test_a_vehicle_that_its_failsafe_returns_meanwhile_gets_no_order() -> None:
     vehicle.silent = False
     world.run_until_over(1201)
     assert world.edge.status(1201) == Status.FAILED
-    assert messages(world)[2] == (
+    assert command_messages(world)[2] == (
         "the vehicle left the mission: mode AUTO.RTL: its own failsafe flies it"
     )
     assert vehicle.custom_mode == PX4_RETURN

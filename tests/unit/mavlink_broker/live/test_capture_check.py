@@ -1,20 +1,18 @@
 """A panorama whose final answer is lost is judged by its pictures before it is ordered again."""
 
-import dataclasses
 from typing import Any
 
 import pytest
 
 from afarcloud.enumerations import Status
-from mavlink_broker.autopilots.families import OWN_PRODUCT
 from mavlink_broker.mavlink.dialect import Message, mavlink
+from tests.support.autopilot_families import OWN
 from tests.support.broker_world import World, go_home, mission, takeoff
 from tests.support.scripted_camera import ScriptedCamera
 from tests.support.scripted_vehicle import ScriptedVehicle
-from tests.support.vehicle_script import PX4, Script
+from tests.support.vehicle_script import Script
 
 CREATE = mavlink.MAV_CMD_PANORAMA_CREATE
-OWN = dataclasses.replace(PX4, product=OWN_PRODUCT)
 ANSWERS_KEPT_S = 5.0
 """As this project's vehicle: what comes again later is carried out again."""
 

@@ -9,6 +9,7 @@ import pytest
 from afarcloud.enumerations import OrbitType, Status
 from mavlink_broker.live.orbit import MAX_DEVIATION_M, point_count
 from mavlink_broker.mavlink.dialect import mavlink
+from tests.support.autopilot_families import PX4_AND_ARDUPILOT
 from tests.support.broker_world import World, go_home, mission, takeoff
 from tests.support.geodesy import LocalGround
 from tests.support.vehicle_script import ARDUPILOT, HOME, PX4, Script
@@ -17,7 +18,6 @@ RADIUS_M = 15.0
 MAXIMUM_SPEED_M_S = 4.0
 BACKWARDS = OrbitType.ALONG_CIRCLE_LOOKING_BACKWARDS
 AWAY = OrbitType.AWAY_FROM_HOT_POINT
-FAMILIES = pytest.mark.parametrize("script", [PX4, ARDUPILOT], ids=["px4", "ardupilot"])
 
 
 def hotpoint(heading: OrbitType, *, clockwise: bool = True, start: int = 0) -> dict[str, Any]:
@@ -54,7 +54,7 @@ def north_east(order: tuple[float, ...]) -> tuple[float, float]:
 
 
 @pytest.mark.first_case
-@FAMILIES
+@PX4_AND_ARDUPILOT
 @pytest.mark.parametrize("sense", [1.0, -1.0])
 def test_it_makes_a_full_turn_in_the_right_direction(script: Script, sense: float) -> None:
     _, orders = flown(AWAY, script, clockwise=sense > 0.0)
@@ -107,7 +107,7 @@ def test_ardupilot_turns_by_a_command_of_its_own_at_every_point() -> None:
 
 
 @pytest.mark.first_case
-@FAMILIES
+@PX4_AND_ARDUPILOT
 def test_the_report_names_how_it_was_flown(script: Script) -> None:
     world, _ = flown(AWAY, script)
     report = world.edge.reports(1201)[-1]["command_report_array"][1]

@@ -7,9 +7,9 @@ from typing import Any
 import pytest
 
 from afarcloud.enumerations import Status
-from mavlink_broker.autopilots.families import OWN_PRODUCT
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.mission.states import State
+from tests.support.autopilot_families import OWN
 from tests.support.broker_world import (
     World,
     follow,
@@ -21,7 +21,7 @@ from tests.support.broker_world import (
     track,
     waypoint,
 )
-from tests.support.real_autopilots import COPTER_4_6, PX4_1_17
+from tests.support.mission_reports import command_messages
 from tests.support.vehicle_script import (
     ARDUPILOT,
     HOME,
@@ -33,18 +33,6 @@ from tests.support.vehicle_script import (
     Script,
 )
 
-OWN = dataclasses.replace(PX4, product=OWN_PRODUCT)
-OWN_IF_THOROUGH = pytest.param(OWN, id="own", marks=pytest.mark.thorough)
-"""This project's autopilot beside PX4, whose modes it has."""
-REAL_AUTOPILOTS = pytest.mark.parametrize(
-    "script",
-    [
-        pytest.param(PX4_1_17, id="px4 1.17"),
-        OWN_IF_THOROUGH,
-        pytest.param(COPTER_4_6, id="copter 4.6"),
-    ],
-)
-PLACE = {"latitude": HOME[0], "longitude": HOME[1]}
 FINISHED = Status.FINISHED
 
 
@@ -66,11 +54,6 @@ def status_of(world: World, command: int) -> Status | None:
     if not world.edge.reports(1201):
         return None
     return Status(world.edge.statuses(1201)[command])
-
-
-def messages(world: World) -> list[str | None]:
-    report = world.edge.reports(1201)[-1]
-    return [command.get("message") for command in report["command_report_array"]]
 
 
 class TestAHotpoint:
@@ -103,7 +86,7 @@ class TestAHotpoint:
         flown_m_s = flown(takeoff(), hotpoint(radius=20.0, angular_velocity=30.0), go_home(3))
         orbit = [v for c, v in flown_m_s.only_vehicle.parameters if c == mavlink.MAV_CMD_DO_ORBIT]
         assert orbit[0][1] == pytest.approx(4.0)
-        assert "by maximum_speed" in str(messages(flown_m_s)[1])
+        assert "by maximum_speed" in str(command_messages(flown_m_s)[1])
 
     def test_at_the_nearest_point_goes_nowhere_before(self) -> None:
         world = flown(takeoff(), hotpoint(start_point=4), go_home(3))
@@ -121,7 +104,7 @@ class TestAHotpoint:
 
     def test_that_is_too_fast_is_flown_slower_and_the_report_notes_it(self) -> None:
         world = flown(takeoff(), hotpoint(radius=5.0, angular_velocity=60.0), go_home(3))
-        assert "angular_velocity was limited to" in str(messages(world)[1])
+        assert "angular_velocity was limited to" in str(command_messages(world)[1])
 
     @pytest.mark.first_case
     @pytest.mark.parametrize("orbit_type", [1, 3])
@@ -129,17 +112,17 @@ class TestAHotpoint:
         self, orbit_type: int
     ) -> None:
         world = flown(takeoff(), hotpoint(orbit_type=orbit_type), go_home(3), script=PX4)
-        assert "orbit_type: flown from point to point" in str(messages(world)[1])
+        assert "orbit_type: flown from point to point" in str(command_messages(world)[1])
         assert mavlink.MAV_CMD_DO_ORBIT not in world.only_vehicle.commands
         world = flown(takeoff(), hotpoint(orbit_type=orbit_type), go_home(3), script=OWN)
-        assert messages(world)[1] is None
+        assert command_messages(world)[1] is None
 
     def test_that_is_refused_fails_with_the_vehicles_answer(self) -> None:
         denied = {mavlink.MAV_CMD_DO_ORBIT: mavlink.MAV_RESULT_DENIED}
         script = dataclasses.replace(OWN, results=denied)
         world = flown(takeoff(), hotpoint(), go_home(3), script=script)
         assert world.edge.statuses(1201) == [FINISHED, Status.FAILED, Status.ABORTED]
-        assert "MAV_RESULT_DENIED" in str(messages(world)[1])
+        assert "MAV_RESULT_DENIED" in str(command_messages(world)[1])
 
     def test_that_somebody_else_ends_fails(self) -> None:
         world = World()
@@ -149,12 +132,12 @@ class TestAHotpoint:
         vehicle.set_mode(PX4_RETURN)
         world.run_until_over(1201, within_s=20.0)
         assert world.edge.statuses(1201) == [FINISHED, Status.FAILED, Status.ABORTED]
-        assert "AUTO.RTL" in str(messages(world)[1])
+        assert "AUTO.RTL" in str(command_messages(world)[1])
 
     def test_as_the_first_command_on_the_ground_fails_before_anything_is_sent(self) -> None:
         world = flown(hotpoint(1), go_home(2))
         assert world.edge.statuses(1201)[0] == Status.FAILED
-        assert "a take-off has to come first" in str(messages(world)[0])
+        assert "a take-off has to come first" in str(command_messages(world)[0])
         assert mavlink.MAV_CMD_DO_ORBIT not in world.only_vehicle.commands
 
 
@@ -231,7 +214,7 @@ class TestFollowing:
         script = dataclasses.replace(PX4, results=unknown)
         world = flown(takeoff(), follow(), go_home(3), script=script)
         assert world.edge.statuses(1201) == [FINISHED] * 3
-        assert "the vehicle follows nothing" in str(messages(world)[1])
+        assert "the vehicle follows nothing" in str(command_messages(world)[1])
         assert mavlink.MAV_CMD_DO_REPOSITION in world.only_vehicle.commands
 
 
@@ -250,7 +233,7 @@ class TestTheCamera:
         script = dataclasses.replace(OWN, results=unknown)
         world = flown(takeoff(), track(), go_home(3), script=script)
         point = "the camera tracks a point instead of a rectangle"
-        assert str(messages(world)[1]).startswith(point)
+        assert str(command_messages(world)[1]).startswith(point)
 
     def test_takes_a_panorama_where_it_can(self) -> None:
         world = flown(takeoff(), panorama(), go_home(3))
@@ -303,7 +286,7 @@ class TestAMissionOfTheCameraAlone:
 
     def test_cannot_turn_a_vehicle_that_stands(self) -> None:
         world = flown(panorama(1), script=PX4)
-        assert "a take-off has to come first" in str(messages(world)[0])
+        assert "a take-off has to come first" in str(command_messages(world)[0])
 
 
 class TestAnItemThatIsUnknown:
@@ -312,7 +295,7 @@ class TestAnItemThatIsUnknown:
         image = {"command_id": 2, "command_type_id": 4, "parameters": {"pitch_angle": -90}}
         world = flown(takeoff(), image, go_home(3), script=script)
         assert world.edge.statuses(1201) == [FINISHED] * 3
-        assert "the vehicle has no gimbal" in str(messages(world)[1])
+        assert "the vehicle has no gimbal" in str(command_messages(world)[1])
         assert world.only_vehicle.uploads == 1
 
     def test_is_left_out_from_the_start_the_next_time(self) -> None:

@@ -17,6 +17,7 @@ from tests.support.broker_world import World, go_home, mission, takeoff
 from tests.support.scripted_vehicle import ScriptedVehicle
 from tests.support.vehicle_script import (
     ARDUPILOT,
+    COPTER_FOLLOW,
     HOME,
     PX4,
     PX4_FOLLOW,
@@ -27,7 +28,6 @@ from tests.support.vehicle_script import (
     Script,
 )
 
-COPTER_FOLLOW = 23
 ACTIVE, IDLE = 1, 0
 NOWHERE = 2**31 - 1
 SUBJECT_M = 20.0

@@ -12,24 +12,20 @@ from afarcloud.enumerations import Status
 from mavlink_broker.autopilots.families import OWN_PRODUCT
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.mission.states import State
+from tests.support.broker_events import ABORT, SOFT_ABORT, answer_statuses
 from tests.support.broker_world import (
     FINISHED,
     World,
     first_flight,
     go_home,
     mission,
+    restart,
     takeoff,
     waypoint,
 )
+from tests.support.mission_scenes import in_mission, world_at
+from tests.support.orders import SET_MODE
 from tests.support.vehicle_script import ARDUPILOT, PX4, PX4_LAND, Script
-from tests.unit.mavlink_broker.events.test_events import (
-    ABORT,
-    SOFT_ABORT,
-    answer_statuses,
-    world_at,
-)
-from tests.unit.mavlink_broker.restarts.test_restart_events import SET_MODE, restart
-from tests.unit.mavlink_broker.takeovers.test_takeover import in_mission
 
 
 def asked_late(script: Script = PX4) -> tuple[World, int]:

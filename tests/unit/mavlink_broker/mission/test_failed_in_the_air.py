@@ -6,9 +6,9 @@ import pytest
 
 from afarcloud.enumerations import Status
 from mavlink_broker.mavlink.dialect import mavlink
+from tests.support.autopilot_families import OWN
 from tests.support.broker_world import GENERIC, World, go_home, hotpoint, mission, takeoff, waypoint
 from tests.support.vehicle_script import PX4, PX4_HOLD, PX4_LAND, PX4_ORBIT, PX4_RETURN, Script
-from tests.unit.mavlink_broker.live.test_live_commands import OWN
 
 REFUSED = {mavlink.MAV_CMD_DO_ORBIT: mavlink.MAV_RESULT_DENIED}
 COMMANDS = (takeoff(1), hotpoint(2, radius=50.0, start_point=4), waypoint(3), go_home(4))

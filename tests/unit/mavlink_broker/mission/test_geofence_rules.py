@@ -6,6 +6,7 @@ import pytest
 
 from afarcloud.enumerations import Status
 from mavlink_broker.mavlink.dialect import Message, mavlink
+from tests.support.autopilot_families import PX4_AND_ARDUPILOT
 from tests.support.broker_world import (
     FINISHED,
     World,
@@ -24,16 +25,9 @@ from tests.support.fenced_vehicle import (
     RALLY,
     fenced_vehicle,
 )
+from tests.support.geofences import RALLY_POINT, fence, fly, placed, square
+from tests.support.mission_reports import message_of
 from tests.support.vehicle_script import ARDUPILOT, HOME, PX4, PX4_LAND, PX4_RETURN, Script
-from tests.unit.mavlink_broker.mission.test_geofence_transfer import (
-    BOTH,
-    POINT,
-    fence,
-    flown,
-    message_of,
-    placed,
-    square,
-)
 
 
 class TestChangesByOthers:
@@ -169,7 +163,7 @@ class TestHeights:
         """ArduCopter before 4.6 has no FENCE_AUTOENABLE, and answers nothing."""
         world = World()
         vehicle = fenced_vehicle(world, replace(ARDUPILOT, version=version))
-        flown(world, fence())
+        fly(world, fence())
         assert ("FENCE_AUTOENABLE" in vehicle.asked) == has_it
 
     def test_a_vehicles_own_lower_limit_stays_and_holds(self) -> None:
@@ -195,7 +189,7 @@ class TestHeights:
         world = World()
         vehicle = fenced_vehicle(world)
         vehicle.refused_values.add("GF_MAX_VER_DIST")
-        flown(world, {"max_altitude": 40.0})
+        fly(world, {"max_altitude": 40.0})
         assert world.edge.status(1201) == Status.FAILED
         assert "parameter GF_MAX_VER_DIST" in message_of(world)
         assert "ordered to arm" not in vehicle.log
@@ -203,7 +197,7 @@ class TestHeights:
     def test_for_an_unknown_vehicle_the_report_notes_that_it_keeps_no_height(self) -> None:
         world = World()
         vehicle = fenced_vehicle(world, GENERIC, capabilities=ABLE)
-        flown(world, fence(max_altitude=60.0))
+        fly(world, fence(max_altitude=60.0))
         assert world.edge.statuses(1201) == FINISHED
         assert "stored 1" in vehicle.log
         assert "max_altitude: checked by the broker only" in message_of(world)
@@ -230,7 +224,7 @@ class TestRefusing:
         world = World()
         vehicle = fenced_vehicle(world)
         vehicle.place = HOME[0] - 60.0 * 9e-6, HOME[1]
-        flown(world, fence())
+        fly(world, fence())
         assert world.edge.statuses(1201) == [Status.FAILED, Status.ABORTED, Status.ABORTED]
         assert "the vehicle lies 2" in message_of(world)
         assert "m outside geofence.inclusion" in message_of(world)
@@ -297,15 +291,15 @@ class TestEvents:
 
 class TestRallyPoints:
     @pytest.mark.first_case
-    @BOTH
+    @PX4_AND_ARDUPILOT
     def test_they_are_stored_before_the_mission_and_removed_after_it(self, script: Script) -> None:
         world = World()
         vehicle = fenced_vehicle(world, script)
-        world.edge.plan(first_flight(), geofence=fence(), rally_points=[POINT])
+        world.edge.plan(first_flight(), geofence=fence(), rally_points=[RALLY_POINT])
         world.run_until(lambda: world.edge.status(1201) == Status.RUNNING)
         (point,) = vehicle.plans[RALLY].items
         assert (point.command, point.z) == (5100, 12.5 if script is PX4 else 12.0)
-        assert point.x == round(POINT["latitude"] * 1e7)
+        assert point.x == round(RALLY_POINT["latitude"] * 1e7)
         assert vehicle.log.index("stored 2") < vehicle.log.index("stored 0")
         world.run_until_over(1201)
         world.run(20.0)
@@ -316,7 +310,7 @@ class TestRallyPoints:
     def test_a_vehicle_that_keeps_none_flies_without_and_the_report_notes_it(self) -> None:
         world = World()
         fenced_vehicle(world, capabilities=mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_FENCE)
-        world.edge.plan(first_flight(), rally_points=[POINT])
+        world.edge.plan(first_flight(), rally_points=[RALLY_POINT])
         world.run_until_over(1201)
         assert world.edge.statuses(1201) == FINISHED
         assert message_of(world) == "the vehicle keeps no rally points: they were left out"
@@ -324,7 +318,7 @@ class TestRallyPoints:
     def test_a_return_to_one_over_what_is_forbidden_is_refused(self) -> None:
         world = World()
         fenced_vehicle(world)
-        beyond = POINT | {"latitude": HOME[0] + 40 * 9e-6}
+        beyond = RALLY_POINT | {"latitude": HOME[0] + 40 * 9e-6}
         world.edge.plan(
             first_flight(),
             geofence={"exclusion": [square(25.0, half_m=5.0)]},

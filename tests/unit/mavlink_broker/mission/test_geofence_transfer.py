@@ -9,6 +9,7 @@ import pytest
 from afarcloud.enumerations import Status
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.mission.states import State
+from tests.support.autopilot_families import PX4_AND_ARDUPILOT
 from tests.support.broker_world import (
     FINISHED,
     World,
@@ -26,45 +27,24 @@ from tests.support.fenced_vehicle import (
     FencedVehicle,
     fenced_vehicle,
 )
+from tests.support.geofences import EXCLUSION, INCLUSION, RALLY_POINT, fence, fly, placed, square
+from tests.support.mission_reports import message_of
 from tests.support.vehicle_script import ARDUPILOT, HOME, PX4, Script
 
-INCLUSION, EXCLUSION = 5001, 5002
 FOR_A_STATION = mavlink.MAVLink_command_ack_message(
     mavlink.MAV_CMD_REQUEST_MESSAGE, mavlink.MAV_RESULT_ACCEPTED, target_system=255
 )
-POINT = {"latitude": HOME[0] + 1e-4, "longitude": HOME[1], "altitude": 12.5}
-BOTH = pytest.mark.parametrize("script", [PX4, ARDUPILOT], ids=["px4", "ardupilot"])
-
-
-def square(north_m: float = 0.0, half_m: float = 40.0) -> list[list[float]]:
-    """A field round home, corners counter-clockwise."""
-    half, middle = half_m * 9e-6, HOME[0] + north_m * 9e-6
-    corners = [(-1, -1), (-1, 1), (1, 1), (1, -1)]
-    return [[middle + n * half, HOME[1] + e * half * 1.3] for n, e in corners]
-
-
-def fence(**more: Any) -> dict[str, Any]:
-    return {"inclusion": [square()]} | more
-
-
-def flown(world: World, geofence: dict[str, Any] | None, mission_id: int = 1201) -> None:
-    world.edge.plan(first_flight(mission_id), geofence=geofence)
-    world.run_until_over(mission_id)
-
-
-def message_of(world: World, mission_id: int = 1201) -> str:
-    return str(world.edge.reports(mission_id)[-1]["message"])
 
 
 class TestPlacing:
     @pytest.mark.first_case
-    @BOTH
+    @PX4_AND_ARDUPILOT
     def test_the_fence_is_stored_before_the_mission_and_the_mission_before_the_arming(
         self, script: Script
     ) -> None:
         world = World()
         vehicle = fenced_vehicle(world, script)
-        flown(world, fence(exclusion=[square(200.0)]))
+        fly(world, fence(exclusion=[square(200.0)]))
         assert world.edge.statuses(1201) == FINISHED
         order = [
             entry for entry in vehicle.log if entry in {"stored 1", "stored 0", "ordered to arm"}
@@ -83,7 +63,7 @@ class TestPlacing:
         commands = [(item.command, item.param1) for item in vehicle.plans[FENCE].items]
         assert commands == [(INCLUSION, 4.0)] * 4 + [(EXCLUSION, 3.0)] * 3
 
-    @BOTH
+    @PX4_AND_ARDUPILOT
     @pytest.mark.parametrize("seed", range(2))
     def test_a_fifth_lost_in_each_direction_changes_nothing(
         self, script: Script, seed: int
@@ -101,7 +81,7 @@ class TestPlacing:
         old = replace(PX4, gives_ids=False)
         vehicle = fenced_vehicle(world, old, types_items=False)
         placed(vehicle, square(half_m=60.0))
-        world.edge.plan(first_flight(), geofence=fence(), rally_points=[POINT])
+        world.edge.plan(first_flight(), geofence=fence(), rally_points=[RALLY_POINT])
         world.run_until(lambda: world.edge.status(1201) == Status.RUNNING)
         assert len(vehicle.fence) == 4
         world.run_until_over(1201)
@@ -129,7 +109,7 @@ class TestPlacing:
         assert vehicle.log.count("stored 0") == 2
         assert vehicle.log.count("stored 1") == 1
 
-    @BOTH
+    @PX4_AND_ARDUPILOT
     @pytest.mark.parametrize("away_s", [3.0, 15.0, 40.0])
     def test_one_that_receives_nothing_at_first_gets_it_before_it_flies(
         self, script: Script, away_s: float
@@ -151,7 +131,7 @@ class TestPlacing:
     def test_a_vehicle_that_cannot_keep_one_flies_checked_by_the_broker_alone(self) -> None:
         world = World()
         vehicle = fenced_vehicle(world, capabilities=0)
-        flown(world, fence(max_altitude=60.0))
+        fly(world, fence(max_altitude=60.0))
         assert world.edge.statuses(1201) == FINISHED
         assert vehicle.fence == []
         assert vehicle.set == []
@@ -161,7 +141,7 @@ class TestPlacing:
         world = World()
         vehicle = fenced_vehicle(world)
         vehicle.plans[FENCE].script = replace(PX4, refused_item=2)
-        flown(world, fence())
+        fly(world, fence())
         assert world.edge.status(1201) == Status.FAILED
         assert "geofence refused: MAV_MISSION_INVALID_PARAM3 at item 2" in message_of(world)
         assert "ordered to arm" not in vehicle.log
@@ -173,7 +153,7 @@ class TestPlacing:
         vehicle.plans[FENCE].script = replace(
             ARDUPILOT, home_is_item_0=False, keeps=_moved_by_a_metre
         )
-        flown(world, fence())
+        fly(world, fence())
         assert world.edge.status(1201) == Status.FAILED
         assert "geofence: item 0 on the vehicle differs in latitude" in message_of(world)
         assert "ordered to arm" not in vehicle.log
@@ -186,7 +166,7 @@ class TestPlacing:
         operators = vehicle.fence
         store = vehicle.plans[FENCE]
         store.script = replace(ARDUPILOT, home_is_item_0=False, keeps=_moved_by_a_metre)
-        flown(world, fence())
+        fly(world, fence())
         assert world.edge.status(1201) == Status.FAILED
         store.script = replace(ARDUPILOT, home_is_item_0=False)
         world.run(60.0)
@@ -215,7 +195,7 @@ class TestPlacing:
     def test_without_a_geofence_nothing_is_requested_of_the_vehicle(self) -> None:
         world = World()
         vehicle = fenced_vehicle(world)
-        flown(world, None)
+        fly(world, None)
         assert world.edge.statuses(1201) == FINISHED
         assert vehicle.log[0] == "stored 0"
         assert vehicle.set == []
@@ -224,30 +204,6 @@ class TestPlacing:
 def _moved_by_a_metre(item: Any) -> Any:
     item.x += 100
     return item
-
-
-def placed(vehicle: FencedVehicle, corners: list[list[float]]) -> None:
-    """An operator puts a fence there."""
-    vehicle.plans[FENCE].items = [
-        mavlink.MAVLink_mission_item_int_message(
-            0,
-            0,
-            seq,
-            0,
-            INCLUSION,
-            0,
-            1,
-            float(len(corners)),
-            0.0,
-            0.0,
-            0.0,
-            round(latitude * 1e7),
-            round(longitude * 1e7),
-            0.0,
-            FENCE,
-        )
-        for seq, (latitude, longitude) in enumerate(corners)
-    ]
 
 
 def put_behind_refusal(world: World, vehicle: FencedVehicle) -> list[tuple[int, float, float]]:
@@ -301,17 +257,17 @@ class TestInterruptions:
 
 class TestRestoring:
     @pytest.mark.first_case
-    @BOTH
+    @PX4_AND_ARDUPILOT
     def test_a_vehicle_without_a_fence_has_none_afterwards(self, script: Script) -> None:
         world = World()
         vehicle = fenced_vehicle(world, script)
-        flown(world, fence(max_altitude=60.0))
+        fly(world, fence(max_altitude=60.0))
         world.run(20.0)
         assert vehicle.fence == []
         assert vehicle.values == (PX4_VALUES if script is PX4 else ARDUPILOT_VALUES)
 
     @pytest.mark.first_case
-    @BOTH
+    @PX4_AND_ARDUPILOT
     def test_an_operators_fence_comes_back(self, script: Script) -> None:
         world = World()
         vehicle = fenced_vehicle(world, script)
@@ -330,12 +286,12 @@ class TestRestoring:
         vehicle = fenced_vehicle(world)
         placed(vehicle, square(half_m=90.0))
         operators = vehicle.fence
-        flown(world, None)
+        fly(world, None)
         world.run(20.0)
         assert vehicle.fence == operators
 
     @pytest.mark.first_case
-    @BOTH
+    @PX4_AND_ARDUPILOT
     @pytest.mark.parametrize("seed", range(3))
     def test_nothing_is_kept_over_a_link_that_loses_a_fifth_in_each_direction(
         self, script: Script, seed: int
@@ -343,7 +299,7 @@ class TestRestoring:
         world = World(loss=0.2, seed=seed)
         vehicle = fenced_vehicle(world, script)
         low = mission(takeoff(), go_home(2))
-        world.edge.plan(low, geofence=fence(max_altitude=60.0), rally_points=[POINT])
+        world.edge.plan(low, geofence=fence(max_altitude=60.0), rally_points=[RALLY_POINT])
         world.run_until_over(1201)
         assert world.edge.status(1201) == Status.FINISHED
         world.run_until(lambda: not world.app.sessions[1].vehicle.overrides.is_open)
@@ -353,7 +309,7 @@ class TestRestoring:
     def test_a_geofence_that_forbids_nothing_changes_nothing(self) -> None:
         world = World()
         vehicle = fenced_vehicle(world, ARDUPILOT)
-        flown(world, {"inclusion": [], "exclusion": []})
+        fly(world, {"inclusion": [], "exclusion": []})
         assert world.edge.statuses(1201) == FINISHED
         assert vehicle.set == []
 
@@ -461,7 +417,7 @@ class TestRestoring:
     def test_the_session_shows_that_something_is_still_to_be_restored(self) -> None:
         world = World()
         vehicle = fenced_vehicle(world)
-        flown(world, fence(max_altitude=40.0))
+        fly(world, fence(max_altitude=40.0))
         session = world.app.sessions[1]
         world.run_until(lambda: session.state is State.IDLE)
         assert session.is_restoring

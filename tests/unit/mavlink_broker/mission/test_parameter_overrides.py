@@ -7,9 +7,11 @@ import pytest
 
 from afarcloud.enumerations import EventType, Status
 from mavlink_broker.mavlink.dialect import mavlink
+from tests.support.autopilot_families import PX4_AND_ARDUPILOT
 from tests.support.broker_world import (
     FINISHED,
     World,
+    circle,
     follow,
     go_home,
     mission,
@@ -18,16 +20,7 @@ from tests.support.broker_world import (
     waypoint,
 )
 from tests.support.scripted_vehicle import ScriptedVehicle
-from tests.support.vehicle_script import ARDUPILOT, HOME, PX4, PX4_FOLLOW, Script
-
-COPTER_FOLLOW = 23
-PLACE = {"latitude": HOME[0], "longitude": HOME[1]}
-FAMILIES = pytest.mark.parametrize("script", [PX4, ARDUPILOT], ids=["px4", "ardupilot"])
-
-
-def circle(command_id: int = 2, **more: Any) -> dict[str, Any]:
-    place = PLACE | {"orbit_altitude": 8.0, "radius": 20.0, "angular_velocity": 5.0}
-    return {"command_id": command_id, "command_type_id": 7, "parameters": place | more}
+from tests.support.vehicle_script import ARDUPILOT, COPTER_FOLLOW, PX4, PX4_FOLLOW, Script
 
 
 def setting_out(*commands: dict[str, Any], script: Script) -> tuple[World, ScriptedVehicle]:
@@ -49,7 +42,7 @@ def message(world: World, command: int) -> str:
 
 
 @pytest.mark.first_case
-@FAMILIES
+@PX4_AND_ARDUPILOT
 def test_a_follow_command_sets_height_distance_and_angle_and_restores_them(script: Script) -> None:
     world, vehicle = setting_out(takeoff(), follow(altitude=10.0), go_home(3), script=script)
     mode = PX4_FOLLOW if script is PX4 else COPTER_FOLLOW

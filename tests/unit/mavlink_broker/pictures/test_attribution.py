@@ -3,24 +3,8 @@
 import dataclasses
 import math
 
-from mavlink_broker.pictures.attribution import (
-    MAX_INTERVALS,
-    Area,
-    Attribution,
-    PictureCommand,
-)
-
-FIRST, SECOND = 100, 101
-"""Components that are cameras."""
-
-
-def taker(command: int, expected: int = 0) -> PictureCommand:
-    return PictureCommand("1/01PLAN", 7, command, command + 1, expected)
-
-
-def commands_of(attribution: Attribution, *times_s: float, camera: int = FIRST) -> list[int | None]:
-    takers = [attribution.attribute(time_s, camera) for time_s in times_s]
-    return [None if one is None else one.command for one in takers]
+from mavlink_broker.pictures.attribution import MAX_INTERVALS, Area, Attribution, PictureCommand
+from tests.unit.mavlink_broker.pictures.attributed import FIRST, SECOND, commands_of, taker
 
 
 def flown(*takers: PictureCommand | None) -> Attribution:

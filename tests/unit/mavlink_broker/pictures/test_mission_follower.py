@@ -19,7 +19,7 @@ from mavlink_broker.vehicle.recovery_state import RecoveryState
 from tests.support.broker_world import go_home, hotpoint, land, mission, takeoff, waypoint
 from tests.support.picture_flight import MISSION, SLOW, PictureFlight, image, is_at, number_of
 from tests.support.vehicle_script import HOME
-from tests.unit.mavlink_broker.pictures.test_attribution import commands_of, taker
+from tests.unit.mavlink_broker.pictures.attributed import commands_of, taker
 
 
 def test_a_restarted_broker_whose_link_is_lost_gives_the_pictures_to_their_command() -> None:

@@ -1,7 +1,5 @@
 """Pictures of a mission wait until the gimbal looks where they are to be taken."""
 
-from typing import Any
-
 import pytest
 
 from afarcloud.plan import Mission
@@ -9,18 +7,12 @@ from mavlink_broker.autopilots.families import ARDUPILOT, GENERIC, OWN, PX4, Fam
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.planning.mission import FlightPlan, LiveCommand, translate
 from tests.support.broker_world import follow, go_home, mission, takeoff, waypoint
-from tests.unit.mavlink_broker.planning.test_mission import HOME
+from tests.support.translated_missions import HOME
+from tests.unit.mavlink_broker.planning.aimed_pictures import SHOOT, Aim, image
 
 POINT = mavlink.MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW
-SHOOT = mavlink.MAV_CMD_IMAGE_START_CAPTURE
 DELAY = mavlink.MAV_CMD_NAV_DELAY
 WAITING = pytest.mark.parametrize("family", [PX4, ARDUPILOT, GENERIC], ids=lambda one: one.name)
-Aim = tuple[float, float | None]
-
-
-def image(number: int, aim: Aim) -> dict[str, Any]:
-    parameters = {"pitch_angle": aim[0], "yaw_angle": aim[1], "photo_count": 1, "time_interval": 0}
-    return {"command_id": number, "command_type_id": 4, "parameters": parameters}
 
 
 def waits_s(family: Family, *aims: Aim, refused: frozenset[int] = frozenset()) -> list[float]:

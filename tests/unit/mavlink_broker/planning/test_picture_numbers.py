@@ -4,8 +4,8 @@ from afarcloud.plan import Mission
 from mavlink_broker.autopilots.families import PX4
 from mavlink_broker.planning.mission import FlightPlan, translate
 from tests.support.broker_world import go_home, mission, takeoff, waypoint
-from tests.unit.mavlink_broker.planning.test_gimbal_wait import SHOOT, image
-from tests.unit.mavlink_broker.planning.test_mission import HOME
+from tests.support.translated_missions import HOME
+from tests.unit.mavlink_broker.planning.aimed_pictures import SHOOT, image
 
 AIM = (-90.0, None)
 

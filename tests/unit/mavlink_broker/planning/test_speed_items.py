@@ -13,9 +13,8 @@ from afarcloud.plan import Mission
 from mavlink_broker.autopilots.families import ARDUPILOT, GENERIC, OWN, PX4, Family
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.planning.mission import FlightPlan, LiveCommand, translate
-from mavlink_broker.planning.situation import Home
+from tests.support.translated_missions import HOME
 
-HOME = Home(40.4434, -3.7382, 650.0)
 START = {"latitude": 40.4434, "longitude": -3.7382, "altitude": 10.0}
 SPEED = mavlink.MAV_CMD_DO_CHANGE_SPEED
 bounded = st.sampled_from([PX4, ARDUPILOT, GENERIC])

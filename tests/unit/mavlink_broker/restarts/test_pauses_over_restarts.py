@@ -7,41 +7,24 @@ import pytest
 from afarcloud.enumerations import Status
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.mission.states import State
-from tests.support.broker_world import (
-    World,
-    go_home,
-    hotpoint,
-    mission,
-    takeoff,
-)
-from tests.support.vehicle_script import (
-    ARDUPILOT,
-    COPTER_AUTO,
-    COPTER_LAND,
-    PX4,
-    Script,
-)
-from tests.unit.mavlink_broker.events.test_events import ABORT, answer_statuses
-from tests.unit.mavlink_broker.events.test_pause_events import (
+from tests.support.autopilot_families import (
     FLYING_MODES,
-    KNOWN,
+    KNOWN_FAMILIES,
     LANDING_MODES,
-    PAUSE,
+    OWN,
     PAUSED_MODES,
-    RESUME,
-    RETURN_HOME,
     SCRIPTS,
-    answer,
-    paused,
-    paused_live,
 )
-from tests.unit.mavlink_broker.live.test_live_commands import OWN
-from tests.unit.mavlink_broker.takeovers.test_takeover import orders, state
+from tests.support.broker_events import ABORT, PAUSE, RESUME, RETURN_HOME, answer, answer_statuses
+from tests.support.broker_world import World, go_home, hotpoint, mission, takeoff
+from tests.support.mission_scenes import paused, paused_live, state
+from tests.support.orders import orders
+from tests.support.vehicle_script import ARDUPILOT, COPTER_AUTO, COPTER_LAND, PX4, Script
 
 
 class TestRestarts:
     @pytest.mark.first_case
-    @KNOWN
+    @KNOWN_FAMILIES
     @pytest.mark.parametrize("begin", [paused, paused_live])
     def test_a_restarted_broker_leaves_it_paused_and_resumes_it(
         self, begin: object, family: str, tmp_path: Path
@@ -79,7 +62,7 @@ class TestRestarts:
         assert world.edge.statuses(1201) == [Status.FINISHED] * 3
         assert vehicle.commands.count(mavlink.MAV_CMD_DO_ORBIT) > ordered
 
-    @KNOWN
+    @KNOWN_FAMILIES
     def test_it_is_resumed_though_its_pause_is_in_no_journal(self, family: str) -> None:
         """The disk was read-only when it was paused: the last report shows the pause."""
         world = paused(SCRIPTS[family])
@@ -92,7 +75,7 @@ class TestRestarts:
         assert answer_statuses(world, resume)[-1] == "done"
         assert world.edge.statuses(1201) == [Status.FINISHED] * 3
 
-    @KNOWN
+    @KNOWN_FAMILIES
     def test_an_abort_lands_it_though_its_pause_is_in_no_journal(self, family: str) -> None:
         world = paused(SCRIPTS[family])
         world.restart_broker()
@@ -102,7 +85,7 @@ class TestRestarts:
         world.run(1.0)
         assert answer_statuses(world, event)[-1] == "done"
 
-    @KNOWN
+    @KNOWN_FAMILIES
     def test_a_pause_that_has_ended_is_none_for_a_restarted_broker(self, family: str) -> None:
         """What pauses it then is somebody else's order, which no event ends."""
         world = paused(SCRIPTS[family])
@@ -118,7 +101,7 @@ class TestRestarts:
         assert world.only_vehicle.custom_mode == PAUSED_MODES[family]
 
     @pytest.mark.first_case
-    @KNOWN
+    @KNOWN_FAMILIES
     @pytest.mark.parametrize("kind", [ABORT, RETURN_HOME])
     def test_a_paused_vehicle_obeys_a_restarted_broker(
         self, family: str, kind: int, tmp_path: Path
@@ -139,7 +122,7 @@ class TestRestarts:
         assert world.edge.status(1201) == Status.FAILED
 
     @pytest.mark.first_case
-    @KNOWN
+    @KNOWN_FAMILIES
     @pytest.mark.parametrize("is_restarted", [True, False])
     def test_one_that_has_landed_while_it_was_paused_is_not_resumed_and_has_not_flown(
         self, family: str, tmp_path: Path, *, is_restarted: bool
@@ -163,7 +146,7 @@ class TestRestarts:
         assert world.edge.status(1201) == Status.FAILED
         assert orders(vehicle, since) == []
 
-    @KNOWN
+    @KNOWN_FAMILIES
     def test_one_that_has_flown_on_and_landed_while_no_broker_ran_is_not_paused_again(
         self, family: str, tmp_path: Path
     ) -> None:

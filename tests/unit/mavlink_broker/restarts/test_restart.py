@@ -9,6 +9,7 @@ from afarcloud.enumerations import Status
 from mavlink_broker.mavlink.codec import Decoder
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.mission.states import State
+from tests.support.autopilot_families import OWN
 from tests.support.broker_world import (
     FINISHED,
     World,
@@ -24,7 +25,6 @@ from tests.support.broker_world import (
     waypoint,
 )
 from tests.support.vehicle_script import ARDUPILOT, PX4, Script
-from tests.unit.mavlink_broker.live.test_live_commands import OWN
 
 
 def kinds_sent(world: World) -> set[str]:

@@ -9,12 +9,12 @@ import pytest
 from afarcloud.enumerations import EventType
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.mission.states import State
+from tests.support.autopilot_families import PX4_AND_ARDUPILOT
+from tests.support.broker_events import ABORT, POINT, answer_statuses
 from tests.support.broker_world import World, first_flight, mission, takeoff, waypoint
-from tests.support.vehicle_script import ARDUPILOT, COPTER_RETURN, PX4, PX4_LAND, PX4_RETURN, Script
-from tests.unit.mavlink_broker.events.test_events import ABORT, POINT, answer_statuses
-from tests.unit.mavlink_broker.takeovers.test_own_landings import returning
+from tests.support.mission_scenes import returning
+from tests.support.vehicle_script import COPTER_RETURN, PX4_LAND, PX4_RETURN, Script
 
-FAMILIES = pytest.mark.parametrize("script", [PX4, ARDUPILOT], ids=["px4", "ardupilot"])
 FIRST_ORDER = pytest.mark.parametrize(
     ("kind", "place"),
     [(ABORT, {}), (EventType.RETURN_HOME, {}), (ABORT, {"abort": POINT})],
@@ -45,7 +45,7 @@ def lose_acceptance(world: World, event: int) -> None:
 
 
 @pytest.mark.first_case
-@FAMILIES
+@PX4_AND_ARDUPILOT
 @FIRST_ORDER
 @SECOND_AFTER
 @IS_KNOWN
@@ -94,7 +94,7 @@ def test_an_abort_that_was_ordered_during_a_return_is_carried_on(
     assert answer_statuses(world, event)[-2:] == ["accepted", "done"]
 
 
-@FAMILIES
+@PX4_AND_ARDUPILOT
 def test_the_return_of_an_alarm_is_the_brokers_for_a_newer_abort(
     script: Script, tmp_path: Path
 ) -> None:

@@ -13,27 +13,22 @@ from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.mission.abort_executor import NOT_OBEYED, NOT_THERE, STANDS
 from mavlink_broker.mission.pending_events import LANDED_UNSEEN, NOT_SEEN, TOO_OLD
 from mavlink_broker.mission.states import State
-from tests.support.broker_world import World, first_flight, go_home, mission, takeoff, waypoint
-from tests.support.vehicle_script import PX4, PX4_HOLD, PX4_LAND, PX4_POSITION, PX4_RETURN
-from tests.unit.mavlink_broker.events.test_events import (
-    ABORT,
-    POINT,
-    SOFT_ABORT,
-    SPEED,
-    answer_statuses,
-    world_at,
+from tests.support.broker_events import ABORT, POINT, SOFT_ABORT, SPEED, answer_statuses
+from tests.support.broker_world import (
+    World,
+    first_flight,
+    go_home,
+    mission,
+    restart,
+    takeoff,
+    waypoint,
 )
-from tests.unit.mavlink_broker.takeovers.test_own_landings import returning
+from tests.support.mission_scenes import returning, world_at
+from tests.support.orders import SET_MODE
+from tests.support.vehicle_script import PX4, PX4_HOLD, PX4_LAND, PX4_POSITION, PX4_RETURN
 
 FINISHED = Status.FINISHED
-SET_MODE = mavlink.MAV_CMD_DO_SET_MODE
 AWAY = pytest.mark.parametrize("away_s", [0.0, 3.0, 60.0])
-
-
-def restart(world: World, away_s: float = 0.0) -> None:
-    world.kill_broker()
-    world.run(away_s)
-    world.restart_broker()
 
 
 def is_at_point(world: World) -> Callable[[], bool]:

@@ -10,7 +10,20 @@ from afarcloud.enumerations import Status
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.mission.pending_events import MAX_WAITING, TOO_MANY
 from mavlink_broker.vehicle.telemetry import Snapshot
+from tests.support.autopilot_families import OWN_IF_THOROUGH
+from tests.support.broker_events import (
+    ABORT,
+    PAUSE,
+    POINT,
+    RESUME,
+    RETURN_HOME,
+    SOFT_ABORT,
+    SPEED,
+    answer_statuses,
+    answers,
+)
 from tests.support.broker_world import World, first_flight
+from tests.support.mission_scenes import world_at
 from tests.support.vehicle_script import (
     ARDUPILOT,
     COPTER_LAND,
@@ -21,17 +34,7 @@ from tests.support.vehicle_script import (
     PX4_RETURN,
     Script,
 )
-from tests.unit.mavlink_broker.events.test_events import (
-    ABORT,
-    POINT,
-    SOFT_ABORT,
-    SPEED,
-    answer_statuses,
-    world_at,
-)
-from tests.unit.mavlink_broker.live.test_live_commands import OWN_IF_THOROUGH
 
-PAUSE, RESUME, RETURN = 101, 102, 103
 BETWEEN_HEARTBEATS_S = 0.3
 SCRIPTS = pytest.mark.parametrize(
     "script",
@@ -59,10 +62,6 @@ def restart_unreceived(world: World) -> None:
     assert not world.app.sessions
 
 
-def reasons(world: World, event: int) -> list[tuple[str, str | None]]:
-    return [(body["status"], body.get("message")) for body in world.edge.acknowledgements(event)]
-
-
 def orders(world: World, since: int) -> list[int]:
     """Modes and other commands of flight that the vehicle was ordered, behind so many commands."""
     flown = {mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH}
@@ -74,7 +73,7 @@ def is_down(world: World) -> Callable[[], bool]:
 
 
 @SCRIPTS
-@pytest.mark.parametrize("kind", [RETURN, ABORT, SOFT_ABORT])
+@pytest.mark.parametrize("kind", [RETURN_HOME, ABORT, SOFT_ABORT])
 def test_an_event_before_the_first_heartbeat_moves_the_vehicle_that_hovers(
     script: Script, kind: int, tmp_path: Path
 ) -> None:
@@ -101,7 +100,7 @@ def test_an_event_at_any_time_behind_the_restart_is_done(
     world = hovering_world(tmp_path, script)
     world.restart_broker()
     world.run(after_s)
-    event = world.edge.event(RETURN)
+    event = world.edge.event(RETURN_HOME)
     world.run_until(is_down(world))
     world.run(1.0)
     assert answer_statuses(world, event) == ["accepted", "done"]
@@ -111,7 +110,7 @@ def test_it_is_ordered_once_though_the_broker_is_killed_while_it_waits(tmp_path:
     world = hovering_world(tmp_path)
     since = len(world.only_vehicle.parameters)
     restart_unreceived(world)
-    event = world.edge.event(RETURN)
+    event = world.edge.event(RETURN_HOME)
     world.run(1.0)
     world.restart_broker()
     world.run(1.0)
@@ -128,14 +127,14 @@ def test_a_vehicle_that_does_not_come_is_not_known(tmp_path: Path) -> None:
     world = hovering_world(tmp_path)
     since = len(world.only_vehicle.parameters)
     restart_unreceived(world)
-    event = world.edge.event(RETURN)
+    event = world.edge.event(RETURN_HOME)
     world.run(7.0)
     assert not answer_statuses(world, event)
     world.run(2.0)
-    assert reasons(world, event) == [("refused", "vehicle 1 is not known")]
+    assert answers(world, event) == [("refused", "vehicle 1 is not known")]
     world.only_vehicle.silent = False
     world.run(10.0)
-    assert len(reasons(world, event)) == 1
+    assert len(answers(world, event)) == 1
     assert not orders(world, since)
     assert world.only_vehicle.armed
 
@@ -146,24 +145,24 @@ def test_a_vehicle_without_a_position_is_refused_by_that(
     world = hovering_world(tmp_path)
     monkeypatch.setattr(Snapshot, "position", property(lambda _: None, lambda *_: None))
     world.restart_broker()
-    event = world.edge.event(RETURN)
+    event = world.edge.event(RETURN_HOME)
     world.run(9.0)
-    assert reasons(world, event) == [("refused", "the position of vehicle 1 is not known")]
+    assert answers(world, event) == [("refused", "the position of vehicle 1 is not known")]
 
 
 def test_a_broker_that_has_run_for_long_refuses_an_unknown_vehicle_at_once() -> None:
     world = World()
     world.run(31.0)
-    event = world.edge.event(RETURN)
+    event = world.edge.event(RETURN_HOME)
     world.tick()
-    assert reasons(world, event) == [("refused", "vehicle 1 is not known")]
+    assert answers(world, event) == [("refused", "vehicle 1 is not known")]
 
 
 def test_no_system_has_such_a_number() -> None:
     world = World()
-    event = world.edge.event(RETURN, vehicle_id=256)
+    event = world.edge.event(RETURN_HOME, vehicle_id=256)
     world.tick()
-    assert reasons(world, event) == [("refused", "vehicle 256 is not known")]
+    assert answers(world, event) == [("refused", "vehicle 256 is not known")]
     assert not world.app.sessions
 
 
@@ -180,11 +179,13 @@ def test_what_needs_a_mission_is_refused_when_the_vehicle_is_received(
     assert not answer_statuses(world, event)
     world.only_vehicle.silent = False
     world.run(3.0)
-    assert reasons(world, event) == [("refused", "no active mission")]
+    assert answers(world, event) == [("refused", "no active mission")]
     assert world.only_vehicle.armed
 
 
-@pytest.mark.parametrize("kinds", [(RETURN, ABORT), (ABORT, RETURN), (SOFT_ABORT, RETURN)])
+@pytest.mark.parametrize(
+    "kinds", [(RETURN_HOME, ABORT), (ABORT, RETURN_HOME), (SOFT_ABORT, RETURN_HOME)]
+)
 def test_of_two_that_wait_the_newest_decides(kinds: tuple[int, int], tmp_path: Path) -> None:
     world = hovering_world(tmp_path)
     vehicle = world.only_vehicle
@@ -194,7 +195,7 @@ def test_of_two_that_wait_the_newest_decides(kinds: tuple[int, int], tmp_path: P
     vehicle.silent = False
     world.run_until(is_down(world))
     world.run(1.0)
-    assert reasons(world, first) == [("done", "a later event replaced it")]
+    assert answers(world, first) == [("done", "a later event replaced it")]
     assert answer_statuses(world, second) == ["accepted", "done"]
     assert vehicle.custom_mode == (PX4_LAND if kinds[1] == ABORT else PX4_RETURN)
 
@@ -203,18 +204,18 @@ def test_of_two_that_are_refused_the_older_is_refused_for_the_same_reason(tmp_pa
     world = hovering_world(tmp_path)
     vehicle = world.only_vehicle
     restart_unreceived(world)
-    first, second = (world.edge.event(kind) for kind in (RETURN, ABORT))
+    first, second = (world.edge.event(kind) for kind in (RETURN_HOME, ABORT))
     world.run(1.0)
     vehicle.custom_mode = PX4_POSITION
     vehicle.silent = False
     world.run(4.0)
     who = "where another system or its pilot has to move it"
     refused = [("refused", f"no active mission: the vehicle is in POSCTL, {who}")]
-    assert reasons(world, first) == reasons(world, second) == refused
+    assert answers(world, first) == answers(world, second) == refused
 
 
 @SCRIPTS
-@pytest.mark.parametrize("kind", [RETURN, ABORT, SOFT_ABORT])
+@pytest.mark.parametrize("kind", [RETURN_HOME, ABORT, SOFT_ABORT])
 def test_an_event_that_ends_a_mission_that_waits_moves_the_vehicle_too(
     script: Script, kind: int, tmp_path: Path
 ) -> None:
@@ -240,10 +241,10 @@ def test_one_whose_vehicle_does_not_come_has_ended_the_mission_alone(tmp_path: P
     world = hovering_world(tmp_path)
     restart_unreceived(world)
     world.edge.plan(first_flight(mission_id=1202))
-    event = world.edge.event(RETURN)
+    event = world.edge.event(RETURN_HOME)
     world.run(9.0)
     note = "vehicle 1 is not known: only the missions that waited were ended"
-    assert reasons(world, event) == [("done", note)]
+    assert answers(world, event) == [("done", note)]
 
 
 def test_one_whose_vehicle_stands_is_done_when_that_is_received(tmp_path: Path) -> None:
@@ -253,7 +254,7 @@ def test_one_whose_vehicle_stands_is_done_when_that_is_received(tmp_path: Path) 
     restart_unreceived(world)
     since = len(vehicle.parameters)
     world.edge.plan(first_flight(mission_id=1202))
-    events = [world.edge.event(kind) for kind in (ABORT, RETURN)]
+    events = [world.edge.event(kind) for kind in (ABORT, RETURN_HOME)]
     world.run(1.0)
     vehicle.silent = False
     world.run(4.0)
@@ -264,7 +265,7 @@ def test_one_whose_vehicle_stands_is_done_when_that_is_received(tmp_path: Path) 
 def test_a_mission_ordered_behind_it_does_not_end_its_wait(tmp_path: Path) -> None:
     world = hovering_world(tmp_path)
     restart_unreceived(world)
-    event = world.edge.event(RETURN)
+    event = world.edge.event(RETURN_HOME)
     world.run(0.5)
     world.edge.plan(first_flight(mission_id=1202))
     world.run(0.5)
@@ -281,7 +282,7 @@ def test_a_pilot_who_has_taken_the_vehicle_meanwhile_keeps_it(tmp_path: Path) ->
     world = hovering_world(tmp_path)
     vehicle = world.only_vehicle
     restart_unreceived(world)
-    event = world.edge.event(RETURN)
+    event = world.edge.event(RETURN_HOME)
     since = len(vehicle.parameters)
     vehicle.custom_mode = PX4_POSITION
     vehicle.silent = False
@@ -294,9 +295,9 @@ def test_of_too_many_the_newest_are_kept(tmp_path: Path) -> None:
     world = hovering_world(tmp_path)
     restart_unreceived(world)
     events = [world.edge.event(PAUSE) for _ in range(MAX_WAITING)]
-    last = world.edge.event(RETURN)
+    last = world.edge.event(RETURN_HOME)
     world.run(0.5)
-    assert reasons(world, events[0]) == [("refused", TOO_MANY)]
+    assert answers(world, events[0]) == [("refused", TOO_MANY)]
     assert not any(answer_statuses(world, event) for event in (*events[1:], last))
     world.only_vehicle.silent = False
     world.run_until(is_down(world))

@@ -9,6 +9,7 @@ import pytest
 
 from afarcloud.enumerations import Status
 from mavlink_broker.mavlink.dialect import mavlink
+from tests.support.autopilot_families import OWN
 from tests.support.broker_world import (
     World,
     follow,
@@ -20,10 +21,9 @@ from tests.support.broker_world import (
     track,
     waypoint,
 )
+from tests.support.scripted_disk import DISK_LAG_S
 from tests.support.vehicle_script import PX4, PX4_FOLLOW, PX4_HOLD, Script
-from tests.unit.mavlink_broker.live.test_live_commands import OWN
 
-DISK_LAG_S = 0.05
 AWAY_S = 5.0
 ORBIT, REPOSITION = mavlink.MAV_CMD_DO_ORBIT, mavlink.MAV_CMD_DO_REPOSITION
 PICTURE, CREATE = mavlink.MAV_CMD_IMAGE_START_CAPTURE, mavlink.MAV_CMD_PANORAMA_CREATE

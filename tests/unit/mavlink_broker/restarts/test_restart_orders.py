@@ -7,7 +7,6 @@ import pytest
 
 from afarcloud.enumerations import EventType, Status
 from mavlink_broker.mavlink.dialect import mavlink
-from mavlink_broker.mission.states import State
 from mavlink_broker.session import WAITS_FOR_LANDING
 from mavlink_broker.vehicle.record_encoding import decode
 from tests.support.broker_world import (
@@ -20,6 +19,8 @@ from tests.support.broker_world import (
     takeoff,
     waypoint,
 )
+from tests.support.mission_scenes import SONAR, alarmed_world
+from tests.support.scripted_disk import DISK_LAG_S
 from tests.support.vehicle_script import (
     ARDUPILOT,
     COPTER_RETURN,
@@ -30,9 +31,7 @@ from tests.support.vehicle_script import (
     Script,
 )
 
-SONAR = mavlink.MAV_SYS_STATUS_SENSOR_LASER_POSITION
 RETURN = mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH
-DISK_LAG_S = 0.05
 FIRST = mission(takeoff(), waypoint())
 SECOND = mission(waypoint(1, north_m=20.0), waypoint(2, north_m=25.0), go_home(3), mission_id=1202)
 
@@ -43,19 +42,6 @@ def hovering_world(folder: Path, script: Script = PX4) -> World:
     world.add_vehicle(script=script)
     world.edge.plan(FIRST)
     world.run_until_over(1201)
-    return world
-
-
-def alarmed_world(folder: Path, script: Script = PX4, lag_s: float = DISK_LAG_S) -> World:
-    """A world whose mission has just failed by an alarm; no frame reaches the vehicle."""
-    world = World(journal=folder, disk_lag_s=lag_s)
-    vehicle = world.add_vehicle(script=replace(script, item_time_s=60.0))
-    world.edge.plan(mission(takeoff(), waypoint(), go_home()))
-    world.run_until(lambda: vehicle.airborne)
-    world.run(3.0)
-    world.air.is_uplink_up = False
-    vehicle.ill = SONAR
-    world.run_until(lambda: world.app.sessions[1].state is State.ABORTING)
     return world
 
 

@@ -12,62 +12,12 @@ import pytest
 
 from afarcloud.enumerations import EventType, Status
 from mavlink_broker.mission.states import State
-from tests.support.broker_world import World, first_flight, follow, go_home, mission, takeoff
-from tests.support.fenced_vehicle import (
-    ARDUPILOT_VALUES,
-    PX4_VALUES,
-    RALLY,
-    FencedVehicle,
-    fenced_vehicle,
-)
+from tests.support.broker_world import World, first_flight
+from tests.support.fenced_vehicle import fenced_vehicle
+from tests.support.geofences import fence, placed, square
+from tests.support.overridden_settings import WITH_FOLLOW, WITH_RATE, Farm
+from tests.support.scripted_disk import DISK_LAG_S
 from tests.support.vehicle_script import ARDUPILOT, PX4, PX4_FOLLOW, Script
-from tests.unit.mavlink_broker.mission.test_geofence_transfer import POINT, fence, placed, square
-from tests.unit.mavlink_broker.mission.test_parameter_overrides import circle
-
-DISK_LAG_S = 0.05
-WITH_RATE: dict[str, Any] = ARDUPILOT_VALUES | {"CIRCLE_RATE": 20.0, "CIRCLE_OPTIONS": 1.0}
-WITH_FOLLOW: dict[str, Any] = PX4_VALUES | {
-    "FLW_TGT_HT": 8.0,
-    "FLW_TGT_DST": 8.0,
-    "FLW_TGT_FA": 180.0,
-    "FLW_TGT_ALT_M": 0.0,
-}
-
-
-class Farm:
-    """A vehicle with an operator's fence and values, and a plan that changes them all."""
-
-    def __init__(
-        self,
-        folder: Path,
-        script: Script,
-        values: Mapping[str, Any],
-        uid: int = 0,
-        **more: Any,
-    ) -> None:
-        self.world = World(journal=folder, disk_lag_s=DISK_LAG_S, **more)
-        self.folder = folder
-        self.vehicle: FencedVehicle = fenced_vehicle(self.world, script, values=values)
-        self.vehicle.uid = uid
-        placed(self.vehicle, square(half_m=90.0))
-        self.before = self.held
-        self.world.run(2.0)
-        part = follow(altitude=12.0) if script is PX4 else circle()
-        self.world.edge.plan(
-            mission(takeoff(), part, go_home(3)),
-            geofence=fence(max_altitude=60.0),
-            rally_points=[POINT],
-        )
-
-    @property
-    def held(self) -> tuple[Any, ...]:
-        """Everything that a plan may change."""
-        rally = [(item.x, item.y, item.z) for item in self.vehicle.plans[RALLY].items]
-        return self.vehicle.fence, rally, dict(self.vehicle.values)
-
-    def is_as_before(self) -> bool:
-        """Whether the operator finds everything as it was, and nothing more is noted."""
-        return self.held == self.before and not list(self.folder.iterdir())
 
 
 @pytest.mark.first_case

@@ -13,6 +13,8 @@ import pytest
 
 from afarcloud.enumerations import Status
 from mavlink_broker.mission.states import State
+from tests.support.autopilot_families import OWN
+from tests.support.broker_events import ABORT, answer_statuses
 from tests.support.broker_world import (
     FINISHED,
     World,
@@ -23,11 +25,10 @@ from tests.support.broker_world import (
     takeoff,
     waypoint,
 )
+from tests.support.mission_scenes import in_mission, live
+from tests.support.orders import commands
 from tests.support.scripted_vehicle import ScriptedVehicle
 from tests.support.vehicle_script import ARDUPILOT, COPTER_RETURN, PX4, PX4_HOLD, PX4_RETURN, Script
-from tests.unit.mavlink_broker.events.test_events import ABORT, answer_statuses
-from tests.unit.mavlink_broker.live.test_live_commands import OWN
-from tests.unit.mavlink_broker.takeovers.test_takeover import in_mission, live, orders
 
 FAMILIES = pytest.mark.parametrize(
     ("script", "home"), [(PX4, PX4_RETURN), (ARDUPILOT, COPTER_RETURN)], ids=["px4", "ardupilot"]
@@ -57,11 +58,6 @@ def return_meanwhile(world: World, home: int, seconds: float, *, is_full: bool) 
     world.only_vehicle.set_mode(home)
     world.suspend_broker(2.0, is_full=is_full)
     return len(world.only_vehicle.frames)
-
-
-def commands(vehicle: ScriptedVehicle, since: int) -> list[str]:
-    """Orders behind the first so many frames; parameters are given back to whoever flies it."""
-    return [one for one in orders(vehicle, since) if one.startswith("COMMAND")]
 
 
 @FAMILIES

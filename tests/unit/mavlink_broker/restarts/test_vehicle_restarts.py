@@ -10,7 +10,11 @@ from mavlink_broker.mavlink.codec import Decoder, Encoder
 from mavlink_broker.mavlink.dialect import Route, mavlink
 from mavlink_broker.mission.states import State
 from mavlink_broker.vehicle.vehicle import Vehicle
+from tests.support.autopilot_families import PX4_AND_ARDUPILOT
+from tests.support.broker_events import ABORT, POINT, answer_statuses
 from tests.support.broker_world import World, first_flight
+from tests.support.mission_scenes import alarmed_world, going_to_a_point, state, world_at
+from tests.support.orders import orders
 from tests.support.vehicle_script import (
     ARDUPILOT,
     COPTER_GUIDED,
@@ -18,13 +22,6 @@ from tests.support.vehicle_script import (
     PX4_HOLD,
     PX4_MISSION,
     Script,
-)
-from tests.unit.mavlink_broker.events.test_events import ABORT, POINT, answer_statuses, world_at
-from tests.unit.mavlink_broker.restarts.test_restart_orders import alarmed_world
-from tests.unit.mavlink_broker.takeovers.test_takeover import (
-    going_to_a_point,
-    orders,
-    state,
 )
 
 FLOWN_ON = pytest.mark.parametrize(
@@ -164,9 +161,6 @@ def test_one_before_the_flight_that_shows_late_does_not_end_the_flight(
     assert world.edge.status(1201) == Status.FINISHED
 
 
-FAMILIES = pytest.mark.parametrize("script", [PX4, ARDUPILOT], ids=["px4", "ardupilot"])
-
-
 def require_end_on_the_ground(world: World) -> None:
     """Nobody arms or starts the vehicle again, and its mission has failed."""
     vehicle = world.only_vehicle
@@ -178,7 +172,7 @@ def require_end_on_the_ground(world: World) -> None:
     assert world.edge.status(1201) == Status.FAILED
 
 
-@FAMILIES
+@PX4_AND_ARDUPILOT
 @pytest.mark.parametrize("away_s", [4.0, 45.0])
 def test_one_during_the_takeoff_does_not_begin_the_mission_again(
     script: Script, away_s: float, tmp_path: Path
@@ -200,7 +194,7 @@ def test_one_during_the_takeoff_does_not_begin_the_mission_again(
     require_end_on_the_ground(world)
 
 
-@FAMILIES
+@PX4_AND_ARDUPILOT
 def test_one_that_no_report_precedes_shows_by_the_vehicles_clock(
     script: Script, tmp_path: Path
 ) -> None:

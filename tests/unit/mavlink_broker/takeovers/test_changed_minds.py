@@ -8,6 +8,8 @@ import pytest
 from afarcloud.enumerations import Status
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.vehicle.armed_period import LEFT_BY_OTHERS
+from tests.support.autopilot_families import PAUSED_MODES
+from tests.support.broker_events import ABORT, PAUSE, RESUME, RETURN_HOME, answer
 from tests.support.broker_world import (
     FAMILIES,
     FINISHED,
@@ -17,6 +19,15 @@ from tests.support.broker_world import (
     takeoff,
     waypoint,
 )
+from tests.support.mission_reports import warning
+from tests.support.mission_scenes import (
+    at_its_waypoint,
+    hovering_after_its_mission,
+    on_its_way_home,
+    paused,
+)
+from tests.support.orders import orders
+from tests.support.other_parties import acknowledge, assert_that_the_next_mission_waits, lands
 from tests.support.vehicle_script import (
     ARDUPILOT,
     COPTER_GUIDED,
@@ -29,27 +40,7 @@ from tests.support.vehicle_script import (
     PX4_RETURN,
     Script,
 )
-from tests.unit.mavlink_broker.events.test_pause_events import (
-    PAUSE,
-    PAUSED_MODES,
-    RESUME,
-    answer,
-    paused,
-)
-from tests.unit.mavlink_broker.takeovers.test_landed_by_others import (
-    acknowledge,
-    at_its_waypoint,
-    hovering_after_its_mission,
-    on_its_way_home,
-)
-from tests.unit.mavlink_broker.takeovers.test_stand_after_others import (
-    assert_that_the_next_mission_waits,
-    lands,
-    warning,
-)
-from tests.unit.mavlink_broker.takeovers.test_takeover import orders
 
-LAND, RETURN_HOME = 1, 103
 SCRIPTS = {"px4": PX4, "ardupilot": ARDUPILOT}
 
 
@@ -222,7 +213,7 @@ def test_a_mission_that_a_station_disarms_on_its_last_leg_is_not_finished(
     assert world.edge.statuses(1202) == FINISHED
 
 
-@pytest.mark.parametrize("event", [LAND, RETURN_HOME])
+@pytest.mark.parametrize("event", [ABORT, RETURN_HOME])
 @pytest.mark.parametrize("delay_s", [1.0, 5.0, 12.0])
 def test_a_pilot_who_takes_an_unknown_autopilot_behind_an_abort_has_it(
     event: int, delay_s: float
@@ -287,7 +278,7 @@ def test_a_station_that_resumes_the_mission_of_an_unknown_autopilot_gives_it_bac
     assert world.edge.status(1201) == Status.RUNNING
 
 
-@pytest.mark.parametrize("event", [LAND, RETURN_HOME])
+@pytest.mark.parametrize("event", [ABORT, RETURN_HOME])
 def test_an_unknown_autopilot_that_an_abort_lands_needs_not_stand(event: int) -> None:
     world = at_its_waypoint(dataclasses.replace(GENERIC, landing_s=600.0))
     world.edge.event(event)
@@ -301,8 +292,8 @@ def test_an_unknown_autopilot_that_an_abort_lands_needs_not_stand(event: int) ->
 @pytest.mark.parametrize(
     ("script", "event", "mode"),
     [
-        *((PX4, LAND, PX4_RETURN), (PX4, RETURN_HOME, PX4_LAND)),
-        *((ARDUPILOT, LAND, COPTER_RETURN), (ARDUPILOT, RETURN_HOME, COPTER_LAND)),
+        *((PX4, ABORT, PX4_RETURN), (PX4, RETURN_HOME, PX4_LAND)),
+        *((ARDUPILOT, ABORT, COPTER_RETURN), (ARDUPILOT, RETURN_HOME, COPTER_LAND)),
     ],
     ids=["px4-rtl", "px4-land", "copter-rtl", "copter-land"],
 )
@@ -326,7 +317,7 @@ def test_one_that_is_sent_home_and_then_to_the_ground_is_the_brokers() -> None:
     vehicle = world.only_vehicle
     world.edge.event(RETURN_HOME)
     world.run(1.0)
-    world.edge.event(LAND)
+    world.edge.event(ABORT)
     world.run_until(lambda: not vehicle.armed, within_s=100.0)
     world.run(2.0)
     assert LEFT_BY_OTHERS not in warning(world)
@@ -346,13 +337,13 @@ def test_a_pause_that_the_end_of_the_mission_overtakes_is_the_brokers(
     world.run(after_s)
     world.edge.event(PAUSE)
     world.run(6.0)
-    event = world.edge.event(LAND)
+    event = world.edge.event(ABORT)
     world.run(20.0)
     assert answer(world, event) == ("done", None)
     assert not vehicle.armed
 
 
-@pytest.mark.parametrize("event", [LAND, RETURN_HOME])
+@pytest.mark.parametrize("event", [ABORT, RETURN_HOME])
 @pytest.mark.parametrize("delay_s", [0.2, 0.4])
 @pytest.mark.parametrize("family", SCRIPTS)
 def test_an_abort_replaces_a_pause_that_came_with_a_restarted_broker(

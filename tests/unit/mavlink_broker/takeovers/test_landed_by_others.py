@@ -9,17 +9,29 @@ from afarcloud.enumerations import Status
 from mavlink_broker.config import DEFAULT_SYSTEM_ID
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.vehicle.armed_period import LEFT_BY_OTHERS
+from tests.support.broker_events import RETURN_HOME
 from tests.support.broker_world import (
     FAMILIES,
     FINISHED,
     GENERIC,
     World,
     first_flight,
-    go_home,
     land,
     mission,
     takeoff,
     waypoint,
+)
+from tests.support.mission_reports import messages, warning
+from tests.support.mission_scenes import (
+    at_its_waypoint,
+    hovering_after_its_mission,
+    on_its_way_home,
+)
+from tests.support.other_parties import (
+    LATE_S,
+    acknowledge,
+    assert_that_the_next_mission_waits,
+    lands,
 )
 from tests.support.scripted_vehicle import ScriptedVehicle
 from tests.support.vehicle_script import (
@@ -33,48 +45,6 @@ from tests.support.vehicle_script import (
     PX4_RETURN,
     Script,
 )
-from tests.unit.mavlink_broker.takeovers.test_stand_after_others import (
-    LATE_S,
-    assert_that_the_next_mission_waits,
-    lands,
-    messages,
-    warning,
-)
-
-STATION = 255
-
-
-def on_its_way_home(script: Script, journal: Path | None = None) -> World:
-    """A vehicle whose mission returns it by its last command, and takes long for that."""
-    world = World(journal=journal)
-    slow = dataclasses.replace(script, item_time_s=30.0, landing_s=600.0)
-    world.add_vehicle(script=slow)
-    world.edge.plan(mission(takeoff(1), waypoint(2), go_home(3)))
-    world.run_until(lambda: world.edge.status(1201) == Status.RUNNING)
-    world.run_until(lambda: world.edge.statuses(1201)[-1] == Status.RUNNING, within_s=200.0)
-    world.run(2.0)
-    return world
-
-
-def at_its_waypoint(script: Script, journal: Path | None = None) -> World:
-    """A vehicle in the middle of its items, where its mission keeps it for a minute."""
-    world = World(journal=journal)
-    vehicle = world.add_vehicle(script=dataclasses.replace(script, item_time_s=60.0))
-    world.edge.plan(mission(takeoff(1), waypoint(2, hold_time=60.0), waypoint(3)))
-    world.run_until(lambda: vehicle.airborne and world.edge.status(1201) == Status.RUNNING)
-    world.run(7.0)
-    return world
-
-
-def hovering_after_its_mission(script: Script, journal: Path | None = None) -> World:
-    """The broker keeps it in the air where the mission has ended."""
-    world = World(journal=journal)
-    vehicle = world.add_vehicle(script=script)
-    world.edge.plan(mission(takeoff(1), waypoint(2)))
-    world.run_until_over(1201)
-    world.run(5.0)
-    assert vehicle.armed
-    return world
 
 
 def in_its_return_mode(journal: Path | None = None) -> World:
@@ -89,11 +59,6 @@ def land_in(vehicle: ScriptedVehicle, mode: int) -> None:
     """Somebody else orders a mode, in which the vehicle lands and disarms."""
     vehicle.set_mode(mode)
     lands(vehicle)
-
-
-def acknowledge(vehicle: ScriptedVehicle, command: int, system: int = STATION) -> None:
-    """The vehicle accepts an order: of the ground station, if nothing else is said."""
-    vehicle.send(mavlink.MAVLink_command_ack_message(command, 0, target_system=system))
 
 
 @pytest.mark.parametrize(
@@ -170,7 +135,7 @@ def test_so_it_has_for_a_broker_that_is_restarted_within_these_seconds(tmp_path:
 def test_and_one_whose_order_comes_behind_that_of_an_abort() -> None:
     world = in_its_return_mode()
     vehicle = world.only_vehicle
-    event = world.edge.event(103)
+    event = world.edge.event(RETURN_HOME)
     world.run_until(lambda: world.edge.acknowledgements(event)[-1:] != [])
     world.run(4.0)
     acknowledge(vehicle, mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH)
@@ -379,7 +344,7 @@ def test_a_station_that_disarms_it_has_it(*, is_answer_late: bool) -> None:
 def killed_when_sent_down(journal: Path, *, hovers: bool) -> World:
     """A broker that is killed when it has ordered the vehicle to return: from a hover, or not."""
     world = (hovering_after_its_mission if hovers else at_its_waypoint)(PX4, journal)
-    event = world.edge.event(103)
+    event = world.edge.event(RETURN_HOME)
     world.run_until(lambda: world.edge.acknowledgements(event)[-1:] != [])
     world.run(2.0)
     world.kill_broker()

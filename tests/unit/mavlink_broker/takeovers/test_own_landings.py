@@ -7,45 +7,12 @@ import pytest
 
 from afarcloud.enumerations import Status
 from mavlink_broker.vehicle.armed_period import LEFT_BY_OTHERS, STAND_S
-from tests.support.broker_world import (
-    FAMILIES,
-    FINISHED,
-    World,
-    first_flight,
-    mission,
-    takeoff,
-    waypoint,
-)
-from tests.support.scripted_vehicle import ScriptedVehicle
-from tests.support.vehicle_script import (
-    ARDUPILOT,
-    PX4,
-    PX4_POSITION,
-    PX4_RETURN,
-    Script,
-)
-from tests.unit.mavlink_broker.takeovers.test_stand_after_others import (
-    LATE_S,
-    assert_that_the_next_mission_waits,
-    lands,
-    messages,
-    warning,
-)
-from tests.unit.mavlink_broker.takeovers.test_takeover import in_mission
-
-
-def returning(journal: Path) -> tuple[World, ScriptedVehicle]:
-    """A vehicle on its way home by an abort that is done; it never comes there by itself."""
-    world = World(journal=journal)
-    vehicle = world.add_vehicle(script=dataclasses.replace(PX4, landing_s=600.0))
-    world.edge.plan(mission(takeoff(1), waypoint(2, hold_time=60.0), waypoint(3)))
-    world.run_until(lambda: vehicle.airborne and world.edge.status(1201) == Status.RUNNING)
-    world.run(5.0)
-    event = world.edge.event(103)
-    world.run_until(lambda: world.edge.status(1201) == Status.ABORTED)
-    world.run(1.0)
-    assert world.edge.acknowledgements(event)[-1]["status"] == "done"
-    return world, vehicle
+from tests.support.broker_events import ABORT, RETURN_HOME
+from tests.support.broker_world import FAMILIES, FINISHED, World, first_flight
+from tests.support.mission_reports import messages, warning
+from tests.support.mission_scenes import in_mission, returning
+from tests.support.other_parties import LATE_S, assert_that_the_next_mission_waits, lands
+from tests.support.vehicle_script import ARDUPILOT, PX4, PX4_POSITION, PX4_RETURN, Script
 
 
 @FAMILIES
@@ -89,7 +56,7 @@ def test_a_flight_of_a_broker_that_is_killed_again_and_again_is_its_own(
     assert LEFT_BY_OTHERS not in warning(world)
 
 
-@pytest.mark.parametrize("event", [1, 103], ids=["abort", "return-home"])
+@pytest.mark.parametrize("event", [ABORT, RETURN_HOME], ids=["abort", "return-home"])
 @FAMILIES
 def test_a_landing_that_an_event_ordered_is_the_brokers(script: Script, event: int) -> None:
     world = World()
@@ -106,7 +73,7 @@ def test_a_landing_that_an_event_ordered_is_the_brokers(script: Script, event: i
 def test_a_return_that_the_broker_ordered_is_its_own() -> None:
     world = in_mission(PX4)
     vehicle = world.only_vehicle
-    world.edge.event(1)
+    world.edge.event(ABORT)
     world.run_until(lambda: not vehicle.armed)
     before = vehicle.arm_orders
     world.edge.plan(first_flight(mission_id=1202))

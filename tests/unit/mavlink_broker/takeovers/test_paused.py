@@ -12,30 +12,23 @@ import pytest
 from afarcloud.enumerations import Status
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.mission.states import State
+from tests.support.autopilot_families import OWN
+from tests.support.broker_events import ABORT, SOFT_ABORT, answer_statuses
 from tests.support.broker_world import World, follow, go_home, hotpoint, mission, takeoff, waypoint
+from tests.support.mission_scenes import PHASES, in_mission, live, slow, state
+from tests.support.orders import SET_MODE, orders
+from tests.support.other_parties import STATION
 from tests.support.vehicle_script import (
     ARDUPILOT,
     COPTER_AUTO,
+    COPTER_BRAKE,
     PX4,
     PX4_HOLD,
     PX4_LAND,
     PX4_MISSION,
     Script,
 )
-from tests.unit.mavlink_broker.events.test_events import ABORT, SOFT_ABORT, answer_statuses
-from tests.unit.mavlink_broker.live.test_live_commands import OWN
-from tests.unit.mavlink_broker.takeovers.test_takeover import (
-    PHASES,
-    in_mission,
-    live,
-    orders,
-    slow,
-    state,
-)
 
-STATION = 255
-COPTER_BRAKE = 17
-SET_MODE = mavlink.MAV_CMD_DO_SET_MODE
 REPOSITION = mavlink.MAV_CMD_DO_REPOSITION
 BOTH = pytest.mark.parametrize("script", [PX4, OWN], ids=["px4", "own"])
 

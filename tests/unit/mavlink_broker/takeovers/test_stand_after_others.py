@@ -6,7 +6,7 @@ arm, and what the operator reads meanwhile.
 
 import dataclasses
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import pytest
 
@@ -16,6 +16,7 @@ from mavlink_broker.mission.phases.waiting import WAITED
 from mavlink_broker.mission.states import State
 from mavlink_broker.vehicle.armed_period import ARMED_BY_OTHERS, LEFT_BY_OTHERS, STAND_S
 from mavlink_broker.vehicle.control_authority import TAKEOVER_AFTER_S
+from tests.support.broker_events import ABORT, PAUSE, RETURN_HOME, SPEED, answer_statuses
 from tests.support.broker_world import (
     FAMILIES,
     FINISHED,
@@ -28,24 +29,23 @@ from tests.support.broker_world import (
     takeoff,
     waypoint,
 )
+from tests.support.mission_reports import messages, warning
+from tests.support.mission_scenes import in_mission
+from tests.support.orders import orders
+from tests.support.other_parties import LATE_S, assert_that_the_next_mission_waits, lands
 from tests.support.scripted_vehicle import ScriptedVehicle
 from tests.support.vehicle_script import (
     ARDUPILOT,
     COPTER_LAND,
+    COPTER_LOITER,
     COPTER_RETURN,
+    COPTER_STABILIZE,
     PX4,
     PX4_LAND,
     PX4_POSITION,
     PX4_RETURN,
     Script,
 )
-from tests.unit.mavlink_broker.events.test_events import SPEED, answer_statuses
-from tests.unit.mavlink_broker.events.test_pause_events import PAUSE
-from tests.unit.mavlink_broker.takeovers.test_takeover import in_mission, orders
-
-COPTER_STABILIZE, COPTER_LOITER = 0, 5
-LATE_S: Final = 10.0
-"""What the broker needs at most between the end of a wait and its order to arm."""
 
 
 def flies_manually(vehicle: ScriptedVehicle) -> None:
@@ -60,12 +60,6 @@ def arms_on_the_ground(vehicle: ScriptedVehicle) -> None:
     vehicle.heartbeat()
 
 
-def lands(vehicle: ScriptedVehicle) -> None:
-    """The pilot lands and disarms the vehicle."""
-    vehicle.armed = vehicle.airborne = vehicle.is_manual = False
-    vehicle.heartbeat()
-
-
 def flown_by_a_pilot(script: Script = PX4, *, flight_s: float = 20.0) -> World:
     """A pilot has just landed; a mission has come while he flew."""
     world = World()
@@ -77,23 +71,6 @@ def flown_by_a_pilot(script: Script = PX4, *, flight_s: float = 20.0) -> World:
     world.run(flight_s / 2)
     lands(vehicle)
     return world
-
-
-def warning(world: World) -> str:
-    return world.edge.bodies("/vehicles/1")[-1]["warning"] or ""
-
-
-def messages(world: World, mission_id: int = 1201) -> list[str]:
-    return [report.get("message") or "" for report in world.edge.reports(mission_id)]
-
-
-def assert_that_the_next_mission_waits(world: World, mission_id: int = 1202) -> int:
-    """It comes now, and does not arm the vehicle before that has stood; gives its orders to arm."""
-    before = world.only_vehicle.arm_orders
-    world.edge.plan(first_flight(mission_id=mission_id))
-    world.run(STAND_S - 1.0)
-    assert world.only_vehicle.arm_orders == before
-    return before
 
 
 @FAMILIES
@@ -305,7 +282,7 @@ def test_so_has_one_whom_a_killed_broker_saw_and_the_restarted_one_did_not(
     flies_manually(vehicle)
     if flies == "aborted":
         world.run(1.0)
-        world.edge.event(1)  # Refused: the pilot has it
+        world.edge.event(ABORT)  # Refused: the pilot has it
     world.run(1.5)
     world.kill_broker()
     lands(vehicle)
@@ -348,7 +325,7 @@ def test_a_mission_that_a_pilot_gave_back_unseen_was_flown(script: Script, tmp_p
 def test_so_has_one_who_takes_it_in_the_first_seconds_of_a_return(script: Script) -> None:
     world = in_mission(dataclasses.replace(script, landing_s=600.0))
     vehicle = world.only_vehicle
-    event = world.edge.event(103)
+    event = world.edge.event(RETURN_HOME)
     world.run_until(lambda: "done" in answer_statuses(world, event))
     world.run(0.5)
     flies_manually(vehicle)
@@ -385,7 +362,7 @@ def test_so_has_one_who_has_taken_it_after_the_end_of_a_mission(script: Script, 
     world.run_until_over(1201)
     world.run(2.0)
     if takes == "return":
-        world.edge.event(103)
+        world.edge.event(RETURN_HOME)
         returns = {PX4_RETURN, COPTER_RETURN}
         world.run_until(lambda: vehicle.custom_mode in returns)
         world.run(4.0)
@@ -478,7 +455,7 @@ def test_a_pilot_of_an_unknown_autopilot_is_known_to_a_restarted_broker(tmp_path
     world.restart_broker()
     sent = len(vehicle.frames)
     world.run(2.0)
-    event = world.edge.event(1)
+    event = world.edge.event(ABORT)
     world.run(10.0)
     assert answer_statuses(world, event)[-1] == "refused"
     assert not [one for one in orders(vehicle, sent) if not one.startswith("PARAM_SET")]

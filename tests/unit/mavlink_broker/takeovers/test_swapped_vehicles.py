@@ -12,9 +12,10 @@ import pytest
 from afarcloud.enumerations import EventType, Status
 from tests.support.broker_world import World, first_flight, follow, go_home, mission, takeoff
 from tests.support.fenced_vehicle import FencedVehicle, fenced_vehicle
+from tests.support.geofences import RALLY_POINT, fence, placed, square
+from tests.support.overridden_settings import WITH_FOLLOW
+from tests.support.scripted_disk import DISK_LAG_S
 from tests.support.vehicle_script import PX4, PX4_FOLLOW
-from tests.unit.mavlink_broker.mission.test_geofence_transfer import POINT, fence, placed, square
-from tests.unit.mavlink_broker.restarts.test_restart_overrides import DISK_LAG_S, WITH_FOLLOW
 
 FIRST, SECOND = "vehicle-1-0000000000000006.json", "vehicle-1-0000000000000007.json"
 
@@ -50,7 +51,7 @@ class SwappedFarm:
         self.world.edge.plan(
             mission(takeoff(), follow(altitude=12.0), go_home(3)),
             geofence=fence(max_altitude=60.0),
-            rally_points=[POINT],
+            rally_points=[RALLY_POINT],
         )
 
     def has_own_settings(self) -> bool:

@@ -7,6 +7,8 @@ import pytest
 from afarcloud.enumerations import Status
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.mission.states import State
+from tests.support.autopilot_families import OWN
+from tests.support.broker_events import ABORT, POINT, SOFT_ABORT, answer_statuses
 from tests.support.broker_world import (
     GENERIC,
     World,
@@ -17,6 +19,15 @@ from tests.support.broker_world import (
     takeoff,
     waypoint,
 )
+from tests.support.mission_scenes import (
+    REFUSING_RETURN,
+    in_mission,
+    refusing_to_return,
+    slow,
+    starting,
+    state,
+)
+from tests.support.orders import ASKING, orders
 from tests.support.vehicle_script import (
     ARDUPILOT,
     COPTER_GUIDED,
@@ -26,18 +37,6 @@ from tests.support.vehicle_script import (
     PX4_LAND,
     PX4_RETURN,
     Script,
-)
-from tests.unit.mavlink_broker.events.test_events import ABORT, POINT, SOFT_ABORT, answer_statuses
-from tests.unit.mavlink_broker.live.test_live_commands import OWN
-from tests.unit.mavlink_broker.takeovers.test_takeover import (
-    ASKING,
-    REFUSING_RETURN,
-    in_mission,
-    orders,
-    refusing_to_return,
-    slow,
-    starting,
-    state,
 )
 
 

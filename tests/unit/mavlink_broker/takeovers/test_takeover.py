@@ -6,57 +6,42 @@ what arrives at the vehicle: heartbeats and questions may, nothing else.
 
 import dataclasses
 from collections.abc import Callable
-from typing import Any, Final
+from typing import Final
 
 import pytest
 
 from afarcloud.enumerations import Status
-from mavlink_broker.mavlink.dialect import Message, mavlink
+from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.mission.states import State
+from tests.support.autopilot_families import OWN
+from tests.support.broker_events import ABORT, POINT, RETURN_HOME, SOFT_ABORT, answer_statuses
 from tests.support.broker_world import (
     GENERIC,
     World,
     first_flight,
-    follow,
     go_home,
     mission,
     takeoff,
     waypoint,
 )
-from tests.support.scripted_vehicle import ScriptedVehicle
+from tests.support.mission_scenes import PHASES, going_to_a_point, in_mission, live, slow, state
+from tests.support.orders import orders
 from tests.support.vehicle_script import (
     ARDUPILOT,
     COPTER_AUTO,
+    COPTER_LOITER,
     COPTER_RETURN,
+    COPTER_STABILIZE,
     PX4,
     PX4_HOLD,
     PX4_LAND,
     PX4_MISSION,
     PX4_POSITION,
     PX4_RETURN,
+    PX4_STABILIZED,
     Script,
 )
-from tests.unit.mavlink_broker.events.test_events import ABORT, POINT, SOFT_ABORT, answer_statuses
-from tests.unit.mavlink_broker.live.test_live_commands import OWN
 
-PX4_STABILIZED: Final = 7 << 16
-COPTER_STABILIZE, COPTER_LOITER = 0, 5
-REFUSING_RETURN: Final = {
-    mavlink.MAV_CMD_DO_SET_MODE: mavlink.MAV_RESULT_DENIED,
-    mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH: mavlink.MAV_RESULT_DENIED,
-    mavlink.MAV_CMD_NAV_LAND: mavlink.MAV_RESULT_DENIED,
-}
-ASKING: Final = {511, 512, 2003, 2504}  # Intervals and messages, of a camera too
-RETURN_HOME: Final = 103
-READING: Final = {
-    "HEARTBEAT",
-    "REQUEST_DATA_STREAM",
-    "PARAM_REQUEST_READ",
-    "MISSION_REQUEST_LIST",
-    "MISSION_REQUEST_INT",
-    "MISSION_ACK",
-    "TIMESYNC",
-}
 TAKEOVERS: Final = [
     pytest.param(PX4, PX4_POSITION, id="px4-posctl"),
     pytest.param(PX4, PX4_STABILIZED, id="px4-stabilized"),
@@ -65,94 +50,6 @@ TAKEOVERS: Final = [
     pytest.param(ARDUPILOT, COPTER_LOITER, id="ardupilot-loiter"),
     pytest.param(GENERIC, 77, id="generic-manual"),
 ]
-
-
-def orders(vehicle: ScriptedVehicle, since: int) -> list[str]:
-    """What the vehicle was ordered, of all that it was sent behind the first so many frames."""
-
-    def is_order(message: Message) -> bool:
-        kind = message.get_type()
-        if kind in {"COMMAND_LONG", "COMMAND_INT"}:
-            return message.command not in ASKING
-        return kind not in READING
-
-    return [str(message) for message in vehicle.frames[since:] if is_order(message)]
-
-
-def state(world: World) -> State | None:
-    session = world.app.sessions.get(1)
-    return None if session is None else session.state
-
-
-def slow(script: Script, **more: Any) -> Script:
-    return dataclasses.replace(script, item_time_s=6.0, goes_to_places=False, **more)
-
-
-def in_mission(script: Script) -> World:
-    world = World()
-    vehicle = world.add_vehicle(script=slow(script))
-    world.edge.plan(mission(takeoff(1), waypoint(2, hold_time=60.0), go_home(3)))
-    world.run_until(lambda: vehicle.airborne and state(world) is State.RUNNING)
-    world.run(7.0)
-    return world
-
-
-def going_to_a_point(script: Script) -> World:
-    world = in_mission(script)
-    world.edge.event(ABORT, abort=POINT)
-    world.run(2.0)
-    assert state(world) is State.ABORTING
-    return world
-
-
-def refusing_to_return(script: Script) -> World:
-    world = in_mission(script)
-    world.only_vehicle.script = slow(script, results=REFUSING_RETURN)
-    world.edge.event(SOFT_ABORT)
-    world.run_until(lambda: state(world) is State.ABORTING)
-    return world
-
-
-def live(script: Script) -> World:
-    world = World()
-    vehicle = world.add_vehicle(script=slow(script))
-    world.edge.plan(mission(takeoff(1), follow(2), go_home(3)))
-    world.run_until(lambda: vehicle.airborne and state(world) is State.FLYING_LIVE)
-    world.run(2.0)
-    return world
-
-
-def hovering_before_an_upload(script: Script) -> World:
-    world = World()
-    vehicle = world.add_vehicle(script=slow(script))
-    world.edge.plan(mission(takeoff(1), waypoint(2)))
-    world.run_until_over(1201)
-    vehicle.missions.busy_until = world.clock.now + 60.0
-    world.edge.plan(mission(waypoint(1, 20.0), go_home(2), mission_id=1202))
-    world.run_until(lambda: state(world) is State.UPLOADING)
-    world.run(1.0)
-    return world
-
-
-def starting(script: Script) -> World:
-    world = World()
-    denied = {mavlink.MAV_CMD_MISSION_START: mavlink.MAV_RESULT_IN_PROGRESS}
-    vehicle = world.add_vehicle(script=slow(script, results=denied))
-    world.edge.plan(first_flight())
-    world.run_until(lambda: state(world) is State.STARTING)
-    world.run(0.5)
-    assert vehicle.armed
-    return world
-
-
-PHASES: Final = {
-    "mission": in_mission,
-    "abort flight to a point": going_to_a_point,
-    "refused return": refusing_to_return,
-    "live command": live,
-    "upload in a hover": hovering_before_an_upload,
-    "start": starting,
-}
 
 
 @pytest.mark.first_case
@@ -406,7 +303,7 @@ def test_a_pilot_who_resumes_the_mission_within_seconds_has_not_ended_it() -> No
     vehicle.steer(PX4_POSITION)
     world.run(3.0)
     vehicle.is_manual = False
-    vehicle.set_mode(4 << 16 | 4 << 24)
+    vehicle.set_mode(PX4_MISSION)
     world.run_until_over(1201)
     assert world.edge.status(1201) == Status.FINISHED
 

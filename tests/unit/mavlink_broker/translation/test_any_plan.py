@@ -22,7 +22,6 @@ from mavlink_broker.mission.exchanges import difference
 from mavlink_broker.planning.mission import FlightPlan, Itinerary, LiveCommand, Segment, translate
 from mavlink_broker.planning.situation import (
     Circled,
-    Home,
     RefusedError,
     SendCommand,
     Series,
@@ -31,8 +30,8 @@ from mavlink_broker.planning.situation import (
 from tests.support.mission_reader import LIVE_KINDS, MissionReader, ReadCommand
 from tests.support.plan_strategies import missions, plans
 from tests.support.stored_items import as_ardupilot_keeps, as_px4_keeps
+from tests.support.translated_missions import HOME
 
-HOME = Home(40.4434, -3.7382, 650.0)
 NOW = datetime(2026, 11, 21, 8, 0, tzinfo=UTC)
 ROUTE = Route(254, 191, 1, 1)
 FAMILIES = [PX4, OWN, ARDUPILOT, GENERIC]

@@ -9,6 +9,7 @@ from afarcloud.enumerations import AlarmCode, AlarmType, Status
 from mavlink_broker.mavlink.dialect import Message, mavlink
 from mavlink_broker.mission.states import State
 from mavlink_broker.vehicle.alarms import AlarmMonitor
+from tests.support.autopilot_families import SLOW_PX4
 from tests.support.broker_world import (
     World,
     first_flight,
@@ -29,7 +30,6 @@ from tests.support.vehicle_script import (
 )
 
 GPS = mavlink.MAV_SYS_STATUS_SENSOR_GPS
-SLOW = dataclasses.replace(PX4, item_time_s=10.0)
 SLOW_COPTER = dataclasses.replace(ARDUPILOT, item_time_s=10.0)
 
 
@@ -53,7 +53,7 @@ def alarms(world: World) -> list[tuple[int, int]]:
     ],
 )
 def test_a_failure_in_flight_is_reported_and_ends_the_mission(bit: int, code: AlarmCode) -> None:
-    world = flying_world(SLOW)
+    world = flying_world(SLOW_PX4)
     vehicle = world.only_vehicle
     world.run_until(lambda: world.edge.statuses(1201)[0] == Status.FINISHED)
     vehicle.ill = bit
@@ -70,7 +70,7 @@ def test_a_failure_in_flight_is_reported_and_ends_the_mission(bit: int, code: Al
 
 
 def test_a_moment_is_no_failure() -> None:
-    world = flying_world(SLOW)
+    world = flying_world(SLOW_PX4)
     world.only_vehicle.ill = GPS
     world.run(1.0)
     world.only_vehicle.ill = 0
@@ -112,7 +112,7 @@ def test_a_failure_on_the_ground_ends_no_mission() -> None:
 
 
 def test_a_vehicle_that_cannot_come_home_lands() -> None:
-    world = flying_world(SLOW)
+    world = flying_world(SLOW_PX4)
     vehicle = world.only_vehicle
     returns = {
         mavlink.MAV_CMD_DO_SET_MODE: mavlink.MAV_RESULT_DENIED,
@@ -150,7 +150,7 @@ def test_a_lost_link_is_no_failure_of_a_camera() -> None:
 def flying_with_a_camera(journal: Path) -> World:
     """A vehicle in flight, of whose camera three heartbeats were received."""
     world = World(journal=journal)
-    vehicle = world.add_vehicle(script=SLOW)
+    vehicle = world.add_vehicle(script=SLOW_PX4)
     world.edge.plan(first_flight())
     world.run_until(lambda: world.edge.status(1201) == Status.RUNNING)
     for _ in range(3):
@@ -192,7 +192,7 @@ def test_a_camera_that_was_hardly_received_is_not_expected_behind_a_restart(
     tmp_path: Path,
 ) -> None:
     world = World(journal=tmp_path)
-    vehicle = world.add_vehicle(script=SLOW)
+    vehicle = world.add_vehicle(script=SLOW_PX4)
     world.edge.plan(first_flight())
     world.run_until(lambda: world.edge.status(1201) == Status.RUNNING)
     world.send_camera_heartbeat(vehicle)
@@ -226,7 +226,7 @@ def test_a_camera_that_was_taken_off_after_the_flight_is_not_expected(tmp_path: 
 
 @pytest.mark.first_case
 @pytest.mark.parametrize("bit", [GPS, mavlink.MAV_SYS_STATUS_GEOFENCE])
-@pytest.mark.parametrize("script", [SLOW, SLOW_COPTER], ids=["px4", "ardupilot"])
+@pytest.mark.parametrize("script", [SLOW_PX4, SLOW_COPTER], ids=["px4", "ardupilot"])
 @pytest.mark.parametrize("lead_s", [0.6, 1.6, -1.0])
 def test_a_part_that_fails_near_a_restart_of_the_broker_is_one_alarm(
     bit: int, script: Script, lead_s: float, tmp_path: Path
@@ -253,7 +253,7 @@ def test_a_part_that_fails_near_a_restart_of_the_broker_is_one_alarm(
 
 
 def test_a_part_that_fails_while_the_link_is_away_is_an_alarm() -> None:
-    world = flying_world(SLOW)
+    world = flying_world(SLOW_PX4)
     world.run(3.0)
     world.air.is_downlink_up = False
     world.run(8.0)
@@ -265,7 +265,7 @@ def test_a_part_that_fails_while_the_link_is_away_is_an_alarm() -> None:
 
 def test_a_part_that_is_ill_since_the_vehicle_was_armed_is_none(tmp_path: Path) -> None:
     world = World(journal=tmp_path)
-    vehicle = world.add_vehicle(script=SLOW)
+    vehicle = world.add_vehicle(script=SLOW_PX4)
     vehicle.ill = mavlink.MAV_SYS_STATUS_SENSOR_LASER_POSITION
     world.edge.plan(first_flight())
     world.run_until(lambda: vehicle.airborne)
@@ -297,7 +297,7 @@ def test_a_signal_that_was_healthy_is_noted_before_it_is_received_again() -> Non
 
 
 def test_a_part_that_fails_is_reported_and_not_what_fails_with_it() -> None:
-    world = flying_world(SLOW)
+    world = flying_world(SLOW_PX4)
     world.only_vehicle.ill = GPS | mavlink.MAV_SYS_STATUS_AHRS
     world.run(8.0)
     assert alarms(world) == [(1, 5)]
@@ -372,7 +372,7 @@ ALL_KNOWN = mavlink.ESTIMATOR_ATTITUDE | mavlink.ESTIMATOR_POS_HORIZ_ABS | 0x26
 def test_each_autopilots_message_of_a_failure_raises_the_same_alarm(
     well: Message, ill: Message, alarm: tuple[int, int]
 ) -> None:
-    world = flying_world(SLOW)
+    world = flying_world(SLOW_PX4)
     for message in (well, ill):
         for _ in range(5):
             world.send_from(world.only_vehicle, message)
@@ -382,7 +382,7 @@ def test_each_autopilots_message_of_a_failure_raises_the_same_alarm(
 
 
 def test_a_low_battery_is_no_alarm() -> None:
-    world = flying_world(SLOW)
+    world = flying_world(SLOW_PX4)
     for charge_state in (1, 2, 3):
         for _ in range(5):
             battery = mavlink.MAVLink_battery_status_message(
@@ -403,7 +403,7 @@ def send_charge_state(world: World, charge_state: int, seconds: float = 4.0) -> 
 
 
 def test_an_empty_battery_that_recovers_for_moments_is_one_alarm_of_its_flight() -> None:
-    world = flying_world(SLOW)
+    world = flying_world(SLOW_PX4)
     vehicle = world.only_vehicle
     send_charge_state(world, 1)
     send_charge_state(world, mavlink.MAV_BATTERY_CHARGE_STATE_EMERGENCY)
@@ -422,7 +422,7 @@ def test_an_empty_battery_that_recovers_for_moments_is_one_alarm_of_its_flight()
 
 
 def test_propulsion_that_fails_behind_an_empty_battery_is_an_alarm_of_its_own() -> None:
-    world = flying_world(SLOW)
+    world = flying_world(SLOW_PX4)
     send_charge_state(world, 1)
     send_charge_state(world, mavlink.MAV_BATTERY_CHARGE_STATE_EMERGENCY)
     send_charge_state(world, mavlink.MAV_BATTERY_CHARGE_STATE_CRITICAL)
@@ -448,7 +448,7 @@ def send_for(
 
 @pytest.mark.thorough
 def test_a_humidity_sensor_that_falls_silent_is_that_alarm() -> None:
-    world = flying_world(SLOW)
+    world = flying_world(SLOW_PX4)
     send_for(world, 6.0)
     assert alarms(world) == []
     world.run(3.5)
@@ -461,7 +461,7 @@ def test_a_humidity_sensor_that_falls_silent_is_that_alarm() -> None:
 
 @pytest.mark.thorough
 def test_a_humidity_sensor_that_measures_nothing_is_the_other_alarm() -> None:
-    world = flying_world(SLOW)
+    world = flying_world(SLOW_PX4)
     send_for(world, 4.0)
     send_for(world, 6.0, hygrometer(65_535))
     assert alarms(world) == [(2, 53)]
@@ -469,7 +469,7 @@ def test_a_humidity_sensor_that_measures_nothing_is_the_other_alarm() -> None:
 
 
 def test_a_named_humidity_is_watched_too() -> None:
-    world = flying_world(SLOW)
+    world = flying_world(SLOW_PX4)
     send_for(world, 4.0, mavlink.MAVLink_named_value_float_message(1, b"hum_air", 48.0))
     world.run(7.0)
     assert alarms(world) == [(1, 6)]
@@ -477,7 +477,7 @@ def test_a_named_humidity_is_watched_too() -> None:
 
 @pytest.mark.thorough
 def test_a_vehicle_without_a_humidity_sensor_has_not_lost_it() -> None:
-    world = flying_world(SLOW)
+    world = flying_world(SLOW_PX4)
     send_for(world, 1.0)
     world.run(20.0)
     assert alarms(world) == []
@@ -511,7 +511,7 @@ def test_on_a_bad_link_silence_has_to_last_longer() -> None:
 
 @pytest.mark.first_case
 @pytest.mark.parametrize(
-    ("script", "mode"), [(SLOW, PX4_RETURN), (SLOW_COPTER, COPTER_RETURN), (SLOW, PX4_LAND)]
+    ("script", "mode"), [(SLOW_PX4, PX4_RETURN), (SLOW_COPTER, COPTER_RETURN), (SLOW_PX4, PX4_LAND)]
 )
 @pytest.mark.parametrize("text", ["Critical battery, returning", "GCS connection lost"])
 def test_what_a_failsafe_does_is_no_alarm_by_itself(script: Script, mode: int, text: str) -> None:
@@ -530,7 +530,7 @@ def test_what_a_failsafe_does_is_no_alarm_by_itself(script: Script, mode: int, t
 @pytest.mark.first_case
 @pytest.mark.parametrize("text", ["Wind too strong: RETURN", "Wind speed is above limit"])
 def test_a_failsafe_for_too_much_wind_is_a_navigation_failure(text: str) -> None:
-    world = flying_world(SLOW)
+    world = flying_world(SLOW_PX4)
     world.only_vehicle.send_status_text(text)
     world.only_vehicle.fail_safe(PX4_RETURN)
     world.run(9.0)
@@ -539,7 +539,7 @@ def test_a_failsafe_for_too_much_wind_is_a_navigation_failure(text: str) -> None
 
 
 def test_a_vehicle_that_stops_its_mission_is_a_mission_error() -> None:
-    world = flying_world(SLOW)
+    world = flying_world(SLOW_PX4)
     world.only_vehicle.give_up()
     world.run(9.0)
     assert alarms(world) == [(2, 52)]
@@ -551,7 +551,7 @@ def test_a_vehicle_that_stops_its_mission_is_a_mission_error() -> None:
 
 
 def test_a_pilot_who_takes_over_is_no_failure() -> None:
-    world = flying_world(SLOW)
+    world = flying_world(SLOW_PX4)
     world.only_vehicle.set_mode(PX4_POSITION)
     world.run(8.0)
     assert world.edge.status(1201) == Status.FAILED

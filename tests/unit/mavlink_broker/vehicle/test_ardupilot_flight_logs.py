@@ -14,8 +14,8 @@ from mavlink_broker.microservices.command import RoundTrip
 from mavlink_broker.microservices.log_download import LogEntry, LogList
 from tests.support.ardupilot_logs import ArduPilotLogs
 from tests.support.log_air import PART_BYTES, ROUTE
+from tests.support.log_world import BOOT, World
 from tests.support.lossy_link import Conditions
-from tests.unit.mavlink_broker.vehicle.test_flight_logs import BOOT, World
 
 pytestmark = pytest.mark.usefixtures("_small_parts")
 

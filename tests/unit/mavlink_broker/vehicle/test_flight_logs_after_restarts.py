@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from mavlink_broker.vehicle.recovery_state import RecoveryRecord
-from tests.unit.mavlink_broker.vehicle.test_flight_logs import BOOT, World
+from tests.support.log_world import BOOT, World
 
 pytestmark = pytest.mark.usefixtures("_small_parts")
 

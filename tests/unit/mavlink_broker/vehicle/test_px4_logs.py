@@ -5,7 +5,7 @@ Time is simulated. A vehicle's clock says nine o'clock at 0 s of the broker's.
 
 import random
 from collections.abc import Callable
-from datetime import UTC, datetime, timedelta
+from datetime import timedelta
 from itertools import count
 
 import pytest
@@ -18,13 +18,12 @@ from mavlink_broker.microservices.log_download import LogEntry, LogList
 from mavlink_broker.vehicle.flight_logs import FlightLogs
 from mavlink_broker.vehicle.vehicle import Vehicle
 from tests.support.log_air import PART_BYTES
+from tests.support.log_world import BOOT, Archive
 from tests.support.px4_logs import Px4Logs, Px4Logs114, Px4Logs116, StoredLog
-from tests.unit.mavlink_broker.vehicle.test_flight_logs import Archive
 
 pytestmark = pytest.mark.usefixtures("_small_parts")
 
 ROUTE = Route(own_system=254, own_component=191, target_system=1, target_component=1)
-BOOT = datetime(2026, 3, 1, 9, 0, tzinfo=UTC)
 BOOT_S = round(BOOT.timestamp())
 STEP_S = 0.05
 WRITES_FOR_S = 2

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from afarcloud.plan import Mission
 from mavlink_broker.autopilots.families import GENERIC
 from sim.tester.vehicle.mission_steps import Item, steps
-from tests.unit.mavlink_broker.planning.test_mission import missions, over_the_wire, stretches_of
+from tests.support.translated_missions import missions, over_the_wire, stretches_of
 
 
 def items_of(messages: list[Any]) -> list[Item]:
