@@ -3,6 +3,10 @@
 Due times are multiples of the interval in vehicle time plus a phase that depends on the message
 only. Peers with the same rate are therefore due in the same control step and share a packed
 payload, while different messages of the same rate are spread over the steps.
+
+A key is a message id; above its 24 bits is the component, 0 for the autopilot. One message of
+several components is due in the same step, and the autopilot's is the last of them: pymavlink and
+MAVSDK take the newest HEARTBEAT of any component for the autopilot's.
 """
 
 from collections.abc import Mapping
@@ -15,40 +19,47 @@ LONGEST_INTERVAL_US: Final = 1_000_000
 
 _PHASE_STEPS: Final = 23
 _PHASE_STEP_US: Final = 4000
+_MESSAGE_IDS: Final = 0xFFFFFF
+"""The bits of a key that are the message id, and so the largest key of the autopilot."""
 
 
 @cache
-def _phase_us(message_id: int) -> int:
+def _phase_us(key: int) -> int:
     """Phase of a message [us]: below 0.1 s, spread by a prime."""
-    return message_id * 7 % _PHASE_STEPS * _PHASE_STEP_US
+    return (key & _MESSAGE_IDS) * 7 % _PHASE_STEPS * _PHASE_STEP_US
+
+
+def _due(due_us: int, key: int) -> tuple[int, bool, int]:
+    """Entry of the heap: other components come before the autopilot."""
+    return due_us, key <= _MESSAGE_IDS, key
 
 
 class Schedule:
     """Intervals and due times of the streams to one peer."""
 
     def __init__(self, default_intervals_us: Mapping[int, int]) -> None:
-        """Start with the defaults: message id to interval [us]."""
+        """Start with the defaults: key to interval [us]."""
         self._defaults = default_intervals_us
         self._intervals = dict(default_intervals_us)
-        self._due = sorted((0, message_id) for message_id in self._intervals)  # A heap [us]
+        self._due = sorted(_due(0, key) for key in self._intervals)  # A heap [us]
         self.next_due_us: int = 0
         self.shortest_interval_us = self._shortest_interval_us()
 
-    def interval_us(self, message_id: int) -> int:
+    def interval_us(self, key: int) -> int:
         """Current interval [us]; 0 when the message is off."""
-        return self._intervals.get(message_id, 0)
+        return self._intervals.get(key, 0)
 
-    def default_interval_us(self, message_id: int) -> int:
+    def default_interval_us(self, key: int) -> int:
         """Default interval [us]; 0 when the message is off by default."""
-        return self._defaults.get(message_id, 0)
+        return self._defaults.get(key, 0)
 
-    def set_interval(self, message_id: int, interval_us: int, now_us: int) -> None:
+    def set_interval(self, key: int, interval_us: int, now_us: int) -> None:
         """Send a message every `interval_us` from now on; 0 stops it."""
-        self._intervals.pop(message_id, None)
-        self._due = [entry for entry in self._due if entry[1] != message_id]
+        self._intervals.pop(key, None)
+        self._due = [entry for entry in self._due if entry[2] != key]
         if interval_us > 0:
-            self._intervals[message_id] = interval_us
-            self._due.append((now_us, message_id))
+            self._intervals[key] = interval_us
+            self._due.append(_due(now_us, key))
         heapify(self._due)
         self.next_due_us = self._due[0][0] if self._due else now_us
         self.shortest_interval_us = self._shortest_interval_us()
@@ -61,10 +72,10 @@ class Schedule:
         taken: list[int] = []
         due = self._due
         while due and due[0][0] <= now_us:
-            message_id = due[0][1]
-            interval_us, phase_us = self._intervals[message_id], _phase_us(message_id)
+            key = due[0][2]
+            interval_us, phase_us = self._intervals[key], _phase_us(key)
             next_us = ((now_us - phase_us) // interval_us + 1) * interval_us + phase_us
-            heapreplace(due, (next_us, message_id))
-            taken.append(message_id)
+            heapreplace(due, _due(next_us, key))
+            taken.append(key)
         self.next_due_us = due[0][0] if due else now_us + _PHASE_STEP_US
         return taken
