@@ -198,6 +198,10 @@ class Dispatcher:
         outgoing += self._log_stream.tick(now_us)
         return outgoing
 
+    def tick_logs(self, now_us: int) -> list[Outgoing]:
+        """Pieces of logs that are due."""
+        return self._files.tick_logs(now_us)
+
     def drop_peers(self, addresses: Iterable[Address]) -> None:
         """Drop the state of peers whose channel is closed."""
         for address in addresses:

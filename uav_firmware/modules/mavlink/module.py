@@ -152,6 +152,7 @@ class MavlinkModule:
         if now_us >= self._tick_us:
             self._tick_us = now_us + _TICK_US
             self._tick(now_us)
+        self._transmitter.send(self._dispatcher.tick_logs(now_us))
         if self._peers.is_any_due(now_us):
             self._transmitter.stream(self._context(now_us))
 

@@ -6,6 +6,8 @@ one of the same second is `09_30_00_2.ulg`.
 
 A range that ends at the end of the log ends with its last packet. A request beyond the end is
 answered with one empty packet, which marks the end for clients.
+
+All clients together get 180 kB/s in vehicle time, and each at most its own pace (`log_pace`).
 """
 
 import calendar
@@ -17,6 +19,7 @@ from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
 from uav_firmware.cal.files import Entry, FileStore, OpenFile, OpenMode, Place
+from uav_firmware.modules.mavlink.files.log_pace import MOST_PER_S, LogPace
 from uav_firmware.modules.mavlink.wire.addressing import Outgoing, Sender, is_for_us
 from uav_firmware.modules.mavlink.wire.dialect import Message, mavlink
 from uav_firmware.modules.mavlink.wire.status_text import StatusTexts
@@ -25,9 +28,8 @@ from uav_firmware.modules.mavlink.wire.token_bucket import TokenBucket
 _DAY: Final = re.compile(r"(\d{4})-(\d{2})-(\d{2})")
 _LOG: Final = re.compile(r"(\d{2})_(\d{2})_(\d{2})(?:_(\d+))?\.ulg")
 PACKET_BYTES: Final = 90
-PACKETS_PER_SECOND: Final = 2_000
-"""180 kB/s in vehicle time; unlike in a file transfer, the client does not limit the rate."""
 PACKETS_MAX: Final = 96
+"""Largest burst, of all clients together."""
 MAX_REQUESTS: Final = 32
 MAX_CLIENTS: Final = 4
 MESSAGE_TYPES: Final = ("LOG_REQUEST_LIST", "LOG_REQUEST_DATA", "LOG_REQUEST_END", "LOG_ERASE")
@@ -87,6 +89,9 @@ class _Client:
     entries: deque[int] = field(default_factory=deque)  # Numbers still to send
     ranges: deque[_Range] = field(default_factory=deque)
     file: tuple[int, OpenFile] | None = None  # The open log
+    pace: LogPace = field(default_factory=LogPace)
+    sent_log: int = -1  # The log that was sent last
+    sent_end: int = 0  # [bytes] The farthest that was sent of it
 
     @property
     def has_work(self) -> bool:
@@ -115,10 +120,10 @@ class LogServer:
         self._store = store
         self._is_armed = is_armed
         self._texts = texts
-        self._bucket = TokenBucket(PACKETS_PER_SECOND, PACKETS_MAX)
+        self._bucket = TokenBucket(MOST_PER_S, PACKETS_MAX)
         self._clients: dict[tuple[int, int], _Client] = {}
         self._logs: list[Log] = []
-        self._handlers: dict[str, Callable[[Message, _Client], None]] = {
+        self._handlers: dict[str, Callable[[Message, _Client, int], None]] = {
             "LOG_REQUEST_LIST": self._request_list,
             "LOG_REQUEST_DATA": self._request_data,
         }
@@ -135,7 +140,7 @@ class LogServer:
             return self._erase(now_us)
         client = self._client(sender)
         if client is not None:
-            self._handlers[kind](message, client)
+            self._handlers[kind](message, client, now_us)
         return self._work(now_us)
 
     def tick(self, now_us: int) -> list[Outgoing]:
@@ -160,29 +165,46 @@ class LogServer:
         if client is not None:
             client.close()
 
-    def _request_list(self, message: Message, client: _Client) -> None:
+    def _request_list(self, message: Message, client: _Client, _now_us: int) -> None:
         client.list_from, client.list_to = message.start, message.end
         client.entries.clear()
 
-    def _request_data(self, message: Message, client: _Client) -> None:
+    def _request_data(self, message: Message, client: _Client, now_us: int) -> None:
         """Queue a range; a request for another log drops the pending ranges."""
         others = [
             one for one in client.ranges if one.log_id == message.id and one.offset != message.ofs
         ]
+        sent_end = client.sent_end if client.sent_log == message.id else 0
+        follows = 0 < sent_end <= message.ofs and not client.ranges
         client.ranges = deque(others[: MAX_REQUESTS - 1])
         client.ranges.append(_Range(message.id, message.ofs, message.count))
+        client.pace.request(
+            now_us,
+            pending=sum(self._pieces(one) for one in client.ranges),
+            again=_pieces(min(message.count, sent_end - message.ofs)),
+            follows=follows,
+        )
+
+    def _pieces(self, log_range: _Range) -> int:
+        """Pieces that are left of a range of a listed log."""
+        left = log_range.left
+        if log_range.log_id < len(self._logs):
+            left = min(left, self._logs[log_range.log_id].size - log_range.offset)
+        return _pieces(left)
 
     def _work(self, now_us: int) -> list[Outgoing]:
         self._bucket.refill(now_us)
         outgoing: list[Outgoing] = []
         busy = [client for client in self._clients.values() if client.has_work]
-        while busy:
+        for client in busy:
+            client.pace.refill(now_us)
+        while busy := [client for client in busy if client.has_work and client.pace.ready]:
             for client in busy:
                 if not self._bucket.ready:
                     return outgoing
                 self._bucket.spend()
+                client.pace.spend()
                 outgoing += self._step(client)
-            busy = [client for client in busy if client.has_work]
         return outgoing
 
     def _step(self, client: _Client) -> list[Outgoing]:
@@ -246,6 +268,9 @@ class LogServer:
         )
         log_range.offset += len(data)
         log_range.left -= len(data)
+        if client.sent_log != log_range.log_id:
+            client.sent_log, client.sent_end = log_range.log_id, 0
+        client.sent_end = max(client.sent_end, log_range.offset)
         at_end = len(data) < PACKET_BYTES or log_range.offset >= self._logs[log_range.log_id].size
         if at_end or log_range.left <= 0:
             client.ranges.popleft()
@@ -287,6 +312,11 @@ class LogServer:
         self._logs = []
         text = f"{erased} logs erased" + (f", {kept} kept" if kept else "")
         return self._texts.encode(_INFO, text)
+
+
+def _pieces(size: int) -> int:
+    """Pieces of so many bytes."""
+    return max(0, -(-size // PACKET_BYTES))
 
 
 def _to(client: _Client, message: Message) -> Outgoing:

@@ -88,11 +88,13 @@ class FileService:
         return outgoing + self._drain_pending()
 
     def tick(self, now_us: int) -> list[Outgoing]:
-        """Continue transfers."""
+        """Continue transfers of files."""
         outgoing = self._server.tick(now_us)
-        if self._logs is not None:
-            outgoing += self._logs.tick(now_us)
         return outgoing + self._drain_pending()
+
+    def tick_logs(self, now_us: int) -> list[Outgoing]:
+        """Continue downloads of logs; called more often, so that few pieces are sent at once."""
+        return [] if self._logs is None else self._logs.tick(now_us)
 
     def _is_armed(self) -> bool:
         status = self._topics.vehicle_status.value

@@ -16,14 +16,14 @@ class TokenBucket:
     """A token bucket; an expensive piece of work may make it negative."""
 
     def __init__(self, per_second: int = TOKENS_PER_SECOND, most: int = TOKENS_MAX) -> None:
-        self._per_second = per_second
+        self.per_second = per_second
         self._most = most
         self._tokens = float(most)
         self._filled_us = 0
 
     def refill(self, now_us: int) -> None:
         """Add the tokens of the time since the last call."""
-        gained = (now_us - self._filled_us) * 1e-6 * self._per_second
+        gained = (now_us - self._filled_us) * 1e-6 * self.per_second
         self._filled_us = now_us
         self._tokens = min(self._tokens + max(gained, 0.0), float(self._most))
 

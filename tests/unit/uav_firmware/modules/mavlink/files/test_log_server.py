@@ -5,7 +5,8 @@ from typing import Any, Final
 import pytest
 
 from uav_firmware.drivers.file_tree import FileTree
-from uav_firmware.modules.mavlink.files.log_server import PACKETS_PER_SECOND, LogServer
+from uav_firmware.modules.mavlink.files.log_pace import BURST, FIRST_PER_S, MOST_PER_S, UNPACED
+from uav_firmware.modules.mavlink.files.log_server import LogServer
 from uav_firmware.modules.mavlink.wire.addressing import Outgoing, Sender
 from uav_firmware.modules.mavlink.wire.dialect import mavlink, pack
 from uav_firmware.modules.mavlink.wire.status_text import StatusTexts
@@ -16,7 +17,7 @@ SYSTEM: Final = 7
 ALICE: Final = Sender(255, 190, ("192.0.2.2", 14550))
 BOB: Final = Sender(254, 191, ("192.0.2.3", 14540))
 ALL: Final = 0xFFFFFFFF
-TICK_US: Final = 20_000
+TICK_US: Final = 8_000
 
 
 class Reader:
@@ -176,10 +177,23 @@ def test_two_clients_get_their_own_data(reader: Reader) -> None:
     assert reader.pieces(1, sender=BOB) == [(0, b"two")]
 
 
-def test_the_rate_is_bounded(reader: Reader) -> None:
+def test_a_whole_log_is_sent_at_a_pace_and_in_small_bursts(reader: Reader) -> None:
     reader.log("2026-03-01", "09_00_00", bytes(9_000_000))
-    reader.send(mavlink.MAVLink_log_request_data_message(SYSTEM, 1, 0, 0, ALL), seconds=1.0)
-    assert len(reader.run(2.0)) == pytest.approx(2 * PACKETS_PER_SECOND, rel=0.05)
+    request = mavlink.MAVLink_log_request_data_message(SYSTEM, 1, 0, 0, ALL)
+    at_once = reader.server.handle(request, ALICE, reader.now_us)
+    bursts = [len(at_once), *(len(reader.run(TICK_US * 1e-6)) for _ in range(250))]
+    assert max(bursts) <= BURST
+    assert sum(bursts) == pytest.approx(2 * FIRST_PER_S, rel=0.05)
+
+
+def test_the_rate_of_requests_that_fit_into_a_buffer_is_bounded(reader: Reader) -> None:
+    reader.log("2026-03-01", "09_00_00", bytes(9_000_000))
+    reader.listed()
+    size, count = UNPACED * 90, 0
+    for part in range(40):
+        request = mavlink.MAVLink_log_request_data_message(SYSTEM, 1, 0, part * size, size)
+        count += len(reader.send(request, seconds=0.128))
+    assert count == pytest.approx(40 * 0.128 * MOST_PER_S, rel=0.05)
 
 
 def test_logs_are_erased_on_the_ground_but_for_the_one_being_written(reader: Reader) -> None:
