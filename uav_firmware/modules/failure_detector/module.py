@@ -12,6 +12,7 @@ from uav_firmware.modules.failure_detector.crash_detector import (
     ImpactDetector,
     Moment,
 )
+from uav_firmware.modules.failure_detector.esc_telemetry import EscTelemetryCheck
 from uav_firmware.modules.failure_detector.motor_monitor import MotorLimits, MotorMonitor
 from uav_firmware.modules.failure_detector.params import FailureDetectorParams
 from uav_firmware.msg.actuators import ActuatorMotors
@@ -36,6 +37,7 @@ _LIFT_TIME_S: Final = 0.05  # Of the mean lift; two rotors that stop halve it wi
 _LIFT_M_S2: Final = 7.4  # [m/s^2] Three quarters of what carries a vehicle at rest
 _TURNING_RAD_S: Final = 1.5  # [rad/s] Two rotors alone turn the vehicle faster within 0.1 s
 _CRITICAL: Final = 2  # MAV_SEVERITY
+_WARNING: Final = 4
 _NAN: Final = math.nan
 _DOWN: Final[Vector3] = (0.0, 0.0, 1.0)
 _SILENT: Final[Vector3] = (_NAN, _NAN, _NAN)
@@ -114,6 +116,7 @@ class FailureDetectorModule:
         self._esc_seen = 0
         self._esc_count = 0
         self._esc_us = 0
+        self._esc_check = EscTelemetryCheck()
         self._attitude_us = 0
         self._blow_us = 0
 
@@ -134,8 +137,10 @@ class FailureDetectorModule:
         if armed:
             self._detect_impacts(now_us)
             self._monitor_motors()
+            self._check_telemetry(now_us)
         else:
             self._motor_monitor.rest()
+            self._esc_check.rest()
         elapsed_us = now_us - self._attitude_us
         if elapsed_us >= _ATTITUDE_US:
             self._attitude_us = now_us
@@ -171,6 +176,20 @@ class FailureDetectorModule:
             )
         if (monitor.failed | monitor.blocked).bit_count() > 1 and monitor.blocked:
             self._crash = self._crash or "has hit something, rotors stand"
+
+    def _check_telemetry(self, now_us: int) -> None:
+        """Say once that a failed motor would not be seen."""
+        motors, check = self._motors.value, self._esc_check
+        if motors is None or not self._params.motors_enabled:
+            return
+        silent = self._is_esc_silent(now_us)
+        if check.update(self._esc.value, motors.control, now_us, silent=silent):
+            text = f"ESC telemetry {check.fault}: a motor that fails is not recognised"
+            self._publish_text(now_us, text, _WARNING)
+
+    def _is_esc_silent(self, now_us: int) -> bool:
+        received_us = self._esc_received_us
+        return received_us is None or now_us - received_us > _ESC_SILENT_US
 
     def _detect_impacts(self, now_us: int) -> None:
         imu, dt = self._imu.value, (now_us - self._blow_us) * 1e-6
@@ -276,14 +295,13 @@ class FailureDetectorModule:
     def _publish(self, now_us: int) -> None:
         former = self._failure_status.value
         monitor = self._motor_monitor
-        silent = self._esc_received_us is None or now_us - self._esc_received_us > _ESC_SILENT_US
         seen = (
             self._roll.exceeded,
             self._pitch.exceeded,
             monitor.failed,
             monitor.weak,
             self._crash,
-            silent,
+            self._is_esc_silent(now_us),
         )
         if former is not None and seen == former[1:] and now_us - former.time_us < _REPEAT_US:
             return
@@ -302,8 +320,8 @@ class FailureDetectorModule:
         if (self._roll.exceeded or self._pitch.exceeded) and not was_lost:
             self._publish_text(now_us, "Attitude beyond limits")
 
-    def _publish_text(self, now_us: int, text: str) -> None:
-        self._status_text.publish(StatusText(now_us, _CRITICAL, text))
+    def _publish_text(self, now_us: int, text: str, severity: int = _CRITICAL) -> None:
+        self._status_text.publish(StatusText(now_us, severity, text))
 
 
 def _is_complete(esc: SensorEsc | None) -> bool:

@@ -60,10 +60,11 @@ class Vehicle:
         roll: float = 0.0,
         third_rpm: float = HOVER_RPM,
         rate: float = 0.0,
+        command: float = 0.42,
     ) -> None:
         for _ in range(round(seconds * 1e6 / STEP_US)):
             self.now_us += STEP_US
-            self.motors.publish(ActuatorMotors(self.now_us, (0.42, 0.42, 0.42, 0.42)))
+            self.motors.publish(ActuatorMotors(self.now_us, (command,) * 4))
             speeds = (HOVER_RPM, second_rpm, third_rpm, HOVER_RPM)
             self.imu.publish(SensorImu(self.now_us, (rate, 0.0, 0.0), (0.0, 0.0, -9.8)))
             self.esc.publish(SensorEsc(self.now_us, speeds, (2.7, 2.7, 2.7, 2.7)))
@@ -154,6 +155,38 @@ def test_speed_controllers_that_report_no_speed_are_silent() -> None:
         assert vehicle.status.value is not None
         silent.append(vehicle.status.value.escs_silent)
     assert silent == [False, True, False]
+
+
+def test_telemetry_that_is_lost_in_flight_is_said_once_per_event() -> None:
+    vehicle = Vehicle()
+    for second_rpm in (HOVER_RPM, math.nan, HOVER_RPM, math.nan):
+        vehicle.fly(2.0, second_rpm=second_rpm)
+    text = "ESC telemetry lost: a motor that fails is not recognised"
+    assert [said.text for said in vehicle.texts.drain()] == [text, text]
+    assert vehicle.failed == 0
+
+
+def test_telemetry_that_freezes_in_flight_is_said_once() -> None:
+    vehicle = Vehicle()
+    vehicle.fly(3.0)  # Commands as steady as the speeds prove nothing
+    assert not vehicle.texts.drain()
+    vehicle.fly(3.0, command=0.43)
+    vehicle.fly(3.0, command=0.45)
+    (said,) = vehicle.texts.drain()
+    assert said.text.startswith("ESC telemetry frozen")
+    vehicle.fly(1.0, second_rpm=HOVER_RPM - 1.0)
+    vehicle.fly(3.0, command=0.45)
+    assert len(vehicle.texts.drain()) == 0
+    vehicle.fly(3.0, command=0.42)
+    assert len(vehicle.texts.drain()) == 1
+
+
+def test_telemetry_that_ends_on_the_ground_is_left_to_the_check_before_arming() -> None:
+    vehicle = Vehicle()
+    vehicle.vehicle_status.publish(vehicle_status())
+    for second_rpm in (HOVER_RPM, math.nan):
+        vehicle.fly(2.0, second_rpm=second_rpm)
+    assert not vehicle.texts.drain()
 
 
 def test_the_motor_monitor_can_be_switched_off() -> None:
