@@ -21,6 +21,7 @@ from uav_firmware.topics import Topics
 _WARNING: Final = mavlink.MAV_SEVERITY_WARNING
 REPORT_INTERVAL_US: Final = 30_000_000
 """Shortest interval between two status texts."""
+_WRONG_CLOCK: Final = "signed with an older time than was accepted last: perhaps a clock is wrong"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -155,7 +156,8 @@ class RefusalCounter:
     def status_text(self, now_us: int) -> str | None:
         """Warning about newly refused frames, if one is due.
 
-        Malformed bytes and floods are only counted.
+        Malformed bytes and floods are only counted. One station whose clock is an hour ahead shuts
+        out all whose clocks are right, until they have caught up: the text names the clock.
         """
         new = {reason: self._refused[reason] - self._reported[reason] for reason in Refusal}
         if now_us < self._next_report_us or not any(new.values()):
@@ -163,4 +165,5 @@ class RefusalCounter:
         self._next_report_us = now_us + REPORT_INTERVAL_US
         self._reported = dict(self._refused)
         parts = ", ".join(f"{count} {reason.value}" for reason, count in new.items() if count)
-        return f"MAVLink frames refused: {parts}"
+        hint = f" ({_WRONG_CLOCK})" if new[Refusal.REPLAYED] else ""
+        return f"MAVLink frames refused: {parts}{hint}"

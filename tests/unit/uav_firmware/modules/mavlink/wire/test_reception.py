@@ -212,6 +212,21 @@ def test_refused_frames_are_reported_at_most_every_30_seconds() -> None:
     assert len(reported) == 70 * SECOND_US // REPORT_INTERVAL_US + 1
 
 
+def test_a_station_whose_clock_is_ahead_shuts_out_others_and_the_text_names_the_clock() -> None:
+    harness = secured()
+    hour_us = 3600 * SECOND_US
+    harness.send(ARM, source=BROKER, signer=signer(behind_us=-hour_us), system=211)
+    harness.send(ARM, source=BROKER, signer=signer(), system=212)
+    assert texts(harness) == ""
+    harness.run(2 * SECOND_US)
+    assert refused(harness).replayed == 1
+    text = "".join(m.text for m in harness.received("STATUSTEXT", at=GROUND))
+    assert text == (
+        "MAVLink frames refused: 1 replayed "
+        "(signed with an older time than was accepted last: perhaps a clock is wrong)"
+    )
+
+
 def test_malformed_bytes_are_counted_and_not_reported() -> None:
     harness = secured()
     harness.memory.incoming += [(b"\xfd" + bytes(30), BROKER)] * 20
