@@ -188,6 +188,9 @@ class NavigatorModule:
         mission = self._topics.mission.value
         if mission is not None and self._mission_count != self._topics.mission.count:
             self._mission_count = self._topics.mission.count
+            flies = self._active is self._mission and not self._flight.landed
+            if flies and self._mission.cursor.items and not mission.items:
+                self._flight.report(_WARNING, "Mission cleared in flight: holding here")
             self._mission.load(mission)
             self._restart_mission()
         items = self._mission.cursor.items

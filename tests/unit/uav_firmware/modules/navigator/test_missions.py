@@ -270,9 +270,19 @@ def test_clearing_the_mission_in_flight_holds() -> None:
     vehicle.upload(mission_id=0)
     vehicle.run(5.0)
     assert vehicle.state == MissionState.NO_MISSION
+    assert vehicle.texts[-1] == "Mission cleared in flight: holding here"
     held = vehicle.position
     vehicle.run(5.0)
     assert math.dist(held, vehicle.position) < 0.05
+
+
+def test_clearing_the_mission_on_the_ground_is_no_news() -> None:
+    vehicle = ready()
+    vehicle.upload(*square())
+    vehicle.run(0.1)
+    vehicle.upload(mission_id=0)
+    vehicle.run(1.0)
+    assert vehicle.texts == []
 
 
 def test_another_item_can_be_chosen() -> None:
