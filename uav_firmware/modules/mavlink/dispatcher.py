@@ -164,6 +164,7 @@ class Dispatcher:
             "COMMAND_CANCEL": self._cancel,
             "SET_MODE": self._commands.set_mode,
             "MISSION_SET_CURRENT": self._set_current,
+            "SET_GPS_GLOBAL_ORIGIN": self._set_origin,
             "PARAM_REQUEST_LIST": self._parameters.handle,
             "PARAM_REQUEST_READ": self._parameters.handle,
             "PARAM_SET": self._parameters.handle,
@@ -238,4 +239,11 @@ class Dispatcher:
         if self._commands.set_current_item(message.seq, sender, now_us):
             return []
         text = f"Mission has no item {message.seq}"
+        return self._texts.encode(mavlink.MAV_SEVERITY_WARNING, text)
+
+    def _set_origin(self, message: Message, _sender: Sender, _now_us: int) -> list[Outgoing]:
+        """Refuse SET_GPS_GLOBAL_ORIGIN by a STATUSTEXT: it has no acknowledgement."""
+        if message.target_system != self._system_id:
+            return []
+        text = "SET_GPS_GLOBAL_ORIGIN is not supported: the first GPS fix sets the origin"
         return self._texts.encode(mavlink.MAV_SEVERITY_WARNING, text)

@@ -131,6 +131,16 @@ def test_request_data_stream_has_no_effect() -> None:
     assert acks == 0
 
 
+@pytest.mark.parametrize(("system", "count"), [(SYSTEM, 1), (SYSTEM + 1, 0)])
+def test_an_origin_that_is_set_is_refused_by_a_text(system: int, count: int) -> None:
+    harness = MavlinkHarness()
+    harness.send(mavlink.MAVLink_set_gps_global_origin_message(system, 404434000, -37382000, 0))
+    harness.run()
+    first = [m.text for m in harness.received("STATUSTEXT") if m.chunk_seq == 0]
+    assert len(first) == count
+    assert all(text.startswith("SET_GPS_GLOBAL_ORIGIN is not supported") for text in first)
+
+
 def test_a_heartbeat_of_another_type_is_not_published() -> None:
     harness = MavlinkHarness()
     camera: Any = mavlink.MAVLink_heartbeat_message(30, 8, 0, 0, 4, 3)
