@@ -7,6 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from sim.gnss_receivers import GNSS_RECEIVERS
+
+MAXIMUM_WIND_M_S: Final = 30.0
+MAXIMUM_SEED: Final = 2**32 - 1
+_SWITCH: Final = frozenset({"0", "no", "false", "1", "yes", "true"})
 MAXIMUM_VEHICLES: Final = 100
 MAXIMUM_PORT: Final = 65_535
 VARIABLES: Final[Mapping[str, tuple[str, str]]] = {
@@ -29,7 +34,7 @@ VARIABLES: Final[Mapping[str, tuple[str, str]]] = {
     "OUT": ("", "folder of the report of fly, else STATE_DIR/flight"),
     "UNSIGNED_SYSTEMS": ("", "further systems that cannot sign, as in 3,7"),
 }
-"""Default and meaning of each variable; the launcher hands WIND, GPS, SEED and TRUTH on."""
+"""Default and meaning of each variable; the vehicles read WIND, GPS, SEED and TRUTH themselves."""
 
 
 class SettingsError(Exception):
@@ -118,6 +123,7 @@ def from_environment(environment: Mapping[str, str]) -> Settings:
     Raises:
         SettingsError: naming the variable that does not fit.
     """
+    _check_those_of_the_vehicles(environment)
     testers = _integer(environment, "TESTERS", 0, MAXIMUM_VEHICLES)
     settings = Settings(
         vehicles=_integer(environment, "VEHICLES", int(testers == 0), MAXIMUM_VEHICLES),
@@ -140,6 +146,17 @@ def from_environment(environment: Mapping[str, str]) -> Settings:
     if settings.vehicles + settings.testers > MAXIMUM_VEHICLES:
         raise SettingsError(f"TESTERS: with the vehicles they are {MAXIMUM_VEHICLES} at most")
     return settings
+
+
+def _check_those_of_the_vehicles(environment: Mapping[str, str]) -> None:
+    """Refuse at once what a vehicle would refuse once the other programs have started."""
+    _number(environment, "WIND", 0.0, MAXIMUM_WIND_M_S)
+    _integer(environment, "SEED", 0, MAXIMUM_SEED)
+    receiver, truth = _text(environment, "GPS"), _text(environment, "TRUTH")
+    if receiver not in GNSS_RECEIVERS:
+        raise SettingsError(f"GPS: must be {' or '.join(GNSS_RECEIVERS)}, not {receiver!r}")
+    if truth not in _SWITCH:
+        raise SettingsError(f"TRUTH: {truth!r} is neither 0 nor 1")
 
 
 def _file(environment: Mapping[str, str], name: str) -> Path | None:

@@ -67,6 +67,12 @@ def test_an_empty_variable_is_no_variable() -> None:
         ("EDGE_PORT", "0"),
         ("CLOUD_PORT", "65536"),
         ("PLAN", "/nowhere/plan.json"),
+        ("WIND", "abc"),
+        ("WIND", "31"),
+        ("WIND", "nan"),
+        ("GPS", "foo"),
+        ("SEED", "-1"),
+        ("TRUTH", "maybe"),
     ],
 )
 def test_a_setting_that_does_not_fit_is_named(name: str, value: str) -> None:
