@@ -7,7 +7,7 @@ path in the document as it was sent, envelope left out.
 
 import json
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from enum import StrEnum
 from itertools import islice
 from typing import Any, Final, TypeVar
@@ -85,8 +85,10 @@ def unique_members(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return found
 
 
-def parse_json(raw: bytes) -> Any:
+def parse_json(raw: bytes, parse_constant: Callable[[str], Any] | None = None) -> Any:
     """Parse bytes as JSON; NaN, Infinity and what underflows fail later with their path.
+
+    `parse_constant` takes NaN and the infinities, and may raise ValueError.
 
     A name that occurs twice in an object is refused: who reads the first one and who reads the
     last one would fly to different places (RFC 8259, section 4; RFC 7493, section 2.3).
@@ -96,7 +98,10 @@ def parse_json(raw: bytes) -> Any:
     """
     try:
         return json.loads(
-            raw.decode("utf-8"), object_pairs_hook=unique_members, parse_float=parse_number
+            raw.decode("utf-8"),
+            object_pairs_hook=unique_members,
+            parse_float=parse_number,
+            parse_constant=parse_constant,
         )
     except DuplicateNameError as error:
         raise SyntaxFaultError((Fault("", str(error)),)) from None

@@ -1,9 +1,11 @@
 """What the cloud's answer to a record means: one table; pure."""
 
-import json
 from enum import StrEnum
 from http import HTTPStatus
 from typing import Final, NamedTuple, TypeAlias
+
+from afarcloud import wire
+from afarcloud.faults import SyntaxFaultError
 
 
 class Answer(NamedTuple):
@@ -89,8 +91,11 @@ def _outcome(answer: Answer) -> tuple[Outcome, str]:
 
 
 def _refusal(answer: Answer) -> tuple[Outcome, str]:
-    if answer.status == HTTPStatus.CONFLICT and _is_duplicate(answer):
-        return Outcome.CONFIRMED, f"{answer.status} and the cloud has it already"
+    if answer.status == HTTPStatus.CONFLICT:
+        if _is_duplicate(answer):
+            return Outcome.CONFIRMED, f"{answer.status} and the cloud has it already"
+        if _is_called_json(answer) and not _comes_from_a_cloud(answer):
+            return Outcome.TRY_LATER, f"{answer.status} with a body that is not JSON"
     refusal = _REFUSALS.get(answer.status)
     if refusal is not None:
         return refusal
@@ -130,12 +135,19 @@ def _refuse_constant(name: str) -> object:
     raise ValueError(name)
 
 
-def _document(answer: Answer) -> object:
-    """Return the JSON of an answer, _NO_JSON if it is not JSON."""
+def _is_called_json(answer: Answer) -> bool:
     media_type = answer.content_type.partition(";")[0].strip().lower()
-    if media_type != "application/json" and not media_type.endswith("+json"):
+    return media_type == "application/json" or media_type.endswith("+json")
+
+
+def _document(answer: Answer) -> object:
+    """Return the JSON of an answer, _NO_JSON if it is not JSON.
+
+    It is read as what is sent to the edge server: with a member twice it says nothing.
+    """
+    if not _is_called_json(answer):
         return _NO_JSON
     try:
-        return json.loads(answer.body, parse_constant=_refuse_constant)
-    except (ValueError, RecursionError):
+        return wire.parse_json(answer.body, _refuse_constant)
+    except SyntaxFaultError:
         return _NO_JSON

@@ -14,6 +14,7 @@ import json
 from collections.abc import Sequence
 from typing import Any, Final
 
+from afarcloud import wire
 from edge_server.outbox.answers import Answer, Outcome, Reply, classify
 from edge_server.outbox.queue import OutboxRecord
 
@@ -47,7 +48,7 @@ def read(reply: Reply, records: Sequence[OutboxRecord]) -> list[Reply] | None:
 
 
 def _results(body: bytes) -> list[Any] | None:
-    document = json.loads(body) if body.strip() else None
+    document = wire.parse_json(body) if body.strip() else None
     results = document.get("results") if isinstance(document, dict) else None
     return results if isinstance(results, list) else None
 

@@ -17,11 +17,12 @@ is answered with a status for the whole and the results of `edge_server/uplinks/
 Reason codes: MQTT 5.0 (OASIS standard, 2019), table 2-6 and sections 3.2.2.2, 3.4.2.1, 3.14.2.1.
 """
 
-import json
 from collections.abc import Mapping
 from typing import Final, NamedTuple
 from urllib.parse import unquote, urlsplit
 
+from afarcloud import wire
+from afarcloud.faults import SyntaxFaultError
 from edge_server.outbox.answers import Answer, Reply, Unreachable
 from edge_server.outbox.queue import Stream
 from edge_server.uplinks.batches import JSON
@@ -126,8 +127,8 @@ def read_answer(key: str, payload: bytes) -> Reply:
     if len(payload) > MAXIMUM_ANSWER_BYTES:
         return Unreachable("an answer that is too long")
     try:
-        answer = json.loads(payload)
-    except (ValueError, RecursionError):
+        answer = wire.parse_json(payload)
+    except SyntaxFaultError:
         return _UNREADABLE
     if not isinstance(answer, dict) or answer.get("message_id", key) != key:
         return _UNREADABLE

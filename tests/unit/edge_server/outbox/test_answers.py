@@ -59,6 +59,8 @@ def test_json_or_nothing_confirms(content_type: str, body: bytes) -> None:
         (JSON, b"<html>"),
         (JSON, b"[" * 100_000),
         (JSON, b"\xff"),
+        (JSON, b'{"id": 1, "id": 2}'),
+        (JSON, b'\xef\xbb\xbf{"id": 1}'),
     ],
 )
 def test_anything_else_is_no_cloud(content_type: str, body: bytes) -> None:
@@ -90,6 +92,19 @@ def test_a_conflict_with_itself_confirms() -> None:
 )
 def test_any_other_conflict_rejects(content_type: str, body: bytes) -> None:
     assert classify(Answer(409, content_type, body)).outcome is Outcome.REJECTED
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        b'{"outcome": "conflict", "outcome": "duplicate"}',
+        b'{"outcome": "duplicate", "outcome": "conflict"}',
+        b'\xef\xbb\xbf{"outcome": "duplicate"}',
+        b'{"outcome": "dupl',
+    ],
+)
+def test_a_conflict_that_cannot_be_read_is_tried_again(body: bytes) -> None:
+    assert classify(Answer(409, JSON, body)).outcome is Outcome.TRY_LATER
 
 
 @pytest.mark.parametrize(

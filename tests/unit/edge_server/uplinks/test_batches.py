@@ -86,6 +86,15 @@ def test_a_good_answer_without_results_confirms_nothing(body: bytes) -> None:
     assert batches.read(Answer(200, "application/json", body), RECORDS) is None
 
 
+def test_results_that_are_given_twice_confirm_nothing() -> None:
+    refused, confirmed = ([good(one, status=status) for one in RECORDS] for status in (503, 200))
+    body = f'{{"results": {json.dumps(refused)}, "results": {json.dumps(confirmed)}}}'
+    reply = Answer(200, "application/json", body.encode())
+    found = batches.read(reply, RECORDS)
+    assert found is not None
+    assert [classify(one).outcome for one in found] == [Outcome.NO_CLOUD, Outcome.NO_CLOUD]
+
+
 JSON = st.recursive(
     st.none() | st.booleans() | st.floats() | st.text() | st.integers(),
     lambda inner: st.lists(inner) | st.dictionaries(st.text(), inner),

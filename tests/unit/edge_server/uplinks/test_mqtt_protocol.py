@@ -176,6 +176,8 @@ def test_a_duplicate_that_the_cloud_has_is_confirmed() -> None:
         b'{"status": 200, "message_id": "another"}',
         b'{"status": 200, "message_id": null}',
         b'{"status": 200',
+        b'{"status": 503, "status": 200}',
+        b'\xef\xbb\xbf{"status": 200}',
         b"\xff\xfe",
         b"<html>",
         b"[" * 60_000,
