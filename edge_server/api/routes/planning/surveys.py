@@ -51,10 +51,11 @@ def create() -> ResponseReturnValue:
     wanted = bodies.model(SurveyOrder)
     scopes.check(*wanted.vehicles)
     requester = caller()
-    if bodies.query_boolean("preview"):
-        return surveys.preview(bodies.context(), wanted), 200
+    is_preview = bodies.query_boolean("preview")
     if requester.role == Role.FARMER and wanted.dispatch:
         raise Forbidden('a farmer may post drafts only: {"dispatch": false}')
+    if is_preview:
+        return surveys.preview(bodies.context(), wanted), 200
     planned = surveys.create(bodies.context(), wanted, requester)
     audit(f"planned a survey: plans {[plan['id'] for plan in planned['plans']]}")
     return planned, 201

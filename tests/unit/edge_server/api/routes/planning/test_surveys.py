@@ -108,7 +108,8 @@ def test_the_flight_time_counts_from_where_the_vehicle_is(edge: Edge) -> None:
 
 
 def test_a_farmer_drafts(edge: Edge) -> None:
-    assert ask(edge, role="farmer", dispatch=True).status_code == 403
+    for query in ("", "?preview=true"):
+        assert ask(edge, query, role="farmer", dispatch=True).status_code == 403
     assert ask(edge, role="farmer").status_code == 201
 
 
