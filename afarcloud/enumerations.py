@@ -56,6 +56,11 @@ class EventType(IntEnum):
         return self in _ENDING_EVENTS
 
     @property
+    def stops_flight(self) -> bool:
+        """Whether it ends what flies, or lets it hover."""
+        return self.ends_mission or self is EventType.PAUSE_MISSION
+
+    @property
     def takes_place(self) -> bool:
         """Whether it may name a place to which the vehicle goes."""
         return self in {EventType.ABORT_MISSION, EventType.SOFT_ABORT_MISSION}

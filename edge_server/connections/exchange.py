@@ -4,6 +4,7 @@ The parser reads the complete request from memory, so no client can block it. Se
 a time budget, which grows with each byte that the client receives.
 """
 
+import os
 import socket
 import time
 from typing import Final, Protocol
@@ -62,6 +63,20 @@ class Exchange:
     def waited_s(self) -> float:
         """How long ago the request has arrived, at the longest."""
         return since_boot_s() - self._arrived_s
+
+    @property
+    def is_connected(self) -> bool:
+        """Whether the client has neither closed the connection nor vanished with a reset.
+
+        A client that lost its network is connected for as long as TCP takes it to be.
+        """
+        try:
+            with socket.socket(fileno=os.dup(self._sock.fileno())) as plain:  # Below TLS
+                return bool(plain.recv(1, socket.MSG_PEEK | socket.MSG_DONTWAIT))
+        except BlockingIOError:
+            return True
+        except OSError:
+            return False
 
     def begin_stream(self, head: bytes, stream: Stream) -> None:
         """Send the head of an answer without an end; what the view returns is not sent.

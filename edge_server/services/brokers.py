@@ -1,9 +1,10 @@
 """The brokers of this server: wakes their long polls, and stores when each last made a request.
 
 A vehicle is served by one broker: the first that makes a request about it, until that one has made
-none for `SERVED_S` (`edge_server/store/rows/vehicles.py`). A broker is known by its access key and
-its instance, so two brokers with one key are two. Only the broker that serves a vehicle gets its
-work and may accept it; what another one reports is stored all the same.
+none for `SERVED_S`, or for `URGENT_SERVED_S` while an order that stops the flight waits. A broker
+is known by its access key and its instance, so two brokers with one key are two. Only the broker
+that serves a vehicle gets its work and may accept it; what another one reports is stored all the
+same.
 
 An operator may close the mission of a broker that has failed. Every request of a broker shows that
 it runs: a report, an acknowledgement, or a poll for work. Each vehicle's time is stored at most
@@ -71,10 +72,14 @@ class WorkSignal:
 
 
 def note_contact(
-    connection: Connection, broker: str, vehicle_ids: Collection[int], now: float
+    connection: Connection,
+    broker: str,
+    vehicle_ids: Collection[int],
+    now: float,
+    within_s: float = vehicles.SERVED_S,
 ) -> None:
     """Store a request of a broker about vehicles; log those that another broker serves."""
-    for vehicle_id in vehicles.note_contact(connection, broker, vehicle_ids, now):
+    for vehicle_id in vehicles.note_contact(connection, broker, vehicle_ids, now, within_s):
         LOG.error(
             "vehicle %d has two brokers: %s gets no work for it while the other one is connected",
             *(vehicle_id, broker),
@@ -89,6 +94,7 @@ class BrokerContacts:
         self._clock = clock
         self._lock = threading.Lock()
         self._stored: dict[tuple[str, int | None], float] = {}  # By broker and vehicle, or poll
+        self._polls: dict[str, int] = {}  # How many each broker has begun
         self._withheld: dict[tuple[str, int], int] = {}  # First work, by broker and vehicle
 
     def note(self, broker: str, vehicle_ids: Collection[int]) -> None:
@@ -98,11 +104,32 @@ class BrokerContacts:
         if due:
             self._store(lambda rows: note_contact(rows, broker, due, now))
 
+    def begin_poll(self, broker: str) -> int:
+        """Note that a broker polls for work; returns the number of this poll."""
+        with self._lock:
+            number = self._polls.get(broker, 0) + 1
+            self._polls[broker] = number
+        self.note_poll(broker)
+        return number
+
     def note_poll(self, broker: str) -> None:
-        """Note that a broker polls for work."""
+        """Note that a broker polls for work, or still waits for it."""
         now = self._clock()
         if self._is_due((broker, None), now):
             self._store(lambda rows: vehicles.note_poll(rows, broker, now))
+
+    def note_cut_off(self, broker: str, number: int) -> None:
+        """Note that the connection of a poll was closed, unless the broker has polled again.
+
+        It may have polled at another server of a shared database, which is not known here.
+        """
+        with self._lock:
+            if self._polls.get(broker) != number or self._database.is_shared:
+                return
+            for key in [one for one in self._stored if one[0] == broker]:
+                del self._stored[key]  # Its next request is stored at once
+        now = self._clock()
+        self._store(lambda rows: vehicles.note_cut_off(rows, broker, now))
 
     def withhold(self, broker: str, items: Iterable[Work]) -> None:
         """Note work of vehicles that another broker serves; this one's cursor passes it."""

@@ -1,14 +1,14 @@
 """The broker's work: published in order, acknowledged, never after it has expired."""
 
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from enum import StrEnum
 from typing import Any, Final
 
 from sqlalchemy import Connection
 
 from afarcloud.annex import in_seconds
-from afarcloud.enumerations import Profile, Status
+from afarcloud.enumerations import EventType, Profile, Status
 from afarcloud.numbers import INT32_MAX
 from afarcloud.plan import LatestStateVector, Mission
 from afarcloud.wire import Kind, write
@@ -18,6 +18,7 @@ from edge_server.services.errors import ConflictError, NotFoundError, TooMuchErr
 from edge_server.services.fleet import event_states, progress, vehicle_holds, work_identity
 from edge_server.services.fleet.event_states import EVENT_STATES, State, Trigger
 from edge_server.services.fleet.vehicles import find as find_vehicle
+from edge_server.services.fleet.vehicles import why_unheard
 from edge_server.services.retries import retry_on_conflict
 from edge_server.store.connection.locks import WORK
 from edge_server.store.rows import plans, vehicles, work
@@ -77,20 +78,32 @@ def poll(
     wait_s: float,
     broker: str,
     vehicle_ids: frozenset[int] | None = None,
+    is_connected: Callable[[], bool] = lambda: True,
 ) -> dict[str, Any]:
     """Return the unfinished work after a cursor, waiting for some if there is none.
 
     Work of vehicles that another broker serves is withheld until that one is gone. `vehicle_ids`
     restricts it to the work of these vehicles; None means every vehicle. The answer names its
-    time: work expires by this clock, not by that of the broker.
+    time: work expires by this clock, not by that of the broker. While it waits, the broker counts
+    as present for as long as it `is_connected`.
 
     Raises:
         TooMuchError: if too many requests wait already.
     """
+    number = context.contacts.begin_poll(broker)
     if not context.places_to_wait.acquire(blocking=False):
         raise TooMuchError("too many requests wait for work; try again later")
     try:
-        answer = _poll(context, after_id, time.monotonic() + wait_s, broker, vehicle_ids)
+        deadline = time.monotonic() + wait_s
+
+        def look() -> bool:
+            if is_connected():
+                context.contacts.note_poll(broker)
+                return True
+            context.contacts.note_cut_off(broker, number)
+            return False
+
+        answer = _poll(context, after_id, deadline, broker, vehicle_ids, look)
         return {**answer, "time": show_time(context.clock())}
     finally:
         context.places_to_wait.release()
@@ -102,7 +115,9 @@ def _poll(
     deadline: float,
     broker: str,
     vehicle_ids: frozenset[int] | None,
+    look: Callable[[], bool],
 ) -> dict[str, Any]:
+    """Read until there is work, the time is over or `look` finds that nobody waits any more."""
     while True:
         seen = context.work_signal.count
         answer = _read_work(context, after_id, broker, vehicle_ids)
@@ -113,6 +128,8 @@ def _poll(
         if answer["commands"] or left <= 0 or context.work_signal.closed:
             return answer
         context.work_signal.wait(seen, min(left, POLL_INTERVAL_S))
+        if not look():
+            return answer
 
 
 def _read_work(
@@ -124,11 +141,7 @@ def _read_work(
         # A cursor beyond all work belongs to a database that was replaced: start at 0.
         cursor = after_id if after_id <= work.newest_id(connection) else 0
         now = context.clock()
-        others = {
-            vehicle_id
-            for vehicle_id, contact in vehicles.contacts(connection).items()
-            if not contact.serves(broker, now)
-        }
+        others = _served_by_others(connection, broker, now)
         cursor = context.contacts.first_released(broker, cursor, others)
         events = work.live_events(connection, now, after_id=cursor)
         found = work.unfinished(connection, after_id=cursor, limit=PAGE, may_fly=True)
@@ -143,6 +156,25 @@ def _read_work(
     # The rest follows a full page; an event behind it is then returned again.
     seen = found if len(found) == PAGE else [*events, *found]
     return {"cursor": max((item.id for item in seen), default=cursor), "commands": commands}
+
+
+def _served_by_others(connection: Connection, broker: str, now: float) -> set[int]:
+    """Return the vehicles whose work this broker does not get."""
+    contacts = vehicles.contacts(connection)
+    others = {one for one, contact in contacts.items() if not contact.serves(broker, now)}
+    urgent = others & _to_be_stopped(connection, now) if others else others
+    return others - {
+        one for one in urgent if contacts[one].serves(broker, now, vehicles.URGENT_SERVED_S)
+    }
+
+
+def _to_be_stopped(connection: Connection, now: float) -> set[int | None]:
+    """Return the vehicles for which an order that stops the flight waits for a broker."""
+    return {
+        one.vehicle_id
+        for one in work.live_events(connection, now)
+        if one.state == work.QUEUED and EventType((one.body or {})["event_type_id"]).stops_flight
+    }
 
 
 def _show(connection: Connection, item: Work) -> dict[str, Any]:
@@ -260,12 +292,14 @@ def acknowledge(
 def _check_broker(connection: Connection, vehicle_id: int, broker: str, now: float) -> None:
     """Check that no other broker serves a vehicle; from now on this one does."""
     contact = vehicles.contact(connection, vehicle_id)
-    if contact is not None and not contact.serves(broker, now):
+    is_urgent = vehicle_id in _to_be_stopped(connection, now)
+    within_s = vehicles.URGENT_SERVED_S if is_urgent else vehicles.SERVED_S
+    if contact is not None and not contact.serves(broker, now, within_s):
         raise ConflictError(
             f"vehicle {vehicle_id} is served by another broker, {contact.broker}, whose last "
             f"request was {abs(now - contact.at):.0f} s ago; a vehicle has one broker: stop one"
         )
-    brokers.note_contact(connection, broker, [vehicle_id], now)
+    brokers.note_contact(connection, broker, [vehicle_id], now, within_s)
 
 
 def _acknowledge_mission(
@@ -346,7 +380,8 @@ def expire(context: Context, connection: Connection, now: float) -> None:
         if item.kind == work.MISSION:
             end(connection, item, Status.ABORTED, EXPIRED, now)
         elif item.kind == work.EVENT:
-            _end_event(connection, item, EXPIRED_EVENT)
+            why = why_unheard(connection, item.vehicle_id, now)
+            _end_event(connection, item, f"{EXPIRED_EVENT}; {why}" if why else EXPIRED_EVENT)
         else:
             work.change(connection, item.id, state=work.CLOSED)
 

@@ -26,6 +26,7 @@ from edge_server.services.context import (
 from edge_server.services.errors import ConflictError, NotFoundError, TooMuchError
 from edge_server.services.fleet import broker_work
 from edge_server.services.fleet.event_states import state_of
+from edge_server.services.fleet.vehicles import why_unheard
 from edge_server.services.retries import retry_on_conflict
 from edge_server.store.connection.database import to_json
 from edge_server.store.connection.locks import WORK
@@ -69,12 +70,13 @@ def create(context: Context, event: Event, caller: Caller, waited_s: float = 0.0
             _empty_queue(connection, event, identifier, now)
             name = event.event_type_id.name
             audit.about(f"events/{identifier}: {name} of vehicle {event.vehicle_id}")
-            shown = show(_find(connection, identifier))
+            shown = _show(connection, _find(connection, identifier), now)
             answered = Answered(route, body_sha256, identifier, None, now, to_json(shown))
             post_idempotency.store_answer(connection, caller, answered)
         else:
             shown = post_idempotency.first_answer(
-                answered, lambda: show(_find(connection, answered.object_id))
+                answered,
+                lambda: _show(connection, _find(connection, answered.object_id), now),
             )
     context.work_signal.notify()
     context.wake_relay()
@@ -98,7 +100,7 @@ def replace(
         now = context.clock()
         broker_work.expire(context, connection, now)
         old = _find(connection, identifier)
-        precondition(show(old))
+        precondition(_show(connection, old, now))
         if old.state != work.QUEUED:
             raise ConflictError(
                 f"event {identifier} cannot be replaced: it is {state_of(old.status_id)}"
@@ -111,7 +113,7 @@ def replace(
         events.set_work(connection, identifier, _queue(connection, context, event, now))
         work.remove(connection, old.work_id)
         _empty_queue(connection, event, identifier, now)
-        shown = show(_find(connection, identifier))
+        shown = _show(connection, _find(connection, identifier), now)
     context.work_signal.notify()
     context.wake_relay()
     return shown
@@ -121,7 +123,7 @@ def find(context: Context, identifier: int) -> dict[str, Any]:
     """Return an event with its live state; raises NotFoundError."""
     broker_work.expire_if_due(context)
     with context.database.read() as connection:
-        return show(_find(connection, identifier))
+        return _show(connection, _find(connection, identifier), context.clock())
 
 
 def page(
@@ -138,7 +140,8 @@ def page(
         found = events.page(
             connection, after_id=after_id, limit=limit, since_s=since_s, vehicle_id=vehicle_id
         )
-    return [show(item) for item in found]
+        now = context.clock()
+        return [_show(connection, item, now) for item in found]
 
 
 @retry_on_conflict
@@ -170,6 +173,13 @@ def show(stored: StoredEvent) -> dict[str, Any]:
         "state": state_of(stored.status_id).value,
     }
     return {**shown, "message": stored.message} if stored.message else shown
+
+
+def _show(connection: Connection, stored: StoredEvent, now: float) -> dict[str, Any]:
+    """Return an event as the API shows it; one that reaches no broker says why."""
+    if stored.state == work.QUEUED and not stored.message:
+        stored = stored._replace(message=why_unheard(connection, stored.vehicle_id, now))
+    return show(stored)
 
 
 def _queue(

@@ -26,7 +26,7 @@ from edge_server.services.retries import retry_on_conflict
 from edge_server.store.connection.locks import WORK, of_vehicle
 from edge_server.store.rows import vehicle_holds, vehicles, work
 from edge_server.store.rows.vehicle_holds import VehicleHold
-from edge_server.store.rows.vehicles import Contact, StoredVehicle
+from edge_server.store.rows.vehicles import URGENT_SERVED_S, Contact, StoredVehicle
 
 NotNegative = Annotated[float, Field(ge=0), BeforeValidator(json_number)]
 
@@ -191,16 +191,40 @@ def _show(
     """Return a vehicle as the API shows it.
 
     `held` is why its queue waits, null if it does not; `brokers` are those that are connected, the
-    first one serves the vehicle.
+    first one serves the vehicle. In flight `warning` also says that orders reach no broker.
     """
+    is_flying = stored.state.get("armed") or stored.state.get("mission_id") is not None
+    unheard = _unheard(contact, now) if is_flying else None
+    warnings = [one for one in (stored.state.get("warning"), unheard) if one]
     return {
         "vehicle_id": stored.vehicle_id,
         **stored.state,
+        **({"warning": "; ".join(warnings)} if unheard else {}),
         "held": None if hold is None else _hold(hold),
         "brokers": [] if contact is None else contact.brokers(now),
         "registered_at": show_time(stored.registered_at),
         "updated_at": show_time(stored.updated_at),
     }
+
+
+def why_unheard(connection: Connection, vehicle_id: int | None, now: float) -> str | None:
+    """Explain why an order about a vehicle reaches no broker now; None if one asks for it."""
+    contact = None if vehicle_id is None else vehicles.contact(connection, vehicle_id)
+    return _unheard(contact, now)
+
+
+def _unheard(contact: Contact | None, now: float) -> str | None:
+    if contact is None:
+        return None
+    last = f"the last request of {contact.broker} was at {show_time(contact.at)}"
+    connected = contact.brokers(now)
+    is_silent = abs(now - contact.at) >= URGENT_SERVED_S
+    if len(connected) > 1 and is_silent:
+        return f"{connected[1]} gets only orders that stop the flight yet: {last}"
+    if len(connected) > 1:
+        return f"{connected[1]} gets no orders yet: {last}"
+    is_alone = contact.other is None or contact.other not in connected
+    return f"no broker asks for orders: {last}" if is_silent and is_alone else None
 
 
 def _hold(hold: VehicleHold) -> dict[str, Any]:

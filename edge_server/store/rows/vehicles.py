@@ -11,6 +11,10 @@ from edge_server.store.rows.tables import broker_contact, vehicle
 
 SERVED_S: Final = 60.0
 """A broker serves a vehicle until it has made no request for so long; it polls every 20 s."""
+URGENT_SERVED_S: Final = 20.0
+"""The same while an order that stops the flight waits. A poll that waits is noted every 15 s."""
+CUT_OFF_S: Final = 5.0
+"""The rest of `URGENT_SERVED_S` for a broker whose poll was cut off, which may poll again."""
 
 
 class StoredVehicle(NamedTuple):
@@ -75,9 +79,12 @@ class Contact(NamedTuple):
         times = ((self.broker, self.at), (self.other, self.other_at))
         return [name for name, at in times if name and at is not None and _is_recent(at, now)]
 
-    def serves(self, broker: str, now: float) -> bool:
-        """Whether a broker serves the vehicle, or may begin to: no other one serves it."""
-        return _is_same(self.broker, broker) or not _is_recent(self.at, now)
+    def serves(self, broker: str, now: float, within_s: float = SERVED_S) -> bool:
+        """Whether a broker serves the vehicle, or may begin to: no other one serves it.
+
+        The other one serves it until it has made no request for `within_s`.
+        """
+        return _is_same(self.broker, broker) or not _is_recent(self.at, now, within_s)
 
 
 def identity(owner: str, instance: str) -> str:
@@ -85,8 +92,8 @@ def identity(owner: str, instance: str) -> str:
     return f"{owner} {instance}" if instance else owner
 
 
-def _is_recent(at: float, now: float) -> bool:
-    return abs(now - at) < SERVED_S
+def _is_recent(at: float, now: float, within_s: float = SERVED_S) -> bool:
+    return abs(now - at) < within_s
 
 
 def _is_same(one: str, other: str) -> bool:
@@ -96,17 +103,22 @@ def _is_same(one: str, other: str) -> bool:
 
 
 def note_contact(
-    connection: Connection, broker: str, vehicle_ids: Iterable[int], now: float
+    connection: Connection,
+    broker: str,
+    vehicle_ids: Iterable[int],
+    now: float,
+    within_s: float = SERVED_S,
 ) -> list[int]:
     """Store that a broker has made a request about these vehicles.
 
+    It serves those whose other broker has made none for `within_s`.
     Returns those that another broker serves, if that was not known yet.
     """
     contested = []
     for vehicle_id in sorted(vehicle_ids):
         known = contact(connection, vehicle_id)
         new = Contact(broker, now)
-        if known is not None and known.serves(broker, now):
+        if known is not None and known.serves(broker, now, within_s):
             is_same = _is_same(known.broker, broker)
             name = max(known.broker, broker, key=len) if is_same else broker
             others = (known.other, known.other_at) if is_same else (None, None)
@@ -124,6 +136,15 @@ def note_poll(connection: Connection, broker: str, now: float) -> None:
     """Store that a broker has polled for work, for all vehicles that it serves."""
     connection.execute(
         update(broker_contact).where(broker_contact.c.broker == broker).values(at=now)
+    )
+
+
+def note_cut_off(connection: Connection, broker: str, now: float) -> None:
+    """Store that a broker's poll was cut off: `URGENT_SERVED_S` ends for it in `CUT_OFF_S`."""
+    connection.execute(
+        update(broker_contact)
+        .where(broker_contact.c.broker == broker)
+        .values(at=now - URGENT_SERVED_S + CUT_OFF_S)
     )
 
 

@@ -1,8 +1,9 @@
 """`/broker/commands`, and `/latest_state_vector/`, whose requests the broker receives there."""
 
+from collections.abc import Callable, Mapping
 from typing import Any, Final
 
-from flask import Blueprint
+from flask import Blueprint, request
 from flask.typing import ResponseReturnValue
 from pydantic import Field
 
@@ -13,6 +14,7 @@ from edge_server.api import bodies, schemas, urls
 from edge_server.api.access import scopes
 from edge_server.api.access.auth import BROKER, PEOPLE, allow, audit, broker
 from edge_server.api.contract import Contract, describe
+from edge_server.connections.exchange import Exchange
 from edge_server.services.fleet import broker_work, work_identity
 from edge_server.services.fleet.broker_work import Acknowledgement
 
@@ -51,8 +53,15 @@ def poll() -> dict[str, Any]:
     """Give work for the broker; with `wait`, block until there is some."""
     after = bodies.query_after()
     wait_s = bodies.query_number("wait", 0.0, 0.0, LONGEST_WAIT_S)
-    bodies.context().contacts.note_poll(broker())
-    return broker_work.poll(bodies.context(), after, wait_s, broker(), scopes.vehicles())
+    return broker_work.poll(
+        bodies.context(), after, wait_s, broker(), scopes.vehicles(), _is_connected(request.environ)
+    )
+
+
+def _is_connected(environ: Mapping[str, Any]) -> Callable[[], bool]:
+    """Return what tells whether the client still waits; another WSGI server does not know it."""
+    exchange = environ.get("gunicorn.socket")
+    return lambda: not isinstance(exchange, Exchange) or exchange.is_connected
 
 
 @allow(BROKER)
@@ -77,8 +86,8 @@ def acknowledge(identifier: int) -> dict[str, Any]:
 @describe(Contract({202: schemas.StateVectorRequest}, body=LatestStateVector, errors=(404, 429)))
 def request_state_vector() -> ResponseReturnValue:
     """Request a fresh state vector of one vehicle, or of all."""
-    request = bodies.document(Kind.LATEST_STATE_VECTOR, LatestStateVector)
-    scopes.check(request.vehicle_id)
-    answer = broker_work.request_state_vector(bodies.context(), request)
+    wanted = bodies.document(Kind.LATEST_STATE_VECTOR, LatestStateVector)
+    scopes.check(wanted.vehicle_id)
+    answer = broker_work.request_state_vector(bodies.context(), wanted)
     audit("requested the latest state vector")
     return answer, 202

@@ -4,7 +4,8 @@ from typing import Any
 
 import pytest
 
-from edge_server.store.rows.vehicles import SERVED_S
+from edge_server.services.fleet import broker_work
+from edge_server.store.rows.vehicles import CUT_OFF_S, SERVED_S, URGENT_SERVED_S
 from tests.support.databases import BOTH_ENGINES
 from tests.unit.edge_server.conftest import Edge
 from tests.unit.edge_server.documents import event, mission, plan, telemetry
@@ -100,6 +101,130 @@ def test_a_vehicle_goes_to_the_second_broker_once_the_first_is_gone(
     assert second.accept(1) == 200
     assert first.accept(1) == 409
     assert first.poll()[0] == []
+
+
+@BOTH_ENGINES
+@pytest.mark.parametrize("kind", [1, 2, 101, 103])
+def test_an_order_that_stops_the_flight_passes_to_the_second_broker_sooner(
+    edge: Edge, brokers: tuple[Broker, Broker], kind: int
+) -> None:
+    first, second = brokers
+    edge.post_plan(plan(mission(1)))
+    assert first.accept(1) == 200
+    edge.clock.pass_s(URGENT_SERVED_S - 1.0)
+    second.update()
+    found, cursor = second.poll()
+    assert found == []
+    assert edge.post("/events/", event(kind), "operator").status_code == 201
+    assert second.poll(cursor)[0] == []
+    assert second.accept(2) == 409
+    edge.clock.pass_s(1.0)
+    assert second.poll(cursor)[0] == [2, 1]
+    assert second.accept(2) == 200
+    assert first.accept(2) == 409
+    assert first.poll()[0] == []
+
+
+def test_other_orders_wait_until_the_first_broker_is_gone(
+    edge: Edge, brokers: tuple[Broker, Broker]
+) -> None:
+    first, second = brokers
+    edge.post_plan(plan(mission(1)))
+    assert first.accept(1) == 200
+    edge.clock.pass_s(SERVED_S - 1.0)
+    second.update()
+    edge.post("/events/", event(102), "operator")
+    assert second.poll()[0] == []
+
+
+def test_an_order_that_the_first_broker_has_accepted_stays_with_it(
+    edge: Edge, brokers: tuple[Broker, Broker]
+) -> None:
+    first, second = brokers
+    edge.post_plan(plan(mission(1)))
+    assert edge.post("/events/", event(), "operator").status_code == 201
+    assert first.poll()[0] == [2]
+    assert first.accept(2) == 200
+    edge.clock.pass_s(SERVED_S - 1.0)
+    second.update()
+    assert second.poll()[0] == []
+    assert second.accept(2) == 409
+
+
+def test_a_poll_that_was_cut_off_ends_the_wait_for_the_first_broker(edge: Edge) -> None:
+    first, second = Broker(edge, FIRST), Broker(edge, SECOND)
+    first.update()
+    second.update()
+    edge.post_plan(plan(mission(1)))
+    name = f"broker/broker {FIRST}"
+    broker_work.poll(edge.context, 1, 0.01, name, is_connected=lambda: False)
+    edge.post("/events/", event(), "operator")
+    edge.clock.pass_s(CUT_OFF_S - 1.0)
+    assert second.poll()[0] == []
+    edge.clock.pass_s(1.0)
+    assert second.poll()[0] == [2]
+
+
+def test_a_broker_that_polls_again_was_not_cut_off(edge: Edge) -> None:
+    first, second = Broker(edge, FIRST), Broker(edge, SECOND)
+    first.update()
+    second.update()
+    edge.post_plan(plan(mission(1)))
+    name = f"broker/broker {FIRST}"
+
+    def polls_meanwhile() -> bool:
+        first.poll(1)
+        return False
+
+    broker_work.poll(edge.context, 1, 0.01, name, is_connected=polls_meanwhile)
+    edge.post("/events/", event(), "operator")
+    edge.clock.pass_s(CUT_OFF_S)
+    assert second.poll()[0] == []
+
+
+def test_a_poll_that_waits_keeps_the_vehicle(edge: Edge) -> None:
+    first, second = Broker(edge, FIRST), Broker(edge, SECOND)
+    first.update()
+    second.update()
+    edge.post_plan(plan(mission(1)))
+
+    def time_passes() -> bool:
+        edge.clock.pass_s(URGENT_SERVED_S - 1.0)
+        return True
+
+    name = f"broker/broker {FIRST}"
+    broker_work.poll(edge.context, 1, 0.01, name, is_connected=time_passes)
+    edge.clock.pass_s(1.0)
+    edge.post("/events/", event(), "operator")
+    assert second.poll()[0] == []
+
+
+def test_an_order_that_reaches_no_broker_says_why(edge: Edge) -> None:
+    Broker(edge, FIRST).update()
+    edge.ask("PUT", "/vehicles/1", "broker", json={"link_state": "connected", "armed": True})
+    assert edge.get("/vehicles/1").get("warning") is None
+    answer = edge.post("/events/", event(), "operator")
+    assert "message" not in answer.json
+    edge.clock.pass_s(URGENT_SERVED_S)
+    why = f"no broker asks for orders: the last request of broker/broker {FIRST} was at "
+    why += "2026-11-21T12:00:00Z"
+    assert edge.get("/vehicles/1")["warning"] == why
+    answer = edge.post("/events/", event(), "operator")
+    assert (answer.status_code, answer.json["message"]) == (201, why)
+    assert edge.get("/events/2")["message"] == why
+    assert edge.get("/events/")[-1]["message"] == why
+    edge.clock.pass_s(10.0)
+    assert edge.get("/events/2")["message"] == f"expired before the broker accepted it; {why}"
+
+
+def test_an_order_that_waits_for_the_second_broker_says_so(edge: Edge) -> None:
+    first, second = Broker(edge, FIRST), Broker(edge, SECOND)
+    first.ask("PUT", "/vehicles/1", {"link_state": "connected", "armed": True})
+    second.update()
+    shown = edge.post("/events/", event(), "operator").json
+    why = f"broker/broker {SECOND} gets no orders yet: the last request of broker/broker {FIRST}"
+    assert shown["message"].startswith(why)
+    assert edge.get("/vehicles/1")["warning"] == shown["message"]
 
 
 def test_polling_alone_keeps_a_vehicle(edge: Edge, brokers: tuple[Broker, Broker]) -> None:
