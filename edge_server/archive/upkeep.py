@@ -11,7 +11,8 @@ from edge_server.archive import logs
 
 _PICTURES: Final = 16  # Per transaction, at most 1 MiB each
 _ROWS: Final = 2000
-_FREED_PAGES: Final = 1000
+_FREED_PAGES: Final = 400
+"""So few fit into the log of changes as it is: a full disk has no room for a longer one."""
 _OLDEST: Final = "SELECT id FROM flight WHERE ended_at IS NOT NULL AND dropped = 0"
 
 
@@ -82,8 +83,8 @@ def return_pages(connection: sqlite3.Connection) -> bool:
     """Return some free pages to the disk; returns whether there are more."""
     (free,) = connection.execute("PRAGMA freelist_count").fetchone()
     if free:
-        # Each row that is read frees a page
-        connection.execute(f"PRAGMA incremental_vacuum({_FREED_PAGES})").fetchall()
+        # As a script: each step frees one page, and `execute` makes the first step only
+        connection.executescript(f"PRAGMA incremental_vacuum({_FREED_PAGES});").close()
     return bool(free > _FREED_PAGES)
 
 

@@ -2,7 +2,9 @@
 
 import base64
 import shutil
+import sqlite3
 from collections import namedtuple
+from contextlib import closing
 from dataclasses import replace
 from typing import Any
 
@@ -52,6 +54,17 @@ def test_a_flight_that_outgrows_the_budget_keeps_its_beginning(config: Config) -
     assert len(edge.get("/flights/1/pictures")) == 3
     assert figure(edge, "fm_archive_lost_total") == 2
     assert edge.count("telemetry") == 6
+    edge.context.database.close()
+
+
+def test_what_is_deleted_is_returned_to_the_disk_at_once(config: Config) -> None:
+    edge = serve(replace(config, archive_mib=1))
+    for number in range(1, 4):
+        fly(edge, number)
+    edge.clock.pass_s(31 * 86_400.0)
+    edge.context.archive.maintain(trusts_clock=True)
+    with closing(sqlite3.connect(edge.config.archive_path)) as archive:
+        assert archive.execute("PRAGMA freelist_count").fetchone() == (0,)
     edge.context.database.close()
 
 
