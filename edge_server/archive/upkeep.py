@@ -24,6 +24,16 @@ def used_bytes(connection: sqlite3.Connection) -> int:
     return int((pages - free) * size)
 
 
+def running_bytes(connection: sqlite3.Connection) -> int:
+    """Return the bytes of the pictures and maps of flights that have not ended, which are kept."""
+    (size,) = connection.execute(
+        "SELECT coalesce(sum(length(data)), 0) FROM"
+        " (SELECT flight, data FROM picture UNION ALL SELECT flight, data FROM flight_map)"
+        " JOIN flight ON flight.id = flight WHERE ended_at IS NULL AND dropped = 0"
+    ).fetchone()
+    return int(size)
+
+
 def drop_part(connection: sqlite3.Connection) -> bool:
     """Delete a part of what is marked as dropped; returns whether there was any."""
     if logs.drop_part(connection):

@@ -18,10 +18,11 @@ from typing import Final, NamedTuple, TypeVar
 
 from afarcloud.state import MissionReport, Report
 from afarcloud.wire import Kind
-from edge_server.archive import flights, logs, losses, results, tables, upkeep
+from edge_server.archive import flights, logs, losses, results, shortage, tables, upkeep
 from edge_server.archive.flights import MissionName
 from edge_server.archive.losses import Losses
 from edge_server.archive.results import Place, Stored
+from edge_server.archive.shortage import Room
 
 LOG = logging.getLogger(__name__)
 PAUSE_S: Final = 10.0
@@ -29,7 +30,8 @@ LOCK_PATIENCE_S: Final = 0.2
 STEPS: Final = 20  # Transactions of a cycle of `maintain`
 CALM_SHARE: Final = 0.9
 """The oldest flights are dropped from this share of the budget on."""
-_RESERVE_BYTES: Final = 64 * 1024 * 1024
+_MIB: Final = 1024 * 1024
+_RESERVE_BYTES: Final = 64 * _MIB
 _RESERVE_PART: Final = 4
 _DAY_S: Final = 86_400.0
 _Result = TypeVar("_Result")
@@ -76,7 +78,7 @@ class FlightArchive:
     ) -> None:
         """`budget_bytes` is the size of the file at most; 0 switches the archive off.
 
-        `clock` gives epoch seconds, `monotonic` the time of the pause after a failure [s].
+        `clock` gives epoch seconds, `monotonic` the time of pauses and of a short disk [s].
         """
         self._path = path
         self._budget_bytes = budget_bytes
@@ -90,6 +92,8 @@ class FlightArchive:
         self._ids_before: list[tuple[str, int]] = []  # Of a file that was deleted
         self._resume_at = float("-inf")
         self._disk_is_short = False
+        self._short_since = 0.0
+        self._last_warning = ""
         self._has_failed = False
         self._losses = Losses()
         self._most_lost = 0
@@ -208,25 +212,26 @@ class FlightArchive:
         with self._lock:
             self._close()
 
-    def maintain(self, *, trusts_clock: bool) -> None:
+    def maintain(self, *, trusts_clock: bool, lacking_bytes: int = 0) -> None:
         """One cycle: drop flights beyond days and budget, and whatever the disk needs.
 
-        Never raises. Flights count as old only by a clock that may be trusted.
+        Never raises. Flights count as old only by a clock that may be trusted. `lacking_bytes` is
+        how much of the disk has to be free so that records are stored again, 0 while they are.
         """
         if not self.is_on or self._monotonic() < self._resume_at:
             return
         try:
             if not self._has_file():
-                self._note_room()  # Its file may have been deleted to make it
+                self._note_room(lacking_bytes)  # Its file may have been deleted to make it
                 return
             if trusts_clock:
                 self._locked(self._drop_aged)
             self._keep_budget()
-            self._spare_disk()
+            self._spare_disk(lacking_bytes)
         except Exception as error:  # noqa: BLE001  # the housekeeping continues after any error
             with self._lock:
                 self._fail(error)
-            self._discard_if_needed()
+            self._discard_if_needed(lacking_bytes)
 
     def _attempt(
         self,
@@ -358,34 +363,76 @@ class FlightArchive:
                 if not upkeep.return_pages(self._opened()):
                     break
 
-    def _spare_disk(self) -> None:
-        """Drop flights while the disk is short: undelivered records come first."""
-        kept = tables.set_aside_path(self._path)
-        is_short = self._free_bytes() < self._reserve_bytes()
-        if is_short and not self._disk_is_short:
-            LOG.warning("the disk is nearly full: the oldest flights are dropped from the archive")
+    def _spare_disk(self, lacking_bytes: int) -> None:
+        """Drop the oldest flights while the disk is short, if that can help."""
+        room = self._note_room(lacking_bytes)
+        wanted = shortage.wanted_bytes(room, self._monotonic() - self._short_since)
+        if not wanted:
+            return
+        with suppress(sqlite3.Error):  # On a full disk it may need room itself
+            self._shrink()
+        room = self._note_room(lacking_bytes)
+        if room.free >= wanted:
+            return
+        droppable = self._droppable_bytes()
+        if not shortage.can_help(room, droppable, wanted):
+            self._warn_once(
+                "the disk is nearly full, and not by flights: none is dropped; %d MiB are free, "
+                "%d MiB are wanted, the flights that have ended use %d MiB",
+                *(size // _MIB for size in (room.free, wanted, droppable)),
+            )
+            return
+        self._warn_once("the disk is nearly full: the oldest flights are dropped from the archive")
+        tables.set_aside_path(self._path).unlink(missing_ok=True)
         for _ in range(STEPS):
-            if self._free_bytes() >= self._reserve_bytes():
+            if self._free_bytes() >= wanted:
                 break
-            kept.unlink(missing_ok=True)
             if not (self._locked(upkeep.drop_part) or self._locked(upkeep.mark_oldest)):
-                self._discard_if_needed()
                 break
-            self._return_pages()
-            with self._lock:
-                upkeep.checkpoint(self._opened())
-        self._note_room()
+            self._shrink()
+        self._note_room(lacking_bytes)
 
-    def _note_room(self) -> None:
-        """Note whether the disk has room for flights beside the records."""
-        was_short = self._disk_is_short
-        self._disk_is_short = self._free_bytes() < self._reserve_bytes()
-        if was_short and not self._disk_is_short:
+    def _shrink(self) -> None:
+        """Return what the file and its log of changes do not need to the disk."""
+        self._return_pages()
+        with self._lock:
+            upkeep.checkpoint(self._opened())
+
+    def _droppable_bytes(self) -> int:
+        """Return how much of the disk all flights have that have ended, about."""
+        files = (*tables.files_of(self._path), tables.set_aside_path(self._path))
+        size = sum(file.stat().st_size for file in files if file.exists())
+        with self._lock:
+            return max(size - upkeep.running_bytes(self._opened()), 0)
+
+    def _note_room(self, lacking_bytes: int) -> Room:
+        """Note whether the disk has room for flights beside the records, and since when not."""
+        room = Room(self._free_bytes(), self._reserve_bytes(), lacking_bytes)
+        if room.is_short and not self._disk_is_short:
+            self._short_since = self._monotonic()
+            LOG.warning(
+                "the disk is nearly full: nothing is archived; %d MiB are free, the archive leaves "
+                "%d MiB",
+                *(room.free // _MIB, room.limit // _MIB),
+            )
+        elif self._disk_is_short and not room.is_short:
+            self._last_warning = ""
             LOG.info("the disk has room again: flights are archived")
+        self._disk_is_short = room.is_short
+        return room
 
-    def _discard_if_needed(self) -> None:
-        """Delete the whole archive if nothing else helps and the records need its room soon."""
-        if self._free_bytes() >= self._reserve_bytes() // 2:
+    def _warn_once(self, text: str, *values: int) -> None:
+        """Log a warning about a shortage, unless it was the last one."""
+        if self._last_warning != text:
+            self._last_warning = text
+            LOG.warning(text, *values)
+
+    def _discard_if_needed(self, lacking_bytes: int) -> None:
+        """Delete the whole archive if records lack its room, and no flight can be dropped."""
+        room = Room(self._free_bytes(), self._reserve_bytes(), lacking_bytes)
+        wanted = shortage.wanted_bytes(room, 0.0)
+        size = sum(file.stat().st_size for file in tables.files_of(self._path) if file.exists())
+        if not wanted or not shortage.can_help(room, size, wanted):
             return
         with self._lock:
             LOG.error("the disk is short: the flight archive %s is deleted", self._path)

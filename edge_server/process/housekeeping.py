@@ -43,8 +43,10 @@ def run(context: Context, stopping: threading.Event) -> None:
     while not stopping.is_set():
         try:
             broker_work.expire_if_due(context)
-            # Before the records are refused for lack of room, the archive gives it back
-            context.archive.maintain(trusts_clock=context.space.trusts_clock(time.monotonic()))
+            context.archive.maintain(
+                trusts_clock=context.space.trusts_clock(time.monotonic()),
+                lacking_bytes=context.space.lacking_bytes,
+            )
             context.space.maintain(time.monotonic())
             if turn % CLEANUP_EVERY == 0:
                 delete_requests(context)

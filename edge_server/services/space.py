@@ -113,6 +113,14 @@ class Space:
             self._config.ballast_path.exists() or self._has_free_pages
         )
 
+    @property
+    def lacking_bytes(self) -> int:
+        """How much of the disk has to be free so that all records are accepted; 0 while they are.
+
+        The ballast is made again when twice its size is free.
+        """
+        return ballast.bytes_to_hold(self._config.ballast_path) if self._disk_is_full() else 0
+
     def level(self) -> Level:
         """Return how full the budget is, by the last measurement and what was stored since."""
         with self._lock:

@@ -50,6 +50,11 @@ def _hold(path: Path, size: int) -> bool:
     return True
 
 
+def bytes_to_hold(path: Path) -> int:
+    """Return how much has to be free so that the ballast is made [bytes]."""
+    return _TIMES_FREE * size_on(path)
+
+
 def size_on(path: Path) -> int:
     """Return the size of the ballast on the disk of this path [bytes]."""
     return min(SIZE_BYTES, shutil.disk_usage(path.parent).total // _PART_OF_DISK)

@@ -10,6 +10,9 @@ from typing import Any
 
 import pytest
 
+from edge_server.archive import tables, upkeep
+from edge_server.archive.shortage import PATIENCE_S
+from edge_server.archive.writer import PAUSE_S
 from edge_server.config import Config
 from tests.unit.edge_server.archive.flown import FINISHED, begin, figure, report, send, serve
 from tests.unit.edge_server.conftest import Edge
@@ -98,40 +101,134 @@ def test_no_mib_is_no_archive(config: Config) -> None:
     edge.context.database.close()
 
 
-def test_the_archive_gives_way_when_the_disk_is_short(
-    edge: Edge, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    usage = namedtuple("usage", "total used free")  # noqa: PYI024  # as shutil's
+class Disk:
+    """A disk that another program has filled up to some bytes, with the archive on it."""
+
+    def __init__(self, edge: Edge, patch: pytest.MonkeyPatch) -> None:
+        self._edge = edge
+        self._free = 1000 * MIB
+        patch.setattr(shutil, "disk_usage", lambda _: _USAGE(100_000 * MIB, 0, self.free))
+
+    @property
+    def free(self) -> int:
+        """What is left of `leave` and of the growth of the archive since [bytes]."""
+        return self._free - self._size()
+
+    def leave(self, free: int) -> None:
+        if self._size():
+            with closing(sqlite3.connect(self._edge.config.archive_path)) as archive:
+                archive.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchall()
+        self._free = free + self._size()
+
+    def _size(self) -> int:
+        files = tables.files_of(self._edge.config.archive_path)
+        return sum(file.stat().st_size for file in files if file.exists())
+
+
+_USAGE = namedtuple("_USAGE", "total used free")  # noqa: PYI024  # as shutil's
+
+
+@pytest.fixture
+def disk(edge: Edge, monkeypatch: pytest.MonkeyPatch) -> Disk:
+    return Disk(edge, monkeypatch)
+
+
+def look(edge: Edge, lacking_bytes: int = 0) -> None:
+    edge.context.archive.maintain(trusts_clock=False, lacking_bytes=lacking_bytes)
+
+
+def test_a_short_disk_costs_no_flight_within_a_minute(edge: Edge, disk: Disk) -> None:
     for number in (1, 2):
         fly(edge, number)
-    with monkeypatch.context() as patch:
-        patch.setattr(shutil, "disk_usage", lambda _: usage(100_000 * MIB, 0, 40 * MIB))
-        edge.context.archive.maintain(trusts_clock=False)
-        assert flown(edge) == []
-        fly(edge, 3)
-        assert flown(edge) == []
-    assert edge.count("telemetry") == 9
-    edge.context.archive.maintain(trusts_clock=False)
+    disk.leave(64 * MIB - 1)
+    look(edge)
+    assert not edge.context.archive.figures().is_working
+    fly(edge, 3)  # Nothing is archived, at once
+    disk.leave(64 * MIB)
+    look(edge)
+    disk.leave(64 * MIB - 1)
+    look(edge)
+    edge.clock.pass_s(PATIENCE_S - 1.0)
+    look(edge)
+    assert flown(edge) == [1, 2]
+    disk.leave(64 * MIB)
+    look(edge)
     fly(edge, 4)
-    assert flown(edge) == [4]
+    assert flown(edge) == [1, 2, 4]
+    assert edge.count("telemetry") == 12
 
 
-def test_the_file_is_deleted_if_nothing_else_helps_and_begun_again_when_there_is_room(
-    edge: Edge, monkeypatch: pytest.MonkeyPatch
+def test_after_a_minute_the_oldest_flights_make_room_as_many_as_are_needed(
+    edge: Edge, disk: Disk, caplog: pytest.LogCaptureFixture
 ) -> None:
-    usage = namedtuple("usage", "total used free")  # noqa: PYI024  # as shutil's
-    begin(edge)
+    for number in range(1, 6):
+        fly(edge, number)
+    disk.leave(64 * MIB - 400_000)
+    look(edge)
+    edge.clock.pass_s(PATIENCE_S)
+    look(edge)
+    assert flown(edge) == [3, 4, 5]
+    assert disk.free >= 64 * MIB
+    assert edge.context.archive.figures().is_working
+    assert caplog.text.count("the oldest flights are dropped") == 1
+
+
+def test_flights_that_cannot_help_are_kept(
+    edge: Edge, disk: Disk, caplog: pytest.LogCaptureFixture
+) -> None:
+    for number in range(1, 4):
+        fly(edge, number)
+    begin(edge, 4)
+    for number in range(4):  # A flight that has not ended makes no room
+        send(edge, "image", sequence_number=number, **picture())
+    disk.leave(62 * MIB)
+    look(edge)
+    edge.clock.pass_s(PATIENCE_S)
+    for _ in range(3):
+        look(edge, lacking_bytes=63 * MIB)
+    assert flown(edge) == [1, 2, 3, 4]
+    (said,) = (one for one in caplog.messages if "not by flights" in one)
+    assert said.endswith(
+        "62 MiB are free, 64 MiB are wanted, the flights that have ended use 1 MiB"
+    )
+
+
+def test_records_that_lack_room_get_it_at_once(edge: Edge, disk: Disk) -> None:
+    for number in range(1, 5):
+        fly(edge, number)
+    disk.leave(16 * MIB - 200_000)
+    look(edge)
+    assert flown(edge) == [1, 2, 3, 4]
+    look(edge, lacking_bytes=16 * MIB)
+    assert flown(edge) == [2, 3, 4]
+    assert disk.free >= 16 * MIB
+
+
+def test_a_file_that_gives_no_room_back_is_deleted_for_records_that_lack_it(
+    edge: Edge, disk: Disk, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fly(edge, 1)
+    disk.leave(16 * MIB - 200_000)
+
+    def fails(_: sqlite3.Connection) -> bool:
+        raise sqlite3.OperationalError("database or disk is full")
+
     with monkeypatch.context() as patch:
-        patch.setattr(shutil, "disk_usage", lambda _: usage(100_000 * MIB, 0, 10 * MIB))
-        for _ in range(2):
-            edge.context.archive.maintain(trusts_clock=False)
-            assert not edge.config.archive_path.exists()
-            assert not edge.context.archive.figures().is_working
+        patch.setattr(upkeep, "drop_part", fails)
+        look(edge)
+        edge.clock.pass_s(PAUSE_S)
+        assert edge.config.archive_path.exists()
+        look(edge, lacking_bytes=16 * MIB)
+        assert not edge.config.archive_path.exists()
+        edge.clock.pass_s(PAUSE_S)
+        look(edge)
+        assert not edge.context.archive.figures().is_working
         fly(edge, 2)
         assert flown(edge) == []
-    assert edge.count("telemetry") == 4
-    edge.context.archive.maintain(trusts_clock=False)
-    assert edge.context.archive.figures().is_working
+    assert edge.count("telemetry") == 6
+    disk.leave(64 * MIB)
+    look(edge)
     fly(edge, 3)
+    assert edge.context.archive.figures().is_working
     assert flown(edge) == [3]
     assert [flight["id"] for flight in edge.get("/flights/")] == [2]  # A link to 1 shows no other

@@ -413,7 +413,9 @@ def test_without_its_ballast_only_what_is_urgent_is_taken_in(farm: Farm) -> None
     farm.turn()
     ballast = farm.context.config.ballast_path
     assert ballast.stat().st_blocks * 512 >= 1024 * 1024
+    assert farm.space.lacking_bytes == 0
     ballast.unlink()
+    assert farm.space.lacking_bytes >= 2 * 1024 * 1024
     with pytest.raises(FullError, match="disk is full"):
         farm.keep("pose")
     farm.keep("alarm")
