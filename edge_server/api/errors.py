@@ -52,8 +52,8 @@ RETRY_SOON: Final = {"Retry-After": "1"}
 class RequestError(Exception):
     """A request that is refused before it reaches a service.
 
-    `status` is the HTTP status; `where` is the part of the request with the faults: query, json
-    or form.
+    `status` is the HTTP status; `where` is the part of the request with the faults: query, json,
+    form or header.
     """
 
     def __init__(

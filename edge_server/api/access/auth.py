@@ -22,6 +22,7 @@ from flask import current_app, g, request
 from werkzeug.datastructures import WWWAuthenticate
 from werkzeug.exceptions import Forbidden, HTTPException, Unauthorized
 
+from afarcloud.faults import Fault
 from edge_server.api.access import audit_trail, scopes
 from edge_server.api.access.limits import Limits
 from edge_server.api.errors import RequestError
@@ -232,7 +233,7 @@ def caller() -> Caller:
     """Give the caller and its idempotency key; raises 422 for a malformed one."""
     key = request.headers.get("Idempotency-Key")
     if key is not None and not is_idempotency_key(key):
-        raise RequestError(422, f"Idempotency-Key {KEY_RULE}")
+        raise _wrong_header("Idempotency-Key", KEY_RULE)
     return Caller(g.role, key, g.key.name, _instance())
 
 
@@ -244,8 +245,13 @@ def broker() -> str:
 def _instance() -> str:
     instance = request.headers.get(INSTANCE_HEADER, "")
     if instance and _INSTANCE_SHAPE.fullmatch(instance) is None:
-        raise RequestError(422, f"{INSTANCE_HEADER} must be 1 to 32 letters and digits")
+        raise _wrong_header(INSTANCE_HEADER, "must be 1 to 32 letters and digits")
     return instance
+
+
+def _wrong_header(name: str, rule: str) -> RequestError:
+    """Make the 422 for a header field that breaks its rule."""
+    return RequestError(422, f"{name} {rule}", (Fault(name, rule),), where="header")
 
 
 def is_idempotency_key(key: object) -> bool:

@@ -215,3 +215,19 @@ def test_answers_are_not_cached_or_guessed_at(edge: Edge) -> None:
     for answer in (edge.ask("GET", "/plans/", "operator"), edge.ask("GET", "/nothing", "admin")):
         assert answer.headers["X-Content-Type-Options"] == "nosniff"
         assert answer.headers["Cache-Control"] == "no-store"
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "rule"),
+    [
+        ("Idempotency-Key", "a b", "must be 1 to 64 visible ASCII characters"),
+        ("Idempotency-Key", "x" * 65, "must be 1 to 64 visible ASCII characters"),
+        ("Broker-Instance", "a-b", "must be 1 to 32 letters and digits"),
+    ],
+)
+def test_a_wrong_header_field_is_named(edge: Edge, name: str, value: str, rule: str) -> None:
+    body = telemetry("pose")
+    answer = edge.ask("POST", "/pose/", "broker", json=body, headers={name: value})
+    assert answer.status_code == 422
+    assert (answer.json or {})["detail"] == {"header": {name: [rule]}}
+    assert (answer.json or {})["message"] == f"{name} {rule}"
