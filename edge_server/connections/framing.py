@@ -4,8 +4,9 @@ It reads as much of a head as determines the length of the body (RFC 9112 sectio
 the rest to gunicorn's parser. A head that it cannot frame is the last request of its connection
 and is refused by that parser. What the parser would accept, or refuse too late, is
 refused here with the status in `FramedRequest.refusal`: a head that is too long, an unknown version
-of HTTP, a duplicate of a singleton field (RFC 9110 section 5.3; the parser would join them), and a
-body that is malformed (RFC 9112 section 7.1) or too large.
+of HTTP, a duplicate of a singleton field (RFC 9110 section 5.3; the parser would join them),
+HTTP/1.1 without Host (RFC 9112 section 3.2), and a body that is malformed (RFC 9112 section 7.1) or
+too large.
 
 One thread frames the requests of all clients, so the work for a body is bounded by its bytes: the
 number of chunks has a limit that grows with the payload.
@@ -177,6 +178,9 @@ class RequestFraming:
         )
         if twice is not None:
             self._refuse(BAD_REQUEST, f"the header field {twice.decode().title()} is present twice")
+            return
+        if version == b"HTTP/1.1" and b"host" not in fields:
+            self._refuse(BAD_REQUEST, "the header field Host is missing")
             return
         codings, lengths = fields.get(b"transfer-encoding"), fields.get(b"content-length")
         expected = [value.lower() for value in fields.get(b"expect", [])]

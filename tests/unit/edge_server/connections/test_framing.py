@@ -26,12 +26,12 @@ from tests.support.cases import failures
 
 GET = b"GET /plans/ HTTP/1.1\r\nHost: edge\r\n\r\n"
 NOT_A_LENGTH = "the header field Content-Length must be the number of bytes of the body"
-SIZED = b"POST /pose/ HTTP/1.1\r\nContent-Length: 12\r\n\r\nhello\r\n\r\nyou"
+SIZED = b"POST /pose/ HTTP/1.1\r\nHost: a\r\nContent-Length: 12\r\n\r\nhello\r\n\r\nyou"
 CHUNKED = (
-    b"POST /pose/ HTTP/1.1\r\nTransfer-Encoding: Chunked\r\n\r\n"
+    b"POST /pose/ HTTP/1.1\r\nHost: a\r\nTransfer-Encoding: Chunked\r\n\r\n"
     b"5;name=value\r\nhello\r\n1f\r\n" + b"x" * 31 + b"\r\n0\r\nChecksum: yes\r\n\r\n"
 )
-EMPTY = b"POST /x HTTP/1.1\r\ncontent-length: 0\r\n\r\n"
+EMPTY = b"POST /x HTTP/1.1\r\nHost: a\r\ncontent-length: 0\r\n\r\n"
 
 
 def cut(stream: bytes, places: Iterable[int]) -> list[bytes]:
@@ -72,8 +72,8 @@ def test_a_request_is_ready_at_its_last_byte_and_not_before(request_: bytes) -> 
 @pytest.mark.parametrize(
     "raw",
     [
-        b"POST / HTTP/1.1\r\nContent-Length: 1" + b"0" * 30 + b"\r\n\r\n",
-        b"POST / HTTP/1.1\r\nContent-Length: %d\r\n\r\n" % (MAXIMUM_BODY_BYTES + 1),
+        b"POST / HTTP/1.1\r\nHost: a\r\nContent-Length: 1" + b"0" * 30 + b"\r\n\r\n",
+        b"POST / HTTP/1.1\r\nHost: a\r\nContent-Length: %d\r\n\r\n" % (MAXIMUM_BODY_BYTES + 1),
     ],
 )
 def test_a_head_that_cannot_be_framed_goes_to_the_parser_and_is_the_last(raw: bytes) -> None:
@@ -86,12 +86,13 @@ def test_a_head_that_cannot_be_framed_goes_to_the_parser_and_is_the_last(raw: by
     ("raw", "status", "reason"),
     [
         (b"x" * (MAXIMUM_HEAD_BYTES + 1), 414, None),
-        (b"GET / HTTP/1.1\r\nA: " + b"x" * MAXIMUM_HEAD_BYTES, 431, None),
-        (b"GET / HTTP/1.1\r\nA: " + b"x" * MAXIMUM_HEAD_BYTES + b"\r\n\r\n", 431, None),
+        (b"GET / HTTP/1.1\r\nHost: a\r\nA: " + b"x" * MAXIMUM_HEAD_BYTES, 431, None),
+        (b"GET / HTTP/1.1\r\nHost: a\r\nA: " + b"x" * MAXIMUM_HEAD_BYTES + b"\r\n\r\n", 431, None),
         (b"GET / HTTP/1.2\r\n\r\n", 505, None),
         (b"PRI * HTTP/2.0\r\n\r\n", 505, None),
+        (b"GET / HTTP/1.1\r\n\r\n", 400, "the header field Host is missing"),
         (
-            b"POST / HTTP/1.1\r\nIdempotency-Key: a\r\nIDEMPOTENCY-KEY: a\r\n\r\n",
+            b"POST / HTTP/1.1\r\nHost: a\r\nIdempotency-Key: a\r\nIDEMPOTENCY-KEY: a\r\n\r\n",
             400,
             "the header field Idempotency-Key is present twice",
         ),
@@ -101,22 +102,22 @@ def test_a_head_that_cannot_be_framed_goes_to_the_parser_and_is_the_last(raw: by
             "the header field Authorization is present twice",
         ),
         (
-            b"POST / HTTP/1.1\r\nContent-Length: -1\r\n\r\n",
+            b"POST / HTTP/1.1\r\nHost: a\r\nContent-Length: -1\r\n\r\n",
             400,
             f'{NOT_A_LENGTH}, not "-1"',
         ),
         (
-            b"POST / HTTP/1.1\r\nContent-Length: \xb2\r\n\r\n",
+            b"POST / HTTP/1.1\r\nHost: a\r\nContent-Length: \xb2\r\n\r\n",
             400,
             f'{NOT_A_LENGTH}, not "\\xb2"',
         ),
         (
-            b"POST / HTTP/1.1\r\nContent-Length: 5\r\nContent-Length: 5\r\n\r\n",
+            b"POST / HTTP/1.1\r\nHost: a\r\nContent-Length: 5\r\nContent-Length: 5\r\n\r\n",
             400,
             "the header field Content-Length is present twice",
         ),
         (
-            b"POST / HTTP/1.1\r\nContent-Length: 5\r\nTransfer-Encoding: chunked\r\n\r\n",
+            b"POST / HTTP/1.1\r\nHost:\r\nContent-Length: 5\r\nTransfer-Encoding: chunked\r\n\r\n",
             400,
             "the header fields Content-Length and Transfer-Encoding exclude each other",
         ),
@@ -139,13 +140,16 @@ def test_a_list_field_may_be_present_twice() -> None:
     assert requests_in([raw])[0] == [FramedRequest(raw, is_whole=True)]
 
 
-IN_CHUNKS = b"POST / HTTP/1.1\r\nTransfer-Encoding: chunked\r\n\r\n"
+IN_CHUNKS = b"POST / HTTP/1.1\r\nHost: a\r\nTransfer-Encoding: chunked\r\n\r\n"
 
 
 BROKEN_BODIES: list[tuple[bytes, int]] = [
-    (b"POST / HTTP/1.1\r\nTransfer-Encoding: gzip, chunked\r\n\r\n", 501),
-    (b"POST / HTTP/1.1\r\nTransfer-Encoding: gzip\r\nTransfer-Encoding: chunked\r\n\r\n", 501),
-    (b"POST / HTTP/1.1\r\nTransfer-Encoding: chunked, chunked\r\n\r\n", 400),
+    (b"POST / HTTP/1.1\r\nHost: a\r\nTransfer-Encoding: gzip, chunked\r\n\r\n", 501),
+    (
+        b"PUT / HTTP/1.1\r\nHost:\r\nTransfer-Encoding: gzip\r\nTransfer-Encoding: chunked\r\n\r\n",
+        501,
+    ),
+    (b"POST / HTTP/1.1\r\nHost: a\r\nTransfer-Encoding: chunked, chunked\r\n\r\n", 400),
     (IN_CHUNKS + b"zz\r\n", 400),
     (IN_CHUNKS + b"-5\r\n", 400),
     (IN_CHUNKS + b"+5\r\n", 400),
@@ -227,7 +231,7 @@ def test_a_body_of_tiny_chunks_costs_a_bounded_number_of_steps(
 )
 def test_the_parser_reads_every_body_that_is_not_refused(parts: list[bytes]) -> None:
     found, _ = requests_in(
-        [b"POST / HTTP/1.1\r\nTransfer-Encoding: chunked\r\n\r\n" + b"".join(parts)]
+        [b"POST / HTTP/1.1\r\nHost: a\r\nTransfer-Encoding: chunked\r\n\r\n" + b"".join(parts)]
     )
     for request in found[:1]:
         if request.refusal is None:
@@ -244,7 +248,7 @@ def test_any_bytes_are_framed_and_none_are_lost(tail: bytes, places: list[int]) 
 
 def test_a_body_without_end_is_not_kept() -> None:
     framing = RequestFraming()
-    framing.feed(b"POST / HTTP/1.1\r\nTransfer-Encoding: chunked\r\n\r\n")
+    framing.feed(b"POST / HTTP/1.1\r\nHost: a\r\nTransfer-Encoding: chunked\r\n\r\n")
     fed = 0
     while framing.stage is not Stage.READY:
         framing.feed(b"10000\r\n" + b"x" * 0x10000 + b"\r\n")
@@ -256,7 +260,9 @@ def test_a_body_without_end_is_not_kept() -> None:
 @pytest.mark.parametrize(("version", "wants"), [(b"HTTP/1.1", True), (b"HTTP/1.0", False)])
 def test_expect_100_continue_is_recognized(version: bytes, *, wants: bool) -> None:
     framing = RequestFraming()
-    framing.feed(b"POST / %b\r\nContent-Length: 5\r\nExpect: 100-Continue\r\n\r\n" % version)
+    framing.feed(
+        b"POST / %b\r\nHost: a\r\nContent-Length: 5\r\nExpect: 100-Continue\r\n\r\n" % version
+    )
     assert framing.wants_continue == wants
 
 

@@ -22,12 +22,12 @@ from tests.support.descriptors import numbers_given_again, open_channels
 from tests.support.polling import PATIENCE_S, wait_until
 
 ANSWER = b"HTTP/1.1 200 OK\r\nContent-Length: 2\r\n\r\nok"
-ABORT = b"POST /events/ HTTP/1.1\r\nContent-Length: 2\r\n\r\n{}"
+ABORT = b"POST /events/ HTTP/1.1\r\nHost: a\r\nContent-Length: 2\r\n\r\n{}"
 REFUSED = b"HTTP/1.1 503 No\r\n\r\n"
 SERVER = "127.0.0.9"
 """Not 127.0.0.1: a program of another test that still asks for a server which has ended would find
 this one under a port that was given again, and its connection would count."""
-GET = b"GET /plans/ HTTP/1.1\r\n\r\n"
+GET = b"GET /plans/ HTTP/1.1\r\nHost: a\r\n\r\n"
 
 
 def answer(exchange: Exchange) -> bool:
@@ -116,7 +116,7 @@ def test_a_thousand_slow_clients_do_not_delay_an_answer(per_address: int) -> Non
         b"G",
         ABORT[:30],
         ABORT[:-1],
-        b"POST / HTTP/1.1\r\nContent-Length: 9\r\n\r\n",
+        b"POST / HTTP/1.1\r\nHost: a\r\nContent-Length: 9\r\n\r\n",
     ]
     with running(per_address=per_address) as service, contextlib.ExitStack() as stack:
         for number in range(1000):
@@ -250,7 +250,7 @@ def test_a_request_without_a_key_does_not_occupy_the_threads_of_aborts() -> None
             stack.enter_context(service.connect()).sendall(strange)
         wait_until(lambda: service.counts.open == 20)
         assert service.ask(ABORT) == ANSWER
-        assert service.ask(b"GET /broker/commands HTTP/1.1\r\n\r\n") == ANSWER
+        assert service.ask(b"GET /broker/commands HTTP/1.1\r\nHost: a\r\n\r\n") == ANSWER
 
 
 @pytest.mark.thorough
@@ -258,7 +258,10 @@ def test_a_head_and_a_body_have_a_deadline_for_the_whole(monkeypatch: pytest.Mon
     monkeypatch.setattr(connection, "HEAD_S", 0.3)
     monkeypatch.setattr(connection, "BODY_S", 0.6)
     with running() as service:
-        for start, reason in ((b"GET / HTTP/1.1\r\nX: ", "slow_head"), (ABORT[:-2], "slow_body")):
+        for start, reason in (
+            (b"GET / HTTP/1.1\r\nHost: a\r\nX: ", "slow_head"),
+            (ABORT[:-2], "slow_body"),
+        ):
             with service.connect() as sock:
                 sock.sendall(start)
                 with contextlib.suppress(ConnectionError):
@@ -289,7 +292,7 @@ def test_a_request_that_ends_before_it_is_complete_is_answered(length: int) -> N
 
 def test_memory_is_bounded_and_the_oldest_request_is_dropped() -> None:
     with running(kept_bytes=500_000) as service, contextlib.ExitStack() as stack:
-        head = b"POST /pose/ HTTP/1.1\r\nContent-Length: 300000\r\n\r\n"
+        head = b"POST /pose/ HTTP/1.1\r\nHost: a\r\nContent-Length: 300000\r\n\r\n"
         first = stack.enter_context(service.connect())
         first.sendall(head + b"x" * 290_000)
         wait_until(lambda: service.counts.open == 1)
@@ -302,7 +305,7 @@ def test_memory_is_bounded_and_the_oldest_request_is_dropped() -> None:
 
 def test_the_oldest_of_requests_that_were_accepted_together_are_dropped() -> None:
     clients: list[socket.socket] = []
-    head = b"POST /pose/ HTTP/1.1\r\nContent-Length: 20000\r\n\r\n"
+    head = b"POST /pose/ HTTP/1.1\r\nHost: a\r\nContent-Length: 20000\r\n\r\n"
 
     def connect(service: Running) -> None:
         for _ in range(8):
@@ -327,7 +330,7 @@ def test_waiting_requests_are_bounded_and_events_keep_their_share() -> None:
         return answer(exchange)
 
     body = b"x" * 40_000
-    picture = b"POST /image/ HTTP/1.1\r\nContent-Length: 40000\r\n\r\n" + body
+    picture = b"POST /image/ HTTP/1.1\r\nHost: a\r\nContent-Length: 40000\r\n\r\n" + body
     with running(serve, kept_bytes=400_000) as service, contextlib.ExitStack() as stack:
         stack.callback(released.set)
         pictures = [stack.enter_context(service.connect()) for _ in range(30)]
@@ -336,7 +339,7 @@ def test_waiting_requests_are_bounded_and_events_keep_their_share() -> None:
         wait_until(lambda: service.counts.closed().get("busy", 0) >= 23)
         event, poll = (stack.enter_context(service.connect()) for _ in range(2))
         event.sendall(ABORT)
-        poll.sendall(b"GET /broker/commands HTTP/1.1\r\n\r\n")
+        poll.sendall(b"GET /broker/commands HTTP/1.1\r\nHost: a\r\n\r\n")
         assert service.ask(picture) == REFUSED
         released.set()
         assert event.recv(4096) == ANSWER
@@ -354,7 +357,9 @@ def test_pipelined_requests_are_answered_in_order() -> None:
         return True
 
     with running(serve) as service, service.connect() as sock:
-        sock.sendall(b"".join(b"GET /%d HTTP/1.1\r\n\r\n" % number for number in range(20)))
+        sock.sendall(
+            b"".join(b"GET /%d HTTP/1.1\r\nHost: a\r\n\r\n" % number for number in range(20))
+        )
         received = b""
         while not received.endswith(b"/19"):
             received += sock.recv(4096)
@@ -379,7 +384,7 @@ def test_a_client_that_does_not_read_its_answer_times_out(
 
     with running(serve, threads=1) as service, service.connect() as sock:
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
-        sock.sendall(b"GET /large HTTP/1.1\r\n\r\n")
+        sock.sendall(b"GET /large HTTP/1.1\r\nHost: a\r\n\r\n")
         assert given_up.wait(PATIENCE_S)
         assert service.ask(GET) == ANSWER
 
@@ -390,7 +395,7 @@ def test_an_answer_is_not_lost_when_its_client_still_sends() -> None:
         return False
 
     with running(refuse) as service, service.connect() as sock:
-        sock.sendall(b"POST /pose/ HTTP/1.1\r\nContent-Length: 5000000\r\n\r\n")
+        sock.sendall(b"POST /pose/ HTTP/1.1\r\nHost: a\r\nContent-Length: 5000000\r\n\r\n")
         for _ in range(100):
             sock.sendall(b"x" * 50_000)
         assert sock.recv(4096).startswith(b"HTTP/1.1 413")
@@ -402,7 +407,7 @@ def test_a_head_without_end_is_answered_with_the_reason() -> None:
         return False
 
     with running(refuse) as service, service.connect() as sock:
-        sock.sendall(b"GET / HTTP/1.1\r\nA: ")
+        sock.sendall(b"GET / HTTP/1.1\r\nHost: a\r\nA: ")
         for _ in range(40):
             sock.sendall(b"x" * 500_000)
         assert sock.recv(4096).startswith(b"HTTP/1.1 431")
@@ -410,7 +415,9 @@ def test_a_head_without_end_is_answered_with_the_reason() -> None:
 
 def test_a_client_that_expects_100_continue_receives_it() -> None:
     with running() as service, service.connect() as sock:
-        sock.sendall(b"POST / HTTP/1.1\r\nContent-Length: 1\r\nExpect: 100-continue\r\n\r\n")
+        sock.sendall(
+            b"POST / HTTP/1.1\r\nHost: a\r\nContent-Length: 1\r\nExpect: 100-continue\r\n\r\n"
+        )
         assert sock.recv(4096) == b"HTTP/1.1 100 Continue\r\n\r\n"
         sock.sendall(b"x")
         assert sock.recv(4096) == ANSWER
