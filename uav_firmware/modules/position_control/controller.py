@@ -6,7 +6,9 @@
     thrust          = see control_math.thrust_vector                           limited
 
 NaN means unset, axis by axis: without a position the velocity alone is controlled, without a
-velocity too only the acceleration. The integrator is slowed by what the limits took away
+velocity too only the acceleration. That is then the feed-forward alone, as in PX4's
+PositionControl: no integral of a former leg is added. Where the estimate has been lost instead
+(`Motion.holds`), integral and D stay. The integrator is slowed by what the limits took away
 from the acceleration (back-calculation; L. Rundqwist, "Anti-reset windup for PID controllers",
 IFAC 1990), so a set-point that cannot be reached does not charge it.
 """
@@ -51,6 +53,7 @@ class Motion(NamedTuple):
     velocity_ned: Vector3  # [m/s]
     acceleration_ned: Vector3  # [m/s^2]
     speed_max: float = math.inf  # [m/s] Of a velocity that is wanted, whatever its direction
+    holds: bool = False  # What held against wind and weight goes on where no velocity is wanted
 
 
 class PositionController:
@@ -87,12 +90,21 @@ class PositionController:
             _difference(velocity[1], measured.velocity_ned[1]),
             _difference(velocity[2], measured.velocity_ned[2]),
         )
-        acceleration = self._acceleration(error, wanted, measured)
+        acceleration = self._acceleration(velocity, error, wanted, measured)
         thrust = thrust_vector(acceleration, hover, thrust_limits)
+        north, east, down = self.integral_ned
         self._integrate(error, acceleration, acceleration_of(thrust, hover), dt)
+        if not wanted.holds:  # A feed-forward that is cut says nothing about wind and weight
+            self.integral_ned = (
+                north if math.isnan(velocity[0]) else self.integral_ned[0],
+                east if math.isnan(velocity[1]) else self.integral_ned[1],
+                down if math.isnan(velocity[2]) else self.integral_ned[2],
+            )
         return thrust
 
-    def _acceleration(self, error: Vector3, wanted: Motion, measured: Motion) -> Vector3:
+    def _acceleration(
+        self, velocity: Vector3, error: Vector3, wanted: Motion, measured: Motion
+    ) -> Vector3:
         p_xy, p_z = self.gains.velocity_p
         d_xy, d_z = self.gains.velocity_d
         integral = self.integral_ned
@@ -102,10 +114,15 @@ class PositionController:
             _zero_if_unset(wanted.acceleration_ned[2]),
         )
         present = measured.acceleration_ned
+        north = forward[0] + p_xy * error[0] + integral[0] + d_xy * (forward[0] - present[0])
+        east = forward[1] + p_xy * error[1] + integral[1] + d_xy * (forward[1] - present[1])
+        down = forward[2] + p_z * error[2] + integral[2] + d_z * (forward[2] - present[2])
+        if wanted.holds:
+            return (north, east, down)
         return (
-            forward[0] + p_xy * error[0] + integral[0] + d_xy * (forward[0] - present[0]),
-            forward[1] + p_xy * error[1] + integral[1] + d_xy * (forward[1] - present[1]),
-            forward[2] + p_z * error[2] + integral[2] + d_z * (forward[2] - present[2]),
+            forward[0] if math.isnan(velocity[0]) else north,
+            forward[1] if math.isnan(velocity[1]) else east,
+            forward[2] if math.isnan(velocity[2]) else down,
         )
 
     def _integrate(self, error: Vector3, asked: Vector3, given: Vector3, dt: float) -> None:

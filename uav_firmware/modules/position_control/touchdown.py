@@ -49,4 +49,4 @@ class TouchDown:
 
 def settle(sink_speed_m_s: float) -> Motion:
     """Level, and down at a speed that takes the thrust away."""
-    return Motion(BLIND, (math.nan, math.nan, sink_speed_m_s), LEVEL)
+    return Motion(BLIND, (math.nan, math.nan, sink_speed_m_s), LEVEL, holds=True)

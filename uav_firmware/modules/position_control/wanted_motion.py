@@ -26,12 +26,13 @@ def observable(wanted: Motion, estimate: VehicleLocalPosition) -> Motion:
     """Unset what the estimate cannot observe.
 
     Without horizontal position the velocity is controlled; without velocity the vehicle stays
-    level, unless acceleration alone was commanded. Without height it descends: at the commanded
-    speed while the accelerometer gives the vertical velocity, softly afterwards.
+    level, unless acceleration alone was commanded, and what held against the wind goes on. Without
+    height it descends: at the commanded speed while the accelerometer gives the vertical velocity,
+    softly afterwards.
     """
     if estimate.position_valid and estimate.velocity_valid and estimate.altitude_valid:
         return wanted
-    position, velocity, acceleration, speed_max = wanted
+    position, velocity, acceleration, speed_max, _ = wanted
     if not (estimate.position_valid and estimate.velocity_valid):
         position = (_NAN, _NAN, position[2])
     if not estimate.velocity_valid:
@@ -43,7 +44,7 @@ def observable(wanted: Motion, estimate: VehicleLocalPosition) -> Motion:
         sink, share = _sink_without_height(velocity[2], estimate.sink_accuracy_m_s)
         velocity = (velocity[0], velocity[1], sink)
         acceleration = (acceleration[0], acceleration[1], share)
-    return Motion(position, velocity, acceleration, speed_max)
+    return Motion(position, velocity, acceleration, speed_max, holds=True)
 
 
 def _sink_without_height(asked_m_s: float, accuracy_m_s: float) -> tuple[float, float]:

@@ -2,7 +2,11 @@ import math
 
 import pytest
 
-from uav_firmware.modules.position_control.control_math import GRAVITY, ThrustLimits
+from uav_firmware.modules.position_control.control_math import (
+    GRAVITY,
+    ThrustLimits,
+    acceleration_of,
+)
 from uav_firmware.modules.position_control.controller import (
     Motion,
     PositionController,
@@ -61,6 +65,38 @@ def test_without_position_and_velocity_the_acceleration_alone_is_flown() -> None
     moving = Motion((5.0, 5.0, 5.0), (3.0, 3.0, 3.0), ZERO)
     thrust = law().update(Motion(UNSET, UNSET, UNSET), moving, THRUST, HOVER, DT)
     assert thrust == pytest.approx((0.0, 0.0, -HOVER))
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_an_acceleration_alone_is_flown_without_what_a_former_leg_has_left(axis: int) -> None:
+    controller = PositionController(GAINS._replace(velocity_d=(0.1, 0.1)), LIMITS)
+    controller.integral_ned = left = (0.5, -0.4, 0.3)
+    velocity = [0.0, 0.0, 0.0]
+    velocity[axis] = NAN
+    wanted = Motion(UNSET, (velocity[0], velocity[1], velocity[2]), (1.0, 1.0, 1.0))
+    moving = Motion(ZERO, ZERO, (0.2, 0.2, 0.2))
+    thrust = controller.update(wanted, moving, THRUST, HOVER, DT)
+    given = acceleration_of(thrust, HOVER)
+    assert given[axis] == pytest.approx(1.0)
+    others = [other for other in range(3) if other != axis]
+    assert all(given[n] == pytest.approx(1.08 + left[n]) for n in others)
+    assert controller.integral_ned[axis] == left[axis]
+
+
+def test_an_acceleration_that_is_cut_by_the_tilt_leaves_the_integral_alone() -> None:
+    controller = law()
+    controller.integral_ned = left = (0.5, -0.4, 0.0)
+    wanted = Motion(UNSET, (NAN, NAN, 0.0), (30.0, 0.0, 0.0))
+    controller.update(wanted, REST, THRUST, HOVER, DT)
+    assert controller.integral_ned[:2] == left[:2]
+
+
+def test_where_the_estimate_is_lost_what_held_against_the_wind_goes_on() -> None:
+    controller = law()
+    controller.integral_ned = (0.5, -0.4, 0.3)
+    wanted = Motion(UNSET, UNSET, ZERO, holds=True)
+    thrust = controller.update(wanted, REST, THRUST, HOVER, DT)
+    assert acceleration_of(thrust, HOVER) == pytest.approx((0.5, -0.4, 0.3))
 
 
 @pytest.mark.parametrize("true_hover", [0.7 * HOVER, 1.3 * HOVER])
