@@ -234,6 +234,31 @@ class Flight:
         north, east, down = self.position
         return math.hypot(point[0] - north, point[1] - east), abs(point[2] - down)
 
+    @property
+    def behind_m(self) -> float:
+        """Level distance [m] of the vehicle from its set-point; 0 where it is not known."""
+        if self.estimate is None or not self.estimate.position_valid:
+            return 0.0
+        return self.error_to(self.path.state.position)[0]
+
+    def begin_where_it_is(self) -> None:
+        """Put the set-point to a vehicle that has been blown off it: it would wait there for ever.
+
+        Closer than MPC_XY_ERR_MAX the vehicle follows, and the set-point goes on without a jump.
+        """
+        estimate = self.estimate
+        if estimate is not None and self.behind_m > self.params.tracking_error_max:
+            velocity = estimate.velocity_ned if estimate.velocity_valid else ZERO
+            self.path.reset(estimate.position_ned, velocity)
+
+    def stay_near(self) -> None:
+        """Keep a set-point that sinks within MPC_XY_ERR_MAX of a vehicle that is blown off it."""
+        farthest, behind = self.params.tracking_error_max, self.behind_m
+        if behind > farthest:
+            north, east, _ = subtract(self.position, self.path.state.position)
+            share = 1.0 - farthest / behind
+            self.path.move((share * north, share * east, 0.0))
+
     def restart(self) -> None:
         """Put the set-point where the vehicle is."""
         estimate = self.estimate
@@ -290,7 +315,7 @@ class Flight:
         if self.path.sinking or self.path.stopping or self.estimate is None:
             return 1.0
         north, east, down = subtract(self.path.state.position, self.position)
-        if not self.estimate.position_valid:
+        if self.path.descending or not self.estimate.position_valid:
             north = east = 0.0
         error = math.hypot(north, east, down)
         return max(0.0, min(1.0, 2.0 - 2.0 * error / self.params.tracking_error_max))

@@ -99,6 +99,12 @@ class PathFollower:
         piece = self._pieces[0] if self._pieces else None
         return piece is not None and math.isinf(piece.duration) and not isinstance(piece, Arc)
 
+    @property
+    def descending(self) -> bool:
+        """Whether a descent is flown that ends in sinking without end."""
+        piece = self._pieces[-1] if self._pieces else None
+        return piece is not None and math.isinf(piece.duration) and not isinstance(piece, Arc)
+
     def rest_point(self, limits: MotionLimits) -> Vector3:
         """Where the set-point would come to rest [m]."""
         stop = self._stop(limits)
@@ -108,6 +114,11 @@ class PathFollower:
         """Begin again at the vehicle's own position and velocity."""
         self.state = MotionState(position, velocity, ZERO)
         self._follow((), [])
+
+    def move(self, step: Vector3) -> None:
+        """Move a descent that is flown, with its set-point, by a step [m]."""
+        self.state = self.state._replace(position=add(self.state.position, step))
+        self._pieces = [_moved(piece, step) for piece in self._pieces]
 
     def shift(self, position: Vector3, velocity: Vector3, limits: MotionLimits) -> None:
         """Follow a reset of the estimate by a step of `position` [m] and `velocity` [m/s].

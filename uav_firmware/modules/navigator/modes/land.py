@@ -1,6 +1,11 @@
 """Landing: level to the target, then down in three speeds until the vehicle has landed.
 
-    TRANSIT --over the point--> DESCENT --MPC_LAND_ALT3--> TOUCHDOWN --landed--> done
+    TRANSIT --over the point, or kept away from it--> DESCENT --MPC_LAND_ALT3--> TOUCHDOWN
+    TOUCHDOWN --landed--> done
+
+A vehicle that the wind keeps away from the point, and that has come no nearer for some seconds,
+descends where it is: near the ground the wind is weaker. In the descent the set-point stays near a
+vehicle that is blown off it, so that it does not race back to the point low above the ground.
 
 DESCENT slows to MPC_LAND_SPEED at MPC_LAND_ALT2 above the landing point and keeps sinking, so
 that ground which lies lower only makes it longer. Where the range finder measures the ground
@@ -15,6 +20,7 @@ from enum import Enum, auto
 
 from uav_firmware.lib.resets import EstimateStep
 from uav_firmware.modules.navigator.flight import Flight
+from uav_firmware.modules.navigator.modes.approach import NEAR_M, Approach
 from uav_firmware.modules.navigator.modes.navigator_mode import NavigatorMode
 from uav_firmware.msg.mission import ModeTarget, NavigatorTarget
 from uav_firmware.msg.vectors import Vector3
@@ -23,7 +29,8 @@ _WARNING = 4  # MAV_SEVERITY
 _CRAWL_SHARE = 0.6  # of MPC_LAND_SPEED, for the last stretch
 _SPINNING_CRAWL_SHARE = 0.3  # The friction of the first foot grows with the sink speed
 _GROUND_DIFFERS_M = 1.5  # [m] More than the errors of height and range finder near the ground
-_OVER_THE_POINT_M = 1.0  # [m] horizontal error at which the descent may begin
+_PATIENCE_S = 5.0  # [s] Longer than a gust
+_DRIFTED_M = 5.0  # [m] From the point, in the descent: more than gusts do
 
 
 class LandPhase(Enum):
@@ -42,6 +49,8 @@ class Land:
         self._ground_down = self._believed_down = target[2]
         here = flight.rest_point()
         self._over = (target[0], target[1], here[2])
+        self._approach = Approach(_PATIENCE_S)
+        self._has_told = False  # That it lands elsewhere
         flight.face(yaw_deg)
         flight.fly(flight.stop_at(self._over))
 
@@ -54,13 +63,25 @@ class Land:
 
     def step(self, flight: Flight) -> bool:
         """Whether the vehicle has landed."""
-        params = flight.params
-        height = self._ground_down - flight.position[2]
         if self.phase is LandPhase.TRANSIT:
-            if self._over_the_point(flight):
-                self._finds_other_ground(flight)
-                self._descend(flight)
-        elif self._finds_other_ground(flight):
+            self._travel(flight)
+        else:
+            self._sink(flight)
+        return self.phase is not LandPhase.TRANSIT and flight.landed
+
+    def _travel(self, flight: Flight) -> None:
+        if self._over_the_point(flight):
+            self._finds_other_ground(flight)
+            self._descend(flight)
+        elif self._approach.has_stalled(flight, self._over):
+            self._tell(flight, "Cannot reach the landing place: landing here")
+            self.descend_here(flight)
+
+    def _sink(self, flight: Flight) -> None:
+        params = flight.params
+        self._go_with_the_wind(flight)
+        height = self._ground_down - flight.position[2]
+        if self._finds_other_ground(flight):
             self._descend(flight)
         elif (
             self.phase is LandPhase.DESCENT
@@ -70,7 +91,27 @@ class Land:
             self.phase = LandPhase.TOUCHDOWN
             share = _SPINNING_CRAWL_SHARE if flight.motor_lost else _CRAWL_SHARE
             flight.path.descend(0.0, share * params.land_speed, flight.limits())
-        return self.phase is not LandPhase.TRANSIT and flight.landed
+
+    def descend_here(self, flight: Flight) -> None:
+        """Give up the point, and descend where the vehicle is, on ground no lower than home."""
+        self._has_told = True
+        self._ground_down = self._believed_down = min(self._ground_down, flight.home_down(0.0))
+        flight.path.reset(flight.position)
+        self._over = flight.position
+        self._finds_other_ground(flight)
+        self._descend(flight)
+
+    def _go_with_the_wind(self, flight: Flight) -> None:
+        """Do not fight a wind that is stronger than the vehicle."""
+        flight.stay_near()
+        known = flight.estimate is not None and flight.estimate.position_valid
+        if known and flight.error_to(self._over)[0] > _DRIFTED_M:
+            self._tell(flight, "Cannot keep to the landing place: landing here")
+
+    def _tell(self, flight: Flight, text: str) -> None:
+        if not self._has_told:
+            flight.report(_WARNING, text)
+        self._has_told = True
 
     def _descend(self, flight: Flight) -> None:
         params = flight.params
@@ -92,11 +133,12 @@ class Land:
             return False
         horizontal, _ = flight.error_to(self._over)
         blind = flight.estimate is None or not flight.estimate.position_valid
-        return blind or (flight.turned and horizontal < _OVER_THE_POINT_M)
+        return blind or (flight.turned and horizontal < NEAR_M)
 
 
 def land_here(flight: Flight, yaw_deg: float = math.nan) -> Land:
-    """Land where the set-point comes to rest, on ground as high as home."""
+    """Land where the vehicle comes to rest, on ground as high as home."""
+    flight.begin_where_it_is()
     here = flight.rest_point()
     return Land(flight, (here[0], here[1], flight.home_down(0.0)), yaw_deg)
 
@@ -119,6 +161,7 @@ class LandMode(NavigatorMode):
         if not isinstance(target, NavigatorTarget):
             self._land = land_here(flight)
             return
+        flight.begin_where_it_is()
         goal = flight.to_ned(target.latitude_deg, target.longitude_deg, target.altitude_amsl_m)
         if math.isnan(target.altitude_amsl_m):
             goal = (goal[0], goal[1], flight.home_down(0.0))
