@@ -98,6 +98,19 @@ def test_a_landing_with_a_stuck_range_finder_is_gentle(
     assert terrain.has_failed
 
 
+@pytest.mark.parametrize("fault", ["rangefinder_frozen", "rangefinder_blocked"])
+def test_a_landing_above_home_stays_slow_where_the_range_finder_gets_stuck(
+    tmp_path: Path, fault: str
+) -> None:
+    descent = Descent(tmp_path, 12.0)
+    descent.set_home(-8.0)
+    descent.tester.autopilot.registry.set("MPC_Z_V_AUTO_DN", 4.0)
+    descent.order(common.MAV_CMD_NAV_LAND, 0.0, 0.0, 0.0, math.nan, math.nan, math.nan, math.nan)
+    descent.tester.wait_until(lambda: descent.tester.truth.height_above_home_m < 2.4, 60.0, "low")
+    descent.break_part(fault)
+    assert 0.0 < descent.end(within_s=60.0) < GENTLE_M_S
+
+
 def test_a_landing_at_a_place_that_was_given_too_low_is_gentle(tmp_path: Path) -> None:
     descent = Descent(tmp_path, 12.0)
     place = descent.place(5.0, -50.0)

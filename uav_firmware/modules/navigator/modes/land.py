@@ -11,8 +11,9 @@ DESCENT slows to MPC_LAND_SPEED at MPC_LAND_ALT2 above the landing point and kee
 that ground which lies lower only makes it longer. Where the range finder measures the ground
 elsewhere than was believed, by home or by the target, DESCENT begins anew above that ground: a
 home that was set in the air makes no landing slow, and higher ground none fast. Where the range
-finder turns out to be stuck, the ground is again where it was believed. With a motor lost the
-vehicle spins as it descends, and TOUCHDOWN takes half the speed.
+finder turns out to be stuck, the ground is again where it was believed, but never lower than it
+was measured before the vehicle has sunk through that: a landing that is slow stays slow. With a
+motor lost the vehicle spins as it descends, and TOUCHDOWN takes half the speed.
 """
 
 import math
@@ -47,6 +48,7 @@ class Land:
     def __init__(self, flight: Flight, target: Vector3, yaw_deg: float) -> None:
         self.phase = LandPhase.TRANSIT
         self._ground_down = self._believed_down = target[2]
+        self._is_measured = False  # The ground, by the range finder
         here = flight.rest_point()
         self._over = (target[0], target[1], here[2])
         self._approach = Approach(_PATIENCE_S)
@@ -125,8 +127,15 @@ class Land:
         measured = self._believed_down if flight.range_finder_failed else flight.ground_down
         if math.isnan(measured) or abs(measured - self._ground_down) <= _GROUND_DIFFERS_M:
             return False
-        self._ground_down = measured
+        is_lower = measured > self._ground_down
+        if self._is_measured and is_lower and not self._is_under_the_ground(flight):
+            return False
+        self._ground_down, self._is_measured = measured, not flight.range_finder_failed
         return True
+
+    def _is_under_the_ground(self, flight: Flight) -> bool:
+        """Whether the vehicle has sunk through the ground that was measured: there is none."""
+        return flight.position[2] > self._ground_down + _GROUND_DIFFERS_M
 
     def _over_the_point(self, flight: Flight) -> bool:
         if not flight.path.resting:

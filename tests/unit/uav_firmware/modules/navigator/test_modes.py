@@ -5,6 +5,7 @@ import math
 import pytest
 
 from tests.support.toy_vehicle import HOME, ToyVehicle, at
+from uav_firmware.msg.estimate import TerrainEstimate
 from uav_firmware.msg.failure import FailureDetectorStatus
 from uav_firmware.msg.status import Command, NavigationState
 
@@ -162,6 +163,26 @@ def test_a_landing_goes_by_home_where_no_ground_is_measured_any_more() -> None:
     vehicle.ground_m = None
     vehicle.run(1.0)
     assert touch_down_speed(vehicle) < 0.5
+
+
+@pytest.mark.parametrize("descent_speed", [1.5, 4.0])
+@pytest.mark.parametrize("stuck_m", [12.3, 11.0, 10.5])
+def test_a_range_finder_that_gets_stuck_makes_no_slow_landing_fast(
+    stuck_m: float, descent_speed: float
+) -> None:
+    """On ground 10 m above home, until the vehicle has sunk through it."""
+    vehicle = airborne(25.0)
+    vehicle.registry.set("MPC_Z_V_AUTO_DN", descent_speed)
+    vehicle.ground_m = 10.0
+    vehicle.send(Command.NAV_LAND, 0, 0, 0, NAN, NAN, NAN, NAN)
+    vehicle.run_until(lambda v: v.height < stuck_m, 60.0)
+    vehicle.ground_m = None
+    vehicle.topics.terrain_estimate.publish(TerrainEstimate(vehicle.now_us, NAN, has_failed=True))
+    while vehicle.height > 9.0:
+        vehicle.step()
+        assert vehicle.setpoints[-1].velocity_ned[2] < 0.71
+    vehicle.run_until(lambda v: v.setpoints[-1].velocity_ned[2] > 1.4, 5.0)
+    vehicle.run_until(lambda v: not v.armed, 60.0)
 
 
 def test_a_place_under_the_ground_is_not_flown_to() -> None:
