@@ -54,3 +54,12 @@ def test_a_landing_descends_in_a_wind_that_carries_the_vehicle_away(tmp_path: Pa
     assert abs(storm.tester.true_position()[1] - east_m) < 25.0
     assert 0.0 < max(storm.sink_m_s) < GENTLE_M_S
     assert storm.has_said_once("Cannot reach the landing place: landing here")
+
+
+def test_a_return_against_too_much_wind_stays_low_and_lands_where_it_is(tmp_path: Path) -> None:
+    storm = Storm(tmp_path, 10.0, 15.0, action=3)
+    storm.tester.wait_until(lambda: storm.tester.is_in(NavigationState.AUTO_RTL), 40.0, "returns")
+    storm.tester.wait_until_landed(90.0)
+    assert max(storm.heights_m) < 12.0
+    assert 0.0 < max(storm.sink_m_s) < GENTLE_M_S
+    assert storm.has_said_once("No way home against the wind: landing here")

@@ -208,7 +208,14 @@ class FenceSwitch(NamedTuple):
     enabled: bool
 
 
-ModeTarget: TypeAlias = NavigatorTarget | OrbitTarget | FollowOrder
+class ReturnOrder(NamedTuple):
+    """A return in too strong a wind, which stays low. Written by commander with a failsafe."""
+
+    time_us: int  # [us]
+    navigation_state: NavigationState  # Mode that the order belongs to: AUTO_RTL
+
+
+ModeTarget: TypeAlias = NavigatorTarget | OrbitTarget | FollowOrder | ReturnOrder
 """An order that belongs to one mode and comes just before it."""
 
 

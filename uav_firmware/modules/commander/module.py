@@ -40,7 +40,7 @@ from uav_firmware.modules.commander.observer import Observer
 from uav_firmware.modules.commander.params import CommanderParams
 from uav_firmware.modules.commander.vehicle_view import VehicleView
 from uav_firmware.msg.control_mode import VehicleControlMode
-from uav_firmware.msg.mission import ModeTarget, NavigatorRequest, TargetCheckRequest
+from uav_firmware.msg.mission import ModeTarget, NavigatorRequest, ReturnOrder, TargetCheckRequest
 from uav_firmware.msg.status import (
     CommandResult,
     NavigationState,
@@ -352,6 +352,8 @@ class CommanderModule:
                 self._request_navigator(hold_here(view.now_us))  # It may still fly to a place
             self._timed_hold.cancel()
             self._enter(reaction.mode)
+            if reaction.stays_low:
+                self._request_navigator(ReturnOrder(view.now_us, reaction.mode))
 
     def _observe_pilot(self, view: VehicleView) -> None:
         """Change to position mode when a pilot moves a stick."""

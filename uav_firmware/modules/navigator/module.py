@@ -49,6 +49,7 @@ from uav_firmware.msg.mission import (
     NavigatorTarget,
     PlanReview,
     PlanType,
+    ReturnOrder,
     SpeedRequest,
     TargetCheckResult,
 )
@@ -227,7 +228,7 @@ class NavigatorModule:
     def _handle_requests(self) -> None:
         for request in self._topics.navigator_request.drain():
             match request:
-                case NavigatorTarget() | OrbitTarget() | FollowOrder():
+                case NavigatorTarget() | OrbitTarget() | FollowOrder() | ReturnOrder():
                     self._target = request
                 case SpeedRequest():
                     flight = self._flight

@@ -56,6 +56,7 @@ class Reaction(NamedTuple):
     cleared: Sequence[Cause] = ()
     mode: NavigationState | None = None  # To change to
     event: ArmingEvent | None = None  # Stops the motors
+    stays_low: bool = False  # The mode is a return, and the wind is too strong
 
 
 class FailsafeMachine:
@@ -177,8 +178,10 @@ class FailsafeMachine:
         mode = MODE_OF[action]
         self.state = Failsafe.ACTING
         self._taken = action
-        possible = mode_requirements.missing(mode, moment.view) is None
-        return Reaction(mode=mode if possible else NavigationState.AUTO_LAND)
+        if mode_requirements.missing(mode, moment.view) is not None:
+            return Reaction(mode=NavigationState.AUTO_LAND)
+        windy = Cause.WIND_TOO_STRONG in self._present
+        return Reaction(mode=mode, stays_low=windy and mode is NavigationState.AUTO_RTL)
 
 
 def _worst_first(causes: Iterable[Cause], moment: Conditions) -> list[Threat]:

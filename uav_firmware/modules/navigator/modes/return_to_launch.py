@@ -3,10 +3,16 @@
     TRAVEL --over home, RTL_LAND_DELAY = 0------------------------> LAND --landed--> done
     TRAVEL --over home, otherwise--> WAIT --RTL_LAND_DELAY passed--> LAND
                                      WAIT --RTL_LAND_DELAY < 0--> done, stays there
+    TRAVEL, WAIT --kept away by the wind--> LAND, where it is
 
 Within RTL_MIN_DIST of the landing point it does not climb first. "Home" is the destination: the
 return point of a geofence that is breached, else of home and the rally points the one with the
 shortest path within the geofence. Without such a path it returns straight and reports that.
+
+A return that a failsafe orders in too strong a wind climbs to RTL_DESCEND_ALT at most, never to
+RTL_RETURN_ALT: higher the wind is stronger, and the vehicle would be blown away. It never
+descends before it is home, and that height is one at which it may wait there, so that ground
+which rises towards home does not stand in its way.
 """
 
 import math
@@ -17,12 +23,15 @@ from typing import Final
 from uav_firmware.modules.navigator.flight import Flight
 from uav_firmware.modules.navigator.geofence.detour import find_detour, length
 from uav_firmware.modules.navigator.geofence.geofence import Point
+from uav_firmware.modules.navigator.modes.approach import Approach
 from uav_firmware.modules.navigator.modes.land import Land, land_here
 from uav_firmware.modules.navigator.modes.navigator_mode import NavigatorMode
-from uav_firmware.msg.mission import ModeTarget
+from uav_firmware.msg.mission import ModeTarget, ReturnOrder
 from uav_firmware.msg.vectors import Vector3
 
-_WARNING: Final = 4  # MAV_SEVERITY
+_CRITICAL: Final = 2  # MAV_SEVERITY
+_WARNING: Final = 4
+_PATIENCE_S: Final = 10.0  # [s] Longer than gusts: it will not land at home
 _BELOW_CEILING_M: Final = 1.0  # [m] Gusts and the estimate's noise take less
 _BELOW_CEILING_SHARE: Final = 0.2  # Of a ceiling that is low itself
 
@@ -38,8 +47,11 @@ class ReturnPhase(Enum):
 class ReturnToLaunch:
     """Flies to the destination; without a home it lands at the present position."""
 
-    def __init__(self, flight: Flight) -> None:
+    def __init__(self, flight: Flight, *, stays_low: bool = False) -> None:
         self.phase = ReturnPhase.TRAVEL
+        self._stays_low = stays_low  # In too strong a wind
+        self._approach = Approach(_PATIENCE_S)
+        flight.begin_where_it_is()
         self._land: Land | None = None
         self._waiting_since_us = 0
         self._over_home: Vector3 = flight.rest_point()
@@ -54,6 +66,7 @@ class ReturnToLaunch:
         """Whether the vehicle has landed, or waits above home without a limit of time."""
         delay = flight.params.return_land_delay
         radius = flight.params.acceptance_radius
+        self._give_up_if_stalled(flight)
         if self.phase is ReturnPhase.TRAVEL and flight.path.resting:
             if flight.arrived(self._over_home, radius):
                 self._arrive(flight)
@@ -69,13 +82,30 @@ class ReturnToLaunch:
         distance = math.hypot(goal[0] - here[0], goal[1] - here[1])
         down = here[2]
         if distance > flight.params.return_close_radius:
-            heights = (flight.params.return_height, flight.height_of(goal[2]))
+            heights = (self._return_height(flight), flight.height_of(goal[2]))
             height = max(*heights, flight.height_of(down))
             down = flight.home_down(min(height, _below(flight.fence.height_max)))
         self._over_home = (goal[0], goal[1], down)
         climb = flight.stop_at((here[0], here[1], down))
         on_the_way = [flight.stop_at((*turn, down)) for turn in turns]
         flight.fly(climb, *on_the_way, flight.stop_at(self._over_home))
+
+    def _return_height(self, flight: Flight) -> float:
+        """Height above home [m] to climb to at least."""
+        params = flight.params
+        if self._stays_low:
+            return min(params.return_height, params.return_descend_height)
+        return params.return_height
+
+    def _give_up_if_stalled(self, flight: Flight) -> None:
+        """Land where the vehicle is, if the wind has kept it from getting nearer for long."""
+        place = flight.path.goal or self._over_home
+        if self.phase is ReturnPhase.LAND or not self._approach.has_stalled(flight, place):
+            return
+        flight.report(_CRITICAL, "No way home against the wind: landing here")
+        self.phase = ReturnPhase.LAND
+        self._land = land_here(flight)
+        self._land.descend_here(flight)
 
     def _arrive(self, flight: Flight) -> None:
         if flight.params.return_land_delay == 0.0:
@@ -133,10 +163,9 @@ class ReturnMode(NavigatorMode):
         self._return: ReturnToLaunch | None = None
 
     def on_activation(self, flight: Flight, target: ModeTarget | None) -> None:
-        """Begin the return."""
-        del target  # A return has its own destination
+        """Begin the return; a return has its own destination, and its order is to stay low."""
         self.finished = False
-        self._return = ReturnToLaunch(flight)
+        self._return = ReturnToLaunch(flight, stays_low=isinstance(target, ReturnOrder))
 
     def on_active(self, flight: Flight) -> None:
         """Finish when the vehicle has landed or waits."""
