@@ -285,6 +285,7 @@ class App:
             member.session.link_warning,
             member.session.vehicle.armed_period.warning(now),
             member.session.waiting_warning,
+            member.session.vehicle.recovery.lost_mission.warning,
             member.session.config_warning,
             f"{dead} reports could not be delivered: see dead-letters" if dead else None,
             self.internal_errors.warning(_owner(member), now),

@@ -17,6 +17,7 @@ import logging
 from collections.abc import Callable, Collection, Iterable
 from typing import Final
 
+from mavlink_broker.autopilots.flight_modes import ModeRole
 from mavlink_broker.effects import (
     Effects,
     FramesNotSent,
@@ -289,6 +290,7 @@ class Session:
         """End what the vehicle was ordered: it flies nothing of that any more."""
         self.vehicle.set_hovering(hovers=False)
         self.vehicle.own_descent.end()
+        self.vehicle.recovery.lost_mission.end()
         self.missions.vehicle_restarted(reason, now, effects)
 
     def take_outcome(self, outcome: JobOutcome, now: float, effects: Effects) -> None:
@@ -323,6 +325,7 @@ class Session:
             effects.messages += self._battery_capacity.tick(now)
             vehicle.update_hover(now, is_ordered=self.state is not State.IDLE)
             vehicle.update_descent(now)
+            self._follow_lost_mission()
             self.missions.tick_events(now, effects)
             effects.messages += self._override_parameters(now)
             effects.messages += self._stop_tracking(now)
@@ -346,6 +349,27 @@ class Session:
             vehicle.recovery.armed_s = None  # Both have noted the flight
         self.missions.close_ended(effects)
         self._telemetry.tick(now, effects)
+
+    def _follow_lost_mission(self) -> None:
+        """Follow what an earlier run has begun, unless its mission is known or an abort ends it."""
+        vehicle, lost = self.vehicle, self.vehicle.recovery.lost_mission
+        if not (lost.is_sought or lost.is_flown):
+            return
+        if self.missions.is_flying:
+            lost.end()
+        elif self.state is State.IDLE:
+            was_flown = lost.is_flown
+            lost.update(
+                vehicle.observed_mode,
+                vehicle.snapshot,
+                paused_mode=vehicle.family.paused_mode,
+                is_paused=vehicle.recovery.paused is not None,
+                was_taken=vehicle.armed_period.noted_mode is not None,
+            )
+            if lost.is_flown:
+                vehicle.armed_period.claim()
+            elif was_flown and vehicle.mode_role is not ModeRole.ENDING:
+                vehicle.armed_period.lose()  # Its mission may end with a return or a landing
 
     def _observe_link(self, now: float) -> None:
         """Request all streams again when a lost link is back; keep a home position."""

@@ -20,7 +20,7 @@ from mavlink_broker.mission.abort_executor import REASONS, UnconfirmedMissions
 from mavlink_broker.mission.context import RETURN_ENDED
 from mavlink_broker.mission.flight_orders import MISSION_ENDED
 from mavlink_broker.mission.mission_executor import MissionExecutor
-from mavlink_broker.mission.pending_events import NO_MISSION, PendingEvents, ReplacedOrders
+from mavlink_broker.mission.pending_events import PendingEvents, ReplacedOrders
 from mavlink_broker.mission.states import State
 from mavlink_broker.planning.geofence import check_flyable
 from mavlink_broker.planning.mission import translate
@@ -271,6 +271,7 @@ class MissionQueue:
         self._events.tick(now, effects)
         if was_aborting and not self._events.is_aborting:
             self.vehicle.recovery.pending_return = None
+            self.vehicle.recovery.clear_commands()
             self.vehicle.set_hovering(hovers=self._events.leaves_hovering)
             self._note_descent(is_ordered=self._events.sends_down)
 
@@ -297,7 +298,8 @@ class MissionQueue:
                 self._current.handle_event(work, now, effects)
                 self.close_ended(effects)
             else:
-                effects.for_edge.append(work.answer("refused", NO_MISSION))
+                refusal = work.answer("refused", self._events.reason_without_mission)
+                effects.for_edge.append(refusal)
             self._events.remove(work.work_id)
 
     def _end_past_orders(self, effects: Effects) -> None:
@@ -366,10 +368,8 @@ class MissionQueue:
         is_resumed = bool(self._waiting) and self._is_resumed(self._waiting[0])
         if self._current is not None or is_resumed or not self._events.is_limited(work):
             return False
-        recovery = self.vehicle.recovery
-        is_sought = recovery.hover.is_sought or recovery.descent.is_sought
-        may_be_ours = is_sought or not recovery.tracker.is_loaded
-        return self.vehicle.snapshot.armed is None or (work.is_abort and may_be_ours)
+        is_unknown = self.vehicle.snapshot.armed is None
+        return is_unknown or (work.is_abort and self._events.may_be_ours)
 
     def _abort(
         self, work: EventWork, now: float, effects: Effects, replaced: ReplacedOrders
@@ -383,8 +383,7 @@ class MissionQueue:
             self.close_ended(effects)
             has_ended = True
         self._unconfirmed.hold_answer(work)
-        # The vehicle waits for the broker, or flies what the broker has ordered before
-        is_newer = replaced.is_sent or self.vehicle.hovers or self.vehicle.own_descent.is_flown
+        is_newer = replaced.is_sent or self._events.is_ours
         current = self._current
         if current is not None and _concerns(work, current):
             _accept(work, effects)

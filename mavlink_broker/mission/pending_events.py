@@ -29,6 +29,7 @@ from mavlink_broker.mission.abort_executor import (
 from mavlink_broker.mission.flight_orders import REPLACED
 from mavlink_broker.vehicle import control_authority
 from mavlink_broker.vehicle.control_authority import AIRBORNE, DESCENDING, Authority
+from mavlink_broker.vehicle.lost_mission import ABORT_ENDS_IT
 from mavlink_broker.vehicle.recovery_state import PendingAbort, PendingReturn
 from mavlink_broker.vehicle.vehicle import Vehicle
 
@@ -173,6 +174,26 @@ class PendingEvents:
         return bool(vehicle.snapshot.armed) and not landed and not vehicle.stays_on_ground
 
     @property
+    def may_be_ours(self) -> bool:
+        """Whether the journal may still show that a vehicle flies or hovers for the broker."""
+        recovery = self._vehicle.recovery
+        is_sought = recovery.hover.is_sought or recovery.descent.is_sought
+        return is_sought or recovery.lost_mission.is_sought or not recovery.tracker.is_loaded
+
+    @property
+    def is_ours(self) -> bool:
+        """Whether a vehicle without a mission waits for the broker, or flies its orders."""
+        vehicle = self._vehicle
+        flies = vehicle.own_descent.is_flown or vehicle.recovery.lost_mission.is_flown
+        return vehicle.hovers or flies
+
+    @property
+    def reason_without_mission(self) -> str:
+        """Why an event that needs a mission is refused where none is known."""
+        is_flown = self._vehicle.recovery.lost_mission.is_flown
+        return f"{NO_MISSION}: {ABORT_ENDS_IT}" if is_flown else NO_MISSION
+
+    @property
     def reason_nothing_ends(self) -> str:
         """Why an abort finds no mission, and who can move a vehicle that is in the air."""
         if not self.is_in_the_air:
@@ -315,7 +336,9 @@ class PendingEvents:
         seen = vehicle.observed_mode
         vehicle.recovery.abort = None
         hover_mode = vehicle.recovery.hover.own_mode(seen)
-        own_mode = hover_mode or vehicle.own_descent.own_mode(seen)
+        lost_mission = vehicle.recovery.lost_mission
+        flown_mode = hover_mode or lost_mission.own_mode(seen)
+        own_mode = flown_mode or vehicle.own_descent.own_mode(seen)
         who = control_authority.authority_of(seen, DESCENDING._replace(mode=own_mode))
         comes_down = vehicle.family.knows_modes and seen.role is ModeRole.ENDING and not is_newer
         if not work.was_accepted:
@@ -338,8 +361,9 @@ class PendingEvents:
                 work.event,
                 vehicle,
                 was_ours=is_newer or hover_mode is not None,
-                replaces=is_newer and hover_mode is None,
+                replaces=is_newer and flown_mode is None,
             )
+            lost_mission.end()
             vehicle.recovery.abort = abort_note(work.event, work, vehicle)
             self._running = work, executor
             effects.messages += executor.start(now)

@@ -31,6 +31,7 @@ from mavlink_broker.vehicle.control_authority import (
     NotedOrder,
     OwnDescent,
 )
+from mavlink_broker.vehicle.lost_mission import LostMission
 
 
 class VehicleIdentity(NamedTuple):
@@ -260,6 +261,8 @@ class RecoveryState:
         """Name of the first command of the items that the vehicle was ordered to fly last."""
         self._segment_s: float | None = None
         self._has_flown = False
+        self.lost_mission = LostMission()
+        """What an earlier run has begun, while no mission is known."""
         self.was_restarted_since = False
         """Whether the vehicle was restarted since an earlier run has ordered these commands."""
         self.paused: str | None = None
@@ -316,8 +319,8 @@ class RecoveryState:
         self.live = LiveCommandProgress(name=name, was_left=True)
 
     def clear_commands(self) -> None:
-        """Forget live command and segment: none is flown, or those of another mission."""
-        self.live = self.segment = self._segment_s = None
+        """Forget live command, segment and pause: none is flown, or those of another mission."""
+        self.live = self.segment = self._segment_s = self.paused = None
         self._has_flown = self.was_restarted_since = False
 
     @property
@@ -374,6 +377,7 @@ class RecoveryState:
         self.segment, self._segment_s = both.segment, both.segment_s
         self._has_flown = both.has_flown
         self.paused = both.paused
+        self._recall_lost_mission()
         self.is_tracking, self._is_of_earlier_run = both.is_tracking, record.is_tracking
         self.has_camera, self.armed_s = both.has_camera, both.armed_s
         self.healthy = both.healthy
@@ -382,6 +386,15 @@ class RecoveryState:
         self.armed_period.recall(
             both.taken_mode, now, is_disarmed_by_others=both.is_disarmed_by_others
         )
+
+    def _recall_lost_mission(self) -> None:
+        """Find what an earlier run has begun: items that were flown, or a newer live command."""
+        live, ordered_s = self.live, self._segment_s
+        began_s = None if live is None else live.began_s
+        is_older = began_s is not None and ordered_s is not None and began_s < ordered_s
+        is_live = live is not None and live.is_accepted and not is_older
+        if is_live or (self.segment is not None and self._has_flown):
+            self.lost_mission.recall(began_s if is_live else ordered_s, is_live=is_live)
 
     def forget_armed_period(self) -> None:
         """Begin anew: another vehicle has not been armed by anybody yet."""
@@ -392,6 +405,7 @@ class RecoveryState:
         self.overrides, self.parameters = VehicleOverrides(), ParameterOverrider()
         self.hover.end()
         self.descent.end()
+        self.lost_mission.end()
         self.foreign_orders.forget()
         self.pending_return = self.paused = self.armed_s = None
         self.forget_armed_period()

@@ -37,7 +37,10 @@ REPORTING = (
         for name in ("command", "ftp_download", "ftp_requests", "parameter")
     ),
     *sorted((ROOT / "mavlink_broker" / "microservices").glob("mission_*.py")),
-    *(ROOT / "mavlink_broker" / "vehicle" / f"{name}.py" for name in ("alarms", "flight_logs")),
+    *(
+        ROOT / "mavlink_broker" / "vehicle" / f"{name}.py"
+        for name in ("alarms", "flight_logs", "lost_mission")
+    ),
 )
 """Modules of the broker whose sentences reach the console in missions, commands and events."""
 REFUSING = (
