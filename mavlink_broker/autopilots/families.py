@@ -20,7 +20,7 @@ from mavlink_broker.autopilots.flight_modes import (
     generic_name,
     px4_name,
 )
-from mavlink_broker.autopilots.parameter_settings import ParameterOverrides
+from mavlink_broker.autopilots.parameter_settings import Following, ParameterOverrides
 from mavlink_broker.mavlink.dialect import Message, mavlink
 from mavlink_broker.microservices.command import CommandAlternatives, CommandLong, long_command
 from mavlink_broker.microservices.parameter import ParameterEncoding
@@ -139,11 +139,9 @@ class Family:
     follows_by_command: bool = True  # DO_FOLLOW starts it, or else one of these modes
     follow_modes: CommandAlternatives = ()
     mission_overrides: ParameterOverrides = ()  # Parameters that every mission needs
-    follow_overrides: Callable[[float, float, int], ParameterOverrides] = (
-        parameter_settings.no_overrides
-    )
-    """Of height above home [m], angle to the target's course [deg], the broker's system id."""
+    follow_overrides: Callable[[Following], ParameterOverrides] = parameter_settings.no_overrides
     lowest_follow_m: float = 0.0
+    slowest_follow_m_s: float = 0.0  # Its own limit cannot be set below that
     camera_is_autopilot: bool = False  # Camera commands go to the autopilot itself
     takes_panoramas: bool = False  # Its camera supports PANORAMA_CREATE
     gimbal_slew_s: float = 0.0
@@ -249,6 +247,7 @@ OWN: Final = replace(
     orbit_headings=FARM_FLIGHT_HEADINGS,
     follows_by_command=True,
     follow_overrides=parameter_settings.farm_flight_follow,
+    slowest_follow_m_s=parameter_settings.SLOWEST_FOLLOW_M_S,
     lowest_follow_m=0.0,
     lists_log_ends=False,
     keeps_log_open=False,

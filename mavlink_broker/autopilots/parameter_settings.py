@@ -14,11 +14,11 @@ own limit may be narrower, and is never widened.
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Final, TypeAlias
+from typing import Final, NamedTuple, TypeAlias
 
 from afarcloud.plan import Geofence
 from mavlink_broker.microservices.config_overrides import ParameterOverride
-from mavlink_broker.microservices.parameter import Setting
+from mavlink_broker.microservices.parameter import Limit, Setting
 
 ParameterOverrides: TypeAlias = tuple[ParameterOverride, ...]
 
@@ -28,6 +28,8 @@ BEHIND_DEG: Final = 180.0
 """Clockwise from the target's course: PX4's FLW_TGT_FA."""
 BESIDE_DEG: Final = 90.0
 PX4_LOWEST_FOLLOW_M: Final = 8.0
+SLOWEST_FOLLOW_M_S: Final = 0.5
+"""Lowest FLW_TGT_MAX_VEL of the project's own vehicle."""
 COPTER_RADIUS_M: Final = (0.05, 10.0)
 """Smallest and largest acceptance radius of WPNAV_RADIUS."""
 COPTER_CIRCLE_RATE_DEG_S: Final = 90.0
@@ -38,37 +40,57 @@ _AMSL: Final = 0.0
 _NO_DISTANCE_LIMIT: Final = 0.0
 
 
-def no_overrides(height_m: float, angle_deg: float, own_system: int) -> ParameterOverrides:
+class Following(NamedTuple):
+    """How a vehicle is to follow its target."""
+
+    height_m: float  # Above home
+    angle_deg: float  # To the target's course
+    own_system: int  # The broker's system id
+    speed_m_s: float | None  # At most; None: its own
+
+
+def no_overrides(following: Following) -> ParameterOverrides:
     """No overrides: the command contains everything."""
-    del height_m, angle_deg, own_system
+    del following
     return ()
 
 
-def px4_follow(height_m: float, angle_deg: float, own_system: int) -> ParameterOverrides:
-    """PX4 keeps a height above home, a distance and an angle to a target's course."""
-    del own_system
+def px4_follow(following: Following) -> ParameterOverrides:
+    """PX4 keeps a height above home, a distance and an angle to a target's course.
+
+    Its limit is that of its way round the target: it keeps up with one at its own speed.
+    """
     return (
         (Setting("FLW_TGT_ALT_M", 0.0),),
-        (Setting("FLW_TGT_HT", max(height_m, PX4_LOWEST_FOLLOW_M)),),
+        (Setting("FLW_TGT_HT", max(following.height_m, PX4_LOWEST_FOLLOW_M)),),
         (Setting("FLW_TGT_DST", FOLLOW_DISTANCE_M),),
-        (Setting("FLW_TGT_FA", angle_deg),),
+        (Setting("FLW_TGT_FA", following.angle_deg),),
+        *_follow_speed(following),
     )
 
 
-def farm_flight_follow(height_m: float, angle_deg: float, own_system: int) -> ParameterOverrides:
+def farm_flight_follow(following: Following) -> ParameterOverrides:
     """The project's own vehicle gets the height with the command."""
-    del height_m, own_system
-    if angle_deg == BEHIND_DEG:
+    is_behind = following.angle_deg == BEHIND_DEG
+    angle = () if is_behind else ((Setting("FLW_TGT_FA", following.angle_deg),),)
+    return (*angle, *_follow_speed(following))
+
+
+def _follow_speed(following: Following) -> ParameterOverrides:
+    if following.speed_m_s is None:
         return ()
-    return ((Setting("FLW_TGT_FA", angle_deg),),)
+    limit_m_s = max(following.speed_m_s, SLOWEST_FOLLOW_M_S)
+    return ((Limit("FLW_TGT_MAX_VEL", limit_m_s),),)
 
 
-def copter_follow(height_m: float, angle_deg: float, own_system: int) -> ParameterOverrides:
-    """ArduCopter keeps an offset from one system's position, which is sent with the height."""
-    del height_m, angle_deg
+def copter_follow(following: Following) -> ParameterOverrides:
+    """ArduCopter keeps an offset from one system's position, which is sent with the height.
+
+    Its speed is WPNAV_SPEED, which no command may change in flight.
+    """
     return (
         (Setting("FOLL_ENABLE", 1.0),),
-        (Setting("FOLL_SYSID", float(own_system)),),
+        (Setting("FOLL_SYSID", float(following.own_system)),),
         (Setting("FOLL_DIST_MAX", _NO_DISTANCE_LIMIT),),
         (Setting("FOLL_OFS_TYPE", _NORTH_EAST_DOWN),),
         (Setting("FOLL_OFS_X", -FOLLOW_DISTANCE_M),),

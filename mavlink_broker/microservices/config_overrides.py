@@ -18,6 +18,7 @@ from mavlink_broker.mavlink.dialect import Message, Route
 from mavlink_broker.mavlink.mission_item import MissionItem
 from mavlink_broker.microservices.command import RoundTrip
 from mavlink_broker.microservices.parameter import (
+    Limit,
     NotOverwritten,
     ParameterEncoding,
     ParameterWrite,
@@ -48,6 +49,11 @@ class OverriddenParameter(NamedTuple):
             return self
         others = tuple(placed for placed in self.placed if placed != value)
         return OverriddenParameter(self.before, (*others, value)[-MAX_PLACED:])
+
+    def with_setting(self, setting: Setting) -> "OverriddenParameter":
+        """Return it with the value that we set; a limit does not raise the original one."""
+        is_lower = isinstance(setting, Limit) and self.before < setting.value
+        return self.with_value(self.before if is_lower else setting.value)
 
     def is_ours(self, held: float) -> bool:
         """Whether a vehicle's value is one that we set, within the precision of its type."""
@@ -150,7 +156,8 @@ class ParameterOverrider:
             setting = self._next()
             if setting is not None:
                 permission = partial(self._permission, setting, is_saved)
-                write = ParameterWrite(setting, route, round_trip, encoding, permission)
+                placed = self._within_original(setting)
+                write = ParameterWrite(placed, route, round_trip, encoding, permission)
                 self._running = setting, write
                 messages += write.start(now)
         return messages
@@ -169,14 +176,27 @@ class ParameterOverrider:
                     return setting
         return None
 
+    def _within_original(self, setting: Setting) -> Setting:
+        """Give what to write: a limit does not raise a value that was lower before."""
+        overridden = self._overridden.get(setting.name)
+        if overridden is None or not isinstance(setting, Limit):
+            return setting
+        return setting._replace(value=min(setting.value, overridden.before))
+
     def _permission(
         self, setting: Setting, is_saved: Callable[[], bool], previous: float
     ) -> Permission:
-        """Permit a requested value once the original is saved, a restore if the value is ours."""
+        """Permit a requested value once the original is saved, a restore if the value is ours.
+
+        A vehicle whose own value is within a requested limit keeps that.
+        """
         overridden = self._overridden.get(setting.name)
         if self._is_requested(setting):
+            is_within = isinstance(setting, Limit) and previous <= setting.value
+            if overridden is None and is_within:
+                return Permission.DENIED
             before = overridden or OverriddenParameter(previous, ())
-            self._overridden[setting.name] = before.with_value(setting.value)
+            self._overridden[setting.name] = before.with_setting(setting)
             return Permission.GRANTED if is_saved() else Permission.PENDING
         is_ours = overridden is not None and overridden.is_ours(previous)
         return Permission.GRANTED if is_ours else Permission.DENIED
@@ -192,6 +212,8 @@ class ParameterOverrider:
         outcome = write.outcome
         if isinstance(outcome, Written):
             self._written(setting, outcome.previous)
+        elif isinstance(outcome, NotOverwritten) and is_wanted:
+            self._written_values[setting.name] = setting.value  # It is within this limit
         elif isinstance(outcome, NotOverwritten):
             self._overridden.pop(setting.name, None)
         elif is_wanted:
@@ -216,9 +238,10 @@ class ParameterOverrider:
     def _written(self, setting: Setting, previous: float) -> None:
         """Record the written value; a parameter with its original value is restored."""
         overridden = self._overridden.get(setting.name) or OverriddenParameter(previous, ())
-        self._overridden[setting.name] = overridden.with_value(setting.value)
+        overridden = overridden.with_setting(setting)
+        self._overridden[setting.name] = overridden
         self._written_values[setting.name] = setting.value
-        if setting.value == overridden.before:
+        if overridden.placed[-1] == overridden.before:
             del self._overridden[setting.name]
 
     def _is_set(self, override: ParameterOverride) -> bool:

@@ -64,6 +64,12 @@ class Setting(NamedTuple):
     value: float
 
 
+class Limit(Setting):
+    """A parameter and its largest value: a vehicle whose own is lower keeps that."""
+
+    __slots__ = ()
+
+
 @dataclass(frozen=True, slots=True)
 class Written:
     """The vehicle has the value; `previous` is its value before."""

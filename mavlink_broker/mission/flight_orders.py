@@ -340,7 +340,7 @@ class SpeedChanges:
         """Fly at another speed [m/s] from now on; items of a transfer stay as they are.
 
         A vehicle in a live command may refuse: an orbit has its own speed, and everything behind
-        it is flown at the new one anyway.
+        it is flown at the new one anyway. One that follows a target gets it as a parameter.
         """
         if state in ENDING:
             effects.for_edge.append(work.answer("refused", MISSION_ENDED))
@@ -355,6 +355,8 @@ class SpeedChanges:
             effects.for_edge.append(work.answer("refused", reason))
         else:
             self._may_refuse = state is State.FLYING_LIVE
+            if self._may_refuse:  # A follower's speed is a parameter
+                self._vehicle.override(self._segments.live.action.overrides)
             if self._running is not None and self._running[0] is not None:
                 reason, earlier = "a later event gives another speed", self._running[0]
                 effects.for_edge.append(earlier.answer("refused", reason))

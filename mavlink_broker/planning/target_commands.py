@@ -7,7 +7,12 @@ from afarcloud.commands import NavFollowTarget, NavTrackSubject
 from afarcloud.enumerations import FollowHeading, TrackMode
 from afarcloud.route import Spot
 from mavlink_broker.autopilots.families import Family
-from mavlink_broker.autopilots.parameter_settings import BEHIND_DEG, BESIDE_DEG, ParameterOverrides
+from mavlink_broker.autopilots.parameter_settings import (
+    BEHIND_DEG,
+    BESIDE_DEG,
+    Following,
+    ParameterOverrides,
+)
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.microservices.command import CommandAlternatives, CommandLong, long_command
 from mavlink_broker.planning.situation import Lasted, LiveAction, Situation, Tracked, reposition
@@ -47,13 +52,16 @@ def follow(command: NavFollowTarget, situation: Situation) -> LiveAction:
     notes = []
     if height_m > p.altitude:
         notes.append(f"altitude: {family.name} follows no lower than {height_m:g} m")
+    if situation.maximum_speed_m_s < family.slowest_follow_m_s:
+        slowest = f"{family.slowest_follow_m_s:g} m/s"
+        notes.append(f"maximum_speed: {family.name} follows no slower than {slowest}")
     if p.heading is not FollowHeading.TOWARD_FOLLOW_POSITION:
         notes.append("heading: nobody steers it by hand, the nose points to the target")
     return LiveAction(
         begin=(*alternatives, (reposition(spot, situation.home),)),
         alternative_notes=(*lost, "the vehicle follows nothing: it waits at the target's place"),
         follow=spot,
-        overrides=family.follow_overrides(height_m, BEHIND_DEG, situation.own_system),
+        overrides=_follow_overrides(situation, height_m, BEHIND_DEG),
         end=Lasted(FOLLOWED_FOR_S),
         finish=family.holding,
         within_s=FOLLOWED_FOR_S + SLACK_S,
@@ -123,6 +131,13 @@ def camera_of(family: Family) -> int | None:
 
 def _borrowed(mode: TrackMode, situation: Situation, height_m: float) -> ParameterOverrides:
     angle_deg = _ANGLES_DEG.get(mode)
-    if angle_deg is None:
-        return ()
-    return situation.family.follow_overrides(height_m, angle_deg, situation.own_system)
+    return () if angle_deg is None else _follow_overrides(situation, height_m, angle_deg)
+
+
+def _follow_overrides(
+    situation: Situation, height_m: float, angle_deg: float
+) -> ParameterOverrides:
+    """Give what a vehicle borrows to follow, also its speed, which no command limits then."""
+    speed_m_s = situation.maximum_speed_m_s or None
+    following = Following(height_m, angle_deg, situation.own_system, speed_m_s)
+    return situation.family.follow_overrides(following)

@@ -125,6 +125,7 @@ PX4 = Script(
         "FLW_TGT_HT": 12.0,
         "FLW_TGT_DST": 5.0,
         "FLW_TGT_FA": 0.0,
+        "FLW_TGT_MAX_VEL": 5.0,
         "COM_OF_LOSS_T": 1.0,
     }
 )

@@ -7,12 +7,18 @@ import pytest
 from mavlink_broker.mavlink.dialect import Message, mavlink
 from mavlink_broker.microservices.command import RoundTrip
 from mavlink_broker.microservices.config_overrides import OverriddenParameter, ParameterOverrider
-from mavlink_broker.microservices.parameter import MAX_CONTRADICTIONS, ParameterEncoding, Setting
+from mavlink_broker.microservices.parameter import (
+    MAX_CONTRADICTIONS,
+    Limit,
+    ParameterEncoding,
+    Setting,
+)
 from tests.unit.mavlink_broker.microservices.harness import ROUTE, received
 
 REAL32 = mavlink.MAV_PARAM_TYPE_REAL32
 TARGET = (Setting("CIRCLE_RATE", 12.0),)
 OTHER = (Setting("CIRCLE_OPTIONS", 2.0),)
+MOST = (Limit("FLW_TGT_MAX_VEL", 3.0),)
 RENAMED = (Setting("WP_RADIUS_M", 3.0), Setting("WPNAV_RADIUS", 300.0))
 
 
@@ -100,6 +106,32 @@ def test_what_is_right_already_is_not_touched() -> None:
     exchange.overrider.set_overrides(())
     exchange.run(5.0)
     assert exchange.vehicle.writes == []
+
+
+@pytest.mark.parametrize(("own", "held"), [(5.0, 3.0), (3.0, 3.0), (1.0, 1.0)])
+def test_a_limit_leaves_a_lower_value_as_it_is(own: float, held: float) -> None:
+    exchange = Exchange(Vehicle(FLW_TGT_MAX_VEL=own))
+    exchange.overrider.set_overrides((MOST,))
+    exchange.run(5.0)
+    assert exchange.overrider.is_settled
+    assert exchange.vehicle.values == {"FLW_TGT_MAX_VEL": held}
+    exchange.overrider.set_overrides(())
+    exchange.run(5.0)
+    assert exchange.vehicle.values == {"FLW_TGT_MAX_VEL": own}
+    assert len(exchange.vehicle.writes) == (2 if own > 3.0 else 0)
+    assert exchange.overrider.is_idle
+
+
+def test_a_limit_that_is_raised_is_no_more_than_the_original_value() -> None:
+    exchange = Exchange(Vehicle(FLW_TGT_MAX_VEL=2.0))
+    for limit, held in ((1.0, 1.0), (3.0, 2.0), (1.5, 1.5)):
+        exchange.overrider.set_overrides(((Limit("FLW_TGT_MAX_VEL", limit),),))
+        exchange.run(5.0)
+        assert exchange.overrider.is_settled
+        assert exchange.vehicle.values == {"FLW_TGT_MAX_VEL": held}
+    exchange.overrider.set_overrides(())
+    exchange.run(5.0)
+    assert exchange.vehicle.values == {"FLW_TGT_MAX_VEL": 2.0}
 
 
 def test_what_stays_requested_is_not_set_again() -> None:

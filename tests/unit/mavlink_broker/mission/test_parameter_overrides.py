@@ -7,7 +7,7 @@ import pytest
 
 from afarcloud.enumerations import EventType, Status
 from mavlink_broker.mavlink.dialect import mavlink
-from tests.support.autopilot_families import PX4_AND_ARDUPILOT
+from tests.support.autopilot_families import OWN, PX4_AND_ARDUPILOT
 from tests.support.broker_world import (
     FINISHED,
     World,
@@ -58,6 +58,46 @@ def test_a_follow_command_sets_height_distance_and_angle_and_restores_them(scrip
     assert {name: held[name] for name in wanted} == wanted
     assert vehicle.settings == dict(script.settings)
     assert world.edge.statuses(1201) == FINISHED
+
+
+@pytest.mark.parametrize("script", [PX4, OWN], ids=["px4", "own"])
+@pytest.mark.parametrize(("planned", "lent"), [(1.0, 1.0), (8.0, 5.0)])
+def test_a_follower_is_no_faster_than_the_mission(
+    script: Script, planned: float, lent: float
+) -> None:
+    """Neither does the mission make it faster than it is set to be."""
+    world = World()
+    vehicle = world.add_vehicle(script=script)
+    world.edge.plan(mission(takeoff(), follow(), go_home(3)) | {"maximum_speed": planned})
+    world.run_until(lambda: vehicle.custom_mode == PX4_FOLLOW)
+    assert vehicle.settings["FLW_TGT_MAX_VEL"] == lent
+    assert message(world, 1) == "None"
+    world.run_until_over(1201)
+    world.run(10.0)
+    assert vehicle.settings == dict(script.settings)
+
+
+@pytest.mark.parametrize("script", [PX4, OWN], ids=["px4", "own"])
+def test_a_new_speed_is_that_of_a_follower_at_once(script: Script) -> None:
+    world, vehicle = setting_out(takeoff(), follow(), go_home(3), script=script)
+    world.run_until(lambda: vehicle.custom_mode == PX4_FOLLOW)
+    assert vehicle.settings["FLW_TGT_MAX_VEL"] == 4.0
+    world.edge.event(EventType.DRONE_SPEED, maximum_speed=1.5)
+    world.run(5.0)
+    assert vehicle.custom_mode == PX4_FOLLOW
+    assert vehicle.settings["FLW_TGT_MAX_VEL"] == 1.5
+    world.run_until_over(1201)
+    world.run(10.0)
+    assert vehicle.settings == dict(script.settings)
+
+
+def test_a_follower_slower_than_it_can_be_set_is_noted() -> None:
+    world = World()
+    vehicle = world.add_vehicle(script=OWN)
+    world.edge.plan(mission(takeoff(), follow(), go_home(3)) | {"maximum_speed": 0.3})
+    world.run_until(lambda: vehicle.custom_mode == PX4_FOLLOW)
+    assert vehicle.settings["FLW_TGT_MAX_VEL"] == 0.5
+    assert "maximum_speed: farm-flight follows no slower than 0.5 m/s" in message(world, 1)
 
 
 def test_px4_follows_no_lower_than_it_can_and_the_report_notes_it() -> None:
