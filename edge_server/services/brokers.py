@@ -1,10 +1,10 @@
 """The brokers of this server: wakes their long polls, and stores when each last made a request.
 
 A vehicle is served by one broker: the first that makes a request about it, until that one has made
-none for `SERVED_S`, or for `URGENT_SERVED_S` while an order that stops the flight waits. A broker
-is known by its access key and its instance, so two brokers with one key are two. Only the broker
-that serves a vehicle gets its work and may accept it; what another one reports is stored all the
-same.
+none for `SERVED_S` (`edge_server/store/rows/vehicles.py`), or for `URGENT_SERVED_S` while an order
+that stops the flight waits. A broker is known by its access key and its instance, so two brokers
+with one key are two. Only the broker that serves a vehicle gets its work and may accept it; what
+another one reports is stored all the same.
 
 An operator may close the mission of a broker that has failed. Every request of a broker shows that
 it runs: a report, an acknowledgement, or a poll for work. Each vehicle's time is stored at most

@@ -203,7 +203,7 @@ def test_an_order_that_reaches_no_broker_says_why(edge: Edge) -> None:
     Broker(edge, FIRST).update()
     edge.ask("PUT", "/vehicles/1", "broker", json={"link_state": "connected", "armed": True})
     assert edge.get("/vehicles/1").get("warning") is None
-    answer = edge.post("/events/", event(), "operator")
+    answer: Any = edge.post("/events/", event(), "operator")
     assert "message" not in answer.json
     edge.clock.pass_s(URGENT_SERVED_S)
     why = f"no broker asks for orders: the last request of broker/broker {FIRST} was at "
@@ -221,7 +221,7 @@ def test_an_order_that_waits_for_the_second_broker_says_so(edge: Edge) -> None:
     first, second = Broker(edge, FIRST), Broker(edge, SECOND)
     first.ask("PUT", "/vehicles/1", {"link_state": "connected", "armed": True})
     second.update()
-    shown = edge.post("/events/", event(), "operator").json
+    shown: Any = edge.post("/events/", event(), "operator").json
     why = f"broker/broker {SECOND} gets no orders yet: the last request of broker/broker {FIRST}"
     assert shown["message"].startswith(why)
     assert edge.get("/vehicles/1")["warning"] == shown["message"]
