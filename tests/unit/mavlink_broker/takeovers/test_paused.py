@@ -23,9 +23,11 @@ from tests.support.vehicle_script import (
     COPTER_AUTO,
     COPTER_BRAKE,
     PX4,
+    PX4_FOLLOW,
     PX4_HOLD,
     PX4_LAND,
     PX4_MISSION,
+    PX4_ORBIT,
     Script,
 )
 
@@ -138,6 +140,8 @@ def test_a_live_command_that_a_pilot_pauses_by_a_switch_has_failed(
     """No circle is over because its vehicle holds before it has gone round."""
     world = phase(script)
     vehicle = world.only_vehicle
+    world.run_until(lambda: vehicle.custom_mode in {PX4_FOLLOW, PX4_ORBIT})
+    world.run(1.0)
     since = pause(world, by_station=False)
     world.run(80.0)
     assert orders(vehicle, since) == []
