@@ -157,6 +157,7 @@ class Autopilot:
             estimator_status=topics.estimator_status,
             landed=topics.land_detected,
             imu_shift=topics.imu_shift,
+            sensors_status=topics.sensors_status,
             torque_thrust=topics.vehicle_torque_thrust_setpoint,
             registry=registry,
         )

@@ -46,6 +46,8 @@ class SensorsStatus(NamedTuple):
     gyro_lost: bool = False  # None is left
     accel_lost: bool = False
     disputed: int = 0  # [-] Two disagree: 1 gyroscopes, 2 accelerometers, 4 barometers, 8 compasses
+    gyros_agree: bool = False  # Two or more, none of which has failed or is disputed
+    accels_agree: bool = False
 
 
 class SensorBaro(NamedTuple):

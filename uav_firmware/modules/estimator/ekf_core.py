@@ -82,6 +82,8 @@ class EkfCore:
         self.declination: float | None = None  # [rad] At the origin
         self.on_ground: bool | None = None  # None while unknown
         self._has_low_throttle = True
+        # Several measure the same: their bias has not jumped
+        self.gyros_agree = self.accels_agree = False
         # When a jump of the bias of roll or pitch rate was last suspected, and of the yaw rate
         self.tilt_jump_us: int | None = None
         self.turn_jump_us: int | None = None

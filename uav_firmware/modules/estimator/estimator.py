@@ -27,7 +27,14 @@ from uav_firmware.modules.estimator.kalman_filter.state import (
 )
 from uav_firmware.modules.estimator.params import EstimatorParams, HeightReference
 from uav_firmware.msg.estimate import AidSource
-from uav_firmware.msg.sensors import ImuShift, SensorBaro, SensorGps, SensorImu, SensorMag
+from uav_firmware.msg.sensors import (
+    ImuShift,
+    SensorBaro,
+    SensorGps,
+    SensorImu,
+    SensorMag,
+    SensorsStatus,
+)
 from uav_firmware.msg.status import LandDetected
 from uav_firmware.msg.vectors import Vector3
 
@@ -63,6 +70,7 @@ class Estimator:
         self._params = params
         self._average = RestAverage()
         self._land: LandDetected | None = None
+        self._sensors: SensorsStatus | None = None
         # Biased for certain as no healthy sensor is; found once, it stays so until a restart
         self.gyro_broken = False
         self.accel_broken = False
@@ -130,6 +138,8 @@ class Estimator:
             self.core = EkfCore(alignment, imu.time_us, self._params)
             if self._land is not None:
                 self.core.update_landed(self._land)
+            if self._sensors is not None:
+                self.update_sensors(self._sensors)
             self.core.lateral.set_drag(self.drag.drag)
 
     def update_gps(self, gps: SensorGps) -> None:
@@ -159,6 +169,13 @@ class Estimator:
         self.drag.carried = land.ground_contact
         if self.core is not None:
             self.core.update_landed(land)
+
+    def update_sensors(self, sensors: SensorsStatus) -> None:
+        """Apply the vote over the inertial sensors: whether several agree."""
+        self._sensors = sensors
+        if self.core is not None:
+            self.core.gyros_agree = sensors.gyros_agree
+            self.core.accels_agree = sensors.accels_agree
 
     def finish_step(self) -> None:
         """After all sensors of a step: the aids without a sensor, and the limits."""

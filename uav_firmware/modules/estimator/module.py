@@ -17,7 +17,14 @@ from uav_firmware.msg.estimate import (
     VehicleGlobalPosition,
     VehicleLocalPosition,
 )
-from uav_firmware.msg.sensors import ImuShift, SensorBaro, SensorGps, SensorImu, SensorMag
+from uav_firmware.msg.sensors import (
+    ImuShift,
+    SensorBaro,
+    SensorGps,
+    SensorImu,
+    SensorMag,
+    SensorsStatus,
+)
 from uav_firmware.msg.setpoints import VehicleTorqueThrustSetpoint
 from uav_firmware.msg.status import LandDetected
 from uav_firmware.parameters import Registry
@@ -60,6 +67,7 @@ class EstimatorModule:
         registry: Registry,
         landed: Topic[LandDetected],
         imu_shift: Topic[ImuShift],
+        sensors_status: Topic[SensorsStatus],
         torque_thrust: Topic[VehicleTorqueThrustSetpoint],
     ) -> None:
         self._registry = registry
@@ -68,12 +76,13 @@ class EstimatorModule:
         self._imu, self._baro, self._mag, self._gps = imu, baro, mag, gps
         self._landed = landed
         self._imu_shift = imu_shift
+        self._sensors_status = sensors_status
         self._torque_thrust = torque_thrust
         self._attitude = attitude
         self._local_position = local_position
         self._global_position = global_position
         self._status = estimator_status
-        self._counts = [0, 0, 0, 0, 0, 0]
+        self._counts = [0, 0, 0, 0, 0, 0, 0]
         self._aid_counts = (0, 0, 0, 0)
         self._validity = Validity()
         self._accuracy_m = (math.nan, math.nan)
@@ -93,6 +102,9 @@ class EstimatorModule:
         shift = self._new(5, self._imu_shift)
         if shift is not None:
             estimator.shift_biases(shift)
+        sensors = self._new(6, self._sensors_status)
+        if sensors is not None:
+            estimator.update_sensors(sensors)
         commanded = self._torque_thrust.value
         if commanded is not None:
             estimator.imu_checks.expect_thrust(commanded.thrust)

@@ -274,6 +274,8 @@ class SensorsModule:
                 not gyros.good,
                 not accels.good,
                 disputed,
+                gyros.agree,
+                accels.agree,
             )
         )
 

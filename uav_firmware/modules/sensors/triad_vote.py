@@ -102,6 +102,14 @@ class TriadVote:
             else cz,
         )
 
+    @property
+    def agree(self) -> bool:
+        """Whether several instances measure the same, and none ever did not.
+
+        After a failure it is no proof any more: two that failed alike have outvoted the third.
+        """
+        return len(self.good) > 1 and self.failed == 0 and self.dispute is None
+
     def judge(self, window: Window, others: Window) -> list[Failed]:
         """Check WINDOW samples, each the vectors of all instances; returns the failures in them.
 

@@ -5,6 +5,11 @@ a cold solder joint or a supply that fails, the filter would reject every other 
 correct the bias. The size of the jump that explains the innovations is computed; twice
 that is the deviation that the filter gets (`bias_jump`), and it estimates the rest.
 
+Several gyroscopes that agree have not jumped, all alike and at once (`EkfCore.gyros_agree`), nor
+have accelerometers that agree: then it is the receiver or the compass that is wrong, and the
+attitude is not opened to it. PX4 keeps its attitude as well, and rejects the source or resets
+velocity and heading.
+
 A velocity that drifts has other causes too. A wrong heading while the vehicle accelerates: what
 0.2 rad of it would do to the latest change of velocity counts as noise here. Scale factor and
 misalignment of the gyroscope, while the vehicle turns: what 2 % of the latest angle of rotation
@@ -74,8 +79,10 @@ class HorizontalVelocityMonitor:
         # As long again as the innovations have exceeded the slack they grew unseen below it
         since_s = min(max(2.0 * drift.age_s, _SHORTEST_S), _LONGEST_S)
         feigned = max(abs(m.innovation) for m in horizontal)
-        if core.lateral.stepped:
+        if core.lateral.stepped and not core.accels_agree:
             expect_accel_jump(core, EVERY_AXIS, feigned / since_s, since_s)
+            return
+        if core.gyros_agree:
             return
         jump = 2.0 * feigned / (STANDARD_GRAVITY_M_S2 * since_s**2)
         _add_jump(ekf, EVERY_AXIS, jump, since_s)
@@ -125,7 +132,7 @@ class HeadingMonitor:
         deviation = math.hypot(ekf.deviation(measured), _LOAD_ERROR_RAD * (thrust_g - 1.0))
         drift = self._drift.update([measured.innovation / deviation], now_us)
         self._leapt = self._leapt or self._drift.leapt
-        if drift is None or self._leapt:
+        if drift is None or self._leapt or core.gyros_agree:
             return
         jump = drift.growth * deviation / max(drift.age_s, _SHORTEST_S)
         if jump <= 0.0:

@@ -23,7 +23,7 @@ from uav_firmware.msg.estimate import (
     VehicleGlobalPosition,
     VehicleLocalPosition,
 )
-from uav_firmware.msg.sensors import SensorBaro, SensorGps, SensorImu, SensorMag
+from uav_firmware.msg.sensors import SensorBaro, SensorGps, SensorImu, SensorMag, SensorsStatus
 from uav_firmware.msg.status import LandDetected, LandedState
 from uav_firmware.parameters import Registry
 
@@ -269,6 +269,7 @@ class Rig:
         self.mag: Topic[SensorMag] = Topic()
         self.gps: Topic[SensorGps] = Topic()
         self.landed: Topic[LandDetected] = Topic()
+        self.sensors: Topic[SensorsStatus] = Topic()
         self.attitude: Topic[VehicleAttitude] = Topic()
         self.local: Topic[VehicleLocalPosition] = Topic()
         self.world: Topic[VehicleGlobalPosition] = Topic()
@@ -277,7 +278,7 @@ class Rig:
             imu=self.imu, baro=self.baro, mag=self.mag, gps=self.gps,
             attitude=self.attitude, local_position=self.local, global_position=self.world,
             estimator_status=self.status, registry=self.registry, landed=self.landed,
-            imu_shift=Topic(), torque_thrust=Topic(),
+            imu_shift=Topic(), sensors_status=self.sensors, torque_thrust=Topic(),
         )  # fmt: skip
 
     def feed(self, readings: Readings) -> None:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from tests.support.messages import changed
 from tests.unit.uav_firmware.modules.estimator.flight import Readings, Rig, recorded
 from uav_firmware.modules.estimator.health import StatusFlag, Validity, status_flags
-from uav_firmware.msg.sensors import SensorBaro, SensorGps, SensorImu, SensorMag
+from uav_firmware.msg.sensors import SensorBaro, SensorGps, SensorImu, SensorMag, SensorsStatus
 
 NAN, INF = math.nan, math.inf
 Change = Callable[[Readings], Readings]
@@ -231,6 +231,48 @@ def jumped_gyro(*jump_deg_s: float) -> Change:
         return readings._replace(imu=changed(readings.imu, rate_frd=(x, y, z)))
 
     return change
+
+
+def late_by(fixes: int) -> Change:
+    """A receiver that hands over each fix under the time of one `fixes` later."""
+    waiting: list[SensorGps] = []
+
+    def change(readings: Readings) -> Readings:
+        if readings.gps is None:
+            return readings
+        waiting.append(readings.gps)
+        old = waiting[max(0, len(waiting) - 1 - fixes)]
+        return readings._replace(gps=old._replace(time_us=readings.gps.time_us))
+
+    return change
+
+
+def biased_velocity(north_m_s: float, east_m_s: float) -> Change:
+    def change(readings: Readings) -> Readings:
+        gps = readings.gps
+        if gps is None:
+            return readings
+        north, east, down = gps.velocity_ned
+        biased = (north + north_m_s, east + east_m_s, down)
+        return readings._replace(gps=gps._replace(velocity_ned=biased))
+
+    return change
+
+
+@pytest.mark.parametrize("lie", [late_by(3), biased_velocity(1.5, -1.0)], ids=["late", "biased"])
+def test_a_receiver_that_lies_does_not_tilt_several_gyroscopes_that_agree(lie: Change) -> None:
+    rig = Rig()
+    rig.sensors.publish(SensorsStatus(0, 0, 0, 0, 0, gyros_agree=True, accels_agree=True))
+    worst_deg = 0.0
+    for readings in recorded(1).steps(45.0):
+        rig.feed(lie(readings) if readings.truth.time_us > 18_000_000 else readings)
+        if readings.truth.time_us > 18_000_000:
+            tilt = np.abs(rig.attitude_error(readings.truth)[:2]).max()
+            worst_deg = max(worst_deg, math.degrees(float(tilt)))
+    assert rig.status.value is not None
+    assert rig.status.value.gyro_jump_us is None
+    assert not rig.status.value.gyro_broken
+    assert worst_deg < 5.0
 
 
 @pytest.mark.first_case

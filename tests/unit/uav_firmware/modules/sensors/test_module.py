@@ -38,7 +38,7 @@ class Pair:
         imu: Topic[SensorImu] = Topic()
         baro: Topic[SensorBaro] = Topic()
         mag: Topic[SensorMag] = Topic()
-        status: Topic[SensorsStatus] = Topic()
+        self.status: Topic[SensorsStatus] = Topic()
         self._module = SensorsModule(
             Registry(),
             imus=self.imus,
@@ -51,7 +51,7 @@ class Pair:
             baro=baro,
             mag=mag,
             imu_shift=self.shift,
-            sensors_status=status,
+            sensors_status=self.status,
             status_text=self.texts,
         )
 
@@ -68,6 +68,12 @@ class Pair:
             self.imus.publish((self._unit(rate, force), self._unit()))
             self._module.update()
 
+    @property
+    def agree(self) -> tuple[bool, bool]:
+        """Whether the gyroscopes do, and the accelerometers."""
+        assert self.status.value is not None
+        return self.status.value.gyros_agree, self.status.value.accels_agree
+
     def _unit(
         self,
         rate: tuple[float, float, float] = (0.0, 0.0, 0.0),
@@ -81,7 +87,9 @@ class Pair:
 def test_gyroscope_and_accelerometer_settled_in_one_window_shift_both_biases() -> None:
     pair = Pair()
     pair.run(25, 0.0, 0.0)
+    assert pair.agree == (True, True)
     pair.run(10, 1.0, 0.0)
+    assert pair.agree == (False, False)
     assert pair.shift.count == 0
     pair.run(1, 1.0, 0.5)
     assert [text.text for text in pair.texts.drain()] == [

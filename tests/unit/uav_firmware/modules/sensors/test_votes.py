@@ -97,6 +97,16 @@ def test_a_bias_is_found_within_a_second_and_its_instance_alone(
     assert flown.vote.failed == 1 << instance
 
 
+@pytest.mark.parametrize(("count", "agree"), [(1, False), (2, True), (3, True)])
+def test_several_agree_until_one_of_them_is_off(count: int, *, agree: bool) -> None:
+    flown = Flown(count)
+    flown.fly(10.0)
+    assert flown.vote.agree is agree
+    flown.spoil = shifted(0, 3.0, 0.0, 0.0)
+    flown.fly(1.0)
+    assert not flown.vote.agree
+
+
 def test_a_bias_from_the_start_is_not_learnt_away() -> None:
     flown = Flown(3)
     flown.spoil = shifted(2, 0.0, 0.9, 0.0)

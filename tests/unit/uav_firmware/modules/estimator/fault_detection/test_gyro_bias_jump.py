@@ -162,6 +162,23 @@ def test_a_jump_that_tilts_is_detected_and_found_by_the_next_fix(rate_deg_s: flo
     assert core.ekf.sigma(GYRO_BIAS.start + 2) > 0.5 * bias
 
 
+@pytest.mark.parametrize("stepped", [False, True])
+def test_inertial_sensors_that_agree_are_not_opened_to_a_receiver(*, stepped: bool) -> None:
+    core, monitor = hovering(), HorizontalVelocityMonitor()
+    core.gyros_agree = core.accels_agree = True
+    if stepped:  # A landing gear that leaves the ground
+        for force in (0.0, 3.0):
+            for _ in range(100):
+                core.lateral.update((force, 0.0, -9.8), (0.0, 0.0, 0.0), IDENTITY, 0.004)
+    assert core.lateral.stepped is stepped
+    before = core.ekf.covariance
+    for number in range(40):
+        core.time_us = number * FIX_US
+        monitor.update(core, velocity(0.5 * GRAVITY * 0.05 * (0.1 * number) ** 2))
+    assert core.tilt_jump_us is None
+    assert np.array_equal(core.ekf.covariance, before)
+
+
 def test_a_velocity_that_a_wrong_heading_explains_is_no_jump() -> None:
     core, monitor = hovering(), HorizontalVelocityMonitor()
     for number in range(30):
@@ -197,6 +214,13 @@ def test_a_jump_that_turns_is_detected_and_found(rate_deg_s: float) -> None:
     core.ekf.fuse([heading(last)])
     assert core.state.gyro_bias_frd[2] == pytest.approx(rate, rel=0.5)
     assert core.ekf.sigma(ATTITUDE.start) == pytest.approx(1e-3, rel=0.01)
+
+
+def test_gyroscopes_that_agree_are_not_opened_to_a_compass() -> None:
+    core = hovering()
+    core.gyros_agree = True
+    look(core, HeadingMonitor(), [0.002 * number for number in range(400)])
+    assert core.turn_jump_us is None
 
 
 @pytest.mark.parametrize("magnet_deg", [4.0, 8.0, 30.0, 90.0])
