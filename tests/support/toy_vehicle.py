@@ -102,6 +102,7 @@ class ToyVehicle:
     fix_type: int = 3
     gyro_broken: bool = False  # Biased beyond its limit
     gyro_jump_us: int | None = None
+    heading_set_us: int | None = None
     imu_is_dead: bool = False  # It sends samples without a number
     satellites: int = 12
     accuracy: float = 0.1  # [m] Of the estimated position
@@ -338,6 +339,7 @@ class ToyVehicle:
                 self.gyro_broken,
                 self.gyro_jump_us,
                 stopped=self.stopped,
+                heading_set_us=self.heading_set_us,
             )
         )
         state = LandedState.ON_GROUND if self.landed else LandedState.IN_AIR

@@ -159,6 +159,9 @@ class EstimatorStatus(NamedTuple):
     accel_bias_frd: Vector3 = (0.0, 0.0, 0.0)  # [m/s^2]
     accel_broken: bool = False  # Its bias has been beyond EKF2_ABL_LIM; until a restart
     stopped: AidSource = AidSource(0)  # Sources that disagree with the others and are not used
+    heading_set_us: int | None = (
+        None  # [us] When it was last set by the course, against the compass
+    )
 
 
 class HoverThrustEstimate(NamedTuple):

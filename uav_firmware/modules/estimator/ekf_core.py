@@ -9,11 +9,12 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from uav_firmware.lib.geo import STANDARD_GRAVITY_M_S2, LocalFrame, gravity_m_s2
-from uav_firmware.lib.rotation import multiply, normalise
+from uav_firmware.lib.rotation import from_euler, multiply, normalise
 from uav_firmware.modules.estimator.declination import declination
 from uav_firmware.modules.estimator.fault_detection.gyro_jump_confirmation import (
     GyroJumpConfirmation,
 )
+from uav_firmware.modules.estimator.fault_detection.heading_by_course import InertialCourse
 from uav_firmware.modules.estimator.fault_detection.lateral_force import LateralForce
 from uav_firmware.modules.estimator.fault_detection.motion import (
     UNSEEN_M_S,
@@ -58,6 +59,8 @@ _START_VELOCITY_SIGMA_M_S: Final = 0.3
 _FREE_GPS_HEIGHT_SIGMA_M: Final = 10.0  # Where the barometer is the datum: weather over hours
 _TURNED_BACK_SIGMA_RAD: Final = 0.05
 _TURNED_BACK_SIGMA_RAD_S: Final = 0.001
+_TURNED_TILT_SIGMA_RAD: Final = 0.03
+_TURNED_HEADING_SIGMA_RAD: Final = 0.2
 _UNKNOWN_HEADING_SIGMA_RAD: Final = 1.8  # That of an even spread over the circle
 
 
@@ -92,6 +95,8 @@ class EkfCore:
         self.accel_jump_us: int | None = None  # When one of the accelerometer was
         self.rest = RestDetector()
         self.lateral = LateralForce()
+        self.course = InertialCourse()
+        self.heading_set_us: int | None = None  # [us] When the course by GPS last turned it
         self.recent_rotation = RecentRotation()
         self.impact = Impact()
         self.reset_log = ResetLog()
@@ -150,6 +155,25 @@ class EkfCore:
         self.ekf.forget(ATTITUDE.start + 1, _TURNED_BACK_SIGMA_RAD)
         self.ekf.forget(GYRO_BIAS, _TURNED_BACK_SIGMA_RAD_S)
 
+    def turn_heading(self, angle: float) -> None:
+        """Turn the estimate by an angle [rad] that the compass had it wrong by.
+
+        What the filter has made of the disagreement goes with it: the wind, the accelerometer's
+        bias along x and y, what was thought to be known of the tilt.
+        """
+        state, ekf = self.state, self.ekf
+        state.q_ned_frd = normalise(multiply(from_euler(0.0, 0.0, angle), state.q_ned_frd))
+        state.accel_bias_frd = (0.0, 0.0, state.accel_bias_frd[2])
+        state.wind_ne = (0.0, 0.0)
+        self.history.turn(angle)
+        self.reset_log.note_turn(angle)
+        self.gyro_jump.forget()
+        ekf.forget(ATTITUDE, _TURNED_TILT_SIGMA_RAD)
+        ekf.forget(HEADING, _TURNED_HEADING_SIGMA_RAD)
+        ekf.forget(slice(ACCEL_BIAS.start, ACCEL_BIAS.start + 2), self.params.accel_bias_sigma)
+        ekf.forget(WIND, START_WIND_SIGMA_M_S)
+        self.heading_set_us = self.time_us
+
     def add_impact_uncertainty(self, fix_us: int) -> None:
         """Let a fix at `fix_us` find what an impact beyond the accelerometer's range changed."""
         since_s = self.impact.unseen_s(fix_us, self.time_us)
@@ -169,6 +193,7 @@ class EkfCore:
         self.history.push(time_us, change, dt)
         self.rest.update(rate_frd, ekf.acceleration_ned)
         state = ekf.state
+        self.course.add(time_us, change, state.q_ned_frd, state.accel_bias_frd, dt)
         north, east, down = state.velocity_ned
         wind_north, wind_east = state.wind_ne
         airspeed_ned = (north - wind_north, east - wind_east, down)

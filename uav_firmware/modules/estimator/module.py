@@ -216,5 +216,6 @@ class EstimatorModule:
                 accel_bias_frd=(0.0, 0.0, 0.0) if core is None else core.state.accel_bias_frd,
                 accel_broken=estimator.accel_broken,
                 stopped=estimator.stopped,
+                heading_set_us=None if core is None else core.heading_set_us,
             )
         )

@@ -44,7 +44,7 @@ _WIND_HYSTERESIS: Final = 0.85  # Of the threshold, below which the cause clears
 BREAKER_FLIGHTTERM: Final = 121212
 """Value of CBRK_FLIGHTTERM that keeps a lost attitude from terminating the flight."""
 
-_JUMP_REPORTED_US: Final = 10_000_000  # After that a bias is as well known as before
+_JUMP_REPORTED_US: Final = 10_000_000  # After that a bias, or heading, is known as before
 _EXCEPT_BITS: Final[Mapping[NavigationState, int]] = {
     NavigationState.AUTO_MISSION: 1,
     NavigationState.AUTO_LOITER: 2,
@@ -67,6 +67,7 @@ class Cause(Enum):
     GPS_VELOCITY_STOPPED = auto()
     GPS_HEIGHT_STOPPED = auto()
     COMPASS_LOST = auto()
+    COMPASS_WRONG = auto()
     BAROMETER_LOST = auto()
     BAROMETER_STOPPED = auto()
     POSITION_LOST = auto()
@@ -205,6 +206,12 @@ def _gyro_jumped(moment: Conditions, _present: bool) -> bool:  # noqa: FBT001  #
     return jump_us is not None and view.now_us - jump_us < _JUMP_REPORTED_US
 
 
+def _compass_wrong(moment: Conditions, _present: bool) -> bool:  # noqa: FBT001  # one signature
+    view = moment.view
+    set_us = None if view.estimator is None else view.estimator.heading_set_us
+    return set_us is not None and view.now_us - set_us < _JUMP_REPORTED_US
+
+
 def _fence_breached(moment: Conditions, _present: bool) -> bool:  # noqa: FBT001  # one signature
     fence = moment.view.fence
     if fence is None or FENCE_ACTIONS[fence.action] is Action.NONE:
@@ -315,6 +322,9 @@ ROWS: Final[Mapping[Cause, Row]] = {
         "Compass lost",
         lambda moment, _present: moment.view.ages.mag > SENSOR_STALE_S,
         _always(Action.WARN),
+    ),
+    Cause.COMPASS_WRONG: Row(
+        "Compass wrong, heading set by the GPS course", _compass_wrong, _always(Action.WARN)
     ),
     Cause.BAROMETER_LOST: Row(
         "Barometer lost",

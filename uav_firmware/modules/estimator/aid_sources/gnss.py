@@ -24,6 +24,7 @@ from uav_firmware.modules.estimator.aid_sources.gnss_fusion import (
 from uav_firmware.modules.estimator.ekf_core import RESET_AFTER_S, EkfCore
 from uav_firmware.modules.estimator.fault_detection.accel_bias_jump import VerticalVelocityMonitor
 from uav_firmware.modules.estimator.fault_detection.gyro_bias_jump import HorizontalVelocityMonitor
+from uav_firmware.modules.estimator.fault_detection.heading_by_course import HeadingByCourse, Pair
 from uav_firmware.modules.estimator.kalman_filter.alignment import OriginAverage
 from uav_firmware.modules.estimator.kalman_filter.covariance import Measurement
 from uav_firmware.modules.estimator.kalman_filter.delay import Past
@@ -64,6 +65,7 @@ class GpsAiding:
         self._plausibility = VelocityPlausibility()
         self._monitor = HorizontalVelocityMonitor()
         self._vertical_monitor = VerticalVelocityMonitor()
+        self._heading = HeadingByCourse()
         self._last_us = -1
         self._good_since_us: int | None = None  # Time of the first fix of the present series
         self._last: tuple[float, float, float, Vector3] | None = None
@@ -119,7 +121,9 @@ class GpsAiding:
         # A vertical velocity that is reset holds no height; then the barometer does, or nothing
         without_baro = baro.age_s(core.time_us) > _HELPS_S
         core.add_impact_uncertainty(gps.time_us)
-        if not self._is_stale(core):
+        if self._turns(core, gps):
+            self._reset_horizontal(core, gps, vertically=False)
+        elif not self._is_stale(core):
             self._fuse_velocity(core, gps)
             self._fuse_position(core, gps)
             if self._horizontal_failed(core):
@@ -128,6 +132,24 @@ class GpsAiding:
         elif gps.time_us - (self._good_since_us or 0) >= _STEADY_US:
             self._reset_horizontal(core, gps, vertically=without_baro)
         self._fuse_height(core, gps, failed=height_failed)
+
+    def _turns(self, core: EkfCore, gps: SensorGps) -> bool:
+        """Set a heading by which the vehicle would fly away to what the course proves.
+
+        The compass, which has misled it, is then rejected, and its bias learnt anew in flight.
+        """
+        inertial = core.course.at(gps.time_us)
+        steady = core.gyros_agree and not core.force_modelled
+        if core.on_ground is not False or not steady or inertial is None:
+            self._heading.restart()
+            return False
+        north, east, _ = gps.velocity_ned
+        angle = self._heading.update(Pair(gps.time_us, *inertial, north, east))
+        if angle is None:
+            return False
+        core.turn_heading(angle)
+        self._heading.restart()
+        return True
 
     def _repeats(self, gps: SensorGps) -> bool:
         """Whether a fix says in every digit what the one before said.

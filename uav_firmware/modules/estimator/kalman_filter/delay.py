@@ -14,6 +14,7 @@ the delay, for 0.2 s a few millimetres per second. Against a filter that runs de
 predictor in front of it (PX4's EKF2), this needs one integration instead of two and no tuning.
 """
 
+import math
 from bisect import bisect_left
 from collections import deque
 from operator import attrgetter
@@ -74,6 +75,15 @@ class InertialHistory:
             )
         )
 
+    def turn(self, angle: float) -> None:
+        """Turn what is kept by an angle [rad] about the vertical, as the estimate was."""
+        turned = [
+            _Entry(entry.time_us, _turned(entry.w, angle), _turned(entry.s, angle))
+            for entry in self._entries
+        ]
+        self._entries.clear()
+        self._entries.extend(turned)
+
     def recall(self, state: NominalState, time_us: int, gravity: float) -> Past | None:
         """The state at `time_us`; None if that is in the future or longer ago than is kept."""
         last = self._entries[-1]
@@ -110,6 +120,12 @@ class InertialHistory:
         before = entries[index - 1]
         share = (time_us - before.time_us) / (after.time_us - before.time_us)
         return _between(before.w, after.w, share), _between(before.s, after.s, share)
+
+
+def _turned(vector: Vector3, angle: float) -> Vector3:
+    north, east, down = vector
+    cosine, sine = math.cos(angle), math.sin(angle)
+    return cosine * north - sine * east, sine * north + cosine * east, down
 
 
 def _between(first: Vector3, second: Vector3, share: float) -> Vector3:

@@ -149,6 +149,7 @@ RAISE: Final[Mapping[Cause, Callable[[VehicleView], VehicleView]]] = {
     Cause.GPS_HEIGHT_STOPPED: _estimator(stopped=AidSource.GPS_HEIGHT),
     Cause.BAROMETER_STOPPED: _estimator(stopped=AidSource.BAROMETER),
     Cause.COMPASS_LOST: lambda view: _aged(view, mag=100.0),
+    Cause.COMPASS_WRONG: lambda view: _estimator(heading_set_us=view.now_us)(view),
     Cause.BAROMETER_LOST: lambda view: _aged(view, baro=100.0),
     Cause.POSITION_LOST: _unestimated(position_valid=False),
     Cause.ALTITUDE_LOST: _unestimated(altitude_valid=False),

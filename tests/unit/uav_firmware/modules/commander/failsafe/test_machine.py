@@ -185,6 +185,16 @@ def test_a_gyroscope_that_jumps_warns_and_one_beyond_its_limit_lands() -> None:
     assert vehicle.mode is LAND
 
 
+def test_a_heading_that_was_set_against_the_compass_warns() -> None:
+    vehicle = on_mission()
+    vehicle.heading_set_us = vehicle.now_us
+    vehicle.run(0.5)
+    assert "Compass wrong, heading set by the GPS course: WARN" in vehicle.texts
+    assert vehicle.mode is MISSION
+    vehicle.run(10.0)
+    assert "Compass wrong, heading set by the GPS course: over" in vehicle.texts
+
+
 def test_a_return_waits_in_hold_for_the_operator() -> None:
     vehicle = on_mission(COM_FAIL_ACT_T=5.0)
     vehicle.battery = 0.06
