@@ -35,6 +35,12 @@ LIES: Final[dict[str, tuple[str, Lie]]] = {
             velocity_ned=tuple(chance.uniform(-ANY_M_S, ANY_M_S) for _ in range(3))
         ),
     ),
+    "GPS velocity 1 m/s off": (
+        "gps",
+        lambda gps, _: gps._replace(
+            velocity_ned=(gps.velocity_ned[0] + 1.0, *gps.velocity_ned[1:])
+        ),
+    ),
     "GPS accuracies of 0": (
         "gps",
         lambda gps, _: gps._replace(
@@ -100,3 +106,12 @@ def test_an_instrument_that_lies_brings_no_vehicle_down(tmp_path: Path, name: st
     assert not tester.simulation.wrecked
     assert 0.0 < liar.touch_down_m_s < GENTLE_M_S
     assert liar.farthest_m < 10.0
+
+
+def test_a_vehicle_in_hover_does_not_follow_a_velocity_that_the_position_contradicts(
+    tmp_path: Path,
+) -> None:
+    liar = Liar(tmp_path, "GPS velocity 1 m/s off")
+    liar.tester.run_for(45.0)
+    assert liar.tester.has_status_text("GPS velocity disagrees, not used")
+    assert liar.farthest_m < 4.0

@@ -14,6 +14,7 @@ import math
 from typing import Final
 
 from uav_firmware.lib.geo import LocalFrame
+from uav_firmware.modules.estimator.aid_sources.gnss_consistency import GpsConsistency
 from uav_firmware.modules.estimator.aid_sources.gnss_fusion import (
     GpsRequirements,
     VelocityPlausibility,
@@ -66,6 +67,7 @@ class GpsAiding:
         self._monitor = HorizontalVelocityMonitor()
         self._vertical_monitor = VerticalVelocityMonitor()
         self._heading = HeadingByCourse()
+        self._consistency = GpsConsistency()
         self._last_us = -1
         self._good_since_us: int | None = None  # Time of the first fix of the present series
         self._last: tuple[float, float, float, Vector3] | None = None
@@ -121,6 +123,7 @@ class GpsAiding:
         # A vertical velocity that is reset holds no height; then the barometer does, or nothing
         without_baro = baro.age_s(core.time_us) > _HELPS_S
         core.add_impact_uncertainty(gps.time_us)
+        self._compare(core, gps)
         if self._turns(core, gps):
             self._reset_horizontal(core, gps, vertically=False)
         elif not self._is_stale(core):
@@ -132,6 +135,14 @@ class GpsAiding:
         elif gps.time_us - (self._good_since_us or 0) >= _STEADY_US:
             self._reset_horizontal(core, gps, vertically=without_baro)
         self._fuse_height(core, gps, failed=height_failed)
+
+    def _compare(self, core: EkfCore, gps: SensorGps) -> None:
+        """Compare position and velocity of a fix with those before."""
+        north_m, east_m, _ = _frame_of(core).to_ned(
+            gps.latitude_deg, gps.longitude_deg, gps.altitude_amsl_m
+        )
+        north_m_s, east_m_s, _ = gps.velocity_ned
+        self._consistency.update(gps.time_us, (north_m, east_m), (north_m_s, east_m_s))
 
     def _turns(self, core: EkfCore, gps: SensorGps) -> bool:
         """Set a heading by which the vehicle would fly away to what the course proves.
@@ -185,10 +196,12 @@ class GpsAiding:
         if is_plausible and not self.velocity.stopped:
             self._monitor.update(core, group)
             self._vertical_monitor.update(core, group)
-        self.velocity.fuse(core.ekf, group, core.time_us)
+        doubted = self._consistency.contradicts
+        self.velocity.fuse(core.ekf, group, core.time_us, doubted=doubted)
 
     def _fuse_position(self, core: EkfCore, gps: SensorGps) -> None:
-        self.horizontal.fuse(core.ekf, self._position_group(core, gps)[:2], core.time_us)
+        group, doubted = self._position_group(core, gps)[:2], self._consistency.contradicts
+        self.horizontal.fuse(core.ekf, group, core.time_us, doubted=doubted)
 
     def _fuse_height(self, core: EkfCore, gps: SensorGps, *, failed: bool) -> None:
         now_us = core.time_us

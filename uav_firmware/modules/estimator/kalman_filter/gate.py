@@ -17,6 +17,8 @@ One that comes and goes is stopped too, if it is wrong for more than a fifth of 
 
 _LONGEST_STEP_S: Final = 1.0  # A silence proves nothing
 
+_DOUBTED_RATIO: Final = 1.01  # [-] Beyond the gate
+
 RESUME_AFTER_S: Final = 2.0
 """A stopped source is used again after agreeing for so long without a break."""
 
@@ -58,9 +60,16 @@ class Aid:
         ekf: ErrorStateEkf,
         group: Sequence[Measurement],
         now_us: int,
+        *,
+        doubted: bool = False,
     ) -> bool:
-        """Fuse the whole group if each of its scalars passes the gate, else nothing of it."""
+        """Fuse the whole group if each of its scalars passes the gate, else nothing of it.
+
+        One that is `doubted` for another reason is not used again after a rejection.
+        """
         self.ratio = worst_ratio(ekf, group, self.gate)
+        if doubted and self.rejecting:
+            self.ratio = max(self.ratio, _DOUBTED_RATIO)
         if not self._admits(now_us):
             return False
         ekf.fuse(group)

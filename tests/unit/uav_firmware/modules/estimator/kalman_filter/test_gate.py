@@ -72,3 +72,18 @@ def test_one_disagreement_begins_that_time_anew() -> None:
     assert not judged(aid, 0.0, at_s + 2.5)
     assert not judged(aid, 0.0, at_s + 3.5)
     assert judged(aid, 0.0, at_s + 4.6)
+
+
+def test_one_that_is_doubted_is_used_until_it_disagrees_and_then_no_more() -> None:
+    aid = Aid(gate=3.0)
+    group = [cast("Measurement", Reading(1.0))]
+
+    def fused(at_s: float, *, doubted: bool) -> bool:
+        filter_ = cast("ErrorStateEkf", Filter())
+        return aid.fuse(filter_, group, round(at_s * SECOND_US), doubted=doubted)
+
+    assert fused(0.0, doubted=True)
+    judged(aid, 9.0, 0.1)
+    assert not fused(0.2, doubted=True)
+    assert aid.ratio > 1.0
+    assert fused(0.3, doubted=False)
