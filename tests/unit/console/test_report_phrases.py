@@ -47,7 +47,12 @@ REFUSING = (
     ROOT / "edge_server" / "api" / "freshness.py",
     *(
         ROOT / "edge_server" / "services" / f"{name}.py"
-        for name in ("backups", "flight_archive", "flight_maps", "passwords")
+        for name in (
+            "administration/backups",
+            "administration/passwords",
+            "flight_archive",
+            "flight_maps",
+        )
     ),
 )
 """What refuses requests of the console by a sentence."""
