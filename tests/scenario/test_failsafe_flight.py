@@ -241,8 +241,8 @@ def test_a_low_battery_warns_a_critical_one_returns_an_empty_one_lands(tmp_path:
 
 def test_a_vehicle_that_no_longer_measures_its_battery_returns(tmp_path: Path) -> None:
     tester = on_mission(tmp_path)
-    strike(tester, Kind.BATTERY_MONITOR_LOSS)
-    tester.wait_until(lambda: tester.mode is NavigationState.AUTO_RTL, 7.0, "returning")
+    strike(tester, Kind.BATTERY_MONITOR_LOSS)  # Known after 4 s, acted on after COM_FAIL_ACT_T
+    tester.wait_until(lambda: tester.mode is NavigationState.AUTO_RTL, 10.0, "returning")
     assert tester.has_status_text("Battery monitor lost")
     tester.wait_until_landed(200.0)
     assert not tester.simulation.wrecked
