@@ -96,14 +96,15 @@ def poll(
     try:
         deadline = time.monotonic() + wait_s
 
-        def look() -> bool:
+        def is_waiting() -> bool:
+            """Note whether the broker still waits, and return it."""
             if is_connected():
                 context.contacts.note_poll(broker)
                 return True
             context.contacts.note_cut_off(broker, number)
             return False
 
-        answer = _poll(context, after_id, deadline, broker, vehicle_ids, look)
+        answer = _poll(context, after_id, deadline, broker, vehicle_ids, is_waiting)
         return {**answer, "time": show_time(context.clock())}
     finally:
         context.places_to_wait.release()
@@ -115,9 +116,9 @@ def _poll(
     deadline: float,
     broker: str,
     vehicle_ids: frozenset[int] | None,
-    look: Callable[[], bool],
+    is_waiting: Callable[[], bool],
 ) -> dict[str, Any]:
-    """Read until there is work, the time is over or `look` finds that nobody waits any more."""
+    """Read until there is work, the time is over or nobody waits any more."""
     while True:
         seen = context.work_signal.count
         answer = _read_work(context, after_id, broker, vehicle_ids)
@@ -128,7 +129,7 @@ def _poll(
         if answer["commands"] or left <= 0 or context.work_signal.closed:
             return answer
         context.work_signal.wait(seen, min(left, POLL_INTERVAL_S))
-        if not look():
+        if not is_waiting():
             return answer
 
 

@@ -59,7 +59,7 @@ def poll() -> dict[str, Any]:
 
 
 def _is_connected(environ: Mapping[str, Any]) -> Callable[[], bool]:
-    """Return what tells whether the client still waits; another WSGI server does not know it."""
+    """Return a check of whether the client still waits: true under another WSGI server."""
     exchange = environ.get("gunicorn.socket")
     return lambda: not isinstance(exchange, Exchange) or exchange.is_connected
 

@@ -3,10 +3,9 @@
 import base64
 import shutil
 import sqlite3
-from collections import namedtuple
 from contextlib import closing
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import pytest
 
@@ -101,13 +100,20 @@ def test_no_mib_is_no_archive(config: Config) -> None:
     edge.context.database.close()
 
 
+class Usage(NamedTuple):
+    """What is read of `shutil.disk_usage` [bytes]."""
+
+    total: int
+    free: int
+
+
 class Disk:
     """A disk that another program has filled up to some bytes, with the archive on it."""
 
     def __init__(self, edge: Edge, patch: pytest.MonkeyPatch) -> None:
         self._edge = edge
         self._free = 1000 * MIB
-        patch.setattr(shutil, "disk_usage", lambda _: _USAGE(100_000 * MIB, 0, self.free))
+        patch.setattr(shutil, "disk_usage", lambda _: Usage(100_000 * MIB, self.free))
 
     @property
     def free(self) -> int:
@@ -123,9 +129,6 @@ class Disk:
     def _size(self) -> int:
         files = tables.files_of(self._edge.config.archive_path)
         return sum(file.stat().st_size for file in files if file.exists())
-
-
-_USAGE = namedtuple("_USAGE", "total used free")  # noqa: PYI024  # as shutil's
 
 
 @pytest.fixture

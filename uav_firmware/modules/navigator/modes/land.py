@@ -52,7 +52,7 @@ class Land:
         here = flight.rest_point()
         self._over = (target[0], target[1], here[2])
         self._approach = Approach(_PATIENCE_S)
-        self._has_told = False  # That it lands elsewhere
+        self._has_reported = False  # That it lands elsewhere
         flight.face(yaw_deg)
         flight.fly(flight.stop_at(self._over))
 
@@ -76,12 +76,12 @@ class Land:
             self._finds_other_ground(flight)
             self._descend(flight)
         elif self._approach.has_stalled(flight, self._over):
-            self._tell(flight, "Cannot reach the landing place: landing here")
+            self._report_once(flight, "Cannot reach the landing place: landing here")
             self.descend_here(flight)
 
     def _sink(self, flight: Flight) -> None:
         params = flight.params
-        self._go_with_the_wind(flight)
+        self._follow_drift(flight)
         height = self._ground_down - flight.position[2]
         if self._finds_other_ground(flight):
             self._descend(flight)
@@ -96,24 +96,24 @@ class Land:
 
     def descend_here(self, flight: Flight) -> None:
         """Give up the point, and descend where the vehicle is, on ground no lower than home."""
-        self._has_told = True
+        self._has_reported = True
         self._ground_down = self._believed_down = min(self._ground_down, flight.home_down(0.0))
         flight.path.reset(flight.position)
         self._over = flight.position
         self._finds_other_ground(flight)
         self._descend(flight)
 
-    def _go_with_the_wind(self, flight: Flight) -> None:
-        """Do not fight a wind that is stronger than the vehicle."""
+    def _follow_drift(self, flight: Flight) -> None:
+        """Keep the set-point near a vehicle that the wind blows away, and report it."""
         flight.stay_near()
         known = flight.estimate is not None and flight.estimate.position_valid
         if known and flight.error_to(self._over)[0] > _DRIFTED_M:
-            self._tell(flight, "Cannot keep to the landing place: landing here")
+            self._report_once(flight, "Cannot keep to the landing place: landing here")
 
-    def _tell(self, flight: Flight, text: str) -> None:
-        if not self._has_told:
+    def _report_once(self, flight: Flight, text: str) -> None:
+        if not self._has_reported:
             flight.report(_WARNING, text)
-        self._has_told = True
+        self._has_reported = True
 
     def _descend(self, flight: Flight) -> None:
         params = flight.params
