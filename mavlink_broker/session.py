@@ -148,10 +148,12 @@ class Session:
 
         Nothing of that is reported: the mission is accepted when its turn comes.
         """
-        snapshot, missions = self.vehicle.snapshot, self.missions
-        flies_without = bool(snapshot.armed) and not missions.is_flying
-        waits = flies_without and not missions.is_idle
-        is_away = not (snapshot.is_on_ground or self.vehicle.hovers)
+        vehicle, missions = self.vehicle, self.missions
+        waits = not missions.is_flying and not missions.is_idle
+        is_known = vehicle.is_identified and vehicle.recovery.tracker.is_loaded
+        is_in_air = bool(vehicle.snapshot.armed) and not vehicle.snapshot.is_on_ground
+        may_hover = vehicle.hovers or vehicle.recovery.hover.is_sought
+        is_away = is_known and is_in_air and not may_hover
         return WAITS_FOR_LANDING if waits and is_away else None
 
     def is_stranger(self, now: float) -> bool:

@@ -2,15 +2,15 @@
 
 from flask import request
 
-from edge_server.connections.exchange import Exchange
+from edge_server.connections.exchange import exchange_of
 from edge_server.services.errors import ConflictError
 from edge_server.services.fleet.events import LIFETIME_S
 
 
 def waited_s() -> float:
     """How long the request may have waited in this process, or in its socket, to be read."""
-    exchange = request.environ.get("gunicorn.socket")
-    return exchange.waited_s if isinstance(exchange, Exchange) else 0.0
+    exchange = exchange_of(request.environ)
+    return 0.0 if exchange is None else exchange.waited_s
 
 
 def check() -> None:

@@ -7,7 +7,8 @@ a time budget, which grows with each byte that the client receives.
 import os
 import socket
 import time
-from typing import Final, Protocol
+from collections.abc import Mapping
+from typing import Any, Final, Protocol
 
 from edge_server.connections.framing import FramedRequest
 from edge_server.connections.stall import since_boot_s
@@ -121,3 +122,9 @@ class Exchange:
 
     def shutdown(self, how: int) -> None:
         """Do nothing: the loop owns the connection."""
+
+
+def exchange_of(environ: Mapping[str, Any]) -> Exchange | None:
+    """Return the exchange of a request by its WSGI environment; None under another server."""
+    exchange = environ.get("gunicorn.socket")
+    return exchange if isinstance(exchange, Exchange) else None

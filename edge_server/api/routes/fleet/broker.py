@@ -14,7 +14,7 @@ from edge_server.api import bodies, schemas, urls
 from edge_server.api.access import scopes
 from edge_server.api.access.auth import BROKER, PEOPLE, allow, audit, broker
 from edge_server.api.contract import Contract, describe
-from edge_server.connections.exchange import Exchange
+from edge_server.connections.exchange import exchange_of
 from edge_server.services.fleet import broker_work, work_identity
 from edge_server.services.fleet.broker_work import Acknowledgement
 
@@ -60,8 +60,8 @@ def poll() -> dict[str, Any]:
 
 def _is_connected(environ: Mapping[str, Any]) -> Callable[[], bool]:
     """Return a check of whether the client still waits: true under another WSGI server."""
-    exchange = environ.get("gunicorn.socket")
-    return lambda: not isinstance(exchange, Exchange) or exchange.is_connected
+    exchange = exchange_of(environ)
+    return lambda: exchange is None or exchange.is_connected
 
 
 @allow(BROKER)

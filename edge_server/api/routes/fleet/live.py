@@ -1,7 +1,7 @@
 """`/live/`: what changes on the farm, as server-sent events."""
 
 from functools import partial
-from typing import Any, Final
+from typing import Final
 
 from flask import Blueprint, Response, current_app, g, request
 from flask.typing import ResponseReturnValue
@@ -11,6 +11,7 @@ from edge_server.api.access import auth, scopes
 from edge_server.api.access.auth import READERS, allow
 from edge_server.api.contract import Contract, describe
 from edge_server.api.headers import HEADERS
+from edge_server.connections.exchange import exchange_of
 from edge_server.live.changes import Changes
 from edge_server.live.stream import LiveStream
 from edge_server.live.watcher import Watcher
@@ -18,8 +19,6 @@ from edge_server.services.errors import TooMuchError
 from edge_server.store.rows.keys import StoredKey
 
 EXTENSION: Final = "edge_live"
-EXCHANGE: Final = "gunicorn.socket"
-"""Name of the request's `Exchange` in the WSGI environment."""
 MEDIA_TYPE: Final = "text/event-stream"
 FIRST_STATE_WITHIN_S: Final = 5.0
 
@@ -68,9 +67,8 @@ def get() -> ResponseReturnValue:
     """
     live: Live = current_app.extensions[EXTENSION]
     key: StoredKey = g.key
-    exchange: Any = request.environ.get(EXCHANGE)
-    is_endless = hasattr(exchange, "begin_stream")
-    if not is_endless:  # Another WSGI server: the reader connects again and again
+    exchange = exchange_of(request.environ)
+    if exchange is None:  # Another WSGI server: the reader connects again and again
         live.watcher.look()
     else:
         live.watcher.note_reader()
@@ -82,9 +80,9 @@ def get() -> ResponseReturnValue:
         vehicle_ids=scopes.vehicles(),
         last_id=request.headers.get("Last-Event-ID", ""),
         is_admitted=partial(auth.key_ring().is_active, key, bodies.context().clock),
-        note_reader=live.watcher.note_reader if is_endless else lambda: None,
+        note_reader=(lambda: None) if exchange is None else live.watcher.note_reader,
     )
-    if is_endless:
+    if exchange is not None:
         exchange.begin_stream(stream_head(f"{MEDIA_TYPE}; charset=utf-8"), stream)
         return ""
     return Response(stream.take(0.0) or b"", content_type=MEDIA_TYPE)

@@ -11,7 +11,8 @@ from edge_server.api import bodies, schemas, urls
 from edge_server.api.access import auth, scopes
 from edge_server.api.access.auth import PEOPLE, allow
 from edge_server.api.contract import Contract, describe
-from edge_server.api.routes.fleet.live import EXCHANGE, stream_head
+from edge_server.api.routes.fleet.live import stream_head
+from edge_server.connections.exchange import exchange_of
 from edge_server.live.mjpeg import CONTENT_TYPE
 from edge_server.live.video import Cameras, TooManyViewersError
 from edge_server.services.errors import NotFoundError, TooMuchError
@@ -62,8 +63,8 @@ def get(vehicle_id: int) -> ResponseReturnValue:
         raise TooMuchError(str(error)) from error
     if stream is None:
         raise NotFoundError(f"vehicle {vehicle_id} has no live picture: VIDEO_STREAMS names none")
-    exchange: Any = request.environ.get(EXCHANGE)
-    if hasattr(exchange, "begin_stream"):
+    exchange = exchange_of(request.environ)
+    if exchange is not None:
         exchange.begin_stream(stream_head(CONTENT_TYPE), stream)
         return ""
     # Another WSGI server: one picture, if there is one

@@ -260,6 +260,15 @@ class TestOfSomebodyElse:
         restart(world)
         self.refuses(world)
 
+    def test_so_is_one_that_another_system_uploads_instead(self, tmp_path: Path) -> None:
+        """MISSION_CURRENT names it, by the checksum of its items."""
+        world = lost_world(tmp_path)
+        restart(world)
+        missions = world.only_vehicle.missions
+        missions.items = [*missions.items, missions.items[-1]]
+        world.run(3.0)
+        self.refuses(world)
+
     def test_so_is_that_of_a_vehicle_that_was_restarted(self, tmp_path: Path) -> None:
         world = lost_world(tmp_path)
         world.only_vehicle.booted_at = world.clock.now

@@ -57,6 +57,8 @@ class TestHover:
         world.restart_broker()
         world.run_until_over(1202)
         assert world.edge.statuses(1202) == FINISHED
+        warnings = {body["warning"] for body in world.edge.bodies("/vehicles/1")}
+        assert WAITS_FOR_LANDING not in warnings
         world.run_until(lambda: not list(tmp_path.iterdir()))
 
     def test_the_same_mission_again_is_flown_again(self, tmp_path: Path) -> None:

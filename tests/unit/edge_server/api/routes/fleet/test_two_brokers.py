@@ -1,9 +1,12 @@
 """A vehicle has one broker: a second one gets no work of it, whatever its access key."""
 
+import socket
 from typing import Any
 
 import pytest
 
+from edge_server.connections.exchange import Exchange
+from edge_server.connections.framing import FramedRequest
 from edge_server.services.fleet import broker_work
 from edge_server.store.rows.vehicles import CUT_OFF_S, SERVED_S, URGENT_SERVED_S
 from tests.support.databases import BOTH_ENGINES
@@ -33,6 +36,14 @@ class Broker:
         """Poll for work; gives the ids and the cursor."""
         answer = self.ask("GET", f"/broker/commands?after={after}").json
         return [one["id"] for one in answer["commands"]], answer["cursor"]
+
+    def poll_over(self, exchange: Exchange) -> None:
+        """Wait for work as the server does that has this exchange with the client."""
+        self._edge.client.open(
+            "/broker/commands?after=1&wait=20",
+            headers=self._headers,
+            environ_overrides={"gunicorn.socket": exchange},
+        )
 
     def accept(self, work_id: int) -> int:
         answer = self.ask("POST", f"/broker/commands/{work_id}/ack", {"status": "accepted"})
@@ -109,6 +120,7 @@ def test_an_order_that_stops_the_flight_passes_to_the_second_broker_sooner(
     edge: Edge, brokers: tuple[Broker, Broker], kind: int
 ) -> None:
     first, second = brokers
+    assert 2.0 * URGENT_SERVED_S <= SERVED_S
     edge.post_plan(plan(mission(1)))
     assert first.accept(1) == 200
     edge.clock.pass_s(URGENT_SERVED_S - 1.0)
@@ -186,6 +198,25 @@ def test_a_broker_that_polls_again_was_not_cut_off(
     edge.post("/events/", event(), "operator")
     edge.clock.pass_s(CUT_OFF_S)
     assert second.poll()[0] == []
+
+
+def test_the_connection_of_a_poll_shows_that_its_broker_is_gone(
+    edge: Edge, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(broker_work, "POLL_INTERVAL_S", 0.01)
+    first, second = Broker(edge, FIRST), Broker(edge, SECOND)
+    first.update()
+    second.update()
+    edge.post_plan(plan(mission(1)))
+    client, server = socket.socketpair()
+    with server:
+        client.close()
+        request = FramedRequest(b"", is_whole=True)
+        first.poll_over(Exchange(server, ("192.0.2.1", 5), ("192.0.2.2", 80), request))
+    edge.post("/events/", event(), "operator")
+    assert second.poll()[0] == []
+    edge.clock.pass_s(CUT_OFF_S)
+    assert second.poll()[0] == [2]
 
 
 def test_a_poll_that_waits_keeps_the_vehicle(edge: Edge, monkeypatch: pytest.MonkeyPatch) -> None:

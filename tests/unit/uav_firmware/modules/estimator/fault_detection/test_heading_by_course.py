@@ -12,6 +12,7 @@ from uav_firmware.modules.estimator.fault_detection.heading_by_course import (
     HeadingByCourse,
     InertialCourse,
     Pair,
+    is_wrong,
     turn_of,
 )
 from uav_firmware.msg.sensors import SensorsStatus
@@ -44,6 +45,15 @@ def test_a_heading_that_is_wrong_is_found(angle_deg: float) -> None:
     found = [turn for pair in moving(angle) if (turn := check.update(pair)) is not None]
     assert found
     assert abs(math.remainder(found[0] - angle, math.tau)) < math.radians(5.0)
+
+
+def test_a_heading_is_wrong_only_by_several_fixes_on_end() -> None:
+    check, pairs = HeadingByCourse(), moving(math.pi / 2.0)
+    found = next(n for n, pair in enumerate(pairs) if check.update(pair) is not None)
+    windows = (pairs[max(0, end - 26) : end] for end in range(8, found + 2))
+    signs = [turn is not None and is_wrong(turn) for turn in map(turn_of, windows)]
+    assert signs[-4:] == [True] * 4
+    assert not any(signs[:-4])
 
 
 @pytest.mark.parametrize(
@@ -91,21 +101,22 @@ def test_the_inertial_course_keeps_the_bias_in_and_a_second_back() -> None:
         assert east == 0.0
 
 
+def turned(readings: Readings, angle: float) -> Readings:
+    """What a compass measures that is turned about the vertical by an angle [rad]."""
+    if readings.mag is None:
+        return readings
+    x, y, z = readings.mag.field_frd
+    cosine, sine = math.cos(angle), math.sin(angle)
+    field = (cosine * x - sine * y, sine * x + cosine * y, z)
+    return readings._replace(mag=readings.mag._replace(field_frd=field))
+
+
 @pytest.mark.parametrize("angle_deg", [75.0, 180.0])
 def test_a_compass_that_is_wrong_from_the_start_costs_no_position(angle_deg: float) -> None:
     rig, angle = Rig(), math.radians(angle_deg)
     rig.sensors.publish(SensorsStatus(0, 0, 0, 0, 0, gyros_agree=True, accels_agree=True))
-
-    def turned(readings: Readings) -> Readings:
-        if readings.mag is None:
-            return readings
-        x, y, z = readings.mag.field_frd
-        cosine, sine = math.cos(angle), math.sin(angle)
-        field = (cosine * x - sine * y, sine * x + cosine * y, z)
-        return readings._replace(mag=readings.mag._replace(field_frd=field))
-
     for readings in recorded(1).steps(60.0):
-        rig.feed(turned(readings))
+        rig.feed(turned(readings, angle))
     assert rig.status.value is not None
     set_us = rig.status.value.heading_set_us
     assert set_us is not None
@@ -114,3 +125,13 @@ def test_a_compass_that_is_wrong_from_the_start_costs_no_position(angle_deg: flo
     assert rig.position.position_valid
     assert np.abs(rig.position_error(readings.truth)).max() < 0.8
     assert np.abs(rig.attitude_error(readings.truth)).max() < math.radians(8.0)
+
+
+def test_a_single_gyroscope_proves_no_heading_wrong() -> None:
+    """It may be its bias that has jumped."""
+    rig = Rig()
+    rig.sensors.publish(SensorsStatus(0, 0, 0, 0, 0, gyros_agree=False, accels_agree=False))
+    for readings in recorded(1).steps(30.0):
+        rig.feed(turned(readings, math.radians(75.0)))
+    assert rig.status.value is not None
+    assert rig.status.value.heading_set_us is None
