@@ -9,8 +9,6 @@ mission of that vehicle with its reason, is counted and shown, and affects no ot
 import logging
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
-from dataclasses import dataclass, field
 from typing import Any, Final
 
 from mavlink_broker.autopilots.flight_modes import ModeRole
@@ -34,6 +32,7 @@ from mavlink_broker.fleet import (
     Jobs,
     Journal,
     NoJobs,
+    SessionCall,
     VehicleRecords,
 )
 from mavlink_broker.live.tracking import TRACKING_MESSAGES as TRACKED
@@ -96,14 +95,6 @@ TRANSFERS: Final = frozenset(
 """States in which a mission is uploaded or read back."""
 
 _LOG = logging.getLogger(__name__)
-
-
-@dataclass(slots=True)
-class _Call:
-    """One call into a vehicle's session: its effects, and whether it has failed."""
-
-    effects: Effects = field(default_factory=Effects)
-    has_failed: bool = False
 
 
 class App:
@@ -247,19 +238,22 @@ class App:
             self._post_all(member)
         self._router.close()
 
-    @contextmanager
-    def _call(self, member: FleetMember, now: float) -> Iterator[_Call]:
+    def _call(self, member: FleetMember, now: float) -> SessionCall:
         """Isolate a call into one vehicle's session, and carry out its effects.
 
         An exception in the `with` block fails the mission of that vehicle.
         """
-        call = _Call()
-        with _ErrorBoundary() as errors:
-            yield call
-        errors += self._carry_out(call.effects, member)
-        call.has_failed = bool(errors)
-        for error in errors[:1]:
-            self._fail_after_error(member, error, now)
+        return SessionCall(self._end_call, member, now)
+
+    def _end_call(
+        self, member: FleetMember, now: float, effects: Effects, error: Exception | None
+    ) -> bool:
+        """Carry out the effects of a call; whether it or that has failed."""
+        errors = [] if error is None else [error]
+        errors += self._carry_out(effects, member)
+        for first in errors[:1]:
+            self._fail_after_error(member, first, now)
+        return bool(errors)
 
     def _fail_after_error(self, member: FleetMember, error: Exception, now: float) -> None:
         """Fail the mission in which an unexpected error has occurred; the broker continues.

@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
-from typing import Any, Final, Protocol
+from typing import Any, Final, Protocol, Self
 
 from mavlink_broker.config import Config
 from mavlink_broker.edge.outbox import Post
@@ -221,6 +221,36 @@ class FleetMember:
     def system(self) -> int:
         """The vehicle's MAVLink system id."""
         return self.session.vehicle.route.target_system
+
+
+class SessionCall:
+    """One call into a vehicle's session, in a `with` block: its effects, and whether it failed.
+
+    Every message of every vehicle is one: a generator would take twice as long.
+    """
+
+    __slots__ = ("_end", "_member", "_now", "effects", "has_failed")
+
+    def __init__(
+        self,
+        end: Callable[[FleetMember, float, Effects, Exception | None], bool],
+        member: FleetMember,
+        now: float,
+    ) -> None:
+        self._end, self._member, self._now = end, member, now
+        self.effects = Effects()
+        self.has_failed = False
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, _kind: type[BaseException] | None, error: BaseException | None, _trace: object
+    ) -> bool:
+        if error is not None and not isinstance(error, Exception):
+            return False
+        self.has_failed = self._end(self._member, self._now, self.effects, error)
+        return True
 
 
 class Fleet:

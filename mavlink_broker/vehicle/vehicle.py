@@ -377,22 +377,27 @@ class Vehicle:
     @property
     def mode_role(self) -> ModeRole:
         """What its flight mode means to a mission."""
-        holds = self._own_pause.holds_in(self.mode)
-        return ModeRole.HOLD if holds else self.family.mode_role(self.mode)
+        return self._role_of(self.mode)
+
+    def _role_of(self, mode: str) -> ModeRole:
+        return ModeRole.HOLD if self._own_pause.holds_in(mode) else self.family.mode_role(mode)
 
     @property
     def observed_mode(self) -> ObservedMode:
         """What its heartbeat shows about who is in command."""
+        mode, knows_modes = self.mode, self.family.knows_modes
+        role = self._role_of(mode)
         shows_manual = self._shows_manual or self.recovery.shows_manual
         is_manual = shows_manual and control_authority.is_manual(self.snapshot.base_mode)
+        acts = role is ModeRole.ENDING or mode == self.family.paused_mode
         return ObservedMode(
-            self.mode,
-            self.mode_role,
+            mode,
+            role,
             self.snapshot.armed,
-            in_failsafe=self.in_failsafe,
-            is_manual=is_manual and not self.family.knows_modes,
+            in_failsafe=self.snapshot.in_failsafe or (acts and self.snapshot.changed_mode_at_fence),
+            is_manual=is_manual and not knows_modes,
             ordered=self.foreign_order,
-            is_known=self.family.knows_modes,
+            is_known=knows_modes,
         )
 
     @property
@@ -463,8 +468,7 @@ class Vehicle:
     @property
     def in_failsafe(self) -> bool:
         """Whether a failsafe of its own acts; ArduPilot shows none where it acts on its fence."""
-        acts = self.mode_role is ModeRole.ENDING or self.mode == self.family.paused_mode
-        return self.snapshot.in_failsafe or (acts and self.snapshot.changed_mode_at_fence)
+        return self.observed_mode.in_failsafe
 
     @property
     def stays_on_ground(self) -> bool:
