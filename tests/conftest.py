@@ -32,6 +32,10 @@ os.environ.pop("DATABASE_URL", None)
 _HERE = Path(__file__).parent
 _THOROUGH_FOLDERS = tuple(f"{_HERE / name}/" for name in ("scenario", "conformance"))
 """Of their tests `make test` runs those that are marked as promises."""
+_FIRST_CASE_FOLDERS = tuple(
+    f"{_HERE / 'unit' / 'mavlink_broker' / name}/" for name in ("events", "restarts", "takeovers")
+)
+"""Each test flies a mission through the whole broker; `make test` runs the first case of each."""
 _NOT_THOROUGH = "not thorough"
 """The expression with which `make test` chooses."""
 _WHOLE_FARMS = f"{_HERE / 'unit' / 'dst'}/"
@@ -89,15 +93,16 @@ def _is_left_out(path: Path, config: pytest.Config) -> bool:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark what only `make test-all` runs.
 
-    These are the scenarios and conformance sequences beyond one per promise, and of a test that is
-    marked `first_case` every case but the first.
+    These are the scenarios and conformance sequences beyond one per promise, and every case but the
+    first of a test that is marked `first_case` or flies a mission through the whole broker.
     """
     begun: set[str] = set()
     for item in items:
-        is_in_folder = str(item.path).startswith(_THOROUGH_FOLDERS)
-        if is_in_folder and item.get_closest_marker("promise") is None:
+        path = str(item.path)
+        if path.startswith(_THOROUGH_FOLDERS) and item.get_closest_marker("promise") is None:
             item.add_marker(pytest.mark.thorough)
-        if item.get_closest_marker("first_case") is not None:
+        is_flown = path.startswith(_FIRST_CASE_FOLDERS)
+        if is_flown or item.get_closest_marker("first_case") is not None:
             function = item.nodeid.partition("[")[0]
             if function in begun:
                 item.add_marker(pytest.mark.thorough)
