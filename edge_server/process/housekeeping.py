@@ -20,7 +20,15 @@ from edge_server.services.context import Context
 from edge_server.services.fleet import broker_work
 from edge_server.store.connection.locks import WORK
 from edge_server.store.files import integrity
-from edge_server.store.rows import accounts, audit, idempotency, keys, plans, tokens, work
+from edge_server.store.rows import (
+    accounts,
+    audit,
+    idempotency,
+    keys,
+    plans,
+    tokens,
+    work_removal,
+)
 from edge_server.store.rows.audit import Entry
 
 LOG = logging.getLogger(__name__)
@@ -63,7 +71,7 @@ def run(context: Context, stopping: threading.Event) -> None:
 def delete_requests(context: Context) -> None:
     """Delete requests for a state vector that were answered, or have expired, an hour ago."""
     with context.database.write(WORK) as connection:
-        work.delete_requests(connection, context.clock() - REQUESTS_KEPT_S)
+        work_removal.delete_requests(connection, context.clock() - REQUESTS_KEPT_S)
 
 
 def clean_up(context: Context) -> None:
@@ -76,8 +84,8 @@ def clean_up(context: Context) -> None:
     with context.database.write(WORK) as connection:
         idempotency.delete_before(connection, now - post_idempotency.KEPT_S)
         old = now - context.config.retain_plans_days * DAY_S
-        work.delete_events(connection, old)
-        work.delete_withdrawn(connection, old)
+        work_removal.delete_events(connection, old)
+        work_removal.delete_withdrawn(connection, old)
 
 
 def delete_old_records(context: Context) -> None:

@@ -30,7 +30,7 @@ from edge_server.services.fleet.vehicles import why_unheard
 from edge_server.services.retries import retry_on_conflict
 from edge_server.store.connection.database import to_json
 from edge_server.store.connection.locks import WORK
-from edge_server.store.rows import events, vehicles, work
+from edge_server.store.rows import events, vehicles, work, work_removal
 from edge_server.store.rows.events import StoredEvent
 from edge_server.store.rows.idempotency import Answered
 
@@ -111,7 +111,7 @@ def replace(
                 (Fault("vehicle_id", "cannot be changed"),),
             )
         events.set_work(connection, identifier, _queue(connection, context, event, now))
-        work.remove(connection, old.work_id)
+        work_removal.remove(connection, old.work_id)
         _empty_queue(connection, event, identifier, now)
         shown = _show(connection, _find(connection, identifier), now)
     context.work_signal.notify()
@@ -159,7 +159,7 @@ def remove(context: Context, identifier: int) -> None:
         if stored.state == work.ACCEPTED and now < stored.expires_at + RESULT_TIMEOUT_S:
             raise ConflictError(f"event {identifier} cannot be deleted: the broker carries it out")
         events.remove(connection, identifier)
-        work.remove(connection, stored.work_id)
+        work_removal.remove(connection, stored.work_id)
 
 
 def show(stored: StoredEvent) -> dict[str, Any]:

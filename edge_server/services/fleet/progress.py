@@ -16,7 +16,7 @@ from afarcloud.wire import write
 from edge_server.services.fleet import report_matching
 from edge_server.services.fleet.report_matching import Known
 from edge_server.services.fleet.vehicles import check_not_held
-from edge_server.store.rows import plans, work
+from edge_server.store.rows import plans, work, work_removal
 from edge_server.store.rows.work import CommandProgress, Work
 
 
@@ -115,7 +115,8 @@ def _known(connection: Connection, report: MissionReport) -> Known:
     withdrawn = (
         field
         for field, value in names.items()
-        if value is not None and work.is_withdrawn(connection, report.vehicle_id, field, value)
+        if value is not None
+        and work_removal.is_withdrawn(connection, report.vehicle_id, field, value)
     )
     is_of_others = work.has_number(connection, report.mission_id)
     return Known(withdrawn=next(withdrawn, None), is_of_others=is_of_others)

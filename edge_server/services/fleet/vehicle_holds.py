@@ -22,7 +22,7 @@ from edge_server.services.fleet import progress, vehicles
 from edge_server.services.fleet.progress import Change
 from edge_server.services.retries import retry_on_conflict
 from edge_server.store.connection.locks import WORK, of_vehicle
-from edge_server.store.rows import vehicle_holds, work
+from edge_server.store.rows import vehicle_holds, work, work_removal
 from edge_server.store.rows.vehicle_holds import VehicleHold
 from edge_server.store.rows.work import PossibleFlight, Work
 
@@ -212,4 +212,4 @@ def _queue_anew(connection: Connection, vehicle_id: int, now: float) -> None:
     """Queue waiting missions as new work: the broker's cursor is past their old ids."""
     for item in work.unfinished(connection, vehicle_id=vehicle_id):
         if item.kind == work.MISSION and item.state == work.QUEUED:
-            work.queue_anew(connection, item, now)
+            work_removal.queue_anew(connection, item, now)

@@ -20,7 +20,7 @@ from edge_server.services.planning.plan_view import show
 from edge_server.services.retries import retry_on_conflict
 from edge_server.store.connection.database import to_json
 from edge_server.store.connection.locks import WORK
-from edge_server.store.rows import plans, vehicle_holds, vehicles, work
+from edge_server.store.rows import plans, vehicle_holds, vehicles, work, work_removal
 from edge_server.store.rows.idempotency import Answered
 from edge_server.store.rows.plans import StoredPlan
 
@@ -159,7 +159,7 @@ def replace(
                 f"the plan_id of plan {old.id} cannot be changed; leave it out",
                 (Fault("plan_id", "cannot be changed"),),
             )
-        work.remove_of_plan(connection, old.id, now)
+        work_removal.remove_of_plan(connection, old.id, now)
         new = plan_checks.checked(connection, context, plan, fence, now)._replace(
             id=old.id, plan_id=old.plan_id, received_at=old.received_at
         )
@@ -247,7 +247,7 @@ def _queue_dispatched(
 
     The lifetime of a plan that names no time begins anew.
     """
-    work.remove_of_plan(connection, stored.id, now)
+    work_removal.remove_of_plan(connection, stored.id, now)
     checked = plan_checks.checked(connection, context, plan, fence, now)
     dispatched = stored._replace(
         body=checked.body, warnings=checked.warnings, expires_at=checked.expires_at
@@ -309,7 +309,7 @@ def remove(
                 f"plan {stored.id} cannot be deleted: the broker has accepted a mission of it; "
                 "abort it first"
             )
-        work.remove_of_plan(connection, stored.id, context.clock())
+        work_removal.remove_of_plan(connection, stored.id, context.clock())
         plans.remove(connection, stored.id)
 
 
