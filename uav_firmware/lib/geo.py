@@ -12,18 +12,19 @@ below 100 m, changes a horizontal distance by less than 16 parts per million.
 
 import math
 from dataclasses import dataclass, field
+from typing import Final
 
 from uav_firmware.lib.rotation import wrap_pi
 from uav_firmware.msg.vectors import Vector3
 
 # National Imagery and Mapping Agency TR8350.2, tables 3.1 and 3.4.
-SEMI_MAJOR_AXIS_M = 6378137.0
-FLATTENING = 1.0 / 298.257223563
-ECCENTRICITY_SQUARED = FLATTENING * (2.0 - FLATTENING)
-STANDARD_GRAVITY_M_S2 = 9.80665
+SEMI_MAJOR_AXIS_M: Final = 6378137.0
+FLATTENING: Final = 1.0 / 298.257223563
+ECCENTRICITY_SQUARED: Final = FLATTENING * (2.0 - FLATTENING)
+STANDARD_GRAVITY_M_S2: Final = 9.80665  # CGPM 1901
 
-_SEMI_MINOR_AXIS_M = SEMI_MAJOR_AXIS_M * (1.0 - FLATTENING)
-_SECOND_ECCENTRICITY_SQUARED = ECCENTRICITY_SQUARED / (1.0 - ECCENTRICITY_SQUARED)
+_SEMI_MINOR_AXIS_M: Final = SEMI_MAJOR_AXIS_M * (1.0 - FLATTENING)
+_SECOND_ECCENTRICITY_SQUARED: Final = ECCENTRICITY_SQUARED / (1.0 - ECCENTRICITY_SQUARED)
 
 
 def radii_of_curvature(latitude_rad: float) -> tuple[float, float]:

@@ -26,6 +26,7 @@ but with two stopped rotors it is.
 import math
 from typing import Final, NamedTuple
 
+from uav_firmware.lib.geo import STANDARD_GRAVITY_M_S2
 from uav_firmware.msg.vectors import Vector3
 
 REST_TIME_S: Final = 0.8
@@ -44,7 +45,6 @@ _STAYS_M: Final = 2.0  # Pressure of gusts included
 _BLOW_M_S2: Final = 15.0  # Between two looks; rotors take six times as long for it
 _BLOW_RAD_S: Final = 2.0
 _STRUCK_S: Final = 1.0
-_GRAVITY: Final = 9.80665  # [m/s^2]
 FALL_TIME_S: Final = 0.3  # Rotors that run down included, a fall of 0.5 to 1 m
 FALLS_WITHIN_S: Final = 5.0  # Later it is carried, not flown
 _FALLING: Final = 3.0  # [m/s^2] A body in free fall feels its drag alone
@@ -82,13 +82,13 @@ class CrashDetector:
         force = _size(seen.specific_force_frd)
         blind, unweighed = math.isnan(turning), math.isnan(force)
         steady = unweighed or self._is_steady(seen.specific_force_frd, dt)
-        weight = unweighed or abs(force - _GRAVITY) < _WEIGHT_MARGIN
+        weight = unweighed or abs(force - STANDARD_GRAVITY_M_S2) < _WEIGHT_MARGIN
         still = blind or turning < _STILL_RATE
         at_rest = still and steady and weight and not (blind and unweighed)
         reason = self._impossible_in_flight(seen, blind=blind) if at_rest else ""
         self._rest_s = self._rest_s + dt if reason else 0.0
         adrift = seen.thrust_axis_error > ERROR_MAX and (
-            unweighed or abs(force - _GRAVITY) < _NOT_ACCELERATING
+            unweighed or abs(force - STANDARD_GRAVITY_M_S2) < _NOT_ACCELERATING
         )
         self._adrift_s = self._adrift_s + dt if adrift else 0.0
         self._silent_s = self._silent_s + dt if blind and unweighed else 0.0

@@ -7,12 +7,12 @@ clockwise seen from above. Frames: NED, FRD.
 import math
 from typing import Final, NamedTuple
 
+from uav_firmware.lib.geo import STANDARD_GRAVITY_M_S2
 from uav_firmware.lib.rotation import from_thrust_direction_and_yaw
 from uav_firmware.modules.manual_control.stick_shaping import rotate_by_yaw
 from uav_firmware.msg.control_mode import ManualControlSetpoint
 from uav_firmware.msg.vectors import Quaternion, Vector3
 
-_GRAVITY: Final = 9.80665  # [m/s^2]
 _THROTTLE_DOWN: Final = -0.9  # [-] At or below it the thrust is zero on the ground
 
 
@@ -56,7 +56,7 @@ def tilt_acceleration(forward: float, right: float, yaw: float, tilt_max: float)
     share = math.hypot(forward, right)
     if share == 0.0:
         return (0.0, 0.0, 0.0)
-    size = _GRAVITY * math.tan(share * tilt_max) / share
+    size = STANDARD_GRAVITY_M_S2 * math.tan(share * tilt_max) / share
     north, east = rotate_by_yaw(forward, right, yaw)
     return (north * size, east * size, 0.0)
 

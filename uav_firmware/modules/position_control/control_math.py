@@ -3,9 +3,8 @@
 import math
 from typing import NamedTuple
 
+from uav_firmware.lib.geo import STANDARD_GRAVITY_M_S2
 from uav_firmware.msg.vectors import Vector3
-
-GRAVITY = 9.80665  # [m/s^2] Standard gravity (CGPM 1901)
 
 
 class ThrustLimits(NamedTuple):
@@ -33,8 +32,8 @@ def thrust_vector(acceleration_ned: Vector3, hover: float, limits: ThrustLimits)
     gets what the tilt limit and the remaining thrust allow. `hover` is the thrust
     that carries the weight, so one unit of acceleration costs hover / g.
     """
-    per_acceleration = hover / GRAVITY
-    up = (GRAVITY - acceleration_ned[2]) * per_acceleration
+    per_acceleration = hover / STANDARD_GRAVITY_M_S2
+    up = (STANDARD_GRAVITY_M_S2 - acceleration_ned[2]) * per_acceleration
     north = acceleration_ned[0] * per_acceleration
     east = acceleration_ned[1] * per_acceleration
     most = limits.maximum * limits.maximum
@@ -50,9 +49,9 @@ def thrust_vector(acceleration_ned: Vector3, hover: float, limits: ThrustLimits)
 
 def acceleration_of(thrust_ned: Vector3, hover: float) -> Vector3:
     """Acceleration [m/s^2, NED] that a thrust vector gives: inverse of `thrust_vector`."""
-    per_thrust = GRAVITY / hover
+    per_thrust = STANDARD_GRAVITY_M_S2 / hover
     return (
         thrust_ned[0] * per_thrust,
         thrust_ned[1] * per_thrust,
-        GRAVITY + thrust_ned[2] * per_thrust,
+        STANDARD_GRAVITY_M_S2 + thrust_ned[2] * per_thrust,
     )

@@ -16,8 +16,8 @@ IFAC 1990), so a set-point that cannot be reached does not charge it.
 import math
 from typing import NamedTuple
 
+from uav_firmware.lib.geo import STANDARD_GRAVITY_M_S2
 from uav_firmware.modules.position_control.control_math import (
-    GRAVITY,
     ThrustLimits,
     acceleration_of,
     shorten_horizontal,
@@ -77,7 +77,7 @@ class PositionController:
     def follow_hover(self, former: float, present: float) -> None:
         """Set a new hover thrust without a jump of the thrust: the integral compensates."""
         north, east, down = self.integral_ned
-        down = GRAVITY - (GRAVITY - down) * former / present
+        down = STANDARD_GRAVITY_M_S2 - (STANDARD_GRAVITY_M_S2 - down) * former / present
         self.integral_ned = (north, east, _limited(down))
 
     def update(

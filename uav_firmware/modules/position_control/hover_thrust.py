@@ -12,7 +12,7 @@ dropped: then the variance grows until they fit, as in PX4's filter.
 
 from typing import Final, NamedTuple
 
-from uav_firmware.modules.position_control.control_math import GRAVITY
+from uav_firmware.lib.geo import STANDARD_GRAVITY_M_S2
 
 LOWEST: Final = 0.1  # [-] Of full thrust
 HIGHEST: Final = 0.8
@@ -51,8 +51,8 @@ class HoverThrustEstimator:
         """Update with the commanded vertical thrust [-] and its acceleration [m/s^2]."""
         noise = self._noise
         self._variance += noise.walk * noise.walk * dt
-        slope = -GRAVITY * thrust_up / (self.hover * self.hover)
-        innovation = acceleration_up - GRAVITY * (thrust_up / self.hover - 1.0)
+        slope = -STANDARD_GRAVITY_M_S2 * thrust_up / (self.hover * self.hover)
+        innovation = acceleration_up - STANDARD_GRAVITY_M_S2 * (thrust_up / self.hover - 1.0)
         spread = slope * slope * self._variance + noise.acceleration * noise.acceleration
         ratio = innovation * innovation / (noise.gate * noise.gate * spread)
         signed = min(ratio, 1.0) if innovation > 0.0 else -min(ratio, 1.0)

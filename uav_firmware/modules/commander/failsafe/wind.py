@@ -15,10 +15,10 @@ import math
 from typing import Final, NamedTuple
 
 from uav_firmware.lib.drag import DragModel
+from uav_firmware.lib.geo import STANDARD_GRAVITY_M_S2
 from uav_firmware.lib.rotation import rotate, yaw_of
 from uav_firmware.msg.vectors import Quaternion, Vector3
 
-GRAVITY: Final = 9.80665  # [m/s^2]
 TIME_CONSTANT_S: Final = 4.0
 _SETTLED: Final = 3.0  # Time constants until the filter has settled
 _UPRIGHT: Final = 0.3  # Cosine of the largest tilt that is used
@@ -37,9 +37,9 @@ class DragSample(NamedTuple):
 def drag_sample(q_ned_frd: Quaternion, acceleration_ned: Vector3) -> DragSample:
     """Drag and thrust of an attitude and an acceleration [m/s^2]."""
     north, east, down = rotate(q_ned_frd, _DOWN)
-    lift = (GRAVITY - acceleration_ned[2]) / max(down, _UPRIGHT)
+    lift = (STANDARD_GRAVITY_M_S2 - acceleration_ned[2]) / max(down, _UPRIGHT)
     drag = (acceleration_ned[0] + north * lift, acceleration_ned[1] + east * lift)
-    return DragSample(drag, lift / GRAVITY)
+    return DragSample(drag, lift / STANDARD_GRAVITY_M_S2)
 
 
 def wind_of(

@@ -7,6 +7,7 @@ import math
 from typing import Final
 
 from uav_firmware.lib.atmosphere import altitude_from_pressure
+from uav_firmware.lib.geo import STANDARD_GRAVITY_M_S2
 from uav_firmware.modules.mavlink.telemetry.context import (
     NAN,
     UINT8_MAX,
@@ -25,8 +26,6 @@ from uav_firmware.modules.mavlink.wire.dialect import Message, mavlink
 from uav_firmware.msg.sensors import SensorBaro, SensorImu, SensorMag
 from uav_firmware.msg.vectors import Vector3
 
-STANDARD_GRAVITY: Final = 9.80665
-"""[m/s^2] CGPM 1901."""
 _ACCEL_AND_GYRO: Final = 0b111_111
 _MAG: Final = 0b111 << 6
 _PRESSURE_HEIGHT_TEMPERATURE: Final = 1 << 9 | 1 << 11 | 1 << 12
@@ -135,7 +134,7 @@ def scaled_imu(context: Context) -> Message | None:
     imu, mag = context.topics.sensor_imu.value, context.topics.sensor_mag.value
     if imu is None:
         return None
-    force = [int16(axis * 1e3 / STANDARD_GRAVITY) for axis in imu.specific_force_frd]
+    force = [int16(axis * 1e3 / STANDARD_GRAVITY_M_S2) for axis in imu.specific_force_frd]
     rate = [int16(axis * 1e3) for axis in imu.rate_frd]
     field = [int16(axis * 1e3) for axis in (mag or _NO_MAG).field_frd]
     return mavlink.MAVLink_scaled_imu_message(boot_ms(imu.time_us), *force, *rate, *field)
@@ -164,7 +163,7 @@ def hil_state_quaternion(context: Context) -> Message | None:
         return None
     velocity, force = truth.velocity_ned, truth.acceleration_frd
     airspeed = uint16(truth.airspeed_m_s * 1e2)
-    milli_g = 1e3 / STANDARD_GRAVITY
+    milli_g = 1e3 / STANDARD_GRAVITY_M_S2
     return mavlink.MAVLink_hil_state_quaternion_message(
         time_usec=truth.time_us,
         attitude_quaternion=list(truth.q_ned_frd),

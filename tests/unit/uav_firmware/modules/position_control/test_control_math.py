@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from uav_firmware.lib.geo import STANDARD_GRAVITY_M_S2
 from uav_firmware.modules.position_control.control_math import (
-    GRAVITY,
     ThrustLimits,
     acceleration_of,
     shorten_horizontal,
@@ -62,7 +62,7 @@ def test_acceleration_and_thrust_invert_each_other_inside_the_limits(
 
 
 def test_gravity_is_what_free_fall_shows() -> None:
-    assert acceleration_of((0.0, 0.0, 0.0), HOVER) == (0.0, 0.0, GRAVITY)
+    assert acceleration_of((0.0, 0.0, 0.0), HOVER) == (0.0, 0.0, STANDARD_GRAVITY_M_S2)
 
 
 @given(st.floats(-100.0, 100.0), st.floats(-100.0, 100.0), st.floats(0.1, 10.0))

@@ -2,8 +2,8 @@ import math
 
 import pytest
 
+from uav_firmware.lib.geo import STANDARD_GRAVITY_M_S2
 from uav_firmware.modules.position_control.control_math import (
-    GRAVITY,
     ThrustLimits,
     acceleration_of,
 )
@@ -106,7 +106,7 @@ def test_a_hover_thrust_wrong_by_a_third_is_absorbed(true_hover: float) -> None:
     for _ in range(1500):
         measured = Motion((0.0, 0.0, position), (0.0, 0.0, velocity), ZERO)
         thrust = controller.update(REST, measured, THRUST, HOVER, DT)
-        velocity += (GRAVITY + thrust[2] * GRAVITY / true_hover) * DT
+        velocity += (STANDARD_GRAVITY_M_S2 + thrust[2] * STANDARD_GRAVITY_M_S2 / true_hover) * DT
         position += velocity * DT
     assert abs(position) < 0.02
     assert abs(velocity) < 0.01
@@ -118,7 +118,7 @@ def test_a_steady_wind_is_absorbed() -> None:
     for _ in range(3000):
         measured = Motion((position, 0.0, 0.0), (velocity, 0.0, 0.0), ZERO)
         thrust = controller.update(REST, measured, THRUST, HOVER, DT)
-        velocity += (thrust[0] * GRAVITY / HOVER - 1.5) * DT
+        velocity += (thrust[0] * STANDARD_GRAVITY_M_S2 / HOVER - 1.5) * DT
         position += velocity * DT
     assert abs(position) < 0.02
 

@@ -1,6 +1,6 @@
 import pytest
 
-from uav_firmware.modules.position_control.control_math import GRAVITY
+from uav_firmware.lib.geo import STANDARD_GRAVITY_M_S2
 from uav_firmware.modules.position_control.hover_thrust import (
     HIGHEST,
     LOWEST,
@@ -16,7 +16,7 @@ def learn(estimator: HoverThrustEstimator, true_hover: float, seconds: float) ->
     """Hover with a true hover thrust that the estimator does not know."""
     for step in range(round(seconds / DT)):
         thrust = true_hover * (1.02 if step // 30 % 2 else 0.98)
-        estimator.update(thrust, GRAVITY * (thrust / true_hover - 1.0), DT)
+        estimator.update(thrust, STANDARD_GRAVITY_M_S2 * (thrust / true_hover - 1.0), DT)
 
 
 def test_a_vehicle_that_needs_more_thrust_is_heavier_than_believed() -> None:

@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from uav_firmware.lib.drag import DragModel
+from uav_firmware.lib.geo import STANDARD_GRAVITY_M_S2
 from uav_firmware.lib.rotation import from_thrust_direction_and_yaw
 from uav_firmware.modules.commander.failsafe.wind import (
-    GRAVITY,
     WindEstimator,
     drag_sample,
     wind_of,
@@ -23,7 +23,7 @@ speeds = st.floats(-12.0, 12.0)  # Airspeeds of 34 m/s; beyond 40 the tilt is no
 
 def leaning(drag: tuple[float, float], yaw: float) -> Quaternion:
     """Attitude that holds a vehicle still against a drag [m/s^2, north and east]."""
-    return from_thrust_direction_and_yaw((-drag[0], -drag[1], -GRAVITY), yaw)
+    return from_thrust_direction_and_yaw((-drag[0], -drag[1], -STANDARD_GRAVITY_M_S2), yaw)
 
 
 def drag_of(
@@ -41,7 +41,7 @@ def drag_of(
     forward, right = (air / ahead).real, (air / ahead).imag
     drag = 0j
     for _ in range(50):
-        thrust_ratio = math.hypot(abs(drag), GRAVITY) / GRAVITY
+        thrust_ratio = math.hypot(abs(drag), STANDARD_GRAVITY_M_S2) / STANDARD_GRAVITY_M_S2
         rotors = 0.295 * math.sqrt(DENSITY / 1.225 * thrust_ratio)
         body_x, body_y = (0.5 * DENSITY / one * abs(air) for one in ballistic)
         drag = -ahead * complex((rotors + body_x) * forward, (rotors + body_y) * right)
