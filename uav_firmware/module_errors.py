@@ -11,13 +11,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
-from uav_firmware.msg.status import InternalErrors, StatusText
+from uav_firmware.msg.status import InternalErrors, Severity, StatusText
 from uav_firmware.topics import Topics
 
 INTERNAL_ERROR: Final = "internal error"
 """In each line that names one."""
 REPEAT_US: Final = 10_000_000  # [us] Between two reports of a module that goes on raising
-_CRITICAL: Final = 2  # MAV_SEVERITY
 
 
 @dataclass(slots=True)
@@ -57,7 +56,7 @@ class ModuleErrors:
         reported.due_us = now_us + REPEAT_US
         self._write_line(now_us, f"{module}: {INTERNAL_ERROR} {reported.count}: {error!r}")
         text = f"Internal error in {module}"
-        self._topics.status_text.publish(StatusText(now_us, _CRITICAL, text))
+        self._topics.status_text.publish(StatusText(now_us, Severity.CRITICAL, text))
 
 
 def end_flight(_module: str, error: Exception) -> None:

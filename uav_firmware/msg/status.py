@@ -142,6 +142,17 @@ class VehicleCommandAck(NamedTuple):
     token: int  # [-] Of the command answered
 
 
+class Severity(IntEnum):
+    """MAVLink's MAV_SEVERITY, as far as the vehicle uses it."""
+
+    EMERGENCY = 0
+    CRITICAL = 2
+    ERROR = 3
+    WARNING = 4
+    NOTICE = 5
+    INFO = 6
+
+
 class StatusText(NamedTuple):
     """A sentence for the operator. Written by any module, read by mavlink and logger."""
 

@@ -8,11 +8,12 @@ ARMED --CRASHED | MOTOR_FAILED_ON_GROUND--> DISARMED
 """
 
 from collections.abc import Mapping
-from enum import Enum, IntEnum, auto
+from enum import Enum, auto
 from typing import Final
 
 from uav_firmware.modules.commander.params import CommanderParams
 from uav_firmware.msg.mission import MissionState
+from uav_firmware.msg.status import Severity
 
 
 class Arming(Enum):
@@ -114,15 +115,6 @@ class DisarmTimer:
             return ArmingEvent.LANDED_TIMEOUT if over else None
         over = 0.0 <= params.disarm_preflight_s <= grounded_s
         return ArmingEvent.PREFLIGHT_TIMEOUT if over else None
-
-
-class Severity(IntEnum):
-    """MAVLink's MAV_SEVERITY, as far as the commander uses it."""
-
-    EMERGENCY = 0
-    CRITICAL = 2
-    WARNING = 4
-    INFO = 6
 
 
 DISARM_TEXTS: Final[Mapping[ArmingEvent, tuple[Severity, str]]] = {

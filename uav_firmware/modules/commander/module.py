@@ -9,7 +9,6 @@ from uav_firmware.modules.commander.arm_state_machine import (
     Arming,
     ArmingEvent,
     DisarmTimer,
-    Severity,
     after,
 )
 from uav_firmware.modules.commander.commands.decision import (
@@ -44,6 +43,7 @@ from uav_firmware.msg.mission import ModeTarget, NavigatorRequest, ReturnOrder, 
 from uav_firmware.msg.status import (
     CommandResult,
     NavigationState,
+    Severity,
     StatusText,
     VehicleCommand,
     VehicleCommandAck,

@@ -10,12 +10,10 @@ from uav_firmware.modules.control_allocator.params import ControlAllocatorParams
 from uav_firmware.msg.actuators import ActuatorMotors
 from uav_firmware.msg.failure import RotorLossThrust
 from uav_firmware.msg.setpoints import ControlAllocatorStatus, VehicleTorqueThrustSetpoint
-from uav_firmware.msg.status import StatusText, VehicleStatus
+from uav_firmware.msg.status import Severity, StatusText, VehicleStatus
 from uav_firmware.msg.vectors import Motors
 from uav_firmware.parameters import Registry
 
-_CRITICAL: Final = 2  # MAV_SEVERITY
-_ERROR: Final = 3
 _FRESH_US: Final = 20_000  # Older thrusts of the law of three rotors are not flown
 _STOPPED: Motors = (0.0, 0.0, 0.0, 0.0)
 
@@ -93,7 +91,9 @@ class ControlAllocatorModule:
             self._motors.publish(ActuatorMotors(now_us, self._idling))
         if not self._reported:
             self._reported = True
-            self._status_text.publish(StatusText(now_us, _CRITICAL, "Motor command is no number"))
+            self._status_text.publish(
+                StatusText(now_us, Severity.CRITICAL, "Motor command is no number")
+            )
 
     def _retune(self, now_us: int) -> None:
         """Apply changed parameters; rotors that cannot fly leave the former mix in place."""
@@ -101,7 +101,9 @@ class ControlAllocatorModule:
         try:
             self._apply(self._registry.read(ControlAllocatorParams))
         except GeometryError as error:
-            self._status_text.publish(StatusText(now_us, _ERROR, f"Geometry not taken: {error}"))
+            self._status_text.publish(
+                StatusText(now_us, Severity.ERROR, f"Geometry not taken: {error}")
+            )
 
     def _apply(self, params: ControlAllocatorParams) -> None:
         self._mix: Mix = mix_of(_rotors(params))

@@ -21,7 +21,7 @@ from uav_firmware.msg.estimate import HoverThrustEstimate, VehicleAttitude
 from uav_firmware.msg.failure import FailureDetectorStatus
 from uav_firmware.msg.sensors import SensorBaro, SensorEsc, SensorImu, SensorsStatus
 from uav_firmware.msg.setpoints import VehicleAttitudeSetpoint, VehicleTorqueThrustSetpoint
-from uav_firmware.msg.status import LandDetected, StatusText, VehicleStatus
+from uav_firmware.msg.status import LandDetected, Severity, StatusText, VehicleStatus
 from uav_firmware.msg.vectors import Vector3
 from uav_firmware.parameters import Registry
 
@@ -36,8 +36,6 @@ _CARRYING_TIME_S: Final = 20.0
 _LIFT_TIME_S: Final = 0.05  # Of the mean lift; two rotors that stop halve it within that
 _LIFT_M_S2: Final = 7.4  # [m/s^2] Three quarters of what carries a vehicle at rest
 _TURNING_RAD_S: Final = 1.5  # [rad/s] Two rotors alone turn the vehicle faster within 0.1 s
-_CRITICAL: Final = 2  # MAV_SEVERITY
-_WARNING: Final = 4
 _NAN: Final = math.nan
 _DOWN: Final[Vector3] = (0.0, 0.0, 1.0)
 _SILENT: Final[Vector3] = (_NAN, _NAN, _NAN)
@@ -185,7 +183,7 @@ class FailureDetectorModule:
         silent = self._is_esc_silent(now_us)
         if check.update(self._esc.value, motors.control, now_us, silent=silent):
             text = f"ESC telemetry {check.fault}: a motor that fails is not recognised"
-            self._publish_text(now_us, text, _WARNING)
+            self._publish_text(now_us, text, Severity.WARNING)
 
     def _is_esc_silent(self, now_us: int) -> bool:
         received_us = self._esc_received_us
@@ -320,7 +318,7 @@ class FailureDetectorModule:
         if (self._roll.exceeded or self._pitch.exceeded) and not was_lost:
             self._publish_text(now_us, "Attitude beyond limits")
 
-    def _publish_text(self, now_us: int, text: str, severity: int = _CRITICAL) -> None:
+    def _publish_text(self, now_us: int, text: str, severity: Severity = Severity.CRITICAL) -> None:
         self._status_text.publish(StatusText(now_us, severity, text))
 
 

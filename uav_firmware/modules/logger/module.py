@@ -18,7 +18,7 @@ from uav_firmware.modules.logger.states import Logging, wanted
 from uav_firmware.modules.logger.streams import HIGH_RATE_BIT, STREAMS
 from uav_firmware.modules.logger.writer import LogWriter
 from uav_firmware.msg.log import LogStreamChunk, LogStreamRequest
-from uav_firmware.msg.status import StatusText, StorageStatus
+from uav_firmware.msg.status import Severity, StatusText, StorageStatus
 from uav_firmware.parameters import Registry
 from uav_firmware.topics import Topics
 
@@ -33,7 +33,6 @@ READS: Final = (
 WRITES: Final = ("status_text", "storage_status", "log_stream")
 _CHUNKS_PER_SECOND: Final = 2
 _CHUNKS_PER_STORAGE_CHECK: Final = 4
-_WARNING: Final = 4  # MAV_SEVERITY
 _BYTES_PER_MB: Final = 1_000_000
 
 
@@ -181,7 +180,7 @@ class LoggerModule:
 
     def _warn(self, text: str | None) -> None:
         if text is not None:
-            self._status_text.publish(StatusText(self._time_us(), _WARNING, text))
+            self._status_text.publish(StatusText(self._time_us(), Severity.WARNING, text))
 
 
 class LogStreamer:

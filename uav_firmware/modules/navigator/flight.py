@@ -17,7 +17,7 @@ from uav_firmware.msg.estimate import VehicleLocalPosition
 from uav_firmware.msg.guidance import OrbitStatus, RegionOfInterest
 from uav_firmware.msg.mission import MissionItem
 from uav_firmware.msg.setpoints import TrajectorySetpoint
-from uav_firmware.msg.status import HomePosition
+from uav_firmware.msg.status import HomePosition, Severity
 from uav_firmware.msg.vectors import Vector3
 
 NAN = math.nan
@@ -25,7 +25,6 @@ UNSET: Vector3 = (NAN, NAN, NAN)
 IDLE_SINK_SPEED_M_S = 0.7  # [m/s] Commanded on the ground, so that the thrust stays low
 JERK_PER_SPEED = 1.5  # [1/s^2] Jerk over commanded speed of a trajectory
 
-_WARNING, _NOTICE = 4, 5  # MAV_SEVERITY
 _FACING_SPEED = 0.3  # [m/s] horizontal set-point speed above which the nose follows it
 _PLANNED_SHARE = 0.97  # of a commanded speed, for the trajectory
 _NEAREST_LOOK_M = 1.0  # [m] The direction of a nearer place is not followed
@@ -113,7 +112,7 @@ class Flight:
     home_commands: list[MissionItem] = field(default_factory=list)  # DO_SET_HOME items reached
     payload_commands: list[MissionItem] = field(default_factory=list)  # Items for camera and gimbal
     regions: list[RegionOfInterest] = field(default_factory=list)  # To be published for the gimbal
-    texts: list[tuple[int, str]] = field(default_factory=list)  # Severity, for the operator
+    texts: list[tuple[Severity, str]] = field(default_factory=list)  # For the operator
     _aim: tuple[float, float] | None = None  # [rad, rad/s] Heading of this step alone
 
     def limits(self) -> MotionLimits:
@@ -218,9 +217,12 @@ class Flight:
         """Enable or disable the geofence; a change is reported."""
         if enabled is not self.fence_enabled:
             self.fence_enabled = enabled
-            self.report(_NOTICE if enabled else _WARNING, f"Geofence {'on' if enabled else 'off'}")
+            if enabled:
+                self.report(Severity.NOTICE, "Geofence on")
+            else:
+                self.report(Severity.WARNING, "Geofence off")
 
-    def report(self, severity: int, text: str) -> None:
+    def report(self, severity: Severity, text: str) -> None:
         """Send a STATUSTEXT to the operator."""
         self.texts.append((severity, text))
 

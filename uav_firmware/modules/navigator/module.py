@@ -53,11 +53,7 @@ from uav_firmware.msg.mission import (
     SpeedRequest,
     TargetCheckResult,
 )
-from uav_firmware.msg.status import (
-    NavigationState,
-    StatusText,
-    VehicleCommand,
-)
+from uav_firmware.msg.status import NavigationState, Severity, StatusText, VehicleCommand
 from uav_firmware.msg.vectors import Vector3
 from uav_firmware.parameters import Registry
 from uav_firmware.topics import Topics
@@ -74,7 +70,6 @@ WRITES: Final = (
     "payload_order", "region_of_interest", "status_text",
 )  # fmt: skip
 PERIOD_US: Final = 8_000  # [us] 125 Hz: at 12 m/s the set-point moves 0.1 m a step
-_WARNING: Final = 4  # MAV_SEVERITY
 _LONGEST_STEP_S: Final = 0.1  # [s] a longer gap does not make the set-point jump
 
 _SPEED_LIMITS: Final = ("MPC_XY_VEL_MAX", "MPC_Z_VEL_MAX_UP", "MPC_Z_VEL_MAX_DN")
@@ -191,12 +186,12 @@ class NavigatorModule:
             self._mission_count = self._topics.mission.count
             flies = self._active is self._mission and not self._flight.landed
             if flies and self._mission.cursor.items and not mission.items:
-                self._flight.report(_WARNING, "Mission cleared in flight: holding here")
+                self._flight.report(Severity.WARNING, "Mission cleared in flight: holding here")
             self._mission.load(mission)
             self._restart_mission()
         items = self._mission.cursor.items
         if reason := self._review.update(items, self._conditions, self._review_mission):
-            self._flight.report(_WARNING, f"Mission cannot be flown: {reason}")
+            self._flight.report(Severity.WARNING, f"Mission cannot be flown: {reason}")
 
     @property
     def _conditions(self) -> tuple[int, int]:

@@ -6,11 +6,15 @@ from typing import Final
 
 from uav_firmware.bus import Queue
 from uav_firmware.cal.storage import Storage, Write
-from uav_firmware.msg.status import ParameterSaveRequest, ParameterSaveResult, StatusText
+from uav_firmware.msg.status import (
+    ParameterSaveRequest,
+    ParameterSaveResult,
+    Severity,
+    StatusText,
+)
 from uav_firmware.parameters import Registry
 
 FILE_NAME: Final = "parameters.json"
-_WARNING: Final = 4  # MAV_SEVERITY
 _FINISH_S: Final = 2.0  # [s] A parameter file is a few kilobytes
 
 
@@ -137,7 +141,7 @@ class ParameterStorageModule:
         return faults + self._registry.load(numbers)
 
     def _warn(self, text: str) -> None:
-        self._status_text.publish(StatusText(self._time_us(), _WARNING, text))
+        self._status_text.publish(StatusText(self._time_us(), Severity.WARNING, text))
 
 
 def _text(error: OSError) -> str:

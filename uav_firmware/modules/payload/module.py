@@ -37,6 +37,7 @@ from uav_firmware.msg.status import (
     CommandResult,
     HomePosition,
     NavigationState,
+    Severity,
     StatusText,
     VehicleCommand,
     VehicleCommandAck,
@@ -47,8 +48,6 @@ from uav_firmware.parameters import Registry
 
 PERIOD_US: Final = 40_000  # [us] 25 Hz
 _AUTOPILOT: Final = 1  # Component id of the mission's orders
-_WARNING: Final = 4  # MAV_SEVERITY
-_INFO: Final = 6
 _PROGRESS_UNKNOWN: Final = 255
 _LEVEL: Final[Quaternion] = (1.0, 0.0, 0.0, 0.0)
 
@@ -166,7 +165,7 @@ class PayloadModule:
             gimbal_orders.take_region(self._region.value, self._parts, situation)
         text = self._flight_end.update(self._parts, situation)
         if text is not None:
-            self._publish_text(situation.now_us, _INFO, text)
+            self._publish_text(situation.now_us, Severity.INFO, text)
         for order in self._orders.drain():
             match order:
                 case GimbalOrder():
@@ -178,7 +177,7 @@ class PayloadModule:
                 case VehicleCommand():
                     self._answer(order, situation)
         for refusal in self._mission_orders.update(self._parts, situation):
-            self._publish_text(situation.now_us, _WARNING, f"Mission: {refusal.reason}")
+            self._publish_text(situation.now_us, Severity.WARNING, f"Mission: {refusal.reason}")
 
     def _answer(self, command: VehicleCommand, situation: Situation) -> None:
         outcome = execute(command, self._parts, situation)
@@ -189,7 +188,7 @@ class PayloadModule:
         if report is None:
             return
         if report.reason:
-            self._publish_text(now_us, _WARNING, report.reason)
+            self._publish_text(now_us, Severity.WARNING, report.reason)
         self._command_ack.publish(
             VehicleCommandAck(
                 now_us,
@@ -212,7 +211,7 @@ class PayloadModule:
                 parts.gimbal.follow(aim_at(subject))
             if parts.tracker.update(view, situation.now_us):
                 parts.gimbal.hold()
-                self._publish_text(situation.now_us, _WARNING, "Target lost")
+                self._publish_text(situation.now_us, Severity.WARNING, "Target lost")
 
     def _take_pictures(self, situation: Situation) -> None:
         parts = self._parts
@@ -230,12 +229,12 @@ class PayloadModule:
         self._report(step.report, situation.now_us)
 
     def _publish_info(self, now_us: int, text: str) -> None:
-        self._publish_text(now_us, _INFO, text)
+        self._publish_text(now_us, Severity.INFO, text)
 
     def _publish_warning(self, now_us: int, text: str) -> None:
-        self._publish_text(now_us, _WARNING, text)
+        self._publish_text(now_us, Severity.WARNING, text)
 
-    def _publish_text(self, now_us: int, severity: int, text: str) -> None:
+    def _publish_text(self, now_us: int, severity: Severity, text: str) -> None:
         self._status_text.publish(StatusText(now_us, severity, text))
 
     def _publish(self, situation: Situation) -> None:

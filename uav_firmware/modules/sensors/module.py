@@ -29,7 +29,7 @@ from uav_firmware.msg.sensors import (
     SensorMag,
     SensorsStatus,
 )
-from uav_firmware.msg.status import StatusText
+from uav_firmware.msg.status import Severity, StatusText
 from uav_firmware.msg.vectors import Vector3
 from uav_firmware.parameters import Registry
 
@@ -37,8 +37,6 @@ _rate_of: Final = attrgetter("rate_frd")
 _force_of: Final = attrgetter("specific_force_frd")
 
 _REPEAT_US: Final = 1_000_000
-_CRITICAL: Final = 2  # MAV_SEVERITY
-_WARNING: Final = 4
 _SCALE: Final = 0.02  # [-] Scale factor and misalignment of an inertial sensor, twice
 _STANDING_RATE: Final = math.radians(0.5)  # [rad/s] Of a calibrated gyroscope
 _STANDING_FORCE: Final = 0.15  # [m/s^2] Of a calibrated accelerometer
@@ -244,7 +242,9 @@ class SensorsModule:
 
     def _report(self, now_us: int, name: str, instance: int, reason: str, left: int) -> None:
         rest = f"{left} left" if left else "none left"
-        self._publish_text(now_us, _CRITICAL, f"{name} {instance + 1} failed ({reason}), {rest}")
+        self._publish_text(
+            now_us, Severity.CRITICAL, f"{name} {instance + 1} failed ({reason}), {rest}"
+        )
         self._status_us = now_us - _REPEAT_US
 
     def _publish(self, now_us: int) -> None:
@@ -282,9 +282,9 @@ class SensorsModule:
     def _report_disputed(self, now_us: int, new: int) -> None:
         for bit, name in enumerate(("Gyroscopes", "Accelerometers", "Barometers", "Compasses")):
             if new >> bit & 1:
-                self._publish_text(now_us, _WARNING, f"{name} disagree")
+                self._publish_text(now_us, Severity.WARNING, f"{name} disagree")
 
-    def _publish_text(self, now_us: int, severity: int, text: str) -> None:
+    def _publish_text(self, now_us: int, severity: Severity, text: str) -> None:
         self._status_text.publish(StatusText(now_us, severity, text))
 
 

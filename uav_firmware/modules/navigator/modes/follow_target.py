@@ -17,6 +17,7 @@ from uav_firmware.modules.navigator.modes.navigator_mode import NavigatorMode
 from uav_firmware.modules.navigator.modes.target_estimator import TargetEstimator
 from uav_firmware.msg.guidance import FollowHeight, FollowOrder, FollowTarget
 from uav_firmware.msg.mission import ModeTarget
+from uav_firmware.msg.status import Severity
 from uav_firmware.msg.vectors import Vector3
 
 _SOURCE_SILENT_US: Final = 10_000_000  # [us] After it another source is accepted
@@ -24,7 +25,6 @@ _COURSE_SPEED: Final = 1.0  # [m/s] Above it the course of a target is known
 _COURSE_RATE: Final = 0.3  # [rad/s] With which the place turns with that course
 _DEFAULT_SIGMA_M: Final = 1.0
 _SPEED_SHARE: Final = 2.0  # Of FLW_TGT_MAX_VEL: reports of faster targets are dropped
-_MESSAGE, _WARNING = 6, 4
 
 
 class FollowMode(NavigatorMode):
@@ -62,7 +62,7 @@ class FollowMode(NavigatorMode):
             self._follow(flight, dt)
         elif self._following:
             self._following = False
-            flight.report(_WARNING, "Target lost: holding")
+            flight.report(Severity.WARNING, "Target lost: holding")
             flight.yaw_target = flight.yaw.yaw
             flight.hold()
 
@@ -105,7 +105,7 @@ class FollowMode(NavigatorMode):
         if not self._following:
             self._following = True
             self._begin(flight, position)
-            flight.report(_MESSAGE, "Following the target")
+            flight.report(Severity.INFO, "Following the target")
         self._turn_course(velocity, dt)
         angle = self._course + math.radians(flight.params.follow_angle_deg)
         goal = (

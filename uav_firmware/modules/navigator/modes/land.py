@@ -24,9 +24,9 @@ from uav_firmware.modules.navigator.flight import Flight
 from uav_firmware.modules.navigator.modes.approach import NEAR_M, Approach
 from uav_firmware.modules.navigator.modes.navigator_mode import NavigatorMode
 from uav_firmware.msg.mission import ModeTarget, NavigatorTarget
+from uav_firmware.msg.status import Severity
 from uav_firmware.msg.vectors import Vector3
 
-_WARNING = 4  # MAV_SEVERITY
 _CRAWL_SHARE = 0.6  # of MPC_LAND_SPEED, for the last stretch
 _SPINNING_CRAWL_SHARE = 0.3  # The friction of the first foot grows with the sink speed
 _GROUND_DIFFERS_M = 1.5  # [m] More than the errors of height and range finder near the ground
@@ -112,7 +112,7 @@ class Land:
 
     def _report_once(self, flight: Flight, text: str) -> None:
         if not self._has_reported:
-            flight.report(_WARNING, text)
+            flight.report(Severity.WARNING, text)
         self._has_reported = True
 
     def _descend(self, flight: Flight) -> None:
@@ -190,5 +190,7 @@ class LandMode(NavigatorMode):
         if travels and not flight.position_measured:
             self._here = True
             self._land = land_here(flight)
-            flight.report(_WARNING, "No GPS fix to reach the landing place by: landing here")
+            flight.report(
+                Severity.WARNING, "No GPS fix to reach the landing place by: landing here"
+            )
         self.finished = self._land.step(flight)

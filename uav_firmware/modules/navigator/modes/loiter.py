@@ -9,8 +9,8 @@ import math
 from uav_firmware.modules.navigator.flight import Flight, Speeds
 from uav_firmware.modules.navigator.modes.navigator_mode import NavigatorMode
 from uav_firmware.msg.mission import ModeTarget, NavigatorTarget
+from uav_firmware.msg.status import Severity
 
-_WARNING = 4  # MAV_SEVERITY
 _UNDER_GROUND_M = 1.5  # [m] More than the errors of height and range finder near the ground
 _CLEARANCE_M = 2.0  # [m] Height above the ground at which such a descent ends
 
@@ -33,7 +33,7 @@ class LoiterMode(NavigatorMode):
         if leads_into_ground(flight):
             north, east, _ = flight.rest_point()
             flight.fly(flight.stop_at((north, east, flight.ground_down - _CLEARANCE_M)))
-            flight.report(_WARNING, "Place is under the ground: holding above the ground")
+            flight.report(Severity.WARNING, "Place is under the ground: holding above the ground")
         self.finished = flight.path.resting
 
 

@@ -19,9 +19,8 @@ from uav_firmware.modules.navigator.modes.orbit_speed import (
 )
 from uav_firmware.msg.guidance import OrbitHeading, OrbitStatus, OrbitTarget
 from uav_firmware.msg.mission import ModeTarget
+from uav_firmware.msg.status import Severity
 from uav_firmware.msg.vectors import Vector3
-
-_WARNING = 4
 
 
 class OrbitPhase(Enum):
@@ -114,7 +113,7 @@ class Orbit:
         )
         if chosen.clipped_by and not math.isnan(speed):
             text = f"Orbit speed limited to {chosen.limits.speed:.2f} m/s by {chosen.clipped_by}"
-            flight.report(_WARNING, text)
+            flight.report(Severity.WARNING, text)
         return chosen
 
     def _follow_bearing(self, flight: Flight) -> None:

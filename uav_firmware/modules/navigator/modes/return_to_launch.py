@@ -27,10 +27,9 @@ from uav_firmware.modules.navigator.modes.approach import Approach
 from uav_firmware.modules.navigator.modes.land import Land, land_here
 from uav_firmware.modules.navigator.modes.navigator_mode import NavigatorMode
 from uav_firmware.msg.mission import ModeTarget, ReturnOrder
+from uav_firmware.msg.status import Severity
 from uav_firmware.msg.vectors import Vector3
 
-_CRITICAL: Final = 2  # MAV_SEVERITY
-_WARNING: Final = 4
 _PATIENCE_S: Final = 10.0  # [s] Longer than gusts: it will not land at home
 _BELOW_CEILING_M: Final = 1.0  # [m] Gusts and the estimate's noise take less
 _BELOW_CEILING_SHARE: Final = 0.2  # Of a ceiling that is low itself
@@ -102,7 +101,7 @@ class ReturnToLaunch:
         place = flight.path.goal or self._over_home
         if self.phase is ReturnPhase.LAND or not self._approach.has_stalled(flight, place):
             return
-        flight.report(_CRITICAL, "No way home against the wind: landing here")
+        flight.report(Severity.CRITICAL, "No way home against the wind: landing here")
         self.phase = ReturnPhase.LAND
         self._land = land_here(flight)
         self._land.descend_here(flight)
@@ -152,7 +151,7 @@ def choose_destination(flight: Flight) -> tuple[Vector3 | None, tuple[Point, ...
         return place, turns
     nearest = min(places, key=lambda point: math.dist(here, point[:2]), default=None)
     if nearest is not None and not flight.breached:
-        flight.report(_WARNING, "No path home within the geofence")
+        flight.report(Severity.WARNING, "No path home within the geofence")
     return nearest, ()
 
 
