@@ -68,7 +68,7 @@ _LINK: Final = "mavlink"
 _NAVIGATOR: Final = "navigator"
 _PARAMETERS: Final = "parameter_storage"
 
-_PILOTED_BATCH_US: Final = 20_000  # Under sticks or streamed set-points
+_PILOTED_BATCH_US: Final = 20_000  # Under sticks or streamed setpoints
 _TELEMETRY_BATCH_US: Final = 40_000  # However fast the requested telemetry
 
 _PARAMETER_GROUPS: Final = (
@@ -365,7 +365,7 @@ class Autopilot:
     def batch_us(self) -> int:
         """Longest vehicle time [us] that may run without a wait for the wall clock.
 
-        Sticks and streamed set-points take effect at once; otherwise the telemetry with the
+        Sticks and streamed setpoints take effect at once; otherwise the telemetry with the
         shortest interval is sent in time.
         """
         mode = self.topics.vehicle_control_mode.value

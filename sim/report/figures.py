@@ -82,7 +82,7 @@ class Flight:
     estimated: Series  # [m] north, east, up
     setpoint: Series  # [m] north, east, up
     errors: Errors
-    tracking: Series  # [m] true place minus set-point, in the air
+    tracking: Series  # [m] true place minus setpoint, in the air
     passages: list[Passage]
     landing: Landing
     distance_flown_m: float
@@ -142,7 +142,7 @@ def _estimate(log: FlightLog, truth: TruthTrack, begin_s: float) -> Series:
 
 
 def _setpoint(log: FlightLog, truth: TruthTrack, begin_s: float) -> Series:
-    """Where it was to be; set-points are about the estimator's origin."""
+    """Where it was to be; setpoints are about the estimator's origin."""
     topic, plane = "vehicle_local_position_setpoint", truth.plane
     origin = "vehicle_local_position"
     middle = plane.place(log.column(origin, "ref_lat")[-1:], log.column(origin, "ref_lon")[-1:])[0]

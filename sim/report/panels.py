@@ -132,7 +132,7 @@ def attitude_error(axes: Axes, flight: Flight) -> None:
 
 
 def tracking(axes: Axes, flight: Flight) -> None:
-    """True distance from the set-point: what estimator and controller leave together."""
+    """True distance from the setpoint: what estimator and controller leave together."""
     _time_axis(axes, flight)
     error = flight.tracking
     axes.plot(

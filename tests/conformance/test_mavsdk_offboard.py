@@ -1,4 +1,4 @@
-"""MAVSDK's client flies the autopilot process by streamed set-points and by sticks."""
+"""MAVSDK's client flies the autopilot process by streamed setpoints and by sticks."""
 
 import math
 import threading

@@ -1,4 +1,4 @@
-"""A companion streams set-points; the simulator's truth judges."""
+"""A companion streams setpoints; the simulator's truth judges."""
 
 import math
 from collections.abc import Callable

@@ -40,7 +40,7 @@ _METRES_PER_DEGREE = 111_195.0  # only differences of a few metres are judged
 _POSITION_EVERY = 4  # control steps between two runs of the position law
 
 Trajectory = Callable[[float, Vector3], TrajectorySetpoint]
-"""Set-point for the time since arming [s] and the present position [m, NED]."""
+"""Setpoint for the time since arming [s] and the present position [m, NED]."""
 
 
 class ControlBench:

@@ -1,6 +1,6 @@
 """A kinematic vehicle under navigator and commander: no physics, no noise, flat ground.
 
-It follows the set-point with a first-order lag, stands on the ground at home's height, and
+It follows the setpoint with a first-order lag, stands on the ground at home's height, and
 publishes what estimator, sensors and land detector would.
 """
 

@@ -1,6 +1,6 @@
-"""Steps of the estimate at a reset, by which set-points have to be moved.
+"""Steps of the estimate at a reset, by which setpoints have to be moved.
 
-A reset moves the estimate and not the vehicle. A set-point that is moved by the same step asks
+A reset moves the estimate and not the vehicle. A setpoint that is moved by the same step asks
 for the same motion as before (PX4 `FlightTask::_checkEkfResetCounters`).
 """
 

@@ -1,4 +1,4 @@
-"""Who leads the vehicle and how: sticks, streamed set-points, and which loops are closed."""
+"""Who leads the vehicle and how: sticks, streamed setpoints, and which loops are closed."""
 
 from enum import IntEnum
 from typing import NamedTuple, TypeAlias
@@ -11,15 +11,15 @@ from uav_firmware.msg.setpoints import (
 
 
 class ControlSource(IntEnum):
-    """Which module writes the set-points."""
+    """Which module writes the setpoints."""
 
     NAVIGATOR = 0
     MANUAL = 1  # manual_control, from sticks
-    OFFBOARD = 2  # offboard, from a stream of set-points
+    OFFBOARD = 2  # offboard, from a stream of setpoints
 
 
 class ControlLevel(IntEnum):
-    """The outermost loop that is closed; the source writes its set-point."""
+    """The outermost loop that is closed; the source writes its setpoint."""
 
     POSITION = 0  # trajectory_setpoint
     ATTITUDE = 1  # vehicle_attitude_setpoint
@@ -27,7 +27,7 @@ class ControlLevel(IntEnum):
 
 
 class VehicleControlMode(NamedTuple):
-    """Written by commander on change; read by navigator and by all who write set-points."""
+    """Written by commander on change; read by navigator and by all who write setpoints."""
 
     time_us: int  # [us]
     source: ControlSource
@@ -45,4 +45,4 @@ class ManualControlSetpoint(NamedTuple):
 
 
 OffboardSetpoint: TypeAlias = TrajectorySetpoint | VehicleAttitudeSetpoint | VehicleRatesSetpoint
-"""A set-point from outside, stamped with its arrival. Written by mavlink; its type is its level."""
+"""A setpoint from outside, stamped with its arrival. Written by mavlink; its type is its level."""

@@ -19,7 +19,7 @@ class AidSource(IntFlag):
 class EstimateResets(NamedTuple):
     """Steps by which the estimate was moved since boot, as in PX4's vehicle_local_position.
 
-    A reset moves the estimate, not the vehicle. Who keeps a set-point moves it by the change of
+    A reset moves the estimate, not the vehicle. Who keeps a setpoint moves it by the change of
     the totals since the last look, so that no reset is lost between two looks.
     """
 

@@ -1,4 +1,4 @@
-"""Set-points from the navigator down to the motors, in the order they are refined."""
+"""Setpoints from the navigator down to the motors, in the order they are refined."""
 
 import math
 from typing import Final

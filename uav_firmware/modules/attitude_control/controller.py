@@ -72,7 +72,7 @@ def rate_setpoint(
     yaw_rate: float,
     gains: AttitudeGains,
 ) -> Vector3:
-    """Body rates [rad/s, FRD] that bring the attitude to its set-point.
+    """Body rates [rad/s, FRD] that bring the attitude to its setpoint.
 
     `yaw_rate` [rad/s] about the world's down axis is added as feed-forward.
     """

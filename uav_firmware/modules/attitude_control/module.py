@@ -1,4 +1,4 @@
-"""Reads attitude and its set-point, publishes wanted body rates, at control rate."""
+"""Reads attitude and its setpoint, publishes wanted body rates, at control rate."""
 
 import math
 

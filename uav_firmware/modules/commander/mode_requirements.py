@@ -29,7 +29,7 @@ class Need(Enum):
     HOME = auto()
     MISSION = auto()
     STICKS = auto()  # MANUAL_CONTROL is received
-    SETPOINTS = auto()  # Set-points are streamed; by their kind also POSITION and ALTITUDE
+    SETPOINTS = auto()  # Setpoints are streamed; by their kind also POSITION and ALTITUDE
 
 
 _STAY: Final = frozenset({Need.ATTITUDE, Need.ALTITUDE, Need.POSITION})
@@ -84,7 +84,7 @@ _ALL: Final = tuple(Need)
 
 
 def needs_of(state: NavigationState, view: VehicleView) -> frozenset[Need]:
-    """Requirements of a mode; of OFFBOARD, by the streamed set-point. Empty if not available."""
+    """Requirements of a mode; of OFFBOARD, by the streamed setpoint. Empty if not available."""
     needs = REQUIREMENTS.get(state, frozenset())
     if Need.SETPOINTS in needs and isinstance(view.offboard, TrajectorySetpoint):
         return needs | _FLY
@@ -158,7 +158,7 @@ _PILOTED: Final[Mapping[NavigationState, ControlLevel]] = {
 
 
 def level_of(setpoint: OffboardSetpoint | None) -> ControlLevel:
-    """The outermost loop that a streamed set-point commands."""
+    """The outermost loop that a streamed setpoint commands."""
     if isinstance(setpoint, VehicleAttitudeSetpoint):
         return ControlLevel.ATTITUDE
     if isinstance(setpoint, VehicleRatesSetpoint):

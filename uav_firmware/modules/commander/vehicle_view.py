@@ -30,7 +30,7 @@ class SensorAges(NamedTuple):
     battery: float
     link: float  # Heartbeat of a ground station
     sticks: float  # MANUAL_CONTROL
-    offboard: float  # Streamed set-point
+    offboard: float  # Streamed setpoint
     range: float = math.inf  # Height above what lies below
 
 

@@ -10,7 +10,7 @@ as gravity, of the two whatever is still measured; it has to hold for REST_TIME_
 read the inertial sensor alone, since the estimate of a vehicle that has just hit the ground is
 wrong for a while. Three more hold without rest:
 
-    adrift      the thrust axis is ERROR_MAX beside its set-point, and the vehicle does not
+    adrift      the thrust axis is ERROR_MAX beside its setpoint, and the vehicle does not
                 accelerate, for ADRIFT_TIME_S: ArduCopter's crash check
     silent      neither gyroscope nor accelerometer delivers a number, for SILENT_TIME_S
     stands      the thrust is far below what has carried the vehicle, and the pressure shows that it
@@ -55,7 +55,7 @@ class Moment(NamedTuple):
 
     rate_frd: Vector3  # [rad/s] Of the gyroscope
     specific_force_frd: Vector3  # [m/s^2] Of the accelerometer
-    thrust_axis_error: float  # [rad] Between thrust axis and set-point; NaN where there is none
+    thrust_axis_error: float  # [rad] Between thrust axis and setpoint; NaN where there is none
     failed_motors: int  # [-] How many
     thrust_share: float = math.nan  # [-] Commanded, of what carries; NaN on the ground, or unknown
     height_m: float = math.nan  # By pressure, above anything

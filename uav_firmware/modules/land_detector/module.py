@@ -30,8 +30,8 @@ from uav_firmware.parameters import Registry
 _PERIOD_US: Final = 1_000_000  # repeated at least this often
 _LIFT_OFF_S: Final = 0.1  # time that lift-off must be seen
 _LANDING_HEIGHT: Final = 2.0  # [m] A descent below it is a landing in every mode
-_LEADING_SPEED: Final = 0.1  # [m/s] Of a set-point that leads up or down
-_STALE_US: Final = 500_000  # An older set-point leads nothing; position_control then descends
+_LEADING_SPEED: Final = 0.1  # [m/s] Of a setpoint that leads up or down
+_STALE_US: Final = 500_000  # An older setpoint leads nothing; position_control then descends
 _BLIND_SINK: Final = 0.5  # [m/s] So fast
 _THROTTLE_MARGIN: Final = 0.01  # [-] A throttle that is down, above MPC_MANTHR_MIN
 _LANDING_STATES: Final = frozenset({NavigationState.AUTO_LAND, NavigationState.AUTO_PRECLAND})
@@ -169,7 +169,7 @@ class LandDetectorModule:
 
     @property
     def _leads_height(self) -> bool:
-        """Whether a trajectory leads; else throttle or thrust set-point do."""
+        """Whether a trajectory leads; else throttle or thrust setpoint do."""
         control = self._control_mode.value
         return control is None or control.level is ControlLevel.POSITION
 
@@ -181,7 +181,7 @@ class LandDetectorModule:
         if setpoint is None or now_us - setpoint.time_us > _STALE_US:
             return _BLIND_SINK
         forward = setpoint.velocity_ned[2]
-        if not position.altitude_valid:  # position_control descends at any set-point
+        if not position.altitude_valid:  # position_control descends at any setpoint
             return _BLIND_SINK if math.isnan(forward) else max(forward, _BLIND_SINK)
         error = setpoint.position_ned[2] - position.position_ned[2]
         if math.isnan(error):

@@ -1,4 +1,4 @@
-"""Set-points, motors and vehicle state as PX4's messages."""
+"""Setpoints, motors and vehicle state as PX4's messages."""
 
 import math
 from typing import Final

@@ -1,1 +1,1 @@
-"""Manual control: set-points from the sticks in each piloted mode."""
+"""Manual control: setpoints from the sticks in each piloted mode."""

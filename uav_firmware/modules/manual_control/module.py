@@ -1,4 +1,4 @@
-"""Reads sticks and estimate, publishes the set-point of the piloted mode."""
+"""Reads sticks and estimate, publishes the setpoint of the piloted mode."""
 
 import math
 from typing import Final
@@ -34,8 +34,8 @@ from uav_firmware.parameters import Registry
 
 _NAN: Final = math.nan
 _STEP_MAX_S: Final = 0.1  # Longer pauses count as this, so that nothing jumps
-_YAW_LEASH: Final = math.radians(30.0)  # [rad] Largest lead of the heading set-point
-_GROUND_SINK_SPEED: Final = 0.7  # [m/s] Set-point on the ground, keeps the thrust low
+_YAW_LEASH: Final = math.radians(30.0)  # [rad] Largest lead of the heading setpoint
+_GROUND_SINK_SPEED: Final = 0.7  # [m/s] Setpoint on the ground, keeps the thrust low
 _CENTRED: Final = ManualControlSetpoint(0, 0.0, 0.0, 0.0, 0.0)
 
 
@@ -70,13 +70,13 @@ class ManualControlModule:
         self._rates = vehicle_rates_setpoint
         self._guide = Guide()
         self._yaw = 0.0
-        self._was_active = False  # Whether the last step published a set-point
+        self._was_active = False  # Whether the last step published a setpoint
         self._last_us = 0
         self._resets = ResetFollower()
         self._read_parameters()
 
     def update(self) -> None:
-        """Publish the set-point if manual control is in command."""
+        """Publish the setpoint if manual control is in command."""
         estimate, status = self._local_position.value, self._status.value
         control = self._control_mode.value
         if (
@@ -222,7 +222,7 @@ class ManualControlModule:
         return climb_velocity(up, self._tuning.speed_up, sink)
 
     def _advance_yaw(self, stick: float, estimate: VehicleLocalPosition, dt: float) -> float:
-        """Advance the heading set-point and return its rate [rad/s]."""
+        """Advance the heading setpoint and return its rate [rad/s]."""
         rate = 0.0 if self._landed else stick * self._tuning.yaw_rate_max
         ahead = wrap_pi(self._yaw + rate * dt - estimate.heading)
         self._yaw = wrap_pi(estimate.heading + min(max(ahead, -_YAW_LEASH), _YAW_LEASH))

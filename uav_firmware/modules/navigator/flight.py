@@ -1,4 +1,4 @@
-"""What a mode acts on: estimate, home and geofence, and the set-point that it moves."""
+"""What a mode acts on: estimate, home and geofence, and the setpoint that it moves."""
 
 import math
 from dataclasses import dataclass, field
@@ -25,7 +25,7 @@ UNSET: Vector3 = (NAN, NAN, NAN)
 IDLE_SINK_SPEED_M_S = 0.7  # [m/s] Commanded on the ground, so that the thrust stays low
 JERK_PER_SPEED = 1.5  # [1/s^2] Jerk over commanded speed of a trajectory
 
-_FACING_SPEED = 0.3  # [m/s] horizontal set-point speed above which the nose follows it
+_FACING_SPEED = 0.3  # [m/s] horizontal setpoint speed above which the nose follows it
 _PLANNED_SHARE = 0.97  # of a commanded speed, for the trajectory
 _NEAREST_LOOK_M = 1.0  # [m] The direction of a nearer place is not followed
 
@@ -80,7 +80,7 @@ def _or(value: float, default: float) -> float:
 
 @dataclass(slots=True)
 class Flight:
-    """State of the vehicle and set-point; the module updates the state before each step."""
+    """State of the vehicle and setpoint; the module updates the state before each step."""
 
     params: NavigatorParams
     now_us: int = 0  # [us]
@@ -141,7 +141,7 @@ class Flight:
         return estimate is not None and estimate.position_valid and not estimate.dead_reckoning
 
     def to_ned(self, latitude_deg: float, longitude_deg: float, altitude_amsl_m: float) -> Vector3:
-        """Local position [m, NED]; NaN horizontal or vertical parts keep the set-point's."""
+        """Local position [m, NED]; NaN horizontal or vertical parts keep the setpoint's."""
         here = self.rest_point()
         if self.frame is None:
             return here
@@ -155,7 +155,7 @@ class Flight:
         return (north, east, here[2] if math.isnan(down) else down)
 
     def rest_point(self) -> Vector3:
-        """Where the set-point would come to rest [m, NED]."""
+        """Where the setpoint would come to rest [m, NED]."""
         return self.path.rest_point(self.limits())
 
     def home_down(self, height_m: float) -> float:
@@ -238,15 +238,15 @@ class Flight:
 
     @property
     def behind_m(self) -> float:
-        """Level distance [m] of the vehicle from its set-point; 0 where it is not known."""
+        """Level distance [m] of the vehicle from its setpoint; 0 where it is not known."""
         if self.estimate is None or not self.estimate.position_valid:
             return 0.0
         return self.error_to(self.path.state.position)[0]
 
     def begin_where_it_is(self) -> None:
-        """Put the set-point to a vehicle that has been blown off it: it would wait there for ever.
+        """Put the setpoint to a vehicle that has been blown off it: it would wait there for ever.
 
-        Closer than MPC_XY_ERR_MAX the vehicle follows, and the set-point goes on without a jump.
+        Closer than MPC_XY_ERR_MAX the vehicle follows, and the setpoint goes on without a jump.
         """
         estimate = self.estimate
         if estimate is not None and self.behind_m > self.params.tracking_error_max:
@@ -254,7 +254,7 @@ class Flight:
             self.path.reset(estimate.position_ned, velocity)
 
     def stay_near(self) -> None:
-        """Keep a set-point that sinks within MPC_XY_ERR_MAX of a vehicle that is blown off it."""
+        """Keep a setpoint that sinks within MPC_XY_ERR_MAX of a vehicle that is blown off it."""
         farthest, behind = self.params.tracking_error_max, self.behind_m
         if behind > farthest:
             north, east, _ = subtract(self.position, self.path.state.position)
@@ -262,7 +262,7 @@ class Flight:
             self.path.move((share * north, share * east, 0.0))
 
     def restart(self) -> None:
-        """Put the set-point where the vehicle is."""
+        """Put the setpoint where the vehicle is."""
         estimate = self.estimate
         if estimate is not None:
             moving = estimate.velocity_valid and not self.landed
@@ -273,13 +273,13 @@ class Flight:
         self.yaw_target = self.turn_left = NAN
 
     def shift(self, step: EstimateStep) -> None:
-        """Move the set-point with a reset of the estimate; waypoints stay fixed to the earth."""
+        """Move the setpoint with a reset of the estimate; waypoints stay fixed to the earth."""
         self.path.shift(step.position_ned, step.velocity_ned, self.limits())
         self.yaw.yaw = wrap_pi(self.yaw.yaw + step.heading)
         self.course = wrap_pi(self.course + step.heading)
 
     def advance(self, dt: float) -> TrajectorySetpoint:
-        """Move the set-point on by `dt` [s], more slowly when the vehicle lags behind."""
+        """Move the setpoint on by `dt` [s], more slowly when the vehicle lags behind."""
         estimate = self.estimate
         if estimate is not None and estimate.position_valid and estimate.velocity_valid:
             self.path.shorten_stop(estimate.position_ned, estimate.velocity_ned)
@@ -301,7 +301,7 @@ class Flight:
         )
 
     def idle(self) -> TrajectorySetpoint:
-        """Set-point of a vehicle that stays on the ground."""
+        """Setpoint of a vehicle that stays on the ground."""
         self.restart()
         return TrajectorySetpoint(
             self.now_us,

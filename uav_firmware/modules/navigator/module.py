@@ -1,4 +1,4 @@
-"""The navigator on the bus: topics in, one mode at a time, set-point and progress out."""
+"""The navigator on the bus: topics in, one mode at a time, setpoint and progress out."""
 
 import math
 from collections.abc import Sequence
@@ -69,8 +69,8 @@ WRITES: Final = (
     "geofence_status", "target_check_result", "plan_check_result", "vehicle_command",
     "payload_order", "region_of_interest", "status_text",
 )  # fmt: skip
-PERIOD_US: Final = 8_000  # [us] 125 Hz: at 12 m/s the set-point moves 0.1 m a step
-_LONGEST_STEP_S: Final = 0.1  # [s] a longer gap does not make the set-point jump
+PERIOD_US: Final = 8_000  # [us] 125 Hz: at 12 m/s the setpoint moves 0.1 m a step
+_LONGEST_STEP_S: Final = 0.1  # [s] a longer gap does not make the setpoint jump
 
 _SPEED_LIMITS: Final = ("MPC_XY_VEL_MAX", "MPC_Z_VEL_MAX_UP", "MPC_Z_VEL_MAX_DN")
 _TILT_LIMIT: Final = "MPC_TILTMAX_AIR"
@@ -172,7 +172,7 @@ class NavigatorModule:
         self._area.update(flight)
 
     def _follow_resets(self, estimate: VehicleLocalPosition) -> None:
-        """Move the set-point with an estimate that was reset."""
+        """Move the setpoint with an estimate that was reset."""
         step = self._resets.update(estimate.resets)
         if step is None:
             return
@@ -285,7 +285,7 @@ class NavigatorModule:
 
     @property
     def _controls_setpoint(self) -> bool:
-        """Whether the navigator writes the set-point, not sticks or a stream of set-points."""
+        """Whether the navigator writes the setpoint, not sticks or a stream of setpoints."""
         control = self._topics.vehicle_control_mode.value
         return control is None or control.source is ControlSource.NAVIGATOR
 

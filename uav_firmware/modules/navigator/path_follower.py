@@ -1,7 +1,7 @@
-"""Moves the set-point along a route of waypoints, leg by leg.
+"""Moves the setpoint along a route of waypoints, leg by leg.
 
 A new route is joined from the present motion by a bend where that is possible and saves time, else
-the set-point first comes to rest. `reshape` keeps the present leg.
+the setpoint first comes to rest. `reshape` keeps the present leg.
 """
 
 import math
@@ -62,11 +62,11 @@ def _slowed(state: MotionState, position: Vector3, velocity: Vector3, jerk: floa
 
 
 class PathFollower:
-    """Motion of the set-point; time advances only in `advance`."""
+    """Motion of the setpoint; time advances only in `advance`."""
 
     def __init__(self) -> None:
         self.state = MotionState(ZERO, ZERO, ZERO)
-        self.passed = 0  # Waypoints of the present route that the set-point has passed
+        self.passed = 0  # Waypoints of the present route that the setpoint has passed
         self._route: tuple[Waypoint, ...] = ()
         self._leg_index = 0  # Waypoint that the present pieces lead to
         self._leg: Leg | None = None
@@ -80,12 +80,12 @@ class PathFollower:
 
     @property
     def stopping(self) -> bool:
-        """Whether the set-point comes to rest, before or without a route."""
+        """Whether the setpoint comes to rest, before or without a route."""
         return self._stop_limits is not None
 
     @property
     def resting(self) -> bool:
-        """Whether the set-point is at rest and the route has ended."""
+        """Whether the setpoint is at rest and the route has ended."""
         return not self._pieces and self._leg_index >= len(self._route) and self._tracked is None
 
     @property
@@ -95,7 +95,7 @@ class PathFollower:
 
     @property
     def sinking(self) -> bool:
-        """Whether the set-point sinks at a constant speed without end."""
+        """Whether the setpoint sinks at a constant speed without end."""
         piece = self._pieces[0] if self._pieces else None
         return piece is not None and math.isinf(piece.duration) and not isinstance(piece, Arc)
 
@@ -106,7 +106,7 @@ class PathFollower:
         return piece is not None and math.isinf(piece.duration) and not isinstance(piece, Arc)
 
     def rest_point(self, limits: MotionLimits) -> Vector3:
-        """Where the set-point would come to rest [m]."""
+        """Where the setpoint would come to rest [m]."""
         stop = self._stop(limits)
         return stop[-1].end().position if stop else self.state.position
 
@@ -116,14 +116,14 @@ class PathFollower:
         self._follow((), [])
 
     def move(self, step: Vector3) -> None:
-        """Move a descent that is flown, with its set-point, by a step [m]."""
+        """Move a descent that is flown, with its setpoint, by a step [m]."""
         self.state = self.state._replace(position=add(self.state.position, step))
         self._pieces = [_moved(piece, step) for piece in self._pieces]
 
     def shift(self, position: Vector3, velocity: Vector3, limits: MotionLimits) -> None:
         """Follow a reset of the estimate by a step of `position` [m] and `velocity` [m/s].
 
-        The set-point moves with the estimate, so that the motion of the vehicle does not change.
+        The setpoint moves with the estimate, so that the motion of the vehicle does not change.
         The route stays fixed to the earth. A position that is held moves with the estimate, and
         so do a descent and a circle.
         """
@@ -157,8 +157,8 @@ class PathFollower:
     def shorten_stop(self, position: Vector3, velocity: Vector3) -> None:
         """Shorten a straight stop for a vehicle that has braked better than planned.
 
-        A vehicle slower than the set-point, by speed limits, wind or drag, would else be led on
-        to a place where it need not go. The set-point takes over its speed, and is put back to
+        A vehicle slower than the setpoint, by speed limits, wind or drag, would else be led on
+        to a place where it need not go. The setpoint takes over its speed, and is put back to
         it where it is ahead; along the motion and vertically for itself.
         """
         limits = self._stop_limits
@@ -199,10 +199,10 @@ class PathFollower:
         angle: float,
         speed: speed_profile.Limits,
     ) -> None:
-        """Fly a level circle from the point of it that the set-point rests on.
+        """Fly a level circle from the point of it that the setpoint rests on.
 
         Args:
-            centre: of the circle [m]; the set-point's height is kept.
+            centre: of the circle [m]; the setpoint's height is kept.
             radius: [m] positive clockwise seen from above.
             angle: to fly [rad]; infinite without end, else it ends at rest.
             speed: limits along the circle; its speed is the cruising speed.
@@ -256,7 +256,7 @@ class PathFollower:
             self._time = 0.0
 
     def advance(self, dt: float) -> MotionState:
-        """Advance the set-point by `dt` [s]."""
+        """Advance the setpoint by `dt` [s]."""
         if self._tracked is not None:
             return self._advance_velocity(*self._tracked, dt)
         self._time += dt

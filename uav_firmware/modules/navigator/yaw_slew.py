@@ -1,4 +1,4 @@
-"""Heading set-point that takes the shorter turn within a rate and an acceleration."""
+"""Heading setpoint that takes the shorter turn within a rate and an acceleration."""
 
 import math
 

@@ -1,1 +1,1 @@
-"""Offboard mode: set-points streamed by a companion computer or ground station."""
+"""Offboard mode: setpoints streamed by a companion computer or ground station."""

@@ -1,4 +1,4 @@
-"""Reads streamed set-points, publishes them to the control loop that they address."""
+"""Reads streamed setpoints, publishes them to the control loop that they address."""
 
 import math
 from typing import Final
@@ -19,9 +19,9 @@ from uav_firmware.msg.vectors import Vector3
 from uav_firmware.parameters import Registry
 
 _STEP_MAX_S: Final = 0.1  # Longer pauses count as this, so that nothing jumps
-_YAW_LEASH: Final = math.radians(30.0)  # [rad] Largest lead of the heading set-point
-_LIFT_OFF_SPEED: Final = 1.0  # [m/s] Set-point on the ground to take off
-_GROUND_SINK_SPEED: Final = 0.7  # [m/s] Set-point on the ground, keeps the thrust low
+_YAW_LEASH: Final = math.radians(30.0)  # [rad] Largest lead of the heading setpoint
+_LIFT_OFF_SPEED: Final = 1.0  # [m/s] Setpoint on the ground to take off
+_GROUND_SINK_SPEED: Final = 0.7  # [m/s] Setpoint on the ground, keeps the thrust low
 _VERTICAL_LEASH_M: Final = 1.0
 _ZERO: Final[Vector3] = (0.0, 0.0, 0.0)
 _UNSET: Final[Vector3] = (math.nan, math.nan, math.nan)
@@ -54,12 +54,12 @@ class OffboardModule:
         self._rates = vehicle_rates_setpoint
         self._guide = Guide()
         self._yaw = 0.0
-        self._was_active = False  # Whether the last step flew a trajectory set-point
+        self._was_active = False  # Whether the last step flew a trajectory setpoint
         self._last_us = 0
         self._read_parameters()
 
     def update(self) -> None:
-        """Publish the set-point if offboard control is in command."""
+        """Publish the setpoint if offboard control is in command."""
         estimate, status = self._local_position.value, self._status.value
         control, setpoint = self._control_mode.value, self._setpoint.value
         if (
@@ -114,7 +114,7 @@ class OffboardModule:
         self._yaw = estimate.heading
 
     def _fly_on_ground(self, setpoint: TrajectorySetpoint, estimate: VehicleLocalPosition) -> None:
-        """Take off when the set-point leads up, else stay on the ground."""
+        """Take off when the setpoint leads up, else stay on the ground."""
         rises = wants_to_rise(setpoint, estimate.position_ned)
         velocity = (0.0, 0.0, -_LIFT_OFF_SPEED if rises else _GROUND_SINK_SPEED)
         self._trajectory.publish(
@@ -124,7 +124,7 @@ class OffboardModule:
     def _advance_yaw(
         self, setpoint: TrajectorySetpoint, estimate: VehicleLocalPosition, dt: float
     ) -> float:
-        """Use the heading set-point, or advance it by the rate; return the rate [rad/s]."""
+        """Use the heading setpoint, or advance it by the rate; return the rate [rad/s]."""
         rate = 0.0 if math.isnan(setpoint.yaw_rate) else setpoint.yaw_rate
         if not math.isnan(setpoint.yaw):
             self._yaw = setpoint.yaw
@@ -134,7 +134,7 @@ class OffboardModule:
         return rate
 
     def _thrust(self, thrust: float, status: VehicleStatus, now_us: int) -> float:
-        """Thrust [-] of the set-point; zero while disarmed or spooling up."""
+        """Thrust [-] of the setpoint; zero while disarmed or spooling up."""
         if not status.armed or now_us - status.armed_since_us < self._spool_up_us:
             return 0.0
         return thrust

@@ -1,4 +1,4 @@
-"""Flies a streamed set-point directly or through a smoothly moving guide point. Pure.
+"""Flies a streamed setpoint directly or through a smoothly moving guide point. Pure.
 
 The horizontal and the vertical part are treated separately:
 
@@ -23,7 +23,7 @@ _CLIMB_SPEED: Final = 0.05  # [m/s]
 
 
 class SpeedLimits(NamedTuple):
-    """Speed limits towards a set-point of position alone."""
+    """Speed limits towards a setpoint of position alone."""
 
     horizontal: float  # [m/s]
     up: float  # [m/s]
@@ -66,7 +66,7 @@ def follow(
 
 
 def wants_to_rise(setpoint: TrajectorySetpoint, vehicle: Vector3) -> bool:
-    """Whether a set-point leads up from the ground, which means take-off."""
+    """Whether a setpoint leads up from the ground, which means take-off."""
     height = vehicle[2] - setpoint.position_ned[2]
     return (
         height > _CLIMB_HEIGHT
@@ -78,7 +78,7 @@ def wants_to_rise(setpoint: TrajectorySetpoint, vehicle: Vector3) -> bool:
 def _horizontal_velocity(
     setpoint: TrajectorySetpoint, guide: Guide, limits: GuideLimits, speeds: SpeedLimits
 ) -> tuple[float, float] | None:
-    """Velocity [m/s] of the guide; None when the set-point is passed on unchanged."""
+    """Velocity [m/s] of the guide; None when the setpoint is passed on unchanged."""
     if not math.isnan(setpoint.acceleration_ned[0]):
         return None
     north, east = setpoint.velocity_ned[:2]
@@ -100,7 +100,7 @@ def _horizontal_velocity(
 def _vertical_velocity(
     setpoint: TrajectorySetpoint, guide: Guide, limits: GuideLimits, speeds: SpeedLimits
 ) -> float | None:
-    """Velocity [m/s, down] of the guide; None when the set-point is passed on unchanged."""
+    """Velocity [m/s, down] of the guide; None when the setpoint is passed on unchanged."""
     if not math.isnan(setpoint.acceleration_ned[2]):
         return None
     velocity, position = setpoint.velocity_ned[2], setpoint.position_ned[2]

@@ -11,7 +11,7 @@ from uav_firmware.msg.status import CommandResult, HomePosition, NavigationState
 from uav_firmware.msg.vectors import Vector3
 
 NOWHERE: Final[Vector3] = (math.nan, math.nan, math.nan)
-_REST_M_S: Final = 0.1  # [m/s] A slower set-point is at rest
+_REST_M_S: Final = 0.1  # [m/s] A slower setpoint is at rest
 _REST_M: Final = 0.1  # [m] From the place that it leads to
 _BRAKING_M: Final = 6.0  # [m] Way in which a vehicle comes to rest from the speed of a mission
 
@@ -36,9 +36,9 @@ class Situation(NamedTuple):
 
     @property
     def holds(self) -> bool:
-        """Whether the vehicle holds its position: in hold, and its set-point is at rest.
+        """Whether the vehicle holds its position: in hold, and its setpoint is at rest.
 
-        By the set-point, since gusts move a vehicle that hovers. On the ground it has no position.
+        By the setpoint, since gusts move a vehicle that hovers. On the ground it has no position.
         """
         return self._left_m == 0.0
 
@@ -49,7 +49,7 @@ class Situation(NamedTuple):
 
     @property
     def _left_m(self) -> float:
-        """How far its set-point still leads [m]: 0 at rest, infinite in another mode than hold."""
+        """How far its setpoint still leads [m]: 0 at rest, infinite in another mode than hold."""
         if self.state is not NavigationState.AUTO_LOITER:
             return math.inf
         setpoint = self.setpoint

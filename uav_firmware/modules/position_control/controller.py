@@ -10,7 +10,7 @@ velocity too only the acceleration. That is then the feed-forward alone, as in P
 PositionControl: no integral of a former leg is added. Where the estimate has been lost instead
 (`Motion.holds`), integral and D stay. The integrator is slowed by what the limits took away
 from the acceleration (back-calculation; L. Rundqwist, "Anti-reset windup for PID controllers",
-IFAC 1990), so a set-point that cannot be reached does not charge it.
+IFAC 1990), so a setpoint that cannot be reached does not charge it.
 """
 
 import math
@@ -39,7 +39,7 @@ class PositionGains(NamedTuple):
 
 
 class PositionLimits(NamedTuple):
-    """Limits that no set-point overrides."""
+    """Limits that no setpoint overrides."""
 
     speed_horizontal: float  # [m/s]
     speed_up: float  # [m/s]
@@ -182,5 +182,5 @@ def _zero_if_unset(value: float) -> float:
 
 
 def _difference(wanted: float, measured: float) -> float:
-    """Error of a controlled axis; an axis without set-point has none."""
+    """Error of a controlled axis; an axis without setpoint has none."""
     return 0.0 if math.isnan(wanted) else wanted - measured

@@ -34,8 +34,8 @@ from uav_firmware.msg.status import LandDetected, LandedState, VehicleStatus
 from uav_firmware.msg.vectors import Vector3
 from uav_firmware.parameters import Registry
 
-_STALE_US: Final = 500_000  # a set-point older than this counts as none
-_BLIND_DESCENT_SPEED: Final = 0.5  # [m/s] Of an armed vehicle without a set-point
+_STALE_US: Final = 500_000  # a setpoint older than this counts as none
+_BLIND_DESCENT_SPEED: Final = 0.5  # [m/s] Of an armed vehicle without a setpoint
 _LONGEST_STEP_S: Final = 0.1  # after a longer pause the integrator does not move
 _ACCELERATION_NOISE: Final = 2.0  # [m/s^2] Covers the motors' lag as well as the sensor
 _LEVEL_SPEED: Final = 0.2  # [m/s] Vertical
@@ -71,7 +71,7 @@ class PositionControlModule:
         self._last_us = 0
         self._resets = ResetFollower()
         self._setpoint_count = 0
-        self._setpoint_shift = (ZERO, ZERO)  # [m], [m/s] By resets since that set-point
+        self._setpoint_shift = (ZERO, ZERO)  # [m], [m/s] By resets since that setpoint
         self._last_thrust_up = 0.0  # [-] Last commanded
         self._retune()
         self._hover = HoverThrustEstimator(self._params.thrust_hover, _hover_noise(self._params))
@@ -148,7 +148,7 @@ class PositionControlModule:
         return observable(wanted, position)
 
     def _follow_resets(self, position: VehicleLocalPosition) -> None:
-        """Move a set-point that is older than a reset of the estimate with the estimate."""
+        """Move a setpoint that is older than a reset of the estimate with the estimate."""
         step = self._resets.update(position.resets)
         setpoint = self._trajectory.value
         if step is None or setpoint is None or setpoint.time_us >= position.time_us:

@@ -29,7 +29,7 @@ class TakeoffEvent(IntEnum):
     ARM = 0
     DISARM = 1
     SPOOLED = 2  # spool-up time has passed
-    CLIMB = 3  # a set-point wants to go up
+    CLIMB = 3  # a setpoint wants to go up
     RAMPED = 4  # ramp time has passed
     LIFTED = 5  # the land detector sees the vehicle in the air
     LANDED = 6  # the land detector sees it on the ground

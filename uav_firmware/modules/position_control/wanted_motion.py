@@ -9,7 +9,7 @@ from uav_firmware.msg.vectors import Vector3
 
 _NAN: Final = float("nan")
 BLIND: Final[Vector3] = (_NAN, _NAN, _NAN)
-"""No set-point on any axis."""
+"""No setpoint on any axis."""
 
 LEVEL: Final[Vector3] = (0.0, 0.0, 0.0)
 """No acceleration."""

@@ -2,7 +2,7 @@
 
 torque = P (setpoint - rate) + I integral(setpoint - rate) - D d(rate)/dt
 
-The derivative acts on the measurement, so that a step of the set-point does not kick, and
+The derivative acts on the measurement, so that a step of the setpoint does not kick, and
 passes a first-order low pass. The integrator stops in the direction in which the allocator
 could not follow (conditional integration), and slows down during large errors, where what it
 would collect is the flip and not a disturbance.

@@ -1,4 +1,4 @@
-"""Reads attitude, its set-point and what has failed; publishes thrusts while a rotor is lost."""
+"""Reads attitude, its setpoint and what has failed; publishes thrusts while a rotor is lost."""
 
 import math
 from typing import Final

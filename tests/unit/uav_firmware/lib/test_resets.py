@@ -1,4 +1,4 @@
-"""Steps of the estimate, as a keeper of set-points follows them."""
+"""Steps of the estimate, as a keeper of setpoints follows them."""
 
 import math
 

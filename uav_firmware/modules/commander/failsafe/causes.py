@@ -286,7 +286,7 @@ ROWS: Final[Mapping[Cause, Row]] = {
         "Offboard set-points lost",
         _offboard_lost,
         _offboard_action,
-        clears_s=lambda params: 2.0 * params.offboard_loss_s,  # One set-point is no stream
+        clears_s=lambda params: 2.0 * params.offboard_loss_s,  # One setpoint is no stream
     ),
     Cause.BATTERY_LOW: Row(
         "Battery low", _battery_below(lambda params: params.battery_low), _always(Action.WARN)

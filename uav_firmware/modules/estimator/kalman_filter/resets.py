@@ -1,7 +1,7 @@
 """Resets of the estimate, counted and summed: the only place from which the state is stepped.
 
 A reset moves the estimate to a measurement, without the gain of the filter. The vehicle has not
-moved: the owner of a set-point shifts it by the same step (PX4 `ekf_helper.cpp`, the resets of
+moved: the owner of a setpoint shifts it by the same step (PX4 `ekf_helper.cpp`, the resets of
 horizontal position, altitude, velocity and heading, and their counters).
 """
 

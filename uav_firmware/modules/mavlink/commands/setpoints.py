@@ -1,6 +1,6 @@
-"""SET_POSITION_TARGET_* and SET_ATTITUDE_TARGET to offboard set-points.
+"""SET_POSITION_TARGET_* and SET_ATTITUDE_TARGET to offboard setpoints.
 
-A set-point that cannot be flown exactly is refused as a whole, because flying a part of it leads
+A setpoint that cannot be flown exactly is refused as a whole, because flying a part of it leads
 to a position that the sender has not commanded.
 """
 
@@ -45,13 +45,13 @@ _HOME_FRAMES: Final = frozenset(
     {mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT, mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT}
 )
 HOLDER_TIMEOUT_US: Final = 1_000_000
-"""Time without a set-point of the current sender after which another one is accepted."""
+"""Time without a setpoint of the current sender after which another one is accepted."""
 _MAX_REPORTED: Final = 16
 """Largest number of different refusals that are reported."""
 
 
 class SetpointError(Exception):
-    """A set-point cannot be flown; the text says why."""
+    """A setpoint cannot be flown; the text says why."""
 
 
 class Reference(NamedTuple):
@@ -62,7 +62,7 @@ class Reference(NamedTuple):
 
 
 Reader: TypeAlias = Callable[[Message, Reference, int], OffboardSetpoint]
-"""Converts a message to a set-point stamped with the time of arrival [us]."""
+"""Converts a message to a setpoint stamped with the time of arrival [us]."""
 
 
 def from_local(message: Message, reference: Reference, now_us: int) -> OffboardSetpoint:
@@ -221,7 +221,7 @@ def _local(point: Vector3, frame: int, reference: Reference) -> Vector3:
 class SetpointInput:
     """Serves SET_POSITION_TARGET_LOCAL_NED, SET_POSITION_TARGET_GLOBAL_INT, SET_ATTITUDE_TARGET.
 
-    Each different refusal is reported once until a set-point is accepted.
+    Each different refusal is reported once until a setpoint is accepted.
     """
 
     @property
@@ -238,7 +238,7 @@ class SetpointInput:
         self._received_us = 0
 
     def handle(self, message: Message, sender: Sender, now_us: int) -> list[Outgoing]:
-        """Publish the set-point, or report why it cannot be flown."""
+        """Publish the setpoint, or report why it cannot be flown."""
         if not is_for_us(message, self._system_id):
             return []
         if (

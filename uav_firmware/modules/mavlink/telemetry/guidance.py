@@ -1,4 +1,4 @@
-"""Builders of messages about mission, set-points, orbit, fence and wind."""
+"""Builders of messages about mission, setpoints, orbit, fence and wind."""
 
 import math
 from typing import Final
@@ -56,10 +56,10 @@ def mission_current(context: Context) -> Message:
 
 
 def nav_controller_output(context: Context) -> Message | None:
-    """NAV_CONTROLLER_OUTPUT: bearing and distance of the waypoint or set-point; height error.
+    """NAV_CONTROLLER_OUTPUT: bearing and distance of the waypoint or setpoint; height error.
 
-    Distance and height error are 0 without a position or height set-point. `nav_bearing` and
-    `alt_error` are those of the set-point. The rest is NaN.
+    Distance and height error are 0 without a position or height setpoint. `nav_bearing` and
+    `alt_error` are those of the setpoint. The rest is NaN.
     """
     target = context.topics.trajectory_setpoint.value
     local = context.topics.vehicle_local_position.value
@@ -118,7 +118,7 @@ def _zero_if_unset(value: float) -> float:
 
 
 def position_target_local_ned(context: Context) -> Message | None:
-    """POSITION_TARGET_LOCAL_NED: the trajectory set-point; the mask marks unset values."""
+    """POSITION_TARGET_LOCAL_NED: the trajectory setpoint; the mask marks unset values."""
     target = context.topics.trajectory_setpoint.value
     if target is None:
         return None
@@ -144,7 +144,7 @@ def position_target_local_ned(context: Context) -> Message | None:
 
 
 def position_target_global_int(context: Context) -> Message | None:
-    """POSITION_TARGET_GLOBAL_INT: the same set-point in global coordinates."""
+    """POSITION_TARGET_GLOBAL_INT: the same setpoint in global coordinates."""
     target, local = (
         context.topics.trajectory_setpoint.value,
         context.topics.vehicle_local_position.value,
@@ -181,7 +181,7 @@ def position_target_global_int(context: Context) -> Message | None:
 
 
 def attitude_target(context: Context) -> Message | None:
-    """ATTITUDE_TARGET: the newest attitude and rate set-points.
+    """ATTITUDE_TARGET: the newest attitude and rate setpoints.
 
     In acro mode and with streamed rates the attitude is outdated, and masked out.
     """

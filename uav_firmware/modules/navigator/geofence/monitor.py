@@ -1,7 +1,7 @@
 """Whether the vehicle is outside the geofence, or would stop outside it.
 
 Where the navigator flies a route that was checked, a stop would keep to it, so it counts with the
-vehicle's distance from the set-point. Otherwise the stop is the vehicle's own: that of
+vehicle's distance from the setpoint. Otherwise the stop is the vehicle's own: that of
 `motion.stop_pieces` from the motion that it has after the reaction time.
 """
 
@@ -17,7 +17,7 @@ from uav_firmware.msg.vectors import Vector3
 
 PERIOD_US: Final = 100_000  # [us] 10 Hz: a metre at 12 m/s, within the reaction time below
 _REACTION_S: Final = 0.25  # [s] A period, the commander's step and the lag of attitude and thrust
-_FOLLOWED_M: Final = 1.5  # [m] Farther from the set-point the vehicle does not fly the route
+_FOLLOWED_M: Final = 1.5  # [m] Farther from the setpoint the vehicle does not fly the route
 _HARDEST_M_S2: Final = 6.0  # [m/s^2] With which a speed above the controller's limits is braked
 _SAMPLED_SHARES: Final = (0.5, 1.0)  # Of each stretch of a stop
 

@@ -41,7 +41,7 @@ class WaypointTask:
         return flight.now_us - self._since_us >= round(self._hold_s * 1e6)
 
     def missed(self, flight: Flight) -> bool:
-        """Whether the set-point has passed the waypoint without the vehicle."""
+        """Whether the setpoint has passed the waypoint without the vehicle."""
         if self._stops or self._since_us is not None or flight.path.passed <= self._index:
             return False
         away = math.dist(flight.path.state.position, self._position)
@@ -55,7 +55,7 @@ class WaypointTask:
 
 
 class DistanceTask:
-    """CONDITION_DISTANCE: waits until the next position is near, or the set-point at rest."""
+    """CONDITION_DISTANCE: waits until the next position is near, or the setpoint at rest."""
 
     def __init__(self, item: MissionItem, goal: Vector3) -> None:
         self._distance = item.param1

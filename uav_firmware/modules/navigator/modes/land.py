@@ -4,7 +4,7 @@
     TOUCHDOWN --landed--> done
 
 A vehicle that the wind keeps away from the point, and that has come no nearer for some seconds,
-descends where it is: near the ground the wind is weaker. In the descent the set-point stays near a
+descends where it is: near the ground the wind is weaker. In the descent the setpoint stays near a
 vehicle that is blown off it, so that it does not race back to the point low above the ground.
 
 DESCENT slows to MPC_LAND_SPEED at MPC_LAND_ALT2 above the landing point and keeps sinking, so
@@ -104,7 +104,7 @@ class Land:
         self._descend(flight)
 
     def _follow_drift(self, flight: Flight) -> None:
-        """Keep the set-point near a vehicle that the wind blows away, and report it."""
+        """Keep the setpoint near a vehicle that the wind blows away, and report it."""
         flight.stay_near()
         known = flight.estimate is not None and flight.estimate.position_valid
         if known and flight.error_to(self._over)[0] > _DRIFTED_M:

@@ -16,7 +16,7 @@ _CLEARANCE_M = 2.0  # [m] Height above the ground at which such a descent ends
 
 
 class LoiterMode(NavigatorMode):
-    """AUTO_LOITER; finished when the set-point is at rest."""
+    """AUTO_LOITER; finished when the setpoint is at rest."""
 
     def on_activation(self, flight: Flight, target: ModeTarget | None) -> None:
         """Stop, or fly to the target."""

@@ -1,4 +1,4 @@
-"""A vehicle that the wind keeps away from its set-point lands where it is, and says so."""
+"""A vehicle that the wind keeps away from its setpoint lands where it is, and says so."""
 
 import math
 
@@ -12,7 +12,7 @@ from uav_firmware.msg.vectors import Vector3
 
 NAN = math.nan
 STORM: Vector3 = (0.0, 6.0, 0.0)
-"""[m/s] It carries the sluggish vehicle 6 m from its set-point, three times MPC_XY_ERR_MAX."""
+"""[m/s] It carries the sluggish vehicle 6 m from its setpoint, three times MPC_XY_ERR_MAX."""
 UNREACHED = "Cannot reach the landing place: landing here"
 GIVEN_UP = "No way home against the wind: landing here"
 DRIFTED = "Cannot keep to the landing place: landing here"
@@ -26,7 +26,7 @@ def sluggish(height: float = 10.0) -> ToyVehicle:
 
 
 def blown_off(height: float = 10.0) -> ToyVehicle:
-    """A vehicle in a storm, 5 m off its set-point."""
+    """A vehicle in a storm, 5 m off its setpoint."""
     vehicle = sluggish(height)
     vehicle.wind = STORM
     vehicle.run_until(lambda v: v.position[1] > 5.0, 30.0)
@@ -39,7 +39,7 @@ def land(vehicle: ToyVehicle, north: float = NAN, east: float = NAN) -> None:
 
 
 def off_m(vehicle: ToyVehicle) -> float:
-    """Level distance [m] from the set-point."""
+    """Level distance [m] from the setpoint."""
     setpoint = vehicle.setpoints[-1].position_ned
     return math.dist(setpoint[:2], vehicle.position[:2])
 

@@ -1,4 +1,4 @@
-"""The set-point's motion along routes that change while it moves."""
+"""The setpoint's motion along routes that change while it moves."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""The heading set-point takes the shorter turn, within its limits, and settles."""
+"""The heading setpoint takes the shorter turn, within its limits, and settles."""
 
 import math
 

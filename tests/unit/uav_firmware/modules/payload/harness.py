@@ -120,7 +120,7 @@ class PayloadHarness:
         )
 
     def leads(self, to: Vector3, speed_m_s: float) -> None:
-        """Let the set-point lead north from where the vehicle is, at a speed."""
+        """Let the setpoint lead north from where the vehicle is, at a speed."""
         velocity, still = (speed_m_s, 0.0, 0.0), (0.0, 0.0, 0.0)
         self.setpoint.publish(
             TrajectorySetpoint(self.now_us, self.position, velocity, still, NAN, 0.0, to)

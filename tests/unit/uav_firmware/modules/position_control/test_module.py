@@ -51,7 +51,7 @@ class Vehicle:
         )
 
     def wants(self, position: Vector3, yaw: float = NAN) -> None:
-        """Give a set-point as old as the newest estimate."""
+        """Give a setpoint as old as the newest estimate."""
         self.trajectory.publish(TrajectorySetpoint(self._now_us, position, ZERO, ZERO, yaw, NAN))
 
     def step(self, steps: int = 1, **estimate: object) -> VehicleAttitudeSetpoint:

@@ -1,4 +1,4 @@
-"""A stream of offboard set-points that breaks, and one that is too slow to fly by."""
+"""A stream of offboard setpoints that breaks, and one that is too slow to fly by."""
 
 from tests.support.toy_vehicle import ToyVehicle
 from tests.unit.uav_firmware.modules.commander.failsafe.test_machine import (
@@ -18,7 +18,7 @@ def choose_offboard(vehicle: ToyVehicle) -> None:
 
 
 def stream_slowly(vehicle: ToyVehicle, seconds: int) -> None:
-    """A set-point every two seconds."""
+    """A setpoint every two seconds."""
     for _ in range(seconds // 2):
         stream(vehicle, 0.05)
         vehicle.run(1.95)

@@ -1,4 +1,4 @@
-"""Streamed set-points: frames, masks and refusals."""
+"""Streamed setpoints: frames, masks and refusals."""
 
 import math
 from typing import Any
@@ -23,7 +23,7 @@ NAN = math.nan
 
 
 def local(unmasked: int = POSITION, **fields: Any) -> Any:
-    """A local set-point in which only the quantities named by their bits are set."""
+    """A local setpoint in which only the quantities named by their bits are set."""
     numbers = dict.fromkeys(
         ("x", "y", "z", "vx", "vy", "vz", "afx", "afy", "afz", "yaw", "yaw_rate"), 0.0
     )
