@@ -11,7 +11,8 @@ filter can tell; velocity and attitude with the covariance alone. Of a group of 
 import math
 
 from tests.support.autopilot_tester import AutopilotTester
-from uav_firmware.lib.rotation import conjugate, multiply, to_rotation_vector
+from tests.support.rotation_vectors import to_rotation_vector
+from uav_firmware.lib.rotation import conjugate, multiply
 from uav_firmware.modules.estimator.ekf_core import EkfCore
 from uav_firmware.modules.estimator.kalman_filter.gate import Aid
 from uav_firmware.modules.estimator.kalman_filter.state import ATTITUDE, VELOCITY

@@ -12,6 +12,7 @@ import pytest
 from sim.config import SimulationConfig
 from sim.physics.truth import Motors, Truth
 from sim.simulation import Simulation
+from tests.support.rotation_vectors import from_rotation_vector, to_rotation_vector
 from uav_firmware.drivers.jsbsim import JsbsimVehicle
 from uav_firmware.lib import rotation
 from uav_firmware.lib.atmosphere import altitude_from_pressure
@@ -65,10 +66,10 @@ def test_turning_at_the_measured_rate_gives_the_next_attitude(corkscrew: list[Tr
             0.5 * (before.rate_frd[1] + after.rate_frd[1]),
             0.5 * (before.rate_frd[2] + after.rate_frd[2]),
         )
-        turn = rotation.from_rotation_vector((rate[0] * STEP_S, rate[1] * STEP_S, rate[2] * STEP_S))
+        turn = from_rotation_vector((rate[0] * STEP_S, rate[1] * STEP_S, rate[2] * STEP_S))
         q = rotation.multiply(q, turn)
     error = rotation.multiply(rotation.conjugate(q), corkscrew[-1].q_ned_frd)
-    assert math.hypot(*rotation.to_rotation_vector(error)) < math.radians(0.01)
+    assert math.hypot(*to_rotation_vector(error)) < math.radians(0.01)
 
 
 def test_specific_force_turned_to_the_world_plus_gravity_is_acceleration(

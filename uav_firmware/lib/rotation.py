@@ -19,7 +19,6 @@ Matrix3: TypeAlias = tuple[Vector3, Vector3, Vector3]
 
 IDENTITY: Quaternion = (1.0, 0.0, 0.0, 0.0)
 
-_SMALL_ANGLE = 1e-4  # [rad] below it the series of sin(x)/x is exact to double precision
 _TINY = 1e-9  # below it a direction is taken as undefined
 
 
@@ -85,25 +84,6 @@ def rotate_inverse(q: Quaternion, vector: Vector3) -> Vector3:
         vy + w * ty - z * tx + x * tz,
         vz + w * tz - x * ty + y * tx,
     )
-
-
-def from_rotation_vector(rotation: Vector3) -> Quaternion:
-    """Exponential map (Sola 2017, eq. 101): axis times angle [rad] to unit quaternion."""
-    x, y, z = rotation
-    angle = math.sqrt(x * x + y * y + z * z)
-    if angle < _SMALL_ANGLE:
-        scale = 0.5 - angle * angle / 48.0
-        return (1.0 - angle * angle / 8.0, scale * x, scale * y, scale * z)
-    scale = math.sin(0.5 * angle) / angle
-    return (math.cos(0.5 * angle), scale * x, scale * y, scale * z)
-
-
-def to_rotation_vector(q: Quaternion) -> Vector3:
-    """Logarithmic map (Sola 2017, eq. 105): axis times angle, the shorter way round [rad]."""
-    w, x, y, z = q if q[0] >= 0.0 else (-q[0], -q[1], -q[2], -q[3])
-    sine = math.sqrt(x * x + y * y + z * z)
-    scale = 2.0 if sine < _TINY else 2.0 * math.atan2(sine, w) / sine
-    return (scale * x, scale * y, scale * z)
 
 
 def from_euler(roll: float, pitch: float, yaw: float) -> Quaternion:

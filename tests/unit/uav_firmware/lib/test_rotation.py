@@ -11,7 +11,6 @@ from uav_firmware.msg.vectors import Quaternion, Vector3
 angles = st.floats(-math.pi, math.pi)
 components = st.floats(-100.0, 100.0)
 vectors = st.tuples(components, components, components)
-small_vectors = st.tuples(*[st.floats(-1.7, 1.7)] * 3)
 quaternions = st.builds(rotation.from_euler, angles, st.floats(-math.pi / 2, math.pi / 2), angles)
 QUARTER = math.pi / 2
 
@@ -91,22 +90,6 @@ def test_conjugate_is_the_inverse(q: Quaternion) -> None:
     assert rotation.multiply(q, rotation.conjugate(q)) == pytest.approx(
         rotation.IDENTITY, abs=1e-12
     )
-
-
-@given(small_vectors)
-def test_rotation_vector_comes_back(vector: Vector3) -> None:
-    q = rotation.from_rotation_vector(vector)
-    assert math.hypot(*q) == pytest.approx(1.0, abs=1e-12)
-    assert rotation.to_rotation_vector(q) == pytest.approx(vector, abs=1e-9)
-
-
-@given(quaternions)
-def test_a_quaternion_and_its_negative_are_one_rotation_vector(q: Quaternion) -> None:
-    negative = (-q[0], -q[1], -q[2], -q[3])
-    if abs(q[0]) > 1e-6:
-        assert rotation.to_rotation_vector(q) == pytest.approx(
-            rotation.to_rotation_vector(negative), abs=1e-9
-        )
 
 
 @given(vectors, angles)

@@ -5,13 +5,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.support.rotation_vectors import from_rotation_vector, to_rotation_vector
 from uav_firmware.lib.rotation import (
     from_euler,
-    from_rotation_vector,
     multiply,
     normalise,
     tilt_of,
-    to_rotation_vector,
     yaw_of,
 )
 from uav_firmware.modules.attitude_control.controller import (

@@ -6,8 +6,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.support.rotation_vectors import to_rotation_vector
 from tests.unit.uav_firmware.modules.estimator.flight import Array
-from uav_firmware.lib.rotation import conjugate, from_euler, multiply, to_rotation_vector
+from uav_firmware.lib.rotation import conjugate, from_euler, multiply
 from uav_firmware.modules.estimator.kalman_filter.covariance import Measurement
 from uav_firmware.modules.estimator.kalman_filter.ekf import COVARIANCE_STEPS, ErrorStateEkf, Noise
 from uav_firmware.modules.estimator.kalman_filter.state import (
