@@ -99,9 +99,3 @@ class RateController:
             pitch.update(setpoint_frd[1], rate_frd[1], unallocated_frd[1], dt, smoothing),
             yaw.update(setpoint_frd[2], rate_frd[2], unallocated_frd[2], dt, smoothing),
         )
-
-    @property
-    def integral_frd(self) -> Vector3:
-        """Torque held by the integrators, for the log."""
-        roll, pitch, yaw = self._axes
-        return (roll.integral, pitch.integral, yaw.integral)
