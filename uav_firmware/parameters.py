@@ -12,12 +12,10 @@ instance with the present values; `Registry.version` grows at each change, so a 
 re-reads only when it differs. Names and types are PX4's: int is INT32, float is REAL32.
 """
 
-import json
 import math
 import struct
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields
-from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
 P = TypeVar("P")
@@ -272,18 +270,3 @@ class Registry:
             except ParameterError as error:
                 faults.append(str(error))
         return faults
-
-
-def load_file(registry: Registry, path: Path) -> list[str]:
-    """Load stored parameters; a missing file is no fault, a broken one is a sentence."""
-    try:
-        stored = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        return []
-    except (OSError, ValueError) as error:
-        return [f"parameters not loaded: {error}"]
-    if not isinstance(stored, dict):
-        return ["parameters not loaded: the file holds no object"]
-    return registry.load(
-        {str(k): v for k, v in stored.items() if isinstance(v, (int, float))},
-    )

@@ -47,7 +47,6 @@ class Point:
     """A place to pass, or the middle of an orbit."""
 
     label: str
-    command_type: int
     position: Array  # [m] north, east, up
     acceptance_m: float | None  # None: no circle to pass
     orbit_radius_m: float | None = None
@@ -72,7 +71,6 @@ class Planned:
     landing: Array | None  # [m] north, east; None: the plan does not end on the ground
     inclusions: list[Array]  # [m] north, east of the corners
     exclusions: list[Array]
-    height_max_m: float | None
     statuses: list[str]  # of the missions
 
 
@@ -92,7 +90,6 @@ def planned_for(document: Mapping[str, Any], vehicle_id: int, plane: Plane) -> P
         landing=_landing(commands, plane),
         inclusions=[_polygon(corners, plane) for corners in fence.get("inclusion") or ()],
         exclusions=[_polygon(corners, plane) for corners in fence.get("exclusion") or ()],
-        height_max_m=fence.get("max_altitude"),
         statuses=[_status(mission.get("mission_status_id")) for mission in missions],
     )
 
@@ -104,7 +101,6 @@ def _point(command: Mapping[str, Any], plane: Plane) -> Point | None:
     height = {LAND: "landing_altitude", ORBIT: "orbit_altitude"}.get(kind, "altitude")
     return Point(
         label=str(command["command_id"]),
-        command_type=kind,
         position=np.append(_place(given, plane), float(given.get(height) or 0.0)),
         acceptance_m=float(given.get("acceptance_radius") or _ACCEPTANCE_M)
         if kind == WAYPOINT

@@ -96,11 +96,6 @@ def information(key: str, value: str | int) -> bytes:
     return _message(b"I", _key_and_value(key, value))
 
 
-def information_part(key: str, value: str, *, continued: bool) -> bytes:
-    """Encode an element of an information list, or (`continued`) a further part of the last one."""
-    return _message(b"M", bytes([continued]) + _key_and_value(key, value))
-
-
 def parameter(name: str, value: ParameterValue) -> bytes:
     """Encode the value of a parameter: int for INT32, float for REAL32."""
     return _message(b"P", _parameter(name, value))

@@ -99,7 +99,6 @@ def test_the_example_plan_is_read_with_its_points_and_fence() -> None:
     assert planned.landing is not None
     assert planned.landing.tolist() == [0.0, 0.0]
     assert planned.inclusions[0].shape == (4, 2)
-    assert planned.height_max_m == 60.0
     assert planned.commands[2].summary == "10 m up, 1 m acceptance, 2 s hold"
 
 

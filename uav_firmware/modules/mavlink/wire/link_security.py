@@ -95,10 +95,6 @@ class LinkSecurity:
         """Whether the vehicle has any key."""
         return bool(self._any)
 
-    def has_own_key(self, address: Address) -> bool:
-        """Whether a link has its own configured key."""
-        return address in self._own
-
     def set_shared_key(self, key: bytes | None) -> None:
         """Set the key of all links without their own; None or zeros remove it.
 

@@ -80,17 +80,6 @@ def test_information_is_read_back(text: str, number: int) -> None:
     assert log.msg_info_dict == {"words": text, "count": number}
 
 
-@pytest.mark.thorough
-@given(st.lists(st.lists(WORDS, min_size=1, max_size=3), min_size=1, max_size=3))
-def test_an_information_list_is_read_back(lists: list[list[str]]) -> None:
-    parts = [
-        ulog.information_part("boot_console", text, continued=number > 0)
-        for texts in lists
-        for number, text in enumerate(texts)
-    ]
-    assert read(*parts).msg_info_multiple_dict == {"boot_console": lists}
-
-
 @given(st.integers(-(2**31), 2**31 - 1), FINITE)
 def test_parameters_keep_value_and_type(whole: int, fraction: float) -> None:
     log = read(ulog.parameter("A_WHOLE", whole), ulog.parameter("A_FRACTION", fraction))
