@@ -10,7 +10,12 @@ from typing import Final, NamedTuple, TypeAlias
 
 from uav_firmware.lib.geo import LocalFrame
 from uav_firmware.lib.rotation import normalise, wrap_pi
-from uav_firmware.modules.mavlink.wire.addressing import Outgoing, Sender, is_for_us
+from uav_firmware.modules.mavlink.wire.addressing import (
+    Outgoing,
+    Sender,
+    StreamSender,
+    is_for_us,
+)
 from uav_firmware.modules.mavlink.wire.dialect import Message, mavlink
 from uav_firmware.modules.mavlink.wire.status_text import StatusTexts
 from uav_firmware.msg.control_mode import OffboardSetpoint
@@ -44,8 +49,6 @@ _AMSL_FRAMES: Final = frozenset({mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_FRAME_GLO
 _HOME_FRAMES: Final = frozenset(
     {mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT, mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT}
 )
-HOLDER_TIMEOUT_US: Final = 1_000_000
-"""Time without a setpoint of the current sender after which another one is accepted."""
 _MAX_REPORTED: Final = 16
 """Largest number of different refusals that are reported."""
 
@@ -234,17 +237,11 @@ class SetpointInput:
         self._topics = topics
         self._texts = texts
         self._reported: set[str] = set()
-        self._holder: tuple[int, int] | None = None
-        self._received_us = 0
+        self._stream = StreamSender()
 
     def handle(self, message: Message, sender: Sender, now_us: int) -> list[Outgoing]:
         """Publish the setpoint, or report why it cannot be flown."""
-        if not is_for_us(message, self._system_id):
-            return []
-        if (
-            self._holder not in {None, sender.identity}
-            and now_us - self._received_us <= HOLDER_TIMEOUT_US
-        ):
+        if not (is_for_us(message, self._system_id) and self._stream.admits(sender, now_us)):
             return []
         estimate = self._topics.vehicle_local_position.value
         if estimate is None:
@@ -255,7 +252,7 @@ class SetpointInput:
         except SetpointError as error:
             return self._refuse(f"{message.get_type()} ignored: {error}")
         self._reported.clear()
-        self._holder, self._received_us = sender.identity, now_us
+        self._stream.accept(sender, now_us)
         self._topics.offboard_setpoint.publish(setpoint)
         return []
 

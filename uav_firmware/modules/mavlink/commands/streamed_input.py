@@ -14,7 +14,12 @@ from typing import Final, NamedTuple
 
 from uav_firmware.bus import Queue, Topic
 from uav_firmware.lib.rotation import normalise, to_euler
-from uav_firmware.modules.mavlink.wire.addressing import Outgoing, Sender, is_for_us
+from uav_firmware.modules.mavlink.wire.addressing import (
+    Outgoing,
+    Sender,
+    StreamSender,
+    is_for_us,
+)
 from uav_firmware.modules.mavlink.wire.dialect import Message
 from uav_firmware.msg.control_mode import ManualControlSetpoint
 from uav_firmware.msg.guidance import FollowTarget
@@ -23,8 +28,6 @@ from uav_firmware.msg.vectors import Vector3
 
 INVALID_AXIS: Final = 0x7FFF
 """Value of an axis that does not exist."""
-HOLDER_TIMEOUT_US: Final = 1_000_000
-"""Time without sticks of the current sender after which another one is accepted."""
 _HAS_POSITION: Final = 1
 _HAS_VELOCITY: Final = 2
 _FASTEST_M_S: Final = 100.0
@@ -48,21 +51,15 @@ class ManualInput:
     def __init__(self, system_id: int, topic: Topic[ManualControlSetpoint]) -> None:
         self._system_id = system_id
         self._topic = topic
-        self._holder: tuple[int, int] | None = None
-        self._received_us = 0
+        self._stream = StreamSender()
 
     def handle(self, message: Message, sender: Sender, now_us: int) -> list[Outgoing]:
         """Publish the sticks if they are for this vehicle."""
-        if message.target != self._system_id:
-            return []
-        if (
-            self._holder not in {None, sender.identity}
-            and now_us - self._received_us <= HOLDER_TIMEOUT_US
-        ):
+        if message.target != self._system_id or not self._stream.admits(sender, now_us):
             return []
         sticks = sticks_of(message, now_us)
         if sticks is not None:
-            self._holder, self._received_us = sender.identity, now_us
+            self._stream.accept(sender, now_us)
             self._topic.publish(sticks)
         return []
 

@@ -28,6 +28,27 @@ class Sender(NamedTuple):
         return (self.system, self.component)
 
 
+STREAM_TIMEOUT_US: Final = 1_000_000
+"""Time without an accepted message of the current sender after which another one is accepted."""
+
+
+class StreamSender:
+    """The sender whose stream the vehicle follows: one at a time, until it falls silent."""
+
+    def __init__(self) -> None:
+        self._identity: tuple[int, int] | None = None
+        self._received_us = 0
+
+    def admits(self, sender: Sender, now_us: int) -> bool:
+        """Whether a message of a sender may be followed now."""
+        is_current = self._identity in {None, sender.identity}
+        return is_current or now_us - self._received_us > STREAM_TIMEOUT_US
+
+    def accept(self, sender: Sender, now_us: int) -> None:
+        """Follow the sender of an accepted message."""
+        self._identity, self._received_us = sender.identity, now_us
+
+
 class Outgoing(NamedTuple):
     """A message to send, to one address or (None) to every peer."""
 
