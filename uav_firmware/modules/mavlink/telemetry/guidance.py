@@ -21,7 +21,6 @@ from uav_firmware.msg.status import NavigationState
 
 _MISSION_MODE_ACTIVE: Final = 1
 _MISSION_MODE_SUSPENDED: Final = 2
-_ATTITUDE_IGNORED: Final = 128
 
 
 def mission_current(context: Context) -> Message:
@@ -195,7 +194,7 @@ def attitude_target(context: Context) -> Message | None:
     roll, pitch, yaw = rates.rate_frd
     return mavlink.MAVLink_attitude_target_message(
         time_boot_ms=boot_ms(rates.time_us),
-        type_mask=0 if is_recent else _ATTITUDE_IGNORED,
+        type_mask=0 if is_recent else mavlink.ATTITUDE_TARGET_TYPEMASK_ATTITUDE_IGNORE,
         q=list(attitude.q_ned_frd) if attitude is not None else [1.0, 0.0, 0.0, 0.0],
         body_roll_rate=roll,
         body_pitch_rate=pitch,
