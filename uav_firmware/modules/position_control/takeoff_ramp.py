@@ -1,8 +1,9 @@
 """From standing motors to free flight: idle first, then a thrust limit that rises.
 
     DISARMED --ARM--> SPOOL_UP --SPOOLED--> READY --CLIMB--> RAMP_UP --RAMPED--> FLIGHT
-        any --DISARM--> DISARMED        RAMP_UP, FLIGHT --LANDED--> READY
-        any --LIFTED--> FLIGHT          (armed or restarted in the air)
+        SPOOL_UP, READY --LIFTED--> FLIGHT      (armed or restarted in the air)
+        FLIGHT --LANDED--> READY
+        any --DISARM--> DISARMED
 
 The ramp keeps the integrators from throwing the vehicle off the ground, and the landing gear
 from dragging while the thrust is nearly enough.
