@@ -1,7 +1,9 @@
 """Ground contact: a vehicle that is commanded to descend does not sink. Pure.
 
 The land detector and the position controller both conclude from it, with a thrust below the
-weight, that the ground carries the vehicle (PX4, MulticopterLandDetector).
+weight, that the ground carries the vehicle (PX4, MulticopterLandDetector). The land detector takes
+the commanded descent from the setpoint; so it has to know when the position controller descends
+by itself instead, and how fast.
 
 A vertical velocity with a large deviation does not show zero when the vehicle stands: what is
 within three deviations counts as none, up to 1 m/s. Without enough thrust a vehicle in the air
@@ -10,6 +12,11 @@ is faster than that within half a second.
 
 import math
 from typing import Final
+
+STALE_SETPOINT_US: Final = 500_000
+"""[us] The position controller flies by no older trajectory setpoint, and descends."""
+BLIND_DESCENT_M_S: Final = 0.5
+"""[m/s] Speed, down, at which it descends without a setpoint; at least, without a height."""
 
 _DESCENT_MIN_M_S: Final = 0.1  # Slower is no descent
 _FOLLOWED_SHARE: Final = 0.5  # Of the commanded speed: a vehicle that sinks faster follows it

@@ -4,6 +4,7 @@ import math
 from typing import Final
 
 from uav_firmware.bus import Topic
+from uav_firmware.lib.ground_contact import BLIND_DESCENT_M_S, STALE_SETPOINT_US
 from uav_firmware.lib.terrain import TerrainFilter
 from uav_firmware.modules.land_detector.params import LandDetectorParams
 from uav_firmware.modules.land_detector.signs import (
@@ -31,8 +32,6 @@ _PERIOD_US: Final = 1_000_000  # repeated at least this often
 _LIFT_OFF_S: Final = 0.1  # time that lift-off must be seen
 _LANDING_HEIGHT: Final = 2.0  # [m] A descent below it is a landing in every mode
 _LEADING_SPEED: Final = 0.1  # [m/s] Of a setpoint that leads up or down
-_STALE_US: Final = 500_000  # An older setpoint leads nothing; position_control then descends
-_BLIND_SINK: Final = 0.5  # [m/s] So fast
 _THROTTLE_MARGIN: Final = 0.01  # [-] A throttle that is down, above MPC_MANTHR_MIN
 _LANDING_STATES: Final = frozenset({NavigationState.AUTO_LAND, NavigationState.AUTO_PRECLAND})
 
@@ -178,14 +177,14 @@ class LandDetectorModule:
         if not self._leads_height:
             return math.inf
         setpoint = self._trajectory.value
-        if setpoint is None or now_us - setpoint.time_us > _STALE_US:
-            return _BLIND_SINK
+        if setpoint is None or now_us - setpoint.time_us > STALE_SETPOINT_US:
+            return BLIND_DESCENT_M_S
         forward = setpoint.velocity_ned[2]
         if not position.altitude_valid:  # position_control descends at any setpoint
-            return _BLIND_SINK if math.isnan(forward) else max(forward, _BLIND_SINK)
+            return BLIND_DESCENT_M_S if math.isnan(forward) else max(forward, BLIND_DESCENT_M_S)
         error = setpoint.position_ned[2] - position.position_ned[2]
         if math.isnan(error):
-            return _BLIND_SINK if math.isnan(forward) else forward
+            return BLIND_DESCENT_M_S if math.isnan(forward) else forward
         return self._position_gain * error + (0.0 if math.isnan(forward) else forward)
 
     @property

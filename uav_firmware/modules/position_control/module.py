@@ -4,6 +4,7 @@ import math
 from typing import Final
 
 from uav_firmware.bus import Topic
+from uav_firmware.lib.ground_contact import BLIND_DESCENT_M_S, STALE_SETPOINT_US
 from uav_firmware.lib.resets import ResetFollower
 from uav_firmware.lib.rotation import from_thrust_direction_and_yaw, wrap_pi
 from uav_firmware.lib.vector import ZERO, add
@@ -34,8 +35,6 @@ from uav_firmware.msg.status import LandDetected, LandedState, VehicleStatus
 from uav_firmware.msg.vectors import Vector3
 from uav_firmware.parameters import Registry
 
-_STALE_US: Final = 500_000  # a setpoint older than this counts as none
-_BLIND_DESCENT_SPEED: Final = 0.5  # [m/s] Of an armed vehicle without a setpoint
 _LONGEST_STEP_S: Final = 0.1  # after a longer pause the integrator does not move
 _ACCELERATION_NOISE: Final = 2.0  # [m/s^2] Covers the motors' lag as well as the sensor
 _LEVEL_SPEED: Final = 0.2  # [m/s] Vertical
@@ -135,8 +134,8 @@ class PositionControlModule:
             self._setpoint_count = self._trajectory.count
             self._setpoint_shift = (ZERO, ZERO)
         self._follow_resets(position)
-        if setpoint is None or position.time_us - setpoint.time_us > _STALE_US:
-            wanted = Motion(BLIND, (0.0, 0.0, _BLIND_DESCENT_SPEED), LEVEL)
+        if setpoint is None or position.time_us - setpoint.time_us > STALE_SETPOINT_US:
+            wanted = Motion(BLIND, (0.0, 0.0, BLIND_DESCENT_M_S), LEVEL)
         else:
             place, speed = self._setpoint_shift
             wanted = Motion(
@@ -222,7 +221,7 @@ class PositionControlModule:
     def _follow_yaw(self, position: VehicleLocalPosition) -> float:
         """Set the wanted yaw, keep the former one where none is set; return the rate."""
         setpoint = self._trajectory.value
-        if setpoint is None or position.time_us - setpoint.time_us > _STALE_US:
+        if setpoint is None or position.time_us - setpoint.time_us > STALE_SETPOINT_US:
             return 0.0
         if not math.isnan(setpoint.yaw):
             self._yaw = setpoint.yaw

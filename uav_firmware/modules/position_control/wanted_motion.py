@@ -3,6 +3,7 @@
 import math
 from typing import Final
 
+from uav_firmware.lib.ground_contact import BLIND_DESCENT_M_S
 from uav_firmware.modules.position_control.controller import Motion
 from uav_firmware.msg.estimate import VehicleLocalPosition
 from uav_firmware.msg.vectors import Vector3
@@ -14,7 +15,6 @@ BLIND: Final[Vector3] = (_NAN, _NAN, _NAN)
 LEVEL: Final[Vector3] = (0.0, 0.0, 0.0)
 """No acceleration."""
 
-_SINK_WITHOUT_HEIGHT_M_S: Final = 0.5  # At least, as long as the speed is known
 _KNOWN_SINK_M_S: Final = 1.0  # One sigma of a vertical velocity that can be controlled
 _CERTAIN_TO_SINK: Final = 2.0  # [SD] Of it: commanded, so that the vehicle descends with any error
 _SINK_WITHOUT_SPEED: Final = 0.3  # [m/s^2] Down: softly, since the speed is unknown
@@ -51,7 +51,7 @@ def _sink_without_height(asked_m_s: float, accuracy_m_s: float) -> tuple[float, 
     """Velocity [m/s] and acceleration [m/s^2] down of a vehicle without a height estimate."""
     if not accuracy_m_s < _KNOWN_SINK_M_S:
         return _NAN, _SINK_WITHOUT_SPEED
-    surely = max(_SINK_WITHOUT_HEIGHT_M_S, _CERTAIN_TO_SINK * accuracy_m_s)
+    surely = max(BLIND_DESCENT_M_S, _CERTAIN_TO_SINK * accuracy_m_s)
     return (surely if math.isnan(asked_m_s) else max(asked_m_s, surely)), 0.0
 
 
