@@ -49,6 +49,12 @@ from uav_firmware.msg.vectors import Vector3
 RESET_AFTER_S: Final = 5.0
 """When nothing has aided a quantity for so long, it is reset to the source that delivers."""
 
+UNKNOWN_HEADING_SIGMA_RAD: Final = 1.8
+"""[rad] That of an even spread over the circle."""
+
+AID_INTERVAL_US: Final = 36_000
+"""[us] Barometer and magnetometer: 25 Hz are enough, with room for a clock a little fast."""
+
 START_WIND_SIGMA_M_S: Final = 5.0
 """[m/s] One sigma of the wind before the drag in flight has shown it."""
 
@@ -61,7 +67,6 @@ _TURNED_BACK_SIGMA_RAD: Final = 0.05
 _TURNED_BACK_SIGMA_RAD_S: Final = 0.001
 _TURNED_TILT_SIGMA_RAD: Final = 0.03
 _TURNED_HEADING_SIGMA_RAD: Final = 0.2
-_UNKNOWN_HEADING_SIGMA_RAD: Final = 1.8  # That of an even spread over the circle
 
 
 class EarlierEstimate(NamedTuple):
@@ -235,7 +240,7 @@ def _initial_sigmas(alignment: TiltAlignment, params: EstimatorParams) -> Array:
     sigmas[POSITION] = _START_POSITION_SIGMA_M
     sigmas[VELOCITY] = _START_VELOCITY_SIGMA_M_S
     sigmas[ATTITUDE] = params.angle_sigma
-    sigmas[HEADING] = _UNKNOWN_HEADING_SIGMA_RAD
+    sigmas[HEADING] = UNKNOWN_HEADING_SIGMA_RAD
     sigmas[ACCEL_BIAS] = max(params.accel_bias_sigma, 1e-3)
     sigmas[GYRO_BIAS] = max(alignment.gyro_bias_sigma, 1e-4)
     sigmas[BARO_BIAS] = max(params.baro_noise, 1e-3)

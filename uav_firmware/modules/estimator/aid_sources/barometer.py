@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from uav_firmware.lib.atmosphere import altitude_from_pressure
-from uav_firmware.modules.estimator.ekf_core import RESET_AFTER_S, EkfCore
+from uav_firmware.modules.estimator.ekf_core import AID_INTERVAL_US, RESET_AFTER_S, EkfCore
 from uav_firmware.modules.estimator.kalman_filter.covariance import Measurement, jacobian
 from uav_firmware.modules.estimator.kalman_filter.gate import Aid
 from uav_firmware.modules.estimator.kalman_filter.state import BARO_BIAS, DOWN, NominalState
@@ -23,7 +23,6 @@ from uav_firmware.modules.estimator.params import EstimatorParams
 from uav_firmware.msg.sensors import SensorBaro
 
 _MEAN_HZ: Final = 0.2  # Averages about 40 samples at 25 Hz
-_INTERVAL_US: Final = 36_000  # 25 Hz are enough, with room for a clock that is a little fast
 _PRESSURE_PA: Final = (20_000.0, 115_000.0)  # [Pa] 11.8 km up to the Dead Sea in a high
 _FROZEN_AFTER_S: Final = 2.0
 
@@ -130,7 +129,7 @@ class BaroAiding:
         elif self._reference_m is None:
             self._start(core, altitude)
         elif baro.time_us >= self.height.ready_us and not self._frozen.repeated:
-            self.height.ready_us = baro.time_us + _INTERVAL_US
+            self.height.ready_us = baro.time_us + AID_INTERVAL_US
             self._fuse(core, altitude - self._reference_m, failed=failed)
 
     def _average(self, altitude: float, time_us: int) -> None:

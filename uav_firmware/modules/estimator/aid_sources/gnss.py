@@ -29,7 +29,7 @@ from uav_firmware.modules.estimator.fault_detection.heading_by_course import Hea
 from uav_firmware.modules.estimator.kalman_filter.alignment import OriginAverage
 from uav_firmware.modules.estimator.kalman_filter.covariance import Measurement
 from uav_firmware.modules.estimator.kalman_filter.delay import Past
-from uav_firmware.modules.estimator.kalman_filter.gate import Aid
+from uav_firmware.modules.estimator.kalman_filter.gate import RECEIVER_GAP_US, Aid
 from uav_firmware.modules.estimator.kalman_filter.state import (
     BARO_BIAS,
     DOWN,
@@ -51,7 +51,6 @@ _SINK: Final = VELOCITY.start + 2
 _HELPS_S: Final = 1.0  # A barometer fused longer ago holds no height
 _SQRT_2: Final = math.sqrt(2.0)  # Two errors of height, now and at the origin, are apart by this
 _WHITE_SHARE: Final = 0.4  # Of the error of height: what changes from fix to fix
-_LONGEST_GAP_US: Final = 500_000  # A receiver that was silent for longer has begun anew
 _STEADY_US: Final = 1_000_000  # Good fixes on end before the estimate is reset to one after a loss
 
 
@@ -107,7 +106,7 @@ class GpsAiding:
         if gps.time_us <= self._last_us or core.recall(gps.time_us) is None:
             return
         gap_us, self._last_us = gps.time_us - self._last_us, gps.time_us
-        if self._good_since_us is None or gap_us > _LONGEST_GAP_US:
+        if self._good_since_us is None or gap_us > RECEIVER_GAP_US:
             self._good_since_us = gps.time_us
         if self._repeats(gps) and not core.standing:
             return

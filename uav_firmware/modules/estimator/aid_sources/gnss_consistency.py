@@ -15,8 +15,9 @@ import math
 from collections import deque
 from typing import Final
 
+from uav_firmware.modules.estimator.kalman_filter.gate import RECEIVER_GAP_US
+
 _HALF_US: Final = 1_500_000
-_GAP_US: Final = 500_000  # A receiver that was silent for longer has begun anew
 _LIMIT_M_S: Final = 0.4  # Noise of 0.3 m makes 0.14 m/s of it in three seconds
 _SHARE: Final = 0.5  # [-] Of the whole, in each half
 
@@ -36,7 +37,7 @@ class GpsConsistency:
     ) -> None:
         """Add a fix [m, m/s]."""
         kept = self._kept
-        if kept and not 0 < time_us - kept[-1][0] <= _GAP_US:
+        if kept and not 0 < time_us - kept[-1][0] <= RECEIVER_GAP_US:
             kept.clear()
         if kept:
             half = 0.5e-6 * (time_us - kept[-1][0])

@@ -15,7 +15,12 @@ from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 from uav_firmware.lib.rotation import from_euler, multiply, rotate, wrap_pi
-from uav_firmware.modules.estimator.ekf_core import RESET_AFTER_S, EkfCore
+from uav_firmware.modules.estimator.ekf_core import (
+    AID_INTERVAL_US,
+    RESET_AFTER_S,
+    UNKNOWN_HEADING_SIGMA_RAD,
+    EkfCore,
+)
 from uav_firmware.modules.estimator.fault_detection.gyro_bias_jump import HeadingMonitor
 from uav_firmware.modules.estimator.kalman_filter.covariance import Measurement, jacobian
 from uav_firmware.modules.estimator.kalman_filter.gate import Aid
@@ -24,8 +29,6 @@ from uav_firmware.modules.estimator.params import EstimatorParams
 from uav_firmware.msg.sensors import SensorMag
 from uav_firmware.msg.vectors import Quaternion, Vector3
 
-_INTERVAL_US: Final = 36_000  # As for the barometer
-_UNKNOWN_SIGMA_RAD: Final = 1.8  # That of an even spread over the circle
 _LARGEST_CHANGE: Final = 0.3  # [-] Of the field's strength since alignment
 _FIELD_GAUSS: Final = (0.15, 0.85)  # Earth's field is 0.22 to 0.67 gauss
 _LEAST_HORIZONTAL: Final = 0.1  # [-] Of the whole field; less gives no direction
@@ -81,7 +84,7 @@ class CompassAiding:
         """Use a sample, if it is a field that the Earth could have."""
         if mag.time_us < self.heading.ready_us:
             return
-        self.heading.ready_us = mag.time_us + _INTERVAL_US
+        self.heading.ready_us = mag.time_us + AID_INTERVAL_US
         declination = self._declination(core)
         compass = read_compass(mag.field_frd, core.state.q_ned_frd, declination)
         if compass is None:
@@ -116,7 +119,7 @@ class CompassAiding:
         angle = compass.error - state.heading_bias
         state.q_ned_frd = multiply(from_euler(0.0, 0.0, angle), state.q_ned_frd)
         core.reset_log.note_turn(angle)
-        core.ekf.forget(HEADING, _UNKNOWN_SIGMA_RAD)
+        core.ekf.forget(HEADING, UNKNOWN_HEADING_SIGMA_RAD)
         # Fusing what has just been set leaves the right correlation with the bias.
         core.ekf.fuse(self._measured(core, Compass(state.heading_bias, compass.tilt_gain)))
         self.aligned = True

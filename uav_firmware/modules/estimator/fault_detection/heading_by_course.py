@@ -22,12 +22,12 @@ from collections import deque
 from typing import Final, NamedTuple
 
 from uav_firmware.lib.rotation import rotate
+from uav_firmware.modules.estimator.kalman_filter.gate import RECEIVER_GAP_US
 from uav_firmware.msg.vectors import Quaternion, Vector3
 
 _EVERY: Final = 5  # [samples] Of the velocity that is kept: 20 ms
 _KEPT: Final = 50  # A second, as the history of the filter
 _WINDOW_US: Final = 2_500_000
-_GAP_US: Final = 500_000  # A receiver that was silent for longer has begun anew
 _LEAST_FIXES: Final = 8
 _LEAST_SPREAD_M_S: Final = 0.25  # Root mean square of w about its mean
 _LARGEST_REST: Final = 0.15  # [-] Of the squares of g, what the turned w leaves
@@ -110,7 +110,7 @@ class HeadingByCourse:
     def update(self, pair: Pair) -> float | None:
         """Add a fix; the angle [rad] to be added to the heading, if that is proved to be wrong."""
         pairs = self._pairs
-        if pairs and not 0 < pair.time_us - pairs[-1].time_us <= _GAP_US:
+        if pairs and not 0 < pair.time_us - pairs[-1].time_us <= RECEIVER_GAP_US:
             self.restart()
         pairs.append(pair)
         while pair.time_us - pairs[0].time_us > _WINDOW_US:

@@ -15,6 +15,9 @@ FORGIVEN_SHARE: Final = 0.25
 One that comes and goes is stopped too, if it is wrong for more than a fifth of the time.
 """
 
+RECEIVER_GAP_US: Final = 500_000
+"""[us] A GPS receiver that was silent for longer has begun anew."""
+
 _LONGEST_STEP_S: Final = 1.0  # A silence proves nothing
 
 _DOUBTED_RATIO: Final = 1.01  # [-] Beyond the gate
