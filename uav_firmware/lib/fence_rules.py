@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from typing import Final, TypeAlias
 
 from uav_firmware.lib.geo import LocalFrame
+from uav_firmware.lib.payload_rules import unset
 from uav_firmware.lib.stepwise import finished
 from uav_firmware.msg.mission import MissionItem, MissionRejection, MissionResult, PlanReview
 
@@ -109,7 +110,7 @@ def _check_unset(item: MissionItem, *numbers: int) -> MissionRejection | None:
     values = (item.param1, item.param2, item.param3, item.param4)
     for number in numbers:
         value = values[number - 1]
-        if not (math.isnan(value) or value == 0.0):
+        if not unset(value):
             reason = f"parameter {number} is {value:g} but has no effect and must be unset"
             return _reject(item, results[number - 1], reason)
     return None

@@ -15,7 +15,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Final, NamedTuple
 
 from uav_firmware.lib.geo import distance_and_bearing
-from uav_firmware.lib.payload_rules import GIMBAL_DEVICE, fault_of
+from uav_firmware.lib.payload_rules import GIMBAL_DEVICE, fault_of, unset
 from uav_firmware.lib.stepwise import finished
 from uav_firmware.msg.mission import (
     MissionCommand,
@@ -89,7 +89,7 @@ _HONOURED: Final[Mapping[int, frozenset[int]]] = {
     **dict.fromkeys(PAYLOAD, frozenset(range(1, 8))),  # Checked by the rules of payload
 }
 
-_ROI_LOCATION: Final = 3.0  # MAV_ROI_LOCATION
+ROI_LOCATION: Final = 3.0  # MAV_ROI_LOCATION
 
 _PARAMETER: Final = (
     MissionResult.INVALID_PARAM1,
@@ -151,11 +151,6 @@ def check_item(item: MissionItem, home: HomePosition | None) -> MissionRejection
     )
 
 
-def unset(value: float) -> bool:
-    """Whether a parameter carries no value: MAVLink uses NaN and, where 0 means nothing, 0."""
-    return math.isnan(value) or value == 0.0
-
-
 def altitude_amsl(item: MissionItem, home_altitude_amsl_m: float) -> float:
     """Altitude of an item above mean sea level [m]."""
     return item.z + (home_altitude_amsl_m if item.frame == _RELATIVE_ALTITUDE else 0.0)
@@ -213,7 +208,7 @@ def _honoured(
 def _carries_place(item: MissionItem) -> bool:
     """Whether parameters 5 to 7 are a place."""
     if item.command == MissionCommand.DO_SET_ROI:
-        return item.param1 == _ROI_LOCATION
+        return item.param1 == ROI_LOCATION
     if item.command == MissionCommand.DO_SET_HOME:
         return item.param1 == 0.0
     return item.command in POSITIONAL or item.command == MissionCommand.DO_SET_ROI_LOCATION
@@ -367,7 +362,7 @@ def _home_and_region_of_interest(
     if item.command == MissionCommand.DO_SET_HOME and item.param1 == 0.0 and math.isnan(item.z):
         return _reject(item, 7, "holds no altitude")
     if item.command == MissionCommand.DO_SET_ROI and not (
-        unset(item.param1) or item.param1 == _ROI_LOCATION
+        unset(item.param1) or item.param1 == ROI_LOCATION
     ):
         return _reject(item, 1, f"is {item.param1:g}: only 0 (none) and 3 (a place) are supported")
     return None

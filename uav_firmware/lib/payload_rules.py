@@ -77,7 +77,7 @@ def fault_of(command: int, parameters: Parameters) -> Fault | None:
 
 
 def unset(value: float) -> bool:
-    """Whether a parameter carries no wish."""
+    """Whether a parameter carries no value: MAVLink uses NaN and, where 0 means nothing, 0."""
     return math.isnan(value) or value == 0.0
 
 

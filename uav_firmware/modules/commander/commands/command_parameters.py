@@ -1,15 +1,17 @@
-"""Checks and conversions of command parameters that several commands share."""
+"""Checks and conversions of command parameters that several commands share.
+
+A place is within the limits of missions (`uav_firmware/lib/mission_rules.py`).
+"""
 
 import math
 from typing import Final, NamedTuple
 
 from uav_firmware.lib.geo import distance_and_bearing
+from uav_firmware.lib.mission_rules import DEEPEST_M, FARTHEST_M, HIGHEST_M
+from uav_firmware.lib.payload_rules import unset
 from uav_firmware.modules.commander.vehicle_view import VehicleView
 from uav_firmware.msg.status import Command, HomePosition, VehicleCommand
 
-REACH_MAX_M: Final = 10_000.0  # [m] beyond it a target is a mistake, such as 0, 0
-HEIGHT_MAX_M: Final = 5_000.0  # [m] above home
-DEPTH_MAX_M: Final = 100.0  # [m] below home; missions have the same limit
 _FRAME_AMSL: Final = 0
 _FRAME_RELATIVE: Final = 3
 _FRAME_RELATIVE_INT: Final = 6
@@ -35,11 +37,6 @@ class Place(NamedTuple):
 def parameters(command: VehicleCommand) -> tuple[float, ...]:
     """Parameters 1 to 7."""
     return command[2:9]
-
-
-def unset(value: float) -> bool:
-    """Whether a parameter is unset: NaN or 0."""
-    return math.isnan(value) or value == 0.0
 
 
 def refuse_infinite(command: VehicleCommand) -> None:
@@ -86,7 +83,7 @@ def place(command: VehicleCommand, view: VehicleView, *, zero_is_unset: bool) ->
     if view.home is not None:
         home = view.home
         away, _ = distance_and_bearing(home.latitude_deg, home.longitude_deg, latitude, longitude)
-        if not away <= REACH_MAX_M:
+        if not away <= FARTHEST_M:
             raise BadParameterError(f"parameters 5 and 6: {away / 1000.0:.0f} km from home")
     return Place(latitude, longitude, altitude)
 
@@ -101,8 +98,8 @@ def _altitude(command: VehicleCommand, view: VehicleView) -> float:
         if home is None:
             raise BadParameterError("parameter 7 is relative to home, which is not set")
         altitude += home.altitude_amsl_m
-    if home is not None and altitude > home.altitude_amsl_m + HEIGHT_MAX_M:
-        raise BadParameterError(f"parameter 7: more than {HEIGHT_MAX_M:.0f} m above home")
+    if home is not None and altitude > home.altitude_amsl_m + HIGHEST_M:
+        raise BadParameterError(f"parameter 7: more than {HIGHEST_M:.0f} m above home")
     return altitude
 
 
@@ -116,5 +113,5 @@ def _is_relative(command: VehicleCommand, home: HomePosition | None) -> bool:
 def refuse_too_low(altitude_amsl_m: float, view: VehicleView) -> None:
     """A target in the air may lie below home, on a hillside, but no lower than hills go."""
     home = view.home
-    if home is not None and altitude_amsl_m < home.altitude_amsl_m - DEPTH_MAX_M:
-        raise BadParameterError(f"parameter 7: more than {DEPTH_MAX_M:.0f} m below home")
+    if home is not None and altitude_amsl_m < home.altitude_amsl_m - DEEPEST_M:
+        raise BadParameterError(f"parameter 7: more than {DEEPEST_M:.0f} m below home")

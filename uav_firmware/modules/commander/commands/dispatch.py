@@ -8,6 +8,7 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Final
 
+from uav_firmware.lib.payload_rules import unset
 from uav_firmware.modules.commander import health_checks, mode_requirements
 from uav_firmware.modules.commander.commands import flight_commands, guidance_commands
 from uav_firmware.modules.commander.commands.command_parameters import (
@@ -17,7 +18,6 @@ from uav_firmware.modules.commander.commands.command_parameters import (
     place,
     refuse_infinite,
     refuse_set,
-    unset,
 )
 from uav_firmware.modules.commander.commands.decision import (
     Arm,

@@ -3,6 +3,8 @@
 import math
 from typing import Final, NamedTuple
 
+from uav_firmware.lib.mission_rules import LOWEST_TAKEOFF_M
+from uav_firmware.lib.payload_rules import unset
 from uav_firmware.modules.commander import mode_requirements
 from uav_firmware.modules.commander.commands.command_parameters import (
     NAN,
@@ -13,7 +15,6 @@ from uav_firmware.modules.commander.commands.command_parameters import (
     refuse_negative,
     refuse_set,
     refuse_too_low,
-    unset,
 )
 from uav_firmware.modules.commander.commands.decision import (
     Decision,
@@ -36,7 +37,6 @@ from uav_firmware.msg.mission import (
 )
 from uav_firmware.msg.status import NavigationState, VehicleCommand
 
-LOWEST_TAKEOFF_M: Final = 1.0  # [m] above home; lower becomes MIS_TAKEOFF_ALT
 LONGEST_HOLD_S: Final = 86_400.0  # [s]
 _HERE: Final = Place(NAN, NAN, NAN)
 
@@ -134,7 +134,10 @@ def _has_place(target: ModeTarget) -> bool:
 
 
 def take_off(command: VehicleCommand, situation: Situation) -> Decision:
-    """NAV_TAKEOFF: accepted before arming; the climb then begins at the arming."""
+    """NAV_TAKEOFF: accepted before arming; the climb then begins at the arming.
+
+    An altitude below the lowest of a take-off becomes MIS_TAKEOFF_ALT.
+    """
     refuse_set(command, 2, 3)
     spot, note = place(command, situation.view, zero_is_unset=True), ""
     home = situation.view.home

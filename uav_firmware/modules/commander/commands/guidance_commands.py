@@ -3,16 +3,15 @@
 import math
 from typing import Final
 
-from uav_firmware.lib.payload_rules import GIMBAL_DEVICE
+from uav_firmware.lib.mission_rules import HIGHEST_M, ROI_LOCATION
+from uav_firmware.lib.payload_rules import GIMBAL_DEVICE, unset
 from uav_firmware.modules.commander.commands.command_parameters import (
-    HEIGHT_MAX_M,
     BadParameterError,
     Place,
     choice,
     place,
     refuse_set,
     refuse_too_low,
-    unset,
 )
 from uav_firmware.modules.commander.commands.decision import (
     Decision,
@@ -37,7 +36,6 @@ from uav_firmware.msg.status import NavigationState, VehicleCommand
 
 ORBIT_RADIUS_MIN_M: Final = 1.0
 ORBIT_SPEED_MAX_M_S: Final = 10.0
-_ROI_LOCATION: Final = 3.0
 _FULL_TURN_DEG: Final = 360.0
 _NOWHERE: Final = Place(math.nan, math.nan, math.nan)
 _TURNING: Final = frozenset(
@@ -99,7 +97,7 @@ def follow(command: VehicleCommand, situation: Situation) -> Decision:
     if not math.isnan(command.param4):
         mode = FollowHeight(int(choice(command, 4, 0.0, 1.0, 2.0)))
     height = command.param5
-    if mode is FollowHeight.FIXED and not 0.0 < height <= HEIGHT_MAX_M:
+    if mode is FollowHeight.FIXED and not 0.0 < height <= HIGHEST_M:
         raise BadParameterError(f"parameter 5: a height of {height:g} m above home")
     if mode is not FollowHeight.FIXED:
         refuse_set(command, 5)
@@ -135,9 +133,9 @@ def _refuse_other_gimbals(command: VehicleCommand) -> None:
 
 def set_roi(command: VehicleCommand, situation: Situation) -> Decision:
     """DO_SET_ROI, the deprecated form: parameter 1 is 3 for a place and 0 for none."""
-    mode = 0.0 if math.isnan(command.param1) else choice(command, 1, 0.0, _ROI_LOCATION)
+    mode = 0.0 if math.isnan(command.param1) else choice(command, 1, 0.0, ROI_LOCATION)
     refuse_set(command, 2, 3, 4)
-    if mode == _ROI_LOCATION:
+    if mode == ROI_LOCATION:
         return _set_place(command, situation)
     refuse_set(command, 5, 6, 7)
     return _request_region(situation, _NOWHERE)

@@ -9,6 +9,7 @@ import math
 from collections.abc import Mapping
 from typing import Final, NamedTuple, TypeAlias
 
+from uav_firmware.lib.payload_rules import unset
 from uav_firmware.modules.mavlink.wire.dialect import Message, mavlink
 from uav_firmware.modules.mavlink.wire.dialect_extensions import (
     MAV_CMD_DO_SET_STANDARD_MODE,
@@ -176,7 +177,7 @@ def ignored_parameter(command: Command) -> int | None:
     """The first parameter that is set without an effect, as far as this module can decide."""
     supported = HANDLED_HERE.get(command.number, _ALL)
     ignored = ((i, p) for i, p in enumerate(command.parameters, 1) if i not in supported)
-    return next((i for i, value in ignored if not (math.isnan(value) or value == 0.0)), None)
+    return next((i for i, value in ignored if not unset(value)), None)
 
 
 def name_of(number: int) -> str:

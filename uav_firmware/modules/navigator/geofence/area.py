@@ -7,7 +7,8 @@ from typing import Any
 from uav_firmware.bus import Topic
 from uav_firmware.lib import fence_rules
 from uav_firmware.lib.geo import LocalFrame
-from uav_firmware.lib.mission_rules import POSITIONAL, altitude_amsl, unset
+from uav_firmware.lib.mission_rules import POSITIONAL, altitude_amsl
+from uav_firmware.lib.payload_rules import unset
 from uav_firmware.modules.navigator.circle import Circle, circle_of
 from uav_firmware.modules.navigator.flight import Flight
 from uav_firmware.modules.navigator.geofence import check

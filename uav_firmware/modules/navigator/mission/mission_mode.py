@@ -3,7 +3,8 @@
 import math
 from collections.abc import Callable, Mapping
 
-from uav_firmware.lib.mission_rules import HOVERING, PAYLOAD, altitude_amsl, unset
+from uav_firmware.lib.mission_rules import HOVERING, PAYLOAD, altitude_amsl
+from uav_firmware.lib.payload_rules import unset
 from uav_firmware.lib.resets import EstimateStep
 from uav_firmware.modules.navigator.circle import Circle
 from uav_firmware.modules.navigator.flight import Flight, Speeds

@@ -13,7 +13,8 @@ import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-from uav_firmware.lib.mission_rules import HOVERING, PAYLOAD, altitude_amsl, unset
+from uav_firmware.lib.mission_rules import HOVERING, PAYLOAD, altitude_amsl
+from uav_firmware.lib.payload_rules import unset
 from uav_firmware.lib.smoothing import Waypoint
 from uav_firmware.modules.navigator.flight import Flight, Speeds
 from uav_firmware.msg.mission import MissionCommand, MissionItem
