@@ -32,6 +32,7 @@ from uav_firmware.topics import Topics
 REACH_MAX_M: Final = 10_000.0
 SPEED_MAX_M_S: Final = 100.0
 ACCELERATION_MAX_M_S2: Final = 50.0
+YAW_MAX_RAD: Final = 10_000.0  # Turns upon turns: no sender that counts them is refused
 YAW_RATE_MAX_RAD_S: Final = 10.0
 BODY_RATE_MAX_RAD_S: Final = 40.0
 
@@ -186,7 +187,7 @@ def _motion(
             raise SetpointError(f"mask {message.type_mask} sets nothing {name}")
     yaw = _NAN if message.type_mask & _YAW_IGNORED else message.yaw
     yaw_rate = _NAN if message.type_mask & _YAW_RATE_IGNORED else message.yaw_rate
-    _check_limit((yaw, 0.0, 0.0), REACH_MAX_M, "yaw")
+    _check_limit((yaw, 0.0, 0.0), YAW_MAX_RAD, "yaw")
     _check_limit((yaw_rate, 0.0, 0.0), YAW_RATE_MAX_RAD_S, "yaw rate")
     heading = yaw if math.isnan(yaw) else wrap_pi(yaw)
     return TrajectorySetpoint(now_us, position, velocity, acceleration, heading, yaw_rate)
