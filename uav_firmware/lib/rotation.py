@@ -115,6 +115,12 @@ def yaw_of(q: Quaternion) -> float:
     return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
 
 
+def rotate_by_yaw(forward: float, right: float, yaw: float) -> tuple[float, float]:
+    """North and east components of a forward-right vector at a heading [rad]."""
+    cosine, sine = math.cos(yaw), math.sin(yaw)
+    return (forward * cosine - right * sine, forward * sine + right * cosine)
+
+
 def tilt_of(q: Quaternion) -> float:
     """Angle between the body's down axis and the world's [rad], 0 to pi."""
     _, x, y, _ = q

@@ -6,7 +6,7 @@ from typing import Final
 from uav_firmware.bus import Topic
 from uav_firmware.lib.guide import Guide
 from uav_firmware.lib.resets import ResetFollower
-from uav_firmware.lib.rotation import wrap_pi
+from uav_firmware.lib.rotation import rotate_by_yaw, wrap_pi
 from uav_firmware.lib.terrain import ground_down
 from uav_firmware.modules.manual_control.stick_setpoints import (
     attitude,
@@ -15,7 +15,7 @@ from uav_firmware.modules.manual_control.stick_setpoints import (
     thrust,
     tilt_acceleration,
 )
-from uav_firmware.modules.manual_control.stick_shaping import rotate_by_yaw, shaped, with_expo
+from uav_firmware.modules.manual_control.stick_shaping import shaped, with_expo
 from uav_firmware.modules.manual_control.tuning import Tuning, tuning_from
 from uav_firmware.msg.control_mode import (
     ControlSource,

@@ -8,8 +8,7 @@ import math
 from typing import Final, NamedTuple
 
 from uav_firmware.lib.geo import STANDARD_GRAVITY_M_S2
-from uav_firmware.lib.rotation import from_thrust_direction_and_yaw
-from uav_firmware.modules.manual_control.stick_shaping import rotate_by_yaw
+from uav_firmware.lib.rotation import from_thrust_direction_and_yaw, rotate_by_yaw
 from uav_firmware.msg.control_mode import ManualControlSetpoint
 from uav_firmware.msg.vectors import Quaternion, Vector3
 

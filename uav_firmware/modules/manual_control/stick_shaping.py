@@ -49,9 +49,3 @@ def shaped(sticks: ManualControlSetpoint, curves: Curves) -> ManualControlSetpoi
         with_expo(with_dead_zone(sticks.up, zone), curves.vertical),
         with_expo(with_dead_zone(sticks.yaw, zone), curves.yaw),
     )
-
-
-def rotate_by_yaw(forward: float, right: float, yaw: float) -> tuple[float, float]:
-    """North and east components of a forward-right vector; yaw [rad]."""
-    cosine, sine = math.cos(yaw), math.sin(yaw)
-    return (forward * cosine - right * sine, forward * sine + right * cosine)

@@ -148,3 +148,12 @@ def test_a_quaternion_without_direction_is_refused(q: Quaternion) -> None:
 def test_normalising_undoes_scaling(q: Quaternion, scale: float) -> None:
     w, x, y, z = q
     assert rotation.normalise((w * scale, x * scale, y * scale, z * scale)) == pytest.approx(q)
+
+
+@pytest.mark.parametrize(
+    ("yaw_deg", "expected"), [(0.0, (1.0, 0.0)), (90.0, (0.0, 1.0)), (180.0, (-1.0, 0.0))]
+)
+def test_forward_follows_the_heading(yaw_deg: float, expected: tuple[float, float]) -> None:
+    assert rotation.rotate_by_yaw(1.0, 0.0, math.radians(yaw_deg)) == pytest.approx(
+        expected, abs=1e-12
+    )

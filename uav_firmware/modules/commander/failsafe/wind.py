@@ -11,12 +11,11 @@ atmosphere at the vehicle's altitude. Velocity and drag are low-passed, since th
 steady state; a tilt error of half a degree is 0.3 m/s of wind.
 """
 
-import math
 from typing import Final, NamedTuple
 
 from uav_firmware.lib.drag import DragModel
 from uav_firmware.lib.geo import STANDARD_GRAVITY_M_S2
-from uav_firmware.lib.rotation import rotate, yaw_of
+from uav_firmware.lib.rotation import rotate, rotate_by_yaw, yaw_of
 from uav_firmware.msg.vectors import Quaternion, Vector3
 
 TIME_CONSTANT_S: Final = 4.0
@@ -50,16 +49,10 @@ def wind_of(
     yaw_rad: float = 0.0,
 ) -> tuple[float, float]:
     """Wind [m/s, north and east: where the air goes to] of a steady drag and velocity."""
-    drag_xy = _turned(sample.drag, -yaw_rad)
+    drag_xy = rotate_by_yaw(*sample.drag, -yaw_rad)
     air_xy = model.airspeed_xy(drag_xy, density, sample.thrust_ratio)
-    north, east = _turned(air_xy, yaw_rad)
+    north, east = rotate_by_yaw(*air_xy, yaw_rad)
     return velocity[0] + north, velocity[1] + east
-
-
-def _turned(vector: tuple[float, float], angle_rad: float) -> tuple[float, float]:
-    cosine, sine = math.cos(angle_rad), math.sin(angle_rad)
-    x, y = vector
-    return cosine * x - sine * y, sine * x + cosine * y
 
 
 class WindEstimator:

@@ -14,13 +14,13 @@ the delay, for 0.2 s a few millimetres per second. Against a filter that runs de
 predictor in front of it (PX4's EKF2), this needs one integration instead of two and no tuning.
 """
 
-import math
 from bisect import bisect_left
 from collections import deque
 from operator import attrgetter
 from typing import Final, NamedTuple
 
 from farm_flight_bridge.native import mypyc_attr
+from uav_firmware.lib.rotation import rotate_by_yaw
 from uav_firmware.modules.estimator.kalman_filter.state import NominalState
 from uav_firmware.msg.vectors import Quaternion, Vector3
 
@@ -124,8 +124,7 @@ class InertialHistory:
 
 def _turned(vector: Vector3, angle: float) -> Vector3:
     north, east, down = vector
-    cosine, sine = math.cos(angle), math.sin(angle)
-    return cosine * north - sine * east, sine * north + cosine * east, down
+    return (*rotate_by_yaw(north, east, angle), down)
 
 
 def _between(first: Vector3, second: Vector3, share: float) -> Vector3:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from typing import Final, NamedTuple, TypeAlias
 
 from uav_firmware.lib.geo import LocalFrame
-from uav_firmware.lib.rotation import normalise, wrap_pi
+from uav_firmware.lib.rotation import normalise, rotate_by_yaw, wrap_pi
 from uav_firmware.modules.mavlink.wire.addressing import (
     Outgoing,
     Sender,
@@ -196,8 +196,7 @@ def _motion(
 def _rotate_by_heading(vector: Vector3, heading: float) -> Vector3:
     """Rotate a forward, right, down vector to NED."""
     forward, right, down = vector
-    cosine, sine = math.cos(heading), math.sin(heading)
-    return (forward * cosine - right * sine, forward * sine + right * cosine, down)
+    return (*rotate_by_yaw(forward, right, heading), down)
 
 
 def _local(point: Vector3, frame: int, reference: Reference) -> Vector3:

@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from uav_firmware.modules.manual_control.stick_shaping import (
     Curves,
     limited_to_circle,
-    rotate_by_yaw,
     shaped,
     with_dead_zone,
     with_expo,
@@ -55,10 +54,3 @@ def test_shaped_sticks_are_within_range(x: float, y: float, z: float, r: float) 
     result = shaped(ManualControlSetpoint(5, x, y, z, r), curves)
     assert result.time_us == 5
     assert all(-1.0 <= axis <= 1.0 for axis in result[1:])
-
-
-@pytest.mark.parametrize(
-    ("yaw_deg", "expected"), [(0.0, (1.0, 0.0)), (90.0, (0.0, 1.0)), (180.0, (-1.0, 0.0))]
-)
-def test_forward_follows_the_heading(yaw_deg: float, expected: tuple[float, float]) -> None:
-    assert rotate_by_yaw(1.0, 0.0, math.radians(yaw_deg)) == pytest.approx(expected, abs=1e-12)
