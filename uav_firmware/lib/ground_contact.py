@@ -18,6 +18,9 @@ STALE_SETPOINT_US: Final = 500_000
 BLIND_DESCENT_M_S: Final = 0.5
 """[m/s] Speed, down, at which it descends without a setpoint; at least, without a height."""
 
+GROUND_SINK_SPEED_M_S: Final = 0.7
+"""[m/s] Setpoint, down, of a vehicle that stays on the ground: it keeps the thrust low."""
+
 _DESCENT_MIN_M_S: Final = 0.1  # Slower is no descent
 _FOLLOWED_SHARE: Final = 0.5  # Of the commanded speed: a vehicle that sinks faster follows it
 _STILL_SIGMAS: Final = 3.0

@@ -9,9 +9,16 @@ vehicle that cannot follow: it is never further away than a leash. Frames: NED, 
 import math
 from typing import Final, NamedTuple
 
-from uav_firmware.lib.vector import ZERO
+from uav_firmware.lib.rotation import wrap_pi
+from uav_firmware.lib.vector import ZERO, scale, subtract
 from uav_firmware.msg.vectors import Vector3
 
+LONGEST_STEP_S: Final = 0.1
+"""[s] A longer pause counts as this, so that no setpoint jumps."""
+VERTICAL_LEASH_M: Final = 1.0
+"""[m] Of setpoints led by sticks or a stream."""
+
+_YAW_LEASH: Final = math.radians(30.0)  # [rad] Largest lead of a heading setpoint
 _SEEK: Final = 3.0  # [1/s] Acceleration per velocity error
 _APPROACH: Final = 0.8  # [1/s] Speed per distance, near the place
 _REST_SPEED: Final = 1e-3  # [m/s] Below it, when rest is wanted, the point stands
@@ -56,7 +63,7 @@ class Guide:
         before = self.velocity
         self.velocity = _plus(before, self.acceleration, dt)
         self._settle(wanted_velocity)
-        mean = _plus(_scaled(before, 0.5), self.velocity, 0.5)
+        mean = _plus(scale(before, 0.5), self.velocity, 0.5)
         self.position = leashed(_plus(self.position, mean, dt), vehicle, limits)
 
     def _settle(self, wanted_velocity: Vector3) -> None:
@@ -97,6 +104,15 @@ def approach_speed(distance: float, acceleration: float) -> float:
     return math.sqrt(2.0 * braking * (distance - 0.5 * near))
 
 
+def advanced_yaw(yaw: float, rate: float, heading: float, dt: float) -> float:
+    """Heading setpoint [rad] that has turned on for `dt` [s] at a rate [rad/s].
+
+    As the point does, it waits for a vehicle that cannot follow: `heading` [rad] is the vehicle's.
+    """
+    ahead = wrap_pi(yaw + rate * dt - heading)
+    return wrap_pi(heading + min(max(ahead, -_YAW_LEASH), _YAW_LEASH))
+
+
 def _wanted_acceleration(wanted: Vector3, velocity: Vector3, limits: GuideLimits) -> Vector3:
     north = _SEEK * (wanted[0] - velocity[0])
     east = _SEEK * (wanted[1] - velocity[1])
@@ -110,7 +126,7 @@ def _wanted_acceleration(wanted: Vector3, velocity: Vector3, limits: GuideLimits
 
 def _towards(present: Vector3, wanted: Vector3, step: float) -> Vector3:
     """Move a vector towards another by at most a step."""
-    change = (wanted[0] - present[0], wanted[1] - present[1], wanted[2] - present[2])
+    change = subtract(wanted, present)
     length = math.hypot(*change)
     return wanted if length <= step else _plus(present, change, step / length)
 
@@ -121,7 +137,3 @@ def _plus(vector: Vector3, other: Vector3, factor: float) -> Vector3:
         vector[1] + other[1] * factor,
         vector[2] + other[2] * factor,
     )
-
-
-def _scaled(vector: Vector3, factor: float) -> Vector3:
-    return (vector[0] * factor, vector[1] * factor, vector[2] * factor)

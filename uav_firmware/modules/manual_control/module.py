@@ -4,7 +4,8 @@ import math
 from typing import Final
 
 from uav_firmware.bus import Topic
-from uav_firmware.lib.guide import Guide
+from uav_firmware.lib.ground_contact import GROUND_SINK_SPEED_M_S
+from uav_firmware.lib.guide import LONGEST_STEP_S, Guide, advanced_yaw
 from uav_firmware.lib.resets import ResetFollower
 from uav_firmware.lib.rotation import rotate_by_yaw, wrap_pi
 from uav_firmware.lib.terrain import ground_down
@@ -33,9 +34,6 @@ from uav_firmware.msg.vectors import Vector3
 from uav_firmware.parameters import Registry
 
 _NAN: Final = math.nan
-_STEP_MAX_S: Final = 0.1  # Longer pauses count as this, so that nothing jumps
-_YAW_LEASH: Final = math.radians(30.0)  # [rad] Largest lead of the heading setpoint
-_GROUND_SINK_SPEED: Final = 0.7  # [m/s] Setpoint on the ground, keeps the thrust low
 _CENTRED: Final = ManualControlSetpoint(0, 0.0, 0.0, 0.0, 0.0)
 
 
@@ -93,7 +91,7 @@ class ManualControlModule:
         if step is not None:
             self._guide.shift(step.position_ned, step.velocity_ned)
             self._yaw = wrap_pi(self._yaw + step.heading)
-        dt = min((estimate.time_us - self._last_us) * 1e-6, _STEP_MAX_S)
+        dt = min((estimate.time_us - self._last_us) * 1e-6, LONGEST_STEP_S)
         self._last_us = estimate.time_us
         if not self._was_active or self._landed:
             self._restart(estimate)
@@ -177,7 +175,7 @@ class ManualControlModule:
 
     def _fly_on_ground(self, estimate: VehicleLocalPosition, down: float) -> None:
         """Take off when the stick is up, else stay on the ground."""
-        velocity = (0.0, 0.0, down if down < 0.0 else _GROUND_SINK_SPEED)
+        velocity = (0.0, 0.0, down if down < 0.0 else GROUND_SINK_SPEED_M_S)
         unset: Vector3 = (_NAN, _NAN, _NAN)
         self._trajectory.publish(
             TrajectorySetpoint(
@@ -224,8 +222,7 @@ class ManualControlModule:
     def _advance_yaw(self, stick: float, estimate: VehicleLocalPosition, dt: float) -> float:
         """Advance the heading setpoint and return its rate [rad/s]."""
         rate = 0.0 if self._landed else stick * self._tuning.yaw_rate_max
-        ahead = wrap_pi(self._yaw + rate * dt - estimate.heading)
-        self._yaw = wrap_pi(estimate.heading + min(max(ahead, -_YAW_LEASH), _YAW_LEASH))
+        self._yaw = advanced_yaw(self._yaw, rate, estimate.heading, dt)
         return rate
 
     def _read_parameters(self) -> None:

@@ -7,14 +7,13 @@ that sticks and missions share them.
 import math
 from typing import Final, NamedTuple
 
-from uav_firmware.lib.guide import GuideLimits
+from uav_firmware.lib.guide import VERTICAL_LEASH_M, GuideLimits
 from uav_firmware.modules.manual_control.params import ManualControlParams
 from uav_firmware.modules.manual_control.stick_setpoints import DescentSlope, ThrottleCurve
 from uav_firmware.modules.manual_control.stick_shaping import Curves
 from uav_firmware.msg.vectors import Vector3
 from uav_firmware.parameters import Registry
 
-_VERTICAL_LEASH_M: Final = 1.0
 _BRAKING_SHARE: Final = 0.5  # Of MPC_ACC_UP_MAX: jerk and lag take the rest
 
 
@@ -60,7 +59,7 @@ def tuning_from(registry: Registry) -> Tuning:
             acceleration_down=get("MPC_ACC_DOWN_MAX"),
             jerk=own.jerk_max,
             leash_horizontal=get("MPC_XY_ERR_MAX"),
-            leash_vertical=_VERTICAL_LEASH_M,
+            leash_vertical=VERTICAL_LEASH_M,
         ),
         tilt_max=math.radians(own.tilt_max_deg),
         yaw_rate_max=math.radians(own.yaw_rate_max_deg_s),

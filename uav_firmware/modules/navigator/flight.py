@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass, field
 
 from uav_firmware.lib.geo import LocalFrame
+from uav_firmware.lib.ground_contact import GROUND_SINK_SPEED_M_S
 from uav_firmware.lib.motion import MotionLimits
 from uav_firmware.lib.resets import EstimateStep
 from uav_firmware.lib.rotation import wrap_pi
@@ -22,7 +23,6 @@ from uav_firmware.msg.vectors import Vector3
 
 NAN = math.nan
 UNSET: Vector3 = (NAN, NAN, NAN)
-IDLE_SINK_SPEED_M_S = 0.7  # [m/s] Commanded on the ground, so that the thrust stays low
 JERK_PER_SPEED = 1.5  # [1/s^2] Jerk over commanded speed of a trajectory
 
 _FACING_SPEED = 0.3  # [m/s] horizontal setpoint speed above which the nose follows it
@@ -306,7 +306,7 @@ class Flight:
         return TrajectorySetpoint(
             self.now_us,
             UNSET,
-            (0.0, 0.0, IDLE_SINK_SPEED_M_S),
+            (0.0, 0.0, GROUND_SINK_SPEED_M_S),
             ZERO,
             self.yaw.yaw,
             0.0,

@@ -6,6 +6,7 @@ from typing import Final
 
 from uav_firmware.lib import fence_rules, mission_rules
 from uav_firmware.lib.geo import LocalFrame
+from uav_firmware.lib.guide import LONGEST_STEP_S
 from uav_firmware.lib.mission_rules import DistanceLimits
 from uav_firmware.lib.resets import ResetFollower
 from uav_firmware.lib.terrain import ground_down
@@ -70,7 +71,6 @@ WRITES: Final = (
     "payload_order", "region_of_interest", "status_text",
 )  # fmt: skip
 PERIOD_US: Final = 8_000  # [us] 125 Hz: at 12 m/s the setpoint moves 0.1 m a step
-_LONGEST_STEP_S: Final = 0.1  # [s] a longer gap does not make the setpoint jump
 
 _SPEED_LIMITS: Final = ("MPC_XY_VEL_MAX", "MPC_Z_VEL_MAX_UP", "MPC_Z_VEL_MAX_DN")
 _TILT_LIMIT: Final = "MPC_TILTMAX_AIR"
@@ -144,7 +144,7 @@ class NavigatorModule:
         self._handle_requests()
         self._choose_mode()
         self._watch_fence()
-        self._fly(min(elapsed_us * 1e-6, _LONGEST_STEP_S))
+        self._fly(min(elapsed_us * 1e-6, LONGEST_STEP_S))
         self._report(now_us)
 
     def _observe(self, now_us: int) -> None:

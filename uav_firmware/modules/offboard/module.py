@@ -4,8 +4,15 @@ import math
 from typing import Final
 
 from uav_firmware.bus import Topic
-from uav_firmware.lib.guide import Guide, GuideLimits
-from uav_firmware.lib.rotation import wrap_pi
+from uav_firmware.lib.ground_contact import GROUND_SINK_SPEED_M_S
+from uav_firmware.lib.guide import (
+    LONGEST_STEP_S,
+    VERTICAL_LEASH_M,
+    Guide,
+    GuideLimits,
+    advanced_yaw,
+)
+from uav_firmware.lib.vector import ZERO
 from uav_firmware.modules.offboard.motion import SpeedLimits, follow, wants_to_rise
 from uav_firmware.msg.control_mode import ControlSource, OffboardSetpoint, VehicleControlMode
 from uav_firmware.msg.estimate import VehicleLocalPosition
@@ -18,12 +25,7 @@ from uav_firmware.msg.status import LandDetected, VehicleStatus
 from uav_firmware.msg.vectors import Vector3
 from uav_firmware.parameters import Registry
 
-_STEP_MAX_S: Final = 0.1  # Longer pauses count as this, so that nothing jumps
-_YAW_LEASH: Final = math.radians(30.0)  # [rad] Largest lead of the heading setpoint
 _LIFT_OFF_SPEED: Final = 1.0  # [m/s] Setpoint on the ground to take off
-_GROUND_SINK_SPEED: Final = 0.7  # [m/s] Setpoint on the ground, keeps the thrust low
-_VERTICAL_LEASH_M: Final = 1.0
-_ZERO: Final[Vector3] = (0.0, 0.0, 0.0)
 _UNSET: Final[Vector3] = (math.nan, math.nan, math.nan)
 
 
@@ -74,7 +76,7 @@ class OffboardModule:
         if self._parameter_version != self._registry.version:
             self._read_parameters()
         now_us = estimate.time_us
-        dt = min((now_us - self._last_us) * 1e-6, _STEP_MAX_S)
+        dt = min((now_us - self._last_us) * 1e-6, LONGEST_STEP_S)
         self._last_us = now_us
         match setpoint:
             case TrajectorySetpoint():
@@ -110,15 +112,15 @@ class OffboardModule:
     def _restart(self, estimate: VehicleLocalPosition) -> None:
         """Start from the present position and velocity; on the ground at rest."""
         known = estimate.velocity_valid and not self._landed
-        self._guide.restart(estimate.position_ned, estimate.velocity_ned if known else _ZERO)
+        self._guide.restart(estimate.position_ned, estimate.velocity_ned if known else ZERO)
         self._yaw = estimate.heading
 
     def _fly_on_ground(self, setpoint: TrajectorySetpoint, estimate: VehicleLocalPosition) -> None:
         """Take off when the setpoint leads up, else stay on the ground."""
         rises = wants_to_rise(setpoint, estimate.position_ned)
-        velocity = (0.0, 0.0, -_LIFT_OFF_SPEED if rises else _GROUND_SINK_SPEED)
+        velocity = (0.0, 0.0, -_LIFT_OFF_SPEED if rises else GROUND_SINK_SPEED_M_S)
         self._trajectory.publish(
-            TrajectorySetpoint(estimate.time_us, _UNSET, velocity, _ZERO, estimate.heading, 0.0)
+            TrajectorySetpoint(estimate.time_us, _UNSET, velocity, ZERO, estimate.heading, 0.0)
         )
 
     def _advance_yaw(
@@ -129,8 +131,7 @@ class OffboardModule:
         if not math.isnan(setpoint.yaw):
             self._yaw = setpoint.yaw
         elif rate != 0.0:
-            ahead = wrap_pi(self._yaw + rate * dt - estimate.heading)
-            self._yaw = wrap_pi(estimate.heading + min(max(ahead, -_YAW_LEASH), _YAW_LEASH))
+            self._yaw = advanced_yaw(self._yaw, rate, estimate.heading, dt)
         return rate
 
     def _thrust(self, thrust: float, status: VehicleStatus, now_us: int) -> float:
@@ -148,7 +149,7 @@ class OffboardModule:
             acceleration_down=get("MPC_ACC_DOWN_MAX"),
             jerk=get("MPC_JERK_AUTO"),
             leash_horizontal=get("MPC_XY_ERR_MAX"),
-            leash_vertical=_VERTICAL_LEASH_M,
+            leash_vertical=VERTICAL_LEASH_M,
         )
         self._speeds = SpeedLimits(
             get("MPC_XY_CRUISE"), get("MPC_Z_V_AUTO_UP"), get("MPC_Z_V_AUTO_DN")
