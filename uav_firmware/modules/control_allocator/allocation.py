@@ -10,11 +10,11 @@ import math
 from typing import Final
 
 from farm_flight_bridge.native import mypyc_attr
+from uav_firmware.lib.vector import ZERO
 from uav_firmware.modules.control_allocator.geometry import Mix
 from uav_firmware.msg.vectors import Motors, Vector3
 
 _YAW_THRUST_MARGIN = 0.15  # [-] Thrust that may be moved to make room for yaw
-_ZERO: Vector3 = (0.0, 0.0, 0.0)
 
 
 @mypyc_attr(acyclic=True, free_list_len=1)
@@ -43,7 +43,7 @@ def allocate(torque_frd: Vector3, thrust: float, mix: Mix) -> Allocation:
     c = thrust + three[0] * roll + three[1] * pitch + three[2] * yaw
     d = thrust + four[0] * roll + four[1] * pitch + four[2] * yaw
     if 0.0 <= a <= 1.0 and 0.0 <= b <= 1.0 and 0.0 <= c <= 1.0 and 0.0 <= d <= 1.0:
-        return Allocation((a, b, c, d), _ZERO, 0.0)
+        return Allocation((a, b, c, d), ZERO, 0.0)
     return _desaturate(torque_frd, thrust, mix)
 
 

@@ -7,6 +7,7 @@ optional and may come, go and come back at any time.
 import math
 
 from uav_firmware.lib.drag import DragModel
+from uav_firmware.lib.vector import add
 from uav_firmware.modules.estimator.aid_sources.barometer import BaroAiding
 from uav_firmware.modules.estimator.aid_sources.drag import DragAiding
 from uav_firmware.modules.estimator.aid_sources.gnss import GpsAiding
@@ -118,8 +119,8 @@ class Estimator:
         if core is None:
             return
         state, covariance = core.state, core.ekf.covariance
-        state.gyro_bias_frd = _sum(state.gyro_bias_frd, shift.gyro_bias_frd)
-        state.accel_bias_frd = _sum(state.accel_bias_frd, shift.accel_bias_frd)
+        state.gyro_bias_frd = add(state.gyro_bias_frd, shift.gyro_bias_frd)
+        state.accel_bias_frd = add(state.accel_bias_frd, shift.accel_bias_frd)
         for axis, change in enumerate((*shift.accel_bias_frd, *shift.gyro_bias_frd)):
             place = ACCEL_BIAS.start + axis
             covariance[place, place] += (_SHIFT_DOUBT * change) ** 2
@@ -317,7 +318,3 @@ class Estimator:
             self.accel_broken or self.imu_checks.force_lost or not self.imu_checks.healthy,
             located and min(moving_s, position_s) > _RECKONING_S,
         )
-
-
-def _sum(a: Vector3, b: Vector3) -> Vector3:
-    return (a[0] + b[0], a[1] + b[1], a[2] + b[2])

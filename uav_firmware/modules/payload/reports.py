@@ -3,6 +3,7 @@
 import math
 from typing import Final
 
+from uav_firmware.lib.vector import ZERO
 from uav_firmware.modules.payload.camera.gimbal import PITCH_MAX, PITCH_MIN
 from uav_firmware.modules.payload.camera.lens import lens
 from uav_firmware.modules.payload.parts import Parts
@@ -16,7 +17,6 @@ from uav_firmware.msg.payload import (
 )
 from uav_firmware.msg.vectors import Vector3
 
-_ZERO = (0.0, 0.0, 0.0)
 _UNSEEN = (math.nan, math.nan)
 _STATIONARY_M_S: Final = 0.2  # Slower targets have no course
 
@@ -93,7 +93,7 @@ def tracking_state(parts: Parts, situation: Situation) -> TrackingState:
             math.nan,
             math.nan,
             math.nan,
-            _ZERO,
+            ZERO,
             math.nan,
             math.nan,
         )

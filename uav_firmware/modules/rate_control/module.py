@@ -1,6 +1,7 @@
 """Reads wanted and measured rates, publishes torque and thrust, at control rate."""
 
 from uav_firmware.bus import Topic
+from uav_firmware.lib.vector import ZERO
 from uav_firmware.modules.rate_control.controller import AxisGains, RateController
 from uav_firmware.modules.rate_control.params import RateControlParams
 from uav_firmware.msg.estimate import VehicleAttitude
@@ -9,10 +10,8 @@ from uav_firmware.msg.setpoints import (
     VehicleRatesSetpoint,
     VehicleTorqueThrustSetpoint,
 )
-from uav_firmware.msg.vectors import Vector3
 from uav_firmware.parameters import Registry
 
-_ZERO: Vector3 = (0.0, 0.0, 0.0)
 _LONGEST_STEP_S = 0.05  # a longer pause is no derivative
 
 
@@ -50,10 +49,10 @@ class RateControlModule:
         self._last_us = attitude.time_us
         if setpoint.thrust <= 0.0 or not 0.0 < dt <= _LONGEST_STEP_S:
             self._law.reset()
-            torque = _ZERO
+            torque = ZERO
         else:
             status = self._allocator_status.value
-            unallocated = _ZERO if status is None else status.unallocated_torque_frd
+            unallocated = ZERO if status is None else status.unallocated_torque_frd
             torque = self._law.update(setpoint.rate_frd, attitude.rate_frd, unallocated, dt)
         self._torque_thrust.publish(
             VehicleTorqueThrustSetpoint(attitude.time_us, torque, setpoint.thrust)

@@ -24,6 +24,7 @@ from collections import deque
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
+from uav_firmware.lib.vector import norm, subtract
 from uav_firmware.msg.vectors import Vector3
 
 Window = list[list[Vector3]]
@@ -147,19 +148,19 @@ class TriadVote:
         if len(good) < 2 or len(samples) < WINDOW // 2:
             return []
         means, noise = _mean_and_noise(samples, good)
-        means = [_minus(mean, self._learnt[i]) for mean, i in zip(means, good, strict=True)]
+        means = [subtract(mean, self._learnt[i]) for mean, i in zip(means, good, strict=True)]
         middle = self.select_of_three(*means) if len(good) == _THREE else _mean_of(means)
-        size = abs(_length(middle) - self.limits.usual)
+        size = abs(norm(middle) - self.limits.usual)
         self._size = max(size, 0.8 * self._size)
         limit = (
             self.limits.bias
             + self.limits.scale * self._size
             + _NOISE_GATE * noise * math.sqrt(_SMOOTHING / (2.0 - _SMOOTHING))
         )
-        off = [_minus(mean, middle) for mean in means]
+        off = [subtract(mean, middle) for mean in means]
         for i, new in zip(good, off, strict=True):
             self._apart[i] = _towards(self._apart[i], new, _SMOOTHING)
-        apart = [_length(self._apart[i]) for i in good]
+        apart = [norm(self._apart[i]) for i in good]
         if len(good) == 2:
             if 2.0 * apart[0] > limit:
                 x, y, z = self._apart[good[0]]
@@ -235,19 +236,10 @@ def _mean_over(sample: list[Vector3], good: tuple[int, ...]) -> Vector3:
     return (share * total_x, share * total_y, share * total_z)
 
 
-def _minus(one: Vector3, other: Vector3) -> Vector3:
-    return (one[0] - other[0], one[1] - other[1], one[2] - other[2])
-
-
 def _towards(old: Vector3, new: Vector3, share: float) -> Vector3:
     """Move by a share of the way."""
-    x, y, z = _minus(new, old)
+    x, y, z = subtract(new, old)
     return (old[0] + share * x, old[1] + share * y, old[2] + share * z)
-
-
-def _length(vector: Vector3) -> float:
-    x, y, z = vector
-    return math.sqrt(x * x + y * y + z * z)
 
 
 class FailedOfTwo(NamedTuple):

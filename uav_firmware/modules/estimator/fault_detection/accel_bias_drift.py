@@ -21,6 +21,7 @@ from typing import Final
 
 from uav_firmware.lib.geo import STANDARD_GRAVITY_M_S2
 from uav_firmware.lib.rotation import rotate, rotate_inverse
+from uav_firmware.lib.vector import ZERO
 from uav_firmware.modules.estimator.ekf_core import EarlierEstimate, EkfCore
 from uav_firmware.msg.vectors import Vector3
 
@@ -32,7 +33,6 @@ _HELD_S: Final = 0.6
 _SCALE_ERROR: Final = 0.02  # [-] Of the angle turned through: scale factor and misalignment
 _WILD_RAD: Final = 2.0  # RecentRotation through of late; nothing slow can be seen then
 _WHOLE_TURN_RAD: Final = 2.0 * math.pi  # What a scale error adds up to in more turns is learnt
-_ZERO: Final[Vector3] = (0.0, 0.0, 0.0)
 
 
 class AccelDriftDetector:
@@ -43,9 +43,9 @@ class AccelDriftDetector:
 
     def __init__(self) -> None:
         self._time_us: int | None = None  # None: begin anew
-        self._turned_ned = _ZERO
-        self._corrections_ned = _ZERO  # Those of the filter at the last look
-        self._gyro_bias = _ZERO
+        self._turned_ned = ZERO
+        self._corrections_ned = ZERO  # Those of the filter at the last look
+        self._gyro_bias = ZERO
         self._wind_ne = (0.0, 0.0)
         self._slow = (0.0, 0.0, 0.0, 0.0)  # Means of the force and of the motion that drags
         self._agreed_s = 0.0
@@ -67,7 +67,7 @@ class AccelDriftDetector:
         self._time_us = core.time_us
         corrections, self._corrections_ned = self._corrections_ned, core.ekf.turned_ned
         if before_us is None:
-            self._turned_ned, self._agreed_s = _ZERO, 0.0
+            self._turned_ned, self._agreed_s = ZERO, 0.0
             self._gyro_bias, self._wind_ne = state.gyro_bias_frd, state.wind_ne
             self._slow = self._present(core)
             return None

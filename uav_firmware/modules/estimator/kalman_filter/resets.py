@@ -6,13 +6,10 @@ horizontal position, altitude, velocity and heading, and their counters).
 """
 
 import math
-from typing import Final
 
+from uav_firmware.lib.vector import add
 from uav_firmware.modules.estimator.kalman_filter.state import NominalState
 from uav_firmware.msg.estimate import EstimateResets
-from uav_firmware.msg.vectors import Vector3
-
-_ZERO: Final[Vector3] = (0.0, 0.0, 0.0)
 
 
 class ResetLog:
@@ -24,43 +21,43 @@ class ResetLog:
     def move_horizontally(self, state: NominalState, north_m: float, east_m: float) -> None:
         """Move the position by a horizontal step [m]."""
         log, step = self.resets, (north_m, east_m, 0.0)
-        state.position_ned = _sum(state.position_ned, step)
+        state.position_ned = add(state.position_ned, step)
         self.resets = log._replace(
             xy_count=log.xy_count + 1,
             position_delta_ned=(north_m, east_m, log.position_delta_ned[2]),
-            position_total_ned=_sum(log.position_total_ned, step),
+            position_total_ned=add(log.position_total_ned, step),
         )
 
     def move_vertically(self, state: NominalState, down_m: float) -> None:
         """Move the height by a step [m, positive down]."""
         log, step = self.resets, (0.0, 0.0, down_m)
-        state.position_ned = _sum(state.position_ned, step)
+        state.position_ned = add(state.position_ned, step)
         north_m, east_m, _ = log.position_delta_ned
         self.resets = log._replace(
             z_count=log.z_count + 1,
             position_delta_ned=(north_m, east_m, down_m),
-            position_total_ned=_sum(log.position_total_ned, step),
+            position_total_ned=add(log.position_total_ned, step),
         )
 
     def change_speed(self, state: NominalState, north_m_s: float, east_m_s: float) -> None:
         """Change the horizontal velocity by a step [m/s]."""
         log, step = self.resets, (north_m_s, east_m_s, 0.0)
-        state.velocity_ned = _sum(state.velocity_ned, step)
+        state.velocity_ned = add(state.velocity_ned, step)
         self.resets = log._replace(
             velocity_xy_count=log.velocity_xy_count + 1,
             velocity_delta_ned=(north_m_s, east_m_s, log.velocity_delta_ned[2]),
-            velocity_total_ned=_sum(log.velocity_total_ned, step),
+            velocity_total_ned=add(log.velocity_total_ned, step),
         )
 
     def change_sink(self, state: NominalState, down_m_s: float) -> None:
         """Change the vertical velocity by a step [m/s, positive down]."""
         log, step = self.resets, (0.0, 0.0, down_m_s)
-        state.velocity_ned = _sum(state.velocity_ned, step)
+        state.velocity_ned = add(state.velocity_ned, step)
         north_m_s, east_m_s, _ = log.velocity_delta_ned
         self.resets = log._replace(
             velocity_z_count=log.velocity_z_count + 1,
             velocity_delta_ned=(north_m_s, east_m_s, down_m_s),
-            velocity_total_ned=_sum(log.velocity_total_ned, step),
+            velocity_total_ned=add(log.velocity_total_ned, step),
         )
 
     def note_turn(self, angle: float) -> None:
@@ -71,7 +68,3 @@ class ResetLog:
             heading_delta=angle,
             heading_total=math.remainder(log.heading_total + angle, math.tau),
         )
-
-
-def _sum(vector: Vector3, step: Vector3) -> Vector3:
-    return (vector[0] + step[0], vector[1] + step[1], vector[2] + step[2])
