@@ -1,7 +1,7 @@
 """State of the vehicle as a whole, commands to it and their answers."""
 
 from enum import IntEnum
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 
 class NavigationState(IntEnum):
@@ -72,6 +72,7 @@ class CommandResult(IntEnum):
     UNSUPPORTED = 3
     FAILED = 4
     IN_PROGRESS = 5
+    CANCELLED = 6
 
 
 class VehicleStatus(NamedTuple):
@@ -132,13 +133,17 @@ class VehicleCommand(NamedTuple):
     token: int  # [-] Copied into the answer; the link's key to route it
 
 
+PROGRESS_UNKNOWN: Final = 255
+"""Progress of a command that reports none, as in COMMAND_ACK."""
+
+
 class VehicleCommandAck(NamedTuple):
     """Answer to a VehicleCommand; exactly one final one each. Read by mavlink."""
 
     time_us: int  # [us]
     command: int  # [-] MAV_CMD
     result: int  # [-] MAV_RESULT; 5 in progress is not final
-    progress: int  # [%] With result 5; 255 unknown
+    progress: int  # [%] With result 5; PROGRESS_UNKNOWN
     token: int  # [-] Of the command answered
 
 

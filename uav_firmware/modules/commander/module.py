@@ -41,6 +41,7 @@ from uav_firmware.modules.commander.vehicle_view import VehicleView
 from uav_firmware.msg.control_mode import VehicleControlMode
 from uav_firmware.msg.mission import ModeTarget, NavigatorRequest, ReturnOrder, TargetCheckRequest
 from uav_firmware.msg.status import (
+    PROGRESS_UNKNOWN,
     CommandResult,
     NavigationState,
     Severity,
@@ -221,7 +222,9 @@ class CommanderModule:
                 view.now_us, Severity.INFO if accepted else Severity.WARNING, decision.reason
             )
         self._topics.vehicle_command_ack.publish(
-            VehicleCommandAck(view.now_us, command.command, decision.result, 255, command.token)
+            VehicleCommandAck(
+                view.now_us, command.command, decision.result, PROGRESS_UNKNOWN, command.token
+            )
         )
         return view._replace(home=self._topics.home_position.value)
 

@@ -34,6 +34,7 @@ from uav_firmware.msg.payload import (
 )
 from uav_firmware.msg.setpoints import TrajectorySetpoint
 from uav_firmware.msg.status import (
+    PROGRESS_UNKNOWN,
     CommandResult,
     HomePosition,
     NavigationState,
@@ -48,7 +49,6 @@ from uav_firmware.parameters import Registry
 
 PERIOD_US: Final = 40_000  # [us] 25 Hz
 _AUTOPILOT: Final = 1  # Component id of the mission's orders
-_PROGRESS_UNKNOWN: Final = 255
 _LEVEL: Final[Quaternion] = (1.0, 0.0, 0.0, 0.0)
 
 
@@ -181,7 +181,7 @@ class PayloadModule:
 
     def _answer(self, command: VehicleCommand, situation: Situation) -> None:
         outcome = execute(command, self._parts, situation)
-        progress = 0 if outcome.result is CommandResult.IN_PROGRESS else _PROGRESS_UNKNOWN
+        progress = 0 if outcome.result is CommandResult.IN_PROGRESS else PROGRESS_UNKNOWN
         self._report(Report(command, outcome.result, progress, outcome.reason), situation.now_us)
 
     def _report(self, report: Report | None, now_us: int) -> None:

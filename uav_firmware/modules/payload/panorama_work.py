@@ -8,8 +8,6 @@ from uav_firmware.modules.payload.parts import PanoramaWork, Parts
 from uav_firmware.modules.payload.situation import Situation
 from uav_firmware.msg.status import CommandResult, VehicleCommand
 
-CANCELLED: Final = 6
-"""MAV_RESULT_CANCELLED, which `CommandResult` does not contain."""
 PROGRESS_INTERVAL_US: Final = 500_000
 """[us] Longest interval between progress reports."""
 
@@ -69,7 +67,7 @@ def cancel(parts: Parts, token: int) -> Report | None:
     work = parts.panorama
     if work is None or work.command.token != token:
         return None
-    return _end(parts, work, CANCELLED)
+    return _end(parts, work, CommandResult.CANCELLED)
 
 
 def _end(parts: Parts, work: PanoramaWork, result: int, reason: str = "") -> Report:

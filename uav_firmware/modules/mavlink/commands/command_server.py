@@ -49,7 +49,7 @@ from uav_firmware.modules.mavlink.wire.addressing import (
 from uav_firmware.modules.mavlink.wire.dialect import Message, mavlink
 from uav_firmware.modules.mavlink.wire.dialect_extensions import MAV_CMD_DO_SET_STANDARD_MODE
 from uav_firmware.modules.mavlink.wire.status_text import StatusTexts
-from uav_firmware.msg.status import VehicleCommand, VehicleCommandAck
+from uav_firmware.msg.status import PROGRESS_UNKNOWN, VehicleCommand, VehicleCommandAck
 
 ANSWER_LIMIT_US: Final = 2_000_000
 """Time without an answer of the commander after which a command has failed."""
@@ -81,7 +81,6 @@ _READING: Final = frozenset(
 )
 """Requests for telemetry. A refusal, perhaps of a message that is not known yet, warns nobody; the
 answer is their sender's alone."""
-_PROGRESS_UNKNOWN: Final = 255
 _OPEN_TO_ALL_SYSTEMS: Final = frozenset(
     {
         mavlink.MAV_CMD_REQUEST_MESSAGE,
@@ -325,7 +324,7 @@ class CommandServer:
             return []
         if ack.result != _IN_PROGRESS:
             return self._finish(ack.token, Answer(ack.result, reason=reason), now_us)
-        pending.progress = min(max(ack.progress, 0), _PROGRESS_UNKNOWN)
+        pending.progress = min(max(ack.progress, 0), PROGRESS_UNKNOWN)
         pending.deadline_us = now_us + PROGRESS_LIMIT_US
         return _in_progress(pending, now_us)
 

@@ -10,7 +10,6 @@ from typing import Any, Final
 
 from uav_firmware.modules.mavlink.wire.dialect import mavlink, register
 
-MAV_RESULT_CANCELLED: Final = 6
 MAV_RESULT_COMMAND_UNSUPPORTED_MAV_FRAME: Final = 9
 MAV_PARAM_ERROR_TYPE_MISMATCH: Final = 7
 MAV_CMD_DO_SET_STANDARD_MODE: Final = 262

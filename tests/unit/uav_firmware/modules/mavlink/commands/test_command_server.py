@@ -19,9 +19,9 @@ from uav_firmware.modules.mavlink.commands.command_server import CommandServer
 from uav_firmware.modules.mavlink.commands.commands import FORWARDED
 from uav_firmware.modules.mavlink.wire.addressing import Sender
 from uav_firmware.modules.mavlink.wire.dialect import frame, mavlink, pack, parse
-from uav_firmware.modules.mavlink.wire.dialect_extensions import MAV_RESULT_CANCELLED, CommandCancel
+from uav_firmware.modules.mavlink.wire.dialect_extensions import CommandCancel
 from uav_firmware.modules.mavlink.wire.status_text import StatusTexts
-from uav_firmware.msg.status import VehicleCommand, VehicleCommandAck
+from uav_firmware.msg.status import CommandResult, VehicleCommand, VehicleCommandAck
 
 ARM, TAKEOFF, MODE, CURRENT = 400, 22, 176, 224
 ACCEPTED, BUSY, DENIED, UNSUPPORTED, FAILED, RUNNING = 0, 1, 2, 3, 4, 5
@@ -240,9 +240,9 @@ def test_a_cancellation_is_passed_to_payload() -> None:
     assert ended == []
     server.cancel(cancel, sender, 0)
     assert ended == [command.token]
-    cancelled = VehicleCommandAck(0, TAKEOFF, MAV_RESULT_CANCELLED, 255, command.token)
+    cancelled = VehicleCommandAck(0, TAKEOFF, CommandResult.CANCELLED, 255, command.token)
     (final,) = server.answers([cancelled], 0)
-    assert final.message.result == MAV_RESULT_CANCELLED
+    assert final.message.result == CommandResult.CANCELLED
 
 
 def test_cancelling_a_command_that_does_not_run_is_ignored() -> None:
