@@ -65,6 +65,10 @@ class SensorMag(NamedTuple):
     field_frd: Vector3  # [gauss] Earth's field in the body frame
 
 
+FIX_3D: Final = 3
+"""MAVLink's GPS_FIX_TYPE from which on a receiver gives a place and an altitude."""
+
+
 class SensorGps(NamedTuple):
     """GNSS receiver at 5 to 10 Hz, delivered late; read by estimator and mavlink."""
 
@@ -77,7 +81,7 @@ class SensorGps(NamedTuple):
     horizontal_accuracy_m: float  # [m] One sigma
     vertical_accuracy_m: float  # [m] One sigma
     speed_accuracy_m_s: float  # [m/s] One sigma
-    fix_type: int  # [-] MAVLink GPS_FIX_TYPE: 0 no GPS, 1 no fix, 3 3D fix
+    fix_type: int  # [-] MAVLink GPS_FIX_TYPE: 0 no GPS, 1 no fix, FIX_3D
     satellites_used: int  # [-]
     hdop: float  # [-]
     vdop: float  # [-]

@@ -10,12 +10,12 @@ from uav_firmware.modules.commander.params import CommanderParams
 from uav_firmware.modules.commander.vehicle_view import VehicleView
 from uav_firmware.msg.control_mode import ManualControlSetpoint
 from uav_firmware.msg.geofence import FenceAction
+from uav_firmware.msg.sensors import FIX_3D
 from uav_firmware.msg.status import NavigationState, StorageStatus
 
 IMU_STALE_S: Final = 0.1
 SENSOR_STALE_S: Final = 1.0
 GPS_STALE_S: Final = 2.0
-FIX_3D: Final = 3
 SATELLITES_MIN: Final = 6
 STORAGE_MIN_BYTES: Final = 20_000_000  # [bytes] With less no log is begun
 STORAGE_ENFORCED: Final = 2  # COM_ARM_SDCARD

@@ -16,7 +16,7 @@ from uav_firmware.modules.commander.vehicle_view import SensorAges, VehicleView
 from uav_firmware.msg.estimate import AidSource
 from uav_firmware.msg.failure import FailureDetectorStatus
 from uav_firmware.msg.geofence import FenceBreach, GeofenceStatus
-from uav_firmware.msg.sensors import SensorsStatus
+from uav_firmware.msg.sensors import FIX_3D, SensorsStatus
 from uav_firmware.msg.status import NavigationState
 
 
@@ -85,7 +85,7 @@ def enabled_bits(view: VehicleView, present: int) -> int:
 def healthy_bits(view: VehicleView, *, ready: bool) -> int:
     """Sensors that deliver, and controllers whose inputs are valid."""
     ages, estimate, stopped = view.ages, view.position, view.stopped
-    gps_good = ages.gps < GPS_STALE_S and view.gps is not None and view.gps.fix_type >= 3
+    gps_good = ages.gps < GPS_STALE_S and view.gps is not None and view.gps.fix_type >= FIX_3D
     heading = estimate is not None and estimate.heading_valid
     height = estimate is not None and estimate.altitude_valid
     # The receiver delivers, but the estimate of the position is lost: the fault is in AHRS

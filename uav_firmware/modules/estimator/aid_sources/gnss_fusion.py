@@ -22,10 +22,9 @@ from typing import Final
 from uav_firmware.lib.rotation import to_matrix
 from uav_firmware.modules.estimator.kalman_filter.covariance import Measurement, jacobian
 from uav_firmware.modules.estimator.kalman_filter.delay import Past
-from uav_firmware.msg.sensors import SensorGps
+from uav_firmware.msg.sensors import FIX_3D, SensorGps
 from uav_firmware.msg.vectors import Vector3
 
-_FIX_3D: Final = 3
 _LARGEST_BIAS_M_S2: Final = 25.0  # [m/s^2] That the inertial sensors may suddenly be wrong by
 _LEAST_CHANGE_M_S: Final = 1.0  # [m/s] Noise of a receiver
 
@@ -68,7 +67,7 @@ def is_good(gps: SensorGps, required: GpsRequirements) -> bool:
     """Whether a fix is sane and good enough to be used."""
     return (
         is_sane(gps)
-        and gps.fix_type >= _FIX_3D
+        and gps.fix_type >= FIX_3D
         and gps.satellites_used >= required.satellites
         and gps.horizontal_accuracy_m <= required.horizontal_accuracy_m
         and gps.vertical_accuracy_m <= required.vertical_accuracy_m
