@@ -5,17 +5,20 @@ the geometric altitude differs by less than 0.03 %.
 """
 
 import math
+from typing import Final
 
 from uav_firmware.lib.geo import STANDARD_GRAVITY_M_S2
 
-SEA_LEVEL_PRESSURE_PA = 101325.0
-SEA_LEVEL_TEMPERATURE_K = 288.15
-LAPSE_RATE_K_M = 0.0065
-GAS_CONSTANT_J_KG_K = 287.05287
-ZERO_CELSIUS_K = 273.15
+SEA_LEVEL_PRESSURE_PA: Final = 101325.0
+SEA_LEVEL_TEMPERATURE_K: Final = 288.15
+SEA_LEVEL_DENSITY_KG_M3: Final = 1.225
+LAPSE_RATE_K_M: Final = 0.0065
+GAS_CONSTANT_J_KG_K: Final = 287.05287
+ZERO_CELSIUS_K: Final = 273.15
 
-_EXPONENT = STANDARD_GRAVITY_M_S2 / (GAS_CONSTANT_J_KG_K * LAPSE_RATE_K_M)
-_SCALE_HEIGHT_M = SEA_LEVEL_TEMPERATURE_K / LAPSE_RATE_K_M
+_EXPONENT: Final = STANDARD_GRAVITY_M_S2 / (GAS_CONSTANT_J_KG_K * LAPSE_RATE_K_M)
+_MILD_AIR_C: Final = 15.0  # 20 degrees beside it are 7 % of the density
+_SCALE_HEIGHT_M: Final = SEA_LEVEL_TEMPERATURE_K / LAPSE_RATE_K_M
 
 
 def altitude_from_pressure(pressure_pa: float) -> float:
@@ -52,3 +55,12 @@ def air_density(pressure_pa: float, temperature_c: float) -> float:
     if not temperature_k > 0.0:
         raise ValueError(f"temperature_c: {temperature_c} is below absolute zero")
     return pressure_pa / (GAS_CONSTANT_J_KG_K * temperature_k)
+
+
+def density_at(altitude_amsl_m: float) -> float:
+    """Density [kg/m^3] at an altitude where no thermometer tells: standard pressure, air of 15 C.
+
+    Raises:
+        ValueError: as `pressure_from_altitude`.
+    """
+    return air_density(pressure_from_altitude(altitude_amsl_m), _MILD_AIR_C)

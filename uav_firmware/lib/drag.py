@@ -18,7 +18,8 @@ law above.
 import math
 from typing import Final, NamedTuple
 
-SEA_LEVEL_DENSITY_KG_M3: Final = 1.225
+from uav_firmware.lib.atmosphere import SEA_LEVEL_DENSITY_KG_M3
+
 _LEAST_MOMENTUM_PER_S: Final = 0.001
 _BISECTIONS: Final = 50  # To the last digit of an airspeed
 

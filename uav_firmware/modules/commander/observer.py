@@ -4,7 +4,7 @@ import math
 from typing import Any, Final
 
 from uav_firmware.bus import Topic
-from uav_firmware.lib.atmosphere import air_density, pressure_from_altitude
+from uav_firmware.lib.atmosphere import density_at
 from uav_firmware.lib.drag import DragModel
 from uav_firmware.modules.commander.failsafe.machine import FailureLatch
 from uav_firmware.modules.commander.failsafe.params import FailsafeParams
@@ -16,7 +16,6 @@ from uav_firmware.topics import Topics
 
 OFFBOARD_FRESH_S: Final = 0.5  # 2 Hz
 _WIND_PERIOD_US: Final = 100_000  # 10 Hz
-_AIR_TEMPERATURE_C: Final = 15.0  # 10 degrees off change the wind by less than 2 %
 
 
 class TopicAge:
@@ -122,6 +121,5 @@ def _has_rate(imu: SensorImu | None) -> bool:
 
 
 def _density(altitude_amsl_m: float) -> float:
-    """Density [kg/m^3] of the standard atmosphere; at sea level when the altitude is unknown."""
-    altitude = altitude_amsl_m if math.isfinite(altitude_amsl_m) else 0.0
-    return air_density(pressure_from_altitude(altitude), _AIR_TEMPERATURE_C)
+    """Density of the air [kg/m^3]; that at sea level when the altitude is unknown."""
+    return density_at(altitude_amsl_m if math.isfinite(altitude_amsl_m) else 0.0)

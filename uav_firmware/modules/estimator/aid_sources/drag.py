@@ -19,7 +19,7 @@ wind is at each height, and nothing is assumed.
 import math
 from typing import Final
 
-from uav_firmware.lib.atmosphere import air_density, pressure_from_altitude
+from uav_firmware.lib.atmosphere import density_at
 from uav_firmware.lib.drag import DragModel
 from uav_firmware.lib.rotation import rotate_inverse
 from uav_firmware.modules.estimator.aid_sources.drag_fusion import Air, drag_measurements
@@ -41,14 +41,12 @@ LOWEST_M: Final = 0.5
 
 _LARGEST_SPEED_M_S: Final = 30.0  # Beyond it the estimate is nowhere, and no drag follows from it
 _ALTITUDES_M: Final = (-500.0, 10_000.0)  # Where a multirotor can be, whatever the estimate says
-_AIR_TEMPERATURE_C: Final = 15.0  # 20 degrees beside it are 7 % of the drag
 
 
-def density_at(altitude_amsl_m: float) -> float:
+def estimated_density(altitude_amsl_m: float) -> float:
     """Density of the air [kg/m^3] at an estimated altitude."""
     lowest, highest = _ALTITUDES_M
-    altitude_m = min(max(altitude_amsl_m, lowest), highest)
-    return air_density(pressure_from_altitude(altitude_m), _AIR_TEMPERATURE_C)
+    return density_at(min(max(altitude_amsl_m, lowest), highest))
 
 
 def wind_share(height_m: float, roughness_m: float) -> float:
@@ -119,7 +117,7 @@ class DragAiding:
         self._restart()
         self._follow_height(core, params.wind_roughness_m)
         altitude_m = core.origin.altitude_amsl_m - core.state.position_ned[DOWN]
-        air = Air(self.drag, density_at(altitude_m))
+        air = Air(self.drag, estimated_density(altitude_m))
         variance = params.drag_noise + gust_variance(core.state, air)
         group = drag_measurements(core.state, mean, air, variance)
         self.force.fuse(core.ekf, group, core.time_us)
@@ -146,7 +144,7 @@ class DragAiding:
         speed = math.hypot(*motion)
         if not 0.0 < speed < _LARGEST_SPEED_M_S:  # NaN compares false
             return force_frd
-        factor_x, factor_y = drag.factors_per_s(speed, density_at(origin.altitude_amsl_m))
+        factor_x, factor_y = drag.factors_per_s(speed, estimated_density(origin.altitude_amsl_m))
         forward, right, _ = rotate_inverse(state.q_ned_frd, motion)
         return (-factor_x * forward, -factor_y * right, force_frd[2])
 

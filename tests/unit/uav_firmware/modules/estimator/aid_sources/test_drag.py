@@ -13,7 +13,7 @@ from uav_firmware.modules.commander.params import CommanderParams
 from uav_firmware.modules.estimator.aid_sources.drag import (
     LOWEST_M,
     DragAiding,
-    density_at,
+    estimated_density,
     gust_variance,
     wind_share,
 )
@@ -115,7 +115,7 @@ def test_a_vehicle_that_spins_finds_the_wind_where_it_comes_from() -> None:
     core.ekf.forget(VELOCITY, 0.05)  # Known by GPS
     core.on_ground = False
     aiding = DragAiding(drag)
-    push = wind_m_s * drag.factors_per_s(wind_m_s, density_at(650.0))[0]
+    push = wind_m_s * drag.factors_per_s(wind_m_s, estimated_density(650.0))[0]
     for number in range(1000):
         core.time_us += step_us
         yaw = spin_rad_s * number * step_us * 1e-6
