@@ -1,4 +1,4 @@
-"""The simulator's model of the Earth: WGS-84's curvature.
+"""The simulator's model of the Earth: WGS-84's ellipsoid and its curvature.
 
 Shared with no other program on purpose: were the autopilot's geodesy used here, a sign
 error would cancel.
@@ -7,9 +7,9 @@ error would cancel.
 import math
 from typing import Final, NamedTuple
 
-_SEMI_MAJOR_AXIS_M: Final = 6_378_137.0
+SEMI_MAJOR_AXIS_M: Final = 6_378_137.0  # NIMA TR8350.2, table 3.1, as the flattening
 _FLATTENING: Final = 1.0 / 298.257223563
-_ECCENTRICITY_SQUARED: Final = _FLATTENING * (2.0 - _FLATTENING)
+ECCENTRICITY_SQUARED: Final = _FLATTENING * (2.0 - _FLATTENING)
 
 
 class DegreesPerMetre(NamedTuple):
@@ -26,9 +26,9 @@ def degrees_per_metre(latitude_deg: float, altitude_amsl_m: float) -> DegreesPer
     TR8350.2, section 4). Good to a millimetre over the few metres of a sensor's error.
     """
     sine = math.sin(math.radians(latitude_deg))
-    root = math.sqrt(1.0 - _ECCENTRICITY_SQUARED * sine * sine)
-    meridional_m = _SEMI_MAJOR_AXIS_M * (1.0 - _ECCENTRICITY_SQUARED) / root**3
-    transverse_m = _SEMI_MAJOR_AXIS_M / root
+    root = math.sqrt(1.0 - ECCENTRICITY_SQUARED * sine * sine)
+    meridional_m = SEMI_MAJOR_AXIS_M * (1.0 - ECCENTRICITY_SQUARED) / root**3
+    transverse_m = SEMI_MAJOR_AXIS_M / root
     parallel_m = (transverse_m + altitude_amsl_m) * math.cos(math.radians(latitude_deg))
     return DegreesPerMetre(
         math.degrees(1.0 / (meridional_m + altitude_amsl_m)), math.degrees(1.0 / parallel_m)

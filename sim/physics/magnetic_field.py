@@ -15,12 +15,10 @@ import math
 from datetime import UTC, datetime
 from typing import Final, NamedTuple
 
+from sim.physics.earth import ECCENTRICITY_SQUARED, SEMI_MAJOR_AXIS_M
 from sim.physics.truth import Vector3
 
 _REFERENCE_RADIUS_M: Final = 6_371_200.0
-_SEMI_MAJOR_AXIS_M: Final = 6_378_137.0
-_FLATTENING: Final = 1.0 / 298.257223563
-_ECCENTRICITY_SQUARED: Final = _FLATTENING * (2.0 - _FLATTENING)
 _DEGREE: Final = 12
 _EPOCH_YEAR: Final = 2025.0
 _LAST_YEAR: Final = 2030.0
@@ -70,9 +68,9 @@ def field_ned_gauss(
 def _geocentric(latitude: float, altitude_m: float) -> tuple[float, float]:
     """Geocentric colatitude [rad] and radius [m] of a geodetic latitude [rad] and height [m]."""
     sine, cosine = math.sin(latitude), math.cos(latitude)
-    normal_m = _SEMI_MAJOR_AXIS_M / math.sqrt(1.0 - _ECCENTRICITY_SQUARED * sine * sine)
+    normal_m = SEMI_MAJOR_AXIS_M / math.sqrt(1.0 - ECCENTRICITY_SQUARED * sine * sine)
     from_axis_m = (normal_m + altitude_m) * cosine
-    above_equator_m = (normal_m * (1.0 - _ECCENTRICITY_SQUARED) + altitude_m) * sine
+    above_equator_m = (normal_m * (1.0 - ECCENTRICITY_SQUARED) + altitude_m) * sine
     return math.atan2(from_axis_m, above_equator_m), math.hypot(from_axis_m, above_equator_m)
 
 

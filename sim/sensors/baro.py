@@ -20,6 +20,7 @@ import numpy as np
 
 from sim.physics.noise import GaussMarkov, standard_normals
 from sim.physics.truth import Truth
+from sim.physics.units import ZERO_CELSIUS_K
 from sim.sensors.readings import BaroReading
 
 RATE_HZ: Final = 50
@@ -30,7 +31,6 @@ DRIFT_CORRELATION_TIME_S: Final = 600.0
 SUCTION_SHARE: Final = 0.1  # Of the dynamic pressure
 _SELF_HEATING_C: Final = 8.0  # An autopilot's board is warmer than the air
 _DRY_AIR_J_KG_K: Final = 287.05
-_ZERO_C: Final = 273.15  # [K]
 
 
 class Barometer:
@@ -50,7 +50,7 @@ class Barometer:
 
     def read(self, truth: Truth) -> BaroReading:
         """One sample."""
-        kelvin = truth.temperature_c + _ZERO_C
+        kelvin = truth.temperature_c + ZERO_CELSIUS_K
         density = truth.pressure_pa / (_DRY_AIR_J_KG_K * kelvin)
         suction_pa = self._suction * density * truth.airspeed_m_s * truth.airspeed_m_s
         noise_pa = self._drift.step() + self._white_pa * next(self._normals)
