@@ -10,7 +10,7 @@ from pyulog import ULog  # type: ignore[import-untyped]  # pyulog has no types
 
 from sim.report.arrays import Array, ReportError
 
-_MICROSECONDS = 1e-6
+_SECONDS_PER_MICROSECOND = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +69,11 @@ def read_logs(paths: Sequence[Path]) -> FlightLog:
             for name, values in dataset.data.items():
                 table.setdefault(name, []).append(np.asarray(values, dtype=np.float64))
         texts += [
-            Text(entry.timestamp * _MICROSECONDS, entry.log_level - ord("0"), entry.message)
+            Text(
+                entry.timestamp * _SECONDS_PER_MICROSECOND,
+                entry.log_level - ord("0"),
+                entry.message,
+            )
             for entry in log.logged_messages
         ]
     return FlightLog({name: _joined(table) for name, table in topics.items()}, texts)
@@ -84,5 +88,5 @@ def _open(path: Path) -> ULog:
 
 def _joined(table: dict[str, list[Array]]) -> dict[str, Array]:
     columns = {name: np.concatenate(parts) for name, parts in table.items()}
-    columns["time_s"] = columns.pop("timestamp") * _MICROSECONDS
+    columns["time_s"] = columns.pop("timestamp") * _SECONDS_PER_MICROSECOND
     return columns

@@ -26,7 +26,7 @@ FIRST_FIX_US: Final = 3_000_000
 
 _SMALLEST_ACCURACY: Final = 0.01  # [m, m/s] A receiver never claims to be perfect
 
-_NEVER_US: Final = 1 << 62
+_NO_DELIVERY_US: Final = 1 << 62  # [us] Later than any flight
 _FIX_NONE: Final = 1
 _SATELLITES: Final = 18
 _HDOP: Final = 0.7
@@ -86,7 +86,7 @@ class Gps:
     def delivery_us(self) -> int:
         """Time at which the next delayed solution is due [us]; far in the future if none is."""
         pending = self._pending
-        return pending[0].time_us + DELAY_US if pending else _NEVER_US
+        return pending[0].time_us + DELAY_US if pending else _NO_DELIVERY_US
 
     def deliver(self, time_us: int) -> GpsReading | None:
         """The solution whose latency has passed at `time_us`, if there is one."""

@@ -26,7 +26,7 @@ from sim.sensors.readings import ImuReading
 
 _STANDARD_GRAVITY_M_S2: Final = 9.80665
 _BIAS_RATE_HZ: Final = 10  # Often enough for a bias that takes minutes to change
-_HOVER_RPM: Final = 5000.0
+_VIBRATION_RPM: Final = 5000.0  # Rotor speed, about that of hover, of `vibration_at_hover`
 
 
 class AxisNoise(NamedTuple):
@@ -161,7 +161,7 @@ class Imu:
 
 
 def rotor_load(truth: Truth) -> float:
-    """Mean rotor speed over hover's, squared: what vibration grows with."""
+    """Mean rotor speed over about that of hover, squared: what vibration grows with."""
     one, two, three, four = truth.rotor_rpm
     mean_rpm = 0.25 * (one + two + three + four)
-    return (mean_rpm / _HOVER_RPM) ** 2
+    return (mean_rpm / _VIBRATION_RPM) ** 2

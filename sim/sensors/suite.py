@@ -18,7 +18,7 @@ from sim.sensors.magnetometer import Magnetometer
 from sim.sensors.rangefinder import RangeFinder
 from sim.sensors.readings import BaroReading, EscReading, ImuReading, MagReading, Readings
 
-_MICROSECONDS: Final = 1_000_000
+_MICROSECONDS_PER_SECOND: Final = 1_000_000
 
 
 class Schedule:
@@ -27,7 +27,7 @@ class Schedule:
     __slots__ = ("_period_us", "next_us")
 
     def __init__(self, rate_hz: int, *, first_us: int = 0) -> None:
-        self._period_us = _MICROSECONDS // rate_hz
+        self._period_us = _MICROSECONDS_PER_SECOND // rate_hz
         self.next_us = first_us
 
     def due(self, time_us: int) -> bool:

@@ -16,7 +16,7 @@ LARGEST_BYTES: Final = 1 << 30
 """AVI 1.0 players count in 31 bits; at 40 KiB a frame and 5 Hz this is an hour and a half."""
 _HAS_INDEX: Final = 0x10
 _KEY_FRAME: Final = 0x10
-_MICROSECONDS: Final = 1_000_000
+_MICROSECONDS_PER_SECOND: Final = 1_000_000
 _RATE_SCALE: Final = 1000  # Rates are written in thousandths of a hertz
 _DEFAULT_QUALITY: Final = 0xFFFF_FFFF
 _INDEX_ENTRY: Final = struct.Struct("<4sIII")
@@ -109,7 +109,7 @@ class Film:
         """AVIMAINHEADER."""
         return struct.pack(
             "<14I",
-            round(_MICROSECONDS / self._rate_hz),
+            round(_MICROSECONDS_PER_SECOND / self._rate_hz),
             round(self._largest * self._rate_hz),
             0,
             _HAS_INDEX if has_index else 0,
