@@ -2,28 +2,24 @@
 
 import copy
 import json
-import math
 import os
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Protocol
 
+from sim.config import VEHICLE_SPACING_M
 from sim.launch.console import TERMINAL, Screen
 from sim.launch.farm_client import NotReadyError, RefusedError, rows
 from sim.launch.launcher import Stopped, System
 from sim.launch.settings import Settings, example_plan
 from sim.launch.supervisor import SupervisorError
 from sim.mosaic.album import write_album
+from sim.physics.earth import degrees_per_metre
 from sim.physics.worlds import DEFAULT
-
-EAST_SPACING_M = 3.0
-"""Distance between the homes of two neighbours."""
 
 UP_SPACING_M = 2.0
 """Difference of their altitudes, so that no two are ever at one point."""
-
-_METRES_PER_DEGREE = 111_319.49
 
 
 def for_vehicles(document: dict[str, Any], vehicles: int) -> dict[str, Any]:
@@ -50,8 +46,8 @@ def _shifted(mission: dict[str, Any], number: int) -> dict[str, Any]:
     for command in shifted["command_array"]:
         parameters = command.get("parameters", {})
         if "longitude" in parameters:
-            metres = _METRES_PER_DEGREE * math.cos(math.radians(parameters["latitude"]))
-            parameters["longitude"] += number * EAST_SPACING_M / metres
+            metre = degrees_per_metre(parameters["latitude"], 0.0)
+            parameters["longitude"] += number * VEHICLE_SPACING_M * metre.east
         for name in ("altitude", "orbit_altitude"):
             if name in parameters:
                 parameters[name] += number * UP_SPACING_M

@@ -6,7 +6,6 @@ if __name__ == "__main__":  # Ctrl-C while the rest is loaded ends the program w
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 import argparse
-import math
 import os
 import random
 import socket
@@ -18,6 +17,7 @@ from types import FrameType
 from typing import Final
 
 from sim.config import SimulationConfig, start_east_m
+from sim.physics.earth import degrees_per_metre
 from sim.tester.terminal.lines import Lines, WakeableQueue, wait
 from sim.tester.terminal.operator import ExitCondition, Operator
 from sim.tester.terminal.script import Script, ScriptError
@@ -27,7 +27,6 @@ from sim.tester.vehicle.stand_in import StandIn
 from sim.tester.vehicle.telemetry import Home
 
 _SCRIPT_LOOK_S: Final = 0.05
-_METRES_PER_DEGREE: Final = 111_195.0
 
 
 def main(arguments: Sequence[str], environment: Mapping[str, str]) -> int:
@@ -87,9 +86,9 @@ def _home(system_id: int) -> Home:
     """Home of the simulated vehicle of that number."""
     place = SimulationConfig()
     latitude_deg = place.home_latitude_deg
-    degree_m = _METRES_PER_DEGREE * math.cos(math.radians(latitude_deg))
-    east_deg = start_east_m(system_id) / degree_m
-    return Home(latitude_deg, place.home_longitude_deg + east_deg, place.home_altitude_amsl_m)
+    altitude_amsl_m = place.home_altitude_amsl_m
+    east_deg = start_east_m(system_id) * degrees_per_metre(latitude_deg, altitude_amsl_m).east
+    return Home(latitude_deg, place.home_longitude_deg + east_deg, altitude_amsl_m)
 
 
 def _run_operator(

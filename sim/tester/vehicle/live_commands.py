@@ -8,6 +8,7 @@ import math
 from collections.abc import Mapping
 from typing import Final, NamedTuple
 
+from sim.physics.earth import DegreesPerMetre, degrees_per_metre
 from sim.tester.vehicle.actions import Pose
 from sim.tester.vehicle.events import Command
 
@@ -23,7 +24,6 @@ FOLLOWED_S: Final = 61.0
 """A little more than the broker follows or tracks."""
 _RELATIVE: Final = frozenset({3, 6})  # MAV_FRAME_GLOBAL_RELATIVE_ALT, and its integer twin
 _E7: Final = 1e7
-_METRES_PER_DEGREE: Final = 111_195.0
 _CIRCLE_POINTS: Final = 54
 _CIRCLE_STEP_DEG: Final = 8.0
 """Together 432 degrees: a turn, and what may get lost of it."""
@@ -67,9 +67,10 @@ def target(command: Command, home_amsl_m: float, pose: Pose) -> Pose:
 def circle(command: Command, home_amsl_m: float, pose: Pose) -> list[Pose]:
     """The places of a turn about the centre of DO_ORBIT; a negative radius is anticlockwise."""
     centre = target(command, home_amsl_m, pose)
+    metre = degrees_per_metre(centre.latitude_deg, home_amsl_m + centre.relative_altitude_m)
     radius_m = command.parameters[0]
     return [
-        _beside(centre, abs(radius_m), math.copysign(n * _CIRCLE_STEP_DEG, radius_m))
+        _beside(centre, metre, abs(radius_m), math.copysign(n * _CIRCLE_STEP_DEG, radius_m))
         for n in range(_CIRCLE_POINTS)
     ]
 
@@ -82,12 +83,11 @@ def lasting_s(command: Command) -> float:
     return FOLLOWED_S
 
 
-def _beside(centre: Pose, distance_m: float, bearing_deg: float) -> Pose:
+def _beside(centre: Pose, metre: DegreesPerMetre, distance_m: float, bearing_deg: float) -> Pose:
     north_m = distance_m * math.cos(math.radians(bearing_deg))
     east_m = distance_m * math.sin(math.radians(bearing_deg))
-    shrinking = math.cos(math.radians(centre.latitude_deg))
     return centre._replace(
-        latitude_deg=centre.latitude_deg + north_m / _METRES_PER_DEGREE,
-        longitude_deg=centre.longitude_deg + east_m / (_METRES_PER_DEGREE * shrinking),
+        latitude_deg=centre.latitude_deg + north_m * metre.north,
+        longitude_deg=centre.longitude_deg + east_m * metre.east,
         yaw_deg=(bearing_deg + 90.0) % 360.0,
     )
