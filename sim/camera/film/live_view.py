@@ -13,7 +13,6 @@ import signal
 if __name__ == "__main__":  # The vehicle decides when it ends, also while the rest is loaded
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
-import io
 import json
 import os
 import socket
@@ -23,10 +22,8 @@ from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Final
 
-from PIL import Image as PillowImage
-
 from sim.camera.film.orders import Frame, from_line
-from sim.camera.picture import render
+from sim.camera.film.video_files import jpeg_of
 
 QUALITY: Final = 70
 PATIENCE_S: Final = 10.0
@@ -152,13 +149,6 @@ def serve(
     return server
 
 
-def jpeg_of(frame: Frame) -> bytes:
-    """What a frame shows."""
-    stream = io.BytesIO()
-    PillowImage.fromarray(render(frame.shot).colour).save(stream, "JPEG", quality=QUALITY)
-    return stream.getvalue()
-
-
 def main() -> int:
     """Show frames until there are no more orders."""
     os.nice(_NICENESS)
@@ -167,7 +157,7 @@ def main() -> int:
     for line in sys.stdin:
         frame = from_line(line)
         if screen.is_watched and isinstance(frame, Frame):
-            screen.show(jpeg_of(frame))
+            screen.show(jpeg_of(frame, QUALITY))
         answer = {"number": frame.number, "size_bytes": 0, "files": 0, "error": ""}
         sys.stdout.write(json.dumps(answer) + "\n")
         sys.stdout.flush()

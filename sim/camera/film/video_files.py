@@ -15,7 +15,7 @@ from sim.camera.film.orders import Frame
 from sim.camera.film.picture_file import Stored
 from sim.camera.picture import render
 
-QUALITY: Final = 75
+QUALITY: Final = 75  # Of a film's frames
 NOTHING: Final = Stored(0, 0)
 
 
@@ -44,7 +44,7 @@ class VideoFiles:
             film = Film(path.open("xb"), lens.width_px, lens.height_px, frame.rate_hz)
             self._films[frame.path] = film
         grown = film.extend(frame.place)
-        return Stored(grown + film.add(_jpeg(frame)), int(is_new))
+        return Stored(grown + film.add(jpeg_of(frame, QUALITY)), int(is_new))
 
     def close(self) -> None:
         """End what has been left open."""
@@ -62,7 +62,8 @@ def _ended(film: Film, frames: int) -> Stored:
     return Stored(grown + index, 0)
 
 
-def _jpeg(frame: Frame) -> bytes:
+def jpeg_of(frame: Frame, quality: int) -> bytes:
+    """What a frame shows, as a JPEG of a quality of 1 to 95."""
     stream = io.BytesIO()
-    PillowImage.fromarray(render(frame.shot).colour).save(stream, "JPEG", quality=QUALITY)
+    PillowImage.fromarray(render(frame.shot).colour).save(stream, "JPEG", quality=quality)
     return stream.getvalue()
