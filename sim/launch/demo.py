@@ -12,7 +12,7 @@ from sim.config import VEHICLE_SPACING_M
 from sim.launch.console import TERMINAL, Screen
 from sim.launch.farm_client import NotReadyError, RefusedError, rows
 from sim.launch.launcher import Stopped, System
-from sim.launch.settings import Settings, example_plan
+from sim.launch.settings import IMAGE_FOLDER, Settings, example_plan, vehicle_folder
 from sim.launch.supervisor import SupervisorError
 from sim.mosaic.album import write_album
 from sim.physics.earth import degrees_per_metre
@@ -98,7 +98,7 @@ def _names(settings: Settings, vehicle_id: int) -> frozenset[str]:
 
 
 def _image_folder(settings: Settings, vehicle_id: int) -> Path:
-    return settings.state_dir / f"vehicle-{vehicle_id}" / "image"
+    return vehicle_folder(settings.state_dir, vehicle_id) / IMAGE_FOLDER
 
 
 def show_pictures(
@@ -115,7 +115,7 @@ def show_pictures(
         OSError: if a picture cannot be read or a sheet not be written.
     """
     for number, names in former.items():
-        out = settings.state_dir / "album" / f"vehicle-{number}"
+        out = vehicle_folder(settings.state_dir / "album", number)
         place = os.environ.get("WORLD") or DEFAULT
         folder = _image_folder(settings, number)
         album = write_album(number, folder, out, place, without=names)

@@ -20,7 +20,7 @@ from sim.launch.console import TERMINAL, Screen
 from sim.launch.demo import FINISHED, FLIGHT_TIMEOUT_S, DemoError, post, read_plan
 from sim.launch.farm_client import NotReadyError, RefusedError
 from sim.launch.launcher import Stopped, System
-from sim.launch.settings import Settings, from_environment
+from sim.launch.settings import IMAGE_FOLDER, Settings, from_environment, vehicle_folder
 from sim.launch.supervisor import SupervisorError
 from sim.mosaic.album import Album, write_album
 from sim.physics.worlds import DEFAULT
@@ -33,8 +33,6 @@ from sim.report.sheet import write_overview, write_sheet
 from sim.report.truth_track import read_truth
 
 DISARM_TIMEOUT_S: Final = 30.0
-IMAGE_FOLDER: Final = "image"
-"""Where a vehicle's camera stores its pictures, in the vehicle's folder."""
 _PORTS: Final = ("EDGE_PORT", "CLOUD_PORT", "MAVLINK_PORT", "GCS_PORT")
 _VEHICLE_PORTS: Final = "VEHICLE_PORT_BASE"
 
@@ -178,7 +176,7 @@ def write_report(flown: Flown, settings: Settings, state_dir: Path, out: Path) -
     albums = [album for number in vehicles if (album := _album(number, state_dir, out))]
     facts = _facts(flown, settings, flights)
     for flight in flights:
-        folder = out if len(flights) == 1 else _folder(out, flight.vehicle_id)
+        folder = out if len(flights) == 1 else vehicle_folder(out, flight.vehicle_id)
         heading = f"{title}: vehicle {flight.vehicle_id}"
         write_sheet(folder / "report.png", heading, described(facts), flight)
     if len(flights) > 1:
@@ -191,11 +189,11 @@ def write_report(flown: Flown, settings: Settings, state_dir: Path, out: Path) -
 
 def _flight(vehicle_id: int, plan: Mapping[str, Any], state_dir: Path, out: Path) -> Flight:
     """Copy what one vehicle has left, and examine it."""
-    kept = _folder(out, vehicle_id)
+    kept = vehicle_folder(out, vehicle_id)
     kept.mkdir(parents=True, exist_ok=True)
     for old in kept.glob("*.ulg"):
         old.unlink()
-    left = state_dir / f"vehicle-{vehicle_id}"
+    left = vehicle_folder(state_dir, vehicle_id)
     logs = [
         Path(shutil.copy2(log, kept / f"{log.parent.name}_{log.name}"))
         for log in sorted((left / "log").glob("*/*.ulg"))
@@ -206,17 +204,14 @@ def _flight(vehicle_id: int, plan: Mapping[str, Any], state_dir: Path, out: Path
 
 def _album(vehicle_id: int, state_dir: Path, out: Path) -> Album | None:
     """Copy the pictures that a vehicle has taken, and lay them on sheets."""
-    left, kept = state_dir / f"vehicle-{vehicle_id}" / IMAGE_FOLDER, _folder(out, vehicle_id)
+    left = vehicle_folder(state_dir, vehicle_id) / IMAGE_FOLDER
+    kept = vehicle_folder(out, vehicle_id)
     shutil.rmtree(kept / IMAGE_FOLDER, ignore_errors=True)
     if not left.is_dir():
         return None
     shutil.copytree(left, kept / IMAGE_FOLDER)
     name = os.environ.get("WORLD") or DEFAULT
     return write_album(vehicle_id, kept / IMAGE_FOLDER, kept, name, without=frozenset())
-
-
-def _folder(out: Path, vehicle_id: int) -> Path:
-    return out / f"vehicle-{vehicle_id}"
 
 
 def _facts(flown: Flown, settings: Settings, flights: list[Flight]) -> list[tuple[str, str]]:

@@ -37,6 +37,10 @@ VARIABLES: Final[Mapping[str, tuple[str, str]]] = {
 """Default and meaning of each variable; the vehicles read WIND, GPS, SEED and TRUTH themselves."""
 
 
+IMAGE_FOLDER: Final = "image"
+"""Where a vehicle's camera stores its pictures, in the vehicle's folder."""
+
+
 class SettingsError(Exception):
     """A variable has an invalid value; the message names it."""
 
@@ -107,6 +111,11 @@ class Settings:
     def vehicle_port(self, system_id: int) -> int:
         """UDP port that a vehicle listens on."""
         return self.vehicle_port_base + system_id
+
+
+def vehicle_folder(folder: Path, vehicle_id: int) -> Path:
+    """Folder of one vehicle in a folder of all, as the vehicles name theirs."""
+    return folder / f"vehicle-{vehicle_id}"
 
 
 def example_plan() -> Path:
