@@ -129,6 +129,15 @@ class VehicleLocalPosition:
         self.dead_reckoning: Final = dead_reckoning
         self.sink_accuracy_m_s: Final = sink_accuracy_m_s
 
+    @property
+    def origin(self) -> Vector3:
+        """Latitude, longitude [deg] and altitude AMSL [m] of the origin; NaN while unknown."""
+        return (
+            self.origin_latitude_deg,
+            self.origin_longitude_deg,
+            self.origin_altitude_amsl_m,
+        )
+
 
 class VehicleGlobalPosition(NamedTuple):
     """Geodetic position, valid only once the origin is known; read by navigator, mavlink."""

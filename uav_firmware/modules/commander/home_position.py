@@ -9,11 +9,7 @@ from uav_firmware.msg.status import HomePosition
 
 
 def _frame(estimate: VehicleLocalPosition) -> LocalFrame | None:
-    origin = (
-        estimate.origin_latitude_deg,
-        estimate.origin_longitude_deg,
-        estimate.origin_altitude_amsl_m,
-    )
+    origin = estimate.origin
     return LocalFrame(*origin) if all(map(math.isfinite, origin)) else None
 
 
@@ -54,11 +50,7 @@ class HomePositionUpdater:
 
     def update(self, now_us: int, estimate: VehicleLocalPosition) -> None:
         """Set home if there is none; convert it when the local origin has moved."""
-        origin = (
-            estimate.origin_latitude_deg,
-            estimate.origin_longitude_deg,
-            estimate.origin_altitude_amsl_m,
-        )
+        origin = estimate.origin
         home = self._topic.value
         if home is None:
             self._publish(home_here(now_us, estimate))

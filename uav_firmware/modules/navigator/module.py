@@ -359,11 +359,7 @@ def _speed_limits(registry: Registry) -> Vector3:
 
 def _frame_of(estimate: VehicleLocalPosition, frame: LocalFrame | None) -> LocalFrame | None:
     """Local frame of the estimate's origin; a new one only when the origin has moved."""
-    origin = (
-        estimate.origin_latitude_deg,
-        estimate.origin_longitude_deg,
-        estimate.origin_altitude_amsl_m,
-    )
+    origin = estimate.origin
     if frame is not None and origin == (
         frame.latitude_deg,
         frame.longitude_deg,

@@ -140,11 +140,7 @@ class PayloadModule:
         status = self._vehicle_status.value
         known = local is not None and local.position_valid and local.altitude_valid
         if local is not None and known:
-            origin = (
-                local.origin_latitude_deg,
-                local.origin_longitude_deg,
-                local.origin_altitude_amsl_m,
-            )
+            origin = local.origin
             if self._frame is None or origin != self._origin:
                 self._origin, self._frame = origin, LocalFrame(*origin)
         return Situation(

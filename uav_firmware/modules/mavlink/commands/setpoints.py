@@ -208,15 +208,10 @@ def _local(point: Vector3, frame: int, reference: Reference) -> Vector3:
         if reference.home is None:
             raise SetpointError("altitude above home, but home is not set")
         altitude += reference.home.altitude_amsl_m
-    estimate = reference.estimate
-    origin = (
-        estimate.origin_latitude_deg,
-        estimate.origin_longitude_deg,
-        estimate.origin_altitude_amsl_m,
-    )
+    origin = reference.estimate.origin
     if not all(map(math.isfinite, origin)):
         raise SetpointError("the vehicle's position is unknown")
-    down = estimate.origin_altitude_amsl_m - altitude
+    down = origin[2] - altitude
     if math.isnan(latitude) or math.isnan(longitude):
         return (_NAN, _NAN, down)
     if not (abs(latitude) <= 90.0 and abs(longitude) <= 180.0):

@@ -150,11 +150,7 @@ def position_target_global_int(context: Context) -> Message | None:
     )
     if target is None or local is None:
         return None
-    origin = (
-        local.origin_latitude_deg,
-        local.origin_longitude_deg,
-        local.origin_altitude_amsl_m,
-    )
+    origin = local.origin
     if not all(map(math.isfinite, origin)):
         return None
     numbers = (*target.position_ned, *target.velocity_ned, *target.acceleration_ned)
