@@ -16,7 +16,9 @@ alarm, and nothing is given up. Failed instances stay so until a restart.
 import math
 from collections.abc import Sequence
 from itertools import combinations
-from typing import Final, NamedTuple
+from typing import Final
+
+from uav_firmware.modules.sensors.triad_vote import Failed
 
 Vector = tuple[float, ...]
 
@@ -27,13 +29,6 @@ _DISPUTED_US: Final = 3_000_000
 _FAST_S: Final = 0.25  # Averages the noise of a sample
 _SLOW_S: Final = 10.0  # What an instance is off by is known after that
 _LONGEST_S: Final = 0.2
-
-
-class Failed(NamedTuple):
-    """An instance that has just failed."""
-
-    instance: int
-    reason: str
 
 
 class _Instance:

@@ -53,8 +53,8 @@ class Limits(NamedTuple):
 class Failed(NamedTuple):
     """An instance that has just failed."""
 
-    instance: int
-    reason: str
+    instance: int  # [-] From 0
+    reason: str  # For the operator
 
 
 class TriadVote:
