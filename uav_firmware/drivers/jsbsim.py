@@ -32,7 +32,7 @@ from uav_firmware.msg.sensors import (
 from uav_firmware.msg.vectors import Motors
 
 _STOPPED: Motors = (0.0, 0.0, 0.0, 0.0)
-_CONSOLE_PERIOD_US: Final = 100_000
+_FAULT_CONSOLE_PERIOD_US: Final = 100_000
 
 
 class JsbsimVehicle:
@@ -86,7 +86,7 @@ class JsbsimVehicle:
         self._readings = readings = self._simulation.step(self._motors)
         self.time_us, self.only_fast = readings.imus[0].time_us, readings.only_fast
         if self._console is not None and self.time_us >= self._console_us:
-            self._console_us = self.time_us + _CONSOLE_PERIOD_US
+            self._console_us = self.time_us + _FAULT_CONSOLE_PERIOD_US
             self._obey(self._console)
 
     @property

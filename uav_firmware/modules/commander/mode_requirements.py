@@ -148,13 +148,14 @@ _CHECKS: Final[Mapping[Need, Callable[[VehicleView], str | None]]] = {
 }
 
 
-_PILOTED: Final[Mapping[NavigationState, ControlLevel]] = {
+_PILOTED_LEVELS: Final[Mapping[NavigationState, ControlLevel]] = {
     NavigationState.MANUAL: ControlLevel.ATTITUDE,
     NavigationState.STAB: ControlLevel.ATTITUDE,
     NavigationState.ACRO: ControlLevel.RATES,
     NavigationState.ALTCTL: ControlLevel.POSITION,
     NavigationState.POSCTL: ControlLevel.POSITION,
 }
+"""The outermost loop that sticks command, of each mode of `PILOTED`."""
 
 
 def level_of(setpoint: OffboardSetpoint | None) -> ControlLevel:
@@ -170,8 +171,8 @@ def control_of(
     mode: NavigationState, setpoint: OffboardSetpoint | None
 ) -> tuple[ControlSource, ControlLevel]:
     """Module that controls in a mode, and the outermost loop that is closed."""
-    if mode in _PILOTED:
-        return ControlSource.MANUAL, _PILOTED[mode]
+    if mode in _PILOTED_LEVELS:
+        return ControlSource.MANUAL, _PILOTED_LEVELS[mode]
     if mode is NavigationState.OFFBOARD:
         return ControlSource.OFFBOARD, level_of(setpoint)
     return ControlSource.NAVIGATOR, ControlLevel.POSITION
