@@ -25,13 +25,13 @@ from uav_firmware.lib.vector import ZERO
 from uav_firmware.modules.estimator.ekf_core import EarlierEstimate, EkfCore
 from uav_firmware.msg.vectors import Vector3
 
-_MEMORY_S: Final = 20.0  # A drift of less than _LEAST over it is the noise of a healthy vehicle
+_MEMORY_S: Final = 20.0  # Less than _LEAST_M_S2 over it is the noise of a healthy vehicle
 _USUAL_S: Final = 60.0  # Mean of bias and wind: what they were before
 _LEAST_M_S2: Final = 0.3  # Measurements turn a healthy vehicle by a sixth of that
 _AGREEMENT: Final = 0.5  # [-] Of the larger of the two, by which they may differ
 _HELD_S: Final = 0.6
 _SCALE_ERROR: Final = 0.02  # [-] Of the angle turned through: scale factor and misalignment
-_WILD_RAD: Final = 2.0  # RecentRotation through of late; nothing slow can be seen then
+_WILD_RAD: Final = 2.0  # Turned through recently; nothing slow can be seen then
 _WHOLE_TURN_RAD: Final = 2.0 * math.pi  # What a scale error adds up to in more turns is learnt
 
 
