@@ -70,7 +70,7 @@ WRITES: Final = (
     "geofence_status", "target_check_result", "plan_check_result", "vehicle_command",
     "payload_order", "region_of_interest", "status_text",
 )  # fmt: skip
-PERIOD_US: Final = 8_000  # [us] 125 Hz: at 12 m/s the setpoint moves 0.1 m a step
+_SHORTEST_STEP_US: Final = 8_000  # A call that comes sooner waits; topology.py calls at 62.5 Hz
 
 _SPEED_LIMITS: Final = ("MPC_XY_VEL_MAX", "MPC_Z_VEL_MAX_UP", "MPC_Z_VEL_MAX_DN")
 _TILT_LIMIT: Final = "MPC_TILTMAX_AIR"
@@ -136,7 +136,7 @@ class NavigatorModule:
         if self._last_us is None:
             self._last_us = now_us
         elapsed_us = now_us - self._last_us
-        if 0 < elapsed_us < PERIOD_US:
+        if 0 < elapsed_us < _SHORTEST_STEP_US:
             return
         self._last_us = now_us
         self._observe(now_us)
