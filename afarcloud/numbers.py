@@ -22,6 +22,8 @@ from pydantic_core import PydanticCustomError
 
 INT32_MAX = 2**31 - 1
 LAST_YEAR = 9998
+LAST_SECOND: Final = int(datetime(LAST_YEAR, 12, 31, 23, 59, 59, tzinfo=UTC).timestamp())
+"""The last one of that year [s since 1970]."""
 MAXIMUM_HEIGHT_M = 120.0
 """Height limit above ground of the EU open category (Regulation 2019/947)."""
 
@@ -130,7 +132,8 @@ Int32: TypeAlias = Annotated[int, Field(ge=0, le=INT32_MAX), BeforeValidator(jso
 VehicleId: TypeAlias = Annotated[int, Field(ge=1, le=INT32_MAX), BeforeValidator(json_integer)]
 Byte: TypeAlias = Annotated[int, Field(ge=0, le=255), BeforeValidator(json_integer)]
 PositiveByte: TypeAlias = Annotated[int, Field(ge=1, le=255), BeforeValidator(json_integer)]
-EpochSeconds: TypeAlias = Annotated[int, Field(ge=0, le=2**63 - 1), BeforeValidator(json_integer)]
+EpochSeconds: TypeAlias = Annotated[int, Field(ge=0, le=LAST_SECOND), BeforeValidator(json_integer)]
+"""Seconds since 1970, up to the end of the last year that a `Time` may have."""
 
 Number: TypeAlias = Annotated[float, BeforeValidator(json_number)]
 Latitude: TypeAlias = Annotated[float, Field(ge=-90, le=90), BeforeValidator(json_number)]

@@ -21,6 +21,11 @@ test.each([
   const plain = (text: string) => text.replace(/\s/g, " "); // Some regions write a narrow space
   expect(plain(units.time(stamp))).toMatch(new RegExp(`${minutes}$`));
   expect(plain(units.clock(stamp))).toBe(seconds);
+  expect(plain(units.clock(Date.parse(stamp)))).toBe(seconds);
+});
+
+test("a moment beyond the calendar has no time of day", () => {
+  expect(new Units("metric", "en").clock(18_446_744_073_709 * 1000)).toBe("–");
 });
 
 test.each([

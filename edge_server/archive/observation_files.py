@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator
 from datetime import UTC, datetime
 from typing import Any, Final
 
-from afarcloud.numbers import format_time
+from afarcloud.numbers import LAST_SECOND, format_time
 
 MEDIA_TYPE: Final = "text/csv; charset=utf-8"
 HEADER: Final = (
@@ -31,10 +31,9 @@ def write(documents: Iterable[dict[str, Any]]) -> Iterator[str]:
     yield _row(HEADER)
     for document in documents:
         for one in document["observation_array"]:
-            measured_at = datetime.fromtimestamp(one["result_time"], UTC)
             yield _row(
                 (
-                    format_time(measured_at),
+                    _time(one["result_time"]),
                     document["latitude"],
                     document["longitude"],
                     document["altitude"],
@@ -44,6 +43,11 @@ def write(documents: Iterable[dict[str, Any]]) -> Iterator[str]:
                     _text(one["result_uom"]),
                 )
             )
+
+
+def _time(epoch_s: int) -> str:
+    """Leave out what is no time: earlier versions have stored any number."""
+    return format_time(datetime.fromtimestamp(epoch_s, UTC)) if epoch_s <= LAST_SECOND else ""
 
 
 def _text(text: str) -> str:

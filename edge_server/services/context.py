@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from afarcloud.flyable import VehicleLimits
-from afarcloud.numbers import LAST_YEAR, format_time
+from afarcloud.numbers import LAST_SECOND, format_time
 from edge_server.archive.writer import FlightArchive
 from edge_server.config import Config
 from edge_server.outbox import wakeup
@@ -187,12 +187,11 @@ class Context:
 
 
 _FIRST_S: Final = datetime.min.replace(tzinfo=UTC).timestamp()
-_LAST_S: Final = datetime(LAST_YEAR, 12, 31, 23, 59, 59, tzinfo=UTC).timestamp()
 
 
 def moment(epoch_s: float) -> datetime:
     """Convert epoch seconds to UTC, limited to the first and last day of the calendar."""
-    return datetime.fromtimestamp(min(max(epoch_s, _FIRST_S), _LAST_S), UTC)
+    return datetime.fromtimestamp(min(max(epoch_s, _FIRST_S), LAST_SECOND), UTC)
 
 
 def show_time(epoch_s: float) -> str:

@@ -18,6 +18,8 @@ _NAVIGABLE: Final = mavlink.EKF_POS_HORIZ_ABS | mavlink.EKF_PRED_POS_HORIZ_ABS
 _MAXIMUM_SPEED_M_S: Final = 100.0
 _EARLIEST_UTC_S: Final = 1_420_070_400.0
 """2015: a clock that shows less has not been set."""
+_LATEST_UTC_S: Final = 4_102_444_800.0
+"""2100: a clock that shows more has been set to something else than the time."""
 
 
 _UNKNOWN_UINT8: Final = 255
@@ -236,7 +238,7 @@ def _gps(snapshot: Snapshot, message: Message) -> None:
 
 def _system_time(snapshot: Snapshot, message: Message) -> None:
     utc_s = message.time_unix_usec / 1e6
-    is_set = utc_s >= _EARLIEST_UTC_S
+    is_set = _EARLIEST_UTC_S <= utc_s < _LATEST_UTC_S
     since_boot_s = snapshot.since_boot_s(message.time_boot_ms)
     snapshot.booted_at_utc_s = utc_s - since_boot_s if is_set else None
 

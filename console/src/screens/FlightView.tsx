@@ -85,7 +85,7 @@ export default function FlightView({ id }: { id: number }) {
   const units = useUnits();
   const measured = kind?.measurements.find((one) => one.key === chosen) ?? null;
   const measuredText =
-    kind && measured && `${units.measured(measured.value, kind.unit)} · ${units.clock(new Date(measured.at_ms).toISOString())}`;
+    kind && measured && `${units.measured(measured.value, kind.unit)} · ${units.clock(measured.at_ms)}`;
 
   const present = momentAt(points, replay.part);
   const marks = useMemo(
@@ -232,7 +232,7 @@ export default function FlightView({ id }: { id: number }) {
               step={0.001}
               value={replay.part}
               aria-label={t("flights.position")}
-              aria-valuetext={present === null ? undefined : units.clock(new Date(present.at_ms).toISOString())}
+              aria-valuetext={present === null ? undefined : units.clock(present.at_ms)}
               onChange={(event) => replay.show(Number(event.target.value))}
             />
           </div>

@@ -202,9 +202,14 @@ export class Units {
     });
   }
 
-  /** Time of day to the second, in the browser's time zone. */
-  clock(stamp: string): string {
-    return new Date(stamp).toLocaleTimeString(withRegion(this.language), { ...HOUR_AND_MINUTE, second: "2-digit" });
+  /** Time of day to the second, in the browser's time zone; the moment is a text or [ms since 1970].
+   *
+   * "–" for a moment beyond the calendar: older edge servers have stored any time of a measurement.
+   */
+  clock(moment: string | number): string {
+    const date = new Date(moment);
+    if (Number.isNaN(date.getTime())) return "–";
+    return date.toLocaleTimeString(withRegion(this.language), { ...HOUR_AND_MINUTE, second: "2-digit" });
   }
 
   #write(value: number, digits: number): string {

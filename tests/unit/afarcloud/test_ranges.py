@@ -8,6 +8,8 @@ import pytest
 
 from afarcloud import wire
 from afarcloud.faults import InvalidError
+from afarcloud.numbers import LAST_SECOND
+from afarcloud.state import ObservationList
 from tests.support.cases import failures
 from tests.unit.afarcloud import documents
 
@@ -112,6 +114,7 @@ def test_the_table_covers_every_number_of_every_command() -> None:
     assert every == covered | places | booleans_and_pairs
 
 
+MEASUREMENT = documents.REPORTS["observation"]["observation_array"][0]
 INVALID_REPORTS = [
     ("pose", "vehicle_id", 0),
     ("pose", "vehicle_id", 2**31),
@@ -138,6 +141,8 @@ INVALID_REPORTS = [
     ("image", "name", "../etc/passwd"),
     ("image", "format", "exe"),
     ("observation", "observation_array", []),
+    ("observation", "observation_array", [MEASUREMENT | {"result_time": -1}]),
+    ("observation", "observation_array", [MEASUREMENT | {"result_time": LAST_SECOND + 1}]),
 ]
 
 
@@ -149,6 +154,18 @@ def check_invalid_report(kind: str, field: str, value: Any) -> None:
 
 def test_a_report_outside_its_range_is_refused_by_name() -> None:
     assert failures(check_invalid_report, INVALID_REPORTS) == []
+
+
+def test_the_time_of_a_measurement_ends_where_other_times_do() -> None:
+    array = [MEASUREMENT | {"result_time": LAST_SECOND}]
+    body = documents.REPORTS["observation"] | {
+        "observation_array": array,
+        "recorded_at": "9998-12-31T23:59:59Z",
+    }
+    read = wire.read(wire.Kind.OBSERVATION, body)
+    assert isinstance(read, ObservationList)
+    assert read.recorded_at is not None
+    assert read.recorded_at.timestamp() == read.observation_array[0].result_time
 
 
 def test_a_capacity_in_milliampere_hours_is_asked_about() -> None:

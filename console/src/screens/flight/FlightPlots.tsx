@@ -58,16 +58,16 @@ export function FlightPlots({ points, replay, marks }: {
         />
       )}
       <p className="plot-times muted small">
-        <span>{units.clock(new Date(timeAt(points, 0)).toISOString())}</span>
-        <strong>{units.clock(new Date(present.at_ms).toISOString())}</strong>
-        <span>{units.clock(new Date(timeAt(points, 1)).toISOString())}</span>
+        <span>{units.clock(timeAt(points, 0))}</span>
+        <strong>{units.clock(present.at_ms)}</strong>
+        <span>{units.clock(timeAt(points, 1))}</span>
       </p>
       {alarms.length > 0 && (
         <ul className="plot-alarms" aria-label={t("flights.alarms")}>
           {alarms.map((mark, index) => (
             <li key={index}>
               <button type="button" onClick={() => replay.show(partAt(points, mark.at_ms))}>
-                <span className="muted">{units.clock(new Date(mark.at_ms).toISOString())}</span> {mark.text}
+                <span className="muted">{units.clock(mark.at_ms)}</span> {mark.text}
               </button>
             </li>
           ))}

@@ -134,7 +134,7 @@ function Values({ kind, title, choice }: { kind: Kind; title: string; choice: Ch
                   title={one.sensor}
                   onClick={() => choice.mark(one)}
                 >
-                  {units.clock(new Date(one.at_ms).toISOString())}
+                  {units.clock(one.at_ms)}
                 </button>
               </td>
               <td>{units.height(one.height_m)}</td>

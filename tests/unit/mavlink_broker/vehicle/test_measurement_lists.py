@@ -213,7 +213,7 @@ def test_the_time_is_the_vehicles_own() -> None:
     assert sensors.lists()[0].observation_array[0].result_time == 1_800_000_050
 
 
-@pytest.mark.parametrize("utc_us", [0, 3_600_000_000])
+@pytest.mark.parametrize("utc_us", [0, 3_600_000_000, 4_102_444_800_000_000, 2**64 - 1])
 def test_a_clock_that_was_not_set_is_ignored(utc_us: int) -> None:
     sensors = Sensors()
     sensors.snapshot.take(mavlink.MAVLink_system_time_message(utc_us, 50_000))
