@@ -59,6 +59,8 @@ class Exchange:
         self._send_budget_s = SEND_S
         self.stream: Stream | None = None
         """What the loop sends from now on."""
+        self.has_begun = False
+        """Whether the client has been sent a part of its answer, which no other can follow."""
 
     @property
     def waited_s(self) -> float:
@@ -112,10 +114,14 @@ class Exchange:
                 sent = self._sock.send(rest[:_PIECE_BYTES])
             except TimeoutError:
                 raise TooSlowError("the client receives its answer too slowly") from None
+            self.has_begun = True
             rest = rest[sent:]
             took_s = time.monotonic() - began
             self._send_budget_s += sent / LEAST_RATE_BYTES_S - took_s
             self._send_budget_s = min(self._send_budget_s, SEND_S)
+
+    def settimeout(self, timeout_s: float | None) -> None:
+        """Do nothing: the request is in memory, and sending has a budget of its own."""
 
     def close(self) -> None:
         """Do nothing: the loop owns the connection."""

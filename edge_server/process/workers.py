@@ -161,7 +161,11 @@ class EdgeWorker(ThreadWorker):  # type: ignore[misc]  # gunicorn has no types
     def handle_error(
         self, req: Any, client: Exchange, addr: tuple[str, int] | None, exc: Exception
     ) -> None:
-        """Answer invalid HTTP in the shape of every error."""
+        """Answer invalid HTTP in the shape of every error.
+
+        Nothing follows an answer that has begun: its client would take a second one for a part of
+        the body. It sees by the closed connection that the body is not complete.
+        """
         status, reason = _STATUS.get(type(exc), (400, "Bad Request"))
         if not isinstance(exc, (errors.ParseException, errors.InvalidChunkSize)):
             status, reason = 500, "Internal Server Error"
@@ -169,6 +173,8 @@ class EdgeWorker(ThreadWorker):  # type: ignore[misc]  # gunicorn has no types
         else:
             sender = addr[0] if addr else "an unknown client"
             LOG.warning("a request of %s is not valid HTTP (%s)", sender, type(exc).__name__)
+        if client.has_begun:
+            return
         try:
             client.sendall(_answer(status, reason))
         except OSError as error:
