@@ -54,6 +54,46 @@ test.each([
   expect(news).toEqual([{ state: "queued", reason: "" }, { state: "accepted", reason: "" }, told]);
 });
 
+const followed = async (first: StoredEvent, look: () => Promise<Response>, isOpen = () => true) => {
+  const fetched = vi.fn(look);
+  vi.stubGlobal("fetch", fetched);
+  const states: string[] = [];
+  const following = followEvent(first, ({ state }) => states.at(-1) !== state && states.push(state), isOpen);
+  await vi.runAllTimersAsync();
+  await following;
+  return { states, looks: fetched.mock.calls.length };
+};
+
+test.each([404, 410])("an order that somebody has deleted has ended: %i", async (status) => {
+  const gone = async () => new Response(JSON.stringify({ message: "there is no event 4" }), { status });
+  expect(await followed(stored("queued"), gone)).toEqual({ states: ["queued", "deleted"], looks: 1 });
+});
+
+test("another order with the number of one that a restore has lost is not taken for it", async () => {
+  const other = async () => answer({ ...stored("done"), sequence_number: 8 });
+  expect(await followed({ ...stored("queued"), sequence_number: 7 }, other)).toEqual({ states: ["queued", "deleted"], looks: 1 });
+});
+
+test.each(["queued", "accepted"] as const)("an order that is %s is not confirmed after its expiry without an answer", async (state) => {
+  const expires_at = new Date(Date.now() + 10_000).toISOString();
+  let until_ms = Date.now() + 9_000;
+  const isOpen = () => Date.now() < until_ms;
+  const silent = () => Promise.reject(new TypeError("no network"));
+  expect((await followed({ ...stored(state), expires_at }, silent, isOpen)).states).toEqual([state]);
+  until_ms += 5_000;
+  expect((await followed({ ...stored(state), expires_at }, silent, isOpen)).states).toEqual([state, "failed"]);
+});
+
+test("an order that is not confirmed is followed until the edge server answers", async () => {
+  const expires_at = new Date(Date.now() + 2_000).toISOString();
+  const back_ms = Date.now() + 30_000;
+  const back = async () => {
+    if (Date.now() < back_ms) throw new TypeError("no network");
+    return answer({ ...stored("done"), expires_at });
+  };
+  expect((await followed({ ...stored("queued"), expires_at }, back)).states).toEqual(["queued", "failed", "done"]);
+});
+
 test("an order that nobody looks at any more is not asked for again", async () => {
   const fetched = vi.fn();
   vi.stubGlobal("fetch", fetched);

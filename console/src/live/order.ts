@@ -7,10 +7,10 @@ import type { StoredEvent } from "../api/types";
 import type { Tone } from "../controls/StatusPill";
 import { asRequestError } from "./use_resource";
 
-/** The event's states, and: sending, replaced (by a later order), ended (otherwise than ordered), idle
- *  (nothing to stop), failed (it may not have arrived). */
+/** The event's states, and: sending, replaced (by a later order), ended (otherwise than ordered), deleted (the
+ *  edge server does not have it any more), idle (nothing to stop), failed (what became of it is not known). */
 export type OrderState =
-  | "sending" | "queued" | "accepted" | "done" | "replaced" | "ended" | "refused" | "expired" | "idle" | "failed";
+  | "sending" | "queued" | "accepted" | "done" | "replaced" | "ended" | "refused" | "expired" | "deleted" | "idle" | "failed";
 
 /** What has become of an order, with what broker or edge server say about it. */
 export interface Outcome {
@@ -20,10 +20,13 @@ export interface Outcome {
 
 export const TONES: Record<OrderState, Tone> = {
   sending: "neutral", queued: "active", accepted: "active", done: "good", replaced: "neutral", ended: "neutral",
-  refused: "bad", expired: "bad", idle: "neutral", failed: "bad",
+  refused: "bad", expired: "bad", deleted: "bad", idle: "neutral", failed: "bad",
 };
 
-const FINAL = new Set<OrderState>(["done", "replaced", "ended", "refused", "expired", "idle", "failed"]);
+const FINAL = new Set<OrderState>(["done", "replaced", "ended", "refused", "expired", "deleted", "idle", "failed"]);
+/** Of an event that has been deleted. */
+const GONE = [404, 410];
+const DELETED: Outcome = { state: "deleted", reason: "" };
 const LOOK_AGAIN_MS = 500;
 const FIND_AGAIN_MS = 1_000;
 /** An edge server that stood still carries out what it has received within this time after it answers again. */
@@ -111,19 +114,26 @@ export function eventOutcome({ state, message }: Pick<StoredEvent, "state" | "me
   return message === REPLACED ? { state: "replaced", reason: "" } : { state: "ended", reason: message };
 }
 
-/** Follows a stored event to its end. */
+/** Follows a stored event to its end, also while the edge server does not answer: from its expiry on nobody knows then
+ *  what has become of it. */
 export async function followEvent(
   stored: StoredEvent, update: (change: Outcome) => void, isOpen: () => boolean,
 ): Promise<void> {
   let event = stored;
+  let outcome = eventOutcome(event);
   for (;;) {
-    update(eventOutcome(event));
+    update(outcome);
     if (FINAL.has(event.state) || !isOpen()) return;
     await new Promise((resolve) => setTimeout(resolve, LOOK_AGAIN_MS));
     try {
       event = await getEvent(event.id);
-    } catch {
+      outcome = eventOutcome(event);
+      // After a restore the edge server gives a number again
+      if (event.sequence_number !== stored.sequence_number) return update(DELETED);
+    } catch (reason) {
+      if (GONE.includes(asRequestError(reason).status)) return update(DELETED);
       // The order was stored; its state is read again when the server answers
+      if (Date.now() + serverAheadMs() > Date.parse(event.expires_at ?? "")) outcome = { state: "failed", reason: "" };
     }
   }
 }
