@@ -15,11 +15,15 @@ import stat
 from pathlib import Path
 from typing import Final
 
+from sqlalchemy import Connection
+
 from edge_server.config import Config
 from edge_server.services import audit
 from edge_server.services.administration import keys as service
+from edge_server.services.errors import ConflictError
 from edge_server.store.connection.database import Database
 from edge_server.store.connection.locks import KEYS
+from edge_server.store.files.backup import sync
 from edge_server.store.rows import keys
 from edge_server.store.rows.keys import Role
 
@@ -50,11 +54,25 @@ def ensure(database: Database, keys_dir: Path, now: float) -> None:
             if key is None and path.exists():
                 LOG.error("%s holds no access key; remove it or rotate the key", path)
             elif key is not None:
-                keys.add(connection, _filed(key, role, now))
+                filed = _filed(key, role, now)
+                keys.add(connection, filed)
+                _name_others(_in_file(connection, role), filed.prefix, path)
             elif role.value not in have_key:
                 key = keys.generate()
                 keys.add(connection, _filed(key, role, now))
                 write(path, key)
+
+
+def _name_others(in_file: list[keys.StoredKey], prefix: str, path: Path) -> None:
+    """Warn of keys that an interrupted rotation, a restored backup or a new file has left."""
+    for one in in_file:
+        if one.prefix != prefix and one.expires_at is None:
+            LOG.warning(
+                "besides the key in %s the key %s is valid; if nobody uses it: `keys revoke %s`",
+                path,
+                one.prefix,
+                one.prefix,
+            )
 
 
 def rotate(
@@ -62,20 +80,38 @@ def rotate(
 ) -> Path:
     """Make a new key for a role's file; the old one stays valid for `overlap_s` [s].
 
-    Other keys of the role stay as they are. Returns the file.
+    Other keys of the role stay as they are. The new key is valid before it is in the file, and the
+    old one until it no longer is: wherever this is interrupted, the key in the file is valid. What
+    an interrupted rotation has left is ended by the next one. Returns the file.
+
+    Raises:
+        ConflictError: if another rotation of the role has come in between.
+        OSError: if the file cannot be written.
     """
     path = path_of(keys_dir, role)
     keys_dir.mkdir(parents=True, exist_ok=True, mode=0o700)
     key = keys.generate()
+    made = _filed(key, role, now)
     with database.write(KEYS) as connection:
-        for old in keys.active(connection):
-            if old.in_file and old.role == role:
-                service.retire(connection, old, overlap_s, now)
-        made = _filed(key, role, now)
         keys.add(connection, made)
         audit.about(f"keys/{made.prefix}")
-        write(path, key)
+        _write_draft(path, key)  # No key without a file that can be written
+    with database.write(KEYS) as connection:
+        if read(_draft_of(path)) != key:
+            raise ConflictError(f"the key of {role.value} has been rotated by somebody else")
+        replaced = [one for one in _in_file(connection, role) if one.prefix != made.prefix]
+        for old in replaced:
+            service.retire(connection, old, overlap_s, now)
+            audit.about(f"keys/{old.prefix}")
+        if not replaced:
+            audit.changes_nothing()
+        _put_in_place(path)
     return path
+
+
+def _in_file(connection: Connection, role: Role) -> list[keys.StoredKey]:
+    """Keys that are or were in the file of a role, and have not been revoked."""
+    return [one for one in keys.active(connection) if one.in_file and one.role == role]
 
 
 def _filed(key: str, role: Role, now: float) -> keys.StoredKey:
@@ -93,14 +129,27 @@ def read(path: Path) -> str | None:
 
 def write(path: Path, key: str) -> None:
     """Write a key file in one step, readable by its owner only."""
-    draft = path.with_suffix(".new")
+    _write_draft(path, key)
+    _put_in_place(path)
+
+
+def _draft_of(path: Path) -> Path:
+    return path.with_suffix(".new")
+
+
+def _write_draft(path: Path, key: str) -> None:
+    draft = _draft_of(path)
     draft.unlink(missing_ok=True)
     descriptor = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
     with os.fdopen(descriptor, "w", encoding="ascii") as file:
         file.write(key + "\n")
         file.flush()
         os.fsync(file.fileno())
-    draft.replace(path)
+
+
+def _put_in_place(path: Path) -> None:
+    _draft_of(path).replace(path)
+    sync(path.parent)  # The old key may end next: a power failure must not bring its file back
 
 
 def restrict(path: Path) -> None:

@@ -112,9 +112,10 @@ def test_the_log_is_exported_and_verified(run: Run, tmp_path: Path) -> None:
     rows = [json.loads(line) for line in run("audit", "export")[1].splitlines()]
     assert [(row["role"], row["action"]) for row in rows] == [
         ("shell", "keys.create"),
-        ("shell", "keys.rotate"),
+        ("shell", "keys.rotate"),  # The new key
+        ("shell", "keys.rotate"),  # The old one
     ]
-    assert run("audit", "verify") == (OK, "2 rows, intact\n", "")
+    assert run("audit", "verify") == (OK, "3 rows, intact\n", "")
     database = preparation.open_database(Config(state_dir=tmp_path))
     with database.write() as connection:
         connection.execute(text("DROP TRIGGER audit_never_changes"))
