@@ -159,6 +159,12 @@ _COMMANDS: Final = (
 )
 
 
+_YEAR_H: Final = 8784
+"""Longest validity that a command gives a key with an end: a leap year."""
+_WEEK_MIN: Final = 10_080
+"""Longest validity of a link that signs a person in."""
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog=program_name("edge_server"),
@@ -211,6 +217,27 @@ def _count(text: str) -> int:
     return int(text)
 
 
+def _number(text: str, high: float, *, above_0: bool = True) -> float:
+    """Read a finite number from 0, or above it, to `high`."""
+    number = float(text)
+    if not 0.0 <= number <= high or (above_0 and number == 0.0):
+        low = "above 0, at most" if above_0 else "0 to"
+        raise argparse.ArgumentTypeError(f"must be {low} {high}, not {text}")
+    return number
+
+
+def _hours_above_0(text: str) -> float:
+    return _number(text, _YEAR_H)
+
+
+def _hours(text: str) -> float:
+    return _number(text, _YEAR_H, above_0=False)
+
+
+def _minutes(text: str) -> float:
+    return _number(text, _WEEK_MIN)
+
+
 def _add_access(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     keys = commands.add_parser("keys", help="access keys").add_subparsers(
         dest="access", required=True
@@ -224,11 +251,14 @@ def _add_access(commands: "argparse._SubParsersAction[argparse.ArgumentParser]")
     create.add_argument(
         "--vehicle", type=int, action="append", default=[], help="vehicle_id it is restricted to"
     )
-    create.add_argument("--hours", type=float, help="hours it is valid")
+    create.add_argument("--hours", type=_hours_above_0, help=f"hours it is valid (to {_YEAR_H})")
     rotate = keys.add_parser("rotate", help="replace a key by a new one")
     rotate.add_argument("key", help="a role (its key file), or a key's name or prefix")
     rotate.add_argument(
-        "--overlap-hours", type=float, default=0.0, help="hours the old one stays valid"
+        "--overlap-hours",
+        type=_hours,
+        default=0.0,
+        help=f"hours the old one stays valid (0 to {_YEAR_H})",
     )
     revoke = keys.add_parser("revoke", help="revoke a key")
     revoke.add_argument("key", help="its name or prefix")
@@ -261,7 +291,9 @@ def _add_users(
     link = actions.add_parser("link", help="print an address that signs the person in once")
     link.add_argument("name", help="of the account")
     link.add_argument("--role", help="create the account with this role if there is none")
-    link.add_argument("--minutes", type=float, default=10.0, help="minutes it is valid")
+    link.add_argument(
+        "--minutes", type=_minutes, default=10.0, help=f"minutes it is valid (to {_WEEK_MIN})"
+    )
     return list(actions.choices.values())
 
 

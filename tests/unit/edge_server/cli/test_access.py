@@ -106,6 +106,37 @@ def test_an_invalid_key_request_is_named(run: Run, arguments: tuple[str, ...], w
     assert word in complaint
 
 
+@pytest.mark.parametrize(
+    ("command", "flag", "allowed"),
+    [
+        (("keys", "create", "farmer", "tablet"), "--hours", "above 0, at most 8784"),
+        (("keys", "rotate", "farmer"), "--overlap-hours", "0 to 8784"),
+        (("users", "link", "maria"), "--minutes", "above 0, at most 10080"),
+    ],
+)
+@pytest.mark.parametrize("value", ["nan", "inf", "-inf", "-1", "1e300", "8784000"])
+def test_a_duration_that_none_can_have_is_refused(
+    run: Run,
+    capsys: pytest.CaptureFixture[str],
+    command: tuple[str, ...],
+    flag: str,
+    allowed: str,
+    value: str,
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        run(*command, f"{flag}={value}")
+    assert ended.value.code == WRONG_SETUP
+    complaint = capsys.readouterr().err.splitlines()[-1]
+    assert complaint.endswith(f"error: argument {flag}: must be {allowed}, not {value}")
+
+
+def test_the_longest_and_shortest_durations_are_accepted(run: Run) -> None:
+    assert run("keys", "create", "farmer", "tablet", "--hours", "8784")[0] == OK
+    assert run("keys", "rotate", "tablet", "--overlap-hours", "0")[0] == OK
+    with pytest.raises(SystemExit):
+        run("keys", "create", "farmer", "other", "--hours", "0")
+
+
 def test_the_log_is_exported_and_verified(run: Run, tmp_path: Path) -> None:
     run("keys", "create", "farmer", "tablet")
     run("keys", "rotate", "broker")
