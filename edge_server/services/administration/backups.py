@@ -13,7 +13,7 @@ from edge_server.services.errors import (
     UnavailableError,
 )
 from edge_server.store.files import backup
-from edge_server.store.files.backup import BackupError, Copy
+from edge_server.store.files.backup import BackupError, Copy, NoRoomError
 
 KEPT: Final = 14
 """Backups that stay; a new one replaces the oldest."""
@@ -50,7 +50,11 @@ def make(context: Context) -> dict[str, Any]:
     try:
         return _make(context)
     except (BackupError, OSError) as error:
-        raise UnavailableError(f"no backup could be made: {error}") from None
+        is_full = isinstance(error, NoRoomError) or (
+            isinstance(error, OSError) and backup.is_of_full_disk(error)
+        )
+        kind = FullError if is_full else UnavailableError
+        raise kind(f"no backup could be made: {error}") from None
     finally:
         _turn.release()
 

@@ -1,8 +1,10 @@
 """Copies of the database, made while it is in use: each complete, as of one moment.
 
 BackupError   the copy could not be made; no file was left
++- NoRoomError  the disk is full
 """
 
+import errno
 import os
 import sqlite3
 import time
@@ -16,6 +18,10 @@ _PATTERN: Final = "edge-*Z.sqlite3"
 
 class BackupError(Exception):
     """The copy could not be made."""
+
+
+class NoRoomError(BackupError):
+    """The disk has no room for the copy."""
 
 
 class Copy(NamedTuple):
@@ -58,6 +64,7 @@ def back_up(database: Path, target: Path) -> int:
     """Copy the database into a new file with mode 0600; returns its size [bytes].
 
     Raises:
+        NoRoomError: if the disk is full.
         BackupError: if there is no database, the target exists, or the disk fails.
     """
     if not database.exists():
@@ -70,10 +77,18 @@ def back_up(database: Path, target: Path) -> int:
         os.link(part, target)  # Unlike a rename it fails if the target exists by now
         sync(target.parent)
     except (OSError, sqlite3.Error) as error:
-        raise BackupError(f"cannot write {target}: {error}") from None
+        kind = NoRoomError if is_of_full_disk(error) else BackupError
+        raise kind(f"cannot write {target}: {error}") from None
     finally:
         part.unlink(missing_ok=True)
     return target.stat().st_size
+
+
+def is_of_full_disk(error: OSError | sqlite3.Error) -> bool:
+    """Whether something could not be written because the disk, or a quota of it, is used up."""
+    if isinstance(error, OSError):
+        return error.errno in {errno.ENOSPC, errno.EDQUOT}
+    return getattr(error, "sqlite_errorcode", None) == sqlite3.SQLITE_FULL
 
 
 def _copy(database: Path, part: Path) -> None:

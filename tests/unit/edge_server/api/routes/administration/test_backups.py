@@ -1,10 +1,13 @@
 """An administrator makes backups and sees which there are."""
 
+import errno
 import shutil
+import sqlite3
 import stat
 import threading
 from pathlib import Path
 from typing import Any, NamedTuple
+from unittest.mock import Mock
 
 import pytest
 
@@ -87,6 +90,40 @@ def test_a_full_disk_is_left_alone(edge: Edge, monkeypatch: pytest.MonkeyPatch) 
     assert answer.status_code == 507
     assert "MiB of free disk" in answer.json["message"]
     assert list(edge.config.backups_dir.iterdir()) == []
+
+
+def full_for_sqlite() -> sqlite3.OperationalError:
+    error = sqlite3.OperationalError("database or disk is full")
+    error.sqlite_errorcode = sqlite3.SQLITE_FULL
+    return error
+
+
+@pytest.mark.parametrize(
+    ("error", "status"),
+    [
+        (OSError(errno.ENOSPC, "No space left on device"), 507),
+        (OSError(errno.EDQUOT, "Disk quota exceeded"), 507),
+        (OSError(errno.EIO, "Input/output error"), 503),
+        (full_for_sqlite(), 507),
+        (sqlite3.OperationalError("disk I/O error"), 503),
+    ],
+)
+def test_a_disk_that_fills_up_meanwhile_is_full(
+    edge: Edge, monkeypatch: pytest.MonkeyPatch, error: Exception, status: int
+) -> None:
+    monkeypatch.setattr(backup, "_copy", Mock(side_effect=error))
+    answer = make(edge)
+    assert answer.status_code == status
+    assert str(error) in answer.json["message"]
+    assert list(edge.config.backups_dir.iterdir()) == []
+
+
+def test_a_disk_that_is_too_full_for_the_folder_is_full(
+    edge: Edge, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    error = OSError(errno.ENOSPC, "No space left on device")
+    monkeypatch.setattr(Path, "mkdir", Mock(side_effect=error))
+    assert make(edge).status_code == 507
 
 
 def test_a_folder_that_cannot_be_written_is_named(edge: Edge) -> None:
