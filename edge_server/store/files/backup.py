@@ -7,12 +7,15 @@ BackupError   the copy could not be made; no file was left
 import errno
 import os
 import sqlite3
+import tempfile
 import time
 from contextlib import closing, suppress
 from pathlib import Path
 from typing import Final, NamedTuple
 
 _NAME: Final = "edge-%Y%m%dT%H%M%SZ.sqlite3"
+_COMPANIONS: Final = ("-journal", "-wal", "-shm")
+"""Files that SQLite makes beside a database, and leaves there after an error."""
 _PATTERN: Final = "edge-*Z.sqlite3"
 
 
@@ -71,16 +74,23 @@ def back_up(database: Path, target: Path) -> int:
         raise BackupError(f"there is no database {database}")
     if target.exists():
         raise BackupError(f"{target} exists; a backup overwrites nothing")
-    part = target.with_name(target.name + ".part")
+    parts: list[Path] = []
     try:
+        part = _new_part(target)
+        parts = [part.with_name(part.name + suffix) for suffix in ("", *_COMPANIONS)]
         _copy(database, part)
         os.link(part, target)  # Unlike a rename it fails if the target exists by now
         sync(target.parent)
+    except FileExistsError:
+        raise BackupError(
+            f"{target} has been made by another backup meanwhile; a backup overwrites nothing"
+        ) from None
     except (OSError, sqlite3.Error) as error:
         kind = NoRoomError if is_of_full_disk(error) else BackupError
         raise kind(f"cannot write {target}: {error}") from None
     finally:
-        part.unlink(missing_ok=True)
+        for left in parts:
+            left.unlink(missing_ok=True)
     return target.stat().st_size
 
 
@@ -91,9 +101,14 @@ def is_of_full_disk(error: OSError | sqlite3.Error) -> bool:
     return getattr(error, "sqlite_errorcode", None) == sqlite3.SQLITE_FULL
 
 
+def _new_part(target: Path) -> Path:
+    """Make an empty file with mode 0600 that no other backup to the same target uses."""
+    descriptor, name = tempfile.mkstemp(prefix=f"{target.name}.", suffix=".part", dir=target.parent)
+    os.close(descriptor)
+    return Path(name)
+
+
 def _copy(database: Path, part: Path) -> None:
-    part.unlink(missing_ok=True)
-    os.close(os.open(part, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o600))
     with (
         closing(sqlite3.connect(f"{database.absolute().as_uri()}?mode=ro", uri=True)) as source,
         closing(sqlite3.connect(part)) as copy,

@@ -18,6 +18,7 @@ from edge_server.__main__ import main
 from edge_server.cli import backup
 from edge_server.cli.backup import RestoreError, restore
 from edge_server.process.exit_codes import FAILED, OK, WRONG_SETUP
+from edge_server.store.files import backup as files_backup
 from edge_server.store.files.backup import BackupError, back_up
 from edge_server.store.files.restored_work import hold_missions
 from tests.support.polling import PATIENCE_S
@@ -122,6 +123,53 @@ def test_a_failed_backup_leaves_nothing(edge: Edge, tmp_path: Path) -> None:
     assert sorted(path.name for path in tmp_path.iterdir()) == ["broken.sqlite3", "state"]
     with pytest.raises(BackupError, match="no database"):
         back_up(tmp_path / "none", tmp_path / "copy.sqlite3")
+
+
+@pytest.mark.parametrize("suffix", ["-journal", "-wal", "-shm"])
+def test_a_failed_backup_leaves_no_file_of_sqlite(
+    edge: Edge, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix: str
+) -> None:
+    def fail(_database: Path, part: Path) -> None:
+        part.with_name(part.name + suffix).touch()
+        raise sqlite3.OperationalError("disk I/O error")
+
+    monkeypatch.setattr(files_backup, "_copy", fail)
+    with pytest.raises(BackupError, match="disk I/O error"):
+        back_up(edge.config.database_path, tmp_path / "copy.sqlite3")
+    assert [path.name for path in tmp_path.iterdir()] == ["state"]
+
+
+def test_of_backups_at_once_to_one_file_one_is_made_and_the_others_say_why(
+    edge: Edge, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    edge.report("pose", telemetry("pose"))
+    target = tmp_path / "copy.sqlite3"
+    together = threading.Barrier(3, timeout=PATIENCE_S)
+    copy = files_backup._copy
+    ends: list[str] = []
+
+    def copy_together(database: Path, part: Path) -> None:
+        together.wait()
+        copy(database, part)
+        together.wait()
+
+    def make() -> None:
+        try:
+            back_up(edge.config.database_path, target)
+            ends.append("made")
+        except BackupError as error:
+            ends.append(str(error))
+
+    monkeypatch.setattr(files_backup, "_copy", copy_together)
+    threads = [threading.Thread(target=make) for _ in range(3)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    quicker = f"{target} has been made by another backup meanwhile; a backup overwrites nothing"
+    assert sorted(ends) == sorted(["made", quicker, quicker])
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["copy.sqlite3", "state"]
+    assert poses_in(target) == 1
 
 
 def test_a_database_of_a_server_is_pg_dumps_business(
