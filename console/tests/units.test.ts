@@ -51,6 +51,16 @@ test("a whole number is written as the language does, whatever its size", () => 
   }
 });
 
+test.each(["metric", "imperial"] as const)("a height, speed or time that no vehicle has is a dash, in %s units", (system) => {
+  const units = new Units(system, "en");
+  expect([1e300, Infinity, NaN].map((value) => units.duration(value))).toEqual(["–", "–", "–"]);
+  for (const value of [1e300, -1e300, Infinity, NaN]) {
+    expect([units.height(value), units.speed(value)], `${value}`).toEqual(["–", "–"]);
+  }
+  expect(new Units("metric", "en").height(-100_000)).toBe("-100,000 m");
+  expect(new Units("metric", "en").speed(1_000)).toBe("3,600 km/h");
+});
+
 test("a value that is not known is a dash", () => {
   expect(new Units("metric", "es").percentage(null)).toBe("–");
 });

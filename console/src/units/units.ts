@@ -11,6 +11,11 @@ const KMH_PER_M_S = 3.6;
 const M_PER_MILE = 1609.344;
 const M2_PER_HA = 10_000;
 const M2_PER_ACRE = 4046.856;
+/** No vehicle is higher or faster, and nothing takes a hundred years: a figure beyond has been garbled, and would be as
+ *  wide as the screen. */
+const HIGHEST_M = 100_000;
+const FASTEST_M_S = 1_000;
+const LONGEST_MS = 36_500 * 86_400_000;
 /** A smaller area is shown in m² or ft². */
 const SMALL_M2 = 1_000;
 /** Of hectares and acres. */
@@ -36,6 +41,10 @@ function rounded(value: number, digits: number, language: string): string {
   return format.format(value);
 }
 
+function isWithin(value: number | null | undefined, largest: number): value is number {
+  return typeof value === "number" && Math.abs(value) <= largest;
+}
+
 /** Languages that write 1.5 as JavaScript does. */
 const PLAIN_POINT = /^en\b/;
 
@@ -55,7 +64,7 @@ export class Units {
   ) {}
 
   height(metres: number | null | undefined): string {
-    if (metres === null || metres === undefined) return "–";
+    if (!isWithin(metres, HIGHEST_M)) return "–";
     const isImperial = this.system === "imperial";
     // A drone on the ground is 0 high: in feet the noise of its height would show
     const shown_m = Math.abs(metres) < 0.5 ? 0 : metres;
@@ -72,7 +81,7 @@ export class Units {
   }
 
   speed(metresPerSecond: number | null | undefined): string {
-    if (metresPerSecond === null || metresPerSecond === undefined) return "–";
+    if (!isWithin(metresPerSecond, FASTEST_M_S)) return "–";
     const isImperial = this.system === "imperial";
     const value = metresPerSecond * (isImperial ? MPH_PER_M_S : KMH_PER_M_S);
     return `${this.#write(value, 0)} ${isImperial ? "mph" : "km/h"}`;
@@ -175,6 +184,7 @@ export class Units {
 
   /** A duration such as "12 s", "4 min", "2 h 5 min" or "3 d". */
   duration(milliseconds: number): string {
+    if (!(milliseconds <= LONGEST_MS)) return "–";
     const seconds = Math.max(0, Math.round(milliseconds / 1000));
     if (seconds < 60) return `${seconds} s`;
     const minutes = Math.floor(seconds / 60);
