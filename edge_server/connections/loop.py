@@ -214,14 +214,28 @@ class ConnectionLoop:
         with contextlib.suppress(NoRoomError):
             self._evict(admission.eviction(none_left, self._by_network, self._not_served(), ""))
 
+    def _make_room_for(self, network: str, now: float) -> None:
+        """Close the connection that has waited longest if there are too many.
+
+        Raises:
+            NoRoomError: if all are being served.
+        """
+        limits = self._options.limits
+        try:
+            found = admission.eviction(limits, self._by_network, self._not_served(), network)
+        except NoRoomError:
+            self._collect(now)  # Threads have answered some since this turn began
+            found = admission.eviction(limits, self._by_network, self._not_served(), network)
+        self._evict(found)
+
     def _evict(self, found: Eviction[Connection] | None) -> None:
         if found is not None:
             self._refuse_late(found.connection, found.reason)
 
     def _admit(self, sock: socket.socket, client: Any, now: float) -> None:
-        network, limits = network_of(client[0]), self._options.limits
+        network = network_of(client[0])
         try:
-            self._evict(admission.eviction(limits, self._by_network, self._not_served(), network))
+            self._make_room_for(network, now)
         except NoRoomError as error:
             self._note_refused(error.reason, network)
             sock.close()
