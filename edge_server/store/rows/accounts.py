@@ -110,13 +110,15 @@ def sessions(connection: Connection, now: float) -> list[Session]:
     return [Session(**row) for row in rows.mappings()]
 
 
+_SESSION_KEYS: Final = (
+    select(session, account.c.role)
+    .join_from(session, account, session.c.account == account.c.name)
+    .where(~account.c.is_disabled)
+)  # Made once: it is read every second
+
+
 def session_keys(connection: Connection) -> list[StoredKey]:
     """Each session as the access key that it represents: the role and name of its account."""
-    query = (
-        select(session, account.c.role)
-        .join_from(session, account, session.c.account == account.c.name)
-        .where(~account.c.is_disabled)
-    )
     return [
         StoredKey(
             prefix=row.prefix,
@@ -126,7 +128,7 @@ def session_keys(connection: Connection) -> list[StoredKey]:
             created_at=row.created_at,
             expires_at=row.expires_at,
         )
-        for row in connection.execute(query)
+        for row in connection.execute(_SESSION_KEYS)
     ]
 
 

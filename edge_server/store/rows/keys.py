@@ -82,10 +82,13 @@ def made_from(key: str, role: Role, name: str, now: float) -> StoredKey:
     return StoredKey(prefix, role.value, digest(key), name, created_at=now)
 
 
+_ACTIVE: Final = select(access_key).where(access_key.c.revoked_at.is_(None))
+"""Made once: it is read every second."""
+
+
 def active(connection: Connection) -> list[StoredKey]:
     """All keys that have not been revoked; some may have expired."""
-    rows = connection.execute(select(access_key).where(access_key.c.revoked_at.is_(None)))
-    return [_key(row) for row in rows]
+    return [_key(row) for row in connection.execute(_ACTIVE)]
 
 
 def everything(connection: Connection) -> list[StoredKey]:
