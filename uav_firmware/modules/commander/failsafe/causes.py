@@ -94,6 +94,7 @@ class Conditions(NamedTuple):
     view: VehicleView
     params: FailsafeParams
     intended: NavigationState  # The mode that the operator has chosen, whatever is flown now
+    flown: NavigationState  # The mode that is flown now: of a failsafe, or the intended one
     airborne_s: float  # [s] Time in the air
     return_speeds: ReturnSpeeds = ReturnSpeeds()
 
@@ -114,18 +115,38 @@ def _always(action: Action) -> Callable[[Conditions], Action]:
     return lambda _moment: action
 
 
+def _relied_on(
+    moment: Conditions,
+    present: bool,  # noqa: FBT001  # one signature for all
+    relies: Callable[[NavigationState], bool],
+) -> bool:
+    """Whether the mode that is flown, or the intended one, relies on what is lost.
+
+    A cause that is present stays while a failsafe flies: the mode that the failsafe has chosen
+    for this cause does not rely on it, and the cause would clear by its own action.
+    """
+    if moment.flown is moment.intended:
+        return relies(moment.flown)
+    return present or relies(moment.flown) or relies(moment.intended)
+
+
 def _link_lost(moment: Conditions, _present: bool) -> bool:  # noqa: FBT001  # one signature for all
     params = moment.params
     silent = params.link_loss_s < moment.view.ages.link < math.inf  # Received at least once
     return params.link_loss_action > 0 and silent
 
 
-def _sticks_lost(moment: Conditions, _present: bool) -> bool:  # noqa: FBT001  # one signature for all
-    params, mode = moment.params, moment.intended
+def _sticks_lost(moment: Conditions, present: bool) -> bool:  # noqa: FBT001  # one signature for all
+    params, view = moment.params, moment.view
+    received = view.ages.sticks < math.inf
+    if params.sticks_loss_action <= 0 or view.sticks_fresh or not received:
+        return False
+    return _relied_on(moment, present, lambda mode: _relies_on_sticks(mode, params))
+
+
+def _relies_on_sticks(mode: NavigationState, params: FailsafeParams) -> bool:
     excepted = _EXCEPT_BITS.get(mode, 7)
-    relied_on = mode in PILOTED or excepted & ~params.sticks_excepted & 7 == excepted
-    received = moment.view.ages.sticks < math.inf
-    return params.sticks_loss_action > 0 and relied_on and received and not moment.view.sticks_fresh
+    return mode in PILOTED or excepted & ~params.sticks_excepted & 7 == excepted
 
 
 def _offboard_lost(moment: Conditions, _present: bool) -> bool:  # noqa: FBT001  # one signature
@@ -153,30 +174,32 @@ def _gps_loss_action(moment: Conditions) -> Action:
 
     A landing continues; during its transit it brakes and lands there (by the navigator).
     """
-    if moment.intended is NavigationState.AUTO_LAND:
+    mode = moment.flown
+    if mode is NavigationState.AUTO_LAND:
         return Action.LAND
-    piloted = moment.intended in PILOTED
-    return Action.WARN if piloted or not _needs(moment, Need.POSITION) else Action.LAND
+    needed = Need.POSITION in mode_requirements.needs_of(mode, moment.view)
+    return Action.LAND if needed and mode not in PILOTED else Action.WARN
 
 
 def _stopped(source: AidSource) -> Callable[[Conditions, bool], bool]:
     return lambda moment, _present: source in moment.view.stopped
 
 
-def _needs(moment: Conditions, need: Need) -> bool:
-    return need in mode_requirements.needs_of(moment.intended, moment.view)
+def _needed(moment: Conditions, present: bool, need: Need) -> bool:  # noqa: FBT001  # as the rows
+    needs_of, view = mode_requirements.needs_of, moment.view
+    return _relied_on(moment, present, lambda mode: need in needs_of(mode, view))
 
 
-def _position_lost(moment: Conditions, _present: bool) -> bool:  # noqa: FBT001  # one signature
+def _position_lost(moment: Conditions, present: bool) -> bool:  # noqa: FBT001  # one signature
     estimate = moment.view.position
     known = estimate is not None and estimate.position_valid and estimate.velocity_valid
-    return not known and _needs(moment, Need.POSITION)
+    return not known and _needed(moment, present, Need.POSITION)
 
 
-def _altitude_lost(moment: Conditions, _present: bool) -> bool:  # noqa: FBT001  # one signature
+def _altitude_lost(moment: Conditions, present: bool) -> bool:  # noqa: FBT001  # one signature
     estimate = moment.view.position
     known = estimate is not None and estimate.altitude_valid
-    return not known and _needs(moment, Need.ALTITUDE)
+    return not known and _needed(moment, present, Need.ALTITUDE)
 
 
 def _wind_above(threshold: Callable[[FailsafeParams], float]) -> Callable[[Conditions, bool], bool]:
@@ -246,13 +269,15 @@ def _offboard_action(moment: Conditions) -> Action:
 
 
 def _without_position(moment: Conditions) -> Action:
-    piloted = moment.intended is NavigationState.POSCTL and moment.view.sticks_fresh
-    return Action.ALTITUDE if piloted else Action.DESCEND
+    return Action.ALTITUDE if _pilot_flies(moment) else Action.DESCEND
 
 
 def _without_altitude(moment: Conditions) -> Action:
-    piloted = moment.intended in PILOTED and moment.view.sticks_fresh
-    return Action.STABILIZED if piloted else Action.DESCEND
+    return Action.STABILIZED if _pilot_flies(moment) else Action.DESCEND
+
+
+def _pilot_flies(moment: Conditions) -> bool:
+    return moment.flown in PILOTED and moment.view.sticks_fresh
 
 
 def _attitude_action(moment: Conditions) -> Action:

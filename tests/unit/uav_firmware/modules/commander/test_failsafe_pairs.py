@@ -18,7 +18,7 @@ from uav_firmware.modules.commander.failsafe.params import FailsafeParams
 from uav_firmware.modules.commander.failsafe_actions import Action
 from uav_firmware.modules.commander.vehicle_view import SensorAges, VehicleView
 from uav_firmware.msg.battery import BatteryStatus
-from uav_firmware.msg.control_mode import ManualControlSetpoint
+from uav_firmware.msg.control_mode import ManualControlSetpoint, OffboardSetpoint
 from uav_firmware.msg.estimate import AidSource, EstimatorStatus, WindEstimate
 from uav_firmware.msg.failure import FailureDetectorStatus
 from uav_firmware.msg.geofence import FenceAction, FenceBreach, GeofenceStatus
@@ -171,25 +171,39 @@ NOT_RAISED: Final = {Cause.OFFBOARD_LOST, Cause.FLIGHT_TIME_OVER}
 """Of another mode, and of a time that does not go back."""
 
 
+def _without_setpoints(view: VehicleView) -> VehicleView:
+    return _aged(view, offboard=100.0)._replace(offboard_fresh=False)
+
+
 class Flight:
     """A machine, the mode that it flies, and whether it has stopped the motors."""
 
-    def __init__(self) -> None:
+    def __init__(
+        self,
+        mode: NavigationState = State.AUTO_MISSION,
+        params: FailsafeParams = PARAMS,
+        setpoint: OffboardSetpoint | None = None,
+    ) -> None:
         self.machine = FailsafeMachine()
-        self.mode = State.AUTO_MISSION
+        self.mode = mode
+        self.params = params
+        self.setpoint = setpoint
         self.event: ArmingEvent | None = None
         self.now_us = 10_000_000
         self.said: set[Cause] = set()
+        self.texts: list[str] = []  # "<cause>: <action>" and "<cause>: over", as the commander's
 
     def pass_time(self, seconds: float, causes: Iterable[Cause]) -> NavigationState:
         """Let the machine look at these causes; gives the mode that it flies then."""
         for _ in range(round(seconds * 1e6 / PERIOD_US)):
             self.now_us += PERIOD_US
-            view = healthy(self.now_us)
+            view = healthy(self.now_us)._replace(offboard=self.setpoint)
             for cause in causes:
-                view = RAISE[cause](view)
-            reaction = self.machine.update(view, PARAMS, self.mode, 10.0)
+                view = RAISE.get(cause, _without_setpoints)(view)
+            reaction = self.machine.update(view, self.params, self.mode, 10.0)
             self.said |= {threat.cause for threat in reaction.threats}
+            self.texts += [f"{cause.name}: {action.name}" for cause, action in reaction.threats]
+            self.texts += [f"{cause.name}: over" for cause in reaction.cleared]
             self.event = self.event or reaction.event
             self.mode = reaction.mode or self.mode
         return self.mode
@@ -197,7 +211,8 @@ class Flight:
 
 def action_of(cause: Cause) -> Action:
     """What a cause asks for on a mission."""
-    moment = Conditions(RAISE[cause](healthy(10_000_000)), PARAMS, State.AUTO_MISSION, 10.0)
+    view, mission = RAISE[cause](healthy(10_000_000)), State.AUTO_MISSION
+    moment = Conditions(view, PARAMS, mission, mission, 10.0)
     return ROWS[cause].action(moment)
 
 

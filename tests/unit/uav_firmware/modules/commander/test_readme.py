@@ -58,7 +58,7 @@ def test_the_diagram_of_the_failsafe_machine() -> None:
     diagram = [line for line in section("Failsafes").splitlines() if re.match(r" {4}\w.*-->", line)]
     code = (FOLDER / "failsafe" / "machine.py").read_text(encoding="utf-8").splitlines()
     assert diagram == [line for line in code if re.match(r" {4}\w.*-->", line)]
-    assert len(diagram) == 8
+    assert len(diagram) == 10
 
 
 def test_the_table_of_modes() -> None:

@@ -5,6 +5,7 @@ from tests.unit.uav_firmware.modules.commander.failsafe.test_machine import (
     HOLD,
     RETURN,
     State,
+    centre,
     on_mission,
     stream,
 )
@@ -66,4 +67,18 @@ def test_a_slow_stream_that_is_chosen_again_is_lost_again() -> None:
 def test_a_slow_stream_does_not_put_off_the_return() -> None:
     vehicle = lost_offboard(COM_OBL_RC_ACT=3, COM_FAIL_ACT_T=5.0)
     stream_slowly(vehicle, 6)
+    assert vehicle.mode is RETURN
+
+
+def test_sticks_lost_after_the_change_to_the_pilot_s_mode_take_their_own_action() -> None:
+    vehicle = on_mission(COM_FAIL_ACT_T=5.0)
+    stream(vehicle, 0.2)
+    choose_offboard(vehicle)
+    stream(vehicle, 1.0)
+    centre(vehicle, 1.5)
+    assert vehicle.mode is State.POSCTL
+    vehicle.run(1.0)
+    assert vehicle.mode is HOLD
+    assert "Manual control lost: RETURN" in vehicle.texts
+    vehicle.run(5.0)
     assert vehicle.mode is RETURN
