@@ -27,7 +27,12 @@ from uav_firmware.modules.commander.commands.decision import (
 from uav_firmware.modules.commander.commands.dispatch import decide, decide_on_target
 from uav_firmware.modules.commander.commands.flight_commands import Situation, hold_here
 from uav_firmware.modules.commander.failsafe.causes import ROWS
-from uav_firmware.modules.commander.failsafe.machine import Failsafe, FailsafeMachine, FailureLatch
+from uav_firmware.modules.commander.failsafe.machine import (
+    Failsafe,
+    FailsafeMachine,
+    FailureLatch,
+    Reaction,
+)
 from uav_firmware.modules.commander.failsafe.params import FailsafeParams
 from uav_firmware.modules.commander.failsafe.return_time import return_speeds
 from uav_firmware.modules.commander.failsafe_actions import PILOTED, Action
@@ -342,12 +347,8 @@ class CommanderModule:
         self._failsafe_due_us = view.now_us + HEALTH_PERIOD_US
         airborne_s = (view.now_us - self._airborne_since_us) * 1e-6
         reaction = self._failsafe.update(view, self._failsafe_params, self._mode, airborne_s)
-        for cause, action in reversed(reaction.threats):
-            severity = Severity.WARNING if action is Action.WARN else Severity.CRITICAL
-            self._report(view.now_us, severity, f"{ROWS[cause].text}: {action.name}")
+        self._report_causes(view.now_us, reaction)
         self._latch.note(cause for cause, _ in reaction.threats)
-        for cause in reaction.cleared:
-            self._report(view.now_us, Severity.INFO, f"{ROWS[cause].text}: over")
         if reaction.event is not None:
             self._disarm(reaction.event, view.now_us)
         elif reaction.mode is not None:
@@ -357,6 +358,17 @@ class CommanderModule:
             self._enter(reaction.mode)
             if reaction.stays_low:
                 self._request_navigator(ReturnOrder(view.now_us, reaction.mode))
+
+    def _report_causes(self, now_us: int, reaction: Reaction) -> None:
+        """Report the causes that act and those that are over."""
+        for cause, action in reversed(reaction.threats):
+            severity = Severity.WARNING if action is Action.WARN else Severity.CRITICAL
+            self._report(now_us, severity, f"{ROWS[cause].text}: {action.name}")
+            held = action is Action.HOLD and reaction.mode is NavigationState.AUTO_LOITER
+            if held and (advice := ROWS[cause].advice):
+                self._report(now_us, Severity.WARNING, advice)
+        for cause in reaction.cleared:
+            self._report(now_us, Severity.INFO, f"{ROWS[cause].text}: over")
 
     def _observe_pilot(self, view: VehicleView) -> None:
         """Change to position mode when a pilot moves a stick."""

@@ -109,6 +109,7 @@ class Row(NamedTuple):
     clears_s: Callable[[FailsafeParams], float] = lambda _params: 0.0  # Without the condition
     urgent: bool = False  # No time to wait for the operator
     latched: bool = False  # Forbids the next arming until it is acknowledged
+    advice: str = ""  # What the operator can do about a hold, which the cause does not end
 
 
 def _always(action: Action) -> Callable[[Conditions], Action]:
@@ -413,7 +414,13 @@ ROWS: Final[Mapping[Cause, Row]] = {
         lambda moment: MOTOR_ACTIONS[moment.params.motor_failure_action],
         urgent=True,
     ),
-    Cause.FENCE_BREACHED: Row("Geofence breached", _fence_breached, _fence_action, urgent=True),
+    Cause.FENCE_BREACHED: Row(
+        "Geofence breached",
+        _fence_breached,
+        _fence_action,
+        urgent=True,
+        advice="Held at the geofence: land here, or change the fence, then choose a mode",
+    ),
     Cause.WIND_STRONG: Row(
         "Strong wind", _wind_above(lambda params: params.wind_warning_m_s), _always(Action.WARN)
     ),

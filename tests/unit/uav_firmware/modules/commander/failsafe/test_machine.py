@@ -386,6 +386,21 @@ def test_a_breach_takes_the_action_of_the_geofence(
     assert vehicle.mode is mode
 
 
+@pytest.mark.parametrize(
+    ("action", "mode", "times"), [(FenceAction.HOLD, HOLD, 1), (FenceAction.LAND, LAND, 0)]
+)
+def test_a_hold_at_the_fence_says_once_what_the_operator_can_do(
+    action: FenceAction, mode: NavigationState, times: int
+) -> None:
+    vehicle = on_mission(GF_ACTION=action)
+    vehicle.registry.set("GF_MAX_HOR_DIST", 20.0)
+    vehicle.run(10.0)
+    assert vehicle.mode is mode
+    assert f"Geofence breached: {action.name}" in vehicle.texts
+    advice = [text for text in vehicle.texts if text.startswith("Held at the geofence:")]
+    assert len(advice) == times
+
+
 @pytest.mark.first_case
 @pytest.mark.parametrize(
     ("speed", "setting", "mode"),
